@@ -1,0 +1,88 @@
+//! Uniaxial laws: one displacement and velocity in, one force out.
+//!
+//! The same objects serve as springs and dampers of the numerical side ([`crate::model`]) and as
+//! specimens ([`crate::specimen`]), so that a hybrid test and the monolithic run of the same structure
+//! agree to roundoff. Pure mathematics: no clock, no input or output.
+//!
+//! A law keeps a committed state and a trial state. [`Law::trial`] always starts from the committed one,
+//! however often it is called; [`Law::commit`] makes the last trial the committed one. A
+//! rate-independent law is integrated along the straight path from the committed displacement to the
+//! trial one, so that its result does not depend on an inner step.
+
+use thiserror::Error;
+
+/// Stiffness in N/m and damping in N s/m.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Tangent {
+    /// ∂f/∂d.
+    pub stiffness: f64,
+    /// ∂f/∂v.
+    pub damping: f64,
+}
+
+/// How far a law will be driven, as far as it is declared: m and m/s.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Reach {
+    /// Largest |displacement| expected.
+    pub disp: Option<f64>,
+    /// Largest |velocity| expected.
+    pub vel: Option<f64>,
+}
+
+/// A parameter outside its domain.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum LawError {
+    /// A number that must lie in a range does not.
+    #[error("{name} is {found}, but must be {allowed}")]
+    Parameter {
+        /// Name of the parameter, as the configuration spells it.
+        name: &'static str,
+        /// What was given.
+        found: f64,
+        /// The domain, in words.
+        allowed: &'static str,
+    },
+    /// A law whose tangent at the origin is zero or infinite needs a reference value from the user.
+    #[error("{name} must be given: the law has no finite, positive tangent at the origin")]
+    ReferenceNeeded {
+        /// The missing parameter.
+        name: &'static str,
+    },
+}
+
+/// A uniaxial force law with memory.
+///
+/// Every method but `freeze` is on the real-time path: no allocation, no panic, bounded time.
+pub trait Law: Send + std::fmt::Debug {
+    /// Force in N at displacement `disp` (m) and velocity `vel` (m/s), reached from the committed state along
+    /// a straight path in `dt` seconds. `dt` = 0 is a repeated or first reading: rate effects other than those of
+    /// `vel` do not progress.
+    fn trial(&mut self, disp: f64, vel: f64, dt: f64) -> f64;
+
+    /// The last trial becomes the committed state. A law without memory does nothing.
+    fn commit(&mut self) {}
+
+    /// Forgets the last trial. A law without memory does nothing.
+    fn revert(&mut self) {}
+
+    /// Tangent at the last trial.
+    fn tangent(&self) -> Tangent;
+
+    /// What enters K0 and C0: the tangent at the start, unless that is zero or infinite; then the contact
+    /// stiffness of an open gap, the elastic slope before slip, or a value given by the user.
+    fn reference(&self) -> Tangent;
+
+    /// Upper bounds of both tangents within `reach`, for the proof of stability; `None` for a component that needs
+    /// a declared reach and has none.
+    fn bound(&self, reach: Reach) -> (Option<f64>, Option<f64>);
+
+    /// Appends the committed state to `out`: as many numbers as [`Law::thaw`] takes. Stateless: nothing.
+    fn freeze(&self, out: &mut Vec<f64>) {
+        let _ = out;
+    }
+
+    /// Takes the committed state from the front of `from` and returns the rest.
+    fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
+        from
+    }
+}

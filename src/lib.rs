@@ -1,0 +1,51 @@
+//! Gusset: a real-time hybrid simulation controller.
+//!
+//! A hybrid test joins a numerical substructure, which is integrated, and a physical one, which is commanded
+//! and measured. One step is one function ([`engine`]): it sends the displacement that the explicit
+//! integrator knew before the tick, takes the measured force, closes equilibrium, advances, and hands one row to
+//! the recorder. It does not know whether time is real, whether the specimen is a formula, a process across a
+//! socket or a replayed file, or who reads the rows.
+//!
+//! The way of a sample:
+//!
+//! ```text
+//! motion → model (load) → engine: issue k → substructure … collect k → equilibrium k → integrate → command k+1 → row k
+//!                                                                                       record → report, export
+//! ```
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`time`] | nanoseconds, exact rates, the tick grid, the clock and its simulated twin |
+//! | [`law`] | uniaxial force laws, shared by numerical elements and specimens |
+//! | [`linalg`] | symmetric matrices and their factors; no allocation in a solve |
+//! | [`model`] | the numerical substructure: M, C, K, nonlinear elements |
+//! | [`motion`] | ground motions and other signals on the step grid |
+//! | [`integrate`] | the Gui-λ family and the choice of λ |
+//! | [`substructure`] | the hinge: command out, measurement back |
+//! | [`specimen`] | specimens in process |
+//! | [`control`] | what stands between the structure's DOFs and a specimen's axes |
+//! | [`engine`] | the loop |
+//! | [`record`] | rows, the run folder, exports |
+//! | [`rt`] | what is asked of the operating system; the real clock; timing histograms |
+//! | [`config`] | the test file: schema, diagnostics, and the building of an experiment |
+//! | [`report`] | the page a run leaves behind |
+//! | [`cli`] | the commands |
+
+#![deny(unsafe_code)]
+#![warn(missing_docs, missing_debug_implementations)]
+
+pub mod cli;
+pub mod config;
+pub mod control;
+pub mod engine;
+pub mod integrate;
+pub mod law;
+pub mod linalg;
+pub mod model;
+pub mod motion;
+pub mod record;
+pub mod report;
+pub mod rt;
+pub mod specimen;
+pub mod substructure;
+pub mod time;

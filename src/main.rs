@@ -1,0 +1,3 @@
+//! The `gusset` binary: arguments, logging, exit code; nothing else.
+
+fn main() {}

@@ -1,0 +1,96 @@
+//! The row is the truth: what a tick computed is one row of doubles, written once.
+//!
+//! Report, export and replay read rows; none has a private path. The loop sees only [`Recorder`]; where the
+//! rows go (a ring to the writer thread, a vector in a test) is not its business.
+
+use serde::{Deserialize, Serialize};
+
+/// One column of the rows: fixed and named before the run.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Column {
+    /// Name as the CSV export prints it, or a name of our own where the export has none.
+    pub name: String,
+    /// SI unit, "1" for a pure number.
+    pub unit: String,
+    /// One line of explanation.
+    pub meaning: String,
+    /// True if the value depends on wall time; all others are identical between clocks and repeats.
+    pub timing: bool,
+}
+
+/// What happened, for the log. Small and `Copy`, so that the loop can send it without a thought.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Event {
+    /// Tick on which it happened.
+    pub tick: u64,
+    /// Test time in s.
+    pub time: f64,
+    /// Nanoseconds of the loop's clock.
+    pub clock_ns: u64,
+    /// What it was.
+    pub kind: EventKind,
+}
+
+/// Kinds of events that the loop itself reports.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum EventKind {
+    /// The first command is about to leave.
+    Started,
+    /// The loop has ended and every specimen is retired.
+    Ended,
+    /// A deadline was missed by this many nanoseconds; the grid was moved by `stretched` ticks.
+    Miss {
+        /// Size of the miss.
+        late_ns: u64,
+        /// Whole ticks by which the grid was moved (0: the next edge stood).
+        stretched: u64,
+        /// What is known at once about the cause; the writer refines it.
+        cause: MissCause,
+    },
+    /// The measurement of specimen `port` was stale: its sequence number was `age` commands old.
+    Stale {
+        /// Specimen, from 0.
+        port: u32,
+        /// Age in commands.
+        age: u64,
+    },
+    /// The link of specimen `port` failed.
+    Link {
+        /// Specimen, from 0.
+        port: u32,
+        /// Why.
+        fault: crate::substructure::LinkFault,
+    },
+    /// The row of this tick found the queue full and is lost.
+    RowLost,
+    /// A displacement or force ceased to be finite or ran beyond the divergence bound; DOF from 0.
+    Diverged {
+        /// Degree of freedom, from 0.
+        dof: u32,
+    },
+    /// The operator asked for an end.
+    StopRequested,
+}
+
+/// Class of a deadline miss.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum MissCause {
+    /// The thread was switched away against its will.
+    Preempted,
+    /// The clock jumped without a switch: hypervisor or interrupt.
+    TakenAway,
+    /// The specimen's reply came late.
+    LateReply,
+    /// Long compute or a full queue: our own fault.
+    Ours,
+}
+
+/// Where the loop leaves rows and events. Never blocks under the real clock. Real-time: yes.
+pub trait Recorder: Send {
+    /// Takes one row; false if it had to be dropped.
+    fn row(&mut self, row: &[f64]) -> bool;
+
+    /// Takes one event; false if it had to be dropped.
+    fn event(&mut self, event: Event) -> bool;
+}

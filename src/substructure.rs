@@ -1,0 +1,161 @@
+//! The hinge: what the loop commands and measures, whatever stands behind it.
+//!
+//! A [`Substructure`] may be a formula in this process, a server across a socket or a recorded test.
+//! The loop issues command `k` to all of them, then collects from all of them, so that two remote
+//! specimens cost one round trip and not two.
+
+use thiserror::Error;
+
+use crate::time::Nanos;
+
+/// One command to a substructure. Slices have one entry per axis.
+#[derive(Debug, Clone, Copy)]
+pub struct Command<'a> {
+    /// Number of this command, growing by one from 0; exchanges before t = 0 are counted too.
+    pub sequence: u64,
+    /// Test time t in s that the displacement belongs to; negative while a static load is brought on.
+    pub time: f64,
+    /// Test time that passes from the previous command to this one, in s: Δt, or 0 for a hold.
+    pub dt: f64,
+    /// Displacement in m (rad for a rotational axis).
+    pub disp: &'a [f64],
+    /// Velocity in m/s. It is the integrator's published v, a backward difference: it belongs to t − Δt/2.
+    pub vel: &'a [f64],
+}
+
+/// What the far end says about itself with each measurement.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Status(pub u32);
+
+impl Status {
+    /// The interlock or emergency stop at the specimen's end is open.
+    pub const INTERLOCK: Status = Status(1);
+    /// The specimen holds because commands stopped coming.
+    pub const HOLDING: Status = Status(2);
+    /// A sensor or actuator is at the end of its range.
+    pub const SATURATED: Status = Status(4);
+
+    /// True if every bit of `flag` is set.
+    #[must_use]
+    pub const fn has(self, flag: Status) -> bool {
+        self.0 & flag.0 == flag.0
+    }
+}
+
+/// One measurement, filled in place. Vectors have one entry per axis.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Measurement {
+    /// Newest command that was in force when this was sampled.
+    pub sequence: u64,
+    /// The specimen's own time of sampling in s, 0 where it has none.
+    pub time: f64,
+    /// Flags of the far end.
+    pub status: Status,
+    /// Measured displacement in m.
+    pub disp: Vec<f64>,
+    /// Measured resisting force in N, positive with positive displacement of a spring.
+    pub force: Vec<f64>,
+}
+
+impl Measurement {
+    /// A measurement of zeros for `axes` axes.
+    #[must_use]
+    pub fn zeros(axes: usize) -> Self {
+        Self {
+            sequence: 0,
+            time: 0.0,
+            status: Status::default(),
+            disp: vec![0.0; axes],
+            force: vec![0.0; axes],
+        }
+    }
+}
+
+/// Whether a reply is owed for each command, or the specimen lives in its own time (realtime notes in the docs).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Coupling {
+    /// One reply is owed for each command; no command leaves while one is owed; stale data never occur.
+    Lockstep,
+    /// Replies carry sequence numbers; a missing one is stale data, which a policy judges.
+    Sampled,
+}
+
+/// Whether the collected measurement answers the issued command.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Freshness {
+    /// It does.
+    Fresh,
+    /// The deadline passed; the measurement holds the newest data known, and its sequence says how old they are.
+    Stale,
+}
+
+/// Why a substructure is lost. Final: recovering in mid-test is not a thing a specimen survives.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+pub enum LinkFault {
+    /// The peer closed the connection.
+    #[error("the peer closed the connection")]
+    Closed,
+    /// No reply within the reply time-out.
+    #[error("no reply within the time limit")]
+    Timeout,
+    /// Bytes that the protocol does not allow.
+    #[error("the peer sent bytes that the protocol does not allow")]
+    Malformed,
+    /// The peer refuses to take part.
+    #[error("the peer refused")]
+    Refused,
+    /// The peer speaks another version.
+    #[error("the peer speaks another protocol version")]
+    Version,
+    /// The peer could not prove who it is.
+    #[error("the peer failed authentication")]
+    Auth,
+    /// The peer does not take our bytes.
+    #[error("the peer does not read: its receive window is full")]
+    Backpressure,
+    /// The law of an in-process specimen gave no finite force.
+    #[error("the specimen's force is not finite")]
+    NotFinite,
+}
+
+/// How a substructure is left at the end of a test.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Retirement {
+    /// The test ran to its end or was stopped in an orderly way.
+    Orderly,
+    /// The test was tripped or failed; the specimen holds where it is.
+    Tripped,
+}
+
+/// Anything that answers a displacement with a force.
+pub trait Substructure: Send {
+    /// Number of axes; fixed for the whole test.
+    fn axes(&self) -> usize;
+
+    /// How this substructure is coupled.
+    fn coupling(&self) -> Coupling;
+
+    /// Sends one command; never blocks. Real-time: yes.
+    ///
+    /// # Errors
+    /// The link is lost.
+    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault>;
+
+    /// Takes the answer to the last command; never blocks past `deadline`. Real-time: yes.
+    ///
+    /// # Errors
+    /// The link is lost.
+    fn collect(&mut self, deadline: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault>;
+
+    /// The step of command `sequence` is accepted: commit. Real-time: yes.
+    ///
+    /// # Errors
+    /// The link is lost.
+    fn accepted(&mut self, sequence: u64) -> Result<(), LinkFault> {
+        let _ = sequence;
+        Ok(())
+    }
+
+    /// Last words: the goodbye of the protocol. Called once, whatever happened before.
+    fn retire(&mut self, how: Retirement);
+}
