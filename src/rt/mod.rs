@@ -1,1 +1,170 @@
-//! (being written)
+//! What is asked of the operating system, what it gave, the real clock, and the timing of the loop.
+//!
+//! A run asks for real-time conditions with an [`RtPlan`]; [`apply`](apply::apply) asks for them one by one on the
+//! calling thread and answers with a [`Granted`], which says of each whether it was granted and, if not, why and
+//! what to do about it. Refusal is not an error here: the program runs on and says what is missing, or, when
+//! real-time conditions are required, the caller refuses to start ([`Granted::must_refuse`]).
+//!
+//! Deliberately absent: deadlines and their policy (the loop's business), and any text on a terminal.
+//!
+//! | file | holds |
+//! |---|---|
+//! | [`os`] | system calls, the only unsafe code |
+//! | [`mod@apply`] | asking, and the advice on refusal |
+//! | [`spec`] | the `[timing]` table of a test file |
+//! | [`throttle`] | the kernel's budget for real-time threads, and the spin that fits into it |
+//! | [`clock`] | the monotonic clock: sleep, then spin |
+//! | [`wall`] | UTC |
+//! | [`timing`] | histograms of the tick, misses and their first classification |
+//! | [`sampler`] | context switches, page faults and steal, watched from another processor |
+//! | [`load`] | a hungry neighbour, for measurements |
+//! | [`doctor`] | what this machine gives and lacks |
+//! | [`proc`] | readers of the kernel's text files |
+
+use std::fs::File;
+use std::sync::Arc;
+
+use serde::Serialize;
+
+pub mod apply;
+pub mod clock;
+pub mod doctor;
+pub mod load;
+pub mod os;
+pub mod proc;
+pub mod sampler;
+pub mod spec;
+pub mod throttle;
+pub mod timing;
+pub mod wall;
+
+pub use apply::{apply, pin_away};
+pub use clock::MonotonicClock;
+pub use spec::{OnMiss, Policy, TimingSpec};
+pub use throttle::Spin;
+
+/// What a run asks of the operating system for its loop's thread.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RtPlan {
+    /// Scheduling policy.
+    pub policy: Policy,
+    /// Priority under SCHED_FIFO, 1 to 98.
+    pub priority: u8,
+    /// Processor of the loop; none: the last one that the process may use, so that 0 is left to the system.
+    pub cpu: Option<usize>,
+    /// Keep all memory of the process in RAM.
+    pub lock_memory: bool,
+    /// Keep idle processors out of deep sleep.
+    pub hold_cpu_awake: bool,
+    /// Stack to touch before the first tick, in kB.
+    pub prefault_stack_kb: u32,
+    /// Spin before each edge, in nanoseconds.
+    pub spin_ns: u64,
+    /// Length of a tick in nanoseconds: bounds the spin.
+    pub period_ns: u64,
+    /// Refuse to start when anything asked for is refused.
+    pub require: bool,
+}
+
+impl RtPlan {
+    /// The plan that a `[timing]` table describes, for ticks of `period_ns`.
+    #[must_use]
+    pub fn new(spec: &TimingSpec, period_ns: u64) -> Self {
+        Self {
+            policy: spec.policy,
+            priority: spec.priority,
+            cpu: spec.cpu,
+            lock_memory: spec.lock_memory,
+            hold_cpu_awake: spec.hold_cpu_awake,
+            prefault_stack_kb: spec.prefault_stack_kb,
+            spin_ns: spec.spin_ns(),
+            period_ns,
+            require: spec.require_realtime,
+        }
+    }
+}
+
+/// One thing that is asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Want {
+    /// The loop has a processor of its own choice.
+    Affinity,
+    /// SCHED_FIFO.
+    Policy,
+    /// mlockall.
+    LockMemory,
+    /// A touched stack.
+    Prefault,
+    /// A zero in /dev/cpu_dma_latency.
+    CpuAwake,
+    /// Timers that are not bundled.
+    TimerSlack,
+    /// Signals go to other threads.
+    Signals,
+}
+
+/// Answer to one thing that was asked for.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Feature {
+    /// What it is.
+    pub want: Want,
+    /// What was asked for, in words.
+    pub asked: String,
+    /// True if it was granted.
+    pub granted: bool,
+    /// Error number of the refusal.
+    pub errno: Option<i32>,
+    /// Why it was refused.
+    pub reason: Option<String>,
+    /// What to do about it.
+    pub advice: Option<String>,
+}
+
+/// What the operating system gave. Holds the processors awake for as long as it, or a clone of it, lives.
+#[derive(Debug, Clone, Serialize)]
+pub struct Granted {
+    /// True if nothing that was asked for was refused.
+    pub complete: bool,
+    /// True if the run must not start without all of it.
+    pub required: bool,
+    /// The loop's processor; none if it is not bound to one.
+    pub cpu: Option<usize>,
+    /// Each thing that was asked for, in the order of asking.
+    pub features: Vec<Feature>,
+    /// The spin before each edge and the kernel's budget.
+    pub spin: Spin,
+    #[serde(skip)]
+    awake: Option<Arc<File>>,
+}
+
+impl Granted {
+    /// What was asked for and refused.
+    pub fn missing(&self) -> impl Iterator<Item = &Feature> {
+        self.features.iter().filter(|feature| !feature.granted)
+    }
+
+    /// True if real-time conditions are required and not all of them were granted: nothing may be moved.
+    #[must_use]
+    pub fn must_refuse(&self) -> bool {
+        self.required && !self.complete
+    }
+
+    /// True if `want` was asked for and granted.
+    #[must_use]
+    pub fn has(&self, want: Want) -> bool {
+        self.features.iter().any(|f| f.want == want && f.granted)
+    }
+
+    /// The clock that the plan and the kernel's budget allow.
+    #[must_use]
+    pub fn clock(&self) -> MonotonicClock {
+        MonotonicClock::new(self.spin.used_ns())
+    }
+
+    /// True while idle processors are held out of deep sleep.
+    #[must_use]
+    pub fn holds_cpu_awake(&self) -> bool {
+        self.awake.is_some()
+    }
+}

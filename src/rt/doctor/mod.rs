@@ -1,0 +1,96 @@
+//! What this machine gives and lacks for real-time work, and what to do about it.
+//!
+//! Every topic becomes one [`Finding`]. What the kernel says in files is read from a directory tree, so that
+//! other machines can be examined in tests; what can only be known by asking is asked for on a scratch thread and
+//! given back. Nothing is changed for good and nothing is printed.
+
+use serde::Serialize;
+
+pub mod machine;
+pub mod trial;
+
+pub use machine::Tree;
+
+/// How good a finding is for a real-time test.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// As it should be.
+    Good,
+    /// Tests run; single ticks may be late.
+    Fair,
+    /// Expect late ticks.
+    Poor,
+    /// The machine does not say.
+    Unknown,
+}
+
+/// One topic of the examination.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Finding {
+    /// Short name, for example "clock source".
+    pub topic: &'static str,
+    /// What was found.
+    pub found: String,
+    /// How good that is.
+    pub verdict: Verdict,
+    /// What to do about it; none if there is nothing to do.
+    pub advice: Option<String>,
+}
+
+impl Finding {
+    fn new(topic: &'static str, found: impl Into<String>, verdict: Verdict, advice: &str) -> Self {
+        Self {
+            topic,
+            found: found.into(),
+            verdict,
+            advice: (!advice.is_empty()).then(|| advice.to_owned()),
+        }
+    }
+
+    fn unknown(topic: &'static str) -> Self {
+        Self::new(topic, "the machine does not say", Verdict::Unknown, "")
+    }
+}
+
+/// Examines the machine this runs on. Takes a few milliseconds; memory is locked and released again meanwhile.
+#[must_use]
+pub fn examine() -> Vec<Finding> {
+    let tree = Tree::of_this_machine();
+    let mut findings = machine::findings(&tree);
+    findings.extend(trial::findings());
+    findings
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn this_machine_gets_one_finding_per_topic() {
+        let findings = examine();
+        let mut topics: Vec<_> = findings.iter().map(|f| f.topic).collect();
+        let count = topics.len();
+        topics.sort_unstable();
+        topics.dedup();
+        assert_eq!(topics.len(), count, "a topic appears twice");
+        assert!(count >= 15, "{topics:?}");
+        for finding in &findings {
+            assert!(!finding.found.is_empty(), "{finding:?}");
+            // What is poor comes with a way out.
+            assert!(
+                finding.verdict != Verdict::Poor || finding.advice.is_some(),
+                "{finding:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_finding_serialises_with_its_verdict_in_words() {
+        let json = serde_json::to_value(Finding::new("swap", "none", Verdict::Good, "")).unwrap();
+        assert_eq!(
+            json,
+            serde_json::json!({"topic": "swap", "found": "none", "verdict": "good", "advice": null})
+        );
+    }
+}

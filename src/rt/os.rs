@@ -1,0 +1,364 @@
+//! The operating system's door: thin, safe functions over the calls that real-time work needs.
+//!
+//! Invariant: the only file of the crate with `unsafe`; every function here is safe to call with any
+//! argument and reports a refusal as the error number that the kernel gave. Nothing here decides
+//! anything: what is asked for, in which order, and what a refusal means is [`mod@super::apply`]'s business.
+#![expect(
+    unsafe_code,
+    reason = "scheduling policy and signal masks have no safe wrapper in our dependencies"
+)]
+
+use std::fs::File;
+use std::io::Write;
+use std::num::NonZeroU64;
+
+use rustix::mm::MlockAllFlags;
+use rustix::process::{Resource, getpid, getrlimit};
+use rustix::thread::{CapabilitySet, ClockId, CpuSet, Timespec};
+
+pub use rustix::io::Errno;
+
+/// File that, held open with a zero inside, keeps processors out of deep sleep.
+pub const DMA_LATENCY: &str = "/dev/cpu_dma_latency";
+
+/// CLOCK_MONOTONIC in nanoseconds. Real-time: yes.
+#[must_use]
+#[inline]
+pub fn monotonic_ns() -> u64 {
+    let now = rustix::time::clock_gettime(ClockId::Monotonic);
+    // Both are non-negative: the clock starts at zero at boot.
+    (now.tv_sec as u64) * 1_000_000_000 + now.tv_nsec as u64
+}
+
+/// Sleeps until CLOCK_MONOTONIC reads `at_ns` or later; signals do not shorten it. Real-time: yes.
+pub fn sleep_until_ns(at_ns: u64) {
+    let at = Timespec {
+        tv_sec: i64::try_from(at_ns / 1_000_000_000).unwrap_or(i64::MAX),
+        tv_nsec: (at_ns % 1_000_000_000) as _,
+    };
+    // An absolute sleep that a signal cuts short is simply begun again; it cannot drift. Any other error would
+    // mean a malformed request, which the two lines above exclude; then the caller's own check of the clock holds.
+    while rustix::thread::clock_nanosleep_absolute(ClockId::Monotonic, &at) == Err(Errno::INTR) {}
+}
+
+/// Length of the kernel's scheduler tick in nanoseconds: the resolution of the coarse clock is 1/HZ.
+#[must_use]
+pub fn kernel_tick_ns() -> u64 {
+    let tick = rustix::time::clock_getres(ClockId::MonotonicCoarse);
+    (tick.tv_sec as u64) * 1_000_000_000 + tick.tv_nsec as u64
+}
+
+/// Resolution of the timers behind [`sleep_until_ns`]: 1 ns with high-resolution timers, else a tick.
+#[must_use]
+pub fn timer_resolution_ns() -> u64 {
+    let tick = rustix::time::clock_getres(ClockId::Monotonic);
+    (tick.tv_sec as u64) * 1_000_000_000 + tick.tv_nsec as u64
+}
+
+/// Kernel's number of the calling thread, as in /proc/self/task.
+#[must_use]
+pub fn thread_id() -> i32 {
+    rustix::thread::gettid().as_raw_nonzero().get()
+}
+
+/// Lets another runnable thread have the processor.
+pub fn yield_now() {
+    rustix::thread::sched_yield();
+}
+
+/// Release of the running kernel, for example "6.1.0-18-rt-amd64".
+#[must_use]
+pub fn kernel_release() -> String {
+    rustix::system::uname()
+        .release()
+        .to_string_lossy()
+        .into_owned()
+}
+
+/// Processors that the calling thread may run on, in rising order; empty if the kernel does not say.
+#[must_use]
+pub fn allowed_cpus() -> Vec<usize> {
+    rustix::thread::sched_getaffinity(None).map_or_else(|_| Vec::new(), |set| listed(&set))
+}
+
+/// Processors that the process was started with: those of its main thread.
+#[must_use]
+pub fn process_cpus() -> Vec<usize> {
+    rustix::thread::sched_getaffinity(Some(getpid()))
+        .map_or_else(|_| Vec::new(), |set| listed(&set))
+}
+
+fn listed(set: &CpuSet) -> Vec<usize> {
+    (0..CpuSet::MAX_CPU)
+        .filter(|cpu| set.is_set(*cpu))
+        .collect()
+}
+
+/// Binds the calling thread to `cpus`.
+///
+/// # Errors
+/// EINVAL if none of them exists or is allowed.
+pub fn pin_to(cpus: &[usize]) -> Result<(), Errno> {
+    let mut set = CpuSet::new();
+    for &cpu in cpus.iter().filter(|cpu| **cpu < CpuSet::MAX_CPU) {
+        set.set(cpu);
+    }
+    rustix::thread::sched_setaffinity(None, &set)
+}
+
+/// Gives the calling thread SCHED_FIFO. Threads that it starts are ordinary again.
+///
+/// # Errors
+/// EPERM without the privilege, EINVAL for a priority outside 1 to 99.
+pub fn set_fifo(priority: u8) -> Result<(), Errno> {
+    set_policy(
+        libc::SCHED_FIFO | libc::SCHED_RESET_ON_FORK,
+        i32::from(priority),
+    )
+}
+
+/// Gives the calling thread the ordinary policy back.
+///
+/// # Errors
+/// The kernel's, in theory; leaving a real-time policy needs no privilege.
+pub fn set_ordinary() -> Result<(), Errno> {
+    // The flag that set_fifo set stays: taking it off is a privilege of its own.
+    set_policy(libc::SCHED_OTHER | libc::SCHED_RESET_ON_FORK, 0)
+}
+
+fn set_policy(policy: i32, priority: i32) -> Result<(), Errno> {
+    // Zeroed rather than written as a literal: some C libraries have more fields.
+    // SAFETY: sched_param is a plain struct of integers, for which all bits zero is a value.
+    let mut param: libc::sched_param = unsafe { std::mem::zeroed() };
+    param.sched_priority = priority;
+    // The system call and not the C library's function, which some libraries refuse to implement.
+    // SAFETY: thread 0 is the caller; `param` is alive and initialised for the length of the call and only read.
+    let outcome = unsafe {
+        libc::syscall(
+            libc::SYS_sched_setscheduler,
+            0,
+            policy,
+            std::ptr::from_ref(&param),
+        )
+    };
+    if outcome == 0 {
+        Ok(())
+    } else {
+        Err(last_error())
+    }
+}
+
+/// True if the calling thread runs under SCHED_FIFO now.
+#[must_use]
+pub fn is_fifo() -> bool {
+    // SAFETY: the call takes a number (0: the calling thread) and returns one; no memory is passed.
+    let policy = unsafe { libc::syscall(libc::SYS_sched_getscheduler, 0) };
+    policy & !i64::from(libc::SCHED_RESET_ON_FORK) == i64::from(libc::SCHED_FIFO)
+}
+
+/// Keeps every signal that is sent to the process away from the calling thread; faults of its own still arrive.
+///
+/// # Errors
+/// The kernel's, in theory.
+pub fn block_signals() -> Result<(), Errno> {
+    // SAFETY: sigset_t is plain integers; sigfillset initialises all of it before it is read.
+    let mut set: libc::sigset_t = unsafe { std::mem::zeroed() };
+    // SAFETY: `set` is a valid sigset_t that outlives the call.
+    unsafe { libc::sigfillset(&raw mut set) };
+    for fault in [
+        libc::SIGSEGV,
+        libc::SIGBUS,
+        libc::SIGFPE,
+        libc::SIGILL,
+        libc::SIGTRAP,
+    ] {
+        // SAFETY: `set` is initialised, `fault` is a valid signal number.
+        unsafe { libc::sigdelset(&raw mut set, fault) };
+    }
+    // SAFETY: `set` is initialised and only read; no old mask is asked for.
+    match unsafe { libc::pthread_sigmask(libc::SIG_BLOCK, &raw const set, std::ptr::null_mut()) } {
+        0 => Ok(()),
+        number => Err(Errno::from_raw_os_error(number)),
+    }
+}
+
+fn last_error() -> Errno {
+    let number = std::io::Error::last_os_error().raw_os_error();
+    Errno::from_raw_os_error(number.unwrap_or(libc::EINVAL))
+}
+
+/// Keeps all present and future memory of the process in RAM.
+///
+/// # Errors
+/// EPERM or ENOMEM without the privilege or beyond the limit.
+pub fn lock_memory() -> Result<(), Errno> {
+    rustix::mm::mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE)
+}
+
+/// Takes [`lock_memory`] back.
+///
+/// # Errors
+/// The kernel's, in theory.
+pub fn unlock_memory() -> Result<(), Errno> {
+    rustix::mm::munlockall()
+}
+
+const PAGE: usize = 4096;
+
+/// Touches the next `kb` kilobytes of the calling thread's stack, so that the loop finds them mapped.
+///
+/// The caller answers for the stack being that large: beyond its end waits the guard page.
+pub fn touch_stack(kb: u32) {
+    touch_pages(kb as usize * 1024 / PAGE);
+}
+
+#[inline(never)]
+fn touch_pages(left: usize) {
+    let mut page = [0u8; PAGE];
+    // Opaque to the optimiser: the page is written, and the frame cannot be folded into the next one.
+    std::hint::black_box(&mut page);
+    if left > 1 {
+        touch_pages(left - 1);
+    }
+    std::hint::black_box(&mut page);
+}
+
+/// Asks for a wake-up latency of zero from idle processors, for as long as the file is held.
+///
+/// # Errors
+/// ENOENT where the kernel has no such file, EACCES without the right to it.
+pub fn hold_awake() -> Result<File, Errno> {
+    let open = || -> std::io::Result<File> {
+        let mut file = std::fs::OpenOptions::new().write(true).open(DMA_LATENCY)?;
+        file.write_all(&0i32.to_ne_bytes())?;
+        Ok(file)
+    };
+    open().map_err(|error| Errno::from_io_error(&error).unwrap_or(Errno::IO))
+}
+
+/// Sets by how much the kernel may delay the calling thread's timers to bundle them (ordinary policy only).
+///
+/// # Errors
+/// The kernel's, in theory.
+pub fn set_timer_slack(ns: NonZeroU64) -> Result<(), Errno> {
+    rustix::thread::set_current_timer_slack(Some(ns))
+}
+
+/// What the process may do without further asking.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Privileges {
+    /// CAP_SYS_NICE is effective.
+    pub nice: bool,
+    /// CAP_IPC_LOCK is effective.
+    pub ipc_lock: bool,
+    /// RLIMIT_RTPRIO, none if unlimited.
+    pub rtprio: Option<u64>,
+    /// RLIMIT_MEMLOCK in bytes, none if unlimited.
+    pub memlock: Option<u64>,
+}
+
+/// Reads the privileges of the calling thread.
+#[must_use]
+pub fn privileges() -> Privileges {
+    let effective =
+        rustix::thread::capabilities(None).map_or(CapabilitySet::empty(), |sets| sets.effective);
+    Privileges {
+        nice: effective.contains(CapabilitySet::SYS_NICE),
+        ipc_lock: effective.contains(CapabilitySet::IPC_LOCK),
+        rtprio: getrlimit(Resource::Rtprio).current,
+        memlock: getrlimit(Resource::Memlock).current,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_kernel_refuses_what_does_not_exist_with_its_own_number() {
+        assert_eq!(pin_to(&[CpuSet::MAX_CPU - 1]), Err(Errno::INVAL));
+        assert_eq!(pin_to(&[CpuSet::MAX_CPU + 1]), Err(Errno::INVAL));
+        let refused = std::thread::spawn(|| set_fifo(100)).join().unwrap();
+        // EINVAL for the number; EPERM where the privilege is looked at first.
+        assert!(matches!(refused, Err(Errno::INVAL | Errno::PERM)));
+    }
+
+    #[test]
+    fn a_thread_pinned_to_one_processor_sees_only_that_one() {
+        std::thread::spawn(|| {
+            let last = *allowed_cpus().last().unwrap();
+            pin_to(&[last]).unwrap();
+            assert_eq!(allowed_cpus(), [last]);
+            assert!(process_cpus().contains(&last));
+        })
+        .join()
+        .unwrap();
+    }
+
+    #[test]
+    fn children_of_a_fifo_thread_are_ordinary() {
+        std::thread::spawn(|| {
+            if set_fifo(1).is_ok() {
+                assert!(is_fifo());
+                assert!(!std::thread::spawn(is_fifo).join().unwrap());
+                set_ordinary().unwrap();
+            }
+            assert!(!is_fifo());
+        })
+        .join()
+        .unwrap();
+    }
+
+    #[test]
+    fn a_blocked_thread_lists_interrupts_as_blocked_and_faults_as_not() {
+        std::thread::spawn(|| {
+            block_signals().unwrap();
+            let status =
+                std::fs::read_to_string(format!("/proc/self/task/{}/status", thread_id())).unwrap();
+            let mask = status
+                .lines()
+                .find_map(|l| l.strip_prefix("SigBlk:"))
+                .unwrap();
+            let mask = u64::from_str_radix(mask.trim(), 16).unwrap();
+            let blocks = |signal: i32| mask & 1 << (signal - 1) != 0;
+            assert!(blocks(libc::SIGINT) && blocks(libc::SIGTERM));
+            assert!(!blocks(libc::SIGSEGV) && !blocks(libc::SIGBUS));
+        })
+        .join()
+        .unwrap();
+    }
+
+    #[test]
+    fn the_stack_is_touched_to_the_depth_asked_for() {
+        // 1 MB of a 4 MB stack: the resident size of the process must grow by about that much. Counted
+        // by the thread's own minor faults, so that other tests do not matter.
+        let faults = |name: &str| -> u64 {
+            let stat = std::fs::read_to_string(format!("/proc/self/task/{name}/stat")).unwrap();
+            super::super::proc::minor_faults(stat.as_bytes()).unwrap()
+        };
+        std::thread::Builder::new()
+            .stack_size(4 << 20)
+            .spawn(move || {
+                let name = thread_id().to_string();
+                let before = faults(&name);
+                touch_stack(1024);
+                let grown = faults(&name) - before;
+                touch_stack(1024);
+                // Large pages may serve many at once; a second pass must find them all there.
+                let again = faults(&name) - before - grown;
+                assert!(grown >= 1, "{grown}");
+                assert!(again <= 2, "{again}");
+            })
+            .unwrap()
+            .join()
+            .unwrap();
+    }
+
+    #[test]
+    fn an_absolute_sleep_ends_at_or_after_its_time() {
+        let at = monotonic_ns() + 200_000;
+        sleep_until_ns(at);
+        assert!(monotonic_ns() >= at);
+        sleep_until_ns(0);
+    }
+}

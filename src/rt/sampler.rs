@@ -1,0 +1,235 @@
+//! Watches the loop's thread from another processor: context switches, page faults, steal.
+//!
+//! The loop itself makes no such call. About a hundred times a second the sampler reads three files of the kernel into
+//! fixed buffers and sends a [`SchedSample`]; whoever receives them joins them to the misses by time. /proc/stat
+//! counts in 10 ms units, so steal is evidence over a window and not proof for one miss. A full queue drops the
+//! sample and counts it; nothing waits.
+
+use std::fs::File;
+use std::io;
+use std::os::unix::fs::FileExt;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::thread::JoinHandle;
+
+use crossbeam_channel::Sender;
+
+use super::{apply, os, proc};
+
+/// What the kernel's counters of the loop's thread read at one instant. All counts are since the thread (steal:
+/// the machine) was started.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct SchedSample {
+    /// CLOCK_MONOTONIC.
+    pub clock_ns: u64,
+    /// Times the processor was taken from the thread.
+    pub involuntary_switches: u64,
+    /// Times the thread gave the processor up.
+    pub voluntary_switches: u64,
+    /// Page faults served without reading from a disk.
+    pub minor_faults: u64,
+    /// Time the hypervisor took from the loop's processor, in 10 ms units.
+    pub steal_ticks: u64,
+}
+
+/// A sample every 10 ms.
+const PERIOD_NS: u64 = 10_000_000;
+/// Holds the lines of 256 processors, which come first in /proc/stat.
+const BUFFER: usize = 32 * 1024;
+
+/// A running sampler. Ends when it is stopped or dropped, or when the thread it watches is gone.
+#[derive(Debug)]
+pub struct Sampler {
+    stop: Arc<AtomicBool>,
+    dropped: Arc<AtomicU64>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Sampler {
+    /// Watches thread `thread_id` of this process, which runs on processor `cpu`, from any other processor.
+    ///
+    /// # Errors
+    /// The kernel's files of that thread cannot be opened, or no thread can be started.
+    pub fn spawn(
+        thread_id: i32,
+        cpu: Option<usize>,
+        samples: Sender<SchedSample>,
+    ) -> io::Result<Self> {
+        let mut source = Source::open(thread_id, cpu)?;
+        let stop = Arc::new(AtomicBool::new(false));
+        let dropped = Arc::new(AtomicU64::new(0));
+        let (stopped, lost) = (Arc::clone(&stop), Arc::clone(&dropped));
+        let thread = std::thread::Builder::new()
+            .name("gusset-sampler".into())
+            .spawn(move || {
+                // With one processor there is no other; the sampler is then a small disturbance.
+                let _ = cpu.map(apply::pin_away);
+                let _ = os::block_signals();
+                let mut at = os::monotonic_ns();
+                while !stopped.load(Ordering::Relaxed) {
+                    let Some(sample) = source.read() else { break };
+                    if samples.try_send(sample).is_err() {
+                        lost.fetch_add(1, Ordering::Relaxed);
+                    }
+                    at = os::monotonic_ns().max(at + PERIOD_NS);
+                    os::sleep_until_ns(at);
+                }
+            })?;
+        Ok(Self {
+            stop,
+            dropped,
+            thread: Some(thread),
+        })
+    }
+
+    /// Samples that found the queue full so far.
+    #[must_use]
+    pub fn dropped(&self) -> u64 {
+        self.dropped.load(Ordering::Relaxed)
+    }
+
+    /// Ends the sampler; returns how many samples found the queue full.
+    #[must_use]
+    pub fn stop(mut self) -> u64 {
+        self.end();
+        self.dropped()
+    }
+
+    fn end(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            // A sampler that panicked has nothing more to say.
+            let _ = thread.join();
+        }
+    }
+}
+
+impl Drop for Sampler {
+    fn drop(&mut self) {
+        self.end();
+    }
+}
+
+/// The open files and the buffer they are read into.
+#[derive(Debug)]
+struct Source {
+    status: File,
+    task: File,
+    machine: File,
+    cpu: Option<usize>,
+    buffer: Vec<u8>,
+}
+
+impl Source {
+    fn open(thread_id: i32, cpu: Option<usize>) -> io::Result<Self> {
+        Ok(Self {
+            status: File::open(format!("/proc/self/task/{thread_id}/status"))?,
+            task: File::open(format!("/proc/self/task/{thread_id}/stat"))?,
+            machine: File::open("/proc/stat")?,
+            cpu,
+            buffer: vec![0; BUFFER],
+        })
+    }
+
+    /// None once the thread is gone. Allocates nothing.
+    fn read(&mut self) -> Option<SchedSample> {
+        let switches = proc::switches(read_into(&self.status, &mut self.buffer)?)?;
+        let minor_faults = proc::minor_faults(read_into(&self.task, &mut self.buffer)?)?;
+        let machine = read_into(&self.machine, &mut self.buffer)?;
+        // A machine that does not count steal has none to show.
+        let steal_ticks = proc::steal_ticks(machine, self.cpu).unwrap_or(0);
+        Some(SchedSample {
+            clock_ns: os::monotonic_ns(),
+            involuntary_switches: switches.involuntary,
+            voluntary_switches: switches.voluntary,
+            minor_faults,
+            steal_ticks,
+        })
+    }
+}
+
+/// The kernel makes these files anew for every read from their start.
+fn read_into<'a>(file: &File, buffer: &'a mut [u8]) -> Option<&'a [u8]> {
+    let mut filled = 0;
+    loop {
+        match file.read_at(buffer.get_mut(filled..)?, filled as u64) {
+            Ok(0) => return buffer.get(..filled),
+            Ok(count) => filled += count,
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+            Err(_) => return None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn samples_arrive_in_order_and_their_counts_never_fall() {
+        let (sender, receiver) = crossbeam_channel::bounded(64);
+        let sampler = Sampler::spawn(os::thread_id(), None, sender).unwrap();
+        let samples: Vec<SchedSample> = (0..3).map(|_| receiver.recv().unwrap()).collect();
+        assert_eq!(sampler.stop(), 0);
+        for pair in samples.windows(2) {
+            let (first, second) = (pair[0], pair[1]);
+            assert!(second.clock_ns > first.clock_ns);
+            assert!(second.involuntary_switches >= first.involuntary_switches);
+            assert!(second.voluntary_switches >= first.voluntary_switches);
+            assert!(second.minor_faults >= first.minor_faults);
+            assert!(second.steal_ticks >= first.steal_ticks);
+        }
+        // This thread waited for each of them.
+        assert!(samples[2].voluntary_switches > samples[0].voluntary_switches);
+        assert!(samples[0].minor_faults > 0);
+    }
+
+    #[test]
+    fn a_full_queue_drops_and_counts() {
+        let (sender, receiver) = crossbeam_channel::bounded(0);
+        let sampler = Sampler::spawn(os::thread_id(), None, sender).unwrap();
+        while sampler.dropped() == 0 {
+            os::yield_now();
+        }
+        assert!(sampler.stop() >= 1);
+        drop(receiver);
+    }
+
+    #[test]
+    fn a_thread_that_does_not_exist_is_refused_and_one_that_ends_ends_the_sampler() {
+        let (sender, receiver) = crossbeam_channel::bounded(64);
+        assert!(Sampler::spawn(i32::MAX, None, sender.clone()).is_err());
+        let (done, wait) = crossbeam_channel::bounded::<()>(0);
+        let (tell, told) = crossbeam_channel::bounded(1);
+        let watched = std::thread::spawn(move || {
+            tell.send(os::thread_id()).unwrap();
+            let _ = wait.recv();
+        });
+        let sampler = Sampler::spawn(told.recv().unwrap(), None, sender).unwrap();
+        receiver.recv().unwrap();
+        drop(done);
+        watched.join().unwrap();
+        // The sampler's end of the channel closes when it finds the thread gone.
+        while receiver.recv().is_ok() {}
+        assert_eq!(sampler.stop(), 0);
+    }
+
+    #[test]
+    fn one_reading_allocates_nothing() {
+        let mut source = Source::open(os::thread_id(), Some(0)).unwrap();
+        let info = allocation_counter::measure(|| {
+            for _ in 0..5 {
+                assert!(source.read().is_some());
+            }
+        });
+        assert_eq!(info.count_total, 0);
+    }
+
+    #[test]
+    fn a_file_longer_than_the_buffer_is_cut_and_not_waited_for() {
+        let file = File::open("/proc/stat").unwrap();
+        let mut small = [0; 16];
+        let text = read_into(&file, &mut small).unwrap();
+        assert!(text.starts_with(b"cpu"));
+    }
+}

@@ -1,0 +1,262 @@
+//! Who is to blame for a miss, as far as the stamps of the tick can tell.
+//!
+//! A first guess, made at once in the loop from nothing but durations: no system call. Whether the thread
+//! was switched away is known to the sampler on another processor; the writer refines the guess with its evidence.
+//!
+//! Each part of a tick has a typical duration, a running median. The part with the largest excess over its typical
+//! duration is the suspect if the deadline would have been met without that excess:
+//!
+//! * in the wait: the thread was taken away (it had nothing to do but watch the clock);
+//! * in the reply of a peer: the reply was late;
+//! * in any other part: taken away if the part took more than ten times as long as it typically does, else ours;
+//! * time lost by the tick before, which ended after this edge: what that tick was blamed on.
+//!
+//! If no single excess explains the miss, it is a late reply if the peer's reply came after the deadline, else ours.
+
+use super::TickStamps;
+
+/// First guess at the cause of a miss.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Suspect {
+    /// The processor was elsewhere: preempted, interrupted, or taken by the hypervisor.
+    TakenAway,
+    /// The specimen's reply came late.
+    LateReply,
+    /// Long compute or record: our own fault until shown otherwise.
+    Ours,
+}
+
+/// A part of a tick; the order is that of [`Typical::parts`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Part {
+    Carried,
+    Wait,
+    Send,
+    Reply,
+    Compute,
+    Record,
+}
+
+/// Running median of a duration: moves up or down by a small share of itself, whichever side the sample is on.
+///
+/// It rests where samples above and below balance, costs a comparison, and one stall of any size moves it by 1/64.
+#[derive(Debug, Clone, Copy, Default)]
+struct Median {
+    ns: u64,
+    seen: u32,
+}
+
+impl Median {
+    /// The first samples are cold and moves are large; then they are small.
+    const COLD: u32 = 64;
+
+    fn learn(&mut self, ns: u64) {
+        let step = match self.seen {
+            0 => {
+                self.ns = ns;
+                0
+            }
+            1..Self::COLD => self.ns / 8 + 1,
+            _ => self.ns / 64 + 1,
+        };
+        self.seen = self.seen.saturating_add(1);
+        // Not past the sample: so that a constant duration is met exactly.
+        if ns > self.ns {
+            self.ns = (self.ns + step).min(ns);
+        } else {
+            self.ns = self.ns.saturating_sub(step).max(ns);
+        }
+    }
+}
+
+/// What each part of a tick typically takes.
+#[derive(Debug, Clone)]
+pub(super) struct Typical {
+    awaits_peer: bool,
+    medians: [Median; 6],
+    last: Suspect,
+}
+
+impl Typical {
+    pub(super) fn new(awaits_peer: bool) -> Self {
+        Self {
+            awaits_peer,
+            medians: [Median::default(); 6],
+            last: Suspect::Ours,
+        }
+    }
+
+    fn parts(stamps: &TickStamps) -> [(Part, u64); 6] {
+        let free = stamps.idle.max(stamps.release);
+        [
+            (Part::Carried, stamps.idle.since(stamps.release)),
+            (Part::Wait, stamps.woke.since(free)),
+            (Part::Send, stamps.sent.since(stamps.woke)),
+            (Part::Reply, stamps.decoded.since(stamps.sent)),
+            (Part::Compute, stamps.ready.since(stamps.decoded)),
+            (Part::Record, stamps.pushed.since(stamps.ready)),
+        ]
+    }
+
+    /// Judges a tick (only a missed one is of interest) and learns from it. Real-time: yes.
+    pub(super) fn judge(&mut self, stamps: &TickStamps, missed: bool) -> Suspect {
+        let parts = Self::parts(stamps);
+        if missed {
+            self.last = self.blame(&parts, stamps);
+        }
+        for (median, (_, took)) in self.medians.iter_mut().zip(parts) {
+            median.learn(took);
+        }
+        self.last
+    }
+
+    fn blame(&self, parts: &[(Part, u64); 6], stamps: &TickStamps) -> Suspect {
+        let mut worst = (Part::Compute, 0, 0, 0);
+        for (median, &(part, took)) in self.medians.iter().zip(parts) {
+            // Before anything is known, nothing is unusual.
+            let typical = if median.seen == 0 { took } else { median.ns };
+            let excess = took.saturating_sub(typical);
+            if excess > worst.1 {
+                worst = (part, excess, took, typical);
+            }
+        }
+        let (part, excess, took, typical) = worst;
+        let explains = stamps.pushed.minus(excess) <= stamps.deadline;
+        match part {
+            Part::Carried if explains => self.last,
+            Part::Wait if explains => Suspect::TakenAway,
+            Part::Reply if explains && self.awaits_peer => Suspect::LateReply,
+            _ if explains && typical.saturating_mul(10) < took => Suspect::TakenAway,
+            _ if self.awaits_peer && !explains && stamps.decoded > stamps.deadline => {
+                Suspect::LateReply
+            }
+            _ => Suspect::Ours,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::time::Nanos;
+
+    const T: u64 = 1_000_000;
+
+    /// Durations in ns of wait, send, reply, compute, record after the edge of tick `k`.
+    fn tick(k: u64, parts: [u64; 5]) -> TickStamps {
+        let release = Nanos(k * T);
+        let mut at = release;
+        let mut next = |ns| {
+            at = at.plus(ns);
+            at
+        };
+        TickStamps {
+            idle: release.minus(T / 2),
+            release,
+            woke: next(parts[0]),
+            sent: next(parts[1]),
+            decoded: next(parts[2]),
+            ready: next(parts[3]),
+            pushed: next(parts[4]),
+            deadline: Nanos((k + 1) * T),
+        }
+    }
+
+    const USUAL: [u64; 5] = [60, 4_000, 30_000, 300_000, 2_000];
+
+    fn warmed(awaits_peer: bool) -> Typical {
+        let mut typical = Typical::new(awaits_peer);
+        for k in 0..500 {
+            // ± 20 %, alternating.
+            let parts = USUAL.map(|ns| ns * if k % 2 == 0 { 4 } else { 6 } / 5);
+            typical.judge(&tick(k, parts), false);
+        }
+        typical
+    }
+
+    fn missed_with(awaits_peer: bool, part: usize, ns: u64) -> Suspect {
+        let mut parts = USUAL;
+        parts[part] = ns;
+        let stamps = tick(1000, parts);
+        assert!(stamps.pushed > stamps.deadline);
+        warmed(awaits_peer).judge(&stamps, true)
+    }
+
+    #[test]
+    fn excess_in_the_wait_is_taken_away() {
+        assert_eq!(missed_with(false, 0, 5 * T), Suspect::TakenAway);
+        assert_eq!(missed_with(true, 0, 5 * T), Suspect::TakenAway);
+    }
+
+    #[test]
+    fn a_long_reply_is_the_peers_where_there_is_one_and_taken_away_in_process() {
+        assert_eq!(missed_with(true, 2, T), Suspect::LateReply);
+        assert_eq!(missed_with(false, 2, T), Suspect::TakenAway);
+    }
+
+    #[test]
+    fn a_part_far_beyond_its_usual_time_is_taken_away_and_one_near_it_is_ours() {
+        assert_eq!(missed_with(false, 3, 4 * T), Suspect::TakenAway);
+        assert_eq!(missed_with(false, 3, T), Suspect::Ours);
+        assert_eq!(missed_with(false, 4, T), Suspect::TakenAway);
+    }
+
+    #[test]
+    fn a_tick_that_is_always_too_long_is_ours() {
+        let mut typical = Typical::new(false);
+        let long = [60, 4_000, 30_000, 1_200_000, 2_000];
+        for k in 0..200 {
+            assert_eq!(typical.judge(&tick(k, long), true), Suspect::Ours, "{k}");
+        }
+    }
+
+    #[test]
+    fn a_peer_that_is_always_too_slow_is_a_late_reply() {
+        let mut typical = Typical::new(true);
+        let slow = [60, 4_000, 1_300_000, 1_000, 2_000];
+        for k in 0..200 {
+            assert_eq!(
+                typical.judge(&tick(k, slow), true),
+                Suspect::LateReply,
+                "{k}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_tick_that_begins_late_because_of_the_last_one_inherits_its_cause() {
+        let mut typical = warmed(true);
+        let mut parts = USUAL;
+        parts[2] = 2 * T - 400_000;
+        let first = tick(1000, parts);
+        assert_eq!(typical.judge(&first, true), Suspect::LateReply);
+        // The next edge stood: the loop reached its wait 0.94 T after the edge, and compute makes it a miss.
+        let next = TickStamps {
+            idle: first.pushed,
+            ..tick(
+                1001,
+                [
+                    first.pushed.since(Nanos(1001 * T)),
+                    4_000,
+                    30_000,
+                    300_000,
+                    2_000,
+                ],
+            )
+        };
+        assert_eq!(typical.judge(&next, true), Suspect::LateReply);
+    }
+
+    #[test]
+    fn the_running_median_settles_between_its_samples_and_shrugs_off_a_stall() {
+        let mut median = Median::default();
+        median.learn(500_000);
+        for k in 0..5000u64 {
+            median.learn(900 + (k * 7919) % 200);
+        }
+        assert!((950..=1050).contains(&median.ns), "{}", median.ns);
+        let before = median.ns;
+        median.learn(u64::MAX / 2);
+        assert!(median.ns <= before + before / 64 + 1);
+    }
+}
