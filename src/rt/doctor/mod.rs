@@ -53,7 +53,8 @@ impl Finding {
     }
 }
 
-/// Examines the machine this runs on. Takes a few milliseconds; memory is locked and released again meanwhile.
+/// Examines the machine this runs on. Takes a few milliseconds; memory is locked and released again meanwhile, so
+/// this is not for a process that is running a test.
 #[must_use]
 pub fn examine() -> Vec<Finding> {
     let tree = Tree::of_this_machine();
