@@ -1,0 +1,91 @@
+//! Several laws side by side: same displacement and velocity, forces added in the order of the list.
+
+use super::{Law, LawError, Reach, Tangent};
+
+/// A sum of laws, e.g. a bilinear isolator and a viscous damper.
+#[derive(Debug)]
+pub struct Parallel {
+    parts: Vec<Box<dyn Law>>,
+}
+
+impl Parallel {
+    /// The sum of `parts`.
+    ///
+    /// # Errors
+    /// No part at all.
+    pub fn new(parts: Vec<Box<dyn Law>>) -> Result<Self, LawError> {
+        if parts.is_empty() {
+            return Err(LawError::Size {
+                name: "parallel",
+                what: "entries",
+                found: 0,
+                wanted: 1,
+            });
+        }
+        Ok(Self { parts })
+    }
+
+    fn sum(&self, of: impl Fn(&dyn Law) -> Tangent) -> Tangent {
+        let mut total = Tangent::default();
+        for part in &self.parts {
+            let tangent = of(part.as_ref());
+            total.stiffness += tangent.stiffness;
+            total.damping += tangent.damping;
+        }
+        total
+    }
+}
+
+impl Law for Parallel {
+    fn trial(&mut self, disp: f64, vel: f64, dt: f64) -> f64 {
+        let mut force = 0.0;
+        for part in &mut self.parts {
+            force += part.trial(disp, vel, dt);
+        }
+        force
+    }
+
+    fn commit(&mut self) {
+        for part in &mut self.parts {
+            part.commit();
+        }
+    }
+
+    fn revert(&mut self) {
+        for part in &mut self.parts {
+            part.revert();
+        }
+    }
+
+    fn tangent(&self) -> Tangent {
+        self.sum(|part| part.tangent())
+    }
+
+    fn reference(&self) -> Tangent {
+        self.sum(|part| part.reference())
+    }
+
+    fn bound(&self, reach: Reach) -> (Option<f64>, Option<f64>) {
+        let mut total = (Some(0.0), Some(0.0));
+        for part in &self.parts {
+            let (stiffness, damping) = part.bound(reach);
+            total.0 = total.0.zip(stiffness).map(|(sum, one)| sum + one);
+            total.1 = total.1.zip(damping).map(|(sum, one)| sum + one);
+        }
+        total
+    }
+
+    fn freeze(&self, out: &mut Vec<f64>) {
+        for part in &self.parts {
+            part.freeze(out);
+        }
+    }
+
+    fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
+        let mut rest = from;
+        for part in &mut self.parts {
+            rest = part.thaw(rest);
+        }
+        rest
+    }
+}
