@@ -73,29 +73,26 @@ impl LawSpec {
             Self::Viscous(spec) => Box::new(spec.build()?),
             Self::Biviscous(spec) => Box::new(spec.build()?),
             Self::PowerDamper(spec) => Box::new(spec.build()?),
-            Self::Parallel(specs) => Box::new(Parallel::new(build_all("parallel", specs)?)?),
+            Self::Parallel(specs) => Box::new(Parallel::new(Self::build_all("parallel", specs)?)?),
         })
     }
-}
 
-/// Builds each entry of the list that stands under the key `list`.
-///
-/// # Errors
-/// The first entry that cannot be built, with its position.
-pub(crate) fn build_all(
-    list: &'static str,
-    specs: &[LawSpec],
-) -> Result<Vec<Box<dyn Law>>, LawError> {
-    let numbered = specs.iter().zip(1..);
-    numbered
-        .map(|(spec, index)| {
-            spec.build().map_err(|reason| LawError::Entry {
-                list,
-                index,
-                reason: Box::new(reason),
+    /// Builds each entry of the list that stands under the key `list`.
+    ///
+    /// # Errors
+    /// The first entry that cannot be built, with its position.
+    pub fn build_all(list: &'static str, specs: &[Self]) -> Result<Vec<Box<dyn Law>>, LawError> {
+        let numbered = specs.iter().zip(1..);
+        numbered
+            .map(|(spec, index)| {
+                spec.build().map_err(|reason| LawError::Entry {
+                    list,
+                    index,
+                    reason: Box::new(reason),
+                })
             })
-        })
-        .collect()
+            .collect()
+    }
 }
 
 #[cfg(test)]

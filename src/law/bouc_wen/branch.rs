@@ -174,7 +174,8 @@ impl Saturation {
                 let q = libm::pow(u, self.exponent);
                 let step = (u * series(&self.near, q) - sigma) * (1.0 - q);
                 u -= step;
-                if !(step > f64::EPSILON * u) {
+                let moving = step > f64::EPSILON * u;
+                if !moving {
                     break;
                 }
             }
@@ -188,7 +189,8 @@ impl Saturation {
             let m = libm::exp(-l);
             let step = (target - l + series(&self.far, m)) * libm::exp(slope * libm::log1p(-m));
             l += step;
-            if !(step > f64::EPSILON * l) {
+            let moving = step > f64::EPSILON * l;
+            if !moving {
                 break;
             }
         }
@@ -254,7 +256,8 @@ impl Steepening {
         for _ in 0..ROUNDS {
             let step = (sigma - self.elapsed(u)) * (1.0 + libm::pow(u, self.exponent));
             u += step;
-            if !(step > f64::EPSILON * u) {
+            let moving = step > f64::EPSILON * u;
+            if !moving {
                 break;
             }
         }

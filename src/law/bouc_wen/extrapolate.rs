@@ -71,7 +71,7 @@ fn attempt<const N: usize>(
             return Some((entry, j + 1));
         }
         // With four columns an equation that is smooth over the step has converged this far.
-        if j == 3 && !(difference <= 1e-5) {
+        if j == 3 && difference > 1e-5 {
             return None;
         }
         row[j] = entry;
