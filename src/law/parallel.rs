@@ -89,3 +89,40 @@ impl Law for Parallel {
         rest
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::law::LawSpec;
+
+    #[test]
+    fn laws_in_parallel_are_their_sum_all_along_a_path() {
+        let text = "parallel = [ \
+            { bilinear = { stiffness_n_per_m = 1e6, yield_force_n = 800.0, post_yield_ratio = 0.1 } }, \
+            { viscous = { damping_n_s_per_m = 2e4 } }, \
+            { elastic_plastic = { stiffness_n_per_m = 2e6, yield_force_n = 300.0 } } ]";
+        let spec: LawSpec = toml::from_str(text).unwrap();
+        let LawSpec::Parallel(parts) = &spec else {
+            panic!("{spec:?}");
+        };
+        let mut parts = LawSpec::build_all("parallel", parts).unwrap();
+        let mut whole = spec.build().unwrap();
+        for i in 0..200 {
+            let t = f64::from(i) * 0.1;
+            let (disp, vel) = (3e-3 * t.sin(), 0.3 * t.cos());
+            let mut force = 0.0;
+            for part in &mut parts {
+                force += part.trial(disp, vel, 0.01);
+                part.commit();
+            }
+            assert_eq!(whole.trial(disp, vel, 0.01).to_bits(), force.to_bits());
+            whole.commit();
+        }
+        let total = Tangent {
+            stiffness: 3e6,
+            damping: 2e4,
+        };
+        assert_eq!(whole.reference(), total);
+        assert_eq!(whole.bound(Reach::default()), (Some(3e6), Some(2e4)));
+    }
+}

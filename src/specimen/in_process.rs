@@ -247,6 +247,61 @@ mod tests {
         assert_eq!(state(&once), state(&twice));
     }
 
+    /// Counts what is done to it; its force is the number of commits so far.
+    #[derive(Debug, Default)]
+    struct Counter {
+        trials: u32,
+        commits: u32,
+    }
+
+    impl Specimen for Counter {
+        fn axes(&self) -> usize {
+            1
+        }
+        fn trial(&mut self, _disp: &[f64], _vel: &[f64], _dt: f64, force: &mut [f64]) {
+            self.trials += 1;
+            force[0] = f64::from(self.commits);
+        }
+        fn commit(&mut self) {
+            self.commits += 1;
+        }
+        fn revert(&mut self) {}
+        fn reference(&self, _: &mut [f64], _: &mut [f64], _: &mut [f64]) {}
+        fn tangent(&self, _: &mut [f64]) {}
+        fn bound(
+            &self,
+            _: &[crate::law::Reach],
+            _: &mut [f64],
+            _: &mut [f64],
+        ) -> Result<(), usize> {
+            Ok(())
+        }
+        fn freeze(&self, _out: &mut Vec<f64>) {}
+        fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
+            from
+        }
+    }
+
+    #[test]
+    fn one_sequence_number_is_one_trial_and_one_commit() {
+        let mut port = InProcess::new(Counter::default());
+        let mut into = Measurement::zeros(1);
+        for k in 0..10 {
+            for _ in 0..3 {
+                port.issue(&command(k, &[0.0], &[0.0])).unwrap();
+                port.collect(Nanos(0), &mut into).unwrap();
+                port.collect(Nanos(0), &mut into).unwrap();
+                assert_eq!(into.force[0], k as f64);
+                port.accepted(k).unwrap();
+                port.accepted(k).unwrap();
+            }
+            // An acceptance that comes late, of an older step, moves nothing either.
+            port.accepted(k.saturating_sub(1)).unwrap();
+        }
+        let Counter { trials, commits } = port.into_specimen();
+        assert_eq!((trials, commits), (10, 10));
+    }
+
     #[test]
     fn a_step_that_is_not_accepted_leaves_no_trace() {
         let (mut plain, mut disturbed) = (port(), port());
