@@ -9,7 +9,29 @@
 //! rate-independent law is integrated along the straight path from the committed displacement to the
 //! trial one, so that its result does not depend on an inner step.
 
+mod bouc_wen;
+mod contact;
+mod damper;
+mod domain;
+mod elastic;
+mod parallel;
+mod plastic;
+mod spec;
+
+#[cfg(test)]
+mod contract;
+
 use thiserror::Error;
+
+pub use bouc_wen::{BoucWen, BoucWenSpec, DegradationSpec, PinchingSpec};
+pub use contact::{Gap, GapSpec, Side};
+pub use damper::{
+    Biviscous, BiviscousSpec, PowerDamper, PowerDamperSpec, SmoothFriction, SmoothFrictionSpec,
+};
+pub use elastic::{Cubic, CubicSpec, Linear, LinearSpec, SquareRoot, SquareRootSpec, ViscousSpec};
+pub use parallel::Parallel;
+pub use plastic::{Bilinear, BilinearSpec, CoulombSpec, ElasticPlasticSpec};
+pub use spec::LawSpec;
 
 /// Stiffness in N/m and damping in N s/m.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -48,6 +70,76 @@ pub enum LawError {
         /// The missing parameter.
         name: &'static str,
     },
+    /// A member of a list (of `parallel` or of `laws`) is wrong.
+    #[error("{list} entry {index}: {reason}")]
+    Entry {
+        /// Key of the list.
+        list: &'static str,
+        /// Position in the list, from 1.
+        index: usize,
+        /// What is wrong with it.
+        reason: Box<LawError>,
+    },
+    /// A list or a matrix does not have the size that the number of axes asks for.
+    #[error("{name} has {found} {what}, but must have {wanted}")]
+    Size {
+        /// Name of the parameter, as the configuration spells it.
+        name: &'static str,
+        /// What is counted: "entries", "rows", "columns in a row".
+        what: &'static str,
+        /// What was counted.
+        found: usize,
+        /// What was wanted.
+        wanted: usize,
+    },
+    /// A matrix that must be symmetric is not. Row and column count from 1.
+    #[error(
+        "{name} is not symmetric: entry ({row}, {column}) is {found}, its mirror image {mirror}"
+    )]
+    Asymmetric {
+        /// Name of the parameter, as the configuration spells it.
+        name: &'static str,
+        /// Row, from 1.
+        row: usize,
+        /// Column, from 1.
+        column: usize,
+        /// The entry there.
+        found: f64,
+        /// The entry at (column, row).
+        mirror: f64,
+    },
+    /// A matrix that must not have a negative eigenvalue has one.
+    #[error("{name} has the eigenvalue {eigenvalue}, but none may be negative")]
+    Indefinite {
+        /// Name of the parameter, as the configuration spells it.
+        name: &'static str,
+        /// The smallest eigenvalue.
+        eigenvalue: f64,
+    },
+    /// Two keys that exclude each other are both given.
+    #[error("{first} and {second} are both given, but only one of them may be")]
+    Exclusive {
+        /// One of them.
+        first: &'static str,
+        /// The other.
+        second: &'static str,
+    },
+}
+
+impl LawError {
+    /// The configuration key to point at.
+    #[must_use]
+    pub fn key(&self) -> &'static str {
+        match self {
+            Self::Parameter { name, .. }
+            | Self::ReferenceNeeded { name }
+            | Self::Size { name, .. }
+            | Self::Asymmetric { name, .. }
+            | Self::Indefinite { name, .. }
+            | Self::Exclusive { second: name, .. } => name,
+            Self::Entry { reason, .. } => reason.key(),
+        }
+    }
 }
 
 /// A uniaxial force law with memory.
@@ -73,7 +165,8 @@ pub trait Law: Send + std::fmt::Debug {
     fn reference(&self) -> Tangent;
 
     /// Upper bounds of both tangents within `reach`, for the proof of stability; `None` for a component that needs
-    /// a declared reach and has none.
+    /// a declared reach and has none; +∞ where no reach makes it finite, so that no proof exists (a power damper
+    /// with an exponent below 1 and no linear part).
     fn bound(&self, reach: Reach) -> (Option<f64>, Option<f64>);
 
     /// Appends the committed state to `out`: as many numbers as [`Law::thaw`] takes. Stateless: nothing.

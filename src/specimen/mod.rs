@@ -1,7 +1,19 @@
 //! Specimens in process: deformations in, resisting forces out, with commit and revert.
 //!
 //! A [`Specimen`] is pure mathematics, so the same object serves in the loop, behind a server and in a
-//! simulated link. `InProcess` makes a [`Substructure`](crate::substructure::Substructure) of it.
+//! simulated link. [`InProcess`] makes a [`Substructure`](crate::substructure::Substructure) of it.
+
+mod coupled;
+mod in_process;
+mod spec;
+mod uniaxial;
+
+pub use coupled::{Coupled, CoupledSpec};
+pub use in_process::InProcess;
+pub use spec::SpecimenLaw;
+pub use uniaxial::Uniaxial;
+
+use crate::law::Reach;
 
 /// What can stand behind a command: one or more axes with memory. Matrices are n × n, stored by columns.
 ///
@@ -26,9 +38,64 @@ pub trait Specimen: Send + std::fmt::Debug {
     /// Tangent stiffness at the last trial, n × n (OpenFresco 13).
     fn tangent(&self, stiffness: &mut [f64]);
 
+    /// Upper bounds of both tangents within the reach of each axis, n × n each, for the proof of stability: the true
+    /// tangents never exceed them in the sense of symmetric matrices. A bound may be +∞ where none exists.
+    ///
+    /// # Errors
+    /// The first axis (from 0) whose law needs a declared reach and has none; the matrices are then unfinished.
+    fn bound(
+        &self,
+        reach: &[Reach],
+        stiffness: &mut [f64],
+        damping: &mut [f64],
+    ) -> Result<(), usize>;
+
     /// Appends the committed state to `out`.
     fn freeze(&self, out: &mut Vec<f64>);
 
     /// Takes the committed state from the front of `from` and returns the rest.
     fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64];
+}
+
+impl<S: Specimen + ?Sized> Specimen for Box<S> {
+    fn axes(&self) -> usize {
+        (**self).axes()
+    }
+
+    fn trial(&mut self, disp: &[f64], vel: &[f64], dt: f64, force: &mut [f64]) {
+        (**self).trial(disp, vel, dt, force);
+    }
+
+    fn commit(&mut self) {
+        (**self).commit();
+    }
+
+    fn revert(&mut self) {
+        (**self).revert();
+    }
+
+    fn reference(&self, stiffness: &mut [f64], damping: &mut [f64], mass: &mut [f64]) {
+        (**self).reference(stiffness, damping, mass);
+    }
+
+    fn tangent(&self, stiffness: &mut [f64]) {
+        (**self).tangent(stiffness);
+    }
+
+    fn bound(
+        &self,
+        reach: &[Reach],
+        stiffness: &mut [f64],
+        damping: &mut [f64],
+    ) -> Result<(), usize> {
+        (**self).bound(reach, stiffness, damping)
+    }
+
+    fn freeze(&self, out: &mut Vec<f64>) {
+        (**self).freeze(out);
+    }
+
+    fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
+        (**self).thaw(from)
+    }
 }

@@ -1,0 +1,331 @@
+//! Smooth hysteresis after Bouc (1967) and Wen (1976), with the degradation and pinching of Baber and Noori (1985).
+//!
+//! Normalised form: with the yield displacement u_y = F_y/k, the path length τ = |Δx|/u_y, the direction
+//! s = sgn(Δx) and the hysteretic variable ζ (a pure number),
+//!
+//! ```text
+//! F     = α k x + (1 − α) F_y ζ
+//! dζ/dx = (h/η) (A − ν |ζ|ⁿ (β sgn(s ζ) + γ)) / u_y
+//! ```
+//!
+//! Plain (h = η = ν = 1), each stretch of a straight path on which s ζ keeps its sign is solved in closed form or by
+//! a convergent series ([`branch`]); otherwise by extrapolation to roundoff ([`wear`]). Either way one step equals
+//! any number of partial steps: the result does not depend on an inner step. The law knows no rate effect.
+
+mod branch;
+mod extrapolate;
+mod wear;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::domain::{fraction, positive, require, yield_disp};
+use super::{Law, LawError, Reach, Tangent};
+use branch::Branch;
+pub use wear::{DegradationSpec, PinchingSpec};
+use wear::{Point, Wear};
+
+/// Bouc–Wen hysteresis, F = α k x + (1 − α) F_y ζ.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "snake_case")]
+pub struct BoucWenSpec {
+    /// Stiffness k in N/m, greater than 0. With `a` = 1 it is the tangent at the origin.
+    pub stiffness_n_per_m: f64,
+    /// Force scale F_y of the hysteretic part in N, greater than 0: the yield force when `a` = 1 and
+    /// `beta` + `gamma` = 1.
+    pub yield_force_n: f64,
+    /// Elastic share α of the stiffness, from 0 to 1: the stiffness after yield over k.
+    pub post_yield_ratio: f64,
+    /// A, greater than 0. Default 1, to which the other parameters can always be scaled.
+    #[serde(default = "one")]
+    pub a: f64,
+    /// β, greater than 0: the width of the loop.
+    pub beta: f64,
+    /// γ, greater than −β: with γ < β unloading is stiffer than loading, with γ > β softer.
+    pub gamma: f64,
+    /// Exponent n from 1 to 100: the larger, the sharper the knee.
+    pub exponent: f64,
+    /// Largest tangent that will occur over the tangent at the origin, at least 1. Needed with degradation or
+    /// pinching; else it is known: α + (1 − α) max(1, 2β/(β + γ)) for `a` = 1, and a smaller value has no effect.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hardening_ratio: Option<f64>,
+    /// Loss of strength and stiffness with dissipated energy. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub degradation: Option<DegradationSpec>,
+    /// Pinching of the loop with dissipated energy. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pinching: Option<PinchingSpec>,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+/// β and γ are told apart, and from each other's negative, by this share at least: closer, the rounding of ζ decides.
+const SEPARATION: f64 = 1e-6;
+
+impl BoucWenSpec {
+    /// # Errors
+    /// A parameter outside its domain, or no `hardening_ratio` where it is needed.
+    pub fn build(&self) -> Result<BoucWen, LawError> {
+        let stiffness = positive("stiffness_n_per_m", self.stiffness_n_per_m)?;
+        let yield_force = positive("yield_force_n", self.yield_force_n)?;
+        let ratio = fraction("post_yield_ratio", self.post_yield_ratio)?;
+        let exponent = require(
+            "exponent",
+            self.exponent,
+            (1.0..=100.0).contains(&self.exponent),
+            "from 1 to 100",
+        )?;
+        let (a, beta, gamma) = self.shape()?;
+        let virgin = ratio + (1.0 - ratio) * a;
+        let stiffest = ratio + (1.0 - ratio) * a * f64::max(1.0, 2.0 * beta / (beta + gamma));
+        let worn = self.degradation.is_some() || self.pinching.is_some();
+        let hardening = match self.hardening_ratio {
+            Some(given) => require(
+                "hardening_ratio",
+                given,
+                given >= 1.0 && given.is_finite(),
+                "finite and at least 1",
+            )?
+            .max(if worn { 1.0 } else { stiffest / virgin }),
+            None if worn => {
+                return Err(LawError::ReferenceNeeded {
+                    name: "hardening_ratio",
+                });
+            }
+            None => stiffest / virgin,
+        };
+        Ok(BoucWen {
+            stiffness,
+            yield_force,
+            yield_disp: yield_disp("yield_force_n", yield_force, stiffness)?,
+            ratio,
+            reference: virgin * stiffness,
+            bound: hardening * virgin * stiffness,
+            loading: Branch::new(a, beta + gamma, exponent),
+            unloading: Branch::new(a, gamma - beta, exponent),
+            wear: if worn {
+                Some(Wear::new(
+                    self.degradation.as_ref(),
+                    self.pinching.as_ref(),
+                )?)
+            } else {
+                None
+            },
+            parameters: Parameters {
+                a,
+                beta,
+                gamma,
+                exponent,
+            },
+            committed: State::VIRGIN,
+            trial: State::VIRGIN,
+        })
+    }
+
+    fn shape(&self) -> Result<(f64, f64, f64), LawError> {
+        let sane = |value: f64| (1e-100..=1e100).contains(&value);
+        let a = require(
+            "a",
+            self.a,
+            sane(self.a),
+            "greater than 0 (1e-100 to 1e100)",
+        )?;
+        let beta = require(
+            "beta",
+            self.beta,
+            sane(self.beta),
+            "greater than 0 (1e-100 to 1e100)",
+        )?;
+        let gamma = require(
+            "gamma",
+            self.gamma,
+            self.gamma + beta >= SEPARATION * beta && self.gamma * SEPARATION <= beta,
+            "greater than -beta (by 1e-6 of it) and at most 1e6 beta",
+        )?;
+        Ok((a, beta, gamma))
+    }
+}
+
+/// A, β, γ, n.
+#[derive(Debug, Clone, Copy)]
+struct Parameters {
+    a: f64,
+    beta: f64,
+    gamma: f64,
+    exponent: f64,
+}
+
+impl Parameters {
+    /// |ζ|ⁿ (β sgn y + γ) for y = s ζ. Continuous at 0, where it vanishes. Real-time: yes.
+    fn resistance(&self, y: f64) -> f64 {
+        let sum = if y < 0.0 {
+            self.gamma - self.beta
+        } else {
+            self.gamma + self.beta
+        };
+        sum * power(y.abs(), self.exponent)
+    }
+}
+
+/// xⁿ for x ≥ 0. Real-time: yes.
+fn power(x: f64, exponent: f64) -> f64 {
+    if exponent == 1.0 {
+        x
+    } else if exponent == 2.0 {
+        x * x
+    } else {
+        libm::pow(x, exponent)
+    }
+}
+
+#[derive(Debug, Clone, Copy)]
+struct State {
+    disp: f64,
+    /// ζ.
+    zeta: f64,
+    /// ∫ ζ dx/u_y, a pure number; stays 0 without degradation and pinching, which alone ask for it.
+    energy: f64,
+    /// s of the last motion, +1 or −1.
+    direction: f64,
+}
+
+impl State {
+    const VIRGIN: State = State {
+        disp: 0.0,
+        zeta: 0.0,
+        energy: 0.0,
+        direction: 1.0,
+    };
+}
+
+/// See [`BoucWenSpec`]. A step of so many yield displacements that a worn law cannot be followed through it
+/// (some thousand) gives NaN and not a guess.
+#[derive(Debug, Clone)]
+pub struct BoucWen {
+    stiffness: f64,
+    yield_force: f64,
+    yield_disp: f64,
+    ratio: f64,
+    reference: f64,
+    bound: f64,
+    parameters: Parameters,
+    /// |ζ| while it grows: A − (β + γ) |ζ|ⁿ.
+    loading: Branch,
+    /// |ζ| while it shrinks: A − (γ − β) |ζ|ⁿ, backwards.
+    unloading: Branch,
+    wear: Option<Wear>,
+    committed: State,
+    trial: State,
+}
+
+impl BoucWen {
+    /// y = s ζ and the energy after the path length τ.
+    fn along(&self, start: Point, tau: f64) -> Point {
+        if let Some(wear) = &self.wear {
+            return wear.along(&self.parameters, start, tau).unwrap_or(Point {
+                y: f64::NAN,
+                energy: f64::NAN,
+            });
+        }
+        let (grown_from, tau) = if start.y < 0.0 {
+            let (left, rest) = self.unloading.shrink(-start.y, tau);
+            if rest <= 0.0 {
+                return Point { y: -left, ..start };
+            }
+            (0.0, rest)
+        } else {
+            (start.y, tau)
+        };
+        Point {
+            y: self.loading.grow(grown_from, tau),
+            ..start
+        }
+    }
+}
+
+impl Law for BoucWen {
+    fn trial(&mut self, disp: f64, _vel: f64, _dt: f64) -> f64 {
+        let from = self.committed;
+        let travel = disp - from.disp;
+        self.trial = if travel == 0.0 {
+            from
+        } else {
+            let direction = f64::copysign(1.0, travel);
+            let start = Point {
+                y: direction * from.zeta,
+                energy: from.energy,
+            };
+            let end = self.along(start, travel.abs() / self.yield_disp);
+            State {
+                disp,
+                zeta: direction * end.y,
+                energy: end.energy,
+                direction,
+            }
+        };
+        self.ratio * self.stiffness * disp + (1.0 - self.ratio) * self.yield_force * self.trial.zeta
+    }
+
+    fn commit(&mut self) {
+        self.committed = self.trial;
+    }
+
+    fn revert(&mut self) {
+        self.trial = self.committed;
+    }
+
+    fn tangent(&self) -> Tangent {
+        let point = Point {
+            y: self.trial.direction * self.trial.zeta,
+            energy: self.trial.energy,
+        };
+        let slope = match &self.wear {
+            Some(wear) => wear.slope(&self.parameters, point),
+            None => self.parameters.a - self.parameters.resistance(point.y),
+        };
+        Tangent {
+            stiffness: self.stiffness * (self.ratio + (1.0 - self.ratio) * slope),
+            damping: 0.0,
+        }
+    }
+
+    fn reference(&self) -> Tangent {
+        Tangent {
+            stiffness: self.reference,
+            damping: 0.0,
+        }
+    }
+
+    fn bound(&self, _reach: Reach) -> (Option<f64>, Option<f64>) {
+        (Some(self.bound), Some(0.0))
+    }
+
+    fn freeze(&self, out: &mut Vec<f64>) {
+        let State {
+            disp,
+            zeta,
+            energy,
+            direction,
+        } = self.committed;
+        out.extend([disp, zeta, energy, direction]);
+    }
+
+    fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
+        let Some(([disp, zeta, energy, direction], rest)) = from.split_first_chunk() else {
+            return &[];
+        };
+        self.committed = State {
+            disp: *disp,
+            zeta: *zeta,
+            energy: *energy,
+            direction: *direction,
+        };
+        self.trial = self.committed;
+        rest
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,344 @@
+//! Laws of the velocity: biviscous, power of the velocity, and friction smoothed around rest. No memory.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::domain::{declared, non_negative, positive, reference, require};
+use super::{Law, LawError, Reach, Tangent};
+
+/// Biviscous damper: f = c₀ v for |v| ≤ v_y, sgn(v) (c₀ v_y + c_y (|v| − v_y)) beyond (Gui et al. 2014, example 4.3).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "snake_case")]
+pub struct BiviscousSpec {
+    /// Damping c₀ around rest in N s/m, greater than 0.
+    pub damping_n_s_per_m: f64,
+    /// Damping c_y beyond the yield velocity in N s/m, not negative.
+    pub post_yield_damping_n_s_per_m: f64,
+    /// Yield velocity v_y in m/s, greater than 0.
+    pub yield_velocity_m_per_s: f64,
+}
+
+impl BiviscousSpec {
+    /// # Errors
+    /// A parameter outside its domain.
+    pub fn build(&self) -> Result<Biviscous, LawError> {
+        Ok(Biviscous {
+            damping: positive("damping_n_s_per_m", self.damping_n_s_per_m)?,
+            post_yield: non_negative(
+                "post_yield_damping_n_s_per_m",
+                self.post_yield_damping_n_s_per_m,
+            )?,
+            yield_vel: positive("yield_velocity_m_per_s", self.yield_velocity_m_per_s)?,
+            yielding: false,
+        })
+    }
+}
+
+/// See [`BiviscousSpec`].
+#[derive(Debug, Clone)]
+pub struct Biviscous {
+    damping: f64,
+    post_yield: f64,
+    yield_vel: f64,
+    /// At the last trial.
+    yielding: bool,
+}
+
+impl Law for Biviscous {
+    fn trial(&mut self, _disp: f64, vel: f64, _dt: f64) -> f64 {
+        let speed = vel.abs();
+        self.yielding = speed > self.yield_vel;
+        if self.yielding {
+            let force = self.damping * self.yield_vel + self.post_yield * (speed - self.yield_vel);
+            force.copysign(vel)
+        } else {
+            self.damping * vel
+        }
+    }
+
+    fn tangent(&self) -> Tangent {
+        Tangent {
+            stiffness: 0.0,
+            damping: if self.yielding {
+                self.post_yield
+            } else {
+                self.damping
+            },
+        }
+    }
+
+    fn reference(&self) -> Tangent {
+        Tangent {
+            stiffness: 0.0,
+            damping: self.damping,
+        }
+    }
+
+    fn bound(&self, _reach: Reach) -> (Option<f64>, Option<f64>) {
+        (Some(0.0), Some(self.damping.max(self.post_yield)))
+    }
+}
+
+/// Fluid damper with a power of the velocity: f = c |v|^a sgn(v).
+///
+/// At rest its tangent is infinite for a < 1 and zero for a > 1, so a reference damping must be given, or a speed
+/// below which the law is a straight line to the origin. Without such a line no bound of the tangent exists for
+/// a < 1, and stability cannot be proven.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "snake_case")]
+pub struct PowerDamperSpec {
+    /// Force at a speed of 1 m/s in N: the number c in N (s/m)^a; greater than 0.
+    pub force_at_unit_velocity_n: f64,
+    /// Exponent a, greater than 0, at most 10.
+    pub exponent: f64,
+    /// What enters the initial damping of the structure in N s/m, greater than 0. Default: the damping around rest,
+    /// where that is finite and not zero.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reference_damping_n_s_per_m: Option<f64>,
+    /// Speed in m/s, greater than 0, below which the force is linear in the velocity (and continuous). Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub linear_below_m_per_s: Option<f64>,
+}
+
+impl PowerDamperSpec {
+    /// # Errors
+    /// A parameter outside its domain, or no finite, positive tangent at rest and no reference.
+    pub fn build(&self) -> Result<PowerDamper, LawError> {
+        let coefficient = positive("force_at_unit_velocity_n", self.force_at_unit_velocity_n)?;
+        let exponent = require(
+            "exponent",
+            self.exponent,
+            self.exponent > 0.0 && self.exponent <= 10.0,
+            "greater than 0 and at most 10",
+        )?;
+        let linear_below = match self.linear_below_m_per_s {
+            Some(speed) => positive("linear_below_m_per_s", speed)?,
+            None => 0.0,
+        };
+        // pow(0, a − 1) is ∞, 1 or 0 for a below, at or above 1: the tangent at rest as it is.
+        let at_rest = coefficient * libm::pow(linear_below, exponent - 1.0);
+        if let Some(speed) = self.linear_below_m_per_s {
+            let inside = at_rest > 0.0 && at_rest.is_finite();
+            let allowed = "a speed whose damping around rest is finite and greater than 0";
+            require("linear_below_m_per_s", speed, inside, allowed)?;
+        }
+        Ok(PowerDamper {
+            coefficient,
+            exponent,
+            linear_below,
+            at_rest,
+            reference: reference(
+                "reference_damping_n_s_per_m",
+                self.reference_damping_n_s_per_m,
+                at_rest,
+            )?,
+            speed: 0.0,
+        })
+    }
+}
+
+/// See [`PowerDamperSpec`].
+#[derive(Debug, Clone)]
+pub struct PowerDamper {
+    coefficient: f64,
+    exponent: f64,
+    linear_below: f64,
+    /// Tangent around rest; may be 0 or infinite.
+    at_rest: f64,
+    reference: f64,
+    /// |v| at the last trial.
+    speed: f64,
+}
+
+impl PowerDamper {
+    fn slope(&self, speed: f64) -> f64 {
+        self.coefficient * self.exponent * libm::pow(speed, self.exponent - 1.0)
+    }
+}
+
+impl Law for PowerDamper {
+    fn trial(&mut self, _disp: f64, vel: f64, _dt: f64) -> f64 {
+        self.speed = vel.abs();
+        if self.speed < self.linear_below {
+            self.at_rest * vel
+        } else {
+            (self.coefficient * libm::pow(self.speed, self.exponent)).copysign(vel)
+        }
+    }
+
+    fn tangent(&self) -> Tangent {
+        Tangent {
+            stiffness: 0.0,
+            damping: if self.speed < self.linear_below {
+                self.at_rest
+            } else {
+                self.slope(self.speed)
+            },
+        }
+    }
+
+    fn reference(&self) -> Tangent {
+        Tangent {
+            stiffness: 0.0,
+            damping: self.reference,
+        }
+    }
+
+    fn bound(&self, reach: Reach) -> (Option<f64>, Option<f64>) {
+        let damping = if self.exponent > 1.0 {
+            declared(reach.vel).map(|speed| self.slope(speed).max(self.at_rest))
+        } else {
+            Some(self.at_rest)
+        };
+        (Some(0.0), damping)
+    }
+}
+
+/// Friction made smooth around rest: f = F tanh(v/v_r). It creeps under a constant force, where true friction sticks
+/// (`coulomb`).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "snake_case")]
+pub struct SmoothFrictionSpec {
+    /// Slip force F in N: friction coefficient times normal force; greater than 0.
+    pub slip_force_n: f64,
+    /// Velocity v_r in m/s at which 76 % of the slip force is reached, greater than 0.
+    pub reference_velocity_m_per_s: f64,
+}
+
+impl SmoothFrictionSpec {
+    /// # Errors
+    /// A parameter outside its domain.
+    pub fn build(&self) -> Result<SmoothFriction, LawError> {
+        let force = positive("slip_force_n", self.slip_force_n)?;
+        let vel = positive(
+            "reference_velocity_m_per_s",
+            self.reference_velocity_m_per_s,
+        )?;
+        let slope = force / vel;
+        let allowed = "a speed whose damping at rest is finite and greater than 0";
+        let inside = slope > 0.0 && slope.is_finite();
+        require("reference_velocity_m_per_s", vel, inside, allowed)?;
+        Ok(SmoothFriction {
+            force,
+            vel,
+            slope,
+            share: 0.0,
+        })
+    }
+}
+
+/// See [`SmoothFrictionSpec`].
+#[derive(Debug, Clone)]
+pub struct SmoothFriction {
+    force: f64,
+    vel: f64,
+    slope: f64,
+    /// tanh(v/v_r) at the last trial.
+    share: f64,
+}
+
+impl Law for SmoothFriction {
+    fn trial(&mut self, _disp: f64, vel: f64, _dt: f64) -> f64 {
+        self.share = libm::tanh(vel / self.vel);
+        self.force * self.share
+    }
+
+    fn tangent(&self) -> Tangent {
+        Tangent {
+            stiffness: 0.0,
+            damping: self.slope * (1.0 - self.share * self.share),
+        }
+    }
+
+    fn reference(&self) -> Tangent {
+        Tangent {
+            stiffness: 0.0,
+            damping: self.slope,
+        }
+    }
+
+    fn bound(&self, _reach: Reach) -> (Option<f64>, Option<f64>) {
+        (Some(0.0), Some(self.slope))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_biviscous_damper_of_example_4_3_has_its_published_forces() {
+        let mut law = BiviscousSpec {
+            damping_n_s_per_m: 180.0,
+            post_yield_damping_n_s_per_m: 90.0,
+            yield_velocity_m_per_s: 1.0 / 3.0,
+        }
+        .build()
+        .unwrap();
+        assert!((law.trial(0.0, 1.0 / 3.0, 0.0) - 60.0).abs() < 1e-13);
+        assert_eq!(law.tangent().damping, 180.0);
+        assert!((law.trial(0.0, -1.0, 0.0) + 120.0).abs() < 1e-13);
+        assert_eq!(law.tangent().damping, 90.0);
+        assert_eq!(law.bound(Reach::default()), (Some(0.0), Some(180.0)));
+    }
+
+    fn power(exponent: f64) -> PowerDamperSpec {
+        PowerDamperSpec {
+            force_at_unit_velocity_n: 1000.0,
+            exponent,
+            reference_damping_n_s_per_m: None,
+            linear_below_m_per_s: None,
+        }
+    }
+
+    #[test]
+    fn a_power_damper_wants_a_reference_unless_it_is_linear_at_rest() {
+        let needed = LawError::ReferenceNeeded {
+            name: "reference_damping_n_s_per_m",
+        };
+        assert_eq!(power(0.5).build().unwrap_err(), needed);
+        assert_eq!(power(2.0).build().unwrap_err(), needed);
+        assert_eq!(power(1.0).build().unwrap().reference().damping, 1000.0);
+        let mut spec = power(0.5);
+        spec.reference_damping_n_s_per_m = Some(5e3);
+        let mut law = spec.build().unwrap();
+        assert_eq!(law.reference().damping, 5e3);
+        assert_eq!(law.trial(0.0, -0.25, 0.0), -500.0);
+        assert_eq!(law.bound(Reach::default()).1, Some(f64::INFINITY));
+        // c v_lin^(a−1) = 1000/√0.01 = 1e4, reached from both sides at v_lin.
+        spec.reference_damping_n_s_per_m = None;
+        spec.linear_below_m_per_s = Some(0.01);
+        let mut law = spec.build().unwrap();
+        assert!((law.reference().damping - 1e4).abs() < 1e-9);
+        assert!((law.trial(0.0, 0.01, 0.0) - 100.0).abs() < 1e-11);
+        assert!((law.trial(0.0, 0.005, 0.0) - 50.0).abs() < 1e-11);
+        assert!((law.bound(Reach::default()).1.unwrap() - 1e4).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_quadratic_damper_is_bounded_by_its_declared_speed_only() {
+        let mut spec = power(2.0);
+        spec.reference_damping_n_s_per_m = Some(1.0);
+        let law = spec.build().unwrap();
+        assert_eq!(law.bound(Reach::default()).1, None);
+        let reach = Reach {
+            disp: None,
+            vel: Some(3.0),
+        };
+        assert_eq!(law.bound(reach).1, Some(6000.0));
+    }
+
+    #[test]
+    fn smooth_friction_is_linear_at_rest_and_saturates() {
+        let mut law = SmoothFrictionSpec {
+            slip_force_n: 40.0,
+            reference_velocity_m_per_s: 0.002,
+        }
+        .build()
+        .unwrap();
+        assert_eq!(law.reference().damping, 2e4);
+        // tanh(1) = 0.76159415595576488…
+        assert!((law.trial(0.0, 0.002, 0.0) - 40.0 * 0.761_594_155_955_764_9).abs() < 1e-13);
+        assert_eq!(law.trial(0.0, -1.0, 0.0), -40.0);
+    }
+}

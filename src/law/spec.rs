@@ -1,0 +1,158 @@
+//! What the test file says of a law: one table per kind, `law = { bilinear = { … } }`.
+//!
+//! A description may hold any number; [`LawSpec::build`] is where each is checked, by name.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{
+    BilinearSpec, BiviscousSpec, BoucWenSpec, CoulombSpec, CubicSpec, ElasticPlasticSpec, GapSpec,
+    Law, LawError, LinearSpec, Parallel, PowerDamperSpec, SmoothFrictionSpec, SquareRootSpec,
+    ViscousSpec,
+};
+
+/// A uniaxial force law. The same list serves for springs and dampers of the structure and for specimens.
+///
+/// ```
+/// use gusset::law::{Law, LawSpec};
+///
+/// let spec: LawSpec = toml::from_str(
+///     "bilinear = { stiffness_n_per_m = 1.19e6, yield_force_n = 1190.0, post_yield_ratio = 0.1 }",
+/// )?;
+/// let mut law = spec.build()?;
+/// assert!((law.trial(3e-3, 0.0, 0.0) - 1428.0).abs() < 1e-9);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "snake_case")]
+pub enum LawSpec {
+    /// Spring and dashpot: k d + c v.
+    Linear(LinearSpec),
+    /// Hardening or softening with the square root of the displacement (equation 42 of Gui et al. 2014).
+    SquareRoot(SquareRootSpec),
+    /// Cubic (Duffing) spring.
+    Cubic(CubicSpec),
+    /// Bilinear spring with kinematic hardening.
+    Bilinear(BilinearSpec),
+    /// Elastic–perfectly plastic spring.
+    ElasticPlastic(ElasticPlasticSpec),
+    /// Smooth hysteresis after Bouc and Wen, with optional degradation and pinching.
+    BoucWen(BoucWenSpec),
+    /// Contact behind a gap, in tension, compression or both.
+    Gap(GapSpec),
+    /// Stick-slip friction.
+    Coulomb(CoulombSpec),
+    /// Friction smoothed around rest by a hyperbolic tangent.
+    SmoothFriction(SmoothFrictionSpec),
+    /// Linear dashpot.
+    Viscous(ViscousSpec),
+    /// Dashpot with a second, usually lower, damping above a yield velocity.
+    Biviscous(BiviscousSpec),
+    /// Dashpot with a power of the velocity.
+    PowerDamper(PowerDamperSpec),
+    /// Several laws side by side: their forces add.
+    Parallel(Vec<LawSpec>),
+}
+
+impl LawSpec {
+    /// The law at rest, in its virgin state.
+    ///
+    /// # Errors
+    /// The first parameter outside its domain, with its key.
+    pub fn build(&self) -> Result<Box<dyn Law>, LawError> {
+        Ok(match self {
+            Self::Linear(spec) => Box::new(spec.build()?),
+            Self::SquareRoot(spec) => Box::new(spec.build()?),
+            Self::Cubic(spec) => Box::new(spec.build()?),
+            Self::Bilinear(spec) => Box::new(spec.build()?),
+            Self::ElasticPlastic(spec) => Box::new(spec.build()?),
+            Self::BoucWen(spec) => Box::new(spec.build()?),
+            Self::Gap(spec) => Box::new(spec.build()?),
+            Self::Coulomb(spec) => Box::new(spec.build()?),
+            Self::SmoothFriction(spec) => Box::new(spec.build()?),
+            Self::Viscous(spec) => Box::new(spec.build()?),
+            Self::Biviscous(spec) => Box::new(spec.build()?),
+            Self::PowerDamper(spec) => Box::new(spec.build()?),
+            Self::Parallel(specs) => Box::new(Parallel::new(Self::build_all("parallel", specs)?)?),
+        })
+    }
+
+    /// Builds each entry of the list that stands under the key `list`.
+    ///
+    /// # Errors
+    /// The first entry that cannot be built, with its position.
+    pub fn build_all(list: &'static str, specs: &[Self]) -> Result<Vec<Box<dyn Law>>, LawError> {
+        let numbered = specs.iter().zip(1..);
+        numbered
+            .map(|(spec, index)| {
+                spec.build().map_err(|reason| LawError::Entry {
+                    list,
+                    index,
+                    reason: Box::new(reason),
+                })
+            })
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wrong_law_in_a_list_is_named_by_its_place_and_key() {
+        let text = "parallel = [ { viscous = { damping_n_s_per_m = 3.0 } }, \
+                    { gap = { stiffness_n_per_m = 1e6, gap_m = -0.1, side = \"both\" } } ]";
+        let error = toml::from_str::<LawSpec>(text)
+            .unwrap()
+            .build()
+            .unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "parallel entry 2: gap_m is -0.1, but must be finite and not negative"
+        );
+        assert_eq!(error.key(), "gap_m");
+        let empty = toml::from_str::<LawSpec>("parallel = []").unwrap();
+        assert_eq!(
+            empty.build().unwrap_err().to_string(),
+            "parallel has 0 entries, but must have 1"
+        );
+    }
+
+    #[test]
+    fn unknown_keys_and_kinds_are_refused() {
+        let typo = "linear = { stifness_n_per_m = 1.0 }";
+        assert!(toml::from_str::<LawSpec>(typo).is_err());
+        assert!(toml::from_str::<LawSpec>("magic = {}").is_err());
+    }
+
+    #[test]
+    fn the_schema_explains_every_key() {
+        fn walk(value: &serde_json::Value, path: &str, missing: &mut Vec<String>) {
+            if let Some(object) = value.as_object() {
+                if let Some(properties) = object.get("properties").and_then(|p| p.as_object()) {
+                    for (key, inner) in properties {
+                        let explained = inner.get("description").is_some()
+                            || inner.get("$ref").is_some()
+                            || inner.get("items").is_some();
+                        if !explained {
+                            missing.push(format!("{path}/{key}"));
+                        }
+                    }
+                }
+                for (key, inner) in object {
+                    walk(inner, &format!("{path}/{key}"), missing);
+                }
+            } else if let Some(list) = value.as_array() {
+                for inner in list {
+                    walk(inner, path, missing);
+                }
+            }
+        }
+        let schema = serde_json::to_value(schemars::schema_for!(LawSpec)).unwrap();
+        let mut missing = Vec::new();
+        walk(&schema, "", &mut missing);
+        assert!(missing.is_empty(), "{missing:?}");
+        assert!(schema.to_string().contains("post_yield_ratio"));
+    }
+}

@@ -1,0 +1,373 @@
+//! A specimen in this process as a substructure: the command is answered by a formula, at once.
+//!
+//! It commits when the step is accepted and never otherwise. A command whose sequence number was answered already gets
+//! the stored answer, whatever it says, and moves nothing: so does an acceptance that comes twice.
+
+use super::Specimen;
+use crate::substructure::{
+    Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
+};
+use crate::time::Nanos;
+
+/// A [`Specimen`] behind the hinge. Coupling: lockstep.
+#[derive(Debug)]
+pub struct InProcess<S: Specimen> {
+    specimen: S,
+    phase: Phase,
+    sequence: u64,
+    time: f64,
+    dt: f64,
+    disp: Vec<f64>,
+    vel: Vec<f64>,
+    force: Vec<f64>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Phase {
+    /// No command has come yet.
+    Idle,
+    /// The command stands in the buffers, unanswered.
+    Issued,
+    /// Answered; the specimen's trial is that of the command.
+    Answered,
+    /// Answered and committed.
+    Committed,
+    /// Lost for good.
+    Faulted(LinkFault),
+}
+
+impl<S: Specimen> InProcess<S> {
+    /// The specimen in its present committed state, with no command yet.
+    #[must_use]
+    pub fn new(specimen: S) -> Self {
+        let axes = specimen.axes();
+        Self {
+            specimen,
+            phase: Phase::Idle,
+            sequence: 0,
+            time: 0.0,
+            dt: 0.0,
+            disp: vec![0.0; axes],
+            vel: vec![0.0; axes],
+            force: vec![0.0; axes],
+        }
+    }
+
+    /// The specimen, for its reference, tangents, bounds and state.
+    #[must_use]
+    pub fn specimen(&self) -> &S {
+        &self.specimen
+    }
+
+    /// The specimen back.
+    #[must_use]
+    pub fn into_specimen(self) -> S {
+        self.specimen
+    }
+
+    fn fault(&mut self, fault: LinkFault) -> LinkFault {
+        self.phase = Phase::Faulted(fault);
+        fault
+    }
+}
+
+impl<S: Specimen> Substructure for InProcess<S> {
+    fn axes(&self) -> usize {
+        self.disp.len()
+    }
+
+    fn coupling(&self) -> Coupling {
+        Coupling::Lockstep
+    }
+
+    /// Refused: a number of axes that is not ours, a sequence number that runs backwards.
+    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+        match self.phase {
+            Phase::Faulted(fault) => return Err(fault),
+            Phase::Answered | Phase::Committed if command.sequence == self.sequence => {
+                return Ok(());
+            }
+            Phase::Issued | Phase::Answered | Phase::Committed
+                if command.sequence < self.sequence =>
+            {
+                return Err(self.fault(LinkFault::Refused));
+            }
+            _ => {}
+        }
+        if command.disp.len() != self.disp.len() || command.vel.len() != self.vel.len() {
+            return Err(self.fault(LinkFault::Refused));
+        }
+        self.sequence = command.sequence;
+        self.time = command.time;
+        self.dt = command.dt;
+        // Lengths are equal: checked above.
+        self.disp.copy_from_slice(command.disp);
+        self.vel.copy_from_slice(command.vel);
+        self.phase = Phase::Issued;
+        Ok(())
+    }
+
+    fn collect(
+        &mut self,
+        _deadline: Nanos,
+        into: &mut Measurement,
+    ) -> Result<Freshness, LinkFault> {
+        match self.phase {
+            Phase::Faulted(fault) => return Err(fault),
+            // Nothing was asked, so nothing will ever come.
+            Phase::Idle => return Err(LinkFault::Timeout),
+            Phase::Issued => {
+                self.specimen
+                    .trial(&self.disp, &self.vel, self.dt, &mut self.force);
+                let numbers = self.force.iter().chain(&self.disp);
+                if !numbers.copied().all(f64::is_finite) {
+                    return Err(self.fault(LinkFault::NotFinite));
+                }
+                self.phase = Phase::Answered;
+            }
+            Phase::Answered | Phase::Committed => {}
+        }
+        into.sequence = self.sequence;
+        into.time = self.time;
+        into.status = Status::default();
+        for (to, from) in into.disp.iter_mut().zip(&self.disp) {
+            *to = *from;
+        }
+        for (to, from) in into.force.iter_mut().zip(&self.force) {
+            *to = *from;
+        }
+        Ok(Freshness::Fresh)
+    }
+
+    /// Refused: a sequence number that was not answered yet.
+    fn accepted(&mut self, sequence: u64) -> Result<(), LinkFault> {
+        match self.phase {
+            Phase::Faulted(fault) => Err(fault),
+            Phase::Answered if sequence == self.sequence => {
+                self.specimen.commit();
+                self.phase = Phase::Committed;
+                Ok(())
+            }
+            Phase::Committed if sequence == self.sequence => Ok(()),
+            Phase::Issued | Phase::Answered | Phase::Committed if sequence < self.sequence => {
+                Ok(())
+            }
+            _ => Err(self.fault(LinkFault::Refused)),
+        }
+    }
+
+    /// A step that was not accepted is taken back.
+    fn retire(&mut self, _how: Retirement) {
+        self.specimen.revert();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::law::LawSpec;
+    use crate::specimen::{SpecimenLaw, Uniaxial};
+
+    fn laws() -> Vec<Box<dyn crate::law::Law>> {
+        let text = "bouc_wen = { stiffness_n_per_m = 1.19e6, yield_force_n = 1190.0, \
+                    post_yield_ratio = 0.1, beta = 0.5, gamma = 0.5, exponent = 2.5 }";
+        let spec: LawSpec = toml::from_str(text).unwrap();
+        let damper = "viscous = { damping_n_s_per_m = 500.0 }";
+        let damper: LawSpec = toml::from_str(damper).unwrap();
+        vec![spec.build().unwrap(), damper.build().unwrap()]
+    }
+
+    fn port() -> InProcess<Uniaxial> {
+        InProcess::new(Uniaxial::new(laws()).unwrap())
+    }
+
+    fn command<'a>(sequence: u64, disp: &'a [f64], vel: &'a [f64]) -> Command<'a> {
+        Command {
+            sequence,
+            time: sequence as f64 * 0.01,
+            dt: 0.01,
+            disp,
+            vel,
+        }
+    }
+
+    fn motion(k: u64) -> ([f64; 2], [f64; 2]) {
+        let t = k as f64 * 0.1;
+        ([5e-3 * t.sin(), 1e-3 * t], [0.05 * t.cos(), 0.01])
+    }
+
+    #[test]
+    fn through_the_hinge_or_directly_the_specimen_gives_the_same_bits() {
+        let mut port = port();
+        let mut direct = laws();
+        let mut measured = Measurement::zeros(2);
+        for k in 0..200 {
+            let (disp, vel) = motion(k);
+            port.issue(&command(k, &disp, &vel)).unwrap();
+            let fresh = port.collect(Nanos(0), &mut measured).unwrap();
+            port.accepted(k).unwrap();
+            assert_eq!(fresh, Freshness::Fresh);
+            assert_eq!((measured.sequence, measured.time), (k, k as f64 * 0.01));
+            assert_eq!(measured.disp, disp);
+            for axis in 0..2 {
+                let force = direct[axis].trial(disp[axis], vel[axis], 0.01);
+                direct[axis].commit();
+                assert_eq!(measured.force[axis].to_bits(), force.to_bits());
+            }
+        }
+    }
+
+    #[test]
+    fn a_repeated_sequence_number_gets_the_stored_answer_and_moves_nothing() {
+        let (mut once, mut twice) = (port(), port());
+        let (mut a, mut b) = (Measurement::zeros(2), Measurement::zeros(2));
+        for k in 0..100 {
+            let (disp, vel) = motion(k);
+            for port in [&mut once, &mut twice] {
+                port.issue(&command(k, &disp, &vel)).unwrap();
+            }
+            once.collect(Nanos(0), &mut a).unwrap();
+            once.accepted(k).unwrap();
+            twice.collect(Nanos(0), &mut b).unwrap();
+            // Before and after the acceptance, with other numbers under the same sequence number.
+            twice.issue(&command(k, &[0.1, 0.2], &[0.3, 0.4])).unwrap();
+            twice.collect(Nanos(0), &mut b).unwrap();
+            assert_eq!(a, b);
+            twice.accepted(k).unwrap();
+            twice.issue(&command(k, &[-0.1, 0.2], &[0.3, 0.4])).unwrap();
+            twice.collect(Nanos(0), &mut b).unwrap();
+            twice.accepted(k).unwrap();
+            assert_eq!(a, b);
+        }
+        let state = |port: &InProcess<Uniaxial>| {
+            let mut state = Vec::new();
+            port.specimen().freeze(&mut state);
+            state
+        };
+        assert_eq!(state(&once), state(&twice));
+    }
+
+    /// Counts what is done to it; its force is the number of commits so far.
+    #[derive(Debug, Default)]
+    struct Counter {
+        trials: u32,
+        commits: u32,
+    }
+
+    impl Specimen for Counter {
+        fn axes(&self) -> usize {
+            1
+        }
+        fn trial(&mut self, _disp: &[f64], _vel: &[f64], _dt: f64, force: &mut [f64]) {
+            self.trials += 1;
+            force[0] = f64::from(self.commits);
+        }
+        fn commit(&mut self) {
+            self.commits += 1;
+        }
+        fn revert(&mut self) {}
+        fn reference(&self, _: &mut [f64], _: &mut [f64], _: &mut [f64]) {}
+        fn tangent(&self, _: &mut [f64]) {}
+        fn bound(
+            &self,
+            _: &[crate::law::Reach],
+            _: &mut [f64],
+            _: &mut [f64],
+        ) -> Result<(), usize> {
+            Ok(())
+        }
+        fn freeze(&self, _out: &mut Vec<f64>) {}
+        fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
+            from
+        }
+    }
+
+    #[test]
+    fn one_sequence_number_is_one_trial_and_one_commit() {
+        let mut port = InProcess::new(Counter::default());
+        let mut into = Measurement::zeros(1);
+        for k in 0..10 {
+            for _ in 0..3 {
+                port.issue(&command(k, &[0.0], &[0.0])).unwrap();
+                port.collect(Nanos(0), &mut into).unwrap();
+                port.collect(Nanos(0), &mut into).unwrap();
+                assert_eq!(into.force[0], k as f64);
+                port.accepted(k).unwrap();
+                port.accepted(k).unwrap();
+            }
+            // An acceptance that comes late, of an older step, moves nothing either.
+            port.accepted(k.saturating_sub(1)).unwrap();
+        }
+        let Counter { trials, commits } = port.into_specimen();
+        assert_eq!((trials, commits), (10, 10));
+    }
+
+    #[test]
+    fn a_step_that_is_not_accepted_leaves_no_trace() {
+        let (mut plain, mut disturbed) = (port(), port());
+        let (mut a, mut b) = (Measurement::zeros(2), Measurement::zeros(2));
+        disturbed
+            .issue(&command(0, &[0.02, 0.0], &[0.0; 2]))
+            .unwrap();
+        disturbed.collect(Nanos(0), &mut b).unwrap();
+        let (disp, vel) = motion(3);
+        for (port, into) in [(&mut plain, &mut a), (&mut disturbed, &mut b)] {
+            port.issue(&command(1, &disp, &vel)).unwrap();
+            port.collect(Nanos(0), into).unwrap();
+        }
+        assert_eq!(a, b);
+    }
+
+    #[test]
+    fn what_is_not_finite_is_a_final_fault() {
+        let mut port = port();
+        let mut into = Measurement::zeros(2);
+        port.issue(&command(0, &[0.0, f64::NAN], &[0.0; 2]))
+            .unwrap();
+        let lost = Err(LinkFault::NotFinite);
+        assert_eq!(port.collect(Nanos(0), &mut into), lost);
+        assert_eq!(port.collect(Nanos(0), &mut into), lost);
+        assert_eq!(
+            port.issue(&command(1, &[0.0; 2], &[0.0; 2])),
+            Err(LinkFault::NotFinite)
+        );
+        assert_eq!(port.accepted(0), Err(LinkFault::NotFinite));
+    }
+
+    #[test]
+    fn nonsense_from_the_caller_is_refused_without_a_panic() {
+        let mut into = Measurement::zeros(2);
+        assert_eq!(port().collect(Nanos(0), &mut into), Err(LinkFault::Timeout));
+        let wrong_axes = command(0, &[0.0], &[0.0]);
+        assert_eq!(port().issue(&wrong_axes), Err(LinkFault::Refused));
+        assert_eq!(port().accepted(0), Err(LinkFault::Refused));
+        let mut backwards = port();
+        backwards.issue(&command(5, &[0.0; 2], &[0.0; 2])).unwrap();
+        assert_eq!(
+            backwards.issue(&command(4, &[0.0; 2], &[0.0; 2])),
+            Err(LinkFault::Refused)
+        );
+    }
+
+    #[test]
+    fn an_exchange_allocates_nothing() {
+        let text = "coupled = { stiffness_n_per_m = [[2.0, -1.0], [-1.0, 2.0]] }";
+        let coupled: SpecimenLaw = toml::from_str(text).unwrap();
+        let mut ports: [Box<dyn Substructure>; 2] = [
+            Box::new(port()),
+            Box::new(InProcess::new(coupled.build(2).unwrap())),
+        ];
+        let mut into = Measurement::zeros(2);
+        for port in &mut ports {
+            let count = allocation_counter::measure(|| {
+                for k in 0..500 {
+                    let (disp, vel) = motion(k);
+                    port.issue(&command(k, &disp, &vel)).unwrap();
+                    port.collect(Nanos(0), &mut into).unwrap();
+                    port.accepted(k).unwrap();
+                }
+            });
+            assert_eq!(count.count_total, 0);
+        }
+    }
+}

@@ -1,0 +1,105 @@
+//! What the test file says of the behaviour of a simulated specimen: `law`, `laws` or `coupled`.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{CoupledSpec, Specimen, Uniaxial};
+use crate::law::{LawError, LawSpec};
+
+/// How a simulated specimen resists.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "snake_case")]
+pub enum SpecimenLaw {
+    /// The same law on every axis, each axis with a memory of its own.
+    Law(LawSpec),
+    /// One law per axis.
+    Laws(Vec<LawSpec>),
+    /// Linear, with full matrices.
+    Coupled(CoupledSpec),
+}
+
+impl SpecimenLaw {
+    /// The behaviour from the three keys of a specimen's table, which exclude each other; none of them is `None`.
+    ///
+    /// # Errors
+    /// More than one of them is given.
+    pub fn one_of(
+        law: Option<LawSpec>,
+        laws: Option<Vec<LawSpec>>,
+        coupled: Option<CoupledSpec>,
+    ) -> Result<Option<Self>, LawError> {
+        let exclusive = |first, second| Err(LawError::Exclusive { first, second });
+        match (law, laws, coupled) {
+            (Some(_), Some(_), _) => exclusive("law", "laws"),
+            (Some(_), _, Some(_)) => exclusive("law", "coupled"),
+            (_, Some(_), Some(_)) => exclusive("laws", "coupled"),
+            (Some(law), None, None) => Ok(Some(Self::Law(law))),
+            (None, Some(laws), None) => Ok(Some(Self::Laws(laws))),
+            (None, None, Some(coupled)) => Ok(Some(Self::Coupled(coupled))),
+            (None, None, None) => Ok(None),
+        }
+    }
+
+    /// The specimen for `axes` ≥ 1 axes, in its virgin state.
+    ///
+    /// # Errors
+    /// A parameter outside its domain, or a list or matrix of the wrong size.
+    pub fn build(&self, axes: usize) -> Result<Box<dyn Specimen>, LawError> {
+        match self {
+            Self::Law(spec) => {
+                let laws: Result<_, _> = (0..axes).map(|_| spec.build()).collect();
+                Ok(Box::new(Uniaxial::new(laws?)?))
+            }
+            Self::Laws(specs) => {
+                if specs.len() != axes {
+                    return Err(LawError::Size {
+                        name: "laws",
+                        what: "entries",
+                        found: specs.len(),
+                        wanted: axes,
+                    });
+                }
+                let laws = LawSpec::build_all("laws", specs)?;
+                Ok(Box::new(Uniaxial::new(laws)?))
+            }
+            Self::Coupled(spec) => Ok(Box::new(spec.build(axes)?)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Deserialize)]
+    struct Keys {
+        law: Option<LawSpec>,
+        laws: Option<Vec<LawSpec>>,
+        coupled: Option<CoupledSpec>,
+    }
+
+    fn read(text: &str) -> Result<Option<SpecimenLaw>, LawError> {
+        let keys: Keys = toml::from_str(text).unwrap();
+        SpecimenLaw::one_of(keys.law, keys.laws, keys.coupled)
+    }
+
+    #[test]
+    fn the_three_keys_of_a_specimen_build_what_they_say() {
+        let one = "law = { bouc_wen = { stiffness_n_per_m = 1e6, yield_force_n = 1e3, \
+                   post_yield_ratio = 0.1, beta = 0.5, gamma = 0.5, exponent = 2 } }";
+        let two = "laws = [ { linear = { stiffness_n_per_m = 2.0 } }, { viscous = { damping_n_s_per_m = 3.0 } } ]";
+        let full = "coupled = { stiffness_n_per_m = [[2.0, -1.0], [-1.0, 2.0]] }";
+        for (text, axes) in [(one, 1), (one, 3), (two, 2), (full, 2)] {
+            let specimen = read(text).unwrap().unwrap().build(axes).unwrap();
+            assert_eq!(specimen.axes(), axes);
+        }
+        assert_eq!(read("").unwrap(), None);
+        let wrong = read(two).unwrap().unwrap().build(3).unwrap_err();
+        assert_eq!(wrong.to_string(), "laws has 2 entries, but must have 3");
+        let both = read(&format!("{two}\n{full}")).unwrap_err();
+        assert_eq!(
+            both.to_string(),
+            "laws and coupled are both given, but only one of them may be"
+        );
+    }
+}
