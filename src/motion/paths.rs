@@ -246,3 +246,189 @@ impl Cyclic {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::motion::shapes::tests::rate_is_the_derivative;
+
+    fn cyclic() -> Cyclic {
+        Cyclic {
+            amplitudes: vec![1.0, -2.0],
+            unit: Some(Unit::Millimetre),
+            cycles_per_amplitude: 2,
+            shape: CyclicShape::Sine,
+            frequency_hz: Some(0.5),
+            speed: None,
+            rest_s: 1.0,
+            start_s: 0.5,
+        }
+    }
+
+    fn ramp() -> RampAndHold {
+        RampAndHold {
+            levels: vec![2.0, -1.0, 0.0],
+            unit: Some(Unit::Centimetre),
+            speed: 4.0,
+            hold_s: 0.5,
+            start_s: 1.0,
+            shape: RampShape::Linear,
+        }
+    }
+
+    #[test]
+    fn cycles_come_with_their_amplitudes_and_rests() {
+        let curve = cyclic().curve(Quantity::Displacement).unwrap();
+        let at = |t: f64| (curve.at)(t).0;
+        // Two cycles of 2 s from 0.5 s, a rest of 1 s, two cycles of the other amplitude from 5.5 s.
+        for (t, value) in [
+            (0.2, 0.0),
+            (1.0, 1e-3),
+            (2.0, -1e-3),
+            (3.0, 1e-3),
+            (5.0, 0.0),
+            (6.0, -2e-3),
+            (7.0, 2e-3),
+            (9.6, 0.0),
+        ] {
+            assert!((at(t) - value).abs() < 1e-17, "{t}: {}", at(t));
+        }
+        rate_is_the_derivative(&curve, 10.0, &[0.5, 4.5, 5.5, 9.5]);
+    }
+
+    #[test]
+    fn a_triangle_moves_at_its_speed() {
+        let triangle = Cyclic {
+            shape: CyclicShape::Triangle,
+            frequency_hz: None,
+            speed: Some(4.0),
+            start_s: 0.0,
+            rest_s: 0.0,
+            ..cyclic()
+        };
+        // Periods 4A/v: 1 s, then 2 s; 4 mm/s throughout.
+        let curve = triangle.curve(Quantity::Displacement).unwrap();
+        for (t, value) in [
+            (0.25, 1e-3),
+            (0.5, 0.0),
+            (0.75, -1e-3),
+            (1.125, 0.5e-3),
+            (2.5, -2e-3),
+            (3.5, 2e-3),
+        ] {
+            assert!(((curve.at)(t).0 - value).abs() < 1e-17, "{t}");
+        }
+        for i in 0..600 {
+            let (_, rate) = (curve.at)(0.01 * f64::from(i) + 0.0033);
+            assert!((rate.abs() - 4e-3).abs() < 1e-17);
+        }
+        rate_is_the_derivative(
+            &curve,
+            6.0,
+            &[0.25, 0.75, 1.25, 1.75, 2.0, 2.5, 3.5, 4.5, 5.5, 6.0],
+        );
+        // A sine of given peak speed: f = v / 2πA.
+        let sine = Cyclic {
+            shape: CyclicShape::Sine,
+            ..triangle
+        };
+        let curve = sine.curve(Quantity::Displacement).unwrap();
+        assert!(((curve.at)(0.0).1 - 4e-3).abs() < 1e-17);
+    }
+
+    #[test]
+    fn ramps_go_at_their_speed_and_hold_their_level() {
+        let curve = ramp().curve(Quantity::Displacement).unwrap();
+        // 2 cm in 0.5 s, rest 0.5 s, 3 cm in 0.75 s, rest, 1 cm in 0.25 s.
+        for (t, value, rate) in [
+            (0.9, 0.0, 0.0),
+            (1.25, 0.01, 0.04),
+            (1.75, 0.02, 0.0),
+            (2.375, 0.005, -0.04),
+            (3.0, -0.01, 0.0),
+            (3.375, -0.005, 0.04),
+            (9.0, 0.0, 0.0),
+        ] {
+            let found = (curve.at)(t);
+            assert!((found.0 - value).abs() < 1e-16, "{t}: {found:?}");
+            assert!((found.1 - rate).abs() < 1e-15, "{t}: {found:?}");
+        }
+        let smooth = RampAndHold {
+            shape: RampShape::Smooth,
+            ..ramp()
+        };
+        let curve = smooth.curve(Quantity::Displacement).unwrap();
+        rate_is_the_derivative(&curve, 6.0, &[]);
+        let top = (0..60_000)
+            .map(|i| (curve.at)(1e-4 * f64::from(i)).1.abs())
+            .fold(0.0, f64::max);
+        // Read every 0.1 ms: the top of half a cosine is missed by (π·5e-5/0.4)²/2 = 8e-8 at most.
+        assert!((top / 0.04 - 1.0).abs() < 1e-7);
+    }
+
+    #[test]
+    fn a_step_rises_smoothly_if_told_to() {
+        let step = Step {
+            amplitude: 3.0,
+            unit: None,
+            start_s: 0.3,
+            rise_s: 0.0,
+        };
+        let curve = step.curve(Quantity::Force).unwrap();
+        assert_eq!((curve.at)(0.29), (0.0, 0.0));
+        // 3 · 0.1 is not 0.3, but it is the step of that name.
+        assert_eq!((curve.at)(3.0 * 0.1), (3.0, 0.0));
+        let smooth = Step {
+            rise_s: 1.0,
+            ..step
+        };
+        let curve = smooth.curve(Quantity::Force).unwrap();
+        assert!(((curve.at)(0.8).0 - 1.5).abs() < 1e-15);
+        assert_eq!((curve.at)(1.4), (3.0, 0.0));
+        rate_is_the_derivative(&curve, 2.0, &[]);
+    }
+
+    #[test]
+    fn empty_lists_and_standing_cycles_are_refused() {
+        let refused = |c: Cyclic| c.curve(Quantity::Displacement).is_err();
+        assert!(!refused(cyclic()));
+        assert!(refused(Cyclic {
+            amplitudes: vec![],
+            ..cyclic()
+        }));
+        assert!(refused(Cyclic {
+            amplitudes: vec![0.0],
+            ..cyclic()
+        }));
+        assert!(refused(Cyclic {
+            amplitudes: vec![f64::NAN],
+            ..cyclic()
+        }));
+        assert!(refused(Cyclic {
+            cycles_per_amplitude: 0,
+            ..cyclic()
+        }));
+        assert!(refused(Cyclic {
+            speed: Some(1.0),
+            ..cyclic()
+        }));
+        assert!(refused(Cyclic {
+            frequency_hz: None,
+            ..cyclic()
+        }));
+        let refused = |r: RampAndHold| r.curve(Quantity::Displacement).is_err();
+        assert!(!refused(ramp()));
+        assert!(refused(RampAndHold {
+            levels: vec![],
+            ..ramp()
+        }));
+        assert!(refused(RampAndHold {
+            speed: 0.0,
+            ..ramp()
+        }));
+        assert!(refused(RampAndHold {
+            hold_s: f64::NAN,
+            ..ramp()
+        }));
+    }
+}

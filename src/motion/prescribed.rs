@@ -170,3 +170,151 @@ impl Prescribed {
         )
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::motion::{Cyclic, CyclicShape, Signal, Sine, Unit};
+
+    fn no_files(_: &str) -> std::io::Result<Vec<u8>> {
+        Err(std::io::ErrorKind::NotFound.into())
+    }
+
+    fn sine(amplitude: f64) -> Motion {
+        Motion::plain(Signal::Sine(Sine {
+            amplitude,
+            unit: Some(Unit::Millimetre),
+            frequency_hz: Some(1.0),
+            angular_frequency_rad_per_s: None,
+            phase_rad: 0.0,
+            start_s: 0.0,
+            cycles: None,
+            duration_s: None,
+            taper_s: 0.0,
+        }))
+    }
+
+    fn spec(axes: Vec<Motion>, ease: f64) -> PrescribedSpec {
+        PrescribedSpec {
+            axes,
+            ease_in_s: ease,
+            ease_out_s: ease,
+        }
+    }
+
+    #[test]
+    fn every_axis_has_its_own_motion() {
+        let grid = Grid::new(0.01, 250).unwrap();
+        let test = spec(vec![sine(1.0), sine(3.0)], 0.0)
+            .evaluate(grid, &no_files)
+            .unwrap();
+        assert_eq!((test.axes(), test.steps()), (2, 250));
+        for step in 0..=250 {
+            let angle = 2.0 * std::f64::consts::PI * 0.01 * step as f64;
+            let (d, v) = test.at(step);
+            assert!((d[0] - 1e-3 * angle.sin()).abs() < 1e-16);
+            assert!((d[1] - 3e-3 * angle.sin()).abs() < 1e-16);
+            assert!((v[1] - 3e-3 * 2.0 * std::f64::consts::PI * angle.cos()).abs() < 1e-15);
+        }
+        // Beyond the end it stands still.
+        let (last, _) = test.at(250);
+        assert_eq!(test.at(251), (last, &[0.0, 0.0][..]));
+        assert_eq!(test.at(usize::MAX), test.at(251));
+        // A sine out of rest is rough at both ends, on both axes.
+        assert_eq!(test.warnings().len(), 4, "{:?}", test.warnings());
+        assert!(test.warnings()[0].contains("axis 1 starts with"));
+    }
+
+    #[test]
+    fn easing_brings_both_ends_to_rest_and_keeps_velocity_the_derivative() {
+        let grid = Grid::new(0.001, 4000).unwrap();
+        let test = spec(vec![sine(2.0)], 0.8)
+            .evaluate(grid, &no_files)
+            .unwrap();
+        assert!(test.warnings().is_empty(), "{:?}", test.warnings());
+        for step in [0, 4000] {
+            let (d, v) = test.at(step);
+            assert!(d[0].abs() < 1e-15 && v[0].abs() < 1e-15);
+        }
+        let top = 2e-3 * 2.0 * std::f64::consts::PI;
+        for step in 1..4000 {
+            let difference = (test.at(step + 1).0[0] - test.at(step - 1).0[0]) / 0.002;
+            // h²/6 of the third derivative: of the sine (2π)³, of the easing 60/0.8³, mixed below 1e3; times 2 mm.
+            assert!(
+                (test.at(step).1[0] - difference).abs() < 1e-3 * top,
+                "{step}"
+            );
+        }
+        // In between nothing is changed.
+        let plain = spec(vec![sine(2.0)], 0.0)
+            .evaluate(grid, &no_files)
+            .unwrap();
+        assert_eq!(test.at(2000), plain.at(2000));
+    }
+
+    #[test]
+    fn a_motion_that_is_cut_off_is_mentioned() {
+        let cut = Motion::plain(Signal::Sine(Sine {
+            amplitude: 1.0,
+            unit: None,
+            frequency_hz: Some(1.0),
+            angular_frequency_rad_per_s: None,
+            phase_rad: 0.0,
+            start_s: 0.0,
+            cycles: Some(1.25),
+            duration_s: None,
+            taper_s: 0.0,
+        }));
+        let grid = Grid::new(0.01, 200).unwrap();
+        let test = spec(vec![cut], 0.0).evaluate(grid, &no_files).unwrap();
+        assert!(
+            test.warnings()
+                .iter()
+                .any(|w| w.contains("axis 1 jumps by -1.000e0 m")),
+            "{:?}",
+            test.warnings()
+        );
+        let triangle = Motion::plain(Signal::Cyclic(Cyclic {
+            amplitudes: vec![1.0, 2.0],
+            unit: Some(Unit::Millimetre),
+            cycles_per_amplitude: 1,
+            shape: CyclicShape::Triangle,
+            frequency_hz: None,
+            speed: Some(10.0),
+            rest_s: 0.3,
+            start_s: 0.1,
+        }));
+        let test = spec(vec![triangle], 0.0).evaluate(grid, &no_files).unwrap();
+        assert!(test.warnings().is_empty(), "{:?}", test.warnings());
+    }
+
+    #[test]
+    fn a_test_without_axes_or_with_too_much_easing_is_refused() {
+        let grid = Grid::new(0.01, 100).unwrap();
+        for spec in [
+            spec(vec![], 0.0),
+            spec(vec![sine(1.0)], 0.6),
+            spec(vec![sine(1.0)], -0.1),
+            spec(vec![sine(1.0)], f64::NAN),
+        ] {
+            assert!(spec.evaluate(grid, &no_files).is_err());
+        }
+    }
+
+    #[test]
+    fn reading_a_step_allocates_nothing() {
+        let grid = Grid::new(0.01, 100).unwrap();
+        let test = spec(vec![sine(1.0), sine(2.0)], 0.0)
+            .evaluate(grid, &no_files)
+            .unwrap();
+        let mut sum = 0.0;
+        let counted = allocation_counter::measure(|| {
+            for step in 0..200 {
+                let (d, v) = test.at(step);
+                sum += d.iter().zip(v).map(|(d, v)| d + v).sum::<f64>();
+            }
+        });
+        assert_eq!(counted.count_total, 0);
+        assert!(sum.is_finite());
+    }
+}

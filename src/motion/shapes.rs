@@ -305,3 +305,264 @@ impl Constant {
         })
     }
 }
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+
+    /// The rate agrees with a difference of the values, away from `corners`.
+    pub(in crate::motion) fn rate_is_the_derivative(curve: &Curve, end: f64, corners: &[f64]) {
+        let h = 1e-5;
+        let mut time = 0.003_1;
+        let size = (0..2000)
+            .map(|i| (curve.at)(end * f64::from(i) / 2000.0).1.abs())
+            .fold(0.0, f64::max);
+        while time < end {
+            if corners.iter().all(|c| (time - c).abs() > 2.0 * h) {
+                let value = |t: f64| (curve.at)(t).0;
+                // Fourth-order difference: error h⁴ x⁗'/30, below 1e-9 of the rate at ωh < 1e-2; rounding 1e-16/h.
+                let difference = (8.0 * (value(time + h) - value(time - h))
+                    - (value(time + 2.0 * h) - value(time - 2.0 * h)))
+                    / (12.0 * h);
+                let rate = (curve.at)(time).1;
+                assert!(
+                    (rate - difference).abs() < 1e-7 * (size + 1.0),
+                    "at {time}: {rate} {difference}"
+                );
+            }
+            time += 0.017_3;
+        }
+    }
+
+    fn sine() -> Sine {
+        Sine {
+            amplitude: 2.0,
+            unit: None,
+            frequency_hz: Some(1.5),
+            angular_frequency_rad_per_s: None,
+            phase_rad: 0.0,
+            start_s: 0.0,
+            cycles: None,
+            duration_s: None,
+            taper_s: 0.0,
+        }
+    }
+
+    fn sweep(kind: SweepKind) -> Sweep {
+        Sweep {
+            amplitude: 0.5,
+            unit: None,
+            from_hz: 0.5,
+            to_hz: 8.0,
+            duration_s: 12.0,
+            kind,
+            start_s: 1.0,
+            taper_s: 0.0,
+        }
+    }
+
+    #[test]
+    fn a_sine_is_a_sine() {
+        let paper = Sine {
+            amplitude: 20.0,
+            frequency_hz: None,
+            angular_frequency_rad_per_s: Some(1.0),
+            ..sine()
+        };
+        let curve = paper.curve(Quantity::Force).unwrap();
+        for i in 0..100 {
+            let t = 0.05 * f64::from(i);
+            let (value, rate) = (curve.at)(t);
+            // Two implementations of the circle functions, each good to the last bit.
+            assert!((value - 20.0 * t.sin()).abs() < 1e-14 * 20.0);
+            assert!((rate - 20.0 * t.cos()).abs() < 1e-14 * 20.0);
+        }
+        let late = Sine {
+            start_s: 1.0,
+            cycles: Some(2.5),
+            phase_rad: 0.3,
+            unit: Some(Unit::Gravity),
+            ..sine()
+        };
+        let curve = late.curve(Quantity::Acceleration).unwrap();
+        assert_eq!((curve.at)(0.99), (0.0, 0.0));
+        let inside = (curve.at)(1.5).0;
+        let exact = 2.0 * 9.806_65 * (2.0 * PI * 1.5 * 0.5 + 0.3).sin();
+        assert!((inside - exact).abs() < 1e-13);
+        // 2.5 cycles of 1.5 Hz end at 1 + 5/3 s.
+        assert!((curve.at)(2.66).0 != 0.0);
+        assert_eq!((curve.at)(2.67), (0.0, 0.0));
+    }
+
+    #[test]
+    fn the_frequency_of_a_sweep_moves_as_it_should() {
+        // Zeros of sin 2πφ are where φ is a multiple of ½: they tell the phase without its formula. φ is the integral
+        // of the frequency, done here by Simpson's rule on the frequency's own definition.
+        for (kind, hz) in [
+            (
+                SweepKind::Linear,
+                (|s: f64| 0.5 + 7.5 * s) as fn(f64) -> f64,
+            ),
+            (SweepKind::Exponential, |s: f64| 0.5 * 16.0_f64.powf(s)),
+        ] {
+            let curve = sweep(kind).curve(Quantity::Displacement).unwrap();
+            let phase = |t: f64| {
+                let n = 2000;
+                let h = t / f64::from(n);
+                let sum: f64 = (0..=n)
+                    .map(|i| {
+                        let weight = match i {
+                            0 => 1.0,
+                            i if i == n => 1.0,
+                            i if i % 2 == 1 => 4.0,
+                            _ => 2.0,
+                        };
+                        weight * hz(f64::from(i) * h / 12.0)
+                    })
+                    .sum();
+                sum * h / 3.0
+            };
+            for i in 0..60 {
+                let t = 0.2 * f64::from(i);
+                let exact = 0.5 * (2.0 * PI * phase(t)).sin();
+                // Simpson's error: below 1e-11 of the phase of 50 turns, times 2π.
+                assert!(((curve.at)(1.0 + t).0 - exact).abs() < 1e-8, "{kind:?} {t}");
+            }
+            // Instantaneous frequency from the quadrature of value and rate: (x')² = (2πf)² (A² − x²).
+            for i in 1..60 {
+                let t = 0.2 * f64::from(i) + 0.013;
+                let (value, rate) = (curve.at)(1.0 + t);
+                if 0.25 - value * value > 0.02 {
+                    let found = rate.abs() / (2.0 * PI * (0.25 - value * value).sqrt());
+                    assert!((found / hz(t / 12.0) - 1.0).abs() < 1e-10, "{kind:?} {t}");
+                }
+            }
+            assert_eq!((curve.at)(0.9), (0.0, 0.0));
+            assert_eq!((curve.at)(13.1), (0.0, 0.0));
+            assert_eq!(curve.top_hz, Some(8.0));
+        }
+    }
+
+    #[test]
+    fn rates_are_derivatives() {
+        let tapered = Sine {
+            taper_s: 0.4,
+            duration_s: Some(2.0),
+            phase_rad: 0.7,
+            ..sine()
+        };
+        let curve = tapered.curve(Quantity::Displacement).unwrap();
+        // The taper starts and ends with a kink in the second derivative, which the difference sees too.
+        rate_is_the_derivative(&curve, 2.5, &[0.0, 0.4, 1.6, 2.0]);
+        for kind in [SweepKind::Linear, SweepKind::Exponential] {
+            let tapered = Sweep {
+                taper_s: 2.0,
+                ..sweep(kind)
+            };
+            let curve = tapered.curve(Quantity::Displacement).unwrap();
+            rate_is_the_derivative(&curve, 13.0, &[1.0, 3.0, 11.0, 13.0]);
+            assert!((curve.at)(1.0).0.abs() < 1e-15 && (curve.at)(13.0).0.abs() < 1e-15);
+        }
+        let ricker = Ricker {
+            amplitude: 3.0,
+            unit: None,
+            frequency_hz: 2.0,
+            centre_s: None,
+        };
+        let curve = ricker.curve(Quantity::Acceleration).unwrap();
+        rate_is_the_derivative(&curve, 2.0, &[]);
+        // Peak at 1.5/f; first zero where 2 (π f t)² = 1.
+        assert_eq!((curve.at)(0.75), (3.0, -0.0));
+        assert!((curve.at)(0.75 + 1.0 / (2.0 * PI * 2.0_f64.sqrt())).0.abs() < 1e-14);
+        assert!((curve.at)(0.0).0.abs() < 1e-7);
+    }
+
+    #[test]
+    fn an_exponential_sweep_over_no_interval_is_a_sine() {
+        let flat = Sweep {
+            to_hz: 0.5,
+            ..sweep(SweepKind::Exponential)
+        };
+        let curve = flat.curve(Quantity::Displacement).unwrap();
+        let exact = 0.5 * (2.0 * PI * 0.5 * 3.3).sin();
+        assert!(((curve.at)(4.3).0 - exact).abs() < 1e-13);
+    }
+
+    #[test]
+    fn parameters_outside_their_domain_are_named() {
+        let message = |sine: Sine| {
+            let refused = sine.curve(Quantity::Displacement).err();
+            refused.map(|e| e.to_string()).unwrap_or_default()
+        };
+        assert_eq!(
+            message(Sine {
+                frequency_hz: Some(0.0),
+                ..sine()
+            }),
+            "frequency_hz is 0, but must be finite and greater than zero"
+        );
+        assert_eq!(
+            message(Sine {
+                angular_frequency_rad_per_s: Some(1.0),
+                ..sine()
+            }),
+            "give exactly one of frequency_hz, angular_frequency_rad_per_s: 2 are given"
+        );
+        assert_eq!(
+            message(Sine {
+                cycles: Some(1.0),
+                duration_s: Some(1.0),
+                ..sine()
+            }),
+            "give at most one of cycles, duration_s: 2 are given"
+        );
+        assert_eq!(
+            message(Sine {
+                amplitude: f64::NAN,
+                ..sine()
+            }),
+            "amplitude is NaN, but must be finite"
+        );
+        assert_eq!(
+            message(Sine {
+                unit: Some(Unit::Gravity),
+                ..sine()
+            }),
+            "unit g does not measure a displacement"
+        );
+        assert!(
+            message(Sine {
+                taper_s: 2.0,
+                duration_s: Some(3.0),
+                ..sine()
+            })
+            .contains("half the duration")
+        );
+        for value in [-1.0, f64::NAN, f64::INFINITY] {
+            assert!(
+                Sweep {
+                    duration_s: value,
+                    ..sweep(SweepKind::Linear)
+                }
+                .curve(Quantity::Force)
+                .is_err()
+            );
+            assert!(
+                Sweep {
+                    to_hz: value,
+                    ..sweep(SweepKind::Linear)
+                }
+                .curve(Quantity::Force)
+                .is_err()
+            );
+            assert!(
+                Sine {
+                    start_s: value,
+                    ..sine()
+                }
+                .curve(Quantity::Force)
+                .is_err()
+            );
+        }
+    }
+}
