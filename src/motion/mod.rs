@@ -9,6 +9,7 @@
 //! No file is opened here, no clock is read. During a test only [`Excitation::load_into`], [`Excitation::base`],
 //! [`Excitation::ground`] and [`Prescribed::at`] run: they read tables and allocate nothing.
 
+mod base;
 pub mod error;
 mod noise;
 mod paths;
@@ -23,13 +24,14 @@ mod signal;
 pub mod spectrum;
 pub mod unit;
 
+pub use base::{BaseMotion, base_motion};
 pub use error::MotionError;
 pub use noise::{
     BandLimitedNoise, CloughPenzien, Envelope, JenningsHousner, KanaiTajimi, SaragoniHart,
 };
 pub use paths::{Cyclic, CyclicShape, RampAndHold, RampShape, Step};
 pub use prescribed::{Prescribed, PrescribedSpec};
-pub use process::{Amount, BaseMotion, Detrend, Motion, Processing, TargetSa, base_motion};
+pub use process::{Amount, Detrend, Motion, Processing, TargetSa};
 pub use read::{Column, ReadOptions, Record, RecordFormat, Table, parse_record, parse_table};
 pub use resample::{Resample, central_difference, resample};
 pub use shapes::{Constant, Ricker, Sine, Sweep, SweepKind};

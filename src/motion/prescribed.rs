@@ -3,8 +3,9 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::base::jump;
 use super::error::{MotionError, inside};
-use super::process::{Motion, jump};
+use super::process::Motion;
 use super::shapes::smooth_rise;
 use super::unit::Quantity;
 use super::{Files, Grid};

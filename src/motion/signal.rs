@@ -96,26 +96,19 @@ impl Signal {
     /// Path of the file that the signal reads, if it reads one.
     #[must_use]
     pub fn path(&self) -> Option<&str> {
-        match self {
-            Self::File(file) => Some(&file.path),
-            Self::Values(_)
-            | Self::Sine(_)
-            | Self::Sweep(_)
-            | Self::BandLimitedNoise(_)
-            | Self::KanaiTajimi(_)
-            | Self::Step(_)
-            | Self::RampAndHold(_)
-            | Self::Cyclic(_)
-            | Self::Ricker(_)
-            | Self::Constant(_) => None,
+        if let Self::File(file) = self {
+            Some(&file.path)
+        } else {
+            None
         }
     }
 
     /// The path of the file, to be changed: `resolved.toml` points to the copy in the run folder.
     pub fn path_mut(&mut self) -> Option<&mut String> {
-        match self {
-            Self::File(file) => Some(&mut file.path),
-            _ => None,
+        if let Self::File(file) = self {
+            Some(&mut file.path)
+        } else {
+            None
         }
     }
 
