@@ -99,6 +99,8 @@ pub struct Table {
     pub columns: usize,
     /// Numbers by rows, all finite.
     pub values: Vec<f64>,
+    /// What the user should know.
+    pub warnings: Vec<String>,
 }
 
 impl Table {
@@ -273,6 +275,7 @@ impl RawTable {
             names: self.names,
             columns: self.columns,
             values: self.values,
+            warnings: self.warnings,
         }
     }
 }
@@ -395,6 +398,8 @@ mod tests {
         assert_eq!(table.names, ["f1", "f2"]);
         assert_eq!((table.rows(), table.columns), (3, 2));
         assert_eq!(table.values, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
-        assert_eq!(parse_table("load.txt", b"1 2\n3 4\n").unwrap().rows(), 2);
+        let table = parse_table("load.txt", b"north east\n1 2\n3 4\n").unwrap();
+        assert_eq!((table.rows(), table.names.len()), (2, 2));
+        assert!(table.warnings[0].contains("taken as a header"));
     }
 }
