@@ -1,0 +1,285 @@
+//! Why a motion cannot be read, generated or laid on the grid.
+//!
+//! Every variant carries what was wanted and what was found; those about a file name it and, where there is one,
+//! the line and the column (from 1). In a `.npy` file "line" is the row.
+
+use thiserror::Error;
+
+use super::unit::{Quantity, Unit};
+
+/// A motion that cannot be used, and why.
+#[derive(Debug, Error)]
+pub enum MotionError {
+    /// The bytes of the file could not be had.
+    #[error("{file}: cannot be read: {source}")]
+    Unreadable {
+        /// Name of the file, as the test file spells it.
+        file: String,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// No bytes, or no numbers among them.
+    #[error("{file}: holds no numbers")]
+    Empty {
+        /// Name of the file.
+        file: String,
+    },
+    /// More than we are prepared to hold.
+    #[error("{file}: {found} {what}, but at most {limit} are read")]
+    TooLarge {
+        /// Name of the file.
+        file: String,
+        /// Bytes, values or columns.
+        what: &'static str,
+        /// How many there are.
+        found: usize,
+        /// How many there may be.
+        limit: usize,
+    },
+    /// A zero byte in what should be text.
+    #[error("{file}:{line}: wanted text, found a zero byte (is it a binary file?)")]
+    NotText {
+        /// Name of the file.
+        file: String,
+        /// Line, from 1.
+        line: usize,
+    },
+    /// A word where a number must stand.
+    #[error("{file}:{line}:{column}: wanted a number, found {found:?}")]
+    NotANumber {
+        /// Name of the file.
+        file: String,
+        /// Line, from 1.
+        line: usize,
+        /// Column of the first character, from 1.
+        column: usize,
+        /// The word.
+        found: String,
+    },
+    /// NaN, an infinity, or a number beyond the range of a double.
+    #[error("{file}:{line}:{column}: wanted a finite number, found {found}")]
+    NotFinite {
+        /// Name of the file.
+        file: String,
+        /// Line, from 1.
+        line: usize,
+        /// Column of the first character, from 1.
+        column: usize,
+        /// The word.
+        found: String,
+    },
+    /// A header that does not say what it must.
+    #[error("{file}:{line}: wanted {wanted}, found {found:?}")]
+    Header {
+        /// Name of the file.
+        file: String,
+        /// Line, from 1.
+        line: usize,
+        /// What was looked for.
+        wanted: &'static str,
+        /// The line, or the part of it that disappoints.
+        found: String,
+    },
+    /// A header that promises another number of bytes than follow.
+    #[error("{file}: wanted {wanted} bytes of numbers, found {found}")]
+    Truncated {
+        /// Name of the file.
+        file: String,
+        /// Bytes that shape and type ask for.
+        wanted: usize,
+        /// Bytes after the header.
+        found: usize,
+    },
+    /// Neither the file nor the test file says the time step.
+    #[error(
+        "{file}: no time step: give dt_s, or a file with a time column or a header that states it"
+    )]
+    StepMissing {
+        /// Name of the file.
+        file: String,
+    },
+    /// Times that are not equally spaced.
+    #[error("{file}:{line}: the time step is not uniform: wanted {wanted} s, found {found} s")]
+    NotUniform {
+        /// Name of the file.
+        file: String,
+        /// The line that breaks the grid.
+        line: usize,
+        /// The step of the other lines, or the time that this one should have.
+        wanted: f64,
+        /// What this line has.
+        found: f64,
+    },
+    /// A row with another number of fields than the rows before.
+    #[error("{file}:{line}: wanted {wanted} columns, found {found}")]
+    Ragged {
+        /// Name of the file.
+        file: String,
+        /// Line, from 1.
+        line: usize,
+        /// As the first row has it.
+        wanted: usize,
+        /// As this row has it.
+        found: usize,
+    },
+    /// A column that the file does not have.
+    #[error("{file}: no column {wanted}: it has {available}")]
+    ColumnUnknown {
+        /// Name of the file.
+        file: String,
+        /// The name or number asked for.
+        wanted: String,
+        /// The columns that exist.
+        available: String,
+    },
+    /// Several columns could be meant.
+    #[error("{file}: which column? choose one with `column`: it has {available}")]
+    ColumnChoice {
+        /// Name of the file.
+        file: String,
+        /// The columns that exist.
+        available: String,
+    },
+    /// The unit is neither in the file nor in the test file.
+    #[error("{file}: does not state its unit: give `unit`")]
+    UnitMissing {
+        /// Name of the file.
+        file: String,
+    },
+    /// A unit of something else.
+    #[error("unit {unit} does not measure {quantity}")]
+    UnitMismatch {
+        /// The unit found.
+        unit: Unit,
+        /// What was to be measured.
+        quantity: Quantity,
+    },
+    /// A signal or a processing step that has no meaning here.
+    #[error("{key} does not apply to {what}")]
+    NotApplicable {
+        /// The key, as the test file spells it.
+        key: &'static str,
+        /// What it was applied to.
+        what: &'static str,
+    },
+    /// A number outside its domain.
+    #[error("{name} is {found}, but must be {allowed}")]
+    Parameter {
+        /// The key, as the test file spells it.
+        name: &'static str,
+        /// What was given.
+        found: f64,
+        /// The domain, in words.
+        allowed: &'static str,
+    },
+    /// Keys of which exactly one must be given.
+    #[error("give exactly one of {names}: {found} are given")]
+    ExactlyOne {
+        /// The keys.
+        names: &'static str,
+        /// How many of them are there.
+        found: usize,
+    },
+    /// Keys that exclude each other.
+    #[error("give at most one of {names}: {found} are given")]
+    AtMostOne {
+        /// The keys.
+        names: &'static str,
+        /// How many of them are there.
+        found: usize,
+    },
+    /// No frequency line of the realisation falls into the band.
+    #[error(
+        "the band from {from_hz} to {to_hz} Hz holds no multiple of 1/duration = {line_hz} Hz: \
+         widen the band or lengthen the noise"
+    )]
+    EmptyBand {
+        /// Lower edge.
+        from_hz: f64,
+        /// Upper edge.
+        to_hz: f64,
+        /// Distance of the lines.
+        line_hz: f64,
+    },
+    /// A motion that is zero throughout cannot be scaled to a peak.
+    #[error("the motion is zero throughout and cannot be scaled to {wanted}")]
+    ZeroMotion {
+        /// The peak asked for, in SI units.
+        wanted: f64,
+    },
+    /// A vector of the wrong length.
+    #[error("{what}: wanted {wanted} entries, found {found}")]
+    Length {
+        /// Which vector.
+        what: &'static str,
+        /// Entries needed.
+        wanted: usize,
+        /// Entries given.
+        found: usize,
+    },
+    /// A degree of freedom that does not exist (from 1, as users count).
+    #[error("{what}: degree of freedom {found} does not exist: there are {dofs}")]
+    NoSuchDof {
+        /// Where it was named.
+        what: &'static str,
+        /// The number named.
+        found: usize,
+        /// How many there are.
+        dofs: usize,
+    },
+    /// An entry that is NaN or infinite.
+    #[error("{what}: entry {index} is {found}, but must be finite")]
+    EntryNotFinite {
+        /// Which vector.
+        what: &'static str,
+        /// Entry, from 1.
+        index: usize,
+        /// What stands there.
+        found: f64,
+    },
+}
+
+/// `found` if it is inside its domain.
+pub(super) fn inside(
+    name: &'static str,
+    found: f64,
+    is_inside: bool,
+    allowed: &'static str,
+) -> Result<f64, MotionError> {
+    if is_inside && found.is_finite() {
+        Ok(found)
+    } else {
+        Err(MotionError::Parameter {
+            name,
+            found,
+            allowed,
+        })
+    }
+}
+
+/// Finite and greater than zero.
+pub(super) fn positive(name: &'static str, found: f64) -> Result<f64, MotionError> {
+    inside(name, found, found > 0.0, "finite and greater than zero")
+}
+
+/// Finite and at least zero.
+pub(super) fn not_negative(name: &'static str, found: f64) -> Result<f64, MotionError> {
+    inside(name, found, found >= 0.0, "finite and at least zero")
+}
+
+/// Finite.
+pub(super) fn finite(name: &'static str, found: f64) -> Result<f64, MotionError> {
+    inside(name, found, true, "finite")
+}
+
+/// Every entry finite.
+pub(super) fn all_finite(what: &'static str, values: &[f64]) -> Result<(), MotionError> {
+    match values.iter().position(|v| !v.is_finite()) {
+        None => Ok(()),
+        Some(at) => Err(MotionError::EntryNotFinite {
+            what,
+            index: at + 1,
+            found: values[at],
+        }),
+    }
+}

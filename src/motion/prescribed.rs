@@ -1,0 +1,321 @@
+//! Displacement histories of specimen axes without any structure: the test before every hybrid test.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::base::jump;
+use super::error::{MotionError, inside};
+use super::process::Motion;
+use super::shapes::smooth_rise;
+use super::unit::Quantity;
+use super::{Files, Grid};
+
+/// One motion per axis, and how it begins and ends.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "snake_case")]
+pub struct PrescribedSpec {
+    /// Displacement of each axis, in their order.
+    pub axes: Vec<Motion>,
+    /// The motions grow from zero over this time in s (fifth-order polynomial, no jump in velocity); 0 if absent.
+    #[serde(default)]
+    pub ease_in_s: f64,
+    /// The motions return to zero over this time in s before the end of the test; 0 if absent.
+    #[serde(default)]
+    pub ease_out_s: f64,
+}
+
+/// Displacements (m) and velocities (m/s) of all axes at every step.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Prescribed {
+    axes: usize,
+    steps: usize,
+    /// By rows, steps + 1 of them, and one more in which the last displacement stands still.
+    disp: Vec<f64>,
+    vel: Vec<f64>,
+    warnings: Vec<String>,
+}
+
+impl PrescribedSpec {
+    /// The history on `grid`. Velocities are those of [`Motion::evaluate_with_rate`], with the easing.
+    ///
+    /// # Errors
+    /// See [`MotionError`].
+    pub fn evaluate(&self, grid: Grid, files: &Files<'_>) -> Result<Prescribed, MotionError> {
+        let axes = self.axes.len();
+        if axes == 0 {
+            return Err(MotionError::Length {
+                what: "axes",
+                wanted: 1,
+                found: 0,
+            });
+        }
+        let room = grid.duration();
+        let ease = |name, value: f64| {
+            let fits = value >= 0.0 && value <= room;
+            inside(name, value, fits, "at least zero and within the test")
+        };
+        let ease_in = ease("ease_in_s", self.ease_in_s)?;
+        let ease_out = ease("ease_out_s", self.ease_out_s)?;
+        inside(
+            "ease_in_s + ease_out_s",
+            ease_in + ease_out,
+            ease_in + ease_out <= room * (1.0 + 1e-12),
+            "at most the duration of the test",
+        )?;
+        let rows = grid.points() + 1;
+        let mut prescribed = Prescribed {
+            axes,
+            steps: grid.steps(),
+            disp: vec![0.0; rows * axes],
+            vel: vec![0.0; rows * axes],
+            warnings: Vec::new(),
+        };
+        for (axis, motion) in self.axes.iter().enumerate() {
+            let (mut series, mut rates) =
+                motion.evaluate_with_rate(Quantity::Displacement, grid, files)?;
+            for ((time, d), v) in grid.times().zip(&mut series.values).zip(&mut rates) {
+                let (w, w_rate) = easing(time, room, ease_in, ease_out);
+                *v = w * *v + w_rate * *d;
+                *d *= w;
+            }
+            let place = format!("axis {}", axis + 1);
+            let of_axis = |text: String| format!("{place}: {text}");
+            prescribed
+                .warnings
+                .extend(series.warnings.into_iter().map(of_axis));
+            prescribed
+                .warnings
+                .extend(rough_ends(&place, &series.values, &rates, grid.dt()));
+            let last = series.values.last().copied().unwrap_or(0.0);
+            let column = |into: &mut Vec<f64>, values: &[f64], rest: f64| {
+                let all = values.iter().copied().chain([rest]);
+                for (row, value) in into.chunks_exact_mut(axes).zip(all) {
+                    row[axis] = value;
+                }
+            };
+            column(&mut prescribed.disp, &series.values, last);
+            column(&mut prescribed.vel, &rates, 0.0);
+        }
+        Ok(prescribed)
+    }
+}
+
+/// Factor and its rate: up over `ease_in`, down over `ease_out` before `end`.
+fn easing(time: f64, end: f64, ease_in: f64, ease_out: f64) -> (f64, f64) {
+    let up = if ease_in > 0.0 && time < ease_in {
+        smooth_rise(time, ease_in)
+    } else {
+        (1.0, 0.0)
+    };
+    let down = if ease_out > 0.0 && end - time < ease_out {
+        let (w, rate) = smooth_rise(end - time, ease_out);
+        (w, -rate)
+    } else {
+        (1.0, 0.0)
+    };
+    (up.0 * down.0, up.1 * down.0 + up.0 * down.1)
+}
+
+/// What an actuator will not follow: jumps, and velocities at the ends.
+fn rough_ends(place: &str, disp: &[f64], vel: &[f64], dt: f64) -> Vec<String> {
+    let mut found = Vec::new();
+    if let Some(jump) = jump(disp, dt) {
+        found.push(format!("{place} {jump}"));
+    }
+    let top = vel.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+    let rough = |v: Option<&f64>| v.copied().filter(|v| v.abs() > 1e-3 * top);
+    if let Some(d) = disp.first().filter(|d| **d != 0.0) {
+        found.push(format!("{place} starts at {d:e} m, not at zero"));
+    }
+    if let Some(v) = rough(vel.first()) {
+        found.push(format!(
+            "{place} starts with {v:e} m/s out of rest; ease_in_s softens it"
+        ));
+    }
+    if let Some(v) = rough(vel.last()) {
+        found.push(format!(
+            "{place} ends with {v:e} m/s; ease_out_s brings it to rest"
+        ));
+    }
+    found
+}
+
+impl Prescribed {
+    /// Number of axes.
+    #[must_use]
+    pub const fn axes(&self) -> usize {
+        self.axes
+    }
+
+    /// Number of steps.
+    #[must_use]
+    pub const fn steps(&self) -> usize {
+        self.steps
+    }
+
+    /// What the user should know.
+    #[must_use]
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
+    /// Displacements in m and velocities in m/s of all axes at `step`; beyond the test the last displacement stands
+    /// still. Real-time: yes.
+    #[must_use]
+    pub fn at(&self, step: usize) -> (&[f64], &[f64]) {
+        let start = step.min(self.steps + 1) * self.axes;
+        let row = start..start + self.axes;
+        (
+            self.disp.get(row.clone()).unwrap_or(&[]),
+            self.vel.get(row).unwrap_or(&[]),
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::motion::{Cyclic, CyclicShape, Signal, Sine, Unit};
+
+    fn no_files(_: &str) -> std::io::Result<Vec<u8>> {
+        Err(std::io::ErrorKind::NotFound.into())
+    }
+
+    fn sine(amplitude: f64) -> Motion {
+        Motion::plain(Signal::Sine(Sine {
+            amplitude,
+            unit: Some(Unit::Millimetre),
+            frequency_hz: Some(1.0),
+            angular_frequency_rad_per_s: None,
+            phase_rad: 0.0,
+            start_s: 0.0,
+            cycles: None,
+            duration_s: None,
+            taper_s: 0.0,
+        }))
+    }
+
+    fn spec(axes: Vec<Motion>, ease: f64) -> PrescribedSpec {
+        PrescribedSpec {
+            axes,
+            ease_in_s: ease,
+            ease_out_s: ease,
+        }
+    }
+
+    #[test]
+    fn every_axis_has_its_own_motion() {
+        let grid = Grid::new(0.01, 250).unwrap();
+        let test = spec(vec![sine(1.0), sine(3.0)], 0.0)
+            .evaluate(grid, &no_files)
+            .unwrap();
+        assert_eq!((test.axes(), test.steps()), (2, 250));
+        for step in 0..=250 {
+            let angle = 2.0 * std::f64::consts::PI * 0.01 * step as f64;
+            let (d, v) = test.at(step);
+            assert!((d[0] - 1e-3 * angle.sin()).abs() < 1e-16);
+            assert!((d[1] - 3e-3 * angle.sin()).abs() < 1e-16);
+            assert!((v[1] - 3e-3 * 2.0 * std::f64::consts::PI * angle.cos()).abs() < 1e-15);
+        }
+        // Beyond the end it stands still.
+        let (last, _) = test.at(250);
+        assert_eq!(test.at(251), (last, &[0.0, 0.0][..]));
+        assert_eq!(test.at(usize::MAX), test.at(251));
+        // A sine out of rest is rough at both ends, on both axes.
+        assert_eq!(test.warnings().len(), 4, "{:?}", test.warnings());
+        assert!(test.warnings()[0].contains("axis 1 starts with"));
+    }
+
+    #[test]
+    fn easing_brings_both_ends_to_rest_and_keeps_velocity_the_derivative() {
+        let grid = Grid::new(0.001, 4000).unwrap();
+        let test = spec(vec![sine(2.0)], 0.8)
+            .evaluate(grid, &no_files)
+            .unwrap();
+        assert!(test.warnings().is_empty(), "{:?}", test.warnings());
+        for step in [0, 4000] {
+            let (d, v) = test.at(step);
+            assert!(d[0].abs() < 1e-15 && v[0].abs() < 1e-15);
+        }
+        let top = 2e-3 * 2.0 * std::f64::consts::PI;
+        for step in 1..4000 {
+            let difference = (test.at(step + 1).0[0] - test.at(step - 1).0[0]) / 0.002;
+            // h²/6 of the third derivative: of the sine (2π)³, of the easing 60/0.8³, mixed below 1e3; times 2 mm.
+            assert!(
+                (test.at(step).1[0] - difference).abs() < 1e-3 * top,
+                "{step}"
+            );
+        }
+        // In between nothing is changed.
+        let plain = spec(vec![sine(2.0)], 0.0)
+            .evaluate(grid, &no_files)
+            .unwrap();
+        assert_eq!(test.at(2000), plain.at(2000));
+    }
+
+    #[test]
+    fn a_motion_that_is_cut_off_is_mentioned() {
+        let cut = Motion::plain(Signal::Sine(Sine {
+            amplitude: 1.0,
+            unit: None,
+            frequency_hz: Some(1.0),
+            angular_frequency_rad_per_s: None,
+            phase_rad: 0.0,
+            start_s: 0.0,
+            cycles: Some(1.25),
+            duration_s: None,
+            taper_s: 0.0,
+        }));
+        let grid = Grid::new(0.01, 200).unwrap();
+        let test = spec(vec![cut], 0.0).evaluate(grid, &no_files).unwrap();
+        assert!(
+            test.warnings()
+                .iter()
+                .any(|w| w.contains("axis 1 jumps by -1.000e0 m")),
+            "{:?}",
+            test.warnings()
+        );
+        let triangle = Motion::plain(Signal::Cyclic(Cyclic {
+            amplitudes: vec![1.0, 2.0],
+            unit: Some(Unit::Millimetre),
+            cycles_per_amplitude: 1,
+            shape: CyclicShape::Triangle,
+            frequency_hz: None,
+            speed: Some(10.0),
+            rest_s: 0.3,
+            start_s: 0.1,
+        }));
+        let test = spec(vec![triangle], 0.0).evaluate(grid, &no_files).unwrap();
+        assert!(test.warnings().is_empty(), "{:?}", test.warnings());
+    }
+
+    #[test]
+    fn a_test_without_axes_or_with_too_much_easing_is_refused() {
+        let grid = Grid::new(0.01, 100).unwrap();
+        for spec in [
+            spec(vec![], 0.0),
+            spec(vec![sine(1.0)], 0.6),
+            spec(vec![sine(1.0)], -0.1),
+            spec(vec![sine(1.0)], f64::NAN),
+        ] {
+            assert!(spec.evaluate(grid, &no_files).is_err());
+        }
+    }
+
+    #[test]
+    fn reading_a_step_allocates_nothing() {
+        let grid = Grid::new(0.01, 100).unwrap();
+        let test = spec(vec![sine(1.0), sine(2.0)], 0.0)
+            .evaluate(grid, &no_files)
+            .unwrap();
+        let mut sum = 0.0;
+        let counted = allocation_counter::measure(|| {
+            for step in 0..200 {
+                let (d, v) = test.at(step);
+                sum += d.iter().zip(v).map(|(d, v)| d + v).sum::<f64>();
+            }
+        });
+        assert_eq!(counted.count_total, 0);
+        assert!(sum.is_finite());
+    }
+}

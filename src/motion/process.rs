@@ -1,0 +1,715 @@
+//! From a signal to numbers on the step grid: scaling, baseline, resampling, tail.
+//!
+//! The order is fixed: (1) SI units; (2) baseline removed by `detrend`; (3) ends tapered; (4) scaled to `target_peak` or
+//! `target_sa`; (5) times `scale_factor`; (6) laid on the step grid; (7) zero after the end. Steps 2 to 5 work on the
+//! samples of a record over its whole length, however long the test, so that the motion depends neither on Δt nor
+//! on the duration; a closed form has no samples, and its peak is read on the step grid.
+//!
+//! A displacement record shorter than the test stays where it ends: a table or an actuator cannot jump home.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::error::{MotionError, finite, inside, positive};
+use super::resample::central_difference;
+use super::sampled::{Origin, Sampled};
+use super::shapes::{factor, taper};
+use super::signal::{Signal, Source};
+use super::spectrum::{peak, peak_disp};
+use super::unit::{Quantity, Unit};
+use super::{Files, Grid, Series};
+
+/// A signal and what is done to it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "snake_case")]
+pub struct Motion {
+    /// What it is.
+    pub signal: Signal,
+    /// Scaling, baseline and tail; nothing if absent.
+    #[serde(default)]
+    pub processing: Processing,
+}
+
+/// What is done to a signal, in this order: detrend, taper, target, scale factor, resampling, tail.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "snake_case")]
+pub struct Processing {
+    /// Least-squares polynomial taken from the samples over their whole length; `none` if absent.
+    #[serde(default)]
+    pub detrend: Detrend,
+    /// Half a cosine of this length in s at both ends of the samples; 0 if absent.
+    #[serde(default)]
+    pub taper_s: f64,
+    /// Scales so that the largest absolute value is this.
+    pub target_peak: Option<Amount>,
+    /// Scales an acceleration so that its pseudo-spectral acceleration at one period is this; not with `target_peak`.
+    pub target_sa: Option<TargetSa>,
+    /// Multiplies the result, after a target; 1 if absent.
+    #[serde(default = "one")]
+    pub scale_factor: f64,
+    /// The test is meant to outlast the record: no warning; false if absent.
+    #[serde(default)]
+    pub zero_tail: bool,
+}
+
+const fn one() -> f64 {
+    1.0
+}
+
+impl Default for Processing {
+    fn default() -> Self {
+        Self {
+            detrend: Detrend::None,
+            taper_s: 0.0,
+            target_peak: None,
+            target_sa: None,
+            scale_factor: 1.0,
+            zero_tail: false,
+        }
+    }
+}
+
+/// A polynomial in time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Detrend {
+    /// None.
+    #[default]
+    None,
+    /// A constant.
+    Mean,
+    /// A straight line.
+    Linear,
+    /// A parabola.
+    Quadratic,
+}
+
+/// A number with its unit.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "snake_case")]
+pub struct Amount {
+    /// How many.
+    pub value: f64,
+    /// Of what.
+    pub unit: Unit,
+}
+
+/// A pseudo-spectral acceleration at one period.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "snake_case")]
+pub struct TargetSa {
+    /// Natural period in s.
+    pub period_s: f64,
+    /// Damping ratio, 0.05 as a rule.
+    pub damping_ratio: f64,
+    /// ω² Sd.
+    pub value: f64,
+    /// Its unit.
+    pub unit: Unit,
+}
+
+impl Motion {
+    /// A signal with nothing done to it.
+    #[must_use]
+    pub fn plain(signal: Signal) -> Self {
+        Self {
+            signal,
+            processing: Processing::default(),
+        }
+    }
+
+    /// The motion on `grid` in the SI unit of `quantity`; `files` hands over the bytes of a file.
+    ///
+    /// # Errors
+    /// See [`MotionError`].
+    pub fn evaluate(
+        &self,
+        quantity: Quantity,
+        grid: Grid,
+        files: &Files<'_>,
+    ) -> Result<Series, MotionError> {
+        let mut warnings = Vec::new();
+        let points = self.points(quantity, grid, files, &mut warnings)?;
+        Ok(Series {
+            values: points.into_iter().map(|(value, _)| value).collect(),
+            warnings,
+        })
+    }
+
+    /// Values and rates of change on `grid`. The rate is that of the formula where there is one, that of the kernel
+    /// for band-limited samples, and a central difference on the grid for samples joined by straight lines.
+    ///
+    /// # Errors
+    /// See [`MotionError`].
+    pub fn evaluate_with_rate(
+        &self,
+        quantity: Quantity,
+        grid: Grid,
+        files: &Files<'_>,
+    ) -> Result<(Series, Vec<f64>), MotionError> {
+        let mut warnings = Vec::new();
+        let points = self.points(quantity, grid, files, &mut warnings)?;
+        let (values, rates): (Vec<f64>, Vec<Option<f64>>) = points.into_iter().unzip();
+        let differences = if rates.iter().all(Option::is_some) {
+            Vec::new()
+        } else {
+            central_difference(&values, grid.dt())
+        };
+        let rates = rates
+            .iter()
+            .enumerate()
+            .map(|(i, rate)| rate.or(differences.get(i).copied()).unwrap_or(0.0))
+            .collect();
+        Ok((Series { values, warnings }, rates))
+    }
+
+    /// Value and, where it is known, rate at every point of the grid.
+    fn points(
+        &self,
+        quantity: Quantity,
+        grid: Grid,
+        files: &Files<'_>,
+        warnings: &mut Vec<String>,
+    ) -> Result<Vec<(f64, Option<f64>)>, MotionError> {
+        let scale_factor = finite("scale_factor", self.processing.scale_factor)?;
+        match self.signal.source(quantity, files, warnings)? {
+            Source::Curve(curve) => {
+                self.processing.only_scales()?;
+                let points: Vec<(f64, f64)> = grid.times().map(|t| (curve.at)(t)).collect();
+                let values: Vec<f64> = points.iter().map(|p| p.0).collect();
+                let scale = scale_factor * self.processing.target(quantity, &values, grid.dt())?;
+                above_nyquist(curve.top_hz, grid, warnings);
+                finite_points(
+                    points
+                        .into_iter()
+                        .map(|(v, r)| (scale * v, Some(scale * r)))
+                        .collect(),
+                )
+            }
+            Source::Sampled(mut samples) => {
+                let (first, last) = samples.inner();
+                self.processing.remove_trend(&mut samples, first, last);
+                self.processing.taper(&mut samples)?;
+                let whole = samples.values.get(first..=last).unwrap_or(&samples.values);
+                let scale = scale_factor * self.processing.target(quantity, whole, samples.dt)?;
+                samples.values.iter_mut().for_each(|v| *v *= scale);
+                if let Origin::Synthetic { top_hz } = samples.origin {
+                    above_nyquist(Some(top_hz), grid, warnings);
+                }
+                let holds = quantity == Quantity::Displacement;
+                if !self.processing.zero_tail {
+                    samples.tail_warning(grid, holds, warnings);
+                }
+                samples.coarse_warning(grid, warnings);
+                finite_points(samples.on(grid, holds))
+            }
+        }
+    }
+}
+
+/// Finite numbers times finite factors may still run out of range.
+fn finite_points(points: Vec<(f64, Option<f64>)>) -> Result<Vec<(f64, Option<f64>)>, MotionError> {
+    let is_finite = |p: &(f64, Option<f64>)| p.0.is_finite() && p.1.is_none_or(f64::is_finite);
+    match points.iter().position(|p| !is_finite(p)) {
+        None => Ok(points),
+        Some(at) => Err(MotionError::EntryNotFinite {
+            what: "the scaled motion",
+            index: at + 1,
+            found: points[at].0,
+        }),
+    }
+}
+
+fn above_nyquist(top_hz: Option<f64>, grid: Grid, warnings: &mut Vec<String>) {
+    let nyquist = 0.5 / grid.dt();
+    if let Some(top) = top_hz.filter(|f| *f > nyquist) {
+        warnings.push(format!(
+            "the signal reaches {top} Hz, but a step of {} s carries {nyquist} Hz: what lies above is folded down",
+            grid.dt()
+        ));
+    }
+}
+
+impl Processing {
+    /// A closed form has no samples to correct.
+    fn only_scales(&self) -> Result<(), MotionError> {
+        let what = "a signal in closed form: it has no samples";
+        if self.detrend != Detrend::None {
+            return Err(MotionError::NotApplicable {
+                key: "detrend",
+                what,
+            });
+        }
+        if self.taper_s != 0.0 {
+            return Err(MotionError::NotApplicable {
+                key: "taper_s",
+                what,
+            });
+        }
+        Ok(())
+    }
+
+    /// The factor that brings `values` to the target; 1 without one.
+    fn target(&self, quantity: Quantity, values: &[f64], dt: f64) -> Result<f64, MotionError> {
+        let ratio = |wanted: f64, found: f64| {
+            if found > 0.0 {
+                Ok(wanted / found)
+            } else {
+                Err(MotionError::ZeroMotion { wanted })
+            }
+        };
+        match (self.target_peak, self.target_sa) {
+            (None, None) => Ok(1.0),
+            (Some(_), Some(_)) => Err(MotionError::AtMostOne {
+                names: "target_peak, target_sa",
+                found: 2,
+            }),
+            (Some(target), None) => {
+                let wanted =
+                    positive("target_peak", target.value)? * factor(Some(target.unit), quantity)?;
+                ratio(wanted, peak(values))
+            }
+            (None, Some(target)) => {
+                if quantity != Quantity::Acceleration {
+                    return Err(MotionError::NotApplicable {
+                        key: "target_sa",
+                        what: "anything but an acceleration",
+                    });
+                }
+                let wanted =
+                    positive("target_sa", target.value)? * factor(Some(target.unit), quantity)?;
+                let disp = peak_disp(values, dt, target.period_s, target.damping_ratio)?;
+                let omega = 2.0 * std::f64::consts::PI / target.period_s;
+                ratio(wanted, omega * omega * disp)
+            }
+        }
+    }
+
+    /// Takes the least-squares polynomial of samples first..=last from all samples.
+    fn remove_trend(&self, samples: &mut Sampled, first: usize, last: usize) {
+        let terms = match self.detrend {
+            Detrend::None => 0,
+            Detrend::Mean => 1,
+            Detrend::Linear => 2,
+            Detrend::Quadratic => 3,
+        };
+        let n = (last + 1).saturating_sub(first);
+        // Polynomials that are orthogonal on n equal points from −1 to 1: 1, s, s² − mean of s².
+        let at = |i: usize| {
+            if n > 1 {
+                2.0 * (i as f64 - first as f64) / (n - 1) as f64 - 1.0
+            } else {
+                0.0
+            }
+        };
+        let mean_square = (first..=last).map(|i| at(i) * at(i)).sum::<f64>() / n.max(1) as f64;
+        let basis = |term: usize, i: usize| match term {
+            0 => 1.0,
+            1 => at(i),
+            _ => at(i) * at(i) - mean_square,
+        };
+        for term in 0..terms {
+            let inner = || (first..=last).zip(samples.values.get(first..=last).unwrap_or(&[]));
+            let projection: f64 = inner().map(|(i, v)| v * basis(term, i)).sum();
+            let norm: f64 = inner().map(|(i, _)| basis(term, i) * basis(term, i)).sum();
+            // Fewer points than terms leave nothing to fit.
+            if norm > 0.0 {
+                let share = projection / norm;
+                for (i, value) in samples.values.iter_mut().enumerate() {
+                    *value -= share * basis(term, i);
+                }
+            }
+        }
+    }
+
+    fn taper(&self, samples: &mut Sampled) -> Result<(), MotionError> {
+        let duration = samples.span.1 - samples.span.0;
+        let rise = self.taper_s;
+        let fits = rise >= 0.0 && 2.0 * rise <= duration;
+        inside(
+            "taper_s",
+            rise,
+            fits,
+            "at least zero and at most half the duration",
+        )?;
+        if rise > 0.0 {
+            let offset = samples.first_time - samples.span.0;
+            let dt = samples.dt;
+            for (i, value) in samples.values.iter_mut().enumerate() {
+                let time = offset + i as f64 * dt;
+                // Beyond the span the window is that of the nearest end: zero.
+                *value *= taper(time.clamp(0.0, duration), duration, rise).0;
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::motion::{
+        BandLimitedNoise, Constant, FileSignal, Resample, Sine, Step, Values, base_motion,
+        central_difference,
+    };
+
+    fn no_files(_: &str) -> std::io::Result<Vec<u8>> {
+        Err(std::io::ErrorKind::NotFound.into())
+    }
+
+    fn grid(dt: f64, steps: usize) -> Grid {
+        Grid::new(dt, steps).unwrap()
+    }
+
+    fn values(values: &[f64]) -> Motion {
+        Motion::plain(Signal::Values(Values {
+            values: values.to_vec(),
+            dt_s: 0.1,
+            unit: None,
+            resample: Resample::Linear,
+            start_s: 0.0,
+        }))
+    }
+
+    fn sine() -> Motion {
+        Motion::plain(Signal::Sine(Sine {
+            amplitude: 0.01,
+            unit: None,
+            frequency_hz: Some(2.0),
+            angular_frequency_rad_per_s: None,
+            phase_rad: 0.0,
+            start_s: 0.0,
+            cycles: None,
+            duration_s: None,
+            taper_s: 0.0,
+        }))
+    }
+
+    fn file(path: &str) -> FileSignal {
+        FileSignal {
+            path: path.into(),
+            format: None,
+            column: None,
+            time_column: None,
+            dt_s: None,
+            unit: None,
+            resample: Resample::Linear,
+            start_s: 0.0,
+        }
+    }
+
+    const AT2: &str = "PEER\nEVENT\nACCELERATION TIME SERIES IN UNITS OF G\nNPTS= 4, DT= .1 SEC\n0.0 0.2 -0.4 0.1\n";
+
+    fn evaluate(motion: &Motion, grid: Grid) -> Result<Series, MotionError> {
+        motion.evaluate(Quantity::Acceleration, grid, &|path| match path {
+            "a.AT2" => Ok(AT2.as_bytes().to_vec()),
+            "a.csv" => Ok(b"t,a\n0,0\n0.1,1\n0.2,0\n".to_vec()),
+            _ => no_files(path),
+        })
+    }
+
+    #[test]
+    fn a_record_shorter_than_the_test_is_followed_by_zeros_and_a_warning() {
+        let motion = Motion::plain(Signal::File(file("a.AT2")));
+        let series = evaluate(&motion, grid(0.05, 10)).unwrap();
+        let g = 9.806_65;
+        let expected = [0.0, 0.1, 0.2, -0.1, -0.4, -0.15, 0.1, 0.0, 0.0, 0.0, 0.0];
+        for (found, wanted) in series.values.iter().zip(expected) {
+            assert!((found - wanted * g).abs() < 1e-14, "{:?}", series.values);
+        }
+        let [warning] = series.warnings.as_slice() else {
+            panic!("{:?}", series.warnings)
+        };
+        assert!(warning.contains("a.AT2"), "{warning}");
+        assert!(
+            warning.contains("ends at 0.3") && warning.contains("the test at 0.5 s"),
+            "{warning}"
+        );
+        let mut quiet = motion.clone();
+        quiet.processing.zero_tail = true;
+        assert!(
+            evaluate(&quiet, grid(0.05, 10))
+                .unwrap()
+                .warnings
+                .is_empty()
+        );
+        assert!(
+            evaluate(&motion, grid(0.05, 6))
+                .unwrap()
+                .warnings
+                .is_empty()
+        );
+        // A test that ends before the peak says so; a step longer than that of the record too.
+        assert!(evaluate(&motion, grid(0.05, 2)).unwrap().warnings[0].contains("before the peak"));
+        assert!(evaluate(&motion, grid(0.15, 2)).unwrap().warnings[0].contains("band_limited"));
+    }
+
+    #[test]
+    fn files_that_are_missing_or_silent_about_their_unit_are_named() {
+        let message = |file: FileSignal| {
+            let refused = evaluate(&Motion::plain(Signal::File(file)), grid(0.1, 3)).err();
+            refused.map(|e| e.to_string()).unwrap_or_default()
+        };
+        assert!(message(file("gone.AT2")).starts_with("gone.AT2: cannot be read: "));
+        assert_eq!(
+            message(file("a.csv")),
+            "a.csv: does not state its unit: give `unit`"
+        );
+        let wrong = FileSignal {
+            unit: Some(Unit::Millimetre),
+            ..file("a.csv")
+        };
+        assert_eq!(message(wrong), "unit mm does not measure an acceleration");
+        let overruled = FileSignal {
+            unit: Some(Unit::MetrePerSecond2),
+            dt_s: Some(0.2),
+            ..file("a.AT2")
+        };
+        let series = evaluate(&Motion::plain(Signal::File(overruled)), grid(0.1, 6)).unwrap();
+        assert!((series.values[2] - 0.2).abs() < 1e-15);
+        assert_eq!(series.warnings.len(), 2, "{:?}", series.warnings);
+    }
+
+    #[test]
+    fn a_target_peak_and_a_factor_multiply_in_this_order() {
+        let mut motion = values(&[0.0, 2.0, -4.0, 1.0]);
+        motion.processing.target_peak = Some(Amount {
+            value: 0.5,
+            unit: Unit::Gravity,
+        });
+        motion.processing.scale_factor = -2.0;
+        let series = evaluate(&motion, grid(0.1, 3)).unwrap();
+        // −2 · 0.5 g for the sample of −4.
+        assert!((series.values[2] - 9.806_65).abs() < 1e-14);
+        // The whole record counts, not what the test sees of it.
+        let short = evaluate(&motion, grid(0.1, 1)).unwrap();
+        assert!((short.values[1] + 0.5 * 9.806_65).abs() < 1e-14);
+        let silent = Motion {
+            signal: values(&[0.0, 0.0]).signal,
+            ..motion
+        };
+        assert!(matches!(
+            evaluate(&silent, grid(0.1, 1)).unwrap_err(),
+            MotionError::ZeroMotion { .. }
+        ));
+    }
+
+    #[test]
+    fn a_target_spectral_acceleration_is_met() {
+        let samples: Vec<f64> = (0..400)
+            .map(|i| (0.13 * f64::from(i * i % 89)).sin())
+            .collect();
+        let mut motion = values(&samples);
+        motion.processing.target_sa = Some(TargetSa {
+            period_s: 0.7,
+            damping_ratio: 0.05,
+            value: 0.4,
+            unit: Unit::Gravity,
+        });
+        let series = evaluate(&motion, grid(0.1, 399)).unwrap();
+        let sa =
+            crate::motion::spectrum::response_spectrum(&series.values, 0.1, &[0.7], 0.05).unwrap();
+        assert!((sa.pseudo_accel[0] / (0.4 * 9.806_65) - 1.0).abs() < 1e-12);
+        motion.processing.target_peak = Some(Amount {
+            value: 1.0,
+            unit: Unit::Gravity,
+        });
+        assert!(matches!(
+            evaluate(&motion, grid(0.1, 1)).unwrap_err(),
+            MotionError::AtMostOne { .. }
+        ));
+    }
+
+    #[test]
+    fn a_polynomial_is_removed_to_roundoff_and_what_is_orthogonal_to_it_stays() {
+        let n = 201;
+        let s = |i: usize| 2.0 * i as f64 / (n - 1) as f64 - 1.0;
+        for (detrend, order) in [
+            (Detrend::Mean, 0),
+            (Detrend::Linear, 1),
+            (Detrend::Quadratic, 2),
+        ] {
+            let drift: Vec<f64> = (0..n)
+                .map(|i| {
+                    (0..=order)
+                        .map(|p| (3.0 - f64::from(p)) * s(i).powi(p))
+                        .sum()
+                })
+                .collect();
+            let mut motion = values(&drift);
+            motion.processing.detrend = detrend;
+            let left = evaluate(&motion, grid(0.1, n - 1)).unwrap();
+            assert!(
+                peak(&left.values) < 1e-13,
+                "{detrend:?} {}",
+                peak(&left.values)
+            );
+        }
+        // The third Legendre-like polynomial keeps its shape: s³ less its own line, (3/5) s up to 1/n².
+        let mut motion = values(&(0..n).map(|i| s(i).powi(3)).collect::<Vec<_>>());
+        motion.processing.detrend = Detrend::Quadratic;
+        let left = evaluate(&motion, grid(0.1, n - 1)).unwrap();
+        for (i, value) in left.values.iter().enumerate() {
+            assert!((value - (s(i).powi(3) - 0.6 * s(i))).abs() < 0.02);
+        }
+        let inner: f64 = left.values.iter().enumerate().map(|(i, v)| v * s(i)).sum();
+        assert!(inner.abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_taper_leaves_the_middle_and_zeroes_the_ends() {
+        let mut motion = values(&[1.0; 101]);
+        motion.processing.taper_s = 2.0;
+        let series = evaluate(&motion, grid(0.1, 100)).unwrap();
+        assert_eq!((series.values[0], series.values[50]), (0.0, 1.0));
+        assert!((series.values[10] - 0.5).abs() < 1e-12 && series.values[100].abs() < 1e-12);
+        motion.processing.taper_s = 6.0;
+        assert!(evaluate(&motion, grid(0.1, 100)).is_err());
+    }
+
+    #[test]
+    fn what_needs_samples_is_refused_for_closed_forms() {
+        for (detrend, taper_s) in [(Detrend::Mean, 0.0), (Detrend::None, 0.1)] {
+            let mut motion = sine();
+            motion.processing.detrend = detrend;
+            motion.processing.taper_s = taper_s;
+            assert!(matches!(
+                evaluate(&motion, grid(0.1, 1)).unwrap_err(),
+                MotionError::NotApplicable { .. }
+            ));
+        }
+        let mut motion = sine();
+        motion.processing.scale_factor = f64::NAN;
+        assert!(evaluate(&motion, grid(0.1, 1)).is_err());
+    }
+
+    #[test]
+    fn a_frequency_that_the_step_cannot_carry_is_mentioned() {
+        assert!(evaluate(&sine(), grid(0.1, 4)).unwrap().warnings.is_empty());
+        assert!(evaluate(&sine(), grid(0.3, 4)).unwrap().warnings[0].contains("folded"));
+    }
+
+    #[test]
+    fn the_velocity_of_a_base_is_exact_where_the_signal_is_known() {
+        let moved = base_motion(&sine(), grid(0.05, 40), &no_files).unwrap();
+        let omega = 4.0 * std::f64::consts::PI;
+        for (i, (d, v)) in moved.disp.iter().zip(&moved.vel).enumerate() {
+            let t = 0.05 * i as f64;
+            assert!((d - 0.01 * (omega * t).sin()).abs() < 1e-16);
+            assert!((v - 0.01 * omega * (omega * t).cos()).abs() < 1e-14);
+        }
+        assert!(moved.warnings.is_empty());
+    }
+
+    #[test]
+    fn the_velocity_of_noise_is_that_of_the_same_noise() {
+        let noise = Motion::plain(Signal::BandLimitedNoise(BandLimitedNoise {
+            rms: 0.01,
+            unit: None,
+            from_hz: 0.5,
+            to_hz: 5.0,
+            duration_s: 20.0,
+            seed: 5,
+            start_s: 0.0,
+            taper_s: 1.0,
+        }));
+        // A coarse step, where differences would be 40 % off, against differences at a step a hundred times finer.
+        let coarse = base_motion(&noise, grid(0.05, 400), &no_files).unwrap();
+        let fine = base_motion(&noise, grid(0.0005, 40_000), &no_files).unwrap();
+        let differences = central_difference(&fine.disp, 0.0005);
+        let top = peak(&differences);
+        for (i, v) in coarse.vel.iter().enumerate() {
+            // (ωh)²/6 = (2π · 5 · 0.0005)²/6 = 4e-5 of the velocity.
+            assert!((v - differences[100 * i]).abs() < 1e-4 * top, "{i}");
+        }
+    }
+
+    #[test]
+    fn a_displacement_record_stays_where_it_ends_and_jumps_are_mentioned() {
+        let record = values(&[0.0, 0.001, 0.003, 0.004]);
+        let moved = base_motion(&record, grid(0.05, 10), &no_files).unwrap();
+        assert_eq!(moved.disp[6..], [0.004; 5]);
+        assert_eq!(moved.vel[8..], [0.0; 3]);
+        // Central difference within a straight line.
+        assert!((moved.vel[3] - 0.02).abs() < 1e-15);
+        assert!(
+            moved.warnings[0].contains("is held"),
+            "{:?}",
+            moved.warnings
+        );
+        assert_eq!(moved.warnings.len(), 1, "{:?}", moved.warnings);
+
+        let jump = Motion::plain(Signal::Step(Step {
+            amplitude: 0.01,
+            unit: None,
+            start_s: 0.2,
+            rise_s: 0.0,
+        }));
+        let moved = base_motion(&jump, grid(0.01, 100), &no_files).unwrap();
+        assert!(
+            moved.warnings[0].contains("jumps by 1.000e-2 m between 0.190000 s and 0.200000 s"),
+            "{:?}",
+            moved.warnings
+        );
+        let shifted = Motion::plain(Signal::Constant(Constant {
+            value: 1.0,
+            unit: Some(Unit::Millimetre),
+        }));
+        let moved = base_motion(&shifted, grid(0.01, 100), &no_files).unwrap();
+        assert!(
+            moved.warnings[0].contains("starts at 0.001 m"),
+            "{:?}",
+            moved.warnings
+        );
+    }
+
+    #[test]
+    fn a_motion_reads_as_the_test_file_writes_it() {
+        let text = r#"
+            signal.file = { path = "el.AT2", resample = "band_limited", column = { number = 2 } }
+            processing = { detrend = "linear", target_peak = { value = 0.3, unit = "g" } }
+        "#;
+        let motion: Motion = toml::from_str(text).unwrap();
+        assert_eq!(motion.signal.path(), Some("el.AT2"));
+        assert_eq!(motion.processing.scale_factor, 1.0);
+        let again: Motion = toml::from_str(&toml::to_string(&motion).unwrap()).unwrap();
+        assert_eq!(again, motion);
+        for text in [
+            "signal.sine = { amplitude = 1.0, frequency_hz = 1.0 }",
+            "signal.sweep = { amplitude = 1, unit = \"mm\", from_hz = 1, to_hz = 2, duration_s = 3, kind = \"linear\" }",
+            "signal.band_limited_noise = { rms = 1, from_hz = 0, to_hz = 2, duration_s = 3, seed = 1 }",
+            "signal.kanai_tajimi = { ground_frequency_hz = 2.4, ground_damping_ratio = 0.6, envelope = \"none\", \
+             duration_s = 3, seed = 1, peak = 0.3, unit = \"g\" }",
+            "signal.kanai_tajimi = { ground_frequency_hz = 2.4, ground_damping_ratio = 0.6, duration_s = 3, seed = 1, \
+             peak = 0.3, envelope.jennings_housner = { rise_s = 1, strong_s = 2, decay_per_s = 0.3 }, \
+             clough_penzien = { angular_frequency_rad_per_s = 1.5, damping_ratio = 0.6 } }",
+            "signal.step = { amplitude = 1 }",
+            "signal.ramp_and_hold = { levels = [1, 0], speed = 2, hold_s = 1 }",
+            "signal.cyclic = { amplitudes = [1], cycles_per_amplitude = 3, frequency_hz = 1 }",
+            "signal.ricker = { amplitude = 1, frequency_hz = 2 }",
+            "signal.constant = { value = 1 }",
+            "signal.values = { values = [0, 1], dt_s = 0.1 }",
+        ] {
+            let motion: Motion = toml::from_str(text).unwrap();
+            let quantity = if text.contains("\"mm\"") {
+                Quantity::Displacement
+            } else {
+                Quantity::Acceleration
+            };
+            let series = motion
+                .evaluate(quantity, grid(0.01, 100), &no_files)
+                .unwrap();
+            assert_eq!(series.values.len(), 101);
+            let again: Motion = toml::from_str(&toml::to_string(&motion).unwrap()).unwrap();
+            assert_eq!(again, motion);
+        }
+        assert!(
+            toml::from_str::<Motion>(
+                "signal.sine = { amplitude = 1, frequency_hz = 1, phse_rad = 2 }"
+            )
+            .is_err()
+        );
+        let schema = serde_json::to_string(&schemars::schema_for!(Motion)).unwrap();
+        assert!(schema.contains("ground_damping_ratio") && schema.contains("m/s2"));
+    }
+}

@@ -1,0 +1,496 @@
+//! PEER strong-motion files: `.AT2` (acceleration), `.VT2` (velocity), `.DT2` (displacement).
+//!
+//! A few lines of words, the last of which states the count and the step in one of two styles:
+//!
+//! ```text
+//! PEER NGA STRONG MOTION DATABASE RECORD
+//! SOMEWHERE, 1/1/2001, STATION, 090
+//! ACCELERATION TIME SERIES IN UNITS OF G
+//! NPTS=  1559, DT= .02000 SEC            or            3930 0.00500 NPTS, DT
+//! ```
+//!
+//! then numbers in reading order, five to the line as `.1297983E-02` or eight as Fortran's `8F10.5`, where a full
+//! field leaves no gap. The count is checked, never trusted.
+
+use super::text::{self, finite_number, lines, number, shorten, words};
+use super::{MOST_VALUES, Record, has_ending};
+use crate::motion::error::{MotionError, inside};
+use crate::motion::unit::Unit;
+
+/// Lines among which the header must end.
+const LONGEST_HEADER: usize = 40;
+
+/// True if one of the first lines is the last of a PEER header.
+pub(super) fn looks_like(start: &str) -> bool {
+    let is_last = |line: &str| {
+        let upper = line.to_ascii_uppercase();
+        upper.contains("NPTS") && upper.contains("DT")
+    };
+    lines(start)
+        .take(LONGEST_HEADER)
+        .any(|(_, line)| is_last(line))
+}
+
+/// Reads the text of a file named `name`; `dt` overrules the header.
+pub(super) fn parse(name: &str, text: &str, dt: Option<f64>) -> Result<Record, MotionError> {
+    let mut warnings = Vec::new();
+    let mut all = lines(text);
+    let mut head: Vec<&str> = Vec::new();
+    let counts = loop {
+        let missing = |line: usize, found: &str| MotionError::Header {
+            file: name.into(),
+            line,
+            wanted: "a header line with NPTS and DT",
+            found: shorten(found),
+        };
+        let Some((line_number, line)) = all.next() else {
+            if head.iter().all(|line| line.trim().is_empty()) {
+                return Err(MotionError::Empty { file: name.into() });
+            }
+            return Err(missing(head.len(), head.last().copied().unwrap_or("")));
+        };
+        if line.to_ascii_uppercase().contains("NPTS") {
+            break Counts::read(name, line_number, line)?;
+        }
+        if line_number >= LONGEST_HEADER {
+            return Err(missing(line_number, line));
+        }
+        head.push(line);
+    };
+
+    let mut values = Vec::new();
+    for (line_number, line) in all {
+        read_numbers(name, line_number, line, &mut values)?;
+        if values.len() > MOST_VALUES {
+            return Err(MotionError::TooLarge {
+                file: name.into(),
+                what: "values",
+                found: values.len(),
+                limit: MOST_VALUES,
+            });
+        }
+    }
+    if values.is_empty() {
+        return Err(MotionError::Empty { file: name.into() });
+    }
+    if counts.points != Some(values.len()) {
+        let stated = counts
+            .points
+            .map_or_else(|| "no count".to_owned(), |n| format!("NPTS = {n}"));
+        warnings.push(format!(
+            "{name}: the header says {stated}, the file holds {} values; all {} are used",
+            values.len(),
+            values.len()
+        ));
+    }
+    let dt = chosen_step(name, counts.dt, dt, &mut warnings)?;
+    Ok(Record {
+        dt,
+        values,
+        unit: unit(name, &head, &mut warnings),
+        title: title(&head),
+        warnings,
+    })
+}
+
+/// The step to use: the one given overrules the one stated.
+pub(super) fn chosen_step(
+    name: &str,
+    stated: Option<f64>,
+    given: Option<f64>,
+    warnings: &mut Vec<String>,
+) -> Result<f64, MotionError> {
+    match (stated, given) {
+        (None, None) => Err(MotionError::StepMissing { file: name.into() }),
+        (Some(stated), None) => Ok(stated),
+        (None, Some(given)) => Ok(given),
+        (Some(stated), Some(given)) => {
+            // Nine digits: more than any file prints of its step.
+            let same = (stated - given).abs() <= 1e-9 * given;
+            if !same {
+                warnings.push(format!(
+                    "{name}: the file says a step of {stated} s, dt_s = {given} overrules it"
+                ));
+            }
+            Ok(given)
+        }
+    }
+}
+
+/// What the last line of the header says.
+struct Counts {
+    points: Option<usize>,
+    dt: Option<f64>,
+}
+
+impl Counts {
+    fn read(file: &str, line_number: usize, line: &str) -> Result<Self, MotionError> {
+        let upper = line.to_ascii_uppercase();
+        // `NPTS, DT` after the numbers, or `NPTS=` and `DT=` before theirs.
+        let (points, dt) = if upper.contains('=') {
+            (after(&upper, "NPTS"), after(&upper, "DT"))
+        } else {
+            let mut before = words(upper.split("NPTS").next().unwrap_or(""))
+                .map(|(_, word)| word)
+                .take_while(|word| number(word).is_some());
+            (before.next(), before.next())
+        };
+        let refuse = |wanted, found: &str| MotionError::Header {
+            file: file.into(),
+            line: line_number,
+            wanted,
+            found: shorten(found),
+        };
+        let points = points
+            .map(|word| {
+                // Some tools print the count as a real number.
+                word.parse::<usize>()
+                    .or_else(|_| word.trim_end_matches('0').trim_end_matches('.').parse())
+                    .map_err(|_| refuse("a whole number of points after NPTS", word))
+            })
+            .transpose()?;
+        let dt = dt
+            .map(|word| match number(word) {
+                Some(dt) => inside("DT", dt, dt > 0.0, "positive")
+                    .map_err(|_| refuse("a positive time step DT", word)),
+                None => Err(refuse("a time step after DT", word)),
+            })
+            .transpose()?;
+        Ok(Self { points, dt })
+    }
+}
+
+/// The word that follows `key` and an equals sign.
+fn after<'a>(line: &'a str, key: &str) -> Option<&'a str> {
+    let (_, rest) = line.split_once(key)?;
+    let rest = rest.trim_start().strip_prefix('=')?;
+    let word = words(rest).next().map(|(_, word)| word)?;
+    // `DT=.0100SEC` leaves no gap.
+    Some(word.strip_suffix("SEC").unwrap_or(word))
+}
+
+/// Appends the numbers of one line.
+fn read_numbers(
+    file: &str,
+    line_number: usize,
+    line: &str,
+    values: &mut Vec<f64>,
+) -> Result<(), MotionError> {
+    let before = values.len();
+    for (start, word) in words(line) {
+        if number(word).is_some() {
+            values.push(finite_number(file, line_number, line, start, word)?);
+        } else if let Some(several) = split_at_signs(word) {
+            values.extend(several);
+        } else if let Some(columns) = fixed_width(line) {
+            values.truncate(before);
+            values.extend(columns);
+            return Ok(());
+        } else {
+            finite_number(file, line_number, line, start, word)?;
+        }
+    }
+    Ok(())
+}
+
+/// Numbers that touch because the right one begins with its sign: `-0.00123-0.00456`; or one number whose
+/// exponent of three digits pushed out its letter: `0.123-100`. `None` if the word is neither.
+fn split_at_signs(word: &str) -> Option<Vec<f64>> {
+    let mut parts = Vec::new();
+    let mut start = 0;
+    let bytes = word.as_bytes();
+    for (at, pair) in bytes.windows(2).enumerate() {
+        let is_inner_sign = (pair[1] == b'-' || pair[1] == b'+') && !b"eEdD".contains(&pair[0]);
+        if is_inner_sign {
+            parts.push(word.get(start..=at)?);
+            start = at + 1;
+        }
+    }
+    parts.push(word.get(start..)?);
+    if let [mantissa, exponent] = parts.as_slice()
+        && exponent.len() == 4
+        && exponent[1..].bytes().all(|b| b.is_ascii_digit())
+    {
+        let value = number(&format!("{mantissa}e{exponent}"))?;
+        return value.is_finite().then(|| vec![value]);
+    }
+    // Each must be a real number as Fortran prints it: with its point.
+    parts
+        .iter()
+        .map(|part| {
+            let value = number(part)?;
+            (part.matches('.').count() == 1 && value.is_finite()).then_some(value)
+        })
+        .collect()
+}
+
+/// The line as equal fields with one point each, all at the same place: what `8F10.5` prints. `None` if it is not.
+fn fixed_width(line: &str) -> Option<Vec<f64>> {
+    let line = line.trim_end();
+    if !line.is_ascii() {
+        return None;
+    }
+    let points = line.bytes().filter(|&b| b == b'.').count();
+    if points == 0 || !line.len().is_multiple_of(points) {
+        return None;
+    }
+    let width = line.len() / points;
+    let mut place = None;
+    (0..points)
+        .map(|i| {
+            let field = line.get(i * width..(i + 1) * width)?;
+            let point = field.find('.')?;
+            let value = number(field.trim_start())?;
+            (*place.get_or_insert(point) == point && value.is_finite()).then_some(value)
+        })
+        .collect()
+}
+
+/// The unit after `UNITS OF`, else the one that the ending of the name implies.
+fn unit(name: &str, head: &[&str], warnings: &mut Vec<String>) -> Option<Unit> {
+    let stated = head.iter().find_map(|line| {
+        let upper = line.to_ascii_uppercase();
+        let rest = upper
+            .split_once("UNITS OF")
+            .or_else(|| upper.split_once("UNITS:"))
+            .map(|(_, rest)| rest.trim_start().to_owned())?;
+        let word = rest.split([' ', ',', ';', '\t']).next()?.to_owned();
+        (!word.is_empty()).then_some(word)
+    });
+    if let Some(word) = &stated {
+        let unit = Unit::from_header(word);
+        if unit.is_none() {
+            warnings.push(format!(
+                "{name}: the unit {:?} of the header is not known",
+                shorten(word)
+            ));
+        }
+        return unit;
+    }
+    let (unit, ending) = if has_ending(name, &["at2"]) {
+        (Unit::Gravity, ".AT2")
+    } else if has_ending(name, &["vt2"]) {
+        (Unit::CentimetrePerSecond, ".VT2")
+    } else if has_ending(name, &["dt2"]) {
+        (Unit::Centimetre, ".DT2")
+    } else {
+        return None;
+    };
+    warnings.push(format!(
+        "{name}: the header states no unit; {ending} files are in {unit}"
+    ));
+    Some(unit)
+}
+
+/// The line that tells the event and the station: the second, as a rule.
+fn title(head: &[&str]) -> String {
+    let line = head
+        .get(1)
+        .or_else(|| head.first())
+        .map_or("", |line| line.trim());
+    text::shorten_to(line, 200)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::motion::read::{ReadOptions, parse_record};
+
+    const VALUES: &str =
+        "  .1297983E-02  .2000000E-02 -.3000000E-02  .4000000E+00  .5000000E-02\n  .6000000E-02\n";
+    const FIRST_SIX: [f64; 6] = [0.001_297_983, 0.002, -0.003, 0.4, 0.005, 0.006];
+
+    fn file(third: &str, fourth: &str, data: &str) -> String {
+        format!(
+            "PEER NGA DATABASE RECORD\nSOMEWHERE 01/01/01, STATION, 090\n{third}\n{fourth}\n{data}"
+        )
+    }
+
+    fn read_named(name: &str, text: &str) -> Result<Record, MotionError> {
+        parse_record(name, text.as_bytes(), &ReadOptions::default())
+    }
+
+    fn read(fourth: &str, data: &str) -> Result<Record, MotionError> {
+        read_named(
+            "a.AT2",
+            &file("ACCELERATION TIME HISTORY IN UNITS OF G", fourth, data),
+        )
+    }
+
+    #[test]
+    fn every_style_of_header_is_read() {
+        for (fourth, dt) in [
+            ("NPTS=     6, DT= .02000 SEC", 0.02),
+            ("NPTS=   6, DT=   .0050 SEC,", 0.005),
+            ("npts=6, dt=0.0024", 0.0024),
+            ("NPTS= 6  DT= .01000", 0.01),
+            ("NPTS = 6, DT = 5.0000E-03 SEC", 0.005),
+            ("NPTS=6,DT=.0100SEC", 0.01),
+            ("   6    0.00500    NPTS, DT", 0.005),
+            ("6 .01 npts, dt", 0.01),
+            ("  6.0  1.0D-02 NPTS, DT (SEC)", 0.01),
+        ] {
+            let record = read(fourth, VALUES).unwrap();
+            assert_eq!(record.dt, dt, "{fourth}");
+            assert_eq!(record.values, FIRST_SIX, "{fourth}");
+            assert_eq!(record.unit, Some(Unit::Gravity));
+            assert_eq!(record.title, "SOMEWHERE 01/01/01, STATION, 090");
+            assert!(record.warnings.is_empty(), "{:?}", record.warnings);
+        }
+    }
+
+    #[test]
+    fn carriage_returns_before_the_line_feed_do_no_harm() {
+        let text = file(
+            "ACCELERATION TIME SERIES IN UNITS OF G",
+            "NPTS= 6, DT= .02 SEC",
+            VALUES,
+        );
+        for end in ["\r\n", "\r\r\n", "\r"] {
+            let record = read_named("a.at2", &text.replace('\n', end)).unwrap();
+            assert_eq!(record.values, FIRST_SIX, "{end:?}");
+        }
+    }
+
+    #[test]
+    fn numbers_that_touch_are_told_apart() {
+        let header = "NPTS= 4, DT= .01 SEC";
+        // Signs tell.
+        let record = read(header, "-0.00123-0.00456 0.00789-0.00012\n").unwrap();
+        assert_eq!(record.values, [-0.001_23, -0.004_56, 0.007_89, -0.000_12]);
+        let record = read(header, " .1E-02-.2E-02 .3D+00-.4E-01\n").unwrap();
+        assert_eq!(record.values, [0.001, -0.002, 0.3, -0.04]);
+        // Only the width tells: 4F10.5 with full fields.
+        let record = read(header, "1000.123451000.23456  -0.50000-100.12345\n").unwrap();
+        assert_eq!(
+            record.values,
+            [1_000.123_45, 1_000.234_56, -0.5, -100.123_45]
+        );
+        // 4E12.6 with full fields: the first reading of the second word fails, the width decides.
+        let record = read(header, "-.123456E-020.223456E-020.323456E-020.423456E-02\n").unwrap();
+        let expected = [-0.001_234_56, 0.002_234_56, 0.003_234_56, 0.004_234_56];
+        assert_eq!(record.values, expected);
+        // Points at different places are no fixed format, and guessing is worse than refusing.
+        let touching = read(header, "-.123456E-02.1234567E-020.123456E-020.123456E-02\n");
+        assert!(matches!(
+            touching.unwrap_err(),
+            MotionError::NotANumber {
+                line: 5,
+                column: 1,
+                ..
+            }
+        ));
+        // Three digits of exponent push out its letter.
+        let record = read("NPTS= 2, DT= .01", " 0.123-100 0.5\n").unwrap();
+        assert_eq!(record.values, [1.23e-101, 0.5]);
+    }
+
+    #[test]
+    fn a_wrong_count_is_a_warning_with_both_numbers() {
+        for npts in [5, 7] {
+            let record = read(&format!("NPTS= {npts}, DT= .01 SEC"), VALUES).unwrap();
+            assert_eq!(record.values.len(), 6);
+            let [warning] = record.warnings.as_slice() else {
+                panic!("one warning: {:?}", record.warnings)
+            };
+            assert!(warning.contains(&format!("NPTS = {npts}")), "{warning}");
+            assert!(warning.contains("6 values"), "{warning}");
+        }
+    }
+
+    #[test]
+    fn what_is_wrong_is_said_with_its_place() {
+        let message = |fourth: &str, data: &str| read(fourth, data).unwrap_err().to_string();
+        let good = "NPTS= 2, DT= .01 SEC";
+        assert_eq!(
+            message(good, "0.1 0.2\n 0.3 NaN\n"),
+            "a.AT2:6:6: wanted a finite number, found NaN"
+        );
+        assert_eq!(
+            message(good, "0.1 ********* 0.2\n"),
+            "a.AT2:5:5: wanted a number, found \"*********\""
+        );
+        assert_eq!(
+            message("NPTS= many, DT= .01 SEC", "1 2\n"),
+            "a.AT2:4: wanted a whole number of points after NPTS, found \"MANY\""
+        );
+        assert_eq!(
+            message("NPTS= 2, DT= 0.0 SEC", "1 2\n"),
+            "a.AT2:4: wanted a positive time step DT, found \"0.0\""
+        );
+        assert_eq!(message(good, ""), "a.AT2: holds no numbers");
+        assert!(matches!(
+            read("NPTS= 2", "1 2\n").unwrap_err(),
+            MotionError::StepMissing { .. }
+        ));
+        assert_eq!(
+            read_named("a.AT2", "just\nwords\n")
+                .unwrap_err()
+                .to_string(),
+            "a.AT2:3: wanted a header line with NPTS and DT, found \"\""
+        );
+    }
+
+    #[test]
+    fn the_unit_is_what_the_third_line_states() {
+        for (name, third, unit) in [
+            (
+                "a.AT2",
+                "ACCELERATION TIME HISTORY IN UNITS OF G. FILTER POINTS: HP=0.1",
+                Some(Unit::Gravity),
+            ),
+            (
+                "a.AT2",
+                "ACCELERATION TIME SERIES IN UNITS OF CM/S/S",
+                Some(Unit::CentimetrePerSecond2),
+            ),
+            (
+                "a.VT2",
+                "VELOCITY TIME SERIES IN UNITS OF CM/S",
+                Some(Unit::CentimetrePerSecond),
+            ),
+            (
+                "a.DT2",
+                "DISPLACEMENT TIME SERIES IN UNITS OF CM",
+                Some(Unit::Centimetre),
+            ),
+        ] {
+            let record = read_named(name, &file(third, "NPTS= 6, DT= .01 SEC", VALUES)).unwrap();
+            assert_eq!(record.unit, unit, "{third}");
+            assert!(record.warnings.is_empty(), "{:?}", record.warnings);
+        }
+        for (name, unit) in [
+            ("a.AT2", Some(Unit::Gravity)),
+            ("a.VT2", Some(Unit::CentimetrePerSecond)),
+            ("a.dt2", Some(Unit::Centimetre)),
+        ] {
+            let record =
+                read_named(name, &file("no word of it", "NPTS= 6, DT= .01 SEC", VALUES)).unwrap();
+            assert_eq!(record.unit, unit);
+            assert!(record.warnings[0].contains("states no unit"));
+        }
+        let record = read_named(
+            "a.AT2",
+            &file("IN UNITS OF FURLONGS", "NPTS= 6, DT= .01", VALUES),
+        )
+        .unwrap();
+        assert_eq!(record.unit, None);
+        assert!(record.warnings[0].contains("FURLONGS"));
+    }
+
+    #[test]
+    fn a_given_step_overrules_the_header_with_a_warning() {
+        let text = file("IN UNITS OF G", "NPTS= 6, DT= .01 SEC", VALUES);
+        let with = |dt| {
+            let options = ReadOptions {
+                dt: Some(dt),
+                ..ReadOptions::default()
+            };
+            parse_record("a.AT2", text.as_bytes(), &options).unwrap()
+        };
+        assert!(with(0.01).warnings.is_empty());
+        let other = with(0.005);
+        assert_eq!(other.dt, 0.005);
+        assert!(other.warnings[0].contains("0.01") && other.warnings[0].contains("0.005"));
+    }
+}

@@ -1,0 +1,133 @@
+//! Equally spaced samples in SI units, laid on the step grid.
+//!
+//! A record that ends before the test is zero after its end, but for a displacement, which stays where it ends: a table
+//! or an actuator cannot jump home.
+
+use super::Grid;
+use super::resample::{Kernel, Resample, linear, snapped};
+use super::spectrum::peak;
+
+/// Equally spaced samples in SI units.
+#[derive(Debug, Clone)]
+pub(super) struct Sampled {
+    /// Distance in s.
+    pub(super) dt: f64,
+    /// Test time of the first sample in s.
+    pub(super) first_time: f64,
+    /// Test times between which the motion exists; samples beyond them only feed the kernel.
+    pub(super) span: (f64, f64),
+    pub(super) values: Vec<f64>,
+    pub(super) resample: Resample,
+    pub(super) origin: Origin,
+}
+
+/// Where samples come from.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Origin {
+    /// Somebody's record, by this name: filtered if the grid is coarser; a displacement stays where it ends.
+    Record(String),
+    /// Our own, which holds nothing above `top_hz`.
+    Synthetic {
+        /// In Hz.
+        top_hz: f64,
+    },
+}
+
+impl Sampled {
+    /// First and last sample within the span.
+    pub(super) fn inner(&self) -> (usize, usize) {
+        let place = |time: f64| snapped((time - self.first_time) / self.dt).max(0.0);
+        let most = self.values.len().saturating_sub(1);
+        let last = (place(self.span.1).floor() as usize).min(most);
+        ((place(self.span.0).ceil() as usize).min(last), last)
+    }
+
+    /// Value and, for band-limited samples, rate at every point of the grid.
+    pub(super) fn on(&self, grid: Grid, holds: bool) -> Vec<(f64, Option<f64>)> {
+        let kernel = match self.origin {
+            Origin::Record(_) => Kernel::new(self.dt, grid.dt()),
+            Origin::Synthetic { .. } => Kernel::without_filter(),
+        };
+        let is_record = matches!(self.origin, Origin::Record(_));
+        let resting = if holds && is_record {
+            self.values.last().copied().unwrap_or(0.0)
+        } else {
+            0.0
+        };
+        let (start, end) = self.span;
+        let slack = 1e-9 * self.dt.min(grid.dt());
+        grid.times()
+            .map(|time| {
+                if time < start - slack {
+                    return (0.0, self.known(0.0));
+                }
+                if time > end + slack {
+                    return (resting, self.known(0.0));
+                }
+                let at = snapped((time - self.first_time) / self.dt);
+                match self.resample {
+                    Resample::Linear => (linear(&self.values, at), None),
+                    Resample::BandLimited => {
+                        let (value, slope) = kernel.value_and_slope(&self.values, at);
+                        (value, Some(slope / self.dt))
+                    }
+                }
+            })
+            .collect()
+    }
+
+    /// A rate that the kernel knows; straight lines leave it to differences.
+    fn known(&self, rate: f64) -> Option<f64> {
+        match self.resample {
+            Resample::Linear => None,
+            Resample::BandLimited => Some(rate),
+        }
+    }
+
+    pub(super) fn tail_warning(&self, grid: Grid, holds: bool, warnings: &mut Vec<String>) {
+        let Origin::Record(name) = &self.origin else {
+            return;
+        };
+        let (end, test) = (self.span.1, grid.duration());
+        if test > end + 1e-9 * grid.dt() {
+            let after = if holds {
+                format!(
+                    "its last value, {:e} m, is held after it",
+                    self.values.last().copied().unwrap_or(0.0)
+                )
+            } else {
+                "it is zero after that".to_owned()
+            };
+            warnings.push(format!(
+                "{name}: the record ends at {end} s, the test at {test} s; {after}"
+            ));
+        }
+        let cut = self
+            .values
+            .iter()
+            .enumerate()
+            .filter(|(i, _)| self.first_time + *i as f64 * self.dt > test + 1e-9 * grid.dt());
+        let beyond = peak(&cut.map(|(_, v)| *v).collect::<Vec<_>>());
+        let whole = peak(&self.values);
+        if beyond > 0.0 && beyond >= whole {
+            warnings.push(format!(
+                "{name}: the test ends at {test} s, before the peak of the record"
+            ));
+        }
+    }
+
+    pub(super) fn coarse_warning(&self, grid: Grid, warnings: &mut Vec<String>) {
+        let Origin::Record(name) = &self.origin else {
+            return;
+        };
+        if self.resample == Resample::Linear && grid.dt() > self.dt * (1.0 + 1e-9) {
+            warnings.push(format!(
+                "{name}: the step of {} s is longer than that of the record, {} s; what lies above {} Hz is folded \
+                 down: resample = \"band_limited\" removes it",
+                grid.dt(),
+                self.dt,
+                0.5 / grid.dt()
+            ));
+        }
+    }
+}

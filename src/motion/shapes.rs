@@ -1,0 +1,568 @@
+//! Signals in closed form: value and rate of change at any time.
+//!
+//! Every amplitude is in the key `unit` beside it, or in the SI unit of the quantity that the signal stands for
+//! (m/s², m or N) if `unit` is absent. Outside their duration these shapes are zero. Those that go from place to place
+//! are in `paths`.
+
+use std::f64::consts::PI;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::error::{MotionError, finite, inside, not_negative, positive};
+use super::unit::{Quantity, Unit};
+
+/// A function of time: (value, rate) in SI units.
+pub(super) struct Curve {
+    /// Value and rate at a time in s.
+    pub(super) at: Box<dyn Fn(f64) -> (f64, f64)>,
+    /// Highest frequency in Hz that it is meant to hold, where it has one.
+    pub(super) top_hz: Option<f64>,
+}
+
+/// SI units in one of `unit`, which must measure `quantity`.
+pub(super) fn factor(unit: Option<Unit>, quantity: Quantity) -> Result<f64, MotionError> {
+    match unit {
+        None => Ok(1.0),
+        Some(unit) if unit.quantity() == quantity => Ok(unit.to_si()),
+        Some(unit) => Err(MotionError::UnitMismatch { unit, quantity }),
+    }
+}
+
+/// Exactly one of two ways to say the same thing.
+pub(super) fn one_of(
+    names: &'static str,
+    first: Option<f64>,
+    second: Option<f64>,
+) -> Result<(), MotionError> {
+    match (first, second) {
+        (Some(_), None) | (None, Some(_)) => Ok(()),
+        (a, _) => Err(MotionError::ExactlyOne {
+            names,
+            found: if a.is_some() { 2 } else { 0 },
+        }),
+    }
+}
+
+/// True from `at` on, rounding of a step's time forgiven.
+pub(super) fn reached(time: f64, at: f64) -> bool {
+    time >= at - 1e-12 * (1.0 + at.abs())
+}
+
+/// True between `start` and `end`, both included.
+fn within(time: f64, start: f64, end: f64) -> bool {
+    reached(time, start) && time <= end + 1e-12 * (1.0 + end.abs())
+}
+
+/// Half a cosine up over `rise`, level, and down over `rise` before `total`; (1, 0) if `rise` is 0. `total` may be
+/// infinite.
+pub(super) fn taper(time: f64, total: f64, rise: f64) -> (f64, f64) {
+    if rise == 0.0 {
+        return (1.0, 0.0);
+    }
+    let edge = |t: f64, sign: f64| {
+        let (sine, cosine) = libm::sincos(PI * t / rise);
+        (0.5 * (1.0 - cosine), sign * 0.5 * PI / rise * sine)
+    };
+    if time < rise {
+        edge(time.max(0.0), 1.0)
+    } else if total - time < rise {
+        edge((total - time).max(0.0), -1.0)
+    } else {
+        (1.0, 0.0)
+    }
+}
+
+/// 10 s³ − 15 s⁴ + 6 s⁵ over `rise` and its rate: from 0 to 1 without a jump in velocity or acceleration.
+pub(super) fn smooth_rise(time: f64, rise: f64) -> (f64, f64) {
+    if time >= rise {
+        (1.0, 0.0)
+    } else if time <= 0.0 {
+        (0.0, 0.0)
+    } else {
+        let s = time / rise;
+        let r = 1.0 - s;
+        (
+            s * s * s * (10.0 - 15.0 * s + 6.0 * s * s),
+            30.0 * s * s * r * r / rise,
+        )
+    }
+}
+
+fn check_taper(taper_s: f64, duration: f64) -> Result<f64, MotionError> {
+    inside(
+        "taper_s",
+        taper_s,
+        taper_s >= 0.0 && 2.0 * taper_s <= duration,
+        "at least zero and at most half the duration",
+    )
+}
+
+/// amplitude · sin(ω (t − start) + phase).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "snake_case")]
+pub struct Sine {
+    /// In `unit`, or in the SI unit of the quantity.
+    pub amplitude: f64,
+    /// Unit of the amplitude; SI if absent.
+    pub unit: Option<Unit>,
+    /// Frequency in Hz; this or `angular_frequency_rad_per_s`.
+    pub frequency_hz: Option<f64>,
+    /// Angular frequency in rad/s; this or `frequency_hz`.
+    pub angular_frequency_rad_per_s: Option<f64>,
+    /// Phase at the start in rad; 0 if absent.
+    #[serde(default)]
+    pub phase_rad: f64,
+    /// Time of the start in s; 0 if absent. Zero before.
+    #[serde(default)]
+    pub start_s: f64,
+    /// Number of cycles; to the end of the test if this and `duration_s` are absent.
+    pub cycles: Option<f64>,
+    /// Duration in s; this or `cycles`, or neither.
+    pub duration_s: Option<f64>,
+    /// Half a cosine of this length in s at both ends of the duration; 0 if absent.
+    #[serde(default)]
+    pub taper_s: f64,
+}
+
+impl Sine {
+    pub(super) fn curve(&self, quantity: Quantity) -> Result<Curve, MotionError> {
+        one_of(
+            "frequency_hz, angular_frequency_rad_per_s",
+            self.frequency_hz,
+            self.angular_frequency_rad_per_s,
+        )?;
+        let omega = match (self.frequency_hz, self.angular_frequency_rad_per_s) {
+            (Some(hz), _) => 2.0 * PI * positive("frequency_hz", hz)?,
+            (_, omega) => positive("angular_frequency_rad_per_s", omega.unwrap_or(f64::NAN))?,
+        };
+        let duration = match (self.cycles, self.duration_s) {
+            (None, None) => f64::INFINITY,
+            (Some(cycles), None) => positive("cycles", cycles)? * 2.0 * PI / omega,
+            (None, Some(duration)) => positive("duration_s", duration)?,
+            (Some(_), Some(_)) => {
+                return Err(MotionError::AtMostOne {
+                    names: "cycles, duration_s",
+                    found: 2,
+                });
+            }
+        };
+        let amplitude = finite("amplitude", self.amplitude)? * factor(self.unit, quantity)?;
+        let phase = finite("phase_rad", self.phase_rad)?;
+        let start = not_negative("start_s", self.start_s)?;
+        let rise = check_taper(self.taper_s, duration)?;
+        Ok(Curve {
+            at: Box::new(move |time| {
+                if !within(time, start, start + duration) {
+                    return (0.0, 0.0);
+                }
+                let t = time - start;
+                let (sine, cosine) = libm::sincos(omega * t + phase);
+                let (w, w_rate) = taper(t, duration, rise);
+                (
+                    amplitude * w * sine,
+                    amplitude * (w * omega * cosine + w_rate * sine),
+                )
+            }),
+            top_hz: Some(omega / (2.0 * PI)),
+        })
+    }
+}
+
+/// How the frequency of a sweep moves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum SweepKind {
+    /// f = f₀ + (f₁ − f₀) t/T.
+    Linear,
+    /// f = f₀ (f₁/f₀)^(t/T): equal time in every octave.
+    Exponential,
+}
+
+/// A sine whose frequency moves from one value to another.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "snake_case")]
+pub struct Sweep {
+    /// In `unit`, or in the SI unit of the quantity.
+    pub amplitude: f64,
+    /// Unit of the amplitude; SI if absent.
+    pub unit: Option<Unit>,
+    /// Frequency at the start in Hz.
+    pub from_hz: f64,
+    /// Frequency at the end in Hz; may be lower.
+    pub to_hz: f64,
+    /// Duration in s.
+    pub duration_s: f64,
+    /// Linear or exponential.
+    pub kind: SweepKind,
+    /// Time of the start in s; 0 if absent.
+    #[serde(default)]
+    pub start_s: f64,
+    /// Half a cosine of this length in s at both ends; 0 if absent.
+    #[serde(default)]
+    pub taper_s: f64,
+}
+
+impl Sweep {
+    pub(super) fn curve(&self, quantity: Quantity) -> Result<Curve, MotionError> {
+        let amplitude = finite("amplitude", self.amplitude)? * factor(self.unit, quantity)?;
+        let (f0, f1) = (
+            positive("from_hz", self.from_hz)?,
+            positive("to_hz", self.to_hz)?,
+        );
+        let duration = positive("duration_s", self.duration_s)?;
+        let start = not_negative("start_s", self.start_s)?;
+        let rise = check_taper(self.taper_s, duration)?;
+        // An exponential sweep over no interval is a sine, as is the linear one.
+        let kind = if f0 == f1 {
+            SweepKind::Linear
+        } else {
+            self.kind
+        };
+        let octaves = libm::log(f1 / f0);
+        Ok(Curve {
+            at: Box::new(move |time| {
+                if !within(time, start, start + duration) {
+                    return (0.0, 0.0);
+                }
+                let t = (time - start).clamp(0.0, duration);
+                let (turns, hz) = match kind {
+                    SweepKind::Linear => {
+                        let slope = (f1 - f0) / duration;
+                        (f0 * t + 0.5 * slope * t * t, f0 + slope * t)
+                    }
+                    SweepKind::Exponential => {
+                        let growth = libm::exp(octaves * t / duration);
+                        // expm1 keeps the first turns exact.
+                        let grown = libm::expm1(octaves * t / duration);
+                        (f0 * duration / octaves * grown, f0 * growth)
+                    }
+                };
+                let (sine, cosine) = libm::sincos(2.0 * PI * turns);
+                let (w, w_rate) = taper(t, duration, rise);
+                (
+                    amplitude * w * sine,
+                    amplitude * (w * 2.0 * PI * hz * cosine + w_rate * sine),
+                )
+            }),
+            top_hz: Some(f0.max(f1)),
+        })
+    }
+}
+
+/// Ricker's wavelet, amplitude · (1 − 2a) e^{−a}, a = (π f (t − centre))²: a pulse without a mean.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "snake_case")]
+pub struct Ricker {
+    /// Peak, in `unit`, or in the SI unit of the quantity.
+    pub amplitude: f64,
+    /// Unit of the amplitude; SI if absent.
+    pub unit: Option<Unit>,
+    /// Frequency f of the largest Fourier amplitude in Hz.
+    pub frequency_hz: f64,
+    /// Time of the peak in s; 1.5 / f if absent, so that the start is below 1e-8 of the peak.
+    pub centre_s: Option<f64>,
+}
+
+impl Ricker {
+    pub(super) fn curve(&self, quantity: Quantity) -> Result<Curve, MotionError> {
+        let amplitude = finite("amplitude", self.amplitude)? * factor(self.unit, quantity)?;
+        let hz = positive("frequency_hz", self.frequency_hz)?;
+        let centre = finite("centre_s", self.centre_s.unwrap_or(1.5 / hz))?;
+        let s = (PI * hz) * (PI * hz);
+        Ok(Curve {
+            at: Box::new(move |time| {
+                let t = time - centre;
+                let a = s * t * t;
+                let decay = libm::exp(-a);
+                (
+                    amplitude * (1.0 - 2.0 * a) * decay,
+                    -amplitude * 2.0 * s * t * (3.0 - 2.0 * a) * decay,
+                )
+            }),
+            // Its spectrum f²e^{−f²} has fallen to 1e-5 of the peak there.
+            top_hz: Some(4.0 * hz),
+        })
+    }
+}
+
+/// The same value at all times.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "snake_case")]
+pub struct Constant {
+    /// In `unit`, or in the SI unit of the quantity.
+    pub value: f64,
+    /// Unit of the value; SI if absent.
+    pub unit: Option<Unit>,
+}
+
+impl Constant {
+    pub(super) fn curve(&self, quantity: Quantity) -> Result<Curve, MotionError> {
+        let value = finite("value", self.value)? * factor(self.unit, quantity)?;
+        Ok(Curve {
+            at: Box::new(move |_| (value, 0.0)),
+            top_hz: None,
+        })
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+
+    /// The rate agrees with a difference of the values, away from `corners`.
+    pub(in crate::motion) fn rate_is_the_derivative(curve: &Curve, end: f64, corners: &[f64]) {
+        let h = 1e-5;
+        let mut time = 0.003_1;
+        let size = (0..2000)
+            .map(|i| (curve.at)(end * f64::from(i) / 2000.0).1.abs())
+            .fold(0.0, f64::max);
+        while time < end {
+            if corners.iter().all(|c| (time - c).abs() > 2.0 * h) {
+                let value = |t: f64| (curve.at)(t).0;
+                // Fourth-order difference: error h⁴ x⁗'/30, below 1e-9 of the rate at ωh < 1e-2; rounding 1e-16/h.
+                let difference = (8.0 * (value(time + h) - value(time - h))
+                    - (value(time + 2.0 * h) - value(time - 2.0 * h)))
+                    / (12.0 * h);
+                let rate = (curve.at)(time).1;
+                assert!(
+                    (rate - difference).abs() < 1e-7 * (size + 1.0),
+                    "at {time}: {rate} {difference}"
+                );
+            }
+            time += 0.017_3;
+        }
+    }
+
+    fn sine() -> Sine {
+        Sine {
+            amplitude: 2.0,
+            unit: None,
+            frequency_hz: Some(1.5),
+            angular_frequency_rad_per_s: None,
+            phase_rad: 0.0,
+            start_s: 0.0,
+            cycles: None,
+            duration_s: None,
+            taper_s: 0.0,
+        }
+    }
+
+    fn sweep(kind: SweepKind) -> Sweep {
+        Sweep {
+            amplitude: 0.5,
+            unit: None,
+            from_hz: 0.5,
+            to_hz: 8.0,
+            duration_s: 12.0,
+            kind,
+            start_s: 1.0,
+            taper_s: 0.0,
+        }
+    }
+
+    #[test]
+    fn a_sine_is_a_sine() {
+        let paper = Sine {
+            amplitude: 20.0,
+            frequency_hz: None,
+            angular_frequency_rad_per_s: Some(1.0),
+            ..sine()
+        };
+        let curve = paper.curve(Quantity::Force).unwrap();
+        for i in 0..100 {
+            let t = 0.05 * f64::from(i);
+            let (value, rate) = (curve.at)(t);
+            // Two implementations of the circle functions, each good to the last bit.
+            assert!((value - 20.0 * t.sin()).abs() < 1e-14 * 20.0);
+            assert!((rate - 20.0 * t.cos()).abs() < 1e-14 * 20.0);
+        }
+        let late = Sine {
+            start_s: 1.0,
+            cycles: Some(2.5),
+            phase_rad: 0.3,
+            unit: Some(Unit::Gravity),
+            ..sine()
+        };
+        let curve = late.curve(Quantity::Acceleration).unwrap();
+        assert_eq!((curve.at)(0.99), (0.0, 0.0));
+        let inside = (curve.at)(1.5).0;
+        let exact = 2.0 * 9.806_65 * (2.0 * PI * 1.5 * 0.5 + 0.3).sin();
+        assert!((inside - exact).abs() < 1e-13);
+        // 2.5 cycles of 1.5 Hz end at 1 + 5/3 s.
+        assert!((curve.at)(2.66).0 != 0.0);
+        assert_eq!((curve.at)(2.67), (0.0, 0.0));
+    }
+
+    #[test]
+    fn the_frequency_of_a_sweep_moves_as_it_should() {
+        // Zeros of sin 2πφ are where φ is a multiple of ½: they tell the phase without its formula. φ is the integral
+        // of the frequency, done here by Simpson's rule on the frequency's own definition.
+        for (kind, hz) in [
+            (
+                SweepKind::Linear,
+                (|s: f64| 0.5 + 7.5 * s) as fn(f64) -> f64,
+            ),
+            (SweepKind::Exponential, |s: f64| 0.5 * 16.0_f64.powf(s)),
+        ] {
+            let curve = sweep(kind).curve(Quantity::Displacement).unwrap();
+            let phase = |t: f64| {
+                let n = 2000;
+                let h = t / f64::from(n);
+                let sum: f64 = (0..=n)
+                    .map(|i| {
+                        let weight = match i {
+                            0 => 1.0,
+                            i if i == n => 1.0,
+                            i if i % 2 == 1 => 4.0,
+                            _ => 2.0,
+                        };
+                        weight * hz(f64::from(i) * h / 12.0)
+                    })
+                    .sum();
+                sum * h / 3.0
+            };
+            for i in 0..60 {
+                let t = 0.2 * f64::from(i);
+                let exact = 0.5 * (2.0 * PI * phase(t)).sin();
+                // Simpson's error: below 1e-11 of the phase of 50 turns, times 2π.
+                assert!(((curve.at)(1.0 + t).0 - exact).abs() < 1e-8, "{kind:?} {t}");
+            }
+            // Instantaneous frequency from the quadrature of value and rate: (x')² = (2πf)² (A² − x²).
+            for i in 1..60 {
+                let t = 0.2 * f64::from(i) + 0.013;
+                let (value, rate) = (curve.at)(1.0 + t);
+                if 0.25 - value * value > 0.02 {
+                    let found = rate.abs() / (2.0 * PI * (0.25 - value * value).sqrt());
+                    assert!((found / hz(t / 12.0) - 1.0).abs() < 1e-10, "{kind:?} {t}");
+                }
+            }
+            assert_eq!((curve.at)(0.9), (0.0, 0.0));
+            assert_eq!((curve.at)(13.1), (0.0, 0.0));
+            assert_eq!(curve.top_hz, Some(8.0));
+        }
+    }
+
+    #[test]
+    fn rates_are_derivatives() {
+        let tapered = Sine {
+            taper_s: 0.4,
+            duration_s: Some(2.0),
+            phase_rad: 0.7,
+            ..sine()
+        };
+        let curve = tapered.curve(Quantity::Displacement).unwrap();
+        // The taper starts and ends with a kink in the second derivative, which the difference sees too.
+        rate_is_the_derivative(&curve, 2.5, &[0.0, 0.4, 1.6, 2.0]);
+        for kind in [SweepKind::Linear, SweepKind::Exponential] {
+            let tapered = Sweep {
+                taper_s: 2.0,
+                ..sweep(kind)
+            };
+            let curve = tapered.curve(Quantity::Displacement).unwrap();
+            rate_is_the_derivative(&curve, 13.0, &[1.0, 3.0, 11.0, 13.0]);
+            assert!((curve.at)(1.0).0.abs() < 1e-15 && (curve.at)(13.0).0.abs() < 1e-15);
+        }
+        let ricker = Ricker {
+            amplitude: 3.0,
+            unit: None,
+            frequency_hz: 2.0,
+            centre_s: None,
+        };
+        let curve = ricker.curve(Quantity::Acceleration).unwrap();
+        rate_is_the_derivative(&curve, 2.0, &[]);
+        // Peak at 1.5/f; first zero where 2 (π f t)² = 1.
+        assert_eq!((curve.at)(0.75), (3.0, -0.0));
+        assert!((curve.at)(0.75 + 1.0 / (2.0 * PI * 2.0_f64.sqrt())).0.abs() < 1e-14);
+        assert!((curve.at)(0.0).0.abs() < 1e-7);
+    }
+
+    #[test]
+    fn an_exponential_sweep_over_no_interval_is_a_sine() {
+        let flat = Sweep {
+            to_hz: 0.5,
+            ..sweep(SweepKind::Exponential)
+        };
+        let curve = flat.curve(Quantity::Displacement).unwrap();
+        let exact = 0.5 * (2.0 * PI * 0.5 * 3.3).sin();
+        assert!(((curve.at)(4.3).0 - exact).abs() < 1e-13);
+    }
+
+    #[test]
+    fn parameters_outside_their_domain_are_named() {
+        let message = |sine: Sine| {
+            let refused = sine.curve(Quantity::Displacement).err();
+            refused.map(|e| e.to_string()).unwrap_or_default()
+        };
+        assert_eq!(
+            message(Sine {
+                frequency_hz: Some(0.0),
+                ..sine()
+            }),
+            "frequency_hz is 0, but must be finite and greater than zero"
+        );
+        assert_eq!(
+            message(Sine {
+                angular_frequency_rad_per_s: Some(1.0),
+                ..sine()
+            }),
+            "give exactly one of frequency_hz, angular_frequency_rad_per_s: 2 are given"
+        );
+        assert_eq!(
+            message(Sine {
+                cycles: Some(1.0),
+                duration_s: Some(1.0),
+                ..sine()
+            }),
+            "give at most one of cycles, duration_s: 2 are given"
+        );
+        assert_eq!(
+            message(Sine {
+                amplitude: f64::NAN,
+                ..sine()
+            }),
+            "amplitude is NaN, but must be finite"
+        );
+        assert_eq!(
+            message(Sine {
+                unit: Some(Unit::Gravity),
+                ..sine()
+            }),
+            "unit g does not measure a displacement"
+        );
+        assert!(
+            message(Sine {
+                taper_s: 2.0,
+                duration_s: Some(3.0),
+                ..sine()
+            })
+            .contains("half the duration")
+        );
+        for value in [-1.0, f64::NAN, f64::INFINITY] {
+            assert!(
+                Sweep {
+                    duration_s: value,
+                    ..sweep(SweepKind::Linear)
+                }
+                .curve(Quantity::Force)
+                .is_err()
+            );
+            assert!(
+                Sweep {
+                    to_hz: value,
+                    ..sweep(SweepKind::Linear)
+                }
+                .curve(Quantity::Force)
+                .is_err()
+            );
+            assert!(
+                Sine {
+                    start_s: value,
+                    ..sine()
+                }
+                .curve(Quantity::Force)
+                .is_err()
+            );
+        }
+    }
+}
