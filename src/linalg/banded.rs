@@ -49,11 +49,13 @@ impl Banded {
             let target = &mut lower[i * width..(i + 1) * width];
             let diagonal = matrix.get(old(i), old(i));
             let mut pivot = diagonal;
-            for j in first..i {
-                let at = j + width - i;
-                let multiplier = row[at] / pivots[j];
-                pivot -= row[at] * multiplier;
-                target[at] = multiplier;
+            let earlier = &pivots[first..i];
+            let own = row[first + width - i..]
+                .iter()
+                .zip(&mut target[first + width - i..]);
+            for ((g, multiplier), earlier) in own.zip(earlier) {
+                *multiplier = g / earlier;
+                pivot -= g * *multiplier;
             }
             check_pivot(old(i), pivot, diagonal)?;
             pivots[i] = pivot;

@@ -248,7 +248,7 @@ fn jacobi(a: &mut [f64], n: usize) -> Vec<f64> {
                 let apq = a[p * n + q];
                 let (app, aqq) = (a[p * n + p], a[q * n + q]);
                 let small = f64::EPSILON * (app * aqq).abs().sqrt();
-                if !(apq.abs() > small.max(floor)) {
+                if apq.abs() <= small.max(floor) {
                     continue;
                 }
                 rotated = true;

@@ -118,12 +118,12 @@ impl Sparse {
         let mut column_start = vec![0];
         let (mut rows, mut lower) = (Vec::new(), Vec::new());
         let mut inverse_pivots = Vec::with_capacity(n);
-        for column in 0..n {
-            let range = raw.col_ptr()[column]..raw.col_ptr()[column + 1];
+        for (range, &dof) in raw.col_ptr().windows(2).zip(&old_of_new) {
+            let range = range[0]..range[1];
             // The diagonal comes first. faer leaves the pivot that stopped it, and all after it, at zero; it goes
             // on over negative ones, which we do not.
             let pivot = factor[range.start];
-            let dof = old_of_new[column] as usize;
+            let dof = dof as usize;
             check_pivot(dof, pivot, matrix.get(dof, dof))?;
             inverse_pivots.push(1.0 / pivot);
             rows.extend(

@@ -2,129 +2,16 @@
 
 use std::collections::BTreeMap;
 
-use thiserror::Error;
-
-use super::damping::{DampingError, damping_matrix};
+use super::damping::damping_matrix;
 use super::{
-    ChainSpec, DampingSpec, Element, ElementSpec, MatricesSpec, MatrixTable, ModelError, Part,
-    ShearBuildingSpec, Structure, StructureSpec,
+    BuildError, ChainSpec, DampingSpec, Element, ElementSpec, MatricesSpec, MatrixTable,
+    ModelError, Part, ShearBuildingSpec, Structure, StructureSpec,
 };
-use crate::law::{LawError, Reach};
-use crate::linalg::{MatrixError, SymMatrix};
+use crate::law::Reach;
+use crate::linalg::SymMatrix;
 
 /// Parsed matrix files by the name that the description uses.
 pub type MatrixFiles = BTreeMap<String, MatrixTable>;
-
-/// Why a description does not make a structure. Storeys count from 1.
-#[derive(Debug, Clone, PartialEq, Error)]
-pub enum BuildError {
-    /// A list of another length than the masses.
-    #[error("{key} has {found} entries, but mass_kg has {expected}")]
-    Length {
-        /// Key in the test file.
-        key: &'static str,
-        /// Number of masses.
-        expected: usize,
-        /// Entries found.
-        found: usize,
-    },
-    /// A value of one storey or floor outside its range.
-    #[error("{key} of {place} {number} is {found}, but must be {allowed}")]
-    Value {
-        /// Key in the test file.
-        key: &'static str,
-        /// "storey" or "floor".
-        place: &'static str,
-        /// From 1.
-        number: usize,
-        /// What was found.
-        found: f64,
-        /// The range, in words.
-        allowed: &'static str,
-    },
-    /// A value of a chain outside its range.
-    #[error("{key} is {found}, but must be {allowed}")]
-    Chain {
-        /// Key in the test file.
-        key: &'static str,
-        /// What was found.
-        found: f64,
-        /// The range, in words.
-        allowed: &'static str,
-    },
-    /// No mass anywhere.
-    #[error("every mass is zero: nothing would move")]
-    NoMass,
-    /// A matrix given twice or not at all.
-    #[error("give {key} either inline or as {key}_file{}", if *both { ", not both" } else { "" })]
-    Source {
-        /// "mass", "stiffness" or "damping".
-        key: &'static str,
-        /// True if both are there.
-        both: bool,
-    },
-    /// Rows of an inline matrix that differ in length.
-    #[error("{key}: row {row} has {found} entries, but row 1 has {expected}")]
-    Ragged {
-        /// "mass", "stiffness" or "damping".
-        key: &'static str,
-        /// From 1.
-        row: usize,
-        /// Length of the first row.
-        expected: usize,
-        /// Length of this one.
-        found: usize,
-    },
-    /// A matrix that is not symmetric, square and finite.
-    #[error("{key}: {source}")]
-    Matrix {
-        /// Key, with the file if it came from one.
-        key: String,
-        /// What is wrong.
-        source: MatrixError,
-    },
-    /// A file that was not handed over.
-    #[error("{key}: the file {file} was not read")]
-    File {
-        /// "mass_file", "stiffness_file" or "damping_file".
-        key: &'static str,
-        /// Its name.
-        file: String,
-    },
-    /// Dashpots or a matrix and a rule at once.
-    #[error("damping is given twice: as {given} and by a rule; remove one")]
-    DampingTwice {
-        /// The key that gives it.
-        given: &'static str,
-    },
-    /// The rule gives no matrix.
-    #[error("damping: {0}")]
-    Damping(#[from] DampingError),
-    /// A law with parameters outside their range.
-    #[error("{element}: {source}")]
-    Law {
-        /// Name of the element.
-        element: String,
-        /// What is wrong.
-        source: LawError,
-    },
-    /// The parts do not make a structure.
-    #[error(transparent)]
-    Model(#[from] ModelError),
-    /// A storey beyond the top, or 0.
-    #[error("storey {storey} does not exist, the structure has storeys 1 to {storeys}")]
-    NoSuchStorey {
-        /// As given.
-        storey: usize,
-        /// Number of storeys.
-        storeys: usize,
-    },
-    /// Matrices have no storeys.
-    #[error(
-        "a structure given by matrices has no storeys: describe the deformation by rows of a transformation"
-    )]
-    NoStoreys,
-}
 
 const NOT_NEGATIVE: &str = "finite and not negative";
 const POSITIVE: &str = "finite and greater than 0";

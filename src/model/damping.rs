@@ -105,7 +105,7 @@ fn rayleigh(a: f64, b: f64, mass: &SymMatrix, stiffness: &SymMatrix) -> SymMatri
 }
 
 fn check_ratio(key: &'static str, found: f64) -> Result<(), DampingError> {
-    if found >= 0.0 && found < 1.0 {
+    if (0.0..1.0).contains(&found) {
         Ok(())
     } else {
         Err(DampingError::Number {

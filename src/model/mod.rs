@@ -9,6 +9,8 @@
 mod accel;
 mod build;
 mod damping;
+mod element;
+mod error;
 mod npy;
 mod parse;
 mod spec;
@@ -16,11 +18,10 @@ mod structure;
 
 use std::fmt;
 
-use thiserror::Error;
-
 pub use accel::Acceleration;
-pub use build::{BuildError, MatrixFiles};
+pub use build::MatrixFiles;
 pub use damping::DampingError;
+pub use error::{BuildError, ModelError};
 pub use npy::NpyError;
 pub use parse::{MatrixTable, ParseError, parse_matrix};
 pub use spec::{
@@ -30,7 +31,6 @@ pub use spec::{
 pub use structure::Structure;
 
 use crate::law::{Law, Reach};
-use crate::linalg::{MatrixError, NotPositiveDefinite};
 
 /// What an element is fastened to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -105,97 +105,6 @@ impl Part {
             .map(|&(dof, b)| b * shape.get(dof).copied().unwrap_or(0.0))
             .sum()
     }
-}
-
-/// Why matrices and elements do not make a structure.
-#[derive(Debug, Clone, PartialEq, Error)]
-pub enum ModelError {
-    /// No degree of freedom.
-    #[error("a structure needs at least one degree of freedom")]
-    Empty,
-    /// A matrix or vector of another size.
-    #[error("{what} has {found} degrees of freedom, but the mass matrix has {expected}")]
-    Size {
-        /// "stiffness", "damping" or "influence".
-        what: &'static str,
-        /// Rows of the mass matrix.
-        expected: usize,
-        /// Rows found.
-        found: usize,
-    },
-    /// An entry that is not finite.
-    #[error("{what}: {source}")]
-    Entry {
-        /// "mass", "damping" or "stiffness".
-        what: &'static str,
-        /// Which entry.
-        source: MatrixError,
-    },
-    /// An influence coefficient that is not finite.
-    #[error("influence of degree of freedom {} is {found}, but must be finite", dof + 1)]
-    Influence {
-        /// From 0.
-        dof: usize,
-        /// What was found.
-        found: f64,
-    },
-    /// A mass below zero.
-    #[error("mass of degree of freedom {} is {found} kg, but must not be negative", dof + 1)]
-    NegativeMass {
-        /// From 0.
-        dof: usize,
-        /// What was found.
-        found: f64,
-    },
-    /// A full mass matrix without a Cholesky factor.
-    #[error("the mass matrix is {0}")]
-    Mass(NotPositiveDefinite),
-    /// An element on a degree of freedom that does not exist.
-    #[error("{element}: degree of freedom {} does not exist, the structure has {dofs}", dof + 1)]
-    NoSuchDof {
-        /// Name of the element.
-        element: String,
-        /// From 0.
-        dof: usize,
-        /// Degrees of freedom of the structure.
-        dofs: usize,
-    },
-    /// An element from a point to itself, or between ground and frame.
-    #[error(
-        "{element}: lies between {from} and {to}, but must join two different points of which one is a degree of freedom"
-    )]
-    Ends {
-        /// Name of the element.
-        element: String,
-        /// One end.
-        from: End,
-        /// The other.
-        to: End,
-    },
-    /// A declared number outside its range.
-    #[error("{element}: {key} is {found}, but must be {allowed}")]
-    Declared {
-        /// Name of the element.
-        element: String,
-        /// Key in the test file.
-        key: &'static str,
-        /// What was found.
-        found: f64,
-        /// The range, in words.
-        allowed: &'static str,
-    },
-    /// The tangent of a law has no bound without a declared reach.
-    #[error("{element}: the tangent {tangent} has no bound unless {key} (or {ratio}) is given")]
-    NoBound {
-        /// Name of the element.
-        element: String,
-        /// "stiffness" or "damping".
-        tangent: &'static str,
-        /// The reach that is missing.
-        key: &'static str,
-        /// The ratio that would do instead.
-        ratio: &'static str,
-    },
 }
 
 #[cfg(test)]

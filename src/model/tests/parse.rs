@@ -22,7 +22,7 @@ fn npy(major: u8, dictionary: &str, data: &[u8]) -> Vec<u8> {
     bytes.extend([major, 0]);
     let mut header = dictionary.to_owned();
     let length_size = if major == 1 { 2 } else { 4 };
-    while (8 + length_size + header.len() + 1) % 64 != 0 {
+    while !(8 + length_size + header.len() + 1).is_multiple_of(64) {
         header.push(' ');
     }
     header.push('\n');
