@@ -72,7 +72,7 @@ pub enum Start {
     /// acceleration.
     #[default]
     Published,
-    /// The first step uses v[0] − (Δt/2) w[0]: displacement and reported velocity are of second order for linear
+    /// The first step uses v\[0\] − (Δt/2) w\[0\]: displacement and reported velocity are of second order for linear
     /// systems.
     SecondOrder,
 }

@@ -1037,3 +1037,23 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn the_limit_of_a_long_chain_is_that_of_its_highest_mode() {
+    // Fixed-free, unit m and k: ω_max = 2 sin((2n − 1) π / (2 (2n + 1))); λ_lim = 4Ω²/(Ω² − 4), six digits at this size.
+    let n = 1500;
+    let k = storeys(&vec![1.0; n]);
+    let dt = 1.3;
+    let proof = StabilityProof {
+        mass: SymMatrix::diagonal(&vec![1.0; n]),
+        damping: SymMatrix::zeros(n),
+        stiffness: k.clone(),
+        damping_bound: SymMatrix::zeros(n),
+        stiffness_bound: k,
+        dt,
+    };
+    let angle = (2 * n - 1) as f64 * PI / (2 * (2 * n + 1)) as f64;
+    let o2 = 4.0 * libm::sin(angle) * libm::sin(angle) * dt * dt;
+    let limit = proof.limit(f64::INFINITY, &[]).unwrap().unwrap();
+    assert!((limit / (4.0 * o2 / (o2 - 4.0)) - 1.0).abs() < 2e-6);
+}

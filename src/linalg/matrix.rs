@@ -4,49 +4,6 @@
 //! over plain arrays then.
 
 use nalgebra::DMatrix;
-use thiserror::Error;
-
-/// Why numbers do not make a symmetric matrix. Rows and columns count from 0 here and from 1 in the text.
-#[derive(Debug, Clone, Copy, PartialEq, Error)]
-pub enum MatrixError {
-    /// Rows and columns differ.
-    #[error("must be square, but is {rows} by {columns}")]
-    NotSquare {
-        /// Number of rows.
-        rows: usize,
-        /// Number of columns.
-        columns: usize,
-    },
-    /// NaN or infinite.
-    #[error("entry ({}, {}) is {found}, but must be finite", row + 1, column + 1)]
-    NotFinite {
-        /// Row, from 0.
-        row: usize,
-        /// Column, from 0.
-        column: usize,
-        /// What was found.
-        found: f64,
-    },
-    /// An entry and its mirror differ by more than roundoff.
-    #[error(
-        "must be symmetric, but entry ({i}, {j}) is {here} and entry ({j}, {i}) is {there}",
-        i = row + 1,
-        j = column + 1
-    )]
-    Asymmetric {
-        /// Row, from 0.
-        row: usize,
-        /// Column, from 0.
-        column: usize,
-        /// Entry (row, column).
-        here: f64,
-        /// Entry (column, row).
-        there: f64,
-    },
-}
-
-/// Relative difference between an entry and its mirror that still counts as symmetric.
-const SYMMETRY_TOLERANCE: f64 = 1e-9;
 
 /// A symmetric n × n matrix in compact rows.
 #[derive(Debug, Clone, PartialEq)]
@@ -93,92 +50,6 @@ impl SymMatrix {
         Self::assemble(n, both)
     }
 
-    /// A symmetric matrix from entries of both triangles, such as a file holds.
-    ///
-    /// # Errors
-    /// See [`MatrixError`]: not square, not finite, or an entry that differs from its mirror by more than 1e-9
-    /// of the larger of both and of √|aᵢᵢ aⱼⱼ|. Smaller differences are averaged away.
-    ///
-    /// # Panics
-    /// If an index is outside of the given size.
-    pub fn from_entries(
-        rows: usize,
-        columns: usize,
-        entries: impl IntoIterator<Item = (usize, usize, f64)>,
-    ) -> Result<Self, MatrixError> {
-        if rows != columns {
-            return Err(MatrixError::NotSquare { rows, columns });
-        }
-        let n = rows;
-        let mut all = Vec::new();
-        for (row, column, found) in entries {
-            assert!(
-                row < n && column < n,
-                "entry ({row}, {column}) lies outside of a {n} by {n} matrix"
-            );
-            if !found.is_finite() {
-                return Err(MatrixError::NotFinite { row, column, found });
-            }
-            all.push((row as u32, column as u32, found));
-        }
-        let mut full = Self::assemble(n, all);
-        let mut mirrored = Vec::new();
-        for row in 0..n {
-            for (column, here) in full.row(row) {
-                let there = full.get(column, row);
-                let scale = (full.get(row, row) * full.get(column, column))
-                    .abs()
-                    .sqrt()
-                    .max(here.abs())
-                    .max(there.abs());
-                if (here - there).abs() > SYMMETRY_TOLERANCE * scale {
-                    // Name the upper entry whichever of the two is stored.
-                    return Err(if row <= column {
-                        MatrixError::Asymmetric {
-                            row,
-                            column,
-                            here,
-                            there,
-                        }
-                    } else {
-                        MatrixError::Asymmetric {
-                            row: column,
-                            column: row,
-                            here: there,
-                            there: here,
-                        }
-                    });
-                }
-                if here != there {
-                    mirrored.push((row as u32, column as u32, (here + there) / 2.0));
-                    if there == 0.0 {
-                        mirrored.push((column as u32, row as u32, (here + there) / 2.0));
-                    }
-                } else {
-                    mirrored.push((row as u32, column as u32, here));
-                }
-            }
-        }
-        full = Self::assemble(n, mirrored);
-        Ok(full)
-    }
-
-    /// A symmetric matrix from a dense one; see [`SymMatrix::from_entries`].
-    ///
-    /// # Errors
-    /// See [`SymMatrix::from_entries`].
-    pub fn from_dense(matrix: &DMatrix<f64>) -> Result<Self, MatrixError> {
-        let (rows, columns) = matrix.shape();
-        let entries = (0..rows).flat_map(|i| (0..columns).map(move |j| (i, j)));
-        Self::from_entries(
-            rows,
-            columns,
-            entries
-                .map(|(i, j)| (i, j, matrix[(i, j)]))
-                .filter(|&(_, _, value)| value != 0.0),
-        )
-    }
-
     /// A diagonal matrix.
     #[must_use]
     pub fn diagonal(values: &[f64]) -> Self {
@@ -195,7 +66,7 @@ impl SymMatrix {
     }
 
     /// Sorts, sums duplicates in the order given, drops zeros.
-    fn assemble(n: usize, mut entries: Vec<(u32, u32, f64)>) -> Self {
+    pub(super) fn assemble(n: usize, mut entries: Vec<(u32, u32, f64)>) -> Self {
         entries.sort_by_key(|&(row, column, _)| (row, column));
         entries.dedup_by(|next, kept| {
             let same = (next.0, next.1) == (kept.0, kept.1);
@@ -212,11 +83,19 @@ impl SymMatrix {
         for i in 0..n {
             row_start[i + 1] += row_start[i];
         }
+        let columns = entries.iter().map(|&(_, column, _)| column).collect();
+        let values = entries.iter().map(|&(_, _, value)| value).collect();
+        Self::from_rows(row_start, columns, values)
+    }
+
+    /// Takes finished rows and looks at their shape.
+    fn from_rows(row_start: Vec<usize>, columns: Vec<u32>, values: Vec<f64>) -> Self {
+        let n = row_start.len() - 1;
         let mut matrix = Self {
             n,
             row_start,
-            columns: entries.iter().map(|&(_, column, _)| column).collect(),
-            values: entries.iter().map(|&(_, _, value)| value).collect(),
+            columns,
+            values,
             shape: Shape::General,
         };
         matrix.shape = match matrix.half_bandwidth() {
@@ -282,8 +161,35 @@ impl SymMatrix {
     #[must_use]
     pub fn plus(&self, scale: f64, other: &SymMatrix) -> SymMatrix {
         assert_eq!(self.n, other.n, "sizes of the summands");
-        let scaled = other.entries().map(|(i, j, value)| (i, j, scale * value));
-        Self::from_triplets(self.n, self.entries().chain(scaled))
+        let mut row_start = vec![0];
+        let (mut columns, mut values) = (Vec::new(), Vec::new());
+        for i in 0..self.n {
+            let (mut ours, mut theirs) = (self.row(i).peekable(), other.row(i).peekable());
+            loop {
+                let (column, value) = match (ours.peek().copied(), theirs.peek().copied()) {
+                    (Some((j, a)), Some((k, b))) if j == k => {
+                        ours.next();
+                        theirs.next();
+                        (j, a + scale * b)
+                    }
+                    (Some((j, a)), other) if other.is_none_or(|(k, _)| j < k) => {
+                        ours.next();
+                        (j, a)
+                    }
+                    (_, Some((k, b))) => {
+                        theirs.next();
+                        (k, scale * b)
+                    }
+                    (_, None) => break,
+                };
+                if value != 0.0 {
+                    columns.push(column as u32);
+                    values.push(value);
+                }
+            }
+            row_start.push(columns.len());
+        }
+        Self::from_rows(row_start, columns, values)
     }
 
     /// The block of the rows and columns listed in `kept`, in that order; no index twice.

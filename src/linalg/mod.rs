@@ -18,6 +18,7 @@
 //! ```
 
 mod banded;
+mod checked;
 mod dense;
 mod eigen;
 mod matrix;
@@ -29,8 +30,9 @@ use std::fmt;
 
 use thiserror::Error;
 
+pub use checked::MatrixError;
 pub use eigen::{EigenError, LARGEST_DENSE, Modes, frequencies, highest_frequency, modes};
-pub use matrix::{MatrixError, SymMatrix};
+pub use matrix::SymMatrix;
 
 /// A pivot that is not positive: the matrix has a direction without, or with negative, stiffness.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]

@@ -134,6 +134,36 @@ fn the_failing_degree_of_freedom_is_named_in_the_users_numbering() {
 }
 
 #[test]
+fn a_pivot_that_turns_negative_by_elimination_is_reported_with_its_value() {
+    // [[1, 2], [2, 1]] beside two healthy rows, full by small couplings of the first: pivot 2 is 1 − 4 = −3.
+    let full = SymMatrix::from_triplets(
+        4,
+        [
+            (0, 0, 1.0),
+            (0, 1, 2.0),
+            (1, 1, 1.0),
+            (2, 2, 9.0),
+            (3, 3, 9.0),
+            (0, 2, 1.0),
+            (0, 3, 1.0),
+            (2, 3, 1.0),
+        ],
+    );
+    let failure = Spd::factor_as(&full, Storage::Dense).unwrap_err();
+    assert_eq!((failure.dof, failure.pivot), (1, -3.0));
+    assert!(Spd::factor_as(&full, Storage::Sparse).is_err());
+    assert!(Spd::factor_as(&full, Storage::Banded).is_err());
+}
+
+#[test]
+fn sums_of_matrices_are_sums_of_entries() {
+    let (a, b) = (chain(30, 0.3), scrambled(&chain(30, 1.0), 7));
+    let sum = a.plus(-2.5, &b);
+    assert!((sum.to_dense() - (a.to_dense() - b.to_dense() * 2.5)).amax() == 0.0);
+    assert_eq!(sum, SymMatrix::from_dense(&sum.to_dense()).unwrap());
+}
+
+#[test]
 fn a_singular_matrix_is_refused_by_every_storage() {
     // Free-free: integer arithmetic makes the last pivot exactly zero.
     let mut entries: Vec<_> = chain(30, 0.0).entries().collect();

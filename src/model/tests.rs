@@ -492,6 +492,23 @@ fn rayleigh_and_modal_damping_give_the_ratios_asked_for() {
 }
 
 #[test]
+fn damping_by_rule_acts_against_the_moving_base_too() {
+    // C = 0.5 M: a base velocity of 2 loads each mass with 0.5 m · 2.
+    let rule = DampingSpec::Rayleigh(RayleighSpec {
+        mass_coefficient_per_s: 0.5,
+        stiffness_coefficient_s: 0.0,
+    });
+    let mut structure = damped(&building(&[3.0, 4.0], &[10.0, 10.0], None), rule).unwrap();
+    let base = Base {
+        disp: 0.0,
+        vel: 2.0,
+    };
+    let mut r = [0.0; 2];
+    structure.subtract_internal(&[0.0; 2], &[0.0; 2], base, 0.0, &mut r);
+    assert_eq!(r, [3.0, 4.0]);
+}
+
+#[test]
 fn damping_by_rule_counts_elements_at_rest_and_specimens() {
     // Storey 1 left to an element, storey 2 to a specimen: the same C as the complete building.
     let rule = DampingSpec::Rayleigh(RayleighSpec {
