@@ -5,7 +5,7 @@ mod parse;
 use proptest::prelude::*;
 
 use super::*;
-use crate::law::{LawSpec, Tangent};
+use crate::law::Tangent;
 use crate::linalg::{SymMatrix, modes};
 
 /// f = k d + h d |d| + c v plus a plastic slider that remembers its set: enough memory to see commits.
@@ -524,10 +524,7 @@ fn damping_by_rule_counts_elements_at_rest_and_specimens() {
         name: None,
         from: End::Ground,
         to: End::Dof(0),
-        law: LawSpec::Linear {
-            stiffness_n_per_m: 300.0,
-            damping_n_s_per_m: 0.0,
-        },
+        law: toml::from_str("linear = { stiffness_n_per_m = 300.0 }").unwrap(),
         reach_disp_m: None,
         reach_vel_m_per_s: None,
         hardening_ratio: None,
