@@ -1,1 +1,141 @@
-//! (being written)
+//! Integrators that are explicit in displacement and velocity, and the choice of λ.
+//!
+//! A method owns its workspace; the [`State`] is a value that can be cloned, kept and handed to another method.
+//! Given the residual r\[n\] = F − R_d(v) − R_s(x) − Bᵀ f of step n, [`Integrator::advance`] moves the state to n + 1
+//! with one solve: nothing at n + 1 is needed to command n + 1. Forces, loads and accelerations are not computed
+//! here ([`crate::model`] does).
+
+mod gui;
+mod stability;
+
+use std::fmt;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+pub use gui::{Gui, GuiError};
+pub use stability::{
+    ACCURATE_LAMBDA, GAIN_HYBRID, GAIN_NUMERICAL, Governing, LambdaChoice, StabilityError,
+    StabilityProof,
+};
+
+/// Displacement and velocity of one step, and what moved them there. One entry per degree of freedom.
+#[derive(Debug, Clone, PartialEq)]
+pub struct State {
+    /// x\[n\] in m.
+    pub disp: Vec<f64>,
+    /// v\[n\] in m/s as the method carries it: after the first step the backward difference of `disp`.
+    pub vel: Vec<f64>,
+    /// w\[n − 1\] = M_eff⁻¹ r\[n − 1\] of the last step taken, in m/s²; zeros before the first.
+    pub weighted_accel: Vec<f64>,
+    /// True once a step has been taken; a state that is handed to another method is not started anew.
+    pub begun: bool,
+}
+
+impl State {
+    /// The state at t = 0; both vectors have one entry per degree of freedom.
+    #[must_use]
+    pub fn new(disp: Vec<f64>, vel: Vec<f64>) -> Self {
+        debug_assert_eq!(disp.len(), vel.len());
+        Self {
+            weighted_accel: vec![0.0; disp.len()],
+            disp,
+            vel,
+            begun: false,
+        }
+    }
+
+    /// Everything zero, for `dofs` degrees of freedom.
+    #[must_use]
+    pub fn at_rest(dofs: usize) -> Self {
+        Self::new(vec![0.0; dofs], vec![0.0; dofs])
+    }
+}
+
+/// Explicit in displacement and velocity: both at n + 1 follow from the residual at n alone.
+pub trait Integrator: Send {
+    /// Δt in s.
+    fn dt(&self) -> f64;
+
+    /// One solve. `residual` is r\[n\] in N and may be overwritten. On return `state` is at n + 1 and `reported_vel`
+    /// holds the velocity to report for step **n**. All slices have one entry per degree of freedom.
+    /// Real-time: yes.
+    fn advance(&mut self, state: &mut State, residual: &mut [f64], reported_vel: &mut [f64]);
+}
+
+/// How the first step is taken (Gui et al. 2014, eqs. (2), (3), against a start of second order).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Start {
+    /// The equations as printed: displacement is of first order in Δt unless the test starts with zero
+    /// acceleration.
+    #[default]
+    Published,
+    /// The first step uses v\[0\] − (Δt/2) w\[0\]: displacement and reported velocity are of second order for linear
+    /// systems.
+    SecondOrder,
+}
+
+/// The parameter of the family: Newmark's γ = 1/2, β = 1/λ. λ = 4 is Chen–Ricles, ∞ explicit Newmark.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Lambda {
+    /// A positive number.
+    Finite(f64),
+    /// λ = ∞: K0 does not enter M_eff.
+    Infinite,
+}
+
+/// A number that cannot be λ.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+#[error("lambda is {found}, but must be greater than 0 (inf is allowed)")]
+pub struct LambdaError {
+    /// What was given.
+    pub found: f64,
+}
+
+impl Lambda {
+    /// λ from a number, infinity included.
+    ///
+    /// # Errors
+    /// [`LambdaError`] for zero, negative numbers and NaN.
+    pub fn new(value: f64) -> Result<Self, LambdaError> {
+        if value == f64::INFINITY {
+            Ok(Lambda::Infinite)
+        } else if value > 0.0 {
+            Ok(Lambda::Finite(value))
+        } else {
+            Err(LambdaError { found: value })
+        }
+    }
+
+    /// λ as a number, infinity included.
+    #[must_use]
+    pub fn value(self) -> f64 {
+        match self {
+            Lambda::Finite(value) => value,
+            Lambda::Infinite => f64::INFINITY,
+        }
+    }
+
+    /// 1/λ, 0 for λ = ∞.
+    #[must_use]
+    pub fn inverse(self) -> f64 {
+        match self {
+            Lambda::Finite(value) => 1.0 / value,
+            Lambda::Infinite => 0.0,
+        }
+    }
+}
+
+impl fmt::Display for Lambda {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Lambda::Finite(value) => write!(f, "{value}"),
+            Lambda::Infinite => f.write_str("inf"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,1 +1,111 @@
-//! (being written)
+//! The numerical substructure: M, C, K, nonlinear elements, and the internal force of one instant.
+//!
+//! A [`Structure`] that exists is valid: matrices of one size, finite, the mass positive semi-definite with zero
+//! rows for massless degrees of freedom, every element between two distinct ends of which one is a degree of
+//! freedom. It knows nothing of time steps except the `dt` that laws with memory are handed; integration is
+//! [`crate::integrate`]'s affair. Descriptions from a test file are in [`StructureSpec`]; files are parsed from
+//! bytes ([`parse_matrix`]), never read here.
+
+mod accel;
+mod build;
+mod damping;
+mod element;
+mod error;
+mod npy;
+mod parse;
+mod spec;
+mod structure;
+
+use std::fmt;
+
+pub use accel::Acceleration;
+pub use build::MatrixFiles;
+pub use damping::DampingError;
+pub use error::{BuildError, ModelError};
+pub use npy::NpyError;
+pub use parse::{MatrixTable, ParseError, parse_matrix};
+pub use spec::{
+    ChainSpec, DampingSpec, ElementSpec, MatricesSpec, ModalSpec, RayleighRatioSpec, RayleighSpec,
+    ShearBuildingSpec, StructureSpec,
+};
+pub use structure::Structure;
+
+use crate::law::{Law, Reach};
+
+/// What an element is fastened to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum End {
+    /// A degree of freedom, counted from 0 (test files and messages count from 1).
+    Dof(usize),
+    /// The base: moves with it under base displacement, rests in relative coordinates.
+    Ground,
+    /// The inertial frame: never moves. In relative coordinates the same as the ground.
+    Fixed,
+}
+
+impl fmt::Display for End {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            End::Dof(dof) => write!(f, "degree of freedom {}", dof + 1),
+            End::Ground => f.write_str("ground"),
+            End::Fixed => f.write_str("fixed"),
+        }
+    }
+}
+
+/// A law between two ends. Its deformation is x(to) − x(from); a positive force pulls the ends together.
+#[derive(Debug)]
+pub struct Element {
+    /// Name in reports and messages.
+    pub name: String,
+    /// Where the deformation is counted from.
+    pub from: End,
+    /// Where it is counted to.
+    pub to: End,
+    /// The force.
+    pub law: Box<dyn Law>,
+    /// Largest deformation and velocity that the user expects, as far as declared.
+    pub reach: Reach,
+    /// Declared bound of the tangent stiffness over the reference stiffness, ≥ 1; takes the place of the law's own.
+    pub hardening_ratio: Option<f64>,
+    /// Declared bound of the tangent damping over the reference damping, ≥ 1; takes the place of the law's own.
+    pub damping_ratio: Option<f64>,
+}
+
+/// Motion of the base in absolute coordinates; zeros in relative ones (ground acceleration as a load).
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Base {
+    /// x_g in m.
+    pub disp: f64,
+    /// ẋ_g in m/s.
+    pub vel: f64,
+}
+
+/// A named, uniaxial share of K and C, for the proof of stability: k b bᵀ with the row b.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Part {
+    /// Name in reports.
+    pub name: String,
+    /// Non-zero entries of b: (degree of freedom from 0, coefficient).
+    pub row: Vec<(usize, f64)>,
+    /// Upper bound of the tangent stiffness, N/m.
+    pub stiffness_bound: f64,
+    /// Damping in C0, N s/m.
+    pub damping: f64,
+    /// Upper bound of the tangent damping, N s/m.
+    pub damping_bound: f64,
+}
+
+impl Part {
+    /// b · shape.
+    #[must_use]
+    pub fn deformation(&self, shape: &[f64]) -> f64 {
+        let terms = self.row.iter();
+        terms
+            .map(|&(dof, b)| b * shape.get(dof).copied().unwrap_or(0.0))
+            .sum()
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,328 @@
+//! The proof of stability and the choice of λ.
+//!
+//! The recursion with frozen tangents K_t, C_t has all roots in the closed unit disc if and only if
+//!
+//! ```text
+//! S(λ) = 4 M + 2 Δt (C0 − C_t) + (4 Δt²/λ) K0 − Δt² K_t ⪰ 0
+//! ```
+//!
+//! S grows as λ falls, so the largest admissible λ is found by bisection on one question that every storage of
+//! [`Spd`] answers: is S positive definite? It needs no modes; for one degree of freedom it is equation (41) of
+//! Gui et al. (2014), for linear systems (33). Tangents during a run are not watched here.
+
+use std::fmt;
+
+use thiserror::Error;
+
+use super::Lambda;
+use crate::linalg::{Spd, SymMatrix};
+use crate::model::Part;
+
+/// λ of least period error over the usual steps (Gui et al. 2014, section 3.2); `auto` never exceeds it.
+pub const ACCURATE_LAMBDA: f64 = 11.5;
+
+/// Default bound on the gain of force errors when a measured force closes the loop.
+pub const GAIN_HYBRID: f64 = 2.0;
+
+/// Default bound on the gain of force errors of a purely numerical run.
+pub const GAIN_NUMERICAL: f64 = 10.0;
+
+/// What stability rests on: matrices in SI units, all n × n.
+#[derive(Debug, Clone)]
+pub struct StabilityProof {
+    /// M.
+    pub mass: SymMatrix,
+    /// C0, as in M_eff.
+    pub damping: SymMatrix,
+    /// K0, as in M_eff.
+    pub stiffness: SymMatrix,
+    /// C_max, upper bound of the damping tangents.
+    pub damping_bound: SymMatrix,
+    /// K_max, upper bound of the stiffness tangents.
+    pub stiffness_bound: SymMatrix,
+    /// Δt in s.
+    pub dt: f64,
+}
+
+/// What sets the limit.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Governing {
+    /// An element, storey or specimen.
+    Part {
+        /// Its name.
+        name: String,
+        /// Its share of the destabilising energy in the critical shape, 0 to 1.
+        share: f64,
+        /// Frequency of the critical shape at the bounds, rad/s; infinite if it moves no mass.
+        frequency: f64,
+    },
+    /// No part stands out (a structure given by matrices): the degree of freedom that moves most energy.
+    Dof {
+        /// From 0.
+        dof: usize,
+        /// Its share of the destabilising energy in the critical shape.
+        share: f64,
+        /// Frequency of the critical shape at the bounds, rad/s; infinite if it moves no mass.
+        frequency: f64,
+    },
+}
+
+impl fmt::Display for Governing {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (share, frequency) = match self {
+            Governing::Part {
+                name,
+                share,
+                frequency,
+            } => {
+                f.write_str(name)?;
+                (share, frequency)
+            }
+            Governing::Dof {
+                dof,
+                share,
+                frequency,
+            } => {
+                write!(f, "degree of freedom {}", dof + 1)?;
+                (share, frequency)
+            }
+        };
+        write!(f, " ({:.0} % of the critical shape", 100.0 * share)?;
+        if frequency.is_finite() {
+            write!(f, " at {frequency:.4} rad/s)")
+        } else {
+            f.write_str(", which moves no mass)")
+        }
+    }
+}
+
+/// λ, how far it is from the limit, and what sets the limit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LambdaChoice {
+    /// λ to use.
+    pub lambda: Lambda,
+    /// Largest λ that is stable at the declared bounds; `None` if every λ is.
+    pub limit: Option<f64>,
+    /// limit / λ: stable at the declared bounds if ≥ 1; infinite without a limit.
+    pub margin: f64,
+    /// Largest λ that also keeps the gain bound; `None` if every λ does.
+    pub limit_with_gain: Option<f64>,
+    /// What sets the limit (of the two, the one with the gain bound if only that exists).
+    pub governing: Option<Governing>,
+}
+
+impl LambdaChoice {
+    /// True if S is positive semi-definite at the declared bounds.
+    #[must_use]
+    pub fn is_stable(&self) -> bool {
+        self.margin >= 1.0
+    }
+}
+
+/// Why no λ can be chosen.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum StabilityError {
+    /// A direction that K0 does not stiffen is unstable for every λ: the tangents exceed what M and C0 hold.
+    #[error(
+        "no lambda is stable at the declared bounds with a step of {dt} s: {} has a tangent that its initial \
+         stiffness and damping do not cover",
+        governing.as_ref().map_or_else(|| "the structure".to_owned(), ToString::to_string)
+    )]
+    NoneAdmissible {
+        /// Δt in s.
+        dt: f64,
+        /// Where.
+        governing: Option<Governing>,
+    },
+}
+
+/// Relative width at which the bisection stops: each halving is a factorisation, so large models get the six digits
+/// that a report prints.
+fn resolution(n: usize) -> f64 {
+    if n <= 1000 { 1e-11 } else { 1e-6 }
+}
+
+impl StabilityProof {
+    /// S(λ); a finite `gain` g adds −(Δt²/g) K0, which keeps the response to a force error at the sawtooth below g
+    /// times the static one.
+    #[must_use]
+    pub fn matrix(&self, lambda: Lambda, gain: f64) -> SymMatrix {
+        self.without_lambda(gain)
+            .plus(self.per_inverse() * lambda.inverse(), &self.stiffness)
+    }
+
+    /// The terms of S that do not depend on λ.
+    fn without_lambda(&self, gain: f64) -> SymMatrix {
+        let square = self.dt * self.dt;
+        SymMatrix::zeros(self.mass.n())
+            .plus(4.0, &self.mass)
+            .plus(2.0 * self.dt, &self.damping)
+            .plus(-2.0 * self.dt, &self.damping_bound)
+            .plus(-square / gain, &self.stiffness)
+            .plus(-square, &self.stiffness_bound)
+    }
+
+    /// Factor of K0 in S per unit of 1/λ.
+    fn per_inverse(&self) -> f64 {
+        4.0 * self.dt * self.dt
+    }
+
+    /// True if S(λ) is positive definite at the declared bounds.
+    #[must_use]
+    pub fn holds(&self, lambda: Lambda) -> bool {
+        Spd::factor(&self.matrix(lambda, f64::INFINITY)).is_ok()
+    }
+
+    /// The largest λ that keeps the gain bound `gain` (infinite: stability alone); `None` if every λ does. The value
+    /// is on the safe side of the limit by at most a relative 1e-11, 1e-6 beyond 1000 degrees of freedom.
+    ///
+    /// # Errors
+    /// [`StabilityError::NoneAdmissible`].
+    pub fn limit(&self, gain: f64, parts: &[Part]) -> Result<Option<f64>, StabilityError> {
+        let fixed = self.without_lambda(gain);
+        let admissible = |inverse: f64| {
+            let matrix = fixed.plus(self.per_inverse() * inverse, &self.stiffness);
+            Spd::factor(&matrix).is_ok()
+        };
+        if admissible(0.0) {
+            return Ok(None);
+        }
+        // In 1/λ: not admissible at `low`, admissible at `high`.
+        let (mut low, mut high) = (0.0, 1.0 / ACCURATE_LAMBDA);
+        while !admissible(high) {
+            low = high;
+            high *= 2.0;
+            // λ below 1e-9 is no longer an integration method but a clamp.
+            if high > 1e9 {
+                return Err(StabilityError::NoneAdmissible {
+                    dt: self.dt,
+                    governing: self.governing(low, gain, parts),
+                });
+            }
+        }
+        let resolution = resolution(self.mass.n());
+        while high - low > resolution * high {
+            let middle = (low + high) / 2.0;
+            if middle <= low || middle >= high {
+                break;
+            }
+            if admissible(middle) {
+                high = middle;
+            } else {
+                low = middle;
+            }
+        }
+        Ok(Some(1.0 / high))
+    }
+
+    /// λ by `request`, or by the rule λ = min(11.5, λ_g) if there is none, with its limit and what governs it.
+    /// `parts` name the elements, storeys and specimens that make up K_max and C_max.
+    ///
+    /// # Errors
+    /// [`StabilityError::NoneAdmissible`].
+    pub fn choose(
+        &self,
+        request: Option<Lambda>,
+        gain: f64,
+        parts: &[Part],
+    ) -> Result<LambdaChoice, StabilityError> {
+        let limit = self.limit(f64::INFINITY, parts)?;
+        let limit_with_gain = self.limit(gain, parts)?;
+        let lambda = request.unwrap_or(Lambda::Finite(
+            limit_with_gain.map_or(ACCURATE_LAMBDA, |limit| limit.min(ACCURATE_LAMBDA)),
+        ));
+        let governing = match (limit, limit_with_gain) {
+            (Some(limit), _) => self.governing(1.0 / limit, f64::INFINITY, parts),
+            (None, Some(limit)) => self.governing(1.0 / limit, gain, parts),
+            (None, None) => None,
+        };
+        Ok(LambdaChoice {
+            lambda,
+            limit,
+            margin: limit.map_or(f64::INFINITY, |limit| limit * lambda.inverse()),
+            limit_with_gain,
+            governing,
+        })
+    }
+
+    /// Names what carries the near-null vector of S at 1/λ = `inverse`.
+    fn governing(&self, inverse: f64, gain: f64, parts: &[Part]) -> Option<Governing> {
+        let fixed = self.without_lambda(gain);
+        let shape = near_null(&fixed.plus(self.per_inverse() * inverse, &self.stiffness))?;
+        let n = shape.len();
+        let square = self.dt * self.dt;
+        let mut pulled = vec![0.0; n];
+        let excess = self.damping_bound.plus(-1.0, &self.damping);
+        let destabilising = SymMatrix::zeros(n)
+            .plus(square, &self.stiffness_bound)
+            .plus(2.0 * self.dt, &excess);
+        destabilising.subtract_product(&shape, &mut pulled);
+        let of_dof = |dof: usize| -shape[dof] * pulled[dof];
+        let total: f64 = (0..n).map(of_dof).sum();
+        let moving = self.mass.quadratic(&shape);
+        let frequency = (self.stiffness_bound.quadratic(&shape) / moving).sqrt();
+        let frequency = if moving > 0.0 {
+            frequency
+        } else {
+            f64::INFINITY
+        };
+        let energy = |part: &Part| {
+            let deformation = part.deformation(&shape);
+            let excess = part.damping_bound - part.damping;
+            (square * part.stiffness_bound + 2.0 * self.dt * excess) * deformation * deformation
+        };
+        let best = parts
+            .iter()
+            .map(|part| (part, energy(part) / total))
+            .max_by(|a, b| a.1.total_cmp(&b.1));
+        let dof = (0..n).max_by(|&i, &j| of_dof(i).total_cmp(&of_dof(j)))?;
+        let listed: f64 = parts.iter().map(energy).sum();
+        Some(match best {
+            // The parts must explain the shape at least as well as what they leave unexplained.
+            Some((part, share)) if share >= 1.0 - listed / total => Governing::Part {
+                name: part.name.clone(),
+                share,
+                frequency,
+            },
+            _ => Governing::Dof {
+                dof,
+                share: of_dof(dof) / total,
+                frequency,
+            },
+        })
+    }
+}
+
+/// Unit vector of the eigenvalue of S nearest to zero from below or above: inverse iteration on S + s I, with s just
+/// large enough to make it definite.
+fn near_null(matrix: &SymMatrix) -> Option<Vec<f64>> {
+    let n = matrix.n();
+    let norm = (0..n)
+        .map(|i| matrix.row(i).map(|(_, v)| v.abs()).sum::<f64>())
+        .fold(0.0, f64::max);
+    let identity = SymMatrix::diagonal(&vec![1.0; n]);
+    let mut shift = 1e-12 * norm;
+    let mut factor = loop {
+        match Spd::factor(&matrix.plus(shift, &identity)) {
+            Ok(factor) => break factor,
+            // Gershgorin: definite at the latest for a shift beyond the norm.
+            Err(_) if shift <= 4.0 * norm => shift *= 4.0,
+            Err(_) => return None,
+        }
+    };
+    // Any start that is not orthogonal to the vector; the middle digits of multiples of √2 are not.
+    let mut vector: Vec<f64> = (1..=n)
+        .map(|i| 0.5 + (i as f64 * std::f64::consts::SQRT_2).fract())
+        .collect();
+    for _ in 0..60 {
+        factor.solve_in_place(&mut vector);
+        let length = vector.iter().map(|v| v * v).sum::<f64>().sqrt();
+        if !(length > 0.0 && length.is_finite()) {
+            return None;
+        }
+        for v in &mut vector {
+            *v /= length;
+        }
+    }
+    Some(vector)
+}

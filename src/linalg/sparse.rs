@@ -1,0 +1,182 @@
+//! Sparse LDLᵀ: ordering and factorisation by faer, the two triangular sweeps our own.
+//!
+//! faer's simplicial factorisation is scalar arithmetic in a fixed order. Its supernodal one picks vector width
+//! and fused multiply-add by processor, which would break the promise of equal bits on every machine, so it is
+//! not used. The factor is copied into compact columns with 32-bit row numbers: a solve is bound by the memory
+//! it touches. This is the only file that names faer.
+
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::sparse::linalg::SupernodalThreshold;
+use faer::sparse::linalg::cholesky::{
+    CholeskySymbolicParams, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering,
+    factorize_symbolic_cholesky,
+};
+use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
+use faer::{Par, Side};
+
+use super::{NotPositiveDefinite, SymMatrix, check_pivot};
+
+/// Where the factor has entries.
+#[derive(Debug)]
+pub(super) struct Pattern {
+    symbolic: Option<SymbolicCholesky<usize>>,
+    /// Upper triangle by columns.
+    column_start: Vec<usize>,
+    rows: Vec<usize>,
+}
+
+impl Pattern {
+    pub(super) fn new(matrix: &SymMatrix) -> Self {
+        let n = matrix.n();
+        let mut column_start = vec![0];
+        let mut rows = Vec::new();
+        for column in 0..n {
+            // By symmetry, row `column` up to its diagonal is that column of the upper triangle.
+            rows.extend(matrix.row(column).map(|(i, _)| i).filter(|&i| i < column));
+            rows.push(column);
+            column_start.push(rows.len());
+        }
+        let pattern = SymbolicSparseColMatRef::new_checked(n, n, &column_start, None, &rows);
+        let params = CholeskySymbolicParams {
+            supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SIMPLICIAL,
+            ..Default::default()
+        };
+        // Fails only for want of memory or index range; then the caller sees "too expensive" and goes without.
+        let symbolic =
+            factorize_symbolic_cholesky(pattern, Side::Upper, SymmetricOrdering::Amd, params).ok();
+        Self {
+            symbolic,
+            column_start,
+            rows,
+        }
+    }
+
+    /// Entries of L, the diagonal included.
+    pub(super) fn nonzeros(&self) -> usize {
+        self.symbolic
+            .as_ref()
+            .map_or(usize::MAX, SymbolicCholesky::len_val)
+    }
+}
+
+/// LDLᵀ in a numbering of its own.
+#[derive(Debug)]
+pub(super) struct Sparse {
+    /// User's index of each new index.
+    old_of_new: Vec<u32>,
+    /// Strictly lower columns of the unit lower L.
+    column_start: Vec<usize>,
+    rows: Vec<u32>,
+    lower: Vec<f64>,
+    inverse_pivots: Vec<f64>,
+    work: Vec<f64>,
+}
+
+impl Sparse {
+    pub(super) fn factor(
+        matrix: &SymMatrix,
+        pattern: Pattern,
+    ) -> Result<Self, NotPositiveDefinite> {
+        let n = matrix.n();
+        let failed = |dof| NotPositiveDefinite {
+            dof,
+            pivot: f64::NAN,
+        };
+        let symbolic = pattern.symbolic.as_ref().ok_or(failed(0))?;
+        let old_of_new: Vec<u32> = match symbolic.perm() {
+            Some(perm) => perm.arrays().0.iter().map(|&old| old as u32).collect(),
+            None => (0..n as u32).collect(),
+        };
+        let values: Vec<f64> = (0..n)
+            .flat_map(|column| {
+                let rows =
+                    &pattern.rows[pattern.column_start[column]..pattern.column_start[column + 1]];
+                rows.iter().map(move |&i| matrix.get(i, column))
+            })
+            .collect();
+        let upper = SparseColMatRef::new(
+            SymbolicSparseColMatRef::new_checked(n, n, &pattern.column_start, None, &pattern.rows),
+            &values[..],
+        );
+        let mut factor = vec![0.0; symbolic.len_val()];
+        let scratch = symbolic.factorize_numeric_ldlt_scratch::<f64>(Par::Seq, Default::default());
+        let mut buffer = MemBuffer::new(scratch);
+        let stopped = symbolic
+            .factorize_numeric_ldlt(
+                &mut factor,
+                upper,
+                Side::Upper,
+                Default::default(),
+                Par::Seq,
+                MemStack::new(&mut buffer),
+                Default::default(),
+            )
+            .is_err();
+        let SymbolicCholeskyRaw::Simplicial(raw) = symbolic.raw() else {
+            return Err(failed(0)); // excluded by FORCE_SIMPLICIAL
+        };
+        let mut column_start = vec![0];
+        let (mut rows, mut lower) = (Vec::new(), Vec::new());
+        let mut inverse_pivots = Vec::with_capacity(n);
+        for (range, &dof) in raw.col_ptr().windows(2).zip(&old_of_new) {
+            let range = range[0]..range[1];
+            // The diagonal comes first. faer leaves the pivot that stopped it, and all after it, at zero; it goes
+            // on over negative ones, which we do not.
+            let pivot = factor[range.start];
+            let dof = dof as usize;
+            check_pivot(dof, pivot, matrix.get(dof, dof))?;
+            inverse_pivots.push(1.0 / pivot);
+            rows.extend(
+                raw.row_idx()[range.start + 1..range.end]
+                    .iter()
+                    .map(|&i| i as u32),
+            );
+            lower.extend_from_slice(&factor[range.start + 1..range.end]);
+            column_start.push(rows.len());
+        }
+        if stopped {
+            return Err(failed(0)); // not reachable while a stopped factorisation leaves a zero pivot
+        }
+        Ok(Self {
+            old_of_new,
+            column_start,
+            rows,
+            lower,
+            inverse_pivots,
+            work: vec![0.0; n],
+        })
+    }
+
+    /// x ← A⁻¹ x. Real-time: yes. Row numbers lie below n by construction.
+    pub(super) fn solve_in_place(&mut self, x: &mut [f64]) {
+        let work = &mut self.work[..];
+        for (y, &old) in work.iter_mut().zip(&self.old_of_new) {
+            *y = x[old as usize];
+        }
+        for (column, range) in self.column_start.windows(2).enumerate() {
+            let range = range[0]..range[1];
+            let y = work[column];
+            for (&row, l) in self.rows[range.clone()].iter().zip(&self.lower[range]) {
+                work[row as usize] -= l * y;
+            }
+        }
+        for (column, range) in self.column_start.windows(2).enumerate().rev() {
+            let range = range[0]..range[1];
+            // Two interleaved sums: half the latency, one fixed order.
+            let (mut even, mut odd) = (0.0, 0.0);
+            let (rows, rest_row) = self.rows[range.clone()].as_chunks::<2>();
+            let (lower, rest) = self.lower[range].as_chunks::<2>();
+            for (rows, l) in rows.iter().zip(lower) {
+                even += l[0] * work[rows[0] as usize];
+                odd += l[1] * work[rows[1] as usize];
+            }
+            for (&row, l) in rest_row.iter().zip(rest) {
+                even += l * work[row as usize];
+            }
+            work[column] = work[column] * self.inverse_pivots[column] - (even + odd);
+        }
+        for (y, &old) in work.iter().zip(&self.old_of_new) {
+            x[old as usize] = *y;
+        }
+    }
+}

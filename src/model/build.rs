@@ -1,0 +1,347 @@
+//! From a description to a [`Structure`]. Values are checked here, where their storey or file can be named.
+
+use std::collections::BTreeMap;
+
+use super::damping::damping_matrix;
+use super::{
+    BuildError, ChainSpec, DampingSpec, Element, ElementSpec, MatricesSpec, MatrixTable,
+    ModelError, Part, ShearBuildingSpec, Structure, StructureSpec,
+};
+use crate::law::Reach;
+use crate::linalg::SymMatrix;
+
+/// Parsed matrix files by the name that the description uses.
+pub type MatrixFiles = BTreeMap<String, MatrixTable>;
+
+const NOT_NEGATIVE: &str = "finite and not negative";
+const POSITIVE: &str = "finite and greater than 0";
+
+/// M, C, K with the names of their parts.
+struct Linear {
+    mass: SymMatrix,
+    damping: SymMatrix,
+    stiffness: SymMatrix,
+    influence: Vec<f64>,
+    parts: Vec<Part>,
+    /// Key under which damping was given, if it was.
+    damping_given: Option<&'static str>,
+}
+
+impl StructureSpec {
+    /// Names of the matrix files that [`StructureSpec::build`] will look for.
+    #[must_use]
+    pub fn files(&self) -> Vec<&str> {
+        match self {
+            StructureSpec::Matrices(spec) => {
+                let named = [&spec.mass_file, &spec.stiffness_file, &spec.damping_file];
+                named.into_iter().filter_map(|f| f.as_deref()).collect()
+            }
+            StructureSpec::ShearBuilding(_) | StructureSpec::Chain(_) => Vec::new(),
+        }
+    }
+
+    /// Number of degrees of freedom.
+    ///
+    /// # Errors
+    /// The mass matrix is missing or not valid.
+    pub fn dofs(&self, files: &MatrixFiles) -> Result<usize, BuildError> {
+        match self {
+            StructureSpec::ShearBuilding(spec) => Ok(spec.mass_kg.len()),
+            StructureSpec::Chain(spec) => Ok(spec.dofs),
+            StructureSpec::Matrices(spec) => Ok(spec.mass(files)?.n()),
+        }
+    }
+
+    /// The row b of the drift of storey `storey`, counted from 1: +1 at its upper floor, −1 at its lower one. Entries
+    /// are (degree of freedom from 0, coefficient). In a chain, spring `n` counts as storey `n`.
+    ///
+    /// # Errors
+    /// The storey does not exist, or the structure is given by matrices.
+    pub fn storey_row(&self, storey: usize) -> Result<Vec<(usize, f64)>, BuildError> {
+        let storeys = match self {
+            StructureSpec::ShearBuilding(spec) => spec.mass_kg.len(),
+            StructureSpec::Chain(spec) => spec.dofs,
+            StructureSpec::Matrices(_) => return Err(BuildError::NoStoreys),
+        };
+        match storey {
+            1 if storeys >= 1 => Ok(vec![(0, 1.0)]),
+            2.. if storey <= storeys => Ok(vec![(storey - 2, -1.0), (storey - 1, 1.0)]),
+            _ => Err(BuildError::NoSuchStorey { storey, storeys }),
+        }
+    }
+
+    /// Builds the structure. `specimen_stiffness` is Σ k̂ b bᵀ of the specimens, which damping by a rule refers to as
+    /// much as to the numerical stiffness.
+    ///
+    /// # Errors
+    /// See [`BuildError`].
+    pub fn build(
+        &self,
+        damping: Option<&DampingSpec>,
+        elements: &[ElementSpec],
+        specimen_stiffness: Option<&SymMatrix>,
+        files: &MatrixFiles,
+    ) -> Result<Structure, BuildError> {
+        let linear = match self {
+            StructureSpec::ShearBuilding(spec) => spec.linear()?,
+            StructureSpec::Matrices(spec) => spec.linear(files)?,
+            StructureSpec::Chain(spec) => spec.linear()?,
+        };
+        if let (Some(given), Some(_)) = (linear.damping_given, damping) {
+            return Err(BuildError::DampingTwice { given });
+        }
+        let built = elements.iter().enumerate();
+        let built: Result<Vec<Element>, BuildError> = built.map(|(i, e)| e.build(i + 1)).collect();
+        let mut structure = Structure::new(
+            linear.mass,
+            linear.damping,
+            linear.stiffness,
+            linear.influence,
+            built?,
+        )?
+        .with_linear_parts(linear.parts);
+        if let Some(rule) = damping {
+            let mut at_rest = structure.stiffness_at_rest();
+            if let Some(estimate) = specimen_stiffness {
+                if estimate.n() != structure.dofs() {
+                    return Err(BuildError::Model(ModelError::Size {
+                        what: "specimen stiffness",
+                        expected: structure.dofs(),
+                        found: estimate.n(),
+                    }));
+                }
+                at_rest = at_rest.plus(1.0, estimate);
+            }
+            structure.set_damping(damping_matrix(rule, structure.mass(), &at_rest)?)?;
+        }
+        Ok(structure)
+    }
+}
+
+impl ElementSpec {
+    /// Builds element `number`, counted from 1.
+    ///
+    /// # Errors
+    /// The law's parameters are out of range.
+    pub fn build(&self, number: usize) -> Result<Element, BuildError> {
+        let name = match &self.name {
+            Some(name) => name.clone(),
+            None => format!("element {number}"),
+        };
+        let law = self.law.build().map_err(|source| BuildError::Law {
+            element: name.clone(),
+            source,
+        })?;
+        Ok(Element {
+            name,
+            from: self.from,
+            to: self.to,
+            law,
+            reach: Reach {
+                disp: self.reach_disp_m,
+                vel: self.reach_vel_m_per_s,
+            },
+            hardening_ratio: self.hardening_ratio,
+            damping_ratio: self.damping_ratio,
+        })
+    }
+}
+
+impl ShearBuildingSpec {
+    fn linear(&self) -> Result<Linear, BuildError> {
+        let n = self.mass_kg.len();
+        let zeros = vec![0.0; n];
+        let damping = self.damping_n_s_per_m.as_ref().unwrap_or(&zeros);
+        for (key, place, values) in [
+            ("mass_kg", "floor", &self.mass_kg),
+            ("stiffness_n_per_m", "storey", &self.stiffness_n_per_m),
+            ("damping_n_s_per_m", "storey", damping),
+        ] {
+            if values.len() != n {
+                return Err(BuildError::Length {
+                    key,
+                    expected: n,
+                    found: values.len(),
+                });
+            }
+            for (i, &found) in values.iter().enumerate() {
+                if !(found >= 0.0 && found.is_finite()) {
+                    return Err(BuildError::Value {
+                        key,
+                        place,
+                        number: i + 1,
+                        found,
+                        allowed: NOT_NEGATIVE,
+                    });
+                }
+            }
+        }
+        if n > 0 && self.mass_kg.iter().all(|&m| m == 0.0) {
+            return Err(BuildError::NoMass);
+        }
+        Ok(Linear {
+            mass: SymMatrix::diagonal(&self.mass_kg),
+            damping: tied_chain(damping),
+            stiffness: tied_chain(&self.stiffness_n_per_m),
+            influence: vec![1.0; n],
+            parts: chain_parts("storey", &self.stiffness_n_per_m, damping),
+            damping_given: self.damping_n_s_per_m.as_ref().map(|_| "damping_n_s_per_m"),
+        })
+    }
+}
+
+impl ChainSpec {
+    fn linear(&self) -> Result<Linear, BuildError> {
+        let damping = self.damping_n_s_per_m.unwrap_or(0.0);
+        let check = |key, found: f64, ok, allowed| {
+            if ok && found.is_finite() {
+                Ok(())
+            } else {
+                Err(BuildError::Chain {
+                    key,
+                    found,
+                    allowed,
+                })
+            }
+        };
+        let (mass, stiffness) = (self.mass_kg, self.stiffness_n_per_m);
+        check("dofs", self.dofs as f64, self.dofs >= 1, "at least 1")?;
+        check("mass_kg", mass, mass > 0.0, POSITIVE)?;
+        check(
+            "stiffness_n_per_m",
+            stiffness,
+            stiffness >= 0.0,
+            NOT_NEGATIVE,
+        )?;
+        check("damping_n_s_per_m", damping, damping >= 0.0, NOT_NEGATIVE)?;
+        let (springs, dashpots) = (vec![stiffness; self.dofs], vec![damping; self.dofs]);
+        Ok(Linear {
+            mass: SymMatrix::diagonal(&vec![mass; self.dofs]),
+            damping: tied_chain(&dashpots),
+            stiffness: tied_chain(&springs),
+            influence: vec![1.0; self.dofs],
+            parts: chain_parts("spring", &springs, &dashpots),
+            damping_given: self.damping_n_s_per_m.map(|_| "damping_n_s_per_m"),
+        })
+    }
+}
+
+/// Matrix of springs in a row, the first one between the base and degree of freedom 0.
+fn tied_chain(values: &[f64]) -> SymMatrix {
+    let entries = values.iter().enumerate().flat_map(|(i, &value)| {
+        let own = [(i, i, value)];
+        let below = (i > 0).then(|| [(i - 1, i - 1, value), (i - 1, i, -value)]);
+        own.into_iter().chain(below.into_iter().flatten())
+    });
+    SymMatrix::from_triplets(values.len(), entries)
+}
+
+fn chain_parts(word: &str, stiffness: &[f64], damping: &[f64]) -> Vec<Part> {
+    let values = stiffness.iter().zip(damping).enumerate();
+    let parts = values.map(|(i, (&stiffness, &damping))| Part {
+        name: format!("{word} {}", i + 1),
+        row: match i {
+            0 => vec![(0, 1.0)],
+            _ => vec![(i - 1, -1.0), (i, 1.0)],
+        },
+        stiffness_bound: stiffness,
+        damping,
+        damping_bound: damping,
+    });
+    parts.collect()
+}
+
+impl MatricesSpec {
+    fn mass(&self, files: &MatrixFiles) -> Result<SymMatrix, BuildError> {
+        let given = given("mass", "mass_file", &self.mass, &self.mass_file, files)?;
+        given.ok_or(BuildError::Source {
+            key: "mass",
+            both: false,
+        })
+    }
+
+    fn linear(&self, files: &MatrixFiles) -> Result<Linear, BuildError> {
+        let mass = self.mass(files)?;
+        let n = mass.n();
+        let stiffness = given(
+            "stiffness",
+            "stiffness_file",
+            &self.stiffness,
+            &self.stiffness_file,
+            files,
+        )?
+        .ok_or(BuildError::Source {
+            key: "stiffness",
+            both: false,
+        })?;
+        let damping = given(
+            "damping",
+            "damping_file",
+            &self.damping,
+            &self.damping_file,
+            files,
+        )?;
+        if mass.is_zero() && n > 0 {
+            return Err(BuildError::NoMass);
+        }
+        Ok(Linear {
+            damping_given: damping.as_ref().map(|_| match self.damping {
+                Some(_) => "damping",
+                None => "damping_file",
+            }),
+            damping: damping.unwrap_or_else(|| SymMatrix::zeros(n)),
+            mass,
+            stiffness,
+            influence: self.influence.clone().unwrap_or_else(|| vec![1.0; n]),
+            parts: Vec::new(),
+        })
+    }
+}
+
+/// One matrix, inline or from a file; `None` if it is given neither way.
+fn given(
+    key: &'static str,
+    file_key: &'static str,
+    inline: &Option<Vec<Vec<f64>>>,
+    file: &Option<String>,
+    files: &MatrixFiles,
+) -> Result<Option<SymMatrix>, BuildError> {
+    match (inline, file) {
+        (None, None) => Ok(None),
+        (Some(_), Some(_)) => Err(BuildError::Source { key, both: true }),
+        (Some(rows), None) => {
+            let columns = rows.first().map_or(0, Vec::len);
+            if let Some((i, row)) = rows.iter().enumerate().find(|(_, r)| r.len() != columns) {
+                return Err(BuildError::Ragged {
+                    key,
+                    row: i + 1,
+                    expected: columns,
+                    found: row.len(),
+                });
+            }
+            let entries = rows
+                .iter()
+                .enumerate()
+                .flat_map(|(i, row)| row.iter().enumerate().map(move |(j, &v)| (i, j, v)));
+            SymMatrix::from_entries(rows.len(), columns, entries)
+                .map(Some)
+                .map_err(|source| BuildError::Matrix {
+                    key: key.to_owned(),
+                    source,
+                })
+        }
+        (None, Some(name)) => {
+            let table = files.get(name).ok_or_else(|| BuildError::File {
+                key: file_key,
+                file: name.clone(),
+            })?;
+            table
+                .to_symmetric()
+                .map(Some)
+                .map_err(|source| BuildError::Matrix {
+                    key: format!("{file_key} {name}"),
+                    source,
+                })
+        }
+    }
+}

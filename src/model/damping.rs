@@ -1,0 +1,187 @@
+//! Rayleigh and modal damping matrices.
+
+use std::f64::consts::PI;
+
+use thiserror::Error;
+
+use super::{DampingSpec, ModalSpec, RayleighRatioSpec, RayleighSpec};
+use crate::linalg::{EigenError, LARGEST_DENSE, SymMatrix, frequencies, modes};
+
+/// Why a rule gives no damping matrix.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum DampingError {
+    /// A number outside its range.
+    #[error("{key} is {found}, but must be {allowed}")]
+    Number {
+        /// Key in the test file.
+        key: &'static str,
+        /// What was found.
+        found: f64,
+        /// The range, in words.
+        allowed: &'static str,
+    },
+    /// Neither or both of two frequencies and two modes.
+    #[error("give either first_hz and second_hz, or modes")]
+    WhichFrequencies,
+    /// A mode that does not exist.
+    #[error("mode {mode} does not exist: modes count from 1 and the structure has {available}")]
+    NoSuchMode {
+        /// As given.
+        mode: usize,
+        /// Modes of the structure.
+        available: usize,
+    },
+    /// Twice the same frequency, or a rigid-body mode.
+    #[error(
+        "the two frequencies are {first_hz} Hz and {second_hz} Hz, but must be different and greater than 0"
+    )]
+    Frequencies {
+        /// First one.
+        first_hz: f64,
+        /// Second one.
+        second_hz: f64,
+    },
+    /// A number of ratios that is neither one nor one per mode.
+    #[error("{found} damping ratios for {modes} modes: give one per mode, or a single one for all")]
+    Ratios {
+        /// Ratios given.
+        found: usize,
+        /// Modes of the structure.
+        modes: usize,
+    },
+    /// Too large for all modes.
+    #[error(
+        "modal damping fills the damping matrix and needs every mode: {n} degrees of freedom are beyond the limit of {LARGEST_DENSE}; use rayleigh damping"
+    )]
+    TooLarge {
+        /// Degrees of freedom.
+        n: usize,
+    },
+    /// No natural frequencies.
+    #[error(transparent)]
+    Eigen(#[from] EigenError),
+}
+
+/// C by `rule` for the given M and K (n × n).
+///
+/// # Errors
+/// See [`DampingError`].
+pub(super) fn damping_matrix(
+    rule: &DampingSpec,
+    mass: &SymMatrix,
+    stiffness: &SymMatrix,
+) -> Result<SymMatrix, DampingError> {
+    match rule {
+        DampingSpec::Rayleigh(RayleighSpec {
+            mass_coefficient_per_s,
+            stiffness_coefficient_s,
+        }) => {
+            for (key, found) in [
+                ("mass_coefficient_per_s", *mass_coefficient_per_s),
+                ("stiffness_coefficient_s", *stiffness_coefficient_s),
+            ] {
+                if !(found >= 0.0 && found.is_finite()) {
+                    return Err(DampingError::Number {
+                        key,
+                        found,
+                        allowed: "finite and not negative",
+                    });
+                }
+            }
+            Ok(rayleigh(
+                *mass_coefficient_per_s,
+                *stiffness_coefficient_s,
+                mass,
+                stiffness,
+            ))
+        }
+        DampingSpec::RayleighRatio(rule) => rayleigh_ratio(rule, mass, stiffness),
+        DampingSpec::Modal(ModalSpec { ratios }) => modal(ratios, mass, stiffness),
+    }
+}
+
+fn rayleigh(a: f64, b: f64, mass: &SymMatrix, stiffness: &SymMatrix) -> SymMatrix {
+    SymMatrix::zeros(mass.n()).plus(a, mass).plus(b, stiffness)
+}
+
+fn check_ratio(key: &'static str, found: f64) -> Result<(), DampingError> {
+    if (0.0..1.0).contains(&found) {
+        Ok(())
+    } else {
+        Err(DampingError::Number {
+            key,
+            found,
+            allowed: "a fraction of critical from 0 to below 1",
+        })
+    }
+}
+
+/// a = 2 ξ ω₁ ω₂/(ω₁ + ω₂), b = 2 ξ/(ω₁ + ω₂): ratio ξ at both.
+fn rayleigh_ratio(
+    rule: &RayleighRatioSpec,
+    mass: &SymMatrix,
+    stiffness: &SymMatrix,
+) -> Result<SymMatrix, DampingError> {
+    check_ratio("ratio", rule.ratio)?;
+    let [first, second] = match (rule.first_hz, rule.second_hz, rule.modes) {
+        (Some(first), Some(second), None) => [2.0 * PI * first, 2.0 * PI * second],
+        (None, None, Some(numbers)) => {
+            let highest = numbers[0].max(numbers[1]);
+            let available = (0..mass.n()).filter(|&i| !mass.row_is_zero(i)).count();
+            for mode in numbers {
+                if !(1..=available).contains(&mode) {
+                    return Err(DampingError::NoSuchMode { mode, available });
+                }
+            }
+            let found = frequencies(stiffness, mass, highest)?;
+            let of = |mode: usize| found.get(mode - 1).copied().unwrap_or(0.0);
+            numbers.map(of)
+        }
+        _ => return Err(DampingError::WhichFrequencies),
+    };
+    let valid = |omega: f64| omega > 0.0 && omega.is_finite();
+    if !(valid(first) && valid(second) && first != second) {
+        return Err(DampingError::Frequencies {
+            first_hz: first / (2.0 * PI),
+            second_hz: second / (2.0 * PI),
+        });
+    }
+    let b = 2.0 * rule.ratio / (first + second);
+    Ok(rayleigh(b * first * second, b, mass, stiffness))
+}
+
+/// C = M Φ diag(2 ξ ω) Φᵀ M; rigid-body modes stay undamped.
+fn modal(
+    ratios: &[f64],
+    mass: &SymMatrix,
+    stiffness: &SymMatrix,
+) -> Result<SymMatrix, DampingError> {
+    for &ratio in ratios {
+        check_ratio("ratios", ratio)?;
+    }
+    let n = mass.n();
+    if n > LARGEST_DENSE {
+        return Err(DampingError::TooLarge { n });
+    }
+    let all = modes(stiffness, mass)?;
+    let count = all.frequencies.len();
+    if ratios.len() != 1 && ratios.len() != count {
+        return Err(DampingError::Ratios {
+            found: ratios.len(),
+            modes: count,
+        });
+    }
+    let mut entries = Vec::new();
+    for (mode, omega) in all.frequencies.iter().enumerate() {
+        let ratio = ratios.get(mode).or(ratios.first()).copied().unwrap_or(0.0);
+        let mut momentum = vec![0.0; n];
+        mass.subtract_product(all.shapes.column(mode).as_slice(), &mut momentum);
+        let weight = 2.0 * ratio * omega;
+        for i in 0..n {
+            for j in i..n {
+                entries.push((i, j, weight * momentum[i] * momentum[j]));
+            }
+        }
+    }
+    Ok(SymMatrix::from_triplets(n, entries))
+}
