@@ -5,6 +5,14 @@
 //! at the file through [`Loaded::locator`], by path (`specimen[1].storey`). [`resolve()`] writes the complete configuration
 //! of a run, [`json_schema`] what editors complete from. Files that a test names are read by [`Inputs`].
 //!
+//! ```
+//! use std::path::Path;
+//!
+//! let text = "[time]\nrate_hz = 1024\nduration = 20\n".to_owned();
+//! let error = gusset::config::parse(Path::new("test.toml"), text, &[]).unwrap_err();
+//! assert!(error.to_string().contains("did you mean `duration_s`?"));
+//! ```
+//!
 //! Nothing here moves, computes or knows the meaning of a law; unknown keys are refused, defaults are written down, and
 //! a number that is not finite is refused everywhere but as λ = ∞.
 

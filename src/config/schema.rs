@@ -107,7 +107,7 @@ pub struct StructureTable {
     )]
     #[schemars(schema_with = "chain_schema")]
     pub chain: Option<StructureSpec>,
-    /// Damping on top of what the structure's own table gives.
+    /// Viscous damping by rule, in place of dashpots or a damping matrix in the structure's own table.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub damping: Option<DampingSpec>,
     /// Displacement of every DOF at t = 0 in m. Default: zero.
@@ -259,12 +259,19 @@ pub struct PrescribedTable {
     pub specimen: String,
     /// Axis, from 1.
     #[serde(default = "first")]
+    #[schemars(range(min = 1))]
     pub axis: usize,
     /// The history, in m.
     pub signal: Signal,
     /// What is done to it before the test.
     #[serde(default)]
     pub processing: Processing,
+    /// Time in s over which the motion grows from zero.
+    #[serde(default)]
+    pub ease_in_s: f64,
+    /// Time in s over which the motion returns to zero before the end of the test.
+    #[serde(default)]
+    pub ease_out_s: f64,
 }
 
 /// Bounds that stop the test.

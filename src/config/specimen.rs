@@ -16,6 +16,7 @@ pub struct SpecimenTable {
     pub name: String,
     /// Storey, from 1 at the bottom, whose deformation the specimen sees.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1))]
     pub storey: Option<usize>,
     /// Rows B of the transformation d = B·x: one row per axis, one column per DOF.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -42,7 +43,7 @@ pub struct SpecimenTable {
     /// One table per axis: gear, offsets and units. Default for all axes: none, zero, SI.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub axis: Vec<AxisTable>,
-    /// One axis, one law in this process.
+    /// The same law on every axis, each with a memory of its own.
     #[serde(
         default,
         deserialize_with = "read_law",
@@ -51,7 +52,7 @@ pub struct SpecimenTable {
     )]
     #[schemars(schema_with = "law_schema")]
     pub law: Option<SpecimenLaw>,
-    /// Several axes that do not know of each other, one law each.
+    /// One law per axis; the axes do not know of each other.
     #[serde(
         default,
         deserialize_with = "read_laws",
@@ -60,7 +61,7 @@ pub struct SpecimenTable {
     )]
     #[schemars(schema_with = "laws_schema")]
     pub laws: Option<SpecimenLaw>,
-    /// Several axes with one law between them.
+    /// Axes that know of each other: one law between them.
     #[serde(
         default,
         deserialize_with = "read_coupled",

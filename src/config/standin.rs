@@ -23,6 +23,8 @@ pub enum LawSpec {
         stiffness_n_per_m: f64,
         /// Yield force.
         yield_force_n: f64,
+        /// Stiffness after yield over stiffness before.
+        post_yield_ratio: f64,
     },
 }
 
@@ -55,7 +57,7 @@ pub enum StructureSpec {
     /// Matrices.
     Matrices {
         /// Mass matrix file.
-        file: String,
+        mass_file: String,
     },
     /// A long chain.
     Chain {
@@ -70,10 +72,10 @@ pub enum StructureSpec {
 pub enum DampingSpec {
     /// Rayleigh damping.
     Rayleigh {
-        /// Mass factor.
-        mass_factor: f64,
-        /// Stiffness factor.
-        stiffness_factor: f64,
+        /// Mass coefficient.
+        mass_coefficient_per_s: f64,
+        /// Stiffness coefficient.
+        stiffness_coefficient_s: f64,
     },
 }
 
@@ -82,7 +84,9 @@ pub enum DampingSpec {
 #[serde(deny_unknown_fields)]
 pub struct ElementSpec {
     /// DOF, from 1.
-    pub dof: usize,
+    pub from: usize,
+    /// DOF, from 1.
+    pub to: usize,
     /// Its law.
     pub law: LawSpec,
 }
@@ -110,12 +114,12 @@ pub enum Signal {
 #[serde(deny_unknown_fields, default)]
 pub struct Processing {
     /// Factor.
-    pub scale: f64,
+    pub scale_factor: f64,
 }
 
 impl Default for Processing {
     fn default() -> Self {
-        Self { scale: 1.0 }
+        Self { scale_factor: 1.0 }
     }
 }
 

@@ -10,7 +10,7 @@ rate_hz = 1024      # as the controller
 duration_s = 20
 
 [structure]
-damping = { rayleigh = { mass_factor = 0.1, stiffness_factor = 0.001 } }
+damping = { rayleigh = { mass_coefficient_per_s = 0.1, stiffness_coefficient_s = 0.001 } }
 [structure.shear_building]
 mass_kg = [1000, 1000, 1000]
 stiffness_n_per_m = [1e6, 1e6, 1e6]
@@ -21,7 +21,7 @@ signal = { sine = { amplitude = 2.0, frequency_hz = 1.5 } }
 [[specimen]]
 name = "bottom"
 storey = 1
-law = { bilinear = { stiffness_n_per_m = 1e6, yield_force_n = 5e3 } }
+law = { bilinear = { stiffness_n_per_m = 1e6, yield_force_n = 5e3, post_yield_ratio = 0.1 } }
 "#;
 
 const PRESCRIBED: &str = r#"
@@ -528,6 +528,14 @@ fn a_prescribed_test_is_contradicted_by_a_structure_or_its_loads() {
         ),
         "axes are counted from 1",
     );
+    shows(
+        &complaint_of(
+            PRESCRIBED,
+            "specimen = \"damper\"",
+            "specimen = \"damper\"\nease_in_s = 3",
+        ),
+        "`ease_in_s` must be inside the test, from 0 to 1 s",
+    );
     let twice = "[[excitation.prescribed_displacement]]\nspecimen = \"damper\"\nsignal = { file = { path = 'x' } }\n";
     let text = read(&format!("{PRESCRIBED}{twice}"), &[])
         .unwrap_err()
@@ -701,7 +709,7 @@ fn the_resolved_file_is_the_same_test() {
          laws = [{{ linear = {{ stiffness_n_per_m = 1 }} }}, {{ linear = {{ stiffness_n_per_m = 2 }} }}]\n\
          [[specimen]]\nname = \"three\"\nstorey = 2\ncoupled = {{ stiffness_n_per_m = [[1]] }}\n\
          [[excitation.nodal_force]]\ndofs = [2]\nsignal = {{ sine = {{ amplitude = 1, frequency_hz = 2 }} }}\n\
-         [[structure.element]]\ndof = 1\nlaw = {{ linear = {{ stiffness_n_per_m = 1 }} }}\n\
+         [[structure.element]]\nfrom = 1\nto = 2\nlaw = {{ linear = {{ stiffness_n_per_m = 1 }} }}\n\
          [structure.gravity]\ninfluence = [0, 0, 1]\n[record]\ndofs = \"all\"\n"
     );
     for sets in [

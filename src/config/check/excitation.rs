@@ -129,6 +129,18 @@ fn check_prescribed(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
                     .label("axes are counted from 1"),
             );
         }
+        let duration = file.time.duration_s;
+        let easing = [
+            ("ease_in_s", prescribed.ease_in_s),
+            ("ease_out_s", prescribed.ease_out_s),
+        ];
+        for (key, value) in easing {
+            if value.is_finite() && !(0.0..=duration).contains(&value) {
+                let headline = format!("`{key}` must be inside the test, from 0 to {duration} s");
+                let finding = Finding::error(at.key(key), headline);
+                findings.0.push(finding.label(format!("found {value}")));
+            }
+        }
         match driven.get(&(name, prescribed.axis)) {
             Some(before) => findings.0.push(
                 Finding::error(
