@@ -58,6 +58,12 @@ pub struct Ratio {
 const LARGEST_TERM: u64 = 1_000_000_000_000;
 
 impl Ratio {
+    /// The number one.
+    pub const ONE: Ratio = Ratio {
+        numerator: 1,
+        denominator: 1,
+    };
+
     /// `numerator / denominator`, reduced.
     ///
     /// # Errors

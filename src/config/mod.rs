@@ -1,1 +1,300 @@
-//! (being written)
+//! The test file: read, overridden, checked and explained.
+//!
+//! [`load`] takes a path and the `--set` arguments and gives a [`TestFile`] that has no mistake which can be seen without
+//! building the test, or a [`ConfigError`] that shows every mistake it found with file, line and caret. Later layers point
+//! at the file through [`Loaded::locator`], by path (`specimen[1].storey`). [`resolve()`] writes the complete configuration
+//! of a run, [`json_schema`] what editors complete from. Files that a test names are read by [`Inputs`].
+//!
+//! ```
+//! use std::path::Path;
+//!
+//! let text = "[time]\nrate_hz = 1024\nduration = 20\n".to_owned();
+//! let error = gusset::config::parse(Path::new("test.toml"), text, &[]).unwrap_err();
+//! assert!(error.to_string().contains("did you mean `duration_s`?"));
+//! ```
+//!
+//! Nothing here moves, computes or knows the meaning of a law; unknown keys are refused, defaults are written down, and
+//! a number that is not finite is refused everywhere but as λ = ∞.
+
+mod check;
+mod diagnose;
+mod document;
+mod edit;
+mod inputs;
+mod locator;
+mod overrides;
+mod read;
+mod reader;
+mod resolve;
+mod schema;
+mod specimen;
+mod standin;
+mod steps;
+mod suggest;
+mod value;
+mod variant;
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use schemars::Schema;
+use schemars::transform::{Transform, transform_subschemas};
+use thiserror::Error;
+use toml_edit::DocumentMut;
+
+pub use diagnose::{Diagnostic, Diagnostics, Finding, Part, Place, Severity, Source};
+pub use document::{KeyPath, PathError, Segment};
+pub use inputs::{INPUTS_FOLDER, Input, InputError, Inputs};
+pub use locator::Locator;
+pub use overrides::Override;
+pub use resolve::{ResolveError, resolve};
+pub use schema::{
+    ClockChoice, ExcitationTable, GravityTable, GroundTable, IntegratorTable, Method,
+    NodalFileTable, NodalForceTable, PrescribedTable, RecordTable, SafetyTable, Start,
+    StructureTable, TestFile, TimeTable,
+};
+pub use specimen::{AxisTable, DispUnit, ForceUnit, SimilitudeTable, SpecimenTable};
+pub use steps::Time;
+pub use suggest::nearest;
+pub use value::{DofChoice, LambdaValue, MatrixValue, RateValue};
+
+/// Why a test file cannot be used.
+#[derive(Debug, Error)]
+pub enum ConfigError {
+    /// The file itself cannot be read.
+    #[error("cannot read the test file {path}: {source}")]
+    Unreadable {
+        /// Which file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The file is not text.
+    #[error(
+        "the test file {path} is not UTF-8: byte {at} on line {line} is no part of a character"
+    )]
+    NotText {
+        /// Which file.
+        path: PathBuf,
+        /// Bytes before the first wrong one.
+        at: usize,
+        /// Its line, from 1.
+        line: usize,
+    },
+    /// It can be read, and is wrong.
+    #[error("{0}")]
+    Invalid(Diagnostics),
+}
+
+/// A test file that has been read and checked.
+#[derive(Debug, Clone)]
+pub struct Loaded {
+    /// Where it was read from.
+    pub path: PathBuf,
+    /// The file as given, byte for byte.
+    pub text: String,
+    /// The file with the overrides in it; comments and order are the user's.
+    pub effective: String,
+    /// What it says.
+    pub file: TestFile,
+    /// Its step and length, exact.
+    pub time: Time,
+    /// What the user should know although the test may run.
+    pub warnings: Vec<Diagnostic>,
+    /// Where everything stands.
+    pub locator: Locator,
+}
+
+impl Loaded {
+    /// The loader of the files that the test names: relative to the folder of the test file.
+    #[must_use]
+    pub fn inputs(&self) -> Inputs {
+        Inputs::new(self.path.parent().unwrap_or(Path::new("")))
+    }
+
+    /// Findings of a later layer as one error with their places.
+    #[must_use]
+    pub fn refuse(&self, findings: impl IntoIterator<Item = Finding>) -> ConfigError {
+        let diagnostics = findings.into_iter().map(|f| self.locator.diagnose(f));
+        ConfigError::Invalid(Diagnostics(diagnostics.collect()))
+    }
+}
+
+/// Reads the test file at `path`, puts the `--set` arguments into it, and checks it.
+///
+/// # Errors
+/// [`ConfigError`]: the file cannot be read, or everything that is wrong with it.
+pub fn load(path: &Path, sets: &[String]) -> Result<Loaded, ConfigError> {
+    let bytes = std::fs::read(path).map_err(|source| ConfigError::Unreadable {
+        path: path.to_owned(),
+        source,
+    })?;
+    let text = String::from_utf8(bytes).map_err(|error| {
+        let at = error.utf8_error().valid_up_to();
+        let newlines = error.as_bytes()[..at].iter().filter(|byte| **byte == b'\n');
+        ConfigError::NotText {
+            path: path.to_owned(),
+            at,
+            line: newlines.count() + 1,
+        }
+    })?;
+    parse(path, text, sets)
+}
+
+/// [`load`] for a text that is already in memory; `path` names it and is the origin of relative paths.
+///
+/// # Errors
+/// [`ConfigError::Invalid`] with everything that is wrong.
+pub fn parse(path: &Path, text: String, sets: &[String]) -> Result<Loaded, ConfigError> {
+    let source = Arc::new(Source {
+        name: path.display().to_string(),
+        text: text.clone(),
+    });
+    let original = document::Node::parse(&text)
+        .map_err(|errors| ConfigError::Invalid(Diagnostics(diagnose::syntax(&source, errors))))?;
+    let (overrides, refused) = parse_overrides(sets);
+    let mut document: DocumentMut = text.parse().map_err(|error| {
+        ConfigError::Invalid(Diagnostics(vec![diagnose::second_parser(&source, &error)]))
+    })?;
+    let refused = [refused, overrides::apply_all(&mut document, &overrides)].concat();
+    if !refused.is_empty() {
+        return Err(ConfigError::Invalid(Diagnostics(refused)));
+    }
+    let locator = Locator::new(source, original, overrides);
+    let effective = document.to_string();
+    // The overridden text is ours; if it did not parse the fault would not be the user's, but he must hear of it.
+    let root = document::Node::parse(&effective).map_err(|errors| {
+        let source = Arc::new(Source {
+            name: "the test file with its overrides".to_owned(),
+            text: effective.clone(),
+        });
+        ConfigError::Invalid(Diagnostics(diagnose::syntax(&source, errors)))
+    })?;
+    let (file, findings) = judge(&root);
+    let (errors, warnings): (Vec<_>, Vec<_>) = findings
+        .into_iter()
+        .map(|f| locator.diagnose(f))
+        .partition(|d| d.severity == Severity::Error);
+    let accepted = file.and_then(|file| Some((Time::of(&file.time).ok()?, file)));
+    match accepted {
+        Some((time, mut file)) if errors.is_empty() => {
+            if file.title.trim().is_empty() {
+                file.title = path
+                    .file_stem()
+                    .map_or_else(|| "test".to_owned(), |s| s.to_string_lossy().into_owned());
+            }
+            Ok(Loaded {
+                path: path.to_owned(),
+                text,
+                effective,
+                file,
+                time,
+                warnings,
+                locator,
+            })
+        }
+        _ => Err(ConfigError::Invalid(Diagnostics(errors))),
+    }
+}
+
+fn parse_overrides(sets: &[String]) -> (Vec<Override>, Vec<Diagnostic>) {
+    let mut overrides = Vec::new();
+    let mut refused = Vec::new();
+    for argument in sets {
+        match Override::parse(argument) {
+            Ok(parsed) => overrides.push(parsed),
+            Err(diagnostic) => refused.push(*diagnostic),
+        }
+    }
+    (overrides, refused)
+}
+
+/// Everything that is wrong with the tree, and its value as far as there is one.
+fn judge(root: &document::Node) -> (Option<TestFile>, Vec<Finding>) {
+    let reading = read::read::<TestFile>(root);
+    // A table that lost an entry would raise complaints that only follow from it.
+    let damaged: Vec<KeyPath> = reading
+        .mistakes
+        .iter()
+        .map(|mistake| mistake.path.parent().unwrap_or_default())
+        .collect();
+    let mut findings: Vec<Finding> = reading.mistakes.into_iter().map(Finding::from).collect();
+    let known = |findings: &[Finding], path: &KeyPath| findings.iter().any(|f| f.path == *path);
+    for finding in check::not_finite(root) {
+        if !known(&findings, &finding.path) {
+            findings.push(finding);
+        }
+    }
+    if let Some(file) = &reading.value {
+        for finding in check::check(file) {
+            let follows = damaged
+                .iter()
+                .any(|table| finding.path.starts_with(table) || table.starts_with(&finding.path));
+            if !follows && !known(&findings, &finding.path) {
+                findings.push(finding);
+            }
+        }
+    }
+    // In the order of the file; what stands nowhere in it comes last.
+    findings.sort_by_key(|finding| {
+        let mut path = finding.path.clone();
+        loop {
+            if path.segments().is_empty() {
+                return usize::MAX;
+            }
+            if let Some(node) = root.find(&path) {
+                return node.key.start;
+            }
+            path = path.parent().unwrap_or_default();
+        }
+    });
+    (reading.value, findings)
+}
+
+/// The JSON Schema of the test file, for editors.
+#[must_use]
+pub fn json_schema() -> String {
+    let mut schema = schemars::schema_for!(TestFile);
+    ForToml.transform(&mut schema);
+    serde_json::to_string_pretty(&schema).unwrap_or_default()
+}
+
+/// TOML has no null: what may be absent is simply not required. Lines of a comment are joined to sentences.
+struct ForToml;
+
+impl Transform for ForToml {
+    fn transform(&mut self, schema: &mut Schema) {
+        use serde_json::Value;
+        transform_subschemas(self, schema);
+        let Some(object) = schema.as_object_mut() else {
+            return;
+        };
+        if let Some(Value::String(text)) = object.get_mut("description") {
+            let paragraphs: Vec<_> = text.split("\n\n").map(|p| p.replace('\n', " ")).collect();
+            *text = paragraphs.join("\n\n");
+        }
+        if object.get("default").is_some_and(Value::is_null) {
+            object.remove("default");
+        }
+        if let Some(Value::Array(types)) = object.get_mut("type") {
+            types.retain(|t| t != "null");
+            if let [only] = types.as_slice() {
+                let only = only.clone();
+                object.insert("type".to_owned(), only);
+            }
+        }
+        if let Some(Value::Array(choices)) = object.get_mut("anyOf") {
+            choices.retain(|c| c.get("type").is_none_or(|t| t != "null"));
+            if let [Value::Object(only)] = choices.as_slice() {
+                let only = only.clone();
+                object.remove("anyOf");
+                for (key, value) in only {
+                    object.entry(key).or_insert(value);
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

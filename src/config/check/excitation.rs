@@ -1,0 +1,173 @@
+//! `[excitation]`: what moves the test, against what there is to be moved.
+
+use std::collections::BTreeMap;
+
+use super::Findings;
+use crate::config::diagnose::Finding;
+use crate::config::document::KeyPath;
+use crate::config::schema::{ExcitationTable, TestFile};
+use crate::config::suggest::{listed, nearest};
+
+/// The whole of `[excitation]`.
+pub(super) fn check_excitation(file: &TestFile, findings: &mut Findings) {
+    let at = KeyPath::root().key("excitation");
+    let excitation = &file.excitation;
+    if let (Some(_), Some(_)) = (
+        &excitation.ground_acceleration,
+        &excitation.base_displacement,
+    ) {
+        findings.0.push(
+            Finding::error(at.key("base_displacement"), "both a ground acceleration and a base displacement are given")
+                .label("absolute coordinates")
+                .beside(at.key("ground_acceleration"), "relative coordinates")
+                .help("one moves the coordinates with the ground, the other does not: displacements would mean nothing"),
+        );
+    }
+    for (index, force) in excitation.nodal_force.iter().enumerate() {
+        let at = at.key("nodal_force").index(index);
+        let given: Vec<_> = [
+            ("dofs", force.dofs.is_some()),
+            ("pattern", force.pattern.is_some()),
+        ]
+        .into_iter()
+        .filter_map(|(key, given)| given.then_some(key))
+        .collect();
+        findings.exactly_one(
+            &at,
+            &given,
+            &["dofs", "pattern"],
+            "they say where the force acts",
+        );
+        if let Some(dofs) = &force.dofs {
+            findings.dofs(&at.key("dofs"), dofs);
+        }
+    }
+    if file.structure.is_some() {
+        check_motionless(file, findings);
+        if !excitation.prescribed_displacement.is_empty() {
+            findings.0.push(
+                Finding::error(at.key("prescribed_displacement"), "a prescribed displacement and a structure are both given")
+                    .label("the displacement is prescribed here")
+                    .beside(KeyPath::root().key("structure"), "and computed here")
+                    .help("the specimen can follow only one of them: leave out the structure, or use `base_displacement`"),
+            );
+        }
+    } else {
+        check_prescribed(file, &at, findings);
+    }
+}
+
+/// A structure that nothing sets in motion is probably not what was meant.
+fn check_motionless(file: &TestFile, findings: &mut Findings) {
+    let Some(structure) = &file.structure else {
+        return;
+    };
+    let still = file.excitation == ExcitationTable::default()
+        && structure.initial_displacement_m.is_none()
+        && structure.initial_velocity_m_per_s.is_none()
+        && structure.static_load_n.is_none()
+        && structure.gravity.is_none();
+    if still {
+        findings.0.push(
+            Finding::warning(
+                KeyPath::root().key("structure"),
+                "nothing sets the structure in motion",
+            )
+            .label("no excitation, no initial state, no static load")
+            .help("give it an `[excitation]`, or an `initial_displacement_m` for free vibration"),
+        );
+    }
+}
+
+fn check_prescribed(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
+    let excitation = &file.excitation;
+    let loads = [
+        (
+            "ground_acceleration",
+            excitation.ground_acceleration.is_some(),
+        ),
+        ("base_displacement", excitation.base_displacement.is_some()),
+        ("nodal_force", !excitation.nodal_force.is_empty()),
+        ("nodal_table", excitation.nodal_table.is_some()),
+    ];
+    for (key, _) in loads.into_iter().filter(|(_, given)| *given) {
+        findings.0.push(
+            Finding::error(
+                at.key(key),
+                format!("`excitation.{key}` loads a structure, and there is none"),
+            )
+            .label("nothing to act on")
+            .help("without a `[structure]` only `prescribed_displacement` moves the specimens"),
+        );
+    }
+    if !file.specimen.is_empty() && excitation.prescribed_displacement.is_empty() {
+        findings.0.push(
+            Finding::error(at.clone(), "without a structure the specimens need a prescribed displacement")
+                .label("`prescribed_displacement` is missing")
+                .help("give a `[[excitation.prescribed_displacement]]` with `specimen` and `signal`, or a `[structure]`"),
+        );
+    }
+    let names: Vec<&str> = file.specimen.iter().map(|s| s.name.as_str()).collect();
+    let mut driven: BTreeMap<(&str, usize), KeyPath> = BTreeMap::new();
+    for (index, prescribed) in excitation.prescribed_displacement.iter().enumerate() {
+        let at = at.key("prescribed_displacement").index(index);
+        let name = prescribed.specimen.as_str();
+        if !names.contains(&name) {
+            let label = nearest(name, &names).map_or_else(
+                || "no such specimen".to_owned(),
+                |n| format!("did you mean `{n}`?"),
+            );
+            findings.0.push(
+                Finding::error(at.key("specimen"), format!("there is no specimen `{name}`"))
+                    .label(label)
+                    .help(format!("the specimens are {}", listed(&names, "and"))),
+            );
+        }
+        if prescribed.axis == 0 {
+            findings.0.push(
+                Finding::error(at.key("axis"), "there is no axis 0")
+                    .label("axes are counted from 1"),
+            );
+        }
+        let duration = file.time.duration_s;
+        let easing = [
+            ("ease_in_s", prescribed.ease_in_s),
+            ("ease_out_s", prescribed.ease_out_s),
+        ];
+        for (key, value) in easing {
+            if value.is_finite() && !(0.0..=duration).contains(&value) {
+                let headline = format!("`{key}` must be inside the test, from 0 to {duration} s");
+                let finding = Finding::error(at.key(key), headline);
+                findings.0.push(finding.label(format!("found {value}")));
+            }
+        }
+        match driven.get(&(name, prescribed.axis)) {
+            Some(before) => findings.0.push(
+                Finding::error(
+                    at.clone(),
+                    format!(
+                        "axis {} of specimen `{name}` is prescribed twice",
+                        prescribed.axis
+                    ),
+                )
+                .label("again here")
+                .beside(before.clone(), "first here")
+                .help("the axis can follow only one of them"),
+            ),
+            None => {
+                driven.insert((name, prescribed.axis), at);
+            }
+        }
+    }
+    for (index, name) in names.iter().enumerate() {
+        if !driven.is_empty() && !driven.keys().any(|(driven, _)| driven == name) {
+            findings.0.push(
+                Finding::warning(
+                    KeyPath::root().key("specimen").index(index),
+                    format!("specimen `{name}` has no prescribed displacement"),
+                )
+                .label("it is held at zero"),
+            );
+        }
+    }
+}

@@ -1,0 +1,147 @@
+//! What is contradictory or out of range in a test file and can be said without building anything.
+//!
+//! Each complaint explains the consequence, not only the rule. What needs the structure itself (how many DOFs it has,
+//! whether a storey exists, whether a matrix is symmetric) is checked where it is built.
+
+mod excitation;
+mod specimen;
+
+use excitation::check_excitation;
+use specimen::{check_names, check_specimen};
+
+use super::diagnose::Finding;
+use super::document::{Datum, KeyPath, Node};
+use super::schema::{StructureTable, TestFile};
+use super::steps::{Time, not_positive};
+use super::suggest::listed;
+use super::value::{DofChoice, LambdaValue};
+
+/// Every number of the document that is not finite, but λ, which may be infinite.
+pub(crate) fn not_finite(root: &Node) -> Vec<Finding> {
+    let lambda = KeyPath::root().key("integrator").key("lambda");
+    let mut findings = Vec::new();
+    root.walk(&KeyPath::root(), &mut |path, node| {
+        if let Datum::Float(value) = node.datum
+            && !value.is_finite()
+            && !(*path == lambda && value == f64::INFINITY)
+        {
+            let words = value.to_string().to_lowercase();
+            let headline = format!("`{path}` must be a finite number");
+            findings.push(Finding::error(path.clone(), headline).label(format!("found {words}")));
+        }
+    });
+    findings
+}
+
+/// All that is wrong with `file`, in the order of its tables.
+pub(crate) fn check(file: &TestFile) -> Vec<Finding> {
+    let mut findings = Findings::default();
+    if let Err(finding) = Time::of(&file.time) {
+        findings.0.push(*finding);
+    }
+    let root = KeyPath::root();
+    match &file.structure {
+        Some(structure) => check_structure(structure, &root.key("structure"), &mut findings),
+        None if file.specimen.is_empty() => findings.0.push(
+            Finding::error(root.clone(), "there is neither a structure nor a specimen")
+                .help("a test has a `[structure]`, or `[[specimen]]`s along a prescribed displacement, or both"),
+        ),
+        None => {}
+    }
+    check_integrator(file, &mut findings);
+    check_excitation(file, &mut findings);
+    for (index, specimen) in file.specimen.iter().enumerate() {
+        let at = root.key("specimen").index(index);
+        check_specimen(specimen, file.structure.is_some(), &at, &mut findings);
+    }
+    check_names(&file.specimen, &mut findings);
+    let safety = root.key("safety").key("divergence_m");
+    findings.positive(safety, file.safety.divergence_m);
+    let record = root.key("record");
+    findings.positive(record.key("queue_s"), Some(file.record.queue_s));
+    if let Some(DofChoice::Listed(dofs)) = &file.record.dofs {
+        findings.dofs(&record.key("dofs"), dofs);
+    }
+    findings.0
+}
+
+#[derive(Debug, Default)]
+struct Findings(Vec<Finding>);
+
+impl Findings {
+    /// Finite and greater than zero, where given. What is not finite is complained of elsewhere.
+    fn positive(&mut self, at: KeyPath, value: Option<f64>) {
+        if let Some(found) = value
+            && found <= 0.0
+            && found.is_finite()
+        {
+            self.0.push(not_positive(at, found));
+        }
+    }
+
+    /// Numbers from 1, none twice.
+    fn dofs(&mut self, at: &KeyPath, dofs: &[usize]) {
+        if dofs.is_empty() {
+            self.0.push(
+                Finding::error(at.clone(), format!("`{at}` is empty"))
+                    .label("at least one DOF is needed"),
+            );
+        }
+        for (index, dof) in dofs.iter().enumerate() {
+            let here = at.index(index);
+            if *dof == 0 {
+                self.0.push(
+                    Finding::error(here, "there is no DOF 0").label("DOFs are counted from 1"),
+                );
+            } else if let Some(before) = dofs[..index].iter().position(|d| d == dof) {
+                let finding =
+                    Finding::error(here, format!("DOF {dof} is listed twice")).label("again here");
+                self.0.push(finding.beside(at.index(before), "first here"));
+            }
+        }
+    }
+
+    /// Exactly one of `allowed` is among `given`.
+    fn exactly_one(&mut self, at: &KeyPath, given: &[&str], allowed: &[&str], why: &str) {
+        let headline = || format!("`{at}` must have exactly one of {}", listed(allowed, "and"));
+        match given {
+            [_] => {}
+            [] => self.0.push(
+                Finding::error(at.clone(), headline())
+                    .label("has none of them")
+                    .help(why),
+            ),
+            [first, second, ..] => self.0.push(
+                Finding::error(at.key(second), headline())
+                    .at_key()
+                    .label(format!("`{second}` is given"))
+                    .beside(at.key(first), format!("and so is `{first}`"))
+                    .help(why),
+            ),
+        }
+    }
+}
+
+fn check_structure(structure: &StructureTable, at: &KeyPath, findings: &mut Findings) {
+    let given: Vec<_> = structure.kinds().iter().map(|(key, _)| *key).collect();
+    findings.exactly_one(
+        at,
+        &given,
+        &["shear_building", "matrices", "chain"],
+        "the table names what the structure is; two of them would be two structures",
+    );
+    if let Some(gravity) = &structure.gravity {
+        findings.positive(
+            at.key("gravity").key("accel_m_per_s2"),
+            Some(gravity.accel_m_per_s2),
+        );
+    }
+}
+
+fn check_integrator(file: &TestFile, findings: &mut Findings) {
+    let integrator = KeyPath::root().key("integrator");
+    findings.positive(integrator.key("gain_bound"), file.integrator.gain_bound);
+    if let LambdaValue::Number(value) = file.integrator.lambda {
+        findings.positive(integrator.key("lambda"), Some(value));
+    }
+}

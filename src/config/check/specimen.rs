@@ -1,0 +1,252 @@
+//! `[[specimen]]`: what it sees, what is believed of it, and its name.
+
+use super::Findings;
+use crate::config::diagnose::Finding;
+use crate::config::document::KeyPath;
+use crate::config::specimen::SpecimenTable;
+use crate::config::value::MatrixValue;
+
+/// One `[[specimen]]`.
+pub(super) fn check_specimen(
+    specimen: &SpecimenTable,
+    with_structure: bool,
+    at: &KeyPath,
+    findings: &mut Findings,
+) {
+    let given: Vec<_> = specimen.sources().iter().map(|(key, _)| *key).collect();
+    findings.exactly_one(
+        at,
+        &given,
+        &["law", "laws", "coupled"],
+        "it says what stands for the specimen",
+    );
+    let seen: Vec<_> = [
+        ("storey", specimen.storey.is_some()),
+        ("rows", specimen.rows.is_some()),
+    ]
+    .into_iter()
+    .filter_map(|(key, given)| given.then_some(key))
+    .collect();
+    if with_structure {
+        let why = "it says which deformation d = B·x the specimen sees";
+        findings.exactly_one(at, &seen, &["storey", "rows"], why);
+    } else {
+        for key in seen {
+            findings.0.push(
+                Finding::error(
+                    at.key(key),
+                    format!("`{key}` takes a deformation from a structure, and there is none"),
+                )
+                .at_key()
+                .label("nothing to take it from")
+                .help("without a structure the displacement is prescribed; leave this key out"),
+            );
+        }
+    }
+    if specimen.storey == Some(0) {
+        findings.0.push(
+            Finding::error(at.key("storey"), "there is no storey 0")
+                .label("storeys are counted from 1 at the bottom"),
+        );
+    }
+    let axes = match (&specimen.storey, &specimen.rows) {
+        (Some(_), None) => Some(1),
+        (None, Some(rows)) => {
+            check_rows(rows, &at.key("rows"), findings);
+            Some(rows.len())
+        }
+        _ => None,
+    };
+    for (key, estimate) in [
+        ("stiffness_n_per_m", &specimen.stiffness_n_per_m),
+        ("damping_n_s_per_m", &specimen.damping_n_s_per_m),
+    ] {
+        if let Some(matrix) = estimate {
+            check_estimate(matrix, axes, &at.key(key), findings);
+        }
+    }
+    findings.positive(at.key("reach_disp_m"), specimen.reach_disp_m);
+    findings.positive(at.key("reach_vel_m_per_s"), specimen.reach_vel_m_per_s);
+    if specimen.mass_in_force_kg < 0.0 {
+        let headline = format!(
+            "`mass_in_force_kg` is {}, but a mass is not negative",
+            specimen.mass_in_force_kg
+        );
+        findings.0.push(
+            Finding::error(at.key("mass_in_force_kg"), headline).label("must be zero or greater"),
+        );
+    }
+    let similitude = at.key("similitude");
+    findings.positive(similitude.key("length"), Some(specimen.similitude.length));
+    findings.positive(similitude.key("force"), Some(specimen.similitude.force));
+    findings.positive(similitude.key("time"), Some(specimen.similitude.time));
+    check_axes(specimen, axes, at, findings);
+}
+
+fn check_axes(
+    specimen: &SpecimenTable,
+    axes: Option<usize>,
+    at: &KeyPath,
+    findings: &mut Findings,
+) {
+    let given = specimen.axis.len();
+    if let Some(axes) = axes
+        && given > 0
+        && given != axes
+    {
+        findings.0.push(
+            Finding::error(
+                at.key("axis"),
+                format!(
+                    "the specimen has {}, but {} given",
+                    counted(axes, "axis", "axes"),
+                    counted(given, "`axis` table is", "`axis` tables are")
+                ),
+            )
+            .label("one table per axis, or none at all"),
+        );
+    }
+    for (index, axis) in specimen.axis.iter().enumerate() {
+        let at = at.key("axis").index(index);
+        findings.positive(at.key("scale"), Some(axis.scale));
+        if !matches!(axis.sign, -1 | 1) {
+            findings.0.push(
+                Finding::error(
+                    at.key("sign"),
+                    format!("`sign` is {}, but must be 1 or -1", axis.sign),
+                )
+                .label("only a direction")
+                .help("a factor belongs into `scale`"),
+            );
+        }
+    }
+}
+
+fn check_rows(rows: &[Vec<f64>], at: &KeyPath, findings: &mut Findings) {
+    let Some(first) = rows.first() else {
+        findings.0.push(
+            Finding::error(at.clone(), "`rows` is empty").label("one row per axis is needed"),
+        );
+        return;
+    };
+    for (index, row) in rows.iter().enumerate() {
+        let here = at.index(index);
+        if row.len() != first.len() {
+            findings.0.push(
+                Finding::error(
+                    here,
+                    format!(
+                        "row {} has {} numbers, but row 1 has {}",
+                        index + 1,
+                        row.len(),
+                        first.len()
+                    ),
+                )
+                .label("one number per DOF of the structure"),
+            );
+        } else if row.iter().all(|b| *b == 0.0) {
+            findings.0.push(
+                Finding::error(here, format!("row {} is all zero", index + 1))
+                    .label("this axis would never move, and its force act on nothing"),
+            );
+        }
+    }
+}
+
+/// Square, of the right size, symmetric, with no negative diagonal.
+fn check_estimate(
+    matrix: &MatrixValue,
+    axes: Option<usize>,
+    at: &KeyPath,
+    findings: &mut Findings,
+) {
+    let rows = matrix.rows();
+    let n = rows.len();
+    if let Some(axes) = axes
+        && n != axes
+    {
+        findings.0.push(
+            Finding::error(
+                at.clone(),
+                format!(
+                    "the specimen has {}, but its estimate is for {n}",
+                    counted(axes, "axis", "axes")
+                ),
+            )
+            .label(format!("a {axes} by {axes} matrix is wanted")),
+        );
+        return;
+    }
+    if let Some(index) = rows.iter().position(|row| row.len() != n) {
+        findings.0.push(
+            Finding::error(at.index(index), "the matrix is not square").label(format!(
+                "row {} has {} numbers, but there are {n} rows",
+                index + 1,
+                rows[index].len()
+            )),
+        );
+        return;
+    }
+    // What is symmetric in decimals is symmetric in doubles: each pair is written with the same digits.
+    for (i, row) in rows.iter().enumerate() {
+        for (j, below) in row.iter().enumerate().take(i) {
+            let above = rows[j][i];
+            if *below != above && below.is_finite() && above.is_finite() {
+                findings.0.push(
+                    Finding::error(at.index(i).index(j), "the matrix is not symmetric")
+                        .label(format!("{below} here"))
+                        .beside(at.index(j).index(i), format!("{above} there")),
+                );
+                return;
+            }
+        }
+        if row[i] < 0.0 {
+            let place = match matrix {
+                MatrixValue::Number(_) => at.clone(),
+                MatrixValue::Rows(_) => at.index(i).index(i),
+            };
+            findings.0.push(
+                Finding::error(place, format!("the estimate is {}, but must not be negative", row[i]))
+                    .label("must be zero or greater")
+                    .help("it stands in M_eff, which must stay positive definite; too large an estimate is safe"),
+            );
+        }
+    }
+}
+
+/// The names of all.
+pub(super) fn check_names(specimens: &[SpecimenTable], findings: &mut Findings) {
+    /// Leaves room for prefixes and endings in every file system.
+    const LONGEST: usize = 64;
+    for (index, specimen) in specimens.iter().enumerate() {
+        let at = KeyPath::root().key("specimen").index(index).key("name");
+        let name = specimen.name.as_str();
+        let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
+        if name.is_empty()
+            || name.starts_with('.')
+            || name.len() > LONGEST
+            || !name.chars().all(plain)
+        {
+            findings.0.push(
+                Finding::error(at, format!("{name:?} cannot name a specimen"))
+                    .label("it is part of file names")
+                    .help("allowed are up to 64 letters (a-z), digits, `-`, `_` and `.`, the first of them no dot"),
+            );
+        } else if let Some(before) = specimens[..index]
+            .iter()
+            .position(|other| other.name.eq_ignore_ascii_case(name))
+        {
+            let first = KeyPath::root().key("specimen").index(before).key("name");
+            findings.0.push(
+                Finding::error(at, format!("two specimens are called `{name}`"))
+                    .label("again here")
+                    .beside(first, "first here")
+                    .help("names tell their columns and files apart, without regard to case"),
+            );
+        }
+    }
+}
+
+fn counted(n: usize, one: &str, many: &str) -> String {
+    format!("{n} {}", if n == 1 { one } else { many })
+}

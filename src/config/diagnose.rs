@@ -1,0 +1,332 @@
+//! A user's mistake as a picture: file, line, caret, what was found, what is allowed, what was probably meant.
+//!
+//! Whoever finds a mistake writes a [`Finding`]: a path into the test file and words. The [`Locator`](super::Locator) knows where that
+//! path stands (a line of the file, or the `--set` argument that overrides it) and makes a [`Diagnostic`] of it, which
+//! renders itself. Nothing here decides what is a mistake.
+
+use std::fmt;
+use std::ops::Range;
+use std::sync::Arc;
+
+use annotate_snippets::renderer::DecorStyle;
+use annotate_snippets::{
+    Annotation, AnnotationKind, Group, Level, Origin, Renderer, Snippet, Title,
+};
+
+use super::document::{KeyPath, SyntaxError};
+use super::read::{Kind, Mistake};
+use super::suggest::{listed, nearest};
+
+/// Whether a diagnostic forbids the test.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Severity {
+    /// The test is refused.
+    Error,
+    /// The test runs; the user should know.
+    Warning,
+}
+
+/// Which bytes of an entry a finding points at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Part {
+    /// Its key.
+    Key,
+    /// Its value; the header of a `[table]`.
+    Value,
+}
+
+/// A mistake at a path of the test file, in words.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Finding {
+    /// Whether it forbids the test.
+    pub severity: Severity,
+    /// Where; the nearest entry above it that exists is shown.
+    pub path: KeyPath,
+    /// What of the entry is wrong.
+    pub part: Part,
+    /// One line: what is wrong.
+    pub headline: String,
+    /// A few words under the caret.
+    pub label: String,
+    /// What is allowed, and what to do.
+    pub help: Vec<String>,
+    /// A second place that the mistake is about, with a few words.
+    pub beside: Option<(KeyPath, String)>,
+}
+
+impl Finding {
+    /// An error at the value of `path`.
+    pub fn error(path: KeyPath, headline: impl Into<String>) -> Self {
+        Self {
+            severity: Severity::Error,
+            path,
+            part: Part::Value,
+            headline: headline.into(),
+            label: String::new(),
+            help: Vec::new(),
+            beside: None,
+        }
+    }
+
+    /// A warning at the value of `path`.
+    pub fn warning(path: KeyPath, headline: impl Into<String>) -> Self {
+        Self {
+            severity: Severity::Warning,
+            ..Self::error(path, headline)
+        }
+    }
+
+    /// The same, pointing at the key.
+    #[must_use]
+    pub fn at_key(mut self) -> Self {
+        self.part = Part::Key;
+        self
+    }
+
+    /// The same, with words under the caret.
+    #[must_use]
+    pub fn label(mut self, label: impl Into<String>) -> Self {
+        self.label = label.into();
+        self
+    }
+
+    /// The same, with one more line of help.
+    #[must_use]
+    pub fn help(mut self, help: impl Into<String>) -> Self {
+        self.help.push(help.into());
+        self
+    }
+
+    /// The same, showing a second place.
+    #[must_use]
+    pub fn beside(mut self, path: KeyPath, label: impl Into<String>) -> Self {
+        self.beside = Some((path, label.into()));
+        self
+    }
+}
+
+impl From<Mistake> for Finding {
+    fn from(mistake: Mistake) -> Self {
+        let Mistake { path, kind } = mistake;
+        let name = subject(&path);
+        match kind {
+            Kind::UnknownKey { allowed } => {
+                let key = path.last_key().unwrap_or_default().to_owned();
+                let table = path.parent().unwrap_or_default();
+                let label = nearest(&key, &allowed).map_or_else(
+                    || "not a key of this table".to_owned(),
+                    |n| format!("did you mean `{n}`?"),
+                );
+                Self::error(path, format!("unknown key `{key}` in {}", subject(&table)))
+                    .at_key()
+                    .label(label)
+                    .help(format!("the keys here are {}", listed(&allowed, "and")))
+            }
+            Kind::MissingKey { key } => {
+                let label = format!("`{key}` is missing");
+                Self::error(path, format!("missing key `{key}` in {name}")).label(label)
+            }
+            Kind::UnknownName { found, allowed } => {
+                let label = nearest(&found, &allowed).map_or_else(
+                    || "not one of the names".to_owned(),
+                    |n| format!("did you mean `{n}`?"),
+                );
+                let table = match path.last_key() {
+                    Some(key) if key == found => path.parent().unwrap_or_default(),
+                    _ => path.clone(),
+                };
+                Self::error(path, format!("{} cannot be `{found}`", subject(&table)))
+                    .at_key_if(|f| f.path != table)
+                    .label(label)
+                    .help(format!("allowed here: {}", listed(&allowed, "or")))
+            }
+            Kind::NotExactlyOne { found, allowed } => {
+                let label = match found.as_slice() {
+                    [] => "is empty".to_owned(),
+                    some => format!("has {}", listed(some, "and")),
+                };
+                Self::error(
+                    path,
+                    format!(
+                        "{name} must hold exactly one of {}",
+                        listed(&allowed, "and")
+                    ),
+                )
+                .label(label)
+            }
+            Kind::WrongType { found, wanted } | Kind::WrongValue { found, wanted } => {
+                Self::error(path, format!("{name} must be {wanted}"))
+                    .label(format!("found {found}"))
+            }
+            Kind::Other(message) => Self::error(path, format!("{name}: {message}")),
+            Kind::Consequence => Self::error(path, format!("{name} cannot be read")),
+        }
+    }
+}
+
+impl Finding {
+    fn at_key_if(self, condition: impl FnOnce(&Self) -> bool) -> Self {
+        if condition(&self) {
+            self.at_key()
+        } else {
+            self
+        }
+    }
+}
+
+/// A path as the subject of a sentence.
+fn subject(path: &KeyPath) -> String {
+    if path.segments().is_empty() {
+        "the test file".to_owned()
+    } else {
+        format!("`{path}`")
+    }
+}
+
+/// A text that a diagnostic can point into.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Source {
+    /// As it is shown after the arrow.
+    pub name: String,
+    /// Its text.
+    pub text: String,
+}
+
+/// A place in a source.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Place {
+    /// Which text.
+    pub source: Arc<Source>,
+    /// Which of its bytes; absent where the whole is meant.
+    pub span: Option<Range<usize>>,
+}
+
+/// A mistake with its place, ready to be shown.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Diagnostic {
+    /// Whether it forbids the test.
+    pub severity: Severity,
+    /// Where it is, with a few words under the caret.
+    pub place: (Place, String),
+    /// A second place that it is about.
+    pub beside: Option<(Place, String)>,
+    /// One line: what is wrong.
+    pub headline: String,
+    /// What is allowed, and what to do.
+    pub help: Vec<String>,
+}
+
+impl Diagnostic {
+    /// The picture, with colours of the terminal if `colour`.
+    #[must_use]
+    pub fn render(&self, colour: bool) -> String {
+        let level = match self.severity {
+            Severity::Error => Level::ERROR,
+            Severity::Warning => Level::WARNING,
+        };
+        let mut group = self.picture(level.primary_title(self.headline.as_str()));
+        for help in &self.help {
+            group = group.element(Level::HELP.message(help.as_str()));
+        }
+        let renderer = if colour {
+            Renderer::styled()
+        } else {
+            Renderer::plain()
+        };
+        renderer.decor_style(DecorStyle::Ascii).render(&[group])
+    }
+
+    fn picture<'a>(&'a self, title: Title<'a>) -> Group<'a> {
+        let (place, label) = &self.place;
+        let Some(span) = place.span.clone() else {
+            return title.element(Origin::path(place.source.name.as_str()));
+        };
+        let snippet = snippet(&place.source)
+            .annotation(AnnotationKind::Primary.span(span).label(label.as_str()));
+        let Some((other, words)) = &self.beside else {
+            return title.element(snippet);
+        };
+        let Some(span) = other.span.clone() else {
+            return title.element(snippet);
+        };
+        let annotation = AnnotationKind::Context.span(span).label(words.as_str());
+        if other.source == place.source {
+            title.element(snippet.annotation(annotation))
+        } else {
+            let second = self::snippet(&other.source).annotation(annotation);
+            title.element(snippet).element(second)
+        }
+    }
+}
+
+fn snippet(source: &Source) -> Snippet<'_, Annotation<'_>> {
+    Snippet::source(source.text.as_str()).path(source.name.as_str())
+}
+
+/// A screen or two: after that many mistakes a file is better mended first.
+pub(crate) const MOST_SHOWN: usize = 20;
+
+/// All that is wrong with a test file.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Diagnostics(pub Vec<Diagnostic>);
+
+impl Diagnostics {
+    /// The pictures, one after another.
+    #[must_use]
+    pub fn render(&self, colour: bool) -> String {
+        let shown = self.0.iter().take(MOST_SHOWN);
+        let mut pictures: Vec<_> = shown.map(|d| d.render(colour)).collect();
+        if self.0.len() > MOST_SHOWN {
+            pictures.push(format!("and {} more mistakes", self.0.len() - MOST_SHOWN));
+        }
+        pictures.join("\n\n")
+    }
+}
+
+impl fmt::Display for Diagnostics {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.render(false))
+    }
+}
+
+/// Grammar mistakes as diagnostics. Beyond the first few they are mostly echoes.
+pub(crate) fn syntax(source: &Arc<Source>, errors: Vec<SyntaxError>) -> Vec<Diagnostic> {
+    /// Recovery after a broken line guesses; the first guesses are good.
+    const SHOWN: usize = 3;
+    let mut last_line = None;
+    let mut diagnostics = Vec::new();
+    for error in errors {
+        let line = source.text[..error.span.start.min(source.text.len())]
+            .matches('\n')
+            .count();
+        if last_line != Some(line) {
+            last_line = Some(line);
+            diagnostics.push(broken(source, error.message, error.span));
+        }
+    }
+    diagnostics.truncate(SHOWN);
+    diagnostics
+}
+
+/// The editing parser's complaint, should it refuse what the reading one accepts.
+pub(crate) fn second_parser(source: &Arc<Source>, error: &toml_edit::TomlError) -> Diagnostic {
+    broken(
+        source,
+        error.message().to_owned(),
+        error.span().unwrap_or(0..0),
+    )
+}
+
+fn broken(source: &Arc<Source>, message: String, span: Range<usize>) -> Diagnostic {
+    let place = Place {
+        source: Arc::clone(source),
+        span: Some(span),
+    };
+    Diagnostic {
+        severity: Severity::Error,
+        place: (place, message),
+        beside: None,
+        headline: "the file is not valid TOML".to_owned(),
+        help: Vec::new(),
+    }
+}

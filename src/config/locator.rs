@@ -1,0 +1,95 @@
+//! Where each path of a test file stands: a line of the file, or the argument that overrides it.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use super::diagnose::{Diagnostic, Finding, Part, Place, Source};
+use super::document::{KeyPath, Node};
+use super::overrides::Override;
+
+/// Knows where each path of a test file stands.
+#[derive(Debug, Clone)]
+pub struct Locator {
+    file: Arc<Source>,
+    root: Node,
+    overrides: Vec<Override>,
+}
+
+impl Locator {
+    pub(crate) fn new(file: Arc<Source>, root: Node, overrides: Vec<Override>) -> Self {
+        Self {
+            file,
+            root,
+            overrides,
+        }
+    }
+
+    /// The place of `path`: an argument of the command line if it overrides it, else the file; the nearest entry above
+    /// it where it does not exist.
+    #[must_use]
+    pub fn locate(&self, path: &KeyPath, part: Part) -> Place {
+        let overriding = self.overrides.iter().rev();
+        if let Some(place) = overriding.clone().find_map(|o| o.place_under(path, part)) {
+            return place;
+        }
+        if let Some(node) = self.root.find(path)
+            && !path.segments().is_empty()
+        {
+            return self.in_file(match part {
+                Part::Key => node.key.clone(),
+                Part::Value => node.span.clone(),
+            });
+        }
+        if let Some(place) = overriding.clone().find_map(|o| o.place_above(path)) {
+            return place;
+        }
+        match path.parent() {
+            Some(parent) => self.locate(&parent, Part::Value),
+            None => Place {
+                source: Arc::clone(&self.file),
+                span: None,
+            },
+        }
+    }
+
+    /// The path of the first entry named `key` at or below `path`: where a lower layer names only its parameter.
+    #[must_use]
+    pub fn beneath(&self, path: &KeyPath, key: &str) -> KeyPath {
+        let mut found: Option<KeyPath> = None;
+        if let Some(node) = self.root.find(path) {
+            node.walk(path, &mut |at, _| {
+                let nearer = |known: &KeyPath| at.segments().len() < known.segments().len();
+                if at.last_key() == Some(key) && found.as_ref().is_none_or(nearer) {
+                    found = Some(at.clone());
+                }
+            });
+        }
+        found
+            .or_else(|| {
+                let mut paths = self.overrides.iter().rev().map(Override::path);
+                paths.find(|p| p.starts_with(path) && p.last_key() == Some(key))
+            })
+            .unwrap_or_else(|| path.clone())
+    }
+
+    /// A finding with its places.
+    #[must_use]
+    pub fn diagnose(&self, finding: Finding) -> Diagnostic {
+        Diagnostic {
+            severity: finding.severity,
+            place: (self.locate(&finding.path, finding.part), finding.label),
+            beside: finding
+                .beside
+                .map(|(path, label)| (self.locate(&path, Part::Value), label)),
+            headline: finding.headline,
+            help: finding.help,
+        }
+    }
+
+    fn in_file(&self, span: Range<usize>) -> Place {
+        Place {
+            source: Arc::clone(&self.file),
+            span: Some(span),
+        }
+    }
+}

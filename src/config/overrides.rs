@@ -1,0 +1,293 @@
+//! `--set KEY=VALUE`: one key of the test file, replaced or added from the command line.
+//!
+//! The key is a dotted path whose indices count from 0 (`specimen[0].storey` or `specimen.0.storey`). The value is TOML;
+//! what is not TOML is a bare text, so that `--set time.clock=simulated` needs no quotes. The document's comments and
+//! order survive. A complaint about an overridden value points into the argument.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use toml_edit::{DocumentMut, Value};
+
+use super::diagnose::{Diagnostic, Part, Place, Severity, Source};
+use super::document::{KeyPath, Node, Segment, parse_segments};
+use super::edit::put_in_table;
+
+/// What stands before the argument when it is shown.
+const FLAG: &str = "--set ";
+
+/// One parsed `--set` argument.
+#[derive(Debug, Clone)]
+pub struct Override {
+    source: Arc<Source>,
+    segments: Vec<(Segment, Range<usize>)>,
+    value_span: Range<usize>,
+    value: Value,
+    /// The value as a tree in the argument's text, where it is written as TOML.
+    tree: Option<Node>,
+}
+
+impl Override {
+    /// Reads `KEY=VALUE`.
+    ///
+    /// # Errors
+    /// A diagnostic that points into the argument: no `=`, a broken path, an empty value, or broken TOML.
+    pub fn parse(argument: &str) -> Result<Self, Box<Diagnostic>> {
+        let source = Arc::new(Source {
+            name: "command line".to_owned(),
+            text: format!("{FLAG}{argument}"),
+        });
+        let refuse = |headline: &str, label: &str, span: Range<usize>, help: &str| {
+            refusal(
+                &source,
+                span,
+                headline.to_owned(),
+                label.to_owned(),
+                vec![help.to_owned()],
+            )
+        };
+        let Some((key, text)) = argument.split_once('=') else {
+            return Err(refuse(
+                "an override has no value",
+                "expected KEY=VALUE",
+                FLAG.len()..FLAG.len() + argument.len(),
+                "for example --set time.rate_hz=1024",
+            ));
+        };
+        let shift = |r: Range<usize>| r.start + FLAG.len()..r.end + FLAG.len();
+        let segments = parse_segments(key)
+            .map_err(|e| {
+                refuse(
+                    "an override has a broken key",
+                    e.message,
+                    shift(e.span),
+                    "a key is a dotted path, like specimen[0].storey",
+                )
+            })?
+            .into_iter()
+            .map(|(segment, span)| (segment, shift(span)))
+            .collect();
+        let start = FLAG.len() + key.len() + 1 + (text.len() - text.trim_start().len());
+        let text = text.trim();
+        let value_span = start..start + text.len();
+        if text.is_empty() {
+            return Err(refuse(
+                "an override has no value",
+                "nothing stands after the `=`",
+                value_span,
+                "an empty text is written KEY='\"\"'",
+            ));
+        }
+        let (value, tree) = match text.parse::<Value>() {
+            Ok(value) => {
+                // Parsed as the value of a one-letter key, then moved to where it stands in the argument.
+                let tree = Node::parse(&format!("v={text}"))
+                    .ok()
+                    .and_then(|root| root.find(&KeyPath::root().key("v")).cloned())
+                    .map(|node| node.shifted("v=".len(), start));
+                (value, tree)
+            }
+            Err(error) if text.starts_with(['{', '[', '"', '\'']) => {
+                let message = error
+                    .message()
+                    .lines()
+                    .next()
+                    .unwrap_or_default()
+                    .to_owned();
+                return Err(refuse(
+                    "the value of an override is not valid TOML",
+                    &message,
+                    value_span,
+                    "text with brackets or quotes inside is itself quoted",
+                ));
+            }
+            Err(_) => (Value::from(text), None),
+        };
+        Ok(Self {
+            source,
+            segments,
+            value_span,
+            value,
+            tree,
+        })
+    }
+
+    /// The path that is overridden.
+    #[must_use]
+    pub fn path(&self) -> KeyPath {
+        self.segments.iter().map(|(s, _)| s.clone()).collect()
+    }
+
+    /// Puts the value into `document`.
+    ///
+    /// # Errors
+    /// A diagnostic if the path leads through something that is no table or array, or beyond an array's end.
+    pub fn apply(&self, document: &mut DocumentMut) -> Result<(), Box<Diagnostic>> {
+        let Some(((Segment::Key(first), _), rest)) = self.segments.split_first() else {
+            let headline = "the test file is a table, not an array";
+            return Err(self.refuse(0, headline, "a key, not an index"));
+        };
+        put_in_table(document.as_table_mut(), first, rest, &self.value).map_err(|(left, why)| {
+            // `left` segments were still to go when it went wrong.
+            self.refuse(self.segments.len() - left, &why, "cannot go on here")
+        })
+    }
+
+    /// The place of `path` if this override sets it or a table that holds it.
+    pub(crate) fn place_under(&self, path: &KeyPath, part: Part) -> Option<Place> {
+        let mine = self.path();
+        if !path.starts_with(&mine) {
+            return None;
+        }
+        let deeper: KeyPath = path.segments()[mine.segments().len()..]
+            .iter()
+            .cloned()
+            .collect();
+        let span = if deeper.segments().is_empty() {
+            match part {
+                Part::Key => self.segments.last()?.1.clone(),
+                Part::Value => self.value_span.clone(),
+            }
+        } else {
+            match (self.tree.as_ref().and_then(|t| t.find(&deeper)), part) {
+                (Some(node), Part::Key) => node.key.clone(),
+                (Some(node), Part::Value) => node.span.clone(),
+                (None, _) => self.value_span.clone(),
+            }
+        };
+        Some(self.place(span))
+    }
+
+    /// The place of `path` if it is a table that this override's key passes through.
+    pub(crate) fn place_above(&self, path: &KeyPath) -> Option<Place> {
+        let depth = path.segments().len();
+        if depth == 0 || !self.path().starts_with(path) {
+            return None;
+        }
+        Some(self.place(self.segments.get(depth - 1)?.1.clone()))
+    }
+
+    fn place(&self, span: Range<usize>) -> Place {
+        Place {
+            source: Arc::clone(&self.source),
+            span: Some(span),
+        }
+    }
+
+    fn refuse(&self, segment: usize, headline: &str, label: &str) -> Box<Diagnostic> {
+        let last = self.segments.len().saturating_sub(1);
+        let span = self
+            .segments
+            .get(segment.min(last))
+            .map_or(0..0, |(_, span)| span.clone());
+        refusal(
+            &self.source,
+            span,
+            headline.to_owned(),
+            label.to_owned(),
+            Vec::new(),
+        )
+    }
+}
+
+fn refusal(
+    source: &Arc<Source>,
+    span: Range<usize>,
+    headline: String,
+    label: String,
+    help: Vec<String>,
+) -> Box<Diagnostic> {
+    let place = Place {
+        source: Arc::clone(source),
+        span: Some(span),
+    };
+    Box::new(Diagnostic {
+        severity: Severity::Error,
+        place: (place, label),
+        beside: None,
+        headline,
+        help,
+    })
+}
+
+/// The document with every override applied, in order, or what is wrong with each of them.
+pub(crate) fn apply_all(document: &mut DocumentMut, overrides: &[Override]) -> Vec<Diagnostic> {
+    overrides
+        .iter()
+        .filter_map(|o| o.apply(document).err().map(|d| *d))
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FILE: &str = "# a comment\ntitle = 'x' # behind\n\n[time] # head\nstep_s = 0.01 # fine\n\n[[specimen]]\nname = 'a'\nrows = [[1, 0], [0, 1]] # B\nlaw = { linear = { k = 1 } }\n";
+
+    fn with(arguments: &[&str]) -> Result<String, String> {
+        let mut document: DocumentMut = FILE.parse().unwrap();
+        for argument in arguments {
+            Override::parse(argument)
+                .and_then(|o| o.apply(&mut document))
+                .map_err(|d| d.render(false))?;
+        }
+        Ok(document.to_string())
+    }
+
+    #[test]
+    fn comments_and_order_survive() {
+        let text = with(&["time.step_s=0.02", "title=new name"]).unwrap();
+        let expected = FILE.replace("0.01", "0.02").replace("'x'", "\"new name\"");
+        assert_eq!(text, expected);
+    }
+
+    #[test]
+    fn a_path_goes_through_tables_inline_tables_and_arrays() {
+        let text = with(&["specimen[0].rows.1[0]=7", "specimen.0.law.linear.k=5"]).unwrap();
+        assert!(text.contains("[[1, 0], [7, 1]] # B"), "{text}");
+        assert!(text.contains("k = 5"), "{text}");
+    }
+
+    #[test]
+    fn what_is_not_there_is_created() {
+        let text = with(&[
+            "timing.priority=80",
+            "specimen[1].name=b",
+            "specimen[1].storey=2",
+            "excitation.a.b=1",
+        ])
+        .unwrap();
+        assert!(text.contains("[timing]\npriority = 80"), "{text}");
+        assert!(
+            text.contains("[[specimen]]\nname = \"b\"\nstorey = 2"),
+            "{text}"
+        );
+        assert!(text.contains("[excitation.a]\nb = 1"), "{text}");
+        let text = with(&[
+            "specimen[0].law={bilinear={k=2}}",
+            "specimen[0].more[0].x=1",
+        ])
+        .unwrap();
+        assert!(text.contains("law = {bilinear={k=2}}"), "{text}");
+        toml::from_str::<toml::Table>(&text).unwrap();
+    }
+
+    #[test]
+    fn a_path_that_leads_nowhere_is_explained_in_the_argument() {
+        let complaint = |argument: &str| with(&[argument]).unwrap_err();
+        let text = complaint("specimen[3].name=z");
+        assert!(
+            text.contains("`specimen` has 1 elements; 3 is beyond the end"),
+            "{text}"
+        );
+        assert!(
+            text.contains("--set specimen[3].name=z\n  |               ^^^"),
+            "{text}"
+        );
+        assert!(complaint("title.x=1").contains("`title` is a string; it has no key `x`"));
+        assert!(complaint("time").contains("expected KEY=VALUE"));
+        assert!(complaint("time.=1").contains("a key is missing here"));
+        assert!(complaint("time.step_s=").contains("nothing stands after the `=`"));
+        assert!(complaint("specimen[0].rows=[[1,").contains("not valid TOML"));
+    }
+}

@@ -1,0 +1,402 @@
+//! The tree of a test file as a serde deserializer that knows its path.
+//!
+//! It visits entries in the order of the file, leaves out those that it is told to skip, and never reads a table from an
+//! array, which serde would allow. An error carries its kind as data and the innermost path that it concerns.
+
+use serde::de::value::StrDeserializer;
+use serde::de::{
+    self, DeserializeSeed, Deserializer, EnumAccess, Expected, IntoDeserializer, MapAccess,
+    SeqAccess, Unexpected, VariantAccess, Visitor,
+};
+
+use super::document::{Datum, KeyPath, Node};
+use super::read::Kind;
+
+/// What went wrong in the reading.
+#[derive(Debug)]
+pub(crate) struct Fault {
+    /// What.
+    pub kind: Kind,
+    /// Where.
+    pub path: Option<KeyPath>,
+    /// The path is the name of a variant, which its table cannot do without.
+    pub at_variant: bool,
+}
+
+/// Boxed: it travels through every level of the tree.
+#[derive(Debug)]
+pub(crate) struct ReadError(pub Box<Fault>);
+
+impl ReadError {
+    fn new(kind: Kind) -> Self {
+        Self(Box::new(Fault {
+            kind,
+            path: None,
+            at_variant: false,
+        }))
+    }
+
+    /// The innermost level that can name a place does so.
+    fn at(mut self, path: &KeyPath) -> Self {
+        self.0.path.get_or_insert_with(|| path.clone());
+        self
+    }
+
+    fn at_variant(mut self) -> Self {
+        self.0.at_variant = true;
+        self
+    }
+}
+
+impl std::fmt::Display for ReadError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{:?}", self.0.kind)
+    }
+}
+
+impl std::error::Error for ReadError {}
+
+impl de::Error for ReadError {
+    fn custom<T: std::fmt::Display>(message: T) -> Self {
+        Self::new(Kind::Other(message.to_string()))
+    }
+
+    fn invalid_type(found: Unexpected<'_>, wanted: &dyn Expected) -> Self {
+        Self::new(Kind::WrongType {
+            found: in_words(found),
+            wanted: wanted_in_words(wanted),
+        })
+    }
+
+    fn invalid_value(found: Unexpected<'_>, wanted: &dyn Expected) -> Self {
+        Self::new(Kind::WrongValue {
+            found: in_words(found),
+            wanted: wanted_in_words(wanted),
+        })
+    }
+
+    fn invalid_length(length: usize, wanted: &dyn Expected) -> Self {
+        Self::new(Kind::WrongValue {
+            found: format!("an array of {length}"),
+            wanted: wanted_in_words(wanted),
+        })
+    }
+
+    fn unknown_variant(found: &str, allowed: &'static [&'static str]) -> Self {
+        Self::new(Kind::UnknownName {
+            found: found.to_owned(),
+            allowed: allowed.to_vec(),
+        })
+    }
+
+    fn unknown_field(_: &str, allowed: &'static [&'static str]) -> Self {
+        Self::new(Kind::UnknownKey {
+            allowed: allowed.to_vec(),
+        })
+    }
+
+    fn missing_field(key: &'static str) -> Self {
+        Self::new(Kind::MissingKey { key })
+    }
+}
+
+fn in_words(found: Unexpected<'_>) -> String {
+    match found {
+        Unexpected::Bool(value) => format!("`{value}`"),
+        Unexpected::Unsigned(value) => format!("{value}"),
+        Unexpected::Signed(value) => format!("{value}"),
+        Unexpected::Float(value) => format!("{value}"),
+        Unexpected::Str(text) => format!("the text {text:?}"),
+        Unexpected::Seq => "an array".to_owned(),
+        Unexpected::Map => "a table".to_owned(),
+        Unexpected::Other(words) => words.to_owned(),
+        other => other.to_string(),
+    }
+}
+
+/// serde names Rust's types; the reader of a test file knows TOML's.
+fn wanted_in_words(wanted: &dyn Expected) -> String {
+    let name = wanted.to_string();
+    let words = match name.as_str() {
+        "f32" | "f64" => "a number",
+        "u8" | "u16" | "u32" | "u64" | "usize" => "a whole number, zero or greater",
+        "i8" | "i16" | "i32" | "i64" | "isize" => "a whole number",
+        "a nonzero usize" | "a nonzero u32" | "a nonzero u64" => "a whole number, one or greater",
+        "a string" | "string" | "path string" => "a text in quotes",
+        "a boolean" => "`true` or `false`",
+        "a sequence" => "an array",
+        "a map" => "a table",
+        _ if name.starts_with("struct ") => "a table",
+        _ if name.starts_with("enum ") => "one of its names",
+        _ => return name,
+    };
+    words.to_owned()
+}
+
+/// Reads one node.
+pub(crate) struct Reader<'a> {
+    /// The node.
+    pub node: &'a Node,
+    /// Its path.
+    pub path: KeyPath,
+    /// Paths to leave out.
+    pub skip: &'a [KeyPath],
+}
+
+impl<'de> Reader<'de> {
+    fn visit<V: Visitor<'de>>(&self, visitor: V) -> Result<V::Value, ReadError> {
+        match &self.node.datum {
+            Datum::Text(text) => visitor.visit_str(text),
+            Datum::Integer(value) => visitor.visit_i64(*value),
+            Datum::Float(value) => visitor.visit_f64(*value),
+            Datum::Boolean(value) => visitor.visit_bool(*value),
+            Datum::TooLarge(text) => {
+                Err(de::Error::invalid_value(Unexpected::Other(text), &visitor))
+            }
+            Datum::Date(text) => {
+                let words = format!("the date {text}");
+                Err(de::Error::invalid_type(Unexpected::Other(&words), &visitor))
+            }
+            Datum::Array(elements) => {
+                let mut left = Elements {
+                    elements,
+                    next: 0,
+                    parent: self,
+                };
+                let value = visitor.visit_seq(&mut left)?;
+                if left.next < elements.len() {
+                    let wanted = format!("an array of {}", left.next);
+                    return Err(de::Error::invalid_length(elements.len(), &wanted.as_str()));
+                }
+                Ok(value)
+            }
+            Datum::Table(entries) => visitor.visit_map(Entries {
+                entries: entries.iter(),
+                value: None,
+                parent: self,
+            }),
+        }
+    }
+
+    fn visit_variant<V: Visitor<'de>>(
+        &self,
+        names: &'static [&'static str],
+        visitor: V,
+    ) -> Result<V::Value, ReadError> {
+        match &self.node.datum {
+            Datum::Text(name) => visitor.visit_enum(Variant {
+                name,
+                name_path: None,
+                content: None,
+            }),
+            Datum::Table(entries) => {
+                let [(name, node)] = entries.as_slice() else {
+                    return Err(ReadError::new(Kind::NotExactlyOne {
+                        found: entries.iter().map(|(k, _)| k.clone()).collect(),
+                        allowed: names.to_vec(),
+                    }));
+                };
+                let path = self.path.key(name);
+                if self.skip.contains(&path) {
+                    return Err(ReadError::new(Kind::Consequence));
+                }
+                visitor.visit_enum(Variant {
+                    name,
+                    name_path: Some(path.clone()),
+                    content: Some(Reader {
+                        node,
+                        path,
+                        skip: self.skip,
+                    }),
+                })
+            }
+            _ => self.visit(visitor),
+        }
+    }
+}
+
+impl<'de> Deserializer<'de> for Reader<'de> {
+    type Error = ReadError;
+
+    fn deserialize_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, ReadError> {
+        self.visit(visitor).map_err(|e| e.at(&self.path))
+    }
+
+    fn deserialize_option<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, ReadError> {
+        visitor.visit_some(self)
+    }
+
+    fn deserialize_newtype_struct<V: Visitor<'de>>(
+        self,
+        _: &'static str,
+        visitor: V,
+    ) -> Result<V::Value, ReadError> {
+        visitor.visit_newtype_struct(self)
+    }
+
+    fn deserialize_struct<V: Visitor<'de>>(
+        self,
+        _: &'static str,
+        _: &'static [&'static str],
+        visitor: V,
+    ) -> Result<V::Value, ReadError> {
+        if matches!(self.node.datum, Datum::Array(_)) {
+            let error: ReadError = de::Error::invalid_type(Unexpected::Seq, &visitor);
+            return Err(error.at(&self.path));
+        }
+        self.deserialize_any(visitor)
+    }
+
+    fn deserialize_enum<V: Visitor<'de>>(
+        self,
+        _: &'static str,
+        names: &'static [&'static str],
+        visitor: V,
+    ) -> Result<V::Value, ReadError> {
+        self.visit_variant(names, visitor)
+            .map_err(|e| e.at(&self.path))
+    }
+
+    fn deserialize_ignored_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, ReadError> {
+        visitor.visit_unit()
+    }
+
+    serde::forward_to_deserialize_any! {
+        bool i8 i16 i32 i64 i128 u8 u16 u32 u64 u128 f32 f64 char str string bytes byte_buf
+        unit unit_struct seq tuple tuple_struct map identifier
+    }
+}
+
+struct Elements<'r, 'de> {
+    elements: &'de [Node],
+    next: usize,
+    parent: &'r Reader<'de>,
+}
+
+impl<'de> SeqAccess<'de> for &mut Elements<'_, 'de> {
+    type Error = ReadError;
+
+    fn next_element_seed<S: DeserializeSeed<'de>>(
+        &mut self,
+        seed: S,
+    ) -> Result<Option<S::Value>, ReadError> {
+        while let Some(node) = self.elements.get(self.next) {
+            let path = self.parent.path.index(self.next);
+            self.next += 1;
+            if self.parent.skip.contains(&path) {
+                continue;
+            }
+            return seed
+                .deserialize(Reader {
+                    node,
+                    path,
+                    skip: self.parent.skip,
+                })
+                .map(Some);
+        }
+        Ok(None)
+    }
+}
+
+struct Entries<'r, 'de> {
+    entries: std::slice::Iter<'de, (String, Node)>,
+    value: Option<Reader<'de>>,
+    parent: &'r Reader<'de>,
+}
+
+impl<'de> MapAccess<'de> for Entries<'_, 'de> {
+    type Error = ReadError;
+
+    fn next_key_seed<S: DeserializeSeed<'de>>(
+        &mut self,
+        seed: S,
+    ) -> Result<Option<S::Value>, ReadError> {
+        for (key, node) in self.entries.by_ref() {
+            let path = self.parent.path.key(key);
+            if self.parent.skip.contains(&path) {
+                continue;
+            }
+            let name: StrDeserializer<'_, ReadError> = key.as_str().into_deserializer();
+            let found = seed.deserialize(name).map_err(|e| e.at(&path))?;
+            self.value = Some(Reader {
+                node,
+                path,
+                skip: self.parent.skip,
+            });
+            return Ok(Some(found));
+        }
+        Ok(None)
+    }
+
+    fn next_value_seed<S: DeserializeSeed<'de>>(&mut self, seed: S) -> Result<S::Value, ReadError> {
+        match self.value.take() {
+            Some(reader) => seed.deserialize(reader),
+            None => Err(de::Error::custom("a value was asked for before its key")),
+        }
+    }
+}
+
+struct Variant<'de> {
+    name: &'de str,
+    name_path: Option<KeyPath>,
+    content: Option<Reader<'de>>,
+}
+
+impl<'de> Variant<'de> {
+    fn content(self) -> Result<Reader<'de>, ReadError> {
+        let name = self.name;
+        self.content.ok_or_else(|| {
+            ReadError::new(Kind::WrongType {
+                found: format!("only the name {name:?}"),
+                wanted: format!("a table with its parameters, `{{ {name} = {{ ... }} }}`"),
+            })
+        })
+    }
+}
+
+impl<'de> EnumAccess<'de> for Variant<'de> {
+    type Error = ReadError;
+    type Variant = Self;
+
+    fn variant_seed<S: DeserializeSeed<'de>>(self, seed: S) -> Result<(S::Value, Self), ReadError> {
+        let name: StrDeserializer<'_, ReadError> = self.name.into_deserializer();
+        let found = seed.deserialize(name).map_err(|e| match &self.name_path {
+            Some(path) => e.at(path).at_variant(),
+            None => e,
+        })?;
+        Ok((found, self))
+    }
+}
+
+impl<'de> VariantAccess<'de> for Variant<'de> {
+    type Error = ReadError;
+
+    fn unit_variant(self) -> Result<(), ReadError> {
+        match self.content {
+            Some(reader) if !matches!(&reader.node.datum, Datum::Table(entries) if entries.is_empty()) => {
+                Err(ReadError::new(Kind::WrongType {
+                    found: "parameters".to_owned(),
+                    wanted: format!("the name alone, {:?}", self.name),
+                })
+                .at(&reader.path))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn newtype_variant_seed<S: DeserializeSeed<'de>>(self, seed: S) -> Result<S::Value, ReadError> {
+        seed.deserialize(self.content()?)
+    }
+
+    fn tuple_variant<V: Visitor<'de>>(self, _: usize, visitor: V) -> Result<V::Value, ReadError> {
+        self.content()?.deserialize_any(visitor)
+    }
+
+    fn struct_variant<V: Visitor<'de>>(
+        self,
+        fields: &'static [&'static str],
+        visitor: V,
+    ) -> Result<V::Value, ReadError> {
+        self.content()?.deserialize_struct("", fields, visitor)
+    }
+}

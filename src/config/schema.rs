@@ -1,0 +1,353 @@
+//! The test file: its tables, their keys, units and defaults.
+//!
+//! Plain data. What a table means is built elsewhere; what is contradictory is said by [`super::check`]. The comments on
+//! the fields are the text of `gusset schema`. Unknown keys are refused everywhere.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::specimen::SpecimenTable;
+use super::standin::{DampingSpec, ElementSpec, Processing, Signal, StructureSpec, TimingSpec};
+use super::value::{DofChoice, LambdaValue, RateValue};
+use super::variant;
+use crate::time::Ratio;
+
+/// One hybrid test, from its structure to its record. SI units; keys of quantities carry the unit.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TestFile {
+    /// Name of the test, as it stands in the report and in the name of the run folder. Default: the file's own name.
+    #[serde(default)]
+    pub title: String,
+    /// Step, duration and clock.
+    pub time: TimeTable,
+    /// The numerical substructure. Without it the specimens are driven along a prescribed displacement.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub structure: Option<StructureTable>,
+    /// The time integration.
+    #[serde(default)]
+    pub integrator: IntegratorTable,
+    /// What moves the structure. Without any, it vibrates freely from its initial state.
+    #[serde(default)]
+    pub excitation: ExcitationTable,
+    /// What is commanded and measured, one table each.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub specimen: Vec<SpecimenTable>,
+    /// Bounds that stop the test.
+    #[serde(default)]
+    pub safety: SafetyTable,
+    /// What is asked of the machine, and what happens when a deadline is missed.
+    #[serde(default)]
+    pub timing: TimingSpec,
+    /// What is recorded.
+    #[serde(default)]
+    pub record: RecordTable,
+}
+
+/// Step, duration and clock. Exactly one of `step_s` and `rate_hz` is given.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TimeTable {
+    /// Integration step Δt in s of test time: a number, or a fraction "a/b" where a decimal would not be exact.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub step_s: Option<RateValue>,
+    /// Steps per second of test time: an integer, a number or a fraction "a/b".
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rate_hz: Option<RateValue>,
+    /// Length of the test in s of test time, a whole number of steps.
+    pub duration_s: f64,
+    /// The clock that the loop runs on.
+    #[serde(default)]
+    pub clock: ClockChoice,
+    /// Wall seconds per second of test time: 10 runs the same test ten times slower than real time.
+    #[serde(default = "one")]
+    #[schemars(default = "one")]
+    pub scale: RateValue,
+}
+
+/// Which clock the loop runs on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ClockChoice {
+    /// Hard real time on the machine's monotonic clock.
+    #[default]
+    Real,
+    /// As fast as it goes; the same bits in every column that does not depend on wall time.
+    Simulated,
+}
+
+/// The numerical substructure: exactly one of `shear_building`, `matrices` and `chain`, and what stands with it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StructureTable {
+    /// Floors on storeys, from the ground up.
+    #[serde(
+        default,
+        deserialize_with = "read_shear_building",
+        serialize_with = "variant::write",
+        skip_serializing_if = "Option::is_none"
+    )]
+    #[schemars(schema_with = "shear_building_schema")]
+    pub shear_building: Option<StructureSpec>,
+    /// Mass, damping and stiffness as matrices, inline or from files.
+    #[serde(
+        default,
+        deserialize_with = "read_matrices",
+        serialize_with = "variant::write",
+        skip_serializing_if = "Option::is_none"
+    )]
+    #[schemars(schema_with = "matrices_schema")]
+    pub matrices: Option<StructureSpec>,
+    /// A chain of equal masses, for large models.
+    #[serde(
+        default,
+        deserialize_with = "read_chain",
+        serialize_with = "variant::write",
+        skip_serializing_if = "Option::is_none"
+    )]
+    #[schemars(schema_with = "chain_schema")]
+    pub chain: Option<StructureSpec>,
+    /// Viscous damping by rule, in place of dashpots or a damping matrix in the structure's own table.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub damping: Option<DampingSpec>,
+    /// Displacement of every DOF at t = 0 in m. Default: zero.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub initial_displacement_m: Option<Vec<f64>>,
+    /// Velocity of every DOF at t = 0 in m/s. Default: zero.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub initial_velocity_m_per_s: Option<Vec<f64>>,
+    /// Force on every DOF in N, brought on before t = 0 and held throughout.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub static_load_n: Option<Vec<f64>>,
+    /// Weight as a static load M·ι·g, brought on before t = 0 and held throughout; adds to `static_load_n`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gravity: Option<GravityTable>,
+    /// Nonlinear springs and dampers between two DOFs, or between a DOF and the ground.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub element: Vec<ElementSpec>,
+}
+
+impl StructureTable {
+    /// The kinds that are given, by key; a checked file has exactly one.
+    #[must_use]
+    pub fn kinds(&self) -> Vec<(&'static str, &StructureSpec)> {
+        [
+            ("shear_building", &self.shear_building),
+            ("matrices", &self.matrices),
+            ("chain", &self.chain),
+        ]
+        .into_iter()
+        .filter_map(|(key, kind)| kind.as_ref().map(|spec| (key, spec)))
+        .collect()
+    }
+}
+
+/// Weight as a static load.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GravityTable {
+    /// Acceleration g in m/s².
+    #[serde(default = "standard_gravity")]
+    pub accel_m_per_s2: f64,
+    /// Influence vector ι, one number per DOF: which way is down, as the DOF counts it.
+    pub influence: Vec<f64>,
+}
+
+/// The time integration.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct IntegratorTable {
+    /// The method.
+    pub method: Method,
+    /// λ of the family: a number, `inf`, or "auto" for the largest that is proven stable (at most 11.5).
+    pub lambda: LambdaValue,
+    /// Bound on how much a stiff mode amplifies a force error, for "auto". Default: 2 with a specimen, else 10.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gain_bound: Option<f64>,
+    /// The first step.
+    pub start: Start,
+}
+
+/// Integration methods that may command a specimen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Method {
+    /// The Gui-λ family (Gui, Wang, Jin & Chen 2014): explicit, one solve per step; λ = 4 is Chen-Ricles.
+    #[default]
+    Gui,
+}
+
+/// The first step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Start {
+    /// As printed in the paper: half a step off when the initial acceleration is not zero.
+    #[default]
+    Published,
+    /// With a corrected first velocity: displacements of second order from the start.
+    SecondOrder,
+}
+
+/// What moves the structure, or the specimens where there is none. Contributions add up.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct ExcitationTable {
+    /// Acceleration of the ground in m/s², the structure in relative coordinates: F = −M·ι·a_g.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ground_acceleration: Option<GroundTable>,
+    /// Displacement of the base in m, the structure in absolute coordinates: F = K·ι·x_g + C·ι·v_g.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub base_displacement: Option<GroundTable>,
+    /// Forces on DOFs that share one history.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub nodal_force: Vec<NodalForceTable>,
+    /// Forces on every DOF from a table.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub nodal_table: Option<NodalFileTable>,
+    /// Displacement of a specimen's axis in m, for a test without a structure.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub prescribed_displacement: Vec<PrescribedTable>,
+}
+
+/// A motion of the ground.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GroundTable {
+    /// The history.
+    pub signal: Signal,
+    /// What is done to it before the test.
+    #[serde(default)]
+    pub processing: Processing,
+    /// Influence vector ι, one number per DOF. Default: ones.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub influence: Option<Vec<f64>>,
+}
+
+/// A force history on some DOFs: exactly one of `dofs` and `pattern` is given.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct NodalForceTable {
+    /// DOFs, from 1, that each take the whole force.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub dofs: Option<Vec<usize>>,
+    /// Factor of the force for every DOF.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pattern: Option<Vec<f64>>,
+    /// The history, in N.
+    pub signal: Signal,
+    /// What is done to it before the test.
+    #[serde(default)]
+    pub processing: Processing,
+}
+
+/// Forces from a table: one column per DOF, one row per step from t = 0.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct NodalFileTable {
+    /// The file (.csv, .npy), relative to the test file.
+    pub file: String,
+    /// Factor that makes N of its numbers.
+    #[serde(default = "unity")]
+    pub scale: f64,
+}
+
+/// A prescribed displacement of one axis of one specimen.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PrescribedTable {
+    /// Name of the specimen.
+    pub specimen: String,
+    /// Axis, from 1.
+    #[serde(default = "first")]
+    #[schemars(range(min = 1))]
+    pub axis: usize,
+    /// The history, in m.
+    pub signal: Signal,
+    /// What is done to it before the test.
+    #[serde(default)]
+    pub processing: Processing,
+    /// Time in s over which the motion grows from zero.
+    #[serde(default)]
+    pub ease_in_s: f64,
+    /// Time in s over which the motion returns to zero before the end of the test.
+    #[serde(default)]
+    pub ease_out_s: f64,
+}
+
+/// Bounds that stop the test.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct SafetyTable {
+    /// Displacement of any DOF in m beyond which the test counts as diverged and stops. A value that is not finite
+    /// always stops it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub divergence_m: Option<f64>,
+}
+
+/// What is recorded.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct RecordTable {
+    /// DOFs whose motion is recorded: "all", or numbers from 1. Default: all up to 64 DOFs, beyond that those of the
+    /// specimens and the two ends.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub dofs: Option<DofChoice>,
+    /// Seconds of rows that the queue to the writer holds before rows are lost.
+    pub queue_s: f64,
+    /// Whether a lost row makes the test a failed one (exit code 1).
+    pub required: bool,
+}
+
+impl Default for RecordTable {
+    fn default() -> Self {
+        Self {
+            dofs: None,
+            queue_s: 2.0,
+            required: false,
+        }
+    }
+}
+
+const fn one() -> RateValue {
+    RateValue(Ratio::ONE)
+}
+
+const fn unity() -> f64 {
+    1.0
+}
+
+const fn first() -> usize {
+    1
+}
+
+const fn standard_gravity() -> f64 {
+    9.806_65
+}
+
+fn read_shear_building<'de, D: serde::Deserializer<'de>>(
+    d: D,
+) -> Result<Option<StructureSpec>, D::Error> {
+    variant::read("shear_building", d)
+}
+
+fn read_matrices<'de, D: serde::Deserializer<'de>>(
+    d: D,
+) -> Result<Option<StructureSpec>, D::Error> {
+    variant::read("matrices", d)
+}
+
+fn read_chain<'de, D: serde::Deserializer<'de>>(d: D) -> Result<Option<StructureSpec>, D::Error> {
+    variant::read("chain", d)
+}
+
+fn shear_building_schema(generator: &mut schemars::SchemaGenerator) -> schemars::Schema {
+    variant::schema::<StructureSpec>("shear_building", generator)
+}
+
+fn matrices_schema(generator: &mut schemars::SchemaGenerator) -> schemars::Schema {
+    variant::schema::<StructureSpec>("matrices", generator)
+}
+
+fn chain_schema(generator: &mut schemars::SchemaGenerator) -> schemars::Schema {
+    variant::schema::<StructureSpec>("chain", generator)
+}

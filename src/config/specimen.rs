@@ -1,0 +1,222 @@
+//! `[[specimen]]`: what a specimen sees, what is believed of it, and what stands for it.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::standin::SpecimenLaw;
+use super::value::MatrixValue;
+use super::variant;
+
+/// One specimen. Exactly one of `law`, `laws` and `coupled` is given; with a structure also exactly one of `storey` and
+/// `rows`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SpecimenTable {
+    /// Name, unique in the file: letters, digits, `-`, `_` and `.`, for it names files.
+    pub name: String,
+    /// Storey, from 1 at the bottom, whose deformation the specimen sees.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1))]
+    pub storey: Option<usize>,
+    /// Rows B of the transformation d = B·x: one row per axis, one column per DOF.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rows: Option<Vec<Vec<f64>>>,
+    /// Estimate of the initial stiffness in N/m at the structure's scale, which enters K0: a number or a matrix. Too
+    /// large costs accuracy, too small costs stability. Default: the law's own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stiffness_n_per_m: Option<MatrixValue>,
+    /// Estimate of the initial damping in N s/m at the structure's scale, which enters C0. Default: the law's own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub damping_n_s_per_m: Option<MatrixValue>,
+    /// Largest deformation expected in m: bounds the tangent of a hardening law for the proof of stability.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reach_disp_m: Option<f64>,
+    /// Largest velocity of deformation expected in m/s: bounds the tangent of a nonlinear damper.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reach_vel_m_per_s: Option<f64>,
+    /// Mass in kg whose inertia is already in the measured force: it loads the structure but is not counted in M.
+    #[serde(default)]
+    pub mass_in_force_kg: f64,
+    /// Scale of the specimen to the structure. Default: full scale.
+    #[serde(default)]
+    pub similitude: SimilitudeTable,
+    /// One table per axis: gear, offsets and units. Default for all axes: none, zero, SI.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub axis: Vec<AxisTable>,
+    /// The same law on every axis, each with a memory of its own.
+    #[serde(
+        default,
+        deserialize_with = "read_law",
+        serialize_with = "variant::write",
+        skip_serializing_if = "Option::is_none"
+    )]
+    #[schemars(schema_with = "law_schema")]
+    pub law: Option<SpecimenLaw>,
+    /// One law per axis; the axes do not know of each other.
+    #[serde(
+        default,
+        deserialize_with = "read_laws",
+        serialize_with = "variant::write",
+        skip_serializing_if = "Option::is_none"
+    )]
+    #[schemars(schema_with = "laws_schema")]
+    pub laws: Option<SpecimenLaw>,
+    /// Axes that know of each other: one law between them.
+    #[serde(
+        default,
+        deserialize_with = "read_coupled",
+        serialize_with = "variant::write",
+        skip_serializing_if = "Option::is_none"
+    )]
+    #[schemars(schema_with = "coupled_schema")]
+    pub coupled: Option<SpecimenLaw>,
+}
+
+impl SpecimenTable {
+    /// What stands for the specimen, by key; a checked file has exactly one.
+    #[must_use]
+    pub fn sources(&self) -> Vec<(&'static str, &SpecimenLaw)> {
+        [
+            ("law", &self.law),
+            ("laws", &self.laws),
+            ("coupled", &self.coupled),
+        ]
+        .into_iter()
+        .filter_map(|(key, source)| source.as_ref().map(|law| (key, law)))
+        .collect()
+    }
+}
+
+/// Ratios of the structure's quantities to the specimen's: d_structure = length · d_specimen, and so on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct SimilitudeTable {
+    /// Lengths of the structure per length of the specimen: 10 for a specimen at one tenth.
+    pub length: f64,
+    /// Forces of the structure per force of the specimen.
+    pub force: f64,
+    /// Times of the structure per time of the specimen; velocities scale by length / time.
+    pub time: f64,
+}
+
+impl Default for SimilitudeTable {
+    fn default() -> Self {
+        Self {
+            length: 1.0,
+            force: 1.0,
+            time: 1.0,
+        }
+    }
+}
+
+/// What lies between a deformation and the number that an axis is told.
+///
+/// Out: axis = (sign · scale · deformation + offset) in `unit_disp`. Back: force = sign · scale · (measured − offset), the
+/// measured one in `unit_force`; with the same factor on both ways the work is the same on both sides.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct AxisTable {
+    /// Gear of a lever between deformation and axis, greater than zero.
+    pub scale: f64,
+    /// 1, or −1 where the axis counts the other way.
+    pub sign: i8,
+    /// Axis position in m at which the deformation is zero.
+    pub offset_m: f64,
+    /// Reading of the load cell in N at which the force is zero.
+    pub offset_n: f64,
+    /// Unit in which the axis is told its displacement.
+    pub unit_disp: DispUnit,
+    /// Unit in which the axis tells its force.
+    pub unit_force: ForceUnit,
+}
+
+impl Default for AxisTable {
+    fn default() -> Self {
+        Self {
+            scale: 1.0,
+            sign: 1,
+            offset_m: 0.0,
+            offset_n: 0.0,
+            unit_disp: DispUnit::Metre,
+            unit_force: ForceUnit::Newton,
+        }
+    }
+}
+
+/// Units of displacement.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+pub enum DispUnit {
+    /// Metre.
+    #[default]
+    #[serde(rename = "m")]
+    Metre,
+    /// Millimetre.
+    #[serde(rename = "mm")]
+    Millimetre,
+    /// Inch, 25.4 mm.
+    #[serde(rename = "in")]
+    Inch,
+}
+
+impl DispUnit {
+    /// Metres in one unit.
+    #[must_use]
+    pub const fn metres(self) -> f64 {
+        match self {
+            Self::Metre => 1.0,
+            Self::Millimetre => 1e-3,
+            Self::Inch => 0.0254,
+        }
+    }
+}
+
+/// Units of force.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+pub enum ForceUnit {
+    /// Newton.
+    #[default]
+    #[serde(rename = "N")]
+    Newton,
+    /// Kilonewton.
+    #[serde(rename = "kN")]
+    Kilonewton,
+    /// Pound-force, 4.4482216152605 N.
+    #[serde(rename = "lbf")]
+    PoundForce,
+}
+
+impl ForceUnit {
+    /// Newtons in one unit.
+    #[must_use]
+    pub const fn newtons(self) -> f64 {
+        match self {
+            Self::Newton => 1.0,
+            Self::Kilonewton => 1e3,
+            Self::PoundForce => 4.448_221_615_260_5,
+        }
+    }
+}
+
+fn read_law<'de, D: serde::Deserializer<'de>>(d: D) -> Result<Option<SpecimenLaw>, D::Error> {
+    variant::read("law", d)
+}
+
+fn read_laws<'de, D: serde::Deserializer<'de>>(d: D) -> Result<Option<SpecimenLaw>, D::Error> {
+    variant::read("laws", d)
+}
+
+fn read_coupled<'de, D: serde::Deserializer<'de>>(d: D) -> Result<Option<SpecimenLaw>, D::Error> {
+    variant::read("coupled", d)
+}
+
+fn law_schema(generator: &mut schemars::SchemaGenerator) -> schemars::Schema {
+    variant::schema::<SpecimenLaw>("law", generator)
+}
+
+fn laws_schema(generator: &mut schemars::SchemaGenerator) -> schemars::Schema {
+    variant::schema::<SpecimenLaw>("laws", generator)
+}
+
+fn coupled_schema(generator: &mut schemars::SchemaGenerator) -> schemars::Schema {
+    variant::schema::<SpecimenLaw>("coupled", generator)
+}

@@ -1,0 +1,130 @@
+//! Step and length of a test, exact: a duration is a whole number of steps, or it is refused.
+
+use super::diagnose::Finding;
+use super::document::KeyPath;
+use super::schema::{ClockChoice, TimeTable};
+use crate::time::Ratio;
+
+/// Step and length of a test, exact.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Time {
+    /// Δt in s of test time.
+    pub step: Ratio,
+    /// Wall seconds from one step to the next: scale · Δt.
+    pub period: Ratio,
+    /// Number of steps; t = 0 not counted.
+    pub steps: u64,
+    /// The clock.
+    pub clock: ClockChoice,
+}
+
+/// Relative error within which a duration counts as a whole number of steps.
+const WHOLE: f64 = 1e-9;
+/// Step numbers are recorded as doubles, which count exactly up to here (2^53).
+const MOST_STEPS: f64 = 9_007_199_254_740_992.0;
+
+impl Time {
+    /// The time of a test.
+    ///
+    /// # Errors
+    /// What is wrong with the table: both or neither of step and rate, or a duration that is no whole number of steps.
+    pub fn of(table: &TimeTable) -> Result<Self, Box<Finding>> {
+        let time = KeyPath::root().key("time");
+        let step = match (table.step_s, table.rate_hz) {
+            (Some(step), None) => step.0,
+            (None, Some(rate)) => rate.0.inverse(),
+            (Some(step), Some(rate)) => {
+                let same = if step.0.inverse() == rate.0 {
+                    "they agree today, but only one of them can be changed tomorrow".to_owned()
+                } else {
+                    format!(
+                        "a step of {} s is {} Hz",
+                        number(step.0),
+                        number(step.0.inverse())
+                    )
+                };
+                return Err(Box::new(
+                    Finding::error(time.key("rate_hz"), "both `step_s` and `rate_hz` are given")
+                        .at_key()
+                        .label("one of them must go")
+                        .beside(time.key("step_s"), "the step is given here")
+                        .help(format!("they say the same thing twice: {same}")),
+                ));
+            }
+            (None, None) => {
+                return Err(Box::new(
+                    Finding::error(time, "neither `step_s` nor `rate_hz` is given")
+                        .label("one of the two is needed")
+                        .help("for example `rate_hz = 1024` or `step_s = 0.01`"),
+                ));
+            }
+        };
+        let period = step.times(table.scale.0).map_err(|error| {
+            Finding::error(time.key("scale"), format!("scale · step {error}"))
+                .label(format!("{} times {} s", table.scale.0, step))
+        })?;
+        Ok(Self {
+            step,
+            period,
+            steps: whole_steps(table.duration_s, step, time.key("duration_s"))?,
+            clock: table.clock,
+        })
+    }
+}
+
+fn whole_steps(duration: f64, step: Ratio, at: KeyPath) -> Result<u64, Box<Finding>> {
+    if !(duration > 0.0 && duration.is_finite()) {
+        return Err(Box::new(not_positive(at, duration)));
+    }
+    let (numerator, denominator) = step.terms();
+    let steps = duration * denominator as f64 / numerator as f64;
+    let whole = steps.round();
+    if whole > MOST_STEPS {
+        return Err(Box::new(
+            Finding::error(at, format!("a test of {duration} s has {steps:e} steps"))
+                .label("at most 2^53 steps can be counted"),
+        ));
+    }
+    if whole >= 1.0 && (steps - whole).abs() <= WHOLE * whole {
+        return Ok(whole as u64);
+    }
+    let spelt = |n: u64| {
+        let exact = Ratio::new(n, 1).and_then(|n| n.times(step));
+        let seconds = exact.map_or(n as f64 * step.value(), Ratio::value);
+        format!("{seconds} s ({n} step{})", if n == 1 { "" } else { "s" })
+    };
+    let (below, above) = (steps.floor() as u64, steps.floor() as u64 + 1);
+    let nearest = if below == 0 {
+        format!("the shortest duration that fits is {}", spelt(1))
+    } else {
+        format!(
+            "the nearest durations that fit are {} and {}",
+            spelt(below),
+            spelt(above)
+        )
+    };
+    Err(Box::new(
+        Finding::error(at, "the duration is not a whole number of steps")
+            .label(format!(
+                "{duration} s are {steps} steps of {} s",
+                number(step)
+            ))
+            .help(nearest),
+    ))
+}
+
+/// A ratio as a person would write it: a decimal where that is exact.
+fn number(ratio: Ratio) -> String {
+    let value = ratio.value();
+    if Ratio::from_decimal(value) == Ok(ratio) {
+        value.to_string()
+    } else {
+        ratio.to_string()
+    }
+}
+
+/// The complaint about a number that must be greater than zero.
+pub(super) fn not_positive(at: KeyPath, found: f64) -> Finding {
+    let headline = format!("`{at}` must be greater than zero");
+    Finding::error(at, headline).label(format!("found {found}"))
+}

@@ -1,0 +1,418 @@
+//! Values that TOML alone cannot type: exact rates, λ, an estimate that is a number or a matrix, a choice of DOFs.
+//!
+//! Each says in its own words what it accepts, and writes itself back so that it reads again as the same value.
+
+use std::borrow::Cow;
+use std::fmt;
+
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::de::{self, SeqAccess, Unexpected, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+use crate::time::{RateError, Ratio};
+
+/// A positive number kept exactly: an integer, a decimal or a fraction "a/b".
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct RateValue(pub Ratio);
+
+impl<'de> Deserialize<'de> for RateValue {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct RateVisitor;
+
+        impl RateVisitor {
+            fn judge<E: de::Error>(
+                self,
+                read: Result<Ratio, RateError>,
+                found: Unexpected<'_>,
+            ) -> Result<RateValue, E> {
+                match read {
+                    Ok(ratio) => Ok(RateValue(ratio)),
+                    Err(RateError::TooFine) => Err(E::invalid_value(
+                        found,
+                        &"a number of at most twelve digits",
+                    )),
+                    Err(RateError::NotPositive | RateError::NotANumber) => {
+                        Err(E::invalid_value(found, &self))
+                    }
+                }
+            }
+        }
+
+        impl Visitor<'_> for RateVisitor {
+            type Value = RateValue;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a finite number greater than zero, or a fraction \"a/b\"")
+            }
+
+            fn visit_i64<E: de::Error>(self, value: i64) -> Result<RateValue, E> {
+                let read = u64::try_from(value)
+                    .map_err(|_| RateError::NotPositive)
+                    .and_then(|v| Ratio::new(v, 1));
+                self.judge(read, Unexpected::Signed(value))
+            }
+
+            fn visit_u64<E: de::Error>(self, value: u64) -> Result<RateValue, E> {
+                self.judge(Ratio::new(value, 1), Unexpected::Unsigned(value))
+            }
+
+            fn visit_f64<E: de::Error>(self, value: f64) -> Result<RateValue, E> {
+                self.judge(Ratio::from_decimal(value), Unexpected::Float(value))
+            }
+
+            fn visit_str<E: de::Error>(self, text: &str) -> Result<RateValue, E> {
+                self.judge(Ratio::parse(text), Unexpected::Str(text))
+            }
+        }
+
+        deserializer.deserialize_any(RateVisitor)
+    }
+}
+
+impl Serialize for RateValue {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let (numerator, denominator) = self.0.terms();
+        let value = self.0.value();
+        if denominator == 1 {
+            serializer.serialize_u64(numerator)
+        } else if Ratio::from_decimal(value) == Ok(self.0) {
+            serializer.serialize_f64(value)
+        } else {
+            serializer.collect_str(&self.0)
+        }
+    }
+}
+
+impl JsonSchema for RateValue {
+    fn schema_name() -> Cow<'static, str> {
+        "RateValue".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({
+            "description": "A number greater than zero, kept exactly; \"a/b\" for a fraction.",
+            "oneOf": [
+                { "type": "number", "exclusiveMinimum": 0 },
+                { "type": "string", "pattern": "^\\s*[0-9]+\\s*/\\s*[0-9]+\\s*$" },
+            ],
+        })
+    }
+}
+
+/// λ of the Gui family, as asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum LambdaValue {
+    /// The largest λ that is proven stable with the gain bound, at most 11.5.
+    #[default]
+    Auto,
+    /// This number, finite and greater than zero.
+    Number(f64),
+    /// λ = ∞: the displacements of explicit Newmark.
+    Infinite,
+}
+
+impl<'de> Deserialize<'de> for LambdaValue {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct LambdaVisitor;
+
+        impl Visitor<'_> for LambdaVisitor {
+            type Value = LambdaValue;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a number greater than zero, `inf` or \"auto\"")
+            }
+
+            fn visit_i64<E: de::Error>(self, value: i64) -> Result<LambdaValue, E> {
+                if value > 0 {
+                    Ok(LambdaValue::Number(value as f64))
+                } else {
+                    Err(E::invalid_value(Unexpected::Signed(value), &self))
+                }
+            }
+
+            fn visit_u64<E: de::Error>(self, value: u64) -> Result<LambdaValue, E> {
+                self.visit_f64(value as f64)
+            }
+
+            fn visit_f64<E: de::Error>(self, value: f64) -> Result<LambdaValue, E> {
+                if value == f64::INFINITY {
+                    Ok(LambdaValue::Infinite)
+                } else if value > 0.0 {
+                    Ok(LambdaValue::Number(value))
+                } else {
+                    Err(E::invalid_value(Unexpected::Float(value), &self))
+                }
+            }
+
+            fn visit_str<E: de::Error>(self, text: &str) -> Result<LambdaValue, E> {
+                match text {
+                    "auto" => Ok(LambdaValue::Auto),
+                    "inf" => Ok(LambdaValue::Infinite),
+                    _ => Err(E::invalid_value(Unexpected::Str(text), &self)),
+                }
+            }
+        }
+
+        deserializer.deserialize_any(LambdaVisitor)
+    }
+}
+
+impl Serialize for LambdaValue {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match *self {
+            Self::Auto => serializer.serialize_str("auto"),
+            Self::Number(value) => serializer.serialize_f64(value),
+            // Only TOML is written, and TOML has this number.
+            Self::Infinite => serializer.serialize_f64(f64::INFINITY),
+        }
+    }
+}
+
+impl JsonSchema for LambdaValue {
+    fn schema_name() -> Cow<'static, str> {
+        "LambdaValue".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({
+            "description": "A number greater than zero, inf (bare or in quotes) or \"auto\".",
+            "oneOf": [
+                { "type": "number", "exclusiveMinimum": 0 },
+                { "enum": ["auto", "inf"] },
+            ],
+        })
+    }
+}
+
+/// A square matrix given by rows; a single axis may write its one number bare.
+#[derive(Debug, Clone, PartialEq)]
+pub enum MatrixValue {
+    /// One axis.
+    Number(f64),
+    /// One row per axis.
+    Rows(Vec<Vec<f64>>),
+}
+
+impl MatrixValue {
+    /// The matrix by rows.
+    #[must_use]
+    pub fn rows(&self) -> Vec<Vec<f64>> {
+        match self {
+            Self::Number(value) => vec![vec![*value]],
+            Self::Rows(rows) => rows.clone(),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for MatrixValue {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct MatrixVisitor;
+
+        impl<'de> Visitor<'de> for MatrixVisitor {
+            type Value = MatrixValue;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a number, or a matrix by rows `[[..], [..]]`")
+            }
+
+            fn visit_i64<E: de::Error>(self, value: i64) -> Result<MatrixValue, E> {
+                Ok(MatrixValue::Number(value as f64))
+            }
+
+            fn visit_u64<E: de::Error>(self, value: u64) -> Result<MatrixValue, E> {
+                Ok(MatrixValue::Number(value as f64))
+            }
+
+            fn visit_f64<E: de::Error>(self, value: f64) -> Result<MatrixValue, E> {
+                Ok(MatrixValue::Number(value))
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, mut rows: A) -> Result<MatrixValue, A::Error> {
+                let mut matrix = Vec::new();
+                while let Some(row) = rows.next_element()? {
+                    matrix.push(row);
+                }
+                Ok(MatrixValue::Rows(matrix))
+            }
+        }
+
+        deserializer.deserialize_any(MatrixVisitor)
+    }
+}
+
+impl Serialize for MatrixValue {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Number(value) => serializer.serialize_f64(*value),
+            Self::Rows(rows) => rows.serialize(serializer),
+        }
+    }
+}
+
+impl JsonSchema for MatrixValue {
+    fn schema_name() -> Cow<'static, str> {
+        "MatrixValue".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({
+            "description": "A number for one axis, or a square matrix by rows.",
+            "oneOf": [
+                { "type": "number" },
+                { "type": "array", "items": { "type": "array", "items": { "type": "number" } } },
+            ],
+        })
+    }
+}
+
+/// Which degrees of freedom, counted from 1 as in the exports.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum DofChoice {
+    /// All of them.
+    All,
+    /// These.
+    Listed(Vec<usize>),
+}
+
+impl<'de> Deserialize<'de> for DofChoice {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct ChoiceVisitor;
+
+        impl<'de> Visitor<'de> for ChoiceVisitor {
+            type Value = DofChoice;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("\"all\" or an array of DOF numbers from 1")
+            }
+
+            fn visit_str<E: de::Error>(self, text: &str) -> Result<DofChoice, E> {
+                match text {
+                    "all" => Ok(DofChoice::All),
+                    _ => Err(E::invalid_value(Unexpected::Str(text), &self)),
+                }
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, mut numbers: A) -> Result<DofChoice, A::Error> {
+                let mut listed = Vec::new();
+                while let Some(number) = numbers.next_element()? {
+                    listed.push(number);
+                }
+                Ok(DofChoice::Listed(listed))
+            }
+        }
+
+        deserializer.deserialize_any(ChoiceVisitor)
+    }
+}
+
+impl Serialize for DofChoice {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::All => serializer.serialize_str("all"),
+            Self::Listed(numbers) => numbers.serialize(serializer),
+        }
+    }
+}
+
+impl JsonSchema for DofChoice {
+    fn schema_name() -> Cow<'static, str> {
+        "DofChoice".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({
+            "description": "\"all\", or DOF numbers from 1.",
+            "oneOf": [
+                { "const": "all" },
+                { "type": "array", "items": { "type": "integer", "minimum": 1 } },
+            ],
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[derive(Debug, PartialEq, Serialize, Deserialize)]
+    struct One<T> {
+        v: T,
+    }
+
+    fn read<T: de::DeserializeOwned>(text: &str) -> Result<T, String> {
+        toml::from_str::<One<T>>(&format!("v = {text}"))
+            .map(|o| o.v)
+            .map_err(|e| e.message().to_owned())
+    }
+
+    fn written<T: Serialize>(v: T) -> String {
+        toml::to_string(&One { v }).unwrap()
+    }
+
+    #[test]
+    fn a_rate_is_read_exactly_from_each_of_its_spellings() {
+        let terms = |text| read::<RateValue>(text).unwrap().0.terms();
+        assert_eq!(terms("1024"), (1024, 1));
+        assert_eq!(terms("0.01"), (1, 100));
+        assert_eq!(terms("\"4096/3\""), (4096, 3));
+        for text in [
+            "0", "-1", "0.0", "-0.01", "nan", "inf", "\"fast\"", "\"1/0\"", "true",
+        ] {
+            let message = read::<RateValue>(text).unwrap_err();
+            assert!(message.contains("greater than zero"), "{text}: {message}");
+        }
+        assert!(
+            read::<RateValue>("1e-300")
+                .unwrap_err()
+                .contains("twelve digits")
+        );
+    }
+
+    #[test]
+    fn lambda_is_a_number_or_auto_or_infinity() {
+        assert_eq!(read("4"), Ok(LambdaValue::Number(4.0)));
+        assert_eq!(read("inf"), Ok(LambdaValue::Infinite));
+        assert_eq!(read("\"inf\""), Ok(LambdaValue::Infinite));
+        assert_eq!(read("\"auto\""), Ok(LambdaValue::Auto));
+        for text in ["0", "-4", "nan", "-inf", "-0.5", "\"automatic\""] {
+            let message = read::<LambdaValue>(text).unwrap_err();
+            assert!(
+                message.contains("greater than zero, `inf` or \"auto\""),
+                "{text}: {message}"
+            );
+        }
+        assert_eq!(written(LambdaValue::Infinite), "v = inf\n");
+    }
+
+    #[test]
+    fn a_matrix_may_be_a_number_and_a_choice_may_be_all() {
+        assert_eq!(read("3"), Ok(MatrixValue::Number(3.0)));
+        assert_eq!(
+            read("[[1, 2.5]]"),
+            Ok(MatrixValue::Rows(vec![vec![1.0, 2.5]]))
+        );
+        assert_eq!(read("\"all\""), Ok(DofChoice::All));
+        assert_eq!(read("[1, 3]"), Ok(DofChoice::Listed(vec![1, 3])));
+        assert!(
+            read::<DofChoice>("\"some\"")
+                .unwrap_err()
+                .contains("\"all\" or an array")
+        );
+    }
+
+    proptest! {
+        #[test]
+        fn a_rate_written_reads_back_as_itself(n in 1u64..1_000_000, d in 1u64..1_000_000) {
+            let rate = RateValue(Ratio::new(n, d).unwrap());
+            let text = written(rate);
+            prop_assert_eq!(toml::from_str::<One<RateValue>>(&text).unwrap().v, rate);
+        }
+
+        #[test]
+        fn a_lambda_written_reads_back_to_the_last_bit(value in 1e-300f64..1e300) {
+            let text = written(LambdaValue::Number(value));
+            prop_assert_eq!(toml::from_str::<One<LambdaValue>>(&text).unwrap().v, LambdaValue::Number(value));
+        }
+    }
+}
