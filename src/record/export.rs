@@ -311,6 +311,7 @@ mod tests {
     #[test]
     fn per_step_it_is_the_last_tick_of_each_step_from_t_0_and_per_tick_all() {
         let rows = [
+            row(-1.0, 0.0, -0.75, 8.0),
             row(0.0, 0.0, -0.5, 9.0),
             row(0.0, 0.0, 0.0, 1.0),
             row(1.0, 0.0, 0.25, 2.0),
@@ -324,7 +325,10 @@ mod tests {
         let (text, result) = exported(&rows, Rows::Step);
         assert_eq!((x2(&text), result.rows), (vec![1.0, 3.0, 4.0], 3));
         let (text, result) = exported(&rows, Rows::Tick);
-        assert_eq!((x2(&text), result.rows), (vec![9.0, 1.0, 2.0, 3.0, 4.0], 5));
+        assert_eq!(
+            (x2(&text), result.rows),
+            (vec![8.0, 9.0, 1.0, 2.0, 3.0, 4.0], 6)
+        );
         let (text, result) = exported(&[], Rows::Step);
         assert_eq!((text.lines().count(), result.rows), (1, 0));
     }

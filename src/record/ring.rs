@@ -323,15 +323,17 @@ mod tests {
 
     #[test]
     fn under_wait_every_row_arrives_in_order_through_a_small_ring() {
-        let (mut recorder, mut reader) = ring(2, SIZE, WhenFull::Wait).unwrap();
+        let (mut recorder, reader) = ring(2, SIZE, WhenFull::Wait).unwrap();
         let lost = recorder.lost();
         let count = 20_000u64;
-        std::thread::scope(|scope| {
+        std::thread::scope(move |scope| {
             scope.spawn(move || {
                 for k in 0..count {
                     assert!(recorder.row(&[k as f64, 0.5 * k as f64]));
                 }
             });
+            // Dropped on the way out, so that a failed assertion does not leave the other thread waiting.
+            let mut reader = reader;
             let mut expected = 0u64;
             while expected < count {
                 match reader.row() {

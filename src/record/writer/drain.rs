@@ -34,8 +34,8 @@ pub(super) struct Drain<S, E> {
     position: Position,
     lost_file: u64,
     flushed_ns: u64,
-    synced_ns: u64,
-    pub(super) synced_bytes: u64,
+    pub(super) synced_ns: u64,
+    synced_bytes: u64,
     shouted: Option<(u64, u64)>,
     first_error: Option<String>,
 }

@@ -252,9 +252,9 @@ fn syncs_are_asked_for_at_most_once_per_period_and_only_if_something_was_written
         if ms < 2000 {
             push(&mut recorder, ms / 20..ms / 20 + 1);
         }
-        let before = drain.synced_bytes;
+        let before = drain.synced_ns;
         drain.turn(at(ms * MS));
-        if drain.synced_bytes != before {
+        if drain.synced_ns != before {
             asked.push(ms);
         }
     }
