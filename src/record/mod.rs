@@ -2,6 +2,45 @@
 //!
 //! Report, export and replay read rows; none has a private path. The loop sees only [`Recorder`]; where the
 //! rows go (a ring to the writer thread, a vector in a test) is not its business.
+//!
+//! | file | holds |
+//! |---|---|
+//! | [`mod@ring`], [`memory`] | where the loop leaves rows: a wait-free ring, a vector |
+//! | [`writer`] | the thread that drains the ring: rows to `samples.bin`, events to `events.jsonl` and the log |
+//! | [`layout`], [`journal`], [`append`] | the format of `samples.bin`; its reader; appending that survives a full disk |
+//! | [`events`], [`note`], [`miss`] | lines of `events.jsonl`; events from outside the loop; the class of a miss |
+//! | [`folder`], [`run`], [`summary`] | the run folder, written; read; `summary.json` |
+//! | [`export`] | CSV |
+//! | [`atomic`], [`utc`] | files that appear whole; calendar text |
+//!
+//! No clock is read here: whoever starts the writer says how ([`writer::Clocks`]).
+
+pub mod append;
+pub mod atomic;
+pub mod events;
+pub mod export;
+pub mod folder;
+pub mod journal;
+pub mod layout;
+pub mod memory;
+pub mod miss;
+pub mod note;
+pub mod ring;
+pub mod run;
+pub mod summary;
+pub mod utc;
+pub mod writer;
+
+pub use folder::{FolderError, RunFolder};
+pub use journal::{End, Journal};
+pub use layout::Layout;
+pub use memory::MemoryRecorder;
+pub use miss::{MissClasses, SchedSample};
+pub use note::{Note, NoteLevel};
+pub use ring::{RingReader, RingRecorder, RingSize, WhenFull, ring};
+pub use run::Run;
+pub use summary::Summary;
+pub use writer::{Progress, Recorded, Writer, WriterSettings};
 
 use serde::{Deserialize, Serialize};
 

@@ -1,0 +1,569 @@
+//! `events.jsonl`: one JSON object per line, in the order of arrival.
+//!
+//! Every line has `tick`, `time` (test time in s), `wall` (RFC 3339 UTC with nanoseconds), `clock_ns` (the loop's
+//! clock) and `event` (a name in snake_case), then what belongs to the event: `specimen` and `dof` count from 1, as in the
+//! columns. A miss carries its `class` and the evidence for it ([`super::miss`]); it waits for the next sample of
+//! the scheduler's counters, at most 0.2 s, and what comes after it waits too, so that order is kept.
+
+use std::collections::VecDeque;
+
+use crossbeam_channel::Receiver;
+use serde_json::{Map, Value};
+
+use super::append::{Appender, Flushed, Store, Unit};
+use super::miss::{Evidence, MissClasses, SampleWindow, SchedSample, classify};
+use super::note::Note;
+use super::utc::rfc3339;
+use super::{Event, EventKind};
+use crate::substructure::LinkFault;
+
+/// One moment as the writer's two clocks show it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Moment {
+    /// CLOCK_MONOTONIC in ns: the loop's clock, when that is real.
+    pub monotonic_ns: u64,
+    /// UTC in ns since 1970.
+    pub utc_ns: u64,
+}
+
+/// Where the test stands, for notes, which do not know.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Position {
+    /// Tick of the latest row.
+    pub tick: Option<u64>,
+    /// Test time of the latest row in s.
+    pub time: Option<f64>,
+}
+
+/// Bytes of lines that may wait for a failing file.
+const BOUND: usize = 1 << 20;
+/// Events that may wait for a sample; beyond, they go without.
+const QUEUE: usize = 16_384;
+/// Longest wait of a miss for the sample after it.
+const HOLD_NS: u64 = 200_000_000;
+/// Log lines of one kind before they move to the debug level; the file has them all.
+const LOUD: u64 = 5;
+
+enum Entry {
+    Loop(Event),
+    Note(Note, Position),
+}
+
+struct Held {
+    entry: Entry,
+    wall_ns: u64,
+    clock_ns: u64,
+    seen_ns: u64,
+}
+
+/// The events on their way into the file.
+pub(super) struct EventLog<S> {
+    lines: Appender<S>,
+    queue: VecDeque<Held>,
+    window: SampleWindow,
+    sampler: Option<Receiver<SchedSample>>,
+    real_clock: bool,
+    tick_ns: u64,
+    specimens: Vec<String>,
+    classes: MissClasses,
+    logged: [u64; 3],
+    taken: u64,
+    lost: u64,
+    scratch: Vec<u8>,
+}
+
+/// What the log must know of the test.
+#[derive(Debug, Default)]
+pub(super) struct EventContext {
+    pub sampler: Option<Receiver<SchedSample>>,
+    pub real_clock: bool,
+    pub tick_ns: u64,
+    pub specimens: Vec<String>,
+}
+
+impl<S: Store> EventLog<S> {
+    pub fn new(store: S, context: EventContext) -> Self {
+        Self {
+            lines: Appender::new(store, Unit::Line, BOUND),
+            queue: VecDeque::new(),
+            window: SampleWindow::default(),
+            sampler: context.sampler,
+            real_clock: context.real_clock,
+            tick_ns: context.tick_ns,
+            specimens: context.specimens,
+            classes: MissClasses::default(),
+            logged: [0; 3],
+            taken: 0,
+            lost: 0,
+            scratch: Vec::with_capacity(512),
+        }
+    }
+
+    /// Takes an event of the loop.
+    pub fn event(&mut self, event: Event, now: Moment) {
+        // Under the real clock the event is older than its arrival here, by as much as the clock says.
+        let age = if self.real_clock {
+            now.monotonic_ns.saturating_sub(event.clock_ns)
+        } else {
+            0
+        };
+        self.queue.push_back(Held {
+            wall_ns: now.utc_ns.saturating_sub(age),
+            clock_ns: event.clock_ns,
+            seen_ns: now.monotonic_ns,
+            entry: Entry::Loop(event),
+        });
+    }
+
+    /// Takes a note; the simulated clock is not known here, so its `clock_ns` is null then.
+    pub fn note(&mut self, note: Note, position: Position, now: Moment) {
+        self.queue.push_back(Held {
+            wall_ns: now.utc_ns,
+            clock_ns: now.monotonic_ns,
+            seen_ns: now.monotonic_ns,
+            entry: Entry::Note(note, position),
+        });
+    }
+
+    /// Turns what is ripe into lines and writes them.
+    pub fn turn(&mut self, now: Moment) -> Flushed {
+        self.take_samples();
+        while self
+            .queue
+            .front()
+            .is_some_and(|held| self.is_ripe(held, now))
+        {
+            self.release_one();
+        }
+        self.lines.flush(now.monotonic_ns)
+    }
+
+    /// Turns everything into lines and writes them. A last attempt that fails loses what waits.
+    pub fn finish(&mut self, now: Moment) -> Flushed {
+        self.take_samples();
+        while self.release_one() {}
+        self.lines.flush_at_once(now.monotonic_ns)
+    }
+
+    fn take_samples(&mut self) {
+        if let Some(sampler) = &self.sampler {
+            for sample in sampler.try_iter() {
+                self.window.push(sample);
+            }
+        }
+    }
+
+    fn is_ripe(&self, held: &Held, now: Moment) -> bool {
+        let waits = matches!(
+            held.entry,
+            Entry::Loop(Event {
+                kind: EventKind::Miss { .. },
+                ..
+            })
+        ) && self.sampler.is_some();
+        !waits
+            || self.window.reaches(held.clock_ns)
+            || now.monotonic_ns.saturating_sub(held.seen_ns) >= HOLD_NS
+            || self.queue.len() > QUEUE
+    }
+
+    fn release_one(&mut self) -> bool {
+        let Some(held) = self.queue.pop_front() else {
+            return false;
+        };
+        let mut line = Map::new();
+        match &held.entry {
+            Entry::Loop(event) => self.describe(event, held.wall_ns, &mut line),
+            Entry::Note(note, position) => {
+                let clock_ns = self.real_clock.then_some(held.clock_ns);
+                head(
+                    &mut line,
+                    position.tick,
+                    position.time,
+                    held.wall_ns,
+                    clock_ns,
+                    &note.event,
+                );
+                for (key, value) in &note.fields {
+                    line.entry(key.as_str()).or_insert_with(|| value.clone());
+                }
+                note.log(position.time);
+            }
+        }
+        self.scratch.clear();
+        // Writing a map of plain values to memory cannot fail; a line without its end would be dropped.
+        let made = serde_json::to_writer(&mut self.scratch, &line).is_ok();
+        self.scratch.push(b'\n');
+        let bytes = &self.scratch;
+        let kept = made
+            && self
+                .lines
+                .offer(bytes.len(), |out| out.extend_from_slice(bytes));
+        self.taken += 1;
+        self.lost += u64::from(!kept);
+        true
+    }
+
+    fn describe(&mut self, event: &Event, wall_ns: u64, line: &mut Map<String, Value>) {
+        let name = kind_name(&event.kind);
+        head(
+            line,
+            Some(event.tick),
+            Some(event.time),
+            wall_ns,
+            Some(event.clock_ns),
+            name,
+        );
+        match event.kind {
+            EventKind::Started | EventKind::Ended | EventKind::StopRequested => {
+                tracing::info!(tick = event.tick, time = event.time, "{name}");
+            }
+            EventKind::Miss {
+                late_ns,
+                stretched,
+                cause,
+            } => {
+                // The miss began at the latest one tick before its deadline: in the tick that ended late.
+                let from = event
+                    .clock_ns
+                    .saturating_sub(late_ns.saturating_add(self.tick_ns));
+                let evidence = self.window.evidence(from, event.clock_ns);
+                let class = classify(cause, evidence);
+                self.classes.count(class);
+                put(
+                    line,
+                    "class",
+                    serde_json::to_value(class).unwrap_or_default(),
+                );
+                put(line, "late_ns", late_ns);
+                put(line, "stretched", stretched);
+                if let Some(Evidence {
+                    involuntary_switches,
+                    minor_faults,
+                    steal_ms,
+                }) = evidence
+                {
+                    put(line, "steal_ms", steal_ms);
+                    put(line, "involuntary_switches", involuntary_switches);
+                    put(line, "minor_faults", minor_faults);
+                }
+                if loud(&mut self.logged[0]) {
+                    tracing::warn!(
+                        tick = event.tick,
+                        time = event.time,
+                        late_us = late_ns as f64 / 1e3,
+                        ?class,
+                        "deadline missed"
+                    );
+                }
+            }
+            EventKind::Stale { port, age } => {
+                self.specimen(line, port);
+                put(line, "age", age);
+                if loud(&mut self.logged[1]) {
+                    tracing::warn!(
+                        tick = event.tick,
+                        time = event.time,
+                        specimen = port + 1,
+                        age,
+                        "stale measurement"
+                    );
+                }
+            }
+            EventKind::Link { port, fault } => {
+                self.specimen(line, port);
+                put(line, "fault", fault_name(fault));
+                put(line, "message", fault.to_string());
+                tracing::error!(
+                    tick = event.tick,
+                    time = event.time,
+                    specimen = port + 1,
+                    "link lost: {fault}"
+                );
+            }
+            EventKind::RowLost => {
+                if loud(&mut self.logged[2]) {
+                    tracing::error!(
+                        tick = event.tick,
+                        time = event.time,
+                        "row lost: the queue to the writer is full"
+                    );
+                }
+            }
+            EventKind::Diverged { dof } => {
+                put(line, "dof", u64::from(dof) + 1);
+                tracing::error!(
+                    tick = event.tick,
+                    time = event.time,
+                    dof = dof + 1,
+                    "diverged"
+                );
+            }
+        }
+    }
+
+    fn specimen(&self, line: &mut Map<String, Value>, port: u32) {
+        put(line, "specimen", u64::from(port) + 1);
+        if let Some(name) = self.specimens.get(port as usize) {
+            put(line, "name", name.as_str());
+        }
+    }
+
+    /// Deadline misses so far by class.
+    pub const fn classes(&self) -> MissClasses {
+        self.classes
+    }
+
+    /// Lines made so far, lost ones included.
+    pub const fn taken(&self) -> u64 {
+        self.taken
+    }
+
+    /// Lines that found no room.
+    pub const fn lost(&self) -> u64 {
+        self.lost
+    }
+
+    /// Bytes written to the file.
+    pub const fn length(&self) -> u64 {
+        self.lines.length()
+    }
+
+    /// Lines that still wait for the file.
+    pub fn waiting(&self) -> u64 {
+        self.lines.waiting_units()
+    }
+
+    #[cfg(test)]
+    pub const fn store(&self) -> &S {
+        self.lines.store()
+    }
+}
+
+fn put(line: &mut Map<String, Value>, key: &str, value: impl Into<Value>) {
+    line.insert(key.to_owned(), value.into());
+}
+
+fn head(
+    line: &mut Map<String, Value>,
+    tick: Option<u64>,
+    time: Option<f64>,
+    wall_ns: u64,
+    clock_ns: Option<u64>,
+    event: &str,
+) {
+    put(line, "tick", tick);
+    put(line, "time", time);
+    put(line, "wall", rfc3339(wall_ns));
+    put(line, "clock_ns", clock_ns);
+    put(line, "event", event);
+}
+
+fn loud(count: &mut u64) -> bool {
+    *count += 1;
+    if *count == LOUD + 1 {
+        tracing::warn!("further events of this kind are in events.jsonl only");
+    }
+    *count <= LOUD
+}
+
+const fn kind_name(kind: &EventKind) -> &'static str {
+    match kind {
+        EventKind::Started => "started",
+        EventKind::Ended => "ended",
+        EventKind::Miss { .. } => "miss",
+        EventKind::Stale { .. } => "stale",
+        EventKind::Link { .. } => "link",
+        EventKind::RowLost => "row_lost",
+        EventKind::Diverged { .. } => "diverged",
+        EventKind::StopRequested => "stop_requested",
+    }
+}
+
+const fn fault_name(fault: LinkFault) -> &'static str {
+    match fault {
+        LinkFault::Closed => "closed",
+        LinkFault::Timeout => "timeout",
+        LinkFault::Malformed => "malformed",
+        LinkFault::Refused => "refused",
+        LinkFault::Version => "version",
+        LinkFault::Auth => "auth",
+        LinkFault::Backpressure => "backpressure",
+        LinkFault::NotFinite => "not_finite",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::record::{MissCause, NoteLevel};
+
+    const SECOND: u64 = 1_000_000_000;
+
+    fn moment(monotonic_ns: u64) -> Moment {
+        Moment {
+            monotonic_ns,
+            utc_ns: 1_772_366_400 * SECOND + monotonic_ns,
+        }
+    }
+
+    fn event(tick: u64, clock_ns: u64, kind: EventKind) -> Event {
+        Event {
+            tick,
+            time: tick as f64 / 1024.0,
+            clock_ns,
+            kind,
+        }
+    }
+
+    const MISS: EventKind = EventKind::Miss {
+        late_ns: 5_000_000,
+        stretched: 2,
+        cause: MissCause::TakenAway,
+    };
+
+    fn context(sampler: Option<Receiver<SchedSample>>) -> EventContext {
+        EventContext {
+            sampler,
+            real_clock: true,
+            tick_ns: 1_000_000,
+            specimens: vec!["brace".to_owned()],
+        }
+    }
+
+    fn lines(log: &EventLog<Vec<u8>>) -> Vec<Value> {
+        let text = std::str::from_utf8(log.store()).unwrap();
+        text.lines()
+            .map(|line| serde_json::from_str(line).unwrap())
+            .collect()
+    }
+
+    #[test]
+    fn every_kind_is_one_line_with_the_keys_that_all_lines_have() {
+        let mut log = EventLog::new(Vec::new(), context(None));
+        let kinds = [
+            EventKind::Started,
+            EventKind::Ended,
+            MISS,
+            EventKind::Stale { port: 0, age: 3 },
+            EventKind::Link {
+                port: 1,
+                fault: LinkFault::Timeout,
+            },
+            EventKind::RowLost,
+            EventKind::Diverged { dof: 4 },
+            EventKind::StopRequested,
+        ];
+        for (k, kind) in kinds.into_iter().enumerate() {
+            log.event(event(1024 * k as u64, 7, kind), moment(SECOND + 7));
+        }
+        log.turn(moment(SECOND + 7));
+        let lines = lines(&log);
+        let names: Vec<_> = lines.iter().map(|l| l["event"].as_str().unwrap()).collect();
+        assert_eq!(
+            names,
+            [
+                "started",
+                "ended",
+                "miss",
+                "stale",
+                "link",
+                "row_lost",
+                "diverged",
+                "stop_requested"
+            ]
+        );
+        for (k, line) in lines.iter().enumerate() {
+            assert_eq!(line["tick"], 1024 * k);
+            assert_eq!(line["time"], k as f64);
+            // A second old when it arrived: that second is taken off.
+            assert_eq!(line["wall"], "2026-03-01T12:00:00.000000007Z");
+            assert_eq!(line["clock_ns"], 7);
+        }
+        assert_eq!(lines[2]["class"], "taken_away");
+        assert_eq!(
+            (&lines[2]["late_ns"], &lines[2]["stretched"]),
+            (&5_000_000.into(), &2.into())
+        );
+        assert_eq!(
+            (&lines[3]["specimen"], &lines[3]["name"], &lines[3]["age"]),
+            (&1.into(), &"brace".into(), &3.into())
+        );
+        assert_eq!(
+            (&lines[4]["specimen"], &lines[4]["fault"]),
+            (&2.into(), &"timeout".into())
+        );
+        assert_eq!(lines[6]["dof"], 5);
+    }
+
+    #[test]
+    fn a_miss_waits_for_the_sample_after_it_and_what_follows_waits_with_it() {
+        let (send, sampler) = crossbeam_channel::unbounded();
+        let mut log = EventLog::new(Vec::new(), context(Some(sampler)));
+        let at = 50_000_000;
+        let sample = |clock_ns, involuntary_switches, steal_ticks| SchedSample {
+            clock_ns,
+            involuntary_switches,
+            minor_faults: 0,
+            steal_ticks,
+        };
+        send.send(sample(at - 9_000_000, 3, 10)).unwrap();
+        log.event(event(1, at, MISS), moment(at + 1));
+        log.event(event(2, at + 2, EventKind::Started), moment(at + 2));
+        log.turn(moment(at + 3));
+        assert_eq!(lines(&log).len(), 0);
+        send.send(sample(at + 1_000_000, 4, 12)).unwrap();
+        log.turn(moment(at + 1_000_001));
+        let lines = lines(&log);
+        assert_eq!(lines.len(), 2);
+        assert_eq!(
+            (&lines[0]["event"], &lines[0]["class"]),
+            (&"miss".into(), &"preempted".into())
+        );
+        assert_eq!(
+            (&lines[0]["steal_ms"], &lines[0]["involuntary_switches"]),
+            (&20.into(), &1.into())
+        );
+        assert_eq!(lines[1]["event"], "started");
+        assert_eq!((log.classes().preempted, log.classes().total()), (1, 1));
+    }
+
+    #[test]
+    fn a_miss_does_not_wait_longer_than_a_fifth_of_a_second_for_a_sampler_that_is_silent() {
+        let (_send, sampler) = crossbeam_channel::unbounded();
+        let mut log = EventLog::new(Vec::new(), context(Some(sampler)));
+        log.event(event(1, 5, MISS), moment(10));
+        log.turn(moment(10 + HOLD_NS - 1));
+        assert_eq!(lines(&log).len(), 0);
+        log.turn(moment(10 + HOLD_NS));
+        assert_eq!(lines(&log)[0]["class"], "taken_away");
+        assert_eq!(lines(&log)[0].get("steal_ms"), None);
+        // At the end nothing waits.
+        log.event(event(2, 5 + HOLD_NS, MISS), moment(11 + HOLD_NS));
+        log.finish(moment(11 + HOLD_NS));
+        assert_eq!(lines(&log).len(), 2);
+    }
+
+    #[test]
+    fn a_note_cannot_forge_the_keys_of_the_line_and_a_time_that_is_no_number_is_null() {
+        let mut log = EventLog::new(Vec::new(), context(None));
+        let note = Note::new(NoteLevel::Warning, "realtime_refused")
+            .with("asked", "fifo 80\n")
+            .with("tick", 99);
+        let position = Position {
+            tick: Some(7),
+            time: Some(f64::NAN),
+        };
+        log.note(note, position, moment(1));
+        log.turn(moment(2));
+        let lines = lines(&log);
+        assert_eq!(
+            (&lines[0]["tick"], &lines[0]["time"]),
+            (&7.into(), &Value::Null)
+        );
+        assert_eq!(
+            (&lines[0]["event"], &lines[0]["asked"]),
+            (&"realtime_refused".into(), &"fifo 80\n".into())
+        );
+    }
+}

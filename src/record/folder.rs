@@ -1,0 +1,551 @@
+//! The run folder, written by [`RunFolder`] while the test runs; [`super::run`] reads it afterwards.
+//!
+//! A folder without `summary.json` is unfinished: the summary is written last, whole or not at all. A folder that
+//! holds anything is never written into. `samples.json` is on the disk before the first row.
+
+use std::fs::{self, File, OpenOptions};
+use std::io;
+use std::path::{Path, PathBuf};
+
+use serde_json::Value;
+use sha2::{Digest, Sha256};
+use thiserror::Error;
+
+use super::atomic;
+use super::layout::{Layout, LayoutError};
+use super::summary::{InputFile, Summary};
+use super::utc::stamp;
+
+/// Why a run folder cannot be written or read.
+#[derive(Debug, Error)]
+pub enum FolderError {
+    /// The folder holds something already.
+    #[error("{} exists and is not empty: a run is never written over another", .0.display())]
+    Occupied(PathBuf),
+    /// There is nothing of this name.
+    #[error("{} does not exist", .0.display())]
+    Missing(PathBuf),
+    /// Something of this name is not a folder.
+    #[error("{} is not a folder", .0.display())]
+    NotAFolder(PathBuf),
+    /// The folder is empty.
+    #[error("{} is empty: no run was recorded there", .0.display())]
+    Empty(PathBuf),
+    /// The folder is something else.
+    #[error("{} is not a run folder: it has neither samples.json nor test.toml", .0.display())]
+    Foreign(PathBuf),
+    /// The run ended before its first row.
+    #[error("{} has no samples.json: the run ended before anything was recorded", .0.display())]
+    NoSamples(PathBuf),
+    /// `samples.json` is damaged or of another version.
+    #[error("{}: {source}", .path.display())]
+    Layout {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: LayoutError,
+    },
+    /// A JSON file is damaged.
+    #[error("{} is damaged: {source}", .path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: serde_json::Error,
+    },
+    /// A name that cannot be a file's.
+    #[error("{0:?} cannot be a file name: wanted letters, digits, '-', '_' and '.'")]
+    Name(String),
+    /// A column that the samples do not have.
+    #[error("the samples have no column {0:?}")]
+    NoColumn(String),
+    /// The system refuses.
+    #[error("{}: {source}", .path.display())]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+}
+
+pub(super) fn at(path: &Path) -> impl FnOnce(io::Error) -> FolderError {
+    let path = path.to_owned();
+    |source| FolderError::Io { path, source }
+}
+
+/// The default name of a run: `<title-slug>-<YYYYmmdd-HHMMSS>` in UTC.
+#[must_use]
+pub fn default_name(title: &str, utc_ns: u64) -> String {
+    format!("{}-{}", slug(title), stamp(utc_ns))
+}
+
+/// Small letters, digits and single hyphens, at most 48 of them; `run` if nothing is left.
+#[must_use]
+pub fn slug(title: &str) -> String {
+    let mut slug = String::new();
+    for c in title.chars() {
+        if c.is_ascii_alphanumeric() {
+            slug.push(c.to_ascii_lowercase());
+        } else if !slug.is_empty() && !slug.ends_with('-') {
+            slug.push('-');
+        }
+        if slug.len() == 48 {
+            break;
+        }
+    }
+    let trimmed = slug.trim_end_matches('-');
+    if trimmed.is_empty() {
+        "run".to_owned()
+    } else {
+        trimmed.to_owned()
+    }
+}
+
+/// A run folder being written.
+#[derive(Debug)]
+pub struct RunFolder {
+    path: PathBuf,
+    inputs: Vec<InputFile>,
+}
+
+impl RunFolder {
+    /// Makes the folder, and those above it. An empty folder is taken as it is.
+    ///
+    /// # Errors
+    /// [`FolderError::Occupied`] if it holds anything, [`FolderError::NotAFolder`] if it is a file, or the system refuses.
+    pub fn create(path: &Path) -> Result<Self, FolderError> {
+        if path.exists() && !path.is_dir() {
+            return Err(FolderError::NotAFolder(path.to_owned()));
+        }
+        fs::create_dir_all(path).map_err(at(path))?;
+        if fs::read_dir(path).map_err(at(path))?.next().is_some() {
+            return Err(FolderError::Occupied(path.to_owned()));
+        }
+        // Two runs that start at once may both have found it empty: only one of them can make this file.
+        match File::create_new(path.join("events.jsonl")) {
+            Ok(_) => {}
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
+                return Err(FolderError::Occupied(path.to_owned()));
+            }
+            Err(error) => return Err(at(&path.join("events.jsonl"))(error)),
+        }
+        Ok(Self {
+            path: path.to_owned(),
+            inputs: Vec::new(),
+        })
+    }
+
+    /// Makes a folder of the default name under `root` (usually `runs`); a second run in the same second gets `-2`, and so on.
+    ///
+    /// # Errors
+    /// The system refuses, or a hundred runs began in this second.
+    pub fn create_default(root: &Path, title: &str, utc_ns: u64) -> Result<Self, FolderError> {
+        let name = default_name(title, utc_ns);
+        let mut result = Self::create(&root.join(&name));
+        for number in 2..=100 {
+            if !matches!(
+                result,
+                Err(FolderError::Occupied(_) | FolderError::NotAFolder(_))
+            ) {
+                break;
+            }
+            result = Self::create(&root.join(format!("{name}-{number}")));
+        }
+        result
+    }
+
+    /// Where it is.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The files added so far.
+    #[must_use]
+    pub fn inputs(&self) -> &[InputFile] {
+        &self.inputs
+    }
+
+    /// `test.toml`: the configuration, byte for byte.
+    ///
+    /// # Errors
+    /// The system refuses.
+    pub fn write_test(&self, bytes: &[u8]) -> Result<(), FolderError> {
+        self.write("test.toml", bytes)
+    }
+
+    /// `resolved.toml`: the complete configuration.
+    ///
+    /// # Errors
+    /// The system refuses.
+    pub fn write_resolved(&self, text: &str) -> Result<(), FolderError> {
+        self.write("resolved.toml", text.as_bytes())
+    }
+
+    /// A copy under `inputs/` of a file that the test read. The same bytes under the same name are kept once; other
+    /// bytes under a name that is taken get a number before the extension.
+    ///
+    /// # Errors
+    /// The system refuses.
+    pub fn add_input(&mut self, source: &Path, bytes: &[u8]) -> Result<InputFile, FolderError> {
+        let sha256 = hex(&Sha256::digest(bytes));
+        let stem = file_safe(source.file_stem());
+        let extension = source.extension().map(|e| file_safe(Some(e)));
+        let mut number = 1;
+        let path = loop {
+            let mut name = stem.clone();
+            if number > 1 {
+                name.push_str(&format!("-{number}"));
+            }
+            if let Some(extension) = &extension {
+                name.push('.');
+                name.push_str(extension);
+            }
+            let path = format!("inputs/{name}");
+            match self.inputs.iter().find(|known| known.path == path) {
+                None => break path,
+                Some(known) if known.sha256 == sha256 => return Ok(known.clone()),
+                Some(_) => number += 1,
+            }
+        };
+        let folder = self.path.join("inputs");
+        fs::create_dir_all(&folder).map_err(at(&folder))?;
+        self.write(&path, bytes)?;
+        let input = InputFile {
+            path,
+            sha256,
+            bytes: bytes.len() as u64,
+        };
+        self.inputs.push(input.clone());
+        Ok(input)
+    }
+
+    /// `samples.json`, then the empty `samples.bin` for the writer.
+    ///
+    /// # Errors
+    /// The system refuses.
+    pub fn open_samples(&self, layout: &Layout) -> Result<File, FolderError> {
+        self.write("samples.json", layout.to_json().as_bytes())?;
+        let path = self.path.join("samples.bin");
+        let mut options = OpenOptions::new();
+        options.append(true).create_new(true);
+        options.open(&path).map_err(at(&path))
+    }
+
+    /// `events.jsonl` for the writer.
+    ///
+    /// # Errors
+    /// The system refuses.
+    pub fn open_events(&self) -> Result<File, FolderError> {
+        let path = self.path.join("events.jsonl");
+        OpenOptions::new()
+            .append(true)
+            .open(&path)
+            .map_err(at(&path))
+    }
+
+    /// `timing.json`.
+    ///
+    /// # Errors
+    /// The system refuses.
+    pub fn write_timing(&self, timing: &Value) -> Result<(), FolderError> {
+        self.write("timing.json", format!("{timing:#}\n").as_bytes())
+    }
+
+    /// `<name>.hgrm`.
+    ///
+    /// # Errors
+    /// [`FolderError::Name`] if the name cannot be a file's, or the system refuses.
+    pub fn write_histogram(&self, name: &str, text: &str) -> Result<(), FolderError> {
+        let fit = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
+        if name.is_empty() || name.starts_with('.') || !name.chars().all(fit) {
+            return Err(FolderError::Name(name.to_owned()));
+        }
+        self.write(&format!("{name}.hgrm"), text.as_bytes())
+    }
+
+    /// `summary.json`: the run is finished by this.
+    ///
+    /// # Errors
+    /// The system refuses.
+    pub fn write_summary(&self, summary: &Summary) -> Result<(), FolderError> {
+        let path = self.path.join("summary.json");
+        let mut text = serde_json::to_string_pretty(summary)
+            .map_err(|source| FolderError::Damaged { path, source })?;
+        text.push('\n');
+        self.write("summary.json", text.as_bytes())
+    }
+
+    fn write(&self, name: &str, bytes: &[u8]) -> Result<(), FolderError> {
+        let path = self.path.join(name);
+        atomic::write(&path, bytes).map_err(at(&path))
+    }
+}
+
+fn file_safe(name: Option<&std::ffi::OsStr>) -> String {
+    let text = name.map(|name| name.to_string_lossy()).unwrap_or_default();
+    let fit = |c: char| {
+        if c.is_ascii_alphanumeric() || "-_".contains(c) {
+            c
+        } else {
+            '_'
+        }
+    };
+    let safe: String = text.chars().map(fit).collect();
+    if safe.is_empty() {
+        "input".to_owned()
+    } else {
+        safe
+    }
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use crate::record::Run;
+    use crate::record::journal::encode;
+    use crate::record::layout::tests::named;
+    use crate::record::summary::tests::example;
+    use std::io::Write as _;
+
+    /// A folder with these columns and rows, unfinished.
+    pub(in crate::record) fn recorded(path: &Path, names: &[&str], rows: &[&[f64]]) -> RunFolder {
+        let folder = RunFolder::create(path).unwrap();
+        let mut samples = folder.open_samples(&named(names)).unwrap();
+        let mut bytes = Vec::new();
+        for (sequence, row) in rows.iter().enumerate() {
+            assert_eq!(row.len(), names.len());
+            encode(sequence as u64, row, &mut bytes);
+        }
+        samples.write_all(&bytes).unwrap();
+        folder
+    }
+
+    #[test]
+    fn what_is_written_is_read_back() {
+        let temp = tempfile::tempdir().unwrap();
+        let path = temp.path().join("runs/deep/one");
+        let folder = recorded(&path, &["time", "x1"], &[&[0.0, 1.0], &[0.5, 2.0]]);
+        folder.write_test(b"title = \"\xC3\xBC\"\r\n").unwrap();
+        folder.write_resolved("title = 1\n").unwrap();
+        folder
+            .write_timing(&serde_json::json!({"slack": {"count": 1}}))
+            .unwrap();
+        folder
+            .write_histogram("wakeup_lateness", "Value\n")
+            .unwrap();
+        let mut events = folder.open_events().unwrap();
+        events
+            .write_all(b"{\"event\":\"started\"}\n{\"eve")
+            .unwrap();
+
+        let run = Run::open(&path).unwrap();
+        assert!(run.summary().is_none(), "unfinished without a summary");
+        let mut summary = example();
+        summary.peak.velocity[1] = None;
+        folder.write_summary(&summary).unwrap();
+        let run = Run::open(&path).unwrap();
+        assert_eq!(run.summary(), Some(&summary));
+        assert_eq!(
+            run.columns(&["x1", "time"]).unwrap(),
+            [[1.0, 2.0], [0.0, 0.5]]
+        );
+        assert!(matches!(run.columns(&["x2"]), Err(FolderError::NoColumn(name)) if name == "x2"));
+        let events = run.events().unwrap();
+        assert_eq!((events.events.len(), events.unreadable), (1, 1));
+        assert_eq!(
+            fs::read(path.join("test.toml")).unwrap(),
+            b"title = \"\xC3\xBC\"\r\n"
+        );
+        let mut names: Vec<_> = fs::read_dir(&path)
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        names.sort();
+        assert_eq!(
+            names,
+            [
+                "events.jsonl",
+                "resolved.toml",
+                "samples.bin",
+                "samples.json",
+                "summary.json",
+                "test.toml",
+                "timing.json",
+                "wakeup_lateness.hgrm"
+            ]
+        );
+    }
+
+    #[test]
+    fn a_run_is_never_written_over_anything() {
+        let temp = tempfile::tempdir().unwrap();
+        let empty = temp.path().join("empty");
+        fs::create_dir(&empty).unwrap();
+        RunFolder::create(&empty).unwrap();
+        assert!(matches!(
+            RunFolder::create(&empty),
+            Err(FolderError::Occupied(_))
+        ));
+        let other = temp.path().join("other");
+        fs::create_dir_all(other.join("precious")).unwrap();
+        assert!(matches!(
+            RunFolder::create(&other),
+            Err(FolderError::Occupied(_))
+        ));
+        let file = temp.path().join("file");
+        fs::write(&file, "x").unwrap();
+        assert!(matches!(
+            RunFolder::create(&file),
+            Err(FolderError::NotAFolder(_))
+        ));
+        let one = RunFolder::create_default(temp.path(), "A b", 0).unwrap();
+        let two = RunFolder::create_default(temp.path(), "A b", 0).unwrap();
+        assert!(one.path().ends_with("a-b-19700101-000000"));
+        assert!(two.path().ends_with("a-b-19700101-000000-2"));
+        let layout = named(&["x1"]);
+        one.open_samples(&layout).unwrap();
+        assert!(
+            one.open_samples(&layout).is_err(),
+            "rows already there are never appended to"
+        );
+    }
+
+    #[test]
+    fn what_cannot_be_read_is_called_by_its_name() {
+        let temp = tempfile::tempdir().unwrap();
+        let path = temp.path().join("run");
+        let open = |path: &Path| Run::open(path).unwrap_err();
+        assert!(matches!(open(&path), FolderError::Missing(_)));
+        fs::create_dir(&path).unwrap();
+        assert!(matches!(open(&path), FolderError::Empty(_)));
+        fs::write(path.join("holiday.jpg"), "x").unwrap();
+        assert!(matches!(open(&path), FolderError::Foreign(_)));
+        assert!(matches!(
+            open(&path.join("holiday.jpg")),
+            FolderError::NotAFolder(_)
+        ));
+        fs::write(path.join("test.toml"), "").unwrap();
+        assert!(matches!(open(&path), FolderError::NoSamples(_)));
+        fs::write(path.join("samples.json"), "{").unwrap();
+        assert!(matches!(open(&path), FolderError::Layout { .. }));
+        fs::write(path.join("samples.json"), named(&["x1"]).to_json()).unwrap();
+        fs::write(path.join("summary.json"), "{\"status\": \"completed\"}").unwrap();
+        let error = open(&path);
+        assert!(matches!(error, FolderError::Damaged { .. }));
+        assert!(
+            error
+                .to_string()
+                .contains("summary.json is damaged: missing field `reason`"),
+            "{error}"
+        );
+        fs::remove_file(path.join("summary.json")).unwrap();
+        let run = Run::open(&path).unwrap();
+        assert!(matches!(run.journal(), Err(FolderError::Io { .. })));
+        assert_eq!(run.events().unwrap().events.len(), 0);
+    }
+
+    #[test]
+    fn inputs_are_copied_with_their_digest_and_never_collide() {
+        let temp = tempfile::tempdir().unwrap();
+        let mut folder = RunFolder::create(&temp.path().join("run")).unwrap();
+        let one = folder
+            .add_input(Path::new("/a/El Centro.AT2"), b"abc")
+            .unwrap();
+        let same = folder
+            .add_input(Path::new("/b/El Centro.AT2"), b"abc")
+            .unwrap();
+        let two = folder
+            .add_input(Path::new("/c/El Centro.AT2"), b"")
+            .unwrap();
+        let bare = folder.add_input(Path::new(".."), b"x").unwrap();
+        // FIPS 180-2, appendix B.1.
+        assert_eq!(
+            one.sha256,
+            "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
+        );
+        assert_eq!((one.path.as_str(), one.bytes), ("inputs/El_Centro.AT2", 3));
+        assert_eq!(same, one);
+        assert_eq!(
+            (two.path.as_str(), bare.path.as_str()),
+            ("inputs/El_Centro-2.AT2", "inputs/input")
+        );
+        assert_eq!(fs::read(folder.path().join(&one.path)).unwrap(), b"abc");
+        assert_eq!(folder.inputs().len(), 3);
+    }
+
+    #[test]
+    fn the_python_reader_reads_the_same_bits_from_a_torn_file() {
+        let temp = tempfile::tempdir().unwrap();
+        let path = temp.path().join("run");
+        let rows: Vec<[f64; 2]> = (0..50)
+            .map(|k| {
+                [
+                    f64::from(k) / 3.0,
+                    (-1.0f64).powi(k) * 1e-300 / f64::from(k),
+                ]
+            })
+            .collect();
+        let rows: Vec<&[f64]> = rows.iter().map(|row| &row[..]).collect();
+        recorded(&path, &["time", "x1"], &rows);
+        let samples = path.join("samples.bin");
+        let bytes = fs::read(&samples).unwrap();
+        fs::write(&samples, &bytes[..bytes.len() - 3]).unwrap();
+        let tool = concat!(env!("CARGO_MANIFEST_DIR"), "/tools/read_samples.py");
+        let Ok(output) = std::process::Command::new("python3")
+            .arg(tool)
+            .arg(&path)
+            .args(["sequence", "x1", "time"])
+            .output()
+        else {
+            return; // No Python here; the format is held by the golden bytes of the journal.
+        };
+        assert!(
+            output.status.success(),
+            "{}",
+            String::from_utf8_lossy(&output.stderr)
+        );
+        let text = String::from_utf8(output.stdout).unwrap();
+        let mut lines = text.lines();
+        assert_eq!(lines.next(), Some("sequence\tx1\ttime"));
+        let mut count = 0;
+        for (number, (line, row)) in lines.zip(&rows).enumerate() {
+            let cells: Vec<f64> = line.split('\t').map(|cell| cell.parse().unwrap()).collect();
+            let bits = |values: [f64; 3]| values.map(f64::to_bits);
+            let expected = [number as f64, row[1], row[0]];
+            assert_eq!(bits([cells[0], cells[1], cells[2]]), bits(expected));
+            count += 1;
+        }
+        assert_eq!(count, 49);
+    }
+
+    #[test]
+    fn names_are_made_safe_or_refused() {
+        assert_eq!(
+            slug("Three-storey frame, Bouc–Wen (1024 Hz)!"),
+            "three-storey-frame-bouc-wen-1024-hz"
+        );
+        assert_eq!(
+            (slug("../../etc"), slug("…"), slug("")),
+            ("etc".into(), "run".into(), "run".into())
+        );
+        assert_eq!(slug(&"ab ".repeat(40)).len(), 47);
+        assert_eq!(
+            default_name("x", 1_772_366_400_000_000_000),
+            "x-20260301-120000"
+        );
+        let temp = tempfile::tempdir().unwrap();
+        let folder = RunFolder::create(&temp.path().join("run")).unwrap();
+        for name in ["", "..", "a/b", "a b"] {
+            assert!(matches!(
+                folder.write_histogram(name, ""),
+                Err(FolderError::Name(_))
+            ));
+        }
+    }
+}

@@ -1,0 +1,221 @@
+//! The class of a deadline miss, from what the loop knew at once and what the scheduler counted around it.
+//!
+//! A sampler on another core reads the loop thread's counters about every 10 ms ([`SchedSample`]). A miss lies
+//! between the last sample before its beginning and the first one after its end; the growth of the counters
+//! between the two is the evidence. It is evidence over a window, not proof for one miss: it is written beside the
+//! class, so that a reader can judge.
+//!
+//! | the loop says | switches grew | else faults grew | else |
+//! |---|---|---|---|
+//! | taken away | preempted | ours | taken away |
+//! | ours (long compute) | preempted | ours | ours |
+//! | preempted | preempted | preempted | preempted |
+//! | late reply | late reply | late reply | late reply |
+
+use std::collections::VecDeque;
+
+use serde::{Deserialize, Serialize};
+
+use super::MissCause;
+
+/// What the scheduler had counted for the loop's thread, and the hypervisor for its core, at one moment.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct SchedSample {
+    /// Nanoseconds of the loop's clock.
+    pub clock_ns: u64,
+    /// Involuntary context switches of the loop's thread since its start.
+    pub involuntary_switches: u64,
+    /// Minor page faults of the loop's thread since its start.
+    pub minor_faults: u64,
+    /// Ticks of 10 ms (USER_HZ) that the hypervisor has withheld, from /proc/stat.
+    pub steal_ticks: u64,
+}
+
+/// One tick of /proc/stat in ms: USER_HZ is 100 on every architecture that has this interface to user space.
+const STEAL_TICK_MS: u64 = 10;
+
+/// Growth of the counters around a miss.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Evidence {
+    /// Involuntary switches of the loop's thread.
+    pub involuntary_switches: u64,
+    /// Minor page faults of the loop's thread.
+    pub minor_faults: u64,
+    /// Time withheld by the hypervisor, in ms, in units of 10.
+    pub steal_ms: u64,
+}
+
+/// The class of a miss; the table of this module.
+#[must_use]
+pub const fn classify(known: MissCause, evidence: Option<Evidence>) -> MissCause {
+    let Some(evidence) = evidence else {
+        return known;
+    };
+    match known {
+        MissCause::LateReply | MissCause::Preempted => known,
+        MissCause::TakenAway | MissCause::Ours if evidence.involuntary_switches > 0 => {
+            MissCause::Preempted
+        }
+        MissCause::TakenAway if evidence.minor_faults > 0 => MissCause::Ours,
+        MissCause::TakenAway | MissCause::Ours => known,
+    }
+}
+
+/// The latest samples.
+#[derive(Debug, Default)]
+pub struct SampleWindow {
+    samples: VecDeque<SchedSample>,
+}
+
+/// Samples kept: five seconds of them; a miss waits for its next sample 0.2 s at most.
+const KEPT: usize = 512;
+
+impl SampleWindow {
+    /// Adds a sample; one that is older than the newest is ignored.
+    pub fn push(&mut self, sample: SchedSample) {
+        if self
+            .samples
+            .back()
+            .is_some_and(|last| last.clock_ns >= sample.clock_ns)
+        {
+            return;
+        }
+        if self.samples.len() == KEPT {
+            self.samples.pop_front();
+        }
+        self.samples.push_back(sample);
+    }
+
+    /// True if a sample at or after `clock_ns` is there.
+    #[must_use]
+    pub fn reaches(&self, clock_ns: u64) -> bool {
+        self.samples
+            .back()
+            .is_some_and(|last| last.clock_ns >= clock_ns)
+    }
+
+    /// Growth from the last sample at or before `from_ns` to the first at or after `to_ns`; where there is none,
+    /// from the oldest or to the newest. `None` without two different samples.
+    #[must_use]
+    pub fn evidence(&self, from_ns: u64, to_ns: u64) -> Option<Evidence> {
+        let before = self.samples.iter().rev().find(|s| s.clock_ns <= from_ns);
+        let before = before.or_else(|| self.samples.front())?;
+        let after = self.samples.iter().find(|s| s.clock_ns >= to_ns);
+        let after = after.or_else(|| self.samples.back())?;
+        (after.clock_ns > before.clock_ns).then(|| Evidence {
+            involuntary_switches: after
+                .involuntary_switches
+                .saturating_sub(before.involuntary_switches),
+            minor_faults: after.minor_faults.saturating_sub(before.minor_faults),
+            steal_ms: after.steal_ticks.saturating_sub(before.steal_ticks) * STEAL_TICK_MS,
+        })
+    }
+}
+
+/// Deadline misses by class.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct MissClasses {
+    /// The thread was switched away against its will.
+    pub preempted: u64,
+    /// The clock jumped without a switch.
+    pub taken_away: u64,
+    /// A specimen's reply came late.
+    pub late_reply: u64,
+    /// Our own fault.
+    pub ours: u64,
+}
+
+impl MissClasses {
+    /// Counts one miss.
+    pub const fn count(&mut self, cause: MissCause) {
+        let class = match cause {
+            MissCause::Preempted => &mut self.preempted,
+            MissCause::TakenAway => &mut self.taken_away,
+            MissCause::LateReply => &mut self.late_reply,
+            MissCause::Ours => &mut self.ours,
+        };
+        *class += 1;
+    }
+
+    /// All misses.
+    #[must_use]
+    pub const fn total(&self) -> u64 {
+        self.preempted + self.taken_away + self.late_reply + self.ours
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use MissCause::{LateReply, Ours, Preempted, TakenAway};
+
+    #[test]
+    fn the_class_follows_the_table() {
+        let evidence = |involuntary_switches, minor_faults| {
+            Some(Evidence {
+                involuntary_switches,
+                minor_faults,
+                steal_ms: 30,
+            })
+        };
+        for (known, nothing, neither, faults, switches, both) in [
+            (TakenAway, TakenAway, TakenAway, Ours, Preempted, Preempted),
+            (Ours, Ours, Ours, Ours, Preempted, Preempted),
+            (
+                Preempted, Preempted, Preempted, Preempted, Preempted, Preempted,
+            ),
+            (
+                LateReply, LateReply, LateReply, LateReply, LateReply, LateReply,
+            ),
+        ] {
+            assert_eq!(classify(known, None), nothing);
+            assert_eq!(classify(known, evidence(0, 0)), neither);
+            assert_eq!(classify(known, evidence(0, 2)), faults);
+            assert_eq!(classify(known, evidence(1, 0)), switches);
+            assert_eq!(classify(known, evidence(1, 2)), both);
+        }
+    }
+
+    fn sample(clock_ns: u64, switches: u64, faults: u64, steal: u64) -> SchedSample {
+        SchedSample {
+            clock_ns,
+            involuntary_switches: switches,
+            minor_faults: faults,
+            steal_ticks: steal,
+        }
+    }
+
+    #[test]
+    fn evidence_is_the_growth_between_the_samples_that_enclose_the_miss() {
+        let mut window = SampleWindow::default();
+        assert_eq!(window.evidence(0, 10), None);
+        for (k, counts) in [(0, 0, 0), (1, 0, 1), (3, 4, 1), (3, 4, 9)]
+            .into_iter()
+            .enumerate()
+        {
+            window.push(sample(100 + 100 * k as u64, counts.0, counts.1, counts.2));
+        }
+        window.push(sample(150, 77, 77, 77));
+        let found = |from, to| {
+            let e = window.evidence(from, to).unwrap();
+            (e.involuntary_switches, e.minor_faults, e.steal_ms)
+        };
+        assert_eq!(found(210, 290), (2, 4, 0));
+        assert_eq!(found(200, 200 + 1), (2, 4, 0));
+        assert_eq!(found(150, 310), (3, 4, 90));
+        assert_eq!(found(0, 5000), (3, 4, 90));
+        assert_eq!(window.evidence(900, 950), None);
+        assert!(window.reaches(400) && !window.reaches(401));
+    }
+
+    #[test]
+    fn the_window_forgets_the_oldest_samples() {
+        let mut window = SampleWindow::default();
+        for k in 0..2 * KEPT as u64 {
+            window.push(sample(k, k, 0, 0));
+        }
+        assert_eq!(window.samples.len(), KEPT);
+        let evidence = window.evidence(0, u64::MAX).unwrap();
+        assert_eq!(evidence.involuntary_switches, KEPT as u64 - 1);
+    }
+}

@@ -1,0 +1,147 @@
+//! A run folder read: finished or not, on any machine, from the folder alone.
+
+use std::fs::{self, File};
+use std::io;
+use std::path::{Path, PathBuf};
+
+use serde_json::Value;
+
+use super::folder::{FolderError, at};
+use super::journal::Journal;
+use super::layout::Layout;
+use super::summary::Summary;
+
+/// A recorded run, finished or not.
+#[derive(Debug)]
+pub struct Run {
+    path: PathBuf,
+    layout: Layout,
+    summary: Option<Summary>,
+}
+
+/// The lines of `events.jsonl`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Events {
+    /// The events, in order.
+    pub events: Vec<Value>,
+    /// Lines that could not be read; one at the end is normal after a kill.
+    pub unreadable: usize,
+}
+
+impl Run {
+    /// Opens a run folder for reading.
+    ///
+    /// # Errors
+    /// [`FolderError`] says whether there is nothing, something else, or a damaged run.
+    pub fn open(path: &Path) -> Result<Self, FolderError> {
+        let owned = || path.to_owned();
+        if !path.exists() {
+            return Err(FolderError::Missing(owned()));
+        }
+        if !path.is_dir() {
+            return Err(FolderError::NotAFolder(owned()));
+        }
+        if fs::read_dir(path).map_err(at(path))?.next().is_none() {
+            return Err(FolderError::Empty(owned()));
+        }
+        let Some(text) = read_if_there(&path.join("samples.json"))? else {
+            return Err(if path.join("test.toml").exists() {
+                FolderError::NoSamples(owned())
+            } else {
+                FolderError::Foreign(owned())
+            });
+        };
+        let layout = Layout::from_json(&text).map_err(|source| FolderError::Layout {
+            path: path.join("samples.json"),
+            source,
+        })?;
+        let summary_path = path.join("summary.json");
+        let summary = match read_if_there(&summary_path)? {
+            Some(text) => {
+                Some(
+                    serde_json::from_str(&text).map_err(|source| FolderError::Damaged {
+                        path: summary_path,
+                        source,
+                    })?,
+                )
+            }
+            None => None,
+        };
+        Ok(Self {
+            path: owned(),
+            layout,
+            summary,
+        })
+    }
+
+    /// Where it is.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The columns of its rows.
+    #[must_use]
+    pub const fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    /// Its summary; `None` if the run is unfinished: still running, or killed.
+    #[must_use]
+    pub const fn summary(&self) -> Option<&Summary> {
+        self.summary.as_ref()
+    }
+
+    /// A reader of its rows from the first.
+    ///
+    /// # Errors
+    /// The system refuses, or there is no `samples.bin`.
+    pub fn journal(&self) -> Result<Journal<File>, FolderError> {
+        let path = self.path.join("samples.bin");
+        let file = File::open(&path).map_err(at(&path))?;
+        Ok(Journal::new(file, self.layout.columns().len()))
+    }
+
+    /// Whole columns by name, in the order asked for.
+    ///
+    /// # Errors
+    /// [`FolderError::NoColumn`], or the system refuses.
+    pub fn columns(&self, names: &[&str]) -> Result<Vec<Vec<f64>>, FolderError> {
+        let find = |name: &&str| {
+            let place = self.layout.index_of(name);
+            place.ok_or_else(|| FolderError::NoColumn((*name).to_owned()))
+        };
+        let places = names.iter().map(find).collect::<Result<Vec<_>, _>>()?;
+        let path = self.path.join("samples.bin");
+        self.journal()?.columns(&places).map_err(at(&path))
+    }
+
+    /// Its events; none if there is no file of them.
+    ///
+    /// # Errors
+    /// The system refuses.
+    pub fn events(&self) -> Result<Events, FolderError> {
+        let path = self.path.join("events.jsonl");
+        let bytes = match fs::read(&path) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Vec::new(),
+            other => other.map_err(at(&path))?,
+        };
+        let lines = bytes.split(|&b| b == b'\n').filter(|line| !line.is_empty());
+        let (mut events, mut unreadable) = (Vec::new(), 0);
+        for line in lines {
+            match serde_json::from_slice(line) {
+                Ok(event) => events.push(event),
+                Err(_) => unreadable += 1,
+            }
+        }
+        Ok(Events { events, unreadable })
+    }
+}
+
+fn read_if_there(path: &Path) -> Result<Option<String>, FolderError> {
+    match fs::read_to_string(path) {
+        Ok(text) => Ok(Some(text)),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(at(path)(error)),
+    }
+}

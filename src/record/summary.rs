@@ -1,0 +1,241 @@
+//! `summary.json`: how a run ended and what it came to, with the keys of the contract.
+
+use std::collections::BTreeMap;
+
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde_json::Value;
+
+use super::MissClasses;
+
+/// How a run ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Status {
+    /// Done and within its limits.
+    Completed,
+    /// Stopped by a limit, divergence, a stale or miss bound.
+    Stopped,
+    /// Stopped by the operator or a signal.
+    Interrupted,
+    /// A link, a peer or we ourselves failed.
+    Failed,
+}
+
+/// Which clock a run used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ClockKind {
+    /// The wall.
+    Real,
+    /// As fast as it goes.
+    Simulated,
+}
+
+/// λ of the Gui family: a number, or `"inf"`, which JSON has no number for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Lambda(pub f64);
+
+impl Serialize for Lambda {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        if self.0 == f64::INFINITY {
+            serializer.serialize_str("inf")
+        } else {
+            serializer.serialize_f64(self.0)
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Lambda {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let value = Value::deserialize(deserializer)?;
+        match (value.as_f64(), value.as_str()) {
+            (Some(number), _) => Ok(Self(number)),
+            (None, Some("inf")) => Ok(Self(f64::INFINITY)),
+            _ => Err(D::Error::custom(format!(
+                "lambda is {value}, wanted a number or \"inf\""
+            ))),
+        }
+    }
+}
+
+/// Largest magnitudes over the run, all DOFs whether recorded or not. What does not exist or is not finite is null.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Peak {
+    /// Per DOF, m.
+    pub displacement: Vec<Option<f64>>,
+    /// Per DOF, m/s.
+    pub velocity: Vec<Option<f64>>,
+    /// Per DOF, m/s²; null for a massless DOF.
+    pub acceleration: Vec<Option<f64>>,
+    /// Per specimen by name, one value per axis, N.
+    pub force: BTreeMap<String, Vec<Option<f64>>>,
+}
+
+/// Traffic with one specimen.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct LinkCounts {
+    /// Commands sent.
+    pub sent: u64,
+    /// Measurements received in time.
+    pub received: u64,
+    /// Measurements that came after their deadline.
+    pub late: u64,
+    /// Commands never answered.
+    pub lost: u64,
+    /// Messages that could not be read.
+    pub corrupt: u64,
+}
+
+/// A file that the test read and of which the folder has a copy.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct InputFile {
+    /// The copy, relative to the folder: `inputs/…`.
+    pub path: String,
+    /// SHA-256 of its bytes, hexadecimal.
+    pub sha256: String,
+    /// Its size.
+    pub bytes: u64,
+}
+
+/// What stands in `summary.json`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Summary {
+    /// How the run ended.
+    pub status: Status,
+    /// Why, in words.
+    pub reason: String,
+    /// Steps of integration done.
+    pub steps: u64,
+    /// Δt in s of test time.
+    pub dt: f64,
+    /// λ as used; null in a test without a structure.
+    pub lambda: Option<Lambda>,
+    /// Which clock.
+    pub clock: ClockKind,
+    /// Wall time of the loop in s.
+    pub wall_seconds: f64,
+    /// Ticks per second of wall time that were asked for.
+    pub rate_hz: f64,
+    /// Deadline misses, warm-up not counted.
+    pub deadline_misses: u64,
+    /// Whole ticks by which the grid was moved.
+    pub stretched_ticks: u64,
+    /// Largest magnitudes.
+    pub peak: Peak,
+    /// Per timing quantity: count, min, p50, p90, p99, p99_9, max in µs.
+    pub timing: Value,
+    /// What was asked of the system and what it granted.
+    pub realtime: Value,
+    /// Traffic per specimen by name.
+    pub link: BTreeMap<String, LinkCounts>,
+    /// Version of this program.
+    pub version: String,
+    /// Rows that are not in `samples.bin`.
+    #[serde(default)]
+    pub rows_lost: u64,
+    /// The files that the test read.
+    #[serde(default)]
+    pub inputs: Vec<InputFile>,
+    /// Deadline misses by class.
+    #[serde(default)]
+    pub miss_classes: MissClasses,
+    /// What a person should know.
+    #[serde(default)]
+    pub warnings: Vec<String>,
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+
+    pub(in crate::record) fn example() -> Summary {
+        Summary {
+            status: Status::Completed,
+            reason: "end of the record".to_owned(),
+            steps: 40,
+            dt: 0.01,
+            lambda: Some(Lambda(4.75)),
+            clock: ClockKind::Simulated,
+            wall_seconds: 0.25,
+            rate_hz: 100.0,
+            deadline_misses: 0,
+            stretched_ticks: 0,
+            peak: Peak {
+                displacement: vec![Some(0.5), Some(0.1)],
+                velocity: vec![Some(1.0), Some(f64::NAN)],
+                acceleration: vec![Some(2.0), None],
+                force: BTreeMap::from([("brace".to_owned(), vec![Some(1e3)])]),
+            },
+            timing: serde_json::json!({}),
+            realtime: serde_json::json!({}),
+            link: BTreeMap::from([("brace".to_owned(), LinkCounts::default())]),
+            version: "0.1.0".to_owned(),
+            rows_lost: 0,
+            inputs: Vec::new(),
+            miss_classes: MissClasses::default(),
+            warnings: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn the_keys_are_those_of_the_contract() {
+        let json = serde_json::to_value(example()).unwrap();
+        let keys: Vec<&str> = json
+            .as_object()
+            .unwrap()
+            .keys()
+            .map(String::as_str)
+            .collect();
+        let contract = [
+            "status",
+            "reason",
+            "steps",
+            "dt",
+            "lambda",
+            "clock",
+            "wall_seconds",
+            "rate_hz",
+            "deadline_misses",
+            "stretched_ticks",
+            "peak",
+            "timing",
+            "realtime",
+            "link",
+            "version",
+        ];
+        let additions = ["rows_lost", "inputs", "miss_classes", "warnings"];
+        assert_eq!(keys, [&contract[..], &additions[..]].concat());
+        assert_eq!(
+            (&json["status"], &json["clock"]),
+            (&"completed".into(), &"simulated".into())
+        );
+        assert_eq!(json["peak"]["acceleration"][1], Value::Null);
+        assert_eq!(json["peak"]["velocity"][1], Value::Null, "not finite");
+        assert_eq!(json["peak"]["force"]["brace"][0], 1e3);
+        assert_eq!(json["link"]["brace"]["corrupt"], 0);
+        for (status, word) in [
+            (Status::Stopped, "stopped"),
+            (Status::Interrupted, "interrupted"),
+            (Status::Failed, "failed"),
+        ] {
+            assert_eq!(serde_json::to_value(status).unwrap(), word);
+        }
+    }
+
+    #[test]
+    fn lambda_may_be_infinite_absent_or_a_number_but_not_a_word() {
+        for (lambda, text) in [
+            (Some(Lambda(f64::INFINITY)), "\"inf\""),
+            (Some(Lambda(4.0)), "4.0"),
+            (None, "null"),
+        ] {
+            assert_eq!(serde_json::to_string(&lambda).unwrap(), text);
+            assert_eq!(
+                serde_json::from_str::<Option<Lambda>>(text).unwrap(),
+                lambda
+            );
+        }
+        assert!(serde_json::from_str::<Lambda>("\"many\"").is_err());
+    }
+}

@@ -1,0 +1,253 @@
+//! The writer thread: rows from the ring to `samples.bin`, events to `events.jsonl` and the log, progress to whoever looks.
+//!
+//! * It polls the ring every 2 ms; nobody wakes it but [`Writer::finish`].
+//! * What it has goes to the system at least every 20 ms, so a kill −9 costs the rows of the last 25 ms or so.
+//! * A second thread brings the files to the disk every 0.9 s, so that a sync that takes long holds up nothing but the
+//!   next sync; with the time of flush and sync a power cut costs about the last second. A write may still be held up
+//!   by the file system while it syncs; the ring covers that with four seconds ([`super::RingSize::for_rate`]).
+//! * A file that refuses (disk full) ends nothing: rows wait in bounded memory, are offered again every 100 ms, and
+//!   what finds no room is counted and shouted. The file holds whole rows at all times.
+//!
+//! It does not pin itself: a thread inherits the processors of the one that spawns it. It reads no clock but the
+//! two that it is given, and none of its decisions touches the loop.
+
+mod drain;
+mod sync;
+
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use crossbeam_channel::{Receiver, Sender};
+use thiserror::Error;
+
+use drain::Drain;
+use sync::SyncThread;
+
+use super::append::Store;
+use super::events::Moment;
+use super::miss::{MissClasses, SchedSample};
+use super::note::Note;
+use super::ring::RingReader;
+
+/// The clocks that the writer reads.
+#[derive(Debug, Clone, Copy)]
+pub struct Clocks {
+    /// CLOCK_MONOTONIC in ns, whatever clock the test runs on.
+    pub monotonic_ns: fn() -> u64,
+    /// UTC in ns since 1970.
+    pub utc_ns: fn() -> u64,
+}
+
+impl Clocks {
+    fn now(self) -> Moment {
+        Moment {
+            monotonic_ns: (self.monotonic_ns)(),
+            utc_ns: (self.utc_ns)(),
+        }
+    }
+}
+
+/// How the writer works and what it must know of the test. The defaults are those of the module's text.
+#[derive(Debug, Clone)]
+pub struct WriterSettings {
+    /// Pause between two looks at the ring.
+    pub period: Duration,
+    /// Longest time that a row waits before it is handed to the system.
+    pub flush_every: Duration,
+    /// Time between two syncs to disk.
+    pub sync_every: Duration,
+    /// Bytes of rows that may wait for a file that refuses.
+    pub waiting_bytes: usize,
+    /// True if the events' `clock_ns` is CLOCK_MONOTONIC; false under the simulated clock.
+    pub real_clock: bool,
+    /// Period of a tick in ns, for the window round a miss.
+    pub tick_ns: u64,
+    /// Place of the column `time` in a row, for the test time of notes.
+    pub time_column: Option<usize>,
+    /// Names of the specimens in order, for the events.
+    pub specimens: Vec<String>,
+}
+
+impl Default for WriterSettings {
+    fn default() -> Self {
+        Self {
+            period: Duration::from_millis(2),
+            flush_every: Duration::from_millis(20),
+            sync_every: Duration::from_millis(900),
+            waiting_bytes: 8 << 20,
+            real_clock: true,
+            tick_ns: 0,
+            time_column: None,
+            specimens: Vec::new(),
+        }
+    }
+}
+
+/// Where a run stands, as the writer last saw it.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Progress {
+    /// The latest row; empty before the first.
+    pub last_row: Vec<f64>,
+    /// Rows in the file.
+    pub rows_written: u64,
+    /// Rows lost so far, to a full queue or a full disk.
+    pub rows_lost: u64,
+    /// Events so far.
+    pub events: u64,
+    /// Deadline misses so far, by class.
+    pub misses: MissClasses,
+}
+
+/// What a run's recording came to.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Recorded {
+    /// Rows in the file.
+    pub rows_written: u64,
+    /// Rows lost because the ring was full.
+    pub rows_lost_queue: u64,
+    /// Rows lost because the file refused them.
+    pub rows_lost_file: u64,
+    /// Lines in `events.jsonl`.
+    pub events_written: u64,
+    /// Events lost to a full ring, a full queue or a file that refused.
+    pub events_lost: u64,
+    /// Deadline misses by class, as far as their events arrived.
+    pub misses: MissClasses,
+    /// Syncs to disk that failed.
+    pub sync_failures: u64,
+    /// The first error of a file, if there was one.
+    pub first_error: Option<String>,
+}
+
+impl Recorded {
+    /// All rows lost: `rows_lost` of the summary.
+    #[must_use]
+    pub const fn rows_lost(&self) -> u64 {
+        self.rows_lost_queue + self.rows_lost_file
+    }
+}
+
+/// Why there is no writer, or no longer.
+#[derive(Debug, Error)]
+pub enum WriterError {
+    /// The system gives no thread.
+    #[error("cannot start the writer's thread: {0}")]
+    Spawn(std::io::Error),
+    /// The system gives no second handle of a file.
+    #[error("cannot prepare the files for syncing: {0}")]
+    Sync(std::io::Error),
+    /// The thread died; the rows up to its last flush are in the file.
+    #[error("the writer's thread died")]
+    Died,
+}
+
+/// Notes that may wait for the writer.
+const NOTES: usize = 1024;
+
+/// A running writer. Dropping it ends it as [`Writer::finish`] does.
+#[derive(Debug)]
+pub struct Writer {
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<Recorded>>,
+    progress: Arc<Mutex<Progress>>,
+    notes: Sender<Note>,
+    notes_lost: Arc<AtomicU64>,
+}
+
+impl Writer {
+    /// Starts the writer on empty stores. `sampler` brings the scheduler's counters for the classes of misses.
+    ///
+    /// # Errors
+    /// [`WriterError`] if the system gives no thread or no second handle.
+    pub fn spawn<S, E>(
+        ring: RingReader,
+        samples: S,
+        events: E,
+        sampler: Option<Receiver<SchedSample>>,
+        clocks: Clocks,
+        settings: WriterSettings,
+    ) -> Result<Self, WriterError>
+    where
+        S: Store + 'static,
+        E: Store + 'static,
+    {
+        let (notes, notes_out) = crossbeam_channel::bounded(NOTES);
+        let stop = Arc::new(AtomicBool::new(false));
+        let progress = Arc::new(Mutex::new(Progress::default()));
+        let syncers = [samples.syncer(), events.syncer()]
+            .into_iter()
+            .collect::<Result<Vec<_>, _>>()
+            .map_err(WriterError::Sync)?;
+        let sync = SyncThread::spawn(syncers).map_err(WriterError::Spawn)?;
+        let period = settings.period;
+        let stop_seen = Arc::clone(&stop);
+        let mut drain = Drain::new(ring, samples, events, sampler, notes_out, settings);
+        drain.serve(sync, Arc::clone(&progress));
+        let work = move || loop {
+            // Read before the turn: what the loop left before the stop is then surely seen.
+            let last = stop_seen.load(Ordering::Acquire);
+            let busy = drain.turn(clocks.now());
+            if last {
+                return drain.finish(clocks.now());
+            }
+            if !busy {
+                std::thread::park_timeout(period);
+            }
+        };
+        let thread = std::thread::Builder::new()
+            .name("gusset-writer".to_owned())
+            .spawn(work)
+            .map_err(WriterError::Spawn)?;
+        Ok(Self {
+            stop,
+            thread: Some(thread),
+            progress,
+            notes,
+            notes_lost: Arc::default(),
+        })
+    }
+
+    /// Leaves a note for `events.jsonl` and the log; never waits. A note that finds no room is counted as lost.
+    pub fn note(&self, note: Note) {
+        if self.notes.try_send(note).is_err() {
+            self.notes_lost.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
+    /// Copies where the run stands. The loop has no part in this lock.
+    pub fn progress(&self, into: &mut Progress) {
+        into.clone_from(&lock(&self.progress));
+    }
+
+    /// Call after the loop has ended: writes and syncs everything and says what came of it.
+    ///
+    /// # Errors
+    /// [`WriterError::Died`] if the thread panicked.
+    pub fn finish(mut self) -> Result<Recorded, WriterError> {
+        let mut recorded = self.join().ok_or(WriterError::Died)?;
+        recorded.events_lost += self.notes_lost.load(Ordering::Relaxed);
+        Ok(recorded)
+    }
+
+    fn join(&mut self) -> Option<Recorded> {
+        let thread = self.thread.take()?;
+        self.stop.store(true, Ordering::Release);
+        thread.thread().unpark();
+        thread.join().ok()
+    }
+}
+
+impl Drop for Writer {
+    fn drop(&mut self) {
+        let _nobody_asks = self.join();
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,212 @@
+//! The work of the writer, turn by turn, with time as an argument: no thread, no clock.
+
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use crossbeam_channel::Receiver;
+
+use super::sync::SyncThread;
+use super::{Progress, Recorded, WriterSettings, lock};
+use crate::record::append::{Flushed, Store};
+use crate::record::events::{EventContext, EventLog, Moment, Position};
+use crate::record::journal::JournalWriter;
+use crate::record::miss::SchedSample;
+use crate::record::note::{Note, NoteLevel};
+use crate::record::ring::RingReader;
+
+/// Bytes of rows that are written without waiting for the time to do so.
+pub(super) const CHUNK: usize = 256 << 10;
+/// Events and notes taken in one turn.
+const PER_TURN: usize = 8192;
+/// Pause between two shouts about lost rows.
+const SHOUT_NS: u64 = 1_000_000_000;
+
+/// The work of the thread, turn by turn, with time as an argument.
+pub(super) struct Drain<S, E> {
+    ring: RingReader,
+    journal: JournalWriter<S>,
+    events: EventLog<E>,
+    notes: Receiver<Note>,
+    settings: WriterSettings,
+    sync: Option<SyncThread>,
+    pub(super) progress: Arc<Mutex<Progress>>,
+    last_row: Vec<f64>,
+    position: Position,
+    lost_file: u64,
+    flushed_ns: u64,
+    pub(super) synced_ns: u64,
+    synced_bytes: u64,
+    shouted: Option<(u64, u64)>,
+    first_error: Option<String>,
+}
+
+impl<S: Store, E: Store> Drain<S, E> {
+    pub(super) fn new(
+        ring: RingReader,
+        samples: S,
+        events: E,
+        sampler: Option<Receiver<SchedSample>>,
+        notes: Receiver<Note>,
+        settings: WriterSettings,
+    ) -> Self {
+        let columns = ring.columns();
+        let context = EventContext {
+            sampler,
+            real_clock: settings.real_clock,
+            tick_ns: settings.tick_ns,
+            specimens: settings.specimens.clone(),
+        };
+        Self {
+            journal: JournalWriter::new(samples, columns, settings.waiting_bytes.max(2 * CHUNK)),
+            events: EventLog::new(events, context),
+            ring,
+            notes,
+            settings,
+            sync: None,
+            progress: Arc::default(),
+            last_row: Vec::with_capacity(columns),
+            position: Position::default(),
+            lost_file: 0,
+            flushed_ns: 0,
+            synced_ns: 0,
+            synced_bytes: 0,
+            shouted: None,
+            first_error: None,
+        }
+    }
+
+    /// Gives it the thread that syncs and the place where others look for progress.
+    pub(super) fn serve(&mut self, sync: SyncThread, progress: Arc<Mutex<Progress>>) {
+        (self.sync, self.progress) = (Some(sync), progress);
+    }
+
+    /// Takes what waits and passes it on; true if so much was there that the next turn should follow at once.
+    pub(super) fn turn(&mut self, now: Moment) -> bool {
+        let waiting = self.ring.waiting();
+        self.take_rows(waiting, now);
+        for event in std::iter::from_fn(|| self.ring.event()).take(PER_TURN) {
+            self.events.event(event, now);
+        }
+        for note in self.notes.try_iter().take(PER_TURN) {
+            self.events.note(note, self.position, now);
+        }
+        let since = now.monotonic_ns.saturating_sub(self.flushed_ns);
+        if since >= nanos(self.settings.flush_every) {
+            self.flush_rows(now);
+        }
+        self.shout_losses(now, false);
+        let flushed = self.events.turn(now);
+        self.heed("events.jsonl", flushed, now);
+        self.ask_for_sync(now);
+        self.publish();
+        waiting * 4 >= self.ring.capacity()
+    }
+
+    /// The last turn: nothing waits for anything any more.
+    pub(super) fn finish(mut self, now: Moment) -> Recorded {
+        self.turn(now);
+        let flushed = self.journal.flush_at_once(now.monotonic_ns);
+        self.heed("samples.bin", flushed, now);
+        self.lost_file += self.journal.waiting();
+        self.shout_losses(now, true);
+        let flushed = self.events.finish(now);
+        self.heed("events.jsonl", flushed, now);
+        let sync_failures = self.sync.take().map_or(0, SyncThread::finish);
+        self.publish();
+        let unwritten = self.events.waiting();
+        Recorded {
+            rows_written: self.journal.rows(),
+            rows_lost_queue: self.ring.lost().rows(),
+            rows_lost_file: self.lost_file,
+            events_written: self.events.taken() - self.events.lost() - unwritten,
+            events_lost: self.events.lost() + unwritten + self.ring.lost().events(),
+            misses: self.events.classes(),
+            sync_failures,
+            first_error: self.first_error,
+        }
+    }
+
+    fn take_rows(&mut self, count: usize, now: Moment) {
+        for _ in 0..count {
+            let Some((sequence, row)) = self.ring.row() else {
+                break;
+            };
+            self.lost_file += u64::from(!self.journal.row(sequence, row));
+            self.position.tick = Some(sequence);
+            self.last_row.clear();
+            self.last_row.extend_from_slice(row);
+            let place = self.settings.time_column;
+            self.position.time = place.and_then(|place| row.get(place)).copied();
+            if self.journal.waiting_bytes() >= CHUNK {
+                self.flush_rows(now);
+            }
+        }
+    }
+
+    fn flush_rows(&mut self, now: Moment) {
+        self.flushed_ns = now.monotonic_ns;
+        let flushed = self.journal.flush(now.monotonic_ns);
+        self.heed("samples.bin", flushed, now);
+    }
+
+    fn heed(&mut self, file: &'static str, flushed: Flushed, now: Moment) {
+        let note = match flushed {
+            Flushed::Clean | Flushed::Failing => return,
+            Flushed::Failed(error) => {
+                let text = format!("{file}: {error}");
+                self.first_error.get_or_insert(text);
+                Note::new(NoteLevel::Error, "write_failed").with("error", error.to_string())
+            }
+            Flushed::Recovered => Note::new(NoteLevel::Warning, "write_recovered"),
+        };
+        let note = note.with("file", file).with("rows_lost", self.rows_lost());
+        self.events.note(note, self.position, now);
+    }
+
+    pub(super) fn rows_lost(&self) -> u64 {
+        self.ring.lost().rows() + self.lost_file
+    }
+
+    /// Says that rows are lost: at once the first time, then once a second while it goes on, and at the end.
+    fn shout_losses(&mut self, now: Moment, at_once: bool) {
+        let lost = self.rows_lost();
+        let due = match self.shouted {
+            None => lost > 0,
+            Some((told, at)) => {
+                lost > told && (at_once || now.monotonic_ns.saturating_sub(at) >= SHOUT_NS)
+            }
+        };
+        if due {
+            self.shouted = Some((lost, now.monotonic_ns));
+            let note = Note::new(NoteLevel::Error, "rows_lost")
+                .with("rows_lost", lost)
+                .with("to_full_queue", self.ring.lost().rows())
+                .with("to_file_error", self.lost_file);
+            self.events.note(note, self.position, now);
+        }
+    }
+
+    fn ask_for_sync(&mut self, now: Moment) {
+        let bytes = self.journal.bytes() + self.events.length();
+        let since = now.monotonic_ns.saturating_sub(self.synced_ns);
+        if bytes != self.synced_bytes && since >= nanos(self.settings.sync_every) {
+            if let Some(sync) = &self.sync {
+                sync.ask();
+            }
+            (self.synced_ns, self.synced_bytes) = (now.monotonic_ns, bytes);
+        }
+    }
+
+    fn publish(&self) {
+        let mut progress = lock(&self.progress);
+        progress.last_row.clone_from(&self.last_row);
+        progress.rows_written = self.journal.rows();
+        progress.rows_lost = self.rows_lost();
+        progress.events = self.events.taken();
+        progress.misses = self.events.classes();
+    }
+}
+
+fn nanos(duration: Duration) -> u64 {
+    u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)
+}

@@ -1,0 +1,347 @@
+//! Tests of the writer: its turns on a hand-held clock, then the threads end to end.
+
+use super::drain::CHUNK;
+use super::*;
+use crate::record::append::tests::SmallDisk;
+use crate::record::journal::{End, Journal};
+use crate::record::layout::stride;
+use crate::record::{
+    Event, EventKind, MissCause, NoteLevel, Recorder, RingRecorder, RingSize, WhenFull, ring,
+};
+use serde_json::Value;
+
+const MS: u64 = 1_000_000;
+
+fn at(monotonic_ns: u64) -> Moment {
+    Moment {
+        monotonic_ns,
+        utc_ns: 1_772_366_400_000_000_000 + monotonic_ns,
+    }
+}
+
+fn small(rows: usize) -> (RingRecorder, RingReader) {
+    ring(2, RingSize { rows, events: 8 }, WhenFull::Drop).unwrap()
+}
+
+fn drain<S: Store, E: Store>(
+    reader: RingReader,
+    samples: S,
+    events: E,
+    settings: WriterSettings,
+) -> (Drain<S, E>, Sender<Note>) {
+    let (send, notes) = crossbeam_channel::bounded(4);
+    (
+        Drain::new(reader, samples, events, None, notes, settings),
+        send,
+    )
+}
+
+fn numbers(bytes: &[u8]) -> (Vec<u64>, End) {
+    let mut journal = Journal::new(bytes, 2);
+    let mut numbers = Vec::new();
+    while let Some(row) = journal.next_row().unwrap() {
+        assert_eq!(
+            row.values,
+            [row.sequence as f64, 0.25 * row.sequence as f64]
+        );
+        numbers.push(row.sequence);
+    }
+    (numbers, journal.end().unwrap())
+}
+
+fn push(recorder: &mut RingRecorder, range: std::ops::Range<u64>) -> usize {
+    range
+        .filter(|&k| recorder.row(&[k as f64, 0.25 * k as f64]))
+        .count()
+}
+
+fn lines(disk: &SmallDisk) -> Vec<Value> {
+    let text = String::from_utf8(disk.bytes()).unwrap();
+    text.lines()
+        .map(|line| serde_json::from_str(line).unwrap())
+        .collect()
+}
+
+#[test]
+fn rows_reach_the_file_within_the_flush_time_and_no_later() {
+    let (mut recorder, reader) = small(64);
+    let disk = SmallDisk::with_room(1 << 20);
+    let (mut drain, _notes) = drain(reader, disk.clone(), Vec::new(), WriterSettings::default());
+    drain.turn(at(1000 * MS));
+    push(&mut recorder, 0..3);
+    drain.turn(at(1019 * MS));
+    assert_eq!(disk.bytes().len(), 0);
+    drain.turn(at(1020 * MS));
+    assert_eq!(numbers(&disk.bytes()), (vec![0, 1, 2], End::Clean));
+}
+
+#[test]
+fn what_was_pushed_before_a_kill_is_readable_after_it_up_to_the_last_flush() {
+    // A kill takes the drain's memory and leaves the file: look at the file without finishing.
+    let (mut recorder, reader) = small(64);
+    let disk = SmallDisk::with_room(1 << 20);
+    let (mut drain, _notes) = drain(reader, disk.clone(), Vec::new(), WriterSettings::default());
+    for k in 0..500u64 {
+        push(&mut recorder, k..k + 1);
+        drain.turn(at(k * 2 * MS));
+        let (seen, end) = numbers(&disk.bytes());
+        assert_eq!(end, End::Clean);
+        // 25 ms at one row per 2 ms.
+        assert!(k < 13 || seen.len() as u64 >= k - 12, "{k}: {}", seen.len());
+    }
+}
+
+#[test]
+fn rows_lost_to_a_full_ring_are_counted_shouted_and_show_as_a_gap() {
+    let (mut recorder, reader) = small(4);
+    let (samples, events) = (SmallDisk::with_room(1 << 20), SmallDisk::with_room(1 << 20));
+    let (mut drain, _notes) = drain(
+        reader,
+        samples.clone(),
+        events.clone(),
+        WriterSettings::default(),
+    );
+    assert_eq!(push(&mut recorder, 0..7), 4);
+    assert!(drain.turn(at(MS)), "a full ring asks for another turn");
+    assert_eq!(push(&mut recorder, 7..9), 2);
+    let recorded = drain.finish(at(2 * MS));
+    assert_eq!(
+        numbers(&samples.bytes()),
+        (vec![0, 1, 2, 3, 7, 8], End::Clean)
+    );
+    assert_eq!(
+        (
+            recorded.rows_written,
+            recorded.rows_lost_queue,
+            recorded.rows_lost()
+        ),
+        (6, 3, 3)
+    );
+    let shout = lines(&events)
+        .into_iter()
+        .find(|l| l["event"] == "rows_lost")
+        .unwrap();
+    assert_eq!(
+        (&shout["rows_lost"], &shout["to_full_queue"]),
+        (&3.into(), &3.into())
+    );
+}
+
+#[test]
+fn a_disk_that_fills_costs_only_the_rows_beyond_the_bound_and_is_shouted() {
+    let (mut recorder, reader) = small(100_000);
+    let size = stride(2);
+    let bound = 2 * CHUNK;
+    let (samples, events) = (
+        SmallDisk::with_room(10 * size + 5),
+        SmallDisk::with_room(1 << 20),
+    );
+    let settings = WriterSettings {
+        waiting_bytes: 0,
+        time_column: Some(1),
+        ..WriterSettings::default()
+    };
+    let (mut drain, _notes) = drain(reader, samples.clone(), events.clone(), settings);
+    let offered = (bound / size + 1000) as u64;
+    assert_eq!(push(&mut recorder, 0..offered) as u64, offered);
+    drain.turn(at(1000 * MS));
+    assert_eq!(
+        samples.bytes().len(),
+        10 * size,
+        "whole rows only, also while the disk is full"
+    );
+    let kept = 10 + (bound / size) as u64;
+    assert_eq!(drain.rows_lost(), offered - kept);
+    samples.set_room(64 << 20);
+    push(&mut recorder, offered..offered + 5);
+    drain.turn(at(1050 * MS));
+    assert_eq!(samples.bytes().len(), 10 * size, "asked again too early");
+    drain.turn(at(1101 * MS));
+    push(&mut recorder, offered + 5..offered + 7);
+    let recorded = drain.finish(at(1200 * MS));
+    let (seen, end) = numbers(&samples.bytes());
+    assert_eq!(end, End::Clean);
+    assert_eq!(seen[..kept as usize], (0..kept).collect::<Vec<_>>());
+    // While it was full even the five rows after it found no room.
+    assert_eq!(seen[kept as usize..], [offered + 5, offered + 6]);
+    assert_eq!(recorded.rows_lost_file, offered - kept + 5);
+    assert_eq!(recorded.rows_written + recorded.rows_lost(), offered + 7);
+    assert!(recorded.first_error.unwrap().starts_with("samples.bin: "));
+    let names: Vec<_> = lines(&events)
+        .iter()
+        .map(|l| l["event"].as_str().unwrap().to_owned())
+        .collect();
+    for name in ["write_failed", "write_recovered", "rows_lost"] {
+        assert!(
+            names.iter().any(|n| n == name),
+            "{name} missing in {names:?}"
+        );
+    }
+    // The first to fail was the write of the first chunk; it knows the tick and the time of the row that filled it.
+    let at_failure = (CHUNK / size - 1) as u64;
+    let first = &lines(&events)[0];
+    assert_eq!(
+        (&first["tick"], &first["time"]),
+        (&at_failure.into(), &(0.25 * at_failure as f64).into())
+    );
+}
+
+#[test]
+fn a_disk_that_stays_full_loses_what_waits_and_says_so_at_the_end() {
+    let (mut recorder, reader) = small(64);
+    let (samples, events) = (
+        SmallDisk::with_room(stride(2) * 2 + 1),
+        SmallDisk::with_room(0),
+    );
+    let (mut drain, _notes) = drain(
+        reader,
+        samples.clone(),
+        events.clone(),
+        WriterSettings::default(),
+    );
+    push(&mut recorder, 0..10);
+    recorder.event(Event {
+        tick: 1,
+        time: 0.0,
+        clock_ns: 1,
+        kind: EventKind::Started,
+    });
+    drain.turn(at(50 * MS));
+    let recorded = drain.finish(at(60 * MS));
+    assert_eq!(numbers(&samples.bytes()), (vec![0, 1], End::Clean));
+    assert_eq!((recorded.rows_written, recorded.rows_lost_file), (2, 8));
+    assert_eq!(recorded.events_written, 0);
+    assert!(
+        recorded.events_lost >= 3,
+        "started, write_failed, rows_lost: {}",
+        recorded.events_lost
+    );
+}
+
+#[test]
+fn progress_shows_the_latest_row_and_the_counts() {
+    let (mut recorder, reader) = small(64);
+    let (mut drain, _notes) = drain(reader, Vec::new(), Vec::new(), WriterSettings::default());
+    push(&mut recorder, 0..5);
+    recorder.event(Event {
+        tick: 4,
+        time: 0.0,
+        clock_ns: 30 * MS,
+        kind: EventKind::Miss {
+            late_ns: 1,
+            stretched: 0,
+            cause: MissCause::LateReply,
+        },
+    });
+    drain.turn(at(30 * MS));
+    let progress = lock(&drain.progress).clone();
+    assert_eq!(progress.last_row, [4.0, 1.0]);
+    assert_eq!(
+        (progress.rows_written, progress.rows_lost, progress.events),
+        (5, 0, 1)
+    );
+    assert_eq!(progress.misses.late_reply, 1);
+}
+
+#[test]
+fn syncs_are_asked_for_at_most_once_per_period_and_only_if_something_was_written() {
+    let (mut recorder, reader) = small(64);
+    let (mut drain, _notes) = drain(reader, Vec::new(), Vec::new(), WriterSettings::default());
+    let mut asked = Vec::new();
+    for ms in (0..4000).step_by(20) {
+        if ms < 2000 {
+            push(&mut recorder, ms / 20..ms / 20 + 1);
+        }
+        let before = drain.synced_ns;
+        drain.turn(at(ms * MS));
+        if drain.synced_ns != before {
+            asked.push(ms);
+        }
+    }
+    assert_eq!(asked, [900, 1800, 2700]);
+}
+
+static TIME: AtomicU64 = AtomicU64::new(0);
+
+fn ticking() -> u64 {
+    TIME.fetch_add(MS, Ordering::Relaxed)
+}
+
+const TICKING: Clocks = Clocks {
+    monotonic_ns: ticking,
+    utc_ns: ticking,
+};
+
+#[test]
+fn end_to_end_every_row_and_event_is_in_the_files_after_finish() {
+    let folder = tempfile::tempdir().unwrap();
+    let open = |name: &str| {
+        let mut options = std::fs::OpenOptions::new();
+        options.create_new(true).append(true);
+        options.open(folder.path().join(name)).unwrap()
+    };
+    let (mut recorder, reader) = ring(
+        2,
+        RingSize {
+            rows: 100,
+            events: 8,
+        },
+        WhenFull::Wait,
+    )
+    .unwrap();
+    let settings = WriterSettings {
+        real_clock: false,
+        ..WriterSettings::default()
+    };
+    let (samples, events) = (open("samples.bin"), open("events.jsonl"));
+    let writer = Writer::spawn(reader, samples, events, None, TICKING, settings).unwrap();
+    writer.note(Note::new(NoteLevel::Info, "granted").with("policy", "fifo"));
+    let count = 20_000;
+    let pushed = std::thread::spawn(move || {
+        let pushed = push(&mut recorder, 0..count);
+        recorder.event(Event {
+            tick: count,
+            time: 1.0,
+            clock_ns: 5,
+            kind: EventKind::Ended,
+        });
+        pushed as u64
+    });
+    assert_eq!(pushed.join().unwrap(), count);
+    let recorded = writer.finish().unwrap();
+    assert_eq!((recorded.rows_written, recorded.rows_lost()), (count, 0));
+    assert_eq!(
+        (
+            recorded.events_written,
+            recorded.events_lost,
+            recorded.sync_failures
+        ),
+        (2, 0, 0)
+    );
+    let bytes = std::fs::read(folder.path().join("samples.bin")).unwrap();
+    assert_eq!(numbers(&bytes), ((0..count).collect(), End::Clean));
+    let text = std::fs::read_to_string(folder.path().join("events.jsonl")).unwrap();
+    let lines: Vec<Value> = text
+        .lines()
+        .map(|l| serde_json::from_str(l).unwrap())
+        .collect();
+    assert_eq!(
+        (&lines[0]["event"], &lines[0]["policy"]),
+        (&"granted".into(), &"fifo".into())
+    );
+    assert_eq!(
+        (&lines[1]["event"], &lines[1]["clock_ns"]),
+        (&"ended".into(), &5.into())
+    );
+}
+
+#[test]
+fn a_writer_that_is_dropped_finishes_its_files() {
+    let (mut recorder, reader) = small(64);
+    let disk = SmallDisk::with_room(1 << 20);
+    let settings = WriterSettings::default();
+    let writer = Writer::spawn(reader, disk.clone(), Vec::new(), None, TICKING, settings).unwrap();
+    push(&mut recorder, 0..5);
+    drop(writer);
+    assert_eq!(numbers(&disk.bytes()).0.len(), 5);
+}
