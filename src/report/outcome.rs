@@ -89,7 +89,9 @@ pub(super) fn verdict(run: &RunData) -> Verdict {
     if let Some(stretched) = number(run, "stretched_ticks").filter(|&n| n > 0.0) {
         tone = worse(tone);
         let ticks = plural(stretched as u64, "tick", "ticks");
-        sentences.push(format!("The grid was stretched by {ticks}: the specimen saw slower time there, and no step was left out."));
+        sentences.push(format!(
+            "The grid was stretched by {ticks}: the specimen saw slower time."
+        ));
     }
     sentences.extend(granted(run));
     let warnings = at(run, "warnings")
@@ -201,17 +203,21 @@ fn misses(run: &RunData) -> (u64, Option<String>) {
         .filter(|(_, n)| **n > 0)
         .map(|(class, n)| format!("{}: {}", class_words(class), count(*n)))
         .collect();
-    let ours = classes.get("ours").copied().unwrap_or(0);
+    // Only where every miss has a class can it be said that none was our own.
+    let others: u64 = ["preempted", "taken_away", "late_reply"]
+        .iter()
+        .filter_map(|class| classes.get(*class))
+        .sum();
     let mut sentence = format!("{} missed", plural(total, "deadline was", "deadlines were"));
     if !list.is_empty() {
         sentence += &format!(" ({})", list.join(", "));
-        sentence += if ours == 0 {
-            ", none of them by this program's own fault"
+        sentence += if others == total {
+            ", none by this program's own fault"
         } else {
             ""
         };
     }
-    (total, Some(sentence + "; no step was left out."))
+    (total, Some(sentence + "."))
 }
 
 fn class_words(class: &str) -> String {
@@ -332,7 +338,7 @@ mod tests {
             "deadlines were missed",
             "thread switched away: 1",
             "hypervisor or interrupt: 2",
-            "none of them by this program's own fault",
+            "none by this program's own fault",
             "ROWS LOST: 7",
             "stretched by 1\u{a0}tick",
             "Granted by the operating system: real-time priority.",
@@ -341,6 +347,29 @@ mod tests {
         ] {
             assert!(all.contains(part), "{part} is missing in:\n{all}");
         }
+    }
+
+    #[test]
+    fn a_miss_without_a_class_is_not_excused() {
+        let miss = |class: Value| json!({"event": "miss", "class": class});
+        let v = of(
+            json!({"status": "completed", "deadline_misses": 2}),
+            vec![miss(json!("preempted")), miss(Value::Null)],
+        );
+        let all = v.sentences.join("\n");
+        assert!(
+            all.contains("class not recorded: 1") && !all.contains("own fault"),
+            "{all}"
+        );
+        let v = of(
+            json!({"status": "completed", "deadline_misses": 2, "miss_classes": {"ours": 1, "preempted": 1}}),
+            vec![],
+        );
+        let all = v.sentences.join("\n");
+        assert!(
+            all.contains("own computation: 1") && !all.contains("own fault"),
+            "{all}"
+        );
     }
 
     #[test]

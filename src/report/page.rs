@@ -32,11 +32,13 @@ pub fn render(run: &RunData) -> String {
     body += &tiles(run, &rows, &axes, &timings);
     body += "</header>\n<main>\n";
     let facts = tested::facts(run, configuration.as_ref());
-    let recorded = format!(
-        "{} rows, {} of them while the test was running",
-        count(rows.recorded() as u64),
-        count(rows.running() as u64)
-    );
+    let whole = match rows.is_gapless() {
+        Some(true) => "; no step is missing between the first and the last",
+        Some(false) => "; STEPS ARE MISSING between the first and the last",
+        None => "",
+    };
+    let (all, running) = (count(rows.recorded() as u64), count(rows.running() as u64));
+    let recorded = format!("{all} rows, {running} of them while the test was running{whole}");
     let facts = [facts, vec![("Recorded".to_owned(), recorded)]].concat();
     body += &section("What was tested", &definitions(&facts));
     let parts = [

@@ -128,6 +128,16 @@ impl<'a> Rows<'a> {
         axes
     }
 
+    /// True if the recorded steps run from the first to the last without a hole; none without a column of steps.
+    pub fn is_gapless(&self) -> Option<bool> {
+        let steps = self.get("step").filter(|steps| !steps.is_empty())?;
+        Some(
+            steps
+                .windows(2)
+                .all(|pair| pair[1] == pair[0] || pair[1] == pair[0] + 1.0),
+        )
+    }
+
     /// Mean interval of the running rows in s; none without two rows of rising time.
     pub fn interval(&self) -> Option<f64> {
         let time = self.get("time")?;
@@ -180,6 +190,15 @@ mod tests {
             }
         );
         assert_eq!(rows.all("x2").unwrap().len(), 4);
+    }
+
+    #[test]
+    fn a_hole_in_the_steps_is_seen_and_sub_ticks_are_none() {
+        let gapless = |steps: Vec<f64>| Rows::new(&run(&["step"], vec![steps])).is_gapless();
+        assert_eq!(gapless(vec![4.0, 5.0, 5.0, 6.0]), Some(true));
+        assert_eq!(gapless(vec![4.0, 6.0]), Some(false));
+        assert_eq!(gapless(vec![4.0, 3.0]), Some(false));
+        assert_eq!(gapless(vec![]), None);
     }
 
     #[test]

@@ -266,7 +266,7 @@ fn listed(axes: &[Tracking<'_>]) -> String {
         &rows,
     ) + &note(
         "Absorbed energy: ∮ force d(measured displacement), dissipated and what is stored at the end. Lag: measured behind \
-             command in test time, from the largest cross-correlation, refined by a parabola; positive means later. \
+             command in test time, from the largest cross-correlation, refined by a parabola; positive means later (a test of more than 100 000 samples: of their middle). \
              NRMSE: root mean square of measured − command over root mean square of the command.",
     )
 }
