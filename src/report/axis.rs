@@ -1,0 +1,248 @@
+//! One axis of a picture: its range, where a value falls on it, where its ticks stand.
+//!
+//! Invariant: `lo < hi`, both finite, and for a logarithmic axis both positive; so [`Axis::place`] never
+//! divides by zero. Numbers too large to take differences of are treated like NaN: they are gaps.
+
+use super::text::{fixed, micros};
+
+/// Numbers beyond this are not drawn: a diverged test reaches them, and their differences overflow.
+const LARGEST: f64 = 1e290;
+
+/// True if `value` can be drawn.
+pub(super) fn is_drawable(value: f64) -> bool {
+    value.abs() < LARGEST
+}
+
+/// A linear or logarithmic range.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Axis {
+    lo: f64,
+    hi: f64,
+    log: bool,
+}
+
+/// One tick mark.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Tick {
+    /// Value in the units of the axis.
+    pub at: f64,
+    /// Text; empty for a minor tick.
+    pub label: String,
+}
+
+impl Axis {
+    /// From `lo` to `hi` and no further; none if there is nothing to show.
+    pub fn exactly(lo: f64, hi: f64) -> Option<Self> {
+        if !(is_drawable(lo) && is_drawable(hi) && lo <= hi) {
+            return None;
+        }
+        let size = lo.abs().max(hi.abs());
+        // Ticks closer than a billionth of the numbers themselves could not be labelled.
+        if hi - lo > 1e-9 * size {
+            return Some(Self { lo, hi, log: false });
+        }
+        let pad = if size > 0.0 { 0.05 * size } else { 1.0 };
+        Some(Self {
+            lo: lo - pad,
+            hi: hi + pad,
+            log: false,
+        })
+    }
+
+    /// Over all drawable `values`, with a little air at both ends.
+    pub fn around(values: impl Iterator<Item = f64>) -> Option<Self> {
+        let (lo, hi) = extent(values)?;
+        let Self { lo, hi, log } = Self::exactly(lo, hi)?;
+        let air = 0.06 * (hi - lo);
+        Some(Self {
+            lo: lo - air,
+            hi: hi + air,
+            log,
+        })
+    }
+
+    /// A logarithmic axis from `lo` to `hi`.
+    pub fn logarithmic(lo: f64, hi: f64) -> Option<Self> {
+        (lo > 0.0 && hi < LARGEST && lo < hi).then_some(Self { lo, hi, log: true })
+    }
+
+    /// A logarithmic axis over all positive `values`, with a little air.
+    pub fn logarithmic_around(values: impl Iterator<Item = f64>) -> Option<Self> {
+        let (lo, hi) = extent(values.filter(|&v| v > 0.0))?;
+        Self::logarithmic(lo / 1.5, hi * 2.0)
+    }
+
+    /// Lower end.
+    pub const fn lo(&self) -> f64 {
+        self.lo
+    }
+
+    /// Upper end.
+    pub const fn hi(&self) -> f64 {
+        self.hi
+    }
+
+    /// Where `value` falls: 0 at the lower end, 1 at the upper; what lies outside stops at the end.
+    pub fn place(&self, value: f64) -> f64 {
+        let share = if self.log {
+            let (lo, hi) = (libm::log10(self.lo), libm::log10(self.hi));
+            (libm::log10(value.max(self.lo)) - lo) / (hi - lo)
+        } else {
+            (value - self.lo) / (self.hi - self.lo)
+        };
+        share.clamp(0.0, 1.0)
+    }
+
+    /// True if `value` lies on the axis.
+    pub fn holds(&self, value: f64) -> bool {
+        value >= self.lo && value <= self.hi
+    }
+
+    /// About `about` ticks at 1, 2 or 5 times a power of ten, labelled in units of `factor`.
+    pub fn ticks(&self, about: usize, factor: f64) -> Vec<Tick> {
+        let (lo, hi) = (self.lo / factor, self.hi / factor);
+        let step = round_step((hi - lo) / about.max(1) as f64);
+        let decimals = (-libm::floor(libm::log10(step) + 1e-9)).clamp(0.0, 12.0) as usize;
+        let first = (lo / step).ceil();
+        (0..4 * about.max(1))
+            .map(|k| (first + k as f64) * step)
+            .take_while(|at| *at <= hi + 1e-4 * (hi - lo))
+            .map(|at| Tick {
+                at: at * factor,
+                label: fixed(at, decimals),
+            })
+            .collect()
+    }
+
+    /// Ticks of a logarithmic axis: decades labelled by `label`, the numbers between them unlabelled.
+    pub fn decades(&self, label: impl Fn(i32) -> String) -> Vec<Tick> {
+        let first = libm::floor(libm::log10(self.lo)) as i32;
+        let last = libm::ceil(libm::log10(self.hi)) as i32;
+        let every = ((last - first) / 9).max(0) + 1;
+        let mut ticks = Vec::new();
+        for decade in first..=last.min(first + 600) {
+            for digit in 1..10 {
+                let at = f64::from(digit) * libm::pow(10.0, f64::from(decade));
+                if self.holds(at) {
+                    let is_named = digit == 1 && (decade - first) % every == 0;
+                    ticks.push(Tick {
+                        at,
+                        label: if is_named {
+                            label(decade)
+                        } else {
+                            String::new()
+                        },
+                    });
+                }
+            }
+        }
+        ticks
+    }
+}
+
+/// Smallest and largest drawable value.
+pub(super) fn extent(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
+    values
+        .filter(|&v| is_drawable(v))
+        .fold(None, |found, v| match found {
+            None => Some((v, v)),
+            Some((lo, hi)) => Some((v.min(lo), v.max(hi))),
+        })
+}
+
+/// "10 µs" for the decade of a time axis in µs.
+pub(super) fn micros_decade(exponent: i32) -> String {
+    micros(libm::pow(10.0, f64::from(exponent)))
+        .replace(".00", "")
+        .replace("10.0", "10")
+}
+
+/// "1", "10 k" for the decade of a count.
+pub(super) fn count_decade(exponent: i32) -> String {
+    let zeros = "0".repeat(exponent.rem_euclid(3) as usize);
+    match exponent {
+        0..=2 => format!("1{zeros}"),
+        3..=5 => format!("1{zeros}\u{a0}k"),
+        6..=8 => format!("1{zeros}\u{a0}M"),
+        _ => format!("1e{exponent}"),
+    }
+}
+
+fn round_step(raw: f64) -> f64 {
+    if !(raw > 0.0 && raw.is_finite()) {
+        return 1.0;
+    }
+    let decade = libm::pow(10.0, libm::floor(libm::log10(raw)));
+    let digit = match raw / decade {
+        d if d <= 1.5 => 1.0,
+        d if d <= 3.2 => 2.0,
+        d if d <= 7.5 => 5.0,
+        _ => 10.0,
+    };
+    let step = digit * decade;
+    if step > 0.0 && step.is_finite() {
+        step
+    } else {
+        raw
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn ticks_are_round_numbers_in_the_shown_unit() {
+        let axis = Axis::exactly(-0.013, 0.021).unwrap();
+        let labels: Vec<_> = axis.ticks(4, 1e-3).into_iter().map(|t| t.label).collect();
+        assert_eq!(labels, ["−10", "0", "10", "20"]);
+        let axis = Axis::exactly(0.0, 0.9).unwrap();
+        let labels: Vec<_> = axis.ticks(4, 1.0).into_iter().map(|t| t.label).collect();
+        assert_eq!(labels, ["0.0", "0.2", "0.4", "0.6", "0.8"]);
+        // A record of whole seconds ends one sample before the last of them.
+        let axis = Axis::exactly(0.0, 39.999).unwrap();
+        assert_eq!(axis.ticks(4, 1.0).last().unwrap().label, "40");
+    }
+
+    #[test]
+    fn constant_data_still_have_a_range_and_empty_data_have_none() {
+        let axis = Axis::around([3.0, 3.0].into_iter()).unwrap();
+        assert!(axis.lo() < 3.0 && axis.hi() > 3.0);
+        assert!(Axis::around([0.0].into_iter()).is_some());
+        assert_eq!(Axis::around([f64::NAN, f64::INFINITY].into_iter()), None);
+        assert_eq!(Axis::logarithmic_around([0.0, -1.0].into_iter()), None);
+    }
+
+    #[test]
+    fn decades_are_named_as_durations_and_counts() {
+        let names: Vec<_> = (-3..5).map(micros_decade).collect();
+        let plain: Vec<_> = names.iter().map(|n| n.replace('\u{a0}', " ")).collect();
+        assert_eq!(
+            plain,
+            [
+                "1 ns", "10 ns", "100 ns", "1 µs", "10 µs", "100 µs", "1 ms", "10 ms"
+            ]
+        );
+        assert_eq!(count_decade(4), "10\u{a0}k");
+        let axis = Axis::logarithmic(0.5, 200.0).unwrap();
+        let named = axis
+            .decades(count_decade)
+            .into_iter()
+            .filter(|t| !t.label.is_empty())
+            .count();
+        assert_eq!(named, 3);
+    }
+
+    proptest! {
+        #[test]
+        fn every_axis_has_few_ticks_inside_its_range(a in -1e200f64..1e200, b in -1e200f64..1e200, about in 2usize..9) {
+            let axis = Axis::around([a, b].into_iter()).unwrap();
+            let ticks = axis.ticks(about, 1.0);
+            prop_assert!(ticks.len() <= 4 * about);
+            for tick in ticks {
+                prop_assert!((-1e-6..=1.000_2).contains(&((tick.at - axis.lo()) / (axis.hi() - axis.lo()))));
+            }
+        }
+    }
+}

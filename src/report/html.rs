@@ -1,0 +1,71 @@
+//! The few pieces of HTML that the page is made of.
+//!
+//! Invariant: every argument called text is escaped here and nowhere else; every argument called markup is taken as it
+//! is and must have been made by this module or by a picture.
+
+use super::canvas::{Skin, picture};
+use super::charts::Area;
+use super::text::escape;
+
+pub(super) use super::canvas::Canvas;
+
+/// A section with its heading.
+pub(super) fn section(heading: &str, markup: &str) -> String {
+    format!(
+        "<section>\n<h2>{}</h2>\n{markup}</section>\n",
+        escape(heading)
+    )
+}
+
+/// A paragraph of text.
+pub(super) fn paragraph(text: &str) -> String {
+    format!("<p>{}</p>\n", escape(text))
+}
+
+/// A small paragraph of text: how to read what stands above it.
+pub(super) fn note(text: &str) -> String {
+    format!("<p class=\"note\">{}</p>\n", escape(text))
+}
+
+/// A table: a heading of texts, rows of texts. The first column holds names, the others numbers.
+pub(super) fn table(heading: &[&str], rows: &[Vec<String>]) -> String {
+    let mut out = String::from("<div class=\"wide\"><table>\n<thead><tr>");
+    for cell in heading {
+        out += &format!("<th>{}</th>", escape(cell));
+    }
+    out += "</tr></thead>\n<tbody>\n";
+    for row in rows {
+        out += "<tr>";
+        for cell in row {
+            out += &format!("<td>{}</td>", escape(cell));
+        }
+        out += "</tr>\n";
+    }
+    out + "</tbody></table></div>\n"
+}
+
+/// Names and what they mean, as texts.
+pub(super) fn definitions(pairs: &[(String, String)]) -> String {
+    let rows = pairs
+        .iter()
+        .map(|(name, text)| format!("<dt>{}</dt><dd>{}</dd>\n", escape(name), escape(text)));
+    format!("<dl>\n{}</dl>\n", rows.collect::<String>())
+}
+
+/// A picture of the page; `label` is the text that a screen reader says.
+pub(super) fn figure(
+    width: f64,
+    height: f64,
+    label: &str,
+    draw: impl FnOnce(&mut Canvas<'_>, Area),
+) -> String {
+    let svg = picture(width, height, Skin::Page, label, |canvas| {
+        draw(canvas, Area::whole(width, height))
+    });
+    format!("<figure>{svg}</figure>\n")
+}
+
+/// Figures side by side where the page is wide enough; `class` sets the shares of the columns.
+pub(super) fn beside(class: &str, markup: &str) -> String {
+    format!("<div class=\"{class}\">\n{markup}</div>\n")
+}

@@ -1,0 +1,269 @@
+//! Sections on the loop itself: timing histograms, lateness over test time, and what happened.
+
+use serde_json::Value;
+
+use super::RunData;
+use super::bars::HistogramChart;
+use super::canvas::Ink;
+use super::charts::Quantity;
+use super::histogram::{self, Timing, words};
+use super::html::{beside, figure, note, paragraph, section, table};
+use super::lines::{Line, Reduce, TimeChart};
+use super::outcome;
+use super::rows::Rows;
+use super::text::{NOTHING, count, micros, plural, quantity, shortened};
+
+/// Events that are listed one by one.
+const MOST_EVENTS: usize = 200;
+/// Histograms that are drawn.
+const MOST_HISTOGRAMS: usize = 12;
+
+/// Timing quantities of the run: from `timing.json`, else from the summary.
+pub(super) fn timings(run: &RunData) -> Vec<Timing> {
+    let own = run.timing.as_ref().map(histogram::read).unwrap_or_default();
+    if own.is_empty() {
+        outcome::at(run, "timing")
+            .map(histogram::read)
+            .unwrap_or_default()
+    } else {
+        own
+    }
+}
+
+/// Histograms, their percentiles and lateness over test time.
+pub(super) fn timing(run: &RunData, rows: &Rows<'_>, timings: &[Timing]) -> String {
+    let heading = "Timing";
+    if outcome::text(run, "clock") == Some("simulated") {
+        return section(
+            heading,
+            &paragraph(
+                "This run used the simulated clock, on which nothing is ever late; there is no timing to show.",
+            ),
+        );
+    }
+    let mut markup = String::new();
+    if timings.iter().all(|t| t.percentiles.count == 0) {
+        markup += &paragraph("No timing was recorded for this run.");
+    } else {
+        markup += &percentiles(timings);
+        let period = period_us(run);
+        let drawn: Vec<_> = timings
+            .iter()
+            .filter(|t| t.percentiles.count > 0 && !t.histogram.is_empty())
+            .take(MOST_HISTOGRAMS)
+            .collect();
+        let mut figures = String::new();
+        for (i, timing) in drawn.iter().enumerate() {
+            figures += &drawn_histogram(timing, period, i);
+        }
+        if drawn.is_empty() {
+            markup += &note(
+                "The counts behind these percentiles were not kept, so no histogram is drawn.",
+            );
+        } else {
+            markup += &beside("grid", &figures);
+        }
+    }
+    section(heading, &(markup + &over_time(run, rows)))
+}
+
+fn period_us(run: &RunData) -> Option<f64> {
+    let rate = outcome::number(run, "rate_hz").filter(|r| *r > 0.0 && r.is_finite())?;
+    Some(1e6 / rate)
+}
+
+fn drawn_histogram(timing: &Timing, period_us: Option<f64>, i: usize) -> String {
+    let (title, _) = words(&timing.key);
+    let is_miss = timing.key == "miss";
+    // A slack has no deadline, and a miss lies beyond it by definition.
+    let deadline_us = if is_miss || timing.key == "slack" {
+        None
+    } else {
+        period_us
+    };
+    let reached = timing
+        .percentiles
+        .max
+        .zip(deadline_us)
+        .is_some_and(|(max, deadline)| max > 0.05 * deadline);
+    let chart = HistogramChart {
+        title: &title,
+        histogram: &timing.histogram,
+        percentiles: &timing.percentiles,
+        deadline_us: deadline_us.filter(|_| reached),
+        ink: if is_miss {
+            Ink::Alarm
+        } else {
+            Ink::Series([2, 0, 1, 3][i % 4])
+        },
+    };
+    figure(
+        510.0,
+        300.0,
+        &format!("Histogram of {title}"),
+        |canvas, area| chart.draw(canvas, area),
+    )
+}
+
+fn percentiles(timings: &[Timing]) -> String {
+    let show = |v: Option<f64>| v.map_or_else(|| NOTHING.to_owned(), micros);
+    let rows = timings.iter().map(|timing| {
+        let (title, meaning) = words(&timing.key);
+        let p = &timing.percentiles;
+        let name = if meaning.is_empty() {
+            title
+        } else {
+            format!("{title}: {meaning}")
+        };
+        let mut row = vec![name, count(p.count)];
+        row.extend([p.min, p.p50, p.p90, p.p99, p.p99_9, p.max].map(show));
+        row
+    });
+    table(
+        &["", "count", "min", "p50", "p90", "p99", "p99.9", "max"],
+        &rows.collect::<Vec<_>>(),
+    )
+}
+
+fn over_time(run: &RunData, rows: &Rows<'_>) -> String {
+    let Some(time) = rows.get("time") else {
+        return String::new();
+    };
+    let named = [
+        ("wakeup_lateness_s", "wake-up lateness"),
+        ("round_trip_s", "round trip"),
+        ("compute_s", "compute"),
+        ("tick_time_s", "tick time"),
+    ];
+    let mut series = Vec::new();
+    for (i, (column, name)) in named.into_iter().enumerate() {
+        let is_positive = |values: &[f64]| values.iter().any(|v| *v > 0.0);
+        if let Some(values) = rows.filled(column).filter(|values| is_positive(values)) {
+            series.push((name, values, Ink::Series([2, 1, 0, 3][i])));
+        }
+    }
+    if series.is_empty() {
+        return String::new();
+    }
+    let lines: Vec<_> = series
+        .iter()
+        .map(|(name, y, ink)| Line {
+            name,
+            x: &time,
+            y,
+            ink: *ink,
+            width: 1.1,
+        })
+        .collect();
+    let when = |event: &Value| event.get("time").and_then(Value::as_f64);
+    let mut marks: Vec<f64> = run
+        .events
+        .iter()
+        .filter(|e| outcome::is_miss(e))
+        .filter_map(when)
+        .collect();
+    marks.sort_by(f64::total_cmp);
+    let up = Quantity {
+        words: "time, logarithmic",
+        unit: "s",
+    };
+    let title = "Over test time: the highest value in each column of the picture";
+    let chart = TimeChart {
+        title,
+        up,
+        lines: &lines,
+        marks: &marks,
+        reduce: Reduce::Highest,
+        named_time: true,
+    };
+    let mut markup = figure(1040.0, 280.0, "Lateness over test time", |canvas, area| {
+        chart.draw(canvas, area)
+    });
+    if !marks.is_empty() {
+        markup += &note("Red strokes at the top mark deadline misses.");
+    }
+    markup
+}
+
+/// The table of events.
+pub(super) fn events(run: &RunData) -> String {
+    let heading = "Events";
+    if run.events.is_empty() {
+        return section(heading, &paragraph("No events were recorded."));
+    }
+    let rows: Vec<_> = run.events.iter().take(MOST_EVENTS).map(event).collect();
+    let mut markup = table(
+        &["event", "tick", "test time", "wall time (UTC)", "details"],
+        &rows,
+    );
+    if let Some(more) = run.events.len().checked_sub(MOST_EVENTS).filter(|&n| n > 0) {
+        markup += &note(&format!(
+            "{} stand in events.jsonl; the first {MOST_EVENTS} are listed.",
+            plural(more as u64, "further event", "further events")
+        ));
+    }
+    section(heading, &beside("events", &markup))
+}
+
+fn event(event: &Value) -> Vec<String> {
+    let Some(map) = event.as_object() else {
+        return vec![
+            shortened(&event.to_string(), 200),
+            String::new(),
+            String::new(),
+            String::new(),
+            String::new(),
+        ];
+    };
+    let plain = |value: &Value| match value {
+        Value::String(text) => text.clone(),
+        Value::Null => NOTHING.to_owned(),
+        other => other.to_string(),
+    };
+    let name = map
+        .get("event")
+        .or_else(|| map.get("kind"))
+        .map_or_else(|| NOTHING.to_owned(), plain);
+    let tick = map
+        .get("tick")
+        .and_then(Value::as_u64)
+        .map_or_else(|| NOTHING.to_owned(), count);
+    let time = map
+        .get("time")
+        .and_then(Value::as_f64)
+        .map_or_else(|| NOTHING.to_owned(), |t| format!("{t:.4}\u{a0}s"));
+    let wall = map
+        .get("wall")
+        .map_or_else(|| NOTHING.to_owned(), |w| clock_time(&plain(w)));
+    let known = ["event", "kind", "tick", "time", "wall", "clock_ns"];
+    let details = map
+        .iter()
+        .filter(|(key, _)| !known.contains(&key.as_str()))
+        .map(
+            |(key, value)| match (key.strip_suffix("_ns"), value.as_f64()) {
+                (Some(key), Some(ns)) => {
+                    format!("{} {}", key.replace('_', " "), quantity(ns * 1e-9, "s"))
+                }
+                _ => format!("{} {}", key.replace('_', " "), plain(value)),
+            },
+        );
+    let details = details.collect::<Vec<_>>().join(", ");
+    vec![
+        name.replace('_', " "),
+        tick,
+        time,
+        wall,
+        shortened(&details, 300),
+    ]
+}
+
+/// RFC 3339 without date's "T" and "Z" and without digits below the microsecond.
+fn clock_time(wall: &str) -> String {
+    let text = wall.trim_end_matches('Z').replacen('T', " ", 1);
+    match text.split_once('.') {
+        Some((whole, fraction)) => {
+            format!("{whole}.{}", fraction.chars().take(6).collect::<String>())
+        }
+        None => text,
+    }
+}

@@ -1,0 +1,425 @@
+//! Numbers read off recorded columns: stiffness, lag, tracking error, peaks, energy.
+//!
+//! Pure functions over slices of equal length; a longer slice is cut to the shorter. A NaN is a missing sample and
+//! takes no part. Each returns `None` where the number does not exist (no data, no motion) instead of a NaN.
+//! Nothing here knows of columns, units or pictures.
+
+/// Largest magnitude of a series, with its sign.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Peak {
+    /// Sample at which it is first reached.
+    pub index: usize,
+    /// The value there.
+    pub value: f64,
+}
+
+/// The sample of largest magnitude.
+#[must_use]
+pub fn peak(values: &[f64]) -> Option<Peak> {
+    let mut best: Option<Peak> = None;
+    for (index, &value) in values.iter().enumerate() {
+        if value.is_finite() && best.is_none_or(|b| value.abs() > b.value.abs()) {
+            best = Some(Peak { index, value });
+        }
+    }
+    best
+}
+
+/// Mean of the last `samples` finite values: what is left when the shaking is over.
+#[must_use]
+pub fn residual(values: &[f64], samples: usize) -> Option<f64> {
+    let tail = values
+        .iter()
+        .rev()
+        .copied()
+        .filter(|v| v.is_finite())
+        .take(samples.max(1));
+    let (sum, n) = tail.fold((0.0, 0.0), |(sum, n), v| (sum + v, n + 1.0));
+    (n > 0.0).then(|| sum / n)
+}
+
+/// Energy that went into the specimen, ∮ f dd in J, by the trapezoidal rule: dissipated, and what is stored at the end.
+///
+/// Over whole cycles of a specimen that returns to its start it is the dissipated energy. A step with a
+/// missing sample on either side is left out.
+#[must_use]
+pub fn absorbed_energy(disp: &[f64], force: &[f64]) -> Option<f64> {
+    let mut sum = 0.0;
+    let mut steps = 0usize;
+    for (d, f) in disp.windows(2).zip(force.windows(2)) {
+        let work = 0.5 * (f[0] + f[1]) * (d[1] - d[0]);
+        if work.is_finite() {
+            sum += work;
+            steps += 1;
+        }
+    }
+    (steps > 0).then_some(sum)
+}
+
+/// What a prescribed displacement shows of a specimen: f ≈ k̂·d + ĉ·ḋ + f₀.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Identified {
+    /// k̂ in N/m.
+    pub stiffness: f64,
+    /// ĉ in N s/m; none where displacement and velocity cannot be told apart.
+    pub damping: Option<f64>,
+    /// f₀ in N.
+    pub offset: f64,
+    /// Share of the force's variance that the line does not explain, 0 … 1.
+    pub unexplained: f64,
+}
+
+/// Least squares of `force` (N) on measured `disp` (m) and on its velocity by central differences, `dt` in s.
+///
+/// k̂ of a specimen that yields is a secant over all of the test: give the part before yielding for its initial stiffness
+/// ([`loading`]).
+#[must_use]
+pub fn identify(disp: &[f64], force: &[f64], dt: f64) -> Option<Identified> {
+    if !(dt > 0.0 && dt.is_finite()) {
+        return None;
+    }
+    let samples = || {
+        disp.windows(3)
+            .zip(force.iter().skip(1))
+            .filter_map(|(d, &f)| {
+                let vel = (d[2] - d[0]) / (2.0 * dt);
+                (d[1].is_finite() && vel.is_finite() && f.is_finite()).then_some([d[1], vel, f])
+            })
+    };
+    let mut sum = [0.0; 3];
+    let mut n = 0.0;
+    for sample in samples() {
+        for (total, value) in sum.iter_mut().zip(sample) {
+            *total += value;
+        }
+        n += 1.0;
+    }
+    if n < 3.0 {
+        return None;
+    }
+    let mean = sum.map(|total| total / n);
+    // Second moments about the mean: well conditioned where raw normal equations are not.
+    let (mut dd, mut dv, mut vv, mut df, mut vf, mut ff) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+    for [d, v, f] in samples() {
+        let (d, v, f) = (d - mean[0], v - mean[1], f - mean[2]);
+        dd += d * d;
+        dv += d * v;
+        vv += v * v;
+        df += d * f;
+        vf += v * f;
+        ff += f * f;
+    }
+    let rounding = 1e-12 * mean[0] * mean[0] * n;
+    if !(dd > rounding && dd.is_finite() && df.is_finite()) {
+        return None;
+    }
+    let determinant = dd * vv - dv * dv;
+    // Differences of a steady ramp scatter by rounding alone, which says nothing of damping.
+    let scatter = 1e-13 * (mean[0].abs() + (dd / n).sqrt()) / dt;
+    let is_moving_freely = vv > n * scatter * scatter && determinant > 1e-6 * dd * vv;
+    let (stiffness, damping) = if is_moving_freely {
+        (
+            (df * vv - vf * dv) / determinant,
+            Some((vf * dd - df * dv) / determinant),
+        )
+    } else {
+        (df / dd, None)
+    };
+    let left = ff - stiffness * df - damping.unwrap_or(0.0) * vf;
+    let offset = mean[2] - stiffness * mean[0] - damping.unwrap_or(0.0) * mean[1];
+    (stiffness.is_finite() && offset.is_finite() && ff.is_finite()).then_some(Identified {
+        stiffness,
+        damping,
+        offset,
+        unexplained: if ff > 0.0 {
+            (left / ff).clamp(0.0, 1.0)
+        } else {
+            0.0
+        },
+    })
+}
+
+/// Number of leading samples before |`disp`| first exceeds `share` of its largest magnitude: the first loading.
+#[must_use]
+pub fn loading(disp: &[f64], share: f64) -> usize {
+    let Some(top) = peak(disp) else { return 0 };
+    let bound = share * top.value.abs();
+    disp.iter()
+        .position(|d| d.abs() > bound)
+        .unwrap_or(disp.len())
+}
+
+/// Delay of `measured` behind `command` in samples, with a fraction.
+///
+/// Positive means that the measured displacement comes later: measured(t) ≈ command(t − lag·dt). It is the place of the
+/// largest correlation coefficient over lags −`most` … `most` (at most a quarter of the data), refined by the parabola
+/// through it and its two neighbours. For a sine of ω rad per sample at a true fraction δ the parabola gives
+/// tan(ωδ)/(2 tan(ω/2)) in place of δ, an error of order ω²δ/12. None without motion, or when the largest correlation
+/// lies at the end of the range, where it says nothing.
+#[must_use]
+pub fn lag(command: &[f64], measured: &[f64], most: usize) -> Option<f64> {
+    let n = command.len().min(measured.len());
+    let most = most.min(n / 4);
+    if most < 1 || n < 8 {
+        return None;
+    }
+    // The command's window is fixed, so its mean and norm are those of every lag; the measured one slides.
+    let (command, measured) = (filled(&command[..n])?, filled(&measured[..n])?);
+    let window = &command[most..n - most];
+    let length = window.len() as f64;
+    let mean = window.iter().sum::<f64>() / length;
+    let window: Vec<f64> = window.iter().map(|c| c - mean).collect();
+    let norm = window.iter().map(|c| c * c).sum::<f64>();
+    let base = measured.iter().sum::<f64>() / n as f64;
+    let measured: Vec<f64> = measured.iter().map(|m| m - base).collect();
+    let coefficient = |shift: usize| {
+        let (mut product, mut sum, mut square) = (0.0, 0.0, 0.0);
+        for (c, m) in window.iter().zip(&measured[shift..]) {
+            product += c * m;
+            sum += m;
+            square += m * m;
+        }
+        product / (norm * (square - sum * sum / length)).sqrt()
+    };
+    let table: Vec<f64> = (0..=2 * most).map(coefficient).collect();
+    let best = table
+        .iter()
+        .enumerate()
+        .filter(|(_, r)| r.is_finite())
+        .max_by(|a, b| a.1.total_cmp(b.1))?
+        .0;
+    if best == 0 || best == 2 * most {
+        return None;
+    }
+    let (before, here, after) = (table[best - 1], table[best], table[best + 1]);
+    let bend = before - 2.0 * here + after;
+    let fraction = if bend < 0.0 {
+        0.5 * (before - after) / bend
+    } else {
+        0.0
+    };
+    let whole = best as f64 - most as f64;
+    fraction
+        .is_finite()
+        .then_some(whole + fraction.clamp(-0.5, 0.5))
+}
+
+/// The series with gaps held at the last value; none without two finite samples.
+fn filled(values: &[f64]) -> Option<Vec<f64>> {
+    let mut held = values.iter().copied().find(|v| v.is_finite())?;
+    let out = values.iter().map(|&v| {
+        if v.is_finite() {
+            held = v;
+        }
+        held
+    });
+    Some(out.collect())
+}
+
+/// What the root mean square of the error is divided by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Denominator {
+    /// Root mean square of the command: √(Σ(m−c)² / Σc²).
+    CommandRms,
+    /// Range of the command, max − min.
+    CommandRange,
+}
+
+/// Normalised root mean square of `measured` − `command`, as a fraction.
+#[must_use]
+pub fn nrmse(command: &[f64], measured: &[f64], by: Denominator) -> Option<f64> {
+    let pairs = || {
+        command
+            .iter()
+            .zip(measured)
+            .filter(|(c, m)| c.is_finite() && m.is_finite())
+    };
+    let (mut error, mut square, mut n) = (0.0, 0.0, 0.0);
+    let (mut lo, mut hi) = (f64::INFINITY, f64::NEG_INFINITY);
+    for (&c, &m) in pairs() {
+        error += (m - c) * (m - c);
+        square += c * c;
+        lo = c.min(lo);
+        hi = c.max(hi);
+        n += 1.0;
+    }
+    let denominator: f64 = match by {
+        Denominator::CommandRms => (square / n).sqrt(),
+        Denominator::CommandRange => hi - lo,
+    };
+    let ratio = (error / n).sqrt() / denominator;
+    (denominator > 0.0 && ratio.is_finite()).then_some(ratio)
+}
+
+/// Largest |`measured` − `command`|.
+#[must_use]
+pub fn largest_error(command: &[f64], measured: &[f64]) -> Option<f64> {
+    let errors = command
+        .iter()
+        .zip(measured)
+        .map(|(c, m)| (m - c).abs())
+        .filter(|e| e.is_finite());
+    errors.fold(None, |worst, e| Some(worst.map_or(e, |w: f64| w.max(e))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::f64::consts::TAU;
+
+    const DT: f64 = 1.0 / 1024.0;
+
+    fn sampled(n: usize, f: impl Fn(f64) -> f64) -> Vec<f64> {
+        (0..n).map(|i| f(i as f64 * DT)).collect()
+    }
+
+    /// Many sines of fixed phases up to `top_hz`: noise that can be delayed by any fraction exactly.
+    fn noise(top_hz: f64, t: f64) -> f64 {
+        (1..60)
+            .map(|k| libm::sin(TAU * top_hz * f64::from(k) / 60.0 * t + 2.4 * f64::from(k * k)))
+            .sum()
+    }
+
+    #[test]
+    fn a_known_fractional_delay_of_a_sine_comes_back_with_the_sign_of_lag() {
+        // The parabola's own error, tan(ωδ)/(2 tan(ω/2)) − δ, is below ω²/24 + (ωδ)²δ/3 < 1e-4 samples at ω = 0.031; the window
+        // holds no whole number of cycles, and centring it costs about 1/(ω n) of that curvature: 1e-3 together.
+        let omega = TAU * 5.0;
+        for delay in [0.0, 0.3, 7.5, 12.25, -4.4] {
+            let command = sampled(8192, |t| libm::sin(omega * t));
+            let measured = sampled(8192, |t| 0.93 * libm::sin(omega * (t - delay * DT)) + 0.2);
+            let found = lag(&command, &measured, 60).unwrap();
+            assert!((found - delay).abs() < 5e-3, "{delay}: {found}");
+        }
+    }
+
+    #[test]
+    fn a_known_fractional_delay_of_a_sweep_and_of_noise_comes_back() {
+        // Band up to 20 Hz: ω < 0.123 rad/sample, the parabola's bias is below ω²/12 · ½ < 1e-3 samples.
+        for delay in [3.0, 8.4, 20.7] {
+            let sweep = |t: f64| libm::sin(TAU * (0.5 * t + 1.2 * t * t));
+            let hum = |t: f64| noise(20.0, t);
+            for signal in [&sweep as &dyn Fn(f64) -> f64, &hum] {
+                let command = sampled(8192, signal);
+                let measured = sampled(8192, |t| signal(t - delay * DT));
+                let found = lag(&command, &measured, 60).unwrap();
+                assert!((found - delay).abs() < 5e-3, "{delay}: {found}");
+            }
+        }
+    }
+
+    #[test]
+    fn lag_of_what_does_not_move_or_lies_outside_the_range_is_none() {
+        let wave = sampled(2048, |t| libm::sin(TAU * t));
+        assert_eq!(lag(&vec![1.0; 2048], &wave, 50), None);
+        assert_eq!(lag(&wave, &vec![0.0; 2048], 50), None);
+        assert_eq!(lag(&[], &[], 50), None);
+        assert_eq!(lag(&[f64::NAN; 64], &[f64::NAN; 64], 50), None);
+        let late = sampled(2048, |t| libm::sin(TAU * (t - 0.1)));
+        assert_eq!(lag(&wave, &late, 50), None);
+        assert!(lag(&wave, &late, 150).is_some());
+    }
+
+    #[test]
+    fn stiffness_and_damping_of_a_kelvin_element_are_identified() {
+        // Central differences of a 2 Hz sine are short by (ω dt)²/6 = 2.5e-5; k̂ is untouched by that.
+        let omega = TAU * 2.0;
+        let (k, c, f0) = (1.19e6, 114.22e2, -350.0);
+        let disp = sampled(4096, |t| 0.01 * libm::sin(omega * t));
+        let force = sampled(4096, |t| {
+            k * 0.01 * libm::sin(omega * t) + c * 0.01 * omega * libm::cos(omega * t) + f0
+        });
+        let found = identify(&disp, &force, DT).unwrap();
+        assert!((found.stiffness / k - 1.0).abs() < 1e-6);
+        assert!((found.damping.unwrap() / c - 1.0).abs() < 1e-4);
+        assert!((found.offset - f0).abs() < 1e-3);
+        assert!(found.unexplained < 1e-9);
+    }
+
+    #[test]
+    fn a_steady_ramp_gives_stiffness_but_no_damping() {
+        let disp = sampled(500, |t| 0.01 * t);
+        let force: Vec<_> = disp.iter().map(|d| 2e5 * d).collect();
+        let found = identify(&disp, &force, DT).unwrap();
+        assert!((found.stiffness / 2e5 - 1.0).abs() < 1e-9);
+        assert_eq!(found.damping, None);
+        assert_eq!(identify(&[0.3; 50], &[1.0; 50], DT), None);
+        assert_eq!(identify(&[], &[], DT), None);
+        assert_eq!(identify(&disp, &force, 0.0), None);
+    }
+
+    #[test]
+    fn first_loading_sees_the_initial_stiffness_of_a_yielding_specimen() {
+        let disp = sampled(1024, |t| 0.03 * libm::sin(TAU * t));
+        let force: Vec<_> = disp
+            .iter()
+            .map(|d: &f64| 1e6 * d.clamp(-0.01, 0.01))
+            .collect();
+        let part = loading(&disp, 0.2);
+        assert!(part > 10 && disp[part - 1] <= 0.006 && disp[part] > 0.006);
+        let initial = identify(&disp[..part], &force[..part], DT).unwrap();
+        assert!((initial.stiffness / 1e6 - 1.0).abs() < 1e-9);
+        assert!(identify(&disp, &force, DT).unwrap().stiffness < 0.6e6);
+        assert_eq!(loading(&[], 0.2), 0);
+    }
+
+    #[test]
+    fn energy_of_an_elliptic_loop_is_its_area() {
+        // f = k d + c ḋ over one cycle: π c ω A². The trapezoid of a smooth periodic function errs by (ω dt)²/6.
+        let (c, omega, a) = (500.0, TAU * 2.0, 0.01);
+        let disp = sampled(513, |t| a * libm::sin(omega * t));
+        let force = sampled(513, |t| {
+            1e5 * a * libm::sin(omega * t) + c * a * omega * libm::cos(omega * t)
+        });
+        let exact = TAU / 2.0 * c * omega * a * a;
+        assert!((absorbed_energy(&disp, &force).unwrap() / exact - 1.0).abs() < 1e-4);
+        assert_eq!(absorbed_energy(&[0.0], &[1.0]), None);
+    }
+
+    #[test]
+    fn tracking_error_of_a_gain_and_a_delay_has_its_closed_form() {
+        // |1 − g e^{−iωτ}| for a sine over whole cycles: gain 0.95, delay 3.1 ms, 2 Hz is the example 6.278 % of the field notes.
+        let omega = TAU * 2.0;
+        let command = sampled(8192, |t| libm::sin(omega * t));
+        let measured = sampled(8192, |t| 0.95 * libm::sin(omega * (t - 3.1e-3)));
+        let found = nrmse(&command, &measured, Denominator::CommandRms).unwrap();
+        assert!((found - 0.06278).abs() < 1e-5, "{found}");
+        let by_range = nrmse(&command, &measured, Denominator::CommandRange).unwrap();
+        assert!((by_range - found / (2.0 * 2f64.sqrt())).abs() < 1e-6);
+        assert_eq!(nrmse(&[0.0; 9], &[1.0; 9], Denominator::CommandRms), None);
+        assert_eq!(
+            largest_error(&[1.0, f64::NAN, 2.0], &[1.5, 3.0, 1.0]),
+            Some(1.0)
+        );
+    }
+
+    #[test]
+    fn peaks_and_residuals_pass_over_gaps() {
+        assert_eq!(
+            peak(&[1.0, f64::NAN, -3.0, 3.0]),
+            Some(Peak {
+                index: 2,
+                value: -3.0
+            })
+        );
+        assert_eq!(peak(&[f64::NAN]), None);
+        assert_eq!(residual(&[9.0, 1.0, f64::NAN, 3.0], 2), Some(2.0));
+        assert_eq!(residual(&[], 3), None);
+    }
+
+    proptest! {
+        #[test]
+        fn no_input_makes_a_metric_panic_or_return_nan(
+            a in prop::collection::vec(prop_oneof![8 => -1e6f64..1e6, 1 => Just(f64::NAN), 1 => Just(1e308)], 0..80),
+            b in prop::collection::vec(prop_oneof![8 => -1e6f64..1e6, 1 => Just(f64::INFINITY)], 0..80),
+        ) {
+            for value in [lag(&a, &b, 9), nrmse(&a, &b, Denominator::CommandRms), absorbed_energy(&a, &b), largest_error(&a, &b)] {
+                prop_assert!(value.is_none_or(|v| !v.is_nan()));
+            }
+            if let Some(found) = identify(&a, &b, DT) {
+                prop_assert!(!found.unexplained.is_nan());
+            }
+        }
+    }
+}

@@ -1,0 +1,398 @@
+//! What `summary.json` says about the end of a run, in plain words; and what can be said where it says nothing.
+//!
+//! Reads JSON by key and tolerates what it does not know: a report of an old or half-written folder is better than
+//! none. It never guesses: what is not there is said not to be there.
+
+use std::collections::BTreeMap;
+
+use serde_json::Value;
+
+use super::RunData;
+use super::text::{count, exact, plural, quantity};
+
+/// How good the news is; decides the colour of the banner.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Tone {
+    Good,
+    Warning,
+    Bad,
+}
+
+/// The verdict: one headline, then sentences. Plain text, not yet escaped.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Verdict {
+    pub tone: Tone,
+    pub headline: String,
+    pub sentences: Vec<String>,
+}
+
+/// A value of the summary at a dotted path.
+pub(super) fn at<'a>(run: &'a RunData, path: &str) -> Option<&'a Value> {
+    path.split('.')
+        .try_fold(run.summary.as_ref()?, |value, key| value.get(key))
+}
+
+/// Text of the summary at a path.
+pub(super) fn text<'a>(run: &'a RunData, path: &str) -> Option<&'a str> {
+    at(run, path)?.as_str()
+}
+
+/// Number of the summary at a path.
+pub(super) fn number(run: &RunData, path: &str) -> Option<f64> {
+    at(run, path)?.as_f64()
+}
+
+/// The verdict on `run`.
+pub(super) fn verdict(run: &RunData) -> Verdict {
+    let status = text(run, "status");
+    let (mut tone, headline) = match status {
+        _ if run.unfinished.is_some() => (
+            Tone::Bad,
+            "Unfinished: this run did not come to an orderly end",
+        ),
+        Some("completed") => (Tone::Good, "Completed: the test ran to its end"),
+        Some("interrupted") => (
+            Tone::Warning,
+            "Interrupted: the test was ended by the operator",
+        ),
+        Some("stopped") => (Tone::Bad, "Stopped: a limit or bound ended the test"),
+        Some("failed") => (Tone::Bad, "Failed: the test could not go on"),
+        Some(_) => (
+            Tone::Warning,
+            "Ended with a status that this report does not know",
+        ),
+        None => (Tone::Bad, "No summary: how this run ended is not recorded"),
+    };
+    let mut sentences = Vec::new();
+    if let Some(why) = &run.unfinished {
+        sentences.push(ended(why));
+    }
+    if let Some(reason) = text(run, "reason").filter(|r| !r.trim().is_empty()) {
+        sentences.push(ended(&format!("Reason: {reason}")));
+    }
+    if let (Some(status), Tone::Warning) = (status.filter(|s| *s != "interrupted"), tone) {
+        sentences.push(ended(&format!("Status: {status}")));
+    }
+    sentences.extend(extent(run));
+    if let Some(lost) = number(run, "rows_lost").filter(|&n| n > 0.0) {
+        tone = worse(tone);
+        sentences.push(format!(
+            "ROWS LOST: {} did not reach the disk; this record has gaps.",
+            count(lost as u64)
+        ));
+    }
+    let (misses, sentence) = misses(run);
+    if misses > 0 {
+        tone = worse(tone);
+    }
+    sentences.extend(sentence);
+    if let Some(stretched) = number(run, "stretched_ticks").filter(|&n| n > 0.0) {
+        tone = worse(tone);
+        let ticks = plural(stretched as u64, "tick", "ticks");
+        sentences.push(format!(
+            "The grid was stretched by {ticks}: the specimen saw slower time."
+        ));
+    }
+    sentences.extend(granted(run));
+    let warnings = at(run, "warnings")
+        .and_then(Value::as_array)
+        .into_iter()
+        .flatten();
+    sentences.extend(
+        warnings
+            .filter_map(Value::as_str)
+            .map(|w| ended(&format!("Warning: {w}"))),
+    );
+    Verdict {
+        tone,
+        headline: headline.to_owned(),
+        sentences,
+    }
+}
+
+const fn worse(tone: Tone) -> Tone {
+    match tone {
+        Tone::Good | Tone::Warning => Tone::Warning,
+        Tone::Bad => Tone::Bad,
+    }
+}
+
+/// A sentence with its full stop.
+fn ended(text: &str) -> String {
+    let text = text.trim();
+    let stop = if text.ends_with(['.', '!', '?']) {
+        ""
+    } else {
+        "."
+    };
+    let mut letters = text.chars();
+    letters.next().map_or_else(String::new, |first| {
+        format!("{}{}{stop}", first.to_uppercase(), letters.as_str())
+    })
+}
+
+fn extent(run: &RunData) -> Option<String> {
+    let steps = number(run, "steps")?;
+    let dt = number(run, "dt")?;
+    let mut sentence = format!(
+        "{} of {} each",
+        plural(steps as u64, "step", "steps"),
+        exact(dt, "s")
+    );
+    sentence += &format!(", {:.6} s of test time", steps * dt).replace(".000000", "");
+    match (text(run, "clock"), number(run, "wall_seconds")) {
+        (Some("simulated"), wall) => {
+            let took = wall.map_or_else(String::new, |w| format!(" in {}", quantity(w, "s")));
+            sentence += &format!(", on the simulated clock{took}: nothing here was in real time");
+        }
+        (_, Some(wall)) => sentence += &format!(", in {:.1} s of wall time", wall),
+        _ => {}
+    }
+    Some(sentence + ".")
+}
+
+/// Deadline misses by class, from the summary or, where it has none, counted from the events.
+pub(super) fn miss_classes(run: &RunData) -> BTreeMap<String, u64> {
+    for path in ["misses_by_class", "miss_classes", "deadline_misses"] {
+        if let Some(Value::Object(classes)) = at(run, path) {
+            let counts = classes
+                .iter()
+                .filter(|(class, _)| !matches!(class.as_str(), "total" | "count"));
+            return counts
+                .filter_map(|(class, n)| Some((class.clone(), n.as_u64()?)))
+                .collect();
+        }
+    }
+    let mut classes = BTreeMap::new();
+    for event in run.events.iter().filter(|e| is_miss(e)) {
+        let class = event
+            .get("class")
+            .or_else(|| event.get("cause"))
+            .and_then(Value::as_str);
+        *classes
+            .entry(class.unwrap_or("class not recorded").to_owned())
+            .or_insert(0) += 1;
+    }
+    classes
+}
+
+/// True for the record of a deadline miss.
+pub(super) fn is_miss(event: &Value) -> bool {
+    event
+        .get("event")
+        .or_else(|| event.get("kind"))
+        .and_then(Value::as_str)
+        == Some("miss")
+}
+
+/// Number of misses, and a sentence about them where anything is known.
+fn misses(run: &RunData) -> (u64, Option<String>) {
+    let classes = miss_classes(run);
+    let sum: u64 = classes.values().sum();
+    let stated =
+        at(run, "deadline_misses").and_then(|v| v.as_u64().or_else(|| v.get("total")?.as_u64()));
+    if text(run, "clock") == Some("simulated") {
+        return (stated.unwrap_or(0), None);
+    }
+    let total = stated.unwrap_or(sum);
+    if total == 0 {
+        return (0, stated.map(|_| "No deadline was missed.".to_owned()));
+    }
+    let list: Vec<_> = classes
+        .iter()
+        .filter(|(_, n)| **n > 0)
+        .map(|(class, n)| format!("{}: {}", class_words(class), count(*n)))
+        .collect();
+    // Only where every miss has a class can it be said that none was our own.
+    let others: u64 = ["preempted", "taken_away", "late_reply"]
+        .iter()
+        .filter_map(|class| classes.get(*class))
+        .sum();
+    let mut sentence = format!("{} missed", plural(total, "deadline was", "deadlines were"));
+    if !list.is_empty() {
+        sentence += &format!(" ({})", list.join(", "));
+        sentence += if others == total {
+            ", none by this program's own fault"
+        } else {
+            ""
+        };
+    }
+    (total, Some(sentence + "."))
+}
+
+fn class_words(class: &str) -> String {
+    match class {
+        "preempted" => "thread switched away".to_owned(),
+        "taken_away" => "processor taken away by hypervisor or interrupt".to_owned(),
+        "late_reply" => "late reply of a specimen".to_owned(),
+        "ours" => "own computation".to_owned(),
+        other => other.replace('_', " "),
+    }
+}
+
+fn feature_words(want: &str) -> String {
+    match want {
+        "affinity" => "a processor of its own",
+        "policy" => "real-time priority",
+        "lock_memory" => "locked memory",
+        "prefault" => "a touched stack",
+        "cpu_awake" => "processors held awake",
+        "timer_slack" => "exact timers",
+        "signals" => "signals kept off the loop",
+        other => return other.replace('_', " "),
+    }
+    .to_owned()
+}
+
+/// Sentences on what was asked of the operating system: what was granted, what was lacking and what to do about it.
+fn granted(run: &RunData) -> Vec<String> {
+    let Some(realtime) = at(run, "realtime") else {
+        return Vec::new();
+    };
+    let list = [
+        realtime.get("features"),
+        realtime.get("granted").and_then(|g| g.get("features")),
+        Some(realtime),
+    ];
+    let Some(features) = list.into_iter().flatten().find_map(Value::as_array) else {
+        return Vec::new();
+    };
+    let mut given = Vec::new();
+    let mut sentences = Vec::new();
+    for feature in features {
+        let word = |key: &str| {
+            feature
+                .get(key)
+                .and_then(Value::as_str)
+                .filter(|w| !w.is_empty())
+        };
+        let Some(name) = word("want").or_else(|| word("name")).map(feature_words) else {
+            continue;
+        };
+        if feature.get("granted").and_then(Value::as_bool) == Some(true) {
+            given.push(name);
+            continue;
+        }
+        let mut sentence = format!("Not granted: {name}");
+        if let Some(reason) = word("reason") {
+            sentence += &format!(" ({reason})");
+        }
+        if let Some(advice) = word("advice") {
+            sentence += &format!("; {advice}");
+        }
+        sentences.push(ended(&sentence));
+    }
+    if !given.is_empty() {
+        sentences.insert(
+            0,
+            format!("Granted by the operating system: {}.", given.join(", ")),
+        );
+    }
+    sentences
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    fn of(summary: Value, events: Vec<Value>) -> Verdict {
+        verdict(&RunData {
+            summary: Some(summary),
+            events,
+            ..RunData::default()
+        })
+    }
+
+    #[test]
+    fn a_clean_run_is_good_news_and_says_so() {
+        let v = of(
+            json!({"status": "completed", "steps": 40960, "dt": 0.0009765625, "clock": "real", "wall_seconds": 40.0, "deadline_misses": 0}),
+            vec![],
+        );
+        assert_eq!(v.tone, Tone::Good);
+        assert!(
+            v.sentences.iter().any(|s| s.contains("40 s of test time")),
+            "{v:?}"
+        );
+        assert!(v.sentences.contains(&"No deadline was missed.".to_owned()));
+    }
+
+    #[test]
+    fn misses_lost_rows_and_refusals_are_spelled_out() {
+        let miss = |class: &str| json!({"event": "miss", "class": class});
+        let v = of(
+            json!({
+                "status": "completed", "deadline_misses": 3, "rows_lost": 7, "stretched_ticks": 1,
+                "warnings": ["the record is shorter than the test"],
+                "realtime": {"complete": false, "features": [
+                    {"want": "policy", "granted": true},
+                    {"want": "lock_memory", "granted": false, "reason": "EPERM", "advice": "raise memlock in limits.conf"},
+                ]},
+            }),
+            vec![miss("preempted"), miss("taken_away"), miss("taken_away")],
+        );
+        assert_eq!(v.tone, Tone::Warning);
+        let all = v.sentences.join("\n");
+        for part in [
+            "deadlines were missed",
+            "thread switched away: 1",
+            "hypervisor or interrupt: 2",
+            "none by this program's own fault",
+            "ROWS LOST: 7",
+            "stretched by 1\u{a0}tick",
+            "Granted by the operating system: real-time priority.",
+            "Warning: the record is shorter than the test.",
+            "Not granted: locked memory (EPERM); raise memlock in limits.conf.",
+        ] {
+            assert!(all.contains(part), "{part} is missing in:\n{all}");
+        }
+    }
+
+    #[test]
+    fn a_miss_without_a_class_is_not_excused() {
+        let miss = |class: Value| json!({"event": "miss", "class": class});
+        let v = of(
+            json!({"status": "completed", "deadline_misses": 2}),
+            vec![miss(json!("preempted")), miss(Value::Null)],
+        );
+        let all = v.sentences.join("\n");
+        assert!(
+            all.contains("class not recorded: 1") && !all.contains("own fault"),
+            "{all}"
+        );
+        let v = of(
+            json!({"status": "completed", "deadline_misses": 2, "miss_classes": {"ours": 1, "preempted": 1}}),
+            vec![],
+        );
+        let all = v.sentences.join("\n");
+        assert!(
+            all.contains("own computation: 1") && !all.contains("own fault"),
+            "{all}"
+        );
+    }
+
+    #[test]
+    fn every_other_end_is_said_plainly() {
+        assert!(
+            of(
+                json!({"status": "stopped", "reason": "force limit of axis 1"}),
+                vec![]
+            )
+            .sentences[0]
+                .contains("Reason: force limit")
+        );
+        assert_eq!(of(json!({"status": "failed"}), vec![]).tone, Tone::Bad);
+        assert_eq!(
+            of(json!({"status": "interrupted"}), vec![]).tone,
+            Tone::Warning
+        );
+        assert!(of(json!({"status": "odd"}), vec![]).sentences[0].contains("odd"));
+        assert!(of(json!(17), vec![]).headline.starts_with("No summary"));
+        let v = verdict(&RunData {
+            unfinished: Some("killed".to_owned()),
+            ..RunData::default()
+        });
+        assert!(v.headline.starts_with("Unfinished") && v.sentences == ["Killed."]);
+    }
+}

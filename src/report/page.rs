@@ -1,0 +1,153 @@
+//! The page a run leaves behind: one self-contained HTML file, verdict first, configuration last.
+
+use super::RunData;
+use super::html::{definitions, note, section};
+use super::outcome::{self, Tone, verdict};
+use super::response;
+use super::rows::Rows;
+use super::specimens;
+use super::tested;
+use super::text::{NOTHING, count, escape, micros, quantity};
+use super::{histogram, loops};
+
+const STYLE: &str = include_str!("page.css");
+
+/// The whole page for `run`. Never fails: what is missing is said to be missing.
+#[must_use]
+pub fn render(run: &RunData) -> String {
+    let rows = Rows::new(run);
+    let configuration = tested::configuration(run);
+    let axes = specimens::tracking(&rows, configuration.as_ref());
+    let timings = loops::timings(run);
+    let title = if run.title.trim().is_empty() {
+        "Untitled test"
+    } else {
+        &run.title
+    };
+    let mut body = format!(
+        "<header>\n<p class=\"brand\">gusset · hybrid test report</p>\n<h1>{}</h1>\n",
+        escape(title)
+    );
+    body += &banner(run);
+    body += &tiles(run, &rows, &axes, &timings);
+    body += "</header>\n<main>\n";
+    let facts = tested::facts(run, configuration.as_ref());
+    let whole = match rows.is_gapless() {
+        Some(true) => "; no step is missing between the first and the last",
+        Some(false) => "; STEPS ARE MISSING between the first and the last",
+        None => "",
+    };
+    let (all, running) = (count(rows.recorded() as u64), count(rows.running() as u64));
+    let recorded = format!("{all} rows, {running} of them while the test was running{whole}");
+    let facts = [facts, vec![("Recorded".to_owned(), recorded)]].concat();
+    body += &section("What was tested", &definitions(&facts));
+    let parts = [
+        specimens::identification(&rows, &axes),
+        response::response(&rows),
+        response::ground(&rows),
+        specimens::specimens(run, &rows, &axes),
+    ];
+    body.extend(parts.into_iter().flatten());
+    body += &loops::timing(run, &rows, &timings);
+    body += &loops::events(run);
+    body += &configuration_section(run);
+    body += "</main>\n";
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+         <meta name=\"color-scheme\" content=\"light dark\">\n<title>{}</title>\n<style>\n{STYLE}</style>\n</head>\n\
+         <body>\n{body}</body>\n</html>\n",
+        escape(title)
+    )
+}
+
+fn banner(run: &RunData) -> String {
+    let verdict = verdict(run);
+    let class = match verdict.tone {
+        Tone::Good => "good",
+        Tone::Warning => "warning",
+        Tone::Bad => "bad",
+    };
+    let sentences: String = verdict
+        .sentences
+        .iter()
+        .map(|s| format!("<p>{}</p>\n", escape(s)))
+        .collect();
+    format!(
+        "<div class=\"verdict {class}\">\n<p class=\"headline\">{}</p>\n{sentences}</div>\n",
+        escape(&verdict.headline)
+    )
+}
+
+/// The numbers one looks for first.
+fn tiles(
+    run: &RunData,
+    rows: &Rows<'_>,
+    axes: &[specimens::Tracking<'_>],
+    timings: &[histogram::Timing],
+) -> String {
+    let mut tiles: Vec<(String, String)> = Vec::new();
+    if let Some((dof, value)) = response::largest_displacement(run, rows) {
+        tiles.push((
+            quantity(value, "m"),
+            format!("largest displacement, DOF {dof}"),
+        ));
+    }
+    let forces = axes
+        .iter()
+        .filter_map(|axis| Some((axis, axis.peak_force()?)));
+    if let Some((axis, (force, unit))) = forces.max_by(|a, b| a.1.0.abs().total_cmp(&b.1.0.abs())) {
+        tiles.push((
+            quantity(force, unit),
+            format!("largest force, {}", axis.name),
+        ));
+    }
+    if let Some((axis, lag)) = axes.iter().find_map(|axis| Some((axis, axis.lag?))) {
+        let lag = if lag.abs() < 1e-9 {
+            "0\u{a0}ms".to_owned()
+        } else {
+            quantity(lag, "s")
+        };
+        tiles.push((lag, format!("lag of {}", axis.name)));
+    }
+    if outcome::text(run, "clock") != Some("simulated") {
+        if let Some(misses) = outcome::number(run, "deadline_misses") {
+            tiles.push((count(misses as u64), "deadline misses".to_owned()));
+        }
+        if let Some(wakeup) = timings.iter().find(|t| t.key == "wakeup_lateness") {
+            let show = |v: Option<f64>| v.map_or_else(|| NOTHING.to_owned(), micros);
+            tiles.push((
+                show(wakeup.percentiles.p99),
+                "wake-up lateness, p99".to_owned(),
+            ));
+        }
+    }
+    let tile = |(value, words): &(String, String)| {
+        format!(
+            "<div><b>{}</b><span>{}</span></div>\n",
+            escape(value),
+            escape(words)
+        )
+    };
+    if tiles.is_empty() {
+        return String::new();
+    }
+    format!(
+        "<div class=\"tiles\">\n{}</div>\n",
+        tiles.iter().map(tile).collect::<String>()
+    )
+}
+
+fn configuration_section(run: &RunData) -> String {
+    if run.resolved.trim().is_empty() {
+        return section(
+            "Configuration",
+            &note("The resolved configuration is missing from the run folder."),
+        );
+    }
+    let markup = format!(
+        "<details><summary>resolved.toml: running it again runs the same test</summary>\n<pre>{}</pre></details>\n",
+        escape(&run.resolved)
+    );
+    section("Configuration", &markup)
+}

@@ -1,0 +1,181 @@
+//! Pictures that stand alone: the wide one of a whole run, and the histogram of `gusset jitter`.
+//!
+//! Both have a transparent background and mid-tone colours, so that they can be read on white and on black.
+
+use super::RunData;
+use super::bars::HistogramChart;
+use super::canvas::{Canvas, Ink, Skin, picture};
+use super::charts::{Area, Quantity, sentence};
+use super::histogram::{self, Percentiles};
+use super::lines::{Line, LoopChart, Reduce, TimeChart};
+use super::rows::Rows;
+use super::tested;
+
+/// One wide SVG: ground motion and top displacement, the first specimen's hysteresis, wake-up lateness.
+#[must_use]
+pub fn hero_svg(run: &RunData) -> String {
+    let rows = Rows::new(run);
+    let time = rows.get("time").unwrap_or_default();
+    let ground = rows.filled("ground").unwrap_or_default();
+    let top = rows
+        .dofs()
+        .into_iter()
+        .rev()
+        .find_map(|dof| Some((dof, rows.filled(&format!("x{dof}"))?)));
+    let axis = rows.axes().into_iter().next();
+    let side = |kind: &str| {
+        axis.and_then(|a| rows.filled(&a.column(kind)))
+            .unwrap_or_default()
+    };
+    let configuration = tested::configuration(run);
+    let name = axis.map(|a| tested::specimen_name(configuration.as_ref(), a.specimen));
+    let measured = format!("Measured: {}", name.as_deref().unwrap_or("no specimen"));
+    let (meas, force) = (side("meas"), side("force"));
+    let label = format!(
+        "{}: ground motion, displacement, hysteresis and timing of the run",
+        run.title
+    );
+    picture(1240.0, 360.0, Skin::Picture, &label, |canvas| {
+        let area = |x, y, w, h| Area { x, y, w, h };
+        let shaking = Quantity {
+            words: "accel.",
+            unit: "m/s^2",
+        };
+        let swaying = Quantity {
+            words: "displ.",
+            unit: "m",
+        };
+        let commanded = side("cmd");
+        let upper = area(10.0, 12.0, 500.0, 160.0);
+        let lower = area(10.0, 178.0, 500.0, 176.0);
+        one_line(
+            canvas,
+            upper,
+            "Ground motion",
+            shaking,
+            (&time, &ground),
+            Ink::Series(3),
+            false,
+        );
+        match &top {
+            Some((dof, disp)) => {
+                let title = format!("Computed: displacement of DOF {dof}");
+                one_line(
+                    canvas,
+                    lower,
+                    &title,
+                    swaying,
+                    (&time, disp),
+                    Ink::Series(0),
+                    true,
+                );
+            }
+            None => one_line(
+                canvas,
+                lower,
+                "Commanded displacement",
+                swaying,
+                (&time, &commanded),
+                Ink::Series(0),
+                true,
+            ),
+        }
+        let hysteresis = LoopChart {
+            title: &measured,
+            across: Quantity {
+                words: "displacement",
+                unit: "m",
+            },
+            up: Quantity {
+                words: "force",
+                unit: "N",
+            },
+            line: Line {
+                name: "",
+                x: &meas,
+                y: &force,
+                ink: Ink::Series(1),
+                width: 1.3,
+            },
+        };
+        hysteresis.draw(canvas, area(545.0, 12.0, 325.0, 342.0));
+        let timings = run.timing.as_ref().map(histogram::read).unwrap_or_default();
+        let place = area(905.0, 12.0, 325.0, 342.0);
+        match timings
+            .iter()
+            .find(|t| t.key == "wakeup_lateness" && !t.histogram.is_empty())
+        {
+            Some(timing) => HistogramChart {
+                title: "Wake-up lateness of the loop",
+                histogram: &timing.histogram,
+                percentiles: &timing.percentiles,
+                deadline_us: None,
+                ink: Ink::Series(2),
+            }
+            .draw(canvas, place),
+            None => sentence(
+                canvas,
+                place,
+                "Wake-up lateness of the loop",
+                "No histogram was recorded.",
+            ),
+        }
+    })
+}
+
+fn one_line(
+    canvas: &mut Canvas<'_>,
+    area: Area,
+    title: &str,
+    up: Quantity<'_>,
+    (x, y): (&[f64], &[f64]),
+    ink: Ink,
+    named_time: bool,
+) {
+    let lines = [Line {
+        name: "",
+        x,
+        y,
+        ink,
+        width: 1.1,
+    }];
+    TimeChart {
+        title,
+        up,
+        lines: &lines,
+        marks: &[],
+        reduce: Reduce::Extremes,
+        named_time,
+    }
+    .draw(canvas, area);
+}
+
+/// The histogram of wake-up lateness that `gusset jitter --out` writes.
+///
+/// `histogram` holds the upper edge of each bin in µs and its count; `period_us`, where given, marks where a deadline lies.
+#[must_use]
+pub fn jitter_svg(
+    title: &str,
+    histogram: &[(f64, u64)],
+    percentiles: &Percentiles,
+    period_us: Option<f64>,
+) -> String {
+    picture(960.0, 440.0, Skin::Picture, title, |canvas| {
+        let chart = HistogramChart {
+            title,
+            histogram,
+            percentiles,
+            deadline_us: period_us,
+            ink: Ink::Series(0),
+        };
+        chart.draw(
+            canvas,
+            Area {
+                x: 12.0,
+                y: 10.0,
+                w: 936.0,
+                h: 422.0,
+            },
+        );
+    })
+}

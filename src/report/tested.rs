@@ -1,0 +1,249 @@
+//! What was tested, read out of the resolved configuration: a few lines that a reader needs before any picture.
+//!
+//! Reads by key and leaves out what it does not find; the whole configuration stands at the end of the page.
+
+use serde_json::Value;
+
+use super::RunData;
+use super::outcome;
+use super::rows::SpecimenAxis;
+use super::text::{exact, plural, shortened};
+
+/// The configuration as a tree of values; none if it is not TOML.
+pub(super) fn configuration(run: &RunData) -> Option<Value> {
+    toml::from_str(&run.resolved).ok()
+}
+
+/// Name of the specimen with number `specimen` (from 1).
+pub(super) fn specimen_name(configuration: Option<&Value>, specimen: u32) -> String {
+    let entry =
+        configuration.and_then(|c| c.get("specimen")?.get(specimen.checked_sub(1)? as usize));
+    let name = entry
+        .and_then(|s| s.get("name")?.as_str())
+        .filter(|name| !name.trim().is_empty());
+    name.map_or_else(|| format!("specimen {specimen}"), str::to_owned)
+}
+
+/// Name of one axis: the specimen's, and the axis where it has several.
+pub(super) fn axis_name(
+    configuration: Option<&Value>,
+    axis: SpecimenAxis,
+    all: &[SpecimenAxis],
+) -> String {
+    let name = specimen_name(configuration, axis.specimen);
+    let several = all.iter().filter(|a| a.specimen == axis.specimen).count() > 1;
+    if several {
+        format!("{name}, axis {}", axis.axis)
+    } else {
+        name
+    }
+}
+
+/// Names and values for the list at the top.
+pub(super) fn facts(run: &RunData, configuration: Option<&Value>) -> Vec<(String, String)> {
+    let get = |path: &str| {
+        path.split('.')
+            .try_fold(configuration?, |value, key| value.get(key))
+    };
+    let mut facts = Vec::new();
+    let mut say = |name: &str, text: Option<String>| {
+        if let Some(text) = text.filter(|t| !t.is_empty()) {
+            facts.push((name.to_owned(), text));
+        }
+    };
+    let prescribed =
+        get("specimen").map(|_| "none: the displacement of the specimens is prescribed".to_owned());
+    say(
+        "Structure",
+        get("structure").and_then(structure).or(prescribed),
+    );
+    say(
+        "Specimens",
+        get("specimen")
+            .and_then(Value::as_array)
+            .map(|list| specimens(list)),
+    );
+    say("Excitation", get("excitation").and_then(excitation));
+    say("Integration", integration(run, get("integrator")));
+    let rate =
+        outcome::number(run, "rate_hz").map(|hz| format!("{hz} ticks per second of wall time"));
+    let step = outcome::number(run, "dt").map(|dt| format!("step {}", exact(dt, "s")));
+    let clock = outcome::text(run, "clock").map(|c| format!("{c} clock"));
+    say(
+        "Time",
+        Some(
+            [step, rate, clock]
+                .into_iter()
+                .flatten()
+                .collect::<Vec<_>>()
+                .join(", "),
+        ),
+    );
+    say(
+        "Program",
+        outcome::text(run, "version").map(|v| format!("gusset {v}")),
+    );
+    facts
+}
+
+/// A value without quotes.
+fn plain(value: &Value) -> String {
+    value
+        .as_str()
+        .map_or_else(|| value.to_string(), str::to_owned)
+}
+
+/// A key as words.
+fn spoken(key: &str) -> String {
+    key.replace('_', " ")
+}
+
+/// The variant that a table names by its key (`{ bouc_wen = { … } }`) or a plain word.
+fn variant(value: &Value) -> Option<String> {
+    match value {
+        Value::String(word) => Some(spoken(word)),
+        Value::Object(table) => table.keys().next().map(|key| spoken(key)),
+        Value::Array(list) => Some(
+            list.iter()
+                .filter_map(variant)
+                .collect::<Vec<_>>()
+                .join(", "),
+        ),
+        _ => None,
+    }
+}
+
+fn structure(table: &Value) -> Option<String> {
+    let kinds = ["shear_building", "matrices", "chain"];
+    let (kind, inner) = kinds
+        .iter()
+        .find_map(|kind| Some((*kind, table.get(kind)?)))?;
+    let listed = inner.get("mass_kg").and_then(Value::as_array).map(Vec::len);
+    let dofs = inner
+        .get("dofs")
+        .and_then(Value::as_u64)
+        .or(listed.map(|n| n as u64));
+    let size = dofs.map(|n| plural(n, "DOF", "DOFs"));
+    let damping = table
+        .get("damping")
+        .and_then(variant)
+        .map(|d| format!("{d} damping"));
+    let elements = table
+        .get("element")
+        .and_then(Value::as_array)
+        .map(|list| list.len() as u64);
+    let elements = elements.map(|n| plural(n, "nonlinear element", "nonlinear elements"));
+    Some(
+        [Some(spoken(kind)), size, damping, elements]
+            .into_iter()
+            .flatten()
+            .collect::<Vec<_>>()
+            .join(", "),
+    )
+}
+
+fn excitation(table: &Value) -> Option<String> {
+    let describe = |(key, value): (&String, &Value)| {
+        let entries: Vec<&Value> = value
+            .as_array()
+            .map_or_else(|| vec![value], |list| list.iter().collect());
+        let signals: Vec<_> = entries
+            .iter()
+            .filter_map(|e| variant(e.get("signal")?))
+            .collect();
+        let signals = if signals.is_empty() {
+            String::new()
+        } else {
+            format!(": {}", signals.join(", "))
+        };
+        format!("{}{signals}", spoken(key))
+    };
+    let parts: Vec<_> = table.as_object()?.iter().map(describe).collect();
+    Some(shortened(&parts.join("; "), 300))
+}
+
+fn integration(run: &RunData, table: Option<&Value>) -> Option<String> {
+    let table = table?;
+    let method = table.get("method").map(plain);
+    // JSON has no infinity: it stands there as a word.
+    let used = outcome::at(run, "lambda")
+        .filter(|v| !v.is_null())
+        .map(|v| format!("λ = {}", plain(v)));
+    let asked = table
+        .get("lambda")
+        .map(|v| format!("λ asked for: {}", plain(v)));
+    Some(
+        [method, used.or(asked)]
+            .into_iter()
+            .flatten()
+            .collect::<Vec<_>>()
+            .join(", "),
+    )
+}
+
+fn specimens(list: &[Value]) -> String {
+    let describe = |(i, entry): (usize, &Value)| {
+        let name = entry
+            .get("name")
+            .map_or_else(|| format!("specimen {}", i + 1), plain);
+        let law = ["law", "laws", "coupled", "link"]
+            .iter()
+            .find_map(|key| variant(entry.get(key)?));
+        law.map_or_else(|| name.clone(), |law| format!("{name} ({law})"))
+    };
+    match list.len() {
+        0 => "none".to_owned(),
+        1..=8 => list
+            .iter()
+            .enumerate()
+            .map(describe)
+            .collect::<Vec<_>>()
+            .join(", "),
+        n => plural(n as u64, "specimen", "specimens"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_list_names_structure_specimens_and_excitation() {
+        let resolved = "[structure.shear_building]\nmass_kg = [1.0, 2.0]\n[structure.damping.rayleigh]\na = 1\n\
+            [integrator]\nmethod = \"gui\"\nlambda = \"auto\"\n[[specimen]]\nname = \"brace\"\n[specimen.law.bouc_wen]\na = 1\n\
+            [excitation.ground_acceleration.signal.sine]\nfrequency_hz = 1\n";
+        let summary = serde_json::json!({"lambda": "inf", "dt": 1.0 / 1024.0});
+        let run = RunData {
+            resolved: resolved.to_owned(),
+            summary: Some(summary),
+            ..RunData::default()
+        };
+        let tree = configuration(&run);
+        let facts = facts(&run, tree.as_ref());
+        for (name, text) in [
+            ("Structure", "shear building, 2\u{a0}DOFs, rayleigh damping"),
+            ("Specimens", "brace (bouc wen)"),
+            ("Excitation", "ground acceleration: sine"),
+            ("Integration", "gui, λ = inf"),
+            ("Time", "step 976.5625\u{a0}µs"),
+        ] {
+            assert!(
+                facts.iter().any(|(n, t)| n == name && t == text),
+                "{name}: {facts:?}"
+            );
+        }
+        assert_eq!(specimen_name(tree.as_ref(), 1), "brace");
+        assert_eq!(specimen_name(tree.as_ref(), 2), "specimen 2");
+        assert_eq!(specimen_name(None, 0), "specimen 0");
+    }
+
+    #[test]
+    fn what_is_no_toml_gives_no_list_and_no_panic() {
+        let run = RunData {
+            resolved: "= broken".to_owned(),
+            ..RunData::default()
+        };
+        assert!(configuration(&run).is_none());
+        assert!(facts(&run, None).is_empty());
+    }
+}

@@ -1,0 +1,270 @@
+//! Fewer points, the same picture.
+//!
+//! A history is reduced to first, lowest, highest and last per column of the picture: drawn as a line that is, pixel
+//! for pixel, what all points would give, so no peak is ever lost. A loop is reduced by Ramer–Douglas–Peucker with
+//! the distance to the *segment* (a loop that turns back on itself keeps its turning point): nothing that is
+//! dropped lies further from the drawn line than the tolerance.
+//!
+//! A NaN is a gap: the line is broken there, never bridged, unless the gap is narrower than a column.
+
+use super::axis::is_drawable;
+
+/// A stretch of line without gaps.
+pub(super) type Run = Vec<(f64, f64)>;
+
+/// First, lowest, highest and last of `y` in each of `columns` columns of `lo..hi`. `x` is in rising order.
+pub(super) fn extremes(x: &[f64], y: &[f64], (lo, hi): (f64, f64), columns: usize) -> Vec<Run> {
+    let mut runs: Vec<Run> = Vec::new();
+    let mut open: Option<Bucket> = None;
+    let mut gap = true;
+    for (&x, &y) in x.iter().zip(y) {
+        if !(is_drawable(x) && is_drawable(y)) {
+            gap = true;
+            continue;
+        }
+        if !(x >= lo && x <= hi) {
+            continue;
+        }
+        let column = column_of(x, lo, hi, columns);
+        match &mut open {
+            Some(bucket) if bucket.column == column => bucket.take(x, y),
+            other => {
+                if let Some(bucket) = other.take() {
+                    bucket.close(&mut runs);
+                }
+                if gap {
+                    runs.push(Run::new());
+                }
+                *other = Some(Bucket::new(column, x, y));
+            }
+        }
+        gap = false;
+    }
+    if let Some(bucket) = open {
+        bucket.close(&mut runs);
+    }
+    runs
+}
+
+/// The highest `y` in each column, at its own place.
+pub(super) fn highest(x: &[f64], y: &[f64], (lo, hi): (f64, f64), columns: usize) -> Vec<Run> {
+    let mut best: Vec<Option<(f64, f64)>> = vec![None; columns.max(1)];
+    for (&x, &y) in x.iter().zip(y) {
+        if !(is_drawable(y) && x >= lo && x <= hi) {
+            continue;
+        }
+        if let Some(cell) = best.get_mut(column_of(x, lo, hi, columns))
+            && cell.is_none_or(|(_, top)| y > top)
+        {
+            *cell = Some((x, y));
+        }
+    }
+    let run: Run = best.into_iter().flatten().collect();
+    if run.is_empty() {
+        Vec::new()
+    } else {
+        vec![run]
+    }
+}
+
+fn column_of(x: f64, lo: f64, hi: f64, columns: usize) -> usize {
+    let last = columns.max(1) - 1;
+    (((x - lo) / (hi - lo) * columns.max(1) as f64) as usize).min(last)
+}
+
+struct Bucket {
+    column: usize,
+    taken: usize,
+    first: (f64, f64),
+    lowest: (usize, f64, f64),
+    highest: (usize, f64, f64),
+    last: (f64, f64),
+}
+
+impl Bucket {
+    const fn new(column: usize, x: f64, y: f64) -> Self {
+        Self {
+            column,
+            taken: 1,
+            first: (x, y),
+            lowest: (0, x, y),
+            highest: (0, x, y),
+            last: (x, y),
+        }
+    }
+
+    fn take(&mut self, x: f64, y: f64) {
+        if y < self.lowest.2 {
+            self.lowest = (self.taken, x, y);
+        }
+        if y > self.highest.2 {
+            self.highest = (self.taken, x, y);
+        }
+        self.last = (x, y);
+        self.taken += 1;
+    }
+
+    fn close(self, runs: &mut [Run]) {
+        let Some(run) = runs.last_mut() else { return };
+        let (a, b) = if self.lowest.0 <= self.highest.0 {
+            (self.lowest, self.highest)
+        } else {
+            (self.highest, self.lowest)
+        };
+        run.push(self.first);
+        for (index, x, y) in [a, b] {
+            if index > 0 && index + 1 < self.taken && run.last() != Some(&(x, y)) {
+                run.push((x, y));
+            }
+        }
+        if self.taken > 1 {
+            run.push(self.last);
+        }
+    }
+}
+
+/// Points of one Douglas–Peucker piece: bounds the worst case of the recursion.
+const PIECE: usize = 4096;
+
+/// The line through `points` with nothing further than `tolerance` from it left out; gaps break it.
+pub(super) fn within(points: impl Iterator<Item = (f64, f64)>, tolerance: f64) -> Vec<Run> {
+    let mut runs = vec![Run::new()];
+    for point in points {
+        match runs.last_mut() {
+            Some(run) if is_drawable(point.0) && is_drawable(point.1) => run.push(point),
+            Some(run) if !run.is_empty() => runs.push(Run::new()),
+            _ => {}
+        }
+    }
+    runs.retain(|run| !run.is_empty());
+    for run in &mut runs {
+        *run = thinned(run, tolerance);
+    }
+    runs
+}
+
+fn thinned(points: &[(f64, f64)], tolerance: f64) -> Run {
+    let mut out = Run::new();
+    let mut start = 0;
+    while start + 1 < points.len() {
+        let end = (start + PIECE).min(points.len() - 1);
+        keep(&points[start..=end], tolerance, &mut out);
+        start = end;
+    }
+    out.extend(points.last());
+    out
+}
+
+/// Appends what must be kept of `points`, without the last one.
+fn keep(points: &[(f64, f64)], tolerance: f64, out: &mut Run) {
+    let mut stack = vec![(0, points.len() - 1)];
+    while let Some((from, to)) = stack.pop() {
+        let (a, b) = (points[from], points[to]);
+        let mut worst = (from, tolerance * tolerance);
+        for (index, &p) in points.iter().enumerate().take(to).skip(from + 1) {
+            let distance = squared_distance(p, a, b);
+            if distance > worst.1 {
+                worst = (index, distance);
+            }
+        }
+        if worst.0 > from {
+            stack.push((worst.0, to));
+            stack.push((from, worst.0));
+        } else {
+            out.push(a);
+        }
+    }
+}
+
+/// Squared distance of `p` from the segment `a`–`b`.
+fn squared_distance(p: (f64, f64), a: (f64, f64), b: (f64, f64)) -> f64 {
+    let (dx, dy) = (b.0 - a.0, b.1 - a.1);
+    let (px, py) = (p.0 - a.0, p.1 - a.1);
+    let length = dx * dx + dy * dy;
+    let along = if length > 0.0 {
+        ((px * dx + py * dy) / length).clamp(0.0, 1.0)
+    } else {
+        0.0
+    };
+    let (ex, ey) = (px - along * dx, py - along * dy);
+    ex * ex + ey * ey
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn numbers(n: usize) -> Vec<f64> {
+        (0..n).map(|i| i as f64).collect()
+    }
+
+    proptest! {
+        #[test]
+        fn no_column_loses_its_extremes_and_no_point_is_invented(
+            y in prop::collection::vec(prop_oneof![9 => -1e3f64..1e3, 1 => Just(f64::NAN)], 1..400), columns in 1usize..50,
+        ) {
+            let x = numbers(y.len());
+            let (lo, hi) = (0.0, y.len() as f64);
+            let runs = extremes(&x, &y, (lo, hi), columns);
+            let drawn: Vec<_> = runs.iter().flatten().copied().collect();
+            prop_assert!(drawn.len() <= 4 * columns);
+            prop_assert!(drawn.windows(2).all(|w| w[0].0 <= w[1].0));
+            for &(px, py) in &drawn {
+                prop_assert_eq!(y[px as usize], py);
+            }
+            for column in 0..columns {
+                let of = |points: &mut dyn Iterator<Item = (f64, f64)>| {
+                    super::super::axis::extent(points.filter(|p| column_of(p.0, lo, hi, columns) == column).map(|p| p.1))
+                };
+                let all = of(&mut x.iter().copied().zip(y.iter().copied()));
+                prop_assert_eq!(all, of(&mut drawn.iter().copied()));
+                let top = highest(&x, &y, (lo, hi), columns).into_iter().flatten();
+                prop_assert_eq!(all.map(|e| e.1), of(&mut top.into_iter()).map(|e| e.1));
+            }
+        }
+
+        #[test]
+        fn what_a_loop_loses_lies_within_the_tolerance(
+            steps in prop::collection::vec((-3.0f64..3.0, -3.0f64..3.0), 2..300), tolerance in 0.1f64..5.0,
+        ) {
+            let mut at = (0.0, 0.0);
+            let points: Vec<_> = steps.iter().map(|s| { at = (at.0 + s.0, at.1 + s.1); at }).collect();
+            let kept: Vec<_> = within(points.iter().copied(), tolerance).concat();
+            prop_assert_eq!(kept.first(), points.first());
+            prop_assert_eq!(kept.last(), points.last());
+            for &p in &points {
+                let nearest = kept.windows(2).map(|w| squared_distance(p, w[0], w[1])).fold(f64::INFINITY, f64::min);
+                prop_assert!(nearest.sqrt() <= tolerance * (1.0 + 1e-12));
+            }
+        }
+    }
+
+    #[test]
+    fn a_line_that_turns_back_on_itself_keeps_its_turning_point() {
+        let points = [(0.0, 0.0), (5.0, 0.0), (10.0, 0.0), (5.0, 0.0), (1.0, 0.0)];
+        assert_eq!(
+            within(points.into_iter(), 0.1),
+            [vec![(0.0, 0.0), (10.0, 0.0), (1.0, 0.0)]]
+        );
+    }
+
+    #[test]
+    fn a_gap_breaks_the_line() {
+        let y = [1.0, 2.0, f64::NAN, 3.0, 4.0];
+        let runs = extremes(&numbers(5), &y, (0.0, 4.0), 100);
+        assert_eq!(runs.len(), 2);
+        assert_eq!(within(numbers(5).into_iter().zip(y), 0.0).len(), 2);
+        assert!(within(std::iter::empty(), 1.0).is_empty());
+        assert!(extremes(&[0.0], &[f64::NAN], (0.0, 1.0), 5).is_empty());
+    }
+
+    #[test]
+    fn pieces_join_without_a_seam() {
+        let n = 3 * PIECE + 17;
+        let points: Vec<_> = (0..n).map(|i| (i as f64, 0.0)).collect();
+        let kept = thinned(&points, 0.1);
+        assert_eq!(kept.len(), 5);
+        assert_eq!(kept.last(), points.last());
+    }
+}
