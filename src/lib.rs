@@ -29,6 +29,7 @@
 //! | [`rt`] | what is asked of the operating system; the real clock; timing histograms |
 //! | [`config`] | the test file: schema, diagnostics, and the building of an experiment |
 //! | [`report`] | the page a run leaves behind |
+//! | [`session`] | one test from the prepared experiment to the finished run folder: the threads |
 //! | [`cli`] | the commands |
 
 #![deny(unsafe_code)]
@@ -46,6 +47,7 @@ pub mod motion;
 pub mod record;
 pub mod report;
 pub mod rt;
+pub mod session;
 pub mod specimen;
 pub mod substructure;
 pub mod time;

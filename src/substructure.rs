@@ -135,6 +135,11 @@ pub trait Substructure: Send {
     /// How this substructure is coupled.
     fn coupling(&self) -> Coupling;
 
+    /// True if replies come from outside this process.
+    fn is_remote(&self) -> bool {
+        false
+    }
+
     /// Sends one command; never blocks. Real-time: yes.
     ///
     /// # Errors

@@ -16,6 +16,7 @@
 //! Nothing here moves, computes or knows the meaning of a law; unknown keys are refused, defaults are written down, and
 //! a number that is not finite is refused everywhere but as λ = ∞.
 
+mod build;
 mod check;
 mod diagnose;
 mod document;
@@ -28,7 +29,6 @@ mod reader;
 mod resolve;
 mod schema;
 mod specimen;
-mod standin;
 mod steps;
 mod suggest;
 mod value;
@@ -42,6 +42,7 @@ use schemars::transform::{Transform, transform_subschemas};
 use thiserror::Error;
 use toml_edit::DocumentMut;
 
+pub use build::{Facts, Files, Prepared, StructureFacts, build};
 pub use diagnose::{Diagnostic, Diagnostics, Finding, Part, Place, Severity, Source};
 pub use document::{KeyPath, PathError, Segment};
 pub use inputs::{INPUTS_FOLDER, Input, InputError, Inputs};

@@ -7,9 +7,11 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::specimen::SpecimenTable;
-use super::standin::{DampingSpec, ElementSpec, Processing, Signal, StructureSpec, TimingSpec};
 use super::value::{DofChoice, LambdaValue, RateValue};
 use super::variant;
+use crate::model::{DampingSpec, ElementSpec, StructureSpec};
+use crate::motion::{Processing, Signal};
+use crate::rt::TimingSpec;
 use crate::time::Ratio;
 
 /// One hybrid test, from its structure to its record. SI units; keys of quantities carry the unit.
@@ -302,7 +304,7 @@ impl Default for RecordTable {
     fn default() -> Self {
         Self {
             dofs: None,
-            queue_s: 2.0,
+            queue_s: 4.0,
             required: false,
         }
     }

@@ -3,9 +3,9 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::standin::SpecimenLaw;
 use super::value::MatrixValue;
 use super::variant;
+use crate::specimen::SpecimenLaw;
 
 /// One specimen. Exactly one of `law`, `laws` and `coupled` is given; with a structure also exactly one of `storey` and
 /// `rows`.

@@ -392,7 +392,7 @@ error: both `step_s` and `rate_hz` are given
 fn a_structure_is_of_exactly_one_kind() {
     let text = complaint(
         "[excitation.g",
-        "[structure.chain]\ndofs = 3\n[excitation.g",
+        "[structure.chain]\ndofs = 3\nmass_kg = 1.0\nstiffness_n_per_m = 1.0\n[excitation.g",
     );
     shows(
         &text,
@@ -739,7 +739,7 @@ fn defaults_and_overrides_stand_in_the_resolved_file() {
         "scale = 2",
         "method = \"gui\"",
         "start = \"published\"",
-        "queue_s = 2.0",
+        "queue_s = 4.0",
         "require_realtime = false",
     ] {
         shows(&text, line);
@@ -809,7 +809,11 @@ fn the_schema_is_json_and_describes_every_table() {
         "auto"
     );
     let structure = &schema["$defs"]["StructureTable"]["properties"];
-    assert!(structure["shear_building"]["properties"]["mass_kg"].is_object());
+    assert_eq!(
+        structure["shear_building"]["$ref"],
+        "#/$defs/ShearBuildingSpec"
+    );
+    assert!(schema["$defs"]["ShearBuildingSpec"]["properties"]["mass_kg"].is_object());
     assert!(!json_schema().contains("\"null\""));
 }
 

@@ -1,1 +1,476 @@
-//! (being written)
+//! What stands between the structure's degrees of freedom and a specimen's axes.
+//!
+//! A [`Port`] holds one substructure and every intermediate value of its way: the target B·x, the command
+//! that was sent, what was measured, and the force after offsets. All of them stand in the row, so nothing that
+//! a specimen was told is hidden. Pure bookkeeping: no clock, no input or output of its own.
+
+use thiserror::Error;
+
+use crate::substructure::{Command, Freshness, LinkFault, Measurement, Retirement, Substructure};
+use crate::time::Nanos;
+
+/// A port whose parts do not fit together.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+pub enum PortError {
+    /// B and the substructure disagree about the number of axes.
+    #[error("B has {rows} rows, but the specimen has {axes} axes")]
+    Axes {
+        /// Rows of B.
+        rows: usize,
+        /// Axes of the substructure.
+        axes: usize,
+    },
+    /// A row of B names a degree of freedom that does not exist.
+    #[error("row {row} of B names DOF {dof}, but the structure has {dofs}")]
+    Dof {
+        /// Row of B, from 1.
+        row: usize,
+        /// Degree of freedom, from 1.
+        dof: usize,
+        /// Degrees of freedom of the structure.
+        dofs: usize,
+    },
+    /// A gain that is zero or not finite cannot be undone.
+    #[error("axis {axis}: the {what} is {found}, but must be finite and not zero")]
+    Gain {
+        /// Axis, from 1.
+        axis: usize,
+        /// Which gain.
+        what: &'static str,
+        /// What was found, as text so that the error can be compared.
+        found: String,
+    },
+}
+
+/// One axis of a specimen as the structure sees it: the row of B and the map between the two systems of units.
+///
+/// Command = `disp_gain`·d + `disp_offset`, force = `force_gain`·(raw − `force_offset`). The gains carry
+/// sign, scale, similitude and unit; for a specimen in SI units and full scale they are 1 and the offsets 0.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Axis {
+    /// Nonzero entries of the row of B: degree of freedom (from 0) and coefficient.
+    pub row: Vec<(usize, f64)>,
+    /// b·ι: the part of a base displacement that this deformation does not see.
+    pub base: f64,
+    /// Specimen displacement units per metre.
+    pub disp_gain: f64,
+    /// Specimen displacement at d = 0, in the specimen's unit.
+    pub disp_offset: f64,
+    /// Specimen velocity units per m/s.
+    pub vel_gain: f64,
+    /// Newtons at the structure per unit of raw force.
+    pub force_gain: f64,
+    /// Raw force to be taken as zero, in the specimen's unit.
+    pub force_offset: f64,
+}
+
+impl Axis {
+    /// An axis in SI units at full scale.
+    #[must_use]
+    pub fn plain(row: Vec<(usize, f64)>) -> Self {
+        Self {
+            row,
+            base: 0.0,
+            disp_gain: 1.0,
+            disp_offset: 0.0,
+            vel_gain: 1.0,
+            force_gain: 1.0,
+            force_offset: 0.0,
+        }
+    }
+
+    /// b·x, relative to the base. Real-time: yes.
+    fn dot(&self, x: &[f64], base: f64) -> f64 {
+        let mut sum = 0.0;
+        for &(dof, coefficient) in &self.row {
+            if let Some(value) = x.get(dof) {
+                sum += coefficient * value;
+            }
+        }
+        sum - self.base * base
+    }
+}
+
+/// One substructure with its axes and every value of the current tick. All vectors have one entry per axis.
+pub struct Port {
+    /// Name from the test file.
+    pub name: String,
+    axes: Vec<Axis>,
+    substructure: Box<dyn Substructure>,
+    /// Deformation that the structure asks for: B·x, in m.
+    pub target: Vec<f64>,
+    /// Velocity of the target in m/s (it belongs to t − Δt/2 with the published start).
+    pub target_vel: Vec<f64>,
+    /// What is sent, in the specimen's unit.
+    pub command: Vec<f64>,
+    command_vel: Vec<f64>,
+    raw: Measurement,
+    /// Measured displacement, brought back to the structure's metres.
+    pub measured: Vec<f64>,
+    /// Restoring force in N that enters equilibrium.
+    pub force: Vec<f64>,
+    /// Largest |force| so far.
+    pub peak_force: Vec<f64>,
+    /// Exchanges so far.
+    pub link: LinkCount,
+    stiffness: Vec<f64>,
+}
+
+/// What went over one link.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct LinkCount {
+    /// Commands sent.
+    pub sent: u64,
+    /// Fresh measurements taken.
+    pub received: u64,
+    /// Commands whose measurement was not there at the deadline.
+    pub late: u64,
+}
+
+impl std::fmt::Debug for Port {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Port")
+            .field("name", &self.name)
+            .field("axes", &self.axes)
+            .finish()
+    }
+}
+
+impl Port {
+    /// Joins a substructure to a structure of `dofs` degrees of freedom. `stiffness` is the estimate k̂, one
+    /// value per axis in N/m as the structure sees it, used to extrapolate a stale force.
+    ///
+    /// # Errors
+    /// See [`PortError`].
+    pub fn new(
+        name: impl Into<String>,
+        axes: Vec<Axis>,
+        substructure: Box<dyn Substructure>,
+        dofs: usize,
+        stiffness: Vec<f64>,
+    ) -> Result<Self, PortError> {
+        let n = substructure.axes();
+        if axes.len() != n || stiffness.len() != n {
+            return Err(PortError::Axes {
+                rows: axes.len(),
+                axes: n,
+            });
+        }
+        for (index, axis) in axes.iter().enumerate() {
+            if let Some(&(dof, _)) = axis.row.iter().find(|&&(dof, _)| dof >= dofs) {
+                return Err(PortError::Dof {
+                    row: index + 1,
+                    dof: dof + 1,
+                    dofs,
+                });
+            }
+            let gains = [
+                ("displacement gain", axis.disp_gain),
+                ("velocity gain", axis.vel_gain),
+                ("force gain", axis.force_gain),
+            ];
+            if let Some(&(what, found)) = gains.iter().find(|(_, g)| !(g.is_finite() && *g != 0.0))
+            {
+                return Err(PortError::Gain {
+                    axis: index + 1,
+                    what,
+                    found: found.to_string(),
+                });
+            }
+        }
+        Ok(Self {
+            name: name.into(),
+            axes,
+            substructure,
+            target: vec![0.0; n],
+            target_vel: vec![0.0; n],
+            command: vec![0.0; n],
+            command_vel: vec![0.0; n],
+            raw: Measurement::zeros(n),
+            measured: vec![0.0; n],
+            force: vec![0.0; n],
+            peak_force: vec![0.0; n],
+            link: LinkCount::default(),
+            stiffness,
+        })
+    }
+
+    /// Number of axes.
+    #[must_use]
+    pub fn axes(&self) -> usize {
+        self.axes.len()
+    }
+
+    /// Whether a reply is owed for each command.
+    #[must_use]
+    pub fn coupling(&self) -> crate::substructure::Coupling {
+        self.substructure.coupling()
+    }
+
+    /// True if replies come from outside this process, so that a late one is the peer's doing.
+    #[must_use]
+    pub fn is_remote(&self) -> bool {
+        self.substructure.is_remote()
+    }
+
+    /// The raw measurement of the last exchange, in the specimen's units.
+    #[must_use]
+    pub fn raw(&self) -> &Measurement {
+        &self.raw
+    }
+
+    /// Makes the next command from the structure's state. Real-time: yes.
+    pub fn aim(&mut self, disp: &[f64], vel: &[f64], base_disp: f64, base_vel: f64) {
+        for ((axis, target), target_vel) in self
+            .axes
+            .iter()
+            .zip(&mut self.target)
+            .zip(&mut self.target_vel)
+        {
+            *target = axis.dot(disp, base_disp);
+            *target_vel = axis.dot(vel, base_vel);
+        }
+        self.prepare_command();
+    }
+
+    /// Makes the next command from prescribed deformations: takes displacement and velocity of one axis after the
+    /// other from `along`. Real-time: yes.
+    pub fn aim_at(&mut self, along: &mut impl Iterator<Item = (f64, f64)>) {
+        for ((target, target_vel), (disp, vel)) in
+            self.target.iter_mut().zip(&mut self.target_vel).zip(along)
+        {
+            *target = disp;
+            *target_vel = vel;
+        }
+        self.prepare_command();
+    }
+
+    fn prepare_command(&mut self) {
+        for ((axis, command), target) in self.axes.iter().zip(&mut self.command).zip(&self.target) {
+            *command = axis.disp_gain * target + axis.disp_offset;
+        }
+        for ((axis, command), target) in self
+            .axes
+            .iter()
+            .zip(&mut self.command_vel)
+            .zip(&self.target_vel)
+        {
+            *command = axis.vel_gain * target;
+        }
+    }
+
+    /// True if every part of the next command is a finite number. Real-time: yes.
+    #[must_use]
+    pub fn command_is_finite(&self) -> bool {
+        self.command
+            .iter()
+            .chain(&self.command_vel)
+            .all(|value| value.is_finite())
+    }
+
+    /// Sends the command that stands ready. Real-time: yes.
+    ///
+    /// # Errors
+    /// The link is lost.
+    pub fn issue(&mut self, sequence: u64, time: f64, dt: f64) -> Result<(), LinkFault> {
+        self.link.sent += 1;
+        let command = Command {
+            sequence,
+            time,
+            dt,
+            disp: &self.command,
+            vel: &self.command_vel,
+        };
+        self.substructure.issue(&command)
+    }
+
+    /// Takes the answer and brings it into the structure's units. Real-time: yes.
+    ///
+    /// # Errors
+    /// The link is lost, or the force is not a finite number.
+    pub fn collect(&mut self, deadline: Nanos) -> Result<Freshness, LinkFault> {
+        let freshness = self.substructure.collect(deadline, &mut self.raw)?;
+        match freshness {
+            Freshness::Fresh => self.link.received += 1,
+            Freshness::Stale => self.link.late += 1,
+        }
+        for ((axis, measured), raw) in self.axes.iter().zip(&mut self.measured).zip(&self.raw.disp)
+        {
+            *measured = (raw - axis.disp_offset) / axis.disp_gain;
+        }
+        let mut finite = true;
+        for ((axis, force), raw) in self.axes.iter().zip(&mut self.force).zip(&self.raw.force) {
+            *force = axis.force_gain * (raw - axis.force_offset);
+            finite &= force.is_finite();
+        }
+        if finite {
+            Ok(freshness)
+        } else {
+            Err(LinkFault::NotFinite)
+        }
+    }
+
+    /// Moves a stale force along the estimate k̂ from where it was measured to where the specimen should be by
+    /// now. Real-time: yes.
+    pub fn extrapolate(&mut self) {
+        for (((force, target), measured), stiffness) in self
+            .force
+            .iter_mut()
+            .zip(&self.target)
+            .zip(&self.measured)
+            .zip(&self.stiffness)
+        {
+            *force += stiffness * (target - measured);
+        }
+    }
+
+    /// residual −= Bᵀ·force, and the peak is noted. Real-time: yes.
+    pub fn subtract_force(&mut self, residual: &mut [f64]) {
+        for (axis, force) in self.axes.iter().zip(&self.force) {
+            for &(dof, coefficient) in &axis.row {
+                if let Some(entry) = residual.get_mut(dof) {
+                    *entry -= coefficient * force;
+                }
+            }
+        }
+    }
+
+    /// Notes the peak of the force of this step. Real-time: yes.
+    pub fn note_peak(&mut self) {
+        for (peak, force) in self.peak_force.iter_mut().zip(&self.force) {
+            *peak = peak.max(force.abs());
+        }
+    }
+
+    /// The step is accepted. Real-time: yes.
+    ///
+    /// # Errors
+    /// The link is lost.
+    pub fn accepted(&mut self, sequence: u64) -> Result<(), LinkFault> {
+        self.substructure.accepted(sequence)
+    }
+
+    /// Last words.
+    pub fn retire(&mut self, how: Retirement) {
+        self.substructure.retire(how);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::substructure::Coupling;
+
+    /// A spring in millimetres and kilonewtons, mounted the wrong way round, with a load cell that reads 2 at rest.
+    #[derive(Debug)]
+    struct Reversed {
+        disp: f64,
+    }
+
+    impl Substructure for Reversed {
+        fn axes(&self) -> usize {
+            1
+        }
+        fn coupling(&self) -> Coupling {
+            Coupling::Lockstep
+        }
+        fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+            self.disp = command.disp[0];
+            Ok(())
+        }
+        fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+            into.disp[0] = self.disp;
+            // 8 kN/m = 0.008 kN/mm, about a rest position of 5 mm.
+            into.force[0] = 0.008 * (self.disp - 5.0) + 2.0;
+            Ok(Freshness::Fresh)
+        }
+        fn retire(&mut self, _: Retirement) {}
+    }
+
+    fn reversed() -> Port {
+        let axis = Axis {
+            row: vec![(1, 1.0), (0, -1.0)],
+            base: 0.0,
+            disp_gain: -1000.0,
+            disp_offset: 5.0,
+            vel_gain: -1000.0,
+            force_gain: -1000.0,
+            force_offset: 2.0,
+        };
+        Port::new(
+            "rig",
+            vec![axis],
+            Box::new(Reversed { disp: 0.0 }),
+            2,
+            vec![8000.0],
+        )
+        .unwrap()
+    }
+
+    #[test]
+    fn units_signs_and_offsets_come_out_as_a_spring_in_si() {
+        let mut port = reversed();
+        port.aim(&[0.001, 0.004], &[0.0, 0.0], 0.0, 0.0);
+        assert!((port.command[0] - 2.0).abs() < 1e-12, "-1000 · 0.003 + 5");
+        port.issue(0, 0.0, 0.0).unwrap();
+        port.collect(Nanos(0)).unwrap();
+        assert!((port.measured[0] - 0.003).abs() < 1e-15);
+        assert!((port.force[0] - 8000.0 * 0.003).abs() < 1e-10);
+        let mut residual = [0.0, 0.0];
+        port.subtract_force(&mut residual);
+        assert!((residual[0] - 24.0).abs() < 1e-10 && (residual[1] + 24.0).abs() < 1e-10);
+    }
+
+    #[test]
+    fn a_base_displacement_is_not_a_deformation_of_the_upper_storeys() {
+        let mut axis = Axis::plain(vec![(0, 1.0)]);
+        axis.base = 1.0;
+        let mut port = Port::new(
+            "base",
+            vec![axis],
+            Box::new(Reversed { disp: 0.0 }),
+            2,
+            vec![0.0],
+        )
+        .unwrap();
+        port.aim(&[0.25, 0.0], &[0.5, 0.0], 0.2, 0.5);
+        assert!((port.target[0] - 0.05).abs() < 1e-15);
+        assert_eq!(port.target_vel[0], 0.0);
+    }
+
+    #[test]
+    fn a_stale_force_moves_with_the_estimate() {
+        let mut port = reversed();
+        port.issue(0, 0.0, 0.0).unwrap();
+        port.aim(&[0.0, 0.0], &[0.0, 0.0], 0.0, 0.0);
+        port.issue(1, 0.0, 0.0).unwrap();
+        port.collect(Nanos(0)).unwrap();
+        port.aim(&[0.0, 0.002], &[0.0, 0.0], 0.0, 0.0);
+        port.extrapolate();
+        assert!((port.force[0] - 16.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn rows_that_do_not_fit_are_refused() {
+        let axes = || vec![Axis::plain(vec![(2, 1.0)])];
+        let specimen = || Box::new(Reversed { disp: 0.0 });
+        assert_eq!(
+            Port::new("a", axes(), specimen(), 2, vec![1.0]).unwrap_err(),
+            PortError::Dof {
+                row: 1,
+                dof: 3,
+                dofs: 2
+            }
+        );
+        assert_eq!(
+            Port::new("a", vec![], specimen(), 2, vec![]).unwrap_err(),
+            PortError::Axes { rows: 0, axes: 1 }
+        );
+        let mut axis = Axis::plain(vec![(0, 1.0)]);
+        axis.force_gain = f64::NAN;
+        assert!(matches!(
+            Port::new("a", vec![axis], specimen(), 2, vec![1.0]),
+            Err(PortError::Gain { axis: 1, .. })
+        ));
+    }
+}

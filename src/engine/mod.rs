@@ -1,1 +1,303 @@
-//! (being written)
+//! The loop. One step is one function ([`step`]), the same under the real and the simulated clock.
+//!
+//! An [`Experiment`] is plain data that can be sent to the loop's thread, which makes the [`Engine`] of it in place:
+//! memory is touched by the thread that uses it, on the processor that it is pinned to. The engine knows
+//! neither files nor threads nor what stands behind a port.
+
+mod columns;
+mod numerical;
+mod peaks;
+mod run;
+mod settle;
+mod step;
+
+pub use columns::state;
+pub use numerical::{Numerical, Side};
+pub use peaks::Peaks;
+pub use run::{Control, Operator, Watch};
+pub use settle::Settling;
+pub use step::Tick;
+
+use thiserror::Error;
+
+use crate::control::{LinkCount, Port};
+use crate::record::{Column, Recorder};
+use crate::rt::timing::{TickStamps, Timing};
+use crate::substructure::LinkFault;
+use crate::time::{Clock, Nanos, Ratio, Schedule};
+
+/// What to do about a tick that starts a period or more late.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum OnMiss {
+    /// Move the grid by whole ticks: the specimen sees slower time, never a burst of commands.
+    Stretch,
+    /// Keep the grid and run the missed steps back to back; beyond `at_most` of them the grid is moved.
+    CatchUp {
+        /// Ticks that may run back to back.
+        at_most: u64,
+    },
+    /// End the test in an orderly way.
+    Stop,
+}
+
+/// Bounds of what the loop puts up with.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Limits {
+    /// What to do about a tick that starts a period or more late.
+    pub on_miss: OnMiss,
+    /// Deadline misses in a row after which the test stops.
+    pub misses_in_a_row: u64,
+    /// Deadline misses in all after which the test stops.
+    pub misses_in_total: u64,
+    /// Whether a stale force is moved along the estimate k̂ (true) or held (false).
+    pub extrapolate_stale: bool,
+    /// Stale measurements in a row after which the test stops.
+    pub stale_in_a_row: u64,
+    /// How long a lockstep partner is waited for, in ns.
+    pub reply_timeout_ns: u64,
+    /// Ticks before t = 0 in which the specimens hold the first command.
+    pub warmup_ticks: u64,
+    /// |displacement| in m beyond which the response counts as diverged.
+    pub divergence: f64,
+}
+
+/// Why a test ended before its last step.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+pub enum Stop {
+    /// The operator asked for it.
+    #[error("stopped by the operator")]
+    Operator,
+    /// Too many deadlines were missed.
+    #[error("{total} deadlines missed, {in_a_row} of them in a row; the last by {late_ns} ns")]
+    Late {
+        /// In all.
+        total: u64,
+        /// In a row.
+        in_a_row: u64,
+        /// Size of the last one.
+        late_ns: u64,
+    },
+    /// A specimen's measurements stayed away too long.
+    #[error("specimen {}: no fresh measurement for {ticks} ticks", port + 1)]
+    Stale {
+        /// Specimen, from 0.
+        port: usize,
+        /// Ticks in a row.
+        ticks: u64,
+    },
+    /// A link failed.
+    #[error("specimen {}: {fault}", port + 1)]
+    Link {
+        /// Specimen, from 0.
+        port: usize,
+        /// Why.
+        fault: LinkFault,
+    },
+    /// The response grew beyond the divergence bound, or ceased to be a number.
+    #[error("the response diverged: displacement of DOF {} is {value:e} m", dof + 1)]
+    Diverged {
+        /// Degree of freedom, from 0.
+        dof: usize,
+        /// Its displacement in m.
+        value: f64,
+    },
+    /// The next command is not a finite number; it was not sent.
+    #[error("specimen {}: the next command is not a finite number; it was not sent", port + 1)]
+    NotFinite {
+        /// Specimen, from 0.
+        port: usize,
+    },
+    /// The static load found no equilibrium.
+    #[error("the static load found no equilibrium in {exchanges} exchanges")]
+    NotSettled {
+        /// Exchanges made.
+        exchanges: u32,
+    },
+}
+
+/// How a test ended.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Ending {
+    /// At its last step.
+    Completed,
+    /// Before it.
+    Stopped(Stop),
+}
+
+/// Everything a test needs, as plain data.
+#[derive(Debug)]
+pub struct Experiment {
+    /// Step Δt of test time.
+    pub dt: f64,
+    /// Period of the tick grid in s of wall time, exact.
+    pub period: Ratio,
+    /// Number of steps; rows 0 … steps.
+    pub steps: u64,
+    /// The numerical side.
+    pub side: Side,
+    /// Static load before t = 0.
+    pub settling: Option<Settling>,
+    /// One port per specimen.
+    pub ports: Vec<Port>,
+    /// DOFs to record, from 0.
+    pub record_dofs: Vec<usize>,
+    /// Bounds of what the loop puts up with.
+    pub limits: Limits,
+}
+
+/// The loop with all its buffers.
+pub struct Engine {
+    dt: f64,
+    period: Ratio,
+    steps: u64,
+    side: Side,
+    settling: Option<Settling>,
+    ports: Vec<Port>,
+    limits: Limits,
+    clock: Box<dyn Clock>,
+    recorder: Box<dyn Recorder>,
+    row: columns::Row,
+    columns: Vec<Column>,
+    schedule: Schedule,
+    timing: Timing,
+    peaks: Peaks,
+    stale: Vec<u64>,
+    edge: u64,
+    sequence: u64,
+    clock_now: Nanos,
+    first_edge: Nanos,
+    unrecorded: Option<TickStamps>,
+    steps_done: u64,
+    misses: u64,
+    misses_in_a_row: u64,
+    rows_lost: u64,
+    events_lost: u64,
+    retired: bool,
+    /// Called on the loop's thread when the warm-up is over.
+    pub before_first_tick: Option<Watch>,
+    /// Called on the loop's thread when the last tick is over.
+    pub after_last_tick: Option<Watch>,
+}
+
+impl std::fmt::Debug for Engine {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Engine")
+            .field("steps", &self.steps)
+            .field("ports", &self.ports)
+            .finish()
+    }
+}
+
+/// What a test leaves behind, besides its rows and events.
+#[derive(Debug)]
+pub struct Outcome {
+    /// How it ended.
+    pub ending: Ending,
+    /// Last step whose row was made.
+    pub steps: u64,
+    /// Peaks over all DOFs.
+    pub peaks: Peaks,
+    /// Peaks and counts of each specimen: name, largest |force| per axis, exchanges.
+    pub ports: Vec<(String, Vec<f64>, LinkCount)>,
+    /// Histograms of every timing quantity.
+    pub timing: Timing,
+    /// Deadline misses.
+    pub misses: u64,
+    /// Whole ticks by which the grid was moved.
+    pub stretched: u64,
+    /// Rows that found the queue full.
+    pub rows_lost: u64,
+    /// Events that found the queue full.
+    pub events_lost: u64,
+    /// From the first edge of the test to the end of its last tick.
+    pub wall_ns: u64,
+}
+
+impl Experiment {
+    /// Names, units and meanings of the columns that this experiment will record.
+    #[must_use]
+    pub fn columns(&self) -> Vec<Column> {
+        columns::Row::new(&self.record_dofs, &self.ports).1
+    }
+}
+
+impl Engine {
+    /// Allocates everything that the loop will ever need.
+    #[must_use]
+    pub fn new(experiment: Experiment, clock: Box<dyn Clock>, recorder: Box<dyn Recorder>) -> Self {
+        let Experiment {
+            dt,
+            period,
+            steps,
+            side,
+            settling,
+            ports,
+            record_dofs,
+            limits,
+        } = experiment;
+        let (row, columns) = columns::Row::new(&record_dofs, &ports);
+        let dofs = match &side {
+            Side::Structure(numerical) => numerical.structure.dofs(),
+            Side::Prescribed(_) => 0,
+        };
+        let schedule = Schedule::new(Nanos(0), period);
+        let names: Vec<&str> = ports.iter().map(|port| port.name.as_str()).collect();
+        let remote = ports.iter().any(Port::is_remote);
+        let timing = Timing::new(&names, remote, limits.warmup_ticks);
+        Self {
+            dt,
+            period,
+            steps,
+            side,
+            settling,
+            timing,
+            stale: vec![0; ports.len()],
+            ports,
+            limits,
+            clock,
+            recorder,
+            row,
+            columns,
+            schedule,
+            peaks: Peaks::zeros(dofs),
+            edge: 0,
+            sequence: 0,
+            clock_now: Nanos(0),
+            first_edge: Nanos(0),
+            unrecorded: None,
+            steps_done: 0,
+            misses: 0,
+            misses_in_a_row: 0,
+            rows_lost: 0,
+            events_lost: 0,
+            retired: false,
+            before_first_tick: None,
+            after_last_tick: None,
+        }
+    }
+
+    /// Names, units and meanings of the columns of the rows.
+    #[must_use]
+    pub fn columns(&self) -> &[Column] {
+        &self.columns
+    }
+
+    fn outcome(&mut self, ending: Ending) -> Outcome {
+        Outcome {
+            ending,
+            steps: self.steps_done,
+            peaks: self.peaks.clone(),
+            ports: self
+                .ports
+                .iter()
+                .map(|port| (port.name.clone(), port.peak_force.clone(), port.link))
+                .collect(),
+            timing: self.timing.clone(),
+            misses: self.misses,
+            stretched: self.schedule.stretched(),
+            rows_lost: self.rows_lost,
+            events_lost: self.events_lost,
+            wall_ns: self.clock_now.since(self.first_edge),
+        }
+    }
+}

@@ -54,7 +54,7 @@ impl State {
 }
 
 /// Explicit in displacement and velocity: both at n + 1 follow from the residual at n alone.
-pub trait Integrator: Send {
+pub trait Integrator: Send + fmt::Debug {
     /// Δt in s.
     fn dt(&self) -> f64;
 

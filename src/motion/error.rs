@@ -239,6 +239,19 @@ pub enum MotionError {
     },
 }
 
+impl MotionError {
+    /// The key of the test file that is wrong, as far as it is one key.
+    #[must_use]
+    pub const fn key(&self) -> Option<&'static str> {
+        match self {
+            Self::Parameter { name, .. } => Some(name),
+            Self::NotApplicable { key, .. } => Some(key),
+            Self::UnitMissing { .. } | Self::Unreadable { .. } => Some("path"),
+            _ => None,
+        }
+    }
+}
+
 /// `found` if it is inside its domain.
 pub(super) fn inside(
     name: &'static str,

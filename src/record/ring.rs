@@ -38,14 +38,14 @@ pub struct RingSize {
 const RING_BYTES: usize = 64 << 20;
 
 impl RingSize {
-    /// Four seconds of rows at `rate_hz`, at least 1024 rows, at most 64 MiB (but never less than 64 rows).
+    /// `seconds` of rows at `rate_hz`, at least 1024 rows, at most 64 MiB (but never less than 64 rows).
     ///
-    /// Four seconds because the writer's file writes can be held up by the disk for that long and no longer in
+    /// Four seconds are the default because the writer's file writes can be held up by the disk for that long and no longer in
     /// ordinary trouble (a journal commit, a dirty-page stall); see the notes at [`super::writer`].
     #[must_use]
-    pub fn for_rate(columns: usize, rate_hz: f64) -> Self {
+    pub fn for_rate(columns: usize, rate_hz: f64, seconds: f64) -> Self {
         // Saturating: a rate that is not a number becomes 0 here and the floor below takes over.
-        let wanted = ((4.0 * rate_hz) as usize).max(1024);
+        let wanted = ((seconds * rate_hz) as usize).max(1024);
         let fits = (RING_BYTES / (8 * (columns + 1))).max(64);
         Self {
             rows: wanted.min(fits),
@@ -382,10 +382,10 @@ mod tests {
         for (columns, rows, events) in [(0, 1, 1), (1, 0, 1), (1, 1, 0), (1, usize::MAX, 1)] {
             assert!(ring(columns, RingSize { rows, events }, WhenFull::Drop).is_err());
         }
-        assert_eq!(RingSize::for_rate(20, 4096.0).rows, 16_384);
-        assert_eq!(RingSize::for_rate(20, f64::NAN).rows, 1024);
+        assert_eq!(RingSize::for_rate(20, 4096.0, 4.0).rows, 16_384);
+        assert_eq!(RingSize::for_rate(20, f64::NAN, 4.0).rows, 1024);
         assert_eq!(
-            RingSize::for_rate(20_000, 1e9).rows,
+            RingSize::for_rate(20_000, 1e9, 4.0).rows,
             RING_BYTES / (8 * 20_001)
         );
     }

@@ -182,6 +182,12 @@ pub fn block_signals() -> Result<(), Errno> {
     }
 }
 
+/// A file at its size limit (RLIMIT_FSIZE) gives an error to the writer instead of ending the process.
+pub fn ignore_file_size_signal() {
+    // SAFETY: SIG_IGN is a valid disposition of SIGXFSZ; no handler of ours runs and no memory is passed.
+    unsafe { libc::signal(libc::SIGXFSZ, libc::SIG_IGN) };
+}
+
 fn last_error() -> Errno {
     let number = std::io::Error::last_os_error().raw_os_error();
     Errno::from_raw_os_error(number.unwrap_or(libc::EINVAL))

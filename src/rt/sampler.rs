@@ -50,10 +50,10 @@ impl Sampler {
     ///
     /// # Errors
     /// The kernel's files of that thread cannot be opened, or no thread can be started.
-    pub fn spawn(
+    pub fn spawn<T: From<SchedSample> + Send + 'static>(
         thread_id: i32,
         cpu: Option<usize>,
-        samples: Sender<SchedSample>,
+        samples: Sender<T>,
     ) -> io::Result<Self> {
         let mut source = Source::open(thread_id, cpu)?;
         let stop = Arc::new(AtomicBool::new(false));
@@ -68,7 +68,7 @@ impl Sampler {
                 let mut at = os::monotonic_ns();
                 while !stopped.load(Ordering::Relaxed) {
                     let Some(sample) = source.read() else { break };
-                    if samples.try_send(sample).is_err() {
+                    if samples.try_send(sample.into()).is_err() {
                         lost.fetch_add(1, Ordering::Relaxed);
                     }
                     at = os::monotonic_ns().max(at + PERIOD_NS);
@@ -187,7 +187,7 @@ mod tests {
     #[test]
     fn a_full_queue_drops_and_counts() {
         let (sender, receiver) = crossbeam_channel::bounded(0);
-        let sampler = Sampler::spawn(os::thread_id(), None, sender).unwrap();
+        let sampler = Sampler::spawn::<SchedSample>(os::thread_id(), None, sender).unwrap();
         while sampler.dropped() == 0 {
             os::yield_now();
         }
@@ -197,7 +197,7 @@ mod tests {
 
     #[test]
     fn a_thread_that_does_not_exist_is_refused_and_one_that_ends_ends_the_sampler() {
-        let (sender, receiver) = crossbeam_channel::bounded(64);
+        let (sender, receiver) = crossbeam_channel::bounded::<SchedSample>(64);
         assert!(Sampler::spawn(i32::MAX, None, sender.clone()).is_err());
         let (done, wait) = crossbeam_channel::bounded::<()>(0);
         let (tell, told) = crossbeam_channel::bounded(1);

@@ -5,11 +5,13 @@
 
 mod coupled;
 mod in_process;
+mod in_units;
 mod spec;
 mod uniaxial;
 
 pub use coupled::{Coupled, CoupledSpec};
 pub use in_process::InProcess;
+pub use in_units::InUnits;
 pub use spec::SpecimenLaw;
 pub use uniaxial::Uniaxial;
 

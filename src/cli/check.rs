@@ -1,0 +1,157 @@
+//! `gusset check`: is a test valid, what will it do, is λ stable. Nothing moves.
+
+use serde_json::json;
+
+use super::CheckArgs;
+use super::exit::Exit;
+use super::run::{load, refused};
+use super::table::{Table, duration, quantity};
+use crate::config::{self, ClockChoice, Facts, StructureFacts};
+
+/// Checks one test.
+pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
+    let loaded = load(&args.test, &args.sets)?;
+    let facts = config::build(&loaded).map_err(refused)?.facts;
+    for warning in &facts.warnings {
+        eprintln!("warning: {warning}");
+    }
+    if args.json {
+        println!("{}", serde_json::to_string_pretty(&as_json(&facts))?);
+    } else {
+        print!("{}", as_table(&facts));
+    }
+    Ok(Exit::Done)
+}
+
+fn as_table(facts: &Facts) -> Table {
+    let mut table = Table::new(&format!("{} — valid", facts.title));
+    let clock = match facts.clock {
+        ClockChoice::Real => "real",
+        ClockChoice::Simulated => "simulated",
+    };
+    table.row(
+        "test",
+        &format!(
+            "{} steps of {} = {}, {clock} clock at {:.6} Hz",
+            facts.steps,
+            duration(facts.dt),
+            duration(facts.steps as f64 * facts.dt),
+            facts.rate_hz
+        ),
+    );
+    if let Some(structure) = &facts.structure {
+        describe(&mut table, facts, structure);
+    } else {
+        table.row(
+            "structure",
+            "none: the specimens follow a prescribed displacement",
+        );
+    }
+    let specimens = facts.specimens.join(", ");
+    table.row(
+        "specimens",
+        if specimens.is_empty() {
+            "none"
+        } else {
+            &specimens
+        },
+    );
+    table
+}
+
+fn describe(table: &mut Table, facts: &Facts, structure: &StructureFacts) {
+    table.row(
+        "structure",
+        &format!(
+            "{} DOFs, effective mass stored {}",
+            structure.dofs, structure.storage
+        ),
+    );
+    if let Some(peak) = structure.peak_ground_accel {
+        table.row(
+            "ground",
+            &format!("peak acceleration {}", quantity(peak, "m/s²")),
+        );
+    }
+    for (mode, omega) in structure.frequencies.iter().enumerate() {
+        let hz = omega / std::f64::consts::TAU;
+        let period = if hz > 0.0 {
+            duration(1.0 / hz)
+        } else {
+            "none".to_owned()
+        };
+        let text = format!(
+            "{omega:.4} rad/s, {hz:.4} Hz, period {period}, Ω = ω·Δt = {:.4}",
+            omega * facts.dt
+        );
+        table.row(&format!("mode {}", mode + 1), &text);
+    }
+    let how = if structure.lambda_by_number {
+        "asked for by number".to_owned()
+    } else {
+        format!(
+            "automatic: the largest up to 11.5 with gain at most {}",
+            structure.gain
+        )
+    };
+    table.row("lambda", &format!("{} ({how})", structure.lambda));
+    match &structure.choice {
+        None => table.row("stability", "no proof: a tangent has no declared bound"),
+        Some(choice) => {
+            let limit = match choice.limit {
+                Some(limit) => format!("stable up to lambda = {limit:.6}"),
+                None => "stable for every lambda".to_owned(),
+            };
+            let margin = if choice.margin.is_finite() {
+                format!(", margin {:.4}", choice.margin)
+            } else {
+                String::new()
+            };
+            let verdict = if choice.is_stable() {
+                ""
+            } else {
+                " — UNSTABLE at this lambda"
+            };
+            table.row("stability", &format!("{limit}{margin}{verdict}"));
+            if let Some(governing) = &choice.governing {
+                table.row("governed by", &governing.to_string());
+            }
+        }
+    }
+}
+
+fn as_json(facts: &Facts) -> serde_json::Value {
+    let number = |value: f64| {
+        if value.is_finite() {
+            json!(value)
+        } else {
+            json!(value.to_string())
+        }
+    };
+    let structure = facts.structure.as_ref().map(|structure| {
+        let choice = structure.choice.as_ref();
+        json!({
+            "dofs": structure.dofs,
+            "storage": structure.storage,
+            "frequencies_rad_per_s": structure.frequencies,
+            "lambda": number(structure.lambda.value()),
+            "lambda_by_number": structure.lambda_by_number,
+            "lambda_limit": choice.map(|choice| choice.limit),
+            "margin": choice.map(|choice| number(choice.margin)),
+            "stable": choice.map(|choice| choice.is_stable()),
+            "governing": choice.and_then(|c| c.governing.as_ref()).map(ToString::to_string),
+            "gain_bound": structure.gain,
+            "peak_ground_acceleration_m_per_s2": structure.peak_ground_accel,
+        })
+    });
+    json!({
+        "title": facts.title,
+        "valid": true,
+        "steps": facts.steps,
+        "dt": facts.dt,
+        "rate_hz": facts.rate_hz,
+        "structure": structure,
+        "specimens": facts.specimens,
+        "warnings": facts.warnings,
+    })
+}

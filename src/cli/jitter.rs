@@ -1,0 +1,162 @@
+//! `gusset jitter`: the loop's own timing on this machine.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use serde_json::json;
+
+use super::JitterArgs;
+use super::exit::Exit;
+use super::progress::ProgressLine;
+use super::table::Table;
+use crate::record::{Progress, RunFolder};
+use crate::report::{Percentiles, jitter_svg};
+use crate::rt::TimingSpec;
+use crate::rt::load::{Load, USUAL_BYTES};
+use crate::session::{self, Finish, Finished, Signal, Signals, Watches, bare_loop};
+use crate::time::Ratio;
+
+/// Measures the loop with nothing attached.
+pub fn jitter(args: &JitterArgs) -> anyhow::Result<Exit> {
+    let rate = Ratio::parse(&args.rate).with_context(|| format!("--rate {:?}", args.rate))?;
+    let timing = TimingSpec {
+        cpu: args.cpu,
+        priority: args.priority,
+        ..TimingSpec::default()
+    };
+    timing.check().context("--priority")?;
+    timing
+        .check_cpu(&crate::rt::os::process_cpus())
+        .context("--cpu")?;
+    let test = bare_loop(rate, args.duration, timing)
+        .with_context(|| format!("--duration {}", args.duration))?;
+    let scratch = std::env::temp_dir().join(format!("gusset-jitter-{}", std::process::id()));
+    let path = args.out.as_deref().unwrap_or(&scratch);
+    let folder = RunFolder::create(path).context("the folder cannot be made")?;
+    let signals = Signals::listen().context("signals cannot be taken over")?;
+    let facts = test.facts.clone();
+    let cpu = args
+        .cpu
+        .or_else(|| crate::rt::os::process_cpus().last().copied())
+        .unwrap_or(0);
+    let load = if args.load {
+        Some(Load::start(cpu, USUAL_BYTES).context("the load cannot be started")?)
+    } else {
+        None
+    };
+    let mut line = ProgressLine::new(&facts, true);
+    let finished = session::run(
+        test,
+        folder,
+        signals.requests(),
+        Watches::default(),
+        &mut |progress: &Progress| line.show(progress),
+    );
+    line.clear();
+    let streamed = load.map(|load| {
+        let cpus = load.cpus().to_vec();
+        json!({ "cpus": cpus, "streamed_bytes": load.stop() })
+    });
+    let finished = finished?;
+    let bins = read_json(&finished.path.join("timing.json"));
+    if args.out.is_some() {
+        draw(&facts.title, &finished.path, &bins, 1e6 / facts.rate_hz)?;
+    } else {
+        // Ours alone: its name carries this process' number.
+        let _ = std::fs::remove_dir_all(&scratch);
+    }
+    if args.json {
+        println!(
+            "{}",
+            serde_json::to_string_pretty(&as_json(&finished, &bins, streamed))?
+        );
+    }
+    conclude(&facts.title, args, &finished);
+    Ok(match (finished.finish, signals.seen()) {
+        (Finish::Interrupted, Some(Signal::Terminate)) => Exit::Terminated,
+        (Finish::Interrupted, _) => Exit::Interrupted,
+        (Finish::Panicked, _) => Exit::Panic,
+        _ => Exit::Done,
+    })
+}
+
+fn read_json(path: &Path) -> serde_json::Value {
+    std::fs::read(path)
+        .ok()
+        .and_then(|bytes| serde_json::from_slice(&bytes).ok())
+        .unwrap_or_default()
+}
+
+fn as_json(
+    finished: &Finished,
+    bins: &serde_json::Value,
+    load: Option<serde_json::Value>,
+) -> serde_json::Value {
+    let summary = &finished.summary;
+    json!({
+        "rate_hz": summary.rate_hz,
+        "ticks": summary.steps + 1,
+        "wall_seconds": summary.wall_seconds,
+        "deadline_misses": summary.deadline_misses,
+        "miss_classes": summary.miss_classes,
+        "stretched_ticks": summary.stretched_ticks,
+        "rows_lost": summary.rows_lost,
+        "load": load,
+        "realtime": summary.realtime,
+        "timing": bins,
+    })
+}
+
+/// The picture of the histogram.
+fn draw(
+    title: &str,
+    folder: &Path,
+    timing: &serde_json::Value,
+    period_us: f64,
+) -> anyhow::Result<()> {
+    let entry = &timing["wakeup_lateness"];
+    let histogram: Vec<(f64, u64)> = entry["bins"]
+        .as_array()
+        .into_iter()
+        .flatten()
+        .filter_map(|bin| Some((bin.get(1)?.as_f64()?, bin.get(2)?.as_u64()?)))
+        .collect();
+    let percentiles: Percentiles = serde_json::from_value(entry.clone()).unwrap_or_default();
+    let picture = jitter_svg(title, &histogram, &percentiles, Some(period_us));
+    let path: PathBuf = folder.join("jitter.svg");
+    crate::record::atomic::write(&path, picture.as_bytes())
+        .with_context(|| path.display().to_string())
+}
+
+fn conclude(title: &str, args: &JitterArgs, finished: &Finished) {
+    let summary = &finished.summary;
+    let mut table = Table::new(&format!("{title}, {:.3} s", summary.wall_seconds));
+    table.timing(&summary.timing);
+    let classes = &summary.miss_classes;
+    table.row(
+        "deadline misses",
+        &format!(
+            "{} in {} ticks: ours {}, preempted {}, taken away {}",
+            summary.deadline_misses,
+            summary.steps + 1,
+            classes.ours,
+            classes.preempted,
+            classes.taken_away
+        ),
+    );
+    if let Some(granted) = &finished.granted {
+        if let Some(cpu) = granted.cpu {
+            table.row("core", &cpu.to_string());
+        }
+        for text in session::missing(granted) {
+            table.row("not granted", &text);
+        }
+    }
+    if let Some(out) = &args.out {
+        table.row(
+            "files",
+            &format!("{} (jitter.svg, *.hgrm, timing.json)", out.display()),
+        );
+    }
+    eprint!("{table}");
+}

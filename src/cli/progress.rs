@@ -1,0 +1,60 @@
+//! The progress line: on a terminal, and nowhere else.
+
+use std::io::{IsTerminal, Write};
+
+use crate::config::Facts;
+use crate::record::Progress;
+
+/// One line that tells how far the test is: on a terminal, and nowhere else.
+pub struct ProgressLine {
+    show: bool,
+    duration: f64,
+    rate_hz: f64,
+    drawn: bool,
+}
+
+impl ProgressLine {
+    /// `wanted` is whether the user wants one; it also takes a terminal.
+    pub fn new(facts: &Facts, wanted: bool) -> Self {
+        let show = wanted && std::io::stderr().is_terminal();
+        let duration = facts.steps as f64 * facts.dt;
+        Self {
+            show,
+            duration,
+            rate_hz: facts.rate_hz,
+            drawn: false,
+        }
+    }
+
+    /// Draws the line anew.
+    pub fn show(&mut self, progress: &Progress) {
+        if !self.show {
+            return;
+        }
+        // `time` is the fourth column of every row.
+        let time = progress.last_row.get(3).copied().unwrap_or(0.0);
+        let share = if self.duration > 0.0 {
+            (time / self.duration).clamp(0.0, 1.0)
+        } else {
+            1.0
+        };
+        let filled = (share * 30.0) as usize;
+        let bar: String = (0..30)
+            .map(|i| if i < filled { '█' } else { '·' })
+            .collect();
+        let misses = progress.misses.total();
+        eprint!(
+            "\r\x1b[2K{bar} {time:7.2} of {:.2} s   {:.0} Hz   misses {misses}   rows lost {}",
+            self.duration, self.rate_hz, progress.rows_lost
+        );
+        let _ = std::io::stderr().flush();
+        self.drawn = true;
+    }
+
+    /// Takes the line away.
+    pub fn clear(&mut self) {
+        if self.drawn {
+            eprint!("\r\x1b[2K");
+        }
+    }
+}

@@ -1,0 +1,292 @@
+//! What moves the structure, or the specimens where there is none, on the step grid.
+
+use super::specimens::Specimens;
+use super::structure::vector;
+use super::{Refused, Site, path};
+use crate::config::{Finding, KeyPath};
+use crate::model::Structure;
+use crate::motion::{
+    Excitation, Grid, LoadTerm, Motion, MotionError, NodalTable, Prescribed, PrescribedSpec,
+    Processing, Quantity, Signal, base_motion, parse_table,
+};
+
+/// The step grid of the test.
+fn grid(site: &mut Site<'_>) -> Result<Grid, Refused> {
+    let time = site.loaded.time;
+    let steps = usize::try_from(time.steps).unwrap_or(usize::MAX);
+    match Grid::new(time.step.value(), steps) {
+        Ok(grid) => Ok(grid),
+        Err(error) => site.refuse(Finding::error(path("time"), error.to_string())),
+    }
+}
+
+/// Runs `evaluate` on a motion whose table stands at `at`, with its file read.
+fn with_files<T>(
+    site: &mut Site<'_>,
+    at: &KeyPath,
+    signal: &Signal,
+    evaluate: impl FnOnce(&crate::motion::Files<'_>) -> Result<T, MotionError>,
+) -> Result<T, Refused> {
+    let mut bytes = None;
+    if let Some(file) = signal.path() {
+        let place = site.loaded.locator.beneath(&at.key("signal"), "path");
+        bytes = Some(site.read(place, file)?);
+    }
+    let files = move |_: &str| {
+        bytes
+            .clone()
+            .ok_or_else(|| std::io::Error::other("a file that the test did not name"))
+    };
+    match evaluate(&files) {
+        Ok(value) => Ok(value),
+        Err(error) => {
+            let place = match error.key() {
+                Some(key) => site.loaded.locator.beneath(at, key),
+                None => at.key("signal"),
+            };
+            site.refuse(Finding::error(place, error.to_string()))
+        }
+    }
+}
+
+fn motion(signal: &Signal, processing: &Processing) -> Motion {
+    Motion {
+        signal: signal.clone(),
+        processing: processing.clone(),
+    }
+}
+
+/// The loads of a structure, and its static load if it has one.
+pub(super) fn excitation(
+    site: &mut Site<'_>,
+    structure: &Structure,
+    specimens: &Specimens,
+) -> Result<(Excitation, Option<Vec<f64>>), Refused> {
+    let n = structure.dofs();
+    let grid = grid(site)?;
+    let mut excitation = Excitation::none(n, grid.steps());
+    let table = &site.loaded.file.excitation;
+    let at = path("excitation");
+    if let Some(ground) = &table.ground_acceleration {
+        let at = at.key("ground_acceleration");
+        let history = motion(&ground.signal, &ground.processing);
+        let series = with_files(site, &at, &ground.signal, |files| {
+            history.evaluate(Quantity::Acceleration, grid, files)
+        })?;
+        site.warnings.extend(series.warnings);
+        let iota = ground
+            .influence
+            .clone()
+            .unwrap_or_else(|| structure.influence().to_vec());
+        let iota = sized(site, &at.key("influence"), iota, n)?;
+        let pattern = ground_load(structure, specimens, &iota);
+        excitation = added(site, &at, || {
+            excitation
+                .with_term(LoadTerm {
+                    pattern,
+                    series: series.values.clone(),
+                })?
+                .with_ground(series.values)
+        })?;
+    }
+    if let Some(base) = &table.base_displacement {
+        let at = at.key("base_displacement");
+        let history = motion(&base.signal, &base.processing);
+        let moved = with_files(site, &at, &base.signal, |files| {
+            base_motion(&history, grid, files)
+        })?;
+        site.warnings.extend(moved.warnings);
+        if base
+            .influence
+            .as_ref()
+            .is_some_and(|given| given != structure.influence())
+        {
+            let text = "the influence of a base displacement is that of the structure: ones, or \
+                        `influence` of its matrices";
+            return site.refuse(Finding::error(at.key("influence"), text));
+        }
+        excitation = added(site, &at, || excitation.with_base(moved.disp, moved.vel))?;
+    }
+    for (index, force) in table.nodal_force.iter().enumerate() {
+        let at = at.key("nodal_force").index(index);
+        let pattern = match (&force.dofs, &force.pattern) {
+            (Some(dofs), _) => spread(site, &at.key("dofs"), dofs, n)?,
+            (None, Some(pattern)) => sized(site, &at.key("pattern"), pattern.clone(), n)?,
+            (None, None) => vec![0.0; n],
+        };
+        let history = motion(&force.signal, &force.processing);
+        let series = with_files(site, &at, &force.signal, |files| {
+            history.evaluate(Quantity::Force, grid, files)
+        })?;
+        site.warnings.extend(series.warnings);
+        let term = LoadTerm {
+            pattern,
+            series: series.values,
+        };
+        excitation = added(site, &at, || excitation.with_term(term))?;
+    }
+    if let Some(nodal) = &table.nodal_table {
+        let at = at.key("nodal_table");
+        let bytes = site.read(at.key("file"), &nodal.file)?;
+        let parsed = match parse_table(&nodal.file, &bytes) {
+            Ok(parsed) => parsed,
+            Err(error) => {
+                return site.refuse(Finding::error(at.key("file"), error.to_string()));
+            }
+        };
+        if parsed.columns != n {
+            let text = format!(
+                "{} has {} columns, but the structure has {n} DOFs: one column per DOF is wanted",
+                nodal.file, parsed.columns
+            );
+            return site.refuse(Finding::error(at.key("file"), text));
+        }
+        if parsed.rows() < grid.points() {
+            site.warnings.push(format!(
+                "{} has {} rows, but the test has {} steps: the rest is zero",
+                nodal.file,
+                parsed.rows(),
+                grid.points()
+            ));
+        }
+        let values = parsed
+            .values
+            .iter()
+            .map(|value| value * nodal.scale)
+            .collect();
+        let table = NodalTable {
+            dofs: (0..n).collect(),
+            values,
+        };
+        excitation = added(site, &at, || excitation.with_table(table))?;
+    }
+    let load = static_load(site, structure)?;
+    if let Some(load) = load.clone() {
+        excitation = added(site, &path("structure"), || excitation.with_constant(load))?;
+    }
+    Ok((excitation, load))
+}
+
+fn added(
+    site: &mut Site<'_>,
+    at: &KeyPath,
+    add: impl FnOnce() -> Result<Excitation, MotionError>,
+) -> Result<Excitation, Refused> {
+    match add() {
+        Ok(excitation) => Ok(excitation),
+        Err(error) => site.refuse(Finding::error(at.clone(), error.to_string())),
+    }
+}
+
+/// −M ι with the mass of the specimens whose inertia is inside the measured force: they load the structure although they
+/// are not counted in M.
+fn ground_load(structure: &Structure, specimens: &Specimens, iota: &[f64]) -> Vec<f64> {
+    let mut load = vec![0.0; iota.len()];
+    structure.mass().subtract_product(iota, &mut load);
+    specimens
+        .mass_in_force(iota.len())
+        .subtract_product(iota, &mut load);
+    load
+}
+
+fn spread(
+    site: &mut Site<'_>,
+    at: &KeyPath,
+    dofs: &[usize],
+    n: usize,
+) -> Result<Vec<f64>, Refused> {
+    let mut pattern = vec![0.0; n];
+    for (index, dof) in dofs.iter().enumerate() {
+        match dof.checked_sub(1).and_then(|dof| pattern.get_mut(dof)) {
+            Some(entry) => *entry = 1.0,
+            None => {
+                let text = format!("DOF {dof} does not exist: the structure has {n}");
+                return site.refuse(Finding::error(at.index(index), text));
+            }
+        }
+    }
+    Ok(pattern)
+}
+
+fn sized(
+    site: &mut Site<'_>,
+    at: &KeyPath,
+    values: Vec<f64>,
+    n: usize,
+) -> Result<Vec<f64>, Refused> {
+    if values.len() == n {
+        return Ok(values);
+    }
+    let text = format!("{} entries, but the structure has {n} DOFs", values.len());
+    site.refuse(Finding::error(at.clone(), text))
+}
+
+fn static_load(site: &mut Site<'_>, structure: &Structure) -> Result<Option<Vec<f64>>, Refused> {
+    let table = site.loaded.file.structure.as_ref();
+    let given = table.and_then(|table| table.static_load_n.clone());
+    let gravity = table.and_then(|table| table.gravity.clone());
+    if given.is_none() && gravity.is_none() {
+        return Ok(None);
+    }
+    let n = structure.dofs();
+    let mut load = vector(site, "static_load_n", given, n)?;
+    if let Some(gravity) = gravity {
+        let at = path("structure").key("gravity").key("influence");
+        let down = sized(site, &at, gravity.influence, n)?;
+        let pull: Vec<f64> = down
+            .iter()
+            .map(|iota| -iota * gravity.accel_m_per_s2)
+            .collect();
+        structure.mass().subtract_product(&pull, &mut load);
+    }
+    Ok(Some(load))
+}
+
+/// Given deformations of every axis of every specimen, in order; an axis that nobody moves holds zero.
+pub(super) fn prescribed(
+    site: &mut Site<'_>,
+    specimens: &Specimens,
+) -> Result<Vec<Option<Prescribed>>, Refused> {
+    let grid = grid(site)?;
+    let mut histories: Vec<Option<Prescribed>> = Vec::new();
+    let mut first = Vec::new();
+    for (name, axes) in specimens.axes() {
+        first.push((name.to_owned(), histories.len(), axes));
+        histories.resize_with(histories.len() + axes, || None);
+    }
+    for (index, table) in site
+        .loaded
+        .file
+        .excitation
+        .prescribed_displacement
+        .iter()
+        .enumerate()
+    {
+        let at = path("excitation")
+            .key("prescribed_displacement")
+            .index(index);
+        let place = first.iter().find(|(name, _, _)| *name == table.specimen);
+        let Some((_, start, axes)) = place else {
+            let text = format!("there is no specimen \"{}\"", table.specimen);
+            return site.refuse(Finding::error(at.key("specimen"), text));
+        };
+        if !(1..=*axes).contains(&table.axis) {
+            let text = format!("specimen \"{}\" has {axes} axes", table.specimen);
+            return site.refuse(Finding::error(at.key("axis"), text));
+        }
+        let spec = PrescribedSpec {
+            axes: vec![motion(&table.signal, &table.processing)],
+            ease_in_s: table.ease_in_s,
+            ease_out_s: table.ease_out_s,
+        };
+        let history = with_files(site, &at, &table.signal, |files| spec.evaluate(grid, files))?;
+        let name = &table.specimen;
+        let warnings = history.warnings().iter();
+        site.warnings
+            .extend(warnings.map(|text| format!("specimen \"{name}\": {text}")));
+        if let Some(slot) = histories.get_mut(start + table.axis - 1) {
+            *slot = Some(history);
+        }
+    }
+    Ok(histories)
+}

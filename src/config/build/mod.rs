@@ -1,0 +1,421 @@
+//! From a test file that has been read and checked to an experiment that can run.
+//!
+//! Everything that needs more than the file's own words is judged here: files are read, laws and matrices made, λ
+//! chosen and proven, peaks of the excitation known. A mistake becomes a [`Finding`] at its place in the file. Nothing
+//! moves, and nothing is written.
+
+mod excitation;
+mod proof;
+mod specimens;
+mod structure;
+
+use std::path::PathBuf;
+
+use super::{ClockChoice, ConfigError, DofChoice, Finding, Inputs, KeyPath, Loaded, Start};
+use crate::engine::{Experiment, Limits, Numerical, OnMiss, Settling, Side};
+use crate::integrate::{Gui, Integrator, Lambda, LambdaChoice, State};
+use crate::linalg::{Spd, SymMatrix};
+use crate::rt;
+use crate::rt::TimingSpec;
+use specimens::Specimens;
+
+/// A test that is ready to run.
+#[derive(Debug)]
+pub struct Prepared {
+    /// What the loop needs.
+    pub experiment: Experiment,
+    /// What is known about it before it runs.
+    pub facts: Facts,
+    /// What the run folder archives.
+    pub files: Files,
+}
+
+/// What is known about a test before it runs.
+#[derive(Debug, Clone)]
+pub struct Facts {
+    /// Its title.
+    pub title: String,
+    /// Δt in s of test time.
+    pub dt: f64,
+    /// Number of steps.
+    pub steps: u64,
+    /// Ticks per second of wall time that are asked for.
+    pub rate_hz: f64,
+    /// The clock.
+    pub clock: ClockChoice,
+    /// The structure, if there is one.
+    pub structure: Option<StructureFacts>,
+    /// Names of the specimens, in order.
+    pub specimens: Vec<String>,
+    /// What is asked of the machine.
+    pub timing: TimingSpec,
+    /// Whether a lost row makes the test a failed one.
+    pub record_required: bool,
+    /// Seconds of rows that the queue to the writer holds.
+    pub queue_s: f64,
+    /// What the user should know although the test may run.
+    pub warnings: Vec<String>,
+}
+
+impl Facts {
+    /// λ in use; none without a structure.
+    #[must_use]
+    pub fn lambda(&self) -> Option<f64> {
+        self.structure
+            .as_ref()
+            .map(|structure| structure.lambda.value())
+    }
+}
+
+/// What is known about the numerical side.
+#[derive(Debug, Clone)]
+pub struct StructureFacts {
+    /// Degrees of freedom.
+    pub dofs: usize,
+    /// How M_eff is stored and factored.
+    pub storage: String,
+    /// λ in use.
+    pub lambda: Lambda,
+    /// Whether λ was asked for by number.
+    pub lambda_by_number: bool,
+    /// λ, its limit and what governs it; none if the tangents have no declared bound.
+    pub choice: Option<LambdaChoice>,
+    /// Gain bound g of the automatic choice.
+    pub gain: f64,
+    /// Natural frequencies at the start in rad/s, ascending, as far as they are cheap to find.
+    pub frequencies: Vec<f64>,
+    /// Largest |ground acceleration| in m/s².
+    pub peak_ground_accel: Option<f64>,
+}
+
+/// What the run folder archives.
+#[derive(Debug, Clone)]
+pub struct Files {
+    /// The test file, byte for byte.
+    pub test: Vec<u8>,
+    /// The complete configuration.
+    pub resolved: String,
+    /// Path and bytes of every file that the test read.
+    pub inputs: Vec<(PathBuf, Vec<u8>)>,
+}
+
+/// Findings so far, and the files read so far.
+struct Site<'a> {
+    loaded: &'a Loaded,
+    inputs: Inputs,
+    errors: Vec<Finding>,
+    warnings: Vec<String>,
+}
+
+/// The end of a build whose findings are in the site.
+struct Refused;
+
+impl Site<'_> {
+    fn refuse<T>(&mut self, finding: Finding) -> Result<T, Refused> {
+        self.errors.push(finding);
+        Err(Refused)
+    }
+
+    /// A complaint of a lower layer about `key`, at the nearest place below `at` that is called so.
+    fn refuse_key<T>(
+        &mut self,
+        at: &KeyPath,
+        key: &str,
+        error: &dyn std::fmt::Display,
+    ) -> Result<T, Refused> {
+        let path = self.loaded.locator.beneath(at, key);
+        self.refuse(Finding::error(path, error.to_string()))
+    }
+
+    /// The bytes of an input, or a finding at the key that names it.
+    fn read(&mut self, at: KeyPath, requested: &str) -> Result<Vec<u8>, Refused> {
+        match self.inputs.read(requested) {
+            Ok(bytes) => Ok(bytes.to_vec()),
+            Err(error) => {
+                let finding = error.finding(at);
+                self.refuse(finding)
+            }
+        }
+    }
+}
+
+/// Root of all paths.
+fn path(key: &str) -> KeyPath {
+    KeyPath::root().key(key)
+}
+
+/// Makes the experiment that a test file describes.
+///
+/// # Errors
+/// [`ConfigError::Invalid`] with everything that was found wrong before the build had to give up.
+pub fn build(loaded: &Loaded) -> Result<Prepared, ConfigError> {
+    let mut site = Site {
+        loaded,
+        inputs: loaded.inputs(),
+        errors: Vec::new(),
+        warnings: loaded
+            .warnings
+            .iter()
+            .map(|warning| warning.headline.clone())
+            .collect(),
+    };
+    match assemble(&mut site) {
+        Ok(prepared) => Ok(prepared),
+        Err(Refused) => Err(loaded.refuse(std::mem::take(&mut site.errors))),
+    }
+}
+
+fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
+    let file = &site.loaded.file;
+    if let Err(error) = file.timing.check() {
+        return site.refuse_key(&path("timing"), error.key(), &error);
+    }
+    if let Err(error) = file.timing.check_cpu(&rt::os::process_cpus()) {
+        return site.refuse_key(&path("timing"), error.key(), &error);
+    }
+    let specimens = specimens::specimens(site)?;
+    let (side, settling, structure) = match &file.structure {
+        Some(_) => {
+            let (numerical, settling, facts) = numerical(site, &specimens)?;
+            (Side::Structure(Box::new(numerical)), settling, Some(facts))
+        }
+        None => (
+            Side::Prescribed(excitation::prescribed(site, &specimens)?),
+            None,
+            None,
+        ),
+    };
+    let dofs = structure
+        .as_ref()
+        .map_or(0, |facts: &StructureFacts| facts.dofs);
+    let record_dofs = record_dofs(site, dofs, &specimens)?;
+    let names = specimens.names();
+    let ports = specimens.into_ports(site, dofs)?;
+    let time = site.loaded.time;
+    let facts = Facts {
+        title: file.title.clone(),
+        dt: time.step.value(),
+        steps: time.steps,
+        rate_hz: time.period.inverse().value(),
+        clock: time.clock,
+        structure,
+        specimens: names,
+        timing: file.timing.clone(),
+        record_required: file.record.required,
+        queue_s: file.record.queue_s,
+        warnings: std::mem::take(&mut site.warnings),
+    };
+    let resolved = match super::resolve(file, facts.lambda(), &site.inputs) {
+        Ok(resolved) => resolved,
+        Err(error) => return site.refuse(Finding::error(KeyPath::root(), error.to_string())),
+    };
+    let inputs = site.inputs.files().iter();
+    let inputs = inputs
+        .map(|input| (PathBuf::from(&input.name), input.bytes.clone()))
+        .collect();
+    let files = Files {
+        test: site.loaded.text.clone().into_bytes(),
+        resolved,
+        inputs,
+    };
+    let experiment = Experiment {
+        dt: facts.dt,
+        period: time.period,
+        steps: time.steps,
+        side,
+        settling,
+        ports,
+        record_dofs,
+        limits: limits(&file.timing, time.steps, file.safety.divergence_m),
+    };
+    Ok(Prepared {
+        experiment,
+        facts,
+        files,
+    })
+}
+
+/// Longest wait for a partner that owes a reply.
+const REPLY_TIMEOUT_NS: u64 = 5_000_000_000;
+/// Stale measurements in a row after which a test stops.
+const STALE_IN_A_ROW: u64 = 10;
+
+fn limits(timing: &TimingSpec, steps: u64, divergence: Option<f64>) -> Limits {
+    Limits {
+        on_miss: match timing.on_miss {
+            rt::OnMiss::Stretch => OnMiss::Stretch,
+            rt::OnMiss::CatchUp => OnMiss::CatchUp {
+                at_most: timing.max_catch_up_ticks,
+            },
+            rt::OnMiss::Stop => OnMiss::Stop,
+        },
+        misses_in_a_row: timing.max_consecutive_misses,
+        misses_in_total: timing.miss_bound(steps),
+        extrapolate_stale: false,
+        stale_in_a_row: STALE_IN_A_ROW,
+        reply_timeout_ns: REPLY_TIMEOUT_NS,
+        warmup_ticks: timing.warmup_ticks,
+        divergence: divergence.unwrap_or(f64::MAX),
+    }
+}
+
+/// The numerical side: structure, loads, integrator, initial state, and the static load before t = 0.
+fn numerical(
+    site: &mut Site<'_>,
+    specimens: &Specimens,
+) -> Result<(Numerical, Option<Settling>, StructureFacts), Refused> {
+    let mut structure = structure::structure(site, specimens)?;
+    let n = structure.dofs();
+    specimens.check_rows(site, n)?;
+    let dt = site.loaded.time.step.value();
+    let initial_stiffness = structure
+        .reference_stiffness()
+        .plus(1.0, &specimens.stiffness(n));
+    let initial_damping = structure
+        .reference_damping()
+        .plus(1.0, &specimens.damping(n));
+    let at_rest = structure
+        .stiffness_at_rest()
+        .plus(1.0, &specimens.stiffness(n));
+    let frequencies = structure::frequencies(&at_rest, structure.mass());
+    let proof = proof::choose(
+        site,
+        &structure,
+        specimens,
+        &initial_stiffness,
+        &initial_damping,
+    )?;
+    let start = match site.loaded.file.integrator.start {
+        Start::Published => crate::integrate::Start::Published,
+        Start::SecondOrder => crate::integrate::Start::SecondOrder,
+    };
+    let gui = match Gui::new(
+        structure.mass(),
+        &initial_damping,
+        &initial_stiffness,
+        dt,
+        proof.lambda,
+        start,
+    ) {
+        Ok(gui) => gui,
+        Err(error) => {
+            let finding = Finding::error(path("structure"), error.to_string()).help(
+                "every massless degree of freedom must be held by a stiffness or a damping, and \
+                 no stiffness may be negative",
+            );
+            return site.refuse(finding);
+        }
+    };
+    let (excitation, load) = excitation::excitation(site, &structure, specimens)?;
+    let settling = match load {
+        Some(load) => Some(settle(
+            site,
+            load,
+            &initial_stiffness,
+            proof.stiffness_bound.as_ref(),
+        )?),
+        None => None,
+    };
+    let state = structure::initial_state(site, n)?;
+    let ground = excitation.ground_accel();
+    let facts = StructureFacts {
+        dofs: n,
+        storage: gui.storage().to_string(),
+        lambda: gui.lambda(),
+        lambda_by_number: proof.by_number,
+        choice: proof.choice,
+        gain: proof.gain,
+        frequencies,
+        peak_ground_accel: ground.map(|a| a.iter().fold(0.0, |m: f64, v| m.max(v.abs()))),
+    };
+    let integrator: Box<dyn Integrator> = Box::new(gui);
+    let accel = match crate::model::Acceleration::new(structure.mass()) {
+        Ok(accel) => accel,
+        Err(error) => {
+            let finding = Finding::error(path("structure"), format!("the mass matrix is {error}"));
+            return site.refuse(finding);
+        }
+    };
+    let State { .. } = &state;
+    Ok((
+        Numerical::new(structure, accel, excitation, integrator, state),
+        settling,
+        facts,
+    ))
+}
+
+/// Equal parts in which a static load is brought on.
+const SETTLING_PARTS: u32 = 20;
+/// Relative unbalance at which the static load is in equilibrium.
+const SETTLING_TOLERANCE: f64 = 1e-10;
+/// Exchanges after which a static load counts as impossible to carry.
+const SETTLING_EXCHANGES: u32 = 20_000;
+
+fn settle(
+    site: &mut Site<'_>,
+    load: Vec<f64>,
+    initial: &SymMatrix,
+    bound: Option<&SymMatrix>,
+) -> Result<Settling, Refused> {
+    match Spd::factor(bound.unwrap_or(initial)) {
+        Ok(stiffness) => Ok(Settling {
+            stiffness,
+            load,
+            parts: SETTLING_PARTS,
+            tolerance: SETTLING_TOLERANCE,
+            most_exchanges: SETTLING_EXCHANGES,
+        }),
+        Err(error) => {
+            let at = if site
+                .loaded
+                .file
+                .structure
+                .as_ref()
+                .is_some_and(|s| s.gravity.is_some())
+            {
+                path("structure").key("gravity")
+            } else {
+                path("structure").key("static_load_n")
+            };
+            let finding = Finding::error(
+                at,
+                format!("nothing carries the static load: the stiffness is {error}"),
+            );
+            site.refuse(finding)
+        }
+    }
+}
+
+/// Largest model whose DOFs are all recorded unless the test says otherwise.
+const RECORD_ALL: usize = 64;
+
+fn record_dofs(
+    site: &mut Site<'_>,
+    dofs: usize,
+    specimens: &Specimens,
+) -> Result<Vec<usize>, Refused> {
+    let all = (0..dofs).collect::<Vec<_>>();
+    match &site.loaded.file.record.dofs {
+        Some(DofChoice::All) => Ok(all),
+        Some(DofChoice::Listed(listed)) => {
+            let at = path("record").key("dofs");
+            if let Some((index, dof)) = listed
+                .iter()
+                .enumerate()
+                .find(|(_, dof)| !(1..=dofs).contains(*dof))
+            {
+                let text = format!("DOF {dof} does not exist: the structure has {dofs}");
+                return site.refuse(Finding::error(at.index(index), text));
+            }
+            Ok(listed.iter().map(|dof| dof - 1).collect())
+        }
+        None if dofs <= RECORD_ALL => Ok(all),
+        None => {
+            let mut some = specimens.dofs();
+            some.extend([0, dofs - 1]);
+            some.sort_unstable();
+            some.dedup();
+            Ok(some)
+        }
+    }
+}

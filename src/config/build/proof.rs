@@ -1,0 +1,185 @@
+//! λ: asked for by number, or chosen; and the proof that it is stable at the declared bounds.
+
+use super::specimens::Specimens;
+use super::{Refused, Site, path};
+use crate::config::{Finding, LambdaValue};
+use crate::integrate::{GAIN_HYBRID, GAIN_NUMERICAL, Lambda, LambdaChoice, StabilityProof};
+use crate::linalg::SymMatrix;
+use crate::model::{ModelError, Part, Structure};
+
+/// λ and what is known of its stability.
+pub(super) struct Proven {
+    /// λ to use.
+    pub lambda: Lambda,
+    /// Whether it was asked for by number.
+    pub by_number: bool,
+    /// The proof, unless a tangent has no declared bound.
+    pub choice: Option<LambdaChoice>,
+    /// Gain bound g.
+    pub gain: f64,
+    /// K_max, if every tangent has a bound.
+    pub stiffness_bound: Option<SymMatrix>,
+}
+
+/// Upper bounds of the tangents and who they come from.
+struct Bounds {
+    stiffness: SymMatrix,
+    damping: SymMatrix,
+    parts: Vec<Part>,
+}
+
+/// Chooses λ, or proves the one that was asked for.
+pub(super) fn choose(
+    site: &mut Site<'_>,
+    structure: &Structure,
+    specimens: &Specimens,
+    initial_stiffness: &SymMatrix,
+    initial_damping: &SymMatrix,
+) -> Result<Proven, Refused> {
+    let table = &site.loaded.file.integrator;
+    let gain = table.gain_bound.unwrap_or(if specimens.is_empty() {
+        GAIN_NUMERICAL
+    } else {
+        GAIN_HYBRID
+    });
+    let request = match table.lambda {
+        LambdaValue::Auto => None,
+        LambdaValue::Number(value) => Lambda::new(value).ok(),
+        LambdaValue::Infinite => Some(Lambda::Infinite),
+    };
+    let bounds = match (bounds(site, structure, specimens), request) {
+        (Ok(bounds), _) => bounds,
+        (Err(finding), None) => {
+            let help = "or choose `lambda` by number in [integrator], without a proof";
+            return site.refuse((*finding).help(help));
+        }
+        (Err(finding), Some(lambda)) => {
+            site.warnings
+                .push(format!("no proof of stability: {}", finding.headline));
+            let stiffness_bound = None;
+            return Ok(Proven {
+                lambda,
+                by_number: true,
+                choice: None,
+                gain,
+                stiffness_bound,
+            });
+        }
+    };
+    let proof = StabilityProof {
+        mass: structure.mass().clone(),
+        damping: initial_damping.clone(),
+        stiffness: initial_stiffness.clone(),
+        damping_bound: bounds.damping,
+        stiffness_bound: bounds.stiffness,
+        dt: site.loaded.time.step.value(),
+    };
+    let stiffness_bound = Some(proof.stiffness_bound.clone());
+    match (proof.choose(request, gain, &bounds.parts), request) {
+        (Ok(choice), _) => {
+            if !choice.is_stable() {
+                site.warnings.push(unstable(&choice));
+            }
+            let by_number = request.is_some();
+            let lambda = choice.lambda;
+            Ok(Proven {
+                lambda,
+                by_number,
+                choice: Some(choice),
+                gain,
+                stiffness_bound,
+            })
+        }
+        (Err(error), Some(lambda)) => {
+            site.warnings.push(error.to_string());
+            Ok(Proven {
+                lambda,
+                by_number: true,
+                choice: None,
+                gain,
+                stiffness_bound,
+            })
+        }
+        (Err(error), None) => {
+            let finding = Finding::error(path("integrator").key("lambda"), error.to_string());
+            site.refuse(finding.help("a smaller step, or a larger estimate of what hardens"))
+        }
+    }
+}
+
+fn unstable(choice: &LambdaChoice) -> String {
+    let limit = choice.limit.unwrap_or(f64::INFINITY);
+    let cause = choice
+        .governing
+        .as_ref()
+        .map(|g| format!(", set by {g}"))
+        .unwrap_or_default();
+    format!(
+        "lambda = {} is above the limit {limit:.4} at the declared stiffness{cause}: the response \
+         may grow as a sawtooth of period 2 steps",
+        choice.lambda
+    )
+}
+
+/// K_max and C_max of the whole, or a finding about whose bound is missing.
+fn bounds(
+    site: &Site<'_>,
+    structure: &Structure,
+    specimens: &Specimens,
+) -> Result<Bounds, Box<Finding>> {
+    let n = structure.dofs();
+    let own = structure
+        .bound_stiffness()
+        .and_then(|stiffness| Ok((stiffness, structure.bound_damping()?, structure.parts()?)));
+    let (stiffness, damping, mut parts) = own.map_err(|error| {
+        let at = path("structure").key("element");
+        let index = match &error {
+            ModelError::NoBound { element, .. } => {
+                structure.element_names().position(|name| name == element)
+            }
+            _ => None,
+        };
+        let listed = site
+            .loaded
+            .file
+            .structure
+            .as_ref()
+            .map_or(0, |table| table.element.len());
+        match index.filter(|index| *index < listed) {
+            Some(index) => Box::new(Finding::error(at.index(index), error.to_string())),
+            None => Box::new(Finding::error(path("structure"), error.to_string())),
+        }
+    })?;
+    let (of_specimens, damping_of_specimens) = specimens.bounds(n).map_err(|index| {
+        let name = site
+            .loaded
+            .file
+            .specimen
+            .get(index)
+            .map_or("", |table| &table.name);
+        let text = format!(
+            "specimen \"{name}\": the tangent of its law has no bound without a declared reach"
+        );
+        let help = "give `reach_disp_m` (and `reach_vel_m_per_s` for a damper) as far as it may go";
+        Box::new(Finding::error(path("specimen").index(index), text).help(help))
+    })?;
+    parts.extend(specimens.parts());
+    let infinite = parts
+        .iter()
+        .find(|p| !(p.stiffness_bound.is_finite() && p.damping_bound.is_finite()));
+    if let Some(part) = infinite {
+        let text = format!("{}: its tangent has no finite bound", part.name);
+        let index = structure.element_names().position(|name| name == part.name);
+        let at = match index {
+            Some(index) => path("structure").key("element").index(index),
+            None => path("specimen"),
+        };
+        let help = "declare a `damping_ratio`, or `linear_below_m_per_s` for a power damper";
+        return Err(Box::new(Finding::error(at, text).help(help)));
+    }
+    Ok(Bounds {
+        stiffness: stiffness.plus(1.0, &of_specimens),
+        damping: damping.plus(1.0, &damping_of_specimens),
+        parts,
+    })
+}

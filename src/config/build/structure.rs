@@ -1,0 +1,161 @@
+//! The numerical structure of a test file, its initial state and its natural frequencies.
+
+use super::specimens::Specimens;
+use super::{Refused, Site, path};
+use crate::config::{Finding, KeyPath};
+use crate::integrate::State;
+use crate::linalg::{self, SymMatrix};
+use crate::model::{BuildError, MatrixFiles, ModelError, Structure, StructureSpec, parse_matrix};
+
+/// Number of frequencies that are looked for.
+const FREQUENCIES: usize = 6;
+/// Largest model whose frequencies are found by a dense solution.
+const DENSE_MODES: usize = 300;
+
+/// The structure, with the specimens' stiffness known to its damping rule.
+pub(super) fn structure(site: &mut Site<'_>, specimens: &Specimens) -> Result<Structure, Refused> {
+    let Some(table) = &site.loaded.file.structure else {
+        return site.refuse(Finding::error(path("structure"), "there is no structure"));
+    };
+    let at = path("structure");
+    for (index, element) in table.element.iter().enumerate() {
+        if let Err(error) = element.law.build() {
+            let law = at.key("element").index(index).key("law");
+            return site.refuse_key(&law, error.key(), &error);
+        }
+    }
+    let Some((kind, spec)) = table.kinds().into_iter().next() else {
+        return site.refuse(Finding::error(at, "the structure has no masses"));
+    };
+    let files = matrix_files(site, &at.key(kind), spec)?;
+    let dofs = spec.dofs(&files).unwrap_or(0);
+    specimens.check_rows(site, dofs)?;
+    let estimate = specimens.stiffness(dofs);
+    match spec.build(
+        table.damping.as_ref(),
+        &table.element,
+        Some(&estimate),
+        &files,
+    ) {
+        Ok(structure) => Ok(structure),
+        Err(error) => {
+            let finding = build_finding(site, &at, kind, &error);
+            site.refuse(finding)
+        }
+    }
+}
+
+fn matrix_files(
+    site: &mut Site<'_>,
+    at: &KeyPath,
+    spec: &StructureSpec,
+) -> Result<MatrixFiles, Refused> {
+    let mut files = MatrixFiles::new();
+    for name in spec.files() {
+        let keys = ["mass_file", "stiffness_file", "damping_file"];
+        let key = keys.into_iter().find(|key| names(spec, key) == Some(name));
+        let place = at.key(key.unwrap_or("mass_file"));
+        let bytes = site.read(place.clone(), name)?;
+        match parse_matrix(name, &bytes) {
+            Ok(table) => files.insert(name.to_owned(), table),
+            Err(error) => return site.refuse(Finding::error(place, error.to_string())),
+        };
+    }
+    Ok(files)
+}
+
+fn names<'a>(spec: &'a StructureSpec, key: &str) -> Option<&'a str> {
+    let StructureSpec::Matrices(matrices) = spec else {
+        return None;
+    };
+    match key {
+        "mass_file" => matrices.mass_file.as_deref(),
+        "stiffness_file" => matrices.stiffness_file.as_deref(),
+        _ => matrices.damping_file.as_deref(),
+    }
+}
+
+/// Where in the file a mistake of the model stands.
+fn build_finding(site: &Site<'_>, at: &KeyPath, kind: &str, error: &BuildError) -> Finding {
+    let beneath = |key: &str| site.loaded.locator.beneath(&at.key(kind), key);
+    let element = |name: &str| {
+        let table = site.loaded.file.structure.as_ref();
+        let elements = table
+            .map(|table| table.element.as_slice())
+            .unwrap_or_default();
+        let named = |index: usize, given: Option<&str>| {
+            given.map_or_else(|| format!("element {}", index + 1), str::to_owned)
+        };
+        let found = elements
+            .iter()
+            .enumerate()
+            .position(|(index, element)| named(index, element.name.as_deref()) == name);
+        found.map_or_else(|| at.key("element"), |index| at.key("element").index(index))
+    };
+    let place = match error {
+        BuildError::Length { key, .. } | BuildError::Chain { key, .. } => beneath(key),
+        BuildError::Value { key, number, .. } => beneath(key).index(number - 1),
+        BuildError::NoMass => beneath("mass_kg"),
+        BuildError::Source { key, .. } | BuildError::Ragged { key, .. } => beneath(key),
+        BuildError::Matrix { key, .. } => {
+            let name = key
+                .split(|c: char| !(c.is_alphanumeric() || c == '_'))
+                .next();
+            beneath(name.unwrap_or("mass"))
+        }
+        BuildError::File { key, .. } => beneath(key),
+        BuildError::DampingTwice { .. } | BuildError::Damping(_) => at.key("damping"),
+        BuildError::Law { element: name, .. } => element(name),
+        BuildError::Model(
+            ModelError::NoSuchDof { element: name, .. }
+            | ModelError::Ends { element: name, .. }
+            | ModelError::NoBound { element: name, .. },
+        ) => element(name),
+        BuildError::Model(ModelError::Declared {
+            element: name, key, ..
+        }) => element(name).key(key),
+        BuildError::Model(ModelError::Size { what, .. } | ModelError::Entry { what, .. }) => {
+            beneath(what)
+        }
+        BuildError::Model(_) | BuildError::NoSuchStorey { .. } | BuildError::NoStoreys => {
+            at.key(kind)
+        }
+    };
+    Finding::error(place, error.to_string())
+}
+
+/// x[0] and v[0].
+pub(super) fn initial_state(site: &mut Site<'_>, dofs: usize) -> Result<State, Refused> {
+    let table = site.loaded.file.structure.as_ref();
+    let disp = table.and_then(|table| table.initial_displacement_m.clone());
+    let vel = table.and_then(|table| table.initial_velocity_m_per_s.clone());
+    let disp = vector(site, "initial_displacement_m", disp, dofs)?;
+    let vel = vector(site, "initial_velocity_m_per_s", vel, dofs)?;
+    Ok(State::new(disp, vel))
+}
+
+/// A vector of the structure with one entry per DOF; zeros if it is absent.
+pub(super) fn vector(
+    site: &mut Site<'_>,
+    key: &str,
+    given: Option<Vec<f64>>,
+    dofs: usize,
+) -> Result<Vec<f64>, Refused> {
+    match given {
+        None => Ok(vec![0.0; dofs]),
+        Some(values) if values.len() == dofs => Ok(values),
+        Some(values) => {
+            let found = values.len();
+            let text = format!("`{key}` has {found} entries, but the structure has {dofs} DOFs");
+            site.refuse(Finding::error(path("structure").key(key), text))
+        }
+    }
+}
+
+/// The lowest natural frequencies in rad/s; fewer, or none, where they are not cheap to find.
+pub(super) fn frequencies(stiffness: &SymMatrix, mass: &SymMatrix) -> Vec<f64> {
+    if mass.n() > DENSE_MODES {
+        return Vec::new();
+    }
+    linalg::frequencies(stiffness, mass, FREQUENCIES).unwrap_or_default()
+}

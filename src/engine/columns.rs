@@ -1,0 +1,266 @@
+//! The layout of a row: which number stands where, and its name.
+//!
+//! Fixed before the run. Filled in two strokes per tick: what must be kept before the state moves on
+//! ([`Row::exchange`]), and the rest when the next command stands ready ([`Row::outputs`], [`Row::timing`]).
+
+use std::ops::Range;
+
+use super::numerical::Side;
+use super::step::Tick;
+use crate::control::Port;
+use crate::record::Column;
+use crate::rt::timing::TickStamps;
+use crate::time::Nanos;
+
+/// Values of the column `state`.
+pub mod state {
+    /// The static load is being brought on; test time stands still.
+    pub const SETTLING: f64 = 1.0;
+    /// The test runs.
+    pub const RUNNING: f64 = 3.0;
+}
+
+/// The row of the current tick and the place of each number in it.
+#[derive(Debug)]
+pub struct Row {
+    values: Vec<f64>,
+    dofs: Vec<usize>,
+    disp: Range<usize>,
+    vel: Range<usize>,
+    accel: Range<usize>,
+    ports: Vec<Range<usize>>,
+    timing: Range<usize>,
+}
+
+const BOOKKEEPING: [(&str, &str, &str); 5] = [
+    ("step", "1", "step of the integration, from 0 at t = 0"),
+    ("sub_tick", "1", "tick within the step, from 0"),
+    ("state", "1", "1 = static load is brought on, 3 = running"),
+    ("time", "s", "test time"),
+    (
+        "ground",
+        "m/s2 or m",
+        "ground acceleration or base displacement of this step",
+    ),
+];
+
+const TIMING: [(&str, &str); 6] = [
+    (
+        "release_s",
+        "wall time from the first edge to the edge of this tick",
+    ),
+    (
+        "wakeup_lateness_s",
+        "from the edge to the first instruction after the wait",
+    ),
+    (
+        "command_lateness_s",
+        "from the edge to the end of the last send",
+    ),
+    (
+        "round_trip_s",
+        "from the last send to the last decoded reply",
+    ),
+    (
+        "compute_s",
+        "from the last decoded reply to the next command ready",
+    ),
+    (
+        "stretched",
+        "whole ticks by which the grid has been moved so far",
+    ),
+];
+
+impl Row {
+    /// The row for `dofs` (from 0) of a structure and all ports, and its description.
+    #[must_use]
+    pub fn new(dofs: &[usize], ports: &[Port]) -> (Self, Vec<Column>) {
+        let mut columns = Vec::new();
+        for (name, unit, meaning) in BOOKKEEPING {
+            columns.push(column(name, unit, meaning, false));
+        }
+        let block = |columns: &mut Vec<Column>, letter: &str, unit: &str, meaning: &str| {
+            let start = columns.len();
+            for dof in dofs {
+                let name = format!("{letter}{}", dof + 1);
+                columns.push(column(
+                    &name,
+                    unit,
+                    &format!("{meaning} of DOF {}", dof + 1),
+                    false,
+                ));
+            }
+            start..columns.len()
+        };
+        let disp = block(&mut columns, "x", "m", "displacement");
+        let vel = block(
+            &mut columns,
+            "v",
+            "m/s",
+            "velocity as the integrator reports it",
+        );
+        let accel = block(&mut columns, "a", "m/s2", "acceleration from equilibrium");
+        let ports = ports
+            .iter()
+            .enumerate()
+            .map(|(index, port)| port_columns(&mut columns, index + 1, port))
+            .collect();
+        let start = columns.len();
+        for (name, meaning) in TIMING {
+            let unit = if name == "stretched" { "1" } else { "s" };
+            columns.push(column(name, unit, meaning, true));
+        }
+        let timing = start..columns.len();
+        let values = vec![0.0; columns.len()];
+        (
+            Self {
+                values,
+                dofs: dofs.to_vec(),
+                disp,
+                vel,
+                accel,
+                ports,
+                timing,
+            },
+            columns,
+        )
+    }
+
+    /// The finished row.
+    #[must_use]
+    pub fn values(&self) -> &[f64] {
+        &self.values
+    }
+
+    /// What the next advance and the next aim will overwrite: x and everything of the ports. Real-time: yes.
+    pub fn exchange(&mut self, tick: &Tick, state: f64, side: &Side, ports: &[Port]) {
+        let ground = match side {
+            Side::Structure(numerical) => numerical.excitation.ground(tick.index()),
+            Side::Prescribed(_) => 0.0,
+        };
+        let head = [
+            tick.step as f64,
+            tick.sub_tick as f64,
+            state,
+            tick.time,
+            ground,
+        ];
+        for (to, from) in self.values.iter_mut().zip(head) {
+            *to = from;
+        }
+        if let Side::Structure(numerical) = side {
+            gather(
+                &mut self.values,
+                &self.disp,
+                &self.dofs,
+                &numerical.state.disp,
+            );
+        }
+        for (range, port) in self.ports.iter().zip(ports) {
+            let Some(slots) = self.values.get_mut(range.clone()) else {
+                continue;
+            };
+            let axes = port
+                .target
+                .iter()
+                .zip(&port.command)
+                .zip(&port.measured)
+                .zip(&port.force)
+                .zip(port.raw().disp.iter().zip(&port.raw().force));
+            for (slot, ((((target, command), measured), force), (raw_disp, raw_force))) in
+                slots.chunks_exact_mut(6).zip(axes)
+            {
+                slot.copy_from_slice(&[
+                    *target, *command, *measured, *force, *raw_disp, *raw_force,
+                ]);
+            }
+            if let [.., sequence, status] = slots {
+                *sequence = port.raw().sequence as f64;
+                *status = f64::from(port.raw().status.0);
+            }
+        }
+    }
+
+    /// What is known only after the solve: v and a. Real-time: yes.
+    pub fn outputs(&mut self, side: &Side) {
+        if let Side::Structure(numerical) = side {
+            gather(
+                &mut self.values,
+                &self.vel,
+                &self.dofs,
+                &numerical.reported_vel,
+            );
+            gather(&mut self.values, &self.accel, &self.dofs, &numerical.accel);
+        }
+    }
+
+    /// The columns that depend on wall time. Real-time: yes.
+    pub fn timing(&mut self, stamps: &TickStamps, first_edge: Nanos, stretched: u64) {
+        let seconds = |from: Nanos, to: Nanos| to.since(from) as f64 * 1e-9;
+        let values = [
+            seconds(first_edge, stamps.release),
+            seconds(stamps.release, stamps.woke),
+            seconds(stamps.release, stamps.sent),
+            seconds(stamps.sent, stamps.decoded),
+            seconds(stamps.decoded, stamps.ready),
+            stretched as f64,
+        ];
+        if let Some(slots) = self.values.get_mut(self.timing.clone()) {
+            for (to, from) in slots.iter_mut().zip(values) {
+                *to = from;
+            }
+        }
+    }
+}
+
+fn gather(values: &mut [f64], range: &Range<usize>, dofs: &[usize], from: &[f64]) {
+    if let Some(slots) = values.get_mut(range.clone()) {
+        for (slot, dof) in slots.iter_mut().zip(dofs) {
+            *slot = from.get(*dof).copied().unwrap_or(f64::NAN);
+        }
+    }
+}
+
+fn port_columns(columns: &mut Vec<Column>, number: usize, port: &Port) -> Range<usize> {
+    let start = columns.len();
+    let name = &port.name;
+    for axis in 1..=port.axes() {
+        let mut add = |kind: &str, unit: &str, meaning: &str| {
+            let meaning = format!("{meaning}, specimen \"{name}\", axis {axis}");
+            columns.push(column(
+                &format!("{kind}_{number}_{axis}"),
+                unit,
+                &meaning,
+                false,
+            ));
+        };
+        add("target", "m", "deformation B·x that the structure asks for");
+        add("cmd", "specimen unit", "displacement that was sent");
+        add(
+            "meas",
+            "m",
+            "measured displacement in the structure's units",
+        );
+        add("force", "N", "restoring force that entered equilibrium");
+        add(
+            "raw_disp",
+            "specimen unit",
+            "measured displacement as it came",
+        );
+        add("raw_force", "specimen unit", "measured force as it came");
+    }
+    let meaning = format!("newest command in force when specimen \"{name}\" was sampled");
+    columns.push(column(&format!("seq_{number}"), "1", &meaning, false));
+    let meaning = format!("status flags of specimen \"{name}\"");
+    columns.push(column(&format!("status_{number}"), "1", &meaning, false));
+    start..columns.len()
+}
+
+fn column(name: &str, unit: &str, meaning: &str, timing: bool) -> Column {
+    Column {
+        name: name.into(),
+        unit: unit.into(),
+        meaning: meaning.into(),
+        timing,
+    }
+}

@@ -1,0 +1,92 @@
+//! Peaks over all degrees of freedom, recorded or not.
+
+/// Largest absolute displacement, velocity and acceleration of each DOF.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Peaks {
+    /// m.
+    pub disp: Vec<f64>,
+    /// m/s.
+    pub vel: Vec<f64>,
+    /// m/s²; NaN for a massless DOF, which has none.
+    pub accel: Vec<f64>,
+}
+
+impl Peaks {
+    /// Peaks of nothing, for `dofs` degrees of freedom.
+    #[must_use]
+    pub fn zeros(dofs: usize) -> Self {
+        Self {
+            disp: vec![0.0; dofs],
+            vel: vec![0.0; dofs],
+            accel: vec![0.0; dofs],
+        }
+    }
+
+    /// Forgets what was before t = 0.
+    pub fn start(&mut self, disp: &[f64]) {
+        for (peak, value) in self.disp.iter_mut().zip(disp) {
+            *peak = value.abs();
+        }
+    }
+
+    /// Notes displacements; the first one beyond `bound`, or not a number, is returned. Real-time: yes.
+    pub fn note_disp(&mut self, disp: &[f64], bound: f64) -> Option<(usize, f64)> {
+        let mut inside = true;
+        for (peak, value) in self.disp.iter_mut().zip(disp) {
+            let size = value.abs();
+            inside &= size <= bound;
+            if size > *peak {
+                *peak = size;
+            }
+        }
+        if inside {
+            return None;
+        }
+        disp.iter().copied().enumerate().find(|(_, value)| {
+            let size = value.abs();
+            size.is_nan() || size > bound
+        })
+    }
+
+    /// Notes velocities and accelerations. A DOF without mass has no acceleration: its peak becomes NaN.
+    /// Real-time: yes.
+    pub fn note_rates(&mut self, vel: &[f64], accel: &[f64]) {
+        for (peak, value) in self.vel.iter_mut().zip(vel) {
+            let size = value.abs();
+            if size > *peak {
+                *peak = size;
+            }
+        }
+        for (peak, value) in self.accel.iter_mut().zip(accel) {
+            let size = value.abs();
+            if size > *peak || size.is_nan() {
+                *peak = size;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_displacement_out_of_bounds_is_named() {
+        let mut peaks = Peaks::zeros(3);
+        assert_eq!(peaks.note_disp(&[0.5, -2.0, 1.0], 3.0), None);
+        assert_eq!(peaks.disp, [0.5, 2.0, 1.0]);
+        assert_eq!(peaks.note_disp(&[0.0, 0.0, -4.0], 3.0), Some((2, -4.0)));
+        let found = peaks.note_disp(&[0.0, f64::NAN, 0.0], 3.0);
+        assert!(matches!(found, Some((1, value)) if value.is_nan()));
+    }
+
+    #[test]
+    fn a_massless_dof_has_no_peak_acceleration() {
+        let mut peaks = Peaks::zeros(2);
+        peaks.note_rates(&[1.0, -1.0], &[2.0, f64::NAN]);
+        peaks.note_rates(&[0.5, -3.0], &[-1.0, f64::NAN]);
+        assert_eq!(peaks.vel, [1.0, 3.0]);
+        assert_eq!(peaks.accel[0], 2.0);
+        assert!(peaks.accel[1].is_nan());
+    }
+}

@@ -1,0 +1,287 @@
+//! The course of a test: settle, warm up, run to the last step, retire; and what happens when the loop is late.
+
+use crossbeam_channel::Receiver;
+
+use super::numerical::{Side, aim_along};
+use super::step::Tick;
+use super::{Ending, Engine, OnMiss, Outcome, Stop};
+use crate::record::{Event, EventKind, MissCause};
+use crate::rt::timing::{Suspect, TickStamps};
+use crate::substructure::Retirement;
+use crate::time::{Nanos, Schedule};
+
+/// What an operator can ask of a running test.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Operator {
+    /// End in an orderly way.
+    Stop,
+}
+
+/// The operator's line into the loop: polled once a tick, never waited on.
+#[derive(Debug, Clone)]
+pub struct Control {
+    /// Requests; bounded.
+    pub requests: Receiver<Operator>,
+}
+
+impl Control {
+    /// A control that nobody holds: for tests and offline runs.
+    #[must_use]
+    pub fn unattended() -> Self {
+        Self {
+            requests: crossbeam_channel::never(),
+        }
+    }
+}
+
+/// Something to do on the loop's own thread just before the first and just after the last tick of the grid: tests put
+/// a guard there that counts system calls and allocations.
+pub type Watch = Box<dyn FnMut() + Send>;
+
+/// Repetitions of the numerical path on scratch state before the first edge.
+const REHEARSALS: usize = 300;
+/// From the end of the set-up to the first edge, so that the first edge can be met.
+const LEAD_NS: u64 = 2_000_000;
+
+impl Engine {
+    /// Runs the test to its end, whatever the end is; every specimen is retired on return.
+    pub fn run(&mut self, control: &Control) -> Outcome {
+        let ending = match self.course(control) {
+            Ok(()) => Ending::Completed,
+            Err(stop) => Ending::Stopped(stop),
+        };
+        let how = match ending {
+            Ending::Completed | Ending::Stopped(Stop::Operator) => Retirement::Orderly,
+            Ending::Stopped(_) => Retirement::Tripped,
+        };
+        self.retire(how);
+        self.note_ending(&ending);
+        self.outcome(ending)
+    }
+
+    /// Last words to every specimen. Needs nothing but the ports, so that it also works after a panic.
+    pub fn retire(&mut self, how: Retirement) {
+        if !std::mem::replace(&mut self.retired, true) {
+            for port in &mut self.ports {
+                port.retire(how);
+            }
+        }
+    }
+
+    fn course(&mut self, control: &Control) -> Result<(), Stop> {
+        self.aim_at_start();
+        if let Side::Structure(numerical) = &mut self.side {
+            numerical.rehearse(REHEARSALS, &mut self.ports);
+        }
+        self.schedule = Schedule::new(self.clock.now().plus(LEAD_NS), self.period);
+        self.first_edge = self.schedule.tick(0);
+        self.settle(control)?;
+        self.hold(control)?;
+        self.report_now(EventKind::Started);
+        if let Some(watch) = &mut self.before_first_tick {
+            watch();
+        }
+        let result = self.all_steps(control);
+        if let Some(stamps) = self.unrecorded.take() {
+            self.timing.tick(&stamps);
+        }
+        if let Some(watch) = &mut self.after_last_tick {
+            watch();
+        }
+        result
+    }
+
+    /// Command 0 is B·x[0]: held, and measured, before anything moves.
+    fn aim_at_start(&mut self) {
+        match &mut self.side {
+            Side::Structure(numerical) => {
+                let base = numerical.base(0);
+                for port in &mut self.ports {
+                    let state = &numerical.state;
+                    port.aim(&state.disp, &state.vel, base.disp, base.vel);
+                }
+                self.peaks.start(&numerical.state.disp);
+            }
+            Side::Prescribed(histories) => aim_along(histories, 0, &mut self.ports),
+        }
+    }
+
+    /// Warm-up ticks: the loop lives, the specimens hold the first command, nothing is counted as a miss.
+    fn hold(&mut self, control: &Control) -> Result<(), Stop> {
+        for _ in 0..self.limits.warmup_ticks {
+            let tick = Tick {
+                step: 0,
+                sub_tick: 0,
+                time: 0.0,
+                dt: 0.0,
+            };
+            let mut stamps = TickStamps::default();
+            self.wait_for_edge(&mut stamps, control)?;
+            self.exchange(&tick, &mut stamps)?;
+            self.sequence += 1;
+            stamps.ready = stamps.decoded;
+            stamps.pushed = self.clock.now();
+            self.timing.tick(&stamps);
+        }
+        Ok(())
+    }
+
+    fn all_steps(&mut self, control: &Control) -> Result<(), Stop> {
+        self.first_edge = self.schedule.tick(self.edge);
+        for step in 0..=self.steps {
+            let mut stamps = TickStamps::default();
+            self.wait_for_edge(&mut stamps, control)?;
+            let stalled = self.stretch_after_stall(stamps.woke.since(stamps.release), 0);
+            let tick = Tick {
+                step,
+                sub_tick: 0,
+                time: step as f64 * self.dt,
+                dt: if step == 0 { 0.0 } else { self.dt },
+            };
+            self.tick(&tick, &mut stamps)?;
+            self.steps_done = step;
+            self.close_tick(&tick, stamps, stalled)?;
+        }
+        Ok(())
+    }
+
+    /// Waits for the next edge and polls the operator. Real-time: yes.
+    pub(super) fn wait_for_edge(
+        &mut self,
+        stamps: &mut TickStamps,
+        control: &Control,
+    ) -> Result<(), Stop> {
+        stamps.idle = self.clock_now;
+        stamps.release = self.schedule.tick(self.edge);
+        self.clock.sleep_until(stamps.release);
+        stamps.woke = self.clock.now();
+        self.clock_now = stamps.woke;
+        self.edge += 1;
+        stamps.deadline = self.schedule.tick(self.edge);
+        match control.requests.try_recv() {
+            Ok(Operator::Stop) => Err(Stop::Operator),
+            Err(_) => Ok(()),
+        }
+    }
+
+    /// Books the tick's timing, counts a miss and applies the policy. A step is never skipped; what can slip is wall
+    /// time. Real-time: yes.
+    fn close_tick(
+        &mut self,
+        tick: &Tick,
+        mut stamps: TickStamps,
+        stalled: u64,
+    ) -> Result<(), Stop> {
+        // The histograms of the tick before are updated here, so that their cost is inside `record`.
+        if let Some(before) = self.unrecorded.take() {
+            self.timing.tick(&before);
+        }
+        stamps.pushed = self.clock.now();
+        self.clock_now = stamps.pushed;
+        if stamps.pushed <= stamps.deadline {
+            self.unrecorded = Some(stamps);
+            self.misses_in_a_row = 0;
+            return Ok(());
+        }
+        let Some(miss) = self.timing.tick(&stamps) else {
+            return Ok(());
+        };
+        let next_edge = self.schedule.tick(self.edge);
+        let period = self.schedule.period_ns();
+        let stretched = stalled + self.stretch_after_stall(stamps.pushed.since(next_edge), period);
+        self.misses += 1;
+        self.misses_in_a_row += 1;
+        let cause = match miss.suspect {
+            Suspect::LateReply => MissCause::LateReply,
+            Suspect::TakenAway => MissCause::TakenAway,
+            Suspect::Ours => MissCause::Ours,
+        };
+        let late_ns = miss.late_ns;
+        self.report(
+            tick,
+            EventKind::Miss {
+                late_ns,
+                stretched,
+                cause,
+            },
+        );
+        let bounds = &self.limits;
+        if bounds.on_miss == OnMiss::Stop
+            || self.misses_in_a_row > bounds.misses_in_a_row
+            || self.misses > bounds.misses_in_total
+        {
+            let Engine {
+                misses: total,
+                misses_in_a_row: in_a_row,
+                ..
+            } = *self;
+            return Err(Stop::Late {
+                total,
+                in_a_row,
+                late_ns,
+            });
+        }
+        Ok(())
+    }
+
+    /// Late by a period or more: moves the grid by the whole periods in `late_ns`, as far as the policy wants it.
+    /// `booked_ns` is what must be added to count the lateness from the edge of the tick in which the stall showed.
+    /// Real-time: yes.
+    fn stretch_after_stall(&mut self, late_ns: u64, booked_ns: u64) -> u64 {
+        let period = self.schedule.period_ns().max(1);
+        let whole = late_ns / period;
+        let ticks = match self.limits.on_miss {
+            OnMiss::Stretch => whole,
+            OnMiss::CatchUp { at_most } => whole.saturating_sub(at_most),
+            OnMiss::Stop => 0,
+        };
+        if ticks > 0 {
+            self.schedule.stretch(ticks);
+            self.timing.swallowed(late_ns + booked_ns, period, ticks);
+        }
+        ticks
+    }
+
+    /// Sends an event of this tick; a full queue is not waited for. Real-time: yes.
+    pub(super) fn report(&mut self, tick: &Tick, kind: EventKind) {
+        let Nanos(clock_ns) = self.clock_now;
+        let event = Event {
+            tick: tick.step,
+            time: tick.time,
+            clock_ns,
+            kind,
+        };
+        if !self.recorder.event(event) {
+            self.events_lost += 1;
+        }
+    }
+
+    fn report_now(&mut self, kind: EventKind) {
+        self.clock_now = self.clock.now();
+        let step = self.steps_done;
+        let tick = Tick {
+            step,
+            sub_tick: 0,
+            time: step as f64 * self.dt,
+            dt: 0.0,
+        };
+        self.report(&tick, kind);
+    }
+
+    fn note_ending(&mut self, ending: &Ending) {
+        match ending {
+            Ending::Stopped(Stop::Operator) => self.report_now(EventKind::StopRequested),
+            Ending::Stopped(Stop::Link { port, fault }) => {
+                self.report_now(EventKind::Link {
+                    port: *port as u32,
+                    fault: *fault,
+                });
+            }
+            Ending::Stopped(Stop::Diverged { dof, .. }) => {
+                self.report_now(EventKind::Diverged { dof: *dof as u32 });
+            }
+            _ => {}
+        }
+        self.report_now(EventKind::Ended);
+    }
+}

@@ -1,0 +1,95 @@
+//! SIGINT and SIGTERM become a request to the loop: an orderly end, never a sudden one.
+
+use std::io;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU8, Ordering};
+
+use crossbeam_channel::{Receiver, Sender};
+use tokio::signal::unix::{SignalKind, signal};
+
+use crate::engine::Operator;
+
+/// A signal that ended a test.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Signal {
+    /// SIGINT: Ctrl-C.
+    Interrupt,
+    /// SIGTERM.
+    Terminate,
+}
+
+/// Listens on a thread of its own for as long as the process lives.
+#[derive(Debug)]
+pub struct Signals {
+    seen: Arc<AtomicU8>,
+    sender: Sender<Operator>,
+    receiver: Receiver<Operator>,
+}
+
+const INTERRUPT: u8 = 1;
+const TERMINATE: u8 = 2;
+
+impl Signals {
+    /// Takes SIGINT and SIGTERM over from the system's default, which would end the process at once.
+    ///
+    /// # Errors
+    /// The system gives no thread or no handler.
+    pub fn listen() -> io::Result<Self> {
+        let (sender, receiver) = crossbeam_channel::bounded(16);
+        let seen = Arc::new(AtomicU8::new(0));
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_io()
+            .build()?;
+        let (mut interrupt, mut terminate) = {
+            let _inside = runtime.enter();
+            (
+                signal(SignalKind::interrupt())?,
+                signal(SignalKind::terminate())?,
+            )
+        };
+        let (noted, requests) = (Arc::clone(&seen), sender.clone());
+        std::thread::Builder::new()
+            .name("gusset-signals".into())
+            .spawn(move || {
+                runtime.block_on(async move {
+                    loop {
+                        let which = tokio::select! {
+                            _ = interrupt.recv() => INTERRUPT,
+                            _ = terminate.recv() => TERMINATE,
+                        };
+                        // The first signal names the cause; a full queue already holds the request.
+                        let _ =
+                            noted.compare_exchange(0, which, Ordering::Relaxed, Ordering::Relaxed);
+                        let _ = requests.try_send(Operator::Stop);
+                    }
+                });
+            })?;
+        Ok(Self {
+            seen,
+            sender,
+            receiver,
+        })
+    }
+
+    /// The loop's end of the line.
+    #[must_use]
+    pub fn requests(&self) -> Receiver<Operator> {
+        self.receiver.clone()
+    }
+
+    /// The operator's end of the line.
+    #[must_use]
+    pub fn operator(&self) -> Sender<Operator> {
+        self.sender.clone()
+    }
+
+    /// The first signal that came, if one did.
+    #[must_use]
+    pub fn seen(&self) -> Option<Signal> {
+        match self.seen.load(Ordering::Relaxed) {
+            INTERRUPT => Some(Signal::Interrupt),
+            TERMINATE => Some(Signal::Terminate),
+            _ => None,
+        }
+    }
+}
