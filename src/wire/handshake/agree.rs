@@ -132,7 +132,9 @@ pub fn check_welcome(hello: &Hello, welcome: &Welcome) -> Result<(), WireError> 
             found: "another moment",
         });
     }
-    if !(welcome.watchdog_s <= hello.watchdog_s) {
+    // Written as "is inside", so that NaN fails.
+    let in_time = welcome.watchdog_s <= hello.watchdog_s;
+    if !in_time {
         return Err(WireError::Order {
             expected: "a watchdog as short as in the hello",
             found: "a longer one",

@@ -334,3 +334,6 @@ pub enum RefuseCode {
     /// The message made no sense.
     Malformed,
 }
+
+#[cfg(test)]
+mod tests;

@@ -101,7 +101,7 @@ impl Action {
     /// [`WireError::Action`] for what cannot be a code at all.
     pub fn exact(code: f64) -> Result<Option<Self>, WireError> {
         // "is inside", so that NaN fails; 100 is no code, 99.9 would be cut to one.
-        if !(code >= 1.0 && code < 100.0) {
+        if !(1.0..100.0).contains(&code) {
             return Err(WireError::Action { found: code });
         }
         Ok(TABLE

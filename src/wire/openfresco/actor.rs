@@ -152,14 +152,14 @@ impl Actor {
     }
 
     fn step(&mut self, bytes: &[u8]) -> Result<(usize, ActorEvent), WireError> {
+        if self.state == State::Failed {
+            return Err(WireError::Failed);
+        }
         if bytes.is_empty() {
             return Ok((0, ActorEvent::NeedMore));
         }
         if self.inbox.carrier() == Carrier::Datagrams && bytes.len() == 1 && self.inbox.is_empty() {
             return Ok((1, self.single_byte(bytes)));
-        }
-        if self.state == State::Failed {
-            return Err(WireError::Failed);
         }
         if self.state == State::Finished {
             return Ok((bytes.len(), ActorEvent::NeedMore));

@@ -162,6 +162,9 @@ impl Server {
     }
 
     fn step(&mut self, bytes: &[u8]) -> Result<(usize, Event), WireError> {
+        if self.state == State::Failed {
+            return Err(WireError::Failed);
+        }
         if bytes.is_empty() {
             return Ok((0, Event::NeedMore));
         }

@@ -161,6 +161,9 @@ impl Simulink {
     }
 
     fn step(&mut self, bytes: &[u8]) -> Result<(usize, SimulinkEvent), WireError> {
+        if self.state == State::Failed {
+            return Err(WireError::Failed);
+        }
         if bytes.is_empty() {
             return Ok((0, SimulinkEvent::NeedMore));
         }
