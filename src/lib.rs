@@ -26,6 +26,7 @@
 //! | [`control`] | what stands between the structure's DOFs and a specimen's axes |
 //! | [`engine`] | the loop |
 //! | [`record`] | rows, the run folder, exports |
+//! | [`wire`] | codecs: our own frames and handshake, OpenFresco's dialects; bytes in, values out |
 //! | [`rt`] | what is asked of the operating system; the real clock; timing histograms |
 //! | [`config`] | the test file: schema, diagnostics, and the building of an experiment |
 //! | [`report`] | the page a run leaves behind |
@@ -51,3 +52,4 @@ pub mod session;
 pub mod specimen;
 pub mod substructure;
 pub mod time;
+pub mod wire;

@@ -1,0 +1,234 @@
+//! Whether two ends agree, and if not, on what.
+
+use super::{
+    Axis, Hello, Refuse, RefuseCode, Sampling, TEXT_LIMIT, Versions, Welcome, layout_hash,
+};
+use crate::wire::{Side, WireError};
+
+/// What a specimen's end offers; the controller's wish must fit into it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Terms {
+    /// Versions spoken.
+    pub versions: Versions,
+    /// The axes, with the specimen's own limits.
+    pub axes: Vec<Axis>,
+    /// Most commands per second.
+    pub rate_max_hz: f64,
+    /// Longest watchdog time that the specimen's end accepts, s.
+    pub watchdog_max_s: f64,
+    /// True if the force can be sampled at a given part of the period and not only at once.
+    pub timed_sampling: bool,
+    /// True if frames must be signed; false if they must not be.
+    pub keyed: bool,
+}
+
+/// The specimen's judgement on a Hello: the version to speak, or the refusal to send. The proof is checked apart
+/// (and first), by [`super::verify_hello`].
+///
+/// # Errors
+/// A [`Refuse`] that says what differs.
+pub fn agree(hello: &Hello, terms: &Terms) -> Result<u16, Refuse> {
+    let refuse = |code, mut text: String| {
+        // A number may print with hundreds of digits; a refusal must always be fit to send.
+        while text.len() > TEXT_LIMIT {
+            text.pop();
+        }
+        Refuse {
+            code,
+            versions: terms.versions,
+            text,
+        }
+    };
+    let version = common(hello.versions, terms.versions).ok_or_else(|| {
+        refuse(
+            RefuseCode::Version,
+            format!(
+                "protocol versions {} to {} wanted, {} to {} found",
+                terms.versions.lowest,
+                terms.versions.highest,
+                hello.versions.lowest,
+                hello.versions.highest
+            ),
+        )
+    })?;
+    if hello.keyed != terms.keyed {
+        let text = if terms.keyed {
+            "a pre-shared key is wanted"
+        } else {
+            "no pre-shared key is configured here"
+        };
+        return Err(refuse(RefuseCode::Key, text.to_owned()));
+    }
+    same_axes(hello, terms).map_err(|(code, text)| refuse(code, text))?;
+    if hello.layout != layout_hash(&terms.axes) {
+        return Err(refuse(
+            RefuseCode::Layout,
+            "the layout hash differs although axes and units agree".to_owned(),
+        ));
+    }
+    let rate_hz = hello.rate_numerator as f64 / hello.rate_denominator as f64;
+    if !(rate_hz > 0.0 && rate_hz <= terms.rate_max_hz) {
+        let text = format!(
+            "{rate_hz} commands per second, at most {}",
+            terms.rate_max_hz
+        );
+        return Err(refuse(RefuseCode::Rate, text));
+    }
+    for (mine, theirs) in terms.axes.iter().zip(&hello.axes) {
+        within(mine, theirs).map_err(|text| refuse(RefuseCode::Limits, text))?;
+    }
+    let period_s = 1.0 / rate_hz;
+    if !(hello.watchdog_s >= period_s && hello.watchdog_s <= terms.watchdog_max_s) {
+        let text = format!(
+            "watchdog time {} s, {period_s} (one period) to {} s wanted",
+            hello.watchdog_s, terms.watchdog_max_s
+        );
+        return Err(refuse(RefuseCode::Watchdog, text));
+    }
+    if hello.sampling != Sampling::Reply && !terms.timed_sampling {
+        return Err(refuse(
+            RefuseCode::Sampling,
+            "the force is sampled when the command comes, not later".to_owned(),
+        ));
+    }
+    Ok(version)
+}
+
+/// The controller's check of a Welcome against its own Hello: the specimen must have taken it as it was.
+/// The proof is checked apart, by [`super::verify_welcome`].
+///
+/// # Errors
+/// What differs.
+pub fn check_welcome(hello: &Hello, welcome: &Welcome) -> Result<(), WireError> {
+    let (lowest, highest) = (hello.versions.lowest, hello.versions.highest);
+    if !(lowest..=highest).contains(&welcome.version) {
+        return Err(WireError::Version {
+            lowest,
+            highest,
+            found: welcome.version,
+        });
+    }
+    if hello.keyed != welcome.keyed {
+        return Err(WireError::Keyed {
+            expected: hello.keyed,
+            found: welcome.keyed,
+        });
+    }
+    crate::wire::bytes::same_length("axes of the specimen", hello.axes.len(), welcome.axes.len())?;
+    let same = hello.axes.iter().zip(&welcome.axes).all(|(mine, theirs)| {
+        mine.name == theirs.name
+            && mine.disp_unit == theirs.disp_unit
+            && mine.force_unit == theirs.force_unit
+    });
+    if !same || hello.layout != welcome.layout || welcome.layout != layout_hash(&welcome.axes) {
+        return Err(WireError::Order {
+            expected: "the layout of the hello",
+            found: "another layout",
+        });
+    }
+    if hello.sampling != welcome.sampling {
+        return Err(WireError::Order {
+            expected: "the sampling moment of the hello",
+            found: "another moment",
+        });
+    }
+    // Written as "is inside", so that NaN fails.
+    let in_time = welcome.watchdog_s <= hello.watchdog_s;
+    if !in_time {
+        return Err(WireError::Order {
+            expected: "a watchdog as short as in the hello",
+            found: "a longer one",
+        });
+    }
+    if welcome.keyed && welcome.nonce == hello.nonce {
+        // A specimen that sends our own nonce back lets us choose the whole key.
+        return Err(WireError::Proof {
+            found: Side::Specimen,
+        });
+    }
+    Ok(())
+}
+
+fn common(a: Versions, b: Versions) -> Option<u16> {
+    let highest = a.highest.min(b.highest);
+    (highest >= a.lowest.max(b.lowest)).then_some(highest)
+}
+
+fn same_axes(hello: &Hello, terms: &Terms) -> Result<(), (RefuseCode, String)> {
+    let (wanted, found) = (terms.axes.len(), hello.axes.len());
+    if wanted != found {
+        return Err((
+            RefuseCode::Axes,
+            format!("{wanted} axes wanted, {found} found"),
+        ));
+    }
+    for (index, (mine, theirs)) in terms.axes.iter().zip(&hello.axes).enumerate() {
+        let number = index + 1;
+        if mine.name != theirs.name {
+            return Err((
+                RefuseCode::Axes,
+                format!(
+                    "axis {number} is called '{}' here, '{}' there",
+                    mine.name, theirs.name
+                ),
+            ));
+        }
+        if (mine.disp_unit, mine.force_unit) != (theirs.disp_unit, theirs.force_unit) {
+            return Err((
+                RefuseCode::Units,
+                format!(
+                    "axis {number} is in {} and {} here, in {} and {} there",
+                    mine.disp_unit.symbol(),
+                    mine.force_unit.symbol(),
+                    theirs.disp_unit.symbol(),
+                    theirs.force_unit.symbol()
+                ),
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// The controller promises limits; they must lie within those of the specimen.
+fn within(specimen: &Axis, controller: &Axis) -> Result<(), String> {
+    let (own, promised) = (specimen.limits, controller.limits);
+    let unit = specimen.disp_unit.symbol();
+    let cases = [
+        (
+            "smallest displacement",
+            promised.disp_min >= own.disp_min,
+            promised.disp_min,
+            own.disp_min,
+            unit,
+        ),
+        (
+            "largest displacement",
+            promised.disp_max <= own.disp_max,
+            promised.disp_max,
+            own.disp_max,
+            unit,
+        ),
+        (
+            "largest speed per second",
+            promised.speed_max <= own.speed_max,
+            promised.speed_max,
+            own.speed_max,
+            unit,
+        ),
+        (
+            "largest force",
+            promised.force_max <= own.force_max,
+            promised.force_max,
+            own.force_max,
+            specimen.force_unit.symbol(),
+        ),
+    ];
+    for (what, inside, there, here, unit) in cases {
+        if !inside {
+            return Err(format!(
+                "{what} is {there} {unit} there, beyond {here} {unit} here"
+            ));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,298 @@
+//! Messages to bytes and back, bounded and checked; proofs.
+
+use std::ops::Range;
+
+use bincode::config::{Configuration, Fixint, Limit, LittleEndian};
+use bincode::error::{DecodeError, EncodeError};
+
+use super::{
+    Arm, Axis, Bye, Control, Hello, NAME_LIMIT, Refuse, Sampling, TEXT_LIMIT, Unit, Welcome,
+};
+use crate::wire::bytes::{finite, same_length};
+use crate::wire::key::{PROOF_LEN, PreSharedKey, Proof, SessionKey, same};
+use crate::wire::native::{CONTROL_LIMIT, Cause, MAX_AXES};
+use crate::wire::{ControlFault, Side, WireError};
+
+/// Largest control message in bytes.
+pub const LIMIT: usize = CONTROL_LIMIT;
+
+/// The proof stands behind the variant, so that everything it signs is one piece.
+const PROOF_AT: Range<usize> = 4..4 + PROOF_LEN;
+
+const HELLO_LABEL: &[u8] = b"gusset wire 1 hello";
+const WELCOME_LABEL: &[u8] = b"gusset wire 1 welcome";
+
+type Config = Configuration<LittleEndian, Fixint, Limit<LIMIT>>;
+
+fn config() -> Config {
+    bincode::config::standard()
+        .with_fixed_int_encoding()
+        .with_limit::<LIMIT>()
+}
+
+/// Encodes a message.
+///
+/// # Errors
+/// A message that the other end would refuse as nonsense: what cannot be decoded is not sent.
+pub fn encode(message: &Control) -> Result<Vec<u8>, WireError> {
+    check(message)?;
+    let bytes = bincode::encode_to_vec(message, config()).map_err(|fault| {
+        WireError::Control(match fault {
+            EncodeError::UnexpectedEnd => ControlFault::Limit,
+            _ => ControlFault::Value,
+        })
+    })?;
+    if bytes.len() > LIMIT {
+        return Err(WireError::Control(ControlFault::Limit));
+    }
+    Ok(bytes)
+}
+
+/// Decodes a message and checks every number, text and count in it.
+///
+/// # Errors
+/// [`WireError::Control`] if it does not decode; otherwise what is wrong with its content.
+pub fn decode(bytes: &[u8]) -> Result<Control, WireError> {
+    if bytes.len() > LIMIT {
+        return Err(WireError::Control(ControlFault::Limit));
+    }
+    let (message, used) =
+        bincode::decode_from_slice::<Control, Config>(bytes, config()).map_err(|fault| {
+            WireError::Control(match fault {
+                DecodeError::UnexpectedEnd { .. } => ControlFault::Short,
+                DecodeError::LimitExceeded => ControlFault::Limit,
+                DecodeError::UnexpectedVariant { found, .. } => ControlFault::Variant(found),
+                _ => ControlFault::Value,
+            })
+        })?;
+    if used != bytes.len() {
+        return Err(WireError::Control(ControlFault::Trailing(
+            bytes.len() - used,
+        )));
+    }
+    check(&message)?;
+    Ok(message)
+}
+
+/// Writes the controller's proof into an encoded Hello.
+///
+/// # Errors
+/// [`WireError::Truncated`] if the bytes are too short for one.
+pub fn prove_hello(hello: &mut [u8], key: &PreSharedKey) -> Result<(), WireError> {
+    let proof = hello_proof(hello, key)?;
+    write_proof(hello, proof)
+}
+
+/// Checks the controller's proof in an encoded Hello.
+///
+/// # Errors
+/// [`WireError::Proof`].
+pub fn verify_hello(hello: &[u8], key: &PreSharedKey) -> Result<(), WireError> {
+    if same(&hello_proof(hello, key)?, &read_proof(hello)?) {
+        Ok(())
+    } else {
+        Err(WireError::Proof {
+            found: Side::Controller,
+        })
+    }
+}
+
+/// Writes the specimen's proof into an encoded Welcome: it signs the Hello that it answers, too.
+///
+/// # Errors
+/// [`WireError::Truncated`] if the bytes are too short for one.
+pub fn prove_welcome(hello: &[u8], welcome: &mut [u8], key: &SessionKey) -> Result<(), WireError> {
+    let proof = welcome_proof(hello, welcome, key)?;
+    write_proof(welcome, proof)
+}
+
+/// Checks the specimen's proof in an encoded Welcome, against the Hello as it was sent.
+///
+/// # Errors
+/// [`WireError::Proof`].
+pub fn verify_welcome(hello: &[u8], welcome: &[u8], key: &SessionKey) -> Result<(), WireError> {
+    if same(&welcome_proof(hello, welcome, key)?, &read_proof(welcome)?) {
+        Ok(())
+    } else {
+        Err(WireError::Proof {
+            found: Side::Specimen,
+        })
+    }
+}
+
+fn hello_proof(hello: &[u8], key: &PreSharedKey) -> Result<Proof, WireError> {
+    Ok(key.proof(&[HELLO_LABEL, signed(hello)?]))
+}
+
+fn welcome_proof(hello: &[u8], welcome: &[u8], key: &SessionKey) -> Result<Proof, WireError> {
+    Ok(key.proof(&[WELCOME_LABEL, signed(hello)?, signed(welcome)?]))
+}
+
+/// Everything behind the proof.
+fn signed(message: &[u8]) -> Result<&[u8], WireError> {
+    message.get(PROOF_AT.end..).ok_or(WireError::Truncated {
+        needed: PROOF_AT.end,
+        found: message.len(),
+    })
+}
+
+fn read_proof(message: &[u8]) -> Result<Proof, WireError> {
+    crate::wire::bytes::array(message, PROOF_AT.start)
+}
+
+fn write_proof(message: &mut [u8], proof: Proof) -> Result<(), WireError> {
+    crate::wire::bytes::put(message, PROOF_AT.start, proof)
+}
+
+fn check(message: &Control) -> Result<(), WireError> {
+    match message {
+        Control::Hello(hello) => check_hello(hello),
+        Control::Welcome(welcome) => check_welcome_content(welcome),
+        Control::Refuse(Refuse { text, .. }) => may_be_empty("text of the refusal", text),
+        Control::Arm(Arm { disp, .. }) => {
+            count("axes of the arm message", disp.len())?;
+            finite("first displacement", disp)
+        }
+        Control::Bye(Bye { cause, text }) => {
+            Cause::from_code(*cause)?;
+            may_be_empty("text of the goodbye", text)
+        }
+    }
+}
+
+fn check_hello(hello: &Hello) -> Result<(), WireError> {
+    if hello.versions.lowest > hello.versions.highest {
+        return Err(WireError::Bounds {
+            field: "highest version",
+            lowest: i64::from(hello.versions.lowest),
+            highest: i64::from(u16::MAX),
+            found: i64::from(hello.versions.highest),
+        });
+    }
+    for (field, term) in [
+        ("numerator of the rate", hello.rate_numerator),
+        ("denominator of the rate", hello.rate_denominator),
+    ] {
+        if !(1..=1_000_000_000_000).contains(&term) {
+            return Err(WireError::Bounds {
+                field,
+                lowest: 1,
+                highest: 1_000_000_000_000,
+                found: i64::try_from(term).unwrap_or(i64::MAX),
+            });
+        }
+    }
+    positive("watchdog time", hello.watchdog_s)?;
+    check_sampling(hello.sampling)?;
+    text("software", &hello.software, TEXT_LIMIT)?;
+    text("name of the test", &hello.name, TEXT_LIMIT)?;
+    check_axes(&hello.axes)
+}
+
+fn check_welcome_content(welcome: &Welcome) -> Result<(), WireError> {
+    if welcome.session == 0 {
+        return Err(WireError::Bounds {
+            field: "session number",
+            lowest: 1,
+            highest: i64::MAX,
+            found: 0,
+        });
+    }
+    positive("watchdog time", welcome.watchdog_s)?;
+    check_sampling(welcome.sampling)?;
+    text("software", &welcome.software, TEXT_LIMIT)?;
+    text("name of the specimen", &welcome.name, TEXT_LIMIT)?;
+    check_axes(&welcome.axes)?;
+    if !welcome.stiffness.is_empty() {
+        let n = welcome.axes.len();
+        same_length("entries of the stiffness", n * n, welcome.stiffness.len())?;
+    }
+    finite("stiffness", &welcome.stiffness)
+}
+
+fn check_axes(axes: &[Axis]) -> Result<(), WireError> {
+    count("axes", axes.len())?;
+    for (index, axis) in axes.iter().enumerate() {
+        text("name of an axis", &axis.name, NAME_LIMIT)?;
+        if axes.iter().take(index).any(|other| other.name == axis.name) {
+            return Err(WireError::Count {
+                field: "axes of the same name",
+                expected: 1,
+                found: 2,
+            });
+        }
+        if !Unit::conjugate(axis.disp_unit, axis.force_unit) {
+            return Err(WireError::Code {
+                field: "force unit of an axis",
+                found: axis.force_unit as u32,
+            });
+        }
+        let limits = axis.limits;
+        let inside =
+            limits.disp_min < limits.disp_max && limits.speed_max > 0.0 && limits.force_max > 0.0;
+        if !inside {
+            return Err(WireError::Range {
+                field: "limits of an axis",
+                index,
+                found: limits.disp_max,
+            });
+        }
+    }
+    Ok(())
+}
+
+fn check_sampling(sampling: Sampling) -> Result<(), WireError> {
+    match sampling {
+        Sampling::Reply => Ok(()),
+        Sampling::Fraction(part) if part > 0.0 && part <= 1.0 => Ok(()),
+        Sampling::Fraction(found) => Err(WireError::Range {
+            field: "fraction of the sampling moment",
+            index: 0,
+            found,
+        }),
+    }
+}
+
+fn positive(field: &'static str, value: f64) -> Result<(), WireError> {
+    if value > 0.0 && value.is_finite() {
+        Ok(())
+    } else {
+        Err(WireError::Range {
+            field,
+            index: 0,
+            found: value,
+        })
+    }
+}
+
+fn count(field: &'static str, found: usize) -> Result<(), WireError> {
+    if (1..=MAX_AXES).contains(&found) {
+        Ok(())
+    } else {
+        Err(WireError::Bounds {
+            field,
+            lowest: 1,
+            highest: MAX_AXES as i64,
+            found: i64::try_from(found).unwrap_or(i64::MAX),
+        })
+    }
+}
+
+fn text(field: &'static str, text: &str, limit: usize) -> Result<(), WireError> {
+    if text.is_empty() {
+        return Err(WireError::Text { field, limit });
+    }
+    bounded(field, text, limit)
+}
+
+fn may_be_empty(field: &'static str, text: &str) -> Result<(), WireError> {
+    bounded(field, text, TEXT_LIMIT)
+}
+
+fn bounded(field: &'static str, text: &str, limit: usize) -> Result<(), WireError> {
+    if text.len() <= limit && !text.chars().any(char::is_control) {
+        Ok(())
+    } else {
+        Err(WireError::Text { field, limit })
+    }
+}

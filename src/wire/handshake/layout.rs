@@ -1,0 +1,45 @@
+//! The layout in one canonical text, and its hash: both ends mean the same numbers in the same order.
+
+use std::fmt::Write as _;
+
+use sha2::{Digest, Sha256};
+
+use super::Axis;
+use crate::wire::native::{HISTORY, VERSION};
+
+/// The canonical text: one line for the frame layout, one for each axis, each ended by one line feed.
+///
+/// ```
+/// use gusset::wire::handshake::{Axis, Limits, Unit, layout_text};
+/// let axis = Axis {
+///     name: "storey 1".into(),
+///     disp_unit: Unit::Metre,
+///     force_unit: Unit::Newton,
+///     limits: Limits::NONE,
+/// };
+/// assert_eq!(layout_text(&[axis]), "gusset frames 1 axes 1 history 4\nstorey 1|m|N\n");
+/// ```
+#[must_use]
+pub fn layout_text(axes: &[Axis]) -> String {
+    let mut text = format!(
+        "gusset frames {VERSION} axes {} history {HISTORY}\n",
+        axes.len()
+    );
+    for axis in axes {
+        // Writing to a String cannot fail.
+        let _ = writeln!(
+            text,
+            "{}|{}|{}",
+            axis.name,
+            axis.disp_unit.symbol(),
+            axis.force_unit.symbol()
+        );
+    }
+    text
+}
+
+/// SHA-256 of [`layout_text`].
+#[must_use]
+pub fn layout_hash(axes: &[Axis]) -> [u8; 32] {
+    Sha256::digest(layout_text(axes).as_bytes()).into()
+}

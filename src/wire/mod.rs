@@ -1,0 +1,311 @@
+//! Codecs: bytes in, values out. No socket, no clock, no thread.
+//!
+//! | module | speaks |
+//! |---|---|
+//! | [`native`] | our own data frames: fixed little-endian layout, byte by byte |
+//! | [`handshake`] | our own control messages, which agree on everything before anything moves |
+//! | [`openfresco`] | the four dialects of OpenFresco and OpenSees, both roles |
+//! | [`key`] | pre-shared key, session key, keyed MAC |
+//! | [`window`] | duplicates, replays and late datagrams |
+//!
+//! Invariants: every size, count and length that comes from a peer is checked before it is used, and bounded
+//! by a constant of this module; a frame either decodes as a whole or names the field that is wrong; nothing
+//! on the data path allocates; arbitrary bytes never panic. What is not here: when to give up waiting, what to
+//! do with a stale value, whom to listen to. That is the link's business.
+
+pub(crate) mod bytes;
+pub mod handshake;
+pub mod key;
+pub mod native;
+pub mod openfresco;
+pub mod window;
+
+use thiserror::Error;
+
+use crate::substructure::LinkFault;
+
+/// What a look at the bytes received so far gave.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[must_use]
+pub enum Progress {
+    /// No whole frame yet: keep the bytes and read on.
+    NeedMore,
+    /// One whole frame stands at the beginning.
+    Frame {
+        /// Its length; the next frame begins behind it.
+        consumed: usize,
+    },
+}
+
+/// Who wrote a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Side {
+    /// The end that commands: the hybrid test.
+    Controller,
+    /// The end that measures.
+    Specimen,
+}
+
+impl Side {
+    /// The other end.
+    #[must_use]
+    pub const fn other(self) -> Self {
+        match self {
+            Side::Controller => Side::Specimen,
+            Side::Specimen => Side::Controller,
+        }
+    }
+}
+
+impl std::fmt::Display for Side {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Side::Controller => "controller",
+            Side::Specimen => "specimen",
+        })
+    }
+}
+
+/// Why bytes are not a message, or a value cannot become one.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+pub enum WireError {
+    /// A frame ends before its last field.
+    #[error("the frame is cut short: {needed} bytes wanted, {found} found")]
+    Truncated {
+        /// Bytes that the frame needs.
+        needed: usize,
+        /// Bytes that are there.
+        found: usize,
+    },
+    /// The buffer to encode into is too small. Ours, never the peer's fault.
+    #[error("the output buffer holds {found} bytes, {needed} wanted")]
+    Room {
+        /// Bytes that the frame needs.
+        needed: usize,
+        /// Bytes that the buffer holds.
+        found: usize,
+    },
+    /// The first bytes are not ours: another protocol is spoken.
+    #[error(
+        "the first bytes are {found:02x?}, {expected:02x?} wanted: the peer speaks another protocol"
+    )]
+    Magic {
+        /// The bytes that start every frame.
+        expected: [u8; 4],
+        /// What came; zeros stand where nothing has come yet.
+        found: [u8; 4],
+    },
+    /// No protocol version in common.
+    #[error("protocol version {found} found, {lowest} to {highest} spoken here")]
+    Version {
+        /// Lowest version spoken here.
+        lowest: u16,
+        /// Highest version spoken here.
+        highest: u16,
+        /// The version of the peer (its highest, in a negotiation).
+        found: u16,
+    },
+    /// A code that the table does not have.
+    #[error("{field} is {found}, which the protocol does not have")]
+    Code {
+        /// Which field.
+        field: &'static str,
+        /// Its value.
+        found: u32,
+    },
+    /// A reserved field is not zero.
+    #[error("{field} is {found:#x}, bits outside {allowed:#x} must be zero")]
+    Reserved {
+        /// Which field.
+        field: &'static str,
+        /// Bits that may be set.
+        allowed: u32,
+        /// What was found.
+        found: u32,
+    },
+    /// A number of things differs from what was agreed.
+    #[error("{field}: {expected} wanted, {found} found")]
+    Count {
+        /// What is counted.
+        field: &'static str,
+        /// As agreed.
+        expected: usize,
+        /// As found.
+        found: usize,
+    },
+    /// A number from the wire is outside its bounds.
+    #[error("{field} is {found}, {lowest} to {highest} allowed")]
+    Bounds {
+        /// Which number.
+        field: &'static str,
+        /// Smallest value allowed.
+        lowest: i64,
+        /// Largest value allowed.
+        highest: i64,
+        /// What was found.
+        found: i64,
+    },
+    /// The checksum does not match: the frame was damaged.
+    #[error("the checksum of the frame is {found:08x}, its bytes give {expected:08x}")]
+    Checksum {
+        /// Computed from the bytes.
+        expected: u32,
+        /// As received.
+        found: u32,
+    },
+    /// The MAC does not match: wrong key, or a forged frame.
+    #[error("the frame is not signed with the key of this session")]
+    Mac,
+    /// One end uses a key and the other does not.
+    #[error("the frame is {}, the link is {}", keyed(*.found), keyed(*.expected))]
+    Keyed {
+        /// True if this end uses a key.
+        expected: bool,
+        /// True if the frame does.
+        found: bool,
+    },
+    /// A frame of another session.
+    #[error("the frame belongs to session {found:016x}, this one is {expected:016x}")]
+    Session {
+        /// This session.
+        expected: u64,
+        /// The frame's.
+        found: u64,
+    },
+    /// A frame of a kind, or with a mark, that this end does not receive.
+    #[error("a {field} frame comes from the {found}")]
+    Direction {
+        /// The kind of the frame.
+        field: &'static str,
+        /// Who is marked as its writer.
+        found: Side,
+    },
+    /// A frame that was here before: a duplicate of the network, or a replay.
+    #[error("frame {counter} has been received before")]
+    Replayed {
+        /// The frame's counter.
+        counter: u64,
+    },
+    /// A frame too far behind the newest one to tell whether it is a replay.
+    #[error("frame {counter} is too old: {newest} has been received")]
+    TooOld {
+        /// The frame's counter.
+        counter: u64,
+        /// The newest counter so far.
+        newest: u64,
+    },
+    /// Infinite or not a number.
+    #[error("{field}[{index}] is not a finite number")]
+    NotFinite {
+        /// Which vector or number.
+        field: &'static str,
+        /// Which entry of it, from 0.
+        index: usize,
+    },
+    /// A number that is outside its range, or not a number.
+    #[error("{field}[{index}] is {found}, outside its range")]
+    Range {
+        /// Which vector or number.
+        field: &'static str,
+        /// Which entry of it, from 0.
+        index: usize,
+        /// What was found.
+        found: f64,
+    },
+    /// A text is too long, empty, or not text.
+    #[error("{field} is not a text of 1 to {limit} bytes without control characters")]
+    Text {
+        /// Which text.
+        field: &'static str,
+        /// Longest length in bytes.
+        limit: usize,
+    },
+    /// A control message that does not decode.
+    #[error("the control message does not decode: {0}")]
+    Control(ControlFault),
+    /// The peer could not prove that it has the key.
+    #[error("the {found} could not prove that it has the pre-shared key")]
+    Proof {
+        /// Which end failed.
+        found: Side,
+    },
+    /// A message that may not come now.
+    #[error("{found} came where {expected} was due")]
+    Order {
+        /// What should have come.
+        expected: &'static str,
+        /// What came.
+        found: &'static str,
+    },
+    /// An action that is not even a plausible number.
+    #[error("the action is {found}, a number from 1 to 99 wanted")]
+    Action {
+        /// What was found.
+        found: f64,
+    },
+    /// The version numbers of an OpenFresco shadow and its actor differ.
+    #[error("the peer is OpenFresco version {found}, {expected} wanted")]
+    SiteVersion {
+        /// The version that this end was told to be.
+        expected: f64,
+        /// The peer's.
+        found: f64,
+    },
+    /// The codec failed before; a failed machine stays failed.
+    #[error("the connection failed before")]
+    Failed,
+}
+
+/// What is wrong with the encoding of a control message.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+pub enum ControlFault {
+    /// It ends too early.
+    #[error("it ends too early")]
+    Short,
+    /// Bytes stand behind it.
+    #[error("{0} bytes stand behind its end")]
+    Trailing(usize),
+    /// It claims more than a control message may hold.
+    #[error("it claims to be larger than the limit")]
+    Limit,
+    /// An unknown variant of an enum.
+    #[error("variant {0} is unknown")]
+    Variant(u32),
+    /// A text that is not UTF-8, a truth value that is neither 0 nor 1, or the like.
+    #[error("a value is outside its type")]
+    Value,
+}
+
+impl WireError {
+    /// The fault that the loop sees; the text stays with the link's log.
+    #[must_use]
+    pub fn fault(self) -> LinkFault {
+        match self {
+            WireError::Version { .. } | WireError::SiteVersion { .. } => LinkFault::Version,
+            WireError::Mac | WireError::Keyed { .. } | WireError::Proof { .. } => LinkFault::Auth,
+            WireError::NotFinite { .. } => LinkFault::NotFinite,
+            WireError::Truncated { .. }
+            | WireError::Room { .. }
+            | WireError::Magic { .. }
+            | WireError::Code { .. }
+            | WireError::Reserved { .. }
+            | WireError::Count { .. }
+            | WireError::Bounds { .. }
+            | WireError::Checksum { .. }
+            | WireError::Session { .. }
+            | WireError::Direction { .. }
+            | WireError::Replayed { .. }
+            | WireError::TooOld { .. }
+            | WireError::Range { .. }
+            | WireError::Text { .. }
+            | WireError::Control(_)
+            | WireError::Order { .. }
+            | WireError::Action { .. }
+            | WireError::Failed => LinkFault::Malformed,
+        }
+    }
+}
+
+fn keyed(yes: bool) -> &'static str {
+    if yes { "keyed" } else { "not keyed" }
+}

@@ -1,0 +1,320 @@
+//! What a frame says: typed windows over checked bytes.
+//!
+//! The windows are only made by [`super::Decoder::open`], which has checked lengths and numbers; their getters
+//! cannot fail and allocate nothing.
+
+use super::layout::HISTORY;
+use crate::substructure::{Measurement, Retirement, Status};
+use crate::wire::WireError;
+use crate::wire::bytes::copy_words;
+
+/// The kinds of frames.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[repr(u8)]
+pub enum Kind {
+    /// Displacement to go to.
+    Command = 1,
+    /// What was measured.
+    Measurement = 2,
+    /// I am here.
+    Heartbeat = 3,
+    /// Stay where you are; commands may come again. Not a fault: the watchdog rests until then.
+    Hold = 4,
+    /// No command will come any more; stay where you are. Answered by goodbye.
+    Retire = 5,
+    /// The last frame of its sender.
+    Goodbye = 6,
+    /// A control message.
+    Control = 16,
+}
+
+impl Kind {
+    /// All kinds, in the order of their codes.
+    pub const ALL: [Kind; 7] = [
+        Kind::Command,
+        Kind::Measurement,
+        Kind::Heartbeat,
+        Kind::Hold,
+        Kind::Retire,
+        Kind::Goodbye,
+        Kind::Control,
+    ];
+
+    /// The code on the wire.
+    #[must_use]
+    pub const fn code(self) -> u8 {
+        self as u8
+    }
+
+    /// The kind with this code.
+    ///
+    /// # Errors
+    /// [`WireError::Code`] if there is none.
+    pub fn from_code(code: u8) -> Result<Self, WireError> {
+        Self::ALL
+            .into_iter()
+            .find(|kind| kind.code() == code)
+            .ok_or(WireError::Code {
+                field: "frame kind",
+                found: u32::from(code),
+            })
+    }
+
+    /// In words.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Kind::Command => "command",
+            Kind::Measurement => "measurement",
+            Kind::Heartbeat => "heartbeat",
+            Kind::Hold => "hold",
+            Kind::Retire => "retire",
+            Kind::Goodbye => "goodbye",
+            Kind::Control => "control",
+        }
+    }
+
+    /// True for frames that carry vectors.
+    pub(super) const fn has_axes(self) -> bool {
+        matches!(self, Kind::Command | Kind::Measurement)
+    }
+}
+
+/// Why a test holds, retires or ends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[repr(u32)]
+pub enum Cause {
+    /// It ran to its end or was stopped in an orderly way.
+    Orderly = 0,
+    /// A limit, a fault or an operator tripped it.
+    Tripped = 1,
+    /// An operator asked for it.
+    Operator = 2,
+    /// Commands stopped coming.
+    Watchdog = 3,
+    /// The interlock or emergency stop opened.
+    Interlock = 4,
+    /// The program ends.
+    Shutdown = 5,
+}
+
+impl Cause {
+    /// All causes, in the order of their codes.
+    pub const ALL: [Cause; 6] = [
+        Cause::Orderly,
+        Cause::Tripped,
+        Cause::Operator,
+        Cause::Watchdog,
+        Cause::Interlock,
+        Cause::Shutdown,
+    ];
+
+    /// The code on the wire.
+    #[must_use]
+    pub const fn code(self) -> u32 {
+        self as u32
+    }
+
+    /// The cause with this code.
+    ///
+    /// # Errors
+    /// [`WireError::Code`] if there is none.
+    pub fn from_code(code: u32) -> Result<Self, WireError> {
+        Self::ALL
+            .into_iter()
+            .find(|cause| cause.code() == code)
+            .ok_or(WireError::Code {
+                field: "cause",
+                found: code,
+            })
+    }
+}
+
+impl From<Retirement> for Cause {
+    fn from(how: Retirement) -> Self {
+        match how {
+            Retirement::Orderly => Cause::Orderly,
+            Retirement::Tripped => Cause::Tripped,
+        }
+    }
+}
+
+/// One frame, checked.
+#[derive(Debug, Clone, Copy)]
+pub enum Frame<'a> {
+    /// Displacement to go to.
+    Command(CommandFrame<'a>),
+    /// What was measured.
+    Measurement(MeasurementFrame<'a>),
+    /// I am here.
+    Heartbeat(Heartbeat),
+    /// Stay where you are.
+    Hold(Notice),
+    /// No command will come any more.
+    Retire(Notice),
+    /// The last frame of its sender.
+    Goodbye(Notice),
+    /// A control message, still encoded.
+    Control(&'a [u8]),
+}
+
+/// A sign of life.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Heartbeat {
+    /// Newest command sent (controller) or in force (specimen).
+    pub sequence: u64,
+    /// The sender's own time in s.
+    pub time: f64,
+    /// Flags of the specimen; empty from a controller.
+    pub status: Status,
+}
+
+/// Hold, retire, goodbye.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Notice {
+    /// The last command that counts.
+    pub sequence: u64,
+    /// Why.
+    pub cause: Cause,
+}
+
+/// A command.
+#[derive(Debug, Clone, Copy)]
+pub struct CommandFrame<'a> {
+    pub(super) sequence: u64,
+    pub(super) time: f64,
+    pub(super) dt: f64,
+    pub(super) disp: &'a [[u8; 8]],
+    pub(super) vel: &'a [[u8; 8]],
+}
+
+impl CommandFrame<'_> {
+    /// Number of the command.
+    #[must_use]
+    pub const fn sequence(&self) -> u64 {
+        self.sequence
+    }
+
+    /// Test time that the displacement belongs to, in s.
+    #[must_use]
+    pub const fn time(&self) -> f64 {
+        self.time
+    }
+
+    /// Test time since the previous command, in s.
+    #[must_use]
+    pub const fn dt(&self) -> f64 {
+        self.dt
+    }
+
+    /// Copies displacement and velocity out. Real-time: yes.
+    ///
+    /// # Errors
+    /// [`WireError::Count`] if a slice has not one entry per axis.
+    pub fn read(&self, disp: &mut [f64], vel: &mut [f64]) -> Result<(), WireError> {
+        copy_words("commanded displacement", self.disp, disp)?;
+        copy_words("commanded velocity", self.vel, vel)
+    }
+}
+
+/// A measurement, and the forces of the four before it.
+#[derive(Debug, Clone, Copy)]
+pub struct MeasurementFrame<'a> {
+    pub(super) sequence: u64,
+    pub(super) time: f64,
+    pub(super) sampled_after: f64,
+    pub(super) status: Status,
+    pub(super) missed: u32,
+    pub(super) disp: &'a [[u8; 8]],
+    pub(super) force: &'a [[u8; 8]],
+    pub(super) earlier: [Option<Earlier<'a>>; HISTORY],
+}
+
+/// The force that belonged to an earlier command.
+#[derive(Debug, Clone, Copy)]
+pub struct Earlier<'a> {
+    pub(super) sequence: u64,
+    pub(super) force: &'a [[u8; 8]],
+}
+
+impl Earlier<'_> {
+    /// The command that was in force.
+    #[must_use]
+    pub const fn sequence(&self) -> u64 {
+        self.sequence
+    }
+
+    /// Copies the force out. Real-time: yes.
+    ///
+    /// # Errors
+    /// [`WireError::Count`] if the slice has not one entry per axis.
+    pub fn read(&self, force: &mut [f64]) -> Result<(), WireError> {
+        copy_words("earlier force", self.force, force)
+    }
+}
+
+impl<'a> MeasurementFrame<'a> {
+    /// Newest command that was in force when this was sampled.
+    #[must_use]
+    pub const fn sequence(&self) -> u64 {
+        self.sequence
+    }
+
+    /// The specimen's own time of sampling in s.
+    #[must_use]
+    pub const fn time(&self) -> f64 {
+        self.time
+    }
+
+    /// Time from the arrival of the command to the sampling, in s.
+    #[must_use]
+    pub const fn sampled_after(&self) -> f64 {
+        self.sampled_after
+    }
+
+    /// Flags of the specimen.
+    #[must_use]
+    pub const fn status(&self) -> Status {
+        self.status
+    }
+
+    /// Commands that never arrived at the specimen.
+    #[must_use]
+    pub const fn missed(&self) -> u32 {
+        self.missed
+    }
+
+    /// Fills a measurement. Real-time: yes.
+    ///
+    /// # Errors
+    /// [`WireError::Count`] if a vector has not one entry per axis.
+    pub fn read(&self, into: &mut Measurement) -> Result<(), WireError> {
+        copy_words("measured displacement", self.disp, &mut into.disp)?;
+        copy_words("measured force", self.force, &mut into.force)?;
+        into.sequence = self.sequence;
+        into.time = self.time;
+        into.status = self.status;
+        Ok(())
+    }
+
+    /// The earlier measurements, newest first. Real-time: yes.
+    pub fn earlier(&self) -> impl Iterator<Item = Earlier<'a>> {
+        self.earlier.into_iter().flatten()
+    }
+
+    /// The force that was measured while `sequence` was the newest command, if this frame knows it: its own, or
+    /// one of the earlier ones. This is how a lost reply costs nothing. Real-time: yes.
+    ///
+    /// # Errors
+    /// [`WireError::Count`] if the slice has not one entry per axis.
+    pub fn force_of(&self, sequence: u64, force: &mut [f64]) -> Result<bool, WireError> {
+        if sequence == self.sequence {
+            copy_words("measured force", self.force, force)?;
+            return Ok(true);
+        }
+        match self.earlier().find(|entry| entry.sequence == sequence) {
+            Some(entry) => entry.read(force).map(|()| true),
+            None => Ok(false),
+        }
+    }
+}

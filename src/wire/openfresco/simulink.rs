@@ -1,0 +1,253 @@
+//! Dialect D behind `SimSimulink`: the client polls flags, and actions are compared as doubles.
+//!
+//! Answers carry a flag in double 0 and the signals from double 1 on, in the order of the control points. The
+//! client asks again until a flag has the value it waits for, so an answer may say "not yet" at once, or be
+//! held back until it can say "yes".
+
+use super::action::{Action, Reading};
+use super::hello::{HELLO, HELLO_ANSWER};
+use super::inbox::{Carrier, Inbox};
+use super::server::NOT_READY;
+use super::sizes::{Counts, Interface, SIZES_LEN, Sizes};
+use super::vector::{Signals, read_lead};
+use crate::wire::WireError;
+use crate::wire::bytes::{finite, put_doubles, same_length};
+
+/// What came.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum SimulinkEvent {
+    /// Not a whole message yet.
+    NeedMore,
+    /// A UDP hello; `reply` holds the answer.
+    Greeted,
+    /// The sizes are known and fit.
+    Ready(Sizes),
+    /// A new target: [`Simulink::signals`] holds it. Raise `newTarget`.
+    Target,
+    /// 6: answer with [`Simulink::answer_signals`]; the flag is `atTarget`. Asked until it is 1.
+    AtTarget,
+    /// 4.1: answer with [`Simulink::answer_switch`]; the flag is `switchPC`. Asked until it is 1: target taken.
+    TargetTaken,
+    /// 4.2: take `newTarget` back. No answer.
+    TargetDone,
+    /// 4.3: answer with [`Simulink::answer_switch`]; the flag is `switchPC`. Asked until it is 0.
+    SwitchedBack,
+    /// The step is committed.
+    Commit,
+    /// 4 after 3, from versions up to 2.7: nothing to do.
+    Execute,
+    /// An unknown action. It is not answered.
+    Ignored(f64),
+    /// The end; sent twice, the second one is swallowed.
+    Finished,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum State {
+    Sizes,
+    Running,
+    Finished,
+    Failed,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Debt {
+    Signals,
+    Switch,
+}
+
+/// A laboratory controller, as `SimSimulink` sees it.
+#[derive(Debug)]
+pub struct Simulink {
+    interface: Interface,
+    state: State,
+    inbox: Inbox,
+    outbox: Vec<u8>,
+    target: Signals,
+    daq_total: usize,
+    debt: Option<Debt>,
+    reply: &'static [u8],
+}
+
+impl Simulink {
+    /// A controller that waits for OpenFresco.
+    #[must_use]
+    pub fn new(carrier: Carrier, interface: Interface) -> Self {
+        Self {
+            interface,
+            state: State::Sizes,
+            inbox: Inbox::new(carrier, SIZES_LEN),
+            outbox: Vec::new(),
+            target: Signals::zeros(Counts::default()),
+            daq_total: 0,
+            debt: None,
+            reply: &[],
+        }
+    }
+
+    /// Takes bytes up to the end of one message (of a datagram: all of them); returns how many were used and
+    /// what they mean. Allocates only when the sizes arrive. Real-time: yes.
+    ///
+    /// # Errors
+    /// Nonsense. The machine is failed then and stays so.
+    pub fn feed(&mut self, bytes: &[u8]) -> Result<(usize, SimulinkEvent), WireError> {
+        self.reply = &[];
+        let outcome = self.step(bytes);
+        if outcome.is_err() {
+            self.state = State::Failed;
+        }
+        outcome
+    }
+
+    /// Bytes to send after the last event; empty for most.
+    #[must_use]
+    pub const fn reply(&self) -> &[u8] {
+        self.reply
+    }
+
+    /// The target's signals, in the order of the control points; zeros before the first.
+    #[must_use]
+    pub fn signals(&self) -> &[f64] {
+        self.target.values()
+    }
+
+    /// Encodes the answer to 6: the flag `atTarget` and the measured signals, in the order of the control points.
+    /// Real-time: yes.
+    ///
+    /// # Errors
+    /// No such answer is owed, wrong number of signals, a number that is not finite.
+    pub fn answer_signals(&mut self, at_target: bool, signals: &[f64]) -> Result<&[u8], WireError> {
+        same_length("measured signals", self.daq_total, signals.len())?;
+        self.settle(Debt::Signals)?;
+        write_flag(&mut self.outbox, at_target, signals)?;
+        Ok(&self.outbox)
+    }
+
+    /// Encodes the answer to 4.1 or 4.3: the flag `switchPC`. Real-time: yes.
+    ///
+    /// # Errors
+    /// No such answer is owed.
+    pub fn answer_switch(&mut self, switched: bool) -> Result<&[u8], WireError> {
+        self.settle(Debt::Switch)?;
+        write_flag(&mut self.outbox, switched, &[])?;
+        Ok(&self.outbox)
+    }
+
+    /// Over UDP: cut answers into pieces of this many bytes, as the client cuts its vectors.
+    #[must_use]
+    pub fn piece(&self) -> usize {
+        self.inbox.piece()
+    }
+
+    fn settle(&mut self, debt: Debt) -> Result<(), WireError> {
+        if self.outbox.is_empty() {
+            return Err(NOT_READY);
+        }
+        if self.debt == Some(debt) {
+            self.debt = None;
+            return Ok(());
+        }
+        Err(WireError::Order {
+            expected: match self.debt {
+                None => "no answer",
+                Some(Debt::Signals) => "an answer with signals",
+                Some(Debt::Switch) => "an answer with a switch",
+            },
+            found: match debt {
+                Debt::Signals => "an answer with signals",
+                Debt::Switch => "an answer with a switch",
+            },
+        })
+    }
+
+    fn step(&mut self, bytes: &[u8]) -> Result<(usize, SimulinkEvent), WireError> {
+        if self.state == State::Failed {
+            return Err(WireError::Failed);
+        }
+        if bytes.is_empty() {
+            return Ok((0, SimulinkEvent::NeedMore));
+        }
+        if self.inbox.carrier() == Carrier::Datagrams && bytes.len() == 1 && self.inbox.is_empty() {
+            if self.state == State::Sizes {
+                self.reply = &[HELLO_ANSWER];
+                return Ok((1, SimulinkEvent::Greeted));
+            }
+            return Ok((1, SimulinkEvent::Ignored(f64::from(HELLO))));
+        }
+        match self.state {
+            State::Failed => Err(WireError::Failed),
+            State::Finished => Ok((bytes.len(), SimulinkEvent::NeedMore)),
+            State::Sizes => self.sizes(bytes),
+            State::Running => self.message(bytes),
+        }
+    }
+
+    fn sizes(&mut self, bytes: &[u8]) -> Result<(usize, SimulinkEvent), WireError> {
+        let (used, message) = self.inbox.take(bytes)?;
+        let Some(message) = message else {
+            return Ok((used, SimulinkEvent::NeedMore));
+        };
+        let sizes = Sizes::parse(message)?;
+        self.interface.check(sizes.ctrl(), sizes.daq())?;
+        // The flag stands in front of the signals.
+        super::sizes::inside(
+            "data size N",
+            1 + sizes.daq().total(),
+            super::MAX_DATA_SIZE,
+            sizes.data_size() as i64,
+        )?;
+        self.target = Signals::zeros(*sizes.ctrl());
+        self.daq_total = sizes.daq().total();
+        self.outbox.resize(sizes.vector_len(), 0);
+        self.inbox.expect(sizes.vector_len());
+        self.state = State::Running;
+        Ok((used, SimulinkEvent::Ready(sizes)))
+    }
+
+    fn message(&mut self, bytes: &[u8]) -> Result<(usize, SimulinkEvent), WireError> {
+        let (used, message) = self.inbox.take(bytes)?;
+        let Some(vector) = message else {
+            return Ok((used, SimulinkEvent::NeedMore));
+        };
+        let code = read_lead(vector)?;
+        let event = match Action::exact(code)? {
+            Some(Action::Trial) => {
+                self.target.read("target", vector, 1)?;
+                SimulinkEvent::Target
+            }
+            Some(Action::Read(Reading::All)) => {
+                self.debt = Some(Debt::Signals);
+                SimulinkEvent::AtTarget
+            }
+            Some(Action::TargetTaken) => {
+                self.debt = Some(Debt::Switch);
+                SimulinkEvent::TargetTaken
+            }
+            Some(Action::TargetDone) => SimulinkEvent::TargetDone,
+            Some(Action::SwitchedBack) => {
+                self.debt = Some(Debt::Switch);
+                SimulinkEvent::SwitchedBack
+            }
+            Some(Action::Commit) => SimulinkEvent::Commit,
+            Some(Action::Execute) => SimulinkEvent::Execute,
+            Some(Action::Die) => {
+                self.state = State::Finished;
+                SimulinkEvent::Finished
+            }
+            Some(
+                Action::Open | Action::Setup | Action::Shutdown | Action::Read(_) | Action::Give(_),
+            )
+            | None => SimulinkEvent::Ignored(code),
+        };
+        Ok((used, event))
+    }
+}
+
+/// The flag, the signals, and zeros.
+fn write_flag(out: &mut [u8], flag: bool, signals: &[f64]) -> Result<(), WireError> {
+    finite("measured signals", signals)?;
+    let flag = if flag { 1.0 } else { 0.0 };
+    out.fill(0);
+    put_doubles(out, 0, &[flag])?;
+    put_doubles(out, 8, signals)
+}

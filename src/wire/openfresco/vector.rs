@@ -1,0 +1,193 @@
+//! Vectors of N doubles: what stands where, and zeros behind it.
+//!
+//! Real programs leave stale values behind the data; ours are zero. Doubles that a message does not define are
+//! never read.
+
+use super::action::Action;
+use super::sizes::Counts;
+use crate::wire::WireError;
+use crate::wire::bytes::{finite_words, get_f64, put, put_doubles, same_length, words};
+
+/// Signals of a command or an answer. Slices for kinds that the layout does not have are ignored.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Response<'a> {
+    /// Displacements.
+    pub disp: &'a [f64],
+    /// Velocities.
+    pub vel: &'a [f64],
+    /// Accelerations.
+    pub accel: &'a [f64],
+    /// Forces.
+    pub force: &'a [f64],
+    /// Time in s.
+    pub time: f64,
+}
+
+/// Writes a vector that begins with `lead` (an action, a flag, or nothing) and the signals, and zeros up to the
+/// end of `out`. Real-time: yes.
+///
+/// # Errors
+/// [`WireError::Count`] if a kind of the layout has another number of signals, [`WireError::NotFinite`],
+/// [`WireError::Room`].
+pub fn write_vector(
+    out: &mut [u8],
+    lead: Option<f64>,
+    counts: &Counts,
+    response: &Response<'_>,
+) -> Result<(), WireError> {
+    let mut at = 0;
+    if let Some(lead) = lead {
+        put(out, at, lead.to_le_bytes())?;
+        at += 8;
+    }
+    let time = [response.time];
+    for (field, count, values) in [
+        ("displacements", counts.disp, response.disp),
+        ("velocities", counts.vel, response.vel),
+        ("accelerations", counts.accel, response.accel),
+        ("forces", counts.force, response.force),
+        ("time", counts.time, &time[..]),
+    ] {
+        if count == 0 {
+            continue;
+        }
+        same_length(field, count, values.len())?;
+        crate::wire::bytes::finite(field, values)?;
+        put_doubles(out, at, values)?;
+        at += 8 * count;
+    }
+    zero_from(out, at);
+    Ok(())
+}
+
+/// Writes a vector of nothing but an action. Real-time: yes.
+///
+/// # Errors
+/// [`WireError::Room`].
+pub fn write_action(out: &mut [u8], action: Action) -> Result<(), WireError> {
+    put(out, 0, action.code().to_le_bytes())?;
+    zero_from(out, 8);
+    Ok(())
+}
+
+/// Writes an n×n matrix, given row by row, column by column, and zeros behind it. Real-time: yes.
+///
+/// # Errors
+/// [`WireError::Count`], [`WireError::NotFinite`], [`WireError::Room`].
+pub fn write_matrix(out: &mut [u8], n: usize, rows: &[f64]) -> Result<(), WireError> {
+    same_length("entries of the matrix", n.saturating_mul(n), rows.len())?;
+    crate::wire::bytes::finite("matrix", rows)?;
+    let mut at = 0;
+    for column in 0..n {
+        for value in rows.iter().skip(column).step_by(n) {
+            put(out, at, value.to_le_bytes())?;
+            at += 8;
+        }
+    }
+    zero_from(out, at);
+    Ok(())
+}
+
+/// Reads an n×n matrix, which stands column by column, row by row. Real-time: yes.
+///
+/// # Errors
+/// [`WireError::Count`], [`WireError::NotFinite`], [`WireError::Truncated`].
+pub fn read_matrix(vector: &[u8], n: usize, rows: &mut [f64]) -> Result<(), WireError> {
+    same_length("entries of the matrix", n.saturating_mul(n), rows.len())?;
+    let columns = words(vector, 0, rows.len())?;
+    finite_words("matrix", columns)?;
+    for (row, values) in rows.chunks_exact_mut(n.max(1)).enumerate() {
+        for (value, word) in values.iter_mut().zip(columns.iter().skip(row).step_by(n)) {
+            *value = f64::from_le_bytes(*word);
+        }
+    }
+    Ok(())
+}
+
+/// The action of a vector. Real-time: yes.
+///
+/// # Errors
+/// [`WireError::Truncated`].
+pub fn read_lead(vector: &[u8]) -> Result<f64, WireError> {
+    get_f64(vector, 0)
+}
+
+fn zero_from(out: &mut [u8], at: usize) {
+    if let Some(rest) = out.get_mut(at..) {
+        rest.fill(0);
+    }
+}
+
+/// Signals with a layout, in a buffer of their own.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Signals {
+    counts: Counts,
+    values: Vec<f64>,
+}
+
+impl Signals {
+    pub(super) fn zeros(counts: Counts) -> Self {
+        Self {
+            counts,
+            values: vec![0.0; counts.total()],
+        }
+    }
+
+    /// Reads all signals of a vector that begins with `lead` other doubles. An error leaves them as they were.
+    /// Real-time: yes.
+    pub(super) fn read(
+        &mut self,
+        field: &'static str,
+        vector: &[u8],
+        lead: usize,
+    ) -> Result<(), WireError> {
+        let words = words(vector, 8 * lead, self.values.len())?;
+        finite_words(field, words)?;
+        crate::wire::bytes::copy_words(field, words, &mut self.values)
+    }
+
+    pub(super) const fn counts(&self) -> &Counts {
+        &self.counts
+    }
+
+    /// All values in one row, in the order of the wire.
+    pub(super) fn values(&self) -> &[f64] {
+        &self.values
+    }
+
+    pub(super) fn response(&self) -> Response<'_> {
+        // The lengths add up to values.len() by construction.
+        let (disp, rest) = cut(&self.values, self.counts.disp);
+        let (vel, rest) = cut(rest, self.counts.vel);
+        let (accel, rest) = cut(rest, self.counts.accel);
+        let (force, time) = cut(rest, self.counts.force);
+        Response {
+            disp,
+            vel,
+            accel,
+            force,
+            time: time.first().copied().unwrap_or(0.0),
+        }
+    }
+
+    /// The time, if the layout has one.
+    pub(super) fn time(&self) -> Option<f64> {
+        (self.counts.time == 1)
+            .then(|| self.values.last().copied())
+            .flatten()
+    }
+
+    /// True if all bits agree.
+    pub(super) fn same_bits(&self, other: &Self) -> bool {
+        same_bits(&self.values, &other.values)
+    }
+}
+
+/// True if all bits agree: a zero that has changed its sign is another command.
+pub(super) fn same_bits(a: &[f64], b: &[f64]) -> bool {
+    a.len() == b.len() && a.iter().zip(b).all(|(x, y)| x.to_bits() == y.to_bits())
+}
+
+fn cut(values: &[f64], at: usize) -> (&[f64], &[f64]) {
+    values.split_at_checked(at).unwrap_or((values, &[]))
+}
