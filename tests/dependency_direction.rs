@@ -17,6 +17,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("integrate", &["linalg", "model"]),
     ("control", &["substructure", "time"]),
     ("record", &["substructure"]),
+    ("wire", &["substructure"]),
     ("rt", &["time"]),
     ("report", &["record"]),
     (
@@ -74,6 +75,7 @@ const PURE: &[&str] = &[
     "specimen",
     "control",
     "substructure",
+    "wire",
 ];
 
 /// Ways to the system that a pure module must not take.
