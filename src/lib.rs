@@ -26,6 +26,7 @@
 //! | [`control`] | what stands between the structure's DOFs and a specimen's axes |
 //! | [`engine`] | the loop |
 //! | [`record`] | rows, the run folder, exports |
+//! | [`link`] | transports, and specimens across them |
 //! | [`wire`] | codecs: our own frames and handshake, OpenFresco's dialects; bytes in, values out |
 //! | [`rt`] | what is asked of the operating system; the real clock; timing histograms |
 //! | [`config`] | the test file: schema, diagnostics, and the building of an experiment |
@@ -43,6 +44,7 @@ pub mod engine;
 pub mod integrate;
 pub mod law;
 pub mod linalg;
+pub mod link;
 pub mod model;
 pub mod motion;
 pub mod record;

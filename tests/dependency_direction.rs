@@ -18,6 +18,10 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("control", &["substructure", "time"]),
     ("record", &["substructure"]),
     ("wire", &["substructure"]),
+    (
+        "link",
+        &["record", "rt", "specimen", "substructure", "time", "wire"],
+    ),
     ("rt", &["time"]),
     ("report", &["record"]),
     (
@@ -42,6 +46,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "integrate",
             "law",
             "linalg",
+            "link",
             "model",
             "motion",
             "rt",

@@ -1,0 +1,26 @@
+//! Links: a protocol and a transport joined to a [`Substructure`](crate::substructure::Substructure), and the far end
+//! that hosts specimens.
+//!
+//! [`crate::wire`] knows bytes and no sockets; a [`Transport`] knows sockets and no bytes. On the loop's thread there
+//! are plain non-blocking sockets and a wait with a deadline; an asynchronous runtime serves only what is not on
+//! the deadline.
+
+use crate::substructure::LinkFault;
+use crate::time::Nanos;
+
+/// Moves bytes. Streams and datagrams look the same from above: a datagram is a chunk that happens to hold whole
+/// frames.
+pub trait Transport: Send {
+    /// Hands `frame` over whole; never blocks. What the system does not take at once is kept and flushed in
+    /// [`Transport::recv`]; a second full buffer is [`LinkFault::Backpressure`]. Real-time: yes.
+    ///
+    /// # Errors
+    /// The link is lost.
+    fn send(&mut self, frame: &[u8]) -> Result<(), LinkFault>;
+
+    /// Waits for bytes until `deadline`; `None` if it passed. Real-time: yes.
+    ///
+    /// # Errors
+    /// The link is lost.
+    fn recv(&mut self, buffer: &mut [u8], deadline: Nanos) -> Result<Option<usize>, LinkFault>;
+}
