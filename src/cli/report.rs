@@ -7,7 +7,7 @@ use crate::session;
 /// Writes report.html again, from the run folder alone.
 pub fn report(args: &ReportArgs) -> anyhow::Result<Exit> {
     let page = session::write_report(&args.run)?;
-    eprintln!("{}", page.display());
+    eprintln!("{}", page.path.display());
     if let Some(picture) = &args.picture {
         anyhow::ensure!(!picture.exists(), "{} exists already", picture.display());
         eprintln!("{}", session::hero(&args.run, picture)?.display());

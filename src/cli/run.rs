@@ -11,6 +11,7 @@ use super::table::{Table, duration, quantity};
 use super::{ClockArg, RunArgs};
 use crate::config::{self, ConfigError, Facts, Loaded};
 use crate::record::{Progress, RunFolder};
+use crate::report::IdentifiedAxis;
 use crate::rt::wall::Wall;
 use crate::session::{self, Finish, Finished, SessionError, Signal, Signals, Watches};
 
@@ -51,14 +52,18 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
         }
         other => anyhow::Error::new(other),
     })?;
-    if let Err(error) = session::write_report(&finished.path) {
-        eprintln!("warning: report.html was not written: {error}");
-    }
+    let identified = match session::write_report(&finished.path) {
+        Ok(page) => page.identified,
+        Err(error) => {
+            eprintln!("warning: report.html was not written: {error}");
+            Vec::new()
+        }
+    };
     if args.json {
         println!("{}", serde_json::to_string_pretty(&finished.summary)?);
     }
     if !args.quiet {
-        conclude(&facts, &finished);
+        conclude(&facts, &finished, &identified);
     }
     Ok(match (finished.finish, signals.seen()) {
         (Finish::Completed, _) => Exit::Done,
@@ -87,7 +92,7 @@ pub fn refused(error: ConfigError) -> anyhow::Error {
 }
 
 /// What a person wants to know at the end of a test.
-fn conclude(facts: &Facts, finished: &Finished) {
+fn conclude(facts: &Facts, finished: &Finished, identified: &[IdentifiedAxis]) {
     let summary = &finished.summary;
     let verdict = match finished.finish {
         Finish::Completed => "completed",
@@ -156,6 +161,17 @@ fn conclude(facts: &Facts, finished: &Finished) {
                 &format!("{}{axis}", quantity(value, "N")),
             );
         }
+    }
+    for axis in identified {
+        let or_unknown = |value: Option<f64>, unit: &str| {
+            value.map_or_else(|| "unknown".to_owned(), |value| quantity(value, unit))
+        };
+        let text = format!(
+            "stiffness {}, lag {}",
+            or_unknown(axis.stiffness, "N/m"),
+            axis.lag.map_or_else(|| "unknown".to_owned(), duration)
+        );
+        table.row(&format!("identified, {}", axis.name), &text);
     }
     if let Some(granted) = &finished.granted {
         table.timing(&summary.timing);

@@ -217,7 +217,7 @@ impl Experiment {
     /// Names, units and meanings of the columns that this experiment will record.
     #[must_use]
     pub fn columns(&self) -> Vec<Column> {
-        columns::Row::new(&self.record_dofs, &self.ports).1
+        columns::Row::new(&self.record_dofs, &self.side, &self.ports).1
     }
 }
 
@@ -235,7 +235,7 @@ impl Engine {
             record_dofs,
             limits,
         } = experiment;
-        let (row, columns) = columns::Row::new(&record_dofs, &ports);
+        let (row, columns) = columns::Row::new(&record_dofs, &side, &ports);
         let dofs = match &side {
             Side::Structure(numerical) => numerical.structure.dofs(),
             Side::Prescribed(_) => 0,

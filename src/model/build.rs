@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::damping::damping_matrix;
 use super::{
-    BuildError, ChainSpec, DampingSpec, Element, ElementSpec, MatricesSpec, MatrixTable,
+    BuildError, ChainSpec, DampingSpec, Element, ElementSpec, End, MatricesSpec, MatrixTable,
     ModelError, Part, ShearBuildingSpec, Structure, StructureSpec,
 };
 use crate::law::Reach;
@@ -90,14 +90,19 @@ impl StructureSpec {
         if let (Some(given), Some(_)) = (linear.damping_given, damping) {
             return Err(BuildError::DampingTwice { given });
         }
-        let built = elements.iter().enumerate();
-        let built: Result<Vec<Element>, BuildError> = built.map(|(i, e)| e.build(i + 1)).collect();
+        let mut built = Vec::with_capacity(elements.len());
+        if let StructureSpec::Chain(spec) = self {
+            built.extend(spec.absolute_dampers()?);
+        }
+        for (i, element) in elements.iter().enumerate() {
+            built.push(element.build(i + 1)?);
+        }
         let mut structure = Structure::new(
             linear.mass,
             linear.damping,
             linear.stiffness,
             linear.influence,
-            built?,
+            built,
         )?
         .with_linear_parts(linear.parts);
         if let Some(rule) = damping {
@@ -191,6 +196,32 @@ impl ShearBuildingSpec {
 }
 
 impl ChainSpec {
+    /// One damper for each mass, if there are any.
+    fn absolute_dampers(&self) -> Result<Vec<Element>, BuildError> {
+        let Some(law) = &self.absolute_damper else {
+            return Ok(Vec::new());
+        };
+        let damper = |dof: usize| {
+            let name = format!("absolute damper {}", dof + 1);
+            match law.build() {
+                Ok(law) => Ok(Element {
+                    name,
+                    from: End::Fixed,
+                    to: End::Dof(dof),
+                    law,
+                    reach: Reach::default(),
+                    hardening_ratio: None,
+                    damping_ratio: None,
+                }),
+                Err(source) => Err(BuildError::Law {
+                    element: name,
+                    source,
+                }),
+            }
+        };
+        (0..self.dofs).map(damper).collect()
+    }
+
     fn linear(&self) -> Result<Linear, BuildError> {
         let damping = self.damping_n_s_per_m.unwrap_or(0.0);
         let check = |key, found: f64, ok, allowed| {

@@ -136,6 +136,7 @@ fn a_chain_is_tied_to_the_base_below_and_free_above() {
         mass_kg: 150.0,
         stiffness_n_per_m: 2.5e5,
         damping_n_s_per_m: Some(10.0),
+        absolute_damper: None,
     });
     let mut structure = build(&spec).unwrap();
     assert_eq!(structure.stiffness().get(0, 0), 5e5);
@@ -388,6 +389,7 @@ fn the_internal_force_allocates_nothing() {
         mass_kg: 1.0,
         stiffness_n_per_m: 1.0,
         damping_n_s_per_m: None,
+        absolute_damper: None,
     }))
     .unwrap();
     let mut structure = Structure::new(
@@ -569,6 +571,7 @@ fn bad_descriptions_are_named_by_storey_key_and_file() {
             mass_kg,
             stiffness_n_per_m,
             damping_n_s_per_m: None,
+            absolute_damper: None,
         })
     };
     assert_eq!(
@@ -693,6 +696,7 @@ fn bad_damping_rules_are_explained() {
         mass_kg: 1.0,
         stiffness_n_per_m: 1.0,
         damping_n_s_per_m: None,
+        absolute_damper: None,
     });
     let text = damped(&long, modal(&[0.02])).unwrap_err().to_string();
     assert!(

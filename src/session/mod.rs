@@ -25,7 +25,7 @@ use crossbeam_channel::{Receiver, Sender};
 use thiserror::Error;
 
 pub use bare::bare_loop;
-pub use page::{PageError, hero, write_report};
+pub use page::{Page, PageError, hero, write_report};
 pub use signals::{Signal, Signals};
 
 use crate::config::{ClockChoice, Prepared};
@@ -223,6 +223,7 @@ pub fn run(
         }
     }
     let mut latest = Progress::default();
+    let began_ns = os::monotonic_ns();
     let _ = go.send(());
     let result = loop {
         match done.recv_timeout(LOOK_EVERY) {
@@ -238,6 +239,7 @@ pub fn run(
         }
     };
     let _ = thread.join();
+    let wall_seconds = os::monotonic_ns().saturating_sub(began_ns) as f64 * 1e-9;
     if let Some(sampler) = sampler {
         let _ = sampler.stop();
     }
@@ -245,8 +247,14 @@ pub fn run(
     if let Ok(outcome) = &result {
         summary::write_timing(&folder, &outcome.timing)?;
     }
-    let (finish, summary) =
-        summary::summarise(&facts, &folder, &result, &recorded, granted.as_ref());
+    let (finish, summary) = summary::summarise(
+        &facts,
+        &folder,
+        &result,
+        &recorded,
+        granted.as_ref(),
+        wall_seconds,
+    );
     folder.write_summary(&summary)?;
     Ok(Finished {
         finish,

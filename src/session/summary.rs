@@ -33,6 +33,7 @@ pub(super) fn summarise(
     result: &Result<Outcome, String>,
     recorded: &Recorded,
     granted: Option<&Granted>,
+    wall_seconds: f64,
 ) -> (Finish, Summary) {
     let (finish, reason) = match result {
         Ok(outcome) => ending(&outcome.ending),
@@ -69,7 +70,7 @@ pub(super) fn summarise(
             ClockChoice::Real => ClockKind::Real,
             ClockChoice::Simulated => ClockKind::Simulated,
         },
-        wall_seconds: outcome.map_or(0.0, |outcome| outcome.wall_ns as f64 * 1e-9),
+        wall_seconds,
         rate_hz: facts.rate_hz,
         deadline_misses: outcome.map_or(0, |outcome| outcome.misses),
         stretched_ticks: outcome.map_or(0, |outcome| outcome.stretched),

@@ -105,6 +105,10 @@ fn build_finding(site: &Site<'_>, at: &KeyPath, kind: &str, error: &BuildError) 
         }
         BuildError::File { key, .. } => beneath(key),
         BuildError::DampingTwice { .. } | BuildError::Damping(_) => at.key("damping"),
+        BuildError::Law { source, .. } if kind == "chain" => {
+            let law = at.key(kind).key("absolute_damper");
+            site.loaded.locator.beneath(&law, source.key())
+        }
         BuildError::Law { element: name, .. } => element(name),
         BuildError::Model(
             ModelError::NoSuchDof { element: name, .. }
