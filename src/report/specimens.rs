@@ -54,7 +54,9 @@ impl<'a> Tracking<'a> {
             let n = target.len().min(meas.len());
             let from = n.saturating_sub(LAG_WINDOW) / 2;
             let to = (from + LAG_WINDOW).min(n);
-            Some(metrics::lag(&target[from..to], &meas[from..to], most)? * dt)
+            let lag = metrics::lag(&target[from..to], &meas[from..to], most)?;
+            // A thousandth of a sample is what the refinement itself is uncertain by.
+            Some(if lag.abs() < 1e-3 { 0.0 } else { lag * dt })
         });
         Self {
             name,
