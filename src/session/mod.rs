@@ -223,7 +223,7 @@ pub fn run(
         }
     }
     let mut latest = Progress::default();
-    let began_ns = os::monotonic_ns();
+    let (began, began_ns) = (Wall::now(), os::monotonic_ns());
     let _ = go.send(());
     let result = loop {
         match done.recv_timeout(LOOK_EVERY) {
@@ -245,7 +245,7 @@ pub fn run(
     }
     let recorded = writer.finish()?;
     if let Ok(outcome) = &result {
-        summary::write_timing(&folder, &outcome.timing)?;
+        summary::write_timing(&folder, &outcome.timing, began, wall_seconds)?;
     }
     let (finish, summary) = summary::summarise(
         &facts,

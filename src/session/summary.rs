@@ -1,6 +1,7 @@
 //! What a run came to, in the words and keys of the contract.
 
 use std::collections::BTreeMap;
+use std::time::Duration;
 
 use serde_json::{Value, json};
 
@@ -12,9 +13,15 @@ use crate::record::{FolderError, Recorded, RunFolder, Summary};
 use crate::rt::Granted;
 use crate::rt::timing::export::write_hgrm;
 use crate::rt::timing::{Quantity, Timing};
+use crate::rt::wall::Wall;
 
-/// timing.json and one .hgrm per quantity.
-pub(super) fn write_timing(folder: &RunFolder, timing: &Timing) -> Result<(), FolderError> {
+/// timing.json, one .hgrm per quantity, and the interval log of all of them.
+pub(super) fn write_timing(
+    folder: &RunFolder,
+    timing: &Timing,
+    began: Wall,
+    wall_seconds: f64,
+) -> Result<(), FolderError> {
     folder.write_timing(&timing.to_json_with_bins())?;
     for quantity in Quantity::ALL {
         let mut text = Vec::new();
@@ -22,6 +29,11 @@ pub(super) fn write_timing(folder: &RunFolder, timing: &Timing) -> Result<(), Fo
         if write_hgrm(&timing.histogram(quantity), &mut text).is_ok() {
             folder.write_histogram(quantity.key(), &String::from_utf8_lossy(&text))?;
         }
+    }
+    let mut log = Vec::new();
+    let lasted = Duration::from_secs_f64(wall_seconds);
+    if timing.write_interval_log(&mut log, began, lasted).is_ok() {
+        folder.write_interval_log(&log)?;
     }
     Ok(())
 }
