@@ -2,23 +2,21 @@
 
 use serde_json::json;
 
-use super::CheckArgs;
 use super::exit::Exit;
 use super::run::{load, refused};
 use super::table::{Table, duration, quantity};
+use super::{CheckArgs, answer, warn};
 use crate::config::{self, ClockChoice, Facts, StructureFacts};
 
 /// Checks one test.
 pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
     let loaded = load(&args.test, &args.sets)?;
-    let facts = config::build(&loaded).map_err(refused)?.facts;
-    for warning in &facts.warnings {
-        eprintln!("warning: {warning}");
-    }
+    let test = config::build(&loaded).map_err(refused)?;
+    warn(&test.warnings);
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&as_json(&facts))?);
+        answer(serde_json::to_string_pretty(&as_json(&test.facts))?)?;
     } else {
-        print!("{}", as_table(&facts));
+        answer(as_table(&test.facts))?;
     }
     Ok(Exit::Done)
 }

@@ -1,15 +1,15 @@
 //! `gusset doctor`.
 
-use super::DoctorArgs;
 use super::exit::Exit;
 use super::table::Table;
+use super::{DoctorArgs, answer};
 use crate::rt::doctor::{Verdict, examine};
 
 /// Says what this machine gives and lacks for real-time work.
 pub fn doctor(args: &DoctorArgs) -> anyhow::Result<Exit> {
     let findings = examine();
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&findings)?);
+        answer(serde_json::to_string_pretty(&findings)?)?;
         return Ok(Exit::Done);
     }
     let mut table = Table::new("This machine, for real-time work");
@@ -26,6 +26,6 @@ pub fn doctor(args: &DoctorArgs) -> anyhow::Result<Exit> {
         }
         table.row(finding.topic, &text);
     }
-    print!("{table}");
+    answer(table)?;
     Ok(Exit::Done)
 }

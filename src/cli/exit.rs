@@ -43,13 +43,18 @@ impl From<Exit> for ExitCode {
 /// The exit code of an error that reached the top: everything that fails before a specimen is commanded is a
 /// matter of usage, unless the error says otherwise.
 pub fn of(error: &anyhow::Error) -> Exit {
-    if error.downcast_ref::<ConfigError>().is_some() {
+    if error.downcast_ref::<ConfigError>().is_some() || error.downcast_ref::<Mistakes>().is_some() {
         return Exit::Usage;
     }
     error
         .downcast_ref::<WithExit>()
         .map_or(Exit::Usage, |with| with.0)
 }
+
+/// The mistakes of a test file, drawn: each picture says itself that it is an error.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct Mistakes(pub String);
 
 /// An error that carries its own exit code.
 #[derive(Debug, thiserror::Error)]

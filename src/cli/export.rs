@@ -3,7 +3,7 @@
 use anyhow::Context;
 
 use super::exit::Exit;
-use super::{ExportArgs, FormatArg, RateArg};
+use super::{ExportArgs, FormatArg, RateArg, tell};
 use crate::record::Run;
 use crate::record::export::{Rows, export_csv};
 
@@ -20,8 +20,12 @@ pub fn export(args: &ExportArgs) -> anyhow::Result<Exit> {
     }
     .context("the run cannot be exported")?;
     for notice in &exported.notices {
-        eprintln!("warning: {notice}");
+        tell(format_args!("warning: {notice}"));
     }
-    eprintln!("{} rows in {}", exported.rows, args.out.display());
+    tell(format_args!(
+        "{} rows in {}",
+        exported.rows,
+        args.out.display()
+    ));
     Ok(Exit::Done)
 }

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use serde_json::json;
 
-use super::JitterArgs;
 use super::exit::Exit;
 use super::progress::ProgressLine;
 use super::table::Table;
+use super::{JitterArgs, answer, tell};
 use crate::record::{Progress, RunFolder};
 use crate::report::{Percentiles, jitter_svg};
 use crate::rt::TimingSpec;
@@ -58,6 +58,9 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<Exit> {
         json!({ "cpus": cpus, "streamed_bytes": load.stop() })
     });
     let finished = finished?;
+    for text in &finished.unwritten {
+        tell(format_args!("warning: not written: {text}"));
+    }
     let bins = read_json(&finished.path.join("timing.json"));
     if args.out.is_some() {
         draw(&facts.title, &finished.path, &bins, 1e6 / facts.rate_hz)?;
@@ -66,10 +69,9 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<Exit> {
         let _ = std::fs::remove_dir_all(&scratch);
     }
     if args.json {
-        println!(
-            "{}",
-            serde_json::to_string_pretty(&as_json(&finished, &bins, streamed))?
-        );
+        answer(serde_json::to_string_pretty(&as_json(
+            &finished, &bins, streamed,
+        ))?)?;
     }
     conclude(&facts.title, args, &finished);
     Ok(match (finished.finish, signals.seen()) {
@@ -158,5 +160,5 @@ fn conclude(title: &str, args: &JitterArgs, finished: &Finished) {
             &format!("{} (jitter.svg, *.hgrm, timing.json)", out.display()),
         );
     }
-    eprint!("{table}");
+    tell(table);
 }

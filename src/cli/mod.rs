@@ -1,12 +1,8 @@
 //! The commands. Only this module prints; what a command does is the library's business.
 //!
 //! One JSON document goes to stdout with `--json`, everything else to stderr; progress goes to stderr and only to
-//! a terminal.
-
-#![allow(
-    clippy::disallowed_macros,
-    reason = "the command line is where text leaves"
-)]
+//! a terminal. Text leaves through [`tell`] and [`answer`] and never by the print macros, which panic when a terminal
+//! has hung up or the disk under a log is full: that must not end a test.
 
 mod check;
 mod doctor;
@@ -19,6 +15,8 @@ mod run;
 mod schema;
 mod table;
 
+use std::fmt::Display;
+use std::io::{self, IsTerminal, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -26,9 +24,17 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 
 pub use exit::Exit;
 
+use crate::config::Diagnostics;
+
 /// Real-time hybrid simulation: joins a structure that is computed to a specimen that is measured.
 #[derive(Debug, Parser)]
-#[command(name = "gusset", version, about, max_term_width = 100)]
+#[command(
+    name = "gusset",
+    version,
+    about,
+    max_term_width = 100,
+    after_help = "Example:\n  gusset check config/frame-bouc-wen.toml\n  gusset run config/frame-bouc-wen.toml"
+)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -49,6 +55,10 @@ enum Command {
     /// Write a run's report.html again.
     Report(ReportArgs),
     /// Print the JSON Schema of the test file.
+    #[command(
+        after_help = "Example:\n  gusset schema > gusset.schema.json\n\nAn editor with a TOML language server completes \
+                      and checks a test file that begins with the line\n  #:schema ./gusset.schema.json"
+    )]
     Schema,
 }
 
@@ -191,8 +201,32 @@ pub fn main() -> ExitCode {
     match result {
         Ok(exit) => exit.into(),
         Err(error) => {
-            eprintln!("error: {error:#}");
+            match error.downcast_ref::<exit::Mistakes>() {
+                Some(exit::Mistakes(pictures)) => tell(pictures),
+                None => tell(format_args!("error: {error:#}")),
+            }
             exit::of(&error).into()
         }
+    }
+}
+
+/// A line to whoever reads stderr. If nobody can, nothing is lost but the line.
+fn tell(text: impl Display) {
+    let _nobody_reads = writeln!(io::stderr(), "{text}");
+}
+
+/// The result to stdout. A reader who has seen enough (`| head`) is no error.
+fn answer(text: impl Display) -> io::Result<()> {
+    let mut out = io::stdout().lock();
+    match writeln!(out, "{text}").and_then(|()| out.flush()) {
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+        other => other,
+    }
+}
+
+/// Warnings as pictures; in colour on a terminal.
+fn warn(warnings: &Diagnostics) {
+    if !warnings.0.is_empty() {
+        tell(warnings.render(io::stderr().is_terminal()));
     }
 }

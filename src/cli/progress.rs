@@ -43,18 +43,20 @@ impl ProgressLine {
             .map(|i| if i < filled { '█' } else { '·' })
             .collect();
         let misses = progress.misses.total();
-        eprint!(
+        let mut terminal = std::io::stderr();
+        let _hung_up = write!(
+            terminal,
             "\r\x1b[2K{bar} {time:7.2} of {:.2} s   {:.0} Hz   misses {misses}   rows lost {}",
             self.duration, self.rate_hz, progress.rows_lost
         );
-        let _ = std::io::stderr().flush();
+        let _ = terminal.flush();
         self.drawn = true;
     }
 
     /// Takes the line away.
     pub fn clear(&mut self) {
         if self.drawn {
-            eprint!("\r\x1b[2K");
+            let _hung_up = write!(std::io::stderr(), "\r\x1b[2K");
         }
     }
 }

@@ -1,19 +1,18 @@
 //! `gusset run`.
 
 use std::io::IsTerminal;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::Context;
 
-use super::exit::{Exit, WithExit};
+use super::exit::{Exit, Mistakes, WithExit};
 use super::progress::ProgressLine;
 use super::table::{Table, duration, quantity};
-use super::{ClockArg, RunArgs};
+use super::{ClockArg, RunArgs, answer, tell, warn};
 use crate::config::{self, ConfigError, Facts, Loaded};
 use crate::record::{Progress, RunFolder};
-use crate::report::IdentifiedAxis;
 use crate::rt::wall::Wall;
-use crate::session::{self, Finish, Finished, SessionError, Signal, Signals, Watches};
+use crate::session::{self, Finish, Finished, Page, SessionError, Signal, Signals, Watches};
 
 /// Runs one test.
 pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
@@ -27,9 +26,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
     }
     let loaded = load(&args.test, &sets)?;
     let test = config::build(&loaded).map_err(refused)?;
-    for warning in &test.facts.warnings {
-        eprintln!("warning: {warning}");
-    }
+    warn(&test.warnings);
     let folder = match &args.out {
         Some(path) => RunFolder::create(path),
         None => RunFolder::create_default(Path::new("runs"), &test.facts.title, Wall::now().0),
@@ -52,18 +49,27 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
         }
         other => anyhow::Error::new(other),
     })?;
-    let identified = match session::write_report(&finished.path) {
-        Ok(page) => page.identified,
-        Err(error) => {
-            eprintln!("warning: report.html was not written: {error}");
-            Vec::new()
-        }
-    };
-    if args.json {
-        println!("{}", serde_json::to_string_pretty(&finished.summary)?);
+    for text in &finished.unwritten {
+        tell(format_args!("warning: not written: {text}"));
+    }
+    let report = session::write_report(&finished.path);
+    if let Err(error) = &report {
+        tell(format_args!("warning: not written: {error}"));
+    }
+    if finished.summary.rows_lost > 0 {
+        tell(format_args!(
+            "warning: {} ROWS ARE LOST: the record of this test has gaps",
+            finished.summary.rows_lost
+        ));
+    }
+    // The test is over: what follows is only talk and must not hide how it ended.
+    if args.json
+        && let Err(error) = answer(serde_json::to_string_pretty(&finished.summary)?)
+    {
+        tell(format_args!("warning: stdout: {error}"));
     }
     if !args.quiet {
-        conclude(&facts, &finished, &identified);
+        conclude(&facts, &finished, report.ok().as_ref());
     }
     Ok(match (finished.finish, signals.seen()) {
         (Finish::Completed, _) => Exit::Done,
@@ -85,14 +91,14 @@ pub fn refused(error: ConfigError) -> anyhow::Error {
     match error {
         ConfigError::Invalid(diagnostics) => {
             let colour = std::io::stderr().is_terminal();
-            WithExit(Exit::Usage, diagnostics.render(colour)).into()
+            Mistakes(diagnostics.render(colour)).into()
         }
         other => other.into(),
     }
 }
 
 /// What a person wants to know at the end of a test.
-fn conclude(facts: &Facts, finished: &Finished, identified: &[IdentifiedAxis]) {
+fn conclude(facts: &Facts, finished: &Finished, page: Option<&Page>) {
     let summary = &finished.summary;
     let verdict = match finished.finish {
         Finish::Completed => "completed",
@@ -162,7 +168,7 @@ fn conclude(facts: &Facts, finished: &Finished, identified: &[IdentifiedAxis]) {
             );
         }
     }
-    for axis in identified {
+    for axis in page.iter().flat_map(|page| &page.identified) {
         let or_unknown = |value: Option<f64>, unit: &str| {
             value.map_or_else(|| "unknown".to_owned(), |value| quantity(value, unit))
         };
@@ -191,8 +197,9 @@ fn conclude(facts: &Facts, finished: &Finished, identified: &[IdentifiedAxis]) {
     if summary.rows_lost > 0 {
         table.row("ROWS LOST", &summary.rows_lost.to_string());
     }
-    let file = |name: &str| -> PathBuf { finished.path.join(name) };
-    table.row("report", &file("report.html").display().to_string());
+    if let Some(page) = page {
+        table.row("report", &page.path.display().to_string());
+    }
     table.row("data", &finished.path.display().to_string());
-    eprint!("{table}");
+    tell(table);
 }

@@ -1,10 +1,11 @@
 //! `gusset schema`.
 
+use super::answer;
 use super::exit::Exit;
 use crate::config;
 
 /// Prints the JSON Schema of the test file.
 pub fn schema() -> anyhow::Result<Exit> {
-    println!("{}", config::json_schema());
+    answer(config::json_schema())?;
     Ok(Exit::Done)
 }

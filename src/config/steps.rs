@@ -106,11 +106,17 @@ fn whole_steps(duration: f64, step: Ratio, at: KeyPath) -> Result<u64, Box<Findi
     Err(Box::new(
         Finding::error(at, "the duration is not a whole number of steps")
             .label(format!(
-                "{duration} s are {steps} steps of {} s",
+                "{duration} s are {} steps of {} s",
+                twelve_digits(steps),
                 number(step)
             ))
             .help(nearest),
     ))
+}
+
+/// Without the last digits of a double, which are noise of the division.
+fn twelve_digits(value: f64) -> f64 {
+    format!("{value:.11e}").parse().unwrap_or(value)
 }
 
 /// A ratio as a person would write it: a decimal where that is exact.

@@ -107,6 +107,9 @@ pub enum Stop {
         /// Specimen, from 0.
         port: usize,
     },
+    /// A fault of our own, caught at the boundary of the loop's thread.
+    #[error("internal error")]
+    Internal,
     /// The static load found no equilibrium.
     #[error("the static load found no equilibrium in {exchanges} exchanges")]
     NotSettled {
@@ -172,7 +175,7 @@ pub struct Engine {
     misses_in_a_row: u64,
     rows_lost: u64,
     events_lost: u64,
-    retired: bool,
+    retired: usize,
     /// Called on the loop's thread when the warm-up is over.
     pub before_first_tick: Option<Watch>,
     /// Called on the loop's thread when the last tick is over.
@@ -270,7 +273,7 @@ impl Engine {
             misses_in_a_row: 0,
             rows_lost: 0,
             events_lost: 0,
-            retired: false,
+            retired: 0,
             before_first_tick: None,
             after_last_tick: None,
         }

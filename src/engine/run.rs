@@ -50,21 +50,30 @@ impl Engine {
             Ok(()) => Ending::Completed,
             Err(stop) => Ending::Stopped(stop),
         };
+        self.conclude(ending)
+    }
+
+    /// The one way out: every specimen is retired, then the books are closed. [`Engine::run`] ends with it; after a
+    /// panic in there it is for the caller who caught it, with [`Stop::Internal`].
+    pub fn conclude(&mut self, ending: Ending) -> Outcome {
         let how = match ending {
             Ending::Completed | Ending::Stopped(Stop::Operator) => Retirement::Orderly,
             Ending::Stopped(_) => Retirement::Tripped,
         };
         self.retire(how);
+        if let Some(stamps) = self.unrecorded.take() {
+            self.timing.tick(&stamps);
+        }
         self.note_ending(&ending);
         self.outcome(ending)
     }
 
-    /// Last words to every specimen. Needs nothing but the ports, so that it also works after a panic.
+    /// Last words to every specimen, once to each. Needs nothing but the ports, so that it also works after a panic;
+    /// after a panic in the last words of one specimen a second call goes on with the next.
     pub fn retire(&mut self, how: Retirement) {
-        if !std::mem::replace(&mut self.retired, true) {
-            for port in &mut self.ports {
-                port.retire(how);
-            }
+        while let Some(port) = self.ports.get_mut(self.retired) {
+            self.retired += 1;
+            port.retire(how);
         }
     }
 

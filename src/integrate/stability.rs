@@ -259,6 +259,10 @@ impl StabilityProof {
         destabilising.subtract_product(&shape, &mut pulled);
         let of_dof = |dof: usize| -shape[dof] * pulled[dof];
         let total: f64 = (0..n).map(of_dof).sum();
+        // A direction without any tangent has no share of it to name.
+        if !(total > 0.0 && total.is_finite()) {
+            return None;
+        }
         let moving = self.mass.quadratic(&shape);
         let frequency = (self.stiffness_bound.quadratic(&shape) / moving).sqrt();
         let frequency = if moving > 0.0 {

@@ -106,6 +106,8 @@ pub fn slug(title: &str) -> String {
 #[derive(Debug)]
 pub struct RunFolder {
     path: PathBuf,
+    /// False if it was there before, empty.
+    made: bool,
     inputs: Vec<InputFile>,
 }
 
@@ -118,6 +120,7 @@ impl RunFolder {
         if path.exists() && !path.is_dir() {
             return Err(FolderError::NotAFolder(path.to_owned()));
         }
+        let made = !path.exists();
         fs::create_dir_all(path).map_err(at(path))?;
         if fs::read_dir(path).map_err(at(path))?.next().is_some() {
             return Err(FolderError::Occupied(path.to_owned()));
@@ -132,8 +135,29 @@ impl RunFolder {
         }
         Ok(Self {
             path: path.to_owned(),
+            made,
             inputs: Vec::new(),
         })
+    }
+
+    /// Takes the folder of a test that never began away again; only what this made is removed, and what the system
+    /// does not let go of stays.
+    pub fn abandon(self) {
+        let own = [
+            "events.jsonl",
+            "samples.json",
+            "samples.bin",
+            "resolved.toml",
+            "test.toml",
+        ];
+        let inputs = self.inputs.iter().map(|input| input.path.as_str());
+        for name in own.into_iter().chain(inputs) {
+            let _it_may_not_be_there = fs::remove_file(self.path.join(name));
+        }
+        let _others_may_be_in_it = fs::remove_dir(self.path.join("inputs"));
+        if self.made {
+            let _others_may_be_in_it = fs::remove_dir(&self.path);
+        }
     }
 
     /// Makes a folder of the default name under `root` (usually `runs`); a second run in the same second gets `-2`, and so on.
@@ -190,19 +214,17 @@ impl RunFolder {
     /// The system refuses.
     pub fn add_input(&mut self, source: &Path, bytes: &[u8]) -> Result<InputFile, FolderError> {
         let sha256 = hex(&Sha256::digest(bytes));
-        let stem = file_safe(source.file_stem());
-        let extension = source.extension().map(|e| file_safe(Some(e)));
+        let name = file_safe(source.file_name());
+        let (stem, extension) = match name.rfind('.') {
+            Some(point) if point > 0 => name.split_at(point),
+            _ => (name.as_str(), ""),
+        };
         let mut number = 1;
         let path = loop {
-            let mut name = stem.clone();
-            if number > 1 {
-                name.push_str(&format!("-{number}"));
-            }
-            if let Some(extension) = &extension {
-                name.push('.');
-                name.push_str(extension);
-            }
-            let path = format!("inputs/{name}");
+            let path = match number {
+                1 => format!("inputs/{name}"),
+                _ => format!("inputs/{stem}-{number}{extension}"),
+            };
             match self.inputs.iter().find(|known| known.path == path) {
                 None => break path,
                 Some(known) if known.sha256 == sha256 => return Ok(known.clone()),
@@ -294,7 +316,8 @@ impl RunFolder {
 fn file_safe(name: Option<&std::ffi::OsStr>) -> String {
     let text = name.map(|name| name.to_string_lossy()).unwrap_or_default();
     let fit = |c: char| {
-        if c.is_ascii_alphanumeric() || "-_".contains(c) {
+        // As `config::Inputs` names them, since resolved.toml points there.
+        if c.is_alphanumeric() || "-_+.".contains(c) {
             c
         } else {
             '_'
@@ -422,6 +445,42 @@ pub(super) mod tests {
             one.open_samples(&layout).is_err(),
             "rows already there are never appended to"
         );
+    }
+
+    #[test]
+    fn a_test_that_never_began_leaves_no_folder_and_takes_nothing_of_others_with_it() {
+        let temp = tempfile::tempdir().unwrap();
+        let fill = |path: &Path| {
+            let mut folder = recorded(path, &["x1"], &[]);
+            folder.write_test(b"").unwrap();
+            folder.write_resolved("").unwrap();
+            folder.add_input(Path::new("a.csv"), b"1").unwrap();
+            folder
+        };
+        let (new, old, shared) = (
+            temp.path().join("new"),
+            temp.path().join("old"),
+            temp.path().join("shared"),
+        );
+        fs::create_dir(&old).unwrap();
+        fill(&new).abandon();
+        fill(&old).abandon();
+        let folder = fill(&shared);
+        fs::write(shared.join("notes.txt"), "theirs").unwrap();
+        folder.abandon();
+        assert!(!new.exists());
+        assert_eq!(fs::read_dir(&old).unwrap().count(), 0);
+        assert_eq!(fs::read_dir(&shared).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn an_input_keeps_the_name_that_resolved_toml_points_to() {
+        let temp = tempfile::tempdir().unwrap();
+        let mut folder = RunFolder::create(&temp.path().join("run")).unwrap();
+        for name in ["RSN6_IMPVALL.I_I-ELC180.AT2", "+é.csv", ".hidden", "end."] {
+            let input = folder.add_input(Path::new(name), name.as_bytes()).unwrap();
+            assert_eq!(input.path, format!("inputs/{name}"));
+        }
     }
 
     #[test]

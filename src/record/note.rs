@@ -44,11 +44,20 @@ impl Note {
 
     /// Its line in the program's log.
     pub(super) fn log(&self, time: Option<f64>) {
-        let fields = Value::Object(self.fields.clone());
+        let mut words = self.event.replace('_', " ");
+        for (key, value) in &self.fields {
+            let value = value
+                .as_str()
+                .map_or_else(|| value.to_string(), str::to_owned);
+            words.push_str(&match key.as_str() {
+                "text" => format!(": {value}"),
+                key => format!(" {key}={value}"),
+            });
+        }
         match self.level {
-            NoteLevel::Info => tracing::info!(time, %fields, "{}", self.event),
-            NoteLevel::Warning => tracing::warn!(time, %fields, "{}", self.event),
-            NoteLevel::Error => tracing::error!(time, %fields, "{}", self.event),
+            NoteLevel::Info => tracing::info!(time, "{words}"),
+            NoteLevel::Warning => tracing::warn!(time, "{words}"),
+            NoteLevel::Error => tracing::error!(time, "{words}"),
         }
     }
 }

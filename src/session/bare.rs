@@ -1,6 +1,6 @@
 //! The loop with nothing attached: the same threads, engine and recording as a test, no structure and no specimen.
 
-use crate::config::{ClockChoice, Facts, Files, Prepared};
+use crate::config::{ClockChoice, Diagnostics, Facts, Files, Prepared};
 use crate::engine::{Experiment, Limits, OnMiss, Side};
 use crate::rt::TimingSpec;
 use crate::time::{RateError, Ratio};
@@ -63,5 +63,6 @@ pub fn bare_loop(rate: Ratio, duration: f64, timing: TimingSpec) -> Result<Prepa
         experiment,
         facts,
         files,
+        warnings: Diagnostics::default(),
     })
 }

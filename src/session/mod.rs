@@ -5,20 +5,20 @@
 //! | loop (pinned, FIFO) | engine, clock, histograms | rings of rows and events out, a bounded channel of operator requests in |
 //! | writer | samples.bin, events.jsonl, the log | drains the rings every few milliseconds |
 //! | sampler | the kernel's counters of the loop's thread | a bounded channel to the writer |
-//! | signals | SIGINT, SIGTERM | the channel of operator requests |
+//! | signals | SIGINT, SIGTERM, SIGHUP | the channel of operator requests |
 //! | caller | everything else | joins the rest |
 //!
 //! No shared mutable state with the loop, no mutex it could meet.
 
 mod bare;
+mod guarded;
 mod page;
 mod signals;
 mod summary;
 
-use std::any::Any;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
-use std::sync::mpsc;
+use std::sync::mpsc::{self, SyncSender};
+use std::thread::JoinHandle;
 use std::time::Duration;
 
 use crossbeam_channel::{Receiver, Sender};
@@ -28,8 +28,10 @@ pub use bare::bare_loop;
 pub use page::{Page, PageError, hero, write_report};
 pub use signals::{Signal, Signals};
 
-use crate::config::{ClockChoice, Prepared};
-use crate::engine::{Control, Engine, Operator, Outcome, Watch};
+use guarded::{Ended, run_retired};
+
+use crate::config::{ClockChoice, Facts, Files, Prepared};
+use crate::engine::{Control, Engine, Experiment, Operator, Watch};
 use crate::record::writer::{Clocks, WriterError};
 use crate::record::{
     FolderError, Layout, Note, NoteLevel, Progress, Recorded, RingSize, RunFolder, SchedSample,
@@ -38,7 +40,6 @@ use crate::record::{
 use crate::rt::sampler::{Sampler, SchedSample as SamplerReading};
 use crate::rt::wall::Wall;
 use crate::rt::{Granted, RtPlan, apply, os, pin_away};
-use crate::substructure::Retirement;
 use crate::time::{Clock, SimClock};
 
 /// Why a test could not be run at all. Nothing was moved.
@@ -92,6 +93,8 @@ pub struct Finished {
     pub recorded: Recorded,
     /// What the operating system gave; none under the simulated clock.
     pub granted: Option<Granted>,
+    /// Files that could not be written, each with its reason.
+    pub unwritten: Vec<String>,
 }
 
 /// Guards that a test may put on the loop's own thread, round the ticks.
@@ -112,16 +115,21 @@ impl std::fmt::Debug for Watches {
 /// Period of the caller's look at the progress.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 
-/// What the loop's thread says when it is ready, before anything moves.
+/// A test whose threads stand ready; nothing has moved.
 struct Ready {
+    thread: JoinHandle<()>,
+    go: SyncSender<()>,
+    done: mpsc::Receiver<Ended>,
+    writer: Writer,
+    sampler: Option<Sampler>,
     granted: Option<Granted>,
-    thread_id: i32,
 }
 
 /// Runs a prepared test into `folder`. `progress` is called about ten times a second.
 ///
 /// # Errors
-/// [`SessionError`] if the test could not be started; how a started test ended is not an error but [`Finished`].
+/// [`SessionError`] if the test could not be started: nothing was moved, and the folder is gone again. How a started
+/// test ended is not an error but [`Finished`].
 pub fn run(
     test: Prepared,
     mut folder: RunFolder,
@@ -134,7 +142,26 @@ pub fn run(
         experiment,
         facts,
         files,
+        ..
     } = test;
+    match prepare(experiment, &facts, &files, &mut folder, requests, watches) {
+        Ok(ready) => Ok(carry_out(ready, &facts, folder, progress)),
+        Err(error) => {
+            folder.abandon();
+            Err(error)
+        }
+    }
+}
+
+/// Writes what is known before the test, asks for real-time conditions and starts the threads.
+fn prepare(
+    experiment: Experiment,
+    facts: &Facts,
+    files: &Files,
+    folder: &mut RunFolder,
+    requests: Receiver<Operator>,
+    watches: Watches,
+) -> Result<Ready, SessionError> {
     folder.write_test(&files.test)?;
     folder.write_resolved(&files.resolved)?;
     for (path, bytes) in &files.inputs {
@@ -153,7 +180,7 @@ pub fn run(
 
     // The loop's thread first: it says what it was granted before anything else is set up or moved.
     let plan = real.then(|| RtPlan::new(&facts.timing, period_ns(facts.rate_hz)));
-    let (ready_in, ready) = mpsc::sync_channel(1);
+    let (answer, answered) = mpsc::sync_channel(1);
     let (go, gate) = mpsc::sync_channel::<()>(1);
     let (done_in, done) = mpsc::sync_channel(1);
     let control = Control { requests };
@@ -161,11 +188,7 @@ pub fn run(
         .name("gusset-loop".into())
         .spawn(move || {
             let granted = plan.as_ref().map(apply);
-            let ready = Ready {
-                granted: granted.clone(),
-                thread_id: os::thread_id(),
-            };
-            if ready_in.send(ready).is_err() || gate.recv().is_err() {
+            if answer.send((granted.clone(), os::thread_id())).is_err() || gate.recv().is_err() {
                 return;
             }
             let clock: Box<dyn Clock> = match &granted {
@@ -175,10 +198,10 @@ pub fn run(
             let mut engine = Engine::new(experiment, clock, Box::new(recorder));
             engine.before_first_tick = watches.before_first_tick;
             engine.after_last_tick = watches.after_last_tick;
-            let _ = done_in.send(run_retired(&mut engine, &control));
+            let _ = done_in.send(run_retired(&mut engine, &control, granted.is_some()));
         })
         .map_err(SessionError::Thread)?;
-    let Ok(Ready { granted, thread_id }) = ready.recv() else {
+    let Ok((granted, thread_id)) = answered.recv() else {
         return Err(SessionError::Recording(
             "the loop's thread died before it began".into(),
         ));
@@ -215,73 +238,97 @@ pub fn run(
     };
 
     for warning in &facts.warnings {
-        writer.note(Note::new(NoteLevel::Warning, "warning").with("text", warning.as_str()));
+        // For the file only: whoever built the test has heard of it, with its place in the test file.
+        writer.note(Note::new(NoteLevel::Info, "warning").with("text", warning.as_str()));
     }
     if let Some(granted) = &granted {
         for text in missing(granted) {
             writer.note(Note::new(NoteLevel::Warning, "not_granted").with("text", text));
         }
     }
+    Ok(Ready {
+        thread,
+        go,
+        done,
+        writer,
+        sampler,
+        granted,
+    })
+}
+
+/// From the first edge to the finished folder. Nothing here fails: what cannot be written is told.
+fn carry_out(
+    ready: Ready,
+    facts: &Facts,
+    folder: RunFolder,
+    progress: &mut dyn FnMut(&Progress),
+) -> Finished {
+    let Ready {
+        thread,
+        go,
+        done,
+        writer,
+        sampler,
+        granted,
+    } = ready;
     let mut latest = Progress::default();
-    let (began, began_ns) = (Wall::now(), os::monotonic_ns());
+    let began = Wall::now();
     let _ = go.send(());
-    let result = loop {
+    let mut ended = loop {
         match done.recv_timeout(LOOK_EVERY) {
-            Ok(result) => break result,
+            Ok(ended) => break ended,
             Err(mpsc::RecvTimeoutError::Timeout) => {
                 writer.progress(&mut latest);
                 progress(&latest);
             }
             // The thread can end without a word only by a panic outside the engine.
             Err(mpsc::RecvTimeoutError::Disconnected) => {
-                break Err("the loop's thread died".to_owned());
+                break Ended {
+                    outcome: None,
+                    fault: Some("the loop's thread died".to_owned()),
+                    wall_ns: 0,
+                };
             }
         }
     };
     let _ = thread.join();
-    let wall_seconds = os::monotonic_ns().saturating_sub(began_ns) as f64 * 1e-9;
     if let Some(sampler) = sampler {
         let _ = sampler.stop();
     }
-    let recorded = writer.finish()?;
-    if let Ok(outcome) = &result {
-        summary::write_timing(&folder, &outcome.timing, began, wall_seconds)?;
+    if let Some(fault) = &ended.fault {
+        writer.note(Note::new(NoteLevel::Error, "internal_error").with("text", fault.as_str()));
+    }
+    let recorded = writer.finish().unwrap_or_else(|error| {
+        ended.fault.get_or_insert(error.to_string());
+        Recorded::default()
+    });
+    let mut unwritten = Vec::new();
+    let span = summary::Span {
+        began,
+        seconds: ended.wall_ns as f64 * 1e-9,
+    };
+    if let Some(outcome) = &ended.outcome {
+        summary::write_timing(&folder, &outcome.timing, span, &mut unwritten);
     }
     let (finish, summary) = summary::summarise(
-        &facts,
+        facts,
         &folder,
-        &result,
+        &ended,
         &recorded,
         granted.as_ref(),
-        wall_seconds,
+        &unwritten,
     );
-    folder.write_summary(&summary)?;
-    Ok(Finished {
+    if let Err(error) = folder.write_summary(&summary) {
+        unwritten.push(error.to_string());
+    }
+    Finished {
         finish,
         path: folder.path().to_owned(),
         summary,
         recorded,
         granted,
-    })
-}
-
-/// Whatever happens in the loop, the specimens are retired: a panic is caught here and named.
-fn run_retired(engine: &mut Engine, control: &Control) -> Result<Outcome, String> {
-    catch_unwind(AssertUnwindSafe(|| engine.run(control))).map_err(|panic| {
-        let text = panic_text(panic.as_ref());
-        match catch_unwind(AssertUnwindSafe(|| engine.retire(Retirement::Tripped))) {
-            Ok(()) => text,
-            Err(_) => format!("{text}; retiring the specimens failed too"),
-        }
-    })
-}
-
-fn panic_text(panic: &(dyn Any + Send)) -> String {
-    panic
-        .downcast_ref::<&str>()
-        .map(|text| (*text).to_owned())
-        .or_else(|| panic.downcast_ref::<String>().cloned())
-        .unwrap_or_else(|| "without a message".to_owned())
+        unwritten,
+    }
 }
 
 fn spawn_sampler(

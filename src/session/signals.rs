@@ -1,4 +1,4 @@
-//! SIGINT and SIGTERM become a request to the loop: an orderly end, never a sudden one.
+//! SIGINT, SIGTERM and SIGHUP become a request to the loop: an orderly end, never a sudden one.
 
 use std::io;
 use std::sync::Arc;
@@ -14,7 +14,7 @@ use crate::engine::Operator;
 pub enum Signal {
     /// SIGINT: Ctrl-C.
     Interrupt,
-    /// SIGTERM.
+    /// SIGTERM, or SIGHUP: the terminal, or the connection it came through, is gone.
     Terminate,
 }
 
@@ -30,7 +30,7 @@ const INTERRUPT: u8 = 1;
 const TERMINATE: u8 = 2;
 
 impl Signals {
-    /// Takes SIGINT and SIGTERM over from the system's default, which would end the process at once.
+    /// Takes SIGINT, SIGTERM and SIGHUP over from the system's default, which would end the process at once.
     ///
     /// # Errors
     /// The system gives no thread or no handler.
@@ -40,11 +40,12 @@ impl Signals {
         let runtime = tokio::runtime::Builder::new_current_thread()
             .enable_io()
             .build()?;
-        let (mut interrupt, mut terminate) = {
+        let (mut interrupt, mut terminate, mut hang_up) = {
             let _inside = runtime.enter();
             (
                 signal(SignalKind::interrupt())?,
                 signal(SignalKind::terminate())?,
+                signal(SignalKind::hangup())?,
             )
         };
         let (noted, requests) = (Arc::clone(&seen), sender.clone());
@@ -56,6 +57,7 @@ impl Signals {
                         let which = tokio::select! {
                             _ = interrupt.recv() => INTERRUPT,
                             _ = terminate.recv() => TERMINATE,
+                            _ = hang_up.recv() => TERMINATE,
                         };
                         // The first signal names the cause; a full queue already holds the request.
                         let _ =

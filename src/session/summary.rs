@@ -6,6 +6,7 @@ use std::time::Duration;
 use serde_json::{Value, json};
 
 use super::Finish;
+use super::guarded::Ended;
 use crate::config::{ClockChoice, Facts};
 use crate::engine::{Ending, Outcome, Stop};
 use crate::record::summary::{ClockKind, Lambda, LinkCounts, Peak, Status};
@@ -15,41 +16,59 @@ use crate::rt::timing::export::write_hgrm;
 use crate::rt::timing::{Quantity, Timing};
 use crate::rt::wall::Wall;
 
-/// timing.json, one .hgrm per quantity, and the interval log of all of them.
+/// When the loop began, and how long it took on the wall.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Span {
+    /// UTC of the start.
+    pub began: Wall,
+    /// Seconds of wall time.
+    pub seconds: f64,
+}
+
+/// timing.json, one .hgrm per quantity, and the interval log of all of them. What could not be written is told in `unwritten`.
 pub(super) fn write_timing(
     folder: &RunFolder,
     timing: &Timing,
-    began: Wall,
-    wall_seconds: f64,
-) -> Result<(), FolderError> {
-    folder.write_timing(&timing.to_json_with_bins())?;
+    span: Span,
+    unwritten: &mut Vec<String>,
+) {
+    let mut note = |result: Result<(), FolderError>| {
+        if let Err(error) = result {
+            unwritten.push(error.to_string());
+        }
+    };
+    note(folder.write_timing(&timing.to_json_with_bins()));
     for quantity in Quantity::ALL {
         let mut text = Vec::new();
         // Writing into memory cannot fail.
         if write_hgrm(&timing.histogram(quantity), &mut text).is_ok() {
-            folder.write_histogram(quantity.key(), &String::from_utf8_lossy(&text))?;
+            note(folder.write_histogram(quantity.key(), &String::from_utf8_lossy(&text)));
         }
     }
     let mut log = Vec::new();
-    let lasted = Duration::from_secs_f64(wall_seconds);
-    if timing.write_interval_log(&mut log, began, lasted).is_ok() {
-        folder.write_interval_log(&log)?;
+    let lasted = Duration::from_secs_f64(span.seconds);
+    if timing
+        .write_interval_log(&mut log, span.began, lasted)
+        .is_ok()
+    {
+        note(folder.write_interval_log(&log));
     }
-    Ok(())
 }
 
-/// The summary of a run, and how it ended.
+/// The summary of a run, and how it ended. `unwritten` are the files that the folder lacks.
 pub(super) fn summarise(
     facts: &Facts,
     folder: &RunFolder,
-    result: &Result<Outcome, String>,
+    ended: &Ended,
     recorded: &Recorded,
     granted: Option<&Granted>,
-    wall_seconds: f64,
+    unwritten: &[String],
 ) -> (Finish, Summary) {
-    let (finish, reason) = match result {
-        Ok(outcome) => ending(&outcome.ending),
-        Err(panic) => (Finish::Panicked, format!("internal error: {panic}")),
+    let outcome = ended.outcome.as_ref();
+    let (finish, reason) = match (&ended.fault, outcome) {
+        (Some(fault), _) => (Finish::Panicked, format!("internal error: {fault}")),
+        (None, Some(outcome)) => ending(&outcome.ending),
+        (None, None) => (Finish::Panicked, "internal error".to_owned()),
     };
     let (finish, reason) = match finish {
         Finish::Completed if facts.record_required && recorded.rows_lost() > 0 => (
@@ -58,8 +77,8 @@ pub(super) fn summarise(
         ),
         _ => (finish, reason),
     };
-    let outcome = result.as_ref().ok();
     let mut warnings = facts.warnings.clone();
+    warnings.extend(unwritten.iter().map(|text| format!("not written: {text}")));
     if recorded.rows_lost() > 0 {
         let cause = recorded
             .first_error
@@ -82,7 +101,7 @@ pub(super) fn summarise(
             ClockChoice::Real => ClockKind::Real,
             ClockChoice::Simulated => ClockKind::Simulated,
         },
-        wall_seconds,
+        wall_seconds: ended.wall_ns as f64 * 1e-9,
         rate_hz: facts.rate_hz,
         deadline_misses: outcome.map_or(0, |outcome| outcome.misses),
         stretched_ticks: outcome.map_or(0, |outcome| outcome.stretched),
@@ -106,6 +125,7 @@ fn ending(ending: &Ending) -> (Finish, String) {
             let finish = match stop {
                 Stop::Operator => Finish::Interrupted,
                 Stop::Link { .. } => Finish::LinkFailed,
+                Stop::Internal => Finish::Panicked,
                 Stop::Late { .. }
                 | Stop::Stale { .. }
                 | Stop::Diverged { .. }

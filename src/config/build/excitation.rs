@@ -28,9 +28,9 @@ fn with_files<T>(
     evaluate: impl FnOnce(&crate::motion::Files<'_>) -> Result<T, MotionError>,
 ) -> Result<T, Refused> {
     let mut bytes = None;
+    let place = source(site, at, signal);
     if let Some(file) = signal.path() {
-        let place = site.loaded.locator.beneath(&at.key("signal"), "path");
-        bytes = Some(site.read(place, file)?);
+        bytes = Some(site.read(place.clone(), file)?);
     }
     let files = move |_: &str| {
         bytes
@@ -42,11 +42,28 @@ fn with_files<T>(
         Err(error) => {
             let place = match error.key() {
                 Some(key) => site.loaded.locator.beneath(at, key),
-                None => at.key("signal"),
+                None => place,
             };
             site.refuse(Finding::error(place, error.to_string()))
         }
     }
+}
+
+/// What a motion comes from: the key that names its file, or the whole signal.
+fn source(site: &Site<'_>, at: &KeyPath, signal: &Signal) -> KeyPath {
+    let at = at.key("signal");
+    match signal.path() {
+        Some(_) => site.loaded.locator.beneath(&at, "path"),
+        None => at,
+    }
+}
+
+/// Keeps the warnings about the motion whose table stands at `at`.
+fn warn(site: &mut Site<'_>, at: &KeyPath, signal: &Signal, texts: Vec<String>) {
+    let place = source(site, at, signal);
+    let warnings = texts.into_iter();
+    site.warnings
+        .extend(warnings.map(|text| Finding::warning(place.clone(), text)));
 }
 
 fn motion(signal: &Signal, processing: &Processing) -> Motion {
@@ -73,7 +90,7 @@ pub(super) fn excitation(
         let series = with_files(site, &at, &ground.signal, |files| {
             history.evaluate(Quantity::Acceleration, grid, files)
         })?;
-        site.warnings.extend(series.warnings);
+        warn(site, &at, &ground.signal, series.warnings);
         let iota = ground
             .influence
             .clone()
@@ -95,7 +112,7 @@ pub(super) fn excitation(
         let moved = with_files(site, &at, &base.signal, |files| {
             base_motion(&history, grid, files)
         })?;
-        site.warnings.extend(moved.warnings);
+        warn(site, &at, &base.signal, moved.warnings);
         if base
             .influence
             .as_ref()
@@ -118,7 +135,7 @@ pub(super) fn excitation(
         let series = with_files(site, &at, &force.signal, |files| {
             history.evaluate(Quantity::Force, grid, files)
         })?;
-        site.warnings.extend(series.warnings);
+        warn(site, &at, &force.signal, series.warnings);
         let term = LoadTerm {
             pattern,
             series: series.values,
@@ -142,12 +159,13 @@ pub(super) fn excitation(
             return site.refuse(Finding::error(at.key("file"), text));
         }
         if parsed.rows() < grid.points() {
-            site.warnings.push(format!(
-                "{} has {} rows, but the test has {} steps: the rest is zero",
+            let text = format!(
+                "{} has {} rows, but the test from t = 0 to its end has {} steps: the rest is zero",
                 nodal.file,
                 parsed.rows(),
                 grid.points()
-            ));
+            );
+            site.warnings.push(Finding::warning(at.key("file"), text));
         }
         let values = parsed
             .values
@@ -281,9 +299,9 @@ pub(super) fn prescribed(
         };
         let history = with_files(site, &at, &table.signal, |files| spec.evaluate(grid, files))?;
         let name = &table.specimen;
-        let warnings = history.warnings().iter();
-        site.warnings
-            .extend(warnings.map(|text| format!("specimen \"{name}\": {text}")));
+        let texts = history.warnings().iter();
+        let texts = texts.map(|text| format!("specimen \"{name}\": {text}"));
+        warn(site, &at, &table.signal, texts.collect());
         if let Some(slot) = histories.get_mut(start + table.axis - 1) {
             *slot = Some(history);
         }

@@ -11,9 +11,11 @@ mod structure;
 
 use std::path::PathBuf;
 
-use super::{ClockChoice, ConfigError, DofChoice, Finding, Inputs, KeyPath, Loaded, Start};
+use super::{
+    ClockChoice, ConfigError, Diagnostics, DofChoice, Finding, Inputs, KeyPath, Loaded, Start,
+};
 use crate::engine::{Experiment, Limits, Numerical, OnMiss, Settling, Side};
-use crate::integrate::{Gui, Integrator, Lambda, LambdaChoice, State};
+use crate::integrate::{Gui, Integrator, Lambda, LambdaChoice};
 use crate::linalg::{Spd, SymMatrix};
 use crate::rt;
 use crate::rt::TimingSpec;
@@ -28,6 +30,8 @@ pub struct Prepared {
     pub facts: Facts,
     /// What the run folder archives.
     pub files: Files,
+    /// The warnings of the facts, with their places in the file.
+    pub warnings: Diagnostics,
 }
 
 /// What is known about a test before it runs.
@@ -104,7 +108,7 @@ struct Site<'a> {
     loaded: &'a Loaded,
     inputs: Inputs,
     errors: Vec<Finding>,
-    warnings: Vec<String>,
+    warnings: Vec<Finding>,
 }
 
 /// The end of a build whose findings are in the site.
@@ -153,11 +157,7 @@ pub fn build(loaded: &Loaded) -> Result<Prepared, ConfigError> {
         loaded,
         inputs: loaded.inputs(),
         errors: Vec::new(),
-        warnings: loaded
-            .warnings
-            .iter()
-            .map(|warning| warning.headline.clone())
-            .collect(),
+        warnings: Vec::new(),
     };
     match assemble(&mut site) {
         Ok(prepared) => Ok(prepared),
@@ -192,6 +192,9 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
     let names = specimens.names();
     let ports = specimens.into_ports(site, dofs)?;
     let time = site.loaded.time;
+    let found = site.warnings.drain(..);
+    let found = found.map(|finding| site.loaded.locator.diagnose(finding));
+    let warnings: Vec<_> = site.loaded.warnings.iter().cloned().chain(found).collect();
     let facts = Facts {
         title: file.title.clone(),
         dt: time.step.value(),
@@ -203,7 +206,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         timing: file.timing.clone(),
         record_required: file.record.required,
         queue_s: file.record.queue_s,
-        warnings: std::mem::take(&mut site.warnings),
+        warnings: warnings.iter().map(|w| w.headline.clone()).collect(),
     };
     let resolved = match super::resolve(file, facts.lambda(), &site.inputs) {
         Ok(resolved) => resolved,
@@ -232,6 +235,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         experiment,
         facts,
         files,
+        warnings: Diagnostics(warnings),
     })
 }
 
@@ -299,10 +303,7 @@ fn numerical(
     ) {
         Ok(gui) => gui,
         Err(error) => {
-            let finding = Finding::error(path("structure"), error.to_string()).help(
-                "every massless degree of freedom must be held by a stiffness or a damping, and \
-                 no stiffness may be negative",
-            );
+            let finding = structure::not_definite(site, structure.mass(), &error);
             return site.refuse(finding);
         }
     };
@@ -332,11 +333,11 @@ fn numerical(
     let accel = match crate::model::Acceleration::new(structure.mass()) {
         Ok(accel) => accel,
         Err(error) => {
-            let finding = Finding::error(path("structure"), format!("the mass matrix is {error}"));
+            let at = structure::mass_of(site, error.dof);
+            let finding = Finding::error(at, format!("the mass matrix is {error}"));
             return site.refuse(finding);
         }
     };
-    let State { .. } = &state;
     Ok((
         Numerical::new(structure, accel, excitation, integrator, state),
         settling,

@@ -2,8 +2,10 @@
 
 use super::specimens::Specimens;
 use super::{Refused, Site, path};
-use crate::config::{Finding, LambdaValue};
-use crate::integrate::{GAIN_HYBRID, GAIN_NUMERICAL, Lambda, LambdaChoice, StabilityProof};
+use crate::config::{Finding, KeyPath, LambdaValue, Severity};
+use crate::integrate::{
+    ACCURATE_LAMBDA, GAIN_HYBRID, GAIN_NUMERICAL, Gui, Lambda, LambdaChoice, StabilityProof, Start,
+};
 use crate::linalg::SymMatrix;
 use crate::model::{ModelError, Part, Structure};
 
@@ -54,8 +56,12 @@ pub(super) fn choose(
             return site.refuse((*finding).help(help));
         }
         (Err(finding), Some(lambda)) => {
-            site.warnings
-                .push(format!("no proof of stability: {}", finding.headline));
+            let headline = format!("no proof of stability: {}", finding.headline);
+            site.warnings.push(Finding {
+                headline,
+                severity: Severity::Warning,
+                ..*finding
+            });
             let stiffness_bound = None;
             return Ok(Proven {
                 lambda,
@@ -91,7 +97,8 @@ pub(super) fn choose(
             })
         }
         (Err(error), Some(lambda)) => {
-            site.warnings.push(error.to_string());
+            site.warnings
+                .push(Finding::warning(lambda_path(), error.to_string()));
             Ok(Proven {
                 lambda,
                 by_number: true,
@@ -101,24 +108,38 @@ pub(super) fn choose(
             })
         }
         (Err(error), None) => {
-            let finding = Finding::error(path("integrator").key("lambda"), error.to_string());
+            // What no λ can mend is no matter of λ. A direction that the smallest share of K0 leaves without effective
+            // mass is without it for every smaller λ too.
+            let lambda = Lambda::Finite(ACCURATE_LAMBDA);
+            let (mass, start) = (structure.mass(), Start::Published);
+            let (damping, stiffness) = (initial_damping, initial_stiffness);
+            if let Err(error) = Gui::new(mass, damping, stiffness, proof.dt, lambda, start) {
+                let finding = super::structure::not_definite(site, mass, &error);
+                return site.refuse(finding);
+            }
+            let finding = Finding::error(lambda_path(), error.to_string());
             site.refuse(finding.help("a smaller step, or a larger estimate of what hardens"))
         }
     }
 }
 
-fn unstable(choice: &LambdaChoice) -> String {
+fn lambda_path() -> KeyPath {
+    path("integrator").key("lambda")
+}
+
+fn unstable(choice: &LambdaChoice) -> Finding {
     let limit = choice.limit.unwrap_or(f64::INFINITY);
     let cause = choice
         .governing
         .as_ref()
         .map(|g| format!(", set by {g}"))
         .unwrap_or_default();
-    format!(
+    let headline = format!(
         "lambda = {} is above the limit {limit:.4} at the declared stiffness{cause}: the response \
          may grow as a sawtooth of period 2 steps",
         choice.lambda
-    )
+    );
+    Finding::warning(lambda_path(), headline).help("`lambda = \"auto\"` takes one that is stable")
 }
 
 /// K_max and C_max of the whole, or a finding about whose bound is missing.

@@ -3,8 +3,8 @@
 use super::specimens::Specimens;
 use super::{Refused, Site, path};
 use crate::config::{Finding, KeyPath};
-use crate::integrate::State;
-use crate::linalg::{self, SymMatrix};
+use crate::integrate::{GuiError, State};
+use crate::linalg::{self, MatrixError, SymMatrix};
 use crate::model::{BuildError, MatrixFiles, ModelError, Structure, StructureSpec, parse_matrix};
 
 /// Number of frequencies that are looked for.
@@ -97,11 +97,12 @@ fn build_finding(site: &Site<'_>, at: &KeyPath, kind: &str, error: &BuildError) 
         BuildError::Value { key, number, .. } => beneath(key).index(number - 1),
         BuildError::NoMass => beneath("mass_kg"),
         BuildError::Source { key, .. } | BuildError::Ragged { key, .. } => beneath(key),
-        BuildError::Matrix { key, .. } => {
+        BuildError::Matrix { key, source } => {
             let name = key
                 .split(|c: char| !(c.is_alphanumeric() || c == '_'))
                 .next();
-            beneath(name.unwrap_or("mass"))
+            let matrix = beneath(name.unwrap_or("mass"));
+            return matrix_finding(matrix, error, source);
         }
         BuildError::File { key, .. } => beneath(key),
         BuildError::DampingTwice { .. } | BuildError::Damping(_) => at.key("damping"),
@@ -119,13 +120,89 @@ fn build_finding(site: &Site<'_>, at: &KeyPath, kind: &str, error: &BuildError) 
             element: name, key, ..
         }) => element(name).key(key),
         BuildError::Model(ModelError::Size { what, .. } | ModelError::Entry { what, .. }) => {
-            beneath(what)
+            given(site, &at.key(kind), what)
         }
+        BuildError::Model(ModelError::NegativeMass { dof, .. }) => mass_of(site, *dof),
+        BuildError::Model(ModelError::Mass(error)) => mass_of(site, error.dof),
+        BuildError::Model(ModelError::Influence { dof, .. }) => beneath("influence").index(*dof),
         BuildError::Model(_) | BuildError::NoSuchStorey { .. } | BuildError::NoStoreys => {
             at.key(kind)
         }
     };
     Finding::error(place, error.to_string())
+}
+
+/// The matrix `what`, inline or by the name of its file.
+fn given(site: &Site<'_>, at: &KeyPath, what: &str) -> KeyPath {
+    let inline = site.loaded.locator.beneath(at, what);
+    if inline != *at {
+        return inline;
+    }
+    let file = format!("{what}_file");
+    site.loaded.locator.beneath(at, &file)
+}
+
+/// A matrix that is none; where its entries stand in the file, the wrong ones are shown.
+fn matrix_finding(matrix: KeyPath, error: &BuildError, source: &MatrixError) -> Finding {
+    let text = error.to_string();
+    match *source {
+        MatrixError::Asymmetric {
+            row,
+            column,
+            here,
+            there,
+        } => {
+            let (first, second) = (
+                matrix.index(row).index(column),
+                matrix.index(column).index(row),
+            );
+            let help = "M, C and K are symmetric: an entry and its mirror must be equal";
+            let finding = if matrix.last_key().is_some_and(|key| key.ends_with("_file")) {
+                Finding::error(matrix, text)
+            } else {
+                Finding::error(first, text)
+                    .label(format!("found {here}"))
+                    .beside(second, format!("and {there} here"))
+            };
+            finding.help(help)
+        }
+        MatrixError::NotSquare { .. } => Finding::error(matrix, text)
+            .help("a matrix has one row and one column per degree of freedom"),
+        MatrixError::NotFinite { .. } => Finding::error(matrix, text),
+    }
+}
+
+/// Where the mass of DOF `dof` (from 0) stands, as near as the file names it.
+pub(super) fn mass_of(site: &Site<'_>, dof: usize) -> KeyPath {
+    let at = path("structure");
+    let kinds = site.loaded.file.structure.as_ref().map(|s| s.kinds());
+    let Some(kind) = kinds.and_then(|kinds| kinds.first().map(|kind| kind.0)) else {
+        return at;
+    };
+    let at = at.key(kind);
+    let mass = match kind {
+        "matrices" => given(site, &at, "mass"),
+        _ => site.loaded.locator.beneath(&at, "mass_kg"),
+    };
+    if mass == at || kind == "chain" {
+        mass
+    } else {
+        mass.index(dof)
+    }
+}
+
+/// M_eff that is not positive definite: which DOF has no inertia, and what could give it one.
+pub(super) fn not_definite(site: &Site<'_>, mass: &SymMatrix, error: &GuiError) -> Finding {
+    let GuiError::EffectiveMass(pivot) = error else {
+        return Finding::error(path("structure"), error.to_string());
+    };
+    let found = mass.get(pivot.dof, pivot.dof);
+    Finding::error(mass_of(site, pivot.dof), error.to_string())
+        .label(format!("DOF {} has a mass of {found} kg", pivot.dof + 1))
+        .help(
+            "every massless degree of freedom must be held by a stiffness or a damping, and no \
+             stiffness may be negative",
+        )
 }
 
 /// x[0] and v[0].

@@ -1,0 +1,351 @@
+//! Every mistake of the list is explained: file, line, caret, what was found, what is allowed; exit code 2, no panic, and
+//! no run folder. Both by `check`, which moves nothing, and by `run`, which must not get as far.
+
+mod common;
+
+use std::fs;
+
+use common::refusal::{MATRICES, peer, pictured, plain, refused, with_record, wrong_line};
+use common::{FRAME, completed, names, run, say, write};
+use gusset::record::Run;
+
+#[test]
+fn a_syntax_error_is_shown_where_it_stands() {
+    let words = ["the file is not valid TOML", "extra `=`"];
+    wrong_line(FRAME, "rate_hz = 200", "rate_hz == 200", "=", &words);
+    wrong_line(
+        FRAME,
+        "amplitude = 3.0",
+        "amplitude = 3,0",
+        ",",
+        &words[..1],
+    );
+}
+
+#[test]
+fn an_unknown_key_comes_with_a_suggestion_and_the_keys_that_exist() {
+    let words = [
+        "unknown key `duration` in `time`",
+        "did you mean `duration_s`?",
+        "`step_s`, `rate_hz`",
+    ];
+    wrong_line(
+        FRAME,
+        "duration_s = 0.5",
+        "duration = 0.5",
+        "duration",
+        &words,
+    );
+    let words = [
+        "unknown key `yield_force` in `specimen[0].law.bouc_wen`",
+        "did you mean `yield_force_n`?",
+    ];
+    wrong_line(
+        FRAME,
+        "yield_force_n = 1.5e3",
+        "yield_force = 1.5e3",
+        "yield_force",
+        &words,
+    );
+    let words = ["did you mean `bouc_wen`?", "allowed here: "];
+    wrong_line(
+        FRAME,
+        "[specimen.law.bouc_wen]",
+        "[specimen.law.bouc_when]",
+        "bouc_when",
+        &words,
+    );
+}
+
+#[test]
+fn a_value_of_the_wrong_type_is_shown_with_the_type_that_is_wanted() {
+    let words = [
+        "`structure.shear_building.mass_kg` must be an array",
+        "found the text \"heavy\"",
+    ];
+    wrong_line(
+        FRAME,
+        "mass_kg = [1000.0, 900.0]",
+        "mass_kg = \"heavy\"",
+        "\"heavy\"",
+        &words,
+    );
+    let words = ["`specimen[0].storey` must be", "found 1.5"];
+    wrong_line(FRAME, "storey = 1", "storey = 1.5", "1.5", &words);
+    let words = [
+        "must be a finite number greater than zero, or a fraction",
+        "found `true`",
+    ];
+    wrong_line(FRAME, "rate_hz = 200", "rate_hz = true", "true", &words);
+}
+
+#[test]
+fn a_missing_file_is_named_with_its_likeliest_neighbour() {
+    let files = [("elcentro.at2", "x"), ("stiffness.csv", "x")];
+    let record = with_record("elcntro.at2");
+    let words = [
+        "there is no file ",
+        "did you mean `elcentro.at2`?",
+        "relative to the folder of the test file",
+    ];
+    refused(
+        &record,
+        &files,
+        "path = \"elcntro.at2\"",
+        "\"elcntro.at2\"",
+        &words,
+    );
+    let matrix = MATRICES.replace(
+        "stiffness = [[2e5, -1e5], [-1e5, 1e5]]",
+        "stiffness_file = \"stifness.csv\"",
+    );
+    let words = ["there is no file ", "did you mean `stiffness.csv`?"];
+    refused(
+        &matrix,
+        &files,
+        "stiffness_file = \"stifness.csv\"",
+        "\"stifness.csv\"",
+        &words,
+    );
+}
+
+#[test]
+fn a_test_file_that_is_not_there_or_not_text_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let said = say([
+        "check".as_ref(),
+        folder.path().join("none.toml").as_os_str(),
+    ]);
+    plain(&said);
+    assert!(said.stderr.contains("cannot read the test file") && said.stderr.contains("none.toml"));
+    fs::write(folder.path().join("bin.toml"), b"title = 1\n\xff\xfe").unwrap();
+    let said = say(["check".as_ref(), folder.path().join("bin.toml").as_os_str()]);
+    plain(&said);
+    assert!(
+        said.stderr.contains("is not UTF-8") && said.stderr.contains("line 2"),
+        "{}",
+        said.stderr
+    );
+}
+
+#[test]
+fn nan_and_infinity_are_refused_in_the_file_in_records_and_in_matrices() {
+    let words = [
+        "signal.sine.amplitude` must be a finite number",
+        "found nan",
+    ];
+    wrong_line(FRAME, "amplitude = 3.0", "amplitude = nan", "nan", &words);
+    let words = ["mass_kg[1]` must be a finite number", "found inf"];
+    wrong_line(
+        FRAME,
+        "mass_kg = [1000.0, 900.0]",
+        "mass_kg = [1000.0, inf]",
+        "inf",
+        &words,
+    );
+    let record = ("a.at2", &*peer("NPTS= 3, DT= .01 SEC", "0.1 NaN 0.2"));
+    let words = ["a.at2:5:5: wanted a finite number, found NaN"];
+    refused(
+        &with_record("a.at2"),
+        &[record],
+        "path = \"a.at2\"",
+        "\"a.at2\"",
+        &words,
+    );
+    let text = MATRICES.replace("mass = [[1000, 0], [0, 1000]]", "mass_file = \"m.csv\"");
+    let words = ["m.csv, line 2, field 1: \"-inf\" is not a finite number"];
+    refused(
+        &text,
+        &[("m.csv", "1000,0\n-inf,1000\n")],
+        "mass_file = \"m.csv\"",
+        "\"m.csv\"",
+        &words,
+    );
+}
+
+#[test]
+fn a_lambda_that_is_not_greater_than_zero_is_refused() {
+    for (lambda, found) in [
+        ("0", "0"),
+        ("-3", "-3"),
+        ("-inf", "-inf"),
+        ("nan", "NaN"),
+        ("\"fast\"", "the text \"fast\""),
+    ] {
+        let wrong = format!("lambda = {lambda}");
+        let found = format!("found {found}");
+        let words = [
+            "must be a number greater than zero, `inf` or \"auto\"",
+            &found,
+        ];
+        wrong_line(FRAME, "lambda = \"auto\"", &wrong, lambda, &words);
+    }
+}
+
+#[test]
+fn a_step_that_is_not_greater_than_zero_is_refused() {
+    for (key, value) in [
+        ("step_s", "0"),
+        ("step_s", "-0.01"),
+        ("step_s", "nan"),
+        ("rate_hz", "-200"),
+        ("rate_hz", "\"0/1\""),
+    ] {
+        let wrong = format!("{key} = {value}");
+        let subject = format!("`time.{key}` must be a finite number greater than zero");
+        wrong_line(FRAME, "rate_hz = 200", &wrong, value, &[&subject, "found "]);
+    }
+}
+
+/// The test runs, and both commands say `words` with a picture of the line that names the record.
+#[track_caller]
+fn warned(record: &str, words: &[&str]) -> Vec<Vec<f64>> {
+    let folder = tempfile::tempdir().unwrap();
+    write(folder.path(), "a.at2", record);
+    let text = with_record("a.at2");
+    let test = write(folder.path(), "test.toml", &text);
+    let out = folder.path().join("out");
+    let checked = say(["check".as_ref(), test.as_os_str()]);
+    assert_eq!(checked.code, Some(0), "{}", checked.stderr);
+    let ran = completed(&test, &out, &[]);
+    for said in [checked, ran] {
+        pictured(&said.stderr, &text, "path = \"a.at2\"", "\"a.at2\"", words);
+    }
+    let warnings = common::json(&out, "summary.json")["warnings"].to_string();
+    for word in words {
+        assert!(warnings.contains(word), "no {word:?} in {warnings}");
+    }
+    Run::open(&out)
+        .unwrap()
+        .columns(&["time", "ground"])
+        .unwrap()
+}
+
+#[test]
+fn a_record_shorter_than_the_test_warns_and_ends_in_zeros() {
+    let values = ["0.1"; 21].join(" ");
+    let columns = warned(
+        &peer("NPTS= 21, DT= .01 SEC", &values),
+        &["the record ends at 0.2 s, the test at 0.5 s; it is zero after that"],
+    );
+    // 0.1 g at the points of the record, nothing beyond it; one step between may be interpolated.
+    for (time, ground) in columns[0].iter().zip(&columns[1]) {
+        let expected = if *time <= 0.2 { 0.980_665 } else { 0.0 };
+        let between = (0.2..0.2 + 0.0051).contains(time);
+        assert!(
+            between || (ground - expected).abs() < 1e-12,
+            "{time}: {ground}"
+        );
+    }
+}
+
+#[test]
+fn a_wrong_count_of_points_warns_with_both_numbers_and_a_word_is_refused() {
+    let values = ["0.01"; 60].join(" ");
+    for stated in ["80", "20", "0"] {
+        let word =
+            format!("the header says NPTS = {stated}, the file holds 60 values; all 60 are used");
+        warned(
+            &peer(&format!("NPTS= {stated}, DT= .01 SEC"), &values),
+            &[&word],
+        );
+    }
+    for (counts, words) in [
+        (
+            "NPTS= -5, DT= .01 SEC",
+            "a.at2:4: wanted a whole number of points after NPTS, found \"-5\"",
+        ),
+        (
+            "NPTS= 60, DT= 0.0 SEC",
+            "a.at2:4: wanted a positive time step DT, found \"0.0\"",
+        ),
+    ] {
+        let record = peer(counts, &values);
+        refused(
+            &with_record("a.at2"),
+            &[("a.at2", &record)],
+            "path = \"a.at2\"",
+            "\"a.at2\"",
+            &[words],
+        );
+    }
+}
+
+#[test]
+fn a_duration_that_is_not_a_whole_number_of_steps_is_refused_with_its_neighbours() {
+    let words = [
+        "the duration is not a whole number of steps",
+        "0.503 s are 100.6 steps of 0.005 s",
+        "0.5 s (100 steps) and 0.505 s (101 steps)",
+    ];
+    wrong_line(
+        FRAME,
+        "duration_s = 0.5",
+        "duration_s = 0.503",
+        "0.503",
+        &words,
+    );
+    for value in ["0", "-1", "inf"] {
+        wrong_line(
+            FRAME,
+            "duration_s = 0.5",
+            &format!("duration_s = {value}"),
+            value,
+            &["`time.duration_s` must be"],
+        );
+    }
+}
+
+#[test]
+fn a_mistake_on_the_command_line_is_shown_there() {
+    let folder = tempfile::tempdir().unwrap();
+    let test = write(folder.path(), "test.toml", FRAME);
+    for (set, words) in [
+        (
+            "integrator.lambda=0",
+            "`integrator.lambda` must be a number greater than zero",
+        ),
+        ("integrator.lamda=4", "did you mean `lambda`?"),
+        ("specimen.0.storey=3", "storey 3 does not exist"),
+        ("time.rate_hz=", "time.rate_hz="),
+    ] {
+        let out = folder.path().join("out");
+        let said = run(&test, &out, &["--set", set]);
+        plain(&said);
+        assert!(
+            said.stderr.contains(words) && said.stderr.contains(set) && said.stderr.contains('^'),
+            "{}",
+            said.stderr
+        );
+        assert!(!out.exists());
+    }
+}
+
+#[test]
+fn an_output_folder_that_holds_anything_is_left_as_it_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let test = write(folder.path(), "test.toml", FRAME);
+    let out = folder.path().join("out");
+    fs::create_dir(&out).unwrap();
+    write(&out, "precious.txt", "keep");
+    let said = run(&test, &out, &[]);
+    plain(&said);
+    assert!(
+        said.stderr
+            .contains("out exists and is not empty: a run is never written over another"),
+        "{}",
+        said.stderr
+    );
+    assert_eq!(names(&out), ["precious.txt"]);
+    let said = run(&test, &test, &[]);
+    plain(&said);
+    assert!(
+        said.stderr.contains("test.toml is not a folder"),
+        "{}",
+        said.stderr
+    );
+    assert_eq!(fs::read_to_string(&test).unwrap(), FRAME);
+    // An empty folder is nobody's run.
+    fs::remove_file(out.join("precious.txt")).unwrap();
+    completed(&test, &out, &[]);
+}
