@@ -4,10 +4,9 @@
 mod common;
 
 use std::fs;
-use std::path::Path;
 
 use common::refusal::{MATRICES, peer, pictured, plain, refused, with_record, wrong_line};
-use common::{FRAME, completed, run, say, write};
+use common::{FRAME, completed, names, run, say, write};
 use gusset::record::Run;
 
 #[test]
@@ -322,15 +321,6 @@ fn a_mistake_on_the_command_line_is_shown_there() {
     }
 }
 
-fn listing(folder: &Path) -> Vec<String> {
-    let entries = fs::read_dir(folder).unwrap();
-    let mut names: Vec<_> = entries
-        .map(|e| e.unwrap().file_name().into_string().unwrap())
-        .collect();
-    names.sort();
-    names
-}
-
 #[test]
 fn an_output_folder_that_holds_anything_is_left_as_it_is() {
     let folder = tempfile::tempdir().unwrap();
@@ -346,7 +336,7 @@ fn an_output_folder_that_holds_anything_is_left_as_it_is() {
         "{}",
         said.stderr
     );
-    assert_eq!(listing(&out), ["precious.txt"]);
+    assert_eq!(names(&out), ["precious.txt"]);
     let said = run(&test, &test, &[]);
     plain(&said);
     assert!(

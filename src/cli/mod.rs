@@ -28,7 +28,13 @@ use crate::config::Diagnostics;
 
 /// Real-time hybrid simulation: joins a structure that is computed to a specimen that is measured.
 #[derive(Debug, Parser)]
-#[command(name = "gusset", version, about, max_term_width = 100)]
+#[command(
+    name = "gusset",
+    version,
+    about,
+    max_term_width = 100,
+    after_help = "Example:\n  gusset check config/frame-bouc-wen.toml\n  gusset run config/frame-bouc-wen.toml"
+)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -49,6 +55,10 @@ enum Command {
     /// Write a run's report.html again.
     Report(ReportArgs),
     /// Print the JSON Schema of the test file.
+    #[command(
+        after_help = "Example:\n  gusset schema > gusset.schema.json\n\nAn editor with a TOML language server completes \
+                      and checks a test file that begins with the line\n  #:schema ./gusset.schema.json"
+    )]
     Schema,
 }
 

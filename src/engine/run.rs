@@ -61,6 +61,9 @@ impl Engine {
             Ending::Stopped(_) => Retirement::Tripped,
         };
         self.retire(how);
+        if let Some(stamps) = self.unrecorded.take() {
+            self.timing.tick(&stamps);
+        }
         self.note_ending(&ending);
         self.outcome(ending)
     }

@@ -1,0 +1,246 @@
+//! Whatever ends a test, the specimen is retired, the folder tells what happened, and the exit code is the contract's.
+
+mod common;
+
+use std::fs;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+
+use common::{FRAME, PATIENT, Said, completed, gusset, json, run, say, write};
+use gusset::record::Run;
+
+/// A test that lasts longer than this file may, on the real clock.
+fn long(folder: &Path) -> std::path::PathBuf {
+    let text = FRAME
+        .replace("duration_s = 0.5", "duration_s = 600")
+        .replace("rate_hz = 200", "rate_hz = 1000");
+    write(
+        folder,
+        "test.toml",
+        &text.replace("\"simulated\"", "\"real\""),
+    )
+}
+
+/// A running test; killed if the test of it fails.
+struct Running(Option<Child>);
+
+impl Running {
+    fn start(test: &Path, out: &Path) -> Self {
+        let mut command = gusset();
+        command
+            .arg("run")
+            .arg(test)
+            .arg("--out")
+            .arg(out)
+            .args(PATIENT);
+        let child = command
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        Self(Some(child))
+    }
+
+    fn child(&mut self) -> &mut Child {
+        self.0.as_mut().unwrap()
+    }
+
+    /// Waits until `rows` rows are in the file.
+    fn until_rows(&mut self, out: &Path, rows: u64) {
+        loop {
+            let stride = fs::read_to_string(out.join("samples.json"))
+                .ok()
+                .and_then(|text| {
+                    serde_json::from_str::<serde_json::Value>(&text).ok()?["stride"].as_u64()
+                });
+            let length = fs::metadata(out.join("samples.bin")).map_or(0, |file| file.len());
+            if stride.is_some_and(|stride| length >= rows * stride) {
+                return;
+            }
+            let ended = self.child().try_wait().unwrap();
+            assert!(ended.is_none(), "the test ended by itself: {ended:?}");
+            std::thread::park_timeout(Duration::from_millis(2));
+        }
+    }
+
+    fn signal(&mut self, name: &str) -> Said {
+        let id = self.child().id().to_string();
+        assert!(
+            Command::new("kill")
+                .args(["-s", name, &id])
+                .status()
+                .unwrap()
+                .success()
+        );
+        self.0.take().unwrap().wait_with_output().unwrap().into()
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        if let Some(mut child) = self.0.take() {
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+    }
+}
+
+#[track_caller]
+fn interrupted(signal: &str, code: i32) {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let mut running = Running::start(&long(folder.path()), &out);
+    running.until_rows(&out, 200);
+    let said = running.signal(signal);
+    assert_eq!(said.code, Some(code), "{}", said.stderr);
+    assert!(said.stderr.contains("interrupted"), "{}", said.stderr);
+    let summary = json(&out, "summary.json");
+    assert_eq!(
+        (&summary["status"], &summary["reason"]),
+        (&"interrupted".into(), &"stopped by the operator".into())
+    );
+    let rows = Run::open(&out)
+        .unwrap()
+        .columns(&["step"])
+        .unwrap()
+        .remove(0);
+    assert_eq!(
+        summary["steps"].as_f64(),
+        rows.last().copied(),
+        "every step made is in the file"
+    );
+    assert_eq!(summary["rows_lost"], 0);
+    assert!(
+        fs::read_to_string(out.join("report.html"))
+            .unwrap()
+            .contains("Interrupted: ")
+    );
+    let events = fs::read_to_string(out.join("events.jsonl")).unwrap();
+    assert!(
+        events.contains("\"stop_requested\"") && events.contains("\"ended\""),
+        "{events}"
+    );
+    assert!(out.join("timing.json").exists() && out.join("compute.hgrm").exists());
+}
+
+#[test]
+fn ctrl_c_ends_in_an_orderly_way_with_130() {
+    interrupted("INT", 130);
+}
+
+#[test]
+fn sigterm_and_a_lost_terminal_end_in_an_orderly_way_with_143() {
+    interrupted("TERM", 143);
+    interrupted("HUP", 143);
+}
+
+#[test]
+fn a_run_that_was_killed_is_readable_to_its_last_row_and_known_as_unfinished() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let mut running = Running::start(&long(folder.path()), &out);
+    running.until_rows(&out, 300);
+    assert_eq!(running.signal("KILL").code, None);
+    let run = Run::open(&out).unwrap();
+    assert!(run.summary().is_none());
+    let steps = run.columns(&["step"]).unwrap().remove(0);
+    // What was seen in the file before the kill is in it after.
+    assert!(steps.len() >= 300, "{} rows", steps.len());
+    assert!(
+        steps
+            .iter()
+            .enumerate()
+            .all(|(row, step)| *step == row as f64)
+    );
+    // A kill in the middle of a write leaves a part of a row.
+    let samples = out.join("samples.bin");
+    let bytes = fs::read(&samples).unwrap();
+    fs::write(&samples, &bytes[..steps.len() * run.layout().stride() - 5]).unwrap();
+    let file = folder.path().join("out.csv");
+    let said = say([
+        "export".as_ref(),
+        out.as_os_str(),
+        "--out".as_ref(),
+        file.as_os_str(),
+    ]);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    assert!(
+        said.stderr.contains("unfinished (no summary.json)"),
+        "{}",
+        said.stderr
+    );
+    assert_eq!(
+        fs::read_to_string(file).unwrap().lines().count(),
+        steps.len(),
+        "a header and all but the torn row"
+    );
+    let said = say(["report".as_ref(), out.as_os_str()]);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    assert!(
+        said.stderr.contains("unfinished (no summary.json)"),
+        "{}",
+        said.stderr
+    );
+    assert!(
+        fs::read_to_string(out.join("report.html"))
+            .unwrap()
+            .contains("no summary.json")
+    );
+}
+
+/// Example 4.1 of Gui et al. (2014): λ = 17 is above the limit of 16.77.
+const EXAMPLE: &str = r#"[time]
+step_s = 0.05
+duration_s = 200
+clock = "simulated"
+[structure.shear_building]
+mass_kg = [1e3, 4e3]
+stiffness_n_per_m = [2e6, 1e5]
+[integrator]
+lambda = 17
+[excitation.ground_acceleration.signal.sine]
+amplitude = 20
+frequency_hz = 0.15915494309189535
+[safety]
+divergence_m = 50
+"#;
+
+#[test]
+fn divergence_stops_the_test_and_names_the_dof() {
+    let folder = tempfile::tempdir().unwrap();
+    let test = write(folder.path(), "test.toml", EXAMPLE);
+    let out = folder.path().join("out");
+    let said = run(&test, &out, &[]);
+    assert_eq!(said.code, Some(1), "{}", said.stderr);
+    // The published limit, to its four digits.
+    let limit = said.stderr.split("is above the limit ").nth(1).unwrap();
+    let limit: f64 = limit.split(' ').next().unwrap().parse().unwrap();
+    assert!((limit - 16.77).abs() < 0.005, "{}", said.stderr);
+    let summary = json(&out, "summary.json");
+    assert_eq!(summary["status"], "stopped");
+    let reason = summary["reason"].as_str().unwrap();
+    // The sawtooth is that of the stiff bottom storey, whose floor is DOF 1.
+    assert!(
+        reason.contains("the response diverged: displacement of DOF 1 is"),
+        "{reason}"
+    );
+    let steps = summary["steps"].as_u64().unwrap();
+    assert!((1..4000).contains(&steps), "{steps}");
+    let events = fs::read_to_string(out.join("events.jsonl")).unwrap();
+    assert!(
+        events.contains("\"diverged\"") && events.contains("\"dof\":1"),
+        "{events}"
+    );
+    assert!(
+        fs::read_to_string(out.join("report.html"))
+            .unwrap()
+            .contains("diverged")
+    );
+    // A stable λ carries the same test to its end.
+    completed(
+        &test,
+        &folder.path().join("stable"),
+        &["--set", "integrator.lambda=11.5"],
+    );
+}

@@ -1,0 +1,141 @@
+//! A disk that fills up does not end a test: it runs to its end, whole rows stay whole, and every loss is counted and shouted.
+
+mod common;
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use common::{FRAME, PATIENT, Said, gusset, json, say, write};
+use gusset::record::Run;
+
+/// `gusset run` under `ulimit -f`, in kB per file.
+fn on_a_full_disk(kilobytes: u32, test: &Path, out: &Path, more: &[&str]) -> Said {
+    let script = format!("ulimit -f {kilobytes}; exec \"$0\" \"$@\"");
+    let mut command = Command::new("bash");
+    command
+        .args(["-c", &script])
+        .arg(assert_cmd::cargo::cargo_bin!("gusset"));
+    command
+        .arg("run")
+        .arg(test)
+        .arg("--out")
+        .arg(out)
+        .args(more)
+        .output()
+        .unwrap()
+        .into()
+}
+
+#[test]
+fn a_full_disk_does_not_end_the_test_but_every_lost_row_is_counted_and_shouted() {
+    let folder = tempfile::tempdir().unwrap();
+    let test = write(
+        folder.path(),
+        "test.toml",
+        &FRAME.replace("duration_s = 0.5", "duration_s = 20"),
+    );
+    let out = folder.path().join("out");
+    let said = on_a_full_disk(64, &test, &out, &[]);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let summary = json(&out, "summary.json");
+    assert_eq!(
+        (&summary["status"], &summary["steps"]),
+        (&"completed".into(), &4000.into())
+    );
+    let lost = summary["rows_lost"].as_u64().unwrap();
+    let run = Run::open(&out).unwrap();
+    let length = fs::metadata(out.join("samples.bin")).unwrap().len();
+    assert_eq!(length % run.layout().stride() as u64, 0, "whole rows only");
+    assert_eq!(length / run.layout().stride() as u64 + lost, 4001);
+    assert!(
+        said.stderr.contains(&format!("{lost} ROWS ARE LOST")),
+        "{}",
+        said.stderr
+    );
+    assert!(said.stderr.contains("File too large"), "{}", said.stderr);
+    let steps = run.columns(&["step"]).unwrap().remove(0);
+    assert!(
+        !steps.is_empty()
+            && steps
+                .iter()
+                .enumerate()
+                .all(|(row, step)| *step == row as f64)
+    );
+    let events = fs::read_to_string(out.join("events.jsonl")).unwrap();
+    assert!(events.contains("\"rows_lost\""), "{events}");
+    let said = say(["report".as_ref(), out.as_os_str()]);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    assert!(
+        fs::read_to_string(out.join("report.html"))
+            .unwrap()
+            .contains(&format!("{lost} rows"))
+    );
+}
+
+#[test]
+fn a_record_that_is_required_makes_lost_rows_a_stopped_test() {
+    let folder = tempfile::tempdir().unwrap();
+    let test = write(
+        folder.path(),
+        "test.toml",
+        &FRAME.replace("duration_s = 0.5", "duration_s = 20"),
+    );
+    let out = folder.path().join("out");
+    let said = on_a_full_disk(64, &test, &out, &["--set", "record.required=true"]);
+    assert_eq!(said.code, Some(1), "{}", said.stderr);
+    let summary = json(&out, "summary.json");
+    assert_eq!(
+        (&summary["status"], &summary["steps"]),
+        (&"stopped".into(), &4000.into())
+    );
+    assert!(
+        summary["reason"].as_str().unwrap().contains("rows lost"),
+        "{summary}"
+    );
+}
+
+#[test]
+fn a_disk_without_room_for_anything_is_told_before_the_test_and_leaves_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let test = write(folder.path(), "test.toml", FRAME);
+    let out = folder.path().join("out");
+    let said = on_a_full_disk(4, &test, &out, &[]);
+    assert_eq!(said.code, Some(2), "{}", said.stderr);
+    assert!(
+        said.stderr.contains("samples.json: File too large"),
+        "{}",
+        said.stderr
+    );
+    assert!(!out.exists());
+}
+
+#[test]
+fn a_log_that_nobody_can_write_or_read_ends_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let test = write(folder.path(), "test.toml", FRAME);
+    let full = || fs::File::options().write(true).open("/dev/full").unwrap();
+    let out = folder.path().join("out");
+    let mut command = gusset();
+    command
+        .arg("run")
+        .arg(&test)
+        .arg("--out")
+        .arg(&out)
+        .args(["--json", "--clock", "real"])
+        .args(PATIENT);
+    let status = command.stdout(full()).stderr(full()).status().unwrap();
+    assert_eq!(status.code(), Some(0));
+    assert_eq!(json(&out, "summary.json")["status"], "completed");
+    assert!(out.join("report.html").exists());
+    let status = gusset()
+        .args(["check", "none.toml"])
+        .stderr(full())
+        .status()
+        .unwrap();
+    assert_eq!(
+        status.code(),
+        Some(2),
+        "a complaint that is not heard is no panic"
+    );
+}

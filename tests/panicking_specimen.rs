@@ -1,0 +1,146 @@
+//! Our own panic is caught at the boundary of the loop's thread: every specimen gets its last words exactly once, and the
+//! folder tells how far the test came.
+
+mod common;
+
+use std::fs;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use common::{FRAME, json};
+use gusset::config::{self, Prepared};
+use gusset::control::{Axis, Port};
+use gusset::record::summary::Status;
+use gusset::record::{Run, RunFolder};
+use gusset::session::{self, Finish, Finished, Watches};
+use gusset::substructure::{
+    Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
+};
+use gusset::time::Nanos;
+
+/// A spring whose code has a bug that shows at a given time, and perhaps another in its last words.
+#[derive(Debug)]
+struct Buggy {
+    disp: f64,
+    fails_at: f64,
+    fails_at_the_end: bool,
+    goodbyes: Arc<AtomicUsize>,
+}
+
+impl Substructure for Buggy {
+    fn axes(&self) -> usize {
+        1
+    }
+    fn coupling(&self) -> Coupling {
+        Coupling::Lockstep
+    }
+    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+        assert!(command.time < self.fails_at, "the bug of step 50");
+        self.disp = command.disp[0];
+        Ok(())
+    }
+    fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+        into.disp[0] = self.disp;
+        into.force[0] = 2.5e5 * self.disp;
+        Ok(Freshness::Fresh)
+    }
+    fn retire(&mut self, how: Retirement) {
+        assert_eq!(how, Retirement::Tripped);
+        self.goodbyes.fetch_add(1, Ordering::SeqCst);
+        assert!(!self.fails_at_the_end, "the bug of the last words");
+    }
+}
+
+/// The frame with two buggy springs side by side in its bottom storey, run into `out`; how it ended, and the last
+/// words of each.
+fn run(out: &Path, fails_at: f64, fails_at_the_end: bool) -> (Finished, [usize; 2]) {
+    let loaded = config::parse(Path::new("test.toml"), FRAME.to_owned(), &[]).unwrap();
+    let mut test: Prepared = config::build(&loaded).unwrap();
+    let goodbyes = [(); 2].map(|()| Arc::new(AtomicUsize::new(0)));
+    let port = |index: usize, fails_at: f64, fails_at_the_end: bool| {
+        let specimen = Buggy {
+            disp: 0.0,
+            fails_at,
+            fails_at_the_end,
+            goodbyes: Arc::clone(&goodbyes[index]),
+        };
+        let axes = vec![Axis::plain(vec![(0, 1.0)])];
+        Port::new(
+            ["first", "second"][index],
+            axes,
+            Box::new(specimen),
+            2,
+            vec![2.5e5],
+        )
+        .unwrap()
+    };
+    test.experiment.ports = vec![
+        port(0, fails_at, fails_at_the_end),
+        port(1, f64::MAX, false),
+    ];
+    let folder = RunFolder::create(out).unwrap();
+    let requests = crossbeam_channel::never();
+    let finished = session::run(test, folder, requests, Watches::default(), &mut |_| {}).unwrap();
+    (finished, goodbyes.map(|count| count.load(Ordering::SeqCst)))
+}
+
+#[test]
+fn a_panic_is_a_failed_test_whose_specimens_are_retired_once_and_whose_folder_is_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    // Step 50 of 200 Hz.
+    let (finished, goodbyes) = run(&out, 0.2499, false);
+    assert_eq!(goodbyes, [1, 1]);
+    assert_eq!(
+        (finished.finish, finished.summary.status),
+        (Finish::Panicked, Status::Failed)
+    );
+    let summary = json(&out, "summary.json");
+    assert_eq!(
+        (&summary["status"], &summary["steps"]),
+        (&"failed".into(), &49.into())
+    );
+    assert_eq!(summary["reason"], "internal error: the bug of step 50");
+    assert!(summary["peak"]["displacement"][0].as_f64().unwrap() > 0.0);
+    let steps = Run::open(&out)
+        .unwrap()
+        .columns(&["step"])
+        .unwrap()
+        .remove(0);
+    assert_eq!(
+        steps,
+        (0..50).map(f64::from).collect::<Vec<_>>(),
+        "every row made is in the file"
+    );
+    assert!(
+        json(&out, "timing.json")["compute"]["count"]
+            .as_u64()
+            .unwrap()
+            >= 50
+    );
+    let events = fs::read_to_string(out.join("events.jsonl")).unwrap();
+    assert!(
+        events.contains("\"internal_error\"") && events.contains("\"ended\""),
+        "{events}"
+    );
+    session::write_report(&out).unwrap();
+    assert!(
+        fs::read_to_string(out.join("report.html"))
+            .unwrap()
+            .contains("the bug of step 50")
+    );
+}
+
+#[test]
+fn last_words_that_panic_too_do_not_cost_the_next_specimen_its_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let (finished, goodbyes) = run(&folder.path().join("out"), 0.2499, true);
+    assert_eq!(goodbyes, [1, 1]);
+    assert_eq!(finished.finish, Finish::Panicked);
+    let reason = finished.summary.reason;
+    assert!(
+        reason.contains("the bug of step 50") && reason.contains("the bug of the last words"),
+        "{reason}"
+    );
+}
