@@ -48,7 +48,7 @@ fn the_help_of_every_command_shows_an_example_that_begins_like_it() {
 fn wrong_usage_ends_with_2_and_says_what_is_allowed() {
     for (arguments, words) in [
         (&["walk"][..], "unrecognized subcommand 'walk'"),
-        (&["reprot", "a"], "a similar subcommand exists: 'report'"),
+        (&["docter"], "a similar subcommand exists: 'doctor'"),
         (&[], "Usage: gusset"),
         (&["run"], "<TEST>"),
         (
