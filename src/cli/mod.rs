@@ -117,7 +117,12 @@ struct JitterArgs {
     #[arg(long, default_value = "1000", value_name = "HZ")]
     rate: String,
     /// How long to measure.
-    #[arg(long, default_value_t = 10.0, value_name = "S")]
+    #[arg(
+        long,
+        default_value_t = 10.0,
+        value_name = "S",
+        allow_negative_numbers = true
+    )]
     duration: f64,
     /// Core of the loop [default: the last one].
     #[arg(long)]
