@@ -16,6 +16,15 @@ pub type MatrixFiles = BTreeMap<String, MatrixTable>;
 const NOT_NEGATIVE: &str = "finite and not negative";
 const POSITIVE: &str = "finite and greater than 0";
 
+/// What the specimens of a test are to the numerical structure, besides their forces. Both n × n.
+#[derive(Debug, Clone, Copy)]
+pub struct SpecimenShare<'a> {
+    /// Σ Bᵀ k B at rest, in N/m.
+    pub stiffness_at_rest: &'a SymMatrix,
+    /// Σ Bᵀ m B of the masses that the structure carries for them, in kg: their inertia is not in the measured force.
+    pub mass: &'a SymMatrix,
+}
+
 /// M, C, K with the names of their parts.
 struct Linear {
     mass: SymMatrix,
@@ -70,8 +79,7 @@ impl StructureSpec {
         }
     }
 
-    /// Builds the structure. `specimen_stiffness` is Σ k̂ b bᵀ of the specimens, which damping by a rule refers to as
-    /// much as to the numerical stiffness.
+    /// Builds the structure, with what `specimens` add to its mass and to the stiffness that a damping rule refers to.
     ///
     /// # Errors
     /// See [`BuildError`].
@@ -79,16 +87,31 @@ impl StructureSpec {
         &self,
         damping: Option<&DampingSpec>,
         elements: &[ElementSpec],
-        specimen_stiffness: Option<&SymMatrix>,
+        specimens: Option<SpecimenShare<'_>>,
         files: &MatrixFiles,
     ) -> Result<Structure, BuildError> {
-        let linear = match self {
+        let mut linear = match self {
             StructureSpec::ShearBuilding(spec) => spec.linear()?,
             StructureSpec::Matrices(spec) => spec.linear(files)?,
             StructureSpec::Chain(spec) => spec.linear()?,
         };
         if let (Some(given), Some(_)) = (linear.damping_given, damping) {
             return Err(BuildError::DampingTwice { given });
+        }
+        if let Some(share) = &specimens {
+            for (what, matrix) in [
+                ("specimen stiffness", share.stiffness_at_rest),
+                ("specimen mass", share.mass),
+            ] {
+                if matrix.n() != linear.mass.n() {
+                    return Err(BuildError::Model(ModelError::Size {
+                        what,
+                        expected: linear.mass.n(),
+                        found: matrix.n(),
+                    }));
+                }
+            }
+            linear.mass = linear.mass.plus(1.0, share.mass);
         }
         let mut built = Vec::with_capacity(elements.len());
         if let StructureSpec::Chain(spec) = self {
@@ -107,15 +130,8 @@ impl StructureSpec {
         .with_linear_parts(linear.parts);
         if let Some(rule) = damping {
             let mut at_rest = structure.stiffness_at_rest();
-            if let Some(estimate) = specimen_stiffness {
-                if estimate.n() != structure.dofs() {
-                    return Err(BuildError::Model(ModelError::Size {
-                        what: "specimen stiffness",
-                        expected: structure.dofs(),
-                        found: estimate.n(),
-                    }));
-                }
-                at_rest = at_rest.plus(1.0, estimate);
+            if let Some(share) = specimens {
+                at_rest = at_rest.plus(1.0, share.stiffness_at_rest);
             }
             structure.set_damping(damping_matrix(rule, structure.mass(), &at_rest)?)?;
         }

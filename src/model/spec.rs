@@ -82,7 +82,8 @@ pub struct ChainSpec {
 }
 
 /// Viscous damping by rule, in place of dashpots or a damping matrix. The stiffness that it refers to is the tangent of
-/// the whole structure at rest, elements and specimens' estimates included.
+/// the whole structure at rest, elements and specimens included: a specimen with the estimate that is given for it, else
+/// with the tangent of its law at rest.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub enum DampingSpec {

@@ -533,9 +533,14 @@ fn damping_by_rule_counts_elements_at_rest_and_specimens() {
         damping_ratio: None,
     };
     let specimen = SymMatrix::from_triplets(3, [(0, 0, 200.0), (0, 1, -200.0), (1, 1, 200.0)]);
-    let parted = building(&[1.0; 3], &[0.0, 0.0, 100.0], None)
-        .build(Some(&rule), &[spring], Some(&specimen), &MatrixFiles::new())
+    let share = SpecimenShare {
+        stiffness_at_rest: &specimen,
+        mass: &SymMatrix::from_triplets(3, [(1, 1, 0.25)]),
+    };
+    let parted = building(&[1.0, 0.75, 1.0], &[0.0, 0.0, 100.0], None)
+        .build(Some(&rule), &[spring], Some(share), &MatrixFiles::new())
         .unwrap();
+    assert_eq!(parted.mass(), whole.mass());
     assert_eq!(parted.damping(), whole.damping());
     assert_eq!(
         parted.reference_stiffness().plus(1.0, &specimen),
