@@ -26,7 +26,7 @@ use crate::rt::timing::{TickStamps, Timing};
 use crate::substructure::LinkFault;
 use crate::time::{Clock, Nanos, Ratio, Schedule};
 
-/// What to do about a tick that starts a period or more late.
+/// What to do about a tick that starts, or leaves the next one to start, a period or more late.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum OnMiss {
     /// Move the grid by whole ticks: the specimen sees slower time, never a burst of commands.
