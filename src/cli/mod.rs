@@ -114,10 +114,20 @@ struct CheckArgs {
 )]
 struct JitterArgs {
     /// Ticks per second: an integer, a decimal or a fraction "a/b".
-    #[arg(long, default_value = "1000", value_name = "HZ")]
+    #[arg(
+        long,
+        default_value = "1000",
+        value_name = "HZ",
+        allow_negative_numbers = true
+    )]
     rate: String,
     /// How long to measure.
-    #[arg(long, default_value_t = 10.0, value_name = "S")]
+    #[arg(
+        long,
+        default_value_t = 10.0,
+        value_name = "S",
+        allow_negative_numbers = true
+    )]
     duration: f64,
     /// Core of the loop [default: the last one].
     #[arg(long)]
