@@ -48,16 +48,20 @@ impl Running {
 
     /// Waits until `rows` rows are in the file.
     fn until_rows(&mut self, out: &Path, rows: u64) {
-        loop {
+        self.until(|| {
             let stride = fs::read_to_string(out.join("samples.json"))
                 .ok()
                 .and_then(|text| {
                     serde_json::from_str::<serde_json::Value>(&text).ok()?["stride"].as_u64()
                 });
             let length = fs::metadata(out.join("samples.bin")).map_or(0, |file| file.len());
-            if stride.is_some_and(|stride| length >= rows * stride) {
-                return;
-            }
+            stride.is_some_and(|stride| length >= rows * stride)
+        });
+    }
+
+    /// Waits until something is so, as long as the test runs.
+    fn until(&mut self, is_so: impl Fn() -> bool) {
+        while !is_so() {
             let ended = self.child().try_wait().unwrap();
             assert!(ended.is_none(), "the test ended by itself: {ended:?}");
             std::thread::park_timeout(Duration::from_millis(2));
@@ -127,6 +131,23 @@ fn interrupted(signal: &str, code: i32) {
 #[test]
 fn ctrl_c_ends_in_an_orderly_way_with_130() {
     interrupted("INT", 130);
+}
+
+#[test]
+fn ctrl_c_is_heard_while_a_slow_test_waits_for_its_next_edge() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let text = FRAME.replace("\"simulated\"", "\"real\"\nscale = 8000");
+    let test = write(folder.path(), "test.toml", &text);
+    let mut running = Running::start(&test, &out);
+    // Signals are taken over before there is a folder; a tick lasts 40 s.
+    running.until(|| out.join("samples.bin").exists());
+    let said = running.signal("INT");
+    assert_eq!(said.code, Some(130), "{}", said.stderr);
+    let summary = json(&out, "summary.json");
+    assert_eq!(summary["status"], "interrupted");
+    let wall = summary["wall_seconds"].as_f64().unwrap();
+    assert!(wall < 39.0, "it waited for the edge: {wall} s");
 }
 
 #[test]

@@ -32,8 +32,8 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<Exit> {
         .with_context(|| format!("--duration {}", args.duration))?;
     let scratch = std::env::temp_dir().join(format!("gusset-jitter-{}", std::process::id()));
     let path = args.out.as_deref().unwrap_or(&scratch);
-    let folder = RunFolder::create(path).context("the folder cannot be made")?;
     let signals = Signals::listen().context("signals cannot be taken over")?;
+    let folder = RunFolder::create(path).context("the folder cannot be made")?;
     let facts = test.facts.clone();
     let cpu = args
         .cpu

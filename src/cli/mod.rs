@@ -114,7 +114,12 @@ struct CheckArgs {
 )]
 struct JitterArgs {
     /// Ticks per second: an integer, a decimal or a fraction "a/b".
-    #[arg(long, default_value = "1000", value_name = "HZ")]
+    #[arg(
+        long,
+        default_value = "1000",
+        value_name = "HZ",
+        allow_negative_numbers = true
+    )]
     rate: String,
     /// How long to measure.
     #[arg(

@@ -27,12 +27,13 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
     let loaded = load(&args.test, &sets)?;
     let test = config::build(&loaded).map_err(refused)?;
     warn(&test.warnings);
+    // Before there is a folder: from here on an interrupt leaves a whole one.
+    let signals = Signals::listen().context("signals cannot be taken over")?;
     let folder = match &args.out {
         Some(path) => RunFolder::create(path),
         None => RunFolder::create_default(Path::new("runs"), &test.facts.title, Wall::now().0),
     }
     .context("the run folder cannot be made")?;
-    let signals = Signals::listen().context("signals cannot be taken over")?;
     let facts = test.facts.clone();
     let mut line = ProgressLine::new(&facts, !args.quiet);
     let finished = session::run(
