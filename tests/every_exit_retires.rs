@@ -5,7 +5,6 @@ mod common;
 
 use common::engine::{Run, prepare, run_on, run_under};
 use common::rig::{Act, Call, Log, Phase, attach, storey, two_floors};
-use gusset::config::Prepared;
 use gusset::control::Axis;
 use gusset::engine::{Control, Ending, Operator, Stop};
 use gusset::record::RunFolder;
@@ -331,7 +330,7 @@ fn an_operator_who_asks_at_any_tick_gets_an_orderly_end() {
 fn a_panic_in_the_loop_retires_all() {
     for at in [0, 5, 9] {
         let log = Log::default();
-        let Prepared { facts, files, .. } = prepare(
+        let mut prepared = prepare(
             "timing.warmup_ticks = 0\n[time]\nrate_hz = 1000\nduration_s = 0.012\nclock = \"simulated\"\n\
              [structure.shear_building]\nmass_kg = [2e3, 2e3]\nstiffness_n_per_m = [3e5, 3e5]\n",
         );
@@ -358,11 +357,7 @@ fn a_panic_in_the_loop_retires_all() {
         );
         let place = tempfile::tempdir().unwrap();
         let folder = RunFolder::create(&place.path().join("run")).unwrap();
-        let prepared = Prepared {
-            experiment,
-            facts,
-            files,
-        };
+        prepared.experiment = experiment;
         let requests = crossbeam_channel::never();
         let finished =
             session::run(prepared, folder, requests, Watches::default(), &mut |_| {}).unwrap();
