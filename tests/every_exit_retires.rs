@@ -6,7 +6,7 @@ mod common;
 use common::engine::{Run, prepare, run_on, run_under};
 use common::rig::{Act, Call, Log, Phase, attach, storey, two_floors};
 use gusset::control::Axis;
-use gusset::engine::{Control, Ending, Operator, Stop};
+use gusset::engine::{Control, Ending, Experiment, Operator, Stop};
 use gusset::record::RunFolder;
 use gusset::session::{self, Finish, Watches};
 use gusset::substructure::{Coupling, LinkFault, Retirement};
@@ -16,13 +16,20 @@ const STEPS: u32 = 12;
 /// Warm-up and a static load, so that faults before t = 0 are among those tried.
 const BEFORE: &str = "structure.static_load_n = [100.0, 50.0]\ntiming.warmup_ticks = 3";
 
+/// The two floors with what comes before t = 0, the load in few parts.
+fn floors() -> Experiment {
+    let mut experiment = two_floors(STEPS, BEFORE);
+    experiment.settling.as_mut().unwrap().parts = 2;
+    experiment
+}
+
 /// Runs with two rigs, of which rig `faulty` acts as it is told.
 fn run_with(
     faulty: usize,
     act: impl Fn(Phase, u64) -> Act + Send + Clone + 'static,
 ) -> (Run, Vec<(usize, Call)>) {
     let log = Log::default();
-    let mut experiment = two_floors(STEPS, BEFORE);
+    let mut experiment = floors();
     for number in 0..2 {
         let act = act.clone();
         attach(
@@ -211,7 +218,7 @@ fn a_response_that_overflows_or_runs_away_is_never_sent() {
             if hit { Act::Force(1.7e308) } else { Act::Serve }
         };
         let log = Log::default();
-        let mut experiment = two_floors(STEPS, BEFORE);
+        let mut experiment = floors();
         attach(&mut experiment, storey(0), Coupling::Lockstep, &log, act);
         attach(
             &mut experiment,
@@ -287,7 +294,7 @@ fn an_operator_who_asks_at_any_tick_gets_an_orderly_end() {
     for at in 0..issued {
         let log = Log::default();
         let (ask, requests) = crossbeam_channel::bounded(1);
-        let mut experiment = two_floors(STEPS, BEFORE);
+        let mut experiment = floors();
         attach(
             &mut experiment,
             storey(0),
