@@ -70,7 +70,7 @@ fn a_missing_measurement_is_held_and_said() {
     }
     let (name, _, link) = &run.outcome.ports[0];
     assert_eq!(
-        (name.as_str(), link.sent, link.received, link.late),
+        (name.as_str(), link.sent, link.received, link.stale),
         ("rig-1", 41, 37, 4)
     );
 }

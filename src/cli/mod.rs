@@ -13,6 +13,7 @@ mod progress;
 mod report;
 mod run;
 mod schema;
+mod serve;
 mod table;
 
 use std::fmt::Display;
@@ -54,6 +55,8 @@ enum Command {
     Export(ExportArgs),
     /// Write a run's report.html again.
     Report(ReportArgs),
+    /// Host a specimen for controllers that command it over a network, until told to stop.
+    Serve(ServeArgs),
     /// Print the JSON Schema of the test file.
     #[command(
         after_help = "Example:\n  gusset schema > gusset.schema.json\n\nAn editor with a TOML language server completes \
@@ -194,6 +197,51 @@ struct ReportArgs {
     picture: Option<PathBuf>,
 }
 
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  gusset serve column.toml --listen 127.0.0.1:4823\n  \
+    gusset serve test.toml --specimen ground-storey --transport udp --key lab.key --listen 0.0.0.0:4823"
+)]
+struct ServeArgs {
+    /// A file with [[specimen]] and [serve], or a test file.
+    file: PathBuf,
+    /// Where to listen; port 0 takes any free one [default: 127.0.0.1:4823].
+    #[arg(long, value_name = "ADDR:PORT")]
+    listen: Option<String>,
+    /// What is spoken [default: gusset].
+    #[arg(long, value_enum)]
+    protocol: Option<ProtocolArg>,
+    /// How the bytes travel [default: tcp].
+    #[arg(long, value_enum)]
+    transport: Option<TransportArg>,
+    /// Which specimen of the file, if there are several.
+    #[arg(long, value_name = "NAME")]
+    specimen: Option<String>,
+    /// Pre-shared key; required beyond loopback.
+    #[arg(long, value_name = "FILE")]
+    key: Option<PathBuf>,
+    /// Busy loop around the moment at which the next command is expected, on either side of it.
+    #[arg(long, value_name = "US", default_value_t = 60.0)]
+    spin: f64,
+    /// Print only the line that says where it listens.
+    #[arg(long)]
+    quiet: bool,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum ProtocolArg {
+    /// Our own: tools/PROTOCOL.md.
+    Gusset,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum TransportArg {
+    /// A TCP connection.
+    Tcp,
+    /// UDP datagrams.
+    Udp,
+}
+
 /// Runs the command line and returns the exit code of contracts: 0 done, 1 stopped, 2 wrong usage, 3 link, 4 no real
 /// time, 5 our own fault, 130 and 143 interrupted.
 #[must_use]
@@ -206,6 +254,7 @@ pub fn main() -> ExitCode {
         Command::Doctor(args) => doctor::doctor(&args),
         Command::Export(args) => export::export(&args),
         Command::Report(args) => report::report(&args),
+        Command::Serve(args) => serve::serve(&args),
         Command::Schema => schema::schema(),
     };
     match result {

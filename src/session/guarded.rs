@@ -15,8 +15,22 @@ pub(super) struct Ended {
     pub outcome: Option<Outcome>,
     /// A panic of our own, in words.
     pub fault: Option<String>,
+    /// Why a specimen could not be connected, so that the loop never started.
+    pub unconnected: Option<String>,
     /// Wall time of the loop, whatever clock it ran on.
     pub wall_ns: u64,
+}
+
+impl Ended {
+    /// The end of a test whose loop never ran.
+    pub fn without_loop(unconnected: Option<String>) -> Self {
+        Self {
+            outcome: None,
+            fault: None,
+            unconnected,
+            wall_ns: 0,
+        }
+    }
 }
 
 /// Whatever happens in the loop, the specimens are retired: a panic is caught here and named.
@@ -30,6 +44,7 @@ pub(super) fn run_retired(engine: &mut Engine, control: &Control, real: bool) ->
             wall_ns: if real { outcome.wall_ns } else { since },
             outcome: Some(outcome),
             fault: None,
+            unconnected: None,
         },
         Err(panic) => {
             let mut fault = panic_text(panic.as_ref());
@@ -44,6 +59,7 @@ pub(super) fn run_retired(engine: &mut Engine, control: &Control, real: bool) ->
             Ended {
                 outcome: catch_unwind(AssertUnwindSafe(close)).ok(),
                 fault: Some(fault),
+                unconnected: None,
                 wall_ns: since,
             }
         }

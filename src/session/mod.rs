@@ -11,6 +11,7 @@
 //! No shared mutable state with the loop, no mutex it could meet.
 
 mod bare;
+mod connect;
 mod guarded;
 mod page;
 mod signals;
@@ -118,7 +119,8 @@ const LOOK_EVERY: Duration = Duration::from_millis(100);
 /// A test whose threads stand ready; nothing has moved.
 struct Ready {
     thread: JoinHandle<()>,
-    go: SyncSender<()>,
+    go: SyncSender<Experiment>,
+    experiment: Experiment,
     done: mpsc::Receiver<Ended>,
     writer: Writer,
     sampler: Option<Sampler>,
@@ -181,16 +183,20 @@ fn prepare(
     // The loop's thread first: it says what it was granted before anything else is set up or moved.
     let plan = real.then(|| RtPlan::new(&facts.timing, period_ns(facts.rate_hz)));
     let (answer, answered) = mpsc::sync_channel(1);
-    let (go, gate) = mpsc::sync_channel::<()>(1);
+    let (go, gate) = mpsc::sync_channel::<Experiment>(1);
     let (done_in, done) = mpsc::sync_channel(1);
     let control = Control { requests };
     let thread = std::thread::Builder::new()
         .name("gusset-loop".into())
         .spawn(move || {
             let granted = plan.as_ref().map(apply);
-            if answer.send((granted.clone(), os::thread_id())).is_err() || gate.recv().is_err() {
+            if answer.send((granted.clone(), os::thread_id())).is_err() {
                 return;
             }
+            // The gate opens when every specimen is connected; a gate that is dropped ends the test unmoved.
+            let Ok(experiment) = gate.recv() else {
+                return;
+            };
             let clock: Box<dyn Clock> = match &granted {
                 Some(granted) => Box::new(granted.clock()),
                 None => Box::new(SimClock::new()),
@@ -249,6 +255,7 @@ fn prepare(
     Ok(Ready {
         thread,
         go,
+        experiment,
         done,
         writer,
         sampler,
@@ -266,29 +273,23 @@ fn carry_out(
     let Ready {
         thread,
         go,
+        mut experiment,
         done,
         writer,
         sampler,
         granted,
     } = ready;
-    let mut latest = Progress::default();
+    let mut facts = facts.clone();
     let began = Wall::now();
-    let _ = go.send(());
-    let mut ended = loop {
-        match done.recv_timeout(LOOK_EVERY) {
-            Ok(ended) => break ended,
-            Err(mpsc::RecvTimeoutError::Timeout) => {
-                writer.progress(&mut latest);
-                progress(&latest);
-            }
-            // The thread can end without a word only by a panic outside the engine.
-            Err(mpsc::RecvTimeoutError::Disconnected) => {
-                break Ended {
-                    outcome: None,
-                    fault: Some("the loop's thread died".to_owned()),
-                    wall_ns: 0,
-                };
-            }
+    let mut ended = match connect::connect(&mut experiment, &writer) {
+        Ok(warnings) => {
+            facts.warnings.extend(warnings);
+            let _ = go.send(experiment);
+            wait_for_the_end(&done, &writer, progress)
+        }
+        Err(text) => {
+            drop(go);
+            Ended::without_loop(Some(text))
         }
     };
     let _ = thread.join();
@@ -311,7 +312,7 @@ fn carry_out(
         summary::write_timing(&folder, &outcome.timing, span, &mut unwritten);
     }
     let (finish, summary) = summary::summarise(
-        facts,
+        &facts,
         &folder,
         &ended,
         &recorded,
@@ -328,6 +329,30 @@ fn carry_out(
         recorded,
         granted,
         unwritten,
+    }
+}
+
+/// Shows the progress until the loop's thread says how it ended.
+fn wait_for_the_end(
+    done: &mpsc::Receiver<Ended>,
+    writer: &Writer,
+    progress: &mut dyn FnMut(&Progress),
+) -> Ended {
+    let mut latest = Progress::default();
+    loop {
+        match done.recv_timeout(LOOK_EVERY) {
+            Ok(ended) => break ended,
+            Err(mpsc::RecvTimeoutError::Timeout) => {
+                writer.progress(&mut latest);
+                progress(&latest);
+            }
+            // The thread can end without a word only by a panic outside the engine.
+            Err(mpsc::RecvTimeoutError::Disconnected) => {
+                let mut ended = Ended::without_loop(None);
+                ended.fault = Some("the loop's thread died".to_owned());
+                break ended;
+            }
+        }
     }
 }
 

@@ -65,10 +65,11 @@ pub(super) fn summarise(
     unwritten: &[String],
 ) -> (Finish, Summary) {
     let outcome = ended.outcome.as_ref();
-    let (finish, reason) = match (&ended.fault, outcome) {
-        (Some(fault), _) => (Finish::Panicked, format!("internal error: {fault}")),
-        (None, Some(outcome)) => ending(&outcome.ending),
-        (None, None) => (Finish::Panicked, "internal error".to_owned()),
+    let (finish, reason) = match (&ended.fault, &ended.unconnected, outcome) {
+        (None, Some(text), _) => (Finish::LinkFailed, format!("{text}; nothing was moved")),
+        (Some(fault), _, _) => (Finish::Panicked, format!("internal error: {fault}")),
+        (None, None, Some(outcome)) => ending(outcome),
+        (None, None, None) => (Finish::Panicked, "internal error".to_owned()),
     };
     let (finish, reason) = match finish {
         Finish::Completed if facts.record_required && recorded.rows_lost() > 0 => (
@@ -118,21 +119,32 @@ pub(super) fn summarise(
     (finish, summary)
 }
 
-fn ending(ending: &Ending) -> (Finish, String) {
-    match ending {
+fn ending(outcome: &Outcome) -> (Finish, String) {
+    match &outcome.ending {
         Ending::Completed => (Finish::Completed, "end of the test".to_owned()),
         Ending::Stopped(stop) => {
             let finish = match stop {
                 Stop::Operator => Finish::Interrupted,
                 Stop::Link { .. } => Finish::LinkFailed,
                 Stop::Internal => Finish::Panicked,
-                Stop::Late { .. }
+                Stop::Interlock { .. }
+                | Stop::Late { .. }
                 | Stop::Stale { .. }
                 | Stop::Diverged { .. }
                 | Stop::NotFinite { .. }
                 | Stop::NotSettled { .. } => Finish::Stopped,
             };
-            (finish, stop.to_string())
+            let told = match stop {
+                Stop::Link { port, .. } => {
+                    outcome.complaints.iter().find(|(index, _)| index == port)
+                }
+                _ => None,
+            };
+            let reason = match told {
+                Some((_, text)) => format!("{stop} ({text})"),
+                None => stop.to_string(),
+            };
+            (finish, reason)
         }
     }
 }
@@ -161,9 +173,12 @@ fn links(outcome: &Outcome) -> BTreeMap<String, LinkCounts> {
     let counts = |link: &crate::control::LinkCount| LinkCounts {
         sent: link.sent,
         received: link.received,
-        late: link.late,
-        lost: link.sent.saturating_sub(link.received + link.late),
-        corrupt: 0,
+        late: link.stats.late,
+        lost: link.sent.saturating_sub(link.received + link.stats.late),
+        corrupt: link.stats.corrupt,
+        duplicates: link.stats.duplicates,
+        recovered: link.stats.recovered,
+        missed: link.stats.missed,
     };
     outcome
         .ports

@@ -5,6 +5,8 @@
 //! moves, and nothing is written.
 
 mod excitation;
+mod gear;
+pub(in crate::config) mod links;
 mod proof;
 mod specimens;
 mod structure;
@@ -208,7 +210,8 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         queue_s: file.record.queue_s,
         warnings: warnings.iter().map(|w| w.headline.clone()).collect(),
     };
-    let resolved = match super::resolve(file, facts.lambda(), &site.inputs) {
+    let named = links::with_keys_from_anywhere(file, &site.loaded.path);
+    let resolved = match super::resolve(&named, facts.lambda(), &site.inputs) {
         Ok(resolved) => resolved,
         Err(error) => return site.refuse(Finding::error(KeyPath::root(), error.to_string())),
     };

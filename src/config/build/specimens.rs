@@ -4,22 +4,22 @@ mod sums;
 
 use nalgebra::DMatrix;
 
-use super::{Refused, Site, path};
-use crate::config::{AxisTable, Finding, KeyPath, MatrixValue, SpecimenTable};
-use crate::control::{Axis, Port};
+use super::gear::{Rows, axis, scaled};
+use super::{Refused, Site, links, path};
+use crate::config::{Finding, KeyPath, MatrixValue, SpecimenTable};
+use crate::control::{Axis, Port, WaitRules};
 use crate::law::Reach;
 use crate::linalg::SymMatrix;
+use crate::link::{NativeLink, NativeSetup};
 use crate::model::StructureSpec;
 use crate::specimen::{InProcess, InUnits, Specimen};
-
-/// A square matrix by rows, one row per axis.
-type Rows = Vec<Vec<f64>>;
+use crate::substructure::Substructure;
 
 /// One specimen with everything that is known of it, in the structure's units and at its scale.
 #[derive(Debug)]
 struct Entry {
     name: String,
-    law: Box<dyn Specimen>,
+    stand: Stand,
     axes: Vec<Axis>,
     units: Vec<(f64, f64)>,
     /// k̂ and ĉ, by rows.
@@ -32,6 +32,13 @@ struct Entry {
     /// Upper bounds of the tangents; the axis (from 0) whose reach is missing otherwise.
     bounds: Result<(Rows, Rows), usize>,
     mass_in_force: f64,
+}
+
+/// What stands for a specimen.
+#[derive(Debug)]
+enum Stand {
+    Law(Box<dyn Specimen>),
+    Link(Box<NativeSetup>, WaitRules),
 }
 
 /// All specimens of a test, in order.
@@ -51,15 +58,16 @@ pub(super) fn specimens(site: &mut Site<'_>) -> Result<Specimens, Refused> {
 fn entry(site: &mut Site<'_>, at: &KeyPath, table: &SpecimenTable) -> Result<Entry, Refused> {
     let rows = rows(site, at, table)?;
     let n = rows.len();
-    let Some((key, source)) = table.sources().into_iter().next() else {
-        return site.refuse(Finding::error(
-            at.clone(),
-            "nothing stands for the specimen",
-        ));
-    };
-    let mut law = match source.build(n) {
-        Ok(law) => law,
-        Err(error) => return site.refuse_key(&at.key(key), error.key(), &error),
+    let mut law = match (table.sources().into_iter().next(), &table.link) {
+        (Some((key, source)), _) => match source.build(n) {
+            Ok(law) => Some(law),
+            Err(error) => return site.refuse_key(&at.key(key), error.key(), &error),
+        },
+        (None, Some(_)) => None,
+        (None, None) => {
+            let text = "nothing stands for the specimen";
+            return site.refuse(Finding::error(at.clone(), text));
+        }
     };
     let mut axes = Vec::with_capacity(n);
     let mut units = Vec::with_capacity(n);
@@ -79,7 +87,9 @@ fn entry(site: &mut Site<'_>, at: &KeyPath, table: &SpecimenTable) -> Result<Ent
         units.push(to_si);
     }
     let (mut k, mut c, mut m) = (vec![0.0; n * n], vec![0.0; n * n], vec![0.0; n * n]);
-    law.reference(&mut k, &mut c, &mut m);
+    if let Some(law) = &law {
+        law.reference(&mut k, &mut c, &mut m);
+    }
     let scaled = |flat: &[f64], motion: fn(&Axis) -> f64| scaled(flat, &axes, &units, motion);
     let stiffness = match &table.stiffness_n_per_m {
         Some(given) => estimate(site, &at.key("stiffness_n_per_m"), given, n)?,
@@ -90,25 +100,41 @@ fn entry(site: &mut Site<'_>, at: &KeyPath, table: &SpecimenTable) -> Result<Ent
         None => scaled(&c, |axis| axis.vel_gain),
     };
     let mass = scaled(&m, |axis| axis.vel_gain * axis.vel_gain / axis.disp_gain);
-    let stiffness_at_rest = match &table.stiffness_n_per_m {
-        Some(_) => stiffness.clone(),
-        None => {
+    let stiffness_at_rest = match (&table.stiffness_n_per_m, &mut law) {
+        (None, Some(law)) => {
             let (still, mut force) = (vec![0.0; n], vec![0.0; n]);
             law.trial(&still, &still, 0.0, &mut force);
             law.tangent(&mut k);
             law.revert();
             scaled(&k, |axis| axis.disp_gain)
         }
+        (Some(_), _) | (None, None) => stiffness.clone(),
     };
-    let bounds = law.bound(&reach, &mut k, &mut c).map(|()| {
-        (
-            scaled(&k, |axis| axis.disp_gain),
-            scaled(&c, |axis| axis.vel_gain),
-        )
-    });
+    let bounds = match &law {
+        Some(law) => law.bound(&reach, &mut k, &mut c).map(|()| {
+            (
+                scaled(&k, |axis| axis.disp_gain),
+                scaled(&c, |axis| axis.vel_gain),
+            )
+        }),
+        None => {
+            let ratio = table.hardening_bound.unwrap_or(1.0);
+            let times = |row: &Vec<f64>| row.iter().map(|value| ratio * value).collect();
+            Ok((stiffness.iter().map(times).collect(), damping.clone()))
+        }
+    };
+    let stand = match (law, &table.link) {
+        (Some(law), _) => Stand::Law(law),
+        (None, Some(link)) => {
+            let (setup, rules) = links::native(site, at, table, link, n)?;
+            Stand::Link(Box::new(setup), rules)
+        }
+        // Refused above.
+        (None, None) => return Err(Refused),
+    };
     Ok(Entry {
         name: table.name.clone(),
-        law,
+        stand,
         axes,
         units,
         stiffness,
@@ -149,55 +175,12 @@ fn rows(
             Ok(rows.iter().map(sparse).collect())
         }
         // Without a structure there is nothing to transform: as many axes as the laws or the axis tables say.
-        (_, _, None) => {
-            let laws = match &table.laws {
-                Some(crate::specimen::SpecimenLaw::Laws(laws)) => laws.len(),
-                _ => match &table.coupled {
-                    Some(crate::specimen::SpecimenLaw::Coupled(coupled)) => {
-                        coupled.stiffness_n_per_m.len()
-                    }
-                    _ => 1,
-                },
-            };
-            Ok(vec![Vec::new(); laws.max(table.axis.len()).max(1)])
-        }
+        (_, _, None) => Ok(vec![Vec::new(); table.axes_by_itself()]),
         (None, None, Some(_)) => {
             let text = "which deformation does the specimen see: `storey` or `rows`";
             site.refuse(Finding::error(at.clone(), text))
         }
     }
-}
-
-/// The map of one axis, and metres and newtons in one unit of it.
-fn axis(table: &SpecimenTable, gear: &AxisTable, row: Vec<(usize, f64)>) -> (Axis, (f64, f64)) {
-    let (metres, newtons) = (gear.unit_disp.metres(), gear.unit_force.newtons());
-    let ratio = f64::from(gear.sign) * gear.scale;
-    let scale = &table.similitude;
-    let axis = Axis {
-        row,
-        base: 0.0,
-        disp_gain: ratio / (scale.length * metres),
-        disp_offset: gear.offset_m / metres,
-        vel_gain: ratio * scale.time / (scale.length * metres),
-        force_gain: scale.force * ratio * newtons,
-        force_offset: gear.offset_n / newtons,
-    };
-    (axis, (metres, newtons))
-}
-
-/// A matrix of the law (by columns, SI, specimen's scale) as the structure sees it (by rows).
-fn scaled(flat: &[f64], axes: &[Axis], units: &[(f64, f64)], motion: fn(&Axis) -> f64) -> Rows {
-    let n = axes.len();
-    let value = |i: usize, j: usize| {
-        let (force, moved) = (
-            axes[i].force_gain / units[i].1,
-            motion(&axes[j]) * units[j].0,
-        );
-        force * flat[j * n + i] * moved
-    };
-    (0..n)
-        .map(|i| (0..n).map(|j| value(i, j)).collect())
-        .collect()
 }
 
 fn estimate(
@@ -287,15 +270,18 @@ impl Specimens {
             let diagonal = (0..entry.axes.len())
                 .map(|i| entry.stiffness[i][i])
                 .collect();
-            let specimen = InProcess::new(InUnits::new(entry.law, &entry.units));
-            match Port::new(
-                entry.name,
-                entry.axes,
-                Box::new(specimen),
-                dofs.max(1),
-                diagonal,
-            ) {
-                Ok(port) => ports.push(port),
+            let (substructure, wait): (Box<dyn Substructure>, _) = match entry.stand {
+                Stand::Law(law) => (
+                    Box::new(InProcess::new(InUnits::new(law, &entry.units))),
+                    None,
+                ),
+                Stand::Link(setup, rules) => (Box::new(NativeLink::new(*setup)), Some(rules)),
+            };
+            match Port::new(entry.name, entry.axes, substructure, dofs.max(1), diagonal) {
+                Ok(mut port) => {
+                    port.wait = wait;
+                    ports.push(port);
+                }
                 Err(error) => {
                     let at = path("specimen").index(index);
                     return site.refuse(Finding::error(at, error.to_string()));
