@@ -40,7 +40,8 @@ fn against(code: i32, event: &str, script: impl FnOnce(Fake) + Send + 'static) -
 /// Every file of the contract is there, and the end is in the log.
 fn complete(folder: &Path, name: &str, event: &str) {
     let summary = summary(folder, name);
-    assert_eq!(summary.steps, 9, "steps 0 to 9 were answered");
+    // Steps 0 to 9 were answered; a connection that is reset may take the last answer with it.
+    assert!(matches!(summary.steps, 8 | 9), "{}", summary.steps);
     let expected = if event == "link" {
         Ended::Failed
     } else {
