@@ -13,7 +13,7 @@ use crate::time::Nanos;
 pub struct Command<'a> {
     /// Number of this command, growing by one from 0; exchanges before t = 0 are counted too.
     pub sequence: u64,
-    /// Test time t in s that the displacement belongs to; negative while a static load is brought on.
+    /// Test time t in s that the displacement belongs to; 0 also for every exchange before t = 0.
     pub time: f64,
     /// Test time that passes from the previous command to this one, in s: Δt, or 0 for a hold.
     pub dt: f64,

@@ -81,6 +81,7 @@ fn every_file_of_the_contract_is_there_and_no_other() {
         "samples.json",
         "summary.json",
         "test.toml",
+        "timing.hlog",
         "timing.json",
     ]
     .map(str::to_owned)

@@ -16,7 +16,7 @@ pub fn report(args: &ReportArgs) -> anyhow::Result<Exit> {
             Notice::Unfinished
         ));
     }
-    tell(page.display());
+    tell(page.path.display());
     if let Some(picture) = &args.picture {
         anyhow::ensure!(!picture.exists(), "{} exists already", picture.display());
         tell(session::hero(&args.run, picture)?.display());

@@ -1,7 +1,7 @@
 //! `gusset run`.
 
 use std::io::IsTerminal;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::Context;
 
@@ -12,7 +12,7 @@ use super::{ClockArg, RunArgs, answer, tell, warn};
 use crate::config::{self, ConfigError, Facts, Loaded};
 use crate::record::{Progress, RunFolder};
 use crate::rt::wall::Wall;
-use crate::session::{self, Finish, Finished, SessionError, Signal, Signals, Watches};
+use crate::session::{self, Finish, Finished, Page, SessionError, Signal, Signals, Watches};
 
 /// Runs one test.
 pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
@@ -70,7 +70,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
         tell(format_args!("warning: stdout: {error}"));
     }
     if !args.quiet {
-        conclude(&facts, &finished, report.ok());
+        conclude(&facts, &finished, report.ok().as_ref());
     }
     Ok(match (finished.finish, signals.seen()) {
         (Finish::Completed, _) => Exit::Done,
@@ -99,7 +99,7 @@ pub fn refused(error: ConfigError) -> anyhow::Error {
 }
 
 /// What a person wants to know at the end of a test.
-fn conclude(facts: &Facts, finished: &Finished, report: Option<PathBuf>) {
+fn conclude(facts: &Facts, finished: &Finished, page: Option<&Page>) {
     let summary = &finished.summary;
     let verdict = match finished.finish {
         Finish::Completed => "completed",
@@ -169,6 +169,17 @@ fn conclude(facts: &Facts, finished: &Finished, report: Option<PathBuf>) {
             );
         }
     }
+    for axis in page.iter().flat_map(|page| &page.identified) {
+        let or_unknown = |value: Option<f64>, unit: &str| {
+            value.map_or_else(|| "unknown".to_owned(), |value| quantity(value, unit))
+        };
+        let text = format!(
+            "stiffness {}, lag {}",
+            or_unknown(axis.stiffness, "N/m"),
+            axis.lag.map_or_else(|| "unknown".to_owned(), duration)
+        );
+        table.row(&format!("identified, {}", axis.name), &text);
+    }
     if let Some(granted) = &finished.granted {
         table.timing(&summary.timing);
         let classes = &summary.miss_classes;
@@ -187,8 +198,8 @@ fn conclude(facts: &Facts, finished: &Finished, report: Option<PathBuf>) {
     if summary.rows_lost > 0 {
         table.row("ROWS LOST", &summary.rows_lost.to_string());
     }
-    if let Some(report) = report {
-        table.row("report", &report.display().to_string());
+    if let Some(page) = page {
+        table.row("report", &page.path.display().to_string());
     }
     table.row("data", &finished.path.display().to_string());
     tell(table);

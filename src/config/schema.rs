@@ -112,7 +112,7 @@ pub struct StructureTable {
     /// Viscous damping by rule, in place of dashpots or a damping matrix in the structure's own table.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub damping: Option<DampingSpec>,
-    /// Displacement of every DOF at t = 0 in m. Default: zero.
+    /// Displacement of every DOF at t = 0 in m, counted from its position under the static load. Default: zero.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub initial_displacement_m: Option<Vec<f64>>,
     /// Velocity of every DOF at t = 0 in m/s. Default: zero.

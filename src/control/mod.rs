@@ -105,6 +105,8 @@ pub struct Port {
     pub command: Vec<f64>,
     command_vel: Vec<f64>,
     raw: Measurement,
+    /// Where the substructure writes, so that an older measurement never replaces a newer one.
+    incoming: Measurement,
     /// Measured displacement, brought back to the structure's metres.
     pub measured: Vec<f64>,
     /// Restoring force in N that enters equilibrium.
@@ -133,6 +135,19 @@ impl std::fmt::Debug for Port {
             .field("name", &self.name)
             .field("axes", &self.axes)
             .finish()
+    }
+}
+
+/// `to` ← `from`, which has as many axes. Real-time: yes.
+fn copy(from: &Measurement, to: &mut Measurement) {
+    to.sequence = from.sequence;
+    to.time = from.time;
+    to.status = from.status;
+    for (to, from) in to.disp.iter_mut().zip(&from.disp) {
+        *to = *from;
+    }
+    for (to, from) in to.force.iter_mut().zip(&from.force) {
+        *to = *from;
     }
 }
 
@@ -187,6 +202,7 @@ impl Port {
             command: vec![0.0; n],
             command_vel: vec![0.0; n],
             raw: Measurement::zeros(n),
+            incoming: Measurement::zeros(n),
             measured: vec![0.0; n],
             force: vec![0.0; n],
             peak_force: vec![0.0; n],
@@ -284,12 +300,19 @@ impl Port {
         self.substructure.issue(&command)
     }
 
-    /// Takes the answer and brings it into the structure's units. Real-time: yes.
+    /// Takes the answer and brings it into the structure's units. One that is older than what is known already counts
+    /// as stale and changes nothing. Real-time: yes.
     ///
     /// # Errors
     /// The link is lost, or the force is not a finite number.
     pub fn collect(&mut self, deadline: Nanos) -> Result<Freshness, LinkFault> {
-        let freshness = self.substructure.collect(deadline, &mut self.raw)?;
+        copy(&self.raw, &mut self.incoming);
+        let mut freshness = self.substructure.collect(deadline, &mut self.incoming)?;
+        if self.incoming.sequence < self.raw.sequence {
+            freshness = Freshness::Stale;
+        } else {
+            copy(&self.incoming, &mut self.raw);
+        }
         match freshness {
             Freshness::Fresh => self.link.received += 1,
             Freshness::Stale => self.link.late += 1,

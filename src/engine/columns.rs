@@ -32,16 +32,11 @@ pub struct Row {
     timing: Range<usize>,
 }
 
-const BOOKKEEPING: [(&str, &str, &str); 5] = [
+const BOOKKEEPING: [(&str, &str, &str); 4] = [
     ("step", "1", "step of the integration, from 0 at t = 0"),
     ("sub_tick", "1", "tick within the step, from 0"),
     ("state", "1", "1 = static load is brought on, 3 = running"),
     ("time", "s", "test time"),
-    (
-        "ground",
-        "m/s2 or m",
-        "ground acceleration or base displacement of this step",
-    ),
 ];
 
 const TIMING: [(&str, &str); 6] = [
@@ -74,11 +69,17 @@ const TIMING: [(&str, &str); 6] = [
 impl Row {
     /// The row for `dofs` (from 0) of a structure and all ports, and its description.
     #[must_use]
-    pub fn new(dofs: &[usize], ports: &[Port]) -> (Self, Vec<Column>) {
+    pub fn new(dofs: &[usize], side: &Side, ports: &[Port]) -> (Self, Vec<Column>) {
         let mut columns = Vec::new();
         for (name, unit, meaning) in BOOKKEEPING {
             columns.push(column(name, unit, meaning, false));
         }
+        let (unit, meaning) = if moves_its_base(side) {
+            ("m", "displacement of the base")
+        } else {
+            ("m/s2", "acceleration of the ground")
+        };
+        columns.push(column("ground", unit, meaning, false));
         let block = |columns: &mut Vec<Column>, letter: &str, unit: &str, meaning: &str| {
             let start = columns.len();
             for dof in dofs {
@@ -135,6 +136,9 @@ impl Row {
     /// What the next advance and the next aim will overwrite: x and everything of the ports. Real-time: yes.
     pub fn exchange(&mut self, tick: &Tick, state: f64, side: &Side, ports: &[Port]) {
         let ground = match side {
+            Side::Structure(numerical) if numerical.excitation.has_base() => {
+                numerical.excitation.base(tick.index()).0
+            }
             Side::Structure(numerical) => numerical.excitation.ground(tick.index()),
             Side::Prescribed(_) => 0.0,
         };
@@ -211,6 +215,10 @@ impl Row {
             }
         }
     }
+}
+
+fn moves_its_base(side: &Side) -> bool {
+    matches!(side, Side::Structure(numerical) if numerical.excitation.has_base())
 }
 
 fn gather(values: &mut [f64], range: &Range<usize>, dofs: &[usize], from: &[f64]) {

@@ -26,7 +26,7 @@ use crate::rt::timing::{TickStamps, Timing};
 use crate::substructure::LinkFault;
 use crate::time::{Clock, Nanos, Ratio, Schedule};
 
-/// What to do about a tick that starts a period or more late.
+/// What to do about a tick that starts, or leaves the next one to start, a period or more late.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum OnMiss {
     /// Move the grid by whole ticks: the specimen sees slower time, never a burst of commands.
@@ -220,7 +220,7 @@ impl Experiment {
     /// Names, units and meanings of the columns that this experiment will record.
     #[must_use]
     pub fn columns(&self) -> Vec<Column> {
-        columns::Row::new(&self.record_dofs, &self.ports).1
+        columns::Row::new(&self.record_dofs, &self.side, &self.ports).1
     }
 }
 
@@ -238,7 +238,7 @@ impl Engine {
             record_dofs,
             limits,
         } = experiment;
-        let (row, columns) = columns::Row::new(&record_dofs, &ports);
+        let (row, columns) = columns::Row::new(&record_dofs, &side, &ports);
         let dofs = match &side {
             Side::Structure(numerical) => numerical.structure.dofs(),
             Side::Prescribed(_) => 0,

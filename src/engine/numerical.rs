@@ -124,6 +124,9 @@ impl Numerical {
             self.state.clone_from(&state);
         }
         self.structure.thaw(&memory);
+        for output in [&mut self.inertia, &mut self.reported_vel, &mut self.accel] {
+            output.fill(0.0);
+        }
     }
 }
 

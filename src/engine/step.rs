@@ -81,9 +81,10 @@ impl Engine {
     /// A lockstep partner is waited for, a sampled one has until its share of the tick is over.
     fn reply_deadline(&self, index: usize, sent: Nanos) -> Nanos {
         match self.ports.get(index).map(crate::control::Port::coupling) {
+            // `edge` is the next one already.
             Some(Coupling::Sampled) => self
                 .schedule
-                .tick(self.edge + 1)
+                .tick(self.edge)
                 .minus(self.schedule.period_ns() / 8),
             _ => sent.plus(self.limits.reply_timeout_ns),
         }
@@ -161,18 +162,22 @@ impl Engine {
             self.rows_lost += 1;
             self.report(tick, EventKind::RowLost);
         }
+        self.steps_done = tick.step;
     }
 
-    /// Peaks over all DOFs, and the last look at the state before its command leaves.
+    /// Peaks over all DOFs, and the last look at the state before its command leaves; after the last step none does.
     fn note_peaks(&mut self, tick: &Tick) -> Result<(), Stop> {
         if let Side::Structure(numerical) = &self.side {
             self.peaks
                 .note_rates(&numerical.reported_vel, &numerical.accel);
-            if tick.step < self.steps {
-                let bound = self.limits.divergence;
-                if let Some((dof, value)) = self.peaks.note_disp(&numerical.state.disp, bound) {
-                    return Err(Stop::Diverged { dof, value });
-                }
+        }
+        if tick.step >= self.steps {
+            return Ok(());
+        }
+        if let Side::Structure(numerical) = &self.side {
+            let bound = self.limits.divergence;
+            if let Some((dof, value)) = self.peaks.note_disp(&numerical.state.disp, bound) {
+                return Err(Stop::Diverged { dof, value });
             }
         }
         match self.ports.iter().position(|port| !port.command_is_finite()) {

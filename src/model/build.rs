@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::damping::damping_matrix;
 use super::{
-    BuildError, ChainSpec, DampingSpec, Element, ElementSpec, MatricesSpec, MatrixTable,
+    BuildError, ChainSpec, DampingSpec, Element, ElementSpec, End, MatricesSpec, MatrixTable,
     ModelError, Part, ShearBuildingSpec, Structure, StructureSpec,
 };
 use crate::law::Reach;
@@ -17,6 +17,15 @@ const NOT_NEGATIVE: &str = "finite and not negative";
 /// As for matrices from files: beyond it a typing error is more likely than a model.
 const MOST_DOFS: usize = 1_000_000;
 const POSITIVE: &str = "finite and greater than 0";
+
+/// What the specimens of a test are to the numerical structure, besides their forces. Both n × n.
+#[derive(Debug, Clone, Copy)]
+pub struct SpecimenShare<'a> {
+    /// Σ Bᵀ k B at rest, in N/m.
+    pub stiffness_at_rest: &'a SymMatrix,
+    /// Σ Bᵀ m B of the masses that the structure carries for them, in kg: their inertia is not in the measured force.
+    pub mass: &'a SymMatrix,
+}
 
 /// M, C, K with the names of their parts.
 struct Linear {
@@ -72,8 +81,7 @@ impl StructureSpec {
         }
     }
 
-    /// Builds the structure. `specimen_stiffness` is Σ k̂ b bᵀ of the specimens, which damping by a rule refers to as
-    /// much as to the numerical stiffness.
+    /// Builds the structure, with what `specimens` add to its mass and to the stiffness that a damping rule refers to.
     ///
     /// # Errors
     /// See [`BuildError`].
@@ -81,10 +89,10 @@ impl StructureSpec {
         &self,
         damping: Option<&DampingSpec>,
         elements: &[ElementSpec],
-        specimen_stiffness: Option<&SymMatrix>,
+        specimens: Option<SpecimenShare<'_>>,
         files: &MatrixFiles,
     ) -> Result<Structure, BuildError> {
-        let linear = match self {
+        let mut linear = match self {
             StructureSpec::ShearBuilding(spec) => spec.linear()?,
             StructureSpec::Matrices(spec) => spec.linear(files)?,
             StructureSpec::Chain(spec) => spec.linear()?,
@@ -92,27 +100,40 @@ impl StructureSpec {
         if let (Some(given), Some(_)) = (linear.damping_given, damping) {
             return Err(BuildError::DampingTwice { given });
         }
-        let built = elements.iter().enumerate();
-        let built: Result<Vec<Element>, BuildError> = built.map(|(i, e)| e.build(i + 1)).collect();
+        if let Some(share) = &specimens {
+            for (what, matrix) in [
+                ("specimen stiffness", share.stiffness_at_rest),
+                ("specimen mass", share.mass),
+            ] {
+                if matrix.n() != linear.mass.n() {
+                    return Err(BuildError::Model(ModelError::Size {
+                        what,
+                        expected: linear.mass.n(),
+                        found: matrix.n(),
+                    }));
+                }
+            }
+            linear.mass = linear.mass.plus(1.0, share.mass);
+        }
+        let mut built = Vec::with_capacity(elements.len());
+        if let StructureSpec::Chain(spec) = self {
+            built.extend(spec.absolute_dampers()?);
+        }
+        for (i, element) in elements.iter().enumerate() {
+            built.push(element.build(i + 1)?);
+        }
         let mut structure = Structure::new(
             linear.mass,
             linear.damping,
             linear.stiffness,
             linear.influence,
-            built?,
+            built,
         )?
         .with_linear_parts(linear.parts);
         if let Some(rule) = damping {
             let mut at_rest = structure.stiffness_at_rest();
-            if let Some(estimate) = specimen_stiffness {
-                if estimate.n() != structure.dofs() {
-                    return Err(BuildError::Model(ModelError::Size {
-                        what: "specimen stiffness",
-                        expected: structure.dofs(),
-                        found: estimate.n(),
-                    }));
-                }
-                at_rest = at_rest.plus(1.0, estimate);
+            if let Some(share) = specimens {
+                at_rest = at_rest.plus(1.0, share.stiffness_at_rest);
             }
             structure.set_damping(damping_matrix(rule, structure.mass(), &at_rest)?)?;
         }
@@ -203,6 +224,32 @@ impl ChainSpec {
             found: self.dofs as f64,
             allowed: "1 to 1000000",
         })
+    }
+
+    /// One damper for each mass, if there are any.
+    fn absolute_dampers(&self) -> Result<Vec<Element>, BuildError> {
+        let Some(law) = &self.absolute_damper else {
+            return Ok(Vec::new());
+        };
+        let damper = |dof: usize| {
+            let name = format!("absolute damper {}", dof + 1);
+            match law.build() {
+                Ok(law) => Ok(Element {
+                    name,
+                    from: End::Fixed,
+                    to: End::Dof(dof),
+                    law,
+                    reach: Reach::default(),
+                    hardening_ratio: None,
+                    damping_ratio: None,
+                }),
+                Err(source) => Err(BuildError::Law {
+                    element: name,
+                    source,
+                }),
+            }
+        };
+        (0..self.dofs).map(damper).collect()
     }
 
     fn linear(&self) -> Result<Linear, BuildError> {

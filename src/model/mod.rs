@@ -19,7 +19,7 @@ mod structure;
 use std::fmt;
 
 pub use accel::Acceleration;
-pub use build::MatrixFiles;
+pub use build::{MatrixFiles, SpecimenShare};
 pub use damping::DampingError;
 pub use error::{BuildError, ModelError};
 pub use npy::NpyError;

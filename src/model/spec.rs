@@ -76,10 +76,14 @@ pub struct ChainSpec {
     /// Each dashpot in N s/m, the one to the base included.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub damping_n_s_per_m: Option<f64>,
+    /// A damper between each mass and the inertial frame, acting on absolute velocity.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub absolute_damper: Option<LawSpec>,
 }
 
 /// Viscous damping by rule, in place of dashpots or a damping matrix. The stiffness that it refers to is the tangent of
-/// the whole structure at rest, elements and specimens' estimates included.
+/// the whole structure at rest, elements and specimens included: a specimen with the estimate that is given for it, else
+/// with the tangent of its law at rest.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub enum DampingSpec {

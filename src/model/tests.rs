@@ -136,6 +136,7 @@ fn a_chain_is_tied_to_the_base_below_and_free_above() {
         mass_kg: 150.0,
         stiffness_n_per_m: 2.5e5,
         damping_n_s_per_m: Some(10.0),
+        absolute_damper: None,
     });
     let mut structure = build(&spec).unwrap();
     assert_eq!(structure.stiffness().get(0, 0), 5e5);
@@ -388,6 +389,7 @@ fn the_internal_force_allocates_nothing() {
         mass_kg: 1.0,
         stiffness_n_per_m: 1.0,
         damping_n_s_per_m: None,
+        absolute_damper: None,
     }))
     .unwrap();
     let mut structure = Structure::new(
@@ -531,9 +533,14 @@ fn damping_by_rule_counts_elements_at_rest_and_specimens() {
         damping_ratio: None,
     };
     let specimen = SymMatrix::from_triplets(3, [(0, 0, 200.0), (0, 1, -200.0), (1, 1, 200.0)]);
-    let parted = building(&[1.0; 3], &[0.0, 0.0, 100.0], None)
-        .build(Some(&rule), &[spring], Some(&specimen), &MatrixFiles::new())
+    let share = SpecimenShare {
+        stiffness_at_rest: &specimen,
+        mass: &SymMatrix::from_triplets(3, [(1, 1, 0.25)]),
+    };
+    let parted = building(&[1.0, 0.75, 1.0], &[0.0, 0.0, 100.0], None)
+        .build(Some(&rule), &[spring], Some(share), &MatrixFiles::new())
         .unwrap();
+    assert_eq!(parted.mass(), whole.mass());
     assert_eq!(parted.damping(), whole.damping());
     assert_eq!(
         parted.reference_stiffness().plus(1.0, &specimen),
@@ -569,6 +576,7 @@ fn bad_descriptions_are_named_by_storey_key_and_file() {
             mass_kg,
             stiffness_n_per_m,
             damping_n_s_per_m: None,
+            absolute_damper: None,
         })
     };
     assert_eq!(
@@ -693,6 +701,7 @@ fn bad_damping_rules_are_explained() {
         mass_kg: 1.0,
         stiffness_n_per_m: 1.0,
         damping_n_s_per_m: None,
+        absolute_damper: None,
     });
     let text = damped(&long, modal(&[0.02])).unwrap_err().to_string();
     assert!(

@@ -287,6 +287,14 @@ impl RunFolder {
         self.write(&format!("{name}.hgrm"), text.as_bytes())
     }
 
+    /// `timing.hlog`: all histograms as one HdrHistogram interval log.
+    ///
+    /// # Errors
+    /// The system refuses.
+    pub fn write_interval_log(&self, text: &[u8]) -> Result<(), FolderError> {
+        self.write("timing.hlog", text)
+    }
+
     /// `summary.json`: the run is finished by this.
     ///
     /// # Errors

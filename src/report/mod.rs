@@ -44,6 +44,7 @@ mod thin;
 pub use histogram::Percentiles;
 pub use page::render;
 pub use pictures::{hero_svg, jitter_svg};
+pub use specimens::{IdentifiedAxis, identified};
 
 use crate::record::Column;
 

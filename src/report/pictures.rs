@@ -45,7 +45,7 @@ pub fn hero_svg(run: &RunData) -> String {
             words: "displ.",
             unit: "m",
         };
-        let commanded = side("cmd");
+        let commanded = side("target");
         let upper = area(10.0, 12.0, 500.0, 160.0);
         let lower = area(10.0, 178.0, 500.0, 176.0);
         one_line(

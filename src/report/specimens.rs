@@ -10,7 +10,7 @@ use super::canvas::Ink;
 use super::charts::Quantity;
 use super::html::{beside, figure, note, paragraph, section, table};
 use super::lines::{Line, LoopChart, Reduce, TimeChart};
-use super::metrics::{self, Denominator};
+use super::metrics::{self, Denominator, Identified};
 use super::outcome;
 use super::rows::{Rows, SpecimenAxis};
 use super::tested::axis_name;
@@ -34,10 +34,10 @@ pub(super) struct Tracking<'a> {
     pub name: String,
     disp_unit: &'a str,
     force_unit: &'a str,
-    cmd: Cow<'a, [f64]>,
+    target: Cow<'a, [f64]>,
     meas: Cow<'a, [f64]>,
     force: Cow<'a, [f64]>,
-    /// Lag of measured behind command in s.
+    /// Lag of measured behind target in s.
     pub lag: Option<f64>,
     nrmse: Option<f64>,
     error: Option<f64>,
@@ -47,27 +47,39 @@ pub(super) struct Tracking<'a> {
 impl<'a> Tracking<'a> {
     fn new(rows: &Rows<'a>, axis: SpecimenAxis, name: String) -> Self {
         let column = |kind: &str| rows.get(&axis.column(kind)).unwrap_or_default();
-        let (cmd, meas, force) = (column("cmd"), column("meas"), column("force"));
+        let (target, meas, force) = (column("target"), column("meas"), column("force"));
         let dt = rows.interval();
         let lag = dt.and_then(|dt| {
             let most = ((LAG_S / dt) as usize).clamp(LAG_LEAST, LAG_MOST);
-            let n = cmd.len().min(meas.len());
+            let n = target.len().min(meas.len());
             let from = n.saturating_sub(LAG_WINDOW) / 2;
             let to = (from + LAG_WINDOW).min(n);
-            Some(metrics::lag(&cmd[from..to], &meas[from..to], most)? * dt)
+            let lag = metrics::lag(&target[from..to], &meas[from..to], most)?;
+            // A thousandth of a sample is what the refinement itself is uncertain by.
+            Some(if lag.abs() < 1e-3 { 0.0 } else { lag * dt })
         });
         Self {
             name,
             disp_unit: rows.unit(&axis.column("meas")),
             force_unit: rows.unit(&axis.column("force")),
             lag,
-            nrmse: metrics::nrmse(&cmd, &meas, Denominator::CommandRms),
-            error: metrics::largest_error(&cmd, &meas),
+            nrmse: metrics::nrmse(&target, &meas, Denominator::CommandRms),
+            error: metrics::largest_error(&target, &meas),
             dt,
-            cmd,
+            target,
             meas,
             force,
         }
+    }
+
+    /// Stiffness and damping of the whole test, and of the first loading.
+    fn identified(&self) -> (Option<Identified>, Option<Identified>) {
+        let Some(dt) = self.dt else {
+            return (None, None);
+        };
+        let first = metrics::loading(&self.meas, FIRST_LOADING).min(self.force.len());
+        let initial = metrics::identify(&self.meas[..first], &self.force[..first], dt);
+        (metrics::identify(&self.meas, &self.force, dt), initial)
     }
 
     fn is_drawable(&self) -> bool {
@@ -147,8 +159,8 @@ fn drawn(time: &[f64], axis: &Tracking<'_>) -> String {
         words: "displacement",
         unit: axis.disp_unit,
     };
-    let command = |x, y, width| Line {
-        name: "command",
+    let target = |x, y, width| Line {
+        name: "target",
         x,
         y,
         ink: Ink::Series(0),
@@ -162,10 +174,10 @@ fn drawn(time: &[f64], axis: &Tracking<'_>) -> String {
         width,
     };
     let lines = [
-        command(time, &axis.cmd, 1.6),
+        target(time, &axis.target, 1.6),
         measured(time, &axis.meas, 1.0),
     ];
-    let title = "Command and measured";
+    let title = "Target and measured";
     let history = TimeChart {
         title,
         up: disp,
@@ -174,11 +186,11 @@ fn drawn(time: &[f64], axis: &Tracking<'_>) -> String {
         reduce: Reduce::Extremes,
         named_time: true,
     };
-    let (from, to) = close_up(time, &axis.cmd, &axis.meas);
+    let (from, to) = close_up(time, &axis.target, &axis.meas);
     let near = |v: &'_ [f64]| v.get(from..to).unwrap_or_default().to_vec();
-    let (near_time, near_cmd, near_meas) = (near(time), near(&axis.cmd), near(&axis.meas));
+    let (near_time, near_target, near_meas) = (near(time), near(&axis.target), near(&axis.meas));
     let lines = [
-        command(&near_time, &near_cmd, 2.2),
+        target(&near_time, &near_target, 2.2),
         measured(&near_time, &near_meas, 1.3),
     ];
     let title = "The same around its largest value";
@@ -200,12 +212,12 @@ fn drawn(time: &[f64], axis: &Tracking<'_>) -> String {
     let right = figure(
         530.0,
         204.0,
-        &label("command and measured over test time"),
+        &label("target and measured over test time"),
         |canvas, area| history.draw(canvas, area),
     ) + &figure(
         530.0,
         204.0,
-        &label("command and measured around the largest value"),
+        &label("target and measured around the largest value"),
         |canvas, area| zoom.draw(canvas, area),
     );
     markup += &beside("pair", &(left + &beside("stack", &right)));
@@ -266,8 +278,8 @@ fn listed(axes: &[Tracking<'_>]) -> String {
         &rows,
     ) + &note(
         "Absorbed energy: ∮ force d(measured displacement), dissipated and what is stored at the end. Lag: measured behind \
-             command in test time, from the largest cross-correlation, refined by a parabola; positive means later (a test of more than 100 000 samples: of their middle). \
-             NRMSE: root mean square of measured − command over root mean square of the command.",
+             target in test time, from the largest cross-correlation, refined by a parabola; positive means later (a test of more than 100 000 samples: of their middle). \
+             NRMSE: root mean square of measured − target over root mean square of the target.",
     )
 }
 
@@ -322,6 +334,41 @@ fn lag_words(lag: f64) -> String {
     }
 }
 
+/// What a test of prescribed displacement says of one axis, in words.
+#[derive(Debug, Clone, PartialEq)]
+pub struct IdentifiedAxis {
+    /// Name of the specimen, and the axis where there are several.
+    pub name: String,
+    /// k̂ of the first loading, N/m: what belongs into K0.
+    pub stiffness: Option<f64>,
+    /// ĉ of the whole test, N s/m.
+    pub damping: Option<f64>,
+    /// Lag of the measured behind the target displacement, s.
+    pub lag: Option<f64>,
+}
+
+/// Every axis of a test of prescribed displacement, identified; none for a test with a structure.
+#[must_use]
+pub fn identified(run: &RunData) -> Vec<IdentifiedAxis> {
+    let rows = Rows::new(run);
+    if !rows.dofs().is_empty() {
+        return Vec::new();
+    }
+    let configuration = super::tested::configuration(run);
+    let axes = tracking(&rows, configuration.as_ref());
+    axes.into_iter()
+        .map(|axis| {
+            let (whole, initial) = axis.identified();
+            IdentifiedAxis {
+                stiffness: initial.or(whole).map(|found| found.stiffness),
+                damping: whole.and_then(|found| found.damping),
+                lag: axis.lag,
+                name: axis.name,
+            }
+        })
+        .collect()
+}
+
 /// For a test of prescribed displacement: identified stiffness, damping and lag of each axis.
 pub(super) fn identification(rows: &Rows<'_>, axes: &[Tracking<'_>]) -> Option<String> {
     if axes.is_empty() || !rows.dofs().is_empty() {
@@ -329,13 +376,7 @@ pub(super) fn identification(rows: &Rows<'_>, axes: &[Tracking<'_>]) -> Option<S
     }
     let mut lines = Vec::new();
     for axis in axes {
-        let whole = axis
-            .dt
-            .and_then(|dt| metrics::identify(&axis.meas, &axis.force, dt));
-        let first = metrics::loading(&axis.meas, FIRST_LOADING).min(axis.force.len());
-        let initial = axis
-            .dt
-            .and_then(|dt| metrics::identify(&axis.meas[..first], &axis.force[..first], dt));
+        let (whole, initial) = axis.identified();
         let per = |unit: &str| format!("{}/{}", axis.force_unit, unit);
         let stiffness = |k: f64| quantity(k, &per(axis.disp_unit));
         let or_dash = |text: Option<String>| text.unwrap_or_else(|| NOTHING.to_owned());

@@ -64,7 +64,9 @@ pub(super) fn facts(run: &RunData, configuration: Option<&Value>) -> Vec<(String
             .map(|list| specimens(list)),
     );
     say("Excitation", get("excitation").and_then(excitation));
-    say("Integration", integration(run, get("integrator")));
+    if get("structure").is_some() {
+        say("Integration", integration(run, get("integrator")));
+    }
     let rate =
         outcome::number(run, "rate_hz").map(|hz| format!("{hz} ticks per second of wall time"));
     let step = outcome::number(run, "dt").map(|dt| format!("step {}", exact(dt, "s")));

@@ -233,7 +233,7 @@ fn many_dofs_axes_and_events_are_limited_and_the_page_says_so() {
     let mut names = vec!["state".to_owned(), "time".to_owned()];
     names.extend((1..=60).map(|i| format!("x{i}")));
     for axis in 1..=50 {
-        names.extend(["cmd", "meas", "force"].map(|kind| format!("{kind}_1_{axis}")));
+        names.extend(["target", "meas", "force"].map(|kind| format!("{kind}_1_{axis}")));
     }
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
     let mut data = vec![vec![3.0; 200]; names.len()];

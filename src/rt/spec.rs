@@ -17,7 +17,7 @@ pub enum Policy {
     Ordinary,
 }
 
-/// What happens when a tick ends one period or more after its deadline. No step is ever left out.
+/// What happens when a tick starts, or leaves the next one to start, one period or more late. No step is ever left out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum OnMiss {
@@ -55,7 +55,8 @@ pub struct TimingSpec {
     pub prefault_stack_kb: u32,
     /// Refuse to start (exit code 4) unless everything asked for above is granted.
     pub require_realtime: bool,
-    /// What happens when a tick ends one period or more late: "stretch", "catch_up" or "stop".
+    /// What happens when a tick is late by one period or more: "stretch", "catch_up" or "stop". Late by less, the next
+    /// edge stands.
     pub on_miss: OnMiss,
     /// With `on_miss = "catch_up"`: at most this many ticks run back to back; beyond it the grid is moved.
     #[schemars(range(min = 1))]

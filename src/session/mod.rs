@@ -25,7 +25,7 @@ use crossbeam_channel::{Receiver, Sender};
 use thiserror::Error;
 
 pub use bare::bare_loop;
-pub use page::{PageError, hero, write_report};
+pub use page::{Page, PageError, hero, write_report};
 pub use signals::{Signal, Signals};
 
 use guarded::{Ended, run_retired};
@@ -272,6 +272,7 @@ fn carry_out(
         granted,
     } = ready;
     let mut latest = Progress::default();
+    let began = Wall::now();
     let _ = go.send(());
     let mut ended = loop {
         match done.recv_timeout(LOOK_EVERY) {
@@ -302,8 +303,12 @@ fn carry_out(
         Recorded::default()
     });
     let mut unwritten = Vec::new();
+    let span = summary::Span {
+        began,
+        seconds: ended.wall_ns as f64 * 1e-9,
+    };
     if let Some(outcome) = &ended.outcome {
-        summary::write_timing(&folder, &outcome.timing, &mut unwritten);
+        summary::write_timing(&folder, &outcome.timing, span, &mut unwritten);
     }
     let (finish, summary) = summary::summarise(
         facts,

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 use crate::record::{End, FolderError, Run, atomic};
-use crate::report::{RunData, hero_svg, render};
+use crate::report::{IdentifiedAxis, RunData, hero_svg, identified, render};
 
 /// Why there is no report.
 #[derive(Debug, Error)]
@@ -23,12 +23,26 @@ pub enum PageError {
     },
 }
 
-/// Writes report.html into a run folder, finished or not; returns its path.
+/// What a run folder's page was written from, and says.
+#[derive(Debug)]
+pub struct Page {
+    /// The file.
+    pub path: PathBuf,
+    /// Identified stiffness and lag of each axis; none for a test with a structure.
+    pub identified: Vec<IdentifiedAxis>,
+}
+
+/// Writes report.html into a run folder, finished or not.
 ///
 /// # Errors
 /// [`PageError`].
-pub fn write_report(folder: &Path) -> Result<PathBuf, PageError> {
-    write(&folder.join("report.html"), &render(&read(folder)?))
+pub fn write_report(folder: &Path) -> Result<Page, PageError> {
+    let run = read(folder)?;
+    let path = write(&folder.join("report.html"), &render(&run))?;
+    Ok(Page {
+        path,
+        identified: identified(&run),
+    })
 }
 
 /// Writes the wide picture of a run to `path`.

@@ -1,6 +1,7 @@
 //! What a run came to, in the words and keys of the contract.
 
 use std::collections::BTreeMap;
+use std::time::Duration;
 
 use serde_json::{Value, json};
 
@@ -13,9 +14,24 @@ use crate::record::{FolderError, Recorded, RunFolder, Summary};
 use crate::rt::Granted;
 use crate::rt::timing::export::write_hgrm;
 use crate::rt::timing::{Quantity, Timing};
+use crate::rt::wall::Wall;
 
-/// timing.json and one .hgrm per quantity. What could not be written is told in `unwritten`.
-pub(super) fn write_timing(folder: &RunFolder, timing: &Timing, unwritten: &mut Vec<String>) {
+/// When the loop began, and how long it took on the wall.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Span {
+    /// UTC of the start.
+    pub began: Wall,
+    /// Seconds of wall time.
+    pub seconds: f64,
+}
+
+/// timing.json, one .hgrm per quantity, and the interval log of all of them. What could not be written is told in `unwritten`.
+pub(super) fn write_timing(
+    folder: &RunFolder,
+    timing: &Timing,
+    span: Span,
+    unwritten: &mut Vec<String>,
+) {
     let mut note = |result: Result<(), FolderError>| {
         if let Err(error) = result {
             unwritten.push(error.to_string());
@@ -28,6 +44,14 @@ pub(super) fn write_timing(folder: &RunFolder, timing: &Timing, unwritten: &mut 
         if write_hgrm(&timing.histogram(quantity), &mut text).is_ok() {
             note(folder.write_histogram(quantity.key(), &String::from_utf8_lossy(&text)));
         }
+    }
+    let mut log = Vec::new();
+    let lasted = Duration::from_secs_f64(span.seconds);
+    if timing
+        .write_interval_log(&mut log, span.began, lasted)
+        .is_ok()
+    {
+        note(folder.write_interval_log(&log));
     }
 }
 

@@ -4,7 +4,9 @@
     reason = "every test is a crate of its own and uses its share"
 )]
 
+pub mod engine;
 pub mod refusal;
+pub mod rig;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};

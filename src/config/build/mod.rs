@@ -280,7 +280,7 @@ fn numerical(
         .plus(1.0, &specimens.damping(n));
     let at_rest = structure
         .stiffness_at_rest()
-        .plus(1.0, &specimens.stiffness(n));
+        .plus(1.0, &specimens.stiffness_at_rest(n));
     let frequencies = structure::frequencies(&at_rest, structure.mass());
     let proof = proof::choose(
         site,
@@ -350,7 +350,7 @@ const SETTLING_PARTS: u32 = 20;
 /// Relative unbalance at which the static load is in equilibrium.
 const SETTLING_TOLERANCE: f64 = 1e-10;
 /// Exchanges after which a static load counts as impossible to carry.
-const SETTLING_EXCHANGES: u32 = 20_000;
+const SETTLING_EXCHANGES: u32 = 40_000;
 
 fn settle(
     site: &mut Site<'_>,

@@ -1,5 +1,7 @@
 //! The specimens of a test file: their rows of B, their laws, and what they add to K0, C0 and their bounds.
 
+mod sums;
+
 use nalgebra::DMatrix;
 
 use super::{Refused, Site, path};
@@ -7,7 +9,7 @@ use crate::config::{AxisTable, Finding, KeyPath, MatrixValue, SpecimenTable};
 use crate::control::{Axis, Port};
 use crate::law::Reach;
 use crate::linalg::SymMatrix;
-use crate::model::{Part, StructureSpec};
+use crate::model::StructureSpec;
 use crate::specimen::{InProcess, InUnits, Specimen};
 
 /// A square matrix by rows, one row per axis.
@@ -23,6 +25,10 @@ struct Entry {
     /// k̂ and ĉ, by rows.
     stiffness: Rows,
     damping: Rows,
+    /// Stiffness before anything moves: k̂ if it was given, else the tangent of the law, which is 0 for an open gap.
+    stiffness_at_rest: Rows,
+    /// What the structure carries for the specimen.
+    mass: Rows,
     /// Upper bounds of the tangents; the axis (from 0) whose reach is missing otherwise.
     bounds: Result<(Rows, Rows), usize>,
     mass_in_force: f64,
@@ -51,7 +57,7 @@ fn entry(site: &mut Site<'_>, at: &KeyPath, table: &SpecimenTable) -> Result<Ent
             "nothing stands for the specimen",
         ));
     };
-    let law = match source.build(n) {
+    let mut law = match source.build(n) {
         Ok(law) => law,
         Err(error) => return site.refuse_key(&at.key(key), error.key(), &error),
     };
@@ -83,6 +89,17 @@ fn entry(site: &mut Site<'_>, at: &KeyPath, table: &SpecimenTable) -> Result<Ent
         Some(given) => estimate(site, &at.key("damping_n_s_per_m"), given, n)?,
         None => scaled(&c, |axis| axis.vel_gain),
     };
+    let mass = scaled(&m, |axis| axis.vel_gain * axis.vel_gain / axis.disp_gain);
+    let stiffness_at_rest = match &table.stiffness_n_per_m {
+        Some(_) => stiffness.clone(),
+        None => {
+            let (still, mut force) = (vec![0.0; n], vec![0.0; n]);
+            law.trial(&still, &still, 0.0, &mut force);
+            law.tangent(&mut k);
+            law.revert();
+            scaled(&k, |axis| axis.disp_gain)
+        }
+    };
     let bounds = law.bound(&reach, &mut k, &mut c).map(|()| {
         (
             scaled(&k, |axis| axis.disp_gain),
@@ -96,6 +113,8 @@ fn entry(site: &mut Site<'_>, at: &KeyPath, table: &SpecimenTable) -> Result<Ent
         units,
         stiffness,
         damping,
+        stiffness_at_rest,
+        mass,
         bounds,
         mass_in_force: table.mass_in_force_kg,
     })
@@ -244,107 +263,6 @@ impl Specimens {
             }
         }
         Ok(())
-    }
-
-    /// Σ Bᵀ k̂ B.
-    pub(super) fn stiffness(&self, dofs: usize) -> SymMatrix {
-        self.gathered(dofs, |entry| Some(&entry.stiffness))
-    }
-
-    /// Σ Bᵀ ĉ B.
-    pub(super) fn damping(&self, dofs: usize) -> SymMatrix {
-        self.gathered(dofs, |entry| Some(&entry.damping))
-    }
-
-    /// Upper bounds of the tangents, or the specimen (from 0) whose law needs a declared reach.
-    pub(super) fn bounds(&self, dofs: usize) -> Result<(SymMatrix, SymMatrix), usize> {
-        if let Some(index) = self.0.iter().position(|entry| entry.bounds.is_err()) {
-            return Err(index);
-        }
-        let bound = |entry: &Entry| entry.bounds.clone().ok();
-        let stiffness: Vec<_> = self.0.iter().map(|e| bound(e).map(|b| b.0)).collect();
-        let damping: Vec<_> = self.0.iter().map(|e| bound(e).map(|b| b.1)).collect();
-        let gather = |all: &[Option<Rows>]| {
-            let mut index = 0;
-            self.gathered(dofs, |_| {
-                index += 1;
-                all.get(index - 1).and_then(Option::as_ref)
-            })
-        };
-        Ok((gather(&stiffness), gather(&damping)))
-    }
-
-    /// Named shares of K_max and C_max, one per axis.
-    pub(super) fn parts(&self) -> Vec<Part> {
-        let mut parts = Vec::new();
-        for entry in &self.0 {
-            let Ok((stiffness, damping)) = &entry.bounds else {
-                continue;
-            };
-            for (j, axis) in entry.axes.iter().enumerate() {
-                let several = entry.axes.len() > 1;
-                let name = if several {
-                    format!("specimen \"{}\" axis {}", entry.name, j + 1)
-                } else {
-                    format!("specimen \"{}\"", entry.name)
-                };
-                parts.push(Part {
-                    name,
-                    row: axis.row.clone(),
-                    stiffness_bound: stiffness[j][j],
-                    damping: entry.damping[j][j],
-                    damping_bound: damping[j][j],
-                });
-            }
-        }
-        parts
-    }
-
-    /// Σ Bᵀ m B of the masses whose inertia is inside the measured forces.
-    pub(super) fn mass_in_force(&self, dofs: usize) -> SymMatrix {
-        let masses: Vec<Rows> = self
-            .0
-            .iter()
-            .map(|entry| {
-                let n = entry.axes.len();
-                let diagonal = |i, j| if i == j { entry.mass_in_force } else { 0.0 };
-                (0..n)
-                    .map(|i| (0..n).map(|j| diagonal(i, j)).collect())
-                    .collect()
-            })
-            .collect();
-        let mut index = 0;
-        self.gathered(dofs, |_| {
-            index += 1;
-            masses.get(index - 1)
-        })
-    }
-
-    fn gathered<'a>(
-        &'a self,
-        dofs: usize,
-        mut of: impl FnMut(&'a Entry) -> Option<&'a Rows>,
-    ) -> SymMatrix {
-        let mut triplets = Vec::new();
-        for entry in &self.0 {
-            let Some(matrix) = of(entry) else { continue };
-            for (i, row_i) in entry.axes.iter().enumerate() {
-                for (j, row_j) in entry.axes.iter().enumerate() {
-                    for &(p, a) in &row_i.row {
-                        for &(q, b) in &row_j.row {
-                            // One half of the symmetric whole: the other is mirrored.
-                            if p < q || (p == q && p < dofs) {
-                                triplets.push((p, q, a * b * matrix[i][j]));
-                            }
-                        }
-                    }
-                }
-            }
-        }
-        SymMatrix::from_triplets(
-            dofs,
-            triplets.into_iter().filter(|t| t.0 < dofs && t.1 < dofs),
-        )
     }
 
     /// One port per specimen.

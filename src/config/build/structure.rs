@@ -5,7 +5,9 @@ use super::{Refused, Site, path};
 use crate::config::{Finding, KeyPath};
 use crate::integrate::{GuiError, State};
 use crate::linalg::{self, MatrixError, SymMatrix};
-use crate::model::{BuildError, MatrixFiles, ModelError, Structure, StructureSpec, parse_matrix};
+use crate::model::{
+    BuildError, MatrixFiles, ModelError, SpecimenShare, Structure, StructureSpec, parse_matrix,
+};
 
 /// Number of frequencies that are looked for.
 const FREQUENCIES: usize = 6;
@@ -30,13 +32,12 @@ pub(super) fn structure(site: &mut Site<'_>, specimens: &Specimens) -> Result<St
     let files = matrix_files(site, &at.key(kind), spec)?;
     let dofs = spec.dofs(&files).unwrap_or(0);
     specimens.check_rows(site, dofs)?;
-    let estimate = specimens.stiffness(dofs);
-    match spec.build(
-        table.damping.as_ref(),
-        &table.element,
-        Some(&estimate),
-        &files,
-    ) {
+    let (at_rest, mass) = (specimens.stiffness_at_rest(dofs), specimens.mass(dofs));
+    let share = SpecimenShare {
+        stiffness_at_rest: &at_rest,
+        mass: &mass,
+    };
+    match spec.build(table.damping.as_ref(), &table.element, Some(share), &files) {
         Ok(structure) => Ok(structure),
         Err(error) => {
             let finding = build_finding(site, &at, kind, &error);
@@ -106,6 +107,10 @@ fn build_finding(site: &Site<'_>, at: &KeyPath, kind: &str, error: &BuildError) 
         }
         BuildError::File { key, .. } => beneath(key),
         BuildError::DampingTwice { .. } | BuildError::Damping(_) => at.key("damping"),
+        BuildError::Law { source, .. } if kind == "chain" => {
+            let law = at.key(kind).key("absolute_damper");
+            site.loaded.locator.beneath(&law, source.key())
+        }
         BuildError::Law { element: name, .. } => element(name),
         BuildError::Model(
             ModelError::NoSuchDof { element: name, .. }

@@ -1,0 +1,124 @@
+//! What all specimens together add to the matrices of the structure: Σ Bᵀ (·) B, n × n in the structure's units.
+
+use super::{Entry, Rows, Specimens};
+use crate::linalg::SymMatrix;
+use crate::model::Part;
+
+impl Specimens {
+    /// Σ Bᵀ k̂ B.
+    pub(in crate::config::build) fn stiffness(&self, dofs: usize) -> SymMatrix {
+        self.gathered(dofs, |entry| Some(&entry.stiffness))
+    }
+
+    /// Σ Bᵀ k B before anything moves.
+    pub(in crate::config::build) fn stiffness_at_rest(&self, dofs: usize) -> SymMatrix {
+        self.gathered(dofs, |entry| Some(&entry.stiffness_at_rest))
+    }
+
+    /// Σ Bᵀ m B of the masses that the structure carries for the specimens.
+    pub(in crate::config::build) fn mass(&self, dofs: usize) -> SymMatrix {
+        let weighs = |entry: &&Entry| entry.mass.iter().flatten().any(|m| *m != 0.0);
+        self.gathered(dofs, |entry| {
+            Some(entry).filter(weighs).map(|entry| &entry.mass)
+        })
+    }
+
+    /// Σ Bᵀ ĉ B.
+    pub(in crate::config::build) fn damping(&self, dofs: usize) -> SymMatrix {
+        self.gathered(dofs, |entry| Some(&entry.damping))
+    }
+
+    /// Upper bounds of the tangents, or the specimen (from 0) whose law needs a declared reach.
+    pub(in crate::config::build) fn bounds(
+        &self,
+        dofs: usize,
+    ) -> Result<(SymMatrix, SymMatrix), usize> {
+        if let Some(index) = self.0.iter().position(|entry| entry.bounds.is_err()) {
+            return Err(index);
+        }
+        let bound = |entry: &Entry| entry.bounds.clone().ok();
+        let stiffness: Vec<_> = self.0.iter().map(|e| bound(e).map(|b| b.0)).collect();
+        let damping: Vec<_> = self.0.iter().map(|e| bound(e).map(|b| b.1)).collect();
+        let gather = |all: &[Option<Rows>]| {
+            let mut index = 0;
+            self.gathered(dofs, |_| {
+                index += 1;
+                all.get(index - 1).and_then(Option::as_ref)
+            })
+        };
+        Ok((gather(&stiffness), gather(&damping)))
+    }
+
+    /// Named shares of K_max and C_max, one per axis.
+    pub(in crate::config::build) fn parts(&self) -> Vec<Part> {
+        let mut parts = Vec::new();
+        for entry in &self.0 {
+            let Ok((stiffness, damping)) = &entry.bounds else {
+                continue;
+            };
+            for (j, axis) in entry.axes.iter().enumerate() {
+                let several = entry.axes.len() > 1;
+                let name = if several {
+                    format!("specimen \"{}\" axis {}", entry.name, j + 1)
+                } else {
+                    format!("specimen \"{}\"", entry.name)
+                };
+                parts.push(Part {
+                    name,
+                    row: axis.row.clone(),
+                    stiffness_bound: stiffness[j][j],
+                    damping: entry.damping[j][j],
+                    damping_bound: damping[j][j],
+                });
+            }
+        }
+        parts
+    }
+
+    /// Σ Bᵀ m B of the masses whose inertia is inside the measured forces.
+    pub(in crate::config::build) fn mass_in_force(&self, dofs: usize) -> SymMatrix {
+        let masses: Vec<Rows> = self
+            .0
+            .iter()
+            .map(|entry| {
+                let n = entry.axes.len();
+                let diagonal = |i, j| if i == j { entry.mass_in_force } else { 0.0 };
+                (0..n)
+                    .map(|i| (0..n).map(|j| diagonal(i, j)).collect())
+                    .collect()
+            })
+            .collect();
+        let mut index = 0;
+        self.gathered(dofs, |_| {
+            index += 1;
+            masses.get(index - 1)
+        })
+    }
+
+    fn gathered<'a>(
+        &'a self,
+        dofs: usize,
+        mut of: impl FnMut(&'a Entry) -> Option<&'a Rows>,
+    ) -> SymMatrix {
+        let mut triplets = Vec::new();
+        for entry in &self.0 {
+            let Some(matrix) = of(entry) else { continue };
+            for (i, row_i) in entry.axes.iter().enumerate() {
+                for (j, row_j) in entry.axes.iter().enumerate() {
+                    for &(p, a) in &row_i.row {
+                        for &(q, b) in &row_j.row {
+                            // One half of the symmetric whole: the other is mirrored.
+                            if p < q || (p == q && p < dofs) {
+                                triplets.push((p, q, a * b * matrix[i][j]));
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        SymMatrix::from_triplets(
+            dofs,
+            triplets.into_iter().filter(|t| t.0 < dofs && t.1 < dofs),
+        )
+    }
+}

@@ -1,0 +1,160 @@
+//! A specimen that writes down what is done to it and misbehaves as it is told.
+
+use std::sync::{Arc, Mutex};
+
+use gusset::control::{Axis, Port};
+use gusset::engine::Experiment;
+use gusset::substructure::{
+    Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
+};
+use gusset::time::Nanos;
+
+/// Stiffness of every rig, N/m.
+pub const STIFFNESS: f64 = 2e5;
+
+/// One call of the loop.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Call {
+    Issue { sequence: u64, disp: f64, vel: f64 },
+    Collect { deadline: Nanos },
+    Accepted(u64),
+    Retire(Retirement),
+}
+
+/// When a rig asks what to do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Phase {
+    Issue,
+    Collect,
+    Accepted,
+    Retire,
+}
+
+/// What a rig does.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Act {
+    /// What it should.
+    Serve,
+    /// Its link fails.
+    Fail(LinkFault),
+    /// It answers with this force.
+    Force(f64),
+    /// Its answer is not there yet.
+    Miss,
+    /// An answer of this age in commands arrives and calls itself fresh, with a force that would do harm.
+    Late(u64),
+}
+
+/// Calls on all rigs in order, with the rig's number.
+pub type Log = Arc<Mutex<Vec<(usize, Call)>>>;
+
+struct Rig<F> {
+    number: usize,
+    log: Log,
+    coupling: Coupling,
+    /// Asked in every phase with the sequence number.
+    act: F,
+    disp: f64,
+    sequence: u64,
+}
+
+impl<F: FnMut(Phase, u64) -> Act + Send> Rig<F> {
+    fn note(&self, call: Call) {
+        self.log.lock().unwrap().push((self.number, call));
+    }
+}
+
+impl<F: FnMut(Phase, u64) -> Act + Send> Substructure for Rig<F> {
+    fn axes(&self) -> usize {
+        1
+    }
+
+    fn coupling(&self) -> Coupling {
+        self.coupling
+    }
+
+    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+        let &Command { sequence, .. } = command;
+        let (disp, vel) = (command.disp[0], command.vel[0]);
+        self.note(Call::Issue {
+            sequence,
+            disp,
+            vel,
+        });
+        (self.disp, self.sequence) = (disp, sequence);
+        match (self.act)(Phase::Issue, sequence) {
+            Act::Fail(fault) => Err(fault),
+            _ => Ok(()),
+        }
+    }
+
+    fn collect(&mut self, deadline: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+        self.note(Call::Collect { deadline });
+        let (age, force) = match (self.act)(Phase::Collect, self.sequence) {
+            Act::Fail(fault) => return Err(fault),
+            Act::Miss => return Ok(Freshness::Stale),
+            Act::Serve => (0, STIFFNESS * self.disp),
+            Act::Force(force) => (0, force),
+            Act::Late(age) => (age, 1e12),
+        };
+        into.sequence = self.sequence - age;
+        into.disp[0] = self.disp;
+        into.force[0] = force;
+        Ok(Freshness::Fresh)
+    }
+
+    fn accepted(&mut self, sequence: u64) -> Result<(), LinkFault> {
+        self.note(Call::Accepted(sequence));
+        match (self.act)(Phase::Accepted, sequence) {
+            Act::Fail(fault) => Err(fault),
+            _ => Ok(()),
+        }
+    }
+
+    fn retire(&mut self, how: Retirement) {
+        self.note(Call::Retire(how));
+        (self.act)(Phase::Retire, self.sequence);
+    }
+}
+
+/// Two floors of 2 t on storeys of 3e5 N/m, pushed from the first step on, at 1 kHz; `more` goes into the test file.
+pub fn two_floors(steps: u32, more: &str) -> Experiment {
+    let duration = f64::from(steps) / 1000.0;
+    super::engine::prepare(&format!(
+        "{more}\n[time]\nrate_hz = 1000\nduration_s = {duration}\n[integrator]\nlambda = 2\n\
+         [structure.shear_building]\nmass_kg = [2e3, 2e3]\nstiffness_n_per_m = [3e5, 3e5]\n\
+         [excitation.ground_acceleration.signal.sine]\namplitude = 5\nfrequency_hz = 1\nphase_rad = 1\n"
+    ))
+    .experiment
+}
+
+/// The row of B of storey `number` + 1.
+pub fn storey(number: usize) -> Axis {
+    Axis::plain(if number == 0 {
+        vec![(0, 1.0)]
+    } else {
+        vec![(number - 1, -1.0), (number, 1.0)]
+    })
+}
+
+/// Adds the next rig behind `axis`; it does in every phase what `act` says.
+pub fn attach(
+    experiment: &mut Experiment,
+    axis: Axis,
+    coupling: Coupling,
+    log: &Log,
+    act: impl FnMut(Phase, u64) -> Act + Send + 'static,
+) {
+    let number = experiment.ports.len();
+    let rig = Rig {
+        number,
+        log: log.clone(),
+        coupling,
+        act,
+        disp: 0.0,
+        sequence: 0,
+    };
+    let name = format!("rig-{}", number + 1);
+    let port = Port::new(name, vec![axis], Box::new(rig), 2, vec![STIFFNESS]);
+    experiment.ports.push(port.unwrap());
+}

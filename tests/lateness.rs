@@ -1,0 +1,330 @@
+//! Late by a period or more: the grid is stretched, caught up or the test stopped, as was asked; no step is ever skipped,
+//! nothing that is computed changes, and every tick that a stall swallowed is counted.
+//!
+//! The clock is a simulated one that jumps where the test says: during the wait for an edge, or while a specimen answers.
+
+mod common;
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use common::engine::{Run, run_on};
+use common::rig::{Act, Call, Log, Phase, attach, storey, two_floors};
+use gusset::engine::{Ending, OnMiss, Stop};
+use gusset::record::EventKind;
+use gusset::rt::timing::Quantity;
+use gusset::substructure::{Coupling, Retirement};
+use gusset::time::{Clock, Nanos, SimClock};
+
+const STEPS: u32 = 40;
+/// One tick, ns.
+const T: u64 = 1_000_000;
+
+/// Where the clock jumps, and by how much.
+#[derive(Clone, Copy)]
+enum Stall {
+    /// In the wait for the n-th edge (from 0).
+    Waiting(u64, u64),
+    /// While the specimen answers command n.
+    Answering(u64, u64),
+}
+use Stall::{Answering, Waiting};
+
+/// A simulated clock that oversleeps.
+struct Jumpy {
+    clock: SimClock,
+    waits: Arc<AtomicU64>,
+    stalls: Vec<Stall>,
+}
+
+impl Clock for Jumpy {
+    fn now(&self) -> Nanos {
+        self.clock.now()
+    }
+
+    fn sleep_until(&self, at: Nanos) {
+        self.clock.sleep_until(at);
+        let wait = self.waits.fetch_add(1, Ordering::Relaxed);
+        for stall in &self.stalls {
+            if let Waiting(at, ns) = *stall
+                && at == wait
+            {
+                self.clock.advance(ns);
+            }
+        }
+    }
+}
+
+fn run_warm(
+    warmup: u64,
+    on_miss: OnMiss,
+    stalls: &[Stall],
+    more: impl Fn(&mut gusset::engine::Limits),
+) -> (Run, Log) {
+    let (clock, log) = (SimClock::new(), Log::default());
+    let mut experiment = two_floors(STEPS, &format!("timing.warmup_ticks = {warmup}"));
+    experiment.limits.on_miss = on_miss;
+    more(&mut experiment.limits);
+    let (present, answering) = (clock.clone(), stalls.to_vec());
+    attach(
+        &mut experiment,
+        storey(0),
+        Coupling::Lockstep,
+        &log,
+        move |phase, sequence| {
+            for stall in &answering {
+                if let Answering(at, ns) = *stall
+                    && (phase, sequence) == (Phase::Collect, at)
+                {
+                    present.advance(ns);
+                }
+            }
+            Act::Serve
+        },
+    );
+    let jumpy = Jumpy {
+        clock,
+        waits: Arc::default(),
+        stalls: stalls.to_vec(),
+    };
+    (run_on(experiment, jumpy), log)
+}
+
+fn run(on_miss: OnMiss, stalls: &[Stall]) -> Run {
+    run_warm(0, on_miss, stalls, |_| {}).0
+}
+
+/// (tick, size, ticks by which the grid was moved) of every miss.
+fn misses(run: &Run) -> Vec<(u64, u64, u64)> {
+    let found = run.events.iter().filter_map(|event| match event.kind {
+        EventKind::Miss {
+            late_ns, stretched, ..
+        } => Some((event.tick, late_ns, stretched)),
+        _ => None,
+    });
+    found.collect()
+}
+
+/// Edge of every tick in periods from the first one.
+fn edges(run: &Run) -> Vec<u64> {
+    let edges = run.column("release_s").into_iter();
+    edges.map(|s| (s * 1e9 / T as f64).round() as u64).collect()
+}
+
+/// Every step once, in order, with the numbers of a run in which nothing was late.
+fn assert_whole(run: &Run) {
+    let calm = self::run(OnMiss::Stretch, &[]);
+    assert!(misses(&calm).is_empty() && calm.outcome.misses == 0);
+    assert_eq!(run.outcome.ending, Ending::Completed);
+    assert_eq!(run.rows.len(), calm.rows.len());
+    for (a, b) in run.rows.iter().zip(&calm.rows) {
+        for ((a, b), column) in a.iter().zip(b).zip(&run.columns) {
+            assert!(
+                column.timing || a.to_bits() == b.to_bits(),
+                "{}",
+                column.name
+            );
+        }
+    }
+}
+
+/// Ticks that the histograms of lateness must have counted: those that were, and those that a stall swallowed.
+fn assert_counted(run: &Run, swallowed: u64) {
+    let counts = run.outcome.timing.counts();
+    assert_eq!(
+        (counts.ticks, counts.swallowed),
+        (u64::from(STEPS) + 1, swallowed)
+    );
+    for quantity in [Quantity::WakeupLateness, Quantity::CommandLateness] {
+        assert_eq!(
+            run.outcome.timing.histogram(quantity).len(),
+            counts.ticks + swallowed
+        );
+    }
+    let missed = run.outcome.timing.histogram(Quantity::Miss).len();
+    assert_eq!(
+        (missed, counts.misses),
+        (run.outcome.misses, run.outcome.misses)
+    );
+}
+
+/// Asleep for 3.4 periods: the tick misses its deadline by 2.4, the grid moves by 3 and the specimen sees slower time.
+#[test]
+fn a_stall_in_the_wait_moves_the_grid_by_whole_ticks() {
+    let run = run(OnMiss::Stretch, &[Waiting(10, 3_400_000)]);
+    assert_whole(&run);
+    assert_eq!(misses(&run), [(10, 2_400_000, 3)]);
+    assert_eq!((run.outcome.misses, run.outcome.stretched), (1, 3));
+    let wanted: Vec<u64> = (0..=10).chain(14..=43).collect();
+    assert_eq!(edges(&run), wanted);
+    assert_eq!(run.column("stretched")[9..12], [0.0, 3.0, 3.0]);
+    assert_counted(&run, 3);
+    // 3.4 of the tick itself, then 2.4, 1.4 and 0.4 of those that were swallowed (3 significant digits).
+    let late = run.outcome.timing.histogram(Quantity::WakeupLateness);
+    for j in 0..4 {
+        let middle = 400_000 + j * T;
+        assert_eq!(
+            late.count_between(middle - T / 10, middle + T / 10),
+            1,
+            "{j}"
+        );
+    }
+    assert!((run.column("wakeup_lateness_s")[10] - 3.4e-3).abs() < 1e-12);
+}
+
+/// Stalled for 2.5 periods in the answer: the next edge has passed by 1.5, so the grid moves by one; the next tick is late
+/// by half a period and its edge stands.
+#[test]
+fn a_stall_in_the_answer_moves_the_grid_from_the_next_edge_on() {
+    let run = run(OnMiss::Stretch, &[Answering(30, 2_500_000)]);
+    assert_whole(&run);
+    assert_eq!(misses(&run), [(30, 1_500_000, 1)]);
+    let wanted: Vec<u64> = (0..=30).chain(32..=41).collect();
+    assert_eq!(edges(&run), wanted);
+    assert_counted(&run, 1);
+    assert!((run.column("wakeup_lateness_s")[31] - 0.5e-3).abs() < 1e-12);
+}
+
+/// Both in one tick add up, and two stalls in a row are two misses.
+#[test]
+fn several_stalls_add_up() {
+    let stalls = [
+        Waiting(10, 1_200_000),
+        Answering(10, 2_000_000),
+        Waiting(11, 5_100_000),
+    ];
+    let run = run(OnMiss::Stretch, &stalls);
+    assert_whole(&run);
+    // Tick 10 wakes 1.2 late (moved by 1), ends at 3.2, that is 1.2 after the edge at 2 (moved by 1 more).
+    // Tick 11 is due at 3 and begins at 3.2; asleep until 8.3 it is 5.3 late: moved by 5.
+    assert_eq!(misses(&run), [(10, 2_200_000, 2), (11, 4_300_000, 5)]);
+    assert_eq!(run.outcome.stretched, 7);
+    assert_eq!(edges(&run)[9..14], [9, 10, 13, 19, 20]);
+    assert_counted(&run, 7);
+}
+
+#[test]
+fn late_by_less_than_a_period_the_next_edge_stands_whatever_the_policy() {
+    let catch_up = OnMiss::CatchUp { at_most: 5 };
+    for policy in [OnMiss::Stretch, catch_up, OnMiss::Stop] {
+        // Late in waking, but done before its own deadline: no miss. Done after it: a miss, counted, and the edge stands.
+        let run = run(policy, &[Waiting(10, 900_000), Answering(20, 1_900_000)]);
+        assert_whole(&run);
+        assert_eq!(misses(&run), [(20, 900_000, 0)], "{policy:?}");
+        assert!(edges(&run).into_iter().eq(0..=u64::from(STEPS)));
+        assert_counted(&run, 0);
+    }
+}
+
+/// 3.4 periods late with the grid kept: ticks 10, 11 and 12 end after their deadlines, 13 does not.
+#[test]
+fn catching_up_keeps_the_grid_and_runs_the_missed_ticks_back_to_back() {
+    let run = run(OnMiss::CatchUp { at_most: 5 }, &[Waiting(10, 3_400_000)]);
+    assert_whole(&run);
+    assert_eq!(
+        misses(&run),
+        [(10, 2_400_000, 0), (11, 1_400_000, 0), (12, 400_000, 0)]
+    );
+    assert!(edges(&run).into_iter().eq(0..=u64::from(STEPS)));
+    assert_eq!((run.outcome.misses, run.outcome.stretched), (3, 0));
+    assert_counted(&run, 0);
+}
+
+/// 20.5 periods late, at most 5 back to back: the grid moves by 15, the other five are made up for.
+#[test]
+fn catching_up_is_bounded() {
+    let run = run(OnMiss::CatchUp { at_most: 5 }, &[Waiting(10, 20_500_000)]);
+    assert_whole(&run);
+    let sizes: Vec<(u64, u64)> = misses(&run).iter().map(|m| (m.0, m.1)).collect();
+    let wanted = [
+        (10, 19_500_000),
+        (11, 3_500_000),
+        (12, 2_500_000),
+        (13, 1_500_000),
+        (14, 500_000),
+    ];
+    assert_eq!(sizes, wanted);
+    assert_eq!(run.outcome.stretched, 15);
+    let wanted: Vec<u64> = (0..=10).chain(26..=55).collect();
+    assert_eq!(edges(&run), wanted);
+    assert_counted(&run, 15);
+}
+
+#[test]
+fn stopping_ends_the_test_and_retires() {
+    for stall in [Waiting(10, 1_200_000), Answering(10, 2_200_000)] {
+        let (run, log) = run_warm(0, OnMiss::Stop, &[stall], |_| {});
+        let Ending::Stopped(Stop::Late {
+            total: 1,
+            in_a_row: 1,
+            late_ns,
+        }) = run.outcome.ending
+        else {
+            panic!("{:?}", run.outcome.ending);
+        };
+        assert_eq!(misses(&run), [(10, late_ns, 0)]);
+        // The tick in which it showed is whole; the next one is not begun.
+        assert_eq!((run.outcome.steps, run.rows.len()), (10, 11));
+        let calls = log.lock().unwrap();
+        assert_eq!(calls.last(), Some(&(0, Call::Retire(Retirement::Tripped))));
+        assert!(
+            !calls
+                .iter()
+                .any(|c| matches!(c.1, Call::Issue { sequence: 11.., .. }))
+        );
+    }
+}
+
+#[test]
+fn misses_have_bounds_in_a_row_and_in_all() {
+    let every: Vec<Stall> = (10..16).map(|at| Answering(at, 1_100_000)).collect();
+    let apart: Vec<Stall> = (5..15).map(|at| Answering(2 * at, 1_100_000)).collect();
+    let ending = |stalls: &[Stall], in_a_row, in_total| {
+        let bounds = |limits: &mut gusset::engine::Limits| {
+            limits.misses_in_a_row = in_a_row;
+            limits.misses_in_total = in_total;
+        };
+        run_warm(0, OnMiss::Stretch, stalls, bounds)
+            .0
+            .outcome
+            .ending
+    };
+    let late = |found| match found {
+        Ending::Stopped(Stop::Late {
+            total, in_a_row, ..
+        }) => (total, in_a_row),
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(late(ending(&every, 3, 100)), (4, 4));
+    assert_eq!(ending(&apart, 3, 100), Ending::Completed);
+    assert_eq!(late(ending(&apart, 3, 6)), (7, 1));
+}
+
+/// Before t = 0 nothing is integrated: a stall there moves the grid, whatever the policy, is no miss, and the first command of
+/// the test leaves at an edge of its own, never in a burst.
+#[test]
+fn a_stall_in_the_warm_up_is_neither_a_miss_nor_a_burst() {
+    for policy in [
+        OnMiss::Stretch,
+        OnMiss::CatchUp { at_most: 5 },
+        OnMiss::Stop,
+    ] {
+        for stall in [
+            Waiting(1, 7_300_000),
+            Waiting(3, 7_300_000),
+            Answering(3, 7_300_000),
+        ] {
+            let (run, _) = run_warm(4, policy, &[stall], |_| {});
+            assert_eq!(run.outcome.ending, Ending::Completed);
+            assert!(misses(&run).is_empty(), "{:?}", misses(&run));
+            assert_eq!((run.outcome.misses, run.outcome.stretched), (0, 0));
+            assert!(edges(&run).into_iter().eq(0..=u64::from(STEPS)));
+            assert!(
+                run.column("wakeup_lateness_s")
+                    .iter()
+                    .all(|late| *late == 0.0)
+            );
+            assert_counted(&run, 0);
+        }
+    }
+}

@@ -1,0 +1,338 @@
+//! From the first tick to the last the loop's thread allocates nothing and makes no system call but its clock's.
+//!
+//! Allocations: a run that the operator ends at the first tick is subtracted from a whole one, on this thread; what is left
+//! happened between the two hooks. System calls: a child process runs the loop under a seccomp filter that lets two calls
+//! through and kills the process at any other; a second child that makes one more call must die, so the filter bites.
+
+mod common;
+
+use std::collections::BTreeMap;
+use std::os::unix::process::ExitStatusExt;
+use std::process::{Command, ExitStatus};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use common::engine::prepare;
+use common::rig::{Act, Log, Phase, attach, storey};
+use gusset::engine::{Control, Ending, Engine, Experiment, OnMiss, Operator};
+use gusset::record::{RingReader, RingSize, WhenFull, ring};
+use gusset::rt::clock::MonotonicClock;
+use gusset::substructure::Coupling;
+use gusset::time::{Clock, Nanos, SimClock};
+use seccompiler::{BpfProgram, SeccompAction, SeccompFilter};
+
+const FRAME: &str = r#"
+    [time]
+    rate_hz = 1000
+    duration_s = 2.5
+    [structure]
+    static_load_n = [10e3, 0, 5e3]
+    [structure.shear_building]
+    mass_kg = [20e3, 20e3, 18e3]
+    stiffness_n_per_m = [0, 14e6, 11e6]
+    [structure.damping.rayleigh_ratio]
+    ratio = 0.02
+    first_hz = 1
+    second_hz = 6
+    [[structure.element]]
+    from = 1
+    to = 2
+    law = { bouc_wen = { stiffness_n_per_m = 9e6, yield_force_n = 60e3, post_yield_ratio = 0.08, beta = 0.55,
+            gamma = 0.45, exponent = 1.6, hardening_ratio = 1.3, degradation = { strength = 0.02 },
+            pinching = { total_slip = 0.8, slope = 0.1, initiation = 0.2, magnitude = 0.2, rate = 0.01, severity = 0.4 } } }
+    [excitation.ground_acceleration.signal.sine]
+    amplitude = 4
+    frequency_hz = 1.5
+    [[specimen]]
+    name = "columns"
+    storey = 1
+    law = { bouc_wen = { stiffness_n_per_m = 15e6, yield_force_n = 120e3, post_yield_ratio = 0.08, beta = 0.55,
+            gamma = 0.45, exponent = 1.6 } }
+    [[specimen]]
+    name = "dampers"
+    rows = [[0, -1, 1], [0, 0, 1]]
+    laws = [ { power_damper = { force_at_unit_velocity_n = 2e5, exponent = 0.4, linear_below_m_per_s = 0.01 } },
+             { parallel = [ { smooth_friction = { slip_force_n = 1e3, reference_velocity_m_per_s = 0.05 } },
+                            { gap = { stiffness_n_per_m = 1e6, gap_m = 0.01, side = "both" } } ] } ]
+"#;
+
+const PRESCRIBED: &str = r#"
+    [time]
+    rate_hz = 1000
+    duration_s = 2.5
+    [[specimen]]
+    name = "brace"
+    law = { bilinear = { stiffness_n_per_m = 2e6, yield_force_n = 6e3, post_yield_ratio = 0.1 } }
+    [[excitation.prescribed_displacement]]
+    specimen = "brace"
+    ease_in_s = 0.5
+    signal = { sine = { amplitude = 10, unit = "mm", frequency_hz = 2.0 } }
+"#;
+
+/// Masses that are coupled, and a chain whose links leap far: the factors that the frame does not use.
+fn others() -> [(&'static str, String); 3] {
+    // Every mass coupled to every other, every spring to every other: 1/(1 + |i − j|), and more on the diagonal.
+    let full = |unit: f64| {
+        let entry = |i: usize, j: usize| match i.abs_diff(j) {
+            0 => 40.0 * unit,
+            apart => unit / (1.0 + apart as f64),
+        };
+        let row = |i| (0..40).map(|j| entry(i, j)).collect::<Vec<f64>>();
+        (0..40).map(row).collect::<Vec<_>>()
+    };
+    let matrices = format!(
+        "[time]\nrate_hz = 1000\nduration_s = 2.5\n[structure.matrices]\nmass = {:?}\nstiffness = {:?}\n\
+         [excitation.ground_acceleration.signal.sine]\namplitude = 4\nfrequency_hz = 1.5\n",
+        full(100.0),
+        full(1e4)
+    );
+    let chain = |links: &str| {
+        format!(
+            "[time]\nrate_hz = 1000\nduration_s = 2.1\n[integrator]\nlambda = 4\n\
+             [structure.chain]\ndofs = 600\nmass_kg = 150\nstiffness_n_per_m = 2.5e5\ndamping_n_s_per_m = 10\n\
+             {links}\n[excitation.base_displacement.signal.sine]\namplitude = 0.1\nfrequency_hz = 1\n"
+        )
+    };
+    let leaps: String = (1..600)
+        .step_by(3)
+        .filter_map(|from| {
+            let to = 1 + from * 359 % 600;
+            (from != to).then(|| {
+                format!(
+                    "[[structure.element]]\nfrom = {from}\nto = {to}\n\
+                 law = {{ linear = {{ stiffness_n_per_m = 1e4 }} }}\n"
+                )
+            })
+        })
+        .collect();
+    [
+        ("dense", matrices),
+        ("tridiagonal", chain("")),
+        ("sparse", chain(&leaps)),
+    ]
+}
+
+/// A simulated clock that oversleeps by 2.5 ms before every 100th edge.
+struct Jumpy(SimClock, std::sync::atomic::AtomicU64);
+
+impl Clock for Jumpy {
+    fn now(&self) -> Nanos {
+        self.0.now()
+    }
+    fn sleep_until(&self, at: Nanos) {
+        self.0.sleep_until(at);
+        if self.1.fetch_add(1, Ordering::Relaxed) % 100 == 99 {
+            self.0.advance(2_500_000);
+        }
+    }
+}
+
+/// Rows and events enough for every run here.
+fn recorder(experiment: &Experiment) -> (gusset::record::RingRecorder, RingReader) {
+    let size = RingSize {
+        rows: 4096,
+        events: 1024,
+    };
+    ring(experiment.columns().len(), size, WhenFull::Drop).unwrap()
+}
+
+/// Allocations, bytes allocated and allocations not given back in a run that ends at its first tick if `at_once`.
+fn cost(experiment: Experiment, clock: Box<dyn Clock>, at_once: bool) -> (u64, u64, i64) {
+    let steps = experiment.steps;
+    let (recorder, mut reader) = recorder(&experiment);
+    let (ask, requests) = crossbeam_channel::bounded(1);
+    let control = Control { requests };
+    let mut engine = Engine::new(experiment, clock, Box::new(recorder));
+    engine.before_first_tick = Some(Box::new(move || {
+        if at_once {
+            ask.try_send(Operator::Stop).unwrap();
+        }
+    }));
+    let mut ending = None;
+    let counted = allocation_counter::measure(|| {
+        let outcome = engine.run(&control);
+        ending = Some((outcome.ending, outcome.rows_lost, outcome.events_lost));
+    });
+    let mut rows = 0;
+    while let Some((_, row)) = reader.row() {
+        rows += u64::from(row[2] == gusset::engine::state::RUNNING);
+    }
+    if at_once {
+        assert_eq!(
+            (ending.unwrap().0, rows),
+            (Ending::Stopped(gusset::engine::Stop::Operator), 0)
+        );
+    } else {
+        assert_eq!(
+            (ending.unwrap(), rows),
+            ((Ending::Completed, 0, 0), steps + 1)
+        );
+        assert!(steps >= 2000);
+    }
+    (
+        counted.count_total,
+        counted.bytes_total,
+        counted.count_current,
+    )
+}
+
+#[test]
+fn no_tick_allocates_whatever_the_structure() {
+    let frame = [
+        ("tridiagonal", FRAME.to_owned()),
+        ("", PRESCRIBED.to_owned()),
+    ];
+    for (storage, text) in frame.into_iter().chain(others()) {
+        let facts = prepare(&text).facts;
+        let found = facts
+            .structure
+            .map_or(String::new(), |structure| structure.storage);
+        assert_eq!(found, storage);
+        let once = cost(prepare(&text).experiment, Box::new(SimClock::new()), true);
+        let whole = cost(prepare(&text).experiment, Box::new(SimClock::new()), false);
+        assert_eq!(whole, once, "{text}");
+    }
+}
+
+/// Misses, stretches, stale data and the events about them are on the path too.
+#[test]
+fn a_tick_that_is_late_or_stale_does_not_allocate_either() {
+    let experiment = || {
+        let mut experiment = prepare(FRAME).experiment;
+        experiment.limits.on_miss = OnMiss::Stretch;
+        experiment.limits.extrapolate_stale = true;
+        let log = Log::default();
+        // The log itself must not grow: what a rig writes down is taken away at once.
+        let own = log.clone();
+        own.lock().unwrap().reserve(64);
+        attach(
+            &mut experiment,
+            storey(1),
+            Coupling::Sampled,
+            &log,
+            move |phase, sequence| {
+                own.lock().unwrap().clear();
+                if phase == Phase::Collect && sequence % 50 == 49 {
+                    Act::Miss
+                } else {
+                    Act::Serve
+                }
+            },
+        );
+        experiment
+    };
+    let clock = || Box::new(Jumpy(SimClock::new(), Default::default()));
+    let once = cost(experiment(), clock(), true);
+    let whole = cost(experiment(), clock(), false);
+    assert_eq!(whole, once);
+}
+
+/// Says to the child which run it is to make.
+const CHILD: &str = "GUSSET_TEST_SECCOMP_CHILD";
+/// The child could not install the filter.
+const NOT_PERMITTED: i32 = 77;
+/// The child lost rows, or its loop ended where it should not.
+const WRONG: i32 = 3;
+const TICKS: usize = 1001;
+
+fn spawn_child(mode: &str) -> ExitStatus {
+    let this = std::env::current_exe().unwrap();
+    Command::new(this)
+        .args(["--exact", "in_the_child", "--ignored", "--nocapture"])
+        .env(CHILD, mode)
+        .output()
+        .unwrap()
+        .status
+}
+
+#[test]
+#[expect(clippy::disallowed_macros, reason = "a skipped test must be heard of")]
+fn no_tick_makes_a_system_call_other_than_the_clocks() {
+    let quiet = spawn_child("quiet");
+    if quiet.code() == Some(NOT_PERMITTED) {
+        eprintln!(
+            "SKIPPED: seccomp is not permitted here; system calls of the loop are NOT checked"
+        );
+        return;
+    }
+    assert_eq!((quiet.code(), quiet.signal()), (Some(0), None));
+    // One getpid in 1001 ticks, and the guard bites.
+    let chatty = spawn_child("chatty");
+    assert_eq!((chatty.code(), chatty.signal()), (None, Some(libc::SIGSYS)));
+}
+
+/// Not a test of its own: what the children run.
+#[test]
+#[ignore = "run by no_tick_makes_a_system_call_other_than_the_clocks in processes of their own"]
+fn in_the_child() {
+    let Ok(mode) = std::env::var(CHILD) else {
+        return;
+    };
+    let mut experiment = prepare(&FRAME.replace("duration_s = 2.5", "duration_s = 1")).experiment;
+    // The machine may be busy: lateness is not what this is about.
+    experiment.limits.misses_in_a_row = u64::MAX;
+    experiment.limits.misses_in_total = u64::MAX;
+    // The same rig for both, but for its one call more.
+    let log = Log::default();
+    log.lock().unwrap().reserve(1 << 16);
+    attach(
+        &mut experiment,
+        storey(1),
+        Coupling::Lockstep,
+        &log,
+        move |phase, sequence| {
+            if mode == "chatty" && (phase, sequence) == (Phase::Collect, 900) {
+                std::hint::black_box(rustix::process::getpid());
+            }
+            Act::Serve
+        },
+    );
+    let (recorder, mut reader) = recorder(&experiment);
+    let done = Arc::new(AtomicBool::new(false));
+    let flag = done.clone();
+    let thread = std::thread::spawn(move || {
+        let clock = Box::new(MonotonicClock::new(60_000));
+        let mut engine = Engine::new(experiment, clock, Box::new(recorder));
+        let filter = clock_calls_only();
+        engine.before_first_tick = Some(Box::new(move || {
+            if seccompiler::apply_filter(&filter).is_err() {
+                std::process::exit(NOT_PERMITTED);
+            }
+        }));
+        // Not one call more, not even to end: the other thread ends the process.
+        engine.after_last_tick = Some(Box::new(move || {
+            flag.store(true, Ordering::Release);
+            loop {
+                std::hint::spin_loop();
+            }
+        }));
+        engine.run(&Control::unattended());
+    });
+    while !done.load(Ordering::Acquire) {
+        if thread.is_finished() {
+            std::process::exit(WRONG);
+        }
+        std::thread::yield_now();
+    }
+    let mut rows = 0;
+    while let Some((_, row)) = reader.row() {
+        rows += usize::from(row[2] == gusset::engine::state::RUNNING);
+    }
+    std::process::exit(if rows == TICKS { 0 } else { WRONG });
+}
+
+/// Kills the process at any call but the clock's two. (Where the kernel's shared page serves the time, one of them is
+/// never made.)
+fn clock_calls_only() -> BpfProgram {
+    let allowed = [libc::SYS_clock_nanosleep, libc::SYS_clock_gettime];
+    let rules: BTreeMap<_, _> = allowed.into_iter().map(|call| (call, vec![])).collect();
+    let arch = std::env::consts::ARCH.try_into().unwrap();
+    let filter = SeccompFilter::new(
+        rules,
+        SeccompAction::KillProcess,
+        SeccompAction::Allow,
+        arch,
+    )
+    .unwrap();
+    filter.try_into().unwrap()
+}

@@ -1,0 +1,167 @@
+//! A specimen that lives in its own time may be late: what is known of it is held or extrapolated, a bounded number of times
+//! in a row, each time said; and a reply that comes late never takes the place of a newer one.
+
+mod common;
+
+use std::collections::BTreeMap;
+
+use common::engine::{Run, run_on};
+use common::rig::{Act, Call, Log, Phase, STIFFNESS, attach, storey, two_floors};
+use gusset::engine::{Ending, Stop};
+use gusset::record::EventKind;
+use gusset::substructure::{Coupling, Retirement};
+use gusset::time::{Clock, SimClock};
+
+const STEPS: u32 = 40;
+
+/// One sampled rig in storey 1 that serves but for the commands in `script`; without warm-up, so that command k is step k.
+fn run(script: &[(u64, Act)], extrapolate: bool, bound: u64) -> (Run, Vec<(usize, Call)>) {
+    let script: BTreeMap<u64, Act> = script.iter().copied().collect();
+    let log = Log::default();
+    let mut experiment = two_floors(STEPS, "timing.warmup_ticks = 0");
+    experiment.limits.extrapolate_stale = extrapolate;
+    experiment.limits.stale_in_a_row = bound;
+    attach(
+        &mut experiment,
+        storey(0),
+        Coupling::Sampled,
+        &log,
+        move |phase, sequence| match script.get(&sequence) {
+            Some(act) if phase == Phase::Collect => *act,
+            _ => Act::Serve,
+        },
+    );
+    let run = run_on(experiment, SimClock::new());
+    let calls = log.lock().unwrap().clone();
+    (run, calls)
+}
+
+/// Tick and age of every stale measurement.
+fn stale(run: &Run) -> Vec<(u64, u64)> {
+    let found = run.events.iter().filter_map(|event| match event.kind {
+        EventKind::Stale { port: 0, age } => Some((event.tick, age)),
+        _ => None,
+    });
+    found.collect()
+}
+
+const GAPS: [(u64, Act); 4] = [
+    (7, Act::Miss),
+    (20, Act::Miss),
+    (21, Act::Miss),
+    (22, Act::Miss),
+];
+
+#[test]
+fn a_missing_measurement_is_held_and_said() {
+    let (run, _) = run(&GAPS, false, 10);
+    assert_eq!(run.outcome.ending, Ending::Completed);
+    assert_eq!(stale(&run), [(7, 1), (20, 1), (21, 2), (22, 3)]);
+    let (force, target) = (run.column("force_1_1"), run.column("target_1_1"));
+    let (measured, sequence) = (run.column("meas_1_1"), run.column("seq_1"));
+    for step in 0..=STEPS as usize {
+        let of = match step {
+            7 => 6,
+            20..=22 => 19,
+            step => step,
+        };
+        assert_eq!(force[step], STIFFNESS * target[of], "{step}");
+        assert_eq!((measured[step], sequence[step]), (target[of], of as f64));
+    }
+    let (name, _, link) = &run.outcome.ports[0];
+    assert_eq!(
+        (name.as_str(), link.sent, link.received, link.late),
+        ("rig-1", 41, 37, 4)
+    );
+}
+
+/// Along the estimate from where it was measured to where it should be: for a spring that is k̂ itself, the truth.
+#[test]
+fn a_missing_measurement_is_extrapolated_along_the_estimate() {
+    let (run, _) = run(&GAPS, true, 10);
+    assert_eq!(stale(&run).len(), 4);
+    let (force, target) = (run.column("force_1_1"), run.column("target_1_1"));
+    for (force, target) in force.iter().zip(&target) {
+        assert!((force - STIFFNESS * target).abs() <= 4.0 * f64::EPSILON * force.abs());
+    }
+    // What came is still what came.
+    assert_eq!(run.column("raw_force_1_1")[22], STIFFNESS * target[19]);
+}
+
+#[test]
+fn more_in_a_row_than_allowed_end_the_test() {
+    let three: Vec<_> = (20..23).map(|at| (at, Act::Miss)).collect();
+    let (kept, _) = run(&three, false, 3);
+    assert_eq!(kept.outcome.ending, Ending::Completed);
+    let (stopped, calls) = run(&three, false, 2);
+    let wanted = Stop::Stale { port: 0, ticks: 3 };
+    assert_eq!(stopped.outcome.ending, Ending::Stopped(wanted));
+    assert_eq!(calls.last(), Some(&(0, Call::Retire(Retirement::Tripped))));
+    assert!(
+        !calls
+            .iter()
+            .any(|c| matches!(c.1, Call::Issue { sequence: 23.., .. }))
+    );
+    // A fresh one in between starts the count anew.
+    let apart = [
+        (20, Act::Miss),
+        (21, Act::Miss),
+        (23, Act::Miss),
+        (24, Act::Miss),
+    ];
+    assert_eq!(run(&apart, false, 2).0.outcome.ending, Ending::Completed);
+}
+
+/// Reply 20 is lost on the way, reply 21 is there, and at 22 reply 20 comes in, calling itself fresh, with a force that would
+/// throw the structure out: it changes nothing, and the measurement of 22 counts as missing.
+#[test]
+fn a_late_reply_never_replaces_a_newer_one() {
+    let late = [(20, Act::Miss), (22, Act::Late(2))];
+    let (run, _) = run(&late, false, 10);
+    assert_eq!(run.outcome.ending, Ending::Completed);
+    assert_eq!(stale(&run), [(20, 1), (22, 1)]);
+    let (force, target) = (run.column("force_1_1"), run.column("target_1_1"));
+    assert_eq!(force[20], STIFFNESS * target[19]);
+    assert_eq!(force[21], STIFFNESS * target[21]);
+    assert_eq!(force[22], STIFFNESS * target[21]);
+    assert_eq!(force[23], STIFFNESS * target[23]);
+    assert_eq!(run.column("seq_1")[20..24], [19.0, 21.0, 21.0, 23.0]);
+}
+
+/// The deadline of a reply lies within the tick: after the command, before the next edge, with room for the work that is left.
+#[test]
+fn a_sampled_specimen_has_until_shortly_before_the_next_edge_and_no_longer() {
+    let clock = SimClock::new();
+    let log = Log::default();
+    let mut experiment = two_floors(STEPS, "timing.warmup_ticks = 2");
+    let present = clock.clone();
+    let edges = Log::default();
+    let noted = edges.clone();
+    attach(
+        &mut experiment,
+        storey(0),
+        Coupling::Sampled,
+        &log,
+        move |phase, _| {
+            if phase == Phase::Issue {
+                let deadline = present.now();
+                noted.lock().unwrap().push((0, Call::Collect { deadline }));
+            }
+            Act::Serve
+        },
+    );
+    run_on(experiment, clock);
+    let deadlines = |log: &Log| -> Vec<u64> {
+        let calls = log.lock().unwrap();
+        let found = calls.iter().filter_map(|call| match call.1 {
+            Call::Collect { deadline } => Some(deadline.0),
+            _ => None,
+        });
+        found.collect()
+    };
+    let (edges, deadlines) = (deadlines(&edges), deadlines(&log));
+    assert_eq!((edges.len(), deadlines.len()), (43, 43));
+    for (edge, deadline) in edges.iter().zip(&deadlines) {
+        assert_eq!(deadline - edge, 875_000, "7/8 of a tick of 1 ms");
+    }
+}

@@ -1,0 +1,166 @@
+//! A static load is brought on before t = 0 and held: the structure stays where it is, and nothing was driven back and forth.
+
+mod common;
+
+use common::engine::{Run, distance, run};
+use gusset::engine::state;
+use gusset::rt::timing::Quantity;
+
+const STEPS: f64 = 1024.0;
+
+fn test(structure: &str, rest: &str) -> Run {
+    run(&format!(
+        "[time]\nrate_hz = 256\nduration_s = 4\n[integrator]\nlambda = 4\n[structure]\n{structure}\n\
+         [structure.shear_building]\nmass_kg = [20e3, 20e3, 18e3]\n{rest}"
+    ))
+}
+
+/// From t = 0 on every floor is at `at` and stays there. A force balance known to a few roundings of the load, and a few
+/// more in each of 1024 undamped ticks: 10 ε a tick of the displacement, over the share b of the stiffness that is left.
+fn assert_stays(run: &Run, at: [f64; 3], share: f64) {
+    for (dof, at) in at.into_iter().enumerate() {
+        let x = run.column(&format!("x{}", dof + 1));
+        assert_eq!(x.len(), 1025);
+        let found = distance(&x, &vec![at; x.len()]);
+        assert!(
+            found < STEPS * 10.0 * f64::EPSILON / share,
+            "x{}: {found:e}",
+            dof + 1
+        );
+    }
+}
+
+/// Rows before t = 0 say so, stand still in time, and have neither velocity nor acceleration.
+fn assert_settling_rows(run: &Run) {
+    let count = run.rows.len() - 1025;
+    assert!(count > 0);
+    let states = run.all("state");
+    assert!(states[..count].iter().all(|s| *s == state::SETTLING));
+    assert!(states[count..].iter().all(|s| *s == state::RUNNING));
+    for name in ["time", "v1", "v2", "v3", "a1", "a2", "a3", "ground"] {
+        let before = &run.all(name)[..count];
+        assert!(
+            before.iter().all(|value| *value == 0.0),
+            "{name}: {before:?}"
+        );
+    }
+}
+
+const LOAD: &str = "static_load_n = [40e3, 20e3, 60e3]";
+
+#[test]
+fn a_linear_structure_stays_where_the_load_has_put_it() {
+    let run = test(LOAD, "stiffness_n_per_m = [15e6, 14e6, 11e6]\n");
+    let drift = [120e3 / 15e6, 80e3 / 14e6, 60e3 / 11e6];
+    let at = [
+        drift[0],
+        drift[0] + drift[1],
+        drift[0] + drift[1] + drift[2],
+    ];
+    assert_stays(&run, at, 1.0);
+    assert_settling_rows(&run);
+}
+
+#[test]
+fn weight_is_mass_times_g_in_its_direction() {
+    let gravity = "gravity = { influence = [0, 0, 1], accel_m_per_s2 = 9.5 }";
+    let run = test(gravity, "stiffness_n_per_m = [15e6, 14e6, 11e6]\n");
+    let weight = 18e3 * 9.5;
+    let drift = [weight / 15e6, weight / 14e6, weight / 11e6];
+    let at = [
+        drift[0],
+        drift[0] + drift[1],
+        drift[0] + drift[1] + drift[2],
+    ];
+    assert_stays(&run, at, 1.0);
+}
+
+/// 120 kN on a storey that yields at 70 kN: u_y + 50 kN/(b k). As an element and as a specimen.
+#[test]
+fn a_storey_that_yielded_under_the_load_stays_too() {
+    let (k, b) = (9e6, 0.1);
+    let law = "law = { bilinear = { stiffness_n_per_m = 9e6, yield_force_n = 70e3, post_yield_ratio = 0.1 } }";
+    let first = 70e3 / k + 50e3 / (b * k);
+    let at = [
+        first,
+        first + 80e3 / 14e6,
+        first + 80e3 / 14e6 + 60e3 / 11e6,
+    ];
+    let storeys = "stiffness_n_per_m = [0, 14e6, 11e6]\n";
+    let element = format!("{storeys}[[structure.element]]\nfrom = \"ground\"\nto = 1\n{law}\n");
+    assert_stays(&test(LOAD, &element), at, b);
+    let specimen = format!("{storeys}[[specimen]]\nname = \"s\"\nstorey = 1\n{law}\n");
+    let run = test(LOAD, &specimen);
+    assert_stays(&run, at, b);
+    assert_settling_rows(&run);
+}
+
+/// Two yielding specimens, one with an unloading stiffer than its loading (β > γ): every command before t = 0 goes on from
+/// the one before, and the force with it. Backwards by rounding, where balance is reached, is no motion.
+#[test]
+fn a_yielding_specimen_is_never_driven_backwards() {
+    let run = test(
+        LOAD,
+        "stiffness_n_per_m = [0, 0, 11e6]\n\
+         [[specimen]]\nname = \"lower\"\nstorey = 1\nlaw = { bouc_wen = { stiffness_n_per_m = 9e6, \
+         yield_force_n = 70e3, post_yield_ratio = 0.1, beta = 0.8, gamma = 0.2, exponent = 1.6 } }\n\
+         [[specimen]]\nname = \"upper\"\nstorey = 2\nlaw = { bilinear = { stiffness_n_per_m = 8e6, \
+         yield_force_n = 50e3, post_yield_ratio = 0.1 } }\n",
+    );
+    for name in ["cmd_1_1", "cmd_2_1", "force_1_1", "force_2_1"] {
+        let settling = run.rows.len() - run.column(name).len();
+        let values = &run.all(name)[..=settling];
+        assert!(values[0] == 0.0 && values[settling] > 0.0);
+        for pair in values.windows(2) {
+            let back = pair[0] - pair[1];
+            assert!(back <= 8.0 * f64::EPSILON * pair[0], "{name}: {pair:?}");
+        }
+    }
+    // Storey shears: 120 kN and 80 kN, both beyond yield.
+    let force = [run.column("force_1_1")[0], run.column("force_2_1")[0]];
+    assert!(
+        (force[0] / 120e3 - 1.0).abs() < 1e-12 && (force[1] / 80e3 - 1.0).abs() < 1e-12,
+        "{force:?}"
+    );
+}
+
+/// The base may move already at t = 0: while the load is brought on nothing moves, and no damper pushes.
+#[test]
+fn a_base_that_starts_with_a_velocity_does_not_push_before_t_0() {
+    let text = |motion: &str| {
+        format!(
+            "stiffness_n_per_m = [15e6, 14e6, 11e6]\ndamping_n_s_per_m = [2e5, 2e5, 2e5]\n{motion}"
+        )
+    };
+    let moving = "[excitation.base_displacement.signal.sine]\namplitude = 0.05\nfrequency_hz = 1\n";
+    let (still, moving) = (test(LOAD, &text("")), test(LOAD, &text(moving)));
+    for name in ["x1", "x2", "x3"] {
+        assert_eq!(
+            still.column(name)[0].to_bits(),
+            moving.column(name)[0].to_bits()
+        );
+    }
+    assert!(moving.column("a1")[0] > 1.0, "and at t = 0 it does push");
+}
+
+/// The exchanges that bring the load on are no ticks of the test: no histogram counts them, warm-up or none.
+#[test]
+fn exchanges_before_t_0_are_not_timed() {
+    let run = test(
+        LOAD,
+        "stiffness_n_per_m = [0, 14e6, 11e6]\n[timing]\nwarmup_ticks = 0\n\
+         [[specimen]]\nname = \"s\"\nstorey = 1\nlaw = { linear = { stiffness_n_per_m = 9e6 } }\n",
+    );
+    assert!(run.rows.len() > 1025);
+    for quantity in [
+        Quantity::WakeupLateness,
+        Quantity::RoundTrip,
+        Quantity::Compute,
+    ] {
+        assert_eq!(
+            run.outcome.timing.histogram(quantity).len(),
+            1025,
+            "{quantity:?}"
+        );
+    }
+}
