@@ -117,7 +117,9 @@ fn a_test_file_that_is_not_there_or_not_text_is_refused() {
         folder.path().join("none.toml").as_os_str(),
     ]);
     plain(&said);
-    assert!(said.stderr.contains("cannot read the test file") && said.stderr.contains("none.toml"));
+    assert!(said.stderr.contains("cannot read the test file"));
+    assert!(said.stderr.contains("none.toml: No such file"));
+    assert_eq!(said.stderr.matches("No such").count(), 1, "said once");
     fs::write(folder.path().join("bin.toml"), b"title = 1\n\xff\xfe").unwrap();
     let said = say(["check".as_ref(), folder.path().join("bin.toml").as_os_str()]);
     plain(&said);
@@ -285,6 +287,12 @@ fn a_duration_that_is_not_a_whole_number_of_steps_is_refused_with_its_neighbours
         "0.503",
         &words,
     );
+    // 1e11 steps: a slip of the pen must not ask the machine for terabytes.
+    let words = [
+        "a test of 100000000000 steps is too long",
+        "at most 268435456 steps",
+    ];
+    wrong_line(FRAME, "duration_s = 0.5", "duration_s = 5e8", "5e8", &words);
     for value in ["0", "-1", "inf"] {
         wrong_line(
             FRAME,

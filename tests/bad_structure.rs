@@ -112,6 +112,16 @@ fn an_effective_mass_that_is_not_positive_definite_names_the_dof() {
 }
 
 #[test]
+fn a_chain_longer_than_any_model_is_refused_before_memory_is_asked_for() {
+    let start = MATRICES.find("[structure.matrices]").unwrap();
+    let end = MATRICES.find("[integrator]").unwrap();
+    let chain = "[structure.chain]\ndofs = 4000000000000\nmass_kg = 1\nstiffness_n_per_m = 1e3\n\n";
+    let text = format!("{}{chain}{}", &MATRICES[..start], &MATRICES[end..]);
+    let words = ["dofs is 4000000000000, but must be 1 to 1000000"];
+    refused(&text, &[], "dofs = 4000000000000", "4000000000000", &words);
+}
+
+#[test]
 fn a_specimen_on_a_storey_that_does_not_exist_is_refused() {
     let words = [
         "storey 3 does not exist, the structure has storeys 1 to 2",

@@ -48,20 +48,16 @@ impl Running {
 
     /// Waits until `rows` rows are in the file.
     fn until_rows(&mut self, out: &Path, rows: u64) {
-        self.until(|| {
+        loop {
             let stride = fs::read_to_string(out.join("samples.json"))
                 .ok()
                 .and_then(|text| {
                     serde_json::from_str::<serde_json::Value>(&text).ok()?["stride"].as_u64()
                 });
             let length = fs::metadata(out.join("samples.bin")).map_or(0, |file| file.len());
-            stride.is_some_and(|stride| length >= rows * stride)
-        });
-    }
-
-    /// Waits until something is so, as long as the test runs.
-    fn until(&mut self, is_so: impl Fn() -> bool) {
-        while !is_so() {
+            if stride.is_some_and(|stride| length >= rows * stride) {
+                return;
+            }
             let ended = self.child().try_wait().unwrap();
             assert!(ended.is_none(), "the test ended by itself: {ended:?}");
             std::thread::park_timeout(Duration::from_millis(2));
@@ -138,10 +134,14 @@ fn ctrl_c_is_heard_while_a_slow_test_waits_for_its_next_edge() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out");
     let text = FRAME.replace("\"simulated\"", "\"real\"\nscale = 8000");
-    let test = write(folder.path(), "test.toml", &text);
+    let test = write(
+        folder.path(),
+        "test.toml",
+        &format!("{text}[timing]\nwarmup_ticks = 0\n"),
+    );
     let mut running = Running::start(&test, &out);
-    // Signals are taken over before there is a folder; a tick lasts 40 s.
-    running.until(|| out.join("samples.bin").exists());
+    // Row 0 is made; row 1 is due in 40 s.
+    running.until_rows(&out, 1);
     let said = running.signal("INT");
     assert_eq!(said.code, Some(130), "{}", said.stderr);
     let summary = json(&out, "summary.json");

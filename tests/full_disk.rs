@@ -9,13 +9,19 @@ use std::process::Command;
 use common::{FRAME, PATIENT, Said, gusset, json, say, write};
 use gusset::record::Run;
 
-/// `gusset run` under `ulimit -f`, in kB per file.
-fn on_a_full_disk(kilobytes: u32, test: &Path, out: &Path, more: &[&str]) -> Said {
+/// The binary with no file longer than so many kB.
+fn under_limit(kilobytes: u32) -> Command {
     let script = format!("ulimit -f {kilobytes}; exec \"$0\" \"$@\"");
     let mut command = Command::new("bash");
     command
         .args(["-c", &script])
         .arg(assert_cmd::cargo::cargo_bin!("gusset"));
+    command
+}
+
+/// `gusset run` under that limit.
+fn on_a_full_disk(kilobytes: u32, test: &Path, out: &Path, more: &[&str]) -> Said {
+    let mut command = under_limit(kilobytes);
     command
         .arg("run")
         .arg(test)
@@ -128,6 +134,20 @@ fn a_log_that_nobody_can_write_or_read_ends_nothing() {
     assert_eq!(status.code(), Some(0));
     assert_eq!(json(&out, "summary.json")["status"], "completed");
     assert!(out.join("report.html").exists());
+    // The log says most when the disk is full, and lies on it more often than not.
+    let test = write(
+        folder.path(),
+        "long.toml",
+        &FRAME.replace("duration_s = 0.5", "duration_s = 20"),
+    );
+    let out = folder.path().join("full");
+    let mut command = under_limit(64);
+    command.arg("run").arg(&test).arg("--out").arg(&out);
+    let status = command.stdout(full()).stderr(full()).status().unwrap();
+    assert_eq!(status.code(), Some(0));
+    let summary = json(&out, "summary.json");
+    assert!(summary["rows_lost"].as_u64().unwrap() > 0);
+    assert_eq!(summary["status"], "completed");
     let status = gusset()
         .args(["check", "none.toml"])
         .stderr(full())

@@ -262,11 +262,25 @@ pub fn main() -> ExitCode {
         Err(error) => {
             match error.downcast_ref::<exit::Mistakes>() {
                 Some(exit::Mistakes(pictures)) => tell(pictures),
-                None => tell(format_args!("error: {error:#}")),
+                None => tell(format_args!("error: {}", in_one_line(&error))),
             }
             exit::of(&error).into()
         }
     }
+}
+
+/// The error and what caused it; causes that it quotes already are not said twice.
+fn in_one_line(error: &anyhow::Error) -> String {
+    let mut text = String::new();
+    for cause in error.chain().map(ToString::to_string) {
+        if text.is_empty() {
+            text = cause;
+        } else if !text.contains(&cause) {
+            text.push_str(": ");
+            text.push_str(&cause);
+        }
+    }
+    text
 }
 
 /// A line to whoever reads stderr. If nobody can, nothing is lost but the line.

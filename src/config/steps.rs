@@ -81,7 +81,7 @@ fn whole_steps(duration: f64, step: Ratio, at: KeyPath) -> Result<u64, Box<Findi
     let whole = steps.round();
     if whole > MOST_STEPS {
         return Err(Box::new(
-            Finding::error(at, format!("a test of {duration} s has {steps:e} steps"))
+            Finding::error(at, format!("a test of {duration:e} s has {steps:e} steps"))
                 .label("at most 2^53 steps can be counted"),
         ));
     }

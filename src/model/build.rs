@@ -14,6 +14,8 @@ use crate::linalg::SymMatrix;
 pub type MatrixFiles = BTreeMap<String, MatrixTable>;
 
 const NOT_NEGATIVE: &str = "finite and not negative";
+/// As for matrices from files: beyond it a typing error is more likely than a model.
+const MOST_DOFS: usize = 1_000_000;
 const POSITIVE: &str = "finite and greater than 0";
 
 /// What the specimens of a test are to the numerical structure, besides their forces. Both n × n.
@@ -52,11 +54,11 @@ impl StructureSpec {
     /// Number of degrees of freedom.
     ///
     /// # Errors
-    /// The mass matrix is missing or not valid.
+    /// The mass matrix is missing or not valid, or the chain too long.
     pub fn dofs(&self, files: &MatrixFiles) -> Result<usize, BuildError> {
         match self {
             StructureSpec::ShearBuilding(spec) => Ok(spec.mass_kg.len()),
-            StructureSpec::Chain(spec) => Ok(spec.dofs),
+            StructureSpec::Chain(spec) => spec.count(),
             StructureSpec::Matrices(spec) => Ok(spec.mass(files)?.n()),
         }
     }
@@ -212,6 +214,18 @@ impl ShearBuildingSpec {
 }
 
 impl ChainSpec {
+    /// Number of masses, if a machine can hold as many.
+    fn count(&self) -> Result<usize, BuildError> {
+        if (1..=MOST_DOFS).contains(&self.dofs) {
+            return Ok(self.dofs);
+        }
+        Err(BuildError::Chain {
+            key: "dofs",
+            found: self.dofs as f64,
+            allowed: "1 to 1000000",
+        })
+    }
+
     /// One damper for each mass, if there are any.
     fn absolute_dampers(&self) -> Result<Vec<Element>, BuildError> {
         let Some(law) = &self.absolute_damper else {
@@ -252,7 +266,7 @@ impl ChainSpec {
             }
         };
         let (mass, stiffness) = (self.mass_kg, self.stiffness_n_per_m);
-        check("dofs", self.dofs as f64, self.dofs >= 1, "at least 1")?;
+        self.count()?;
         check("mass_kg", mass, mass > 0.0, POSITIVE)?;
         check(
             "stiffness_n_per_m",

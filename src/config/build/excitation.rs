@@ -3,16 +3,29 @@
 use super::specimens::Specimens;
 use super::structure::vector;
 use super::{Refused, Site, path};
-use crate::config::{Finding, KeyPath};
+use crate::config::{ExcitationTable, Finding, KeyPath};
 use crate::model::Structure;
 use crate::motion::{
     Excitation, Grid, LoadTerm, Motion, MotionError, NodalTable, Prescribed, PrescribedSpec,
     Processing, Quantity, Signal, base_motion, parse_table,
 };
 
+/// Most steps of a test whose loads are laid out before it: 2 GiB for each of them.
+const MOST_STEPS: u64 = 1 << 28;
+
 /// The step grid of the test.
 fn grid(site: &mut Site<'_>) -> Result<Grid, Refused> {
     let time = site.loaded.time;
+    if time.steps > MOST_STEPS && site.loaded.file.excitation != ExcitationTable::default() {
+        let text = format!(
+            "a test of {} steps is too long for an excitation, which is laid out before it",
+            time.steps
+        );
+        let finding = Finding::error(path("time").key("duration_s"), text)
+            .label(format!("at most {MOST_STEPS} steps"))
+            .help("a longer test may vibrate freely or under a static load");
+        return site.refuse(finding);
+    }
     let steps = usize::try_from(time.steps).unwrap_or(usize::MAX);
     match Grid::new(time.step.value(), steps) {
         Ok(grid) => Ok(grid),
