@@ -5,6 +5,10 @@
 //! are plain non-blocking sockets and a wait with a deadline; an asynchronous runtime serves only what is not on
 //! the deadline.
 
+pub mod socket;
+
+pub use socket::{ConnectError, SocketOptions, TcpTransport, UdpTransport, Wait};
+
 use crate::substructure::LinkFault;
 use crate::time::Nanos;
 

@@ -11,6 +11,7 @@
 use std::fs::File;
 use std::io::Write;
 use std::num::NonZeroU64;
+use std::os::fd::AsRawFd;
 
 use rustix::mm::MlockAllFlags;
 use rustix::process::{Resource, getpid, getrlimit};
@@ -186,6 +187,30 @@ pub fn block_signals() -> Result<(), Errno> {
 pub fn ignore_file_size_signal() {
     // SAFETY: SIG_IGN is a valid disposition of SIGXFSZ; no handler of ours runs and no memory is passed.
     unsafe { libc::signal(libc::SIGXFSZ, libc::SIG_IGN) };
+}
+
+/// Asks the kernel to poll the network card for up to `us` microseconds while a read on this socket finds nothing
+/// (SO_BUSY_POLL, socket(7)).
+///
+/// # Errors
+/// EPERM beyond the system's own setting without CAP_NET_ADMIN; ENOPROTOOPT on a kernel without it.
+pub fn set_busy_poll(socket: std::os::fd::BorrowedFd<'_>, us: u32) -> Result<(), Errno> {
+    let value = libc::c_int::try_from(us).unwrap_or(libc::c_int::MAX);
+    // SAFETY: the descriptor is open for the length of the borrow; `value` is alive, only read, and its size is given.
+    let outcome = unsafe {
+        libc::setsockopt(
+            socket.as_raw_fd(),
+            libc::SOL_SOCKET,
+            libc::SO_BUSY_POLL,
+            (&raw const value).cast(),
+            size_of::<libc::c_int>() as libc::socklen_t,
+        )
+    };
+    if outcome == 0 {
+        Ok(())
+    } else {
+        Err(last_error())
+    }
 }
 
 fn last_error() -> Errno {

@@ -1,0 +1,707 @@
+//! TCP and UDP on plain non-blocking sockets, with a wait that ends at a deadline.
+//!
+//! Invariants: after the set-up nothing here allocates, locks or blocks; a wait never lasts past its deadline on
+//! CLOCK_MONOTONIC by more than the kernel's wake-up; a peer that closed is seen by the next call. What is not here:
+//! bytes and their meaning, and what to do about a fault. Resolving a host's name happens before the test and has no
+//! time limit of ours: it is the system's resolver that waits.
+
+use std::io::{self, Read, Write};
+use std::net::{SocketAddr, TcpStream, ToSocketAddrs, UdpSocket};
+use std::os::fd::{AsFd, BorrowedFd};
+use std::time::Duration;
+
+use rustix::event::{PollFd, PollFlags, Timespec};
+use rustix::net::sockopt;
+use thiserror::Error;
+
+use super::Transport;
+use crate::rt::os;
+use crate::substructure::LinkFault;
+use crate::time::Nanos;
+
+/// Largest remainder of frames that a transport keeps while the system takes no bytes.
+const KEPT: usize = 96 * 1024;
+
+/// How a wait for bytes spends its time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Wait {
+    /// Reads in a busy loop for so long from the beginning of a wait, in ns: a reply on the same switch is there
+    /// within tens of microseconds.
+    pub spin_first_ns: u64,
+    /// Reads in a busy loop for so long before the deadline, in ns; between the two the thread sleeps until
+    /// bytes come.
+    pub spin_last_ns: u64,
+}
+
+impl Wait {
+    /// Never sleeps. A thread under SCHED_FIFO that does this for whole periods meets the kernel's throttling.
+    pub const SPIN: Wait = Wait {
+        spin_first_ns: u64::MAX,
+        spin_last_ns: 0,
+    };
+    /// Sleeps until bytes come.
+    pub const SLEEP: Wait = Wait {
+        spin_first_ns: 0,
+        spin_last_ns: 0,
+    };
+}
+
+impl Default for Wait {
+    fn default() -> Self {
+        Self {
+            spin_first_ns: 60_000,
+            spin_last_ns: 0,
+        }
+    }
+}
+
+/// What is asked of a socket.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SocketOptions {
+    /// How a wait spends its time.
+    pub wait: Wait,
+    /// TCP_QUICKACK before and after each read: without it two ends that both wait lose 40 ms to delayed
+    /// acknowledgements. The kernel forgets it now and then, so it is set again each time.
+    pub quick_ack: bool,
+    /// SO_BUSY_POLL in µs: the kernel polls the network card while a read waits. A refusal is no error.
+    pub busy_poll_us: Option<u32>,
+}
+
+impl Default for SocketOptions {
+    fn default() -> Self {
+        Self {
+            wait: Wait::default(),
+            quick_ack: true,
+            busy_poll_us: None,
+        }
+    }
+}
+
+/// Why there is no connection.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum ConnectError {
+    /// The address means nothing.
+    #[error(
+        "{address:?} is no address: {reason} (wanted \"host:port\", \"127.0.0.1:port\" or \"[::1]:port\")"
+    )]
+    Address {
+        /// As given.
+        address: String,
+        /// The system's word.
+        reason: String,
+    },
+    /// Nobody listens there.
+    #[error(
+        "{address} refused the connection: nothing listens on that port; is the specimen's end running?"
+    )]
+    Refused {
+        /// Where to.
+        address: String,
+    },
+    /// No way to the machine.
+    #[error("{address} is unreachable: {reason}")]
+    Unreachable {
+        /// Where to.
+        address: String,
+        /// The system's word.
+        reason: String,
+    },
+    /// No answer.
+    #[error(
+        "{address} did not answer within {seconds} s: is the address right, and is a firewall in between?"
+    )]
+    Timeout {
+        /// Where to.
+        address: String,
+        /// The time limit.
+        seconds: f64,
+    },
+    /// The socket cannot be made or set up.
+    #[error("{address}: {what}: {reason}")]
+    Socket {
+        /// Where to.
+        address: String,
+        /// What failed.
+        what: &'static str,
+        /// The system's word.
+        reason: String,
+    },
+}
+
+impl ConnectError {
+    fn socket(address: &str, what: &'static str, error: &io::Error) -> Self {
+        Self::Socket {
+            address: address.to_owned(),
+            what,
+            reason: error.to_string(),
+        }
+    }
+
+    fn connect(address: &str, limit: Duration, error: &io::Error) -> Self {
+        let address = address.to_owned();
+        match error.kind() {
+            io::ErrorKind::ConnectionRefused | io::ErrorKind::ConnectionReset => {
+                Self::Refused { address }
+            }
+            io::ErrorKind::TimedOut | io::ErrorKind::WouldBlock => Self::Timeout {
+                address,
+                seconds: limit.as_secs_f64(),
+            },
+            _ => Self::Unreachable {
+                address,
+                reason: error.to_string(),
+            },
+        }
+    }
+}
+
+/// All socket addresses behind "host:port", IPv4 and IPv6, in the system's order; never empty.
+///
+/// # Errors
+/// [`ConnectError::Address`].
+pub fn resolve(address: &str) -> Result<Vec<SocketAddr>, ConnectError> {
+    let refused = |reason: String| ConnectError::Address {
+        address: address.to_owned(),
+        reason,
+    };
+    let found: Vec<SocketAddr> = address
+        .to_socket_addrs()
+        .map_err(|error| refused(error.to_string()))?
+        .collect();
+    if found.is_empty() {
+        Err(refused("the name has no address".to_owned()))
+    } else {
+        Ok(found)
+    }
+}
+
+/// A TCP connection.
+#[derive(Debug)]
+pub struct TcpTransport {
+    stream: TcpStream,
+    peer: SocketAddr,
+    options: SocketOptions,
+    kept: Kept,
+}
+
+impl TcpTransport {
+    /// Connects to "host:port" within `limit`; every address behind the name is tried.
+    ///
+    /// # Errors
+    /// Why the last of them failed.
+    pub fn connect(
+        address: &str,
+        limit: Duration,
+        options: SocketOptions,
+    ) -> Result<Self, ConnectError> {
+        let addresses = resolve(address)?;
+        let share = (limit / u32::try_from(addresses.len()).unwrap_or(1).max(1))
+            .max(Duration::from_millis(1));
+        let mut last = None;
+        for peer in &addresses {
+            match TcpStream::connect_timeout(peer, share) {
+                Ok(stream) => return Self::from_stream(stream, options),
+                Err(error) => last = Some(ConnectError::connect(address, limit, &error)),
+            }
+        }
+        Err(last.unwrap_or_else(|| ConnectError::Address {
+            address: address.to_owned(),
+            reason: "the name has no address".to_owned(),
+        }))
+    }
+
+    /// Takes over a connection: of a listener, for instance.
+    ///
+    /// # Errors
+    /// [`ConnectError::Socket`], [`ConnectError::Unreachable`] if it is gone already.
+    pub fn from_stream(stream: TcpStream, options: SocketOptions) -> Result<Self, ConnectError> {
+        let peer = stream
+            .peer_addr()
+            .map_err(|error| ConnectError::connect("the peer", Duration::ZERO, &error))?;
+        let name = peer.to_string();
+        let wrong = |what| move |error: io::Error| (what, error);
+        stream
+            .set_nonblocking(true)
+            .map_err(wrong("non-blocking mode"))
+            .and_then(|()| stream.set_nodelay(true).map_err(wrong("TCP_NODELAY")))
+            .map_err(|(what, error)| ConnectError::socket(&name, what, &error))?;
+        ask_busy_poll(stream.as_fd(), options);
+        let transport = Self {
+            stream,
+            peer,
+            options,
+            kept: Kept::new(),
+        };
+        transport.quick_ack();
+        Ok(transport)
+    }
+
+    /// The other end.
+    #[must_use]
+    pub fn peer(&self) -> SocketAddr {
+        self.peer
+    }
+
+    /// Changes how waits are spent.
+    pub fn set_wait(&mut self, wait: Wait) {
+        self.options.wait = wait;
+    }
+
+    fn quick_ack(&self) {
+        if self.options.quick_ack {
+            // Where the kernel has it not, acknowledgements are merely slower.
+            let _ = sockopt::set_tcp_quickack(&self.stream, true);
+        }
+    }
+
+    fn flush(&mut self) -> Result<(), LinkFault> {
+        let stream = &mut self.stream;
+        self.kept.flush(|bytes| stream.write(bytes))
+    }
+}
+
+impl Transport for TcpTransport {
+    fn send(&mut self, frame: &[u8]) -> Result<(), LinkFault> {
+        self.flush()?;
+        if !self.kept.is_empty() {
+            return self.kept.keep(frame);
+        }
+        let mut rest = frame;
+        while !rest.is_empty() {
+            match self.stream.write(rest) {
+                Ok(0) => return Err(LinkFault::Closed),
+                Ok(taken) => rest = rest.get(taken..).unwrap_or_default(),
+                Err(error) => match verdict(&error) {
+                    Verdict::Again => {}
+                    Verdict::NotNow => return self.kept.keep(rest),
+                    Verdict::Lost(fault) => return Err(fault),
+                },
+            }
+        }
+        Ok(())
+    }
+
+    fn recv(&mut self, buffer: &mut [u8], deadline: Nanos) -> Result<Option<usize>, LinkFault> {
+        let mut pause = Pause::new(self.options.wait, deadline);
+        self.quick_ack();
+        loop {
+            self.flush()?;
+            match self.stream.read(buffer) {
+                Ok(0) if buffer.is_empty() => return Ok(Some(0)),
+                Ok(0) => return Err(LinkFault::Closed),
+                Ok(count) => {
+                    self.quick_ack();
+                    return Ok(Some(count));
+                }
+                Err(error) => match verdict(&error) {
+                    Verdict::Again => {}
+                    Verdict::NotNow => {
+                        if !pause.wait(self.stream.as_fd(), !self.kept.is_empty()) {
+                            return Ok(None);
+                        }
+                    }
+                    Verdict::Lost(fault) => return Err(fault),
+                },
+            }
+        }
+    }
+}
+
+/// UDP to one peer: datagrams of everybody else are not seen.
+#[derive(Debug)]
+pub struct UdpTransport {
+    socket: UdpSocket,
+    peer: SocketAddr,
+    options: SocketOptions,
+    kept: Kept,
+}
+
+impl UdpTransport {
+    /// Binds a port of the system's choice and aims it at "host:port" (the first address behind the name). Nothing
+    /// is sent: whether somebody is there shows with the first answer.
+    ///
+    /// # Errors
+    /// See [`ConnectError`].
+    pub fn connect(address: &str, options: SocketOptions) -> Result<Self, ConnectError> {
+        let addresses = resolve(address)?;
+        let mut last = None;
+        for peer in addresses {
+            let any = if peer.is_ipv4() {
+                "0.0.0.0:0"
+            } else {
+                "[::]:0"
+            };
+            let socket = UdpSocket::bind(any).and_then(|socket| {
+                socket.connect(peer)?;
+                Ok(socket)
+            });
+            match socket {
+                Ok(socket) => return Self::from_socket(socket, options),
+                Err(error) => {
+                    last = Some(ConnectError::connect(address, Duration::ZERO, &error));
+                }
+            }
+        }
+        Err(last.unwrap_or_else(|| ConnectError::Address {
+            address: address.to_owned(),
+            reason: "the name has no address".to_owned(),
+        }))
+    }
+
+    /// Takes over a socket that is connected to its peer.
+    ///
+    /// # Errors
+    /// [`ConnectError::Socket`], [`ConnectError::Unreachable`] if it has no peer.
+    pub fn from_socket(socket: UdpSocket, options: SocketOptions) -> Result<Self, ConnectError> {
+        let peer = socket
+            .peer_addr()
+            .map_err(|error| ConnectError::connect("the peer", Duration::ZERO, &error))?;
+        socket.set_nonblocking(true).map_err(|error| {
+            ConnectError::socket(&peer.to_string(), "non-blocking mode", &error)
+        })?;
+        ask_busy_poll(socket.as_fd(), options);
+        Ok(Self {
+            socket,
+            peer,
+            options,
+            kept: Kept::new(),
+        })
+    }
+
+    /// The other end.
+    #[must_use]
+    pub fn peer(&self) -> SocketAddr {
+        self.peer
+    }
+
+    /// Changes how waits are spent.
+    pub fn set_wait(&mut self, wait: Wait) {
+        self.options.wait = wait;
+    }
+
+    /// A datagram leaves whole or not at all.
+    fn flush(&mut self) -> Result<(), LinkFault> {
+        let socket = &self.socket;
+        self.kept.flush(|bytes| socket.send(bytes))
+    }
+}
+
+impl Transport for UdpTransport {
+    fn send(&mut self, frame: &[u8]) -> Result<(), LinkFault> {
+        self.flush()?;
+        if !self.kept.is_empty() {
+            // Two datagrams must not become one.
+            return Err(LinkFault::Backpressure);
+        }
+        loop {
+            match self.socket.send(frame) {
+                Ok(_) => return Ok(()),
+                Err(error) => match verdict(&error) {
+                    Verdict::Again => {}
+                    Verdict::NotNow => return self.kept.keep(frame),
+                    Verdict::Lost(fault) => return Err(fault),
+                },
+            }
+        }
+    }
+
+    /// A buffer that is smaller than the datagram receives its beginning only. Empty datagrams are passed over.
+    fn recv(&mut self, buffer: &mut [u8], deadline: Nanos) -> Result<Option<usize>, LinkFault> {
+        let mut pause = Pause::new(self.options.wait, deadline);
+        loop {
+            self.flush()?;
+            match self.socket.recv(buffer) {
+                Ok(0) => {
+                    if pause.is_over() {
+                        return Ok(None);
+                    }
+                }
+                Ok(count) => return Ok(Some(count)),
+                Err(error) => match verdict(&error) {
+                    Verdict::Again => {}
+                    Verdict::NotNow => {
+                        if !pause.wait(self.socket.as_fd(), !self.kept.is_empty()) {
+                            return Ok(None);
+                        }
+                    }
+                    Verdict::Lost(fault) => return Err(fault),
+                },
+            }
+        }
+    }
+}
+
+/// Bytes that the system did not take at once.
+#[derive(Debug)]
+struct Kept {
+    bytes: Vec<u8>,
+    start: usize,
+}
+
+impl Kept {
+    fn new() -> Self {
+        Self {
+            bytes: Vec::with_capacity(KEPT),
+            start: 0,
+        }
+    }
+
+    fn is_empty(&self) -> bool {
+        self.start >= self.bytes.len()
+    }
+
+    /// Keeps the remainder of one frame. One frame may wait, a second one is backpressure: a specimen must never
+    /// receive a burst of old commands.
+    fn keep(&mut self, rest: &[u8]) -> Result<(), LinkFault> {
+        if !self.is_empty() || rest.len() > KEPT {
+            return Err(LinkFault::Backpressure);
+        }
+        self.start = 0;
+        self.bytes.clear();
+        self.bytes.extend_from_slice(rest);
+        Ok(())
+    }
+
+    fn flush(
+        &mut self,
+        mut write: impl FnMut(&[u8]) -> io::Result<usize>,
+    ) -> Result<(), LinkFault> {
+        while let Some(rest) = self.bytes.get(self.start..).filter(|rest| !rest.is_empty()) {
+            match write(rest) {
+                Ok(0) => return Err(LinkFault::Closed),
+                Ok(taken) => self.start += taken,
+                Err(error) => match verdict(&error) {
+                    Verdict::Again => {}
+                    Verdict::NotNow => return Ok(()),
+                    Verdict::Lost(fault) => return Err(fault),
+                },
+            }
+        }
+        Ok(())
+    }
+}
+
+enum Verdict {
+    /// A signal came in between.
+    Again,
+    /// Nothing there, or no room.
+    NotNow,
+    Lost(LinkFault),
+}
+
+fn verdict(error: &io::Error) -> Verdict {
+    match error.kind() {
+        io::ErrorKind::Interrupted => Verdict::Again,
+        io::ErrorKind::WouldBlock => Verdict::NotNow,
+        io::ErrorKind::TimedOut => Verdict::Lost(LinkFault::Timeout),
+        // No buffers left is a full buffer, too.
+        _ if error.raw_os_error() == Some(os::Errno::NOBUFS.raw_os_error()) => Verdict::NotNow,
+        _ => Verdict::Lost(LinkFault::Closed),
+    }
+}
+
+/// One wait for bytes: spin, sleep in poll(2), spin.
+struct Pause {
+    wait: Wait,
+    deadline: Nanos,
+    begun: Option<Nanos>,
+}
+
+impl Pause {
+    const fn new(wait: Wait, deadline: Nanos) -> Self {
+        Self {
+            wait,
+            deadline,
+            begun: None,
+        }
+    }
+
+    fn is_over(&self) -> bool {
+        os::monotonic_ns() >= self.deadline.0
+    }
+
+    /// Waits for a while; false once the deadline has passed. The clock is read only when there was nothing to read.
+    fn wait(&mut self, fd: BorrowedFd<'_>, unsent: bool) -> bool {
+        let now = Nanos(os::monotonic_ns());
+        if now >= self.deadline {
+            return false;
+        }
+        let begun = *self.begun.get_or_insert(now);
+        let sleep_until = self.deadline.minus(self.wait.spin_last_ns);
+        if now.since(begun) < self.wait.spin_first_ns || now >= sleep_until {
+            std::hint::spin_loop();
+            return true;
+        }
+        let mut events = PollFlags::IN;
+        if unsent {
+            events |= PollFlags::OUT;
+        }
+        let left = sleep_until.since(now);
+        let limit = Timespec {
+            tv_sec: i64::try_from(left / 1_000_000_000).unwrap_or(i64::MAX),
+            tv_nsec: (left % 1_000_000_000) as _,
+        };
+        // An error of poll shows again, and better, in the read that follows.
+        let _ = rustix::event::poll(&mut [PollFd::from_borrowed_fd(fd, events)], Some(&limit));
+        true
+    }
+}
+
+fn ask_busy_poll(fd: BorrowedFd<'_>, options: SocketOptions) {
+    if let Some(us) = options.busy_poll_us {
+        // Beyond the system's own setting this is a privilege; without it reads poll from here all the same.
+        let _ = os::set_busy_poll(fd, us);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::net::TcpListener;
+
+    use super::*;
+
+    const SECOND: u64 = 1_000_000_000;
+
+    fn later(ns: u64) -> Nanos {
+        Nanos(os::monotonic_ns()).plus(ns)
+    }
+
+    fn tcp_pair(options: SocketOptions) -> (TcpTransport, TcpStream) {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let address = listener.local_addr().unwrap().to_string();
+        let ours = TcpTransport::connect(&address, Duration::from_secs(5), options).unwrap();
+        (ours, listener.accept().unwrap().0)
+    }
+
+    #[test]
+    fn bytes_go_both_ways_under_every_kind_of_wait() {
+        for wait in [Wait::SPIN, Wait::SLEEP, Wait::default()] {
+            let options = SocketOptions {
+                wait,
+                busy_poll_us: Some(50),
+                ..SocketOptions::default()
+            };
+            let (mut ours, mut theirs) = tcp_pair(options);
+            ours.send(b"command").unwrap();
+            let mut seen = [0; 7];
+            theirs.read_exact(&mut seen).unwrap();
+            assert_eq!(&seen, b"command");
+            theirs.write_all(b"measurement").unwrap();
+            let mut buffer = [0; 64];
+            let count = ours.recv(&mut buffer, later(5 * SECOND)).unwrap().unwrap();
+            assert!(b"measurement".starts_with(&buffer[..count]) && count > 0);
+        }
+    }
+
+    #[test]
+    fn a_wait_without_bytes_ends_at_its_deadline_and_not_before() {
+        let (mut ours, _theirs) = tcp_pair(SocketOptions::default());
+        let deadline = later(2_000_000);
+        assert_eq!(ours.recv(&mut [0; 8], deadline), Ok(None));
+        assert!(os::monotonic_ns() >= deadline.0);
+        assert_eq!(ours.recv(&mut [0; 8], Nanos(0)), Ok(None), "long past");
+    }
+
+    #[test]
+    fn a_peer_that_closes_is_seen_at_once() {
+        let (mut ours, theirs) = tcp_pair(SocketOptions::default());
+        drop(theirs);
+        assert_eq!(
+            ours.recv(&mut [0; 8], later(60 * SECOND)),
+            Err(LinkFault::Closed)
+        );
+    }
+
+    #[test]
+    fn a_peer_that_does_not_read_is_backpressure_and_what_was_kept_arrives_whole() {
+        let (mut ours, mut theirs) = tcp_pair(SocketOptions::default());
+        let frame: Vec<u8> = (0..60_000_u32).map(|i| i as u8).collect();
+        let mut sent = 0;
+        let fault = loop {
+            match ours.send(&frame) {
+                Ok(()) => sent += 1,
+                Err(fault) => break fault,
+            }
+            assert!(sent < 10_000, "the kernel never filled up");
+        };
+        assert_eq!(fault, LinkFault::Backpressure);
+        // The peer wakes up and reads all; the kept remainder is flushed in recv.
+        let total = sent * frame.len();
+        let reader = std::thread::spawn(move || {
+            let mut all = vec![0; total];
+            theirs.read_exact(&mut all).unwrap();
+            theirs.write_all(b"!").unwrap();
+            all
+        });
+        assert_eq!(ours.recv(&mut [0; 8], later(30 * SECOND)), Ok(Some(1)));
+        let all = reader.join().unwrap();
+        assert!(all.chunks(frame.len()).all(|chunk| chunk == frame));
+    }
+
+    #[test]
+    fn a_refusal_and_a_name_without_meaning_say_so_with_the_address() {
+        let port = {
+            let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+            listener.local_addr().unwrap().port()
+        };
+        let address = format!("127.0.0.1:{port}");
+        let connect = |address: &str| {
+            TcpTransport::connect(address, Duration::from_secs(5), SocketOptions::default())
+                .unwrap_err()
+        };
+        let refused = connect(&address);
+        assert_eq!(refused, ConnectError::Refused { address });
+        assert!(matches!(connect("127.0.0.1"), ConnectError::Address { .. }));
+        assert!(matches!(
+            connect("127.0.0.1:99999"),
+            ConnectError::Address { .. }
+        ));
+    }
+
+    #[test]
+    fn datagrams_keep_their_borders_and_empty_ones_are_passed_over() {
+        let far = UdpSocket::bind("127.0.0.1:0").unwrap();
+        let address = far.local_addr().unwrap().to_string();
+        let mut ours = UdpTransport::connect(&address, SocketOptions::default()).unwrap();
+        ours.send(b"one").unwrap();
+        ours.send(b"three").unwrap();
+        let mut buffer = [0; 64];
+        let (count, peer) = far.recv_from(&mut buffer).unwrap();
+        assert_eq!(&buffer[..count], b"one");
+        let (count, _) = far.recv_from(&mut buffer).unwrap();
+        assert_eq!(&buffer[..count], b"three");
+        far.send_to(b"", peer).unwrap();
+        far.send_to(b"answer", peer).unwrap();
+        let count = ours.recv(&mut buffer, later(5 * SECOND)).unwrap().unwrap();
+        assert_eq!(&buffer[..count], b"answer");
+        assert_eq!(ours.recv(&mut buffer, later(1_000)), Ok(None));
+    }
+
+    #[test]
+    fn a_udp_port_where_nobody_listens_is_seen_as_closed() {
+        let port = {
+            let gone = UdpSocket::bind("127.0.0.1:0").unwrap();
+            gone.local_addr().unwrap().port()
+        };
+        let address = format!("127.0.0.1:{port}");
+        let mut ours = UdpTransport::connect(&address, SocketOptions::default()).unwrap();
+        ours.send(b"hello").unwrap();
+        assert_eq!(
+            ours.recv(&mut [0; 8], later(5 * SECOND)),
+            Err(LinkFault::Closed)
+        );
+    }
+
+    #[test]
+    fn sending_and_receiving_allocate_nothing() {
+        let (mut ours, mut theirs) = tcp_pair(SocketOptions::default());
+        theirs.write_all(&[1; 64]).unwrap();
+        let mut buffer = [0; 64];
+        let info = allocation_counter::measure(|| {
+            ours.send(&[2; 76]).unwrap();
+            ours.recv(&mut buffer, later(5 * SECOND)).unwrap();
+            ours.recv(&mut buffer, later(100_000)).unwrap();
+        });
+        assert_eq!(info.count_total, 0);
+    }
+}
