@@ -5,6 +5,7 @@
 //! are plain non-blocking sockets and a wait with a deadline; an asynchronous runtime serves only what is not on
 //! the deadline.
 
+pub mod openfresco;
 pub mod socket;
 
 pub use socket::{ConnectError, SocketOptions, TcpTransport, UdpTransport, Wait};

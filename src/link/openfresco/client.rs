@@ -187,6 +187,7 @@ enum Came {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Phase {
+    New,
     Idle,
     Issued,
     Answered,
@@ -204,11 +205,9 @@ const FAREWELL_NS: u64 = 1_000_000_000;
 
 /// A specimen behind OpenFresco or OpenSees. Coupling: lockstep.
 pub struct Remote {
+    settings: RemoteSettings,
     link: Option<Box<dyn Transport>>,
     machine: Machine,
-    commits: bool,
-    carrier: Carrier,
-    axes: usize,
     buffer: Vec<u8>,
     phase: Phase,
     sequence: u64,
@@ -216,6 +215,7 @@ pub struct Remote {
     sent_at: Nanos,
     reply_limit_ns: u64,
     initial_stiffness: Option<Vec<f64>>,
+    complaint: Option<Lost>,
 }
 
 impl std::fmt::Debug for Remote {
@@ -228,11 +228,11 @@ impl std::fmt::Debug for Remote {
 }
 
 impl Remote {
-    /// Connects and sets everything up; an element server is asked for its initial stiffness. Nothing moves.
+    /// A specimen that is not connected yet.
     ///
     /// # Errors
-    /// See [`RemoteError`].
-    pub fn connect(settings: &RemoteSettings) -> Result<Self, RemoteError> {
+    /// Settings that cannot be: see [`RemoteError::Setting`] and [`RemoteError::Wire`].
+    pub fn new(settings: RemoteSettings) -> Result<Self, RemoteError> {
         for (name, found) in [
             ("the time limit of the connection", settings.connect_limit_s),
             ("the time limit of a reply", settings.reply_limit_s),
@@ -245,32 +245,39 @@ impl Remote {
                 });
             }
         }
-        let machine = machine(settings).map_err(|source| RemoteError::Wire {
+        let machine = machine(&settings).map_err(|source| RemoteError::Wire {
             address: settings.address.clone(),
             what: "the settings",
             source,
         })?;
-        let until = Nanos(os::monotonic_ns()).plus((settings.connect_limit_s * 1e9) as u64);
-        let link = transport(settings, until)?;
-        let mut remote = Self {
-            link: Some(link),
+        Ok(Self {
+            link: None,
             machine,
-            commits: settings.peer != Peer::Adapter,
-            carrier: settings.carrier,
-            axes: settings.axes,
             buffer: vec![0; CHUNK],
-            phase: Phase::Idle,
+            phase: Phase::New,
             sequence: 0,
             time: 0.0,
             sent_at: Nanos(0),
             reply_limit_ns: (settings.reply_limit_s * 1e9) as u64,
             initial_stiffness: None,
-        };
-        remote.set_up(settings, until)?;
-        if settings.peer == Peer::Element {
-            remote.ask_stiffness(settings, until)?;
+            complaint: None,
+            settings,
+        })
+    }
+
+    /// Connects and sets everything up; an element server is asked for its initial stiffness. Nothing moves.
+    ///
+    /// # Errors
+    /// See [`RemoteError`].
+    pub fn open(&mut self) -> Result<(), RemoteError> {
+        let until = Nanos(os::monotonic_ns()).plus((self.settings.connect_limit_s * 1e9) as u64);
+        self.link = Some(transport(&self.settings, until)?);
+        self.set_up(until)?;
+        if self.settings.peer == Peer::Element {
+            self.ask_stiffness(until)?;
         }
-        Ok(remote)
+        self.phase = Phase::Idle;
+        Ok(())
     }
 
     /// Initial stiffness as an element server reports it, n × n by rows, in the specimen's units.
@@ -279,8 +286,8 @@ impl Remote {
         self.initial_stiffness.as_deref()
     }
 
-    fn set_up(&mut self, settings: &RemoteSettings, until: Nanos) -> Result<(), RemoteError> {
-        let say = Saying::new(settings, "the set-up");
+    fn set_up(&mut self, until: Nanos) -> Result<(), RemoteError> {
+        let say = Saying::new(&self.settings, "the set-up");
         let opening = match &mut self.machine {
             Machine::Client(client) => client.open(),
             Machine::Shadow(shadow) => shadow.open(),
@@ -296,7 +303,9 @@ impl Remote {
                 Ok(Came::Ready) => return Ok(()),
                 Ok(_) => {}
                 // Nobody has the port yet: the hello has certainly not arrived, so it may be sent again.
-                Err(Lost::Link(LinkFault::Closed)) if hello && Nanos(os::monotonic_ns()) < until => {
+                Err(Lost::Link(LinkFault::Closed))
+                    if hello && Nanos(os::monotonic_ns()) < until =>
+                {
                     pause();
                     self.send_raw(&opening).or_else(|fault| match fault {
                         LinkFault::Closed => Ok(()),
@@ -308,8 +317,8 @@ impl Remote {
         }
     }
 
-    fn ask_stiffness(&mut self, settings: &RemoteSettings, until: Nanos) -> Result<(), RemoteError> {
-        let say = Saying::new(settings, "the request for the initial stiffness");
+    fn ask_stiffness(&mut self, until: Nanos) -> Result<(), RemoteError> {
+        let say = Saying::new(&self.settings, "the request for the initial stiffness");
         let Self {
             machine: Machine::Client(client),
             link: Some(link),
@@ -321,9 +330,10 @@ impl Remote {
         let bytes = client
             .request_matrix(Matrix::InitialStiffness)
             .map_err(|error| say.wire(error))?;
-        send(link.as_mut(), self.carrier, bytes, bytes.len()).map_err(|fault| say.lost(fault))?;
+        send(link.as_mut(), self.settings.carrier, bytes, bytes.len())
+            .map_err(|fault| say.lost(fault))?;
         while self.hear(until).map_err(|lost| say.why(lost))? != Came::Matrix {}
-        let mut rows = vec![0.0; self.axes * self.axes];
+        let mut rows = vec![0.0; self.settings.axes * self.settings.axes];
         if let Machine::Client(client) = &self.machine {
             client.matrix(&mut rows).map_err(|error| say.wire(error))?;
         }
@@ -333,7 +343,7 @@ impl Remote {
 
     fn send_raw(&mut self, bytes: &[u8]) -> Result<(), LinkFault> {
         let link = self.link.as_mut().ok_or(LinkFault::Closed)?;
-        send(link.as_mut(), self.carrier, bytes, bytes.len())
+        send(link.as_mut(), self.settings.carrier, bytes, bytes.len())
     }
 
     /// Reads until something whole has come. Real-time: yes, after the set-up.
@@ -348,7 +358,8 @@ impl Remote {
             while !rest.is_empty() {
                 let (used, what) = self.machine.feed(rest)?;
                 if what != Came::Nothing {
-                    self.machine.answer_back(link.as_mut(), self.carrier)?;
+                    self.machine
+                        .answer_back(link.as_mut(), self.settings.carrier)?;
                     came = what;
                 }
                 rest = rest.get(used.max(1)..).unwrap_or_default();
@@ -357,9 +368,11 @@ impl Remote {
         Ok(came)
     }
 
-    fn fault(&mut self, fault: LinkFault) -> LinkFault {
-        self.phase = Phase::Faulted(fault);
-        fault
+    fn fault(&mut self, lost: impl Into<Lost>) -> LinkFault {
+        let lost = lost.into();
+        self.complaint = Some(lost);
+        self.phase = Phase::Faulted(lost.fault());
+        lost.fault()
     }
 
     fn exchange_out(&mut self, command: &Command<'_>) -> Result<(), Lost> {
@@ -374,7 +387,7 @@ impl Remote {
                 (shadow.command(command)?, message)
             }
         };
-        Ok(send(link.as_mut(), self.carrier, bytes, message)?)
+        Ok(send(link.as_mut(), self.settings.carrier, bytes, message)?)
     }
 
     fn commit_out(&mut self) -> Result<(), Lost> {
@@ -383,7 +396,12 @@ impl Remote {
             Machine::Client(client) => client.commit(self.time)?,
             Machine::Shadow(shadow) => shadow.commit(self.time)?,
         };
-        Ok(send(link.as_mut(), self.carrier, bytes, bytes.len())?)
+        Ok(send(
+            link.as_mut(),
+            self.settings.carrier,
+            bytes,
+            bytes.len(),
+        )?)
     }
 
     /// The goodbye: 99, whose answer is waited for only in dialect B. OpenFresco says it twice in dialect C, where
@@ -394,7 +412,7 @@ impl Remote {
             Machine::Client(client) => (client.die()?, false),
             Machine::Shadow(shadow) => (shadow.die()?, true),
         };
-        send(link.as_mut(), self.carrier, bytes, bytes.len())?;
+        send(link.as_mut(), self.settings.carrier, bytes, bytes.len())?;
         let until = Nanos(os::monotonic_ns()).plus(FAREWELL_NS);
         while answered && self.hear(until)? != Came::Farewell {}
         Ok(())
@@ -403,7 +421,7 @@ impl Remote {
 
 impl Substructure for Remote {
     fn axes(&self) -> usize {
-        self.axes
+        self.settings.axes
     }
 
     fn coupling(&self) -> Coupling {
@@ -419,7 +437,9 @@ impl Substructure for Remote {
     fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
         match self.phase {
             Phase::Faulted(fault) => return Err(fault),
-            Phase::Issued | Phase::Retired => return Err(self.fault(LinkFault::Refused)),
+            Phase::New | Phase::Issued | Phase::Retired => {
+                return Err(self.fault(LinkFault::Refused));
+            }
             Phase::Answered | Phase::Committed if command.sequence == self.sequence => {
                 return Ok(());
             }
@@ -428,7 +448,7 @@ impl Substructure for Remote {
         self.sequence = command.sequence;
         self.time = command.time;
         if let Err(lost) = self.exchange_out(command) {
-            return Err(self.fault(lost.fault()));
+            return Err(self.fault(lost));
         }
         self.sent_at = Nanos(os::monotonic_ns());
         self.phase = Phase::Issued;
@@ -440,14 +460,14 @@ impl Substructure for Remote {
     fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
         match self.phase {
             Phase::Faulted(fault) => return Err(fault),
-            Phase::Idle | Phase::Retired => return Err(LinkFault::Timeout),
+            Phase::New | Phase::Idle | Phase::Retired => return Err(LinkFault::Timeout),
             Phase::Issued => {
                 let until = self.sent_at.plus(self.reply_limit_ns);
                 loop {
                     match self.hear(until) {
                         Ok(Came::Signals) => break,
                         Ok(_) => {}
-                        Err(lost) => return Err(self.fault(lost.fault())),
+                        Err(lost) => return Err(self.fault(lost)),
                     }
                 }
                 self.phase = Phase::Answered;
@@ -463,7 +483,7 @@ impl Substructure for Remote {
                 into.sequence = self.sequence;
                 Ok(Freshness::Fresh)
             }
-            Err(error) => Err(self.fault(Lost::from(error).fault())),
+            Err(error) => Err(self.fault(error)),
         }
     }
 
@@ -472,10 +492,10 @@ impl Substructure for Remote {
         match self.phase {
             Phase::Faulted(fault) => Err(fault),
             Phase::Answered if sequence == self.sequence => {
-                if self.commits
+                if self.settings.peer != Peer::Adapter
                     && let Err(lost) = self.commit_out()
                 {
-                    return Err(self.fault(lost.fault()));
+                    return Err(self.fault(lost));
                 }
                 self.phase = Phase::Committed;
                 Ok(())
@@ -622,31 +642,36 @@ impl From<WireError> for Lost {
 }
 
 /// Puts names on what goes wrong in the set-up.
-struct Saying<'a> {
-    settings: &'a RemoteSettings,
+struct Saying {
+    address: String,
+    seconds: f64,
     what: &'static str,
 }
 
-impl<'a> Saying<'a> {
-    const fn new(settings: &'a RemoteSettings, what: &'static str) -> Self {
-        Self { settings, what }
+impl Saying {
+    fn new(settings: &RemoteSettings, what: &'static str) -> Self {
+        Self {
+            address: settings.address.clone(),
+            seconds: settings.connect_limit_s,
+            what,
+        }
     }
 
     fn wire(&self, source: WireError) -> RemoteError {
         RemoteError::Wire {
-            address: self.settings.address.clone(),
+            address: self.address.clone(),
             what: self.what,
             source,
         }
     }
 
     fn lost(&self, fault: LinkFault) -> RemoteError {
-        let (address, what) = (self.settings.address.clone(), self.what);
+        let (address, what) = (self.address.clone(), self.what);
         match fault {
             LinkFault::Timeout => RemoteError::Timeout {
                 address,
                 what,
-                seconds: self.settings.connect_limit_s,
+                seconds: self.seconds,
             },
             fault => RemoteError::Lost {
                 address,

@@ -8,8 +8,8 @@ use thiserror::Error;
 use super::host::{Host, HostFault};
 use crate::wire::WireError;
 use crate::wire::openfresco::{
-    Actor, ActorEvent, Carrier, Course, Event, Interface, Response, Server, ServerDialect, Simulink,
-    SimulinkEvent, Sizes,
+    Actor, ActorEvent, Carrier, Course, Event, Interface, Response, Server, ServerDialect,
+    Simulink, SimulinkEvent, Sizes,
 };
 
 /// Which program a server takes the place of.
@@ -65,9 +65,17 @@ pub(super) struct Heard<'a> {
 /// One connection's machine.
 #[derive(Debug)]
 pub(super) enum Machine {
-    Vectors { machine: Server, implicit: bool },
+    Vectors {
+        machine: Server,
+        implicit: bool,
+    },
     Actor(Actor),
-    Simulink { machine: Simulink, signals: Vec<f64>, sizes: Option<Sizes>, tracker: Targets },
+    Simulink {
+        machine: Simulink,
+        signals: Vec<f64>,
+        sizes: Option<Sizes>,
+        tracker: Targets,
+    },
 }
 
 /// What `SimSimulink` has commanded since its last commit.
@@ -115,7 +123,11 @@ impl Machine {
     }
 
     /// Takes one message or a part of it and does what it says. Real-time: yes, after the sizes.
-    pub(super) fn hear(&mut self, bytes: &[u8], host: &mut Host) -> Result<Heard<'_>, ExchangeFault> {
+    pub(super) fn hear(
+        &mut self,
+        bytes: &[u8],
+        host: &mut Host,
+    ) -> Result<Heard<'_>, ExchangeFault> {
         match self {
             Self::Vectors { machine, implicit } => hear_server(machine, *implicit, bytes, host),
             Self::Actor(machine) => hear_actor(machine, bytes, host),

@@ -113,10 +113,13 @@ impl Door {
             Err(error) => return Err(error.into()),
         }
         match self {
-            Self::Tcp(listener) => Ok(gone(listener.accept())?
-                .map(|(stream, from)| Caller::Stream(stream, from))),
-            Self::Udp(socket) => Ok(gone(socket.recv_from(buffer))?
-                .map(|(count, from)| Caller::Datagram(count, from))),
+            Self::Tcp(listener) => {
+                Ok(gone(listener.accept())?.map(|(stream, from)| Caller::Stream(stream, from)))
+            }
+            Self::Udp(socket) => {
+                Ok(gone(socket.recv_from(buffer))?
+                    .map(|(count, from)| Caller::Datagram(count, from)))
+            }
         }
     }
 
@@ -138,7 +141,9 @@ impl Door {
 
 /// What a non-blocking call does not bring is nobody's fault; what a stranger's hasty end brings neither.
 fn gone<T>(result: io::Result<T>) -> io::Result<Option<T>> {
-    use io::ErrorKind::{ConnectionAborted, ConnectionRefused, ConnectionReset, Interrupted, WouldBlock};
+    use io::ErrorKind::{
+        ConnectionAborted, ConnectionRefused, ConnectionReset, Interrupted, WouldBlock,
+    };
     match result {
         Ok(value) => Ok(Some(value)),
         Err(error) => match error.kind() {
@@ -173,12 +178,8 @@ pub(super) fn socket_to(door: &UdpSocket, peer: SocketAddr) -> Result<UdpTranspo
         } else {
             AddressFamily::INET6
         };
-        let socket = rustix::net::socket_with(
-            family,
-            SocketType::DGRAM,
-            SocketFlags::CLOEXEC,
-            None,
-        )?;
+        let socket =
+            rustix::net::socket_with(family, SocketType::DGRAM, SocketFlags::CLOEXEC, None)?;
         // Only while this second socket is bound: two programs on one port must not go unnoticed.
         sockopt::set_socket_reuseaddr(door, true)?;
         sockopt::set_socket_reuseaddr(&socket, true)?;

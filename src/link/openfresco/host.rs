@@ -306,13 +306,16 @@ mod tests {
     #[test]
     fn iterations_start_from_the_committed_state_and_repeats_change_nothing() {
         let mut host = host(BILINEAR, 1, Nature::Simulated);
-        host.trial(Course::Step, &at(&[0.03], 0.01), Some(0.01)).unwrap();
+        host.trial(Course::Step, &at(&[0.03], 0.01), Some(0.01))
+            .unwrap();
         let plastic = host.response().force[0];
         // 60 at 7.5 mm, then 400 N/m.
         assert!((plastic - (60.0 + 400.0 * 0.0225)).abs() < 1e-9);
-        host.trial(Course::Iteration, &at(&[0.005], 0.01), Some(0.01)).unwrap();
+        host.trial(Course::Iteration, &at(&[0.005], 0.01), Some(0.01))
+            .unwrap();
         assert!((host.response().force[0] - 40.0).abs() < 1e-12);
-        host.trial(Course::Repeat, &at(&[0.005], 0.01), Some(0.01)).unwrap();
+        host.trial(Course::Repeat, &at(&[0.005], 0.01), Some(0.01))
+            .unwrap();
         assert!((host.response().force[0] - 40.0).abs() < 1e-12);
         host.commit();
         host.commit();
@@ -324,10 +327,13 @@ mod tests {
     fn a_step_taken_back_is_forgotten_by_a_formula_and_refused_by_what_moves() {
         for nature in [Nature::Simulated, Nature::Physical] {
             let mut host = host(BILINEAR, 1, nature);
-            host.trial(Course::First, &at(&[0.0], 0.0), Some(0.0)).unwrap();
-            host.trial(Course::Step, &at(&[0.004], 0.01), Some(0.01)).unwrap();
+            host.trial(Course::First, &at(&[0.0], 0.0), Some(0.0))
+                .unwrap();
+            host.trial(Course::Step, &at(&[0.004], 0.01), Some(0.01))
+                .unwrap();
             host.commit();
-            host.trial(Course::Step, &at(&[0.5], 0.02), Some(0.01)).unwrap();
+            host.trial(Course::Step, &at(&[0.5], 0.02), Some(0.01))
+                .unwrap();
             let back = host.trial(Course::TakenBack, &at(&[0.004], 0.01), Some(0.0));
             match nature {
                 Nature::Simulated => {
@@ -340,7 +346,8 @@ mod tests {
                     assert_eq!(host.response().disp, [0.004]);
                 }
             }
-            host.trial(Course::Step, &at(&[0.006], 0.015), Some(0.005)).unwrap();
+            host.trial(Course::Step, &at(&[0.006], 0.015), Some(0.005))
+                .unwrap();
             assert!((host.response().force[0] - 48.0).abs() < 1e-12);
         }
     }
@@ -349,7 +356,8 @@ mod tests {
     fn a_new_client_finds_a_formula_virgin_and_a_rig_as_it_was_left() {
         for (nature, left) in [(Nature::Simulated, 0.0), (Nature::Physical, 69.0)] {
             let mut host = host(BILINEAR, 1, nature);
-            host.trial(Course::Step, &at(&[0.03], 0.01), Some(0.01)).unwrap();
+            host.trial(Course::Step, &at(&[0.03], 0.01), Some(0.01))
+                .unwrap();
             host.commit();
             host.begin().unwrap();
             assert!((host.response().force[0] - left).abs() < 1e-9);
@@ -358,11 +366,17 @@ mod tests {
 
     #[test]
     fn a_velocity_that_is_not_sent_is_the_difference_over_the_step() {
-        let mut host = host("law = { viscous = { damping_n_s_per_m = 50.0 } }", 1, Nature::Simulated);
-        host.trial(Course::Step, &at(&[0.02], 0.1), Some(0.1)).unwrap();
+        let mut host = host(
+            "law = { viscous = { damping_n_s_per_m = 50.0 } }",
+            1,
+            Nature::Simulated,
+        );
+        host.trial(Course::Step, &at(&[0.02], 0.1), Some(0.1))
+            .unwrap();
         assert!((host.response().force[0] - 10.0).abs() < 1e-12);
         // Time that does not pass drives no rate effect.
-        host.trial(Course::Iteration, &at(&[0.04], 0.0), Some(-1.0)).unwrap();
+        host.trial(Course::Iteration, &at(&[0.04], 0.0), Some(-1.0))
+            .unwrap();
         assert_eq!(host.response().force[0], 0.0);
     }
 
@@ -370,8 +384,14 @@ mod tests {
     fn matrices_come_row_by_row() {
         let law = "coupled = { stiffness_n_per_m = [[2.0, -1.0], [-1.0, 3.0]] }";
         let mut host = host(law, 2, Nature::Simulated);
-        assert_eq!(host.matrix(Matrix::InitialStiffness), [2.0, -1.0, -1.0, 3.0]);
-        assert_eq!(host.matrix(Matrix::TangentStiffness), [2.0, -1.0, -1.0, 3.0]);
+        assert_eq!(
+            host.matrix(Matrix::InitialStiffness),
+            [2.0, -1.0, -1.0, 3.0]
+        );
+        assert_eq!(
+            host.matrix(Matrix::TangentStiffness),
+            [2.0, -1.0, -1.0, 3.0]
+        );
         assert_eq!(host.matrix(Matrix::Mass), [0.0; 4]);
         let mut rows = [0.0; 4];
         transpose(2, &[1.0, 2.0, 3.0, 4.0], &mut rows);

@@ -115,7 +115,9 @@ impl std::fmt::Display for News {
             }
             Self::TurnedAway(peer) => write!(f, "{peer} was turned away: a client is being served"),
             Self::Stray(peer, bytes) => write!(f, "{peer} sent {bytes} bytes that open no test"),
-            Self::Ignored(code) => write!(f, "action {code} is not known here and was not answered"),
+            Self::Ignored(code) => {
+                write!(f, "action {code} is not known here and was not answered")
+            }
             Self::InitLine => f.write_str("a line of an init file was received and ignored"),
             Self::Ended(peer, end, tally) => write!(
                 f,
@@ -167,7 +169,13 @@ pub fn serve_openfresco(
                         stop,
                         tell,
                     }
-                    .attend(&mut link, &mut machine, host, &[], (&mut buffer, &mut waste)),
+                    .attend(
+                        &mut link,
+                        &mut machine,
+                        host,
+                        &[],
+                        (&mut buffer, &mut waste),
+                    ),
                 };
                 (peer, end)
             }
@@ -199,7 +207,13 @@ pub fn serve_openfresco(
                         stop,
                         tell,
                     }
-                    .attend(&mut link, &mut machine, host, &early, (&mut buffer, &mut waste)),
+                    .attend(
+                        &mut link,
+                        &mut machine,
+                        host,
+                        &early,
+                        (&mut buffer, &mut waste),
+                    ),
                 };
                 (peer, end)
             }
