@@ -17,6 +17,7 @@ mod progress;
 mod report;
 mod run;
 mod schema;
+mod serve_openfresco;
 mod table;
 
 use std::path::PathBuf;
@@ -48,8 +49,51 @@ enum Command {
     Export(ExportArgs),
     /// Write a run's report.html again.
     Report(ReportArgs),
+    /// Host a specimen as a force server until told to stop.
+    Serve(ServeArgs),
     /// Print the JSON Schema of the test file.
     Schema,
+}
+
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  gusset serve config/frame-bouc-wen.toml --specimen ground-storey --protocol openfresco"
+)]
+struct ServeArgs {
+    /// A file with `[[specimen]]`.
+    file: PathBuf,
+    /// Which of several specimens.
+    #[arg(long, value_name = "NAME")]
+    specimen: Option<String>,
+    /// Where to listen [default: 127.0.0.1 and the usual port of the protocol].
+    #[arg(long, value_name = "ADDR:PORT")]
+    listen: Option<String>,
+    /// What is spoken.
+    #[arg(long, value_enum, default_value_t = ProtocolArg::Openfresco)]
+    protocol: ProtocolArg,
+    /// How the bytes travel.
+    #[arg(long, value_enum, default_value_t = CarrierArg::Tcp)]
+    transport: CarrierArg,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum ProtocolArg {
+    /// Element server for OpenSees genericClient and OpenFresco's elements.
+    Openfresco,
+    /// Actor site for OpenFresco's ShadowSite.
+    OpenfrescoActor,
+    /// Laboratory controller behind OpenFresco's GenericTCP.
+    OpenfrescoController,
+    /// Simulink model behind OpenFresco's SimSimulink.
+    OpenfrescoSimulink,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum CarrierArg {
+    /// TCP.
+    Tcp,
+    /// UDP.
+    Udp,
 }
 
 #[derive(Debug, Args)]
@@ -186,6 +230,7 @@ pub fn main() -> ExitCode {
         Command::Doctor(args) => doctor::doctor(&args),
         Command::Export(args) => export::export(&args),
         Command::Report(args) => report::report(&args),
+        Command::Serve(args) => serve_openfresco::serve_openfresco(&args),
         Command::Schema => schema::schema(),
     };
     match result {
