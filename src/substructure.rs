@@ -127,6 +127,42 @@ pub enum Retirement {
     Tripped,
 }
 
+/// What went over a link, as the link itself counts it. All zero in process.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct LinkStats {
+    /// Answers that came after the deadline of their command.
+    pub late: u64,
+    /// Answers that never came by themselves but stood in the history of a later one.
+    pub recovered: u64,
+    /// Messages that failed a check.
+    pub corrupt: u64,
+    /// Messages that came more than once.
+    pub duplicates: u64,
+    /// Commands that never arrived, as the far end counts them.
+    pub missed: u64,
+}
+
+/// What a specimen says of itself once it is connected. Empty in process.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Introduction {
+    /// Who answers, in words.
+    pub peer: String,
+    /// Its own estimate of its initial stiffness in its own units, n × n by columns; empty if it has none.
+    pub stiffness: Vec<f64>,
+    /// What the user should know although the test may run.
+    pub warnings: Vec<String>,
+}
+
+/// Why a specimen cannot take part. Nothing was moved.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[error("{text}")]
+pub struct Unavailable {
+    /// The kind of the fault.
+    pub fault: LinkFault,
+    /// What happened and what to do about it.
+    pub text: String,
+}
+
 /// Anything that answers a displacement with a force.
 pub trait Substructure: Send {
     /// Number of axes; fixed for the whole test.
@@ -138,6 +174,35 @@ pub trait Substructure: Send {
     /// True if replies come from outside this process.
     fn is_remote(&self) -> bool {
         false
+    }
+
+    /// Connects and agrees on everything; nothing moves yet. May block, within a time limit of its own. Called once,
+    /// before the loop's thread takes over.
+    ///
+    /// # Errors
+    /// The specimen cannot take part.
+    fn connect(&mut self) -> Result<Introduction, Unavailable> {
+        Ok(Introduction::default())
+    }
+
+    /// The last word before commands move the specimen: the number of the first command, and where it will be. May
+    /// block, within a time limit of its own; called once, on the loop's thread.
+    ///
+    /// # Errors
+    /// The specimen is not ready, stands elsewhere, or is gone.
+    fn arm(&mut self, sequence: u64, disp: &[f64]) -> Result<(), LinkFault> {
+        let _ = (sequence, disp);
+        Ok(())
+    }
+
+    /// What went over the link so far.
+    fn stats(&self) -> LinkStats {
+        LinkStats::default()
+    }
+
+    /// More than the fault says about why the link was lost, in words. Called after the end.
+    fn complaint(&self) -> Option<String> {
+        None
     }
 
     /// Sends one command; never blocks. Real-time: yes.

@@ -4,6 +4,10 @@
 //! that was sent, what was measured, and the force after offsets. All of them stand in the row, so nothing that
 //! a specimen was told is hidden. Pure bookkeeping: no clock, no input or output of its own.
 
+mod link;
+
+pub use link::{LinkCount, OnStale, WaitRules};
+
 use thiserror::Error;
 
 use crate::substructure::{Command, Freshness, LinkFault, Measurement, Retirement, Substructure};
@@ -113,18 +117,9 @@ pub struct Port {
     pub peak_force: Vec<f64>,
     /// Exchanges so far.
     pub link: LinkCount,
+    /// How long this specimen is waited for; none: as the test's limits say.
+    pub wait: Option<WaitRules>,
     stiffness: Vec<f64>,
-}
-
-/// What went over one link.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct LinkCount {
-    /// Commands sent.
-    pub sent: u64,
-    /// Fresh measurements taken.
-    pub received: u64,
-    /// Commands whose measurement was not there at the deadline.
-    pub late: u64,
 }
 
 impl std::fmt::Debug for Port {
@@ -191,6 +186,7 @@ impl Port {
             force: vec![0.0; n],
             peak_force: vec![0.0; n],
             link: LinkCount::default(),
+            wait: None,
             stiffness,
         })
     }
@@ -292,7 +288,7 @@ impl Port {
         let freshness = self.substructure.collect(deadline, &mut self.raw)?;
         match freshness {
             Freshness::Fresh => self.link.received += 1,
-            Freshness::Stale => self.link.late += 1,
+            Freshness::Stale => self.link.stale += 1,
         }
         for ((axis, measured), raw) in self.axes.iter().zip(&mut self.measured).zip(&self.raw.disp)
         {

@@ -85,6 +85,12 @@ pub enum Stop {
         /// Ticks in a row.
         ticks: u64,
     },
+    /// The interlock or emergency stop at a specimen's end opened. Latched: the test does not go on when it closes.
+    #[error("specimen {}: its interlock or emergency stop is open", port + 1)]
+    Interlock {
+        /// Specimen, from 0.
+        port: usize,
+    },
     /// A link failed.
     #[error("specimen {}: {fault}", port + 1)]
     Link {
@@ -211,6 +217,8 @@ pub struct Outcome {
     pub events_lost: u64,
     /// From the first edge of the test to the end of its last tick.
     pub wall_ns: u64,
+    /// What the links say about their faults: specimen (from 0) and words.
+    pub complaints: Vec<(usize, String)>,
 }
 
 impl Experiment {
@@ -290,7 +298,13 @@ impl Engine {
             ports: self
                 .ports
                 .iter()
-                .map(|port| (port.name.clone(), port.peak_force.clone(), port.link))
+                .map(|port| {
+                    (
+                        port.name.clone(),
+                        port.peak_force.clone(),
+                        port.link_count(),
+                    )
+                })
                 .collect(),
             timing: self.timing.clone(),
             misses: self.misses,
@@ -298,6 +312,12 @@ impl Engine {
             rows_lost: self.rows_lost,
             events_lost: self.events_lost,
             wall_ns: self.clock_now.since(self.first_edge),
+            complaints: self
+                .ports
+                .iter()
+                .enumerate()
+                .filter_map(|(index, port)| port.complaint().map(|text| (index, text)))
+                .collect(),
         }
     }
 }

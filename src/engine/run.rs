@@ -73,6 +73,10 @@ impl Engine {
         if let Side::Structure(numerical) = &mut self.side {
             numerical.rehearse(REHEARSALS, &mut self.ports);
         }
+        for (index, port) in self.ports.iter_mut().enumerate() {
+            port.arm(self.sequence)
+                .map_err(|fault| Stop::Link { port: index, fault })?;
+        }
         self.schedule = Schedule::new(self.clock.now().plus(LEAD_NS), self.period);
         self.first_edge = self.schedule.tick(0);
         self.settle(control)?;
@@ -276,6 +280,9 @@ impl Engine {
                     port: *port as u32,
                     fault: *fault,
                 });
+            }
+            Ending::Stopped(Stop::Interlock { port }) => {
+                self.report_now(EventKind::Interlock { port: *port as u32 });
             }
             Ending::Stopped(Stop::Diverged { dof, .. }) => {
                 self.report_now(EventKind::Diverged { dof: *dof as u32 });

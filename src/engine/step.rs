@@ -7,9 +7,10 @@
 use super::columns::state;
 use super::numerical::{Side, aim_along};
 use super::{Engine, Stop};
+use crate::control::OnStale;
 use crate::record::EventKind;
 use crate::rt::timing::TickStamps;
-use crate::substructure::{Coupling, Freshness};
+use crate::substructure::{Coupling, Freshness, Status};
 use crate::time::Nanos;
 
 /// Place of a tick in the test.
@@ -73,6 +74,9 @@ impl Engine {
             stamps.decoded = self.clock.now();
             self.timing
                 .round_trip(index, stamps.decoded.since(stamps.sent));
+            if port.raw().status.has(Status::INTERLOCK) {
+                return Err(Stop::Interlock { port: index });
+            }
             self.judge_age(index, freshness, tick)?;
         }
         Ok(())
@@ -80,12 +84,17 @@ impl Engine {
 
     /// A lockstep partner is waited for, a sampled one has until its share of the tick is over.
     fn reply_deadline(&self, index: usize, sent: Nanos) -> Nanos {
-        match self.ports.get(index).map(crate::control::Port::coupling) {
+        let port = self.ports.get(index);
+        match port.map(crate::control::Port::coupling) {
+            // The edge was counted when the tick began: this is the one that ends it.
             Some(Coupling::Sampled) => self
                 .schedule
-                .tick(self.edge + 1)
+                .tick(self.edge)
                 .minus(self.schedule.period_ns() / 8),
-            _ => sent.plus(self.limits.reply_timeout_ns),
+            _ => {
+                let own = port.and_then(|port| port.wait);
+                sent.plus(own.map_or(self.limits.reply_timeout_ns, |own| own.reply_timeout_ns))
+            }
         }
     }
 
@@ -103,7 +112,14 @@ impl Engine {
         }
         *stale += 1;
         let age = self.sequence.saturating_sub(port.raw().sequence);
-        if self.limits.extrapolate_stale {
+        let (on_stale, in_a_row) = match port.wait {
+            Some(own) => (own.on_stale, own.stale_in_a_row),
+            None if self.limits.extrapolate_stale => {
+                (OnStale::Extrapolate, self.limits.stale_in_a_row)
+            }
+            None => (OnStale::Hold, self.limits.stale_in_a_row),
+        };
+        if on_stale == OnStale::Extrapolate {
             port.extrapolate();
         }
         let count = *stale;
@@ -114,7 +130,7 @@ impl Engine {
                 age,
             },
         );
-        if count > self.limits.stale_in_a_row {
+        if on_stale == OnStale::Stop || count > in_a_row {
             return Err(Stop::Stale {
                 port: index,
                 ticks: count,

@@ -5,10 +5,17 @@
 //! are plain non-blocking sockets and a wait with a deadline; an asynchronous runtime serves only what is not on
 //! the deadline.
 
+mod inbox;
+pub mod native;
 pub mod openfresco;
+pub mod secret;
+pub mod serve;
 pub mod socket;
+pub mod spec;
 
+pub use native::{NativeLink, NativeSetup};
 pub use socket::{ConnectError, SocketOptions, TcpTransport, UdpTransport, Wait};
+pub use spec::{Carrier, LinkSpec};
 
 use crate::substructure::LinkFault;
 use crate::time::Nanos;

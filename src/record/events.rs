@@ -281,6 +281,15 @@ impl<S: Store> EventLog<S> {
                     "link lost: {fault}"
                 );
             }
+            EventKind::Interlock { port } => {
+                self.specimen(line, port);
+                tracing::error!(
+                    tick = event.tick,
+                    time = event.time,
+                    specimen = port + 1,
+                    "interlock open"
+                );
+            }
             EventKind::RowLost => {
                 if loud(&mut self.logged[2]) {
                     tracing::error!(
@@ -374,6 +383,7 @@ const fn kind_name(kind: &EventKind) -> &'static str {
         EventKind::Miss { .. } => "miss",
         EventKind::Stale { .. } => "stale",
         EventKind::Link { .. } => "link",
+        EventKind::Interlock { .. } => "interlock",
         EventKind::RowLost => "row_lost",
         EventKind::Diverged { .. } => "diverged",
         EventKind::StopRequested => "stop_requested",

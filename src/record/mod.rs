@@ -100,6 +100,11 @@ pub enum EventKind {
         /// Why.
         fault: crate::substructure::LinkFault,
     },
+    /// The interlock of specimen `port` is open.
+    Interlock {
+        /// Specimen, from 0.
+        port: u32,
+    },
     /// The row of this tick found the queue full and is lost.
     RowLost,
     /// A displacement or force ceased to be finite or ran beyond the divergence bound; DOF from 0.

@@ -85,6 +85,15 @@ pub struct LinkCounts {
     pub lost: u64,
     /// Messages that could not be read.
     pub corrupt: u64,
+    /// Messages that came more than once.
+    #[serde(default)]
+    pub duplicates: u64,
+    /// Lost answers that stood in the history of a later one.
+    #[serde(default)]
+    pub recovered: u64,
+    /// Commands that never arrived, as the far end counts them.
+    #[serde(default)]
+    pub missed: u64,
 }
 
 /// A file that the test read and of which the folder has a copy.

@@ -29,7 +29,7 @@ pub use page::{PageError, hero, write_report};
 pub use signals::{Signal, Signals};
 
 use crate::config::{ClockChoice, Prepared};
-use crate::engine::{Control, Engine, Operator, Outcome, Watch};
+use crate::engine::{Control, Engine, Experiment, Operator, Outcome, Watch};
 use crate::record::writer::{Clocks, WriterError};
 use crate::record::{
     FolderError, Layout, Note, NoteLevel, Progress, Recorded, RingSize, RunFolder, SchedSample,
@@ -77,6 +77,15 @@ pub enum Finish {
     LinkFailed,
     /// A panic of our own, caught; the specimens are retired.
     Panicked,
+}
+
+/// Why there is no outcome.
+#[derive(Debug)]
+enum NoOutcome {
+    /// The loop panicked.
+    Panic(String),
+    /// A specimen could not be connected; the loop never ran.
+    Link(String),
 }
 
 /// What a session leaves behind.
@@ -131,8 +140,8 @@ pub fn run(
 ) -> Result<Finished, SessionError> {
     os::ignore_file_size_signal();
     let Prepared {
-        experiment,
-        facts,
+        mut experiment,
+        mut facts,
         files,
     } = test;
     folder.write_test(&files.test)?;
@@ -154,7 +163,7 @@ pub fn run(
     // The loop's thread first: it says what it was granted before anything else is set up or moved.
     let plan = real.then(|| RtPlan::new(&facts.timing, period_ns(facts.rate_hz)));
     let (ready_in, ready) = mpsc::sync_channel(1);
-    let (go, gate) = mpsc::sync_channel::<()>(1);
+    let (go, gate) = mpsc::sync_channel::<Experiment>(1);
     let (done_in, done) = mpsc::sync_channel(1);
     let control = Control { requests };
     let thread = std::thread::Builder::new()
@@ -165,9 +174,13 @@ pub fn run(
                 granted: granted.clone(),
                 thread_id: os::thread_id(),
             };
-            if ready_in.send(ready).is_err() || gate.recv().is_err() {
+            if ready_in.send(ready).is_err() {
                 return;
             }
+            // The gate opens when every specimen is connected; a gate that is dropped ends the test unmoved.
+            let Ok(experiment) = gate.recv() else {
+                return;
+            };
             let clock: Box<dyn Clock> = match &granted {
                 Some(granted) => Box::new(granted.clock()),
                 None => Box::new(SimClock::new()),
@@ -222,21 +235,34 @@ pub fn run(
             writer.note(Note::new(NoteLevel::Warning, "not_granted").with("text", text));
         }
     }
+    let connected = connect(&mut experiment, &writer);
     let mut latest = Progress::default();
-    let _ = go.send(());
-    let result = loop {
-        match done.recv_timeout(LOOK_EVERY) {
-            Ok(result) => break result,
-            Err(mpsc::RecvTimeoutError::Timeout) => {
-                writer.progress(&mut latest);
-                progress(&latest);
-            }
-            // The thread can end without a word only by a panic outside the engine.
-            Err(mpsc::RecvTimeoutError::Disconnected) => {
-                break Err("the loop's thread died".to_owned());
-            }
+    let result = match connected {
+        Ok(warnings) => {
+            facts.warnings.extend(warnings);
+            let _ = go.send(experiment);
+            None
+        }
+        Err(text) => {
+            drop(go);
+            Some(Err(NoOutcome::Link(text)))
         }
     };
+    let result = result.unwrap_or_else(|| {
+        loop {
+            match done.recv_timeout(LOOK_EVERY) {
+                Ok(result) => break result,
+                Err(mpsc::RecvTimeoutError::Timeout) => {
+                    writer.progress(&mut latest);
+                    progress(&latest);
+                }
+                // The thread can end without a word only by a panic outside the engine.
+                Err(mpsc::RecvTimeoutError::Disconnected) => {
+                    break Err(NoOutcome::Panic("the loop's thread died".to_owned()));
+                }
+            }
+        }
+    });
     let _ = thread.join();
     if let Some(sampler) = sampler {
         let _ = sampler.stop();
@@ -258,14 +284,59 @@ pub fn run(
 }
 
 /// Whatever happens in the loop, the specimens are retired: a panic is caught here and named.
-fn run_retired(engine: &mut Engine, control: &Control) -> Result<Outcome, String> {
+fn run_retired(engine: &mut Engine, control: &Control) -> Result<Outcome, NoOutcome> {
     catch_unwind(AssertUnwindSafe(|| engine.run(control))).map_err(|panic| {
         let text = panic_text(panic.as_ref());
-        match catch_unwind(AssertUnwindSafe(|| engine.retire(Retirement::Tripped))) {
-            Ok(()) => text,
-            Err(_) => format!("{text}; retiring the specimens failed too"),
-        }
+        NoOutcome::Panic(
+            match catch_unwind(AssertUnwindSafe(|| engine.retire(Retirement::Tripped))) {
+                Ok(()) => text,
+                Err(_) => format!("{text}; retiring the specimens failed too"),
+            },
+        )
     })
+}
+
+/// Connects every specimen, one after the other, and notes what each says of itself. Nothing moves yet. Returns what
+/// the user should know.
+fn connect(experiment: &mut Experiment, writer: &Writer) -> Result<Vec<String>, String> {
+    let mut warnings = Vec::new();
+    for index in 0..experiment.ports.len() {
+        let Some(port) = experiment.ports.get_mut(index) else {
+            break;
+        };
+        match port.connect() {
+            Ok(introduction) => {
+                for warning in &introduction.warnings {
+                    let note = Note::new(NoteLevel::Warning, "warning");
+                    writer.note(note.with("text", warning.as_str()));
+                }
+                warnings.extend(introduction.warnings);
+                if port.is_remote() {
+                    let note = Note::new(NoteLevel::Info, "connected");
+                    writer.note(
+                        note.with("specimen", index as u64 + 1)
+                            .with("name", port.name.as_str())
+                            .with("peer", introduction.peer.as_str()),
+                    );
+                }
+            }
+            Err(error) => {
+                let text = format!("specimen \"{}\": {error}", port.name);
+                let note = Note::new(NoteLevel::Error, "link");
+                writer.note(
+                    note.with("specimen", index as u64 + 1)
+                        .with("name", port.name.as_str())
+                        .with("message", error.text.as_str()),
+                );
+                // Those that are connected already are told that nothing will come.
+                for port in &mut experiment.ports {
+                    port.retire(Retirement::Orderly);
+                }
+                return Err(text);
+            }
+        }
+    }
+    Ok(warnings)
 }
 
 fn panic_text(panic: &(dyn Any + Send)) -> String {

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde_json::{Value, json};
 
-use super::Finish;
+use super::{Finish, NoOutcome};
 use crate::config::{ClockChoice, Facts};
 use crate::engine::{Ending, Outcome, Stop};
 use crate::record::summary::{ClockKind, Lambda, LinkCounts, Peak, Status};
@@ -30,13 +30,14 @@ pub(super) fn write_timing(folder: &RunFolder, timing: &Timing) -> Result<(), Fo
 pub(super) fn summarise(
     facts: &Facts,
     folder: &RunFolder,
-    result: &Result<Outcome, String>,
+    result: &Result<Outcome, NoOutcome>,
     recorded: &Recorded,
     granted: Option<&Granted>,
 ) -> (Finish, Summary) {
     let (finish, reason) = match result {
-        Ok(outcome) => ending(&outcome.ending),
-        Err(panic) => (Finish::Panicked, format!("internal error: {panic}")),
+        Ok(outcome) => ending(outcome),
+        Err(NoOutcome::Panic(text)) => (Finish::Panicked, format!("internal error: {text}")),
+        Err(NoOutcome::Link(text)) => (Finish::LinkFailed, format!("{text}; nothing was moved")),
     };
     let (finish, reason) = match finish {
         Finish::Completed if facts.record_required && recorded.rows_lost() > 0 => (
@@ -86,20 +87,31 @@ pub(super) fn summarise(
     (finish, summary)
 }
 
-fn ending(ending: &Ending) -> (Finish, String) {
-    match ending {
+fn ending(outcome: &Outcome) -> (Finish, String) {
+    match &outcome.ending {
         Ending::Completed => (Finish::Completed, "end of the test".to_owned()),
         Ending::Stopped(stop) => {
             let finish = match stop {
                 Stop::Operator => Finish::Interrupted,
                 Stop::Link { .. } => Finish::LinkFailed,
-                Stop::Late { .. }
+                Stop::Interlock { .. }
+                | Stop::Late { .. }
                 | Stop::Stale { .. }
                 | Stop::Diverged { .. }
                 | Stop::NotFinite { .. }
                 | Stop::NotSettled { .. } => Finish::Stopped,
             };
-            (finish, stop.to_string())
+            let told = match stop {
+                Stop::Link { port, .. } => {
+                    outcome.complaints.iter().find(|(index, _)| index == port)
+                }
+                _ => None,
+            };
+            let reason = match told {
+                Some((_, text)) => format!("{stop} ({text})"),
+                None => stop.to_string(),
+            };
+            (finish, reason)
         }
     }
 }
@@ -128,9 +140,12 @@ fn links(outcome: &Outcome) -> BTreeMap<String, LinkCounts> {
     let counts = |link: &crate::control::LinkCount| LinkCounts {
         sent: link.sent,
         received: link.received,
-        late: link.late,
-        lost: link.sent.saturating_sub(link.received + link.late),
-        corrupt: 0,
+        late: link.stats.late,
+        lost: link.sent.saturating_sub(link.received + link.stats.late),
+        corrupt: link.stats.corrupt,
+        duplicates: link.stats.duplicates,
+        recovered: link.stats.recovered,
+        missed: link.stats.missed,
     };
     outcome
         .ports

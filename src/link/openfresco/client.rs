@@ -15,7 +15,8 @@ use crate::link::Transport;
 use crate::link::socket::{ConnectError, SocketOptions, TcpTransport, UdpTransport, Wait};
 use crate::rt::os;
 use crate::substructure::{
-    Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
+    Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
+    Unavailable,
 };
 use crate::time::Nanos;
 use crate::wire::WireError;
@@ -36,6 +37,17 @@ pub enum Peer {
     Actor,
     /// C: an OpenSees `adapter`, `actuator` or `corotActuator`.
     Adapter,
+}
+
+impl std::fmt::Display for Peer {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Element => "OpenFresco element server",
+            Self::Site => "OpenFresco site server",
+            Self::Actor => "OpenFresco actor site",
+            Self::Adapter => "OpenSees adapter",
+        })
+    }
 }
 
 /// How to reach a specimen behind OpenFresco or OpenSees.
@@ -164,6 +176,26 @@ pub enum RemoteError {
         /// The domain, in words.
         allowed: &'static str,
     },
+}
+
+impl RemoteError {
+    /// The kind of the fault.
+    #[must_use]
+    pub fn fault(&self) -> LinkFault {
+        match self {
+            Self::Connect(_) | Self::Setting { .. } => LinkFault::Closed,
+            Self::Wire { source, .. } => source.fault(),
+            Self::Lost { fault, .. } => *fault,
+            Self::Timeout { .. } => LinkFault::Timeout,
+        }
+    }
+}
+
+fn name(carrier: Carrier) -> &'static str {
+    match carrier {
+        Carrier::Stream => "TCP",
+        Carrier::Datagrams => "UDP",
+    }
 }
 
 #[derive(Debug)]
@@ -430,6 +462,42 @@ impl Substructure for Remote {
 
     fn is_remote(&self) -> bool {
         true
+    }
+
+    fn connect(&mut self) -> Result<Introduction, Unavailable> {
+        self.open().map_err(|error| Unavailable {
+            fault: error.fault(),
+            text: error.to_string(),
+        })?;
+        let RemoteSettings {
+            peer,
+            carrier,
+            address,
+            axes,
+            ..
+        } = &self.settings;
+        // The wire's matrix stands here by rows.
+        let rows = self.initial_stiffness.as_deref().unwrap_or_default();
+        let column = |j: usize| rows.iter().skip(j).step_by((*axes).max(1));
+        Ok(Introduction {
+            peer: format!("{peer} at {address}, {}", name(*carrier)),
+            stiffness: (0..*axes).flat_map(column).copied().collect(),
+            warnings: Vec::new(),
+        })
+    }
+
+    fn complaint(&self) -> Option<String> {
+        self.complaint.map(|lost| match lost {
+            Lost::Link(LinkFault::Timeout) => {
+                let seconds = self.settings.reply_limit_s;
+                format!(
+                    "{} did not answer within {seconds} s",
+                    self.settings.address
+                )
+            }
+            Lost::Link(fault) => format!("{}: {fault}", self.settings.address),
+            Lost::Wire(error) => format!("{}: {error}", self.settings.address),
+        })
     }
 
     /// Refused: a command while an answer is owed, and one after the end. One whose sequence number was answered

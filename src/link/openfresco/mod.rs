@@ -23,9 +23,11 @@ mod dialect;
 mod door;
 mod host;
 mod server;
+mod spec;
 
 pub use client::{Peer, Remote, RemoteError, RemoteSettings};
 pub use dialect::{ExchangeFault, Role};
 pub use door::{Door, DoorError};
 pub use host::{Host, HostFault, Nature, Tally};
 pub use server::{End, News, ServeSettings, serve_openfresco};
+pub use spec::{Far, OpenFrescoSpec};

@@ -1,0 +1,164 @@
+//! What a port keeps about its link: counts, the rules of waiting, and the comparison of estimates at connect.
+
+use super::Port;
+use crate::substructure::{Introduction, LinkFault, LinkStats, Unavailable};
+
+/// What went over one link.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct LinkCount {
+    /// Commands sent.
+    pub sent: u64,
+    /// Fresh measurements taken.
+    pub received: u64,
+    /// Commands whose measurement was not there at the deadline.
+    pub stale: u64,
+    /// What the link itself counts.
+    pub stats: LinkStats,
+}
+
+/// What is done with a stale force.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum OnStale {
+    /// It is used as it is.
+    Hold,
+    /// It is moved along the estimate k̂.
+    Extrapolate,
+    /// The test stops.
+    Stop,
+}
+
+/// How long one specimen is waited for, and what happens when it is late.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct WaitRules {
+    /// How long a lockstep partner is waited for, in ns.
+    pub reply_timeout_ns: u64,
+    /// What is done with a stale force.
+    pub on_stale: OnStale,
+    /// Stale measurements in a row after which the test stops.
+    pub stale_in_a_row: u64,
+}
+
+/// Relative difference of the two estimates of a stiffness beyond which the user is warned.
+const DIFFERENCE: f64 = 0.1;
+
+impl Port {
+    /// Connects the substructure and compares its own estimate of its stiffness with k̂: more than 10 % apart is a
+    /// warning, another sign is refused. Nothing moves.
+    ///
+    /// # Errors
+    /// The specimen cannot take part.
+    pub fn connect(&mut self) -> Result<Introduction, Unavailable> {
+        let mut introduction = self.substructure.connect()?;
+        let n = self.axes.len();
+        if introduction.stiffness.len() != n * n {
+            return Ok(introduction);
+        }
+        for (j, (axis, ours)) in self.axes.iter().zip(&self.stiffness).enumerate() {
+            let reported = introduction.stiffness.get(j * n + j).copied();
+            let theirs = reported.unwrap_or(0.0) * axis.force_gain * axis.disp_gain;
+            let number = j + 1;
+            if theirs * ours < 0.0 {
+                return Err(Unavailable {
+                    fault: LinkFault::Refused,
+                    text: format!(
+                        "axis {number} reports a stiffness of {theirs:e} N/m where the test expects {ours:e} N/m: \
+                         a channel is reversed; look at the wiring and at `sign`"
+                    ),
+                });
+            }
+            let close = (theirs - ours).abs() <= DIFFERENCE * ours.abs();
+            if !close {
+                introduction.warnings.push(format!(
+                    "specimen \"{}\", axis {number}: it reports a stiffness of {theirs:e} N/m at the structure's \
+                     scale, the test file says {ours:e} N/m",
+                    self.name
+                ));
+            }
+        }
+        Ok(introduction)
+    }
+
+    /// The last word before commands move the specimen: command `sequence` stands ready.
+    ///
+    /// # Errors
+    /// The specimen is not ready, stands elsewhere, or is gone.
+    pub fn arm(&mut self, sequence: u64) -> Result<(), LinkFault> {
+        self.substructure.arm(sequence, &self.command)
+    }
+
+    /// Everything that was counted.
+    #[must_use]
+    pub fn link_count(&self) -> LinkCount {
+        LinkCount {
+            stats: self.substructure.stats(),
+            ..self.link
+        }
+    }
+
+    /// More than the fault says about why the link was lost.
+    #[must_use]
+    pub fn complaint(&self) -> Option<String> {
+        self.substructure.complaint()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::Axis;
+    use crate::substructure::{
+        Command, Coupling, Freshness, Measurement, Retirement, Substructure,
+    };
+    use crate::time::Nanos;
+
+    /// Says of itself what it is told to say, in N/m.
+    struct Says(f64);
+
+    impl Substructure for Says {
+        fn axes(&self) -> usize {
+            1
+        }
+        fn coupling(&self) -> Coupling {
+            Coupling::Lockstep
+        }
+        fn connect(&mut self) -> Result<Introduction, Unavailable> {
+            Ok(Introduction {
+                stiffness: vec![self.0],
+                ..Introduction::default()
+            })
+        }
+        fn issue(&mut self, _: &Command<'_>) -> Result<(), LinkFault> {
+            Ok(())
+        }
+        fn collect(&mut self, _: Nanos, _: &mut Measurement) -> Result<Freshness, LinkFault> {
+            Ok(Freshness::Fresh)
+        }
+        fn retire(&mut self, _: Retirement) {}
+    }
+
+    /// A port that believes in 1e6 N/m, through an axis that counts backwards in mm and kN.
+    fn meets(reported: f64) -> Result<Introduction, Unavailable> {
+        let mut axis = Axis::plain(vec![(0, 1.0)]);
+        axis.disp_gain = -1e3;
+        axis.force_gain = -1e3;
+        Port::new("rig", vec![axis], Box::new(Says(reported)), 1, vec![1e6])
+            .unwrap()
+            .connect()
+    }
+
+    #[test]
+    fn an_estimate_within_a_tenth_is_silent_and_one_beyond_is_a_warning() {
+        // 1 kN/mm is 1e6 N/m.
+        assert!(meets(1.0).unwrap().warnings.is_empty());
+        assert!(meets(1.09).unwrap().warnings.is_empty());
+        let warned = meets(1.2).unwrap().warnings;
+        assert!(warned[0].contains("1.2e6 N/m") && warned[0].contains("1e6 N/m"));
+        assert_eq!(meets(f64::NAN).unwrap().warnings.len(), 1);
+    }
+
+    #[test]
+    fn a_reversed_channel_is_refused_before_anything_moves() {
+        let refused = meets(-1.0).unwrap_err();
+        assert!(refused.text.contains("a channel is reversed"));
+    }
+}

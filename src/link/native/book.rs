@@ -1,0 +1,193 @@
+//! Which answer belongs to which command: pure bookkeeping, no bytes, no clock.
+//!
+//! Invariant: the newest measurement is never replaced by an older one, and every answer is counted once, as fresh, late
+//! or duplicate.
+
+use crate::substructure::{LinkStats, Measurement, Status};
+use crate::wire::WireError;
+use crate::wire::native::MeasurementFrame;
+use crate::wire::window::{Arrival, SequenceWindow};
+
+/// The measurements of one session.
+#[derive(Debug)]
+pub(super) struct Book {
+    newest: Measurement,
+    known: Option<u64>,
+    /// Which commands have been answered, their numbers plus one.
+    answered: SequenceWindow,
+    /// Flags that were said outside a measurement, or in one that was overtaken.
+    latched: Status,
+    pub(super) stats: LinkStats,
+}
+
+impl Book {
+    pub(super) fn new(axes: usize) -> Self {
+        Self {
+            newest: Measurement::zeros(axes),
+            known: None,
+            answered: SequenceWindow::new(),
+            latched: Status::default(),
+            stats: LinkStats::default(),
+        }
+    }
+
+    /// True if the answer to `sequence` is here.
+    pub(super) fn has(&self, sequence: u64) -> bool {
+        self.known == Some(sequence)
+    }
+
+    /// Flags of a heartbeat. An interlock stays; holding is told once.
+    pub(super) fn flags(&mut self, status: Status) {
+        self.latched.0 |= status.0 & (Status::INTERLOCK.0 | Status::HOLDING.0);
+    }
+
+    /// Takes a measurement while `issued` is the newest command. Real-time: yes.
+    ///
+    /// # Errors
+    /// An answer to a command that was never sent.
+    pub(super) fn measured(
+        &mut self,
+        frame: &MeasurementFrame<'_>,
+        arrival: Arrival,
+        issued: u64,
+    ) -> Result<(), WireError> {
+        let sequence = frame.sequence();
+        if sequence > issued {
+            return Err(WireError::Order {
+                expected: "an answer to a command that was sent",
+                found: "one to a later command",
+            });
+        }
+        self.latched.0 |= frame.status().0 & Status::INTERLOCK.0;
+        self.stats.missed = self.stats.missed.max(u64::from(frame.missed()));
+        match self.answered.accept(sequence.saturating_add(1)) {
+            Err(WireError::Replayed { .. }) => self.stats.duplicates += 1,
+            // More than 64 commands behind: whether it is the first or the second cannot be told.
+            Err(_) => self.stats.late += 1,
+            Ok(_) if sequence < issued => self.stats.late += 1,
+            Ok(_) => {}
+        }
+        let newer = match self.known {
+            None => true,
+            Some(known) => {
+                let again = sequence == known && matches!(arrival, Arrival::Newest { .. });
+                sequence > known || again
+            }
+        };
+        if newer {
+            let since = self.known;
+            let lost = frame.earlier().filter(|entry| {
+                entry.sequence() < sequence && since.is_none_or(|known| entry.sequence() > known)
+            });
+            self.stats.recovered += lost.count() as u64;
+            frame.read(&mut self.newest)?;
+            self.known = Some(sequence);
+        }
+        Ok(())
+    }
+
+    /// The newest data known. Real-time: yes.
+    pub(super) fn copy_into(&mut self, into: &mut Measurement) {
+        into.sequence = self.newest.sequence;
+        into.time = self.newest.time;
+        into.status = Status(self.newest.status.0 | self.latched.0);
+        for (to, from) in into.disp.iter_mut().zip(&self.newest.disp) {
+            *to = *from;
+        }
+        for (to, from) in into.force.iter_mut().zip(&self.newest.force) {
+            *to = *from;
+        }
+        self.latched.0 &= Status::INTERLOCK.0;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::wire::Side;
+    use crate::wire::native::{Decoder, Encoder, Frame, Moment};
+
+    /// A specimen's encoder and the controller's decoder and book, one axis.
+    struct Ends {
+        encoder: Encoder,
+        decoder: Decoder,
+        book: Book,
+    }
+
+    impl Ends {
+        fn new() -> Self {
+            Self {
+                encoder: Encoder::new(Side::Specimen, 1, 7, None).unwrap(),
+                decoder: Decoder::new(Side::Specimen, 1, 7, None).unwrap(),
+                book: Book::new(1),
+            }
+        }
+
+        fn frame(&mut self, sequence: u64, status: Status) -> Vec<u8> {
+            let measured = Measurement {
+                sequence,
+                force: vec![sequence as f64],
+                status,
+                ..Measurement::zeros(1)
+            };
+            let mut out = vec![0; 400];
+            let length = self
+                .encoder
+                .measurement(&measured, Moment::default(), &mut out)
+                .unwrap();
+            out.truncate(length);
+            out
+        }
+
+        fn take(&mut self, frame: &[u8], issued: u64) -> Result<(), WireError> {
+            let received = self.decoder.open(frame)?;
+            let Frame::Measurement(measurement) = received.frame else {
+                panic!("a measurement");
+            };
+            self.book.measured(&measurement, received.arrival, issued)
+        }
+
+        fn held(&mut self) -> Measurement {
+            let mut into = Measurement::zeros(1);
+            self.book.copy_into(&mut into);
+            into
+        }
+    }
+
+    #[test]
+    fn an_overtaken_answer_never_replaces_a_newer_one_and_counts_as_late() {
+        let mut ends = Ends::new();
+        let frames: Vec<_> = (0..3).map(|k| ends.frame(k, Status::default())).collect();
+        ends.take(&frames[0], 0).unwrap();
+        ends.take(&frames[2], 2).unwrap();
+        assert!(ends.book.has(2));
+        assert_eq!(ends.book.stats.recovered, 1, "1 stood in the history of 2");
+        ends.take(&frames[1], 2).unwrap();
+        assert_eq!(ends.held().force, [2.0]);
+        assert_eq!(ends.book.stats.late, 1);
+    }
+
+    #[test]
+    fn a_second_answer_to_one_command_is_a_duplicate_and_one_to_the_future_an_error() {
+        let mut ends = Ends::new();
+        for _ in 0..2 {
+            let frame = ends.frame(4, Status::default());
+            ends.take(&frame, 4).unwrap();
+        }
+        assert_eq!(ends.book.stats.duplicates, 1);
+        let frame = ends.frame(9, Status::default());
+        assert!(matches!(ends.take(&frame, 5), Err(WireError::Order { .. })));
+    }
+
+    #[test]
+    fn an_interlock_stays_open_and_holding_is_told_once() {
+        let mut ends = Ends::new();
+        let frame = ends.frame(0, Status::INTERLOCK);
+        ends.take(&frame, 0).unwrap();
+        let frame = ends.frame(1, Status::default());
+        ends.take(&frame, 1).unwrap();
+        ends.book.flags(Status::HOLDING);
+        assert_eq!(ends.held().status, Status(3));
+        assert_eq!(ends.held().status, Status::INTERLOCK);
+    }
+}

@@ -1,0 +1,393 @@
+//! A connected specimen: commands out, measurements in, on the loop's thread.
+
+use std::time::Duration;
+
+use super::book::Book;
+use super::setup::{NativeSetup, SetupError, ask, not_welcome, watchdog_ns};
+use crate::link::Transport;
+use crate::link::inbox::Inbox;
+use crate::rt::os;
+use crate::substructure::{
+    Command, Coupling, Freshness, LinkFault, LinkStats, Measurement, Retirement, Status,
+};
+use crate::time::Nanos;
+use crate::wire::WireError;
+use crate::wire::handshake::{self, Arm, Bye, Control, Welcome};
+use crate::wire::native::{Cause, Decoder, Encoder, Frame, Heartbeat, LARGEST_FRAME, Notice};
+
+/// How long the goodbye of a specimen is waited for, and how often it is asked for over UDP.
+const GOODBYE_NS: u64 = 300_000_000;
+const GOODBYE_REPEAT_NS: u64 = 100_000_000;
+/// Reads after the deadline: what is here already is taken, a flood is not.
+const EXTRA_READS: u32 = 64;
+/// Variant number of a control message that repeats an Arm.
+const ARM: [u8; 4] = [3, 0, 0, 0];
+
+/// More than a [`LinkFault`] says.
+#[derive(Debug, Clone, PartialEq)]
+enum Detail {
+    Wire(WireError),
+    Silent { seconds: f64 },
+    Goodbye(Cause),
+    Said(String),
+}
+
+/// One session.
+pub(super) struct Live {
+    transport: Box<dyn Transport>,
+    inbox: Inbox,
+    encoder: Encoder,
+    decoder: Decoder,
+    out: Vec<u8>,
+    book: Book,
+    coupling: Coupling,
+    session: u64,
+    reply_timeout_ns: u64,
+    /// Over UDP a command whose answer is owed is sent again after so long; over TCP a heartbeat is sent.
+    nudge_ns: u64,
+    connect_limit: Duration,
+    /// The newest command, to be sent again.
+    issued: Option<u64>,
+    time: f64,
+    dt: f64,
+    disp: Vec<f64>,
+    vel: Vec<f64>,
+    armed: bool,
+    fault: Option<LinkFault>,
+    detail: Option<Detail>,
+}
+
+impl Live {
+    pub(super) fn new(
+        transport: Box<dyn Transport>,
+        inbox: Inbox,
+        encoder: Encoder,
+        decoder: Decoder,
+        setup: &NativeSetup,
+        welcome: &Welcome,
+    ) -> Self {
+        let axes = setup.axes.len();
+        let reply_timeout = setup.reply_timeout.as_nanos();
+        Self {
+            transport,
+            inbox,
+            encoder,
+            decoder,
+            out: vec![0; LARGEST_FRAME],
+            book: Book::new(axes),
+            coupling: setup.coupling,
+            session: welcome.session,
+            reply_timeout_ns: u64::try_from(reply_timeout).unwrap_or(u64::MAX),
+            nudge_ns: (watchdog_ns(welcome) / 4).max(1_000_000),
+            connect_limit: setup.connect_limit,
+            issued: None,
+            time: 0.0,
+            dt: 0.0,
+            disp: vec![0.0; axes],
+            vel: vec![0.0; axes],
+            armed: false,
+            fault: None,
+            detail: None,
+        }
+    }
+
+    pub(super) const fn stats(&self) -> LinkStats {
+        self.book.stats
+    }
+
+    pub(super) fn complaint(&self) -> Option<String> {
+        self.detail.as_ref().map(|detail| match detail {
+            Detail::Wire(error) => error.to_string(),
+            Detail::Silent { seconds } => format!("{seconds} s"),
+            Detail::Goodbye(cause) => {
+                let why = match cause {
+                    Cause::Orderly => "without a reason",
+                    Cause::Tripped => "it tripped",
+                    Cause::Operator => "its operator asked for it",
+                    Cause::Watchdog => "its watchdog tripped",
+                    Cause::Interlock => "its interlock opened",
+                    Cause::Shutdown => "its program ends",
+                };
+                format!("the specimen said goodbye: {why}")
+            }
+            Detail::Said(text) => text.clone(),
+        })
+    }
+
+    /// The last question before anything moves. Blocks within the time limit.
+    pub(super) fn arm(&mut self, sequence: u64, disp: &[f64]) -> Result<(), LinkFault> {
+        let message = Control::Arm(Arm {
+            session: self.session,
+            first_sequence: sequence,
+            disp: disp.to_vec(),
+        });
+        let (session, limit) = (self.session, self.connect_limit);
+        let Self {
+            transport,
+            inbox,
+            encoder,
+            decoder,
+            out,
+            ..
+        } = self;
+        let answer = handshake::encode(&message)
+            .map_err(SetupError::from)
+            .and_then(|bytes| {
+                ask(
+                    transport.as_mut(),
+                    inbox,
+                    ("request to arm", limit),
+                    |transport| {
+                        let length = encoder.control(&bytes, out)?;
+                        let frame = out.get(..length).unwrap_or_default();
+                        transport.send(frame).map_err(SetupError::Lost)
+                    },
+                    |frame| match decoder.open(frame)?.frame {
+                        Frame::Control(message) => match handshake::decode(message)? {
+                            Control::Arm(arm) if arm.session == session => Ok(Some(())),
+                            other => Err(not_welcome(other, "the arming")),
+                        },
+                        _ => Ok(None),
+                    },
+                )
+            });
+        match answer {
+            Ok(()) => {
+                self.armed = true;
+                Ok(())
+            }
+            Err(error) => Err(self.fail(error.fault(), Detail::Said(error.to_string()))),
+        }
+    }
+
+    /// Real-time: yes.
+    pub(super) fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+        if let Some(fault) = self.fault {
+            return Err(fault);
+        }
+        if command.disp.len() != self.disp.len() || command.vel.len() != self.vel.len() {
+            return Err(self.fail_plainly(LinkFault::Refused));
+        }
+        self.issued = Some(command.sequence);
+        (self.time, self.dt) = (command.time, command.dt);
+        // Lengths are equal: checked above.
+        self.disp.copy_from_slice(command.disp);
+        self.vel.copy_from_slice(command.vel);
+        self.send_command()
+    }
+
+    fn send_command(&mut self) -> Result<(), LinkFault> {
+        let command = Command {
+            sequence: self.issued.unwrap_or_default(),
+            time: self.time,
+            dt: self.dt,
+            disp: &self.disp,
+            vel: &self.vel,
+        };
+        let written = self.encoder.command(&command, &mut self.out);
+        self.send(written)
+    }
+
+    fn send(&mut self, written: Result<usize, WireError>) -> Result<(), LinkFault> {
+        let length = match written {
+            Ok(length) => length,
+            Err(error) => return Err(self.fail(error.fault(), Detail::Wire(error))),
+        };
+        let frame = self.out.get(..length).unwrap_or_default();
+        match self.transport.send(frame) {
+            Ok(()) => Ok(()),
+            Err(fault) => Err(self.fail_plainly(fault)),
+        }
+    }
+
+    /// Real-time: yes. A lockstep answer is waited for by the wall clock, whatever clock the loop runs on.
+    pub(super) fn collect(
+        &mut self,
+        deadline: Nanos,
+        into: &mut Measurement,
+    ) -> Result<Freshness, LinkFault> {
+        if let Some(fault) = self.fault {
+            return Err(fault);
+        }
+        // Nothing was asked, so nothing will ever come.
+        let issued = self.issued.ok_or(LinkFault::Timeout)?;
+        let lockstep = self.coupling == Coupling::Lockstep;
+        let (deadline, mut nudge) = if lockstep {
+            let now = Nanos(os::monotonic_ns());
+            (now.plus(self.reply_timeout_ns), now.plus(self.nudge_ns))
+        } else {
+            (deadline, Nanos(u64::MAX))
+        };
+        let mut extra = EXTRA_READS;
+        loop {
+            self.take_frames(issued)?;
+            if self.book.has(issued) {
+                self.book.copy_into(into);
+                return Ok(Freshness::Fresh);
+            }
+            let until = deadline.min(nudge);
+            match self.transport.recv(self.inbox.space(), until) {
+                Ok(Some(count)) => {
+                    self.inbox.filled(count);
+                    if os::monotonic_ns() >= deadline.0 {
+                        extra -= 1;
+                        if extra == 0 {
+                            break;
+                        }
+                    }
+                }
+                Ok(None) if until < deadline => {
+                    self.nudge(issued)?;
+                    nudge = Nanos(os::monotonic_ns()).plus(self.nudge_ns);
+                }
+                Ok(None) => break,
+                Err(fault) => return Err(self.fail_plainly(fault)),
+            }
+        }
+        if lockstep {
+            let seconds = self.reply_timeout_ns as f64 * 1e-9;
+            return Err(self.fail(LinkFault::Timeout, Detail::Silent { seconds }));
+        }
+        self.book.copy_into(into);
+        Ok(Freshness::Stale)
+    }
+
+    /// A lockstep answer stays away. A lost datagram is sent again (the specimen answers again and moves nothing); on a
+    /// stream nothing is lost, but the specimen's watchdog is told that we are here.
+    fn nudge(&mut self, issued: u64) -> Result<(), LinkFault> {
+        if self.inbox.is_stream() {
+            let beat = Heartbeat {
+                sequence: issued,
+                time: self.time,
+                status: Status::default(),
+            };
+            let written = self.encoder.heartbeat(beat, &mut self.out);
+            self.send(written)
+        } else {
+            self.send_command()
+        }
+    }
+
+    /// Takes every whole frame that is here. Over UDP what fails a check is counted and dropped, over TCP it is the end;
+    /// a force that is not a number, in a frame that is otherwise right, is always the end.
+    fn take_frames(&mut self, issued: u64) -> Result<(), LinkFault> {
+        loop {
+            let outcome = match self.inbox.next() {
+                Ok(None) => return Ok(()),
+                Ok(Some(place)) => self.take(place, issued),
+                Err(error) => Err((error.fault(), Some(Detail::Wire(error)))),
+            };
+            let Err((fault, detail)) = outcome else {
+                continue;
+            };
+            let dropped = match &detail {
+                Some(Detail::Wire(WireError::NotFinite { .. })) => false,
+                Some(Detail::Wire(error)) => {
+                    if matches!(error, WireError::Replayed { .. } | WireError::TooOld { .. }) {
+                        self.book.stats.duplicates += 1;
+                    } else {
+                        self.book.stats.corrupt += 1;
+                    }
+                    !self.inbox.is_stream()
+                }
+                _ => false,
+            };
+            if !dropped {
+                self.fault = Some(fault);
+                self.detail = detail;
+                return Err(fault);
+            }
+        }
+    }
+
+    fn take(
+        &mut self,
+        place: std::ops::Range<usize>,
+        issued: u64,
+    ) -> Result<(), (LinkFault, Option<Detail>)> {
+        let wire = |error: WireError| (error.fault(), Some(Detail::Wire(error)));
+        let received = self.decoder.open(self.inbox.frame(place)).map_err(wire)?;
+        match received.frame {
+            Frame::Measurement(measurement) => self
+                .book
+                .measured(&measurement, received.arrival, issued)
+                .map_err(wire),
+            Frame::Heartbeat(beat) => {
+                self.book.flags(beat.status);
+                Ok(())
+            }
+            Frame::Goodbye(notice) => Err((LinkFault::Closed, Some(Detail::Goodbye(notice.cause)))),
+            // The answer to an Arm that was repeated.
+            Frame::Control(message) if message.starts_with(&ARM) => Ok(()),
+            Frame::Control(message) => Err(match handshake::decode(message).map_err(wire)? {
+                Control::Bye(bye) => (LinkFault::Closed, Some(Detail::Said(bye.text))),
+                Control::Refuse(refuse) => (LinkFault::Refused, Some(Detail::Said(refuse.text))),
+                other => wire(WireError::Order {
+                    expected: "a measurement",
+                    found: other.name(),
+                }),
+            }),
+            // A specimen cannot write these: the decoder refuses them.
+            Frame::Command(_) | Frame::Hold(_) | Frame::Retire(_) => Ok(()),
+        }
+    }
+
+    /// Tells the specimen, and waits a little for its goodbye. Whatever happens, this is the end.
+    pub(super) fn retire(&mut self, how: Retirement) {
+        if self.fault == Some(LinkFault::Closed) {
+            return;
+        }
+        let cause = Cause::from(how);
+        if !self.armed {
+            let bye = Control::Bye(Bye {
+                cause: cause.code(),
+                text: String::new(),
+            });
+            if let Ok(bytes) = handshake::encode(&bye) {
+                let written = self.encoder.control(&bytes, &mut self.out);
+                let _ = self.send(written);
+            }
+            return;
+        }
+        let until = Nanos(os::monotonic_ns()).plus(GOODBYE_NS);
+        let notice = Notice {
+            sequence: self.issued.unwrap_or_default(),
+            cause,
+        };
+        let mut ask_at = Nanos(0);
+        while os::monotonic_ns() < until.0 {
+            if os::monotonic_ns() >= ask_at.0 {
+                let written = self.encoder.retire(notice, &mut self.out);
+                if self.send(written).is_err() {
+                    return;
+                }
+                ask_at = if self.inbox.is_stream() {
+                    until
+                } else {
+                    Nanos(os::monotonic_ns()).plus(GOODBYE_REPEAT_NS)
+                };
+            }
+            match self.transport.recv(self.inbox.space(), until.min(ask_at)) {
+                Ok(Some(count)) => self.inbox.filled(count),
+                Ok(None) => continue,
+                Err(_) => return,
+            }
+            while let Ok(Some(place)) = self.inbox.next() {
+                let received = self.decoder.open(self.inbox.frame(place));
+                if matches!(received, Ok(r) if matches!(r.frame, Frame::Goodbye(_))) {
+                    return;
+                }
+            }
+        }
+    }
+
+    fn fail_plainly(&mut self, fault: LinkFault) -> LinkFault {
+        self.fault = Some(fault);
+        fault
+    }
+
+    fn fail(&mut self, fault: LinkFault, detail: Detail) -> LinkFault {
+        self.detail = Some(detail);
+        self.fail_plainly(fault)
+    }
+}

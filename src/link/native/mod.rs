@@ -1,0 +1,101 @@
+//! A specimen that speaks our own protocol, as a [`Substructure`]: the controller's side.
+//!
+//! Everything that blocks or allocates happens in `connect` and `arm`, before anything moves; `issue` and `collect` run
+//! on the loop's thread. Guarantees: a late answer never overwrites a newer one; every answer is counted once; a fault is
+//! final; an open interlock stays in the status of every later measurement. The stiffness that the specimen reports is
+//! only compared, in number and sign, with what the test file believes: nothing is moved to find out.
+
+mod book;
+mod live;
+mod setup;
+
+pub use setup::{NativeSetup, SetupError, unlimited_axis};
+pub(in crate::link) use setup::{SOFTWARE, fit};
+
+use crate::substructure::{
+    Command, Coupling, Freshness, Introduction, LinkFault, LinkStats, Measurement, Retirement,
+    Substructure, Unavailable,
+};
+use crate::time::Nanos;
+use live::Live;
+
+/// The controller's end of our own protocol.
+pub struct NativeLink {
+    setup: NativeSetup,
+    live: Option<Live>,
+}
+
+impl std::fmt::Debug for NativeLink {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("NativeLink")
+            .field("address", &self.setup.address)
+            .field("connected", &self.live.is_some())
+            .finish()
+    }
+}
+
+impl NativeLink {
+    /// A link that is not connected yet.
+    #[must_use]
+    pub const fn new(setup: NativeSetup) -> Self {
+        Self { setup, live: None }
+    }
+}
+
+impl Substructure for NativeLink {
+    fn axes(&self) -> usize {
+        self.setup.axes.len()
+    }
+
+    fn coupling(&self) -> Coupling {
+        self.setup.coupling
+    }
+
+    fn is_remote(&self) -> bool {
+        true
+    }
+
+    fn connect(&mut self) -> Result<Introduction, Unavailable> {
+        match self.setup.connect() {
+            Ok((live, introduction)) => {
+                self.live = Some(live);
+                Ok(introduction)
+            }
+            Err(error) => Err(error.unavailable(&self.setup.address)),
+        }
+    }
+
+    fn arm(&mut self, sequence: u64, disp: &[f64]) -> Result<(), LinkFault> {
+        self.live
+            .as_mut()
+            .map_or(Err(LinkFault::Closed), |live| live.arm(sequence, disp))
+    }
+
+    fn stats(&self) -> LinkStats {
+        self.live
+            .as_ref()
+            .map_or_else(LinkStats::default, Live::stats)
+    }
+
+    fn complaint(&self) -> Option<String> {
+        self.live.as_ref().and_then(Live::complaint)
+    }
+
+    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+        self.live
+            .as_mut()
+            .map_or(Err(LinkFault::Closed), |live| live.issue(command))
+    }
+
+    fn collect(&mut self, deadline: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+        self.live
+            .as_mut()
+            .map_or(Err(LinkFault::Closed), |live| live.collect(deadline, into))
+    }
+
+    fn retire(&mut self, how: Retirement) {
+        if let Some(live) = &mut self.live {
+            live.retire(how);
+        }
+    }
+}

@@ -1,0 +1,349 @@
+//! Connect, greet, agree: everything before the first command. Blocking, with time limits.
+
+use std::time::Duration;
+
+use thiserror::Error;
+
+use super::live::Live;
+use crate::link::inbox::Inbox;
+use crate::link::secret::random;
+use crate::link::spec::Carrier;
+use crate::link::{ConnectError, SocketOptions, TcpTransport, Transport, UdpTransport};
+use crate::rt::os;
+use crate::substructure::{Coupling, Introduction, LinkFault, Unavailable};
+use crate::time::Nanos;
+use crate::wire::handshake::{
+    self, Axis, Control, Hello, Limits, RefuseCode, Sampling, Versions, Welcome, layout_hash,
+};
+use crate::wire::key::{NONCE_LEN, PROOF_LEN, PreSharedKey};
+use crate::wire::native::{Decoder, Encoder, Frame, LARGEST_FRAME};
+use crate::wire::{Side, WireError};
+
+/// The program, as it calls itself to peers.
+pub(in crate::link) const SOFTWARE: &str = concat!("gusset ", env!("CARGO_PKG_VERSION"));
+
+/// A question whose answer is missing is repeated after so long, over UDP.
+const REPEAT_NS: u64 = 200_000_000;
+
+/// What a controller wants of a specimen that speaks our own protocol.
+#[derive(Debug, Clone)]
+pub struct NativeSetup {
+    /// "host:port".
+    pub address: String,
+    /// How the bytes travel.
+    pub carrier: Carrier,
+    /// Frames are signed with it.
+    pub key: Option<PreSharedKey>,
+    /// Name of the test.
+    pub test: String,
+    /// The axes, in the order of the vectors.
+    pub axes: Vec<Axis>,
+    /// Commands per second of wall time: numerator and denominator.
+    pub rate: (u64, u64),
+    /// The specimen must hold when no command has come for so long, s.
+    pub watchdog_s: f64,
+    /// When the force is sampled.
+    pub sampling: Sampling,
+    /// Whether a reply is owed for each command.
+    pub coupling: Coupling,
+    /// Time limit of connecting and of each question in the set-up.
+    pub connect_limit: Duration,
+    /// How long a lockstep reply may stay away.
+    pub reply_timeout: Duration,
+    /// What is asked of the socket.
+    pub options: SocketOptions,
+}
+
+/// Why a set-up failed. Nothing was moved.
+#[derive(Debug, Error)]
+pub enum SetupError {
+    /// There is no connection.
+    #[error(transparent)]
+    Connect(#[from] ConnectError),
+    /// No answer.
+    #[error(
+        "no answer to our {question} within {seconds} s: is it a specimen that speaks the gusset protocol?"
+    )]
+    Silent {
+        /// What was asked.
+        question: &'static str,
+        /// The time limit.
+        seconds: f64,
+    },
+    /// The connection was lost.
+    #[error("{0} before everything was agreed: is it a specimen that speaks the gusset protocol?")]
+    Lost(LinkFault),
+    /// The answer makes no sense, or is not what was asked for.
+    #[error("{0}")]
+    Wire(WireError),
+    /// The specimen refuses.
+    #[error("refused: {text}{}", advice(*code))]
+    Refused {
+        /// The reason, for programs.
+        code: RefuseCode,
+        /// In the specimen's words.
+        text: String,
+    },
+    /// The system has no random numbers.
+    #[error("no random numbers: {0}")]
+    Random(#[from] std::io::Error),
+}
+
+fn advice(code: RefuseCode) -> &'static str {
+    match code {
+        RefuseCode::Busy => " (one controller at a time; wait until its test is over)",
+        RefuseCode::Key => " (give both ends the same key file)",
+        RefuseCode::Axes => " (compare the number and the names of the axes: `axis_names`)",
+        RefuseCode::Units => " (compare `unit_disp` and `unit_force`)",
+        RefuseCode::Version => " (one of the two programs is too old)",
+        _ => "",
+    }
+}
+
+impl SetupError {
+    /// The kind of the fault.
+    #[must_use]
+    pub fn fault(&self) -> LinkFault {
+        match self {
+            Self::Connect(ConnectError::Timeout { .. }) | Self::Silent { .. } => LinkFault::Timeout,
+            Self::Connect(ConnectError::Refused { .. }) => LinkFault::Refused,
+            Self::Connect(_) | Self::Random(_) => LinkFault::Closed,
+            Self::Lost(fault) => *fault,
+            Self::Wire(error) => error.fault(),
+            Self::Refused { code, .. } => match code {
+                RefuseCode::Version => LinkFault::Version,
+                RefuseCode::Key => LinkFault::Auth,
+                _ => LinkFault::Refused,
+            },
+        }
+    }
+
+    pub(super) fn unavailable(self, address: &str) -> Unavailable {
+        let text = match &self {
+            // These name the address themselves.
+            Self::Connect(error) => error.to_string(),
+            other => format!("{address}: {other}"),
+        };
+        Unavailable {
+            fault: self.fault(),
+            text,
+        }
+    }
+}
+
+impl From<WireError> for SetupError {
+    fn from(error: WireError) -> Self {
+        Self::Wire(error)
+    }
+}
+
+impl NativeSetup {
+    /// Connects and agrees. Blocks, up to twice the time limit.
+    pub(super) fn connect(&self) -> Result<(Live, Introduction), SetupError> {
+        let (mut transport, peer): (Box<dyn Transport>, _) = match self.carrier {
+            Carrier::Tcp => {
+                let tcp = TcpTransport::connect(&self.address, self.connect_limit, self.options)?;
+                let peer = tcp.peer();
+                (Box::new(tcp), peer)
+            }
+            Carrier::Udp => {
+                let udp = UdpTransport::connect(&self.address, self.options)?;
+                let peer = udp.peer();
+                (Box::new(udp), peer)
+            }
+        };
+        let mut inbox = Inbox::new(self.carrier == Carrier::Tcp);
+        let hello = self.hello()?;
+        let mut hello_bytes = handshake::encode(&Control::Hello(hello.clone()))?;
+        if let Some(key) = &self.key {
+            handshake::prove_hello(&mut hello_bytes, key)?;
+        }
+        let mut encoder = Encoder::greeting(Side::Controller);
+        let mut decoder = Decoder::greeting(Side::Specimen);
+        let mut out = vec![0; LARGEST_FRAME];
+        let limit = self.connect_limit;
+        let answer = ask(
+            transport.as_mut(),
+            &mut inbox,
+            ("hello", limit),
+            |transport| {
+                let length = encoder.control(&hello_bytes, &mut out)?;
+                let frame = out.get(..length).unwrap_or_default();
+                transport.send(frame).map_err(SetupError::Lost)
+            },
+            |frame| {
+                let received = decoder.open(frame)?;
+                let Frame::Control(message) = received.frame else {
+                    return Ok(None);
+                };
+                match handshake::decode(message)? {
+                    Control::Welcome(welcome) => Ok(Some((welcome, message.to_vec()))),
+                    other => Err(not_welcome(other, "a welcome")),
+                }
+            },
+        );
+        let (welcome, welcome_bytes) = answer.map_err(|error| match error {
+            // Nobody listens on that UDP port: the machine itself says so.
+            SetupError::Lost(LinkFault::Closed) if self.carrier == Carrier::Udp => {
+                ConnectError::Refused {
+                    address: self.address.clone(),
+                }
+                .into()
+            }
+            other => other,
+        })?;
+        let key = match &self.key {
+            Some(key) => {
+                let key = key.session(&hello.nonce, &welcome.nonce, welcome.session);
+                if welcome.keyed {
+                    handshake::verify_welcome(&hello_bytes, &welcome_bytes, &key)?;
+                }
+                Some(key)
+            }
+            None => None,
+        };
+        handshake::check_welcome(&hello, &welcome)?;
+        let axes = self.axes.len();
+        let live = Live::new(
+            transport,
+            inbox,
+            Encoder::new(Side::Controller, axes, welcome.session, key.clone())?,
+            Decoder::new(Side::Specimen, axes, welcome.session, key)?,
+            self,
+            &welcome,
+        );
+        let introduction = Introduction {
+            peer: format!(
+                "\"{}\" at {peer} ({}, {})",
+                welcome.name, self.carrier, welcome.software
+            ),
+            stiffness: welcome.stiffness,
+            warnings: Vec::new(),
+        };
+        Ok((live, introduction))
+    }
+
+    fn hello(&self) -> Result<Hello, SetupError> {
+        Ok(Hello {
+            proof: [0; PROOF_LEN],
+            nonce: random::<NONCE_LEN>()?,
+            layout: layout_hash(&self.axes),
+            versions: Versions::OURS,
+            keyed: self.key.is_some(),
+            rate_numerator: self.rate.0,
+            rate_denominator: self.rate.1,
+            watchdog_s: self.watchdog_s,
+            sampling: self.sampling,
+            software: SOFTWARE.to_owned(),
+            name: fit(&self.test),
+            axes: self.axes.clone(),
+        })
+    }
+}
+
+/// An axis without limits, which is what the test file can promise so far.
+#[must_use]
+pub fn unlimited_axis(
+    name: String,
+    disp_unit: handshake::Unit,
+    force_unit: handshake::Unit,
+) -> Axis {
+    Axis {
+        name,
+        disp_unit,
+        force_unit,
+        limits: Limits::NONE,
+    }
+}
+
+/// A text that fits into a message: no control characters, not too long, not empty.
+pub(in crate::link) fn fit(text: &str) -> String {
+    let mut fitting: String = text
+        .chars()
+        .map(|c| if c.is_control() { ' ' } else { c })
+        .collect();
+    while fitting.len() > handshake::TEXT_LIMIT {
+        fitting.pop();
+    }
+    if fitting.trim().is_empty() {
+        "test".clone_into(&mut fitting);
+    }
+    fitting
+}
+
+/// An answer that is not the one that was due.
+pub(super) fn not_welcome(message: Control, expected: &'static str) -> SetupError {
+    match message {
+        Control::Refuse(refuse) => SetupError::Refused {
+            code: refuse.code,
+            text: refuse.text,
+        },
+        other => SetupError::Wire(WireError::Order {
+            expected,
+            found: other.name(),
+        }),
+    }
+}
+
+/// Asks and waits for the answer; over UDP the question is repeated until there is one, and what makes no sense is
+/// passed over, but named if nothing better comes.
+pub(super) fn ask<R>(
+    transport: &mut dyn Transport,
+    inbox: &mut Inbox,
+    (question, limit): (&'static str, Duration),
+    mut put: impl FnMut(&mut dyn Transport) -> Result<(), SetupError>,
+    mut judge: impl FnMut(&[u8]) -> Result<Option<R>, SetupError>,
+) -> Result<R, SetupError> {
+    let limit_ns = u64::try_from(limit.as_nanos()).unwrap_or(u64::MAX);
+    let deadline = Nanos(os::monotonic_ns()).plus(limit_ns);
+    let mut nonsense = None;
+    put(transport)?;
+    let mut repeat = Nanos(os::monotonic_ns()).plus(REPEAT_NS);
+    loop {
+        loop {
+            let place = match inbox.next() {
+                Ok(Some(place)) => place,
+                Ok(None) => break,
+                Err(error) if inbox.is_stream() => return Err(error.into()),
+                Err(error) => {
+                    nonsense = Some(error);
+                    continue;
+                }
+            };
+            match judge(inbox.frame(place)) {
+                Ok(Some(answer)) => return Ok(answer),
+                Ok(None) => {}
+                Err(SetupError::Wire(error)) if !inbox.is_stream() => nonsense = Some(error),
+                Err(error) => return Err(error),
+            }
+        }
+        if os::monotonic_ns() >= deadline.0 {
+            return Err(nonsense.map_or(
+                SetupError::Silent {
+                    question,
+                    seconds: limit.as_secs_f64(),
+                },
+                SetupError::Wire,
+            ));
+        }
+        let until = if inbox.is_stream() {
+            deadline
+        } else {
+            deadline.min(repeat)
+        };
+        match transport.recv(inbox.space(), until) {
+            Ok(Some(count)) => inbox.filled(count),
+            Ok(None) if until < deadline => {
+                put(transport)?;
+                repeat = Nanos(os::monotonic_ns()).plus(REPEAT_NS);
+            }
+            Ok(None) => {}
+            Err(fault) => return Err(SetupError::Lost(fault)),
+        }
+    }
+}
+
+/// What a Welcome settles for the session.
+pub(super) fn watchdog_ns(welcome: &Welcome) -> u64 {
+    (welcome.watchdog_s * 1e9) as u64
+}

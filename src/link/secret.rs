@@ -1,0 +1,106 @@
+//! Secrets: the key file, and random numbers of the operating system.
+
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::Path;
+
+use thiserror::Error;
+
+use crate::wire::key::{LONGEST_KEY, PreSharedKey};
+
+/// Why there is no key.
+#[derive(Debug, Error)]
+pub enum KeyError {
+    /// The file cannot be read.
+    #[error("the key file {path} cannot be read: {source}")]
+    Unreadable {
+        /// Which file.
+        path: String,
+        /// The system's word.
+        source: io::Error,
+    },
+    /// The file holds no usable key.
+    #[error("the key file {path} holds no key: {reason}")]
+    Unusable {
+        /// Which file.
+        path: String,
+        /// Why.
+        reason: String,
+    },
+}
+
+/// Reads a pre-shared key: all bytes of the file but one line end behind them.
+///
+/// # Errors
+/// See [`KeyError`].
+pub fn read_key(path: &Path) -> Result<PreSharedKey, KeyError> {
+    let name = || path.display().to_string();
+    let unreadable = |source| KeyError::Unreadable {
+        path: name(),
+        source,
+    };
+    let mut bytes = Vec::new();
+    // Two bytes more than a key may have: the line end, or the proof that it is too long.
+    File::open(path)
+        .map_err(unreadable)?
+        .take(LONGEST_KEY as u64 + 3)
+        .read_to_end(&mut bytes)
+        .map_err(unreadable)?;
+    if bytes.last() == Some(&b'\n') {
+        bytes.pop();
+        if bytes.last() == Some(&b'\r') {
+            bytes.pop();
+        }
+    }
+    PreSharedKey::new(&bytes).map_err(|error| KeyError::Unusable {
+        path: name(),
+        reason: error.to_string(),
+    })
+}
+
+/// Random bytes of the operating system: nonces and session numbers.
+///
+/// # Errors
+/// The system has none, which it never says in practice.
+pub(super) fn random<const N: usize>() -> io::Result<[u8; N]> {
+    let mut bytes = [0; N];
+    File::open("/dev/urandom")?.read_exact(&mut bytes)?;
+    Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_line_end_is_not_part_of_the_key_and_a_short_key_is_none() {
+        let folder = tempfile::tempdir().unwrap();
+        let write = |name: &str, bytes: &[u8]| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, bytes).unwrap();
+            path
+        };
+        let plain = read_key(&write("a", b"sixteen bytes it is")).unwrap();
+        assert_eq!(
+            plain,
+            read_key(&write("b", b"sixteen bytes it is\n")).unwrap()
+        );
+        assert_eq!(
+            plain,
+            read_key(&write("c", b"sixteen bytes it is\r\n")).unwrap()
+        );
+        assert_ne!(
+            plain,
+            read_key(&write("d", b"sixteen bytes it is\n\n")).unwrap()
+        );
+        let short = read_key(&write("e", b"short")).unwrap_err();
+        assert!(short.to_string().contains("holds no key"));
+        assert!(read_key(&write("f", &[7; 5000])).is_err());
+        assert!(read_key(&folder.path().join("none")).is_err());
+    }
+
+    #[test]
+    fn nonces_differ() {
+        assert_ne!(random::<32>().unwrap(), random::<32>().unwrap());
+    }
+}

@@ -1,0 +1,389 @@
+//! The far end: hosts a specimen for controllers that speak our own protocol.
+//!
+//! An asynchronous runtime on the caller's thread accepts, greets and refuses; a thread of its own commands the
+//! specimen once a controller has armed it ([`data`]). Guarantees: one controller at a time, one test after another, each
+//! with a specimen in its virgin state; a second controller, a stranger or nonsense is refused and named, and cannot
+//! reach the data thread; beyond loopback a key is required; every wait has an end.
+
+mod data;
+mod greet;
+mod tcp;
+mod udp;
+
+use std::future::Future;
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+
+use crossbeam_channel::Sender;
+use thiserror::Error;
+use tokio::sync::mpsc::UnboundedSender;
+
+use super::spec::Carrier;
+use super::{ConnectError, TcpTransport, Transport, UdpTransport, Wait, socket};
+use crate::specimen::Specimen;
+use crate::substructure::LinkFault;
+use crate::time::Nanos;
+use crate::wire::handshake::Axis;
+use crate::wire::key::PreSharedKey;
+
+/// Where a server listens unless told otherwise.
+pub const USUAL_LISTEN: &str = "127.0.0.1:4823";
+
+/// A specimen to be hosted, and how to make it anew for each test.
+pub struct Host {
+    name: String,
+    axes: Vec<Axis>,
+    stiffness: Vec<f64>,
+    build: Box<dyn Fn() -> Box<dyn Specimen> + Send + Sync>,
+}
+
+impl std::fmt::Debug for Host {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Host")
+            .field("name", &self.name)
+            .field("axes", &self.axes)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Host {
+    /// `build` makes the specimen in its virgin state, in the units of `axes`, with as many axes.
+    #[must_use]
+    pub fn new(
+        name: String,
+        axes: Vec<Axis>,
+        build: Box<dyn Fn() -> Box<dyn Specimen> + Send + Sync>,
+    ) -> Self {
+        let n = axes.len();
+        let (mut stiffness, mut other) = (vec![0.0; n * n], vec![0.0; n * n]);
+        let mut mass = other.clone();
+        build().reference(&mut stiffness, &mut other, &mut mass);
+        Self {
+            name,
+            axes,
+            stiffness,
+            build,
+        }
+    }
+}
+
+/// How a server listens.
+#[derive(Debug, Clone)]
+pub struct ServeOptions {
+    /// "host:port"; port 0: any free one.
+    pub listen: String,
+    /// How the bytes travel.
+    pub carrier: Carrier,
+    /// Controllers must have it.
+    pub key: Option<PreSharedKey>,
+    /// Busy loop around the moment at which the next command is expected, in ns on either side; otherwise the data thread
+    /// sleeps until bytes come.
+    pub spin_ns: u64,
+}
+
+/// Why nothing is served.
+#[derive(Debug, Error)]
+pub enum ServeError {
+    /// The address means nothing.
+    #[error(transparent)]
+    Address(#[from] ConnectError),
+    /// The port cannot be had.
+    #[error("cannot listen on {address}: {source}")]
+    Listen {
+        /// Where.
+        address: String,
+        /// The system's word.
+        source: std::io::Error,
+    },
+    /// Other machines could command the specimen.
+    #[error(
+        "{address} can be reached from other machines: a pre-shared key is required there (--key FILE)"
+    )]
+    Open {
+        /// Where.
+        address: SocketAddr,
+    },
+    /// The system gives no thread or runtime.
+    #[error("the server cannot be started: {0}")]
+    Start(std::io::Error),
+}
+
+/// What a server hears and does.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Heard {
+    /// A controller introduced itself and was welcomed.
+    Hello {
+        /// From where.
+        peer: SocketAddr,
+        /// Its program.
+        software: String,
+        /// The name of its test.
+        test: String,
+    },
+    /// Somebody was turned away.
+    Refused {
+        /// From where.
+        peer: SocketAddr,
+        /// Why.
+        text: String,
+    },
+    /// From here on commands move the specimen.
+    Armed {
+        /// From where.
+        peer: SocketAddr,
+        /// The name of its test.
+        test: String,
+    },
+    /// Commands stopped coming; the specimen holds.
+    Holding {
+        /// Newest command.
+        sequence: Option<u64>,
+        /// Since the last word of the controller, s.
+        silent_s: f64,
+    },
+    /// Commands come again.
+    Resumed {
+        /// The first of them.
+        sequence: u64,
+    },
+    /// A test is over; the specimen stays where it is.
+    Ended {
+        /// Why.
+        text: String,
+        /// Commands that moved it.
+        commands: u64,
+        /// Commands that never arrived.
+        missed: u32,
+        /// Frames that failed a check.
+        corrupt: u64,
+    },
+}
+
+impl std::fmt::Display for Heard {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Hello {
+                peer,
+                software,
+                test,
+            } => write!(f, "{peer}: hello of {software} for \"{test}\""),
+            Self::Refused { peer, text } => write!(f, "{peer}: refused: {text}"),
+            Self::Armed { peer, test } => write!(f, "{peer}: armed for \"{test}\""),
+            Self::Holding { sequence, silent_s } => {
+                write!(f, "HOLDING: nothing heard for {silent_s:.3} s")?;
+                sequence.map_or(Ok(()), |k| write!(f, ", last command {k}"))
+            }
+            Self::Resumed { sequence } => write!(f, "commands come again, from {sequence}"),
+            Self::Ended {
+                text,
+                commands,
+                missed,
+                corrupt,
+            } => write!(
+                f,
+                "test over: {text}; {commands} commands, {missed} missed, {corrupt} frames corrupt; the specimen \
+                 stays where it is"
+            ),
+        }
+    }
+}
+
+/// What everybody at the far end shares.
+struct Desk {
+    host: Host,
+    key: Option<PreSharedKey>,
+    spin_ns: u64,
+    /// A controller has armed the specimen.
+    present: AtomicBool,
+    /// Connections that have not armed yet.
+    waiting: AtomicUsize,
+    stop: AtomicBool,
+    sessions: Sender<data::Session>,
+    heard: UnboundedSender<Heard>,
+}
+
+impl Desk {
+    fn tell(&self, heard: Heard) {
+        // Nobody listens any more only when the server ends.
+        let _ = self.heard.send(heard);
+    }
+
+    /// Reserves the specimen for one controller; false if another one has it.
+    fn take(&self) -> bool {
+        self.present
+            .compare_exchange(false, true, Ordering::AcqRel, Ordering::Acquire)
+            .is_ok()
+    }
+
+    fn is_taken(&self) -> bool {
+        self.present.load(Ordering::Acquire)
+    }
+
+    fn give_back(&self) {
+        self.present.store(false, Ordering::Release);
+    }
+}
+
+enum Listener {
+    Tcp(std::net::TcpListener),
+    Udp(std::net::UdpSocket),
+}
+
+/// A far end that has its port.
+pub struct Server {
+    host: Host,
+    options: ServeOptions,
+    listener: Listener,
+    address: SocketAddr,
+}
+
+impl std::fmt::Debug for Server {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Server")
+            .field("host", &self.host)
+            .field("address", &self.address)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Server {
+    /// Takes the port. Controllers that connect from now on are answered as soon as [`Server::run`] runs.
+    ///
+    /// # Errors
+    /// See [`ServeError`].
+    pub fn bind(host: Host, options: ServeOptions) -> Result<Self, ServeError> {
+        let wrong = |source| ServeError::Listen {
+            address: options.listen.clone(),
+            source,
+        };
+        let addresses = socket::resolve(&options.listen)?;
+        if let Some(open) = addresses.iter().find(|a| !a.ip().is_loopback())
+            && options.key.is_none()
+        {
+            return Err(ServeError::Open { address: *open });
+        }
+        let Some(first) = addresses.first() else {
+            return Err(wrong(std::io::ErrorKind::AddrNotAvailable.into()));
+        };
+        let listener = match options.carrier {
+            Carrier::Tcp => std::net::TcpListener::bind(*first)
+                .and_then(|listener| {
+                    listener.set_nonblocking(true)?;
+                    Ok(Listener::Tcp(listener))
+                })
+                .map_err(wrong)?,
+            Carrier::Udp => udp::bind(*first).map(Listener::Udp).map_err(wrong)?,
+        };
+        let address = match &listener {
+            Listener::Tcp(listener) => listener.local_addr(),
+            Listener::Udp(socket) => socket.local_addr(),
+        }
+        .map_err(wrong)?;
+        Ok(Self {
+            host,
+            options,
+            listener,
+            address,
+        })
+    }
+
+    /// Where it listens.
+    #[must_use]
+    pub const fn local_addr(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// Serves one test after another until `until` is done; a test that runs then is ended with a goodbye. `heard` is told
+    /// everything, on the calling thread.
+    ///
+    /// # Errors
+    /// [`ServeError::Start`].
+    pub fn run(
+        self,
+        until: impl Future<Output = ()>,
+        heard: &mut dyn FnMut(&Heard),
+    ) -> Result<(), ServeError> {
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_io()
+            .enable_time()
+            .build()
+            .map_err(ServeError::Start)?;
+        let (heard_in, mut heard_out) = tokio::sync::mpsc::unbounded_channel();
+        // One controller at a time: more than one session never waits.
+        let (sessions, from_desk) = crossbeam_channel::bounded(1);
+        let desk = Arc::new(Desk {
+            host: self.host,
+            key: self.options.key,
+            spin_ns: self.options.spin_ns,
+            present: AtomicBool::new(false),
+            waiting: AtomicUsize::new(0),
+            stop: AtomicBool::new(false),
+            sessions,
+            heard: heard_in,
+        });
+        let for_data = Arc::clone(&desk);
+        let thread = std::thread::Builder::new()
+            .name("gusset-serve".into())
+            .spawn(move || data::serve(&for_data, &from_desk))
+            .map_err(ServeError::Start)?;
+        let served = runtime.block_on(async {
+            let _accepting = match self.listener {
+                Listener::Tcp(listener) => {
+                    let listener = tokio::net::TcpListener::from_std(listener)?;
+                    tokio::spawn(tcp::accept(listener, Arc::clone(&desk)))
+                }
+                Listener::Udp(socket) => {
+                    let socket = tokio::net::UdpSocket::from_std(socket)?;
+                    tokio::spawn(udp::receive(socket, Arc::clone(&desk)))
+                }
+            };
+            tokio::pin!(until);
+            loop {
+                tokio::select! {
+                    biased;
+                    () = &mut until => break Ok(()),
+                    Some(event) = heard_out.recv() => heard(&event),
+                }
+            }
+        });
+        desk.stop.store(true, Ordering::Release);
+        // The thread looks at the flag many times a second, and ends.
+        let _ = thread.join();
+        while let Ok(event) = heard_out.try_recv() {
+            heard(&event);
+        }
+        served.map_err(ServeError::Start)
+    }
+}
+
+/// The sockets of a session: the data thread changes how they wait.
+enum Line {
+    Tcp(TcpTransport),
+    Udp(UdpTransport),
+}
+
+impl Line {
+    fn set_wait(&mut self, wait: Wait) {
+        match self {
+            Line::Tcp(tcp) => tcp.set_wait(wait),
+            Line::Udp(udp) => udp.set_wait(wait),
+        }
+    }
+}
+
+impl Transport for Line {
+    fn send(&mut self, frame: &[u8]) -> Result<(), LinkFault> {
+        match self {
+            Line::Tcp(tcp) => tcp.send(frame),
+            Line::Udp(udp) => udp.send(frame),
+        }
+    }
+
+    fn recv(&mut self, buffer: &mut [u8], deadline: Nanos) -> Result<Option<usize>, LinkFault> {
+        match self {
+            Line::Tcp(tcp) => tcp.recv(buffer, deadline),
+            Line::Udp(udp) => udp.recv(buffer, deadline),
+        }
+    }
+}

@@ -1,0 +1,199 @@
+//! TCP: accept, greet, hand over.
+
+use std::io;
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::{TcpListener, TcpStream};
+use tokio::time::timeout;
+
+use super::data::Session;
+use super::greet::{self, Greeted};
+use super::{Desk, Heard, Line};
+use crate::link::inbox::Inbox;
+use crate::link::{SocketOptions, TcpTransport, Transport};
+use crate::wire::native::{Decoder, Frame};
+use crate::wire::{Side, WireError};
+
+/// A hello must come within this time.
+const HELLO_LIMIT: Duration = Duration::from_secs(5);
+/// From the welcome to the arming: a large model takes a while to get ready.
+const ARM_LIMIT: Duration = Duration::from_secs(60);
+/// Connections that have not armed yet; more are closed unheard.
+const MOST_WAITING: usize = 16;
+/// Pause after a failed accept, for instance without file descriptors left.
+const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
+
+/// Accepts for as long as the runtime lives.
+pub(super) async fn accept(listener: TcpListener, desk: Arc<Desk>) {
+    loop {
+        match listener.accept().await {
+            Ok((stream, peer)) => {
+                if desk.waiting.fetch_add(1, Ordering::AcqRel) >= MOST_WAITING {
+                    desk.waiting.fetch_sub(1, Ordering::AcqRel);
+                    continue;
+                }
+                let desk = Arc::clone(&desk);
+                tokio::spawn(async move {
+                    attend(stream, peer, &desk).await;
+                    desk.waiting.fetch_sub(1, Ordering::AcqRel);
+                });
+            }
+            Err(_) => tokio::time::sleep(ACCEPT_PAUSE).await,
+        }
+    }
+}
+
+/// Why a connection ended before it was armed.
+enum Ended {
+    /// It closed, or said goodbye.
+    Gone,
+    /// It was turned away, with these last bytes.
+    Refused(String, Vec<u8>),
+}
+
+impl From<io::Error> for Ended {
+    fn from(_: io::Error) -> Self {
+        Ended::Gone
+    }
+}
+
+async fn attend(mut stream: TcpStream, peer: SocketAddr, desk: &Desk) {
+    let mut inbox = Inbox::new(true);
+    let outcome = async {
+        let greeted = match timeout(HELLO_LIMIT, hello(&mut stream, &mut inbox, desk)).await {
+            Ok(outcome) => outcome?,
+            Err(_) => return Err(silent("hello", HELLO_LIMIT)),
+        };
+        desk.tell(Heard::Hello {
+            peer,
+            software: greeted.software.clone(),
+            test: greeted.test.clone(),
+        });
+        match timeout(ARM_LIMIT, arming(&mut stream, &mut inbox, desk, greeted)).await {
+            Ok(outcome) => outcome,
+            Err(_) => Err(silent("arm message", ARM_LIMIT)),
+        }
+    };
+    match outcome.await {
+        Ok((greeted, first, answer)) => {
+            hand_over(stream, peer, desk, inbox, greeted, first, &answer)
+        }
+        Err(Ended::Gone) => {}
+        Err(Ended::Refused(text, last)) => {
+            desk.tell(Heard::Refused { peer, text });
+            // A peer that does not take the reason does without it.
+            let _ = timeout(HELLO_LIMIT, async {
+                stream.write_all(&last).await?;
+                stream.shutdown().await
+            })
+            .await;
+        }
+    }
+}
+
+fn silent(what: &str, limit: Duration) -> Ended {
+    let text = format!("no {what} within {} s", limit.as_secs());
+    Ended::Refused(text, Vec::new())
+}
+
+/// The next whole frame of the stream, given to `open`.
+async fn next<R>(
+    stream: &mut TcpStream,
+    inbox: &mut Inbox,
+    mut open: impl FnMut(&[u8]) -> Result<Option<R>, Ended>,
+) -> Result<R, Ended> {
+    loop {
+        while let Some(place) = inbox.next().map_err(malformed)? {
+            if let Some(found) = open(inbox.frame(place))? {
+                return Ok(found);
+            }
+        }
+        match stream.read(inbox.space()).await? {
+            0 => return Err(Ended::Gone),
+            count => inbox.filled(count),
+        }
+    }
+}
+
+fn malformed(error: WireError) -> Ended {
+    refused(greet::nonsense(error))
+}
+
+fn refused(refuse: crate::wire::handshake::Refuse) -> Ended {
+    let text = refuse.text.clone();
+    Ended::Refused(text, greet::refusal(refuse, None))
+}
+
+async fn hello(stream: &mut TcpStream, inbox: &mut Inbox, desk: &Desk) -> Result<Greeted, Ended> {
+    let mut decoder = Decoder::greeting(Side::Controller);
+    let greeted = next(stream, inbox, |frame| {
+        let received = decoder.open(frame).map_err(malformed)?;
+        let Frame::Control(message) = received.frame else {
+            return Ok(None);
+        };
+        greet::judge(desk, message).map(Some).map_err(refused)
+    })
+    .await?;
+    stream.write_all(&greeted.welcome).await?;
+    Ok(greeted)
+}
+
+/// Waits for the arming; on return the specimen is reserved for this controller.
+async fn arming(
+    stream: &mut TcpStream,
+    inbox: &mut Inbox,
+    desk: &Desk,
+    mut greeted: Greeted,
+) -> Result<(Greeted, u64, Vec<u8>), Ended> {
+    let (first, message) = next(stream, inbox, |frame| {
+        let received = greeted.decoder.open(frame).map_err(malformed)?;
+        let Frame::Control(message) = received.frame else {
+            return Ok(None);
+        };
+        let outcome = match greeted.arming(message) {
+            Ok(Some(_)) if !desk.take() => Err(greet::busy()),
+            Ok(Some((arm, answer))) => return Ok(Some((arm.first_sequence, answer))),
+            Ok(None) => return Err(Ended::Gone),
+            Err(refuse) => Err(refuse),
+        };
+        outcome.map_err(|refuse| {
+            let text = refuse.text.clone();
+            Ended::Refused(text, greet::refusal(refuse, Some(&mut greeted.encoder)))
+        })
+    })
+    .await?;
+    let answer = greeted.frame(&message);
+    Ok((greeted, first, answer))
+}
+
+fn hand_over(
+    stream: TcpStream,
+    peer: SocketAddr,
+    desk: &Desk,
+    inbox: Inbox,
+    greeted: Greeted,
+    first_sequence: u64,
+    answer: &[u8],
+) {
+    let line = stream
+        .into_std()
+        .map_err(|error| error.to_string())
+        .and_then(|stream| {
+            TcpTransport::from_stream(stream, SocketOptions::default()).map_err(|e| e.to_string())
+        })
+        .and_then(|mut tcp| {
+            tcp.send(answer).map_err(|fault| fault.to_string())?;
+            Ok(Line::Tcp(tcp))
+        });
+    match line {
+        Ok(line) => Session::start(desk, line, inbox, peer, greeted, first_sequence),
+        Err(text) => {
+            desk.give_back();
+            desk.tell(Heard::Refused { peer, text });
+        }
+    }
+}

@@ -1,0 +1,204 @@
+//! UDP: one socket hears everybody; a controller that arms gets a socket of its own on the same port, connected to it, so
+//! that the datagrams of strangers never reach the data thread.
+
+use std::collections::HashMap;
+use std::io;
+use std::net::SocketAddr;
+use std::sync::Arc;
+
+use rustix::net::{AddressFamily, SocketFlags, SocketType, sockopt};
+use tokio::net::UdpSocket;
+
+use super::data::Session;
+use super::greet::{self, Greeted};
+use super::{Desk, Heard, Line};
+use crate::link::inbox::Inbox;
+use crate::link::{SocketOptions, Transport, UdpTransport};
+use crate::rt::os;
+use crate::wire::handshake::Refuse;
+use crate::wire::native::{Decoder, Frame, LARGEST_FRAME};
+use crate::wire::{Side, WireError};
+
+/// Controllers that have been welcomed and not armed yet; the oldest makes room.
+const MOST_WAITING: usize = 16;
+/// Complaints about strangers; beyond, they are dropped in silence.
+const MOST_COMPLAINTS: u64 = 100;
+
+/// A socket on `address` that others of this user may share: the listener and the sessions.
+pub(super) fn bind(address: SocketAddr) -> io::Result<std::net::UdpSocket> {
+    let family = if address.is_ipv4() {
+        AddressFamily::INET
+    } else {
+        AddressFamily::INET6
+    };
+    let flags = SocketFlags::CLOEXEC | SocketFlags::NONBLOCK;
+    let socket = rustix::net::socket_with(family, SocketType::DGRAM, flags, None)?;
+    sockopt::set_socket_reuseport(&socket, true)?;
+    rustix::net::bind(&socket, &address)?;
+    Ok(socket.into())
+}
+
+struct Candidate {
+    hello: Vec<u8>,
+    since: u64,
+    greeted: Greeted,
+}
+
+/// Hears everybody for as long as the runtime lives.
+pub(super) async fn receive(socket: UdpSocket, desk: Arc<Desk>) {
+    let mut buffer = vec![0; LARGEST_FRAME + 1];
+    let mut candidates: HashMap<SocketAddr, Candidate> = HashMap::new();
+    let mut complaints = 0;
+    loop {
+        let Ok((count, peer)) = socket.recv_from(&mut buffer).await else {
+            // An error of an earlier datagram: its receiver is gone.
+            tokio::task::yield_now().await;
+            continue;
+        };
+        let datagram = buffer.get(..count).unwrap_or_default();
+        let answer = hear(datagram, peer, &desk, &mut candidates, &socket);
+        let last = match answer {
+            Ok(answer) => answer,
+            Err((refuse, last)) => {
+                complaints += 1;
+                if complaints <= MOST_COMPLAINTS {
+                    desk.tell(Heard::Refused {
+                        peer,
+                        text: refuse.text,
+                    });
+                }
+                last
+            }
+        };
+        if !last.is_empty() {
+            // A lost answer is asked for again.
+            let _ = socket.send_to(&last, peer).await;
+        }
+    }
+}
+
+/// What to send back; a refusal with its frame, which is empty where an answer would only help a stranger.
+fn hear(
+    datagram: &[u8],
+    peer: SocketAddr,
+    desk: &Desk,
+    candidates: &mut HashMap<SocketAddr, Candidate>,
+    socket: &UdpSocket,
+) -> Result<Vec<u8>, (Refuse, Vec<u8>)> {
+    let unsaid = |error: WireError| (greet::nonsense(error), Vec::new());
+    let greeting = Decoder::greeting(Side::Controller)
+        .open(datagram)
+        .map(|r| r.frame);
+    match greeting {
+        Ok(Frame::Control(message)) => {
+            if let Some(known) = candidates.get(&peer)
+                && known.hello == message
+            {
+                return Ok(known.greeted.welcome.clone());
+            }
+            let greeted = greet::judge(desk, message)
+                .map_err(|refuse| (refuse.clone(), greet::refusal(refuse, None)))?;
+            desk.tell(Heard::Hello {
+                peer,
+                software: greeted.software.clone(),
+                test: greeted.test.clone(),
+            });
+            let welcome = greeted.welcome.clone();
+            if candidates.len() >= MOST_WAITING
+                && let Some(oldest) = candidates
+                    .iter()
+                    .min_by_key(|(_, candidate)| candidate.since)
+                    .map(|(peer, _)| *peer)
+            {
+                candidates.remove(&oldest);
+            }
+            let candidate = Candidate {
+                hello: message.to_vec(),
+                since: os::monotonic_ns(),
+                greeted,
+            };
+            candidates.insert(peer, candidate);
+            Ok(welcome)
+        }
+        // Another version deserves an answer; the rest may be anything, with a forged sender.
+        Err(error @ WireError::Version { .. }) => {
+            let refuse = greet::nonsense(error);
+            Err((refuse.clone(), greet::refusal(refuse, None)))
+        }
+        other => {
+            let Some(candidate) = candidates.get_mut(&peer) else {
+                return match other {
+                    // The last words of a test that is over.
+                    Err(WireError::Session { .. } | WireError::Keyed { .. }) | Ok(_) => {
+                        Ok(Vec::new())
+                    }
+                    Err(error) => Err(unsaid(error)),
+                };
+            };
+            let received = candidate.greeted.decoder.open(datagram).map_err(unsaid)?;
+            let Frame::Control(message) = received.frame else {
+                return Ok(Vec::new());
+            };
+            let outcome = match candidate.greeted.arming(message) {
+                Ok(Some(_)) if !desk.take() => Err(greet::busy()),
+                other => other,
+            };
+            match outcome {
+                Ok(Some((arm, answer))) => {
+                    if let Some(candidate) = candidates.remove(&peer) {
+                        let first = arm.first_sequence;
+                        hand_over(socket, peer, desk, candidate.greeted, first, &answer);
+                    }
+                    Ok(Vec::new())
+                }
+                Ok(None) => {
+                    candidates.remove(&peer);
+                    Ok(Vec::new())
+                }
+                Err(refuse) => {
+                    let encoder = Some(&mut candidate.greeted.encoder);
+                    let last = greet::refusal(refuse.clone(), encoder);
+                    candidates.remove(&peer);
+                    Err((refuse, last))
+                }
+            }
+        }
+    }
+}
+
+/// The session's own socket answers the arming; from here on the kernel gives it the datagrams of its peer.
+fn hand_over(
+    socket: &UdpSocket,
+    peer: SocketAddr,
+    desk: &Desk,
+    mut greeted: Greeted,
+    first_sequence: u64,
+    message: &[u8],
+) {
+    let line = socket
+        .local_addr()
+        .and_then(bind)
+        .and_then(|own| {
+            own.connect(peer)?;
+            Ok(own)
+        })
+        .map_err(|error| error.to_string())
+        .and_then(|own| {
+            UdpTransport::from_socket(own, SocketOptions::default()).map_err(|e| e.to_string())
+        })
+        .and_then(|mut udp| {
+            let answer = greeted.frame(message);
+            udp.send(&answer).map_err(|fault| fault.to_string())?;
+            Ok(Line::Udp(udp))
+        });
+    match line {
+        Ok(line) => {
+            let inbox = Inbox::new(false);
+            Session::start(desk, line, inbox, peer, greeted, first_sequence);
+        }
+        Err(text) => {
+            desk.give_back();
+            desk.tell(Heard::Refused { peer, text });
+        }
+    }
+}

@@ -1,0 +1,127 @@
+//! `[specimen.link]`: where a remote specimen is, what it speaks, and how it is waited for.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::openfresco::OpenFrescoSpec;
+
+/// A specimen at the other end of a network.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "snake_case")]
+pub struct LinkSpec {
+    /// What the far end speaks.
+    #[serde(default)]
+    pub protocol: Protocol,
+    /// How the bytes travel.
+    #[serde(default)]
+    pub transport: Carrier,
+    /// The far end: "host:port", "192.0.2.7:4823" or "[2001:db8::7]:4823".
+    pub address: String,
+    /// File with the pre-shared key, relative to the test file. It is never copied into the run folder.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub key_file: Option<String>,
+    /// Whether a reply is owed for each command, or the specimen lives in its own time.
+    #[serde(default)]
+    pub coupling: LinkCoupling,
+    /// How long the connection and its set-up may take, in s.
+    #[serde(default = "five")]
+    pub connect_timeout_s: f64,
+    /// How long a lockstep specimen may owe a reply before the link counts as lost, in s.
+    #[serde(default = "five")]
+    pub reply_timeout_s: f64,
+    /// What is done with the force when a sampled measurement is not there in time.
+    #[serde(default)]
+    pub on_stale: StaleChoice,
+    /// Stale measurements in a row after which the test stops.
+    #[serde(default = "ten")]
+    pub max_stale: u64,
+    /// The specimen must hold when no command has come for so long, in s. Default: 0.25 s, at least ten ticks.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub watchdog_s: Option<f64>,
+    /// The force is sampled after this fraction of the tick, above 0, at most 1. Default: when the command comes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sample_after: Option<f64>,
+    /// Names of the axes, as the far end calls them. Default: "axis 1", "axis 2", …
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub axis_names: Option<Vec<String>>,
+    /// Busy loop at the beginning of each wait for a reply, in µs; after it the thread sleeps until bytes come.
+    #[serde(default = "sixty")]
+    pub spin_us: f64,
+    /// For `protocol = "openfresco…"` only: what its set-up cannot find out by itself. Such a link is always lockstep.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub openfresco: Option<OpenFrescoSpec>,
+}
+
+/// What the far end speaks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Protocol {
+    /// Our own protocol, described in tools/PROTOCOL.md.
+    #[default]
+    Gusset,
+    /// OpenFresco's application protocol: an element or site server.
+    #[serde(rename = "openfresco")]
+    OpenFresco,
+    /// OpenFresco's protocol between sites: its `ActorSite`.
+    #[serde(rename = "openfresco-shadow")]
+    OpenFrescoShadow,
+    /// OpenSees' `adapter`, `actuator` and `corotActuator`.
+    #[serde(rename = "openfresco-adapter")]
+    OpenFrescoAdapter,
+}
+
+/// How the bytes travel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Carrier {
+    /// A TCP connection.
+    #[default]
+    Tcp,
+    /// UDP datagrams.
+    Udp,
+}
+
+impl std::fmt::Display for Carrier {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Carrier::Tcp => "TCP",
+            Carrier::Udp => "UDP",
+        })
+    }
+}
+
+/// Whether a reply is owed for each command.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum LinkCoupling {
+    /// The specimen lives in its own time; a measurement that is not there in time is stale.
+    #[default]
+    Sampled,
+    /// One reply is owed for each command; the test waits for it. Always so on the simulated clock.
+    Lockstep,
+}
+
+/// What is done with a stale force.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum StaleChoice {
+    /// The newest force known is used as it is.
+    #[default]
+    Hold,
+    /// It is moved along the estimate of the stiffness to where the specimen should be.
+    Extrapolate,
+    /// The test stops.
+    Stop,
+}
+
+const fn five() -> f64 {
+    5.0
+}
+
+const fn sixty() -> f64 {
+    60.0
+}
+
+const fn ten() -> u64 {
+    10
+}
