@@ -37,7 +37,11 @@ impl Server {
     }
 
     fn with(settings: ServeSettings, carrier: Carrier, axes: usize, nature: Nature) -> Self {
-        let door = Door::bind(carrier, "127.0.0.1:0").unwrap();
+        let door = Door::bind(carrier, "127.0.0.1:0", None).unwrap();
+        Self::behind(door, settings, axes, nature)
+    }
+
+    fn behind(door: Door, settings: ServeSettings, axes: usize, nature: Nature) -> Self {
         let address = door.local_addr().unwrap();
         let stop = Arc::new(AtomicBool::new(false));
         let (tell, news) = channel();
@@ -384,6 +388,29 @@ fn other_protocols_garbage_and_silence_are_named_and_the_port_is_free_again() {
     .unwrap();
     remote.open().unwrap();
     assert_eq!(drive(&mut remote, 10), in_process(1, 10));
+}
+
+#[test]
+fn beyond_loopback_one_machine_must_be_named_and_only_it_is_served() {
+    for carrier in [Carrier::Stream, Carrier::Datagrams] {
+        let open = Door::bind(carrier, "0.0.0.0:0", None).unwrap_err();
+        assert!(open.to_string().contains("--client"), "{open}");
+        let other = "192.0.2.7".parse().unwrap();
+        let door = Door::bind(carrier, "127.0.0.1:0", Some(other)).unwrap();
+        let server = Server::behind(
+            door,
+            ServeSettings::new(Role::Application, None),
+            1,
+            Nature::Simulated,
+        );
+        let mut remote = Remote::new(RemoteSettings {
+            connect_limit_s: 0.3,
+            ..settings(Peer::Element, carrier, server.address, 1)
+        })
+        .unwrap();
+        remote.open().unwrap_err();
+        server.hears(|news| matches!(news, News::NotAdmitted(_)));
+    }
 }
 
 /// The other ends of dialect D are OpenFresco's controls; here their course stands in the protocol's own terms.

@@ -68,6 +68,9 @@ struct ServeArgs {
     /// Where to listen [default: 127.0.0.1 and the usual port of the protocol].
     #[arg(long, value_name = "ADDR:PORT")]
     listen: Option<String>,
+    /// The one machine that may command the specimen; must be given to listen beyond loopback.
+    #[arg(long, value_name = "ADDRESS")]
+    client: Option<std::net::IpAddr>,
     /// What is spoken.
     #[arg(long, value_enum, default_value_t = ProtocolArg::Openfresco)]
     protocol: ProtocolArg,

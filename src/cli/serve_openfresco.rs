@@ -42,7 +42,7 @@ pub fn serve_openfresco(args: &ServeArgs) -> anyhow::Result<Exit> {
         Some(address) => address.clone(),
         None => format!("127.0.0.1:{port}"),
     };
-    let door = Door::bind(carrier, &listen)?;
+    let door = Door::bind(carrier, &listen, args.client)?;
     let signals = Signals::listen().context("signals cannot be taken over")?;
     let requests = signals.requests();
     eprintln!("serving \"{}\" on {}", table.name, door.local_addr()?);

@@ -5,7 +5,7 @@
 //! datagrams are dropped. The port stays bound between clients, so it is offered again at once.
 
 use std::io;
-use std::net::{SocketAddr, TcpListener, TcpStream, UdpSocket};
+use std::net::{IpAddr, SocketAddr, TcpListener, TcpStream, UdpSocket};
 use std::os::fd::AsFd;
 
 use rustix::event::{PollFd, PollFlags, Timespec};
@@ -29,17 +29,31 @@ pub enum DoorError {
         /// The system's word.
         source: io::Error,
     },
+    /// Other machines could command the specimen, and these protocols prove nobody's identity.
+    #[error(
+        "{address} can be reached from other machines, and OpenFresco's protocols know no key: name the one machine that \
+         may command the specimen (--client ADDRESS)"
+    )]
+    Open {
+        /// Where.
+        address: SocketAddr,
+    },
     /// The socket failed while nobody was connected.
     #[error("the port failed: {0}")]
     Port(#[from] io::Error),
 }
 
-/// A port that is listened on.
+/// A port that is listened on, and who may come in.
 #[derive(Debug)]
-pub enum Door {
-    /// TCP.
+pub struct Door {
+    pub(super) socket: Socket,
+    client: Option<IpAddr>,
+}
+
+#[derive(Debug)]
+pub(super) enum Socket {
     Tcp(TcpListener),
-    /// UDP. Never connected itself.
+    /// Never connected itself.
     Udp(UdpSocket),
 }
 
@@ -53,35 +67,43 @@ pub(super) enum Caller {
 }
 
 impl Door {
-    /// Listens on "host:port"; port 0 lets the system choose.
+    /// Listens on "host:port"; port 0 lets the system choose. With `client`, everybody else is turned away; beyond
+    /// loopback it must be given.
     ///
     /// # Errors
     /// See [`DoorError`].
-    pub fn bind(carrier: Carrier, address: &str) -> Result<Self, DoorError> {
+    pub fn bind(
+        carrier: Carrier,
+        address: &str,
+        client: Option<IpAddr>,
+    ) -> Result<Self, DoorError> {
         let addresses = resolve(address)?;
         let wrong = |source| DoorError::Bind {
             address: address.to_owned(),
             source,
         };
-        let door = match carrier {
-            Carrier::Stream => TcpListener::bind(addresses.as_slice()).map(Self::Tcp),
-            Carrier::Datagrams => UdpSocket::bind(addresses.as_slice()).map(Self::Udp),
+        if let (None, Some(open)) = (client, addresses.iter().find(|a| !a.ip().is_loopback())) {
+            return Err(DoorError::Open { address: *open });
+        }
+        let socket = match carrier {
+            Carrier::Stream => TcpListener::bind(addresses.as_slice()).map(Socket::Tcp),
+            Carrier::Datagrams => UdpSocket::bind(addresses.as_slice()).map(Socket::Udp),
         }
         .map_err(wrong)?;
-        match &door {
-            Self::Tcp(listener) => listener.set_nonblocking(true),
-            Self::Udp(socket) => socket.set_nonblocking(true),
+        match &socket {
+            Socket::Tcp(listener) => listener.set_nonblocking(true),
+            Socket::Udp(socket) => socket.set_nonblocking(true),
         }
         .map_err(wrong)?;
-        Ok(door)
+        Ok(Self { socket, client })
     }
 
     /// What carries the bytes.
     #[must_use]
     pub const fn carrier(&self) -> Carrier {
-        match self {
-            Self::Tcp(_) => Carrier::Stream,
-            Self::Udp(_) => Carrier::Datagrams,
+        match self.socket {
+            Socket::Tcp(_) => Carrier::Stream,
+            Socket::Udp(_) => Carrier::Datagrams,
         }
     }
 
@@ -90,17 +112,23 @@ impl Door {
     /// # Errors
     /// The system's word.
     pub fn local_addr(&self) -> io::Result<SocketAddr> {
-        match self {
-            Self::Tcp(listener) => listener.local_addr(),
-            Self::Udp(socket) => socket.local_addr(),
+        match &self.socket {
+            Socket::Tcp(listener) => listener.local_addr(),
+            Socket::Udp(socket) => socket.local_addr(),
         }
+    }
+
+    /// True for who may command the specimen.
+    pub(super) fn admits(&self, caller: SocketAddr) -> bool {
+        self.client
+            .is_none_or(|client| client.to_canonical() == caller.ip().to_canonical())
     }
 
     /// Waits up to `wait_ns` for somebody. May return `None` early.
     pub(super) fn wait(&self, buffer: &mut [u8], wait_ns: u64) -> io::Result<Option<Caller>> {
-        let fd = match self {
-            Self::Tcp(listener) => listener.as_fd(),
-            Self::Udp(socket) => socket.as_fd(),
+        let fd = match &self.socket {
+            Socket::Tcp(listener) => listener.as_fd(),
+            Socket::Udp(socket) => socket.as_fd(),
         };
         let time = Timespec {
             tv_sec: (wait_ns / 1_000_000_000) as i64,
@@ -112,11 +140,11 @@ impl Door {
             Ok(_) => {}
             Err(error) => return Err(error.into()),
         }
-        match self {
-            Self::Tcp(listener) => {
+        match &self.socket {
+            Socket::Tcp(listener) => {
                 Ok(gone(listener.accept())?.map(|(stream, from)| Caller::Stream(stream, from)))
             }
-            Self::Udp(socket) => {
+            Socket::Udp(socket) => {
                 Ok(gone(socket.recv_from(buffer))?
                     .map(|(count, from)| Caller::Datagram(count, from)))
             }
@@ -127,9 +155,9 @@ impl Door {
     pub(super) fn turn_away(&self, buffer: &mut [u8], refused: &mut dyn FnMut(SocketAddr)) {
         // Bounded: a flood of strangers must not keep the client waiting.
         for _ in 0..8 {
-            let from = match self {
-                Self::Tcp(listener) => listener.accept().map(|(_, from)| from),
-                Self::Udp(socket) => socket.recv_from(buffer).map(|(_, from)| from),
+            let from = match &self.socket {
+                Socket::Tcp(listener) => listener.accept().map(|(_, from)| from),
+                Socket::Udp(socket) => socket.recv_from(buffer).map(|(_, from)| from),
             };
             match from {
                 Ok(from) => refused(from),

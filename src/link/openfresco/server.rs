@@ -8,7 +8,7 @@
 use std::net::SocketAddr;
 
 use super::dialect::{ExchangeFault, Machine, Role, Said};
-use super::door::{Caller, Door, DoorError, socket_to, stream_to, watch_over};
+use super::door::{Caller, Door, DoorError, Socket, socket_to, stream_to, watch_over};
 use super::host::{Host, HostFault, Tally};
 use crate::link::Transport;
 use crate::rt::os::monotonic_ns;
@@ -88,6 +88,8 @@ pub enum News {
     Ready(SocketAddr, Sizes),
     /// Somebody came while a client is served, and was turned away.
     TurnedAway(SocketAddr),
+    /// Somebody came from a machine that may not command the specimen, and was turned away.
+    NotAdmitted(SocketAddr),
     /// A datagram that can open no test.
     Stray(SocketAddr, usize),
     /// An action that the dialect does not know: it is not answered, and the client may wait for ever.
@@ -114,6 +116,10 @@ impl std::fmt::Display for News {
                 )
             }
             Self::TurnedAway(peer) => write!(f, "{peer} was turned away: a client is being served"),
+            Self::NotAdmitted(peer) => write!(
+                f,
+                "{peer} was turned away: it is not the machine that may command the specimen"
+            ),
             Self::Stray(peer, bytes) => write!(f, "{peer} sent {bytes} bytes that open no test"),
             Self::Ignored(code) => {
                 write!(f, "action {code} is not known here and was not answered")
@@ -152,9 +158,14 @@ pub fn serve_openfresco(
         let Some(caller) = door.wait(&mut buffer, LOOK_NS)? else {
             continue;
         };
+        let (Caller::Stream(_, from) | Caller::Datagram(_, from)) = &caller;
+        if !door.admits(*from) {
+            tell(&News::NotAdmitted(*from));
+            continue;
+        }
         let mut machine = Machine::new(settings.role, door.carrier(), host.axes());
         let ready = host.begin();
-        let (peer, end) = match (caller, door) {
+        let (peer, end) = match (caller, &door.socket) {
             (Caller::Stream(stream, peer), _) => {
                 tell(&News::Connected(peer));
                 // A kernel that refuses to watch serves all the same.
@@ -179,7 +190,7 @@ pub fn serve_openfresco(
                 };
                 (peer, end)
             }
-            (Caller::Datagram(count, peer), Door::Udp(socket)) => {
+            (Caller::Datagram(count, peer), Socket::Udp(socket)) => {
                 let first = buffer.get(..count).unwrap_or_default().to_vec();
                 // Judged by a machine of its own: a stranger's datagram must open nothing.
                 let mut judge = Machine::new(settings.role, door.carrier(), host.axes());
@@ -217,7 +228,7 @@ pub fn serve_openfresco(
                 };
                 (peer, end)
             }
-            (Caller::Datagram(..), Door::Tcp(_)) => continue,
+            (Caller::Datagram(..), Socket::Tcp(_)) => continue,
         };
         host.abandon();
         tell(&News::Ended(peer, end, host.tally()));
@@ -307,9 +318,9 @@ impl Attendance<'_> {
     ) -> Result<bool, End> {
         let mut rest = bytes;
         while !rest.is_empty() {
-            let piece = match self.door {
-                Door::Tcp(_) => usize::MAX,
-                Door::Udp(_) => machine.piece(),
+            let piece = match self.door.socket {
+                Socket::Tcp(_) => usize::MAX,
+                Socket::Udp(_) => machine.piece(),
             };
             let heard = machine.hear(rest, host).map_err(End::Refused)?;
             for part in datagrams(heard.reply, heard.reply.len(), piece) {
@@ -338,7 +349,7 @@ impl Attendance<'_> {
 
     /// Lets the client close first, so that its last answer is not torn away by a reset.
     fn linger(self, link: &mut dyn Transport, buffer: &mut [u8]) -> End {
-        if matches!(self.door, Door::Tcp(_)) {
+        if matches!(self.door.socket, Socket::Tcp(_)) {
             let until = Nanos(monotonic_ns() + LINGER_NS);
             while let Ok(Some(_)) = link.recv(buffer, until) {}
         }
