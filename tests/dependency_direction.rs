@@ -53,6 +53,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "specimen",
             "substructure",
             "time",
+            "wire",
         ],
     ),
     (

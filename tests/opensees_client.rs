@@ -103,7 +103,8 @@ fn a_damper_acts_once() {
 
 #[test]
 fn two_degrees_of_freedom_with_laws_of_their_own() {
-    let two = format!("rows = [[1, 0, 0], [0, 1, 0]]\n{BILINEAR}");
+    let one = "{ bilinear = { stiffness_n_per_m = 8000.0, yield_force_n = 60.0, post_yield_ratio = 0.05 } }";
+    let two = format!("laws = [{one}, {one}]");
     for transport in ["tcp", "udp"] {
         for scheme in ["newton", "alphaos", "explicit"] {
             agree(&two, transport, STEEL, &["--dofs", "2", "--scheme", scheme]);

@@ -17,6 +17,7 @@ mod progress;
 mod report;
 mod run;
 mod schema;
+mod serve;
 mod serve_openfresco;
 mod table;
 
@@ -49,54 +50,10 @@ enum Command {
     Export(ExportArgs),
     /// Write a run's report.html again.
     Report(ReportArgs),
-    /// Host a specimen as a force server until told to stop.
+    /// Host a specimen for controllers that command it over a network, until told to stop.
     Serve(ServeArgs),
     /// Print the JSON Schema of the test file.
     Schema,
-}
-
-#[derive(Debug, Args)]
-#[command(
-    after_help = "Example:\n  gusset serve config/frame-bouc-wen.toml --specimen ground-storey --protocol openfresco"
-)]
-struct ServeArgs {
-    /// A file with `[[specimen]]`.
-    file: PathBuf,
-    /// Which of several specimens.
-    #[arg(long, value_name = "NAME")]
-    specimen: Option<String>,
-    /// Where to listen [default: 127.0.0.1 and the usual port of the protocol].
-    #[arg(long, value_name = "ADDR:PORT")]
-    listen: Option<String>,
-    /// The one machine that may command the specimen; must be given to listen beyond loopback.
-    #[arg(long, value_name = "ADDRESS")]
-    client: Option<std::net::IpAddr>,
-    /// What is spoken.
-    #[arg(long, value_enum, default_value_t = ProtocolArg::Openfresco)]
-    protocol: ProtocolArg,
-    /// How the bytes travel.
-    #[arg(long, value_enum, default_value_t = CarrierArg::Tcp)]
-    transport: CarrierArg,
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum ProtocolArg {
-    /// Element server for OpenSees genericClient and OpenFresco's elements.
-    Openfresco,
-    /// Actor site for OpenFresco's ShadowSite.
-    OpenfrescoActor,
-    /// Laboratory controller behind OpenFresco's GenericTCP.
-    OpenfrescoController,
-    /// Simulink model behind OpenFresco's SimSimulink.
-    OpenfrescoSimulink,
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum CarrierArg {
-    /// TCP.
-    Tcp,
-    /// UDP.
-    Udp,
 }
 
 #[derive(Debug, Args)]
@@ -221,6 +178,65 @@ struct ReportArgs {
     picture: Option<PathBuf>,
 }
 
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  gusset serve column.toml --listen 127.0.0.1:4823\n  \
+    gusset serve test.toml --specimen ground-storey --transport udp --key lab.key --listen 0.0.0.0:4823\n  \
+    gusset serve test.toml --specimen ground-storey --protocol openfresco"
+)]
+struct ServeArgs {
+    /// A file with [[specimen]] and [serve], or a test file.
+    file: PathBuf,
+    /// Where to listen; port 0 takes any free one [default: 127.0.0.1 and the usual port of the protocol: 4823, 8090,
+    /// 8091, 44000].
+    #[arg(long, value_name = "ADDR:PORT")]
+    listen: Option<String>,
+    /// What is spoken [default: gusset].
+    #[arg(long, value_enum)]
+    protocol: Option<ProtocolArg>,
+    /// How the bytes travel [default: tcp].
+    #[arg(long, value_enum)]
+    transport: Option<TransportArg>,
+    /// Which specimen of the file, if there are several.
+    #[arg(long, value_name = "NAME")]
+    specimen: Option<String>,
+    /// The one machine that may command the specimen, for OpenFresco's protocols: they know no key, so beyond loopback
+    /// it is required.
+    #[arg(long, value_name = "ADDRESS")]
+    client: Option<std::net::IpAddr>,
+    /// Pre-shared key of our own protocol; required beyond loopback.
+    #[arg(long, value_name = "FILE")]
+    key: Option<PathBuf>,
+    /// Busy loop around the moment at which the next command is expected, on either side of it.
+    #[arg(long, value_name = "US", default_value_t = 60.0)]
+    spin: f64,
+    /// Print only the line that says where it listens.
+    #[arg(long)]
+    quiet: bool,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum ProtocolArg {
+    /// Our own: tools/PROTOCOL.md.
+    Gusset,
+    /// An element server for OpenSees genericClient and OpenFresco's experimental elements.
+    Openfresco,
+    /// The actor behind OpenFresco's ShadowSite.
+    OpenfrescoActor,
+    /// The laboratory controller behind OpenFresco's GenericTCP.
+    OpenfrescoController,
+    /// The model behind OpenFresco's SimSimulink.
+    OpenfrescoSimulink,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum TransportArg {
+    /// A TCP connection.
+    Tcp,
+    /// UDP datagrams.
+    Udp,
+}
+
 /// Runs the command line and returns the exit code of contracts: 0 done, 1 stopped, 2 wrong usage, 3 link, 4 no real
 /// time, 5 our own fault, 130 and 143 interrupted.
 #[must_use]
@@ -233,7 +249,7 @@ pub fn main() -> ExitCode {
         Command::Doctor(args) => doctor::doctor(&args),
         Command::Export(args) => export::export(&args),
         Command::Report(args) => report::report(&args),
-        Command::Serve(args) => serve_openfresco::serve_openfresco(&args),
+        Command::Serve(args) => serve::serve(&args),
         Command::Schema => schema::schema(),
     };
     match result {

@@ -1,75 +1,72 @@
-//! `gusset serve --protocol openfresco…`: a specimen of a file behind OpenFresco's dialects.
+//! `gusset serve --protocol openfresco…`: a specimen behind OpenFresco's dialects.
 
-use anyhow::{Context, bail};
+use anyhow::Context;
 
-use super::exit::Exit;
-use super::{CarrierArg, ProtocolArg, ServeArgs};
-use crate::config::SpecimenTable;
+use super::ServeArgs;
+use super::exit::{Exit, WithExit};
+use super::serve::say_ready;
+use crate::config::Served;
 use crate::link::openfresco::{
-    Door, Host, Nature, News, Role, ServeSettings, serve_openfresco as serve_clients,
+    Door, DoorError, Host, Nature, News, Role, ServeSettings, serve_openfresco,
 };
+use crate::link::spec::Carrier;
 use crate::session::{Signal, Signals};
-use crate::wire::openfresco::{APPLICATION_PORT, CONTROLLER_PORT, Carrier, SITE_PORT};
+use crate::wire::openfresco::Carrier as Bytes;
 
-/// Serves until a signal comes.
-pub fn serve_openfresco(args: &ServeArgs) -> anyhow::Result<Exit> {
-    let (role, port) = match args.protocol {
-        ProtocolArg::Openfresco => (Role::Application, APPLICATION_PORT),
-        ProtocolArg::OpenfrescoActor => (Role::Actor, SITE_PORT),
-        ProtocolArg::OpenfrescoController => (Role::Controller, CONTROLLER_PORT),
-        ProtocolArg::OpenfrescoSimulink => (Role::Simulink, CONTROLLER_PORT),
+/// Hosts one specimen until SIGINT or SIGTERM. `port` is where the dialect is usually found.
+pub fn serve(
+    args: &ServeArgs,
+    served: &Served,
+    role: Role,
+    port: u16,
+    carrier: Carrier,
+) -> anyhow::Result<Exit> {
+    if args.key.is_some() || served.key.is_some() {
+        let text =
+            "OpenFresco's protocols know no key; name the machine that may command with --client";
+        return Err(WithExit(Exit::Usage, text.to_owned()).into());
+    }
+    let wishes = &served.serve.openfresco;
+    let nature = if wishes.physical {
+        Nature::Physical
+    } else {
+        Nature::Simulated
     };
-    let (carrier, idle) = match args.transport {
-        CarrierArg::Tcp => (Carrier::Stream, None),
-        CarrierArg::Udp => (Carrier::Datagrams, Some(ServeSettings::UDP_IDLE_S)),
+    let specimen = served.host.specimen().map_err(anyhow::Error::msg)?;
+    let mut host = Host::new(specimen, nature, wishes.step_s);
+    let bytes = match carrier {
+        Carrier::Tcp => Bytes::Stream,
+        Carrier::Udp => Bytes::Datagrams,
     };
-    let table = specimen(args)?;
-    let axes = table.rows.as_ref().map_or_else(
-        || match &table.laws {
-            Some(crate::specimen::SpecimenLaw::Laws(laws)) => laws.len(),
-            _ => 1,
+    let settings = ServeSettings::new(
+        role,
+        match (wishes.idle_timeout_s, carrier) {
+            (Some(limit), _) => Some(limit),
+            (None, Carrier::Tcp) => None,
+            (None, Carrier::Udp) => Some(ServeSettings::UDP_IDLE_S),
         },
-        Vec::len,
     );
-    let Some((key, source)) = table.sources().into_iter().next() else {
-        bail!("nothing stands for the specimen \"{}\"", table.name);
-    };
-    let law = source
-        .build(axes)
-        .with_context(|| format!("specimen \"{}\", {key}", table.name))?;
-    let mut host = Host::new(law, Nature::Simulated, None);
-    let listen = match &args.listen {
-        Some(address) => address.clone(),
-        None => format!("127.0.0.1:{port}"),
-    };
-    let door = Door::bind(carrier, &listen, args.client)?;
+    let listen = args.listen.as_ref().or(served.serve.listen.as_ref());
+    let listen = listen.map_or_else(|| format!("127.0.0.1:{port}"), String::clone);
+    let client = args.client.or(wishes.client);
+    let usage = |error: DoorError| WithExit(Exit::Usage, error.to_string());
+    let door = Door::bind(bytes, &listen, client).map_err(usage)?;
     let signals = Signals::listen().context("signals cannot be taken over")?;
     let requests = signals.requests();
-    eprintln!("serving \"{}\" on {}", table.name, door.local_addr()?);
-    let settings = ServeSettings::new(role, idle);
-    let stop = || !requests.is_empty();
-    serve_clients(&door, &mut host, &settings, &stop, &mut |news: &News| {
-        eprintln!("{news}");
-    })?;
+    say_ready(door.local_addr()?)?;
+    serve_openfresco(
+        &door,
+        &mut host,
+        &settings,
+        &|| !requests.is_empty(),
+        &mut |news: &News| {
+            if !args.quiet {
+                eprintln!("{news}");
+            }
+        },
+    )?;
     Ok(match signals.seen() {
         Some(Signal::Terminate) => Exit::Terminated,
-        _ => Exit::Interrupted,
+        Some(Signal::Interrupt) | None => Exit::Interrupted,
     })
-}
-
-fn specimen(args: &ServeArgs) -> anyhow::Result<SpecimenTable> {
-    #[derive(serde::Deserialize)]
-    struct File {
-        specimen: Vec<SpecimenTable>,
-    }
-    let text = std::fs::read_to_string(&args.file)
-        .with_context(|| format!("cannot read {}", args.file.display()))?;
-    let file: File = toml::from_str(&text)?;
-    let wanted = |table: &SpecimenTable| args.specimen.as_ref().is_none_or(|n| *n == table.name);
-    let mut found = file.specimen.into_iter().filter(wanted);
-    match (found.next(), found.next()) {
-        (Some(table), None) => Ok(table),
-        (None, _) => bail!("no such specimen"),
-        (Some(_), Some(_)) => bail!("more than one specimen: name one with --specimen"),
-    }
 }

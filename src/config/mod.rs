@@ -28,6 +28,7 @@ mod read;
 mod reader;
 mod resolve;
 mod schema;
+mod serve;
 mod specimen;
 mod steps;
 mod suggest;
@@ -54,6 +55,7 @@ pub use schema::{
     NodalFileTable, NodalForceTable, PrescribedTable, RecordTable, SafetyTable, Start,
     StructureTable, TestFile, TimeTable,
 };
+pub use serve::{ServeFile, ServeTable, Served, load_served};
 pub use specimen::{AxisTable, DispUnit, ForceUnit, SimilitudeTable, SpecimenTable};
 pub use steps::Time;
 pub use suggest::nearest;
@@ -126,11 +128,15 @@ impl Loaded {
 /// # Errors
 /// [`ConfigError`]: the file cannot be read, or everything that is wrong with it.
 pub fn load(path: &Path, sets: &[String]) -> Result<Loaded, ConfigError> {
+    parse(path, read_text(path)?, sets)
+}
+
+fn read_text(path: &Path) -> Result<String, ConfigError> {
     let bytes = std::fs::read(path).map_err(|source| ConfigError::Unreadable {
         path: path.to_owned(),
         source,
     })?;
-    let text = String::from_utf8(bytes).map_err(|error| {
+    String::from_utf8(bytes).map_err(|error| {
         let at = error.utf8_error().valid_up_to();
         let newlines = error.as_bytes()[..at].iter().filter(|byte| **byte == b'\n');
         ConfigError::NotText {
@@ -138,15 +144,18 @@ pub fn load(path: &Path, sets: &[String]) -> Result<Loaded, ConfigError> {
             at,
             line: newlines.count() + 1,
         }
-    })?;
-    parse(path, text, sets)
+    })
 }
 
-/// [`load`] for a text that is already in memory; `path` names it and is the origin of relative paths.
-///
-/// # Errors
-/// [`ConfigError::Invalid`] with everything that is wrong.
-pub fn parse(path: &Path, text: String, sets: &[String]) -> Result<Loaded, ConfigError> {
+/// A file whose grammar is right, with the overrides in it.
+struct Opened {
+    text: String,
+    effective: String,
+    root: document::Node,
+    locator: Locator,
+}
+
+fn open(path: &Path, text: String, sets: &[String]) -> Result<Opened, ConfigError> {
     let source = Arc::new(Source {
         name: path.display().to_string(),
         text: text.clone(),
@@ -171,7 +180,26 @@ pub fn parse(path: &Path, text: String, sets: &[String]) -> Result<Loaded, Confi
         });
         ConfigError::Invalid(Diagnostics(diagnose::syntax(&source, errors)))
     })?;
-    let (file, findings) = judge(&root);
+    Ok(Opened {
+        text,
+        effective,
+        root,
+        locator,
+    })
+}
+
+/// [`load`] for a text that is already in memory; `path` names it and is the origin of relative paths.
+///
+/// # Errors
+/// [`ConfigError::Invalid`] with everything that is wrong.
+pub fn parse(path: &Path, text: String, sets: &[String]) -> Result<Loaded, ConfigError> {
+    let Opened {
+        text,
+        effective,
+        root,
+        locator,
+    } = open(path, text, sets)?;
+    let (file, findings) = judge::<TestFile>(&root, check::check);
     let (errors, warnings): (Vec<_>, Vec<_>) = findings
         .into_iter()
         .map(|f| locator.diagnose(f))
@@ -211,8 +239,11 @@ fn parse_overrides(sets: &[String]) -> (Vec<Override>, Vec<Diagnostic>) {
 }
 
 /// Everything that is wrong with the tree, and its value as far as there is one.
-fn judge(root: &document::Node) -> (Option<TestFile>, Vec<Finding>) {
-    let reading = read::read::<TestFile>(root);
+fn judge<T: serde::de::DeserializeOwned>(
+    root: &document::Node,
+    check: fn(&T) -> Vec<Finding>,
+) -> (Option<T>, Vec<Finding>) {
+    let reading = read::read::<T>(root);
     // A table that lost an entry would raise complaints that only follow from it.
     let damaged: Vec<KeyPath> = reading
         .mistakes
@@ -227,7 +258,7 @@ fn judge(root: &document::Node) -> (Option<TestFile>, Vec<Finding>) {
         }
     }
     if let Some(file) = &reading.value {
-        for finding in check::check(file) {
+        for finding in check(file) {
             let follows = damaged
                 .iter()
                 .any(|table| finding.path.starts_with(table) || table.starts_with(&finding.path));

@@ -5,9 +5,10 @@ use serde::{Deserialize, Serialize};
 
 use super::value::MatrixValue;
 use super::variant;
+use crate::link::LinkSpec;
 use crate::specimen::SpecimenLaw;
 
-/// One specimen. Exactly one of `law`, `laws` and `coupled` is given; with a structure also exactly one of `storey` and
+/// One specimen. Exactly one of `law`, `laws`, `coupled` and `link` is given; with a structure also exactly one of `storey` and
 /// `rows`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -22,12 +23,16 @@ pub struct SpecimenTable {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rows: Option<Vec<Vec<f64>>>,
     /// Estimate of the initial stiffness in N/m at the structure's scale, which enters K0: a number or a matrix. Too
-    /// large costs accuracy, too small costs stability. Default: the law's own.
+    /// large costs accuracy, too small costs stability. Default: the law's own; behind a link it must be given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stiffness_n_per_m: Option<MatrixValue>,
     /// Estimate of the initial damping in N s/m at the structure's scale, which enters C0. Default: the law's own.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub damping_n_s_per_m: Option<MatrixValue>,
+    /// Upper bound of the tangent stiffness of a specimen behind a link, as a multiple of `stiffness_n_per_m`, for the
+    /// proof of stability. Default: 1, it never hardens.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub hardening_bound: Option<f64>,
     /// Largest deformation expected in m: bounds the tangent of a hardening law for the proof of stability.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reach_disp_m: Option<f64>,
@@ -70,10 +75,29 @@ pub struct SpecimenTable {
     )]
     #[schemars(schema_with = "coupled_schema")]
     pub coupled: Option<SpecimenLaw>,
+    /// A specimen at the other end of a network.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub link: Option<LinkSpec>,
 }
 
 impl SpecimenTable {
-    /// What stands for the specimen, by key; a checked file has exactly one.
+    /// Number of axes as far as the table alone says it, without a structure to take deformations from.
+    #[must_use]
+    pub fn axes_by_itself(&self) -> usize {
+        let said = match (&self.laws, &self.coupled, &self.link) {
+            (Some(SpecimenLaw::Laws(laws)), ..) => laws.len(),
+            (_, Some(SpecimenLaw::Coupled(coupled)), _) => coupled.stiffness_n_per_m.len(),
+            (_, _, Some(link)) => {
+                let estimate = self.stiffness_n_per_m.as_ref();
+                let named = link.axis_names.as_ref().map_or(0, Vec::len);
+                estimate.map_or(0, |matrix| matrix.rows().len()).max(named)
+            }
+            _ => 1,
+        };
+        said.max(self.axis.len()).max(1)
+    }
+
+    /// The laws that stand for the specimen, by key; a checked file has exactly one, or a link.
     #[must_use]
     pub fn sources(&self) -> Vec<(&'static str, &SpecimenLaw)> {
         [

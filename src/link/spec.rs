@@ -3,7 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::openfresco::OpenFrescoSpec;
+use super::openfresco::{OpenFrescoSpec, Role};
+use crate::wire::openfresco::{APPLICATION_PORT, CONTROLLER_PORT, SITE_PORT};
 
 /// A specimen at the other end of a network.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -68,6 +69,41 @@ pub enum Protocol {
     /// OpenSees' `adapter`, `actuator` and `corotActuator`.
     #[serde(rename = "openfresco-adapter")]
     OpenFrescoAdapter,
+}
+
+/// What a server speaks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Offer {
+    /// Our own protocol, described in tools/PROTOCOL.md.
+    #[default]
+    Gusset,
+    /// An element server for OpenSees `genericClient` and OpenFresco's experimental elements.
+    #[serde(rename = "openfresco")]
+    OpenFresco,
+    /// The actor behind OpenFresco's `ShadowSite`.
+    #[serde(rename = "openfresco-actor")]
+    OpenFrescoActor,
+    /// The laboratory controller behind OpenFresco's `GenericTCP`.
+    #[serde(rename = "openfresco-controller")]
+    OpenFrescoController,
+    /// The model behind OpenFresco's `SimSimulink`.
+    #[serde(rename = "openfresco-simulink")]
+    OpenFrescoSimulink,
+}
+
+impl Offer {
+    /// The role that is played and its usual port; `None` for our own protocol.
+    #[must_use]
+    pub const fn openfresco(self) -> Option<(Role, u16)> {
+        match self {
+            Self::Gusset => None,
+            Self::OpenFresco => Some((Role::Application, APPLICATION_PORT)),
+            Self::OpenFrescoActor => Some((Role::Actor, SITE_PORT)),
+            Self::OpenFrescoController => Some((Role::Controller, CONTROLLER_PORT)),
+            Self::OpenFrescoSimulink => Some((Role::Simulink, CONTROLLER_PORT)),
+        }
+    }
 }
 
 /// How the bytes travel.

@@ -3,7 +3,7 @@
 
 #![allow(dead_code, reason = "each test file uses its part")]
 
-use std::io::{BufRead, BufReader, Write};
+use std::io::{BufRead, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{Receiver, channel};
@@ -43,33 +43,30 @@ pub struct Peer {
 }
 
 impl Peer {
-    fn spawn(mut command: Command, from_stderr: bool) -> Self {
+    /// Reads the lines of stdout, and those of stderr if they are wanted, as they come.
+    fn spawn(mut command: Command, with_stderr: bool) -> Self {
         command
             .stdin(Stdio::null())
-            .stdout(if from_stderr {
-                Stdio::null()
-            } else {
-                Stdio::piped()
-            })
-            .stderr(if from_stderr {
+            .stdout(Stdio::piped())
+            .stderr(if with_stderr {
                 Stdio::piped()
             } else {
                 Stdio::null()
             });
         let mut child = command.spawn().unwrap();
         let (tell, lines) = channel();
-        let source: Box<dyn std::io::Read + Send> = if from_stderr {
-            Box::new(child.stderr.take().unwrap())
-        } else {
-            Box::new(child.stdout.take().unwrap())
-        };
-        std::thread::spawn(move || {
-            for line in BufReader::new(source).lines().map_while(Result::ok) {
-                if tell.send(line).is_err() {
-                    break;
+        let stdout = child.stdout.take().map(|s| Box::new(s) as Box<dyn Read + Send>);
+        let stderr = child.stderr.take().map(|s| Box::new(s) as Box<dyn Read + Send>);
+        for source in stdout.into_iter().chain(stderr) {
+            let tell = tell.clone();
+            std::thread::spawn(move || {
+                for line in BufReader::new(source).lines().map_while(Result::ok) {
+                    if tell.send(line).is_err() {
+                        break;
+                    }
                 }
-            }
-        });
+            });
+        }
         Self {
             child,
             lines,
@@ -90,7 +87,7 @@ impl Peer {
         Self::spawn(command, false)
     }
 
-    /// Our binary; what it says on stderr is read.
+    /// Our binary; all that it says is read.
     pub fn gusset(args: &[&str]) -> Self {
         let mut command = Command::new(env!("CARGO_BIN_EXE_gusset"));
         command.args(args);
@@ -185,7 +182,7 @@ impl Server {
             "--listen",
             "127.0.0.1:0",
         ]);
-        let line = peer.line(|line| line.contains("127.0.0.1:"));
+        let line = peer.line(|line| line.starts_with("listening on "));
         let port = line.split("127.0.0.1:").nth(1).unwrap();
         let port: String = port.chars().take_while(char::is_ascii_digit).collect();
         Self {

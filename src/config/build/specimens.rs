@@ -2,13 +2,17 @@
 
 use nalgebra::DMatrix;
 
-use super::{Refused, Site, path};
+use super::{Refused, Site, links, path};
 use crate::config::{AxisTable, Finding, KeyPath, MatrixValue, SpecimenTable};
-use crate::control::{Axis, Port};
+use crate::control::{Axis, Port, WaitRules};
 use crate::law::Reach;
 use crate::linalg::SymMatrix;
+use crate::link::openfresco::Remote;
+use crate::link::spec::Protocol;
+use crate::link::{NativeLink, NativeSetup};
 use crate::model::{Part, StructureSpec};
 use crate::specimen::{InProcess, InUnits, Specimen};
+use crate::substructure::Substructure;
 
 /// A square matrix by rows, one row per axis.
 type Rows = Vec<Vec<f64>>;
@@ -17,7 +21,7 @@ type Rows = Vec<Vec<f64>>;
 #[derive(Debug)]
 struct Entry {
     name: String,
-    law: Box<dyn Specimen>,
+    stand: Stand,
     axes: Vec<Axis>,
     units: Vec<(f64, f64)>,
     /// k̂ and ĉ, by rows.
@@ -26,6 +30,14 @@ struct Entry {
     /// Upper bounds of the tangents; the axis (from 0) whose reach is missing otherwise.
     bounds: Result<(Rows, Rows), usize>,
     mass_in_force: f64,
+}
+
+/// What stands for a specimen.
+#[derive(Debug)]
+enum Stand {
+    Law(Box<dyn Specimen>),
+    Native(Box<NativeSetup>, WaitRules),
+    OpenFresco(Box<Remote>, WaitRules),
 }
 
 /// All specimens of a test, in order.
@@ -45,15 +57,16 @@ pub(super) fn specimens(site: &mut Site<'_>) -> Result<Specimens, Refused> {
 fn entry(site: &mut Site<'_>, at: &KeyPath, table: &SpecimenTable) -> Result<Entry, Refused> {
     let rows = rows(site, at, table)?;
     let n = rows.len();
-    let Some((key, source)) = table.sources().into_iter().next() else {
-        return site.refuse(Finding::error(
-            at.clone(),
-            "nothing stands for the specimen",
-        ));
-    };
-    let law = match source.build(n) {
-        Ok(law) => law,
-        Err(error) => return site.refuse_key(&at.key(key), error.key(), &error),
+    let law = match (table.sources().into_iter().next(), &table.link) {
+        (Some((key, source)), _) => match source.build(n) {
+            Ok(law) => Some(law),
+            Err(error) => return site.refuse_key(&at.key(key), error.key(), &error),
+        },
+        (None, Some(_)) => None,
+        (None, None) => {
+            let text = "nothing stands for the specimen";
+            return site.refuse(Finding::error(at.clone(), text));
+        }
     };
     let mut axes = Vec::with_capacity(n);
     let mut units = Vec::with_capacity(n);
@@ -73,7 +86,9 @@ fn entry(site: &mut Site<'_>, at: &KeyPath, table: &SpecimenTable) -> Result<Ent
         units.push(to_si);
     }
     let (mut k, mut c, mut m) = (vec![0.0; n * n], vec![0.0; n * n], vec![0.0; n * n]);
-    law.reference(&mut k, &mut c, &mut m);
+    if let Some(law) = &law {
+        law.reference(&mut k, &mut c, &mut m);
+    }
     let scaled = |flat: &[f64], motion: fn(&Axis) -> f64| scaled(flat, &axes, &units, motion);
     let stiffness = match &table.stiffness_n_per_m {
         Some(given) => estimate(site, &at.key("stiffness_n_per_m"), given, n)?,
@@ -83,15 +98,35 @@ fn entry(site: &mut Site<'_>, at: &KeyPath, table: &SpecimenTable) -> Result<Ent
         Some(given) => estimate(site, &at.key("damping_n_s_per_m"), given, n)?,
         None => scaled(&c, |axis| axis.vel_gain),
     };
-    let bounds = law.bound(&reach, &mut k, &mut c).map(|()| {
-        (
-            scaled(&k, |axis| axis.disp_gain),
-            scaled(&c, |axis| axis.vel_gain),
-        )
-    });
+    let bounds = match &law {
+        Some(law) => law.bound(&reach, &mut k, &mut c).map(|()| {
+            (
+                scaled(&k, |axis| axis.disp_gain),
+                scaled(&c, |axis| axis.vel_gain),
+            )
+        }),
+        None => {
+            let ratio = table.hardening_bound.unwrap_or(1.0);
+            let times = |row: &Vec<f64>| row.iter().map(|value| ratio * value).collect();
+            Ok((stiffness.iter().map(times).collect(), damping.clone()))
+        }
+    };
+    let stand = match (law, &table.link) {
+        (Some(law), _) => Stand::Law(law),
+        (None, Some(link)) if link.protocol == Protocol::Gusset => {
+            let (setup, rules) = links::native(site, at, table, link, n)?;
+            Stand::Native(Box::new(setup), rules)
+        }
+        (None, Some(link)) => {
+            let (remote, rules) = links::openfresco(site, at, link, n)?;
+            Stand::OpenFresco(Box::new(remote), rules)
+        }
+        // Refused above.
+        (None, None) => return Err(Refused),
+    };
     Ok(Entry {
         name: table.name.clone(),
-        law,
+        stand,
         axes,
         units,
         stiffness,
@@ -130,18 +165,7 @@ fn rows(
             Ok(rows.iter().map(sparse).collect())
         }
         // Without a structure there is nothing to transform: as many axes as the laws or the axis tables say.
-        (_, _, None) => {
-            let laws = match &table.laws {
-                Some(crate::specimen::SpecimenLaw::Laws(laws)) => laws.len(),
-                _ => match &table.coupled {
-                    Some(crate::specimen::SpecimenLaw::Coupled(coupled)) => {
-                        coupled.stiffness_n_per_m.len()
-                    }
-                    _ => 1,
-                },
-            };
-            Ok(vec![Vec::new(); laws.max(table.axis.len()).max(1)])
-        }
+        (_, _, None) => Ok(vec![Vec::new(); table.axes_by_itself()]),
         (None, None, Some(_)) => {
             let text = "which deformation does the specimen see: `storey` or `rows`";
             site.refuse(Finding::error(at.clone(), text))
@@ -369,15 +393,19 @@ impl Specimens {
             let diagonal = (0..entry.axes.len())
                 .map(|i| entry.stiffness[i][i])
                 .collect();
-            let specimen = InProcess::new(InUnits::new(entry.law, &entry.units));
-            match Port::new(
-                entry.name,
-                entry.axes,
-                Box::new(specimen),
-                dofs.max(1),
-                diagonal,
-            ) {
-                Ok(port) => ports.push(port),
+            let (substructure, wait): (Box<dyn Substructure>, _) = match entry.stand {
+                Stand::Law(law) => (
+                    Box::new(InProcess::new(InUnits::new(law, &entry.units))),
+                    None,
+                ),
+                Stand::Native(setup, rules) => (Box::new(NativeLink::new(*setup)), Some(rules)),
+                Stand::OpenFresco(remote, rules) => (remote, Some(rules)),
+            };
+            match Port::new(entry.name, entry.axes, substructure, dofs.max(1), diagonal) {
+                Ok(mut port) => {
+                    port.wait = wait;
+                    ports.push(port);
+                }
                 Err(error) => {
                     let at = path("specimen").index(index);
                     return site.refuse(Finding::error(at, error.to_string()));

@@ -4,6 +4,7 @@
 //! whether a storey exists, whether a matrix is symmetric) is checked where it is built.
 
 mod excitation;
+mod link;
 mod specimen;
 
 use excitation::check_excitation;
@@ -12,9 +13,11 @@ use specimen::{check_names, check_specimen};
 use super::diagnose::Finding;
 use super::document::{Datum, KeyPath, Node};
 use super::schema::{StructureTable, TestFile};
+use super::serve::ServeFile;
 use super::steps::{Time, not_positive};
 use super::suggest::listed;
 use super::value::{DofChoice, LambdaValue};
+use crate::rt::OnMiss;
 
 /// Every number of the document that is not finite, but λ, which may be infinite.
 pub(crate) fn not_finite(root: &Node) -> Vec<Finding> {
@@ -55,6 +58,18 @@ pub(crate) fn check(file: &TestFile) -> Vec<Finding> {
         check_specimen(specimen, file.structure.is_some(), &at, &mut findings);
     }
     check_names(&file.specimen, &mut findings);
+    let remote = file.specimen.iter().any(|specimen| specimen.link.is_some());
+    if remote && file.timing.on_miss == OnMiss::CatchUp && !file.timing.catch_up_remote {
+        let on_miss = root.key("timing").key("on_miss");
+        findings.0.push(
+            Finding::error(
+                on_miss,
+                "a specimen behind a link would be driven faster than the test says",
+            )
+            .label("missed ticks would run back to back")
+            .help("`catch_up_remote = true` allows it; \"stretch\" never does it"),
+        );
+    }
     let safety = root.key("safety").key("divergence_m");
     findings.positive(safety, file.safety.divergence_m);
     let record = root.key("record");
@@ -120,6 +135,22 @@ impl Findings {
             ),
         }
     }
+}
+
+/// All that is wrong with the specimens of a file that is only served.
+pub(crate) fn check_served(file: &ServeFile) -> Vec<Finding> {
+    let mut findings = Findings::default();
+    let root = KeyPath::root();
+    if file.specimen.is_empty() {
+        let text = "there is no `[[specimen]]` to be served";
+        findings.0.push(Finding::error(root.clone(), text));
+    }
+    for (index, specimen) in file.specimen.iter().enumerate() {
+        let at = root.key("specimen").index(index);
+        check_specimen(specimen, false, &at, &mut findings);
+    }
+    check_names(&file.specimen, &mut findings);
+    findings.0
 }
 
 fn check_structure(structure: &StructureTable, at: &KeyPath, findings: &mut Findings) {

@@ -1,6 +1,7 @@
 //! `[[specimen]]`: what it sees, what is believed of it, and its name.
 
 use super::Findings;
+use super::link::check_link;
 use crate::config::diagnose::Finding;
 use crate::config::document::KeyPath;
 use crate::config::specimen::SpecimenTable;
@@ -13,13 +14,25 @@ pub(super) fn check_specimen(
     at: &KeyPath,
     findings: &mut Findings,
 ) {
-    let given: Vec<_> = specimen.sources().iter().map(|(key, _)| *key).collect();
+    let mut given: Vec<_> = specimen.sources().iter().map(|(key, _)| *key).collect();
+    if specimen.link.is_some() {
+        given.push("link");
+    }
     findings.exactly_one(
         at,
         &given,
-        &["law", "laws", "coupled"],
+        &["law", "laws", "coupled", "link"],
         "it says what stands for the specimen",
     );
+    match &specimen.link {
+        Some(link) => check_link(specimen, link, at, findings),
+        None if specimen.hardening_bound.is_some() => findings.0.push(
+            Finding::error(at.key("hardening_bound"), "a law knows its own bound")
+                .at_key()
+                .label("only for a specimen behind a link"),
+        ),
+        None => {}
+    }
     let seen: Vec<_> = [
         ("storey", specimen.storey.is_some()),
         ("rows", specimen.rows.is_some()),

@@ -179,6 +179,16 @@ pub enum RemoteError {
 }
 
 impl RemoteError {
+    /// The configuration key to point at.
+    #[must_use]
+    pub const fn key(&self) -> &'static str {
+        match self {
+            Self::Setting { name, .. } => name,
+            Self::Wire { .. } => "openfresco",
+            Self::Connect(_) | Self::Lost { .. } | Self::Timeout { .. } => "address",
+        }
+    }
+
     /// The kind of the fault.
     #[must_use]
     pub fn fault(&self) -> LinkFault {
@@ -266,8 +276,8 @@ impl Remote {
     /// Settings that cannot be: see [`RemoteError::Setting`] and [`RemoteError::Wire`].
     pub fn new(settings: RemoteSettings) -> Result<Self, RemoteError> {
         for (name, found) in [
-            ("the time limit of the connection", settings.connect_limit_s),
-            ("the time limit of a reply", settings.reply_limit_s),
+            ("connect_timeout_s", settings.connect_limit_s),
+            ("reply_timeout_s", settings.reply_limit_s),
         ] {
             if !(found > 0.0 && found <= 1e6) {
                 return Err(RemoteError::Setting {

@@ -30,4 +30,4 @@ pub use dialect::{ExchangeFault, Role};
 pub use door::{Door, DoorError};
 pub use host::{Host, HostFault, Nature, Tally};
 pub use server::{End, News, ServeSettings, serve_openfresco};
-pub use spec::{Far, OpenFrescoSpec};
+pub use spec::{Far, OpenFrescoServeSpec, OpenFrescoSpec};

@@ -1,5 +1,7 @@
 //! `[specimen.link.openfresco]`: what the set-up of these protocols cannot find out by itself.
 
+use std::net::IpAddr;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -35,6 +37,27 @@ pub struct OpenFrescoSpec {
     pub version: Option<f64>,
     /// For "openfresco-shadow": our site tag.
     pub site: u32,
+}
+
+/// How a specimen is offered over OpenFresco's protocols.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct OpenFrescoServeSpec {
+    /// Address of the one machine that may command the specimen; everybody else is turned away. Required beyond
+    /// loopback, for these protocols know no key.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<String>")]
+    pub client: Option<IpAddr>,
+    /// Silence in s after which a client counts as gone. Default: none over TCP, where the connection shows it; 60 over
+    /// UDP.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub idle_timeout_s: Option<f64>,
+    /// Something moves here: a step that the client takes back ends the test, and a new client finds the specimen as the
+    /// last one left it.
+    pub physical: bool,
+    /// Test time of one step in s, for clients that send no time. Default: rate effects follow the velocities alone.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub step_s: Option<f64>,
 }
 
 /// What listens at the far end of "openfresco".

@@ -1,9 +1,4 @@
-//! The data path of the far end: commands in, measurements out, and a watchdog on the commands.
-//!
-//! One thread; it sleeps until shortly before the next command is expected, then reads in a busy loop. The specimen
-//! commits what it was last told when the next command comes: a command that only repeats where it is (test time stands
-//! still and nothing differs) is answered again from the same state, so that a test over a link takes the same course as
-//! one in process, to the last bit.
+//! The data thread: one session after another, each with a specimen in its virgin state.
 
 use std::net::SocketAddr;
 use std::sync::atomic::Ordering;
@@ -12,30 +7,21 @@ use std::time::Duration;
 use crossbeam_channel::{Receiver, RecvTimeoutError};
 
 use super::greet::Greeted;
+use super::stand::Stand;
 use super::{Desk, Heard, Line};
 use crate::link::inbox::Inbox;
-use crate::link::{Transport, Wait};
-use crate::rt::os;
-use crate::specimen::Specimen;
-use crate::substructure::{LinkFault, Measurement, Status};
-use crate::time::Nanos;
-use crate::wire::WireError;
-use crate::wire::native::{
-    Cause, CommandFrame, Decoder, Encoder, Frame, Heartbeat, LARGEST_FRAME, Moment, Notice,
-};
+use crate::rt::{RtPlan, apply};
 
 /// The stop flag is looked at this often.
-const LOOK_NS: u64 = 50_000_000;
-/// A controller that says nothing for so long is gone.
-const GONE_NS: u64 = 30_000_000_000;
+const LOOK: Duration = Duration::from_millis(50);
 
 /// A controller that has armed, on its way to the data thread.
 pub(super) struct Session {
-    line: Line,
-    inbox: Inbox,
-    peer: SocketAddr,
-    greeted: Greeted,
-    first_sequence: u64,
+    pub(super) line: Line,
+    pub(super) inbox: Inbox,
+    pub(super) peer: SocketAddr,
+    pub(super) greeted: Greeted,
+    pub(super) first_sequence: u64,
 }
 
 impl Session {
@@ -66,20 +52,20 @@ impl Session {
     }
 }
 
-/// The data thread: one session after another until the server stops.
-pub(super) fn serve(desk: &Desk, sessions: &Receiver<Session>) {
+/// One session after another until the server stops.
+pub(super) fn serve(desk: &Desk, sessions: &Receiver<Session>, plan: Option<&RtPlan>) {
+    // Held for as long as the thread lives: it keeps the processors awake.
+    let granted = plan.map(apply);
+    for feature in granted.iter().flat_map(|granted| granted.missing()) {
+        let reason = feature.reason.as_deref().unwrap_or("refused");
+        desk.tell(Heard::NotGranted {
+            text: format!("{}: {reason}", feature.asked),
+        });
+    }
     while !desk.stop.load(Ordering::Acquire) {
-        match sessions.recv_timeout(Duration::from_nanos(LOOK_NS)) {
+        match sessions.recv_timeout(LOOK) {
             Ok(session) => {
-                let specimen = (desk.host.build)();
-                let mut stand = Stand::new(session, specimen, desk.spin_ns);
-                let text = stand.run(desk);
-                desk.tell(Heard::Ended {
-                    text,
-                    commands: stand.commands,
-                    missed: stand.missed,
-                    corrupt: stand.corrupt,
-                });
+                desk.tell(attend(session, desk));
                 desk.give_back();
             }
             Err(RecvTimeoutError::Timeout) => {}
@@ -88,395 +74,14 @@ pub(super) fn serve(desk: &Desk, sessions: &Receiver<Session>) {
     }
 }
 
-/// The specimen and its controller.
-struct Stand {
-    line: Line,
-    inbox: Inbox,
-    peer: SocketAddr,
-    encoder: Encoder,
-    decoder: Decoder,
-    out: Vec<u8>,
-    specimen: Box<dyn Specimen>,
-    watchdog_ns: u64,
-    period_ns: u64,
-    spin_ns: u64,
-    sample_after_ns: Option<u64>,
-    /// The command in force.
-    sequence: Option<u64>,
-    next_sequence: u64,
-    time: f64,
-    dt: f64,
-    disp: Vec<f64>,
-    vel: Vec<f64>,
-    new_disp: Vec<f64>,
-    new_vel: Vec<f64>,
-    measured: Measurement,
-    arrived: Nanos,
-    /// The measurement of the command in force is still to be taken, at this time.
-    sample_at: Option<Nanos>,
-    begun: Nanos,
-    heard_at: Nanos,
-    beat_at: Nanos,
-    paused: bool,
-    holding: bool,
-    commands: u64,
-    missed: u32,
-    corrupt: u64,
-}
-
-/// Why a session ends, in words.
-type End = String;
-
-impl Stand {
-    fn new(session: Session, specimen: Box<dyn Specimen>, spin_ns: u64) -> Self {
-        let Session {
-            line,
-            inbox,
-            peer,
-            greeted,
-            first_sequence,
-        } = session;
-        let axes = specimen.axes();
-        let now = Nanos(os::monotonic_ns());
-        Self {
-            line,
-            inbox,
-            peer,
-            encoder: greeted.encoder,
-            decoder: greeted.decoder,
-            out: vec![0; LARGEST_FRAME],
-            specimen,
-            watchdog_ns: greeted.watchdog_ns,
-            period_ns: greeted.period_ns,
-            spin_ns,
-            sample_after_ns: greeted.sample_after_ns,
-            sequence: None,
-            next_sequence: first_sequence,
-            time: 0.0,
-            dt: 0.0,
-            disp: vec![0.0; axes],
-            vel: vec![0.0; axes],
-            new_disp: vec![0.0; axes],
-            new_vel: vec![0.0; axes],
-            measured: Measurement::zeros(axes),
-            arrived: now,
-            sample_at: None,
-            begun: now,
-            heard_at: now,
-            beat_at: now,
-            paused: false,
-            holding: false,
+fn attend(session: Session, desk: &Desk) -> Heard {
+    match (desk.host.build)() {
+        Ok(specimen) => Stand::new(session, specimen, desk.spin_ns).run(desk),
+        Err(text) => Heard::Ended {
+            text,
             commands: 0,
             missed: 0,
             corrupt: 0,
-        }
-    }
-
-    fn run(&mut self, desk: &Desk) -> End {
-        loop {
-            if desk.stop.load(Ordering::Acquire) {
-                self.say_goodbye(Cause::Shutdown);
-                return "the server was told to stop".to_owned();
-            }
-            if let Err(end) = self.take_frames(desk).and_then(|()| self.keep_time(desk)) {
-                return end;
-            }
-            let until = self.until();
-            match self.line.recv(self.inbox.space(), until) {
-                Ok(Some(count)) => self.inbox.filled(count),
-                Ok(None) => {}
-                Err(LinkFault::Closed) => {
-                    return format!("{} closed the connection without a goodbye", self.peer);
-                }
-                Err(fault) => return fault.to_string(),
-            }
-        }
-    }
-
-    /// How long to wait, and how.
-    fn until(&mut self) -> Nanos {
-        let now = Nanos(os::monotonic_ns());
-        let mut until = now.plus(LOOK_NS);
-        if let Some(sample_at) = self.sample_at {
-            until = until.min(sample_at);
-        }
-        until = until.min(if self.holding {
-            self.beat_at.plus(self.watchdog_ns)
-        } else {
-            self.heard_at.plus(self.watchdog_ns)
-        });
-        let expected = self.arrived.plus(self.period_ns);
-        let (from, to) = (expected.minus(self.spin_ns), expected.plus(self.spin_ns));
-        let spins = self.sequence.is_some() && self.spin_ns > 0 && now >= from && now < to;
-        self.line
-            .set_wait(if spins { Wait::SPIN } else { Wait::SLEEP });
-        if spins {
-            until.min(to)
-        } else if now < from {
-            until.min(from)
-        } else {
-            until
-        }
-    }
-
-    /// Everything that happens because time passes.
-    fn keep_time(&mut self, desk: &Desk) -> Result<(), End> {
-        let now = Nanos(os::monotonic_ns());
-        if self.sample_at.is_some_and(|at| now >= at) {
-            self.answer(now)?;
-        }
-        let silent = now.since(self.heard_at);
-        if silent >= GONE_NS.max(self.watchdog_ns.saturating_mul(10)) {
-            self.say_goodbye(Cause::Watchdog);
-            return Err(format!(
-                "{} has been silent for {} s",
-                self.peer,
-                silent / 1_000_000_000
-            ));
-        }
-        if self.paused || silent < self.watchdog_ns {
-            return Ok(());
-        }
-        if !self.holding {
-            self.holding = true;
-            desk.tell(Heard::Holding {
-                sequence: self.sequence,
-                silent_s: silent as f64 * 1e-9,
-            });
-        } else if now.since(self.beat_at) < self.watchdog_ns {
-            return Ok(());
-        }
-        self.beat_at = now;
-        self.beat(now)
-    }
-
-    fn beat(&mut self, now: Nanos) -> Result<(), End> {
-        let beat = Heartbeat {
-            sequence: self.sequence.unwrap_or_default(),
-            time: self.own_time(now),
-            status: self.status(),
-        };
-        let written = self.encoder.heartbeat(beat, &mut self.out);
-        self.send(written)
-    }
-
-    fn status(&self) -> Status {
-        if self.holding {
-            Status::HOLDING
-        } else {
-            Status::default()
-        }
-    }
-
-    fn own_time(&self, now: Nanos) -> f64 {
-        now.since(self.begun) as f64 * 1e-9
-    }
-
-    /// Takes every whole frame that is here; over UDP what fails a check is counted and dropped.
-    fn take_frames(&mut self, desk: &Desk) -> Result<(), End> {
-        loop {
-            let outcome = match self.inbox.next() {
-                Ok(None) => return Ok(()),
-                Ok(Some(place)) => self.take(place, desk),
-                Err(error) => Err(Wrong::Wire(error)),
-            };
-            match outcome {
-                Ok(()) => {}
-                Err(Wrong::End(end)) => return Err(end),
-                Err(Wrong::Wire(error)) => {
-                    let overtaken =
-                        matches!(error, WireError::Replayed { .. } | WireError::TooOld { .. });
-                    self.corrupt += u64::from(!overtaken);
-                    if self.inbox.is_stream() {
-                        return Err(error.to_string());
-                    }
-                }
-            }
-        }
-    }
-
-    fn take(&mut self, place: std::ops::Range<usize>, desk: &Desk) -> Result<(), Wrong> {
-        let now = Nanos(os::monotonic_ns());
-        let received = self.decoder.open(self.inbox.frame(place))?;
-        self.heard_at = now;
-        match received.frame {
-            Frame::Command(command) => {
-                let moves = Self::read(
-                    &command,
-                    self.sequence,
-                    &mut self.new_disp,
-                    &mut self.new_vel,
-                )?;
-                let (sequence, time, dt) = (command.sequence(), command.time(), command.dt());
-                match moves {
-                    Moves::Overtaken => {}
-                    Moves::Again => self.answer(now)?,
-                    Moves::On => self.go(sequence, time, dt, now, desk)?,
-                }
-            }
-            Frame::Hold(_) => self.paused = true,
-            Frame::Heartbeat(_) | Frame::Measurement(_) => {}
-            Frame::Retire(notice) => {
-                self.say_goodbye(Cause::Orderly);
-                return Err(Wrong::End(format!(
-                    "retired {}",
-                    match notice.cause {
-                        Cause::Orderly => "in an orderly way",
-                        Cause::Operator => "by the operator",
-                        _ => "because the test tripped",
-                    }
-                )));
-            }
-            Frame::Goodbye(_) => {
-                return Err(Wrong::End("the controller said goodbye".to_owned()));
-            }
-            Frame::Control(message) => self.again_armed(message.to_vec())?,
-        }
-        Ok(())
-    }
-
-    /// The answer to the arming was lost: it is given again. Any other message now is the end.
-    fn again_armed(&mut self, message: Vec<u8>) -> Result<(), Wrong> {
-        use crate::wire::handshake::{Control, decode};
-        match decode(&message)? {
-            Control::Arm(_) => {
-                let written = self.encoder.control(&message, &mut self.out);
-                Ok(self.send(written)?)
-            }
-            other => Err(Wrong::End(format!("the controller sent {}", other.name()))),
-        }
-    }
-
-    fn read(
-        command: &CommandFrame<'_>,
-        in_force: Option<u64>,
-        disp: &mut [f64],
-        vel: &mut [f64],
-    ) -> Result<Moves, WireError> {
-        match in_force {
-            Some(newest) if command.sequence() < newest => Ok(Moves::Overtaken),
-            Some(newest) if command.sequence() == newest => Ok(Moves::Again),
-            _ => command.read(disp, vel).map(|()| Moves::On),
-        }
-    }
-
-    /// A new command is in force.
-    fn go(
-        &mut self,
-        sequence: u64,
-        time: f64,
-        dt: f64,
-        now: Nanos,
-        desk: &Desk,
-    ) -> Result<(), End> {
-        if self.sample_at.is_some() {
-            // Faster than agreed: what the command before gave is sampled now, not lost.
-            self.answer(now)?;
-        }
-        if self.holding {
-            self.holding = false;
-            desk.tell(Heard::Resumed { sequence });
-        }
-        self.paused = false;
-        let gap = sequence.saturating_sub(self.next_sequence);
-        self.missed = self
-            .missed
-            .saturating_add(u32::try_from(gap).unwrap_or(u32::MAX));
-        self.next_sequence = sequence.saturating_add(1);
-        let first = self.sequence.is_none();
-        let stays = !first
-            && dt == 0.0
-            && self.dt == 0.0
-            && self.new_disp == self.disp
-            && self.new_vel == self.vel;
-        if !first && !stays {
-            self.specimen.commit();
-        }
-        // Over a gap the motion took as long as all the steps that were lost, too.
-        let dt_here = if gap == 0 || first {
-            dt
-        } else {
-            (time - self.time).max(dt)
-        };
-        self.disp.copy_from_slice(&self.new_disp);
-        self.vel.copy_from_slice(&self.new_vel);
-        (self.sequence, self.time, self.dt) = (Some(sequence), time, dt);
-        self.specimen
-            .trial(&self.disp, &self.vel, dt_here, &mut self.measured.force);
-        if !self.measured.force.iter().all(|force| force.is_finite()) {
-            self.say_goodbye(Cause::Tripped);
-            return Err(format!(
-                "command {sequence} gives a force that is no number"
-            ));
-        }
-        self.measured.disp.copy_from_slice(&self.disp);
-        self.commands += 1;
-        self.arrived = now;
-        match self.sample_after_ns {
-            Some(after) => {
-                self.sample_at = Some(now.plus(after));
-                Ok(())
-            }
-            None => self.answer(now),
-        }
-    }
-
-    /// Sends the measurement of the command in force.
-    fn answer(&mut self, now: Nanos) -> Result<(), End> {
-        self.sample_at = None;
-        self.measured.sequence = self.sequence.unwrap_or_default();
-        self.measured.time = self.own_time(now);
-        self.measured.status = self.status();
-        let moment = Moment {
-            sampled_after: now.since(self.arrived) as f64 * 1e-9,
-            missed: self.missed,
-        };
-        let written = self
-            .encoder
-            .measurement(&self.measured, moment, &mut self.out);
-        self.send(written)
-    }
-
-    fn send(&mut self, written: Result<usize, WireError>) -> Result<(), End> {
-        let length = written.map_err(|error| error.to_string())?;
-        let frame = self.out.get(..length).unwrap_or_default();
-        self.line.send(frame).map_err(|fault| fault.to_string())
-    }
-
-    fn say_goodbye(&mut self, cause: Cause) {
-        let notice = Notice {
-            sequence: self.sequence.unwrap_or_default(),
-            cause,
-        };
-        let written = self.encoder.goodbye(notice, &mut self.out);
-        // Whoever does not hear it sees the connection close.
-        let _ = self.send(written);
-    }
-}
-
-/// What a command does.
-enum Moves {
-    /// It was overtaken on the way.
-    Overtaken,
-    /// It is in force already: answered again.
-    Again,
-    /// It is new.
-    On,
-}
-
-enum Wrong {
-    Wire(WireError),
-    End(End),
-}
-
-impl From<WireError> for Wrong {
-    fn from(error: WireError) -> Self {
-        Wrong::Wire(error)
-    }
-}
-
-impl From<End> for Wrong {
-    fn from(end: End) -> Self {
-        Wrong::End(end)
+        },
     }
 }

@@ -1,12 +1,13 @@
 //! The far end: hosts a specimen for controllers that speak our own protocol.
 //!
 //! An asynchronous runtime on the caller's thread accepts, greets and refuses; a thread of its own commands the
-//! specimen once a controller has armed it ([`data`]). Guarantees: one controller at a time, one test after another, each
+//! specimen once a controller has armed it. Guarantees: one controller at a time, one test after another, each
 //! with a specimen in its virgin state; a second controller, a stranger or nonsense is refused and named, and cannot
 //! reach the data thread; beyond loopback a key is required; every wait has an end.
 
 mod data;
 mod greet;
+mod stand;
 mod tcp;
 mod udp;
 
@@ -21,6 +22,7 @@ use tokio::sync::mpsc::UnboundedSender;
 
 use super::spec::Carrier;
 use super::{ConnectError, TcpTransport, Transport, UdpTransport, Wait, socket};
+use crate::rt::RtPlan;
 use crate::specimen::Specimen;
 use crate::substructure::LinkFault;
 use crate::time::Nanos;
@@ -35,8 +37,11 @@ pub struct Host {
     name: String,
     axes: Vec<Axis>,
     stiffness: Vec<f64>,
-    build: Box<dyn Fn() -> Box<dyn Specimen> + Send + Sync>,
+    build: Build,
 }
+
+/// Makes a specimen in its virgin state, or says why not.
+pub type Build = Box<dyn Fn() -> Result<Box<dyn Specimen>, String> + Send + Sync>;
 
 impl std::fmt::Debug for Host {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -48,23 +53,33 @@ impl std::fmt::Debug for Host {
 }
 
 impl Host {
-    /// `build` makes the specimen in its virgin state, in the units of `axes`, with as many axes.
-    #[must_use]
-    pub fn new(
-        name: String,
-        axes: Vec<Axis>,
-        build: Box<dyn Fn() -> Box<dyn Specimen> + Send + Sync>,
-    ) -> Self {
+    /// The specimen in its virgin state, in the units of its axes.
+    ///
+    /// # Errors
+    /// What its maker says.
+    pub fn specimen(&self) -> Result<Box<dyn Specimen>, String> {
+        (self.build)()
+    }
+
+    /// `build` makes the specimen in the units of `axes`, with as many axes.
+    ///
+    /// # Errors
+    /// What `build` says, or another number of axes.
+    pub fn new(name: String, axes: Vec<Axis>, build: Build) -> Result<Self, String> {
         let n = axes.len();
         let (mut stiffness, mut other) = (vec![0.0; n * n], vec![0.0; n * n]);
         let mut mass = other.clone();
-        build().reference(&mut stiffness, &mut other, &mut mass);
-        Self {
+        let specimen = build()?;
+        if specimen.axes() != n {
+            return Err(format!("{n} axes wanted, {} found", specimen.axes()));
+        }
+        specimen.reference(&mut stiffness, &mut other, &mut mass);
+        Ok(Self {
             name,
             axes,
             stiffness,
             build,
-        }
+        })
     }
 }
 
@@ -77,6 +92,8 @@ pub struct ServeOptions {
     pub carrier: Carrier,
     /// Controllers must have it.
     pub key: Option<PreSharedKey>,
+    /// What is asked of the system for the data thread; none: nothing.
+    pub plan: Option<RtPlan>,
     /// Busy loop around the moment at which the next command is expected, in ns on either side; otherwise the data thread
     /// sleeps until bytes come.
     pub spin_ns: u64,
@@ -147,6 +164,11 @@ pub enum Heard {
         /// The first of them.
         sequence: u64,
     },
+    /// What the machine refused to the data thread.
+    NotGranted {
+        /// What, and why.
+        text: String,
+    },
     /// A test is over; the specimen stays where it is.
     Ended {
         /// Why.
@@ -175,6 +197,7 @@ impl std::fmt::Display for Heard {
                 sequence.map_or(Ok(()), |k| write!(f, ", last command {k}"))
             }
             Self::Resumed { sequence } => write!(f, "commands come again, from {sequence}"),
+            Self::NotGranted { text } => write!(f, "not granted: {text}"),
             Self::Ended {
                 text,
                 commands,
@@ -323,9 +346,10 @@ impl Server {
             heard: heard_in,
         });
         let for_data = Arc::clone(&desk);
+        let plan = self.options.plan;
         let thread = std::thread::Builder::new()
             .name("gusset-serve".into())
-            .spawn(move || data::serve(&for_data, &from_desk))
+            .spawn(move || data::serve(&for_data, &from_desk, plan.as_ref()))
             .map_err(ServeError::Start)?;
         let served = runtime.block_on(async {
             let _accepting = match self.listener {

@@ -1,0 +1,123 @@
+//! `gusset serve`.
+
+use std::io::Write;
+use std::net::SocketAddr;
+use std::os::linux::net::SocketAddrExt;
+use std::os::unix::ffi::OsStrExt;
+use std::os::unix::net::UnixDatagram;
+
+use anyhow::Context;
+use tokio::signal::unix::{SignalKind, signal};
+
+use super::exit::{Exit, WithExit};
+use super::run::refused;
+use super::{ProtocolArg, ServeArgs, TransportArg, serve_openfresco};
+use crate::config;
+use crate::link::secret::read_key;
+use crate::link::serve::{Heard, ServeError, ServeOptions, Server, USUAL_LISTEN};
+use crate::link::spec::{Carrier, Offer};
+use crate::rt::RtPlan;
+
+/// The budget of the data thread's busy loop is judged for this period; the true one is the controller's.
+const USUAL_PERIOD_NS: u64 = 1_000_000;
+
+/// Hosts one specimen until SIGINT or SIGTERM.
+pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
+    let served = config::load_served(&args.file, args.specimen.as_deref()).map_err(refused)?;
+    for warning in &served.warnings {
+        eprintln!("warning: {warning}");
+    }
+    anyhow::ensure!(
+        (0.0..=1e6).contains(&args.spin),
+        "--spin is {} us, wanted 0 to 1000000",
+        args.spin
+    );
+    let protocol = match args.protocol {
+        Some(ProtocolArg::Gusset) => Offer::Gusset,
+        Some(ProtocolArg::Openfresco) => Offer::OpenFresco,
+        Some(ProtocolArg::OpenfrescoActor) => Offer::OpenFrescoActor,
+        Some(ProtocolArg::OpenfrescoController) => Offer::OpenFrescoController,
+        Some(ProtocolArg::OpenfrescoSimulink) => Offer::OpenFrescoSimulink,
+        None => served.serve.protocol.unwrap_or_default(),
+    };
+    let carrier = match args.transport {
+        Some(TransportArg::Tcp) => Carrier::Tcp,
+        Some(TransportArg::Udp) => Carrier::Udp,
+        None => served.serve.transport.unwrap_or_default(),
+    };
+    if let Some((role, port)) = protocol.openfresco() {
+        return serve_openfresco::serve(args, &served, role, port, carrier);
+    }
+    let listen = args.listen.clone().or(served.serve.listen);
+    let options = ServeOptions {
+        listen: listen.unwrap_or_else(|| USUAL_LISTEN.to_owned()),
+        carrier,
+        key: match &args.key {
+            Some(path) => Some(read_key(path)?),
+            None => served.key,
+        },
+        plan: served
+            .timing
+            .map(|timing| RtPlan::new(&timing, USUAL_PERIOD_NS)),
+        spin_ns: (args.spin * 1e3) as u64,
+    };
+    let server = Server::bind(served.host, options).map_err(|error| match error {
+        ServeError::Start(_) => anyhow::Error::new(error),
+        other => WithExit(Exit::Usage, other.to_string()).into(),
+    })?;
+    let address = server.local_addr();
+    let mut exit = Exit::Done;
+    let quiet = args.quiet;
+    server.run(
+        async {
+            match until_signal(address).await {
+                Ok(signal) => exit = signal,
+                Err(error) => eprintln!("error: signals cannot be taken over: {error}"),
+            }
+        },
+        &mut |event: &Heard| {
+            if !quiet {
+                eprintln!("{event}");
+            }
+        },
+    )?;
+    Ok(exit)
+}
+
+/// Says that the port is open, and waits for the end.
+async fn until_signal(address: SocketAddr) -> anyhow::Result<Exit> {
+    let mut interrupt = signal(SignalKind::interrupt())?;
+    let mut terminate = signal(SignalKind::terminate())?;
+    say_ready(address)?;
+    Ok(tokio::select! {
+        _ = interrupt.recv() => Exit::Interrupted,
+        _ = terminate.recv() => Exit::Terminated,
+    })
+}
+
+/// Says that the port is open.
+pub(super) fn say_ready(address: SocketAddr) -> anyhow::Result<()> {
+    // Whoever started us waits for this line, or for the message below.
+    println!("listening on {address}");
+    std::io::stdout().flush().context("stdout")?;
+    if let Err(error) = notify_ready() {
+        eprintln!("warning: the service manager was not told that we are ready: {error}");
+    }
+    Ok(())
+}
+
+/// The readiness message of systemd (sd_notify(3)); nothing where nobody waits for one.
+fn notify_ready() -> std::io::Result<()> {
+    let Some(path) = std::env::var_os("NOTIFY_SOCKET") else {
+        return Ok(());
+    };
+    let socket = UnixDatagram::unbound()?;
+    match path.as_bytes() {
+        [b'@', name @ ..] => {
+            let address = std::os::unix::net::SocketAddr::from_abstract_name(name)?;
+            socket.connect_addr(&address)?;
+        }
+        _ => socket.connect(path)?,
+    }
+    socket.send(b"READY=1").map(|_| ())
+}

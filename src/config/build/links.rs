@@ -1,0 +1,143 @@
+//! From `[specimen.link]` to a link that is ready to connect. Nothing is connected here.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use super::{Refused, Site};
+use crate::config::{AxisTable, ClockChoice, DispUnit, Finding, ForceUnit, KeyPath, SpecimenTable};
+use crate::control::{OnStale, WaitRules};
+use crate::link::native::unlimited_axis;
+use crate::link::openfresco::{Remote, RemoteSettings};
+use crate::link::secret::read_key;
+use crate::link::spec::{LinkCoupling, StaleChoice};
+use crate::link::{LinkSpec, NativeSetup, SocketOptions, Wait};
+use crate::substructure::Coupling;
+use crate::wire::handshake::{Axis, Sampling, Unit};
+
+/// A specimen must hold after this silence, unless the file says otherwise: in s, and in ticks.
+const WATCHDOG_S: f64 = 0.25;
+const WATCHDOG_TICKS: f64 = 10.0;
+
+/// The set-up of a link that speaks our own protocol, and how it is waited for.
+pub(super) fn native(
+    site: &mut Site<'_>,
+    at: &KeyPath,
+    table: &SpecimenTable,
+    link: &LinkSpec,
+    axes: usize,
+) -> Result<(NativeSetup, WaitRules), Refused> {
+    let time = site.loaded.time;
+    let key = match &link.key_file {
+        None => None,
+        Some(file) => match read_key(&beside(&site.loaded.path, file)) {
+            Ok(key) => Some(key),
+            Err(error) => {
+                let at = at.key("link").key("key_file");
+                return site.refuse(Finding::error(at, error.to_string()));
+            }
+        },
+    };
+    // A socket has a wall clock of its own: under the simulated clock the test waits for each answer.
+    let coupling = match (link.coupling, time.clock) {
+        (LinkCoupling::Sampled, ClockChoice::Real) => Coupling::Sampled,
+        _ => Coupling::Lockstep,
+    };
+    let period_s = time.period.value();
+    let setup = NativeSetup {
+        address: link.address.clone(),
+        carrier: link.transport,
+        key,
+        test: site.loaded.file.title.clone(),
+        axes: wire_axes(table, axes),
+        rate: time.period.inverse().terms(),
+        watchdog_s: link
+            .watchdog_s
+            .unwrap_or_else(|| WATCHDOG_S.max(WATCHDOG_TICKS * period_s)),
+        sampling: link
+            .sample_after
+            .map_or(Sampling::Reply, Sampling::Fraction),
+        coupling,
+        connect_limit: seconds(link.connect_timeout_s),
+        reply_timeout: seconds(link.reply_timeout_s),
+        options: SocketOptions {
+            wait: Wait {
+                spin_first_ns: (link.spin_us * 1e3) as u64,
+                spin_last_ns: 0,
+            },
+            ..SocketOptions::default()
+        },
+    };
+    Ok((setup, rules(link)))
+}
+
+/// A specimen behind OpenFresco or OpenSees, and how it is waited for: always in lockstep.
+pub(super) fn openfresco(
+    site: &mut Site<'_>,
+    at: &KeyPath,
+    link: &LinkSpec,
+    axes: usize,
+) -> Result<(Remote, WaitRules), Refused> {
+    let remote = RemoteSettings::from_spec(link, axes)
+        .and_then(|settings| settings.map(Remote::new).transpose());
+    match remote {
+        Ok(Some(remote)) => Ok((remote, rules(link))),
+        Ok(None) => {
+            let text = "our own protocol is no OpenFresco link";
+            site.refuse(Finding::error(at.key("link").key("protocol"), text))
+        }
+        Err(error) => site.refuse_key(&at.key("link"), error.key(), &error),
+    }
+}
+
+fn rules(link: &LinkSpec) -> WaitRules {
+    WaitRules {
+        reply_timeout_ns: (link.reply_timeout_s * 1e9) as u64,
+        on_stale: match link.on_stale {
+            StaleChoice::Hold => OnStale::Hold,
+            StaleChoice::Extrapolate => OnStale::Extrapolate,
+            StaleChoice::Stop => OnStale::Stop,
+        },
+        stale_in_a_row: link.max_stale,
+    }
+}
+
+/// The axes as our own protocol names them. Units that it has not were refused before.
+pub(in crate::config) fn wire_axes(table: &SpecimenTable, axes: usize) -> Vec<Axis> {
+    let names = table
+        .link
+        .as_ref()
+        .and_then(|link| link.axis_names.as_ref());
+    (0..axes)
+        .map(|index| {
+            let gear = table.axis.get(index).cloned().unwrap_or_default();
+            let AxisTable {
+                unit_disp,
+                unit_force,
+                ..
+            } = gear;
+            let name = names
+                .and_then(|names| names.get(index).cloned())
+                .unwrap_or_else(|| format!("axis {}", index + 1));
+            let disp = match unit_disp {
+                DispUnit::Millimetre => Unit::Millimetre,
+                DispUnit::Metre | DispUnit::Inch => Unit::Metre,
+            };
+            let force = match unit_force {
+                ForceUnit::Kilonewton => Unit::Kilonewton,
+                ForceUnit::Newton | ForceUnit::PoundForce => Unit::Newton,
+            };
+            unlimited_axis(name, disp, force)
+        })
+        .collect()
+}
+
+/// A file that is named relative to the test file, and stays where it is.
+pub(in crate::config) fn beside(test: &Path, file: &str) -> PathBuf {
+    let path = test.parent().unwrap_or(Path::new("")).join(file);
+    std::path::absolute(&path).unwrap_or(path)
+}
+
+/// Positive: checked before.
+fn seconds(value: f64) -> Duration {
+    Duration::try_from_secs_f64(value).unwrap_or(Duration::MAX)
+}

@@ -1,0 +1,157 @@
+//! `[specimen.link]`: numbers inside their ranges, and what our own protocol cannot say.
+
+use super::Findings;
+use crate::config::diagnose::Finding;
+use crate::config::document::KeyPath;
+use crate::config::specimen::{DispUnit, ForceUnit, SpecimenTable};
+use crate::link::LinkSpec;
+use crate::link::spec::Protocol;
+
+/// The link of one specimen.
+pub(super) fn check_link(
+    specimen: &SpecimenTable,
+    link: &LinkSpec,
+    at: &KeyPath,
+    findings: &mut Findings,
+) {
+    let here = at.key("link");
+    if specimen.stiffness_n_per_m.is_none() {
+        findings.0.push(
+            Finding::error(here.clone(), "`stiffness_n_per_m` is missing")
+                .label("a specimen behind a link has no law to take it from")
+                .help(
+                    "it enters K0 and is compared with what the specimen reports when it connects",
+                ),
+        );
+    }
+    if let Some(bound) = specimen.hardening_bound
+        && bound < 1.0
+    {
+        findings.0.push(
+            Finding::error(
+                at.key("hardening_bound"),
+                format!("`hardening_bound` is {bound}, but must be 1 or greater"),
+            )
+            .label("the tangent at the start is 1"),
+        );
+    }
+    findings.positive(here.key("connect_timeout_s"), Some(link.connect_timeout_s));
+    findings.positive(here.key("reply_timeout_s"), Some(link.reply_timeout_s));
+    findings.positive(here.key("watchdog_s"), link.watchdog_s);
+    findings.positive(here.key("sample_after"), link.sample_after);
+    if link.sample_after.is_some_and(|part| part > 1.0) {
+        findings.0.push(
+            Finding::error(
+                here.key("sample_after"),
+                "`sample_after` is beyond the tick",
+            )
+            .label("a fraction of the tick, at most 1"),
+        );
+    }
+    if link.spin_us < 0.0 {
+        findings.0.push(
+            Finding::error(here.key("spin_us"), "`spin_us` is negative")
+                .label("must be zero or greater"),
+        );
+    }
+    if link.max_stale == 0 {
+        findings.0.push(
+            Finding::error(here.key("max_stale"), "`max_stale` is 0")
+                .label("must be 1 or greater")
+                .help("`on_stale = \"stop\"` stops at the first stale measurement"),
+        );
+    }
+    if !link.address.contains(':') {
+        findings.0.push(
+            Finding::error(
+                here.key("address"),
+                format!("{:?} names no port", link.address),
+            )
+            .label("wanted \"host:port\""),
+        );
+    }
+    if let Some(names) = &link.axis_names {
+        check_names(names, specimen, &here.key("axis_names"), findings);
+    }
+    if link.protocol != Protocol::Gusset {
+        check_openfresco(link, &here, findings);
+        return;
+    }
+    if link.openfresco.is_some() {
+        findings.0.push(
+            Finding::error(
+                here.key("openfresco"),
+                "our own protocol needs no such settings",
+            )
+            .at_key()
+            .label("only for `protocol = \"openfresco…\"`"),
+        );
+    }
+    for (index, axis) in specimen.axis.iter().enumerate() {
+        let at = at.key("axis").index(index);
+        if axis.unit_disp == DispUnit::Inch {
+            let text = "the protocol has no inches";
+            findings
+                .0
+                .push(Finding::error(at.key("unit_disp"), text).label("m or mm"));
+        }
+        if axis.unit_force == ForceUnit::PoundForce {
+            let text = "the protocol has no pounds";
+            findings
+                .0
+                .push(Finding::error(at.key("unit_force"), text).label("N or kN"));
+        }
+    }
+}
+
+/// What OpenFresco's protocols have no place for.
+fn check_openfresco(link: &LinkSpec, at: &KeyPath, findings: &mut Findings) {
+    for (key, given, why) in [
+        ("key_file", link.key_file.is_some(), "they know no key"),
+        (
+            "watchdog_s",
+            link.watchdog_s.is_some(),
+            "the far end keeps no watch on commands",
+        ),
+        (
+            "sample_after",
+            link.sample_after.is_some(),
+            "the far end answers when it is asked",
+        ),
+        (
+            "axis_names",
+            link.axis_names.is_some(),
+            "axes have no names there",
+        ),
+    ] {
+        if given {
+            let text = format!("OpenFresco's protocols have no `{key}`");
+            findings
+                .0
+                .push(Finding::error(at.key(key), text).at_key().label(why));
+        }
+    }
+}
+
+fn check_names(names: &[String], specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
+    let axes = match (&specimen.storey, &specimen.rows) {
+        (Some(_), _) => 1,
+        (_, Some(rows)) => rows.len(),
+        _ => specimen.axes_by_itself(),
+    };
+    if names.len() != axes {
+        let text = format!("{} names for {axes} axes", names.len());
+        findings
+            .0
+            .push(Finding::error(at.clone(), text).label("one name per axis"));
+    }
+    for (index, name) in names.iter().enumerate() {
+        let fits = !name.is_empty() && name.len() <= 64 && !name.chars().any(char::is_control);
+        if !fits || names[..index].contains(name) {
+            findings.0.push(
+                Finding::error(at.index(index), format!("{name:?} cannot name an axis"))
+                    .label("1 to 64 bytes, unlike all others"),
+            );
+        }
+    }
+}

@@ -1,0 +1,148 @@
+//! TCP: a stream of bytes without Nagle's pause and without delayed acknowledgements.
+
+use std::io::{Read, Write};
+use std::net::{SocketAddr, TcpStream};
+use std::os::fd::AsFd;
+use std::time::Duration;
+
+use rustix::net::sockopt;
+
+use super::{
+    ConnectError, Kept, Pause, SocketOptions, Verdict, Wait, ask_busy_poll, resolve, verdict,
+};
+use crate::link::Transport;
+use crate::substructure::LinkFault;
+use crate::time::Nanos;
+use std::io;
+
+/// A TCP connection.
+#[derive(Debug)]
+pub struct TcpTransport {
+    stream: TcpStream,
+    peer: SocketAddr,
+    options: SocketOptions,
+    kept: Kept,
+}
+
+impl TcpTransport {
+    /// Connects to "host:port" within `limit`; every address behind the name is tried.
+    ///
+    /// # Errors
+    /// Why the last of them failed.
+    pub fn connect(
+        address: &str,
+        limit: Duration,
+        options: SocketOptions,
+    ) -> Result<Self, ConnectError> {
+        let addresses = resolve(address)?;
+        let share = (limit / u32::try_from(addresses.len()).unwrap_or(1).max(1))
+            .max(Duration::from_millis(1));
+        let mut last = None;
+        for peer in &addresses {
+            match TcpStream::connect_timeout(peer, share) {
+                Ok(stream) => return Self::from_stream(stream, options),
+                Err(error) => last = Some(ConnectError::connect(address, limit, &error)),
+            }
+        }
+        Err(last.unwrap_or_else(|| ConnectError::Address {
+            address: address.to_owned(),
+            reason: "the name has no address".to_owned(),
+        }))
+    }
+
+    /// Takes over a connection: of a listener, for instance.
+    ///
+    /// # Errors
+    /// [`ConnectError::Socket`], [`ConnectError::Unreachable`] if it is gone already.
+    pub fn from_stream(stream: TcpStream, options: SocketOptions) -> Result<Self, ConnectError> {
+        let peer = stream
+            .peer_addr()
+            .map_err(|error| ConnectError::connect("the peer", Duration::ZERO, &error))?;
+        let name = peer.to_string();
+        let wrong = |what| move |error: io::Error| (what, error);
+        stream
+            .set_nonblocking(true)
+            .map_err(wrong("non-blocking mode"))
+            .and_then(|()| stream.set_nodelay(true).map_err(wrong("TCP_NODELAY")))
+            .map_err(|(what, error)| ConnectError::socket(&name, what, &error))?;
+        ask_busy_poll(stream.as_fd(), options);
+        let transport = Self {
+            stream,
+            peer,
+            options,
+            kept: Kept::new(),
+        };
+        transport.quick_ack();
+        Ok(transport)
+    }
+
+    /// The other end.
+    #[must_use]
+    pub fn peer(&self) -> SocketAddr {
+        self.peer
+    }
+
+    /// Changes how waits are spent.
+    pub fn set_wait(&mut self, wait: Wait) {
+        self.options.wait = wait;
+    }
+
+    fn quick_ack(&self) {
+        if self.options.quick_ack {
+            // Where the kernel has it not, acknowledgements are merely slower.
+            let _ = sockopt::set_tcp_quickack(&self.stream, true);
+        }
+    }
+
+    fn flush(&mut self) -> Result<(), LinkFault> {
+        let stream = &mut self.stream;
+        self.kept.flush(|bytes| stream.write(bytes))
+    }
+}
+
+impl Transport for TcpTransport {
+    fn send(&mut self, frame: &[u8]) -> Result<(), LinkFault> {
+        self.flush()?;
+        if !self.kept.is_empty() {
+            return self.kept.keep(frame);
+        }
+        let mut rest = frame;
+        while !rest.is_empty() {
+            match self.stream.write(rest) {
+                Ok(0) => return Err(LinkFault::Closed),
+                Ok(taken) => rest = rest.get(taken..).unwrap_or_default(),
+                Err(error) => match verdict(&error) {
+                    Verdict::Again => {}
+                    Verdict::NotNow => return self.kept.keep(rest),
+                    Verdict::Lost(fault) => return Err(fault),
+                },
+            }
+        }
+        Ok(())
+    }
+
+    fn recv(&mut self, buffer: &mut [u8], deadline: Nanos) -> Result<Option<usize>, LinkFault> {
+        let mut pause = Pause::new(self.options.wait, deadline);
+        self.quick_ack();
+        loop {
+            self.flush()?;
+            match self.stream.read(buffer) {
+                Ok(0) if buffer.is_empty() => return Ok(Some(0)),
+                Ok(0) => return Err(LinkFault::Closed),
+                Ok(count) => {
+                    self.quick_ack();
+                    return Ok(Some(count));
+                }
+                Err(error) => match verdict(&error) {
+                    Verdict::Again => {}
+                    Verdict::NotNow => {
+                        if !pause.wait(self.stream.as_fd(), !self.kept.is_empty()) {
+                            return Ok(None);
+                        }
+                    }
+                    Verdict::Lost(fault) => return Err(fault),
+                },
+            }
+        }
+    }
+}

@@ -1,0 +1,136 @@
+//! UDP: datagrams to and from one peer.
+
+use std::net::{SocketAddr, UdpSocket};
+use std::os::fd::AsFd;
+use std::time::Duration;
+
+use super::{
+    ConnectError, Kept, Pause, SocketOptions, Verdict, Wait, ask_busy_poll, resolve, verdict,
+};
+use crate::link::Transport;
+use crate::substructure::LinkFault;
+use crate::time::Nanos;
+
+/// UDP to one peer: datagrams of everybody else are not seen.
+#[derive(Debug)]
+pub struct UdpTransport {
+    socket: UdpSocket,
+    peer: SocketAddr,
+    options: SocketOptions,
+    kept: Kept,
+}
+
+impl UdpTransport {
+    /// Binds a port of the system's choice and aims it at "host:port" (the first address behind the name). Nothing
+    /// is sent: whether somebody is there shows with the first answer.
+    ///
+    /// # Errors
+    /// See [`ConnectError`].
+    pub fn connect(address: &str, options: SocketOptions) -> Result<Self, ConnectError> {
+        let addresses = resolve(address)?;
+        let mut last = None;
+        for peer in addresses {
+            let any = if peer.is_ipv4() {
+                "0.0.0.0:0"
+            } else {
+                "[::]:0"
+            };
+            let socket = UdpSocket::bind(any).and_then(|socket| {
+                socket.connect(peer)?;
+                Ok(socket)
+            });
+            match socket {
+                Ok(socket) => return Self::from_socket(socket, options),
+                Err(error) => {
+                    last = Some(ConnectError::connect(address, Duration::ZERO, &error));
+                }
+            }
+        }
+        Err(last.unwrap_or_else(|| ConnectError::Address {
+            address: address.to_owned(),
+            reason: "the name has no address".to_owned(),
+        }))
+    }
+
+    /// Takes over a socket that is connected to its peer.
+    ///
+    /// # Errors
+    /// [`ConnectError::Socket`], [`ConnectError::Unreachable`] if it has no peer.
+    pub fn from_socket(socket: UdpSocket, options: SocketOptions) -> Result<Self, ConnectError> {
+        let peer = socket
+            .peer_addr()
+            .map_err(|error| ConnectError::connect("the peer", Duration::ZERO, &error))?;
+        socket.set_nonblocking(true).map_err(|error| {
+            ConnectError::socket(&peer.to_string(), "non-blocking mode", &error)
+        })?;
+        ask_busy_poll(socket.as_fd(), options);
+        Ok(Self {
+            socket,
+            peer,
+            options,
+            kept: Kept::new(),
+        })
+    }
+
+    /// The other end.
+    #[must_use]
+    pub fn peer(&self) -> SocketAddr {
+        self.peer
+    }
+
+    /// Changes how waits are spent.
+    pub fn set_wait(&mut self, wait: Wait) {
+        self.options.wait = wait;
+    }
+
+    /// A datagram leaves whole or not at all.
+    fn flush(&mut self) -> Result<(), LinkFault> {
+        let socket = &self.socket;
+        self.kept.flush(|bytes| socket.send(bytes))
+    }
+}
+
+impl Transport for UdpTransport {
+    fn send(&mut self, frame: &[u8]) -> Result<(), LinkFault> {
+        self.flush()?;
+        if !self.kept.is_empty() {
+            // Two datagrams must not become one.
+            return Err(LinkFault::Backpressure);
+        }
+        loop {
+            match self.socket.send(frame) {
+                Ok(_) => return Ok(()),
+                Err(error) => match verdict(&error) {
+                    Verdict::Again => {}
+                    Verdict::NotNow => return self.kept.keep(frame),
+                    Verdict::Lost(fault) => return Err(fault),
+                },
+            }
+        }
+    }
+
+    /// A buffer that is smaller than the datagram receives its beginning only. Empty datagrams are passed over.
+    fn recv(&mut self, buffer: &mut [u8], deadline: Nanos) -> Result<Option<usize>, LinkFault> {
+        let mut pause = Pause::new(self.options.wait, deadline);
+        loop {
+            self.flush()?;
+            match self.socket.recv(buffer) {
+                Ok(0) => {
+                    if pause.is_over() {
+                        return Ok(None);
+                    }
+                }
+                Ok(count) => return Ok(Some(count)),
+                Err(error) => match verdict(&error) {
+                    Verdict::Again => {}
+                    Verdict::NotNow => {
+                        if !pause.wait(self.socket.as_fd(), !self.kept.is_empty()) {
+                            return Ok(None);
+                        }
+                    }
+                    Verdict::Lost(fault) => return Err(fault),
+                },
+            }
+        }
+    }
+}
