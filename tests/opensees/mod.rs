@@ -55,8 +55,14 @@ impl Peer {
             });
         let mut child = command.spawn().unwrap();
         let (tell, lines) = channel();
-        let stdout = child.stdout.take().map(|s| Box::new(s) as Box<dyn Read + Send>);
-        let stderr = child.stderr.take().map(|s| Box::new(s) as Box<dyn Read + Send>);
+        let stdout = child
+            .stdout
+            .take()
+            .map(|s| Box::new(s) as Box<dyn Read + Send>);
+        let stderr = child
+            .stderr
+            .take()
+            .map(|s| Box::new(s) as Box<dyn Read + Send>);
         for source in stdout.into_iter().chain(stderr) {
             let tell = tell.clone();
             std::thread::spawn(move || {
@@ -167,8 +173,13 @@ pub struct Server {
 }
 
 impl Server {
-    /// Serves the specimen whose `[[specimen]]` table holds `lines`.
+    /// An element server of the specimen whose `[[specimen]]` table holds `lines`.
     pub fn start(lines: &str, transport: &str) -> Self {
+        Self::offering("openfresco", lines, transport)
+    }
+
+    /// The same for any of the protocols.
+    pub fn offering(protocol: &str, lines: &str, transport: &str) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("specimen.toml");
         std::fs::write(&file, format!("[[specimen]]\nname = \"spring\"\n{lines}\n")).unwrap();
@@ -176,7 +187,7 @@ impl Server {
             "serve",
             file.to_str().unwrap(),
             "--protocol",
-            "openfresco",
+            protocol,
             "--transport",
             transport,
             "--listen",
