@@ -10,8 +10,12 @@ use crate::link::openfresco::{
     Door, DoorError, Host, Nature, News, Role, ServeSettings, serve_openfresco,
 };
 use crate::link::spec::Carrier;
-use crate::session::{Signal, Signals};
+use crate::rt;
+use crate::session::{Signal, Signals, missing};
 use crate::wire::openfresco::Carrier as Bytes;
+
+/// The budget of a busy loop is judged for this period; a client has none.
+const USUAL_PERIOD_NS: u64 = 1_000_000;
 
 /// Hosts one specimen until SIGINT or SIGTERM. `port` is where the dialect is usually found.
 pub fn serve(
@@ -53,6 +57,17 @@ pub fn serve(
     let door = Door::bind(bytes, &listen, client).map_err(usage)?;
     let signals = Signals::listen().context("signals cannot be taken over")?;
     let requests = signals.requests();
+    if let Some(timing) = &served.timing {
+        let granted = rt::apply(&rt::RtPlan::new(timing, USUAL_PERIOD_NS));
+        let missing = missing(&granted);
+        if granted.must_refuse() {
+            let text = format!("real-time conditions are required: {}", missing.join("; "));
+            return Err(WithExit(Exit::NoRealTime, text).into());
+        }
+        for text in missing {
+            eprintln!("warning: not granted: {text}");
+        }
+    }
     say_ready(door.local_addr()?)?;
     serve_openfresco(
         &door,
