@@ -1,0 +1,386 @@
+//! What the tests of links share: test files, a served specimen, a specimen of our own making, rows.
+#![allow(
+    dead_code,
+    reason = "each test is a program of its own and uses its own part"
+)]
+
+pub mod relay;
+
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{TcpListener, TcpStream};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::sync::mpsc;
+use std::time::Duration;
+
+use gusset::record::{Run, Summary};
+use gusset::substructure::{Measurement, Status};
+use gusset::wire::handshake::{self, Capabilities, Control, Hello, Welcome, layout_hash};
+use gusset::wire::native::{Decoder, Encoder, Frame, LARGEST_FRAME, Moment, split};
+use gusset::wire::{Progress, Side};
+
+/// Nothing here takes as long unless it hangs.
+pub const PATIENCE: Duration = Duration::from_secs(60);
+
+pub const ONE_AXIS_LAW: &str = "[specimen.law.bouc_wen]
+stiffness_n_per_m = 4e5
+yield_force_n = 2e3
+post_yield_ratio = 0.1
+beta = 0.5
+gamma = 0.5
+exponent = 2
+";
+
+pub const TWO_AXES_LAW: &str = "[[specimen.laws]]
+bilinear = { stiffness_n_per_m = 4e5, yield_force_n = 2e3, post_yield_ratio = 0.1 }
+[[specimen.laws]]
+linear = { stiffness_n_per_m = 4e5, damping_n_s_per_m = 300.0 }
+";
+
+/// A frame of two storeys for `steps` steps of 1 ms; `specimen` ends the file.
+pub fn test_file(steps: u32, specimen: &str) -> String {
+    let duration = f64::from(steps) * 1e-3;
+    format!(
+        "title = \"link\"
+[time]
+rate_hz = 1000
+duration_s = {duration}
+clock = \"simulated\"
+[structure.shear_building]
+mass_kg = [1000, 1000]
+stiffness_n_per_m = [0, 1e5]
+[structure.damping.rayleigh_ratio]
+ratio = 0.02
+modes = [1, 2]
+[excitation.ground_acceleration.signal.sine]
+frequency_hz = 2.0
+amplitude = 3.0
+[timing]
+warmup_ticks = 5
+[[specimen]]
+name = \"column\"
+{specimen}"
+    )
+}
+
+pub const ONE_AXIS: &str = "storey = 1\nstiffness_n_per_m = 4e5\n";
+pub const TWO_AXES: &str = "rows = [[1, 0], [-1, 1]]\nstiffness_n_per_m = [[4e5, 0], [0, 4e5]]\n\
+                            damping_n_s_per_m = [[0, 0], [0, 300]]\n";
+
+/// A test of `steps` steps whose specimen of one axis is at `address`.
+pub fn linked(steps: u32, address: &str, keys: &str) -> String {
+    test_file(
+        steps,
+        &format!("{ONE_AXIS}[specimen.link]\naddress = \"{address}\"\n{keys}\n"),
+    )
+}
+
+pub fn gusset() -> Command {
+    Command::new(assert_cmd::cargo::cargo_bin!("gusset"))
+}
+
+pub fn write(folder: &Path, name: &str, text: &str) -> PathBuf {
+    let path = folder.join(name);
+    std::fs::write(&path, text).unwrap();
+    path
+}
+
+/// Runs the program and does not wait for ever.
+pub fn finish(mut command: Command) -> Output {
+    let child = command
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let id = child.id();
+    let (done, is_done) = mpsc::channel();
+    let guard = std::thread::spawn(move || {
+        if is_done.recv_timeout(PATIENCE).is_err() {
+            let _ = Command::new("kill").arg(id.to_string()).status();
+            true
+        } else {
+            false
+        }
+    });
+    let output = child.wait_with_output().unwrap();
+    let _ = done.send(());
+    assert!(!guard.join().unwrap(), "it hung: {output:?}");
+    output
+}
+
+/// Runs one test into `folder/name`; its exit code, and what it said.
+pub fn run(folder: &Path, name: &str, text: &str) -> (i32, String) {
+    let file = write(folder, &format!("{name}.toml"), text);
+    let mut command = gusset();
+    command
+        .arg("run")
+        .arg(file)
+        .arg("--out")
+        .arg(folder.join(name));
+    let output = finish(command);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    (output.status.code().unwrap(), said)
+}
+
+pub fn summary(folder: &Path, name: &str) -> Summary {
+    let run = Run::open(&folder.join(name)).unwrap();
+    run.summary().unwrap().clone()
+}
+
+/// Names of the events of a run.
+pub fn events(folder: &Path, name: &str) -> Vec<String> {
+    let events = Run::open(&folder.join(name)).unwrap().events().unwrap();
+    assert_eq!(events.unreadable, 0);
+    events
+        .events
+        .iter()
+        .map(|event| event["event"].as_str().unwrap().to_owned())
+        .collect()
+}
+
+/// Every column that does not depend on wall time, as bits, but those whose name begins with `without`.
+pub fn columns(folder: &Path, name: &str, without: &str) -> Vec<(String, Vec<u64>)> {
+    let run = Run::open(&folder.join(name)).unwrap();
+    let names: Vec<String> = run
+        .layout()
+        .columns()
+        .iter()
+        .filter(|column| {
+            !column.timing && (without.is_empty() || !column.name.starts_with(without))
+        })
+        .map(|column| column.name.to_string())
+        .collect();
+    let wanted: Vec<&str> = names.iter().map(String::as_str).collect();
+    let values = run.columns(&wanted).unwrap();
+    names
+        .into_iter()
+        .zip(values)
+        .map(|(name, column)| (name, column.iter().map(|v| v.to_bits()).collect()))
+        .collect()
+}
+
+/// `gusset serve` in the background; ended when dropped.
+pub struct Served {
+    child: Child,
+    pub address: String,
+    heard: mpsc::Receiver<String>,
+}
+
+impl Served {
+    pub fn start(folder: &Path, text: &str, arguments: &[&str]) -> Self {
+        let file = write(folder, &format!("serve-{}.toml", text.len()), text);
+        let mut child = gusset()
+            .arg("serve")
+            .arg(file)
+            .args(["--listen", "127.0.0.1:0"])
+            .args(arguments)
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut line = String::new();
+        let mut stdout = BufReader::new(child.stdout.take().unwrap());
+        stdout.read_line(&mut line).unwrap();
+        let Some(address) = line.trim().strip_prefix("listening on ") else {
+            let mut said = String::new();
+            child
+                .stderr
+                .take()
+                .unwrap()
+                .read_to_string(&mut said)
+                .unwrap();
+            panic!("not ready: {line:?} {said}");
+        };
+        let address = address.to_owned();
+        let (tell, heard) = mpsc::channel();
+        let stderr = BufReader::new(child.stderr.take().unwrap());
+        std::thread::spawn(move || {
+            for line in stderr.lines().map_while(Result::ok) {
+                let _ = tell.send(line);
+            }
+        });
+        Self {
+            child,
+            address,
+            heard,
+        }
+    }
+
+    /// Waits until it says something that contains `words`.
+    pub fn hears(&self, words: &str) -> String {
+        let mut before = Vec::new();
+        loop {
+            match self.heard.recv_timeout(PATIENCE) {
+                Ok(line) if line.contains(words) => return line,
+                Ok(line) => before.push(line),
+                Err(_) => panic!("{words:?} was never said, but {before:?}"),
+            }
+        }
+    }
+
+    pub fn kill(&mut self) {
+        self.child.kill().unwrap();
+    }
+
+    /// Sends a signal by name, and waits for the end.
+    pub fn signal(&mut self, name: &str) -> i32 {
+        let id = self.child.id().to_string();
+        assert!(
+            Command::new("kill")
+                .args(["-s", name, &id])
+                .status()
+                .unwrap()
+                .success()
+        );
+        self.child.wait().unwrap().code().unwrap()
+    }
+}
+
+impl Drop for Served {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// A specimen of one axis over TCP that keeps to the protocol until a test makes it do otherwise.
+pub struct Fake {
+    pub stream: TcpStream,
+    pub encoder: Encoder,
+    pub decoder: Decoder,
+    bytes: Vec<u8>,
+}
+
+impl Fake {
+    /// Serves one controller on a thread of its own; returns the address.
+    pub fn start(script: impl FnOnce(Fake) + Send + 'static) -> String {
+        Self::start_with(4e5, script)
+    }
+
+    /// The same, with another estimate of its stiffness.
+    pub fn start_with(stiffness: f64, script: impl FnOnce(Fake) + Send + 'static) -> String {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let address = listener.local_addr().unwrap().to_string();
+        std::thread::spawn(move || {
+            let (stream, _) = listener.accept().unwrap();
+            if let Some(fake) = Fake::greet(stream, stiffness) {
+                script(fake);
+            }
+        });
+        address
+    }
+
+    fn greet(stream: TcpStream, stiffness: f64) -> Option<Self> {
+        stream.set_read_timeout(Some(PATIENCE)).unwrap();
+        let mut fake = Self {
+            stream,
+            encoder: Encoder::greeting(Side::Specimen),
+            decoder: Decoder::greeting(Side::Controller),
+            bytes: Vec::new(),
+        };
+        let hello = match fake.control()? {
+            Control::Hello(hello) => hello,
+            other => panic!("{other:?}"),
+        };
+        fake.say(&Control::Welcome(welcome(&hello, stiffness)));
+        fake.encoder = Encoder::new(Side::Specimen, 1, 7, None).unwrap();
+        fake.decoder = Decoder::new(Side::Controller, 1, 7, None).unwrap();
+        let arm = fake.control()?;
+        fake.say(&arm);
+        Some(fake)
+    }
+
+    /// The next whole frame; `None` when the controller is gone.
+    pub fn frame(&mut self) -> Option<Vec<u8>> {
+        loop {
+            if !self.bytes.is_empty()
+                && let Progress::Frame { consumed } = split(&self.bytes).unwrap()
+            {
+                return Some(self.bytes.drain(..consumed).collect());
+            }
+            let mut more = [0; 4096];
+            match self.stream.read(&mut more) {
+                Ok(0) | Err(_) => return None,
+                Ok(count) => self.bytes.extend(&more[..count]),
+            }
+        }
+    }
+
+    fn control(&mut self) -> Option<Control> {
+        let frame = self.frame()?;
+        match self.decoder.open(&frame).unwrap().frame {
+            Frame::Control(message) => Some(handshake::decode(message).unwrap()),
+            other => panic!("{other:?}"),
+        }
+    }
+
+    fn say(&mut self, message: &Control) {
+        let mut out = vec![0; LARGEST_FRAME];
+        let bytes = handshake::encode(message).unwrap();
+        let length = self.encoder.control(&bytes, &mut out).unwrap();
+        self.stream.write_all(&out[..length]).unwrap();
+    }
+
+    /// Number and displacement of the next command.
+    pub fn command(&mut self) -> Option<(u64, f64)> {
+        loop {
+            let frame = self.frame()?;
+            if let Frame::Command(command) = self.decoder.open(&frame).unwrap().frame {
+                let (mut disp, mut vel) = ([0.0], [0.0]);
+                command.read(&mut disp, &mut vel).unwrap();
+                return Some((command.sequence(), disp[0]));
+            }
+        }
+    }
+
+    /// The frame that answers command `sequence`.
+    pub fn answer(&mut self, sequence: u64, force: f64, status: Status) -> Vec<u8> {
+        let measured = Measurement {
+            sequence,
+            status,
+            force: vec![force],
+            ..Measurement::zeros(1)
+        };
+        let mut out = vec![0; LARGEST_FRAME];
+        let length = self
+            .encoder
+            .measurement(&measured, Moment::default(), &mut out)
+            .unwrap();
+        out.truncate(length);
+        out
+    }
+
+    pub fn write(&mut self, bytes: &[u8]) {
+        // A controller that has given up does not read any more.
+        let _ = self.stream.write_all(bytes);
+    }
+
+    /// Answers as a spring of 4e5 N/m, `times` times.
+    pub fn behave(&mut self, times: u32) {
+        for _ in 0..times {
+            let (sequence, disp) = self.command().unwrap();
+            let frame = self.answer(sequence, 4e5 * disp, Status::default());
+            self.write(&frame);
+        }
+    }
+}
+
+fn welcome(hello: &Hello, stiffness: f64) -> Welcome {
+    Welcome {
+        proof: [0; 32],
+        nonce: [9; 32],
+        layout: layout_hash(&hello.axes),
+        session: 7,
+        version: 1,
+        keyed: false,
+        capabilities: Capabilities::SIMULATED,
+        watchdog_s: hello.watchdog_s,
+        sampling: hello.sampling,
+        stiffness: vec![stiffness],
+        software: "a test".into(),
+        name: "fake".into(),
+        axes: hello.axes.clone(),
+    }
+}

@@ -1,0 +1,290 @@
+//! What goes wrong in mid-test ends it in a stated way: exit code, reason, event, a complete folder, and no hang.
+
+mod link_common;
+
+use std::io::{Read, Write};
+use std::net::{TcpStream, UdpSocket};
+use std::path::Path;
+
+use gusset::record::summary::Status as Ended;
+use gusset::substructure::Status;
+use link_common::relay::{Fates, Relay};
+use link_common::{Fake, ONE_AXIS, ONE_AXIS_LAW, Served, events, linked, run, summary, test_file};
+
+const STEPS: u32 = 50;
+/// Warm-up ticks of the test file.
+const WARM_UP: u32 = 5;
+
+fn local(steps: u32) -> String {
+    test_file(steps, &format!("{ONE_AXIS}{ONE_AXIS_LAW}"))
+}
+
+/// A test against `script`, which misbehaves after ten steps; the reason of its end.
+fn against(code: i32, event: &str, script: impl FnOnce(Fake) + Send + 'static) -> String {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let address = Fake::start(|mut fake| {
+        fake.behave(WARM_UP + 10);
+        script(fake);
+    });
+    let (found, said) = run(
+        folder,
+        "run",
+        &linked(STEPS, &address, "reply_timeout_s = 0.5"),
+    );
+    assert_eq!(found, code, "{said}");
+    complete(folder, "run", event);
+    summary(folder, "run").reason
+}
+
+/// Every file of the contract is there, and the end is in the log.
+fn complete(folder: &Path, name: &str, event: &str) {
+    let summary = summary(folder, name);
+    assert_eq!(summary.steps, 9, "steps 0 to 9 were answered");
+    let expected = if event == "link" {
+        Ended::Failed
+    } else {
+        Ended::Stopped
+    };
+    assert_eq!(summary.status, expected);
+    let events = events(folder, name);
+    assert!(events.contains(&event.to_owned()), "{events:?}");
+    assert_eq!(events.last().map(String::as_str), Some("ended"));
+    for file in [
+        "test.toml",
+        "resolved.toml",
+        "samples.bin",
+        "timing.json",
+        "report.html",
+    ] {
+        assert!(folder.join(name).join(file).exists(), "{file}");
+    }
+}
+
+/// Changes bytes of a frame and makes its checksum right again.
+fn forged(mut frame: Vec<u8>, at: usize, bytes: &[u8]) -> Vec<u8> {
+    frame[at..at + bytes.len()].copy_from_slice(bytes);
+    let crc_at = frame.len() - 4;
+    let crc = crc32fast::hash(&frame[..crc_at]);
+    frame[crc_at..].copy_from_slice(&crc.to_le_bytes());
+    frame
+}
+
+#[test]
+fn a_force_that_is_no_number_ends_the_test() {
+    let reason = against(3, "link", |mut fake| {
+        let (sequence, _) = fake.command().unwrap();
+        let frame = fake.answer(sequence, 1.0, Status::default());
+        // Byte 72: the force of a specimen with one axis.
+        fake.write(&forged(frame, 72, &f64::NAN.to_le_bytes()));
+        fake.command();
+    });
+    assert!(
+        reason.contains("measured force[0] is not a finite number"),
+        "{reason}"
+    );
+}
+
+#[test]
+fn a_damaged_frame_ends_the_test_and_says_checksum() {
+    let reason = against(3, "link", |mut fake| {
+        let (sequence, _) = fake.command().unwrap();
+        let mut frame = fake.answer(sequence, 1.0, Status::default());
+        frame[80] ^= 1;
+        fake.write(&frame);
+        fake.command();
+    });
+    assert!(reason.contains("the checksum of the frame"), "{reason}");
+}
+
+#[test]
+fn a_specimen_that_falls_silent_is_waited_for_until_the_time_limit() {
+    let reason = against(3, "link", |mut fake| {
+        // Half an answer is no answer.
+        let (sequence, _) = fake.command().unwrap();
+        let frame = fake.answer(sequence, 1.0, Status::default());
+        fake.write(&frame[..40]);
+        while fake.frame().is_some() {}
+    });
+    assert!(
+        reason.contains("no reply within the time limit (0.5 s)"),
+        "{reason}"
+    );
+}
+
+#[test]
+fn a_specimen_whose_sequence_is_frozen_counts_as_silent() {
+    let reason = against(3, "link", |mut fake| {
+        while fake.frame().is_some() {
+            let frame = fake.answer(3, 1.0, Status::default());
+            fake.write(&frame);
+        }
+    });
+    assert!(
+        reason.contains("no reply within the time limit"),
+        "{reason}"
+    );
+}
+
+#[test]
+fn an_answer_to_a_command_that_was_never_sent_ends_the_test() {
+    let reason = against(3, "link", |mut fake| {
+        let (sequence, _) = fake.command().unwrap();
+        let frame = fake.answer(sequence + 1, 1.0, Status::default());
+        fake.write(&frame);
+        fake.command();
+    });
+    assert!(reason.contains("one to a later command"), "{reason}");
+}
+
+#[test]
+fn a_connection_that_breaks_is_seen_at_once() {
+    let reason = against(3, "link", |mut fake| {
+        fake.command().unwrap();
+    });
+    assert!(
+        reason.contains("the peer closed the connection"),
+        "{reason}"
+    );
+}
+
+#[test]
+fn an_open_interlock_trips_the_test_and_stays_tripped() {
+    let reason = against(1, "interlock", |mut fake| {
+        let (sequence, _) = fake.command().unwrap();
+        let frame = fake.answer(sequence, 1.0, Status::INTERLOCK);
+        fake.write(&frame);
+        while fake.frame().is_some() {}
+    });
+    assert_eq!(
+        reason,
+        "specimen 1: its interlock or emergency stop is open"
+    );
+}
+
+#[test]
+fn a_specimen_that_is_killed_in_mid_test_is_a_lost_link_and_a_complete_folder() {
+    for transport in ["tcp", "udp"] {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        let mut served = Served::start(folder, &local(STEPS), &["--transport", transport]);
+        // Long enough that it is certainly running when it is killed.
+        let keys = format!("transport = \"{transport}\"\nreply_timeout_s = 1");
+        let text = linked(1_000_000, &served.address, &keys);
+        let owned = folder.to_owned();
+        let test = std::thread::spawn(move || run(&owned, "run", &text));
+        served.hears("armed for");
+        served.kill();
+        let (code, said) = test.join().unwrap();
+        assert_eq!(code, 3, "{said}");
+        let summary = summary(folder, "run");
+        assert_eq!(summary.status, Ended::Failed);
+        assert!(
+            summary.reason.contains("the peer closed the connection"),
+            "{}",
+            summary.reason
+        );
+        assert!(events(folder, "run").contains(&"link".to_owned()));
+    }
+}
+
+#[test]
+fn a_server_that_is_told_to_stop_says_goodbye() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let mut served = Served::start(folder, &local(STEPS), &[]);
+    let text = linked(1_000_000, &served.address, "");
+    let owned = folder.to_owned();
+    let test = std::thread::spawn(move || run(&owned, "run", &text));
+    served.hears("armed for");
+    assert_eq!(served.signal("TERM"), 143);
+    assert_eq!(test.join().unwrap().0, 3);
+    let reason = summary(folder, "run").reason;
+    assert!(
+        reason.contains("the specimen said goodbye: its program ends"),
+        "{reason}"
+    );
+}
+
+#[test]
+fn a_second_controller_a_stranger_and_garbage_do_not_disturb_a_running_test() {
+    for transport in ["tcp", "udp"] {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        let served = Served::start(folder, &local(STEPS), &["--transport", transport]);
+        let keys = format!("transport = \"{transport}\"");
+        let text = linked(20_000, &served.address, &keys);
+        let owned = folder.to_owned();
+        let test = std::thread::spawn(move || run(&owned, "first", &text));
+        served.hears("armed for");
+        let (code, _) = run(folder, "second", &linked(STEPS, &served.address, &keys));
+        assert_eq!(code, 3);
+        let reason = summary(folder, "second").reason;
+        assert!(
+            reason.contains("another controller is connected"),
+            "{reason}"
+        );
+        if transport == "tcp" {
+            let mut stranger = TcpStream::connect(&served.address).unwrap();
+            let _ = stranger.write_all(&[0xff; 100_000]);
+            let _ = stranger.read_to_end(&mut Vec::new());
+        } else {
+            let stranger = UdpSocket::bind("127.0.0.1:0").unwrap();
+            for _ in 0..100 {
+                let _ = stranger.send_to(&[0xff; 1000], &served.address);
+            }
+        }
+        let (code, said) = test.join().unwrap();
+        assert_eq!(code, 0, "{said}");
+        let link = summary(folder, "first").link["column"];
+        assert_eq!((link.received, link.corrupt), (link.sent, 0));
+    }
+}
+
+/// Sampled, in real time, over a network that loses, repeats, damages and overtakes: the books balance.
+#[test]
+fn a_sampled_test_over_a_bad_network_ends_in_order_and_its_books_balance() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let served = Served::start(folder, &local(STEPS), &["--transport", "udp"]);
+    let fates = Fates {
+        lost: 6,
+        twice: 6,
+        damaged: 6,
+        overtaken: 6,
+    };
+    let mut relay = Relay::start(&served.address, 7, fates);
+    let keys =
+        "transport = \"udp\"\ncoupling = \"sampled\"\non_stale = \"extrapolate\"\nmax_stale = 400";
+    let text = linked(300, &relay.address, keys)
+        .replace("clock = \"simulated\"", "clock = \"real\"\nscale = 5")
+        .replace(
+            "[timing]",
+            "[timing]\nmax_consecutive_misses = 100000\nmax_total_misses = 100000",
+        );
+    let (code, said) = run(folder, "run", &text);
+    relay.stop();
+    assert_eq!(code, 0, "{said}");
+    let link = summary(folder, "run").link["column"];
+    assert_eq!(link.sent, 300 + 1 + u64::from(WARM_UP));
+    assert_eq!(link.sent, link.received + link.late + link.lost);
+    assert!(link.received > 0 && link.lost > 0, "{link:?}");
+    // Whatever was damaged or repeated on the way to us was noticed, unless it came after the end.
+    let done =
+        |count: &std::sync::atomic::AtomicU64| count.load(std::sync::atomic::Ordering::Relaxed);
+    let (damaged, twice) = (
+        done(&relay.to_controller.damaged),
+        done(&relay.to_controller.twice),
+    );
+    assert!(
+        link.corrupt <= damaged && link.corrupt + 2 >= damaged,
+        "{link:?} {damaged}"
+    );
+    assert!(
+        link.duplicates <= twice && link.duplicates + 2 >= twice,
+        "{link:?} {twice}"
+    );
+    assert!(link.recovered > 0 && link.missed > 0, "{link:?}");
+    let over = served.hears("test over");
+    assert!(over.contains("retired"), "{over}");
+}

@@ -1,0 +1,278 @@
+//! What does not fit is refused before anything moves: exit code 3, a message that says what to do, an event, a complete
+//! folder.
+
+mod link_common;
+
+use std::io::{Read, Write};
+use std::net::{TcpListener, TcpStream, UdpSocket};
+use std::path::Path;
+
+use gusset::record::summary::Status;
+use gusset::wire::Side;
+use gusset::wire::handshake::{self, Control, RefuseCode};
+use gusset::wire::native::{Decoder, Frame};
+use link_common::{
+    Fake, ONE_AXIS, ONE_AXIS_LAW, Served, TWO_AXES, TWO_AXES_LAW, events, finish, gusset, linked,
+    run, summary, test_file, write,
+};
+
+const STEPS: u32 = 50;
+
+/// Runs a test that must fail to connect; its reason.
+fn unmoved(folder: &Path, text: &str) -> String {
+    let (code, said) = run(folder, "run", text);
+    assert_eq!(code, 3, "{said}");
+    let summary = summary(folder, "run");
+    assert_eq!((summary.status, summary.steps), (Status::Failed, 0));
+    assert!(events(folder, "run").contains(&"link".to_owned()));
+    assert!(!events(folder, "run").contains(&"started".to_owned()));
+    assert!(
+        summary.reason.ends_with("nothing was moved"),
+        "{}",
+        summary.reason
+    );
+    summary.reason
+}
+
+fn local() -> String {
+    test_file(STEPS, &format!("{ONE_AXIS}{ONE_AXIS_LAW}"))
+}
+
+#[test]
+fn a_port_where_nobody_listens_says_refused_and_where() {
+    let tcp = TcpListener::bind("127.0.0.1:0").unwrap();
+    let udp = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let ports = [tcp.local_addr().unwrap(), udp.local_addr().unwrap()];
+    drop((tcp, udp));
+    for (address, transport) in ports.iter().zip(["tcp", "udp"]) {
+        let folder = tempfile::tempdir().unwrap();
+        let keys = format!("transport = \"{transport}\"");
+        let reason = unmoved(folder.path(), &linked(STEPS, &address.to_string(), &keys));
+        let words = format!("{address} refused the connection: nothing listens on that port");
+        assert!(reason.contains(&words), "{reason}");
+    }
+}
+
+#[test]
+fn a_host_that_does_not_answer_is_given_up_after_the_time_limit() {
+    // Somebody has the port and never says a word.
+    let silent = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    for (address, transport) in [
+        (silent.local_addr().unwrap(), "udp"),
+        (listener.local_addr().unwrap(), "tcp"),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let keys = format!("transport = \"{transport}\"\nconnect_timeout_s = 0.3");
+        let reason = unmoved(folder.path(), &linked(STEPS, &address.to_string(), &keys));
+        assert!(
+            reason.contains("no answer to our hello within 0.3 s"),
+            "{reason}"
+        );
+    }
+}
+
+#[test]
+fn a_web_server_is_recognised_by_its_first_bytes() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    std::thread::spawn(move || {
+        let (mut stream, _) = listener.accept().unwrap();
+        let _ = stream.read(&mut [0; 1000]);
+        stream
+            .write_all(b"HTTP/1.1 400 Bad Request\r\n\r\n")
+            .unwrap();
+    });
+    let folder = tempfile::tempdir().unwrap();
+    let reason = unmoved(folder.path(), &linked(STEPS, &address, ""));
+    assert!(
+        reason.contains("the peer speaks another protocol"),
+        "{reason}"
+    );
+}
+
+#[test]
+fn a_browser_and_noise_at_the_specimens_port_disturb_nothing() {
+    for transport in ["tcp", "udp"] {
+        let folder = tempfile::tempdir().unwrap();
+        let served = Served::start(folder.path(), &local(), &["--transport", transport]);
+        if transport == "tcp" {
+            let mut stream = TcpStream::connect(&served.address).unwrap();
+            stream
+                .write_all(b"GET / HTTP/1.1\r\nHost: rig\r\n\r\n")
+                .unwrap();
+            let mut answer = Vec::new();
+            let _ = stream.read_to_end(&mut answer);
+        } else {
+            let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+            for noise in [&b"GET / HTTP/1.1\r\n\r\n"[..], b"GUST", &[0; 60_000], b"x"] {
+                socket.send_to(noise, &served.address).unwrap();
+            }
+        }
+        served.hears("the peer speaks another protocol");
+        let keys = format!("transport = \"{transport}\"");
+        let (code, said) = run(folder.path(), "run", &linked(STEPS, &served.address, &keys));
+        assert_eq!(code, 0, "{said}");
+    }
+}
+
+#[test]
+fn another_version_is_refused_with_both_versions_in_the_text() {
+    let folder = tempfile::tempdir().unwrap();
+    let served = Served::start(folder.path(), &local(), &[]);
+    let mut stream = TcpStream::connect(&served.address).unwrap();
+    // A header of version 9: the fifth byte.
+    stream
+        .write_all(&[b'G', b'U', b'S', b'T', 9, 16, 0, 0])
+        .unwrap();
+    let mut frame = Vec::new();
+    stream.read_to_end(&mut frame).unwrap();
+    let mut decoder = Decoder::greeting(Side::Specimen);
+    let Frame::Control(message) = decoder.open(&frame).unwrap().frame else {
+        panic!("a control message");
+    };
+    match handshake::decode(message).unwrap() {
+        Control::Refuse(refuse) => {
+            assert_eq!(refuse.code, RefuseCode::Version);
+            assert!(
+                refuse.text.contains("version 9 found, 1 to 1"),
+                "{}",
+                refuse.text
+            );
+        }
+        other => panic!("{other:?}"),
+    }
+    // And a specimen of version 9 is refused by the controller.
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    std::thread::spawn(move || {
+        let (mut stream, _) = listener.accept().unwrap();
+        let _ = stream.read(&mut [0; 1000]);
+        stream
+            .write_all(&[b'G', b'U', b'S', b'T', 9, 16, 0, 0])
+            .unwrap();
+    });
+    let reason = unmoved(folder.path(), &linked(STEPS, &address, ""));
+    assert!(reason.contains("version 9 found"), "{reason}");
+}
+
+#[test]
+fn other_axes_units_and_names_are_refused_in_words() {
+    let cases = [
+        (
+            format!("{TWO_AXES}{TWO_AXES_LAW}"),
+            "",
+            "2 axes wanted, 1 found",
+        ),
+        (
+            format!("{ONE_AXIS}[[specimen.axis]]\nunit_disp = \"mm\"\n{ONE_AXIS_LAW}"),
+            "",
+            "axis 1 is in mm and N here, in m and N there",
+        ),
+        (
+            format!("{ONE_AXIS}{ONE_AXIS_LAW}"),
+            "axis_names = [\"east\"]",
+            "axis 1 is called 'axis 1' here, 'east' there",
+        ),
+        (
+            format!("{ONE_AXIS}{ONE_AXIS_LAW}"),
+            "watchdog_s = 1e4",
+            "watchdog time 10000 s",
+        ),
+    ];
+    for (specimen, keys, words) in cases {
+        let folder = tempfile::tempdir().unwrap();
+        let served = Served::start(folder.path(), &test_file(STEPS, &specimen), &[]);
+        let reason = unmoved(folder.path(), &linked(STEPS, &served.address, keys));
+        assert!(reason.contains(words), "{reason}");
+        served.hears(words);
+    }
+}
+
+#[test]
+fn only_the_right_key_opens_the_door_and_then_every_frame_is_signed() {
+    for transport in ["tcp", "udp"] {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        write(folder, "right.key", "a secret of more than sixteen bytes\n");
+        write(folder, "wrong.key", "another secret of enough bytes here\n");
+        let key = folder.join("right.key").display().to_string();
+        let served = Served::start(folder, &local(), &["--transport", transport, "--key", &key]);
+        let with = |keys: &str| {
+            let keys = format!("transport = \"{transport}\"\n{keys}");
+            linked(STEPS, &served.address, &keys)
+        };
+        let (code, said) = run(folder, "right", &with("key_file = \"right.key\""));
+        assert_eq!(code, 0, "{said}");
+        let resolved = std::fs::read_to_string(folder.join("right/resolved.toml")).unwrap();
+        assert!(resolved.contains(&key), "named from anywhere");
+        assert!(
+            !folder.join("right/inputs/right.key").exists(),
+            "never copied"
+        );
+        for (name, keys) in [("wrong", "key_file = \"wrong.key\""), ("none", "")] {
+            let (code, _) = run(folder, name, &with(keys));
+            assert_eq!(code, 3);
+            let reason = summary(folder, name).reason;
+            assert!(reason.contains("key"), "{reason}");
+        }
+    }
+}
+
+#[test]
+fn a_server_that_wants_no_key_refuses_one() {
+    let folder = tempfile::tempdir().unwrap();
+    write(
+        folder.path(),
+        "a.key",
+        "a secret of more than sixteen bytes\n",
+    );
+    let served = Served::start(folder.path(), &local(), &[]);
+    let text = linked(STEPS, &served.address, "key_file = \"a.key\"");
+    let reason = unmoved(folder.path(), &text);
+    assert!(
+        reason.contains("no pre-shared key is configured here"),
+        "{reason}"
+    );
+}
+
+#[test]
+fn beyond_loopback_a_key_is_required() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = write(folder.path(), "serve.toml", &local());
+    let mut command = gusset();
+    command
+        .arg("serve")
+        .arg(file)
+        .args(["--listen", "0.0.0.0:0"]);
+    let output = finish(command);
+    assert_eq!(output.status.code(), Some(2));
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(
+        said.contains("a pre-shared key is required there"),
+        "{said}"
+    );
+}
+
+#[test]
+fn a_stiffness_that_differs_is_a_warning_and_a_reversed_one_a_refusal() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let served = Served::start(folder, &local(), &[]);
+    let text = linked(STEPS, &served.address, "").replace("4e5", "5e5");
+    let (code, said) = run(folder, "softer", &text);
+    assert_eq!(code, 0, "{said}");
+    let warnings = summary(folder, "softer").warnings;
+    assert!(
+        warnings
+            .iter()
+            .any(|w| w.contains("it reports a stiffness of 4e5 N/m")),
+        "{warnings:?}"
+    );
+    // A specimen that reports −4e5 N/m.
+    let address = Fake::start_with(-4e5, |_| {});
+    let (code, _) = run(folder, "reversed", &linked(STEPS, &address, ""));
+    assert_eq!(code, 3);
+    let reason = summary(folder, "reversed").reason;
+    assert!(reason.contains("a channel is reversed"), "{reason}");
+}

@@ -1,0 +1,116 @@
+//! A hybrid test over a link is the same test: over an ideal link every number that does not depend on wall time is that
+//! of the same test in process, to the last bit.
+
+mod link_common;
+
+use link_common::relay::{Fates, Relay};
+use link_common::{
+    ONE_AXIS, ONE_AXIS_LAW, Served, TWO_AXES, TWO_AXES_LAW, columns, run, summary, test_file,
+};
+
+const STEPS: u32 = 600;
+
+fn linked(seen: &str, address: &str, transport: &str, keys: &str) -> String {
+    let link =
+        format!("[specimen.link]\naddress = \"{address}\"\ntransport = \"{transport}\"\n{keys}");
+    test_file(STEPS, &format!("{seen}{link}"))
+}
+
+fn is_the_same_over(transport: &str, seen: &str, law: &str, more: &str) {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let local = test_file(STEPS, &format!("{seen}{more}{law}"));
+    assert_eq!(run(folder, "local", &local).0, 0);
+    let served = Served::start(folder, &local, &["--transport", transport]);
+    // One test after another, each with a specimen in its virgin state.
+    for name in ["first", "second"] {
+        let remote = linked(
+            &format!("{seen}{more}"),
+            &served.address,
+            transport,
+            "watchdog_s = 20",
+        );
+        let (code, said) = run(folder, name, &remote);
+        assert_eq!(code, 0, "{said}");
+        assert_eq!(columns(folder, "local", ""), columns(folder, name, ""));
+        let link = summary(folder, name).link["column"];
+        assert_eq!(
+            link.sent,
+            u64::from(STEPS) + 1 + 5,
+            "steps, step 0, warm-up"
+        );
+        assert_eq!((link.received, link.late, link.lost), (link.sent, 0, 0));
+        assert_eq!((link.corrupt, link.duplicates, link.missed), (0, 0, 0));
+        served.hears("retired in an orderly way");
+    }
+}
+
+#[test]
+fn one_axis_over_tcp_takes_the_same_course_as_in_process() {
+    is_the_same_over("tcp", ONE_AXIS, ONE_AXIS_LAW, "");
+}
+
+#[test]
+fn one_axis_over_udp_takes_the_same_course_as_in_process() {
+    is_the_same_over("udp", ONE_AXIS, ONE_AXIS_LAW, "");
+}
+
+#[test]
+fn two_axes_in_other_units_with_a_damper_take_the_same_course_over_tcp() {
+    let units = "[[specimen.axis]]\nunit_disp = \"mm\"\nunit_force = \"kN\"\n[[specimen.axis]]\nsign = -1\n";
+    is_the_same_over("tcp", TWO_AXES, TWO_AXES_LAW, units);
+}
+
+#[test]
+fn two_axes_over_udp_take_the_same_course_as_in_process() {
+    is_the_same_over("udp", TWO_AXES, TWO_AXES_LAW, "");
+}
+
+#[test]
+fn a_static_load_settles_on_the_same_bits() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let loaded = |text: String| {
+        text.replacen(
+            "[structure.shear_building]",
+            "[structure]\nstatic_load_n = [300.0, 100.0]\n[structure.shear_building]",
+            1,
+        )
+    };
+    let local = loaded(test_file(STEPS, &format!("{ONE_AXIS}{ONE_AXIS_LAW}")));
+    let (code, said) = run(folder, "local", &local);
+    assert_eq!(code, 0, "{said}");
+    let served = Served::start(folder, &local, &[]);
+    let remote = loaded(linked(ONE_AXIS, &served.address, "tcp", "watchdog_s = 20"));
+    assert_eq!(run(folder, "remote", &remote).0, 0);
+    assert_eq!(columns(folder, "local", ""), columns(folder, "remote", ""));
+}
+
+/// Lost commands and answers are asked for again, damaged and repeated ones dropped: the course is the same.
+#[test]
+fn a_bad_network_changes_no_number_of_a_lockstep_test() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let local = test_file(STEPS, &format!("{ONE_AXIS}{ONE_AXIS_LAW}"));
+    assert_eq!(run(folder, "local", &local).0, 0);
+    let served = Served::start(folder, &local, &["--transport", "udp"]);
+    let fates = Fates {
+        lost: 5,
+        twice: 5,
+        damaged: 3,
+        overtaken: 3,
+    };
+    let mut relay = Relay::start(&served.address, 20140402, fates);
+    let remote = linked(ONE_AXIS, &relay.address, "udp", "watchdog_s = 0.02");
+    let (code, said) = run(folder, "remote", &remote);
+    relay.stop();
+    assert_eq!(code, 0, "{said}");
+    // The specimen may have held in between and says so; that is the only difference.
+    assert_eq!(
+        columns(folder, "local", "status"),
+        columns(folder, "remote", "status")
+    );
+    let link = summary(folder, "remote").link["column"];
+    assert_eq!(link.received, link.sent);
+    assert!(link.corrupt > 0 && link.duplicates > 0, "{link:?}");
+}
