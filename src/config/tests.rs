@@ -418,7 +418,7 @@ fn a_specimen_sees_one_deformation_through_one_law() {
     );
     shows(
         &complaint("law = {", "# law = {"),
-        "exactly one of `law`, `laws` and `coupled`",
+        "exactly one of `law`, `laws`, `coupled` and `link`",
     );
     shows(
         &complaint("storey = 1", "storey = 0"),

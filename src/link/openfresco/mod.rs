@@ -18,16 +18,21 @@
 //! error messages, no way to resume. Our side adds time limits and checks of every size; a lost UDP datagram still
 //! ends the test.
 
+mod asking;
 mod client;
 mod dialect;
 mod door;
+mod error;
 mod host;
 mod server;
+mod settings;
 mod spec;
 
-pub use client::{Peer, Remote, RemoteError, RemoteSettings};
+pub use client::Remote;
 pub use dialect::{ExchangeFault, Role};
 pub use door::{Door, DoorError};
+pub use error::RemoteError;
 pub use host::{Host, HostFault, Nature, Tally};
 pub use server::{End, News, ServeSettings, serve_openfresco};
+pub use settings::{Peer, RemoteSettings};
 pub use spec::{Far, OpenFrescoServeSpec, OpenFrescoSpec};
