@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use super::{Refused, Site};
-use crate::config::{AxisTable, ClockChoice, DispUnit, Finding, ForceUnit, KeyPath, SpecimenTable};
+use crate::config::{
+    AxisTable, ClockChoice, DispUnit, Finding, ForceUnit, KeyPath, SpecimenTable, TestFile,
+};
 use crate::control::{OnStale, WaitRules};
 use crate::link::native::unlimited_axis;
 use crate::link::openfresco::{Remote, RemoteSettings};
@@ -129,6 +131,16 @@ pub(in crate::config) fn wire_axes(table: &SpecimenTable, axes: usize) -> Vec<Ax
             unlimited_axis(name, disp, force)
         })
         .collect()
+}
+
+/// The configuration for the run folder: a key is never copied there, so it is named in a way that holds from anywhere.
+pub(super) fn with_keys_from_anywhere(file: &TestFile, test: &Path) -> TestFile {
+    let mut named = file.clone();
+    let links = named.specimen.iter_mut().filter_map(|s| s.link.as_mut());
+    for key in links.filter_map(|link| link.key_file.as_mut()) {
+        *key = beside(test, key).display().to_string();
+    }
+    named
 }
 
 /// A file that is named relative to the test file, and stays where it is.

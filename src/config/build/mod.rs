@@ -5,6 +5,7 @@
 //! moves, and nothing is written.
 
 mod excitation;
+mod gear;
 pub(in crate::config) mod links;
 mod proof;
 mod specimens;
@@ -206,13 +207,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         queue_s: file.record.queue_s,
         warnings: std::mem::take(&mut site.warnings),
     };
-    let mut named = file.clone();
-    for link in named.specimen.iter_mut().filter_map(|s| s.link.as_mut()) {
-        // A key stays where it is, so that the run folder's configuration must name it from anywhere.
-        if let Some(key) = &mut link.key_file {
-            *key = links::beside(&site.loaded.path, key).display().to_string();
-        }
-    }
+    let named = links::with_keys_from_anywhere(file, &site.loaded.path);
     let resolved = match super::resolve(&named, facts.lambda(), &site.inputs) {
         Ok(resolved) => resolved,
         Err(error) => return site.refuse(Finding::error(KeyPath::root(), error.to_string())),

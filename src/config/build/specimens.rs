@@ -2,8 +2,9 @@
 
 use nalgebra::DMatrix;
 
+use super::gear::{Rows, axis, scaled};
 use super::{Refused, Site, links, path};
-use crate::config::{AxisTable, Finding, KeyPath, MatrixValue, SpecimenTable};
+use crate::config::{Finding, KeyPath, MatrixValue, SpecimenTable};
 use crate::control::{Axis, Port, WaitRules};
 use crate::law::Reach;
 use crate::linalg::SymMatrix;
@@ -13,9 +14,6 @@ use crate::link::{NativeLink, NativeSetup};
 use crate::model::{Part, StructureSpec};
 use crate::specimen::{InProcess, InUnits, Specimen};
 use crate::substructure::Substructure;
-
-/// A square matrix by rows, one row per axis.
-type Rows = Vec<Vec<f64>>;
 
 /// One specimen with everything that is known of it, in the structure's units and at its scale.
 #[derive(Debug)]
@@ -171,38 +169,6 @@ fn rows(
             site.refuse(Finding::error(at.clone(), text))
         }
     }
-}
-
-/// The map of one axis, and metres and newtons in one unit of it.
-fn axis(table: &SpecimenTable, gear: &AxisTable, row: Vec<(usize, f64)>) -> (Axis, (f64, f64)) {
-    let (metres, newtons) = (gear.unit_disp.metres(), gear.unit_force.newtons());
-    let ratio = f64::from(gear.sign) * gear.scale;
-    let scale = &table.similitude;
-    let axis = Axis {
-        row,
-        base: 0.0,
-        disp_gain: ratio / (scale.length * metres),
-        disp_offset: gear.offset_m / metres,
-        vel_gain: ratio * scale.time / (scale.length * metres),
-        force_gain: scale.force * ratio * newtons,
-        force_offset: gear.offset_n / newtons,
-    };
-    (axis, (metres, newtons))
-}
-
-/// A matrix of the law (by columns, SI, specimen's scale) as the structure sees it (by rows).
-fn scaled(flat: &[f64], axes: &[Axis], units: &[(f64, f64)], motion: fn(&Axis) -> f64) -> Rows {
-    let n = axes.len();
-    let value = |i: usize, j: usize| {
-        let (force, moved) = (
-            axes[i].force_gain / units[i].1,
-            motion(&axes[j]) * units[j].0,
-        );
-        force * flat[j * n + i] * moved
-    };
-    (0..n)
-        .map(|i| (0..n).map(|j| value(i, j)).collect())
-        .collect()
 }
 
 fn estimate(

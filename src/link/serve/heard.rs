@@ -1,0 +1,89 @@
+//! What a server has to tell: one line each for whoever watches it.
+
+use std::net::SocketAddr;
+
+/// What a server hears and does.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Heard {
+    /// A controller introduced itself and was welcomed.
+    Hello {
+        /// From where.
+        peer: SocketAddr,
+        /// Its program.
+        software: String,
+        /// The name of its test.
+        test: String,
+    },
+    /// Somebody was turned away.
+    Refused {
+        /// From where.
+        peer: SocketAddr,
+        /// Why.
+        text: String,
+    },
+    /// From here on commands move the specimen.
+    Armed {
+        /// From where.
+        peer: SocketAddr,
+        /// The name of its test.
+        test: String,
+    },
+    /// Commands stopped coming; the specimen holds.
+    Holding {
+        /// Newest command.
+        sequence: Option<u64>,
+        /// Since the last word of the controller, s.
+        silent_s: f64,
+    },
+    /// Commands come again.
+    Resumed {
+        /// The first of them.
+        sequence: u64,
+    },
+    /// What the machine refused to the data thread.
+    NotGranted {
+        /// What, and why.
+        text: String,
+    },
+    /// A test is over; the specimen stays where it is.
+    Ended {
+        /// Why.
+        text: String,
+        /// Commands that moved it.
+        commands: u64,
+        /// Commands that never arrived.
+        missed: u32,
+        /// Frames that failed a check.
+        corrupt: u64,
+    },
+}
+
+impl std::fmt::Display for Heard {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Hello {
+                peer,
+                software,
+                test,
+            } => write!(f, "{peer}: hello of {software} for \"{test}\""),
+            Self::Refused { peer, text } => write!(f, "{peer}: refused: {text}"),
+            Self::Armed { peer, test } => write!(f, "{peer}: armed for \"{test}\""),
+            Self::Holding { sequence, silent_s } => {
+                write!(f, "HOLDING: nothing heard for {silent_s:.3} s")?;
+                sequence.map_or(Ok(()), |k| write!(f, ", last command {k}"))
+            }
+            Self::Resumed { sequence } => write!(f, "commands come again, from {sequence}"),
+            Self::NotGranted { text } => write!(f, "not granted: {text}"),
+            Self::Ended {
+                text,
+                commands,
+                missed,
+                corrupt,
+            } => write!(
+                f,
+                "test over: {text}; {commands} commands, {missed} missed, {corrupt} frames corrupt; the specimen \
+                 stays where it is"
+            ),
+        }
+    }
+}

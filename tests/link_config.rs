@@ -1,0 +1,140 @@
+//! Mistakes in `[specimen.link]` and in the file of a server are shown where they stand, before anything is connected.
+
+mod link_common;
+
+use std::path::Path;
+
+use gusset::config::{self, load_served};
+use link_common::{ONE_AXIS, ONE_AXIS_LAW, linked, test_file, write};
+
+/// What is said of a test with these keys in its link and its specimen.
+fn complaint(text: &str) -> String {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("test.toml");
+    match config::parse(&path, text.to_owned(), &[]).and_then(|loaded| config::build(&loaded)) {
+        Ok(_) => String::new(),
+        Err(error) => error.to_string(),
+    }
+}
+
+fn shows(text: &str, part: &str) {
+    assert!(text.contains(part), "{part:?} is not in:\n{text}");
+}
+
+#[test]
+fn a_good_link_is_built_without_a_connection() {
+    assert_eq!(complaint(&linked(10, "127.0.0.1:1", "")), "");
+    assert_eq!(
+        complaint(&linked(10, "[::1]:4823", "coupling = \"lockstep\"")),
+        ""
+    );
+}
+
+#[test]
+fn numbers_outside_their_ranges_are_shown_at_their_keys() {
+    let with = |keys: &str| complaint(&linked(10, "127.0.0.1:1", keys));
+    for (keys, words) in [
+        ("reply_timeout_s = 0", "reply_timeout_s"),
+        ("connect_timeout_s = -1", "connect_timeout_s"),
+        ("watchdog_s = 0", "watchdog_s"),
+        ("sample_after = 1.5", "a fraction of the tick, at most 1"),
+        ("max_stale = 0", "must be 1 or greater"),
+        ("spin_us = -1", "must be zero or greater"),
+        ("axis_names = [\"a\", \"b\"]", "2 names for 1 axes"),
+        ("axis_names = [\"\"]", "cannot name an axis"),
+        ("transport = \"tpc\"", "tcp"),
+        ("key_file = \"none.key\"", "cannot be read"),
+        ("colour = 1", "colour"),
+    ] {
+        shows(&with(keys), words);
+    }
+    shows(&complaint(&linked(10, "rig", "")), "names no port");
+}
+
+#[test]
+fn what_is_believed_of_a_specimen_behind_a_link_must_be_said() {
+    let text = linked(10, "127.0.0.1:1", "");
+    let silent = text.replace("stiffness_n_per_m = 4e5\n", "");
+    shows(&complaint(&silent), "`stiffness_n_per_m` is missing");
+    let softening = text.replace("storey = 1\n", "storey = 1\nhardening_bound = 0.5\n");
+    shows(&complaint(&softening), "must be 1 or greater");
+    let both = format!("{text}{ONE_AXIS_LAW}");
+    shows(&complaint(&both), "must have exactly one of");
+    let inches = text.replace(
+        "[specimen.link]",
+        "[[specimen.axis]]\nunit_disp = \"in\"\n[specimen.link]",
+    );
+    shows(&complaint(&inches), "the protocol has no inches");
+    let burst = text.replace("[timing]", "[timing]\non_miss = \"catch_up\"");
+    shows(&complaint(&burst), "driven faster than the test says");
+}
+
+#[test]
+fn a_hardening_bound_enters_the_proof_of_stability() {
+    let limit = |bound: &str| {
+        let text = linked(10, "127.0.0.1:1", "").replace(
+            "storey = 1\n",
+            &format!("storey = 1\nhardening_bound = {bound}\n"),
+        );
+        let text = text.replace("[timing]", "[integrator]\nlambda = 4\n[timing]");
+        let loaded = config::parse(Path::new("test.toml"), text, &[]).unwrap();
+        let structure = config::build(&loaded).unwrap().facts.structure.unwrap();
+        structure.choice.unwrap().limit
+    };
+    // Ω² = 4e5 · 20000 / 1000 · 1e-6 = 8 at the bound, above the 4 that even λ = ∞ would bear.
+    assert!(limit("1.0").is_none());
+    assert!(limit("20000.0").is_some());
+}
+
+fn served(text: &str, name: Option<&str>) -> Result<(), String> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = write(folder.path(), "serve.toml", text);
+    load_served(&path, name)
+        .map(|_| ())
+        .map_err(|error| error.to_string())
+}
+
+#[test]
+fn a_file_of_specimens_or_a_test_can_be_served() {
+    let one = format!("[[specimen]]\nname = \"a\"\n{ONE_AXIS_LAW}");
+    let two = format!("{one}[[specimen]]\nname = \"b\"\n{ONE_AXIS_LAW}");
+    assert_eq!(served(&one, None), Ok(()));
+    assert_eq!(served(&two, Some("b")), Ok(()));
+    let test = test_file(10, &format!("{ONE_AXIS}{ONE_AXIS_LAW}"));
+    assert_eq!(served(&test, Some("column")), Ok(()));
+    let with_table = format!("[serve]\nlisten = \"127.0.0.1:0\"\ntransport = \"udp\"\n{one}");
+    assert_eq!(served(&with_table, None), Ok(()));
+    shows(
+        &served(&two, None).unwrap_err(),
+        "name it with --specimen; there are: a, b",
+    );
+    shows(
+        &served(&one, Some("c")).unwrap_err(),
+        "no specimen is called \"c\"",
+    );
+    shows(
+        &served("[serve]\n", None).unwrap_err(),
+        "there is no `[[specimen]]`",
+    );
+    shows(
+        &served(&one.replace("gamma", "gama"), None).unwrap_err(),
+        "gama",
+    );
+    shows(
+        &served(&format!("[serve]\nlisen = \"x\"\n{one}"), None).unwrap_err(),
+        "did you mean `listen`?",
+    );
+    let gateway = linked(10, "127.0.0.1:1", "");
+    shows(
+        &served(&gateway, None).unwrap_err(),
+        "a gateway is not built yet",
+    );
+    let inches = one.replace(
+        "[specimen.law",
+        "[[specimen.axis]]\nunit_force = \"lbf\"\n[specimen.law",
+    );
+    shows(
+        &served(&inches, None).unwrap_err(),
+        "neither inches nor pounds",
+    );
+}
