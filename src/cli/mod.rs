@@ -14,6 +14,7 @@ mod report;
 mod run;
 mod schema;
 mod serve;
+mod serve_openfresco;
 mod table;
 
 use std::fmt::Display;
@@ -200,12 +201,14 @@ struct ReportArgs {
 #[derive(Debug, Args)]
 #[command(
     after_help = "Example:\n  gusset serve column.toml --listen 127.0.0.1:4823\n  \
-    gusset serve test.toml --specimen ground-storey --transport udp --key lab.key --listen 0.0.0.0:4823"
+    gusset serve test.toml --specimen ground-storey --transport udp --key lab.key --listen 0.0.0.0:4823\n  \
+    gusset serve test.toml --specimen ground-storey --protocol openfresco"
 )]
 struct ServeArgs {
     /// A file with [[specimen]] and [serve], or a test file.
     file: PathBuf,
-    /// Where to listen; port 0 takes any free one [default: 127.0.0.1:4823].
+    /// Where to listen; port 0 takes any free one [default: 127.0.0.1 and the usual port of the protocol: 4823, 8090,
+    /// 8091, 44000].
     #[arg(long, value_name = "ADDR:PORT")]
     listen: Option<String>,
     /// What is spoken [default: gusset].
@@ -217,7 +220,11 @@ struct ServeArgs {
     /// Which specimen of the file, if there are several.
     #[arg(long, value_name = "NAME")]
     specimen: Option<String>,
-    /// Pre-shared key; required beyond loopback.
+    /// The one machine that may command the specimen, for OpenFresco's protocols: they know no key, so beyond loopback
+    /// it is required.
+    #[arg(long, value_name = "ADDRESS")]
+    client: Option<std::net::IpAddr>,
+    /// Pre-shared key of our own protocol; required beyond loopback.
     #[arg(long, value_name = "FILE")]
     key: Option<PathBuf>,
     /// Busy loop around the moment at which the next command is expected, on either side of it.
@@ -232,6 +239,14 @@ struct ServeArgs {
 enum ProtocolArg {
     /// Our own: tools/PROTOCOL.md.
     Gusset,
+    /// An element server for OpenSees genericClient and OpenFresco's experimental elements.
+    Openfresco,
+    /// The actor behind OpenFresco's ShadowSite.
+    OpenfrescoActor,
+    /// The laboratory controller behind OpenFresco's GenericTCP.
+    OpenfrescoController,
+    /// The model behind OpenFresco's SimSimulink.
+    OpenfrescoSimulink,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]

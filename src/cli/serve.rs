@@ -10,12 +10,11 @@ use tokio::signal::unix::{SignalKind, signal};
 
 use super::exit::{Exit, WithExit};
 use super::run::refused;
-use super::{ProtocolArg, ServeArgs, TransportArg, answer, tell};
-
+use super::{ProtocolArg, ServeArgs, TransportArg, answer, serve_openfresco, tell};
 use crate::config;
 use crate::link::secret::read_key;
 use crate::link::serve::{Heard, ServeError, ServeOptions, Server, USUAL_LISTEN};
-use crate::link::spec::{Carrier, Protocol};
+use crate::link::spec::{Carrier, Offer};
 use crate::rt::RtPlan;
 
 /// The budget of the data thread's busy loop is judged for this period; the true one is the controller's.
@@ -33,15 +32,21 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
         args.spin
     );
     let protocol = match args.protocol {
-        Some(ProtocolArg::Gusset) => Protocol::Gusset,
+        Some(ProtocolArg::Gusset) => Offer::Gusset,
+        Some(ProtocolArg::Openfresco) => Offer::OpenFresco,
+        Some(ProtocolArg::OpenfrescoActor) => Offer::OpenFrescoActor,
+        Some(ProtocolArg::OpenfrescoController) => Offer::OpenFrescoController,
+        Some(ProtocolArg::OpenfrescoSimulink) => Offer::OpenFrescoSimulink,
         None => served.serve.protocol.unwrap_or_default(),
     };
-    let Protocol::Gusset = protocol;
     let carrier = match args.transport {
         Some(TransportArg::Tcp) => Carrier::Tcp,
         Some(TransportArg::Udp) => Carrier::Udp,
         None => served.serve.transport.unwrap_or_default(),
     };
+    if let Some((role, port)) = protocol.openfresco() {
+        return serve_openfresco::serve(args, &served, role, port, carrier);
+    }
     let listen = args.listen.clone().or(served.serve.listen);
     let options = ServeOptions {
         listen: listen.unwrap_or_else(|| USUAL_LISTEN.to_owned()),
@@ -82,6 +87,15 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
 async fn until_signal(address: SocketAddr) -> anyhow::Result<Exit> {
     let mut interrupt = signal(SignalKind::interrupt())?;
     let mut terminate = signal(SignalKind::terminate())?;
+    say_ready(address)?;
+    Ok(tokio::select! {
+        _ = interrupt.recv() => Exit::Interrupted,
+        _ = terminate.recv() => Exit::Terminated,
+    })
+}
+
+/// Says that the port is open.
+pub(super) fn say_ready(address: SocketAddr) -> anyhow::Result<()> {
     // Whoever started us waits for this line, or for the message below.
     answer(format_args!("listening on {address}")).context("stdout")?;
     if let Err(error) = notify_ready() {
@@ -89,10 +103,7 @@ async fn until_signal(address: SocketAddr) -> anyhow::Result<Exit> {
             "warning: the service manager was not told that we are ready: {error}"
         ));
     }
-    Ok(tokio::select! {
-        _ = interrupt.recv() => Exit::Interrupted,
-        _ = terminate.recv() => Exit::Terminated,
-    })
+    Ok(())
 }
 
 /// The readiness message of systemd (sd_notify(3)); nothing where nobody waits for one.

@@ -12,9 +12,10 @@ use super::{
     ConfigError, DispUnit, Finding, ForceUnit, KeyPath, SpecimenTable, check, judge, open,
     read_text,
 };
+use crate::link::openfresco::OpenFrescoServeSpec;
 use crate::link::secret::read_key;
 use crate::link::serve::Host;
-use crate::link::spec::{Carrier, Protocol};
+use crate::link::spec::{Carrier, Offer};
 use crate::rt::TimingSpec;
 use crate::specimen::{InUnits, Specimen};
 use crate::wire::key::PreSharedKey;
@@ -52,13 +53,15 @@ pub struct ServeTable {
     pub listen: Option<String>,
     /// What is spoken.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub protocol: Option<Protocol>,
+    pub protocol: Option<Offer>,
     /// How the bytes travel.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub transport: Option<Carrier>,
     /// File with the pre-shared key, relative to this file. Required beyond loopback.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub key_file: Option<String>,
+    /// For `protocol = "openfresco…"` only.
+    pub openfresco: OpenFrescoServeSpec,
 }
 
 /// A specimen that is ready to be served, and how the file wants it to be.
@@ -122,6 +125,16 @@ pub fn load_served(path: &Path, name: Option<&str>) -> Result<Served, ConfigErro
     {
         let at = KeyPath::root().key("timing").key(error.key());
         return Err(refuse(Finding::error(at, error.to_string())));
+    }
+    for (name, value) in [
+        ("idle_timeout_s", serve.openfresco.idle_timeout_s),
+        ("step_s", serve.openfresco.step_s),
+    ] {
+        if value.is_some_and(|value| !(value > 0.0 && value.is_finite())) {
+            let at = KeyPath::root().key("serve").key("openfresco").key(name);
+            let finding = Finding::error(at, format!("`{name}` must be greater than 0"));
+            return Err(refuse(finding));
+        }
     }
     let index = choose(&tables, name).map_err(|f| refuse(*f))?;
     let at = KeyPath::root().key("specimen").index(index);

@@ -7,6 +7,7 @@
 
 mod inbox;
 pub mod native;
+pub mod openfresco;
 pub mod secret;
 pub mod serve;
 pub mod socket;

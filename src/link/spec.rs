@@ -3,6 +3,9 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::openfresco::{OpenFrescoSpec, Role};
+use crate::wire::openfresco::{APPLICATION_PORT, CONTROLLER_PORT, SITE_PORT};
+
 /// A specimen at the other end of a network.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
@@ -45,6 +48,9 @@ pub struct LinkSpec {
     /// Busy loop at the beginning of each wait for a reply, in µs; after it the thread sleeps until bytes come.
     #[serde(default = "sixty")]
     pub spin_us: f64,
+    /// For `protocol = "openfresco…"` only: what its set-up cannot find out by itself. Such a link is always lockstep.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub openfresco: Option<OpenFrescoSpec>,
 }
 
 /// What the far end speaks.
@@ -54,6 +60,50 @@ pub enum Protocol {
     /// Our own protocol, described in tools/PROTOCOL.md.
     #[default]
     Gusset,
+    /// OpenFresco's application protocol: an element or site server.
+    #[serde(rename = "openfresco")]
+    OpenFresco,
+    /// OpenFresco's protocol between sites: its `ActorSite`.
+    #[serde(rename = "openfresco-shadow")]
+    OpenFrescoShadow,
+    /// OpenSees' `adapter`, `actuator` and `corotActuator`.
+    #[serde(rename = "openfresco-adapter")]
+    OpenFrescoAdapter,
+}
+
+/// What a server speaks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Offer {
+    /// Our own protocol, described in tools/PROTOCOL.md.
+    #[default]
+    Gusset,
+    /// An element server for OpenSees `genericClient` and OpenFresco's experimental elements.
+    #[serde(rename = "openfresco")]
+    OpenFresco,
+    /// The actor behind OpenFresco's `ShadowSite`.
+    #[serde(rename = "openfresco-actor")]
+    OpenFrescoActor,
+    /// The laboratory controller behind OpenFresco's `GenericTCP`.
+    #[serde(rename = "openfresco-controller")]
+    OpenFrescoController,
+    /// The model behind OpenFresco's `SimSimulink`.
+    #[serde(rename = "openfresco-simulink")]
+    OpenFrescoSimulink,
+}
+
+impl Offer {
+    /// The role that is played and its usual port; `None` for our own protocol.
+    #[must_use]
+    pub const fn openfresco(self) -> Option<(Role, u16)> {
+        match self {
+            Self::Gusset => None,
+            Self::OpenFresco => Some((Role::Application, APPLICATION_PORT)),
+            Self::OpenFrescoActor => Some((Role::Actor, SITE_PORT)),
+            Self::OpenFrescoController => Some((Role::Controller, CONTROLLER_PORT)),
+            Self::OpenFrescoSimulink => Some((Role::Simulink, CONTROLLER_PORT)),
+        }
+    }
 }
 
 /// How the bytes travel.

@@ -9,8 +9,9 @@ use crate::config::{
 };
 use crate::control::{OnStale, WaitRules};
 use crate::link::native::unlimited_axis;
+use crate::link::openfresco::{Remote, RemoteSettings};
 use crate::link::secret::read_key;
-use crate::link::spec::{LinkCoupling, Protocol, StaleChoice};
+use crate::link::spec::{LinkCoupling, StaleChoice};
 use crate::link::{LinkSpec, NativeSetup, SocketOptions, Wait};
 use crate::substructure::Coupling;
 use crate::wire::handshake::{Axis, Sampling, Unit};
@@ -27,7 +28,6 @@ pub(super) fn native(
     link: &LinkSpec,
     axes: usize,
 ) -> Result<(NativeSetup, WaitRules), Refused> {
-    let Protocol::Gusset = link.protocol;
     let time = site.loaded.time;
     let key = match &link.key_file {
         None => None,
@@ -69,7 +69,30 @@ pub(super) fn native(
             ..SocketOptions::default()
         },
     };
-    let rules = WaitRules {
+    Ok((setup, rules(link)))
+}
+
+/// A specimen behind OpenFresco or OpenSees, and how it is waited for: always in lockstep.
+pub(super) fn openfresco(
+    site: &mut Site<'_>,
+    at: &KeyPath,
+    link: &LinkSpec,
+    axes: usize,
+) -> Result<(Remote, WaitRules), Refused> {
+    let remote = RemoteSettings::from_spec(link, axes)
+        .and_then(|settings| settings.map(Remote::new).transpose());
+    match remote {
+        Ok(Some(remote)) => Ok((remote, rules(link))),
+        Ok(None) => {
+            let text = "our own protocol is no OpenFresco link";
+            site.refuse(Finding::error(at.key("link").key("protocol"), text))
+        }
+        Err(error) => site.refuse_key(&at.key("link"), error.key(), &error),
+    }
+}
+
+fn rules(link: &LinkSpec) -> WaitRules {
+    WaitRules {
         reply_timeout_ns: (link.reply_timeout_s * 1e9) as u64,
         on_stale: match link.on_stale {
             StaleChoice::Hold => OnStale::Hold,
@@ -77,8 +100,7 @@ pub(super) fn native(
             StaleChoice::Stop => OnStale::Stop,
         },
         stale_in_a_row: link.max_stale,
-    };
-    Ok((setup, rules))
+    }
 }
 
 /// The axes as our own protocol names them. Units that it has not were refused before.

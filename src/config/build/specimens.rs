@@ -10,6 +10,8 @@ use crate::config::{Finding, KeyPath, MatrixValue, SpecimenTable};
 use crate::control::{Axis, Port, WaitRules};
 use crate::law::Reach;
 use crate::linalg::SymMatrix;
+use crate::link::openfresco::Remote;
+use crate::link::spec::Protocol;
 use crate::link::{NativeLink, NativeSetup};
 use crate::model::StructureSpec;
 use crate::specimen::{InProcess, InUnits, Specimen};
@@ -38,7 +40,8 @@ struct Entry {
 #[derive(Debug)]
 enum Stand {
     Law(Box<dyn Specimen>),
-    Link(Box<NativeSetup>, WaitRules),
+    Native(Box<NativeSetup>, WaitRules),
+    OpenFresco(Box<Remote>, WaitRules),
 }
 
 /// All specimens of a test, in order.
@@ -125,9 +128,13 @@ fn entry(site: &mut Site<'_>, at: &KeyPath, table: &SpecimenTable) -> Result<Ent
     };
     let stand = match (law, &table.link) {
         (Some(law), _) => Stand::Law(law),
-        (None, Some(link)) => {
+        (None, Some(link)) if link.protocol == Protocol::Gusset => {
             let (setup, rules) = links::native(site, at, table, link, n)?;
-            Stand::Link(Box::new(setup), rules)
+            Stand::Native(Box::new(setup), rules)
+        }
+        (None, Some(link)) => {
+            let (remote, rules) = links::openfresco(site, at, link, n)?;
+            Stand::OpenFresco(Box::new(remote), rules)
         }
         // Refused above.
         (None, None) => return Err(Refused),
@@ -275,7 +282,8 @@ impl Specimens {
                     Box::new(InProcess::new(InUnits::new(law, &entry.units))),
                     None,
                 ),
-                Stand::Link(setup, rules) => (Box::new(NativeLink::new(*setup)), Some(rules)),
+                Stand::Native(setup, rules) => (Box::new(NativeLink::new(*setup)), Some(rules)),
+                Stand::OpenFresco(remote, rules) => (remote, Some(rules)),
             };
             match Port::new(entry.name, entry.axes, substructure, dofs.max(1), diagonal) {
                 Ok(mut port) => {

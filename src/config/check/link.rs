@@ -5,6 +5,7 @@ use crate::config::diagnose::Finding;
 use crate::config::document::KeyPath;
 use crate::config::specimen::{DispUnit, ForceUnit, SpecimenTable};
 use crate::link::LinkSpec;
+use crate::link::spec::Protocol;
 
 /// The link of one specimen.
 pub(super) fn check_link(
@@ -72,6 +73,20 @@ pub(super) fn check_link(
     if let Some(names) = &link.axis_names {
         check_names(names, specimen, &here.key("axis_names"), findings);
     }
+    if link.protocol != Protocol::Gusset {
+        check_openfresco(link, &here, findings);
+        return;
+    }
+    if link.openfresco.is_some() {
+        findings.0.push(
+            Finding::error(
+                here.key("openfresco"),
+                "our own protocol needs no such settings",
+            )
+            .at_key()
+            .label("only for `protocol = \"openfresco…\"`"),
+        );
+    }
     for (index, axis) in specimen.axis.iter().enumerate() {
         let at = at.key("axis").index(index);
         if axis.unit_disp == DispUnit::Inch {
@@ -85,6 +100,35 @@ pub(super) fn check_link(
             findings
                 .0
                 .push(Finding::error(at.key("unit_force"), text).label("N or kN"));
+        }
+    }
+}
+
+/// What OpenFresco's protocols have no place for.
+fn check_openfresco(link: &LinkSpec, at: &KeyPath, findings: &mut Findings) {
+    for (key, given, why) in [
+        ("key_file", link.key_file.is_some(), "they know no key"),
+        (
+            "watchdog_s",
+            link.watchdog_s.is_some(),
+            "the far end keeps no watch on commands",
+        ),
+        (
+            "sample_after",
+            link.sample_after.is_some(),
+            "the far end answers when it is asked",
+        ),
+        (
+            "axis_names",
+            link.axis_names.is_some(),
+            "axes have no names there",
+        ),
+    ] {
+        if given {
+            let text = format!("OpenFresco's protocols have no `{key}`");
+            findings
+                .0
+                .push(Finding::error(at.key(key), text).at_key().label(why));
         }
     }
 }

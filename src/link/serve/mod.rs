@@ -56,6 +56,14 @@ impl std::fmt::Debug for Host {
 }
 
 impl Host {
+    /// The specimen in its virgin state, in the units of its axes.
+    ///
+    /// # Errors
+    /// What its maker says.
+    pub fn specimen(&self) -> Result<Box<dyn Specimen>, String> {
+        (self.build)()
+    }
+
     /// `build` makes the specimen in the units of `axes`, with as many axes.
     ///
     /// # Errors

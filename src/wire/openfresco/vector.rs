@@ -23,6 +23,42 @@ pub struct Response<'a> {
     pub time: f64,
 }
 
+impl<'a> Response<'a> {
+    /// Signals that stand in one row, in the order of the wire; missing ones are empty. Real-time: yes.
+    #[must_use]
+    pub fn split(counts: &Counts, values: &'a [f64]) -> Self {
+        let (disp, rest) = cut(values, counts.disp);
+        let (vel, rest) = cut(rest, counts.vel);
+        let (accel, rest) = cut(rest, counts.accel);
+        let (force, time) = cut(rest, counts.force);
+        Self {
+            disp,
+            vel,
+            accel,
+            force,
+            time: time.first().copied().unwrap_or(0.0),
+        }
+    }
+
+    /// Puts the signals that `counts` wants into one row, in the order of the wire. Real-time: yes.
+    pub fn gather(&self, counts: &Counts, row: &mut [f64]) {
+        let time = [self.time];
+        let wanted = [
+            (counts.disp, self.disp),
+            (counts.vel, self.vel),
+            (counts.accel, self.accel),
+            (counts.force, self.force),
+            (counts.time, &time[..]),
+        ];
+        let signals = wanted
+            .iter()
+            .flat_map(|(count, values)| values.iter().take(*count));
+        for (place, signal) in row.iter_mut().zip(signals) {
+            *place = *signal;
+        }
+    }
+}
+
 /// Writes a vector that begins with `lead` (an action, a flag, or nothing) and the signals, and zeros up to the
 /// end of `out`. Real-time: yes.
 ///
@@ -157,17 +193,7 @@ impl Signals {
 
     pub(super) fn response(&self) -> Response<'_> {
         // The lengths add up to values.len() by construction.
-        let (disp, rest) = cut(&self.values, self.counts.disp);
-        let (vel, rest) = cut(rest, self.counts.vel);
-        let (accel, rest) = cut(rest, self.counts.accel);
-        let (force, time) = cut(rest, self.counts.force);
-        Response {
-            disp,
-            vel,
-            accel,
-            force,
-            time: time.first().copied().unwrap_or(0.0),
-        }
+        Response::split(&self.counts, &self.values)
     }
 
     /// The time, if the layout has one.

@@ -1,0 +1,154 @@
+//! Exchanges per second of our clients of dialects A and B on loopback, against a ping-pong of the same bytes over the same
+//! transports. `cargo bench --bench openfresco`
+
+#![allow(clippy::disallowed_macros, reason = "a bench prints its result")]
+
+use std::net::{TcpListener, UdpSocket};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use gusset::link::openfresco::{
+    Door, Host, Nature, Peer, Remote, RemoteSettings, Role, ServeSettings, serve_openfresco,
+};
+use gusset::link::{SocketOptions, TcpTransport, Transport, UdpTransport};
+use gusset::rt::os::{monotonic_ns, pin_to, process_cpus};
+use gusset::specimen::SpecimenLaw;
+use gusset::substructure::{Command, Measurement, Retirement, Substructure};
+use gusset::time::Nanos;
+use gusset::wire::openfresco::Carrier;
+
+const STEPS: u64 = 20_000;
+const FAR: Nanos = Nanos(u64::MAX);
+
+/// Two threads that spin for each other must not share a core; with one core there is nothing to be done.
+fn pin(far: bool) {
+    // Read before anybody is pinned.
+    static CPUS: std::sync::OnceLock<Vec<usize>> = std::sync::OnceLock::new();
+    let cpus = CPUS.get_or_init(process_cpus);
+    let chosen = if far { cpus.last() } else { cpus.first() };
+    let _ = chosen.map(|cpu| pin_to(&[*cpu]));
+}
+
+fn median_us(mut times: Vec<u64>) -> f64 {
+    times.sort_unstable();
+    times[times.len() / 2] as f64 * 1e-3
+}
+
+/// Command and request, 2 × 8N bytes, out; 8N bytes back; then a commit that nobody answers.
+fn raw(carrier: Carrier, vector: usize) -> f64 {
+    let options = SocketOptions::default();
+    let (mut near, mut far): (Box<dyn Transport>, Box<dyn Transport>) = match carrier {
+        Carrier::Stream => {
+            let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+            let address = listener.local_addr().unwrap().to_string();
+            let limit = std::time::Duration::from_secs(5);
+            let near = TcpTransport::connect(&address, limit, options).unwrap();
+            let (stream, _) = listener.accept().unwrap();
+            (
+                Box::new(near),
+                Box::new(TcpTransport::from_stream(stream, options).unwrap()),
+            )
+        }
+        Carrier::Datagrams => {
+            let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+            let near = UdpTransport::connect(&socket.local_addr().unwrap().to_string(), options);
+            let mut near = near.unwrap();
+            near.send(b"?").unwrap();
+            let (_, peer) = socket.recv_from(&mut [0; 8]).unwrap();
+            socket.connect(peer).unwrap();
+            (
+                Box::new(near),
+                Box::new(UdpTransport::from_socket(socket, options).unwrap()),
+            )
+        }
+    };
+    let server = std::thread::spawn(move || {
+        pin(true);
+        let (mut buffer, mut have) = (vec![0; 65_536], 0);
+        for step in 0..STEPS {
+            let due = vector * (if step == 0 { 2 } else { 3 });
+            while have < due {
+                have += far.recv(&mut buffer, FAR).unwrap().unwrap();
+            }
+            have -= due;
+            far.send(&vec![1; vector]).unwrap();
+        }
+    });
+    let (out, commit, mut buffer) = (vec![2; 2 * vector], vec![3; vector], vec![0; 65_536]);
+    let mut times = Vec::new();
+    for _ in 0..STEPS {
+        let begun = monotonic_ns();
+        match carrier {
+            Carrier::Stream => near.send(&out).unwrap(),
+            Carrier::Datagrams => out.chunks(vector).for_each(|part| near.send(part).unwrap()),
+        }
+        let mut have = 0;
+        while have < vector {
+            have += near.recv(&mut buffer, FAR).unwrap().unwrap();
+        }
+        let _ = near.send(&commit);
+        times.push(monotonic_ns() - begun);
+    }
+    server.join().unwrap();
+    median_us(times)
+}
+
+fn ours(role: Role, peer: Peer, carrier: Carrier, data_size: usize) -> f64 {
+    let door = Door::bind(carrier, "127.0.0.1:0", None).unwrap();
+    let address = door.local_addr().unwrap().to_string();
+    let stop = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        let (stop, door) = (&stop, &door);
+        scope.spawn(move || {
+            pin(true);
+            let law = "law = { linear = { stiffness_n_per_m = 8000.0 } }";
+            let law: SpecimenLaw = toml::from_str(law).unwrap();
+            let mut host = Host::new(law.build(1).unwrap(), Nature::Simulated, None);
+            let settings = ServeSettings::new(role, None);
+            let stop = || stop.load(Ordering::Relaxed);
+            serve_openfresco(door, &mut host, &settings, &stop, &mut |_| {}).unwrap();
+        });
+        let mut settings = RemoteSettings::new(peer, carrier, address, 1);
+        settings.data_size = data_size;
+        let mut remote = Remote::new(settings).unwrap();
+        remote.open().unwrap();
+        let mut into = Measurement::zeros(1);
+        let mut times = Vec::new();
+        for sequence in 0..STEPS {
+            let begun = monotonic_ns();
+            let command = Command {
+                sequence,
+                time: sequence as f64 * 1e-3,
+                dt: 1e-3,
+                disp: &[sequence as f64 * 1e-6],
+                vel: &[0.0],
+            };
+            remote.issue(&command).unwrap();
+            remote.collect(FAR, &mut into).unwrap();
+            remote.accepted(sequence).unwrap();
+            times.push(monotonic_ns() - begun);
+        }
+        remote.retire(Retirement::Orderly);
+        stop.store(true, Ordering::Relaxed);
+        median_us(times)
+    })
+}
+
+fn main() {
+    pin(false);
+    println!("median of a step (command, request, answer, commit) on loopback, one axis");
+    for carrier in [Carrier::Stream, Carrier::Datagrams] {
+        for (name, role, peer, smallest) in [
+            ("A", Role::Application, Peer::Element, 5),
+            ("B", Role::Actor, Peer::Actor, 3),
+        ] {
+            for size in [smallest, 256] {
+                let (us, raw) = (ours(role, peer, carrier, size), raw(carrier, 8 * size));
+                let rate = 1e3 / us;
+                println!(
+                    "dialect {name} {carrier:?} N = {size:3}: {us:7.1} us ({rate:5.1} kHz), raw {raw:7.1} us, ratio {:.2}",
+                    us / raw
+                );
+            }
+        }
+    }
+}

@@ -1,0 +1,88 @@
+//! `gusset serve --protocol openfresco…`: a specimen behind OpenFresco's dialects.
+
+use anyhow::Context;
+
+use super::ServeArgs;
+use super::exit::{Exit, WithExit};
+use super::serve::say_ready;
+use super::tell;
+use crate::config::Served;
+use crate::link::openfresco::{
+    Door, DoorError, Host, Nature, News, Role, ServeSettings, serve_openfresco,
+};
+use crate::link::spec::Carrier;
+use crate::rt;
+use crate::session::{Signal, Signals, missing};
+use crate::wire::openfresco::Carrier as Bytes;
+
+/// The budget of a busy loop is judged for this period; a client has none.
+const USUAL_PERIOD_NS: u64 = 1_000_000;
+
+/// Hosts one specimen until SIGINT or SIGTERM. `port` is where the dialect is usually found.
+pub fn serve(
+    args: &ServeArgs,
+    served: &Served,
+    role: Role,
+    port: u16,
+    carrier: Carrier,
+) -> anyhow::Result<Exit> {
+    if args.key.is_some() || served.key.is_some() {
+        let text =
+            "OpenFresco's protocols know no key; name the machine that may command with --client";
+        return Err(WithExit(Exit::Usage, text.to_owned()).into());
+    }
+    let wishes = &served.serve.openfresco;
+    let nature = if wishes.physical {
+        Nature::Physical
+    } else {
+        Nature::Simulated
+    };
+    let specimen = served.host.specimen().map_err(anyhow::Error::msg)?;
+    let mut host = Host::new(specimen, nature, wishes.step_s);
+    let bytes = match carrier {
+        Carrier::Tcp => Bytes::Stream,
+        Carrier::Udp => Bytes::Datagrams,
+    };
+    let settings = ServeSettings::new(
+        role,
+        match (wishes.idle_timeout_s, carrier) {
+            (Some(limit), _) => Some(limit),
+            (None, Carrier::Tcp) => None,
+            (None, Carrier::Udp) => Some(ServeSettings::UDP_IDLE_S),
+        },
+    );
+    let listen = args.listen.as_ref().or(served.serve.listen.as_ref());
+    let listen = listen.map_or_else(|| format!("127.0.0.1:{port}"), String::clone);
+    let client = args.client.or(wishes.client);
+    let usage = |error: DoorError| WithExit(Exit::Usage, error.to_string());
+    let door = Door::bind(bytes, &listen, client).map_err(usage)?;
+    let signals = Signals::listen().context("signals cannot be taken over")?;
+    let requests = signals.requests();
+    if let Some(timing) = &served.timing {
+        let granted = rt::apply(&rt::RtPlan::new(timing, USUAL_PERIOD_NS));
+        let missing = missing(&granted);
+        if granted.must_refuse() {
+            let text = format!("real-time conditions are required: {}", missing.join("; "));
+            return Err(WithExit(Exit::NoRealTime, text).into());
+        }
+        for text in missing {
+            tell(format_args!("warning: not granted: {text}"));
+        }
+    }
+    say_ready(door.local_addr()?)?;
+    serve_openfresco(
+        &door,
+        &mut host,
+        &settings,
+        &|| !requests.is_empty(),
+        &mut |news: &News| {
+            if !args.quiet {
+                tell(news);
+            }
+        },
+    )?;
+    Ok(match signals.seen() {
+        Some(Signal::Terminate) => Exit::Terminated,
+        Some(Signal::Interrupt) | None => Exit::Interrupted,
+    })
+}

@@ -1,0 +1,390 @@
+//! Our controller as a client: dialects A, B and C behind the hinge.
+//!
+//! Coupling is lockstep: one answer is owed for each command, nothing has a sequence number, so nothing may be lost or
+//! late. Command and request leave in one write. Each wait ends at the time limit of [`RemoteSettings`], on the
+//! wall clock of the socket: the engine's deadline is on the engine's clock, which may be simulated. Nothing is
+//! allocated for an exchange.
+//!
+//! Not here: what the numbers mean for the structure, and what to do about a fault; a fault is final.
+
+use super::asking::{Asking, Came, machine, pause, send, transport};
+use super::error::{Lost, RemoteError, Saying};
+use super::settings::{Peer, RemoteSettings};
+use crate::link::Transport;
+use crate::rt::os;
+use crate::substructure::{
+    Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
+    Unavailable,
+};
+use crate::time::Nanos;
+use crate::wire::openfresco::{Carrier, Matrix};
+
+fn name(carrier: Carrier) -> &'static str {
+    match carrier {
+        Carrier::Stream => "TCP",
+        Carrier::Datagrams => "UDP",
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Phase {
+    New,
+    Idle,
+    Issued,
+    Answered,
+    Committed,
+    Retired,
+    Faulted(LinkFault),
+}
+
+/// Longest chunk that is read at once; no datagram is longer.
+const CHUNK: usize = 65_536;
+/// Longest wait for the answer to a goodbye.
+const FAREWELL_NS: u64 = 1_000_000_000;
+
+/// A specimen behind OpenFresco or OpenSees. Coupling: lockstep.
+pub struct Remote {
+    settings: RemoteSettings,
+    link: Option<Box<dyn Transport>>,
+    machine: Asking,
+    buffer: Vec<u8>,
+    phase: Phase,
+    sequence: u64,
+    time: f64,
+    sent_at: Nanos,
+    reply_limit_ns: u64,
+    initial_stiffness: Option<Vec<f64>>,
+    complaint: Option<Lost>,
+}
+
+impl std::fmt::Debug for Remote {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Remote")
+            .field("machine", &self.machine)
+            .field("phase", &self.phase)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Remote {
+    /// A specimen that is not connected yet.
+    ///
+    /// # Errors
+    /// Settings that cannot be: see [`RemoteError::Setting`] and [`RemoteError::Wire`].
+    pub fn new(settings: RemoteSettings) -> Result<Self, RemoteError> {
+        for (name, found) in [
+            ("connect_timeout_s", settings.connect_limit_s),
+            ("reply_timeout_s", settings.reply_limit_s),
+        ] {
+            if !(found > 0.0 && found <= 1e6) {
+                return Err(RemoteError::Setting {
+                    name,
+                    found,
+                    allowed: "greater than 0 and at most 1e6 s",
+                });
+            }
+        }
+        let machine = machine(&settings).map_err(|source| RemoteError::Wire {
+            address: settings.address.clone(),
+            what: "the settings",
+            source,
+        })?;
+        Ok(Self {
+            link: None,
+            machine,
+            buffer: vec![0; CHUNK],
+            phase: Phase::New,
+            sequence: 0,
+            time: 0.0,
+            sent_at: Nanos(0),
+            reply_limit_ns: (settings.reply_limit_s * 1e9) as u64,
+            initial_stiffness: None,
+            complaint: None,
+            settings,
+        })
+    }
+
+    /// Connects and sets everything up; an element server is asked for its initial stiffness. Nothing moves.
+    ///
+    /// # Errors
+    /// See [`RemoteError`].
+    pub fn open(&mut self) -> Result<(), RemoteError> {
+        let until = Nanos(os::monotonic_ns()).plus((self.settings.connect_limit_s * 1e9) as u64);
+        self.link = Some(transport(&self.settings, until)?);
+        self.set_up(until)?;
+        if self.settings.peer == Peer::Element {
+            self.ask_stiffness(until)?;
+        }
+        self.phase = Phase::Idle;
+        Ok(())
+    }
+
+    /// Initial stiffness as an element server reports it, n × n by rows, in the specimen's units.
+    #[must_use]
+    pub fn initial_stiffness(&self) -> Option<&[f64]> {
+        self.initial_stiffness.as_deref()
+    }
+
+    fn set_up(&mut self, until: Nanos) -> Result<(), RemoteError> {
+        let say = Saying::new(&self.settings, "the set-up");
+        let opening = match &mut self.machine {
+            Asking::Client(client) => client.open(),
+            Asking::Shadow(shadow) => shadow.open(),
+        };
+        let opening = opening.map_err(|error| say.wire(error))?.to_vec();
+        let hello = opening.len() == 1;
+        self.send_raw(&opening).map_err(|fault| say.lost(fault))?;
+        if !hello && matches!(self.machine, Asking::Client(_)) {
+            return Ok(());
+        }
+        loop {
+            match self.hear(until) {
+                Ok(Came::Ready) => return Ok(()),
+                Ok(_) => {}
+                // Nobody has the port yet: the hello has certainly not arrived, so it may be sent again.
+                Err(Lost::Link(LinkFault::Closed))
+                    if hello && Nanos(os::monotonic_ns()) < until =>
+                {
+                    pause();
+                    self.send_raw(&opening).or_else(|fault| match fault {
+                        LinkFault::Closed => Ok(()),
+                        fault => Err(say.lost(fault)),
+                    })?;
+                }
+                Err(lost) => return Err(say.why(lost)),
+            }
+        }
+    }
+
+    fn ask_stiffness(&mut self, until: Nanos) -> Result<(), RemoteError> {
+        let say = Saying::new(&self.settings, "the request for the initial stiffness");
+        let Self {
+            machine: Asking::Client(client),
+            link: Some(link),
+            ..
+        } = self
+        else {
+            return Ok(());
+        };
+        let bytes = client
+            .request_matrix(Matrix::InitialStiffness)
+            .map_err(|error| say.wire(error))?;
+        send(link.as_mut(), self.settings.carrier, bytes, bytes.len())
+            .map_err(|fault| say.lost(fault))?;
+        while self.hear(until).map_err(|lost| say.why(lost))? != Came::Matrix {}
+        let mut rows = vec![0.0; self.settings.axes * self.settings.axes];
+        if let Asking::Client(client) = &self.machine {
+            client.matrix(&mut rows).map_err(|error| say.wire(error))?;
+        }
+        self.initial_stiffness = Some(rows);
+        Ok(())
+    }
+
+    fn send_raw(&mut self, bytes: &[u8]) -> Result<(), LinkFault> {
+        let link = self.link.as_mut().ok_or(LinkFault::Closed)?;
+        send(link.as_mut(), self.settings.carrier, bytes, bytes.len())
+    }
+
+    /// Reads until something whole has come. Real-time: yes, after the set-up.
+    fn hear(&mut self, until: Nanos) -> Result<Came, Lost> {
+        let link = self.link.as_mut().ok_or(LinkFault::Closed)?;
+        let mut came = Came::Nothing;
+        while came == Came::Nothing {
+            let Some(count) = link.recv(&mut self.buffer, until)? else {
+                return Err(Lost::Link(LinkFault::Timeout));
+            };
+            let mut rest = self.buffer.get(..count).unwrap_or_default();
+            while !rest.is_empty() {
+                let (used, what) = self.machine.feed(rest)?;
+                if what != Came::Nothing {
+                    self.machine
+                        .answer_back(link.as_mut(), self.settings.carrier)?;
+                    came = what;
+                }
+                rest = rest.get(used.max(1)..).unwrap_or_default();
+            }
+        }
+        Ok(came)
+    }
+
+    fn fault(&mut self, lost: impl Into<Lost>) -> LinkFault {
+        let lost = lost.into();
+        self.complaint = Some(lost);
+        self.phase = Phase::Faulted(lost.fault());
+        lost.fault()
+    }
+
+    fn exchange_out(&mut self, command: &Command<'_>) -> Result<(), Lost> {
+        let link = self.link.as_mut().ok_or(LinkFault::Closed)?;
+        let (bytes, message) = match &mut self.machine {
+            Asking::Client(client) => {
+                let message = client.vector_len();
+                (client.command(command)?, message)
+            }
+            Asking::Shadow(shadow) => {
+                let message = shadow.vector_len();
+                (shadow.command(command)?, message)
+            }
+        };
+        Ok(send(link.as_mut(), self.settings.carrier, bytes, message)?)
+    }
+
+    fn commit_out(&mut self) -> Result<(), Lost> {
+        let link = self.link.as_mut().ok_or(LinkFault::Closed)?;
+        let bytes = match &mut self.machine {
+            Asking::Client(client) => client.commit(self.time)?,
+            Asking::Shadow(shadow) => shadow.commit(self.time)?,
+        };
+        Ok(send(
+            link.as_mut(),
+            self.settings.carrier,
+            bytes,
+            bytes.len(),
+        )?)
+    }
+
+    /// The goodbye: 99, whose answer is waited for only in dialect B. OpenFresco says it twice in dialect C, where
+    /// the far end has gone after the first.
+    fn say_goodbye(&mut self) -> Result<(), Lost> {
+        let link = self.link.as_mut().ok_or(LinkFault::Closed)?;
+        let (bytes, answered) = match &mut self.machine {
+            Asking::Client(client) => (client.die()?, false),
+            Asking::Shadow(shadow) => (shadow.die()?, true),
+        };
+        send(link.as_mut(), self.settings.carrier, bytes, bytes.len())?;
+        let until = Nanos(os::monotonic_ns()).plus(FAREWELL_NS);
+        while answered && self.hear(until)? != Came::Farewell {}
+        Ok(())
+    }
+}
+
+impl Substructure for Remote {
+    fn axes(&self) -> usize {
+        self.settings.axes
+    }
+
+    fn coupling(&self) -> Coupling {
+        Coupling::Lockstep
+    }
+
+    fn is_remote(&self) -> bool {
+        true
+    }
+
+    fn connect(&mut self) -> Result<Introduction, Unavailable> {
+        self.open().map_err(|error| Unavailable {
+            fault: error.fault(),
+            text: error.to_string(),
+        })?;
+        let RemoteSettings {
+            peer,
+            carrier,
+            address,
+            axes,
+            ..
+        } = &self.settings;
+        // The wire's matrix stands here by rows.
+        let rows = self.initial_stiffness.as_deref().unwrap_or_default();
+        let column = |j: usize| rows.iter().skip(j).step_by((*axes).max(1));
+        Ok(Introduction {
+            peer: format!("{peer} at {address}, {}", name(*carrier)),
+            stiffness: (0..*axes).flat_map(column).copied().collect(),
+            warnings: Vec::new(),
+        })
+    }
+
+    fn complaint(&self) -> Option<String> {
+        self.complaint.map(|lost| match lost {
+            Lost::Link(LinkFault::Timeout) => {
+                let seconds = self.settings.reply_limit_s;
+                format!(
+                    "{} did not answer within {seconds} s",
+                    self.settings.address
+                )
+            }
+            Lost::Link(fault) => format!("{}: {fault}", self.settings.address),
+            Lost::Wire(error) => format!("{}: {error}", self.settings.address),
+        })
+    }
+
+    /// Refused: a command while an answer is owed, and one after the end. One whose sequence number was answered
+    /// already moves nothing.
+    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+        match self.phase {
+            Phase::Faulted(fault) => return Err(fault),
+            Phase::New | Phase::Issued | Phase::Retired => {
+                return Err(self.fault(LinkFault::Refused));
+            }
+            Phase::Answered | Phase::Committed if command.sequence == self.sequence => {
+                return Ok(());
+            }
+            Phase::Idle | Phase::Answered | Phase::Committed => {}
+        }
+        self.sequence = command.sequence;
+        self.time = command.time;
+        if let Err(lost) = self.exchange_out(command) {
+            return Err(self.fault(lost));
+        }
+        self.sent_at = Nanos(os::monotonic_ns());
+        self.phase = Phase::Issued;
+        Ok(())
+    }
+
+    /// Waits up to the time limit of a reply, whatever the engine's deadline is: an answer that is owed cannot be left
+    /// behind.
+    fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+        match self.phase {
+            Phase::Faulted(fault) => return Err(fault),
+            Phase::New | Phase::Idle | Phase::Retired => return Err(LinkFault::Timeout),
+            Phase::Issued => {
+                let until = self.sent_at.plus(self.reply_limit_ns);
+                loop {
+                    match self.hear(until) {
+                        Ok(Came::Signals) => break,
+                        Ok(_) => {}
+                        Err(lost) => return Err(self.fault(lost)),
+                    }
+                }
+                self.phase = Phase::Answered;
+            }
+            Phase::Answered | Phase::Committed => {}
+        }
+        let filled = match &self.machine {
+            Asking::Client(client) => client.measurement(into),
+            Asking::Shadow(shadow) => shadow.measurement(into),
+        };
+        match filled {
+            Ok(()) => {
+                into.sequence = self.sequence;
+                Ok(Freshness::Fresh)
+            }
+            Err(error) => Err(self.fault(error)),
+        }
+    }
+
+    /// A commit in dialects A and B; dialect C knows none.
+    fn accepted(&mut self, sequence: u64) -> Result<(), LinkFault> {
+        match self.phase {
+            Phase::Faulted(fault) => Err(fault),
+            Phase::Answered if sequence == self.sequence => {
+                if self.settings.peer != Peer::Adapter
+                    && let Err(lost) = self.commit_out()
+                {
+                    return Err(self.fault(lost));
+                }
+                self.phase = Phase::Committed;
+                Ok(())
+            }
+            Phase::Answered | Phase::Committed if sequence <= self.sequence => Ok(()),
+            _ => Err(self.fault(LinkFault::Refused)),
+        }
+    }
+
+    /// The protocols have one goodbye, whatever happened; we close first, so that the far end's port is free at once.
+    fn retire(&mut self, _how: Retirement) {
+        // A lost link takes no last words; nothing is left to do about it.
+        let _ = self.say_goodbye();
+        self.link = None;
+        self.phase = Phase::Retired;
+    }
+}

@@ -1,0 +1,157 @@
+//! Why there is no link, or no longer one, with everything that a person needs to look for the cause.
+
+use thiserror::Error;
+
+use super::settings::RemoteSettings;
+use crate::link::socket::ConnectError;
+use crate::substructure::LinkFault;
+use crate::wire::WireError;
+
+/// Why there is no link to a specimen. Nothing was moved.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum RemoteError {
+    /// No connection.
+    #[error(transparent)]
+    Connect(#[from] ConnectError),
+    /// The settings, or what the peer answered, cannot be.
+    #[error("{address}: {what}: {source}")]
+    Wire {
+        /// Where to.
+        address: String,
+        /// What was being done.
+        what: &'static str,
+        /// What is wrong.
+        source: WireError,
+    },
+    /// The link was lost while it was set up.
+    #[error("{address}: {what}: {fault}")]
+    Lost {
+        /// Where to.
+        address: String,
+        /// What was being done.
+        what: &'static str,
+        /// How.
+        fault: LinkFault,
+    },
+    /// The peer did not answer in time.
+    #[error(
+        "{address} did not answer {what} within {seconds} s: is it the right program, and, over UDP, the right hello?"
+    )]
+    Timeout {
+        /// Where to.
+        address: String,
+        /// What was asked.
+        what: &'static str,
+        /// The time limit.
+        seconds: f64,
+    },
+    /// A time limit or a number of axes that cannot be.
+    #[error("{name} is {found}, but must be {allowed}")]
+    Setting {
+        /// Which.
+        name: &'static str,
+        /// What was given.
+        found: f64,
+        /// The domain, in words.
+        allowed: &'static str,
+    },
+}
+
+impl RemoteError {
+    /// The configuration key to point at.
+    #[must_use]
+    pub const fn key(&self) -> &'static str {
+        match self {
+            Self::Setting { name, .. } => name,
+            Self::Wire { .. } => "openfresco",
+            Self::Connect(_) | Self::Lost { .. } | Self::Timeout { .. } => "address",
+        }
+    }
+
+    /// The kind of the fault.
+    #[must_use]
+    pub fn fault(&self) -> LinkFault {
+        match self {
+            Self::Connect(_) | Self::Setting { .. } => LinkFault::Closed,
+            Self::Wire { source, .. } => source.fault(),
+            Self::Lost { fault, .. } => *fault,
+            Self::Timeout { .. } => LinkFault::Timeout,
+        }
+    }
+}
+
+/// A link lost on the way, or bytes that cannot be.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Lost {
+    Link(LinkFault),
+    Wire(WireError),
+}
+
+impl Lost {
+    pub(super) fn fault(self) -> LinkFault {
+        match self {
+            Self::Link(fault) => fault,
+            Self::Wire(error) => error.fault(),
+        }
+    }
+}
+
+impl From<LinkFault> for Lost {
+    fn from(fault: LinkFault) -> Self {
+        Self::Link(fault)
+    }
+}
+
+impl From<WireError> for Lost {
+    fn from(error: WireError) -> Self {
+        Self::Wire(error)
+    }
+}
+
+/// Puts names on what goes wrong in the set-up.
+pub(super) struct Saying {
+    address: String,
+    seconds: f64,
+    what: &'static str,
+}
+
+impl Saying {
+    pub(super) fn new(settings: &RemoteSettings, what: &'static str) -> Self {
+        Self {
+            address: settings.address.clone(),
+            seconds: settings.connect_limit_s,
+            what,
+        }
+    }
+
+    pub(super) fn wire(&self, source: WireError) -> RemoteError {
+        RemoteError::Wire {
+            address: self.address.clone(),
+            what: self.what,
+            source,
+        }
+    }
+
+    pub(super) fn lost(&self, fault: LinkFault) -> RemoteError {
+        let (address, what) = (self.address.clone(), self.what);
+        match fault {
+            LinkFault::Timeout => RemoteError::Timeout {
+                address,
+                what,
+                seconds: self.seconds,
+            },
+            fault => RemoteError::Lost {
+                address,
+                what,
+                fault,
+            },
+        }
+    }
+
+    pub(super) fn why(&self, lost: Lost) -> RemoteError {
+        match lost {
+            Lost::Link(fault) => self.lost(fault),
+            Lost::Wire(error) => self.wire(error),
+        }
+    }
+}

@@ -1,0 +1,38 @@
+//! OpenFresco and OpenSees across a socket, in every role but TLS.
+//!
+//! | item | dialect | speaks with |
+//! |---|---|---|
+//! | [`serve_openfresco`], [`Role::Application`] | A | OpenSees `genericClient`, OpenFresco's elements with `-server`, the C library |
+//! | [`serve_openfresco`], [`Role::Actor`] | B | OpenFresco `expSite ShadowSite` |
+//! | [`serve_openfresco`], [`Role::Controller`] | D | OpenFresco `expControl GenericTCP` |
+//! | [`serve_openfresco`], [`Role::Simulink`] | D | OpenFresco `expControl SimSimulink` |
+//! | [`Remote`], [`Peer::Element`], [`Peer::Site`] | A | `startSimAppElemServer`, `startSimAppSiteServer` |
+//! | [`Remote`], [`Peer::Actor`] | B | `expSite ActorSite` |
+//! | [`Remote`], [`Peer::Adapter`] | C | OpenSees `adapter`, `actuator`, `corotActuator` |
+//!
+//! Run against the real OpenSees: dialect A as a server, dialect C as a client, TCP and UDP. Dialects B and D and the
+//! client of dialect A were not run against the real program here: recorded exchanges and our own two ends are
+//! their tests. TLS is not spoken yet.
+//!
+//! What these protocols cannot do, whoever speaks them: no sequence numbers, no checksums, no time limits, no
+//! error messages, no way to resume. Our side adds time limits and checks of every size; a lost UDP datagram still
+//! ends the test.
+
+mod asking;
+mod client;
+mod dialect;
+mod door;
+mod error;
+mod host;
+mod server;
+mod settings;
+mod spec;
+
+pub use client::Remote;
+pub use dialect::{ExchangeFault, Role};
+pub use door::{Door, DoorError};
+pub use error::RemoteError;
+pub use host::{Host, HostFault, Nature, Tally};
+pub use server::{End, News, ServeSettings, serve_openfresco};
+pub use settings::{Peer, RemoteSettings};
+pub use spec::{Far, OpenFrescoServeSpec, OpenFrescoSpec};

@@ -1,0 +1,130 @@
+//! Our own ends of OpenFresco's dialects: a server in a thread, a client's settings, and a path to drive along.
+
+#![allow(dead_code, reason = "each test file uses its part")]
+
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, channel};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use gusset::link::openfresco::{
+    Door, End, Host, Nature, News, Peer, RemoteSettings, Role, ServeSettings, serve_openfresco,
+};
+use gusset::specimen::SpecimenLaw;
+use gusset::substructure::{Command, Measurement, Substructure};
+use gusset::time::Nanos;
+use gusset::wire::openfresco::Carrier;
+
+pub const BILINEAR: &str = "law = { bilinear = { stiffness_n_per_m = 8000.0, yield_force_n = 60.0, post_yield_ratio = 0.05 } }";
+/// Nothing here takes longer unless it hangs.
+pub const LONG: Duration = Duration::from_secs(20);
+
+pub struct Server {
+    pub address: SocketAddr,
+    news: Receiver<News>,
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Server {
+    pub fn start(role: Role, carrier: Carrier, axes: usize, nature: Nature) -> Self {
+        let settings = ServeSettings::new(role, Some(30.0));
+        Self::with(settings, carrier, axes, nature)
+    }
+
+    pub fn with(settings: ServeSettings, carrier: Carrier, axes: usize, nature: Nature) -> Self {
+        let door = Door::bind(carrier, "127.0.0.1:0", None).unwrap();
+        Self::behind(door, settings, axes, nature)
+    }
+
+    pub fn behind(door: Door, settings: ServeSettings, axes: usize, nature: Nature) -> Self {
+        let address = door.local_addr().unwrap();
+        let stop = Arc::new(AtomicBool::new(false));
+        let (tell, news) = channel();
+        let told = Arc::clone(&stop);
+        let thread = std::thread::spawn(move || {
+            let law: SpecimenLaw = toml::from_str(BILINEAR).unwrap();
+            let mut host = Host::new(law.build(axes).unwrap(), nature, Some(0.01));
+            let stop = || told.load(Ordering::Relaxed);
+            serve_openfresco(&door, &mut host, &settings, &stop, &mut |news| {
+                let _ = tell.send(*news);
+            })
+            .unwrap();
+        });
+        Self {
+            address,
+            news,
+            stop,
+            thread: Some(thread),
+        }
+    }
+
+    pub fn hears(&self, wanted: impl Fn(&News) -> bool) -> News {
+        loop {
+            let news = self.news.recv_timeout(LONG).expect("no such news");
+            if wanted(&news) {
+                return news;
+            }
+        }
+    }
+
+    pub fn end(&self) -> End {
+        match self.hears(|news| matches!(news, News::Ended(..))) {
+            News::Ended(_, end, _) => end,
+            _ => unreachable!(),
+        }
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        let result = self.thread.take().unwrap().join();
+        assert!(result.is_ok() || std::thread::panicking());
+    }
+}
+
+pub fn settings(peer: Peer, carrier: Carrier, address: SocketAddr, axes: usize) -> RemoteSettings {
+    RemoteSettings {
+        data_size: 2,
+        ..RemoteSettings::new(peer, carrier, address.to_string(), axes)
+    }
+}
+
+pub fn path(k: u64, axis: usize) -> f64 {
+    0.03 * (0.3 * k as f64 + axis as f64).sin()
+}
+
+/// Drives a substructure along the path; all measurements.
+pub fn drive(port: &mut dyn Substructure, steps: u64) -> Vec<(Vec<f64>, Vec<f64>)> {
+    let axes = port.axes();
+    let mut into = Measurement::zeros(axes);
+    (0..steps)
+        .map(|k| {
+            let disp: Vec<f64> = (0..axes).map(|axis| path(k, axis)).collect();
+            let vel = vec![0.0; axes];
+            let command = Command {
+                sequence: k,
+                time: 0.01 * k as f64,
+                dt: 0.01,
+                disp: &disp,
+                vel: &vel,
+            };
+            port.issue(&command).unwrap();
+            port.collect(Nanos(0), &mut into).unwrap();
+            port.accepted(k).unwrap();
+            assert_eq!(into.sequence, k);
+            (into.disp.clone(), into.force.clone())
+        })
+        .collect()
+}
+
+pub fn in_process(axes: usize, steps: u64) -> Vec<(Vec<f64>, Vec<f64>)> {
+    let law: SpecimenLaw = toml::from_str(BILINEAR).unwrap();
+    drive(
+        &mut gusset::specimen::InProcess::new(law.build(axes).unwrap()),
+        steps,
+    )
+}
