@@ -581,7 +581,7 @@ fn bad_descriptions_are_named_by_storey_key_and_file() {
     };
     assert_eq!(
         text(&chain(0, 1.0, 1.0)),
-        "dofs is 0, but must be at least 1"
+        "dofs is 0, but must be 1 to 1000000"
     );
     assert_eq!(
         text(&chain(2, 0.0, 1.0)),
