@@ -164,7 +164,16 @@ fn summary_and_timing_have_the_keys_of_the_contract() {
     assert!(summary["peak"]["force"]["storey"][0].as_f64().unwrap() > 0.0);
     assert_eq!(
         keys(&summary["link"]["storey"]),
-        ["sent", "received", "late", "lost", "corrupt"]
+        [
+            "sent",
+            "received",
+            "late",
+            "lost",
+            "corrupt",
+            "duplicates",
+            "recovered",
+            "missed"
+        ]
     );
     let timing = json(&out, "timing.json");
     for key in QUANTITIES {
