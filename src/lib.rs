@@ -21,6 +21,7 @@
 //! | [`model`] | the numerical substructure: M, C, K, nonlinear elements |
 //! | [`motion`] | ground motions and other signals on the step grid |
 //! | [`integrate`] | the Gui-λ family and the choice of λ |
+//! | [`spectral`] | what a method does to one mode: poles, period error, bounds, critical delay |
 //! | [`substructure`] | the hinge: command out, measurement back |
 //! | [`specimen`] | specimens in process |
 //! | [`control`] | what stands between the structure's DOFs and a specimen's axes |
@@ -52,6 +53,7 @@ pub mod report;
 pub mod rt;
 pub mod session;
 pub mod specimen;
+pub mod spectral;
 pub mod substructure;
 pub mod time;
 pub mod wire;
