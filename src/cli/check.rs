@@ -4,7 +4,7 @@ use serde_json::json;
 
 use super::CheckArgs;
 use super::exit::Exit;
-use super::run::{load, refused};
+use super::run::{load, method_name, refused};
 use super::table::{Table, duration, quantity};
 use crate::config::{self, ClockChoice, Facts, StructureFacts};
 
@@ -63,8 +63,13 @@ fn describe(table: &mut Table, facts: &Facts, structure: &StructureFacts) {
     table.row(
         "structure",
         &format!(
-            "{} DOFs, effective mass stored {}",
-            structure.dofs, structure.storage
+            "{} DOFs{}",
+            structure.dofs,
+            structure
+                .storage
+                .as_ref()
+                .map(|storage| format!(", effective mass stored {storage}"))
+                .unwrap_or_default()
         ),
     );
     if let Some(peak) = structure.peak_ground_accel {
@@ -86,6 +91,10 @@ fn describe(table: &mut Table, facts: &Facts, structure: &StructureFacts) {
         );
         table.row(&format!("mode {}", mode + 1), &text);
     }
+    let Some(lambda) = structure.lambda else {
+        table.row("method", &method_name(structure.method));
+        return;
+    };
     let how = if structure.lambda_by_number {
         "asked for by number".to_owned()
     } else {
@@ -94,7 +103,7 @@ fn describe(table: &mut Table, facts: &Facts, structure: &StructureFacts) {
             structure.gain
         )
     };
-    table.row("lambda", &format!("{} ({how})", structure.lambda));
+    table.row("lambda", &format!("{lambda} ({how})"));
     match &structure.choice {
         None => table.row("stability", "no proof: a tangent has no declared bound"),
         Some(choice) => {
@@ -134,7 +143,8 @@ fn as_json(facts: &Facts) -> serde_json::Value {
             "dofs": structure.dofs,
             "storage": structure.storage,
             "frequencies_rad_per_s": structure.frequencies,
-            "lambda": number(structure.lambda.value()),
+            "method": structure.method,
+            "lambda": structure.lambda.map(|lambda| number(lambda.value())),
             "lambda_by_number": structure.lambda_by_number,
             "lambda_limit": choice.map(|choice| choice.limit),
             "margin": choice.map(|choice| number(choice.margin)),

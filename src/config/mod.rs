@@ -52,7 +52,7 @@ pub use resolve::{ResolveError, resolve};
 pub use schema::{
     ClockChoice, ExcitationTable, GravityTable, GroundTable, IntegratorTable, Method,
     NodalFileTable, NodalForceTable, PrescribedTable, RecordTable, SafetyTable, Start,
-    StructureTable, TestFile, TimeTable,
+    StructureTable, TestFile, TimeTable, Weighting,
 };
 pub use specimen::{AxisTable, DispUnit, ForceUnit, SimilitudeTable, SpecimenTable};
 pub use steps::Time;

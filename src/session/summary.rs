@@ -97,6 +97,8 @@ fn ending(ending: &Ending) -> (Finish, String) {
                 | Stop::Stale { .. }
                 | Stop::Diverged { .. }
                 | Stop::NotFinite { .. }
+                | Stop::Step(_)
+                | Stop::CannotCommand
                 | Stop::NotSettled { .. } => Finish::Stopped,
             };
             (finish, stop.to_string())

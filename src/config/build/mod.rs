@@ -5,15 +5,16 @@
 //! moves, and nothing is written.
 
 mod excitation;
+mod method;
 mod proof;
 mod specimens;
 mod structure;
 
 use std::path::PathBuf;
 
-use super::{ClockChoice, ConfigError, DofChoice, Finding, Inputs, KeyPath, Loaded, Start};
+use super::{ClockChoice, ConfigError, DofChoice, Finding, Inputs, KeyPath, Loaded, Method};
 use crate::engine::{Experiment, Limits, Numerical, OnMiss, Settling, Side};
-use crate::integrate::{Gui, Integrator, Lambda, LambdaChoice, State};
+use crate::integrate::{Lambda, LambdaChoice};
 use crate::linalg::{Spd, SymMatrix};
 use crate::rt;
 use crate::rt::TimingSpec;
@@ -58,12 +59,11 @@ pub struct Facts {
 }
 
 impl Facts {
-    /// λ in use; none without a structure.
+    /// λ in use; none without a structure or with another method than the family.
     #[must_use]
     pub fn lambda(&self) -> Option<f64> {
-        self.structure
-            .as_ref()
-            .map(|structure| structure.lambda.value())
+        let lambda = self.structure.as_ref()?.lambda?;
+        Some(lambda.value())
     }
 }
 
@@ -72,10 +72,12 @@ impl Facts {
 pub struct StructureFacts {
     /// Degrees of freedom.
     pub dofs: usize,
-    /// How M_eff is stored and factored.
-    pub storage: String,
-    /// λ in use.
-    pub lambda: Lambda,
+    /// The integration method.
+    pub method: Method,
+    /// How M_eff is stored and factored, for the family.
+    pub storage: Option<String>,
+    /// λ in use, for the family.
+    pub lambda: Option<Lambda>,
     /// Whether λ was asked for by number.
     pub lambda_by_number: bool,
     /// λ, its limit and what governs it; none if the tangents have no declared bound.
@@ -278,32 +280,27 @@ fn numerical(
         .stiffness_at_rest()
         .plus(1.0, &specimens.stiffness(n));
     let frequencies = structure::frequencies(&at_rest, structure.mass());
-    let proof = proof::choose(
-        site,
-        &structure,
-        specimens,
-        &initial_stiffness,
-        &initial_damping,
-    )?;
-    let start = match site.loaded.file.integrator.start {
-        Start::Published => crate::integrate::Start::Published,
-        Start::SecondOrder => crate::integrate::Start::SecondOrder,
-    };
-    let gui = match Gui::new(
-        structure.mass(),
-        &initial_damping,
-        &initial_stiffness,
+    let method = site.loaded.file.integrator.method;
+    let initial = method::Initial {
+        damping: &initial_damping,
+        stiffness: &initial_stiffness,
         dt,
-        proof.lambda,
-        start,
-    ) {
-        Ok(gui) => gui,
-        Err(error) => {
-            let finding = Finding::error(path("structure"), error.to_string()).help(
-                "every massless degree of freedom must be held by a stiffness or a damping, and \
-                 no stiffness may be negative",
-            );
-            return site.refuse(finding);
+    };
+    let (proof, stepper, storage) = match method::companion(site, &structure, &initial)? {
+        Some(stepper) => {
+            proof::warn_of_limit(site, &structure, specimens, method);
+            (None, stepper, None)
+        }
+        None => {
+            let proof = proof::choose(
+                site,
+                &structure,
+                specimens,
+                &initial_stiffness,
+                &initial_damping,
+            )?;
+            let (stepper, storage) = method::family(site, &structure, &initial, proof.lambda)?;
+            (Some(proof), stepper, Some(storage))
         }
     };
     let (excitation, load) = excitation::excitation(site, &structure, specimens)?;
@@ -312,7 +309,9 @@ fn numerical(
             site,
             load,
             &initial_stiffness,
-            proof.stiffness_bound.as_ref(),
+            proof
+                .as_ref()
+                .and_then(|proof| proof.stiffness_bound.as_ref()),
         )?),
         None => None,
     };
@@ -320,15 +319,15 @@ fn numerical(
     let ground = excitation.ground_accel();
     let facts = StructureFacts {
         dofs: n,
-        storage: gui.storage().to_string(),
-        lambda: gui.lambda(),
-        lambda_by_number: proof.by_number,
-        choice: proof.choice,
-        gain: proof.gain,
+        method,
+        storage,
+        lambda: proof.as_ref().map(|proof| proof.lambda),
+        lambda_by_number: proof.as_ref().is_some_and(|proof| proof.by_number),
+        gain: proof.as_ref().map_or(f64::INFINITY, |proof| proof.gain),
+        choice: proof.and_then(|proof| proof.choice),
         frequencies,
         peak_ground_accel: ground.map(|a| a.iter().fold(0.0, |m: f64, v| m.max(v.abs()))),
     };
-    let integrator: Box<dyn Integrator> = Box::new(gui);
     let accel = match crate::model::Acceleration::new(structure.mass()) {
         Ok(accel) => accel,
         Err(error) => {
@@ -336,9 +335,8 @@ fn numerical(
             return site.refuse(finding);
         }
     };
-    let State { .. } = &state;
     Ok((
-        Numerical::new(structure, accel, excitation, integrator, state),
+        Numerical::new(structure, accel, excitation, stepper, state),
         settling,
         facts,
     ))
