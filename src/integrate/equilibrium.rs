@@ -5,7 +5,7 @@
 //! If the tangents lead nowhere (a law that softens below zero, a cycle between two branches) the second half of the
 //! iterations uses the initial ones, which approach a yielding law from one side.
 
-use super::offline::{Forces, Instant, MethodError, StepError, Tangents};
+use super::offline::{Forces, MethodError, Moment, StepError, Tangents};
 use crate::linalg::{Spd, SymMatrix};
 
 /// Bounds of Newton's iteration.
@@ -98,7 +98,7 @@ impl Equilibrium {
     ) -> Result<(), StepError> {
         let mut change = f64::INFINITY;
         for iteration in 0..=self.settings.iterations {
-            forces.residual_into(Instant::at(step), disp, vel, dt, &mut self.residual);
+            forces.residual_into(Moment::at(step), disp, vel, dt, &mut self.residual);
             self.inertia.fill(0.0);
             self.mass.subtract_product(accel, &mut self.inertia);
             if change <= self.settings.tolerance * self.largest {

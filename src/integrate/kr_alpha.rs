@@ -20,7 +20,7 @@
 //! command a specimen. [`KrAlphaAtState`] evaluates R at the weighted state instead, as open-source finite-element
 //! programs do: the same for linear systems; the state where forces are evaluated is not the one that is reported.
 
-use super::offline::{Forces, Instant, MethodError, Offline, StepError, check};
+use super::offline::{Forces, MethodError, Moment, Offline, StepError, check};
 use super::{Integrator, State};
 use crate::linalg::{Spd, SymMatrix};
 
@@ -289,7 +289,7 @@ impl Offline for KrAlphaAtState {
         };
         weigh(disp, &state.disp);
         weigh(vel, &state.vel);
-        let at = Instant {
+        let at = Moment {
             step: to,
             back: old,
         };

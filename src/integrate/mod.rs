@@ -38,7 +38,7 @@ pub use equilibrium::NewtonSettings;
 pub use gui::{Gui, GuiError};
 pub use kr_alpha::{AlphaWeights, KrAlpha, KrAlphaAtState};
 pub use newmark::{Newmark, NewmarkBeta};
-pub use offline::{Forces, Instant, Loaded, MethodError, Offline, StepError, Stepper, Tangents};
+pub use offline::{Forces, Loaded, MethodError, Moment, Offline, StepError, Stepper, Tangents};
 pub use stability::{
     ACCURATE_LAMBDA, GAIN_HYBRID, GAIN_NUMERICAL, Governing, LambdaChoice, StabilityError,
     StabilityProof,

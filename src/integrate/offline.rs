@@ -13,14 +13,14 @@ use crate::model::{Base, Structure};
 
 /// A place in time: step n, moved back by a share of a step. Loads and base motion between steps are weighed.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Instant {
+pub struct Moment {
     /// n.
     pub step: u64,
     /// 0 at n, 1 at n − 1.
     pub back: f64,
 }
 
-impl Instant {
+impl Moment {
     /// Step n itself.
     #[must_use]
     pub const fn at(step: u64) -> Self {
@@ -42,7 +42,7 @@ pub trait Forces {
     /// residual ← F − R_d(v) − R_s(x) in N: a trial, `dt` seconds after the last commit. Slices have n entries.
     fn residual_into(
         &mut self,
-        at: Instant,
+        at: Moment,
         disp: &[f64],
         vel: &[f64],
         dt: f64,
@@ -231,7 +231,7 @@ impl<L> fmt::Debug for Loaded<'_, L> {
 impl<L: FnMut(u64, &mut [f64]) -> Base> Forces for Loaded<'_, L> {
     fn residual_into(
         &mut self,
-        at: Instant,
+        at: Moment,
         disp: &[f64],
         vel: &[f64],
         dt: f64,

@@ -87,7 +87,7 @@ fn course(
     };
     let mut inertia = vec![0.0; n];
     let mut forces = Loaded::new(structure, at);
-    forces.residual_into(Instant::at(0), &state.disp, &state.vel, 0.0, &mut inertia);
+    forces.residual_into(Moment::at(0), &state.disp, &state.vel, 0.0, &mut inertia);
     forces.commit();
     match &mut stepper {
         Stepper::Offline(method) => {
@@ -109,7 +109,7 @@ fn course(
                 found.inertia.push(inertia.clone());
                 method.advance(&mut state, &mut inertia, &mut reported);
                 found.vel.push(reported.clone());
-                let next = Instant::at(step as u64 + 1);
+                let next = Moment::at(step as u64 + 1);
                 forces.residual_into(next, &state.disp, &state.vel, dt, &mut inertia);
                 forces.commit();
             }
