@@ -32,6 +32,7 @@
 //! | [`rt`] | what is asked of the operating system; the real clock; timing histograms |
 //! | [`config`] | the test file: schema, diagnostics, and the building of an experiment |
 //! | [`report`] | the page a run leaves behind |
+//! | [`verify`] | the published values of the family, obtained anew and judged |
 //! | [`session`] | one test from the prepared experiment to the finished run folder: the threads |
 //! | [`cli`] | the commands |
 
@@ -56,4 +57,5 @@ pub mod specimen;
 pub mod spectral;
 pub mod substructure;
 pub mod time;
+pub mod verify;
 pub mod wire;

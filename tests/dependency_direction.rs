@@ -26,6 +26,18 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("rt", &["time"]),
     ("report", &["record"]),
     (
+        "verify",
+        &[
+            "integrate",
+            "law",
+            "linalg",
+            "model",
+            "report",
+            "spectral",
+            "time",
+        ],
+    ),
+    (
         "engine",
         &[
             "control",

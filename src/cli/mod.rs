@@ -18,6 +18,7 @@ mod report;
 mod run;
 mod schema;
 mod table;
+mod verify;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -48,6 +49,8 @@ enum Command {
     Export(ExportArgs),
     /// Write a run's report.html again.
     Report(ReportArgs),
+    /// Obtain the published tables, equations, figures and examples of the integration family anew, and judge them.
+    Verify(VerifyArgs),
     /// Print the JSON Schema of the test file.
     Schema,
 }
@@ -174,6 +177,29 @@ struct ReportArgs {
     picture: Option<PathBuf>,
 }
 
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  gusset verify --quick\n  gusset verify example-4.2 --out verification\n\n\
+    Exits with 1 if anything is not as published."
+)]
+struct VerifyArgs {
+    /// Topics, as --list names them [default: all].
+    #[arg(value_name = "NAME")]
+    names: Vec<String>,
+    /// List the topics.
+    #[arg(long)]
+    list: bool,
+    /// Fewer random systems and smaller models: seconds in place of minutes.
+    #[arg(long)]
+    quick: bool,
+    /// Write index.html, every figure as SVG and its data as CSV here; must not exist yet.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Print everything as JSON on stdout.
+    #[arg(long)]
+    json: bool,
+}
+
 /// Runs the command line and returns the exit code of contracts: 0 done, 1 stopped, 2 wrong usage, 3 link, 4 no real
 /// time, 5 our own fault, 130 and 143 interrupted.
 #[must_use]
@@ -186,6 +212,7 @@ pub fn main() -> ExitCode {
         Command::Doctor(args) => doctor::doctor(&args),
         Command::Export(args) => export::export(&args),
         Command::Report(args) => report::report(&args),
+        Command::Verify(args) => verify::verify(&args),
         Command::Schema => schema::schema(),
     };
     match result {
