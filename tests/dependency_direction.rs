@@ -64,6 +64,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "motion",
             "rt",
             "specimen",
+            "spectral",
             "substructure",
             "time",
         ],

@@ -5,6 +5,7 @@ use serde_json::json;
 use super::CheckArgs;
 use super::exit::Exit;
 use super::run::{load, method_name, refused};
+use super::spectrum::Spectrum;
 use super::table::{Table, duration, quantity};
 use crate::config::{self, ClockChoice, Facts, StructureFacts};
 
@@ -15,15 +16,28 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
     for warning in &facts.warnings {
         eprintln!("warning: {warning}");
     }
+    let spectrum = facts
+        .structure
+        .as_ref()
+        .and_then(|structure| Spectrum::of(&facts, structure));
+    if let Some(folder) = &args.plot {
+        let Some(spectrum) = &spectrum else {
+            anyhow::bail!(
+                "there are no curves: they are for the method \"gui\" and structures of up to 100 degrees of freedom"
+            );
+        };
+        spectrum.plot(folder)?;
+    }
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&as_json(&facts))?);
+        let found = as_json(&facts, spectrum.as_ref());
+        println!("{}", serde_json::to_string_pretty(&found)?);
     } else {
-        print!("{}", as_table(&facts));
+        print!("{}", as_table(&facts, spectrum.as_ref()));
     }
     Ok(Exit::Done)
 }
 
-fn as_table(facts: &Facts) -> Table {
+fn as_table(facts: &Facts, spectrum: Option<&Spectrum>) -> Table {
     let mut table = Table::new(&format!("{} — valid", facts.title));
     let clock = match facts.clock {
         ClockChoice::Real => "real",
@@ -40,7 +54,7 @@ fn as_table(facts: &Facts) -> Table {
         ),
     );
     if let Some(structure) = &facts.structure {
-        describe(&mut table, facts, structure);
+        describe(&mut table, facts, structure, spectrum);
     } else {
         table.row(
             "structure",
@@ -59,7 +73,12 @@ fn as_table(facts: &Facts) -> Table {
     table
 }
 
-fn describe(table: &mut Table, facts: &Facts, structure: &StructureFacts) {
+fn describe(
+    table: &mut Table,
+    facts: &Facts,
+    structure: &StructureFacts,
+    spectrum: Option<&Spectrum>,
+) {
     table.row(
         "structure",
         &format!(
@@ -86,8 +105,11 @@ fn describe(table: &mut Table, facts: &Facts, structure: &StructureFacts) {
             "none".to_owned()
         };
         let text = format!(
-            "{omega:.4} rad/s, {hz:.4} Hz, period {period}, Ω = ω·Δt = {:.4}",
-            omega * facts.dt
+            "{omega:.4} rad/s, {hz:.4} Hz, period {period}, Ω = ω·Δt = {:.4}{}",
+            omega * facts.dt,
+            spectrum
+                .map(|spectrum| spectrum.errors(mode))
+                .unwrap_or_default()
         );
         table.row(&format!("mode {}", mode + 1), &text);
     }
@@ -127,9 +149,12 @@ fn describe(table: &mut Table, facts: &Facts, structure: &StructureFacts) {
             }
         }
     }
+    if let Some(spectrum) = spectrum {
+        spectrum.describe(table);
+    }
 }
 
-fn as_json(facts: &Facts) -> serde_json::Value {
+fn as_json(facts: &Facts, spectrum: Option<&Spectrum>) -> serde_json::Value {
     let number = |value: f64| {
         if value.is_finite() {
             json!(value)
@@ -150,7 +175,9 @@ fn as_json(facts: &Facts) -> serde_json::Value {
             "margin": choice.map(|choice| number(choice.margin)),
             "stable": choice.map(|choice| choice.is_stable()),
             "governing": choice.and_then(|c| c.governing.as_ref()).map(ToString::to_string),
-            "gain_bound": structure.gain,
+            "gain_bound": structure.gain.is_finite().then_some(structure.gain),
+            "modes": spectrum.map(Spectrum::modes_json),
+            "critical_delays": spectrum.map(Spectrum::delays_json),
             "peak_ground_acceleration_m_per_s2": structure.peak_ground_accel,
         })
     });

@@ -17,6 +17,7 @@ mod progress;
 mod report;
 mod run;
 mod schema;
+mod spectrum;
 mod table;
 mod verify;
 
@@ -89,13 +90,17 @@ enum ClockArg {
 }
 
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  gusset check config/frame-bouc-wen.toml")]
+#[command(after_help = "Example:\n  gusset check config/frame-bouc-wen.toml\n  \
+    gusset check config/frame-bouc-wen.toml --plot curves")]
 struct CheckArgs {
     /// The test file.
     test: PathBuf,
     /// Overrides any key by its dotted path.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     sets: Vec<String>,
+    /// Write the curves of period error, damping error and growth over delay here (SVG, CSV); must not exist yet.
+    #[arg(long, value_name = "DIR")]
+    plot: Option<PathBuf>,
     /// Print the findings as JSON on stdout.
     #[arg(long)]
     json: bool,

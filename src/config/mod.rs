@@ -42,7 +42,7 @@ use schemars::transform::{Transform, transform_subschemas};
 use thiserror::Error;
 use toml_edit::DocumentMut;
 
-pub use build::{Facts, Files, Prepared, StructureFacts, build};
+pub use build::{Analysis, Facts, Files, Loop, ModeFacts, Prepared, StructureFacts, build};
 pub use diagnose::{Diagnostic, Diagnostics, Finding, Part, Place, Severity, Source};
 pub use document::{KeyPath, PathError, Segment};
 pub use inputs::{INPUTS_FOLDER, Input, InputError, Inputs};

@@ -1,8 +1,8 @@
 //! A picture of several curves over one pair of axes, for pages other than a run's: linear or doubly logarithmic, with
 //! fixed ranges where a published figure has them.
 //!
-//! A curve that leaves a fixed range runs along its edge and is cut where it is far outside: a diverging response must
-//! not hide the others.
+//! A curve that leaves a fixed range ends at its edge; a sawtooth crosses the picture until it is far outside: a
+//! diverging response must not hide the others.
 
 use super::axis::{Axis, is_drawable};
 use super::canvas::{Anchor, Canvas, Ink, Lettering, Skin, fitted, picture, text_width};
@@ -43,7 +43,7 @@ pub(crate) struct Curves<'a> {
 const ROW: f64 = 18.0;
 /// Largest distance of a left-out point from the drawn line, in display units.
 const TOLERANCE: f64 = 0.15;
-/// A curve is cut where it is further outside than this many times the range.
+/// Further outside than this many times the range nothing is drawn.
 const FAR: f64 = 2.0;
 
 impl Curves<'_> {
@@ -74,21 +74,21 @@ impl Curves<'_> {
         if !self.logarithmic {
             plot.zero_line(canvas);
         }
-        let far = |axis: &Axis, value: f64| {
-            let room = FAR * (axis.hi() - axis.lo());
-            value < axis.lo() - room || value > axis.hi() + room
-        };
         for (index, curve) in self.curves.iter().enumerate() {
             let ink = ink(index);
-            let places = curve.x.iter().zip(curve.y).map(|(&px, &py)| {
-                let gone = !(is_drawable(px) && is_drawable(py))
-                    || (!self.logarithmic && (far(&x, px) || far(&y, py)));
-                if gone {
-                    (f64::NAN, f64::NAN)
-                } else {
-                    (plot.across(px), plot.up(py))
-                }
-            });
+            let outside = sides(&y, curve.y);
+            let places = curve
+                .x
+                .iter()
+                .zip(curve.y)
+                .zip(&outside)
+                .map(|((&px, &py), side)| {
+                    if is_drawable(px) && side.is_some() {
+                        (plot.across(px), plot.up(py))
+                    } else {
+                        (f64::NAN, f64::NAN)
+                    }
+                });
             if curve.dots {
                 for at in places.filter(|at| at.0.is_finite()) {
                     canvas.dot(at, ink, 3.0);
@@ -164,6 +164,31 @@ impl Curves<'_> {
     }
 }
 
+/// Where each value lies: below (−1), on (0) or above (1) the axis; none for a gap, and for a value whose neighbours
+/// lie outside on the same side: a curve ends at the edge, while a sawtooth keeps crossing the picture until it is far.
+fn sides(axis: &Axis, values: &[f64]) -> Vec<Option<i8>> {
+    let side = |value: f64| {
+        let room = FAR * (axis.hi() - axis.lo());
+        match value {
+            v if !is_drawable(v) || v < axis.lo() - room || v > axis.hi() + room => None,
+            v if v < axis.lo() => Some(-1),
+            v if v > axis.hi() => Some(1),
+            _ => Some(0),
+        }
+    };
+    let all: Vec<_> = values.iter().map(|&value| side(value)).collect();
+    let neighbour = |at: Option<usize>| at.and_then(|i| all.get(i)).copied().flatten();
+    all.iter()
+        .enumerate()
+        .map(|(i, &own)| {
+            let alone = [i.checked_sub(1), Some(i + 1)]
+                .into_iter()
+                .all(|at| neighbour(at).is_none_or(|side| Some(side) == own));
+            own.filter(|&side| side == 0 || !alone)
+        })
+        .collect()
+}
+
 fn ink(index: usize) -> Ink {
     Ink::Series(u8::try_from(index % 6).unwrap_or(0))
 }
@@ -203,6 +228,11 @@ mod tests {
         let text = svg(&both, Some((-1.0, 1.0)), false);
         assert!(text.contains("tame") && text.contains("wild") && text.contains("&amp; others"));
         assert_eq!(text.matches("<polyline").count(), 2);
+        let axis = Axis::exactly(-1.0, 1.0).unwrap();
+        let leaving = sides(&axis, &[0.0, 2.0, 2.5, 3.0, 9.0, f64::NAN]);
+        assert_eq!(leaving, [Some(0), Some(1), None, None, None, None]);
+        let sawtooth = sides(&axis, &[0.0, 2.0, -2.5, 3.0, -9.0]);
+        assert_eq!(sawtooth, [Some(0), Some(1), Some(-1), Some(1), None]);
         let dotted = svg(&[curve("", &tame, true)], None, false);
         assert_eq!(dotted.matches("<circle").count(), 100);
         let text = svg(&[curve("w", &wild, false)], None, true);

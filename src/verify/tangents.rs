@@ -127,8 +127,15 @@ pub(super) fn root_locus() -> Proof {
             margin(100.0 * locus.stiffness) < 0.0,
         ),
     ];
-    // The gain on a logarithmic walk: the branches move fast at first.
-    let gains = (0..=600).map(|i| locus.stiffness * libm::pow(10.0, -4.0 + f64::from(i) * 0.01));
+    // The gain on a logarithmic walk, finer towards the double root, which the branches leave with infinite speed.
+    let viscous = locus.alpha() * locus.damping * locus.dt;
+    let per_stiffness = locus.alpha() * locus.dt * locus.dt;
+    let double = (2.0 * (1.0 - viscous).sqrt() - viscous + 2.0) / per_stiffness;
+    let walk = (0..=600).map(|i| locus.stiffness * libm::pow(10.0, -4.0 + f64::from(i) * 0.01));
+    let near = (0..=80).map(|i| libm::pow(10.0, -0.1 * f64::from(i)));
+    let near = near.flat_map(|share| [double * (1.0 - share), double * (1.0 + share)]);
+    let mut gains: Vec<f64> = walk.chain(near).collect();
+    gains.sort_by(f64::total_cmp);
     let mut branches = [(vec![], vec![]), (vec![], vec![])];
     for gain in std::iter::once(0.0).chain(gains) {
         for (branch, root) in branches.iter_mut().zip(locus.roots(gain)) {
@@ -139,8 +146,8 @@ pub(super) fn root_locus() -> Proof {
     let [first, second] = branches;
     let figure = Figure {
         file: "fig-5",
-        title: "Fig. 5: root locus, ξ = 0.02, ω = 2π rad/s, Δt = 0.5 s, λ = 1",
-        claim: "One branch leaves the unit circle through z = −1: the instability is a sawtooth of two steps.",
+        title: "Fig. 5: root locus",
+        claim: "ξ = 0.02, ω = 2π rad/s, Δt = 0.5 s, λ = 1. One branch leaves the unit circle through z = −1: the instability is a sawtooth of two steps.",
         across: Scale::fixed("Re z", "1", -2.0, 2.0),
         up: Scale::fixed("Im z", "1", -2.0, 2.0),
         logarithmic: false,

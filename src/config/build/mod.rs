@@ -4,6 +4,7 @@
 //! chosen and proven, peaks of the excitation known. A mistake becomes a [`Finding`] at its place in the file. Nothing
 //! moves, and nothing is written.
 
+mod analysis;
 mod excitation;
 mod method;
 mod proof;
@@ -18,6 +19,7 @@ use crate::integrate::{Lambda, LambdaChoice};
 use crate::linalg::{Spd, SymMatrix};
 use crate::rt;
 use crate::rt::TimingSpec;
+pub use analysis::{Analysis, Loop, ModeFacts};
 use specimens::Specimens;
 
 /// A test that is ready to run.
@@ -88,6 +90,8 @@ pub struct StructureFacts {
     pub frequencies: Vec<f64>,
     /// Largest |ground acceleration| in m/s².
     pub peak_ground_accel: Option<f64>,
+    /// What modes and delays can be analysed from, for structures that are not too large.
+    pub analysis: Option<Analysis>,
 }
 
 /// What the run folder archives.
@@ -316,6 +320,13 @@ fn numerical(
         None => None,
     };
     let state = structure::initial_state(site, n)?;
+    let analysis = Analysis::new(
+        structure.mass(),
+        &at_rest,
+        &initial_stiffness,
+        &initial_damping,
+        specimens,
+    );
     let ground = excitation.ground_accel();
     let facts = StructureFacts {
         dofs: n,
@@ -326,6 +337,7 @@ fn numerical(
         gain: proof.as_ref().map_or(f64::INFINITY, |proof| proof.gain),
         choice: proof.and_then(|proof| proof.choice),
         frequencies,
+        analysis,
         peak_ground_accel: ground.map(|a| a.iter().fold(0.0, |m: f64, v| m.max(v.abs()))),
     };
     let accel = match crate::model::Acceleration::new(structure.mass()) {
