@@ -264,6 +264,12 @@ impl RingReader {
         Some((head.to_bits(), body))
     }
 
+    /// Events that wait now.
+    #[must_use]
+    pub fn events_waiting(&self) -> usize {
+        self.events.slots()
+    }
+
     /// The oldest event.
     pub fn event(&mut self) -> Option<Event> {
         self.events.pop().ok()

@@ -84,11 +84,13 @@ impl<S: Store, E: Store> Drain<S, E> {
     pub(super) fn turn(&mut self, now: Moment) -> bool {
         let waiting = self.ring.waiting();
         self.take_rows(waiting, now);
-        for event in std::iter::from_fn(|| self.ring.event()).take(PER_TURN) {
-            self.events.event(event, now);
-        }
+        // A note that was sent before an event stands before it: set-up is told of before the loop it leads to.
+        let events = self.ring.events_waiting().min(PER_TURN);
         for note in self.notes.try_iter().take(PER_TURN) {
             self.events.note(note, self.position, now);
+        }
+        for event in std::iter::from_fn(|| self.ring.event()).take(events) {
+            self.events.event(event, now);
         }
         let since = now.monotonic_ns.saturating_sub(self.flushed_ns);
         if since >= nanos(self.settings.flush_every) {

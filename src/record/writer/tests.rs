@@ -345,3 +345,27 @@ fn a_writer_that_is_dropped_finishes_its_files() {
     drop(writer);
     assert_eq!(numbers(&disk.bytes()).0.len(), 5);
 }
+
+#[test]
+fn a_note_of_the_set_up_stands_before_the_events_of_a_test_that_is_over_in_the_same_turn() {
+    let (mut recorder, reader) = small(8);
+    let events = SmallDisk::with_room(1 << 20);
+    let (mut drain, notes) = drain(
+        reader,
+        Vec::new(),
+        events.clone(),
+        WriterSettings::default(),
+    );
+    notes.send(Note::new(NoteLevel::Info, "connected")).unwrap();
+    let ended = Event {
+        tick: 0,
+        time: 0.0,
+        clock_ns: 0,
+        kind: EventKind::Ended,
+    };
+    assert!(recorder.event(ended));
+    drain.turn(at(1000 * MS));
+    drain.finish(at(1001 * MS));
+    let kinds: Vec<Value> = lines(&events).iter().map(|l| l["event"].clone()).collect();
+    assert_eq!(kinds, ["connected", "ended"]);
+}
