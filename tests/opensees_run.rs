@@ -194,7 +194,12 @@ fn opensees_killed_in_mid_test_is_exit_3_and_a_complete_run_folder() {
         let summary: Value = serde_json::from_str(&summary).unwrap();
         assert_eq!(summary["status"], "failed");
         let reason = summary["reason"].as_str().unwrap();
-        assert!(reason.contains("closed the connection"), "{reason}");
+        // A UDP peer that dies with our command in its hands leaves nothing behind that could tell us.
+        let silent = transport == "udp" && reason.contains("no reply within the time limit");
+        assert!(
+            silent || reason.contains("closed the connection"),
+            "{reason}"
+        );
         assert!(out.join("report.html").exists());
     }
 }
