@@ -6,7 +6,7 @@
 use std::ops::Range;
 
 use super::numerical::Side;
-use super::step::Tick;
+use super::tick::Tick;
 use crate::control::Port;
 use crate::record::Column;
 use crate::rt::timing::TickStamps;

@@ -10,13 +10,14 @@ mod peaks;
 mod run;
 mod settle;
 mod step;
+mod tick;
 
 pub use columns::state;
 pub use numerical::{Numerical, Side};
 pub use peaks::Peaks;
 pub use run::{Control, Operator, Watch};
 pub use settle::Settling;
-pub use step::Tick;
+pub use tick::Tick;
 
 use thiserror::Error;
 

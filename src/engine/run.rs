@@ -3,7 +3,7 @@
 use crossbeam_channel::Receiver;
 
 use super::numerical::{Side, aim_along};
-use super::step::Tick;
+use super::tick::Tick;
 use super::{Ending, Engine, OnMiss, Outcome, Stop};
 use crate::record::{Event, EventKind, MissCause};
 use crate::rt::timing::{Suspect, TickStamps};

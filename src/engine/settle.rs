@@ -9,7 +9,7 @@
 use super::columns::state;
 use super::numerical::Side;
 use super::run::Control;
-use super::step::Tick;
+use super::tick::Tick;
 use super::{Engine, Stop};
 use crate::integrate::State;
 use crate::linalg::Spd;

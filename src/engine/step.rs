@@ -6,33 +6,13 @@
 
 use super::columns::state;
 use super::numerical::{Side, aim_along};
+use super::tick::Tick;
 use super::{Engine, Stop};
 use crate::control::OnStale;
 use crate::record::EventKind;
 use crate::rt::timing::TickStamps;
 use crate::substructure::{Coupling, Freshness, Status};
 use crate::time::Nanos;
-
-/// Place of a tick in the test.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Tick {
-    /// Step of the integration, from 0 at t = 0.
-    pub step: u64,
-    /// Tick within the step, from 0.
-    pub sub_tick: u64,
-    /// Test time in s.
-    pub time: f64,
-    /// Test time since the last accepted step: 0 at step 0.
-    pub dt: f64,
-}
-
-impl Tick {
-    /// The step as an index into series on the step grid.
-    #[must_use]
-    pub fn index(&self) -> usize {
-        usize::try_from(self.step).unwrap_or(usize::MAX)
-    }
-}
 
 impl Engine {
     /// One tick of the running test. On return command k + 1 stands ready and row k is handed over.
