@@ -13,6 +13,7 @@ use rustix::net::{AddressFamily, SocketFlags, SocketType, sockopt};
 use thiserror::Error;
 
 use crate::link::socket::{ConnectError, SocketOptions, TcpTransport, UdpTransport, resolve};
+use crate::link::tls::TlsServer;
 use crate::wire::openfresco::Carrier;
 
 /// Why a port cannot be served.
@@ -32,7 +33,7 @@ pub enum DoorError {
     /// Other machines could command the specimen, and these protocols prove nobody's identity.
     #[error(
         "{address} can be reached from other machines, and OpenFresco's protocols know no key: name the one machine that \
-         may command the specimen (--client ADDRESS)"
+         may command the specimen (--client ADDRESS), or require certificates (--transport tls)"
     )]
     Open {
         /// Where.
@@ -48,6 +49,7 @@ pub enum DoorError {
 pub struct Door {
     pub(super) socket: Socket,
     client: Option<IpAddr>,
+    pub(super) tls: Option<TlsServer>,
 }
 
 #[derive(Debug)]
@@ -77,12 +79,34 @@ impl Door {
         address: &str,
         client: Option<IpAddr>,
     ) -> Result<Self, DoorError> {
+        Self::open(carrier, address, client, None)
+    }
+
+    /// The same over TLS. Beyond loopback `client` must be given, or certificates required of clients.
+    ///
+    /// # Errors
+    /// See [`DoorError`].
+    pub fn bind_tls(
+        address: &str,
+        client: Option<IpAddr>,
+        tls: TlsServer,
+    ) -> Result<Self, DoorError> {
+        Self::open(Carrier::Stream, address, client, Some(tls))
+    }
+
+    fn open(
+        carrier: Carrier,
+        address: &str,
+        client: Option<IpAddr>,
+        tls: Option<TlsServer>,
+    ) -> Result<Self, DoorError> {
         let addresses = resolve(address)?;
         let wrong = |source| DoorError::Bind {
             address: address.to_owned(),
             source,
         };
-        if let (None, Some(open)) = (client, addresses.iter().find(|a| !a.ip().is_loopback())) {
+        let proven = client.is_some() || tls.as_ref().is_some_and(TlsServer::requires_certificate);
+        if let (false, Some(open)) = (proven, addresses.iter().find(|a| !a.ip().is_loopback())) {
             return Err(DoorError::Open { address: *open });
         }
         let socket = match carrier {
@@ -95,7 +119,11 @@ impl Door {
             Socket::Udp(socket) => socket.set_nonblocking(true),
         }
         .map_err(wrong)?;
-        Ok(Self { socket, client })
+        Ok(Self {
+            socket,
+            client,
+            tls,
+        })
     }
 
     /// What carries the bytes.

@@ -86,7 +86,7 @@ impl RemoteSettings {
             (Protocol::OpenFrescoAdapter, _) => Peer::Adapter,
         };
         let carrier = match spec.transport {
-            Carrier::Tcp => Bytes::Stream,
+            Carrier::Tcp | Carrier::Tls => Bytes::Stream,
             Carrier::Udp => Bytes::Datagrams,
         };
         let mut settings = Self::new(peer, carrier, spec.address.clone(), axes);

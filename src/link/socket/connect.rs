@@ -6,6 +6,8 @@ use std::time::Duration;
 
 use thiserror::Error;
 
+use crate::link::tls::TlsFault;
+
 /// Why there is no connection.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum ConnectError {
@@ -45,6 +47,20 @@ pub enum ConnectError {
         /// The time limit.
         seconds: f64,
     },
+    /// There is a connection, and no TLS session on it.
+    #[error(
+        "{address}: TLS: {fault}{}{}",
+        detail.as_ref().map_or_else(String::new, |detail| format!(" ({detail})")),
+        advice(*fault)
+    )]
+    Tls {
+        /// Where to.
+        address: String,
+        /// Why.
+        fault: TlsFault,
+        /// More about it.
+        detail: Option<String>,
+    },
     /// The socket cannot be made or set up.
     #[error("{address}: {what}: {reason}")]
     Socket {
@@ -57,8 +73,21 @@ pub enum ConnectError {
     },
 }
 
+/// What to do about it.
+const fn advice(fault: TlsFault) -> &'static str {
+    match fault {
+        TlsFault::NotTls => {
+            " (set `transport = \"tcp\"`, or start the far end with `--transport tls`)"
+        }
+        TlsFault::OtherName => {
+            " (make its certificate for this name, name the right one with `server_name`, or set `check_name = false`)"
+        }
+        _ => "",
+    }
+}
+
 impl ConnectError {
-    pub(super) fn socket(address: &str, what: &'static str, error: &io::Error) -> Self {
+    pub(in crate::link) fn socket(address: &str, what: &'static str, error: &io::Error) -> Self {
         Self::Socket {
             address: address.to_owned(),
             what,
