@@ -29,8 +29,11 @@ pub enum TlsFault {
         "its certificate cannot be used: version 3 and not an authority's own is wanted (tools/make-certificates makes one)"
     )]
     Unusable,
-    /// A signature is wrong: the key is not that of the certificate.
-    #[error("it could not prove that its certificate is its own")]
+    /// A signature is wrong: that of an authority with the trusted one's name, or that of its own key.
+    #[error(
+        "a signature of its certificate does not fit: is it of another authority of the same name (certificates made anew \
+         at one end only)?"
+    )]
     Unproven,
     /// It showed none.
     #[error("it showed no certificate, and one is required here")]
@@ -157,6 +160,11 @@ fn refusal(alert: AlertDescription) -> String {
         AlertDescription::UnknownCA => {
             "our certificate is not signed by an authority that it trusts".to_owned()
         }
+        AlertDescription::DecryptError => {
+            "a signature of our certificate does not fit there: is its authority another one of the same name \
+             (certificates made anew at one end only)?"
+                .to_owned()
+        }
         AlertDescription::CertificateRequired | AlertDescription::NoCertificate => {
             "it requires a certificate of ours".to_owned()
         }
@@ -164,7 +172,6 @@ fn refusal(alert: AlertDescription) -> String {
         | AlertDescription::UnsupportedCertificate
         | AlertDescription::CertificateUnknown
         | AlertDescription::CertificateRevoked
-        | AlertDescription::DecryptError
         | AlertDescription::AccessDenied => {
             format!("it does not accept our certificate (TLS alert {alert:?})")
         }
