@@ -73,7 +73,7 @@ fn measure(mut exchange: impl FnMut(u64)) -> Vec<u64> {
 /// As many bytes as a command one way, as a measurement the other; nothing is looked at.
 fn raw(carrier: Carrier) -> Vec<u64> {
     let (near, far): (Box<dyn Transport>, Box<dyn Transport>) = match carrier {
-        Carrier::Tcp => {
+        Carrier::Tcp | Carrier::Tls => {
             let listener = TcpListener::bind("127.0.0.1:0").unwrap();
             let address = listener.local_addr().unwrap().to_string();
             let near = TcpTransport::connect(&address, Duration::from_secs(5), spinning()).unwrap();

@@ -3,6 +3,7 @@
 
 mod link_common;
 
+use std::io::Write;
 use std::net::UdpSocket;
 
 use link_common::{ONE_AXIS, ONE_AXIS_LAW, Served, linked, run, test_file};
@@ -12,7 +13,8 @@ const STEPS: u32 = 50;
 fn has_ipv6() -> bool {
     let has = UdpSocket::bind("[::1]:0").is_ok();
     if !has {
-        eprintln!("SKIPPED: this machine has no IPv6 loopback (::1)");
+        // Past the capture of the test harness: nobody sees what a passing test prints.
+        let _ = std::io::stderr().write_all(b"SKIPPED: this machine has no IPv6 loopback (::1)\n");
     }
     has
 }
@@ -91,6 +93,35 @@ fn a_name_with_several_addresses_is_tried_to_the_end() {
             }
         }
     }
+}
+
+#[test]
+fn the_one_machine_that_may_command_can_be_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let local = test_file(STEPS, &format!("{ONE_AXIS}{ONE_AXIS_LAW}"));
+    let more = ["--protocol", "openfresco", "--client"];
+    let served = Served::start(folder, &local, &[&more[..], &["localhost"]].concat());
+    let text = linked(STEPS, &served.address, "protocol = \"openfresco\"");
+    let (code, said) = run(folder, "run", &text);
+    assert_eq!(code, 0, "{said}");
+    let served = Served::start(folder, &local, &[&more[..], &["192.0.2.7"]].concat());
+    let text = linked(
+        STEPS,
+        &served.address,
+        "protocol = \"openfresco\"\nconnect_timeout_s = 1",
+    );
+    assert_eq!(run(folder, "other", &text).0, 3);
+    served.hears("it is not the machine that may command");
+    let file = folder.join("run.toml");
+    let mut command = link_common::gusset();
+    command
+        .arg("serve")
+        .arg(file)
+        .args(more)
+        .arg("no-such-rig.invalid");
+    let output = link_common::finish(command);
+    assert_eq!(output.status.code(), Some(2));
 }
 
 #[test]

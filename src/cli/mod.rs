@@ -224,8 +224,8 @@ struct ServeArgs {
     specimen: Option<String>,
     /// The one machine that may command the specimen, for OpenFresco's protocols: they know no key, so beyond loopback
     /// it is required, unless --transport tls requires certificates.
-    #[arg(long, value_name = "ADDRESS")]
-    client: Option<std::net::IpAddr>,
+    #[arg(long, value_name = "HOST")]
+    client: Option<String>,
     /// Pre-shared key of our own protocol; beyond loopback it wants this or --transport tls.
     #[arg(long, value_name = "FILE")]
     key: Option<PathBuf>,

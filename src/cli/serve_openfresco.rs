@@ -11,7 +11,7 @@ use crate::config::Served;
 use crate::link::openfresco::{
     Door, DoorError, Host, Nature, News, Role, ServeSettings, serve_openfresco,
 };
-use crate::link::socket::resolve;
+use crate::link::socket::{resolve, resolve_host};
 use crate::link::spec::Carrier;
 use crate::rt;
 use crate::session::{Signal, Signals, missing};
@@ -55,16 +55,21 @@ pub fn serve(
     );
     let listen = args.listen.as_ref().or(served.serve.listen.as_ref());
     let listen = listen.map_or_else(|| format!("127.0.0.1:{port}"), String::clone);
-    let client = args.client.or(wishes.client);
+    let clients = match args.client.as_ref().or(wishes.client.as_ref()) {
+        Some(host) => {
+            resolve_host(host).map_err(|error| WithExit(Exit::Usage, error.to_string()))?
+        }
+        None => Vec::new(),
+    };
     let usage = |error: DoorError| WithExit(Exit::Usage, error.to_string());
     let door = match serve_tls::tls(
         args,
         served,
         carrier,
-        client.is_some() || is_loopback(&listen),
+        !clients.is_empty() || is_loopback(&listen),
     )? {
-        Some(tls) => Door::bind_tls(&listen, client, tls),
-        None => Door::bind(bytes, &listen, client),
+        Some(tls) => Door::bind_tls(&listen, clients, tls),
+        None => Door::bind(bytes, &listen, clients),
     }
     .map_err(usage)?;
     let signals = Signals::listen().context("signals cannot be taken over")?;

@@ -17,7 +17,8 @@ pub struct LinkSpec {
     /// How the bytes travel.
     #[serde(default)]
     pub transport: Carrier,
-    /// The far end: "host:port", "rig.lab:4823", "192.0.2.7:4823" or "[2001:db8::7]:4823".
+    /// The far end: "rig.lab:4823", "192.0.2.7:4823" or "[2001:db8::7]:4823". Every address behind a name is tried; over UDP,
+    /// where nothing shows that nobody is there, the first.
     pub address: String,
     /// File with the pre-shared key, relative to the test file. It is never copied into the run folder.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -119,7 +120,8 @@ pub enum Carrier {
     Tcp,
     /// UDP datagrams.
     Udp,
-    /// A TCP connection with TLS on it; both ends show a certificate.
+    /// A TCP connection with TLS on it; both ends show a certificate. A helper thread encrypts, which is the one exception to
+    /// the loop's rule of no allocation and no promise about time.
     Tls,
 }
 

@@ -7,6 +7,7 @@
 pub mod relay;
 mod running;
 
+#[allow(unused_imports, reason = "as above")]
 pub use running::Running;
 
 use std::io::{BufRead, BufReader, Read, Write};

@@ -48,7 +48,8 @@ pub enum DoorError {
 #[derive(Debug)]
 pub struct Door {
     pub(super) socket: Socket,
-    client: Option<IpAddr>,
+    /// Empty: everybody.
+    clients: Vec<IpAddr>,
     pub(super) tls: Option<TlsServer>,
 }
 
@@ -69,35 +70,36 @@ pub(super) enum Caller {
 }
 
 impl Door {
-    /// Listens on "host:port"; port 0 lets the system choose. With `client`, everybody else is turned away; beyond
-    /// loopback it must be given.
+    /// Listens on "host:port"; port 0 lets the system choose. With `clients` (the addresses of one machine), everybody
+    /// else is turned away; beyond loopback they must be given.
     ///
     /// # Errors
     /// See [`DoorError`].
     pub fn bind(
         carrier: Carrier,
         address: &str,
-        client: Option<IpAddr>,
+        clients: impl IntoIterator<Item = IpAddr>,
     ) -> Result<Self, DoorError> {
-        Self::open(carrier, address, client, None)
+        Self::open(carrier, address, clients.into_iter().collect(), None)
     }
 
-    /// The same over TLS. Beyond loopback `client` must be given, or certificates required of clients.
+    /// The same over TLS. Beyond loopback `clients` must be given, or certificates required of clients.
     ///
     /// # Errors
     /// See [`DoorError`].
     pub fn bind_tls(
         address: &str,
-        client: Option<IpAddr>,
+        clients: impl IntoIterator<Item = IpAddr>,
         tls: TlsServer,
     ) -> Result<Self, DoorError> {
-        Self::open(Carrier::Stream, address, client, Some(tls))
+        let clients = clients.into_iter().collect();
+        Self::open(Carrier::Stream, address, clients, Some(tls))
     }
 
     fn open(
         carrier: Carrier,
         address: &str,
-        client: Option<IpAddr>,
+        clients: Vec<IpAddr>,
         tls: Option<TlsServer>,
     ) -> Result<Self, DoorError> {
         let addresses = resolve(address)?;
@@ -105,7 +107,8 @@ impl Door {
             address: address.to_owned(),
             source,
         };
-        let proven = client.is_some() || tls.as_ref().is_some_and(TlsServer::requires_certificate);
+        let proven =
+            !clients.is_empty() || tls.as_ref().is_some_and(TlsServer::requires_certificate);
         if let (false, Some(open)) = (proven, addresses.iter().find(|a| !a.ip().is_loopback())) {
             return Err(DoorError::Open { address: *open });
         }
@@ -121,7 +124,7 @@ impl Door {
         .map_err(wrong)?;
         Ok(Self {
             socket,
-            client,
+            clients,
             tls,
         })
     }
@@ -148,8 +151,9 @@ impl Door {
 
     /// True for who may command the specimen.
     pub(super) fn admits(&self, caller: SocketAddr) -> bool {
-        self.client
-            .is_none_or(|client| client.to_canonical() == caller.ip().to_canonical())
+        let caller = caller.ip().to_canonical();
+        let named = |client: &IpAddr| client.to_canonical() == caller;
+        self.clients.is_empty() || self.clients.iter().any(named)
     }
 
     /// Waits up to `wait_ns` for somebody. May return `None` early.

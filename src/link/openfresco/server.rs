@@ -2,8 +2,8 @@
 //!
 //! Invariants: no wait is without a limit; a client that has gone (end of stream, a reset, a half-open connection, UDP
 //! silence) leaves the specimen at its last committed state and the port free; every message is answered by one
-//! write, with acknowledgements not delayed, and nothing is allocated for it once the sizes have come. What is
-//! not here: the meaning of bytes (`dialect`), of commands (`host`), and text on a terminal.
+//! write, with acknowledgements not delayed, and nothing is allocated for it once the sizes have come (but over TLS, where
+//! encrypting allocates). What is not here: the meaning of bytes (`dialect`), of commands (`host`), and text on a terminal.
 
 use std::net::SocketAddr;
 

@@ -14,7 +14,7 @@ use std::os::fd::BorrowedFd;
 
 use rustix::event::{PollFd, PollFlags, Timespec};
 
-pub use connect::{ConnectError, resolve};
+pub use connect::{ConnectError, resolve, resolve_host};
 pub use tcp::TcpTransport;
 pub use udp::UdpTransport;
 
