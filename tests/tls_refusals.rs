@@ -166,7 +166,7 @@ fn another_host_name_is_refused_with_both_names_and_two_ways_out() {
 }
 
 /// A client of TLS that shows no certificate.
-fn bare_client(folder: &Path, address: &str) -> std::io::Error {
+fn bare_client(folder: &Path, address: &str) -> std::io::Result<usize> {
     use rustls::pki_types::{CertificateDer, pem::PemObject};
     let mut roots = rustls::RootCertStore::empty();
     let ca = std::fs::read(folder.join("client_ca.crt")).unwrap();
@@ -183,8 +183,8 @@ fn bare_client(folder: &Path, address: &str) -> std::io::Error {
         rustls::ClientConnection::new(Arc::new(config), "127.0.0.1".try_into().unwrap()).unwrap();
     let mut socket = TcpStream::connect(address).unwrap();
     let mut stream = rustls::Stream::new(&mut tls, &mut socket);
-    stream.write_all(b"hello").unwrap();
-    stream.read(&mut [0; 100]).unwrap_err()
+    stream.write_all(&[0xff; 100]).unwrap();
+    stream.read(&mut [0; 100])
 }
 
 #[test]
@@ -193,7 +193,9 @@ fn a_client_without_a_certificate_is_refused_and_named() {
     let folder = folder.path();
     tls_common::make(folder);
     let served = Served::start(folder, &local(), TLS);
-    let error = bare_client(folder, &served.address).to_string();
+    let error = bare_client(folder, &served.address)
+        .unwrap_err()
+        .to_string();
     assert!(error.contains("CertificateRequired"), "{error}");
     served.hears("TLS: it showed no certificate, and one is required here");
 }
@@ -318,6 +320,54 @@ fn a_file_that_cannot_be_used_is_named_with_its_key() {
             shows(&said, &format!("/{end}"));
         }
     }
+}
+
+#[test]
+fn the_table_of_a_server_names_its_files_and_says_who_needs_a_certificate() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let authority = Authority::new();
+    authority.issue(folder, "server-of-mine", LOCAL, VALID);
+    authority.issue(folder, "client", &["controller"], VALID);
+    for ca in ["mine.crt", "client_ca.crt"] {
+        authority.publish(folder, ca);
+    }
+    let serve = |protocol: &str, keys: &str| {
+        let table = "certificate_file = \"server-of-mine.crt\"\nkey_file = \"server-of-mine.key\"\nca_file = \"mine.crt\"";
+        format!(
+            "[serve]\ntransport = \"tls\"\nprotocol = \"{protocol}\"\n[serve.tls]\n{table}\n{keys}\n\
+             [[specimen]]\nname = \"column\"\n{ONE_AXIS_LAW}"
+        )
+    };
+    let served = Served::start(folder, &serve("gusset", ""), &[]);
+    let (code, said) = run(folder, "run", &over_tls(&served.address, ""));
+    assert_eq!(code, 0, "{said}");
+    // Who needs a certificate: nobody on this machine, as OpenFresco has it, unless it is said.
+    for (keys, words) in [
+        ("", "a client without a certificate is let in"),
+        (
+            "client_certificate = \"required\"",
+            "TLS: it showed no certificate",
+        ),
+    ] {
+        let served = Served::start(folder, &serve("openfresco", keys), &[]);
+        let heard = bare_client(folder, &served.address);
+        assert_eq!(heard.is_err(), !keys.is_empty(), "{heard:?}");
+        served.hears(words);
+    }
+    let file = write(
+        folder,
+        "open.toml",
+        &serve("gusset", "client_certificate = \"optional\""),
+    );
+    let mut command = gusset();
+    command.arg("serve").arg(file);
+    let output = finish(command);
+    assert_eq!(output.status.code(), Some(2));
+    shows(
+        &String::from_utf8_lossy(&output.stderr),
+        "ours requires one",
+    );
 }
 
 #[test]

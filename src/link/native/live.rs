@@ -112,9 +112,9 @@ impl Live {
             }
             Detail::Said(text) => text.clone(),
         });
-        let below = self.fault.and_then(|_| self.transport.tls_fault());
+        let lost = matches!(self.detail, None | Some(Detail::Silent { .. }));
+        let below = self.fault.filter(|_| lost).and(self.transport.tls_fault());
         let below = below.map(|why| format!("TLS: {why}"));
-        let below = below.filter(|below| ours.as_ref().is_none_or(|ours| !ours.contains(below)));
         let all: Vec<_> = ours.into_iter().chain(below).collect();
         (!all.is_empty()).then(|| all.join("; "))
     }
