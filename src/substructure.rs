@@ -185,8 +185,18 @@ pub trait Substructure: Send {
         Ok(Introduction::default())
     }
 
+    /// Asks what [`Substructure::arm`] waits for, and does not wait: so several specimens get ready at the same time.
+    ///
+    /// # Errors
+    /// The specimen is gone.
+    fn ask_to_arm(&mut self, sequence: u64, disp: &[f64]) -> Result<(), LinkFault> {
+        let _ = (sequence, disp);
+        Ok(())
+    }
+
     /// The last word before commands move the specimen: the number of the first command, and where it will be. May
-    /// block, within a time limit of its own; called once, on the loop's thread.
+    /// block, within a time limit of its own; on the loop's thread. A second time, after commands that only tried the
+    /// specimen: what is a formula begins anew.
     ///
     /// # Errors
     /// The specimen is not ready, stands elsewhere, or is gone.

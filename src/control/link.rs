@@ -78,6 +78,14 @@ impl Port {
         Ok(introduction)
     }
 
+    /// Asks what [`Port::arm`] waits for, and does not wait.
+    ///
+    /// # Errors
+    /// The specimen is gone.
+    pub fn ask_to_arm(&mut self, sequence: u64) -> Result<(), LinkFault> {
+        self.substructure.ask_to_arm(sequence, &self.command)
+    }
+
     /// The last word before commands move the specimen: command `sequence` stands ready.
     ///
     /// # Errors

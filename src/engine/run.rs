@@ -93,10 +93,7 @@ impl Engine {
         if let Side::Structure(numerical) = &mut self.side {
             numerical.rehearse(REHEARSALS, &mut self.ports);
         }
-        for (index, port) in self.ports.iter_mut().enumerate() {
-            port.arm(self.sequence)
-                .map_err(|fault| Stop::Link { port: index, fault })?;
-        }
+        self.arm()?;
         self.schedule = Schedule::new(self.clock.now().plus(LEAD_NS), self.period);
         self.first_edge = self.schedule.tick(0);
         self.settle(control)?;
@@ -113,6 +110,19 @@ impl Engine {
             watch();
         }
         result
+    }
+
+    /// Arms all specimens: all are asked before any is waited for, so that they get ready at the same time.
+    fn arm(&mut self) -> Result<(), Stop> {
+        for (index, port) in self.ports.iter_mut().enumerate() {
+            port.ask_to_arm(self.sequence)
+                .map_err(|fault| Stop::Link { port: index, fault })?;
+        }
+        for (index, port) in self.ports.iter_mut().enumerate() {
+            port.arm(self.sequence)
+                .map_err(|fault| Stop::Link { port: index, fault })?;
+        }
+        Ok(())
     }
 
     /// Command 0 is B·x[0]: held, and measured, before anything moves.

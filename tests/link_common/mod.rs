@@ -261,18 +261,27 @@ impl Fake {
 
     /// The same, with another estimate of its stiffness.
     pub fn start_with(stiffness: f64, script: impl FnOnce(Fake) + Send + 'static) -> String {
+        Self::start_when(stiffness, |_| {}, script)
+    }
+
+    /// The same; `before` is called with "welcome" and "arm" before each of the two is answered.
+    pub fn start_when(
+        stiffness: f64,
+        before: impl Fn(&'static str) + Send + 'static,
+        script: impl FnOnce(Fake) + Send + 'static,
+    ) -> String {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = listener.local_addr().unwrap().to_string();
         std::thread::spawn(move || {
             let (stream, _) = listener.accept().unwrap();
-            if let Some(fake) = Fake::greet(stream, stiffness) {
+            if let Some(fake) = Fake::greet(stream, stiffness, &before) {
                 script(fake);
             }
         });
         address
     }
 
-    fn greet(stream: TcpStream, stiffness: f64) -> Option<Self> {
+    fn greet(stream: TcpStream, stiffness: f64, before: &dyn Fn(&'static str)) -> Option<Self> {
         stream.set_read_timeout(Some(PATIENCE)).unwrap();
         let mut fake = Self {
             stream,
@@ -284,10 +293,14 @@ impl Fake {
             Control::Hello(hello) => hello,
             other => panic!("{other:?}"),
         };
+        before("welcome");
         fake.say(&Control::Welcome(welcome(&hello, stiffness)));
         fake.encoder = Encoder::new(Side::Specimen, 1, 7, None).unwrap();
         fake.decoder = Decoder::new(Side::Controller, 1, 7, None).unwrap();
         let arm = fake.control()?;
+        if matches!(arm, Control::Arm(_)) {
+            before("arm");
+        }
         fake.say(&arm);
         Some(fake)
     }

@@ -53,6 +53,8 @@ pub(super) struct Live {
     disp: Vec<f64>,
     vel: Vec<f64>,
     armed: bool,
+    /// The request to arm that has been sent and not been answered.
+    asked_to_arm: Option<Vec<u8>>,
     fault: Option<LinkFault>,
     detail: Option<Detail>,
 }
@@ -86,6 +88,7 @@ impl Live {
             disp: vec![0.0; axes],
             vel: vec![0.0; axes],
             armed: false,
+            asked_to_arm: None,
             fault: None,
             detail: None,
         }
@@ -114,13 +117,27 @@ impl Live {
         })
     }
 
-    /// The last question before anything moves. Blocks within the time limit.
-    pub(super) fn arm(&mut self, sequence: u64, disp: &[f64]) -> Result<(), LinkFault> {
+    /// Sends the last question before anything moves, and does not wait for the answer.
+    pub(super) fn ask_to_arm(&mut self, sequence: u64, disp: &[f64]) -> Result<(), LinkFault> {
         let message = Control::Arm(Arm {
             session: self.session,
             first_sequence: sequence,
             disp: disp.to_vec(),
         });
+        let written = handshake::encode(&message).and_then(|bytes| {
+            let written = self.encoder.control(&bytes, &mut self.out);
+            self.asked_to_arm = Some(bytes);
+            written
+        });
+        self.send(written)
+    }
+
+    /// The last question before anything moves. Blocks within the time limit.
+    pub(super) fn arm(&mut self, sequence: u64, disp: &[f64]) -> Result<(), LinkFault> {
+        if self.asked_to_arm.is_none() {
+            self.ask_to_arm(sequence, disp)?;
+        }
+        let bytes = self.asked_to_arm.take().unwrap_or_default();
         let (session, limit) = (self.session, self.connect_limit);
         let Self {
             transport,
@@ -130,27 +147,33 @@ impl Live {
             out,
             ..
         } = self;
-        let answer = handshake::encode(&message)
-            .map_err(SetupError::from)
-            .and_then(|bytes| {
-                ask(
-                    transport.as_mut(),
-                    inbox,
-                    ("request to arm", limit),
-                    |transport| {
-                        let length = encoder.control(&bytes, out)?;
-                        let frame = out.get(..length).unwrap_or_default();
-                        transport.send(frame).map_err(SetupError::Lost)
-                    },
-                    |frame| match decoder.open(frame)?.frame {
-                        Frame::Control(message) => match handshake::decode(message)? {
-                            Control::Arm(arm) if arm.session == session => Ok(Some(())),
-                            other => Err(not_welcome(other, "the arming")),
-                        },
-                        _ => Ok(None),
-                    },
-                )
-            });
+        let mut is_on_its_way = true;
+        let answer = ask(
+            transport.as_mut(),
+            inbox,
+            ("request to arm", limit),
+            |transport| {
+                if std::mem::take(&mut is_on_its_way) {
+                    return Ok(());
+                }
+                let length = encoder.control(&bytes, out)?;
+                let frame = out.get(..length).unwrap_or_default();
+                transport.send(frame).map_err(SetupError::Lost)
+            },
+            |frame| match decoder.open(frame)?.frame {
+                Frame::Control(message) => match handshake::decode(message)? {
+                    Control::Arm(arm)
+                        if arm.session == session && arm.first_sequence == sequence =>
+                    {
+                        Ok(Some(()))
+                    }
+                    // The answer to an earlier one, that was repeated.
+                    Control::Arm(_) => Ok(None),
+                    other => Err(not_welcome(other, "the arming")),
+                },
+                _ => Ok(None),
+            },
+        );
         match answer {
             Ok(()) => {
                 self.armed = true;
