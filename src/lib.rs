@@ -22,6 +22,7 @@
 //! | [`motion`] | ground motions and other signals on the step grid |
 //! | [`integrate`] | the Gui-λ family and the choice of λ |
 //! | [`substructure`] | the hinge: command out, measurement back |
+//! | [`safety`] | what a specimen may be told and may answer, and which way round it is wired |
 //! | [`specimen`] | specimens in process |
 //! | [`control`] | what stands between the structure's DOFs and a specimen's axes |
 //! | [`engine`] | the loop |
@@ -50,6 +51,7 @@ pub mod motion;
 pub mod record;
 pub mod report;
 pub mod rt;
+pub mod safety;
 pub mod session;
 pub mod specimen;
 pub mod substructure;
