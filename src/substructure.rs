@@ -151,6 +151,8 @@ pub struct Introduction {
     pub stiffness: Vec<f64>,
     /// What the user should know although the test may run.
     pub warnings: Vec<String>,
+    /// It says that it is a formula: nothing breaks.
+    pub simulated: bool,
 }
 
 /// Why a specimen cannot take part. Nothing was moved.
@@ -233,6 +235,15 @@ pub trait Substructure: Send {
     /// The link is lost.
     fn accepted(&mut self, sequence: u64) -> Result<(), LinkFault> {
         let _ = sequence;
+        Ok(())
+    }
+
+    /// Nothing to command for now: notices a peer that has gone, and keeps one that is there from giving us up. Does not
+    /// block.
+    ///
+    /// # Errors
+    /// The link is lost.
+    fn attend(&mut self) -> Result<(), LinkFault> {
         Ok(())
     }
 

@@ -67,6 +67,14 @@ pub const ONE_AXIS: &str = "storey = 1\nstiffness_n_per_m = 4e5\n";
 pub const TWO_AXES: &str = "rows = [[1, 0], [-1, 1]]\nstiffness_n_per_m = [[4e5, 0], [0, 4e5]]\n\
                             damping_n_s_per_m = [[0, 0], [0, 300]]\n";
 
+/// The file of a gateway to the specimen at `address`: `table` and `link` are further keys of the specimen and its link.
+pub fn gateway(address: &str, table: &str, link: &str) -> String {
+    format!(
+        "[[specimen]]\nname = \"column\"\n{table}[specimen.link]\naddress = \"{address}\"\nprobe = \"none\"\n\
+         connect_timeout_s = 2\n{link}\n"
+    )
+}
+
 /// A test of `steps` steps whose specimen of one axis is at `address`.
 pub fn linked(steps: u32, address: &str, keys: &str) -> String {
     test_file(
@@ -169,7 +177,9 @@ pub struct Served {
 
 impl Served {
     pub fn start(folder: &Path, text: &str, arguments: &[&str]) -> Self {
-        let file = write(folder, &format!("serve-{}.toml", text.len()), text);
+        static STARTED: std::sync::atomic::AtomicU32 = std::sync::atomic::AtomicU32::new(0);
+        let number = STARTED.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+        let file = write(folder, &format!("serve-{number}.toml"), text);
         let mut child = gusset()
             .arg("serve")
             .arg(file)

@@ -15,6 +15,7 @@ use crate::link::spec::{LinkCoupling, StaleChoice};
 use crate::link::{LinkSpec, NativeSetup, SocketOptions, Wait};
 use crate::substructure::Coupling;
 use crate::wire::handshake::{Axis, Sampling, Unit};
+use crate::wire::key::PreSharedKey;
 
 /// A specimen must hold after this silence, unless the file says otherwise: in s, and in ticks.
 const WATCHDOG_S: f64 = 0.25;
@@ -46,19 +47,35 @@ pub(super) fn native(
     };
     let period_s = time.period.value();
     let setup = NativeSetup {
-        address: link.address.clone(),
-        carrier: link.transport,
-        key,
         test: site.loaded.file.title.clone(),
-        axes: wire_axes(table, axes),
         rate: time.period.inverse().terms(),
         watchdog_s: link
             .watchdog_s
             .unwrap_or_else(|| WATCHDOG_S.max(WATCHDOG_TICKS * period_s)),
+        coupling,
+        ..native_setup(link, key, wire_axes(table, axes))
+    };
+    Ok((setup, rules(link)))
+}
+
+/// What the link alone says: a lockstep link of no particular test, 100 commands a second.
+pub(in crate::config) fn native_setup(
+    link: &LinkSpec,
+    key: Option<PreSharedKey>,
+    axes: Vec<Axis>,
+) -> NativeSetup {
+    NativeSetup {
+        address: link.address.clone(),
+        carrier: link.transport,
+        key,
+        test: String::new(),
+        axes,
+        rate: (100, 1),
+        watchdog_s: link.watchdog_s.unwrap_or(WATCHDOG_S),
         sampling: link
             .sample_after
             .map_or(Sampling::Reply, Sampling::Fraction),
-        coupling,
+        coupling: Coupling::Lockstep,
         connect_limit: seconds(link.connect_timeout_s),
         reply_timeout: seconds(link.reply_timeout_s),
         options: SocketOptions {
@@ -68,8 +85,7 @@ pub(super) fn native(
             },
             ..SocketOptions::default()
         },
-    };
-    Ok((setup, rules(link)))
+    }
 }
 
 /// A specimen behind OpenFresco or OpenSees, and how it is waited for: always in lockstep.

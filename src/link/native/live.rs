@@ -20,6 +20,8 @@ const GOODBYE_NS: u64 = 300_000_000;
 const GOODBYE_REPEAT_NS: u64 = 100_000_000;
 /// Reads after the deadline: what is here already is taken, a flood is not.
 const EXTRA_READS: u32 = 64;
+/// A specimen that hears nothing for half a minute gives a controller up: between commands it hears this often.
+const KEEP_ALIVE_NS: u64 = 10_000_000_000;
 /// Variant number of a control message that repeats an Arm.
 const ARM: [u8; 4] = [3, 0, 0, 0];
 
@@ -46,6 +48,8 @@ pub(super) struct Live {
     /// Over UDP a command whose answer is owed is sent again after so long; over TCP a heartbeat is sent.
     nudge_ns: u64,
     connect_limit: Duration,
+    /// When the last frame left.
+    sent_ns: u64,
     /// The newest command, to be sent again.
     issued: Option<u64>,
     time: f64,
@@ -82,6 +86,7 @@ impl Live {
             reply_timeout_ns: u64::try_from(reply_timeout).unwrap_or(u64::MAX),
             nudge_ns: (watchdog_ns(welcome) / 4).max(1_000_000),
             connect_limit: setup.connect_limit,
+            sent_ns: os::monotonic_ns(),
             issued: None,
             time: 0.0,
             dt: 0.0,
@@ -217,6 +222,7 @@ impl Live {
             Err(error) => return Err(self.fail(error.fault(), Detail::Wire(error))),
         };
         let frame = self.out.get(..length).unwrap_or_default();
+        self.sent_ns = os::monotonic_ns();
         match self.transport.send(frame) {
             Ok(()) => Ok(()),
             Err(fault) => Err(self.fail_plainly(fault)),
@@ -289,6 +295,35 @@ impl Live {
         } else {
             self.send_command()
         }
+    }
+
+    /// Between commands: takes what has come, and says now and then that we are here. A heartbeat does not end the
+    /// holding of a specimen whose commands have stopped.
+    pub(super) fn attend(&mut self) -> Result<(), LinkFault> {
+        if let Some(fault) = self.fault {
+            return Err(fault);
+        }
+        let Some(issued) = self.issued else {
+            return Ok(());
+        };
+        for _ in 0..EXTRA_READS {
+            self.take_frames(issued)?;
+            match self.transport.recv(self.inbox.space(), Nanos(0)) {
+                Ok(Some(count)) => self.inbox.filled(count),
+                Ok(None) => break,
+                Err(fault) => return Err(self.fail_plainly(fault)),
+            }
+        }
+        if os::monotonic_ns().saturating_sub(self.sent_ns) < KEEP_ALIVE_NS {
+            return Ok(());
+        }
+        let beat = Heartbeat {
+            sequence: issued,
+            time: self.time,
+            status: Status::default(),
+        };
+        let written = self.encoder.heartbeat(beat, &mut self.out);
+        self.send(written)
     }
 
     /// Takes every whole frame that is here. Over UDP what fails a check is counted and dropped, over TCP it is the end;
@@ -396,9 +431,18 @@ impl Live {
                 Err(_) => return,
             }
             while let Ok(Some(place)) = self.inbox.next() {
-                let received = self.decoder.open(self.inbox.frame(place));
-                if matches!(received, Ok(r) if matches!(r.frame, Frame::Goodbye(_))) {
-                    return;
+                match self.decoder.open(self.inbox.frame(place)).map(|r| r.frame) {
+                    Ok(Frame::Goodbye(_)) => return,
+                    // Why it tripped, if it did.
+                    Ok(Frame::Control(message)) => {
+                        if let Ok(Control::Bye(bye)) = handshake::decode(message)
+                            && !bye.text.is_empty()
+                            && self.detail.is_none()
+                        {
+                            self.detail = Some(Detail::Said(bye.text));
+                        }
+                    }
+                    _ => {}
                 }
             }
         }

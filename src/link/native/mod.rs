@@ -99,6 +99,10 @@ impl Substructure for NativeLink {
             .map_or(Err(LinkFault::Closed), |live| live.collect(deadline, into))
     }
 
+    fn attend(&mut self) -> Result<(), LinkFault> {
+        self.live.as_mut().map_or(Ok(()), Live::attend)
+    }
+
     fn retire(&mut self, how: Retirement) {
         if let Some(live) = &mut self.live {
             live.retire(how);
