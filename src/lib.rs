@@ -23,7 +23,6 @@
 //! | [`integrate`] | the Gui-λ family and the choice of λ |
 //! | [`spectral`] | what a method does to one mode: poles, period error, bounds, critical delay |
 //! | [`substructure`] | the hinge: command out, measurement back |
-//! | [`safety`] | what a specimen may be told and may answer, and which way round it is wired |
 //! | [`specimen`] | specimens in process |
 //! | [`control`] | what stands between the structure's DOFs and a specimen's axes |
 //! | [`engine`] | the loop |
@@ -53,7 +52,6 @@ pub mod motion;
 pub mod record;
 pub mod report;
 pub mod rt;
-pub mod safety;
 pub mod session;
 pub mod specimen;
 pub mod spectral;

@@ -1,7 +1,6 @@
 //! What a port keeps about its link: counts, the rules of waiting, and the comparison of estimates at connect.
 
-use super::Port;
-use crate::safety::{Opinion, compare_stiffness};
+use super::{Opinion, Port, compare_stiffness};
 use crate::substructure::{Introduction, LinkFault, LinkStats, Unavailable};
 
 /// What went over one link.

@@ -6,8 +6,14 @@
 
 pub mod limits;
 mod link;
+mod probe;
+mod stiffness;
+mod units;
 
 pub use link::{LinkCount, OnStale, WaitRules};
+pub use probe::{Channel, Found, Misfit, Pace, Probe};
+pub use stiffness::{Opinion, compare_stiffness};
+pub use units::AxisUnits;
 
 use thiserror::Error;
 

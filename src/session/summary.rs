@@ -137,7 +137,8 @@ fn ending(outcome: &Outcome) -> (Finish, String) {
                 | Stop::NotSettled { .. } => Finish::Stopped,
             };
             let told = match stop {
-                Stop::Link { port, .. } => {
+                // A gateway says which of its limits opened the interlock.
+                Stop::Link { port, .. } | Stop::Interlock { port } => {
                     outcome.complaints.iter().find(|(index, _)| index == port)
                 }
                 _ => None,

@@ -183,7 +183,11 @@ impl Served {
         let mut child = gusset()
             .arg("serve")
             .arg(file)
-            .args(["--listen", "127.0.0.1:0"])
+            .args(if arguments.contains(&"--listen") {
+                &[][..]
+            } else {
+                &["--listen", "127.0.0.1:0"]
+            })
             .args(arguments)
             .stdin(Stdio::null())
             .stdout(Stdio::piped())

@@ -67,6 +67,10 @@ pub(super) fn specimens(site: &mut Site<'_>) -> Result<Specimens, Refused> {
 }
 
 fn entry(site: &mut Site<'_>, at: &KeyPath, table: &SpecimenTable) -> Result<Entry, Refused> {
+    if table.limits.is_some() || table.axis.iter().any(|axis| axis.limits.is_some()) {
+        let text = "`limits` are kept by `gusset serve`, and not by this loop";
+        return site.refuse(Finding::error(at.key("limits"), text));
+    }
     let rows = rows(site, at, table)?;
     let n = rows.len();
     let mut law = match (table.sources().into_iter().next(), &table.link) {

@@ -6,7 +6,7 @@ use crate::config::diagnose::Finding;
 use crate::config::document::KeyPath;
 use crate::config::specimen::SpecimenTable;
 use crate::config::value::MatrixValue;
-use crate::safety::LimitsSpec;
+use crate::control::limits::LimitsSpec;
 
 /// One `[[specimen]]`.
 pub(super) fn check_specimen(

@@ -16,7 +16,7 @@ use crate::link::secret::read_key;
 use crate::link::serve::Host;
 use crate::link::spec::Protocol;
 use crate::link::{LinkSpec, NativeLink, NativeSetup};
-use crate::safety::Pace;
+use crate::control::Pace;
 use crate::wire::handshake::Sampling;
 
 /// The specimen must hold after this silence where neither the file nor the controller says when, in s.

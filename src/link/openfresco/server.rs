@@ -70,7 +70,10 @@ impl End {
             Self::Finished => Close::Completed,
             Self::Stopped => Close::Interrupted,
             Self::Refused(ExchangeFault::Host(
-                HostFault::Tripped(Trip::Limit(_) | Trip::Interlock) | HostFault::TakenBack { .. },
+                HostFault::Tripped(
+                    Trip::Limit(_) | Trip::NotFinite { .. } | Trip::Interlock | Trip::Saturated,
+                )
+                | HostFault::TakenBack { .. },
             )) => Close::Stopped,
             Self::Vanished
             | Self::Lost(_)

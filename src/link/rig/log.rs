@@ -15,7 +15,7 @@ use crate::record::{
 use crate::rt::timing::Timing;
 use crate::rt::wall::Wall;
 use crate::rt::{os, pin_away};
-use crate::safety::AxisUnits;
+use crate::control::AxisUnits;
 use crate::substructure::{Command, LinkStats, Measurement};
 
 /// Where and what a server records.
@@ -87,8 +87,9 @@ const HEAD: [(&str, &str, &str, bool); 10] = [
     (
         "trip",
         "1",
-        "0 = none, 1 command_disp, 2 command_vel, 3 command_step, 4 measured_disp, 5 measured_force, 6 sensor_disp, \
-         7 sensor_force, 8 command_not_finite, 9 measured_not_finite, 10 interlock, 11 specimen lost",
+        "0 = none; a limit: 1 command_disp, 2 command_step, 3 command_vel, 4 command_accel, 5 measured_disp, \
+         6 measured_force, 7 following_error, 8 force_step, 9 stuck_sensor, 10 sensor_disp, 11 sensor_force; \
+         50 command and 51 measurement not finite; 60 interlock, 61 saturated, 70 specimen lost",
         false,
     ),
     ("received_s", "s", "wall time from the start of the test to the command", true),
@@ -245,16 +246,14 @@ impl Log {
     pub fn tripped(&self, trip: Trip, text: &str) {
         let mut note = Note::new(NoteLevel::Error, "trip")
             .with("text", text)
+            .with("what", trip.name())
             .with("code", trip.code());
-        if let Trip::Limit(breach) = trip {
+        if let Trip::Limit(hit) = trip {
             note = note
-                .with("limit", breach.kind.name())
-                .with("axis", breach.axis as u64 + 1)
-                .with("unit", breach.unit);
-            // What is no number is null.
-            for (key, value) in [("value", breach.value), ("bound", breach.bound)] {
-                note = note.with(key, serde_json::json!(value));
-            }
+                .with("axis", hit.axis as u64 + 1)
+                .with("unit", hit.quantity.unit())
+                .with("value", hit.value)
+                .with("bound", hit.bound);
         }
         self.note(note);
     }

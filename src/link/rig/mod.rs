@@ -21,7 +21,7 @@ pub use law::Law;
 pub use log::LogSettings;
 pub use station::{Close, ProbeSettings, Station};
 
-use crate::safety::Breach;
+use crate::control::limits::Hit;
 use crate::substructure::{Command, Introduction, LinkFault, LinkStats, Measurement, Retirement};
 use crate::wire::handshake::Sampling;
 
@@ -66,25 +66,51 @@ impl Visitor {
 /// Why a specimen is not commanded any more. Latched until the controller's test is over.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum Trip {
-    /// A limit was reached.
-    #[error("{0}")]
-    Limit(Breach),
+    /// A limit was passed.
+    #[error("{} ({})", .0, .0.quantity.key())]
+    Limit(Hit),
+    /// A number that is none.
+    #[error("axis {}: the {} is not a finite number", axis + 1, if *measured { "measurement" } else { "command" })]
+    NotFinite {
+        /// Axis, from 0.
+        axis: usize,
+        /// Whether it was measured, or commanded.
+        measured: bool,
+    },
     /// The specimen says that its interlock is open.
     #[error("the interlock or emergency stop at the specimen is open")]
     Interlock,
+    /// The specimen says that it cannot be trusted.
+    #[error("the specimen reports a sensor or actuator at the end of its range")]
+    Saturated,
     /// The specimen is gone.
     #[error("the specimen is lost: {0}")]
     Lost(LinkFault),
 }
 
 impl Trip {
+    /// As it stands in events: the key of the limit, or a word of its own.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Limit(hit) => hit.quantity.key(),
+            Self::NotFinite { measured: true, .. } => "measured_not_finite",
+            Self::NotFinite { .. } => "command_not_finite",
+            Self::Interlock => "interlock",
+            Self::Saturated => "saturated",
+            Self::Lost(_) => "specimen_lost",
+        }
+    }
+
     /// Its number in the column `trip` of recorded rows.
     #[must_use]
     pub const fn code(self) -> u32 {
         match self {
-            Self::Limit(breach) => breach.kind.code(),
-            Self::Interlock => 10,
-            Self::Lost(_) => 11,
+            Self::Limit(hit) => hit.quantity as u32 + 1,
+            Self::NotFinite { measured, .. } => 50 + measured as u32,
+            Self::Interlock => 60,
+            Self::Saturated => 61,
+            Self::Lost(_) => 70,
         }
     }
 }

@@ -2,12 +2,14 @@
 
 use super::log::{Exchange, Log, LogSettings};
 use super::{Rig, Trip, Visitor};
+use crate::control::limits::{AxisLimits, Found, LimitsSpec, Watch};
+use crate::control::{AxisUnits, Opinion, Pace, Probe, compare_stiffness};
 use crate::record::{Note, NoteLevel};
 use crate::rt::os;
-use crate::safety::{
-    AxisUnits, Guard, LimitsSpec, Opinion, Pace, Probe, compare_stiffness,
-};
 use crate::substructure::{Command, Introduction, Measurement, Retirement, Status};
+
+/// From one command to the next in s, until it is known.
+const USUAL_TICK_S: f64 = 0.01;
 
 /// How it is found out, before a test, which way round a specimen is wired.
 #[derive(Debug, Clone, PartialEq)]
@@ -48,7 +50,8 @@ pub struct Station {
     units: Vec<AxisUnits>,
     stiffness: Vec<f64>,
     mass: Vec<f64>,
-    guard: Guard,
+    limits: Vec<AxisLimits>,
+    watch: Watch,
     probe: ProbeSettings,
     keeping: Option<LogSettings>,
     away_from: Option<usize>,
@@ -86,7 +89,8 @@ impl Station {
         };
         Self {
             name,
-            guard: Guard::new(&[], &units),
+            limits: vec![AxisLimits::NONE; axes],
+            watch: Watch::new(vec![AxisLimits::NONE; axes], USUAL_TICK_S),
             rig,
             units,
             stiffness,
@@ -105,7 +109,9 @@ impl Station {
     /// The bounds of its axes.
     #[must_use]
     pub fn limited(mut self, limits: &[LimitsSpec]) -> Self {
-        self.guard = Guard::new(limits, &self.units);
+        for (own, spec) in self.limits.iter_mut().zip(limits) {
+            *own = spec.limits();
+        }
         self
     }
 
@@ -203,10 +209,10 @@ impl Station {
         }
         self.arm(visitor.first_sequence, &start)?;
         self.rig.at_rest(&mut self.measured);
-        self.guard
-            .measured(&self.measured.disp, &self.measured.force)
-            .map_err(|breach| breach.to_string())?;
-        Ok(told)
+        match not_finite(&self.measured.disp, &self.measured.force) {
+            Some(axis) => Err(format!("axis {}: the force at rest is no number", axis + 1)),
+            None => Ok(told),
+        }
     }
 
     /// What the specimen says of itself beside what is believed of it.
@@ -290,7 +296,8 @@ impl Station {
     }
 
     fn arm(&mut self, sequence: u64, start: &[f64]) -> Result<(), String> {
-        self.guard.begin(start);
+        self.watch = Watch::new(self.limits.clone(), USUAL_TICK_S);
+        self.watch.stands_at(metres(&self.units, start));
         self.rig.arm(sequence, start).map_err(|fault| {
             let why = self.rig.complaint().unwrap_or_default();
             format!("it is not armed: {fault}{}{why}", if why.is_empty() { "" } else { ": " })
@@ -393,33 +400,56 @@ impl Station {
         elapsed: f64,
         answered_ns: &mut u64,
     ) -> Result<(), Trip> {
-        let warned = self
-            .guard
-            .command(command.disp, command.vel, elapsed)
-            .map_err(Trip::Limit)?;
+        if let Some(axis) = not_finite(command.disp, command.vel) {
+            let measured = false;
+            return Err(Trip::NotFinite { axis, measured });
+        }
+        if elapsed > 0.0 {
+            self.watch.tick_is(elapsed);
+        }
+        let found = self.watch.command(metres(&self.units, command.disp));
+        self.heed(found)?;
+        self.watch.sent(metres(&self.units, command.disp));
         let outcome = self.rig.trial(command, elapsed, &mut self.measured);
         *answered_ns = os::monotonic_ns();
         outcome.map_err(Trip::Lost)?;
-        let warned_too = self
-            .guard
-            .measured(&self.measured.disp, &self.measured.force)
-            .map_err(|breach| {
-                // What is no number goes no further.
-                for value in self.measured.disp.iter_mut().chain(&mut self.measured.force) {
-                    if !value.is_finite() {
-                        *value = 0.0;
-                    }
+        if let Some(axis) = not_finite(&self.measured.disp, &self.measured.force) {
+            // What is no number goes no further.
+            let Measurement { disp, force, .. } = &mut self.measured;
+            for value in disp.iter_mut().chain(force) {
+                if !value.is_finite() {
+                    *value = 0.0;
                 }
-                Trip::Limit(breach)
-            })?;
-        for breach in [warned, warned_too].into_iter().flatten() {
-            // Once in a test for each bound.
-            self.note(NoteLevel::Warning, "limit", &breach.to_string());
+            }
+            let measured = true;
+            return Err(Trip::NotFinite { axis, measured });
+        }
+        let values = metres(&self.units, &self.measured.disp).zip(
+            self.measured
+                .force
+                .iter()
+                .zip(&self.units)
+                .map(|(force, units)| force * units.newtons),
+        );
+        let found = self.watch.measured(values);
+        self.heed(found)?;
+        if self.measured.status.has(Status::SATURATED) {
+            return Err(Trip::Saturated);
         }
         if self.measured.status.has(Status::INTERLOCK) {
             return Err(Trip::Interlock);
         }
         Ok(())
+    }
+
+    /// A warning is told, a trip ends the test.
+    fn heed(&self, found: Found) -> Result<(), Trip> {
+        if let Some(hit) = found.warning {
+            // Each time that the level is crossed from inside.
+            let text = format!("{hit} ({}): a warning", hit.quantity.key());
+            self.note(NoteLevel::Warning, "limit", &text);
+        }
+        found.trip.map_or(Ok(()), |hit| Err(Trip::Limit(hit)))
     }
 
     fn trip(&mut self, trip: Trip) {
@@ -497,4 +527,14 @@ impl Drop for Station {
     fn drop(&mut self) {
         self.end(Close::Failed, "internal error: the test was dropped");
     }
+}
+
+fn metres<'a>(units: &'a [AxisUnits], disp: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
+    disp.iter().zip(units).map(|(disp, units)| disp * units.metres)
+}
+
+/// The first axis (from 0) on which a number is none. Real-time: yes.
+fn not_finite(one: &[f64], other: &[f64]) -> Option<usize> {
+    let mut pairs = one.iter().zip(other);
+    pairs.position(|(one, other)| !(one.is_finite() && other.is_finite()))
 }

@@ -10,7 +10,7 @@ use crate::record::summary::{ClockKind, LinkCounts, Peak, Status};
 use crate::record::{MissClasses, Recorded, Summary};
 use crate::rt::timing::Timing;
 use crate::rt::wall::Wall;
-use crate::safety::AxisUnits;
+use crate::control::AxisUnits;
 use crate::substructure::LinkStats;
 
 /// What is counted while a test runs.

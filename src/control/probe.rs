@@ -6,7 +6,7 @@
 //! are averaged; their scatter says what is noise. Quasi-static: a specimen without stiffness (a damper, an open gap) has
 //! no direction that this could show.
 
-use super::limits::AxisUnits;
+use super::units::AxisUnits;
 
 /// A difference of two averages below so many of its own standard deviations may be noise.
 const SIGMAS: f64 = 5.0;
