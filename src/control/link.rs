@@ -1,6 +1,6 @@
 //! What a port keeps about its link: counts, the rules of waiting, and the comparison of estimates at connect.
 
-use super::{Opinion, Port, compare_stiffness};
+use super::{Direction, Opinion, Port, compare_stiffness};
 use crate::substructure::{Introduction, LinkFault, LinkStats, Unavailable};
 
 /// What went over one link.
@@ -47,6 +47,13 @@ impl Port {
     pub fn connect(&mut self) -> Result<Introduction, Unavailable> {
         let mut introduction = self.substructure.connect()?;
         let n = self.axes.len();
+        if matches!(self.direction, Direction::Unchecked) && !introduction.simulated {
+            introduction.warnings.push(format!(
+                "specimen \"{}\": NOTHING CHECKS WHICH WAY ROUND IT IS WIRED before the test moves it: give `probe_m` in \
+                 [specimen.link] for a small motion and back, or say `probe = \"none\"`",
+                self.name
+            ));
+        }
         if introduction.stiffness.len() != n * n {
             return Ok(introduction);
         }

@@ -9,7 +9,7 @@
 use super::units::AxisUnits;
 
 /// A difference of two averages below so many of its own standard deviations may be noise.
-const SIGMAS: f64 = 5.0;
+pub(super) const SIGMAS: f64 = 5.0;
 /// A displacement that follows by less than this part of the amplitude does not follow.
 const FOLLOWS: f64 = 0.25;
 /// A force that changes by less than this part of what the estimate says is not that of the specimen.
@@ -230,16 +230,20 @@ pub struct Found {
     pub force: f64,
 }
 
-/// Mean and scatter of one hold.
+/// Mean and scatter of readings at rest.
 #[derive(Debug, Clone, Copy, Default)]
-struct Average {
-    count: f64,
-    mean: f64,
+pub(super) struct Average {
+    pub count: f64,
+    pub mean: f64,
     squares: f64,
 }
 
 impl Average {
-    fn add(&mut self, value: f64) {
+    pub fn variance(&self) -> f64 {
+        self.squares / (self.count - 1.0).max(1.0)
+    }
+
+    pub fn add(&mut self, value: f64) {
         self.count += 1.0;
         let from_mean = value - self.mean;
         self.mean += from_mean / self.count;

@@ -9,7 +9,7 @@ use crate::integrate::StepError;
 use crate::record::{Event, EventKind, MissCause};
 use crate::rt::timing::{Suspect, TickStamps};
 use crate::substructure::Retirement;
-use crate::time::{Nanos, Schedule};
+use crate::time::Nanos;
 
 /// What an operator can ask of a running test.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -42,7 +42,7 @@ pub type Watch = Box<dyn FnMut() + Send>;
 /// Repetitions of the numerical path on scratch state before the first edge.
 const REHEARSALS: usize = 300;
 /// From the end of the set-up to the first edge, so that the first edge can be met.
-const LEAD_NS: u64 = 2_000_000;
+pub(super) const LEAD_NS: u64 = 2_000_000;
 
 /// Longest wait for an edge in which the operator is not listened to.
 const NAP_NS: u64 = 100_000_000;
@@ -100,9 +100,9 @@ impl Engine {
         if let Side::Structure(numerical) = &mut self.side {
             numerical.rehearse(REHEARSALS, &mut self.ports);
         }
+        self.try_directions(control)?;
         self.arm()?;
-        self.schedule = Schedule::new(self.clock.now().plus(LEAD_NS), self.period);
-        self.first_edge = self.schedule.tick(0);
+        self.begin_grid();
         self.settle(control)?;
         self.hold(control)?;
         self.report_now(EventKind::Started);
@@ -120,7 +120,7 @@ impl Engine {
     }
 
     /// Arms all specimens: all are asked before any is waited for, so that they get ready at the same time.
-    fn arm(&mut self) -> Result<(), Stop> {
+    pub(super) fn arm(&mut self) -> Result<(), Stop> {
         for (index, port) in self.ports.iter_mut().enumerate() {
             port.ask_to_arm(self.sequence)
                 .map_err(|fault| Stop::Link { port: index, fault })?;
@@ -319,7 +319,7 @@ impl Engine {
         }
     }
 
-    fn report_now(&mut self, kind: EventKind) {
+    pub(super) fn report_now(&mut self, kind: EventKind) {
         self.clock_now = self.clock.now();
         let step = self.steps_done;
         let tick = Tick {

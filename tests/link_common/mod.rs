@@ -343,11 +343,43 @@ impl Fake {
         }
     }
 
-    fn say(&mut self, message: &Control) {
+    pub fn say(&mut self, message: &Control) {
         let mut out = vec![0; LARGEST_FRAME];
         let bytes = handshake::encode(message).unwrap();
         let length = self.encoder.control(&bytes, &mut out).unwrap();
         self.stream.write_all(&out[..length]).unwrap();
+    }
+
+    /// Answers every command by what `wiring` reads at its displacement, and every request to arm, until the controller is
+    /// gone; calls `told` with each displacement, and with `None` for each arming after the first.
+    pub fn obey(
+        &mut self,
+        mut wiring: impl FnMut(f64) -> (f64, f64),
+        mut told: impl FnMut(Option<f64>),
+    ) {
+        while let Some(frame) = self.frame() {
+            let mut arm = None;
+            let mut command = None;
+            match self.decoder.open(&frame).unwrap().frame {
+                Frame::Control(message) => arm = Some(handshake::decode(message).unwrap()),
+                Frame::Command(frame) => {
+                    let (mut disp, mut vel) = ([0.0], [0.0]);
+                    frame.read(&mut disp, &mut vel).unwrap();
+                    command = Some((frame.sequence(), disp[0]));
+                }
+                _ => {}
+            }
+            if let Some(again @ Control::Arm(_)) = arm {
+                told(None);
+                self.say(&again);
+            }
+            if let Some((sequence, disp)) = command {
+                told(Some(disp));
+                let (disp, force) = wiring(disp);
+                let frame = self.reading(sequence, disp, force, Status::default());
+                self.write(&frame);
+            }
+        }
     }
 
     /// Number and displacement of the next command.
@@ -362,11 +394,17 @@ impl Fake {
         }
     }
 
-    /// The frame that answers command `sequence`.
+    /// The frame that answers command `sequence`; its displacement is 0.
     pub fn answer(&mut self, sequence: u64, force: f64, status: Status) -> Vec<u8> {
+        self.reading(sequence, 0.0, force, status)
+    }
+
+    /// The same with a displacement.
+    pub fn reading(&mut self, sequence: u64, disp: f64, force: f64, status: Status) -> Vec<u8> {
         let measured = Measurement {
             sequence,
             status,
+            disp: vec![disp],
             force: vec![force],
             ..Measurement::zeros(1)
         };
