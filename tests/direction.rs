@@ -34,7 +34,11 @@ fn tried(keys: &str, wiring: impl FnMut(f64) -> (f64, f64) + Send + 'static) -> 
         fake.obey(wiring, |disp| heard.lock().unwrap().push(disp));
     });
     let link = format!("[specimen.link]\naddress = \"{address}\"\n{keys}\n");
-    let (code, said) = run(folder, "run", &test_file(STEPS, &format!("{ONE_AXIS}{link}")));
+    let (code, said) = run(
+        folder,
+        "run",
+        &test_file(STEPS, &format!("{ONE_AXIS}{link}")),
+    );
     let events = Run::open(&folder.join("run")).unwrap().events().unwrap();
     let summary = summary(folder, "run");
     assert_eq!(
@@ -75,7 +79,9 @@ fn a_specimen_that_is_wired_rightly_is_tried_armed_anew_and_tested() {
     let found = tried(PROBE, |d| (d, K * d));
     assert_eq!(found.code, 0, "{}", found.said);
     assert!(
-        found.said.contains("note: specimen \"column\" is moved by 0.1 mm and back"),
+        found
+            .said
+            .contains("note: specimen \"column\" is moved by 0.1 mm and back"),
         "it is announced: {}",
         found.said
     );
@@ -89,7 +95,11 @@ fn a_specimen_that_is_wired_rightly_is_tried_armed_anew_and_tested() {
         assert!((pair[1] - pair[0]).abs() < 3.2e-6);
     }
     assert_eq!(rest[0], None, "armed anew");
-    assert_eq!(rest.len() as u32, 1 + 5 + STEPS + 1, "warm-up, steps, step 0");
+    assert_eq!(
+        rest.len() as u32,
+        1 + 5 + STEPS + 1,
+        "warm-up, steps, step 0"
+    );
     let direction = found.events.iter().find(|e| e["event"] == "direction");
     let direction = direction.unwrap();
     let [disp, force] = ["disp", "force"].map(|key| direction[key].as_f64().unwrap());
@@ -99,7 +109,11 @@ fn a_specimen_that_is_wired_rightly_is_tried_armed_anew_and_tested() {
 
 #[test]
 fn each_reversed_channel_is_not_armed_and_told_from_the_others() {
-    refused(|d| (d, -K * d), "its force channel is reversed", "force_reversed");
+    refused(
+        |d| (d, -K * d),
+        "its force channel is reversed",
+        "force_reversed",
+    );
     refused(
         |d| (-d, K * d),
         "its displacement sensor is reversed",
@@ -115,7 +129,11 @@ fn each_reversed_channel_is_not_armed_and_told_from_the_others() {
 #[test]
 fn a_dead_channel_is_not_armed() {
     refused(|d| (d, 12.0), "a dead load cell", "force_dead");
-    refused(|d| (0.003, K * d), "a dead or frozen sensor", "displacement_dead");
+    refused(
+        |d| (0.003, K * d),
+        "a dead or frozen sensor",
+        "displacement_dead",
+    );
     // Newtons where kilonewtons are meant.
     refused(|d| (d, 1e-3 * K * d), "another unit", "force_dead");
 }
@@ -124,7 +142,9 @@ fn a_dead_channel_is_not_armed() {
 fn noise() -> impl FnMut() -> f64 + Send {
     let mut state = 7u64;
     move || {
-        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        state = state
+            .wrapping_mul(6364136223846793005)
+            .wrapping_add(1442695040888963407);
         (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
     }
 }
@@ -169,7 +189,11 @@ fn nothing_moves_that_was_not_meant_to_and_an_unchecked_direction_is_said_loudly
             "[specimen.link]\naddress = \"{}\"\nprotocol = \"openfresco\"\n{keys}\n",
             served.address
         );
-        let (code, said) = run(folder, name, &test_file(STEPS, &format!("{ONE_AXIS}{link}")));
+        let (code, said) = run(
+            folder,
+            name,
+            &test_file(STEPS, &format!("{ONE_AXIS}{link}")),
+        );
         assert_eq!(code, 0, "{said}");
         let words = "NOTHING CHECKS WHICH WAY ROUND";
         assert_eq!(said.contains(words), warned, "{said}");

@@ -46,7 +46,11 @@ fn over_every_protocol_a_yielding_formula_does_not_remember_having_been_tried() 
     for (name, serve, keys) in [
         ("tcp", &["--transport", "tcp"][..], ""),
         ("udp", &["--transport", "udp"], "transport = \"udp\""),
-        ("element", &["--protocol", "openfresco"], "protocol = \"openfresco\""),
+        (
+            "element",
+            &["--protocol", "openfresco"],
+            "protocol = \"openfresco\"",
+        ),
         (
             "site",
             &["--protocol", "openfresco-actor"],
@@ -54,7 +58,11 @@ fn over_every_protocol_a_yielding_formula_does_not_remember_having_been_tried() 
         ),
     ] {
         let served = Served::start(folder, &local, serve);
-        let (code, said) = run(folder, name, &linked(&served.address, &format!("{PROBE}{keys}")));
+        let (code, said) = run(
+            folder,
+            name,
+            &linked(&served.address, &format!("{PROBE}{keys}")),
+        );
         assert_eq!(code, 0, "{said}");
         let run = Run::open(&folder.join(name)).unwrap();
         let tried = run.columns(&["state", "cmd_1_1"]).unwrap();
@@ -76,7 +84,8 @@ fn through_a_gateway_that_tries_its_specimen_itself() {
     let local = test_file(STEPS, &format!("{ONE_AXIS}{ONE_AXIS_LAW}"));
     assert_eq!(run(folder, "local", &local).0, 0);
     let specimen = Served::start(folder, &local, &[]);
-    let file = gateway(&specimen.address, "stiffness_n_per_m = 4e5\n", PROBE).replace("probe = \"none\"\n", "");
+    let file = gateway(&specimen.address, "stiffness_n_per_m = 4e5\n", PROBE)
+        .replace("probe = \"none\"\n", "");
     let between = Served::start(folder, &file, &[]);
     for (name, keys) in [("plain", ""), ("tried", PROBE)] {
         let (code, said) = run(folder, name, &linked(&between.address, keys));
@@ -91,9 +100,13 @@ fn a_gateway_does_not_arm_a_reversed_specimen() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let address = link_common::Fake::start(|mut fake| {
-        fake.obey(|d| (d, -4e5 * d), |disp| assert!(disp.is_none_or(|d| d.abs() <= 0.03)));
+        fake.obey(
+            |d| (d, -4e5 * d),
+            |disp| assert!(disp.is_none_or(|d| d.abs() <= 0.03)),
+        );
     });
-    let file = gateway(&address, "stiffness_n_per_m = 4e5\n", PROBE).replace("probe = \"none\"\n", "");
+    let file =
+        gateway(&address, "stiffness_n_per_m = 4e5\n", PROBE).replace("probe = \"none\"\n", "");
     let between = Served::start(folder, &file, &[]);
     let (code, said) = run(folder, "run", &linked(&between.address, ""));
     assert_eq!(code, 3, "{said}");

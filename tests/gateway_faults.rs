@@ -176,7 +176,11 @@ fn a_second_controller_is_refused_and_the_first_does_not_notice() {
     between.hears("armed for");
     let (code, _) = run(folder, "second", &through(STEPS, &between.address, ""));
     assert_eq!(code, 3);
-    assert!(summary(folder, "second").reason.contains("another controller"));
+    assert!(
+        summary(folder, "second")
+            .reason
+            .contains("another controller")
+    );
     assert_eq!(test.join().unwrap().0, 0);
 }
 

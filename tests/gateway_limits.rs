@@ -55,7 +55,11 @@ fn tripped(limits: &str) -> (String, Vec<f64>) {
     let out = folder.join("kept");
     let served = Served::start(
         folder,
-        &gateway(&spring(&told), &format!("{KNOWN}[specimen.limits]\n{limits}\n"), ""),
+        &gateway(
+            &spring(&told),
+            &format!("{KNOWN}[specimen.limits]\n{limits}\n"),
+            "",
+        ),
         &["--out", out.to_str().unwrap()],
     );
     let (code, said) = run(folder, "run", &through(&served.address, ""));
@@ -102,8 +106,14 @@ fn a_command_beyond_its_limit_never_reaches_the_specimen() {
 #[test]
 fn a_measurement_beyond_its_limit_or_the_range_of_its_sensor_is_the_last() {
     for (limits, name) in [
-        ("measured_force_n = { trip = [-1500, 1500] }", "measured_force_n"),
-        ("sensor_force_n = { trip = [-1500, 1500] }", "sensor_force_n"),
+        (
+            "measured_force_n = { trip = [-1500, 1500] }",
+            "measured_force_n",
+        ),
+        (
+            "sensor_force_n = { trip = [-1500, 1500] }",
+            "sensor_force_n",
+        ),
         (
             "measured_force_n = { warn = [-500, 500], trip = [-1500, 1500] }\nsensor_force_n = { trip = [-2e3, 2e3] }",
             "measured_force_n",
@@ -161,7 +171,12 @@ fn a_warning_is_an_event_and_changes_nothing() {
     let warned: Vec<_> = events.iter().filter(|e| e["event"] == "limit").collect();
     // Each crossing from inside: the spring swings.
     assert!((1..50).contains(&warned.len()), "{warned:?}");
-    assert!(warned[0]["text"].as_str().unwrap().contains("measured_force_n"));
+    assert!(
+        warned[0]["text"]
+            .as_str()
+            .unwrap()
+            .contains("measured_force_n")
+    );
     assert_eq!(run.summary().unwrap().status, Ended::Completed);
 }
 
@@ -184,6 +199,10 @@ fn over_openfresco_the_connection_is_closed_and_the_cause_is_said_here() {
     let line = served.hears("the specimen holds");
     assert!(line.contains("command_disp"), "{line}");
     assert_eq!(trip(&out.join("test-0001"))["what"], "command_disp_m");
-    let largest = told.lock().unwrap().iter().fold(0.0, |m: f64, d| m.max(d.abs()));
+    let largest = told
+        .lock()
+        .unwrap()
+        .iter()
+        .fold(0.0, |m: f64, d| m.max(d.abs()));
     assert!(largest < 0.004, "{largest}");
 }

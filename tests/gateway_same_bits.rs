@@ -111,7 +111,11 @@ fn a_gateway_behind_a_gateway() {
     let near = Served::start(folder, &gateway(&specimen.address, known, ""), &[]);
     let nearer = Served::start(folder, &gateway(&near.address, known, ""), &[]);
     let link = format!("[specimen.link]\naddress = \"{}\"\n", nearer.address);
-    let (code, said) = run(folder, "far", &test_file(STEPS, &format!("{ONE_AXIS}{link}")));
+    let (code, said) = run(
+        folder,
+        "far",
+        &test_file(STEPS, &format!("{ONE_AXIS}{link}")),
+    );
     assert_eq!(code, 0, "{said}");
     assert_eq!(columns(folder, "local", ""), columns(folder, "far", ""));
 }

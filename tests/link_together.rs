@@ -25,10 +25,7 @@ fn test_of(addresses: &[String]) -> String {
         )
     });
     let specimens: Vec<String> = specimens.collect();
-    test_file(STEPS, "").replace(
-        "name = \"column\"\n",
-        &specimens.join("[[specimen]]\n"),
-    )
+    test_file(STEPS, "").replace("name = \"column\"\n", &specimens.join("[[specimen]]\n"))
 }
 
 #[test]

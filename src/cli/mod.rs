@@ -211,7 +211,7 @@ struct ReportArgs {
     after_help = "Example:\n  gusset serve column.toml --listen 127.0.0.1:4823\n  \
     gusset serve test.toml --specimen ground-storey --transport udp --key lab.key --listen 0.0.0.0:4823\n  \
     gusset serve test.toml --specimen ground-storey --protocol openfresco\n  \
-    gusset serve config/gateway.toml --out runs/gateway\n\n\
+    gusset serve config/serve/gateway.toml --out runs/gateway\n\n\
     A specimen that is itself behind a link ([specimen.link]) makes this a gateway: every exchange passes its limits \
     ([specimen.limits]). A limit that trips, or an interlock, holds the specimen where it is until the controller's test is \
     over; the next test begins anew."

@@ -59,7 +59,8 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
         served.host = served.host.recorded(LogSettings {
             root: root.clone(),
             file: served.text.clone().into_bytes(),
-            resolved: toml::to_string(&served.file).context("the configuration cannot be written")?,
+            resolved: toml::to_string(&served.file)
+                .context("the configuration cannot be written")?,
             queue_s: record.queue_s,
             required: record.required,
         });

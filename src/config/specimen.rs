@@ -5,9 +5,9 @@ use serde::{Deserialize, Serialize};
 
 use super::value::MatrixValue;
 use super::variant;
-use crate::link::LinkSpec;
 use crate::control::AxisUnits;
 use crate::control::limits::LimitsSpec;
+use crate::link::LinkSpec;
 use crate::specimen::SpecimenLaw;
 
 /// One specimen. Exactly one of `law`, `laws`, `coupled` and `link` is given; with a structure also exactly one of `storey` and

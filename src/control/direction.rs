@@ -31,7 +31,13 @@ impl Port {
         };
         let units = vec![AxisUnits::SI; self.axes.len()];
         let stiffness = &self.stiffness;
-        Some(Probe::new(&self.target, amplitude, stiffness, &units, *pace))
+        Some(Probe::new(
+            &self.target,
+            amplitude,
+            stiffness,
+            &units,
+            *pace,
+        ))
     }
 
     /// Makes the next command of a probe; false if there is none. Real-time: yes.

@@ -508,7 +508,11 @@ mod tests {
         let (mut disp, mut vel) = ([9.0; 2], [9.0; 2]);
         let mut path = Vec::new();
         while probe.next(&mut disp, &mut vel) {
-            assert_eq!((disp[0], vel[0]), (0.0, 0.0), "an axis without amplitude stays");
+            assert_eq!(
+                (disp[0], vel[0]),
+                (0.0, 0.0),
+                "an axis without amplitude stays"
+            );
             path.push((disp[1], vel[1]));
         }
         assert_eq!(path.len(), 2 * 50 + 3 * 40);
@@ -521,7 +525,11 @@ mod tests {
             let bend = (pair[2].0 - 2.0 * pair[1].0 + pair[0].0) / (dt * dt);
             assert!(bend.abs() < 40.0, "{bend}");
             // At the corners between hold and bell the difference sees half of the bend: 40 · dt / 2.
-            assert!((central - pair[1].1).abs() < 0.21, "{central} {}", pair[1].1);
+            assert!(
+                (central - pair[1].1).abs() < 0.21,
+                "{central} {}",
+                pair[1].1
+            );
         }
     }
 
@@ -538,7 +546,9 @@ mod tests {
     #[test]
     fn each_reversed_channel_is_told_from_the_others() {
         let channel = |wiring: fn(f64) -> (f64, f64)| match probed(wiring) {
-            Err(Misfit::Reversed { axis: 0, channel, .. }) => channel,
+            Err(Misfit::Reversed {
+                axis: 0, channel, ..
+            }) => channel,
             other => panic!("{other:?}"),
         };
         assert_eq!(channel(|d| (d, -STIFFNESS * d)), Channel::Force);
@@ -549,12 +559,23 @@ mod tests {
     #[test]
     fn a_dead_channel_is_named_with_what_was_expected() {
         let force = probed(|d| (d, 7.0)).unwrap_err();
-        assert!(matches!(force, Misfit::Dead { channel: Channel::Force, expected, .. }
-            if (expected - 100.0).abs() < 1e-9));
+        assert!(
+            matches!(force, Misfit::Dead { channel: Channel::Force, expected, .. }
+            if (expected - 100.0).abs() < 1e-9)
+        );
         let disp = probed(|d| (0.0, STIFFNESS * d)).unwrap_err();
-        assert!(matches!(disp, Misfit::Dead { channel: Channel::Disp, .. }));
+        assert!(matches!(
+            disp,
+            Misfit::Dead {
+                channel: Channel::Disp,
+                ..
+            }
+        ));
         // A force in kN where N are expected.
-        assert_eq!(probed(|d| (d, 1e-3 * STIFFNESS * d)).unwrap_err().name(), "force_dead");
+        assert_eq!(
+            probed(|d| (d, 1e-3 * STIFFNESS * d)).unwrap_err().name(),
+            "force_dead"
+        );
         let nan = probed(|d| (d, f64::NAN)).unwrap_err();
         assert_eq!(nan.name(), "force_dead");
     }
@@ -577,10 +598,7 @@ mod tests {
             assert_eq!(wrong.name(), "force_reversed", "seed {seed}");
             let hidden = probed(|d| (d, -STIFFNESS * d + noise(8.0)));
             assert!(
-                matches!(
-                    hidden,
-                    Err(Misfit::Noise { .. } | Misfit::Reversed { .. })
-                ),
+                matches!(hidden, Err(Misfit::Noise { .. } | Misfit::Reversed { .. })),
                 "never taken for right: seed {seed}: {hidden:?}"
             );
             let nothing = probed(|d| (d, noise(0.3))).unwrap_err();

@@ -32,7 +32,11 @@ mod tests {
 
     #[test]
     fn a_tenth_is_near_and_no_number_is_not() {
-        assert_eq!(compare_stiffness(1.1, 1.0), Opinion::Differs, "1.1 is a little more");
+        assert_eq!(
+            compare_stiffness(1.1, 1.0),
+            Opinion::Differs,
+            "1.1 is a little more"
+        );
         assert_eq!(compare_stiffness(1.09, 1.0), Opinion::Agrees);
         assert_eq!(compare_stiffness(0.0, 0.0), Opinion::Agrees);
         assert_eq!(compare_stiffness(f64::NAN, 1.0), Opinion::Differs);

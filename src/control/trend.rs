@@ -64,7 +64,9 @@ impl Trend {
         let n = self.axes.len().max(1);
         for (expected, row) in self.expected.iter_mut().zip(self.stiffness.chunks(n)) {
             let ways = row.iter().zip(target).zip(&self.axes);
-            *expected = ways.map(|((k, target), axis)| k * (target - axis.start)).sum();
+            *expected = ways
+                .map(|((k, target), axis)| k * (target - axis.start))
+                .sum();
         }
         let largest = self.expected.iter().fold(0.0, |m: f64, f| m.max(f.abs()));
         let readings = target.iter().zip(disp).zip(force).zip(&self.expected);
@@ -172,7 +174,10 @@ mod tests {
         let (_, right) = settled(|d| (d, K * d));
         assert_eq!(right.unwrap().unshown().count(), 0);
         // A yielding one, at a tenth of its stiffness from the first part on.
-        assert_eq!(settled(|d| (d, 0.1 * K * d)).1.unwrap().unshown().count(), 0);
+        assert_eq!(
+            settled(|d| (d, 0.1 * K * d)).1.unwrap().unshown().count(),
+            0
+        );
         for (wiring, expected) in [
             ((|d| (d, -K * d)) as fn(f64) -> (f64, f64), Channel::Force),
             (|d| (-d, K * d), Channel::Disp),

@@ -37,7 +37,11 @@ pub struct Row {
 const BOOKKEEPING: [(&str, &str, &str); 4] = [
     ("step", "1", "step of the integration, from 0 at t = 0"),
     ("sub_tick", "1", "tick within the step, from 0"),
-    ("state", "1", "1 = static load is brought on, 2 = which way round a specimen is wired is tried, 3 = running"),
+    (
+        "state",
+        "1",
+        "1 = static load is brought on, 2 = which way round a specimen is wired is tried, 3 = running",
+    ),
     ("time", "s", "test time"),
 ];
 

@@ -343,6 +343,13 @@ impl Engine {
             Ending::Stopped(Stop::Interlock { port }) => {
                 self.report_now(EventKind::Interlock { port: *port as u32 });
             }
+            Ending::Stopped(Stop::Misfit { port, misfit }) => {
+                self.report_now(EventKind::Misfit {
+                    port: *port as u32,
+                    axis: misfit.axis() as u32,
+                    what: misfit.name(),
+                });
+            }
             Ending::Stopped(
                 Stop::Diverged { dof, .. } | Stop::Step(StepError::NotConverged { dof, .. }),
             ) => {

@@ -308,7 +308,13 @@ impl<S: Store> EventLog<S> {
                 put(line, "axis", axis + 1);
                 put(line, "disp", disp);
                 put(line, "force", force);
-                tracing::info!(specimen = port + 1, axis = axis + 1, disp, force, "direction");
+                tracing::info!(
+                    specimen = port + 1,
+                    axis = axis + 1,
+                    disp,
+                    force,
+                    "direction"
+                );
             }
             EventKind::DirectionUnknown { port, axis } => {
                 self.specimen(line, port);

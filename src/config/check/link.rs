@@ -106,12 +106,7 @@ pub(super) fn check_link(
 }
 
 /// The motion that shows the direction of a specimen.
-fn check_probe(
-    specimen: &SpecimenTable,
-    link: &LinkSpec,
-    at: &KeyPath,
-    findings: &mut Findings,
-) {
+fn check_probe(specimen: &SpecimenTable, link: &LinkSpec, at: &KeyPath, findings: &mut Findings) {
     findings.positive(at.key("probe_m"), link.probe_m);
     findings.positive(at.key("probe_ramp_s"), Some(link.probe_ramp_s));
     if link.probe_m.is_none() {
@@ -135,7 +130,10 @@ fn check_probe(
         findings.0.push(
             Finding::error(
                 at.key("probe_m"),
-                format!("axis {} has no stiffness that could show its direction", axis + 1),
+                format!(
+                    "axis {} has no stiffness that could show its direction",
+                    axis + 1
+                ),
             )
             .label("a slow motion gives no force")
             .help("say `probe = \"none\"` and check the wiring by hand"),

@@ -10,13 +10,13 @@ use std::time::Duration;
 use super::{axes, check_units};
 use crate::config::build::links::{beside, native_setup, wire_axes};
 use crate::config::{Finding, KeyPath, SpecimenTable};
+use crate::control::Pace;
 use crate::link::openfresco::{Remote, RemoteSettings};
 use crate::link::rig::{FarBuild, ProbeSettings, Visitor};
 use crate::link::secret::read_key;
 use crate::link::serve::Host;
 use crate::link::spec::Protocol;
 use crate::link::{LinkSpec, NativeLink, NativeSetup};
-use crate::control::Pace;
 use crate::wire::handshake::Sampling;
 
 /// The specimen must hold after this silence where neither the file nor the controller says when, in s.

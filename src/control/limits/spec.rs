@@ -137,9 +137,7 @@ impl BoundSpec {
         }
         match (self.warn, self.trip) {
             (None, None) => Err(LimitsError::Empty { key }),
-            (Some(warn), Some(trip)) if warn >= trip => {
-                Err(LimitsError::Order { key, warn, trip })
-            }
+            (Some(warn), Some(trip)) if warn >= trip => Err(LimitsError::Order { key, warn, trip }),
             _ => Ok(()),
         }
     }
@@ -276,7 +274,10 @@ mod tests {
     #[test]
     fn levels_that_contradict_each_other_are_named_with_their_key() {
         for (text, words) in [
-            ("command_step_m = { warn = 2, trip = 2 }", "not within its trip level"),
+            (
+                "command_step_m = { warn = 2, trip = 2 }",
+                "not within its trip level",
+            ),
             ("command_step_m = { trip = 0 }", "must be greater than 0"),
             ("command_step_m = { warn = nan }", "must be greater than 0"),
             ("force_step_n = {}", "neither a `warn` nor a `trip`"),
@@ -303,7 +304,9 @@ mod tests {
 
     #[test]
     fn what_an_axis_says_itself_goes_before_what_is_said_of_all() {
-        let all = read("command_step_m = { trip = 0.1 }\nforce_step_n = { trip = 7 }\nfollowing_time_s = 1");
+        let all = read(
+            "command_step_m = { trip = 0.1 }\nforce_step_n = { trip = 7 }\nfollowing_time_s = 1",
+        );
         let limits = read("command_step_m = { trip = 0.2 }").over(&all).limits();
         assert_eq!(limits.command_step, Bound::trip(0.2));
         assert_eq!(limits.force_step, Bound::trip(7.0));

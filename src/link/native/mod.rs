@@ -66,9 +66,9 @@ impl Substructure for NativeLink {
     }
 
     fn ask_to_arm(&mut self, sequence: u64, disp: &[f64]) -> Result<(), LinkFault> {
-        self.live
-            .as_mut()
-            .map_or(Err(LinkFault::Closed), |live| live.ask_to_arm(sequence, disp))
+        self.live.as_mut().map_or(Err(LinkFault::Closed), |live| {
+            live.ask_to_arm(sequence, disp)
+        })
     }
 
     fn arm(&mut self, sequence: u64, disp: &[f64]) -> Result<(), LinkFault> {

@@ -7,8 +7,8 @@
 
 use thiserror::Error;
 
-use crate::link::rig::{Close, Law, Rig as _, Station, Trip, Visitor};
 use crate::control::AxisUnits;
+use crate::link::rig::{Close, Law, Rig as _, Station, Trip, Visitor};
 use crate::specimen::Specimen;
 use crate::substructure::{Command, Measurement};
 use crate::wire::openfresco::{Course, Matrix, Response};

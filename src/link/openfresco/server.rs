@@ -10,8 +10,8 @@ use std::net::SocketAddr;
 use super::dialect::{ExchangeFault, Machine, Role, Said};
 use super::door::{Caller, Door, DoorError, Socket, socket_to, stream_to, watch_over};
 use super::host::{Host, HostFault, Tally};
-use crate::link::rig::{Close, Trip, Visitor};
 use crate::link::Transport;
+use crate::link::rig::{Close, Trip, Visitor};
 use crate::rt::os::monotonic_ns;
 use crate::substructure::LinkFault;
 use crate::time::Nanos;
@@ -240,7 +240,10 @@ pub fn serve_openfresco(
                     tell,
                 };
                 let room = (&mut buffer[..], &mut waste[..]);
-                (peer, attendance.attend(&mut link, &mut machine, host, &early, room))
+                (
+                    peer,
+                    attendance.attend(&mut link, &mut machine, host, &early, room),
+                )
             }
             (Caller::Datagram(..), Socket::Tcp(_)) => continue,
         };

@@ -14,8 +14,7 @@ use crate::substructure::{
 use crate::time::Nanos;
 
 /// Makes the link for a controller's test; it is not connected yet.
-pub type FarBuild =
-    Arc<dyn Fn(&Visitor) -> Result<Box<dyn Substructure>, String> + Send + Sync>;
+pub type FarBuild = Arc<dyn Fn(&Visitor) -> Result<Box<dyn Substructure>, String> + Send + Sync>;
 
 /// A specimen across another link.
 pub struct Far {

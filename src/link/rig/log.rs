@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use super::summary::{self, Counted};
 use super::{Close, Trip, Visitor};
+use crate::control::AxisUnits;
 use crate::record::writer::Clocks;
 use crate::record::{
     Column, FolderError, Layout, Note, NoteLevel, Recorder, RingRecorder, RingSize, RunFolder,
@@ -15,7 +16,6 @@ use crate::record::{
 use crate::rt::timing::Timing;
 use crate::rt::wall::Wall;
 use crate::rt::{os, pin_away};
-use crate::control::AxisUnits;
 use crate::substructure::{Command, LinkStats, Measurement};
 
 /// Where and what a server records.
@@ -81,8 +81,18 @@ const HEAD: [(&str, &str, &str, bool); 10] = [
         false,
     ),
     ("time", "s", "test time of the command", false),
-    ("elapsed", "s", "test time since the command before, or since the last commit", false),
-    ("command", "1", "the controller's number of the command", false),
+    (
+        "elapsed",
+        "s",
+        "test time since the command before, or since the last commit",
+        false,
+    ),
+    (
+        "command",
+        "1",
+        "the controller's number of the command",
+        false,
+    ),
     ("commits", "1", "commands accepted so far", false),
     (
         "trip",
@@ -92,8 +102,18 @@ const HEAD: [(&str, &str, &str, bool); 10] = [
          50 command and 51 measurement not finite; 60 interlock, 61 saturated, 70 specimen lost",
         false,
     ),
-    ("received_s", "s", "wall time from the start of the test to the command", true),
-    ("round_trip_s", "s", "from the command to the specimen's answer", true),
+    (
+        "received_s",
+        "s",
+        "wall time from the start of the test to the command",
+        true,
+    ),
+    (
+        "round_trip_s",
+        "s",
+        "from the command to the specimen's answer",
+        true,
+    ),
 ];
 
 const AXIS: [(&str, &str); 7] = [
@@ -103,7 +123,10 @@ const AXIS: [(&str, &str); 7] = [
     ("force", "measured force, in N"),
     ("raw_disp", "measured displacement in the unit of the axis"),
     ("raw_force", "measured force in the unit of the axis"),
-    ("vel", "velocity that came with the command, in units of the axis per s"),
+    (
+        "vel",
+        "velocity that came with the command, in units of the axis per s",
+    ),
 ];
 
 fn columns(units: &[AxisUnits], name: &str) -> Vec<Column> {
@@ -223,7 +246,9 @@ impl Log {
         };
         let started = std::thread::scope(|scope| {
             let starter = std::thread::Builder::new().name("gusset-log".into());
-            starter.spawn_scoped(scope, spawn).map(|thread| thread.join())
+            starter
+                .spawn_scoped(scope, spawn)
+                .map(|thread| thread.join())
         });
         match started {
             Ok(Ok(Ok(writer))) => Ok((writer, recorder, vec![0.0; width])),
@@ -312,7 +337,7 @@ impl Log {
     }
 
     /// Writes everything down. What cannot be written is told in the program's log.
-    pub fn close(self, close: Close, text: &str, stats: &LinkStats) {
+    pub fn close(self, close: Close, text: &str, stats: &LinkStats, commits: u64) {
         let level = match close {
             Close::Completed | Close::Interrupted => NoteLevel::Info,
             Close::Stopped | Close::Failed => NoteLevel::Error,
@@ -337,6 +362,7 @@ impl Log {
                 text,
                 wall_seconds,
                 required,
+                commits,
             },
             &name,
             &counted,

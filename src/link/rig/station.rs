@@ -257,7 +257,11 @@ impl Station {
         let n = self.units.len();
         let diagonal: Vec<f64> = self.stiffness.iter().step_by(n + 1).copied().collect();
         let mut probe = Probe::new(start, amplitude, &diagonal, &self.units, pace);
-        self.note(NoteLevel::Info, "probing", "a small motion and back, axis after axis");
+        self.note(
+            NoteLevel::Info,
+            "probing",
+            "a small motion and back, axis after axis",
+        );
         self.arm(0, start)?;
         let (mut disp, mut vel) = (start.to_vec(), vec![0.0; n]);
         let mut edge = os::monotonic_ns();
@@ -300,7 +304,10 @@ impl Station {
         self.watch.stands_at(metres(&self.units, start));
         self.rig.arm(sequence, start).map_err(|fault| {
             let why = self.rig.complaint().unwrap_or_default();
-            format!("it is not armed: {fault}{}{why}", if why.is_empty() { "" } else { ": " })
+            format!(
+                "it is not armed: {fault}{}{why}",
+                if why.is_empty() { "" } else { ": " }
+            )
         })
     }
 
@@ -518,7 +525,7 @@ impl Station {
             Close::Stopped | Close::Failed => Retirement::Tripped,
         });
         if let Some(log) = self.log.take() {
-            log.close(close, &text, &stats);
+            log.close(close, &text, &stats, self.commits);
         }
     }
 }
@@ -530,7 +537,9 @@ impl Drop for Station {
 }
 
 fn metres<'a>(units: &'a [AxisUnits], disp: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
-    disp.iter().zip(units).map(|(disp, units)| disp * units.metres)
+    disp.iter()
+        .zip(units)
+        .map(|(disp, units)| disp * units.metres)
 }
 
 /// The first axis (from 0) on which a number is none. Real-time: yes.

@@ -6,11 +6,11 @@ use serde_json::json;
 
 use super::Close;
 use super::log::Exchange;
+use crate::control::AxisUnits;
 use crate::record::summary::{ClockKind, LinkCounts, Peak, Status};
 use crate::record::{MissClasses, Recorded, Summary};
 use crate::rt::timing::Timing;
 use crate::rt::wall::Wall;
-use crate::control::AxisUnits;
 use crate::substructure::LinkStats;
 
 /// What is counted while a test runs.
@@ -18,7 +18,6 @@ pub(super) struct Counted {
     pub exchanges: u64,
     pub passed_on: u64,
     pub answered: u64,
-    commits: u64,
     /// First length of a step that is not zero.
     dt: f64,
     /// Largest |displacement| in m and |force| in N.
@@ -34,7 +33,6 @@ impl Counted {
             exchanges: 0,
             passed_on: 0,
             answered: 0,
-            commits: 0,
             dt: 0.0,
             disp: vec![0.0; axes],
             force: vec![0.0; axes],
@@ -46,7 +44,6 @@ impl Counted {
     /// Real-time: yes.
     pub fn exchange(&mut self, exchange: &Exchange<'_>, units: &[AxisUnits]) {
         self.exchanges += 1;
-        self.commits = exchange.commits;
         let passed_on = exchange.answered_ns != exchange.received_ns;
         self.passed_on += u64::from(passed_on);
         let lost = matches!(exchange.trip, Some(super::Trip::Lost(_)));
@@ -71,6 +68,7 @@ pub(super) struct End<'a> {
     pub text: &'a str,
     pub wall_seconds: f64,
     pub required: bool,
+    pub commits: u64,
 }
 
 pub(super) fn summarise(
@@ -108,7 +106,7 @@ pub(super) fn summarise(
     Summary {
         status,
         reason: end.text.to_owned(),
-        steps: counted.commits,
+        steps: end.commits,
         dt: counted.dt,
         lambda: None,
         clock: ClockKind::Real,

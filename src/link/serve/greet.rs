@@ -4,8 +4,8 @@ use super::Desk;
 use crate::link::native::{SOFTWARE, fit};
 use crate::link::secret::random;
 use crate::wire::handshake::{
-    self, Arm, Control, Hello, Refuse, RefuseCode, Sampling, TEXT_LIMIT, Terms,
-    Versions, Welcome, layout_hash,
+    self, Arm, Control, Hello, Refuse, RefuseCode, Sampling, TEXT_LIMIT, Terms, Versions, Welcome,
+    layout_hash,
 };
 use crate::wire::key::{NONCE_LEN, PROOF_LEN};
 use crate::wire::native::{Decoder, Encoder, LARGEST_FRAME};

@@ -81,7 +81,10 @@ impl std::fmt::Display for Heard {
             Self::Refused { peer, text } => write!(f, "{peer}: refused: {text}"),
             Self::Told { text } => f.write_str(text),
             Self::Tripped { sequence, text } => {
-                write!(f, "TRIPPED at command {sequence}: {text}; the specimen holds")
+                write!(
+                    f,
+                    "TRIPPED at command {sequence}: {text}; the specimen holds"
+                )
             }
             Self::Armed { peer, test } => write!(f, "{peer}: armed for \"{test}\""),
             Self::Holding { sequence, silent_s } => {

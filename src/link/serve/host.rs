@@ -1,8 +1,8 @@
 //! What a server of our own protocol offers: its name, its axes, and how its station is made for each test.
 
-use crate::link::rig::{Far, FarBuild, Law, LogSettings, ProbeSettings, Station};
 use crate::control::AxisUnits;
 use crate::control::limits::LimitsSpec;
+use crate::link::rig::{Far, FarBuild, Law, LogSettings, ProbeSettings, Station};
 use crate::specimen::Specimen;
 use crate::wire::handshake::{Axis, Capabilities, Unit};
 

@@ -166,13 +166,7 @@ fn hear(
 }
 
 /// The session has a socket of its own; from here on the kernel gives it the datagrams of its peer.
-fn hand_over(
-    socket: &UdpSocket,
-    peer: SocketAddr,
-    desk: &Desk,
-    greeted: Greeted,
-    arm: Arm,
-) {
+fn hand_over(socket: &UdpSocket, peer: SocketAddr, desk: &Desk, greeted: Greeted, arm: Arm) {
     let line = socket
         .local_addr()
         .and_then(bind)

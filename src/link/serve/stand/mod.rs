@@ -238,12 +238,7 @@ impl Stand {
         match received.frame {
             Frame::Command(command) => {
                 let newest = self.pending.map(|(pending, ..)| pending).or(self.sequence);
-                let moves = Self::read(
-                    &command,
-                    newest,
-                    &mut self.new_disp,
-                    &mut self.new_vel,
-                )?;
+                let moves = Self::read(&command, newest, &mut self.new_disp, &mut self.new_vel)?;
                 let (sequence, time, dt) = (command.sequence(), command.time(), command.dt());
                 match moves {
                     Moves::Overtaken => {}
@@ -377,9 +372,7 @@ impl Stand {
             vel: &self.vel,
         };
         let held = self.station.tripped().is_some();
-        let outcome = self
-            .station
-            .exchange(&command, dt_here, &mut self.measured);
+        let outcome = self.station.exchange(&command, dt_here, &mut self.measured);
         self.flags = self.measured.status;
         self.commands += 1;
         self.arrived = now;
