@@ -1,7 +1,6 @@
 //! OpenSees → gateway → specimen, the main role of a gateway in laboratories: the real OpenSees commands the real gateway
 //! through `genericClient`, and computes what it computes with its own material.
 
-#[allow(dead_code, reason = "both helpers serve several tests")]
 mod link_common;
 mod opensees;
 

@@ -4,6 +4,7 @@
     reason = "each test is a program of its own and uses its own part"
 )]
 
+pub mod adapter;
 pub mod relay;
 
 use std::io::{BufRead, BufReader, Read, Write};
