@@ -5,6 +5,7 @@
 //! neither files nor threads nor what stands behind a port.
 
 mod columns;
+mod direction;
 mod numerical;
 mod peaks;
 mod run;
@@ -21,7 +22,7 @@ pub use tick::Tick;
 
 use thiserror::Error;
 
-use crate::control::{LinkCount, Port};
+use crate::control::{LinkCount, Misfit, Port};
 use crate::integrate::StepError;
 use crate::record::{Column, Recorder};
 use crate::rt::timing::{TickStamps, Timing};
@@ -92,6 +93,14 @@ pub enum Stop {
     Interlock {
         /// Specimen, from 0.
         port: usize,
+    },
+    /// A specimen is wired the wrong way round, or does not answer as it must. It is not armed for the test.
+    #[error("specimen {} is not armed: {misfit}", port + 1)]
+    Misfit {
+        /// Specimen, from 0.
+        port: usize,
+        /// What is wrong with it.
+        misfit: Misfit,
     },
     /// A link failed.
     #[error("specimen {}: {fault}", port + 1)]
