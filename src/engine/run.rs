@@ -326,6 +326,9 @@ impl Engine {
             Ending::Stopped(Stop::Interlock { port }) => {
                 self.report_now(EventKind::Interlock { port: *port as u32 });
             }
+            Ending::Stopped(Stop::Saturated { port }) => {
+                self.report_now(EventKind::Saturated { port: *port as u32 });
+            }
             Ending::Stopped(Stop::Diverged { dof, .. }) => {
                 self.report_now(EventKind::Diverged { dof: *dof as u32 });
             }

@@ -128,6 +128,7 @@ fn ending(outcome: &Outcome) -> (Finish, String) {
                 Stop::Link { .. } => Finish::LinkFailed,
                 Stop::Internal => Finish::Panicked,
                 Stop::Interlock { .. }
+                | Stop::Saturated { .. }
                 | Stop::Late { .. }
                 | Stop::Stale { .. }
                 | Stop::Diverged { .. }
@@ -140,10 +141,20 @@ fn ending(outcome: &Outcome) -> (Finish, String) {
                 }
                 _ => None,
             };
-            let reason = match told {
+            let mut reason = match told {
                 Some((_, text)) => format!("{stop} ({text})"),
                 None => stop.to_string(),
             };
+            match stop {
+                Stop::Link { fault, .. } => reason = format!("{reason}: {}", fault.advice()),
+                Stop::Stale { .. } => {
+                    reason.push_str(
+                        ": its answers are late, lost or all to one old command; `link` in the summary counts them, \
+                         `max_stale` is the limit",
+                    );
+                }
+                _ => {}
+            }
             (finish, reason)
         }
     }

@@ -25,6 +25,9 @@ use crate::time::Nanos;
 /// Largest remainder of frames that a transport keeps while the system takes no bytes.
 const KEPT: usize = 96 * 1024;
 
+/// A deadline that has always passed: what is here is taken, nothing is waited for.
+pub(in crate::link) const LOOK: Nanos = Nanos(0);
+
 /// How a wait for bytes spends its time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Wait {

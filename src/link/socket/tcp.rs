@@ -14,7 +14,7 @@ use std::time::Duration;
 use rustix::net::sockopt;
 
 use super::{
-    ConnectError, Kept, Pause, SocketOptions, Verdict, Wait, ask_busy_poll, resolve, verdict,
+    ConnectError, Kept, LOOK, Pause, SocketOptions, Verdict, Wait, ask_busy_poll, resolve, verdict,
 };
 use crate::link::Transport;
 use crate::substructure::LinkFault;
@@ -146,7 +146,10 @@ impl Transport for TcpTransport {
                 Err(error) => match verdict(&error) {
                     Verdict::Again => {}
                     Verdict::NotNow => {
-                        self.acknowledge();
+                        // After a mere look an answer may follow.
+                        if deadline != LOOK {
+                            self.acknowledge();
+                        }
                         if !pause.wait(self.stream.as_fd(), !self.kept.is_empty()) {
                             return Ok(None);
                         }
