@@ -141,6 +141,34 @@ impl Asking {
     }
 }
 
+/// A far end that gives the time of a command back with its answer, as the genuine servers do where they are asked for a
+/// time, shows by it that a datagram came twice or late: nothing else in these protocols does.
+#[derive(Debug, Default)]
+pub(super) struct Echo {
+    newest: Option<f64>,
+}
+
+impl Echo {
+    /// Judges the time of an answer. One that was never a command's, or none, is no echo and proves nothing.
+    /// Real-time: yes.
+    ///
+    /// # Errors
+    /// It is the answer to the command before.
+    pub(super) fn check(&mut self, commanded: f64, answered: f64) -> Result<(), WireError> {
+        if answered == commanded {
+            self.newest = Some(commanded).filter(|time| *time != 0.0);
+        } else if self.newest == Some(answered) {
+            return Err(WireError::Order {
+                expected: "the answer to this command",
+                found: "the answer to the one before",
+            });
+        } else {
+            self.newest = None;
+        }
+        Ok(())
+    }
+}
+
 /// A stream takes all in one write, datagrams leave message by message. Real-time: yes.
 pub(super) fn send(
     link: &mut dyn Transport,
@@ -204,4 +232,25 @@ pub(super) fn transport(
 
 pub(super) fn pause() {
     os::sleep_until_ns(os::monotonic_ns() + AGAIN_NS);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Echo;
+
+    #[test]
+    fn an_answer_with_the_time_of_the_command_before_is_noticed_where_times_are_echoed() {
+        let mut echo = Echo::default();
+        for (commanded, answered) in [(0.0, 0.0), (0.0, 0.0), (0.1, 0.1), (0.1, 0.1), (0.2, 0.2)] {
+            echo.check(commanded, answered).unwrap();
+        }
+        echo.check(0.3, 0.2).unwrap_err();
+        // A peer without a time sends zeros, one with a clock of its own anything.
+        for clock in [[0.0; 4], [5.0, 5.1, 5.2, 5.3]] {
+            let mut echo = Echo::default();
+            for (k, answered) in clock.into_iter().enumerate() {
+                echo.check(0.1 * k as f64, answered).unwrap();
+            }
+        }
+    }
 }

@@ -7,7 +7,7 @@
 //!
 //! Not here: what the numbers mean for the structure, and what to do about a fault; a fault is final.
 
-use super::asking::{Asking, Came, machine, pause, send, transport};
+use super::asking::{Asking, Came, Echo, machine, pause, send, transport};
 use super::error::{Lost, RemoteError, Saying};
 use super::settings::{Peer, RemoteSettings};
 use crate::link::Transport;
@@ -53,6 +53,7 @@ pub struct Remote {
     phase: Phase,
     sequence: u64,
     time: f64,
+    echo: Echo,
     sent_at: Nanos,
     reply_limit_ns: u64,
     initial_stiffness: Option<Vec<f64>>,
@@ -98,6 +99,7 @@ impl Remote {
             phase: Phase::New,
             sequence: 0,
             time: 0.0,
+            echo: Echo::default(),
             sent_at: Nanos(0),
             reply_limit_ns: (settings.reply_limit_s * 1e9) as u64,
             initial_stiffness: None,
@@ -350,7 +352,8 @@ impl Substructure for Remote {
             }
             Phase::Answered | Phase::Committed => {}
         }
-        match self.machine.measurement(into) {
+        let filled = self.machine.measurement(into);
+        match filled.and_then(|()| self.echo.check(self.time, into.time)) {
             Ok(()) => {
                 into.sequence = self.sequence;
                 Ok(Freshness::Fresh)

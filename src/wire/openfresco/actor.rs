@@ -201,6 +201,7 @@ impl Actor {
     fn endian(&mut self) -> Result<ActorEvent, WireError> {
         // The check is answered even if it looks swapped; but all numbers that follow would be nonsense.
         let found: [u8; 4] = array(self.inbox.message(), 0)?;
+        crate::wire::not_foreign(&found)?;
         if found != ENDIAN_CHECK && found != ENDIAN_SWAPPED {
             return Err(WireError::Magic {
                 expected: ENDIAN_CHECK,
