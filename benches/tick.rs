@@ -94,7 +94,8 @@ fn bare_steps(steps: usize) -> Vec<u64> {
         return vec![0];
     };
     let n = numerical.structure.dofs();
-    let lambda = test.facts.structure.expect("a structure").lambda;
+    let structure = test.facts.structure.expect("a structure");
+    let lambda = structure.lambda.expect("a member of the family");
     let mut gui = gusset::integrate::Gui::new(
         numerical.structure.mass(),
         &numerical.structure.reference_damping(),

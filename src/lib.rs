@@ -21,6 +21,7 @@
 //! | [`model`] | the numerical substructure: M, C, K, nonlinear elements |
 //! | [`motion`] | ground motions and other signals on the step grid |
 //! | [`integrate`] | the Gui-λ family and the choice of λ |
+//! | [`spectral`] | what a method does to one mode: poles, period error, bounds, critical delay |
 //! | [`substructure`] | the hinge: command out, measurement back |
 //! | [`specimen`] | specimens in process |
 //! | [`control`] | what stands between the structure's DOFs and a specimen's axes |
@@ -31,6 +32,7 @@
 //! | [`rt`] | what is asked of the operating system; the real clock; timing histograms |
 //! | [`config`] | the test file: schema, diagnostics, and the building of an experiment |
 //! | [`report`] | the page a run leaves behind |
+//! | [`verify`] | the published values of the family, obtained anew and judged |
 //! | [`session`] | one test from the prepared experiment to the finished run folder: the threads |
 //! | [`cli`] | the commands |
 
@@ -52,6 +54,8 @@ pub mod report;
 pub mod rt;
 pub mod session;
 pub mod specimen;
+pub mod spectral;
 pub mod substructure;
 pub mod time;
+pub mod verify;
 pub mod wire;

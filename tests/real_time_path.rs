@@ -186,7 +186,8 @@ fn no_tick_allocates_whatever_the_structure() {
         let facts = prepare(&text).facts;
         let found = facts
             .structure
-            .map_or(String::new(), |structure| structure.storage);
+            .and_then(|structure| structure.storage)
+            .unwrap_or_default();
         assert_eq!(found, storage);
         let once = cost(prepare(&text).experiment, Box::new(SimClock::new()), true);
         let whole = cost(prepare(&text).experiment, Box::new(SimClock::new()), false);

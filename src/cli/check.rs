@@ -3,7 +3,8 @@
 use serde_json::json;
 
 use super::exit::Exit;
-use super::run::{load, refused};
+use super::run::{load, method_name, refused};
+use super::spectrum::Spectrum;
 use super::table::{Table, duration, quantity};
 use super::{CheckArgs, answer, warn};
 use crate::config::{self, ClockChoice, Facts, StructureFacts};
@@ -13,15 +14,29 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
     let loaded = load(&args.test, &args.sets)?;
     let test = config::build(&loaded).map_err(refused)?;
     warn(&test.warnings);
+    let facts = &test.facts;
+    let spectrum = facts
+        .structure
+        .as_ref()
+        .and_then(|structure| Spectrum::of(facts, structure));
+    if let Some(folder) = &args.plot {
+        let Some(spectrum) = &spectrum else {
+            anyhow::bail!(
+                "there are no curves: they are for the method \"gui\" and structures of up to 100 degrees of freedom"
+            );
+        };
+        spectrum.plot(folder)?;
+    }
     if args.json {
-        answer(serde_json::to_string_pretty(&as_json(&test.facts))?)?;
+        let found = as_json(facts, spectrum.as_ref());
+        answer(serde_json::to_string_pretty(&found)?)?;
     } else {
-        answer(as_table(&test.facts))?;
+        answer(as_table(facts, spectrum.as_ref()))?;
     }
     Ok(Exit::Done)
 }
 
-fn as_table(facts: &Facts) -> Table {
+fn as_table(facts: &Facts, spectrum: Option<&Spectrum>) -> Table {
     let mut table = Table::new(&format!("{} — valid", facts.title));
     let clock = match facts.clock {
         ClockChoice::Real => "real",
@@ -38,7 +53,7 @@ fn as_table(facts: &Facts) -> Table {
         ),
     );
     if let Some(structure) = &facts.structure {
-        describe(&mut table, facts, structure);
+        describe(&mut table, facts, structure, spectrum);
     } else {
         table.row(
             "structure",
@@ -57,12 +72,22 @@ fn as_table(facts: &Facts) -> Table {
     table
 }
 
-fn describe(table: &mut Table, facts: &Facts, structure: &StructureFacts) {
+fn describe(
+    table: &mut Table,
+    facts: &Facts,
+    structure: &StructureFacts,
+    spectrum: Option<&Spectrum>,
+) {
     table.row(
         "structure",
         &format!(
-            "{} DOFs, effective mass stored {}",
-            structure.dofs, structure.storage
+            "{} DOFs{}",
+            structure.dofs,
+            structure
+                .storage
+                .as_ref()
+                .map(|storage| format!(", effective mass stored {storage}"))
+                .unwrap_or_default()
         ),
     );
     if let Some(peak) = structure.peak_ground_accel {
@@ -79,11 +104,18 @@ fn describe(table: &mut Table, facts: &Facts, structure: &StructureFacts) {
             "none".to_owned()
         };
         let text = format!(
-            "{omega:.4} rad/s, {hz:.4} Hz, period {period}, Ω = ω·Δt = {:.4}",
-            omega * facts.dt
+            "{omega:.4} rad/s, {hz:.4} Hz, period {period}, Ω = ω·Δt = {:.4}{}",
+            omega * facts.dt,
+            spectrum
+                .map(|spectrum| spectrum.errors(mode))
+                .unwrap_or_default()
         );
         table.row(&format!("mode {}", mode + 1), &text);
     }
+    let Some(lambda) = structure.lambda else {
+        table.row("method", &method_name(structure.method));
+        return;
+    };
     let how = if structure.lambda_by_number {
         "asked for by number".to_owned()
     } else {
@@ -92,7 +124,7 @@ fn describe(table: &mut Table, facts: &Facts, structure: &StructureFacts) {
             structure.gain
         )
     };
-    table.row("lambda", &format!("{} ({how})", structure.lambda));
+    table.row("lambda", &format!("{lambda} ({how})"));
     match &structure.choice {
         None => table.row("stability", "no proof: a tangent has no declared bound"),
         Some(choice) => {
@@ -116,9 +148,12 @@ fn describe(table: &mut Table, facts: &Facts, structure: &StructureFacts) {
             }
         }
     }
+    if let Some(spectrum) = spectrum {
+        spectrum.describe(table);
+    }
 }
 
-fn as_json(facts: &Facts) -> serde_json::Value {
+fn as_json(facts: &Facts, spectrum: Option<&Spectrum>) -> serde_json::Value {
     let number = |value: f64| {
         if value.is_finite() {
             json!(value)
@@ -132,13 +167,16 @@ fn as_json(facts: &Facts) -> serde_json::Value {
             "dofs": structure.dofs,
             "storage": structure.storage,
             "frequencies_rad_per_s": structure.frequencies,
-            "lambda": number(structure.lambda.value()),
+            "method": structure.method,
+            "lambda": structure.lambda.map(|lambda| number(lambda.value())),
             "lambda_by_number": structure.lambda_by_number,
             "lambda_limit": choice.map(|choice| choice.limit),
             "margin": choice.map(|choice| number(choice.margin)),
             "stable": choice.map(|choice| choice.is_stable()),
             "governing": choice.and_then(|c| c.governing.as_ref()).map(ToString::to_string),
-            "gain_bound": structure.gain,
+            "gain_bound": structure.gain.is_finite().then_some(structure.gain),
+            "modes": spectrum.map(Spectrum::modes_json),
+            "critical_delays": spectrum.map(Spectrum::delays_json),
             "peak_ground_acceleration_m_per_s2": structure.peak_ground_accel,
         })
     });

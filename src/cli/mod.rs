@@ -15,7 +15,9 @@ mod run;
 mod schema;
 mod serve;
 mod serve_openfresco;
+mod spectrum;
 mod table;
+mod verify;
 
 use std::fmt::Display;
 use std::io::{self, IsTerminal, Write};
@@ -58,6 +60,8 @@ enum Command {
     Report(ReportArgs),
     /// Host a specimen for controllers that command it over a network, until told to stop.
     Serve(ServeArgs),
+    /// Obtain the published tables, equations, figures and examples of the integration family anew, and judge them.
+    Verify(VerifyArgs),
     /// Print the JSON Schema of the test file.
     #[command(
         after_help = "Example:\n  gusset schema > gusset.schema.json\n\nAn editor with a TOML language server completes \
@@ -100,13 +104,17 @@ enum ClockArg {
 }
 
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  gusset check config/frame-bouc-wen.toml")]
+#[command(after_help = "Example:\n  gusset check config/frame-bouc-wen.toml\n  \
+    gusset check config/frame-bouc-wen.toml --plot curves")]
 struct CheckArgs {
     /// The test file.
     test: PathBuf,
     /// Overrides any key by its dotted path.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     sets: Vec<String>,
+    /// Write the curves of period error, damping error and growth over delay here (SVG, CSV); must not exist yet.
+    #[arg(long, value_name = "DIR")]
+    plot: Option<PathBuf>,
     /// Print the findings as JSON on stdout.
     #[arg(long)]
     json: bool,
@@ -257,6 +265,29 @@ enum TransportArg {
     Udp,
 }
 
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  gusset verify --quick\n  gusset verify example-4.2 --out verification\n\n\
+    Exits with 1 if anything is not as published."
+)]
+struct VerifyArgs {
+    /// Topics, as --list names them [default: all].
+    #[arg(value_name = "NAME")]
+    names: Vec<String>,
+    /// List the topics.
+    #[arg(long)]
+    list: bool,
+    /// Fewer random systems and smaller models: seconds in place of minutes.
+    #[arg(long)]
+    quick: bool,
+    /// Write index.html, every figure as SVG and its data as CSV here; must not exist yet.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Print everything as JSON on stdout.
+    #[arg(long)]
+    json: bool,
+}
+
 /// Runs the command line and returns the exit code of contracts: 0 done, 1 stopped, 2 wrong usage, 3 link, 4 no real
 /// time, 5 our own fault, 130 and 143 interrupted.
 #[must_use]
@@ -270,6 +301,7 @@ pub fn main() -> ExitCode {
         Command::Export(args) => export::export(&args),
         Command::Report(args) => report::report(&args),
         Command::Serve(args) => serve::serve(&args),
+        Command::Verify(args) => verify::verify(&args),
         Command::Schema => schema::schema(),
     };
     match result {

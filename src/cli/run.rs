@@ -9,7 +9,7 @@ use super::exit::{Exit, Mistakes, WithExit};
 use super::progress::ProgressLine;
 use super::table::{Table, duration, quantity};
 use super::{ClockArg, RunArgs, answer, tell, warn};
-use crate::config::{self, ConfigError, Facts, Loaded};
+use crate::config::{self, ConfigError, Facts, Loaded, Method};
 use crate::record::{Progress, RunFolder};
 use crate::rt::wall::Wall;
 use crate::session::{self, Finish, Finished, Page, SessionError, Signal, Signals, Watches};
@@ -98,6 +98,14 @@ pub fn refused(error: ConfigError) -> anyhow::Error {
     }
 }
 
+/// A method as the test file spells it.
+pub fn method_name(method: Method) -> String {
+    match serde_json::to_value(method) {
+        Ok(serde_json::Value::String(name)) => name,
+        _ => format!("{method:?}"),
+    }
+}
+
 /// What a person wants to know at the end of a test.
 fn conclude(facts: &Facts, finished: &Finished, page: Option<&Page>) {
     let summary = &finished.summary;
@@ -128,17 +136,22 @@ fn conclude(facts: &Facts, finished: &Finished, page: Option<&Page>) {
         ),
     );
     if let Some(structure) = &facts.structure {
-        let how = if structure.lambda_by_number {
-            "by number"
-        } else {
-            "automatic"
-        };
-        let limit = match structure.choice.as_ref().map(|choice| choice.limit) {
-            Some(Some(limit)) => format!("limit {limit:.4}"),
-            Some(None) => "every lambda is stable".to_owned(),
-            None => "no proof: a tangent has no declared bound".to_owned(),
-        };
-        table.row("lambda", &format!("{} ({how}; {limit})", structure.lambda));
+        match structure.lambda {
+            None => table.row("method", &method_name(structure.method)),
+            Some(lambda) => {
+                let how = if structure.lambda_by_number {
+                    "by number"
+                } else {
+                    "automatic"
+                };
+                let limit = match structure.choice.as_ref().map(|choice| choice.limit) {
+                    Some(Some(limit)) => format!("limit {limit:.4}"),
+                    Some(None) => "every lambda is stable".to_owned(),
+                    None => "no proof: a tangent has no declared bound".to_owned(),
+                };
+                table.row("lambda", &format!("{lambda} ({how}; {limit})"));
+            }
+        }
     }
     let largest = |values: &[Option<f64>]| {
         let known = values

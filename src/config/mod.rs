@@ -43,7 +43,7 @@ use schemars::transform::{Transform, transform_subschemas};
 use thiserror::Error;
 use toml_edit::DocumentMut;
 
-pub use build::{Facts, Files, Prepared, StructureFacts, build};
+pub use build::{Analysis, Facts, Files, Loop, ModeFacts, Prepared, StructureFacts, build};
 pub use diagnose::{Diagnostic, Diagnostics, Finding, Part, Place, Severity, Source};
 pub use document::{KeyPath, PathError, Segment};
 pub use inputs::{INPUTS_FOLDER, Input, InputError, Inputs};
@@ -53,7 +53,7 @@ pub use resolve::{ResolveError, resolve};
 pub use schema::{
     ClockChoice, ExcitationTable, GravityTable, GroundTable, IntegratorTable, Method,
     NodalFileTable, NodalForceTable, PrescribedTable, RecordTable, SafetyTable, Start,
-    StructureTable, TestFile, TimeTable,
+    StructureTable, TestFile, TimeTable, Weighting,
 };
 pub use serve::{ServeFile, ServeTable, Served, load_served};
 pub use specimen::{AxisTable, DispUnit, ForceUnit, SimilitudeTable, SpecimenTable};

@@ -159,7 +159,7 @@ pub struct GravityTable {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct IntegratorTable {
-    /// The method.
+    /// The method. Only "gui", and "kr_alpha" and "mkr_alpha" with weighted forces, may command a specimen.
     pub method: Method,
     /// λ of the family: a number, `inf`, or "auto" for the largest that is proven stable (at most 11.5).
     pub lambda: LambdaValue,
@@ -168,15 +168,90 @@ pub struct IntegratorTable {
     pub gain_bound: Option<f64>,
     /// The first step.
     pub start: Start,
+    /// ρ∞ of kr_alpha and mkr_alpha, which must have it: spectral radius at infinite frequency, 0 (most damping of high
+    /// frequencies) to 1 (none).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rho_infinity: Option<f64>,
+    /// What kr_alpha and mkr_alpha weigh. Default: forces.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub weighting: Option<Weighting>,
+    /// Increment over the largest response at which Newton's iteration ends, for methods that iterate. Default: 1e-10.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub newton_tolerance: Option<f64>,
+    /// Iterations of one step after which the test stops, for methods that iterate. Default: 50.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1))]
+    pub newton_iterations: Option<u32>,
 }
 
-/// Integration methods that may command a specimen.
+/// Integration methods. Those that need the forces of the step they are making run only tests without a specimen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Method {
     /// The Gui-λ family (Gui, Wang, Jin & Chen 2014): explicit, one solve per step; λ = 4 is Chen-Ricles.
     #[default]
     Gui,
+    /// Newmark with β = 1/4: average acceleration, iterated to equilibrium.
+    NewmarkAverage,
+    /// Newmark with β = 1/6: linear acceleration, iterated to equilibrium.
+    NewmarkLinear,
+    /// Newmark with β = 0: explicit in displacement.
+    NewmarkExplicit,
+    /// Central differences: explicit in displacement.
+    CentralDifference,
+    /// Chang 2002: explicit in displacement, unconditionally stable for linear and softening systems.
+    #[serde(rename = "chang_2002")]
+    Chang2002,
+    /// KR-α (Kolay & Ricles 2014): explicit, with numerical damping by `rho_infinity`.
+    KrAlpha,
+    /// MKR-α (Kolay & Ricles 2019): explicit, with numerical damping by `rho_infinity`.
+    MkrAlpha,
+}
+
+/// What the α methods weigh between two steps.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Weighting {
+    /// The forces of both steps.
+    #[default]
+    Forces,
+    /// The states, at which the force is then evaluated, as open-source finite-element programs do.
+    State,
+}
+
+impl IntegratorTable {
+    /// Why this method cannot command a specimen, or nothing if it can.
+    #[must_use]
+    pub fn why_no_specimen(&self) -> Option<&'static str> {
+        match self.method {
+            Method::Gui => None,
+            Method::KrAlpha | Method::MkrAlpha => {
+                (self.weighting == Some(Weighting::State)).then_some(
+                    "it evaluates forces at a weighted state, which is not the displacement of any step",
+                )
+            }
+            Method::NewmarkAverage | Method::NewmarkLinear => Some(
+                "it is implicit: it would command every iterate of its displacement, and a specimen \
+                 cannot take a step back",
+            ),
+            Method::NewmarkExplicit | Method::CentralDifference | Method::Chang2002 => Some(
+                "it is explicit in displacement only: its velocity follows from the force of the same \
+                 step, by iteration where damping is nonlinear",
+            ),
+        }
+    }
+
+    /// True for the methods with ρ∞.
+    #[must_use]
+    pub fn is_alpha(&self) -> bool {
+        matches!(self.method, Method::KrAlpha | Method::MkrAlpha)
+    }
+
+    /// True for the methods that iterate to equilibrium.
+    #[must_use]
+    pub fn iterates(&self) -> bool {
+        self.method != Method::Gui && !self.is_alpha()
+    }
 }
 
 /// The first step.

@@ -4,6 +4,7 @@
 //! that was sent, what was measured, and the force after offsets. All of them stand in the row, so nothing that
 //! a specimen was told is hidden. Pure bookkeeping: no clock, no input or output of its own.
 
+pub mod limits;
 mod link;
 
 pub use link::{LinkCount, OnStale, WaitRules};

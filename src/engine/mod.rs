@@ -22,6 +22,7 @@ pub use tick::Tick;
 use thiserror::Error;
 
 use crate::control::{LinkCount, Port};
+use crate::integrate::StepError;
 use crate::record::{Column, Recorder};
 use crate::rt::timing::{TickStamps, Timing};
 use crate::substructure::LinkFault;
@@ -126,6 +127,12 @@ pub enum Stop {
     /// A fault of our own, caught at the boundary of the loop's thread.
     #[error("internal error")]
     Internal,
+    /// A method that iterates found no equilibrium.
+    #[error(transparent)]
+    Step(StepError),
+    /// The method needs the forces of the step that it is making, which no specimen can give in advance.
+    #[error("the integration method cannot command a specimen; nothing was moved")]
+    CannotCommand,
     /// The static load found no equilibrium.
     #[error("the static load found no equilibrium in {exchanges} exchanges")]
     NotSettled {

@@ -1,7 +1,7 @@
 //! The numerical side of a test: a structure that is integrated, or a deformation that is prescribed.
 
 use crate::control::Port;
-use crate::integrate::{Integrator, State};
+use crate::integrate::{Loaded, State, StepError, Stepper};
 use crate::model::{Acceleration, Base, Structure};
 use crate::motion::{Excitation, Prescribed};
 
@@ -23,12 +23,14 @@ pub struct Numerical {
     /// Loads and base motion on the step grid.
     pub excitation: Excitation,
     acceleration: Acceleration,
-    integrator: Box<dyn Integrator>,
+    stepper: Stepper,
     /// x and v of the step that is about to be closed.
     pub state: State,
     residual: Vec<f64>,
     /// r = F − R_d(v) − R_s(x) − Bᵀf of the step last closed.
     pub inertia: Vec<f64>,
+    /// M a of the step that an offline method has made ahead.
+    next_inertia: Vec<f64>,
     /// Velocity to report for the step last closed.
     pub reported_vel: Vec<f64>,
     /// a = M⁻¹ r of the step last closed; NaN for a massless DOF.
@@ -58,18 +60,23 @@ impl Numerical {
         structure: Structure,
         acceleration: Acceleration,
         excitation: Excitation,
-        integrator: Box<dyn Integrator>,
-        state: State,
+        stepper: impl Into<Stepper>,
+        mut state: State,
     ) -> Self {
         let n = structure.dofs();
+        let stepper = stepper.into();
+        if let Stepper::Explicit(integrator) = &stepper {
+            integrator.prepare(&mut state);
+        }
         Self {
             structure,
             acceleration,
             excitation,
-            integrator,
+            stepper,
             state,
             residual: vec![0.0; n],
             inertia: vec![0.0; n],
+            next_inertia: vec![0.0; n],
             reported_vel: vec![0.0; n],
             accel: vec![0.0; n],
         }
@@ -82,9 +89,21 @@ impl Numerical {
         Base { disp, vel }
     }
 
+    /// True if the method needs the forces of the step that it is making: no specimen can hang on it.
+    #[must_use]
+    pub fn is_offline(&self) -> bool {
+        matches!(self.stepper, Stepper::Offline(_))
+    }
+
     /// r at `step`, with the forces that the ports hold; `dt` is the time since the last accepted step.
-    /// Numerical elements commit. Real-time: yes.
+    /// Numerical elements commit. Real-time: yes, unless the method is offline.
     pub fn close(&mut self, step: u64, dt: f64, ports: &mut [Port]) {
+        if self.is_offline() && step > 0 {
+            // Equilibrium was found and committed when the step was made.
+            self.inertia.copy_from_slice(&self.next_inertia);
+            self.reported_vel.copy_from_slice(&self.state.vel);
+            return;
+        }
         let base = self.base(step);
         self.excitation.load_into(index(step), &mut self.residual);
         self.structure.subtract_internal(
@@ -98,12 +117,42 @@ impl Numerical {
             port.subtract_force(&mut self.residual);
         }
         self.inertia.copy_from_slice(&self.residual);
+        if let Stepper::Offline(method) = &mut self.stepper {
+            method.begin(&self.state, &self.residual);
+            self.reported_vel.copy_from_slice(&self.state.vel);
+        }
     }
 
-    /// x and v of the next step: one solve. Real-time: yes.
-    pub fn advance(&mut self) {
-        self.integrator
-            .advance(&mut self.state, &mut self.residual, &mut self.reported_vel);
+    /// x and v of the step after `step`: one solve for an integrator, as many as it takes for an offline method.
+    /// Real-time: yes, unless the method is offline.
+    ///
+    /// # Errors
+    /// An offline method finds no equilibrium.
+    pub fn advance(&mut self, step: u64) -> Result<(), StepError> {
+        match &mut self.stepper {
+            Stepper::Explicit(integrator) => {
+                integrator.advance(&mut self.state, &mut self.residual, &mut self.reported_vel);
+                Ok(())
+            }
+            Stepper::Offline(method) => {
+                // Nothing is recorded of a step beyond the test.
+                if index(step) >= self.excitation.steps() {
+                    return Ok(());
+                }
+                let excitation = &self.excitation;
+                let mut forces = Loaded::new(&mut self.structure, |step, out: &mut [f64]| {
+                    excitation.load_into(index(step), out);
+                    let (disp, vel) = excitation.base(index(step));
+                    Base { disp, vel }
+                });
+                method.step(
+                    step + 1,
+                    &mut self.state,
+                    &mut forces,
+                    &mut self.next_inertia,
+                )
+            }
+        }
     }
 
     /// a of the step last closed, for the record only. Real-time: yes.
@@ -112,14 +161,18 @@ impl Numerical {
     }
 
     /// Runs the whole numerical path `times` times and leaves no trace, so that caches and branch predictors are
-    /// warm at the first tick.
+    /// warm at the first tick. An offline method has no deadline to be warm for.
     pub fn rehearse(&mut self, times: usize, ports: &mut [Port]) {
+        if self.is_offline() {
+            return;
+        }
         let state = self.state.clone();
         let mut memory = Vec::new();
         self.structure.freeze(&mut memory);
         for _ in 0..times {
             self.close(0, 0.0, ports);
-            self.advance();
+            // An integrator does not fail.
+            let _ = self.advance(0);
             self.output_accel();
             self.state.clone_from(&state);
         }

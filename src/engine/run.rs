@@ -5,6 +5,7 @@ use crossbeam_channel::Receiver;
 use super::numerical::{Side, aim_along};
 use super::tick::Tick;
 use super::{Ending, Engine, OnMiss, Outcome, Stop};
+use crate::integrate::StepError;
 use crate::record::{Event, EventKind, MissCause};
 use crate::rt::timing::{Suspect, TickStamps};
 use crate::substructure::Retirement;
@@ -89,6 +90,12 @@ impl Engine {
     }
 
     fn course(&mut self, control: &Control) -> Result<(), Stop> {
+        if let Side::Structure(numerical) = &self.side
+            && numerical.is_offline()
+            && !self.ports.is_empty()
+        {
+            return Err(Stop::CannotCommand);
+        }
         self.aim_at_start();
         if let Side::Structure(numerical) = &mut self.side {
             numerical.rehearse(REHEARSALS, &mut self.ports);
@@ -329,7 +336,9 @@ impl Engine {
             Ending::Stopped(Stop::Saturated { port }) => {
                 self.report_now(EventKind::Saturated { port: *port as u32 });
             }
-            Ending::Stopped(Stop::Diverged { dof, .. }) => {
+            Ending::Stopped(
+                Stop::Diverged { dof, .. } | Stop::Step(StepError::NotConverged { dof, .. }),
+            ) => {
                 self.report_now(EventKind::Diverged { dof: *dof as u32 });
             }
             _ => {}

@@ -21,7 +21,7 @@ impl Engine {
         self.exchange(tick, stamps)?;
         self.row
             .exchange(tick, state::RUNNING, &self.side, &self.ports);
-        self.advance_to_next(tick);
+        let advanced = self.advance_to_next(tick);
         stamps.ready = self.clock.now();
 
         self.accept()?;
@@ -32,7 +32,8 @@ impl Engine {
         self.row
             .timing(stamps, self.first_edge, self.schedule.stretched());
         self.hand_over(tick);
-        self.note_peaks(tick)
+        self.note_peaks(tick)?;
+        advanced
     }
 
     /// Issue to all before collecting from any, so that several links cost one round trip.
@@ -124,11 +125,12 @@ impl Engine {
     }
 
     /// Equilibrium at this step, x and v of the next, and the commands that follow from them.
-    fn advance_to_next(&mut self, tick: &Tick) {
+    /// An offline method that finds no equilibrium ends the test after the row of this step.
+    fn advance_to_next(&mut self, tick: &Tick) -> Result<(), Stop> {
         match &mut self.side {
             Side::Structure(numerical) => {
                 numerical.close(tick.step, tick.dt, &mut self.ports);
-                numerical.advance();
+                numerical.advance(tick.step).map_err(Stop::Step)?;
                 let base = numerical.base(tick.step + 1);
                 let state = &numerical.state;
                 for port in &mut self.ports {
@@ -143,6 +145,7 @@ impl Engine {
                 aim_along(histories, tick.index() + 1, &mut self.ports);
             }
         }
+        Ok(())
     }
 
     /// The step is accepted: specimens commit. The command that stands ready has not left yet.

@@ -129,6 +129,7 @@ impl Integrator for Gui {
             vel,
             weighted_accel,
             begun,
+            memory: _,
         } = state;
         debug_assert_eq!(residual.len(), self.effective_mass.n());
         debug_assert_eq!((disp.len(), vel.len()), (residual.len(), residual.len()));

@@ -1,11 +1,29 @@
-//! Integrators that are explicit in displacement and velocity, and the choice of λ.
+//! Time integration: the family, its companions, and the choice of λ.
+//!
+//! What may command a specimen is a type: an [`Integrator`] is explicit in displacement and velocity and asks for the
+//! force of a step once; an [`Offline`] method needs the forces of the step that it is making, tries them as often
+//! as it likes, and so can only move a structure that is computed. A [`Stepper`] is one of the two.
+//!
+//! | method | explicit in | may command |
+//! |---|---|---|
+//! | [`Gui`] | displacement and velocity | yes |
+//! | [`KrAlpha`] (KR-α, MKR-α), forces weighted | displacement and velocity | yes |
+//! | [`KrAlphaAtState`], forces at the weighted state | displacement and velocity | no: the command would be the weighted state |
+//! | [`Newmark`] β = 0, [`CentralDifference`], [`Chang2002`] | displacement | no: the velocity needs the force of its own step |
+//! | [`Newmark`] β > 0 | nothing | no: iterates |
 //!
 //! A method owns its workspace; the [`State`] is a value that can be cloned, kept and handed to another method.
 //! Given the residual r\[n\] = F − R_d(v) − R_s(x) − Bᵀ f of step n, [`Integrator::advance`] moves the state to n + 1
 //! with one solve: nothing at n + 1 is needed to command n + 1. Forces, loads and accelerations are not computed
 //! here ([`crate::model`] does).
 
+mod central_difference;
+mod chang_2002;
+mod equilibrium;
 mod gui;
+mod kr_alpha;
+mod newmark;
+mod offline;
 mod stability;
 
 use std::fmt;
@@ -14,7 +32,13 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+pub use central_difference::CentralDifference;
+pub use chang_2002::Chang2002;
+pub use equilibrium::NewtonSettings;
 pub use gui::{Gui, GuiError};
+pub use kr_alpha::{AlphaWeights, KrAlpha, KrAlphaAtState};
+pub use newmark::{Newmark, NewmarkBeta};
+pub use offline::{Forces, Loaded, MethodError, Moment, Offline, StepError, Stepper, Tangents};
 pub use stability::{
     ACCURATE_LAMBDA, GAIN_HYBRID, GAIN_NUMERICAL, Governing, LambdaChoice, StabilityError,
     StabilityProof,
@@ -31,6 +55,8 @@ pub struct State {
     pub weighted_accel: Vec<f64>,
     /// True once a step has been taken; a state that is handed to another method is not started anew.
     pub begun: bool,
+    /// What a method with more memory than this keeps between steps; empty for one without.
+    pub memory: Vec<f64>,
 }
 
 impl State {
@@ -43,6 +69,7 @@ impl State {
             disp,
             vel,
             begun: false,
+            memory: Vec::new(),
         }
     }
 
@@ -57,6 +84,11 @@ impl State {
 pub trait Integrator: Send + fmt::Debug {
     /// Δt in s.
     fn dt(&self) -> f64;
+
+    /// Makes room in `state` for what this method keeps between steps, so that no step allocates.
+    fn prepare(&self, state: &mut State) {
+        let _ = state;
+    }
 
     /// One solve. `residual` is r\[n\] in N and may be overwritten. On return `state` is at n + 1 and `reported_vel`
     /// holds the velocity to report for step **n**. All slices have one entry per degree of freedom.

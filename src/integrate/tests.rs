@@ -9,6 +9,8 @@ use super::*;
 use crate::linalg::SymMatrix;
 use crate::model::Part;
 
+mod companions;
+
 fn scalar(value: f64) -> SymMatrix {
     SymMatrix::diagonal(&[value])
 }

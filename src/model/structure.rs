@@ -237,6 +237,45 @@ impl Structure {
         dt: f64,
         residual: &mut [f64],
     ) {
+        self.walk::<true>(disp, vel, base, dt, residual);
+    }
+
+    /// As [`Structure::subtract_internal`], without the commit: a trial from the committed state, however often it is
+    /// asked for. [`Structure::commit`] keeps the last one.
+    pub fn subtract_trial(
+        &mut self,
+        disp: &[f64],
+        vel: &[f64],
+        base: Base,
+        dt: f64,
+        residual: &mut [f64],
+    ) {
+        self.walk::<false>(disp, vel, base, dt, residual);
+    }
+
+    /// The last trial of every element becomes its committed state.
+    pub fn commit(&mut self) {
+        for connection in &mut self.connections {
+            connection.law.commit();
+        }
+    }
+
+    /// Forgets the last trial of every element.
+    pub fn revert(&mut self) {
+        for connection in &mut self.connections {
+            connection.law.revert();
+        }
+    }
+
+    /// Real-time: yes.
+    fn walk<const COMMIT: bool>(
+        &mut self,
+        disp: &[f64],
+        vel: &[f64],
+        base: Base,
+        dt: f64,
+        residual: &mut [f64],
+    ) {
         self.stiffness.subtract_product(disp, residual);
         self.damping.subtract_product(vel, residual);
         if base != Base::default() {
@@ -250,7 +289,9 @@ impl Structure {
             let deformation = at(*to, disp, base.disp) - at(*from, disp, base.disp);
             let rate = at(*to, vel, base.vel) - at(*from, vel, base.vel);
             let force = law.trial(deformation, rate, dt);
-            law.commit();
+            if COMMIT {
+                law.commit();
+            }
             if let Some(r) = residual.get_mut(*to as usize) {
                 *r -= force;
             }

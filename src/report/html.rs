@@ -10,7 +10,7 @@ use super::text::escape;
 pub(super) use super::canvas::Canvas;
 
 /// A section with its heading.
-pub(super) fn section(heading: &str, markup: &str) -> String {
+pub(crate) fn section(heading: &str, markup: &str) -> String {
     format!(
         "<section>\n<h2>{}</h2>\n{markup}</section>\n",
         escape(heading)
@@ -23,7 +23,7 @@ pub(super) fn paragraph(text: &str) -> String {
 }
 
 /// A small paragraph of text: how to read what stands above it.
-pub(super) fn note(text: &str) -> String {
+pub(crate) fn note(text: &str) -> String {
     format!("<p class=\"note\">{}</p>\n", escape(text))
 }
 

@@ -15,6 +15,7 @@
 //! | `response`, `specimens`, `loops` | sections: computed side, measured side, the loop's timing and events |
 //! | `pictures` | the pictures that stand alone |
 //! | `charts`, `lines`, `bars` | the frame of every picture; histories and loops; histograms |
+//! | `curves` | several curves over one pair of axes, for other pages than a run's |
 //! | `axis`, `thin`, `canvas` | ranges and ticks; fewer points; SVG |
 //! | `rows`, `histogram`, `text` | columns by name; timing counts; numbers as text |
 
@@ -22,6 +23,7 @@ mod axis;
 mod bars;
 mod canvas;
 mod charts;
+mod curves;
 mod histogram;
 mod html;
 mod lines;
@@ -41,10 +43,14 @@ mod tests;
 mod text;
 mod thin;
 
+pub(crate) use curves::{Curve, Curves, Scale};
 pub use histogram::Percentiles;
+pub(crate) use html::{note, section};
+pub(crate) use page::frame;
 pub use page::render;
 pub use pictures::{hero_svg, jitter_svg};
 pub use specimens::{IdentifiedAxis, identified};
+pub(crate) use text::escape;
 
 use crate::record::Column;
 

@@ -52,11 +52,16 @@ pub fn render(run: &RunData) -> String {
     body += &loops::events(run);
     body += &configuration_section(run);
     body += "</main>\n";
+    frame(title, &body)
+}
+
+/// A whole page round `markup`: self-contained, with the style sheet of all our pages.
+pub(crate) fn frame(title: &str, markup: &str) -> String {
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
          <meta name=\"color-scheme\" content=\"light dark\">\n<title>{}</title>\n<style>\n{STYLE}</style>\n</head>\n\
-         <body>\n{body}</body>\n</html>\n",
+         <body>\n{markup}</body>\n</html>\n",
         escape(title)
     )
 }

@@ -9,7 +9,7 @@ use std::borrow::Cow;
 pub(super) const NOTHING: &str = "–";
 
 /// Text made harmless for element content and quoted attributes; control characters, which XML forbids, are dropped.
-pub(super) fn escape(text: &str) -> String {
+pub(crate) fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len() + 8);
     for c in text.chars() {
         match c {

@@ -133,6 +133,8 @@ fn ending(outcome: &Outcome) -> (Finish, String) {
                 | Stop::Stale { .. }
                 | Stop::Diverged { .. }
                 | Stop::NotFinite { .. }
+                | Stop::Step(_)
+                | Stop::CannotCommand
                 | Stop::NotSettled { .. } => Finish::Stopped,
             };
             let told = match stop {

@@ -4,9 +4,11 @@
 //! chosen and proven, peaks of the excitation known. A mistake becomes a [`Finding`] at its place in the file. Nothing
 //! moves, and nothing is written.
 
+mod analysis;
 mod excitation;
 mod gear;
 pub(in crate::config) mod links;
+mod method;
 mod proof;
 mod specimens;
 mod structure;
@@ -14,13 +16,14 @@ mod structure;
 use std::path::PathBuf;
 
 use super::{
-    ClockChoice, ConfigError, Diagnostics, DofChoice, Finding, Inputs, KeyPath, Loaded, Start,
+    ClockChoice, ConfigError, Diagnostics, DofChoice, Finding, Inputs, KeyPath, Loaded, Method,
 };
 use crate::engine::{Experiment, Limits, Numerical, OnMiss, Settling, Side};
-use crate::integrate::{Gui, Integrator, Lambda, LambdaChoice};
+use crate::integrate::{Lambda, LambdaChoice};
 use crate::linalg::{Spd, SymMatrix};
 use crate::rt;
 use crate::rt::TimingSpec;
+pub use analysis::{Analysis, Loop, ModeFacts};
 use specimens::Specimens;
 
 /// A test that is ready to run.
@@ -64,12 +67,11 @@ pub struct Facts {
 }
 
 impl Facts {
-    /// λ in use; none without a structure.
+    /// λ in use; none without a structure or with another method than the family.
     #[must_use]
     pub fn lambda(&self) -> Option<f64> {
-        self.structure
-            .as_ref()
-            .map(|structure| structure.lambda.value())
+        let lambda = self.structure.as_ref()?.lambda?;
+        Some(lambda.value())
     }
 }
 
@@ -78,10 +80,12 @@ impl Facts {
 pub struct StructureFacts {
     /// Degrees of freedom.
     pub dofs: usize,
-    /// How M_eff is stored and factored.
-    pub storage: String,
-    /// λ in use.
-    pub lambda: Lambda,
+    /// The integration method.
+    pub method: Method,
+    /// How M_eff is stored and factored, for the family.
+    pub storage: Option<String>,
+    /// λ in use, for the family.
+    pub lambda: Option<Lambda>,
     /// Whether λ was asked for by number.
     pub lambda_by_number: bool,
     /// λ, its limit and what governs it; none if the tangents have no declared bound.
@@ -92,6 +96,8 @@ pub struct StructureFacts {
     pub frequencies: Vec<f64>,
     /// Largest |ground acceleration| in m/s².
     pub peak_ground_accel: Option<f64>,
+    /// What modes and delays can be analysed from, for structures that are not too large.
+    pub analysis: Option<Analysis>,
 }
 
 /// What the run folder archives.
@@ -285,29 +291,27 @@ fn numerical(
         .stiffness_at_rest()
         .plus(1.0, &specimens.stiffness_at_rest(n));
     let frequencies = structure::frequencies(&at_rest, structure.mass());
-    let proof = proof::choose(
-        site,
-        &structure,
-        specimens,
-        &initial_stiffness,
-        &initial_damping,
-    )?;
-    let start = match site.loaded.file.integrator.start {
-        Start::Published => crate::integrate::Start::Published,
-        Start::SecondOrder => crate::integrate::Start::SecondOrder,
-    };
-    let gui = match Gui::new(
-        structure.mass(),
-        &initial_damping,
-        &initial_stiffness,
+    let method = site.loaded.file.integrator.method;
+    let initial = method::Initial {
+        damping: &initial_damping,
+        stiffness: &initial_stiffness,
         dt,
-        proof.lambda,
-        start,
-    ) {
-        Ok(gui) => gui,
-        Err(error) => {
-            let finding = structure::not_definite(site, structure.mass(), &error);
-            return site.refuse(finding);
+    };
+    let (proof, stepper, storage) = match method::companion(site, &structure, &initial)? {
+        Some(stepper) => {
+            proof::warn_of_limit(site, &structure, specimens, method);
+            (None, stepper, None)
+        }
+        None => {
+            let proof = proof::choose(
+                site,
+                &structure,
+                specimens,
+                &initial_stiffness,
+                &initial_damping,
+            )?;
+            let (stepper, storage) = method::family(site, &structure, &initial, proof.lambda)?;
+            (Some(proof), stepper, Some(storage))
         }
     };
     let (excitation, load) = excitation::excitation(site, &structure, specimens)?;
@@ -316,23 +320,33 @@ fn numerical(
             site,
             load,
             &initial_stiffness,
-            proof.stiffness_bound.as_ref(),
+            proof
+                .as_ref()
+                .and_then(|proof| proof.stiffness_bound.as_ref()),
         )?),
         None => None,
     };
     let state = structure::initial_state(site, n)?;
+    let analysis = Analysis::new(
+        structure.mass(),
+        &at_rest,
+        &initial_stiffness,
+        &initial_damping,
+        specimens,
+    );
     let ground = excitation.ground_accel();
     let facts = StructureFacts {
         dofs: n,
-        storage: gui.storage().to_string(),
-        lambda: gui.lambda(),
-        lambda_by_number: proof.by_number,
-        choice: proof.choice,
-        gain: proof.gain,
+        method,
+        storage,
+        lambda: proof.as_ref().map(|proof| proof.lambda),
+        lambda_by_number: proof.as_ref().is_some_and(|proof| proof.by_number),
+        gain: proof.as_ref().map_or(f64::INFINITY, |proof| proof.gain),
+        choice: proof.and_then(|proof| proof.choice),
         frequencies,
+        analysis,
         peak_ground_accel: ground.map(|a| a.iter().fold(0.0, |m: f64, v| m.max(v.abs()))),
     };
-    let integrator: Box<dyn Integrator> = Box::new(gui);
     let accel = match crate::model::Acceleration::new(structure.mass()) {
         Ok(accel) => accel,
         Err(error) => {
@@ -342,7 +356,7 @@ fn numerical(
         }
     };
     Ok((
-        Numerical::new(structure, accel, excitation, integrator, state),
+        Numerical::new(structure, accel, excitation, stepper, state),
         settling,
         facts,
     ))

@@ -2,7 +2,7 @@
 
 use super::specimens::Specimens;
 use super::{Refused, Site, path};
-use crate::config::{Finding, KeyPath, LambdaValue, Severity};
+use crate::config::{Finding, KeyPath, LambdaValue, Method, Severity};
 use crate::integrate::{
     ACCURATE_LAMBDA, GAIN_HYBRID, GAIN_NUMERICAL, Gui, Lambda, LambdaChoice, StabilityProof, Start,
 };
@@ -125,6 +125,50 @@ pub(super) fn choose(
 
 fn lambda_path() -> KeyPath {
     path("integrator").key("lambda")
+}
+
+/// Warns if a method of bounded stability is beyond its bound at the declared tangents: those of Newmark are stable
+/// exactly where the member of the family with their poles is, K0 and C0 following the tangents. Nothing is said of
+/// the others, and nothing where a tangent has no bound.
+pub(super) fn warn_of_limit(
+    site: &mut Site<'_>,
+    structure: &Structure,
+    specimens: &Specimens,
+    method: Method,
+) {
+    let (lambda, name) = match method {
+        Method::NewmarkLinear => (
+            Lambda::Finite(6.0),
+            "linear acceleration is stable to Ω = √12",
+        ),
+        Method::NewmarkExplicit | Method::CentralDifference => {
+            (Lambda::Infinite, "this method is stable to Ω = 2")
+        }
+        Method::Gui
+        | Method::NewmarkAverage
+        | Method::Chang2002
+        | Method::KrAlpha
+        | Method::MkrAlpha => return,
+    };
+    let Ok(bounds) = bounds(site, structure, specimens) else {
+        return;
+    };
+    let proof = StabilityProof {
+        mass: structure.mass().clone(),
+        damping: bounds.damping.clone(),
+        stiffness: bounds.stiffness.clone(),
+        damping_bound: bounds.damping,
+        stiffness_bound: bounds.stiffness,
+        dt: site.loaded.time.step.value(),
+    };
+    if !proof.holds(lambda) {
+        let headline = format!(
+            "{name}, and at the declared stiffness a mode of this structure is beyond: the response may grow as a \
+             sawtooth of period 2 steps"
+        );
+        site.warnings
+            .push(Finding::warning(path("integrator").key("method"), headline));
+    }
 }
 
 fn unstable(choice: &LambdaChoice) -> Finding {

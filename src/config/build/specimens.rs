@@ -44,6 +44,14 @@ enum Stand {
     OpenFresco(Box<Remote>, WaitRules),
 }
 
+/// What one specimen adds to the structure, by rows.
+pub(super) struct Loop<'a> {
+    pub name: &'a str,
+    pub rows: Vec<&'a [(usize, f64)]>,
+    pub stiffness: &'a [Vec<f64>],
+    pub damping: &'a [Vec<f64>],
+}
+
 /// All specimens of a test, in order.
 #[derive(Debug)]
 pub(super) struct Specimens(Vec<Entry>);
@@ -224,6 +232,16 @@ impl Specimens {
         self.0
             .iter()
             .map(|entry| (entry.name.as_str(), entry.axes.len()))
+    }
+
+    /// Name, rows of B, k̂ and ĉ of every specimen.
+    pub(super) fn loops(&self) -> impl Iterator<Item = Loop<'_>> {
+        self.0.iter().map(|entry| Loop {
+            name: &entry.name,
+            rows: entry.axes.iter().map(|axis| axis.row.as_slice()).collect(),
+            stiffness: &entry.stiffness,
+            damping: &entry.damping,
+        })
     }
 
     /// Every DOF (from 0) that a specimen sees.

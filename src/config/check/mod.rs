@@ -12,7 +12,7 @@ use specimen::{check_names, check_specimen};
 
 use super::diagnose::Finding;
 use super::document::{Datum, KeyPath, Node};
-use super::schema::{StructureTable, TestFile};
+use super::schema::{ClockChoice, Method, Start, StructureTable, TestFile};
 use super::serve::ServeFile;
 use super::steps::{Time, not_positive};
 use super::suggest::listed;
@@ -170,9 +170,80 @@ fn check_structure(structure: &StructureTable, at: &KeyPath, findings: &mut Find
 }
 
 fn check_integrator(file: &TestFile, findings: &mut Findings) {
+    let table = &file.integrator;
     let integrator = KeyPath::root().key("integrator");
-    findings.positive(integrator.key("gain_bound"), file.integrator.gain_bound);
-    if let LambdaValue::Number(value) = file.integrator.lambda {
+    findings.positive(integrator.key("gain_bound"), table.gain_bound);
+    if let LambdaValue::Number(value) = table.lambda {
         findings.positive(integrator.key("lambda"), Some(value));
+    }
+    findings.positive(integrator.key("newton_tolerance"), table.newton_tolerance);
+    let method = integrator.key("method");
+    let of_family = table.method == Method::Gui;
+    let idle = [
+        ("lambda", table.lambda != LambdaValue::Auto, of_family),
+        ("gain_bound", table.gain_bound.is_some(), of_family),
+        ("start", table.start != Start::Published, of_family),
+        (
+            "rho_infinity",
+            table.rho_infinity.is_some(),
+            table.is_alpha(),
+        ),
+        ("weighting", table.weighting.is_some(), table.is_alpha()),
+        (
+            "newton_tolerance",
+            table.newton_tolerance.is_some(),
+            table.iterates(),
+        ),
+        (
+            "newton_iterations",
+            table.newton_iterations.is_some(),
+            table.iterates(),
+        ),
+    ];
+    for (key, given, meant) in idle {
+        if given && !meant {
+            let finding = Finding::error(
+                integrator.key(key),
+                format!("`integrator.{key}` means nothing to this method"),
+            );
+            findings
+                .0
+                .push(finding.at_key().beside(method.clone(), "the method"));
+        }
+    }
+    match table.rho_infinity {
+        Some(rho) if rho.is_finite() && !(0.0..=1.0).contains(&rho) => findings.0.push(
+            Finding::error(
+                integrator.key("rho_infinity"),
+                format!("`integrator.rho_infinity` is {rho}, but must be from 0 to 1"),
+            )
+            .label("a spectral radius that is stable"),
+        ),
+        None if table.is_alpha() => findings.0.push(
+            Finding::error(method.clone(), "this method needs `rho_infinity`")
+                .help("rho_infinity = 1 damps nothing, 0 damps high frequencies most"),
+        ),
+        _ => {}
+    }
+    if table.newton_iterations == Some(0) {
+        findings
+            .0
+            .push(not_positive(integrator.key("newton_iterations"), 0.0));
+    }
+    let Some(reason) = table.why_no_specimen() else {
+        return;
+    };
+    if !file.specimen.is_empty() {
+        let finding = Finding::error(method, "this method cannot command a specimen")
+            .label(reason)
+            .beside(KeyPath::root().key("specimen").index(0), "the specimen");
+        findings.0.push(finding.help(
+            "\"gui\", and \"kr_alpha\" or \"mkr_alpha\" with weighting = \"forces\", are explicit in displacement and velocity",
+        ));
+    } else if file.time.clock == ClockChoice::Real {
+        let finding = Finding::error(method, "this method has no place in real time")
+            .label(reason)
+            .help("a computed test runs as fast as it goes with `clock = \"simulated\"` in [time], or --clock simulated");
+        findings.0.push(finding);
     }
 }

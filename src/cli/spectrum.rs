@@ -1,0 +1,281 @@
+//! What `gusset check` says of modes and delays, in words, as JSON and as curves.
+
+use std::path::Path;
+
+use anyhow::Context;
+use serde_json::{Value, json};
+
+use super::table::{Table, duration};
+use crate::config::{Facts, Loop, ModeFacts, StructureFacts};
+use crate::spectral::delay::{DiscreteLimit, recursion};
+use crate::spectral::{Apparent, Locus, spectral_radius};
+use crate::verify::{Figure, Scale, Series};
+
+/// Modes that are listed.
+const LISTED: usize = 6;
+
+/// What can be said of modes and delays for the family's λ.
+pub(super) struct Spectrum {
+    dt: f64,
+    lambda: f64,
+    modes: Vec<ModeFacts>,
+    delays: Vec<Delay>,
+}
+
+struct Delay {
+    specimen: Loop,
+    continuous: Result<Option<(f64, f64)>, String>,
+    discrete: Result<DiscreteLimit, String>,
+}
+
+impl Spectrum {
+    /// None for another method than the family, or a structure that is too large.
+    pub(super) fn of(facts: &Facts, structure: &StructureFacts) -> Option<Self> {
+        let lambda = structure.lambda?.value();
+        let analysis = structure.analysis.as_ref()?;
+        let delays = analysis.loops.iter().map(|specimen| Delay {
+            continuous: specimen
+                .continuous()
+                .map(|found| found.map(|critical| (critical.delay, critical.omega)))
+                .map_err(|error| error.to_string()),
+            discrete: specimen
+                .discrete(facts.dt, lambda)
+                .map_err(|error| error.to_string()),
+            specimen: specimen.clone(),
+        });
+        Some(Self {
+            dt: facts.dt,
+            lambda,
+            modes: analysis.modes(facts.dt, lambda),
+            delays: delays.collect(),
+        })
+    }
+
+    /// Period and damping error of a mode from 0, as an addition to its line.
+    pub(super) fn errors(&self, mode: usize) -> String {
+        let Some(mode) = self.modes.get(mode).filter(|mode| mode.frequency > 0.0) else {
+            return String::new();
+        };
+        match (mode.period_error(self.dt), mode.apparent) {
+            (Some(error), Some(apparent)) => format!(
+                ";\nperiod error {:+.6} %, damping {:.4} % → {:.4} % of critical",
+                100.0 * error,
+                100.0 * mode.ratio,
+                100.0 * apparent.ratio
+            ),
+            _ => ";\nits poles are real: it does not swing at this step".to_owned(),
+        }
+    }
+
+    /// One line per specimen.
+    pub(super) fn describe(&self, table: &mut Table) {
+        for delay in &self.delays {
+            let continuous = match &delay.continuous {
+                Ok(Some((tau, omega))) => format!(
+                    "{} ({:.3} steps), mode at {omega:.3} rad/s, in continuous time",
+                    duration(*tau),
+                    tau / self.dt
+                ),
+                Ok(None) => "none in continuous time: every delay is stable".to_owned(),
+                Err(error) => format!("not known in continuous time: {error}"),
+            };
+            let discrete = match &delay.discrete {
+                Ok(DiscreteLimit::At(tau)) => format!(
+                    "{} ({:.3} steps) by the recursion at λ = {}",
+                    duration(*tau),
+                    tau / self.dt,
+                    self.lambda
+                ),
+                Ok(DiscreteLimit::Beyond(tau)) => {
+                    format!("none up to {} by the recursion", duration(*tau))
+                }
+                Err(error) => format!("not known by the recursion: {error}"),
+            };
+            table.row(
+                &format!("critical delay, {}", delay.specimen.name),
+                &format!("{continuous};\n{discrete}"),
+            );
+        }
+    }
+
+    /// Modes as JSON.
+    pub(super) fn modes_json(&self) -> Value {
+        let each = self.modes.iter().take(LISTED).map(|mode| {
+            json!({
+                "frequency_rad_per_s": mode.frequency,
+                "omega": mode.frequency * self.dt,
+                "damping_ratio": finite(mode.ratio),
+                "apparent_omega": mode.apparent.map(|apparent| apparent.omega),
+                "period_error": mode.period_error(self.dt).and_then(finite),
+                "damping_error": mode.damping_error().and_then(finite),
+            })
+        });
+        each.collect()
+    }
+
+    /// Delays as JSON.
+    pub(super) fn delays_json(&self) -> Value {
+        let each = self.delays.iter().map(|delay| {
+            let continuous = match &delay.continuous {
+                Ok(Some((tau, omega))) => json!({ "delay_s": tau, "omega_rad_per_s": omega }),
+                Ok(None) => json!({ "delay_s": null }),
+                Err(error) => json!({ "unknown": error }),
+            };
+            let discrete = match &delay.discrete {
+                Ok(DiscreteLimit::At(tau)) => json!({ "delay_s": tau }),
+                Ok(DiscreteLimit::Beyond(tau)) => json!({ "delay_s": null, "looked_to_s": tau }),
+                Err(error) => json!({ "unknown": error }),
+            };
+            json!({
+                "specimen": delay.specimen.name,
+                "continuous": continuous,
+                "discrete": discrete,
+            })
+        });
+        each.collect()
+    }
+
+    /// Writes the curves into a new folder: errors over Ω with the modes on them, spectral radius over delay.
+    pub(super) fn plot(&self, folder: &Path) -> anyhow::Result<()> {
+        anyhow::ensure!(!folder.exists(), "{} exists already", folder.display());
+        std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+        for (name, figure) in self.figures() {
+            for (ending, text) in [("svg", figure.svg(false)), ("csv", figure.csv())] {
+                let path = folder.join(format!("{name}.{ending}"));
+                crate::record::atomic::write(&path, text.as_bytes())
+                    .with_context(|| path.display().to_string())?;
+            }
+        }
+        Ok(())
+    }
+
+    fn figures(&self) -> Vec<(String, Figure)> {
+        let swinging: Vec<&ModeFacts> = self
+            .modes
+            .iter()
+            .filter(|mode| mode.frequency > 0.0 && mode.apparent.is_some())
+            .collect();
+        let last = swinging
+            .iter()
+            .map(|mode| mode.frequency * self.dt)
+            .fold(0.05, f64::max);
+        let omegas: Vec<f64> = (1..=300)
+            .map(|i| 1.05 * last * f64::from(i) / 300.0)
+            .collect();
+        let ratio = swinging.first().map_or(0.0, |mode| mode.ratio);
+        // One degree of freedom with the first mode's damping ratio, m = Δt = 1.
+        let apparent = |omega: f64| {
+            let locus = Locus {
+                mass: 1.0,
+                damping: 2.0 * ratio * omega,
+                stiffness: omega * omega,
+                dt: 1.0,
+                lambda: self.lambda,
+            };
+            Apparent::of(locus.roots(omega * omega)[0])
+        };
+        let curve = |of: &dyn Fn(f64, Apparent) -> f64| {
+            let y = omegas
+                .iter()
+                .map(|&omega| apparent(omega).map_or(f64::NAN, |apparent| of(omega, apparent)));
+            Series::line(
+                format!("λ = {}, ξ = {:.4}", self.lambda, ratio),
+                omegas.clone(),
+                y.collect(),
+            )
+        };
+        let dots = |of: &dyn Fn(&ModeFacts) -> Option<f64>| {
+            Series::dots(
+                "modes of this structure",
+                swinging
+                    .iter()
+                    .map(|mode| mode.frequency * self.dt)
+                    .collect(),
+                swinging
+                    .iter()
+                    .map(|mode| of(mode).unwrap_or(f64::NAN))
+                    .collect(),
+            )
+        };
+        let figure = |title, up, series| Figure {
+            file: "",
+            title,
+            claim: "",
+            across: Scale::free("Ω = ω Δt", "1"),
+            up: Scale::free(up, "1"),
+            logarithmic: false,
+            square: false,
+            series,
+        };
+        let percent = 100.0;
+        let mut figures = vec![
+            (
+                "period-error".to_owned(),
+                figure(
+                    "Period error",
+                    "T̄/T − 1 in %",
+                    vec![
+                        curve(&|omega, found| percent * (omega / found.omega - 1.0)),
+                        dots(&|mode| mode.period_error(self.dt).map(|e| percent * e)),
+                    ],
+                ),
+            ),
+            (
+                "damping-error".to_owned(),
+                figure(
+                    "Damping error",
+                    "apparent − true damping in % of critical",
+                    vec![
+                        curve(&|_, found| percent * (found.ratio - ratio)),
+                        dots(&|mode| mode.damping_error().map(|e| percent * e)),
+                    ],
+                ),
+            ),
+        ];
+        for (index, delay) in self.delays.iter().enumerate() {
+            figures.push((format!("delay-{}", index + 1), self.growth(delay)));
+        }
+        figures
+    }
+
+    /// Spectral radius of the recursion over the delay, to twice the critical one.
+    fn growth(&self, delay: &Delay) -> Figure {
+        let critical = match (&delay.discrete, &delay.continuous) {
+            (Ok(DiscreteLimit::At(tau)), _) | (_, Ok(Some((tau, _)))) => *tau,
+            _ => 8.0 * self.dt,
+        };
+        let last = (2.0 * critical).clamp(self.dt, 96.0 * self.dt);
+        let delays: Vec<f64> = (0..=60).map(|i| last * f64::from(i) / 60.0).collect();
+        let radius = |tau: &f64| {
+            let step = recursion(&delay.specimen.system, self.dt, self.lambda, *tau).ok();
+            step.and_then(|step| spectral_radius(&step))
+                .map_or(f64::NAN, |radius| radius - 1.0)
+        };
+        let growth = delays.iter().map(radius).collect();
+        let mut series = vec![Series::line(
+            format!("{}, λ = {}", delay.specimen.name, self.lambda),
+            delays,
+            growth,
+        )];
+        if let Ok(Some((tau, _))) = &delay.continuous {
+            series.push(Series::dots("continuous time", vec![*tau], vec![0.0]));
+        }
+        if let Ok(DiscreteLimit::At(tau)) = &delay.discrete {
+            series.push(Series::dots("recursion", vec![*tau], vec![0.0]));
+        }
+        Figure {
+            file: "",
+            title: "Growth per step over the delay of the specimen",
+            claim: "",
+            across: Scale::free("delay", "s"),
+            up: Scale::free("spectral radius − 1", "1"),
+            logarithmic: false,
+            square: false,
+            series,
+        }
+    }
+}
+
+fn finite(value: f64) -> Option<f64> {
+    value.is_finite().then_some(value)
+}

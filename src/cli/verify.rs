@@ -1,0 +1,120 @@
+//! `gusset verify`: the paper's tables, equations, figures and examples, obtained anew and judged.
+
+use std::io;
+use std::path::Path;
+
+use anyhow::Context;
+use serde_json::json;
+
+use super::exit::{Exit, WithExit};
+use super::{VerifyArgs, answer, tell};
+use crate::rt::clock::{MonotonicClock, USUAL_SPIN_NS};
+use crate::verify::{self, Check, Effort, Part, TOPICS, Verdict};
+
+/// Proves the topics that are asked for.
+pub fn verify(args: &VerifyArgs) -> anyhow::Result<Exit> {
+    if args.list {
+        for topic in &TOPICS {
+            answer(format_args!("{:16} {}", topic.name, topic.title))?;
+        }
+        return Ok(Exit::Done);
+    }
+    let topics =
+        verify::select(&args.names).map_err(|error| WithExit(Exit::Usage, error.to_string()))?;
+    if let Some(out) = &args.out {
+        anyhow::ensure!(!out.exists(), "{} exists already", out.display());
+    }
+    let effort = if args.quick {
+        Effort::Quick
+    } else {
+        Effort::Whole
+    };
+    let clock = MonotonicClock::new(USUAL_SPIN_NS);
+    let mut parts = Vec::with_capacity(topics.len());
+    for topic in topics {
+        let part = topic.prove(effort, &clock);
+        if !args.json {
+            show(&part)?;
+        }
+        parts.push(part);
+    }
+    if let Some(out) = &args.out {
+        write(out, &parts)?;
+        tell(out.join("index.html").display());
+    }
+    Ok(conclude(&parts, args.json)?)
+}
+
+/// The last word, and the exit code: 1 if anything fails.
+fn conclude(parts: &[Part], as_json: bool) -> io::Result<Exit> {
+    let holds = verify::all_hold(parts);
+    let count = |verdict| parts.iter().map(|part| part.count(verdict)).sum::<usize>();
+    let (pass, fail, notes) = (
+        count(Verdict::Pass),
+        count(Verdict::Fail),
+        count(Verdict::Note),
+    );
+    if as_json {
+        let document = json!({
+            "holds": holds,
+            "passed": pass,
+            "failed": fail,
+            "notes": notes,
+            "parts": parts,
+        });
+        answer(format_args!("{document:#}"))?;
+    } else {
+        answer(format_args!("\n{pass} hold, {fail} fail, {notes} notes"))?;
+    }
+    Ok(if holds { Exit::Done } else { Exit::Stopped })
+}
+
+fn show(part: &Part) -> io::Result<()> {
+    answer(format_args!("\n{}  [{}]", part.title, part.name))?;
+    for check in &part.checks {
+        let Check {
+            what,
+            paper,
+            obtained,
+            tolerance,
+            verdict,
+        } = check;
+        let word = match verdict {
+            Verdict::Pass => "holds",
+            Verdict::Fail => "FAILS",
+            Verdict::Note => "note ",
+        };
+        answer(format_args!(
+            "  {word}  {what}\n         paper: {paper}; obtained: {obtained}; {tolerance}"
+        ))?;
+    }
+    Ok(())
+}
+
+fn write(out: &Path, parts: &[Part]) -> anyhow::Result<()> {
+    std::fs::create_dir_all(out).with_context(|| out.display().to_string())?;
+    for (name, text) in verify::files(parts) {
+        let path = out.join(name);
+        crate::record::atomic::write(&path, text.as_bytes())
+            .with_context(|| path.display().to_string())?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_value_that_fails_makes_the_exit_code_one() {
+        let part = |paper: f64| Part {
+            name: "eq-33",
+            title: "a limit",
+            checks: vec![Check::near("upper limit of λ", paper, 16.7703, 0.005)],
+            figures: Vec::new(),
+        };
+        assert_eq!(conclude(&[part(16.77)], true).unwrap(), Exit::Done);
+        let both = [part(16.77), part(16.97)];
+        assert_eq!(conclude(&both, true).unwrap(), Exit::Stopped);
+    }
+}

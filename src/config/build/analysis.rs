@@ -1,0 +1,163 @@
+//! What `gusset check` says of modes and delays: kept as matrices, worked out only when it is asked for.
+
+use nalgebra::DMatrix;
+
+use super::specimens::Specimens;
+use crate::linalg::{self, SymMatrix};
+use crate::spectral::Apparent;
+use crate::spectral::Locus;
+use crate::spectral::delay::{Critical, DelayError, Delayed, DiscreteLimit, continuous, discrete};
+
+/// Largest structure whose modes are analysed.
+const LARGEST_MODAL: usize = 100;
+/// Largest structure whose delays are analysed: eigenvalues of four times as many rows.
+const LARGEST_DELAYED: usize = 40;
+
+/// Matrices of a structure with its specimens, at the start.
+#[derive(Debug, Clone)]
+pub struct Analysis {
+    mass: SymMatrix,
+    /// Tangent stiffness at rest.
+    at_rest: SymMatrix,
+    /// K0 and C0, as in M_eff.
+    stiffness: SymMatrix,
+    damping: SymMatrix,
+    /// One per specimen; empty where the structure is too large.
+    pub loops: Vec<Loop>,
+}
+
+/// One mode at λ.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ModeFacts {
+    /// Natural frequency in rad/s.
+    pub frequency: f64,
+    /// Modal damping ratio φᵀ C0 φ/(2 ω).
+    pub ratio: f64,
+    /// Apparent frequency (times Δt) and damping ratio of the recursion; none where its poles are real.
+    pub apparent: Option<Apparent>,
+}
+
+impl ModeFacts {
+    /// PE = T̄/T − 1 for a step of `dt` s; positive for a period that is too long.
+    #[must_use]
+    pub fn period_error(&self, dt: f64) -> Option<f64> {
+        self.apparent
+            .map(|apparent| self.frequency * dt / apparent.omega - 1.0)
+    }
+
+    /// ξ̄ − ξ.
+    #[must_use]
+    pub fn damping_error(&self) -> Option<f64> {
+        self.apparent.map(|apparent| apparent.ratio - self.ratio)
+    }
+}
+
+/// A specimen and the structure round it, for its critical delay.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Loop {
+    /// The specimen.
+    pub name: String,
+    /// The structure with this specimen's motion delayed, all others on time.
+    pub system: Delayed,
+}
+
+impl Loop {
+    /// By the frequency at which the loop gain is one; none if every delay is stable.
+    ///
+    /// # Errors
+    /// See [`DelayError`].
+    pub fn continuous(&self) -> Result<Option<Critical>, DelayError> {
+        continuous(&self.system)
+    }
+
+    /// By the spectral radius of the recursion at Δt and λ.
+    ///
+    /// # Errors
+    /// See [`DelayError`].
+    pub fn discrete(&self, dt: f64, lambda: f64) -> Result<DiscreteLimit, DelayError> {
+        let hint = self.continuous().ok().flatten().map(|found| found.delay);
+        discrete(&self.system, dt, lambda, hint)
+    }
+}
+
+impl Analysis {
+    /// None for a structure that is too large.
+    pub(super) fn new(
+        mass: &SymMatrix,
+        at_rest: &SymMatrix,
+        stiffness: &SymMatrix,
+        damping: &SymMatrix,
+        specimens: &Specimens,
+    ) -> Option<Self> {
+        let n = mass.n();
+        if n > LARGEST_MODAL {
+            return None;
+        }
+        let loops = if n <= LARGEST_DELAYED {
+            specimens
+                .loops()
+                .map(|specimen| {
+                    let axes = specimen.rows.len();
+                    let mut rows = DMatrix::zeros(axes, n);
+                    for (axis, row) in specimen.rows.iter().enumerate() {
+                        for &(dof, b) in *row {
+                            rows[(axis, dof)] += b;
+                        }
+                    }
+                    let square =
+                        |by_rows: &[Vec<f64>]| DMatrix::from_fn(axes, axes, |i, j| by_rows[i][j]);
+                    let own_stiffness = square(specimen.stiffness);
+                    let own_damping = square(specimen.damping);
+                    Loop {
+                        name: specimen.name.to_owned(),
+                        system: Delayed {
+                            mass: mass.to_dense(),
+                            damping: damping.to_dense() - rows.transpose() * &own_damping * &rows,
+                            stiffness: stiffness.to_dense()
+                                - rows.transpose() * &own_stiffness * &rows,
+                            rows,
+                            specimen_stiffness: own_stiffness,
+                            specimen_damping: own_damping,
+                        },
+                    }
+                })
+                .collect()
+        } else {
+            Vec::new()
+        };
+        Some(Self {
+            mass: mass.clone(),
+            at_rest: at_rest.clone(),
+            stiffness: stiffness.clone(),
+            damping: damping.clone(),
+            loops,
+        })
+    }
+
+    /// Every mode at rest, and what the recursion at Δt and λ makes of it: α holds K0 and C0, which may differ from the
+    /// tangents. Modal damping is the diagonal of Φᵀ C0 Φ. Empty if there are no real modes.
+    #[must_use]
+    pub fn modes(&self, dt: f64, lambda: f64) -> Vec<ModeFacts> {
+        let Ok(modes) = linalg::modes(&self.at_rest, &self.mass) else {
+            return Vec::new();
+        };
+        let each = modes.frequencies.iter().zip(modes.shapes.column_iter());
+        each.map(|(&frequency, shape)| {
+            let damping = self.damping.quadratic(shape.as_slice());
+            let locus = Locus {
+                mass: 1.0,
+                damping,
+                stiffness: self.stiffness.quadratic(shape.as_slice()),
+                dt,
+                lambda,
+            };
+            let [pole, _] = locus.roots(frequency * frequency);
+            ModeFacts {
+                frequency,
+                ratio: damping / (2.0 * frequency),
+                apparent: Apparent::of(pole),
+            }
+        })
+        .collect()
+    }
+}

@@ -1,0 +1,192 @@
+//! The look at one specimen, tick by tick: past values, differences, and what was warned of already.
+
+use super::{AxisLimits, Found, Hit, Level, Quantity};
+
+/// What is remembered of one axis, SI.
+#[derive(Debug, Clone, Copy, Default)]
+struct Past {
+    /// Commands that left: the last, and the one before.
+    command: [f64; 2],
+    /// Speed of the last command.
+    speed: f64,
+    measured: f64,
+    force: f64,
+    stuck_ticks: u64,
+    stuck_travel: f64,
+    /// One bit per quantity that is beyond its warning level.
+    warned: u16,
+}
+
+/// Watches the limits of one specimen. Real-time after `new`.
+#[derive(Debug, Clone)]
+pub struct Watch {
+    limits: Vec<AxisLimits>,
+    past: Vec<Past>,
+    /// Wall time of one tick in s.
+    tick: f64,
+    /// Commands that have left, up to two: a difference needs something to differ from.
+    sent: u8,
+    measured: bool,
+}
+
+impl Watch {
+    /// For axes with these limits, and ticks of `tick` seconds of wall time.
+    #[must_use]
+    pub fn new(limits: Vec<AxisLimits>, tick: f64) -> Self {
+        Self {
+            past: vec![Past::default(); limits.len()],
+            limits,
+            tick,
+            sent: 0,
+            measured: false,
+        }
+    }
+
+    /// The limits, one per axis.
+    #[must_use]
+    pub fn limits(&self) -> &[AxisLimits] {
+        &self.limits
+    }
+
+    /// The specimen is known to stand at `disp`: the first command is a step from there.
+    pub fn stands_at(&mut self, disp: impl Iterator<Item = f64>) {
+        for (past, disp) in self.past.iter_mut().zip(disp) {
+            past.command = [disp; 2];
+        }
+        self.sent = 2;
+    }
+
+    /// Judges the next command, one displacement per axis, before it leaves. Real-time: yes.
+    pub fn command(&mut self, disp: impl Iterator<Item = f64>) -> Found {
+        let mut found = Found::default();
+        let (tick, sent) = (self.tick, self.sent);
+        let axes = self.limits.iter().zip(&mut self.past).zip(disp);
+        for (axis, ((limits, past), disp)) in axes.enumerate() {
+            let [last, before] = past.command;
+            let mut look = Look {
+                axis,
+                warned: &mut past.warned,
+                found: &mut found,
+            };
+            look.at(Quantity::CommandDisp, disp, limits.command_disp.judge(disp));
+            if sent >= 1 {
+                let step = (disp - last).abs();
+                look.at(Quantity::CommandStep, step, limits.command_step.judge(step));
+                let vel = step / tick;
+                look.at(Quantity::CommandVel, vel, limits.command_vel.judge(vel));
+            }
+            if sent >= 2 {
+                let accel = (disp - 2.0 * last + before).abs() / (tick * tick);
+                look.at(
+                    Quantity::CommandAccel,
+                    accel,
+                    limits.command_accel.judge(accel),
+                );
+            }
+        }
+        found
+    }
+
+    /// Takes note of a command that leaves. Real-time: yes.
+    pub fn sent(&mut self, disp: impl Iterator<Item = f64>) {
+        for (past, disp) in self.past.iter_mut().zip(disp) {
+            past.speed = if self.sent >= 1 {
+                (disp - past.command[0]).abs() / self.tick
+            } else {
+                0.0
+            };
+            past.stuck_travel += (disp - past.command[0]).abs();
+            past.command = [disp, past.command[0]];
+        }
+        self.sent = (self.sent + 1).min(2);
+    }
+
+    /// Judges a fresh measurement: (displacement, force) per axis. Real-time: yes.
+    pub fn measured(&mut self, values: impl Iterator<Item = (f64, f64)>) -> Found {
+        let mut found = Found::default();
+        let seen_before = self.measured;
+        let axes = self.limits.iter().zip(&mut self.past).zip(values);
+        for (axis, ((limits, past), (disp, force))) in axes.enumerate() {
+            let moved = disp.to_bits() != past.measured.to_bits()
+                || force.to_bits() != past.force.to_bits();
+            if moved || !seen_before {
+                (past.stuck_ticks, past.stuck_travel) = (0, 0.0);
+            } else if past.stuck_travel > limits.stuck_travel {
+                past.stuck_ticks += 1;
+            }
+            let stuck = past.stuck_ticks as f64;
+            let jump = (force - past.force).abs();
+            let error = (disp - past.command[0]).abs();
+            // The share of motion is taken off, so that both levels get the same.
+            let error = error - limits.following_time * past.speed;
+            let mut look = Look {
+                axis,
+                warned: &mut past.warned,
+                found: &mut found,
+            };
+            look.at(
+                Quantity::MeasuredDisp,
+                disp,
+                limits.measured_disp.judge(disp),
+            );
+            look.at(
+                Quantity::MeasuredForce,
+                force,
+                limits.measured_force.judge(force),
+            );
+            look.at(
+                Quantity::FollowingError,
+                error,
+                limits.following_error.judge(error),
+            );
+            if seen_before {
+                look.at(Quantity::ForceStep, jump, limits.force_step.judge(jump));
+                look.at(
+                    Quantity::StuckSensor,
+                    stuck,
+                    limits.stuck_ticks.judge(stuck),
+                );
+            }
+            past.measured = disp;
+            past.force = force;
+        }
+        self.measured = true;
+        found
+    }
+}
+
+/// The look at one axis.
+struct Look<'a> {
+    axis: usize,
+    warned: &'a mut u16,
+    found: &'a mut Found,
+}
+
+impl Look<'_> {
+    /// Keeps the first trip, and the first warning that is new.
+    fn at(&mut self, quantity: Quantity, value: f64, judged: Option<(Level, f64)>) {
+        let bit = quantity.bit();
+        let Some((level, bound)) = judged else {
+            *self.warned &= !bit;
+            return;
+        };
+        let hit = Hit {
+            axis: self.axis,
+            quantity,
+            level,
+            value,
+            bound,
+        };
+        match level {
+            Level::Trip => {
+                self.found.trip.get_or_insert(hit);
+            }
+            // A second new warning of the same tick is given in the next: its bit is not set yet.
+            Level::Warning if *self.warned & bit == 0 && self.found.warning.is_none() => {
+                *self.warned |= bit;
+                self.found.warning = Some(hit);
+            }
+            Level::Warning => {}
+        }
+    }
+}

@@ -1,0 +1,116 @@
+//! Newmark's family with γ = 1/2 (Newmark 1959): average acceleration, linear acceleration, and the explicit one.
+//!
+//! ```text
+//! x⁺ = x + Δt v + Δt² [(½ − β) a + β a⁺],   v⁺ = v + ½ Δt (a + a⁺),   equilibrium at t⁺
+//! ```
+//!
+//! Stiffness and damping may be nonlinear; equilibrium is found by Newton's iteration. With β = 0 the displacement is
+//! explicit and only the damping is iterated on.
+
+use super::State;
+use super::equilibrium::{Equilibrium, NewtonSettings, initial_accel};
+use super::offline::{Forces, MethodError, Offline, StepError, check, check_mass};
+use crate::linalg::SymMatrix;
+
+/// Which member of the family.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum NewmarkBeta {
+    /// β = 1/4.
+    Average,
+    /// β = 1/6: stable for Ω ≤ √12.
+    Linear,
+    /// β = 0: stable for Ω ≤ 2.
+    Explicit,
+}
+
+impl NewmarkBeta {
+    /// β.
+    #[must_use]
+    pub const fn value(self) -> f64 {
+        match self {
+            Self::Average => 0.25,
+            Self::Linear => 1.0 / 6.0,
+            Self::Explicit => 0.0,
+        }
+    }
+}
+
+/// One member, ready to step.
+#[derive(Debug)]
+pub struct Newmark {
+    dt: f64,
+    beta: f64,
+    mass: SymMatrix,
+    equilibrium: Equilibrium,
+    accel: Vec<f64>,
+}
+
+impl Newmark {
+    /// `damping` and `stiffness` are the tangents of the start; the current ones are asked for as it goes.
+    ///
+    /// # Errors
+    /// See [`MethodError`]. The explicit member needs a mass at every degree of freedom.
+    pub fn new(
+        mass: &SymMatrix,
+        damping: &SymMatrix,
+        stiffness: &SymMatrix,
+        dt: f64,
+        member: NewmarkBeta,
+        newton: NewtonSettings,
+    ) -> Result<Self, MethodError> {
+        check(mass, damping, stiffness, dt)?;
+        if member == NewmarkBeta::Explicit {
+            check_mass(mass)?;
+        }
+        let beta = member.value();
+        let shares = (beta * dt * dt, dt / 2.0);
+        Ok(Self {
+            dt,
+            beta,
+            mass: mass.clone(),
+            equilibrium: Equilibrium::new(mass, damping, stiffness, shares, newton)?,
+            accel: vec![0.0; mass.n()],
+        })
+    }
+}
+
+impl Offline for Newmark {
+    fn dt(&self) -> f64 {
+        self.dt
+    }
+
+    fn begin(&mut self, _state: &State, residual: &[f64]) {
+        initial_accel(&self.mass, residual, &mut self.accel);
+    }
+
+    fn step(
+        &mut self,
+        to: u64,
+        state: &mut State,
+        forces: &mut dyn Forces,
+        inertia: &mut [f64],
+    ) -> Result<(), StepError> {
+        let (dt, beta) = (self.dt, self.beta);
+        let rows = state.disp.iter_mut().zip(&mut state.vel);
+        for ((x, v), a) in rows.zip(&mut self.accel) {
+            if beta > 0.0 {
+                // Starts from x⁺ = x: the a⁺ that says so.
+                let next = -(*v / dt + (0.5 - beta) * *a) / beta;
+                *v += dt / 2.0 * (*a + next);
+                *a = next;
+            } else {
+                *x += dt * *v + dt * dt / 2.0 * *a;
+                *v += dt * *a;
+            }
+        }
+        state.begun = true;
+        self.equilibrium.find(
+            (to, dt),
+            &mut state.disp,
+            &mut state.vel,
+            &mut self.accel,
+            forces,
+            inertia,
+        )
+    }
+}

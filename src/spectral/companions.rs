@@ -1,0 +1,127 @@
+//! Amplification matrices of the methods that the family is compared with, for the state (x, Δt v, Δt² a) of one
+//! linear degree of freedom.
+
+use nalgebra::{DMatrix, Matrix3};
+
+use super::{Apparent, eigenvalues};
+
+/// a⁺ as a row over the old state, given x⁺ and v⁺ without their own share of a⁺, and those shares.
+fn closed(disp: [f64; 4], vel: [f64; 4], omega: f64, ratio: f64) -> Matrix3<f64> {
+    let (stiffness, damping) = (omega * omega, 2.0 * ratio * omega);
+    let below = 1.0 + stiffness * disp[3] + damping * vel[3];
+    let accel = |k: usize| -(stiffness * disp[k] + damping * vel[k]) / below;
+    Matrix3::from_fn(|row, k| match row {
+        0 => disp[k] + disp[3] * accel(k),
+        1 => vel[k] + vel[3] * accel(k),
+        _ => accel(k),
+    })
+}
+
+/// Newmark with γ and β.
+#[must_use]
+pub fn newmark(gamma: f64, beta: f64, omega: f64, ratio: f64) -> Matrix3<f64> {
+    closed(
+        [1.0, 1.0, 0.5 - beta, beta],
+        [0.0, 1.0, 1.0 - gamma, gamma],
+        omega,
+        ratio,
+    )
+}
+
+/// Chang (2002), explicit in displacement alone.
+#[must_use]
+pub fn chang(omega: f64, ratio: f64) -> Matrix3<f64> {
+    let d = 1.0 + omega * ratio + omega * omega / 4.0;
+    closed(
+        [1.0, (1.0 + omega * ratio) / d, 0.5 / d, 0.0],
+        [0.0, 1.0, 0.5, 0.5],
+        omega,
+        ratio,
+    )
+}
+
+/// Parameters of an α method.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Weights {
+    /// α_m.
+    pub alpha_m: f64,
+    /// α_f.
+    pub alpha_f: f64,
+    /// γ.
+    pub gamma: f64,
+    /// β.
+    pub beta: f64,
+}
+
+impl Weights {
+    /// KR-α (Kolay and Ricles 2014) with the spectral radius at infinity ρ, 0 to 1.
+    #[must_use]
+    pub fn kr(rho: f64) -> Self {
+        let alpha_f = rho / (rho + 1.0);
+        let alpha_m = (2.0 * rho - 1.0) / (rho + 1.0);
+        let gamma = 0.5 - alpha_m + alpha_f;
+        let beta = 0.25 * (0.5 + gamma) * (0.5 + gamma);
+        Self {
+            alpha_m,
+            alpha_f,
+            gamma,
+            beta,
+        }
+    }
+
+    /// MKR-α (Kolay and Ricles 2019) with ρ, 0 to 1.
+    #[must_use]
+    pub fn mkr(rho: f64) -> Self {
+        let alpha_f = rho / (rho + 1.0);
+        let below = rho * rho * rho + rho * rho + rho + 1.0;
+        let alpha_m = (2.0 * rho * rho * rho + rho * rho - 1.0) / below;
+        let gamma = 0.5 - alpha_m + alpha_f;
+        let beta = 0.5 * (0.5 + gamma);
+        Self {
+            alpha_m,
+            alpha_f,
+            gamma,
+            beta,
+        }
+    }
+}
+
+/// KR-α or MKR-α, with α1, α2 and α3 as printed.
+#[must_use]
+pub fn alpha_method(weights: Weights, omega: f64, ratio: f64) -> Matrix3<f64> {
+    let Weights {
+        alpha_m,
+        alpha_f,
+        gamma,
+        beta,
+    } = weights;
+    let (stiffness, damping) = (omega * omega, 2.0 * ratio * omega);
+    let below = 1.0 + gamma * damping + beta * stiffness;
+    let alpha_1 = 1.0 / below;
+    let alpha_2 = (0.5 + gamma) * alpha_1;
+    let alpha_3 = (alpha_m + alpha_f * (gamma * damping + beta * stiffness)) / below;
+    let disp = [1.0, 1.0, alpha_2];
+    let vel = [0.0, 1.0, alpha_1];
+    let old = [stiffness, damping, 0.0];
+    let accel = |k: usize| {
+        let new = stiffness * disp[k] + damping * vel[k];
+        let own = if k == 2 { alpha_3 } else { 0.0 };
+        -((1.0 - alpha_f) * new + alpha_f * old[k] + own) / (1.0 - alpha_3)
+    };
+    Matrix3::from_fn(|row, k| match row {
+        0 => disp[k],
+        1 => vel[k],
+        _ => accel(k),
+    })
+}
+
+/// What the mode itself swings like, among all eigenvalues: the complex one nearest to exp(i Ω).
+#[must_use]
+pub fn principal(matrix: &Matrix3<f64>, omega: f64) -> Option<Apparent> {
+    let dense = DMatrix::from_fn(3, 3, |i, j| matrix[(i, j)]);
+    let found = eigenvalues(&dense)?.into_iter().filter_map(Apparent::of);
+    found.min_by(|a, b| {
+        let away = |apparent: &Apparent| (apparent.omega - omega).abs();
+        away(a).total_cmp(&away(b))
+    })
+}

@@ -1,0 +1,161 @@
+//! In discrete time: the recursion of the family with the command history appended to its state.
+//!
+//! The achieved displacement is d\[i − q\] and d\[i − q − 1\], weighed by linear interpolation, with τ = (q + φ) Δt. α is made
+//! of the total stiffness and damping, specimen included, as in a test.
+
+use nalgebra::DMatrix;
+
+use super::super::spectral_radius;
+use super::{DelayError, Delayed};
+
+/// Longest delay that is looked at, in steps.
+pub const LONGEST_STEPS: usize = 96;
+/// Growth per step below which a root counts as lying on the unit circle.
+const ROUNDOFF: f64 = 1e-10;
+
+/// Where the recursion becomes unstable.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum DiscreteLimit {
+    /// At this delay in s.
+    At(f64),
+    /// Not up to this delay in s, the longest that was looked at.
+    Beyond(f64),
+}
+
+/// One step of the recursion with a delay of `delay` (s): state (x, Δt v, d\[i−1\] …, and Δt ḋ\[i−1\] … if the specimen damps).
+///
+/// # Errors
+/// [`DelayError::Massless`] if M_eff has no inverse, [`DelayError::Parameter`].
+pub fn recursion(
+    system: &Delayed,
+    dt: f64,
+    lambda: f64,
+    delay: f64,
+) -> Result<DMatrix<f64>, DelayError> {
+    for (name, found) in [("dt", dt), ("lambda", lambda)] {
+        if found.is_nan() || found <= 0.0 {
+            return Err(DelayError::Parameter { name, found });
+        }
+    }
+    let (axes, n) = system.rows.shape();
+    let steps = delay / dt;
+    let whole = steps.floor();
+    let (whole, share) = (whole as usize, steps - whole);
+    // The oldest command is needed with a weight unless the delay is a whole number of steps.
+    let past = whole + usize::from(share > 0.0);
+    let damps = system.specimen_damping.iter().any(|c| *c != 0.0);
+    let kinds = if damps { 2 } else { 1 };
+    let size = 2 * n + kinds * axes * past;
+    let total = |own: &DMatrix<f64>, of_specimen: &DMatrix<f64>| {
+        own + system.rows.transpose() * of_specimen * &system.rows
+    };
+    let effective = &system.mass
+        + total(&system.damping, &system.specimen_damping) * (dt / 2.0)
+        + total(&system.stiffness, &system.specimen_stiffness) * (dt * dt / lambda);
+    let factor = effective.cholesky().ok_or(DelayError::Massless)?;
+
+    // Δt² r as rows over the state.
+    let mut force = DMatrix::zeros(n, size);
+    force
+        .view_mut((0, 0), (n, n))
+        .copy_from(&(&system.stiffness * (-dt * dt)));
+    force
+        .view_mut((0, n), (n, n))
+        .copy_from(&(&system.damping * -dt));
+    let of_specimen = |matrix: &DMatrix<f64>, by: f64| system.rows.transpose() * matrix * -by;
+    let parts = [
+        (of_specimen(&system.specimen_stiffness, dt * dt), 0),
+        (of_specimen(&system.specimen_damping, dt), 1),
+    ];
+    for (force_of_axes, kind) in parts.into_iter().take(kinds) {
+        for (back, weight) in [(whole, 1.0 - share), (whole + 1, share)] {
+            if weight == 0.0 {
+                continue;
+            }
+            if back == 0 {
+                let now = &force_of_axes * &system.rows * weight;
+                let mut block = force.view_mut((0, kind * n), (n, n));
+                block += now;
+            } else {
+                let at = 2 * n + kind * axes * past + (back - 1) * axes;
+                let mut block = force.view_mut((0, at), (n, axes));
+                block += &force_of_axes * weight;
+            }
+        }
+    }
+    let gained = factor.solve(&force);
+    let mut step = DMatrix::zeros(size, size);
+    step.view_mut((n, 0), (n, size)).copy_from(&gained);
+    for i in 0..n {
+        step[(n + i, n + i)] += 1.0;
+    }
+    // x⁺ = x + Δt v⁺.
+    let vel = step.view((n, 0), (n, size)).into_owned();
+    step.view_mut((0, 0), (n, size)).copy_from(&vel);
+    for i in 0..n {
+        step[(i, i)] += 1.0;
+    }
+    for kind in 0..kinds {
+        let start = 2 * n + kind * axes * past;
+        if past > 0 {
+            step.view_mut((start, kind * n), (axes, n))
+                .copy_from(&system.rows);
+        }
+        for row in axes..axes * past {
+            step[(start + row, start + row - axes)] = 1.0;
+        }
+    }
+    Ok(step)
+}
+
+/// The smallest delay at which the spectral radius exceeds one. `hint` is a delay near which it is expected; the search
+/// is finest up to there.
+///
+/// # Errors
+/// As [`recursion`]; [`DelayError::Unstable`], [`DelayError::Eigenvalues`].
+pub fn discrete(
+    system: &Delayed,
+    dt: f64,
+    lambda: f64,
+    hint: Option<f64>,
+) -> Result<DiscreteLimit, DelayError> {
+    let radius = |delay: f64| {
+        spectral_radius(&recursion(system, dt, lambda, delay)?).ok_or(DelayError::Eigenvalues)
+    };
+    let at_rest = radius(0.0)?;
+    // A free body has a double root at one, which carries √ε.
+    if at_rest > 1.0 + 1e-6 {
+        return Err(DelayError::Unstable { radius: at_rest });
+    }
+    let bound = 1.0 + ROUNDOFF.max(4.0 * (at_rest - 1.0));
+    let longest = LONGEST_STEPS as f64 * dt;
+    let fine = hint
+        .map_or(8.0 * dt, |hint| (1.25 * hint).max(dt))
+        .min(longest);
+    let (mut low, mut delay) = (0.0, 0.0);
+    let mut step = (fine / 48.0).max(dt / 4.0).min(fine);
+    loop {
+        if delay >= longest {
+            return Ok(DiscreteLimit::Beyond(longest));
+        }
+        if delay >= fine {
+            step *= 1.25;
+        }
+        delay = (delay + step).min(longest);
+        if radius(delay)? > bound {
+            break;
+        }
+        low = delay;
+    }
+    let mut high = delay;
+    // Without damping there is no stable delay at all: the search for it ends a millionth of a step above zero.
+    while high - low > 1e-7 * high && high > 1e-6 * dt {
+        let middle = (low + high) / 2.0;
+        if radius(middle)? > bound {
+            high = middle;
+        } else {
+            low = middle;
+        }
+    }
+    Ok(DiscreteLimit::At(high))
+}

@@ -1,0 +1,44 @@
+//! What the recursion of an integration method does to one mode, in closed form: poles, apparent period and damping,
+//! bounds of stability, the root locus of a changed stiffness, and the delay that a hybrid test stands.
+//!
+//! Everything is a function of a few numbers: Ω = ω Δt, the damping ratio ξ, and λ (infinity is a value). Nothing here
+//! integrates, and nothing here is used by what integrates: the two are independent statements of the same method
+//! and are tested against each other. Formulas are those of Gui, Wang, Jin, Chen and Zhou (2014), by number.
+//!
+//! ```
+//! use gusset::spectral;
+//!
+//! // λ = 4 has the poles of average acceleration, on the unit circle without damping.
+//! let [z, _] = spectral::poles(0.5, 0.0, 4.0);
+//! assert!((z.norm() - 1.0).abs() < 1e-15);
+//! // Its period is too long, that of λ = ∞ too short.
+//! assert!(spectral::period_error(0.5, 0.0, 4.0).unwrap() > 0.0);
+//! assert!(spectral::period_error(0.5, 0.0, f64::INFINITY).unwrap() < 0.0);
+//! ```
+
+mod apparent;
+mod bounds;
+mod companions;
+pub mod delay;
+mod eigen;
+mod locus;
+mod poles;
+mod transfer;
+
+pub use apparent::{
+    Apparent, amplitude_decay, apparent, period_error, undamped_apparent, zero_period_error_lambda,
+};
+pub use bounds::{
+    crossing_stiffness, lambda_limit, lambda_limit_changed, omega_limit, unconditional_lambda,
+};
+pub use companions::{Weights, alpha_method, chang, newmark, principal};
+pub use eigen::{eigenvalues, spectral_radius};
+pub use locus::Locus;
+pub use poles::{Tabulated, alpha, coefficients, discriminant, poles, quadratic, table_1};
+pub use transfer::{Transfer, amplification};
+
+/// A pole in the z plane.
+pub type Pole = nalgebra::Complex<f64>;
+
+#[cfg(test)]
+mod tests;

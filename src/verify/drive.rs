@@ -1,0 +1,350 @@
+//! Structures of the examples, and the program's own methods driven over them.
+
+use nalgebra::{DMatrix, Matrix2};
+use rand_pcg::Pcg64;
+use rand_pcg::rand_core::{Rng, SeedableRng};
+
+use crate::integrate::{
+    Chang2002, Forces, Gui, Integrator, Lambda, Loaded, MethodError, Moment, Newmark, NewmarkBeta,
+    NewtonSettings, StabilityProof, Start, State, Stepper,
+};
+use crate::law::SquareRootSpec;
+use crate::linalg::SymMatrix;
+use crate::model::{Base, Element, End, Structure};
+
+/// A seeded stream of numbers.
+pub(super) struct Random(Pcg64);
+
+impl Random {
+    pub(super) fn new(seed: u64) -> Self {
+        Self(Pcg64::seed_from_u64(seed))
+    }
+
+    /// Uniform from `lo` to `hi`.
+    pub(super) fn between(&mut self, lo: f64, hi: f64) -> f64 {
+        let unit = (self.0.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
+        lo + (hi - lo) * unit
+    }
+
+    /// Uniform in its logarithm.
+    pub(super) fn spread(&mut self, lo: f64, hi: f64) -> f64 {
+        libm::exp(self.between(libm::log(lo), libm::log(hi)))
+    }
+}
+
+/// A method by the paper's names.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Method {
+    Family(f64),
+    Newmark(NewmarkBeta),
+    Chang,
+}
+
+impl Method {
+    pub(super) fn name(self) -> String {
+        match self {
+            Self::Family(lambda) if lambda.is_infinite() => "λ = ∞".to_owned(),
+            Self::Family(lambda) => format!("λ = {lambda}"),
+            Self::Newmark(NewmarkBeta::Average) => "average acceleration".to_owned(),
+            Self::Newmark(NewmarkBeta::Linear) => "linear acceleration".to_owned(),
+            Self::Newmark(NewmarkBeta::Explicit) => "explicit Newmark".to_owned(),
+            Self::Chang => "Chang 2002".to_owned(),
+        }
+    }
+
+    /// The method for this structure, from its reference stiffness and damping.
+    pub(super) fn stepper(self, structure: &Structure, dt: f64) -> Result<Stepper, MethodError> {
+        let mass = structure.mass();
+        let (damping, stiffness) = (
+            structure.reference_damping(),
+            structure.reference_stiffness(),
+        );
+        let newton = NewtonSettings::default();
+        Ok(match self {
+            Self::Family(lambda) => {
+                let lambda = Lambda::new(lambda)?;
+                let gui = Gui::new(mass, &damping, &stiffness, dt, lambda, Start::Published);
+                let gui = gui.map_err(|_| MethodError::Step { found: dt })?;
+                Stepper::Explicit(Box::new(gui))
+            }
+            Self::Newmark(member) => {
+                let newmark = Newmark::new(mass, &damping, &stiffness, dt, member, newton)?;
+                Stepper::Offline(Box::new(newmark))
+            }
+            Self::Chang => {
+                let chang = Chang2002::new(mass, &damping, &stiffness, dt, newton)?;
+                Stepper::Offline(Box::new(chang))
+            }
+        })
+    }
+}
+
+/// A structure on its way, one step at a time.
+pub(super) struct Walk<'a, L> {
+    pub(super) state: State,
+    dt: f64,
+    step: u64,
+    stepper: Stepper,
+    forces: Loaded<'a, L>,
+    residual: Vec<f64>,
+    reported: Vec<f64>,
+    /// False once an offline method has found no equilibrium.
+    alive: bool,
+}
+
+impl<'a, L: FnMut(u64, &mut [f64]) -> Base> Walk<'a, L> {
+    /// From rest. `load` writes F\[n\].
+    pub(super) fn new(
+        method: Method,
+        structure: &'a mut Structure,
+        dt: f64,
+        load: L,
+    ) -> Result<Self, MethodError> {
+        let n = structure.dofs();
+        let mut state = State::at_rest(n);
+        let mut stepper = method.stepper(structure, dt)?;
+        let mut forces = Loaded::new(structure, load);
+        let mut residual = vec![0.0; n];
+        forces.residual_into(Moment::at(0), &state.disp, &state.vel, 0.0, &mut residual);
+        forces.commit();
+        match &mut stepper {
+            Stepper::Explicit(integrator) => integrator.prepare(&mut state),
+            Stepper::Offline(method) => method.begin(&state, &residual),
+        }
+        Ok(Self {
+            state,
+            dt,
+            step: 0,
+            stepper,
+            forces,
+            residual,
+            reported: vec![0.0; n],
+            alive: true,
+        })
+    }
+
+    /// One step: predict, forces, solve.
+    pub(super) fn step(&mut self) {
+        self.step += 1;
+        match &mut self.stepper {
+            Stepper::Explicit(integrator) => {
+                integrator.advance(&mut self.state, &mut self.residual, &mut self.reported);
+                self.forces.residual_into(
+                    Moment::at(self.step),
+                    &self.state.disp,
+                    &self.state.vel,
+                    self.dt,
+                    &mut self.residual,
+                );
+                self.forces.commit();
+            }
+            Stepper::Offline(method) => {
+                let made = method.step(
+                    self.step,
+                    &mut self.state,
+                    &mut self.forces,
+                    &mut self.residual,
+                );
+                self.alive &= made.is_ok();
+            }
+        }
+        if !self.alive {
+            self.state.disp.fill(f64::NAN);
+        }
+    }
+}
+
+/// Displacement histories of all DOFs from rest, every `every`-th step; NaN once a method has failed.
+pub(super) fn histories(
+    method: Method,
+    structure: &mut Structure,
+    (dt, steps, every): (f64, usize, usize),
+    load: impl Fn(f64, &mut [f64]),
+) -> Result<Vec<Vec<f64>>, MethodError> {
+    let n = structure.dofs();
+    let mut found = vec![Vec::with_capacity(steps / every + 1); n];
+    let at = |step: u64, out: &mut [f64]| {
+        load(step as f64 * dt, out);
+        Base::default()
+    };
+    let mut walk = Walk::new(method, structure, dt, at)?;
+    for step in 0..=steps {
+        if step % every == 0 {
+            for (history, x) in found.iter_mut().zip(&walk.state.disp) {
+                history.push(*x);
+            }
+        }
+        if step < steps {
+            walk.step();
+        }
+    }
+    Ok(found)
+}
+
+/// Largest absolute value; infinite if one is not a number.
+pub(super) fn peak(values: &[f64]) -> f64 {
+    let larger = |peak: f64, value: &f64| {
+        if value.is_nan() {
+            f64::INFINITY
+        } else {
+            peak.max(value.abs())
+        }
+    };
+    values.iter().fold(0.0, larger)
+}
+
+/// Two storeys of the examples: masses and stiffnesses from the ground up, no damping.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct TwoStoreys {
+    pub(super) mass: [f64; 2],
+    pub(super) stiffness: [f64; 2],
+    /// θ of equation (42).
+    pub(super) theta: [f64; 2],
+}
+
+impl TwoStoreys {
+    /// Stiffness matrix of two storeys.
+    pub(super) fn matrix([lower, upper]: [f64; 2]) -> SymMatrix {
+        SymMatrix::from_triplets(2, [(0, 0, lower + upper), (0, 1, -upper), (1, 1, upper)])
+    }
+
+    /// The structure; storeys with θ = 0 are linear.
+    pub(super) fn structure(&self) -> Option<Structure> {
+        let mut elements = Vec::new();
+        for (storey, from) in [(0, End::Ground), (1, End::Dof(0))] {
+            let law = SquareRootSpec {
+                stiffness_n_per_m: self.stiffness[storey],
+                hardening_per_sqrt_m: self.theta[storey],
+            };
+            elements.push(Element {
+                name: format!("storey {}", storey + 1),
+                from,
+                to: End::Dof(storey),
+                law: Box::new(law.build().ok()?),
+                reach: crate::law::Reach::default(),
+                hardening_ratio: None,
+                damping_ratio: None,
+            });
+        }
+        let mass = SymMatrix::diagonal(&self.mass);
+        let none = SymMatrix::zeros(2);
+        Structure::new(mass, none.clone(), none, vec![1.0; 2], elements).ok()
+    }
+
+    /// Tangent stiffness of both storeys at displacements x, equation (42).
+    pub(super) fn tangents(&self, x: [f64; 2]) -> [f64; 2] {
+        let drift = [x[0], x[1] - x[0]];
+        [0, 1].map(|i| self.stiffness[i] * (1.0 + 1.5 * self.theta[i] * drift[i].abs().sqrt()))
+    }
+
+    /// The proof of stability with the tangent stiffnesses `tangents`.
+    pub(super) fn proof(&self, tangents: [f64; 2], dt: f64) -> StabilityProof {
+        StabilityProof {
+            mass: SymMatrix::diagonal(&self.mass),
+            damping: SymMatrix::zeros(2),
+            stiffness: Self::matrix(self.stiffness),
+            damping_bound: SymMatrix::zeros(2),
+            stiffness_bound: Self::matrix(tangents),
+            dt,
+        }
+    }
+
+    /// Both natural frequencies in rad/s for storeys of stiffness `k`: roots of the quadratic in ω².
+    pub(super) fn frequencies(&self, k: [f64; 2]) -> [f64; 2] {
+        let [m1, m2] = self.mass;
+        let half = ((k[0] + k[1]) / m1 + k[1] / m2) / 2.0;
+        let product = k[0] * k[1] / (m1 * m2);
+        let far = half + (half * half - product).max(0.0).sqrt();
+        [(product / far).max(0.0).sqrt(), far.max(0.0).sqrt()]
+    }
+
+    /// Displacements of both floors from rest under a_g = 20 sin t.
+    pub(super) fn run(
+        &self,
+        method: Method,
+        dt: f64,
+        seconds: f64,
+        every: usize,
+    ) -> Option<[Vec<f64>; 2]> {
+        let mut structure = self.structure()?;
+        let steps = libm::round(seconds / dt) as usize;
+        let mass = self.mass;
+        let load = move |t: f64, out: &mut [f64]| {
+            let accel = 20.0 * libm::sin(t);
+            for (f, m) in out.iter_mut().zip(mass) {
+                *f = -m * accel;
+            }
+        };
+        let found = histories(method, &mut structure, (dt, steps, every), load).ok()?;
+        <[Vec<f64>; 2]>::try_from(found).ok()
+    }
+}
+
+/// What `advance` of the family does to the states (x, Δt v) of one degree of freedom whose α was made with c0, k0 and
+/// whose forces have c, k; m = 1.
+pub(super) fn transition(
+    (c0, k0): (f64, f64),
+    (c, k): (f64, f64),
+    dt: f64,
+    lambda: f64,
+) -> Option<Matrix2<f64>> {
+    let scalar = |value| SymMatrix::diagonal(&[value]);
+    let found = transition_of(
+        &StabilityProof {
+            mass: scalar(1.0),
+            damping: scalar(c0),
+            stiffness: scalar(k0),
+            damping_bound: scalar(c),
+            stiffness_bound: scalar(k),
+            dt,
+        },
+        lambda,
+    )?;
+    Some(Matrix2::from_fn(|i, j| found[(i, j)]))
+}
+
+/// What `advance` does to the states (x, Δt v) with the tangents frozen at the bounds of `proof`.
+pub(super) fn transition_of(proof: &StabilityProof, lambda: f64) -> Option<DMatrix<f64>> {
+    let n = proof.mass.n();
+    let lambda = Lambda::new(lambda).ok()?;
+    let mut gui = Gui::new(
+        &proof.mass,
+        &proof.damping,
+        &proof.stiffness,
+        proof.dt,
+        lambda,
+        Start::Published,
+    )
+    .ok()?;
+    let mut step = DMatrix::zeros(2 * n, 2 * n);
+    let (mut r, mut reported) = (vec![0.0; n], vec![0.0; n]);
+    for j in 0..2 * n {
+        let mut state = State::at_rest(n);
+        if j < n {
+            state.disp[j] = 1.0;
+        } else {
+            state.vel[j - n] = 1.0 / proof.dt;
+        }
+        r.fill(0.0);
+        proof.stiffness_bound.subtract_product(&state.disp, &mut r);
+        proof.damping_bound.subtract_product(&state.vel, &mut r);
+        gui.advance(&mut state, &mut r, &mut reported);
+        for i in 0..n {
+            step[(i, j)] = state.disp[i];
+            step[(n + i, j)] = state.vel[i] * proof.dt;
+        }
+    }
+    Some(step)
+}
+
+/// Trace and determinant: minus the sum, and the product, of the poles.
+pub(super) fn invariants(step: &Matrix2<f64>) -> (f64, f64) {
+    (step.trace(), step.determinant())
+}
+
+/// How far both roots of z² − trace z + determinant are inside the unit circle, by Jury's conditions: negative outside.
+pub(super) fn jury((trace, determinant): (f64, f64)) -> f64 {
+    (1.0 + trace + determinant)
+        .min(1.0 - trace + determinant)
+        .min(1.0 - determinant)
+}

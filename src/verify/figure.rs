@@ -1,0 +1,152 @@
+//! A figure of the paper: curves in its axes, as data and as a picture.
+
+use std::fmt::Write as _;
+
+use crate::report::{self, Curve, Curves};
+
+/// One curve of a figure.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Series {
+    /// What it shows.
+    pub name: String,
+    /// Abscissas.
+    pub x: Vec<f64>,
+    /// Ordinates; NaN where there is none.
+    pub y: Vec<f64>,
+    /// Points instead of a line.
+    pub dots: bool,
+}
+
+impl Series {
+    /// A line.
+    #[must_use]
+    pub fn line(name: impl Into<String>, x: Vec<f64>, y: Vec<f64>) -> Self {
+        Self {
+            name: name.into(),
+            x,
+            y,
+            dots: false,
+        }
+    }
+
+    /// Points.
+    #[must_use]
+    pub fn dots(name: impl Into<String>, x: Vec<f64>, y: Vec<f64>) -> Self {
+        Self {
+            dots: true,
+            ..Self::line(name, x, y)
+        }
+    }
+}
+
+/// One axis of a figure.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Scale {
+    /// What it shows.
+    pub words: &'static str,
+    /// SI unit, or "1".
+    pub unit: &'static str,
+    /// Its ends, where they are fixed.
+    pub range: Option<(f64, f64)>,
+}
+
+impl Scale {
+    /// As far as the data reach.
+    #[must_use]
+    pub const fn free(words: &'static str, unit: &'static str) -> Self {
+        Self {
+            words,
+            unit,
+            range: None,
+        }
+    }
+
+    /// From `lo` to `hi`.
+    #[must_use]
+    pub const fn fixed(words: &'static str, unit: &'static str, lo: f64, hi: f64) -> Self {
+        Self {
+            words,
+            unit,
+            range: Some((lo, hi)),
+        }
+    }
+}
+
+/// A figure.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Figure {
+    /// Name of its files, without ending.
+    pub file: &'static str,
+    /// Its caption.
+    pub title: &'static str,
+    /// What to see in it.
+    pub claim: &'static str,
+    /// Horizontal axis.
+    pub across: Scale,
+    /// Vertical axis.
+    pub up: Scale,
+    /// Both axes logarithmic.
+    pub logarithmic: bool,
+    /// As wide as high, for the z plane.
+    pub square: bool,
+    /// Its curves.
+    pub series: Vec<Series>,
+}
+
+impl Figure {
+    /// The picture: part of a page, or a file of its own.
+    #[must_use]
+    pub fn svg(&self, inline: bool) -> String {
+        let curves: Vec<Curve<'_>> = self
+            .series
+            .iter()
+            .map(|series| Curve {
+                name: &series.name,
+                x: &series.x,
+                y: &series.y,
+                dots: series.dots,
+            })
+            .collect();
+        let scale = |scale: Scale| report::Scale {
+            words: scale.words,
+            unit: scale.unit,
+            range: scale.range,
+        };
+        let chart = Curves {
+            title: self.title,
+            across: scale(self.across),
+            up: scale(self.up),
+            curves: &curves,
+            logarithmic: self.logarithmic,
+        };
+        let (width, height) = if self.square {
+            (460.0, 500.0)
+        } else {
+            (640.0, 400.0)
+        };
+        chart.svg(width, height, inline)
+    }
+
+    /// The data: curve, abscissa, ordinate; nothing where there is no value.
+    #[must_use]
+    pub fn csv(&self) -> String {
+        let quoted = |text: &str| format!("\"{}\"", text.replace('"', "\"\""));
+        let mut out = format!(
+            "curve,{},{}\n",
+            quoted(&format!("{} ({})", self.across.words, self.across.unit)),
+            quoted(&format!("{} ({})", self.up.words, self.up.unit))
+        );
+        for series in &self.series {
+            let name = quoted(&series.name);
+            for (x, y) in series.x.iter().zip(&series.y) {
+                // Writing to a string does not fail.
+                let _ = if y.is_finite() {
+                    writeln!(out, "{name},{x},{y}")
+                } else {
+                    writeln!(out, "{name},{x},")
+                };
+            }
+        }
+        out
+    }
+}

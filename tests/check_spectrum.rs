@@ -1,0 +1,95 @@
+//! `gusset check` says what a test's modes and delays will do, against closed forms.
+
+use std::f64::consts::TAU;
+
+use assert_cmd::Command;
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// One degree of freedom, ω = 2π, ξ = 2 %, half of its stiffness in the specimen, λ = 4.
+const TEST: &str = r#"
+[time]
+rate_hz = 256
+duration_s = 1
+
+[structure.shear_building]
+mass_kg = [1000]
+stiffness_n_per_m = [19739.208802178716]
+damping_n_s_per_m = [251.32741228718345]
+
+[structure]
+initial_displacement_m = [0.01]
+
+[integrator]
+lambda = 4
+
+[[specimen]]
+name = "spring"
+storey = 1
+law = { linear = { stiffness_n_per_m = 19739.208802178716 } }
+"#;
+
+fn check(text: &str, more: &[&str]) -> (i32, String, String) {
+    let folder = TempDir::new().unwrap();
+    let file = folder.path().join("test.toml");
+    std::fs::write(&file, text).unwrap();
+    let mut process = Command::new(assert_cmd::cargo::cargo_bin!("gusset"));
+    let output = process.arg("check").arg(&file).args(more).output().unwrap();
+    (
+        output.status.code().unwrap(),
+        String::from_utf8(output.stdout).unwrap(),
+        String::from_utf8(output.stderr).unwrap(),
+    )
+}
+
+#[test]
+fn modes_have_the_period_and_damping_error_of_the_closed_form() {
+    let (code, text, complaint) = check(TEST, &["--json"]);
+    assert_eq!(code, 0, "{complaint}");
+    let facts: Value = serde_json::from_str(&text).unwrap();
+    let mode = &facts["structure"]["modes"][0];
+    let number = |key: &str| mode[key].as_f64().unwrap();
+    let omega = TAU / 256.0;
+    assert!((number("omega") / omega - 1.0).abs() < 1e-12);
+    assert!((number("damping_ratio") / 0.02 - 1.0).abs() < 1e-12);
+    // PE ≈ Ω² (1/(2λ) − 1/24) = Ω²/12 for small Ω and damping.
+    assert!((number("period_error") / (omega * omega / 12.0) - 1.0).abs() < 0.02);
+    assert!(number("damping_error").abs() < 0.02 * omega);
+}
+
+#[test]
+fn the_critical_delay_is_that_of_the_closed_form_both_ways() {
+    let closed = gusset::spectral::delay::sdof(0.02, 0.5, TAU).unwrap();
+    let (_, text, _) = check(TEST, &["--json"]);
+    let facts: Value = serde_json::from_str(&text).unwrap();
+    let delay = &facts["structure"]["critical_delays"][0];
+    assert_eq!(delay["specimen"], "spring");
+    let of = |way: &str| delay[way]["delay_s"].as_f64().unwrap();
+    assert!((of("continuous") / closed - 1.0).abs() < 1e-9);
+    // Δt is 0.4 % of the period.
+    assert!(
+        (of("discrete") / closed - 1.0).abs() < 5e-3,
+        "{closed} {delay}"
+    );
+    let (_, table, _) = check(TEST, &[]);
+    assert!(table.contains("critical delay, spring") && table.contains("period error +0.00"));
+}
+
+#[test]
+fn the_curves_are_written_where_they_are_asked_for() {
+    let folder = TempDir::new().unwrap();
+    let plots = folder.path().join("curves");
+    let (code, _, _) = check(TEST, &["--plot", plots.to_str().unwrap()]);
+    assert_eq!(code, 0);
+    for name in ["period-error", "damping-error", "delay-1"] {
+        let svg = std::fs::read_to_string(plots.join(format!("{name}.svg"))).unwrap();
+        assert!(
+            svg.contains("<polyline") && svg.contains("<circle"),
+            "{name}"
+        );
+        assert!(plots.join(format!("{name}.csv")).exists());
+    }
+    let (code, _, complaint) = check(TEST, &["--plot", plots.to_str().unwrap()]);
+    assert_eq!(code, 2);
+    assert!(complaint.contains("exists already"), "{complaint}");
+}

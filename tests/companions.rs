@@ -1,0 +1,171 @@
+//! Every integration method runs a computed test from a file, and only those that may command a specimen get one.
+
+use assert_cmd::Command;
+use serde_json::Value;
+use tempfile::TempDir;
+
+const TEST: &str = r#"
+title = "Two storeys"
+
+[time]
+step_s = 0.01
+duration_s = 4
+clock = "simulated"
+
+[structure.shear_building]
+mass_kg = [1000, 2000]
+stiffness_n_per_m = [8e5, 6e5]
+damping_n_s_per_m = [900, 700]
+
+[excitation.ground_acceleration.signal.sine]
+amplitude = 2.0
+frequency_hz = 1.5
+
+[integrator]
+"#;
+
+const SPECIMEN: &str = "\n[[specimen]]\nname = \"brace\"\nstorey = 1\nlaw = { linear = { stiffness_n_per_m = 2e5 } }\n";
+
+/// Exit code, stdout as JSON if it is, stderr.
+fn gusset(command: &str, text: &str) -> (i32, Value, String) {
+    let folder = TempDir::new().unwrap();
+    let file = folder.path().join("test.toml");
+    std::fs::write(&file, text).unwrap();
+    let mut process = Command::new(assert_cmd::cargo::cargo_bin!("gusset"));
+    process.arg(command).arg(&file).arg("--json");
+    if command == "run" {
+        process
+            .arg("--quiet")
+            .arg("--out")
+            .arg(folder.path().join("out"));
+    }
+    let output = process.output().unwrap();
+    (
+        output.status.code().unwrap(),
+        serde_json::from_slice(&output.stdout).unwrap_or(Value::Null),
+        String::from_utf8(output.stderr).unwrap(),
+    )
+}
+
+fn peak(method: &str) -> f64 {
+    let (code, summary, text) = gusset("run", &format!("{TEST}{method}\n"));
+    assert_eq!(code, 0, "{method}: {text}");
+    assert_eq!(summary["steps"], 400);
+    assert!(summary["peak"]["acceleration"][1].as_f64().unwrap() > 0.1);
+    summary["peak"]["displacement"][1].as_f64().unwrap()
+}
+
+#[test]
+fn every_method_runs_a_computed_test_and_finds_the_same_peak() {
+    let family = peak("lambda = 4");
+    for method in [
+        "method = \"newmark_average\"",
+        "method = \"newmark_linear\"",
+        "method = \"newmark_explicit\"",
+        "method = \"central_difference\"",
+        "method = \"chang_2002\"",
+        "method = \"kr_alpha\"\nrho_infinity = 0.8",
+        "method = \"kr_alpha\"\nrho_infinity = 0.8\nweighting = \"state\"",
+        "method = \"mkr_alpha\"\nrho_infinity = 0.5",
+    ] {
+        // Ω of the governing mode is about 0.1: periods differ by some 1e-3, the half step of the start by Δt/T.
+        assert!((peak(method) / family - 1.0).abs() < 0.03, "{method}");
+    }
+    // The same poles from the same start, up to β ω̄² Δt² of the load.
+    assert!((peak("method = \"newmark_average\"") / family - 1.0).abs() < 0.01);
+}
+
+#[test]
+fn the_summary_of_a_companion_has_no_lambda_and_check_names_the_method() {
+    let text = format!("{TEST}method = \"chang_2002\"\n");
+    let (_, summary, _) = gusset("run", &text);
+    assert!(summary["lambda"].is_null(), "{summary}");
+    let (code, facts, _) = gusset("check", &text);
+    assert_eq!(code, 0);
+    assert_eq!(facts["structure"]["method"], "chang_2002");
+    assert!(facts["structure"]["lambda"].is_null());
+}
+
+#[test]
+fn an_implicit_method_is_refused_a_specimen_with_the_reason() {
+    for (method, reason) in [
+        ("method = \"newmark_average\"", "it is implicit"),
+        (
+            "method = \"central_difference\"",
+            "explicit in displacement only",
+        ),
+        (
+            "method = \"kr_alpha\"\nrho_infinity = 1\nweighting = \"state\"",
+            "weighted state",
+        ),
+    ] {
+        let (code, _, text) = gusset("check", &format!("{TEST}{method}\n{SPECIMEN}"));
+        assert_eq!(code, 2, "{method}");
+        assert!(
+            text.contains("cannot command a specimen") && text.contains(reason),
+            "{text}"
+        );
+    }
+    for method in [
+        "method = \"kr_alpha\"\nrho_infinity = 0.7",
+        "method = \"mkr_alpha\"\nrho_infinity = 0.7",
+    ] {
+        let (code, summary, text) = gusset("run", &format!("{TEST}{method}\n{SPECIMEN}"));
+        assert_eq!(code, 0, "{method}: {text}");
+        assert!(summary["peak"]["force"]["brace"][0].as_f64().unwrap() > 0.0);
+    }
+}
+
+#[test]
+fn what_a_method_does_not_have_or_lacks_is_said() {
+    for (keys, words) in [
+        ("method = \"kr_alpha\"", "needs `rho_infinity`"),
+        (
+            "method = \"kr_alpha\"\nrho_infinity = 1.5",
+            "is 1.5, but must be from 0 to 1",
+        ),
+        (
+            "method = \"newmark_linear\"\nlambda = 4",
+            "`integrator.lambda` means nothing",
+        ),
+        (
+            "rho_infinity = 0.5",
+            "`integrator.rho_infinity` means nothing",
+        ),
+        (
+            "method = \"chang_2002\"\nnewton_iterations = 0",
+            "newton_iterations",
+        ),
+        ("method = \"newmark\"", "newmark_average"),
+    ] {
+        let (code, _, text) = gusset("check", &format!("{TEST}{keys}\n"));
+        assert_eq!(code, 2, "{keys}");
+        assert!(text.contains(words), "{keys}: {text}");
+    }
+    let real = TEST.replace("clock = \"simulated\"", "clock = \"real\"");
+    let (code, _, text) = gusset("check", &format!("{real}method = \"newmark_average\"\n"));
+    assert_eq!(code, 2);
+    assert!(text.contains("no place in real time"), "{text}");
+    // Ω = 2.9 in the second mode: beyond the explicit member, within none of the others.
+    let coarse = TEST.replace("step_s = 0.01", "step_s = 0.08");
+    let (code, facts, _) = gusset("check", &format!("{coarse}method = \"newmark_explicit\"\n"));
+    assert_eq!(code, 0);
+    let warning = facts["warnings"][0].as_str().unwrap();
+    assert!(warning.contains("stable to Ω = 2"), "{warning}");
+}
+
+#[test]
+fn a_test_that_finds_no_equilibrium_stops_with_its_rows() {
+    let element = "\n[[structure.element]]\nfrom = \"ground\"\nto = 1\nreach_disp_m = 0.1\n\
+                   law = { cubic = { stiffness_n_per_m = 1e5, cubic_n_per_m3 = 1e9 } }\n";
+    let text = format!("{TEST}method = \"newmark_average\"\nnewton_iterations = 2\n{element}");
+    let (code, summary, _) = gusset("run", &text);
+    assert_eq!(code, 1);
+    assert_eq!(summary["status"], "stopped");
+    let reason = summary["reason"].as_str().unwrap();
+    assert!(
+        reason.contains("no equilibrium in 2 iterations") && reason.contains("degree of freedom"),
+        "{reason}"
+    );
+    assert!(summary["steps"].as_u64().unwrap() < 400);
+}
