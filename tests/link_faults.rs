@@ -8,6 +8,7 @@ use std::path::Path;
 
 use gusset::record::summary::Status as Ended;
 use gusset::substructure::Status;
+use gusset::wire::native::Frame;
 use link_common::relay::{Fates, Relay};
 use link_common::{Fake, ONE_AXIS, ONE_AXIS_LAW, Served, events, linked, run, summary, test_file};
 
@@ -201,6 +202,31 @@ fn a_sampled_specimen_whose_sequence_is_frozen_runs_into_the_bound_of_stale_tick
         "{reason}"
     );
     assert!(events(folder.path(), "run").contains(&"stale".to_owned()));
+}
+
+/// The specimen's watchdog must not take a controller that waits for one that is gone.
+#[test]
+fn a_controller_that_waits_for_an_answer_says_that_it_is_there() {
+    let folder = tempfile::tempdir().unwrap();
+    let address = Fake::start(|mut fake| {
+        fake.behave(WARM_UP + 10);
+        let (sequence, disp) = fake.command().unwrap();
+        let mut beats = 0;
+        while beats < 3 {
+            let frame = fake.frame().unwrap();
+            if let Frame::Heartbeat(beat) = fake.decoder.open(&frame).unwrap().frame {
+                assert_eq!(beat.sequence, sequence);
+                beats += 1;
+            }
+        }
+        let frame = fake.answer(sequence, 4e5 * disp, Status::default());
+        fake.write(&frame);
+        fake.behave(STEPS - 10);
+        while fake.frame().is_some() {}
+    });
+    let text = linked(STEPS, &address, "watchdog_s = 0.02\nreply_timeout_s = 10");
+    let (code, said) = run(folder.path(), "run", &text);
+    assert_eq!(code, 0, "{said}");
 }
 
 #[test]
