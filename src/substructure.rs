@@ -118,6 +118,29 @@ pub enum LinkFault {
     NotFinite,
 }
 
+impl LinkFault {
+    /// What somebody who reads of it in the morning should look at.
+    #[must_use]
+    pub const fn advice(self) -> &'static str {
+        match self {
+            Self::Closed => "look at the specimen's end: its program ended, or its log says why",
+            Self::Timeout => {
+                "look at the specimen's end and at the network; `reply_timeout_s` is the limit"
+            }
+            Self::Malformed => {
+                "is it the right port, does `protocol` name what it speaks, does it keep to the layout?"
+            }
+            Self::Refused => {
+                "the specimen's end says why; two commands without an answer are refused, too"
+            }
+            Self::Version => "one of the two programs is too old",
+            Self::Auth => "give both ends the same key file",
+            Self::Backpressure => "the specimen's end hangs, or commands come faster than it reads",
+            Self::NotFinite => "look at the sensor, its amplifier and the law of the specimen",
+        }
+    }
+}
+
 /// How a substructure is left at the end of a test.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Retirement {

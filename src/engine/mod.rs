@@ -102,6 +102,15 @@ pub enum Stop {
         /// What is wrong with it.
         misfit: Misfit,
     },
+    /// A specimen says that a sensor or an actuator of its own is at the end of its range: its force is no measurement.
+    #[error(
+        "specimen {}: it reports a sensor or actuator at the end of its range, so its force cannot be trusted",
+        port + 1
+    )]
+    Saturated {
+        /// Specimen, from 0.
+        port: usize,
+    },
     /// A link failed.
     #[error("specimen {}: {fault}", port + 1)]
     Link {

@@ -350,6 +350,9 @@ impl Engine {
                     what: misfit.name(),
                 });
             }
+            Ending::Stopped(Stop::Saturated { port }) => {
+                self.report_now(EventKind::Saturated { port: *port as u32 });
+            }
             Ending::Stopped(
                 Stop::Diverged { dof, .. } | Stop::Step(StepError::NotConverged { dof, .. }),
             ) => {

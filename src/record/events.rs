@@ -331,6 +331,15 @@ impl<S: Store> EventLog<S> {
                 put(line, "what", what);
                 tracing::error!(specimen = port + 1, axis = axis + 1, "not armed: {what}");
             }
+            EventKind::Saturated { port } => {
+                self.specimen(line, port);
+                tracing::error!(
+                    tick = event.tick,
+                    time = event.time,
+                    specimen = port + 1,
+                    "a sensor or actuator is at the end of its range"
+                );
+            }
             EventKind::RowLost => {
                 if loud(&mut self.logged[2]) {
                     tracing::error!(
@@ -425,6 +434,7 @@ const fn kind_name(kind: &EventKind) -> &'static str {
         EventKind::Stale { .. } => "stale",
         EventKind::Link { .. } => "link",
         EventKind::Interlock { .. } => "interlock",
+        EventKind::Saturated { .. } => "saturated",
         EventKind::RowLost => "row_lost",
         EventKind::Diverged { .. } => "diverged",
         EventKind::StopRequested => "stop_requested",

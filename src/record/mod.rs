@@ -105,6 +105,11 @@ pub enum EventKind {
         /// Specimen, from 0.
         port: u32,
     },
+    /// A sensor or actuator of specimen `port` is at the end of its range.
+    Saturated {
+        /// Specimen, from 0.
+        port: u32,
+    },
     /// The row of this tick found the queue full and is lost.
     RowLost,
     /// A displacement or force ceased to be finite or ran beyond the divergence bound; DOF from 0.

@@ -129,6 +129,7 @@ fn ending(outcome: &Outcome) -> (Finish, String) {
                 Stop::Link { .. } | Stop::Misfit { .. } => Finish::LinkFailed,
                 Stop::Internal => Finish::Panicked,
                 Stop::Interlock { .. }
+                | Stop::Saturated { .. }
                 | Stop::Late { .. }
                 | Stop::Stale { .. }
                 | Stop::Diverged { .. }
@@ -144,10 +145,20 @@ fn ending(outcome: &Outcome) -> (Finish, String) {
                 }
                 _ => None,
             };
-            let reason = match told {
+            let mut reason = match told {
                 Some((_, text)) => format!("{stop} ({text})"),
                 None => stop.to_string(),
             };
+            match stop {
+                Stop::Link { fault, .. } => reason = format!("{reason}: {}", fault.advice()),
+                Stop::Stale { .. } => {
+                    reason.push_str(
+                        ": its answers are late, lost or all to one old command; `link` in the summary counts them, \
+                         `max_stale` is the limit",
+                    );
+                }
+                _ => {}
+            }
             (finish, reason)
         }
     }

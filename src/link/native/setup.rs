@@ -87,7 +87,7 @@ pub enum SetupError {
     #[error("TLS: {0}")]
     Tls(TlsFault),
     /// The answer makes no sense, or is not what was asked for.
-    #[error("{0}")]
+    #[error("{wrong}{hint}", wrong = .0, hint = hint(*.0))]
     Wire(WireError),
     /// The specimen refuses.
     #[error("refused: {text}{}", advice(*code))]
@@ -109,6 +109,19 @@ fn advice(code: RefuseCode) -> &'static str {
         RefuseCode::Axes => " (compare the number and the names of the axes: `axis_names`)",
         RefuseCode::Units => " (compare `unit_disp` and `unit_force`)",
         RefuseCode::Version => " (one of the two programs is too old)",
+        _ => "",
+    }
+}
+
+fn hint(error: WireError) -> &'static str {
+    match error {
+        WireError::Magic { .. } => {
+            " (is it the right port, and does `protocol` name what it speaks?)"
+        }
+        WireError::Version { .. } => advice(RefuseCode::Version),
+        WireError::Mac | WireError::Keyed { .. } | WireError::Proof { .. } => {
+            advice(RefuseCode::Key)
+        }
         _ => "",
     }
 }
