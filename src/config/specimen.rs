@@ -3,6 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::safety::ZeroChoice;
 use super::value::MatrixValue;
 use super::variant;
 use crate::link::LinkSpec;
@@ -75,6 +76,9 @@ pub struct SpecimenTable {
     )]
     #[schemars(schema_with = "coupled_schema")]
     pub coupled: Option<SpecimenLaw>,
+    /// Displacement of each axis in m, at the specimen's scale, at which it is left by "safe_displacement".
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub safe_disp_m: Option<Vec<f64>>,
     /// A specimen at the other end of a network.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub link: Option<LinkSpec>,
@@ -152,6 +156,10 @@ pub struct AxisTable {
     pub unit_disp: DispUnit,
     /// Unit in which the axis tells its force.
     pub unit_force: ForceUnit,
+    /// "relative": the deformation is zero where the axis stands before the test, and `offset_m` is not needed.
+    pub zero_disp: ZeroChoice,
+    /// "relative": the force is zero as the load cell reads it before the test, and `offset_n` is not needed.
+    pub zero_force: ZeroChoice,
 }
 
 impl Default for AxisTable {
@@ -163,6 +171,8 @@ impl Default for AxisTable {
             offset_n: 0.0,
             unit_disp: DispUnit::Metre,
             unit_force: ForceUnit::Newton,
+            zero_disp: ZeroChoice::Absolute,
+            zero_force: ZeroChoice::Absolute,
         }
     }
 }

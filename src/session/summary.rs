@@ -128,6 +128,7 @@ fn ending(outcome: &Outcome) -> (Finish, String) {
                 Stop::Link { .. } => Finish::LinkFailed,
                 Stop::Internal => Finish::Panicked,
                 Stop::Interlock { .. }
+                | Stop::Limit { .. }
                 | Stop::Late { .. }
                 | Stop::Stale { .. }
                 | Stop::Diverged { .. }

@@ -10,6 +10,7 @@ mod gear;
 pub(in crate::config) mod links;
 mod method;
 mod proof;
+mod safety;
 mod specimens;
 mod structure;
 
@@ -62,6 +63,8 @@ pub struct Facts {
     pub record_required: bool,
     /// Seconds of rows that the queue to the writer holds.
     pub queue_s: f64,
+    /// Whether an operator must confirm what was read before anything moves.
+    pub confirm: bool,
     /// What the user should know although the test may run.
     pub warnings: Vec<String>,
 }
@@ -214,6 +217,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         timing: file.timing.clone(),
         record_required: file.record.required,
         queue_s: file.record.queue_s,
+        confirm: safety::needs_confirmation(file),
         warnings: warnings.iter().map(|w| w.headline.clone()).collect(),
     };
     let named = links::with_keys_from_anywhere(file, &site.loaded.path);
@@ -235,6 +239,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         period: time.period,
         steps: time.steps,
         side,
+        opening: safety::opening(file, time.period.value()),
         settling,
         ports,
         record_dofs,
