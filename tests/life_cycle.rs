@@ -263,6 +263,9 @@ fn a_measured_limit_trips_in_the_tick_in_which_it_is_reached() {
         panic!("{:?}", run.outcome.ending);
     };
     assert!(hit.value.abs() > 1500.0);
+    // The measurement that tripped is kept.
+    assert_eq!(run.all("state").last(), Some(&Phase::Tripped.code()));
+    assert_eq!(run.all("force_1_1").last(), Some(&hit.value));
     let forces = run.column("force_1_1");
     assert!(forces.iter().all(|force| force.abs() <= 1500.0));
 }

@@ -12,6 +12,7 @@ mod export;
 mod jitter;
 mod operate;
 mod progress;
+mod replay;
 mod report;
 mod run;
 mod schema;
@@ -70,6 +71,8 @@ enum Command {
     /// Let a test that holds go on, or confirm what its sensors read.
     #[command(after_help = "Example:\n  gusset continue runs/first")]
     Continue(OperateArgs),
+    /// Feed a recorded test through the loop again and prove that every number comes out bit for bit the same.
+    Replay(ReplayArgs),
     /// Host a specimen for controllers that command it over a network, until told to stop.
     Serve(ServeArgs),
     /// Obtain the published tables, equations, figures and examples of the integration family anew, and judge them.
@@ -108,6 +111,18 @@ struct RunArgs {
     /// Do not print the progress line and the closing summary.
     #[arg(long)]
     quiet: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  gusset replay runs/first\n\nExits with 1 if a number differs or the recording has a gap."
+)]
+struct ReplayArgs {
+    /// The run folder, finished or not.
+    run: PathBuf,
+    /// Print the result as JSON on stdout.
+    #[arg(long)]
+    json: bool,
 }
 
 #[derive(Debug, Args)]
@@ -324,6 +339,7 @@ pub fn main() -> ExitCode {
         Command::Stop(args) => operate::operate(&args, Request::Stop),
         Command::Hold(args) => operate::operate(&args, Request::Hold),
         Command::Continue(args) => operate::operate(&args, Request::Continue),
+        Command::Replay(args) => replay::replay(&args),
         Command::Serve(args) => serve::serve(&args),
         Command::Verify(args) => verify::verify(&args),
         Command::Schema => schema::schema(),

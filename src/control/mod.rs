@@ -231,6 +231,13 @@ impl Port {
         })
     }
 
+    /// Puts another substructure with as many axes in place of the one that was there.
+    pub fn put_in_place(&mut self, substructure: Box<dyn Substructure>) {
+        if substructure.axes() == self.axes.len() {
+            self.substructure = substructure;
+        }
+    }
+
     /// Number of axes.
     #[must_use]
     pub fn axes(&self) -> usize {

@@ -31,7 +31,7 @@ const BOOKKEEPING: [(&str, &str, &str); 4] = [
     (
         "state",
         "1",
-        "phase: 1 settling under the static load, 3 running, 4 zeroing, 5 ramping, 6 holding, 7 leaving",
+        "phase: 1 settling under the static load, 3 running, 4 zeroing, 5 ramping, 6 holding, 7 leaving, 8 tripped",
     ),
     ("time", "s", "test time"),
 ];
@@ -192,6 +192,15 @@ impl Row {
                 &numerical.reported_vel,
             );
             gather(&mut self.values, &self.accel, &self.dofs, &numerical.accel);
+        }
+    }
+
+    /// v and a of a tick whose equilibrium is not made. Real-time: yes.
+    pub fn no_outputs(&mut self) {
+        for range in [&self.vel, &self.accel] {
+            if let Some(slots) = self.values.get_mut(range.clone()) {
+                slots.fill(f64::NAN);
+            }
         }
     }
 

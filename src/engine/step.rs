@@ -19,7 +19,10 @@ impl Engine {
     /// One tick of the running test. On return command k + 1 stands ready and row k is handed over.
     /// Real-time: yes.
     pub(super) fn tick(&mut self, tick: &Tick, stamps: &mut TickStamps) -> Result<(), Stop> {
-        self.exchange(tick, stamps)?;
+        if let Err(stop) = self.exchange(tick, stamps) {
+            self.record_trip(tick, stamps, &stop);
+            return Err(stop);
+        }
         self.row
             .exchange(tick, Phase::Running, &self.side, &self.ports);
         let advanced = self.advance_to_next(tick);
@@ -35,6 +38,23 @@ impl Engine {
         self.hand_over(tick);
         self.note_peaks(tick)?;
         advanced
+    }
+
+    /// What was measured in the tick that ends the test is kept, although no step follows from it.
+    fn record_trip(&mut self, tick: &Tick, stamps: &TickStamps, stop: &Stop) {
+        if matches!(
+            stop,
+            Stop::Limit { .. } | Stop::Interlock { .. } | Stop::Stale { .. }
+        ) {
+            self.row
+                .exchange(tick, Phase::Tripped, &self.side, &self.ports);
+            self.row.no_outputs();
+            self.row
+                .timing(stamps, self.first_edge, self.schedule.stretched());
+            if !self.recorder.row(self.row.values()) {
+                self.rows_lost += 1;
+            }
+        }
     }
 
     /// Issue to all before collecting from any, so that several links cost one round trip.

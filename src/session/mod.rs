@@ -15,6 +15,7 @@ mod connect;
 mod desk;
 mod guarded;
 mod page;
+mod replay;
 mod signals;
 mod summary;
 
@@ -29,6 +30,7 @@ use thiserror::Error;
 pub use bare::bare_loop;
 pub use desk::{Answer, Request, ask};
 pub use page::{Page, PageError, hero, write_report};
+pub use replay::{Difference, Replay, ReplayError, replay};
 pub use signals::{Signal, Signals};
 
 use desk::Desk;
