@@ -5,7 +5,7 @@ mod sums;
 use nalgebra::DMatrix;
 
 use super::gear::{Rows, axis, scaled};
-use super::{Refused, Site, links, path};
+use super::{Refused, Site, links, path, safety};
 use crate::config::{Finding, KeyPath, MatrixValue, SpecimenTable};
 use crate::control::{Axis, Direction, Pace, Port, Trend, WaitRules};
 use crate::law::Reach;
@@ -340,10 +340,16 @@ impl Specimens {
                 Stand::Native(native, rules) => (native, Some(rules)),
                 Stand::OpenFresco(remote, rules) => (remote, Some(rules)),
             };
+            let metres: Vec<f64> = entry.units.iter().map(|unit| unit.0).collect();
+            let exits = safety::exits(site, index, &metres)?;
+            let axes = entry.axes.len();
             match Port::new(entry.name, entry.axes, substructure, dofs.max(1), diagonal) {
-                Ok(mut port) => {
+                Ok(port) => {
+                    let table = &site.loaded.file.specimen[index];
+                    let mut port = port.with_references(safety::references(table, axes));
                     port.wait = wait;
                     port.direction = direction;
+                    port.exits = exits;
                     ports.push(port);
                 }
                 Err(error) => {
