@@ -61,8 +61,8 @@ impl Phase {
     #[must_use]
     pub const fn may_become(self, next: Phase) -> bool {
         use Phase::{
-            Armed, Connected, Holding, Leaving, Probing, Ramping, Running, Safe, Settling,
-            Tripped, Zeroing,
+            Armed, Connected, Holding, Leaving, Probing, Ramping, Running, Safe, Settling, Tripped,
+            Zeroing,
         };
         match (self, next) {
             // Latched: from a trip there is no way back into the test.

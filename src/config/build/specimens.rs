@@ -7,6 +7,7 @@ use nalgebra::DMatrix;
 use super::gear::{Rows, axis, scaled};
 use super::{Refused, Site, links, path, safety};
 use crate::config::{Finding, KeyPath, MatrixValue, SpecimenTable};
+use crate::control::limits::LimitsSpec;
 use crate::control::{Axis, Direction, Pace, Port, Trend, WaitRules};
 use crate::law::Reach;
 use crate::linalg::SymMatrix;
@@ -68,10 +69,6 @@ pub(super) fn specimens(site: &mut Site<'_>) -> Result<Specimens, Refused> {
 }
 
 fn entry(site: &mut Site<'_>, at: &KeyPath, table: &SpecimenTable) -> Result<Entry, Refused> {
-    if table.limits.is_some() || table.axis.iter().any(|axis| axis.limits.is_some()) {
-        let text = "`limits` are kept by `gusset serve`, and not by this loop";
-        return site.refuse(Finding::error(at.key("limits"), text));
-    }
     let rows = rows(site, at, table)?;
     let n = rows.len();
     let mut law = match (table.sources().into_iter().next(), &table.link) {
@@ -346,7 +343,12 @@ impl Specimens {
             match Port::new(entry.name, entry.axes, substructure, dofs.max(1), diagonal) {
                 Ok(port) => {
                     let table = &site.loaded.file.specimen[index];
-                    let mut port = port.with_references(safety::references(table, axes));
+                    let specs = table.limits_of(axes);
+                    let limits = specs.iter().map(LimitsSpec::limits).collect();
+                    let tick = site.loaded.time.period.value();
+                    let mut port = port
+                        .with_limits(limits, entry.units, tick)
+                        .with_references(safety::references(table, axes));
                     port.wait = wait;
                     port.direction = direction;
                     port.exits = exits;
