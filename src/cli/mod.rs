@@ -212,7 +212,11 @@ struct ReportArgs {
     after_help = "Example:\n  gusset serve column.toml --listen 127.0.0.1:4823\n  \
     gusset serve test.toml --specimen ground-storey --transport udp --key lab.key --listen 0.0.0.0:4823\n  \
     gusset serve test.toml --specimen ground-storey --transport tls --listen 0.0.0.0:4823\n  \
-    gusset serve test.toml --specimen ground-storey --protocol openfresco"
+    gusset serve test.toml --specimen ground-storey --protocol openfresco\n  \
+    gusset serve config/serve/gateway.toml --out runs/gateway\n\n\
+    A specimen that is itself behind a link ([specimen.link]) makes this a gateway: every exchange passes its limits \
+    ([specimen.limits]). A limit that trips, or an interlock, holds the specimen where it is until the controller's test is \
+    over; the next test begins anew."
 )]
 struct ServeArgs {
     /// A file with [[specimen]] and [serve], or a test file.
@@ -239,6 +243,10 @@ struct ServeArgs {
     key: Option<PathBuf>,
     #[command(flatten)]
     tls: TlsArgs,
+    /// Record every controller's test in a run folder of its own below this one: test-0001, test-0002 and so on, with one
+    /// row per exchange. `gusset report` and `gusset export` read them. Without it nothing is recorded.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
     /// Busy loop around the moment at which the next command is expected, on either side of it.
     #[arg(long, value_name = "US", default_value_t = 60.0)]
     spin: f64,

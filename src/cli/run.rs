@@ -27,6 +27,9 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
     let loaded = load(&args.test, &sets)?;
     let test = config::build(&loaded).map_err(refused)?;
     warn(&test.warnings);
+    for text in &test.facts.announced {
+        tell(format_args!("note: {text}"));
+    }
     // Before there is a folder: from here on an interrupt leaves a whole one.
     let signals = Signals::listen().context("signals cannot be taken over")?;
     let folder = match &args.out {

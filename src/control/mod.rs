@@ -4,10 +4,20 @@
 //! that was sent, what was measured, and the force after offsets. All of them stand in the row, so nothing that
 //! a specimen was told is hidden. Pure bookkeeping: no clock, no input or output of its own.
 
+mod direction;
 pub mod limits;
 mod link;
+mod probe;
+mod stiffness;
+mod trend;
+mod units;
 
+pub use direction::Direction;
 pub use link::{LinkCount, OnStale, WaitRules};
+pub use probe::{Channel, Found, Misfit, Pace, Probe};
+pub use stiffness::{Opinion, compare_stiffness};
+pub use trend::Trend;
+pub use units::AxisUnits;
 
 use thiserror::Error;
 
@@ -122,6 +132,8 @@ pub struct Port {
     pub link: LinkCount,
     /// How long this specimen is waited for; none: as the test's limits say.
     pub wait: Option<WaitRules>,
+    /// How it is found out which way round the specimen is wired.
+    pub direction: Direction,
     stiffness: Vec<f64>,
 }
 
@@ -204,6 +216,7 @@ impl Port {
             peak_force: vec![0.0; n],
             link: LinkCount::default(),
             wait: None,
+            direction: Direction::Known,
             stiffness,
         })
     }

@@ -16,6 +16,8 @@ use crate::time::Nanos;
 pub mod state {
     /// The static load is being brought on; test time stands still.
     pub const SETTLING: f64 = 1.0;
+    /// A specimen is moved a little and back, to see which way round it is wired.
+    pub const PROBING: f64 = 2.0;
     /// The test runs.
     pub const RUNNING: f64 = 3.0;
 }
@@ -35,7 +37,11 @@ pub struct Row {
 const BOOKKEEPING: [(&str, &str, &str); 4] = [
     ("step", "1", "step of the integration, from 0 at t = 0"),
     ("sub_tick", "1", "tick within the step, from 0"),
-    ("state", "1", "1 = static load is brought on, 3 = running"),
+    (
+        "state",
+        "1",
+        "1 = static load is brought on, 2 = which way round a specimen is wired is tried, 3 = running",
+    ),
     ("time", "s", "test time"),
 ];
 

@@ -5,6 +5,7 @@
 //! neither files nor threads nor what stands behind a port.
 
 mod columns;
+mod direction;
 mod numerical;
 mod peaks;
 mod run;
@@ -21,7 +22,7 @@ pub use tick::Tick;
 
 use thiserror::Error;
 
-use crate::control::{LinkCount, Port};
+use crate::control::{LinkCount, Misfit, Port};
 use crate::integrate::StepError;
 use crate::record::{Column, Recorder};
 use crate::rt::timing::{TickStamps, Timing};
@@ -90,6 +91,23 @@ pub enum Stop {
     /// The interlock or emergency stop at a specimen's end opened. Latched: the test does not go on when it closes.
     #[error("specimen {}: its interlock or emergency stop is open", port + 1)]
     Interlock {
+        /// Specimen, from 0.
+        port: usize,
+    },
+    /// A specimen is wired the wrong way round, or does not answer as it must. It is not armed for the test.
+    #[error("specimen {} is not armed: {misfit}", port + 1)]
+    Misfit {
+        /// Specimen, from 0.
+        port: usize,
+        /// What is wrong with it.
+        misfit: Misfit,
+    },
+    /// A specimen says that a sensor or an actuator of its own is at the end of its range: its force is no measurement.
+    #[error(
+        "specimen {}: it reports a sensor or actuator at the end of its range, so its force cannot be trusted",
+        port + 1
+    )]
+    Saturated {
         /// Specimen, from 0.
         port: usize,
     },

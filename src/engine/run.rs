@@ -9,7 +9,7 @@ use crate::integrate::StepError;
 use crate::record::{Event, EventKind, MissCause};
 use crate::rt::timing::{Suspect, TickStamps};
 use crate::substructure::Retirement;
-use crate::time::{Nanos, Schedule};
+use crate::time::Nanos;
 
 /// What an operator can ask of a running test.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -42,7 +42,7 @@ pub type Watch = Box<dyn FnMut() + Send>;
 /// Repetitions of the numerical path on scratch state before the first edge.
 const REHEARSALS: usize = 300;
 /// From the end of the set-up to the first edge, so that the first edge can be met.
-const LEAD_NS: u64 = 2_000_000;
+pub(super) const LEAD_NS: u64 = 2_000_000;
 
 /// Longest wait for an edge in which the operator is not listened to.
 const NAP_NS: u64 = 100_000_000;
@@ -100,12 +100,9 @@ impl Engine {
         if let Side::Structure(numerical) = &mut self.side {
             numerical.rehearse(REHEARSALS, &mut self.ports);
         }
-        for (index, port) in self.ports.iter_mut().enumerate() {
-            port.arm(self.sequence)
-                .map_err(|fault| Stop::Link { port: index, fault })?;
-        }
-        self.schedule = Schedule::new(self.clock.now().plus(LEAD_NS), self.period);
-        self.first_edge = self.schedule.tick(0);
+        self.try_directions(control)?;
+        self.arm()?;
+        self.begin_grid();
         self.settle(control)?;
         self.hold(control)?;
         self.report_now(EventKind::Started);
@@ -120,6 +117,19 @@ impl Engine {
             watch();
         }
         result
+    }
+
+    /// Arms all specimens: all are asked before any is waited for, so that they get ready at the same time.
+    pub(super) fn arm(&mut self) -> Result<(), Stop> {
+        for (index, port) in self.ports.iter_mut().enumerate() {
+            port.ask_to_arm(self.sequence)
+                .map_err(|fault| Stop::Link { port: index, fault })?;
+        }
+        for (index, port) in self.ports.iter_mut().enumerate() {
+            port.arm(self.sequence)
+                .map_err(|fault| Stop::Link { port: index, fault })?;
+        }
+        Ok(())
     }
 
     /// Command 0 is B·x[0]: held, and measured, before anything moves.
@@ -309,7 +319,7 @@ impl Engine {
         }
     }
 
-    fn report_now(&mut self, kind: EventKind) {
+    pub(super) fn report_now(&mut self, kind: EventKind) {
         self.clock_now = self.clock.now();
         let step = self.steps_done;
         let tick = Tick {
@@ -332,6 +342,16 @@ impl Engine {
             }
             Ending::Stopped(Stop::Interlock { port }) => {
                 self.report_now(EventKind::Interlock { port: *port as u32 });
+            }
+            Ending::Stopped(Stop::Misfit { port, misfit }) => {
+                self.report_now(EventKind::Misfit {
+                    port: *port as u32,
+                    axis: misfit.axis() as u32,
+                    what: misfit.name(),
+                });
+            }
+            Ending::Stopped(Stop::Saturated { port }) => {
+                self.report_now(EventKind::Saturated { port: *port as u32 });
             }
             Ending::Stopped(
                 Stop::Diverged { dof, .. } | Stop::Step(StepError::NotConverged { dof, .. }),

@@ -52,6 +52,7 @@ impl Engine {
         for port in &mut self.ports {
             port.aim(&state.disp, &state.vel, base.disp, 0.0);
         }
+        self.listen_at_rest(control)?;
         let mut exchanges = 0;
         for part in 1..=settling.parts {
             let share = f64::from(part) / f64::from(settling.parts);
@@ -80,6 +81,7 @@ impl Engine {
                 *disp += settled;
             }
         }
+        self.report_unshown();
         self.aim_at_start();
         // Exchanges before t = 0 are no ticks of the test.
         self.timing.reset();
@@ -102,6 +104,7 @@ impl Engine {
         let mut stamps = TickStamps::default();
         self.wait_before_start(&mut stamps, control)?;
         self.exchange(&tick, &mut stamps)?;
+        self.listen()?;
         self.row
             .exchange(&tick, state::SETTLING, &self.side, &self.ports);
         let Side::Structure(numerical) = &mut self.side else {

@@ -55,8 +55,12 @@ impl Engine {
             stamps.decoded = self.clock.now();
             self.timing
                 .round_trip(index, stamps.decoded.since(stamps.sent));
-            if port.raw().status.has(Status::INTERLOCK) {
+            let status = port.raw().status;
+            if status.has(Status::INTERLOCK) {
                 return Err(Stop::Interlock { port: index });
+            }
+            if status.has(Status::SATURATED) {
+                return Err(Stop::Saturated { port: index });
             }
             self.judge_age(index, freshness, tick)?;
         }

@@ -290,6 +290,56 @@ impl<S: Store> EventLog<S> {
                     "interlock open"
                 );
             }
+            EventKind::Probing { port } => {
+                self.specimen(line, port);
+                // Loud: it moves.
+                tracing::warn!(
+                    specimen = port + 1,
+                    "the specimen is moved a little and back, to see which way round it is wired"
+                );
+            }
+            EventKind::Direction {
+                port,
+                axis,
+                disp,
+                force,
+            } => {
+                self.specimen(line, port);
+                put(line, "axis", axis + 1);
+                put(line, "disp", disp);
+                put(line, "force", force);
+                tracing::info!(
+                    specimen = port + 1,
+                    axis = axis + 1,
+                    disp,
+                    force,
+                    "direction"
+                );
+            }
+            EventKind::DirectionUnknown { port, axis } => {
+                self.specimen(line, port);
+                put(line, "axis", axis + 1);
+                tracing::warn!(
+                    specimen = port + 1,
+                    axis = axis + 1,
+                    "the static load does not show which way round it is wired"
+                );
+            }
+            EventKind::Misfit { port, axis, what } => {
+                self.specimen(line, port);
+                put(line, "axis", axis + 1);
+                put(line, "what", what);
+                tracing::error!(specimen = port + 1, axis = axis + 1, "not armed: {what}");
+            }
+            EventKind::Saturated { port } => {
+                self.specimen(line, port);
+                tracing::error!(
+                    tick = event.tick,
+                    time = event.time,
+                    specimen = port + 1,
+                    "a sensor or actuator is at the end of its range"
+                );
+            }
             EventKind::RowLost => {
                 if loud(&mut self.logged[2]) {
                     tracing::error!(
@@ -384,9 +434,14 @@ const fn kind_name(kind: &EventKind) -> &'static str {
         EventKind::Stale { .. } => "stale",
         EventKind::Link { .. } => "link",
         EventKind::Interlock { .. } => "interlock",
+        EventKind::Saturated { .. } => "saturated",
         EventKind::RowLost => "row_lost",
         EventKind::Diverged { .. } => "diverged",
         EventKind::StopRequested => "stop_requested",
+        EventKind::Probing { .. } => "probing",
+        EventKind::Direction { .. } => "direction",
+        EventKind::DirectionUnknown { .. } => "direction_unknown",
+        EventKind::Misfit { .. } => "misfit",
     }
 }
 

@@ -105,6 +105,11 @@ pub enum EventKind {
         /// Specimen, from 0.
         port: u32,
     },
+    /// A sensor or actuator of specimen `port` is at the end of its range.
+    Saturated {
+        /// Specimen, from 0.
+        port: u32,
+    },
     /// The row of this tick found the queue full and is lost.
     RowLost,
     /// A displacement or force ceased to be finite or ran beyond the divergence bound; DOF from 0.
@@ -114,6 +119,38 @@ pub enum EventKind {
     },
     /// The operator asked for an end.
     StopRequested,
+    /// Specimen `port` is about to be moved a little and back, to see which way round it is wired.
+    Probing {
+        /// Specimen, from 0.
+        port: u32,
+    },
+    /// What such a motion found.
+    Direction {
+        /// Specimen, from 0.
+        port: u32,
+        /// Axis, from 0.
+        axis: u32,
+        /// Change of the measured displacement, m.
+        disp: f64,
+        /// Change of the measured force, N.
+        force: f64,
+    },
+    /// Nothing showed which way round an axis of specimen `port` is wired.
+    DirectionUnknown {
+        /// Specimen, from 0.
+        port: u32,
+        /// Axis, from 0.
+        axis: u32,
+    },
+    /// Specimen `port` is wired the wrong way round, or does not answer as it must.
+    Misfit {
+        /// Specimen, from 0.
+        port: u32,
+        /// Axis, from 0.
+        axis: u32,
+        /// In one word.
+        what: &'static str,
+    },
 }
 
 /// Class of a deadline miss.

@@ -52,6 +52,7 @@ pub fn bare_loop(rate: Ratio, duration: f64, timing: TimingSpec) -> Result<Prepa
         timing,
         record_required: false,
         queue_s: 4.0,
+        announced: Vec::new(),
         warnings: Vec::new(),
     };
     let files = Files {

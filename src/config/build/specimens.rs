@@ -7,12 +7,13 @@ use nalgebra::DMatrix;
 use super::gear::{Rows, axis, scaled};
 use super::{Refused, Site, links, path};
 use crate::config::{Finding, KeyPath, MatrixValue, SpecimenTable};
-use crate::control::{Axis, Port, WaitRules};
+use crate::control::{Axis, Direction, Pace, Port, Trend, WaitRules};
 use crate::law::Reach;
 use crate::linalg::SymMatrix;
+use crate::link::LinkSpec;
 use crate::link::NativeLink;
 use crate::link::openfresco::Remote;
-use crate::link::spec::Protocol;
+use crate::link::spec::{ProbeChoice, Protocol};
 use crate::model::StructureSpec;
 use crate::specimen::{InProcess, InUnits, Specimen};
 use crate::substructure::Substructure;
@@ -67,6 +68,10 @@ pub(super) fn specimens(site: &mut Site<'_>) -> Result<Specimens, Refused> {
 }
 
 fn entry(site: &mut Site<'_>, at: &KeyPath, table: &SpecimenTable) -> Result<Entry, Refused> {
+    if table.limits.is_some() || table.axis.iter().any(|axis| axis.limits.is_some()) {
+        let text = "`limits` are kept by `gusset serve`, and not by this loop";
+        return site.refuse(Finding::error(at.key("limits"), text));
+    }
     let rows = rows(site, at, table)?;
     let n = rows.len();
     let mut law = match (table.sources().into_iter().next(), &table.link) {
@@ -216,6 +221,28 @@ fn estimate(
     }
 }
 
+impl Entry {
+    /// How the direction of a specimen behind a link is found out: as the file says, else by the static load.
+    fn direction(&self, link: &LinkSpec, period_s: f64, settles: bool) -> Direction {
+        match (link.probe_m, link.probe) {
+            (Some(metres), _) => {
+                let gears = self.axes.iter().zip(&self.units);
+                let way = gears.map(|(axis, (unit, _))| metres / (axis.disp_gain * unit).abs());
+                Direction::Probe {
+                    amplitude: way.collect(),
+                    pace: Pace::of(link.probe_ramp_s, period_s),
+                }
+            }
+            (None, Some(ProbeChoice::None)) => Direction::Known,
+            (None, None) if settles => {
+                let stiffness = self.stiffness.iter().flatten().copied().collect();
+                Direction::Settling(Trend::new(self.axes.len(), stiffness))
+            }
+            (None, None) => Direction::Unchecked,
+        }
+    }
+}
+
 impl Specimens {
     /// True if no specimen closes the loop.
     pub(super) fn is_empty(&self) -> bool {
@@ -274,7 +301,12 @@ impl Specimens {
     }
 
     /// One port per specimen.
-    pub(super) fn into_ports(self, site: &mut Site<'_>, dofs: usize) -> Result<Vec<Port>, Refused> {
+    pub(super) fn into_ports(
+        self,
+        site: &mut Site<'_>,
+        dofs: usize,
+        settles: bool,
+    ) -> Result<Vec<Port>, Refused> {
         let influence = match &site.loaded.file.structure {
             Some(structure) => structure
                 .matrices
@@ -295,6 +327,11 @@ impl Specimens {
             let diagonal = (0..entry.axes.len())
                 .map(|i| entry.stiffness[i][i])
                 .collect();
+            let link = site.loaded.file.specimen.get(index);
+            let direction = match link.and_then(|table| table.link.as_ref()) {
+                Some(link) => entry.direction(link, site.loaded.time.period.value(), settles),
+                None => Direction::Known,
+            };
             let (substructure, wait): (Box<dyn Substructure>, _) = match entry.stand {
                 Stand::Law(law) => (
                     Box::new(InProcess::new(InUnits::new(law, &entry.units))),
@@ -306,6 +343,7 @@ impl Specimens {
             match Port::new(entry.name, entry.axes, substructure, dofs.max(1), diagonal) {
                 Ok(mut port) => {
                     port.wait = wait;
+                    port.direction = direction;
                     ports.push(port);
                 }
                 Err(error) => {

@@ -48,6 +48,11 @@ impl Watch {
         &self.limits
     }
 
+    /// Wall time in s from the last command to the next, where it is not always the same. Real-time: yes.
+    pub fn tick_is(&mut self, tick: f64) {
+        self.tick = tick;
+    }
+
     /// The specimen is known to stand at `disp`: the first command is a step from there.
     pub fn stands_at(&mut self, disp: impl Iterator<Item = f64>) {
         for (past, disp) in self.past.iter_mut().zip(disp) {
@@ -124,6 +129,13 @@ impl Watch {
                 warned: &mut past.warned,
                 found: &mut found,
             };
+            // A sensor at the end of its range comes first: what it reads is not what is.
+            look.at(Quantity::SensorDisp, disp, limits.sensor_disp.judge(disp));
+            look.at(
+                Quantity::SensorForce,
+                force,
+                limits.sensor_force.judge(force),
+            );
             look.at(
                 Quantity::MeasuredDisp,
                 disp,

@@ -14,7 +14,8 @@ use crate::rt::os;
 use crate::substructure::{Coupling, Introduction, LinkFault, Unavailable};
 use crate::time::Nanos;
 use crate::wire::handshake::{
-    self, Axis, Control, Hello, Limits, RefuseCode, Sampling, Versions, Welcome, layout_hash,
+    self, Axis, Capabilities, Control, Hello, Limits, RefuseCode, Sampling, Versions, Welcome,
+    layout_hash,
 };
 use crate::wire::key::{NONCE_LEN, PROOF_LEN, PreSharedKey};
 use crate::wire::native::{Decoder, Encoder, Frame, LARGEST_FRAME};
@@ -86,7 +87,7 @@ pub enum SetupError {
     #[error("TLS: {0}")]
     Tls(TlsFault),
     /// The answer makes no sense, or is not what was asked for.
-    #[error("{0}")]
+    #[error("{wrong}{hint}", wrong = .0, hint = hint(*.0))]
     Wire(WireError),
     /// The specimen refuses.
     #[error("refused: {text}{}", advice(*code))]
@@ -108,6 +109,19 @@ fn advice(code: RefuseCode) -> &'static str {
         RefuseCode::Axes => " (compare the number and the names of the axes: `axis_names`)",
         RefuseCode::Units => " (compare `unit_disp` and `unit_force`)",
         RefuseCode::Version => " (one of the two programs is too old)",
+        _ => "",
+    }
+}
+
+fn hint(error: WireError) -> &'static str {
+    match error {
+        WireError::Magic { .. } => {
+            " (is it the right port, and does `protocol` name what it speaks?)"
+        }
+        WireError::Version { .. } => advice(RefuseCode::Version),
+        WireError::Mac | WireError::Keyed { .. } | WireError::Proof { .. } => {
+            advice(RefuseCode::Key)
+        }
         _ => "",
     }
 }
@@ -249,6 +263,7 @@ impl NativeSetup {
             ),
             stiffness: welcome.stiffness,
             warnings: Vec::new(),
+            simulated: welcome.capabilities.has(Capabilities::SIMULATED),
         };
         Ok((live, introduction))
     }

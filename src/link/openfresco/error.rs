@@ -6,6 +6,7 @@ use super::settings::RemoteSettings;
 use crate::link::socket::ConnectError;
 use crate::substructure::LinkFault;
 use crate::wire::WireError;
+use crate::wire::openfresco::Carrier;
 
 /// Why there is no link to a specimen. Nothing was moved.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -14,7 +15,7 @@ pub enum RemoteError {
     #[error(transparent)]
     Connect(#[from] ConnectError),
     /// The settings, or what the peer answered, cannot be.
-    #[error("{address}: {what}: {source}")]
+    #[error("{address}: {what}: {source}{}", hint(*source))]
     Wire {
         /// Where to.
         address: String,
@@ -24,7 +25,7 @@ pub enum RemoteError {
         source: WireError,
     },
     /// The link was lost while it was set up.
-    #[error("{address}: {what}: {fault}")]
+    #[error("{address}: {what}: {fault}{}", closing(*fault))]
     Lost {
         /// Where to.
         address: String,
@@ -65,6 +66,30 @@ pub enum RemoteError {
         /// The domain, in words.
         allowed: &'static str,
     },
+}
+
+/// These programs give no reasons: what was wrong must be guessed from when they fall silent.
+fn closing(fault: LinkFault) -> &'static str {
+    match fault {
+        LinkFault::Closed => {
+            " (a genuine server does that to a second client, to sizes that are not its own, and to what is not its \
+             protocol: compare the number of axes, `protocol` and the port)"
+        }
+        _ => "",
+    }
+}
+
+fn hint(error: WireError) -> &'static str {
+    match error {
+        WireError::SiteVersion { .. } => " (set `version` in `[specimen.link.openfresco]`)",
+        WireError::Foreign { .. }
+        | WireError::NotFinite { .. }
+        | WireError::Action { .. }
+        | WireError::Count { .. } => {
+            " (is it the right port, and does `protocol` name what it speaks?)"
+        }
+        _ => "",
+    }
 }
 
 impl RemoteError {
@@ -124,6 +149,7 @@ impl From<WireError> for Lost {
 /// Puts names on what goes wrong in the set-up.
 pub(super) struct Saying {
     address: String,
+    carrier: Carrier,
     seconds: f64,
     what: &'static str,
 }
@@ -132,6 +158,7 @@ impl Saying {
     pub(super) fn new(settings: &RemoteSettings, what: &'static str) -> Self {
         Self {
             address: settings.address.clone(),
+            carrier: settings.carrier,
             seconds: settings.connect_limit_s,
             what,
         }
@@ -148,6 +175,10 @@ impl Saying {
     pub(super) fn lost(&self, fault: LinkFault) -> RemoteError {
         let (address, what) = (self.address.clone(), self.what);
         match fault {
+            // No datagram closes anything: the machine itself says that nobody has the port.
+            LinkFault::Closed if self.carrier == Carrier::Datagrams => {
+                ConnectError::Refused { address }.into()
+            }
             LinkFault::Timeout => RemoteError::Timeout {
                 address,
                 what,

@@ -40,7 +40,9 @@ pub enum ConnectError {
         address: String,
     },
     /// No way to the machine.
-    #[error("{address} is unreachable: {reason}")]
+    #[error(
+        "{address} is unreachable: {reason}; is the address right, the cable in, and a route there?"
+    )]
     Unreachable {
         /// Where to.
         address: String,
