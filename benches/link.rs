@@ -227,7 +227,7 @@ fn udp_pair() -> (UdpSocket, UdpSocket) {
 /// As many bytes as a command one way, as a measurement the other; nothing is looked at.
 fn raw(carrier: Carrier, keyed: bool, recorder: &mut RingRecorder) -> Times {
     let (near, far): (Box<dyn Bare>, Box<dyn Bare>) = match carrier {
-        Carrier::Tcp => {
+        Carrier::Tcp | Carrier::Tls => {
             let (near, far) = tcp_pair();
             for stream in [&near, &far] {
                 stream.set_nodelay(true).unwrap();
@@ -262,7 +262,7 @@ impl Bare for Box<dyn Transport> {
 /// The same through our transports.
 fn moved(carrier: Carrier, keyed: bool, recorder: &mut RingRecorder) -> Times {
     let ends: [Box<dyn Transport>; 2] = match carrier {
-        Carrier::Tcp => {
+        Carrier::Tcp | Carrier::Tls => {
             let (near, far) = tcp_pair();
             [near, far].map(|end| {
                 Box::new(TcpTransport::from_stream(end, spinning()).unwrap()) as Box<dyn Transport>

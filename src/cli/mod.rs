@@ -15,6 +15,7 @@ mod run;
 mod schema;
 mod serve;
 mod serve_openfresco;
+mod serve_tls;
 mod spectrum;
 mod table;
 mod verify;
@@ -210,6 +211,7 @@ struct ReportArgs {
 #[command(
     after_help = "Example:\n  gusset serve column.toml --listen 127.0.0.1:4823\n  \
     gusset serve test.toml --specimen ground-storey --transport udp --key lab.key --listen 0.0.0.0:4823\n  \
+    gusset serve test.toml --specimen ground-storey --transport tls --listen 0.0.0.0:4823\n  \
     gusset serve test.toml --specimen ground-storey --protocol openfresco"
 )]
 struct ServeArgs {
@@ -229,18 +231,33 @@ struct ServeArgs {
     #[arg(long, value_name = "NAME")]
     specimen: Option<String>,
     /// The one machine that may command the specimen, for OpenFresco's protocols: they know no key, so beyond loopback
-    /// it is required.
-    #[arg(long, value_name = "ADDRESS")]
-    client: Option<std::net::IpAddr>,
-    /// Pre-shared key of our own protocol; required beyond loopback.
+    /// it is required, unless --transport tls requires certificates.
+    #[arg(long, value_name = "HOST")]
+    client: Option<String>,
+    /// Pre-shared key of our own protocol; beyond loopback it wants this or --transport tls.
     #[arg(long, value_name = "FILE")]
     key: Option<PathBuf>,
+    #[command(flatten)]
+    tls: TlsArgs,
     /// Busy loop around the moment at which the next command is expected, on either side of it.
     #[arg(long, value_name = "US", default_value_t = 60.0)]
     spin: f64,
     /// Print only the line that says where it listens.
     #[arg(long)]
     quiet: bool,
+}
+
+#[derive(Debug, Args)]
+struct TlsArgs {
+    /// For --transport tls: our certificate, PEM [default: server.crt beside the file, else in the working directory].
+    #[arg(long, value_name = "FILE")]
+    tls_certificate: Option<PathBuf>,
+    /// For --transport tls: the private key of our certificate, PEM [default: server.key, as above].
+    #[arg(long, value_name = "FILE")]
+    tls_key: Option<PathBuf>,
+    /// For --transport tls: who may have signed a client's certificate, PEM [default: server_ca.crt, as above].
+    #[arg(long, value_name = "FILE")]
+    tls_ca: Option<PathBuf>,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -263,6 +280,8 @@ enum TransportArg {
     Tcp,
     /// UDP datagrams.
     Udp,
+    /// A TCP connection with TLS on it; tools/make-certificates makes the files.
+    Tls,
 }
 
 #[derive(Debug, Args)]

@@ -10,11 +10,12 @@ use tokio::signal::unix::{SignalKind, signal};
 
 use super::exit::{Exit, WithExit};
 use super::run::refused;
-use super::{ProtocolArg, ServeArgs, TransportArg, answer, serve_openfresco, tell};
+use super::{ProtocolArg, ServeArgs, TransportArg, answer, serve_openfresco, serve_tls, tell};
 use crate::config;
 use crate::link::secret::read_key;
 use crate::link::serve::{Heard, ServeError, ServeOptions, Server, USUAL_LISTEN};
 use crate::link::spec::{Carrier, Offer};
+use crate::link::tls::ClientCertificate;
 use crate::rt::RtPlan;
 
 /// The budget of the data thread's busy loop is judged for this period; the true one is the controller's.
@@ -42,11 +43,17 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
     let carrier = match args.transport {
         Some(TransportArg::Tcp) => Carrier::Tcp,
         Some(TransportArg::Udp) => Carrier::Udp,
+        Some(TransportArg::Tls) => Carrier::Tls,
         None => served.serve.transport.unwrap_or_default(),
     };
     if let Some((role, port)) = protocol.openfresco() {
         return serve_openfresco::serve(args, &served, role, port, carrier);
     }
+    if served.serve.tls.client_certificate == Some(ClientCertificate::Optional) {
+        let text = "[serve.tls] client_certificate = \"optional\" is for OpenFresco's protocols only; ours requires one";
+        return Err(WithExit(Exit::Usage, text.to_owned()).into());
+    }
+    let tls = serve_tls::tls(args, &served, carrier, false)?;
     let listen = args.listen.clone().or(served.serve.listen);
     let options = ServeOptions {
         listen: listen.unwrap_or_else(|| USUAL_LISTEN.to_owned()),
@@ -60,7 +67,11 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
             .map(|timing| RtPlan::new(&timing, USUAL_PERIOD_NS)),
         spin_ns: (args.spin * 1e3) as u64,
     };
-    let server = Server::bind(served.host, options).map_err(|error| match error {
+    let server = match tls {
+        Some(tls) => Server::bind_tls(served.host, options, tls),
+        None => Server::bind(served.host, options),
+    }
+    .map_err(|error| match error {
         ServeError::Start(_) => anyhow::Error::new(error),
         other => WithExit(Exit::Usage, other.to_string()).into(),
     })?;

@@ -16,6 +16,7 @@ use crate::link::openfresco::OpenFrescoServeSpec;
 use crate::link::secret::read_key;
 use crate::link::serve::Host;
 use crate::link::spec::{Carrier, Offer};
+use crate::link::tls::ServeTlsSpec;
 use crate::rt::TimingSpec;
 use crate::specimen::{InUnits, Specimen};
 use crate::wire::key::PreSharedKey;
@@ -57,7 +58,9 @@ pub struct ServeTable {
     /// How the bytes travel.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub transport: Option<Carrier>,
-    /// File with the pre-shared key, relative to this file. Required beyond loopback.
+    /// For `transport = "tls"` only.
+    pub tls: ServeTlsSpec,
+    /// File with the pre-shared key, relative to this file. Beyond loopback our own protocol wants this or TLS.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub key_file: Option<String>,
     /// For `protocol = "openfresco…"` only.

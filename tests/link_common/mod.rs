@@ -5,6 +5,10 @@
 )]
 
 pub mod relay;
+mod running;
+
+#[allow(unused_imports, reason = "as above")]
+pub use running::Running;
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -93,6 +97,10 @@ pub fn finish(mut command: Command) -> Output {
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
+    not_for_ever(child)
+}
+
+fn not_for_ever(child: Child) -> Output {
     let id = child.id();
     let (done, is_done) = mpsc::channel();
     let guard = std::thread::spawn(move || {
@@ -169,11 +177,15 @@ pub struct Served {
 
 impl Served {
     pub fn start(folder: &Path, text: &str, arguments: &[&str]) -> Self {
+        Self::listen(folder, text, "127.0.0.1:0", arguments)
+    }
+
+    pub fn listen(folder: &Path, text: &str, listen: &str, arguments: &[&str]) -> Self {
         let file = write(folder, &format!("serve-{}.toml", text.len()), text);
         let mut child = gusset()
             .arg("serve")
             .arg(file)
-            .args(["--listen", "127.0.0.1:0"])
+            .args(["--listen", listen])
             .args(arguments)
             .stdin(Stdio::null())
             .stdout(Stdio::piped())

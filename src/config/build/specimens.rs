@@ -10,9 +10,9 @@ use crate::config::{Finding, KeyPath, MatrixValue, SpecimenTable};
 use crate::control::{Axis, Port, WaitRules};
 use crate::law::Reach;
 use crate::linalg::SymMatrix;
+use crate::link::NativeLink;
 use crate::link::openfresco::Remote;
 use crate::link::spec::Protocol;
-use crate::link::{NativeLink, NativeSetup};
 use crate::model::StructureSpec;
 use crate::specimen::{InProcess, InUnits, Specimen};
 use crate::substructure::Substructure;
@@ -40,7 +40,7 @@ struct Entry {
 #[derive(Debug)]
 enum Stand {
     Law(Box<dyn Specimen>),
-    Native(Box<NativeSetup>, WaitRules),
+    Native(Box<NativeLink>, WaitRules),
     OpenFresco(Box<Remote>, WaitRules),
 }
 
@@ -137,8 +137,8 @@ fn entry(site: &mut Site<'_>, at: &KeyPath, table: &SpecimenTable) -> Result<Ent
     let stand = match (law, &table.link) {
         (Some(law), _) => Stand::Law(law),
         (None, Some(link)) if link.protocol == Protocol::Gusset => {
-            let (setup, rules) = links::native(site, at, table, link, n)?;
-            Stand::Native(Box::new(setup), rules)
+            let (native, rules) = links::native(site, at, table, link, n)?;
+            Stand::Native(Box::new(native), rules)
         }
         (None, Some(link)) => {
             let (remote, rules) = links::openfresco(site, at, link, n)?;
@@ -300,7 +300,7 @@ impl Specimens {
                     Box::new(InProcess::new(InUnits::new(law, &entry.units))),
                     None,
                 ),
-                Stand::Native(setup, rules) => (Box::new(NativeLink::new(*setup)), Some(rules)),
+                Stand::Native(native, rules) => (native, Some(rules)),
                 Stand::OpenFresco(remote, rules) => (remote, Some(rules)),
             };
             match Port::new(entry.name, entry.axes, substructure, dofs.max(1), diagonal) {

@@ -5,7 +5,7 @@ use crate::config::diagnose::Finding;
 use crate::config::document::KeyPath;
 use crate::config::specimen::{DispUnit, ForceUnit, SpecimenTable};
 use crate::link::LinkSpec;
-use crate::link::spec::Protocol;
+use crate::link::spec::{Carrier, Protocol};
 
 /// The link of one specimen.
 pub(super) fn check_link(
@@ -68,6 +68,13 @@ pub(super) fn check_link(
                 format!("{:?} names no port", link.address),
             )
             .label("wanted \"host:port\""),
+        );
+    }
+    if link.tls.is_some() && link.transport != Carrier::Tls {
+        findings.0.push(
+            Finding::error(here.key("tls"), "certificates are for TLS only")
+                .at_key()
+                .label("wanted with `transport = \"tls\"`"),
         );
     }
     if let Some(names) = &link.axis_names {

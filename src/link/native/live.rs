@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use super::book::Book;
-use super::setup::{NativeSetup, SetupError, ask, not_welcome, watchdog_ns};
+use super::setup::{NativeSetup, SetupError, ask, explained, not_welcome, watchdog_ns};
 use crate::link::Transport;
 use crate::link::inbox::Inbox;
 use crate::rt::os;
@@ -96,7 +96,7 @@ impl Live {
     }
 
     pub(super) fn complaint(&self) -> Option<String> {
-        self.detail.as_ref().map(|detail| match detail {
+        let ours = self.detail.as_ref().map(|detail| match detail {
             Detail::Wire(error) => error.to_string(),
             Detail::Silent { seconds } => format!("{seconds} s"),
             Detail::Goodbye(cause) => {
@@ -111,7 +111,12 @@ impl Live {
                 format!("the specimen said goodbye: {why}")
             }
             Detail::Said(text) => text.clone(),
-        })
+        });
+        let lost = matches!(self.detail, None | Some(Detail::Silent { .. }));
+        let below = self.fault.filter(|_| lost).and(self.transport.tls_fault());
+        let below = below.map(|why| format!("TLS: {why}"));
+        let all: Vec<_> = ours.into_iter().chain(below).collect();
+        (!all.is_empty()).then(|| all.join("; "))
     }
 
     /// The last question before anything moves. Blocks within the time limit.
@@ -156,7 +161,10 @@ impl Live {
                 self.armed = true;
                 Ok(())
             }
-            Err(error) => Err(self.fail(error.fault(), Detail::Said(error.to_string()))),
+            Err(error) => {
+                let error = explained(error, self.transport.as_ref());
+                Err(self.fail(error.fault(), Detail::Said(error.to_string())))
+            }
         }
     }
 

@@ -219,11 +219,23 @@ pub(super) fn transport(
     if settings.carrier == Carrier::Datagrams {
         return Ok(Box::new(UdpTransport::connect(&settings.address, options)?));
     }
+    // A command and its request leave in one write; the one before them may still wait.
+    let largest = settings
+        .sizes()
+        .map_or(0, |sizes| 4 * 8 * sizes.data_size());
     loop {
         let left = until.since(Nanos(os::monotonic_ns()));
         let limit = Duration::from_nanos(left.max(1_000_000));
-        match TcpTransport::connect(&settings.address, limit, options) {
-            Ok(link) => return Ok(Box::new(link)),
+        let address = &settings.address;
+        let link = match &settings.tls {
+            None => TcpTransport::connect(address, limit, options)
+                .map(|link| Box::new(link) as Box<dyn Transport>),
+            Some(tls) => tls
+                .connect(address, limit, options, largest)
+                .map(|link| Box::new(link) as Box<dyn Transport>),
+        };
+        match link {
+            Ok(link) => return Ok(link),
             Err(ConnectError::Refused { .. }) if left > AGAIN_NS => pause(),
             Err(error) => return Err(error.into()),
         }

@@ -8,6 +8,7 @@
 //! Not here: what the numbers mean for the structure, and what to do about a fault; a fault is final.
 
 use super::asking::{Asking, Came, Echo, machine, pause, send, transport};
+use super::below::Below;
 use super::error::{Lost, RemoteError, Saying};
 use super::settings::{Peer, RemoteSettings};
 use crate::link::Transport;
@@ -19,14 +20,7 @@ use crate::substructure::{
 };
 use crate::time::Nanos;
 use crate::wire::not_foreign;
-use crate::wire::openfresco::{Carrier, Matrix};
-
-fn name(carrier: Carrier) -> &'static str {
-    match carrier {
-        Carrier::Stream => "TCP",
-        Carrier::Datagrams => "UDP",
-    }
-}
+use crate::wire::openfresco::Matrix;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Phase {
@@ -58,6 +52,7 @@ pub struct Remote {
     reply_limit_ns: u64,
     initial_stiffness: Option<Vec<f64>>,
     complaint: Option<Lost>,
+    below: Below,
 }
 
 impl std::fmt::Debug for Remote {
@@ -104,6 +99,7 @@ impl Remote {
             reply_limit_ns: (settings.reply_limit_s * 1e9) as u64,
             initial_stiffness: None,
             complaint: None,
+            below: Below::default(),
             settings,
         })
     }
@@ -115,10 +111,12 @@ impl Remote {
     pub fn open(&mut self) -> Result<(), RemoteError> {
         let until = Nanos(os::monotonic_ns()).plus((self.settings.connect_limit_s * 1e9) as u64);
         self.link = Some(transport(&self.settings, until)?);
-        self.set_up(until)?;
-        if self.settings.peer == Peer::Element {
-            self.ask_stiffness(until)?;
+        let mut done = self.set_up(until);
+        if done.is_ok() && self.settings.peer == Peer::Element {
+            done = self.ask_stiffness(until);
         }
+        self.below.ask(self.link.as_deref());
+        done.map_err(|error| self.below.explain(error, self.settings.tls.is_none()))?;
         self.phase = Phase::Idle;
         Ok(())
     }
@@ -198,6 +196,7 @@ impl Remote {
                 return Err(Lost::Link(LinkFault::Timeout));
             };
             let bytes = self.buffer.get(..count).unwrap_or_default();
+            self.below.follow(bytes);
             if self.phase == Phase::New {
                 not_foreign(bytes)?;
             }
@@ -225,6 +224,7 @@ impl Remote {
     fn fault(&mut self, lost: impl Into<Lost>) -> LinkFault {
         let lost = lost.into();
         self.complaint = Some(lost);
+        self.below.ask(self.link.as_deref());
         self.phase = Phase::Faulted(lost.fault());
         lost.fault()
     }
@@ -278,7 +278,6 @@ impl Substructure for Remote {
         })?;
         let RemoteSettings {
             peer,
-            carrier,
             address,
             axes,
             ..
@@ -287,14 +286,18 @@ impl Substructure for Remote {
         let rows = self.initial_stiffness.as_deref().unwrap_or_default();
         let column = |j: usize| rows.iter().skip(j).step_by((*axes).max(1));
         Ok(Introduction {
-            peer: format!("{peer} at {address}, {}", name(*carrier)),
+            peer: format!("{peer} at {address}, {}", self.settings.carrier_name()),
             stiffness: (0..*axes).flat_map(column).copied().collect(),
             warnings: Vec::new(),
         })
     }
 
     fn complaint(&self) -> Option<String> {
-        self.complaint.map(|lost| match lost {
+        let lost = self.complaint?;
+        if let Some(text) = self.below.text(self.settings.tls.is_none()) {
+            return Some(format!("{}: {text}", self.settings.address));
+        }
+        Some(match lost {
             Lost::Link(LinkFault::Timeout) => {
                 let seconds = self.settings.reply_limit_s;
                 format!(

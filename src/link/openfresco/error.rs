@@ -34,6 +34,16 @@ pub enum RemoteError {
         /// How.
         fault: LinkFault,
     },
+    /// The transport was lost, or hangs, and knows why.
+    #[error("{address}: {text}")]
+    Below {
+        /// Where to.
+        address: String,
+        /// Why.
+        text: String,
+        /// The kind of the fault.
+        fault: LinkFault,
+    },
     /// The peer did not answer in time.
     #[error(
         "{address} did not answer {what} within {seconds} s: is it the right program, and, over UDP, the right hello?"
@@ -89,7 +99,9 @@ impl RemoteError {
         match self {
             Self::Setting { name, .. } => name,
             Self::Wire { .. } => "openfresco",
-            Self::Connect(_) | Self::Lost { .. } | Self::Timeout { .. } => "address",
+            Self::Connect(_) | Self::Lost { .. } | Self::Below { .. } | Self::Timeout { .. } => {
+                "address"
+            }
         }
     }
 
@@ -97,9 +109,10 @@ impl RemoteError {
     #[must_use]
     pub fn fault(&self) -> LinkFault {
         match self {
+            Self::Connect(ConnectError::Tls { fault, .. }) => fault.link(),
             Self::Connect(_) | Self::Setting { .. } => LinkFault::Closed,
             Self::Wire { source, .. } => source.fault(),
-            Self::Lost { fault, .. } => *fault,
+            Self::Lost { fault, .. } | Self::Below { fault, .. } => *fault,
             Self::Timeout { .. } => LinkFault::Timeout,
         }
     }

@@ -2,15 +2,17 @@
 //!
 //! Invariants: no wait is without a limit; a client that has gone (end of stream, a reset, a half-open connection, UDP
 //! silence) leaves the specimen at its last committed state and the port free; every message is answered by one
-//! write, with acknowledgements not delayed, and nothing is allocated for it once the sizes have come. What is
-//! not here: the meaning of bytes (`dialect`), of commands (`host`), and text on a terminal.
+//! write, with acknowledgements not delayed, and nothing is allocated for it once the sizes have come (but over TLS, where
+//! encrypting allocates). What is not here: the meaning of bytes (`dialect`), of commands (`host`), and text on a terminal.
 
 use std::net::SocketAddr;
 
 use super::dialect::{ExchangeFault, Machine, Role, Said};
-use super::door::{Caller, Door, DoorError, Socket, socket_to, stream_to, watch_over};
+use super::door::{Caller, Door, DoorError, Socket, socket_to, watch_over};
 use super::host::{Host, HostFault, Tally};
+use super::knock::line_to;
 use crate::link::Transport;
+use crate::link::tls::{TlsFault, is_client_hello};
 use crate::rt::os::monotonic_ns;
 use crate::substructure::LinkFault;
 use crate::time::Nanos;
@@ -56,6 +58,10 @@ pub enum End {
     Silent(f64),
     /// It connected and sent no sizes for so long, in s.
     NoSizes(f64),
+    /// There was no TLS session, or it broke.
+    Tls(TlsFault),
+    /// It speaks TLS, and plain TCP is served.
+    SpeaksTls,
     /// Its bytes, or what they ask for, cannot be.
     Refused(ExchangeFault),
     /// The server was told to stop.
@@ -72,6 +78,13 @@ impl std::fmt::Display for End {
             Self::NoSizes(seconds) => write!(
                 f,
                 "the client sent no sizes within {seconds} s: it is no OpenFresco client, or the wrong dialect is served"
+            ),
+            Self::Tls(TlsFault::NotTls) => {
+                f.write_str("TLS: it speaks no TLS, and TLS is served here (--transport tls)")
+            }
+            Self::Tls(fault) => write!(f, "TLS: {fault}"),
+            Self::SpeaksTls => f.write_str(
+                "refused: it speaks TLS, and plain TCP is served here (--transport tls)",
             ),
             Self::Refused(fault) => write!(f, "refused: {fault}"),
             Self::Stopped => f.write_str("the server was told to stop"),
@@ -135,7 +148,7 @@ impl std::fmt::Display for News {
 }
 
 /// The server looks for strangers and for the word to stop this often.
-const LOOK_NS: u64 = 50_000_000;
+pub(super) const LOOK_NS: u64 = 50_000_000;
 /// After the goodbye the client is given so long to close first.
 const LINGER_NS: u64 = 500_000_000;
 /// Longest chunk that is read at once; no datagram is longer.
@@ -170,9 +183,10 @@ pub fn serve_openfresco(
                 tell(&News::Connected(peer));
                 // A kernel that refuses to watch serves all the same.
                 let _ = watch_over(&stream);
-                let end = match (ready, stream_to(stream)) {
+                let line = line_to(door, stream, settings, stop, tell, &mut waste);
+                let end = match (ready, line) {
                     (Err(fault), _) => End::Refused(fault.into()),
-                    (_, Err(_)) => End::Vanished,
+                    (_, Err(end)) => end,
                     (Ok(()), Ok(mut link)) => Attendance {
                         door,
                         peer,
@@ -181,7 +195,7 @@ pub fn serve_openfresco(
                         tell,
                     }
                     .attend(
-                        &mut link,
+                        link.as_mut(),
                         &mut machine,
                         host,
                         &[],
@@ -277,8 +291,7 @@ impl Attendance<'_> {
                     }
                 }
                 Ok(None) => {}
-                Err(LinkFault::Closed) => return End::Vanished,
-                Err(fault) => return End::Lost(fault),
+                Err(fault) => return lost(link, fault),
             }
             let now = monotonic_ns();
             if now < look_at {
@@ -316,6 +329,9 @@ impl Attendance<'_> {
         host: &mut Host,
         ready: &mut bool,
     ) -> Result<bool, End> {
+        if !*ready && matches!(self.door.socket, Socket::Tcp(_)) && is_client_hello(bytes) {
+            return Err(End::SpeaksTls);
+        }
         let mut rest = bytes;
         while !rest.is_empty() {
             let piece = match self.door.socket {
@@ -324,10 +340,9 @@ impl Attendance<'_> {
             };
             let heard = machine.hear(rest, host).map_err(End::Refused)?;
             for part in datagrams(heard.reply, heard.reply.len(), piece) {
-                link.send(part).map_err(|fault| match fault {
-                    LinkFault::Closed => End::Vanished,
-                    fault => End::Lost(fault),
-                })?;
+                if let Err(fault) = link.send(part) {
+                    return Err(lost(link, fault));
+                }
             }
             match heard.said {
                 Said::Nothing => {}
@@ -360,6 +375,14 @@ impl Attendance<'_> {
 impl From<HostFault> for End {
     fn from(fault: HostFault) -> Self {
         Self::Refused(fault.into())
+    }
+}
+
+fn lost(link: &dyn Transport, fault: LinkFault) -> End {
+    match (link.tls_fault(), fault) {
+        (Some(why), _) => End::Tls(why),
+        (None, LinkFault::Closed) => End::Vanished,
+        (None, fault) => End::Lost(fault),
     }
 }
 

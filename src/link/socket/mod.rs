@@ -14,7 +14,7 @@ use std::os::fd::BorrowedFd;
 
 use rustix::event::{PollFd, PollFlags, Timespec};
 
-pub use connect::{ConnectError, resolve};
+pub use connect::{ConnectError, resolve, resolve_host};
 pub use tcp::TcpTransport;
 pub use udp::UdpTransport;
 
@@ -133,7 +133,7 @@ impl Kept {
     }
 }
 
-enum Verdict {
+pub(in crate::link) enum Verdict {
     /// A signal came in between.
     Again,
     /// Nothing there, or no room.
@@ -141,7 +141,7 @@ enum Verdict {
     Lost(LinkFault),
 }
 
-fn verdict(error: &io::Error) -> Verdict {
+pub(in crate::link) fn verdict(error: &io::Error) -> Verdict {
     match error.kind() {
         io::ErrorKind::Interrupted => Verdict::Again,
         io::ErrorKind::WouldBlock => Verdict::NotNow,
@@ -153,19 +153,26 @@ fn verdict(error: &io::Error) -> Verdict {
 }
 
 /// One wait for bytes: spin, sleep in poll(2), spin.
-struct Pause {
+pub(in crate::link) struct Pause {
     wait: Wait,
     deadline: Nanos,
     begun: Option<Nanos>,
+    slept: bool,
 }
 
 impl Pause {
-    const fn new(wait: Wait, deadline: Nanos) -> Self {
+    pub(in crate::link) const fn new(wait: Wait, deadline: Nanos) -> Self {
         Self {
             wait,
             deadline,
             begun: None,
+            slept: false,
         }
+    }
+
+    /// True if it ever slept: whatever wakes it may then be signalled.
+    pub(in crate::link) const fn slept(&self) -> bool {
+        self.slept
     }
 
     fn is_over(&self) -> bool {
@@ -173,7 +180,7 @@ impl Pause {
     }
 
     /// Waits for a while; false once the deadline has passed. The clock is read only when there was nothing to read.
-    fn wait(&mut self, fd: BorrowedFd<'_>, unsent: bool) -> bool {
+    pub(in crate::link) fn wait(&mut self, fd: BorrowedFd<'_>, unsent: bool) -> bool {
         let now = Nanos(os::monotonic_ns());
         if now >= self.deadline {
             return false;
@@ -193,6 +200,7 @@ impl Pause {
             tv_sec: i64::try_from(left / 1_000_000_000).unwrap_or(i64::MAX),
             tv_nsec: (left % 1_000_000_000) as _,
         };
+        self.slept = true;
         // An error of poll shows again, and better, in the read that follows.
         let _ = rustix::event::poll(&mut [PollFd::from_borrowed_fd(fd, events)], Some(&limit));
         true

@@ -95,6 +95,11 @@ impl TcpTransport {
         self.options.wait = wait;
     }
 
+    /// The bare socket, its peer and what was asked of it, for another transport over it.
+    pub(in crate::link) fn into_parts(self) -> (TcpStream, SocketAddr, SocketOptions) {
+        (self.stream, self.peer, self.options)
+    }
+
     fn acknowledge(&mut self) {
         if std::mem::take(&mut self.owes_ack) && self.options.quick_ack {
             // Where the kernel has it not, acknowledgements are merely slower.

@@ -130,11 +130,18 @@ impl Stand {
             match self.line.recv(self.inbox.space(), until) {
                 Ok(Some(count)) => self.inbox.filled(count),
                 Ok(None) => {}
-                Err(LinkFault::Closed) => {
-                    return format!("{} closed the connection without a goodbye", self.peer);
-                }
-                Err(fault) => return fault.to_string(),
+                Err(fault) => return self.lost(fault),
             }
+        }
+    }
+
+    fn lost(&self, fault: LinkFault) -> End {
+        match (self.line.tls_fault(), fault) {
+            (Some(why), _) => format!("{}: TLS: {why}", self.peer),
+            (None, LinkFault::Closed) => {
+                format!("{} closed the connection without a goodbye", self.peer)
+            }
+            (None, fault) => fault.to_string(),
         }
     }
 
