@@ -134,6 +134,8 @@ pub struct Port {
     pub wait: Option<WaitRules>,
     /// How it is found out which way round the specimen is wired.
     pub direction: Direction,
+    /// Exchanges that were none of the test's: by so much the numbers on the link are ahead of the test's.
+    ahead: u64,
     stiffness: Vec<f64>,
 }
 
@@ -217,6 +219,7 @@ impl Port {
             link: LinkCount::default(),
             wait: None,
             direction: Direction::Known,
+            ahead: 0,
             stiffness,
         })
     }
@@ -301,7 +304,7 @@ impl Port {
     pub fn issue(&mut self, sequence: u64, time: f64, dt: f64) -> Result<(), LinkFault> {
         self.link.sent += 1;
         let command = Command {
-            sequence,
+            sequence: sequence + self.ahead,
             time,
             dt,
             disp: &self.command,
@@ -317,7 +320,9 @@ impl Port {
     /// The link is lost, or the force is not a finite number.
     pub fn collect(&mut self, deadline: Nanos) -> Result<Freshness, LinkFault> {
         copy(&self.raw, &mut self.incoming);
+        self.incoming.sequence += self.ahead;
         let mut freshness = self.substructure.collect(deadline, &mut self.incoming)?;
+        self.incoming.sequence = self.incoming.sequence.saturating_sub(self.ahead);
         if self.incoming.sequence < self.raw.sequence {
             freshness = Freshness::Stale;
         } else {
@@ -380,7 +385,7 @@ impl Port {
     /// # Errors
     /// The link is lost.
     pub fn accepted(&mut self, sequence: u64) -> Result<(), LinkFault> {
-        self.substructure.accepted(sequence)
+        self.substructure.accepted(sequence + self.ahead)
     }
 
     /// Last words.

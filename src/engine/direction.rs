@@ -66,7 +66,6 @@ impl Engine {
             let mut stamps = TickStamps::default();
             self.wait_before_start(&mut stamps, control)?;
             self.exchange(&tick, &mut stamps)?;
-            self.sequence += 1;
             self.row
                 .exchange(&tick, state::PROBING, &self.side, &self.ports);
             self.row.outputs(&self.side);
@@ -77,6 +76,9 @@ impl Engine {
             }
             if let Some(tried) = self.ports.get(index) {
                 tried.take_probe(&mut probe);
+            }
+            for port in &mut self.ports {
+                port.skip_number();
             }
         }
         let found = probe.verdict().map_err(|misfit| Stop::Misfit {
@@ -123,9 +125,9 @@ impl Engine {
             let mut stamps = TickStamps::default();
             self.wait_before_start(&mut stamps, control)?;
             self.exchange(&STILL, &mut stamps)?;
-            self.sequence += 1;
             for port in &mut self.ports {
                 port.listen_at_rest();
+                port.skip_number();
             }
         }
         Ok(())
