@@ -206,6 +206,16 @@ impl SymMatrix {
         Self::from_triplets(kept.len(), inside)
     }
 
+    /// Diagonal (n entries) and the entries beside it (n − 1); anything further off is left out.
+    pub(super) fn chain(&self) -> (Vec<f64>, Vec<f64>) {
+        if let Shape::Tridiagonal { diagonal, beside } = &self.shape {
+            return (diagonal.clone(), beside.clone());
+        }
+        let diagonal = (0..self.n).map(|i| self.get(i, i)).collect();
+        let beside = (1..self.n).map(|i| self.get(i - 1, i)).collect();
+        (diagonal, beside)
+    }
+
     /// Dense copy.
     #[must_use]
     pub fn to_dense(&self) -> DMatrix<f64> {
