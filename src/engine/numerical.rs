@@ -26,7 +26,6 @@ pub struct Numerical {
     stepper: Stepper,
     /// x and v of the step that is about to be closed.
     pub state: State,
-    residual: Vec<f64>,
     /// r = F − R_d(v) − R_s(x) − Bᵀf of the step last closed.
     pub inertia: Vec<f64>,
     /// M a of the step that an offline method has made ahead.
@@ -57,7 +56,7 @@ impl Numerical {
     /// Puts the parts together; the lengths are those of `structure`.
     #[must_use]
     pub fn new(
-        structure: Structure,
+        mut structure: Structure,
         acceleration: Acceleration,
         excitation: Excitation,
         stepper: impl Into<Stepper>,
@@ -67,6 +66,7 @@ impl Numerical {
         let stepper = stepper.into();
         if let Stepper::Explicit(integrator) = &stepper {
             integrator.prepare(&mut state);
+            structure.forget_tangents();
         }
         Self {
             structure,
@@ -74,7 +74,6 @@ impl Numerical {
             excitation,
             stepper,
             state,
-            residual: vec![0.0; n],
             inertia: vec![0.0; n],
             next_inertia: vec![0.0; n],
             reported_vel: vec![0.0; n],
@@ -105,20 +104,19 @@ impl Numerical {
             return;
         }
         let base = self.base(step);
-        self.excitation.load_into(index(step), &mut self.residual);
+        self.excitation.load_into(index(step), &mut self.inertia);
         self.structure.subtract_internal(
             &self.state.disp,
             &self.state.vel,
             base,
             dt,
-            &mut self.residual,
+            &mut self.inertia,
         );
         for port in ports {
-            port.subtract_force(&mut self.residual);
+            port.subtract_force(&mut self.inertia);
         }
-        self.inertia.copy_from_slice(&self.residual);
         if let Stepper::Offline(method) = &mut self.stepper {
-            method.begin(&self.state, &self.residual);
+            method.begin(&self.state, &self.inertia);
             self.reported_vel.copy_from_slice(&self.state.vel);
         }
     }
@@ -131,7 +129,7 @@ impl Numerical {
     pub fn advance(&mut self, step: u64) -> Result<(), StepError> {
         match &mut self.stepper {
             Stepper::Explicit(integrator) => {
-                integrator.advance(&mut self.state, &mut self.residual, &mut self.reported_vel);
+                integrator.advance(&mut self.state, &self.inertia, &mut self.reported_vel);
                 Ok(())
             }
             Stepper::Offline(method) => {

@@ -131,8 +131,7 @@ impl Integrator for Gui {
         self.dt
     }
 
-    /// Leaves `residual` as it was.
-    fn advance(&mut self, state: &mut State, residual: &mut [f64], reported_vel: &mut [f64]) {
+    fn advance(&mut self, state: &mut State, residual: &[f64], reported_vel: &mut [f64]) {
         let State {
             disp,
             vel,

@@ -90,10 +90,10 @@ pub trait Integrator: Send + fmt::Debug {
         let _ = state;
     }
 
-    /// One solve. `residual` is r\[n\] in N and may be overwritten. On return `state` is at n + 1 and `reported_vel`
+    /// One solve. `residual` is r\[n\] in N. On return `state` is at n + 1 and `reported_vel`
     /// holds the velocity to report for step **n**. All slices have one entry per degree of freedom.
     /// Real-time: yes.
-    fn advance(&mut self, state: &mut State, residual: &mut [f64], reported_vel: &mut [f64]);
+    fn advance(&mut self, state: &mut State, residual: &[f64], reported_vel: &mut [f64]);
 }
 
 /// How the first step is taken (Gui et al. 2014, eqs. (2), (3), against a start of second order).
