@@ -2,6 +2,7 @@
 
 use crate::control::Port;
 use crate::integrate::{Loaded, State, StepError, Stepper};
+use crate::linalg::Aligned;
 use crate::model::{Acceleration, Base, Structure};
 use crate::motion::{Excitation, Prescribed};
 
@@ -27,13 +28,13 @@ pub struct Numerical {
     /// x and v of the step that is about to be closed.
     pub state: State,
     /// r = F − R_d(v) − R_s(x) − Bᵀf of the step last closed.
-    pub inertia: Vec<f64>,
+    pub inertia: Aligned,
     /// M a of the step that an offline method has made ahead.
-    next_inertia: Vec<f64>,
+    next_inertia: Aligned,
     /// Velocity to report for the step last closed.
-    pub reported_vel: Vec<f64>,
+    pub reported_vel: Aligned,
     /// a = M⁻¹ r of the step last closed; NaN for a massless DOF.
-    pub accel: Vec<f64>,
+    pub accel: Aligned,
 }
 
 /// Points every port along its prescribed histories. Real-time: yes.
@@ -74,10 +75,10 @@ impl Numerical {
             excitation,
             stepper,
             state,
-            inertia: vec![0.0; n],
-            next_inertia: vec![0.0; n],
-            reported_vel: vec![0.0; n],
-            accel: vec![0.0; n],
+            inertia: Aligned::zeros(n),
+            next_inertia: Aligned::zeros(n),
+            reported_vel: Aligned::zeros(n),
+            accel: Aligned::zeros(n),
         }
     }
 

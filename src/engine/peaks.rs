@@ -76,14 +76,14 @@ impl Kernel for Highest<'_> {
 
     #[inline(always)]
     fn run<I: Isa>(self, _: I) -> bool {
-        let mut outside = 0u64;
+        let mut inside = 0u64;
         for (peak, value) in self.peaks.iter_mut().zip(self.values) {
             let size = value.abs();
-            // Counted, not branched on: NaN is outside too.
-            outside += u64::from(!(size <= self.bound));
+            // Counted, not branched on; NaN is not inside.
+            inside += u64::from(size <= self.bound);
             *peak = if size > *peak { size } else { *peak };
         }
-        outside == 0
+        inside == self.values.len() as u64
     }
 }
 

@@ -17,6 +17,7 @@
 //! # Ok::<(), gusset::linalg::NotPositiveDefinite>(())
 //! ```
 
+mod aligned;
 mod banded;
 mod checked;
 mod dense;
@@ -33,6 +34,7 @@ use std::ops::Range;
 
 use thiserror::Error;
 
+pub use aligned::Aligned;
 pub use checked::MatrixError;
 pub use eigen::{EigenError, LARGEST_DENSE, Modes, frequencies, highest_frequency, modes};
 pub use lanes::Lanes;

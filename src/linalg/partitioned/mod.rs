@@ -352,8 +352,8 @@ fn eliminate(
         // Of the interface before: its diagonal, and what the rows of this segment take from it.
         let before = first.checked_sub(1).map_or(1.0, |row| diagonal[row].abs());
         let (mut pivot, mut fill, mut taken) = (1.0, 0.0, 0.0);
-        for row in first..(first + length).min(n) {
-            let (place, own) = (row - first, diagonal[row]);
+        for (place, &own) in diagonal[first..].iter().take(length).enumerate() {
+            let row = first + place;
             let link = row.checked_sub(1).map_or(0.0, |above| beside[above]);
             let (multiplier, next, across) = if place == 0 {
                 (0.0, own, link)
