@@ -1,29 +1,66 @@
-//! Round trip of our own protocol against a raw ping-pong of the same bytes, in one process, busy-polling at both ends.
+//! Round trip of our own protocol against a raw ping-pong of the same bytes, in one process, busy-polling at both ends,
+//! with a recorder's writer at work beside them.
 //!
-//! `cargo bench --bench link`. Both ends spin, so the machine needs two free processors. The ratio is what counts: the
-//! absolute times are those of the machine.
+//! `cargo bench --bench link`. Both ends spin, each on a processor of its own, so the machine needs two free ones; the
+//! writer shares the far end's, as in a run. Every round measures all three in turn, so that a machine that slows down
+//! slows all of them; what counts is the median of the rounds' ratios.
+//!
+//! *raw*: plain non-blocking sockets, nothing looked at. *moved*: the same bytes through our transports. *ours*: commands
+//! out and measurements in, encoded, checked and decoded at both ends, with a spring at the far one.
 #![allow(clippy::disallowed_macros, reason = "a measurement is printed")]
 
-use std::net::{SocketAddr, TcpListener, UdpSocket};
+use std::io::{ErrorKind, Read, Write};
+use std::net::{TcpListener, TcpStream, UdpSocket};
+use std::sync::OnceLock;
 use std::time::Duration;
 
 use gusset::law::{LawSpec, LinearSpec};
 use gusset::link::native::unlimited_axis;
+use gusset::link::secret::read_key;
 use gusset::link::serve::{Host, ServeOptions, Server};
 use gusset::link::{
     Carrier, NativeLink, NativeSetup, SocketOptions, TcpTransport, Transport, UdpTransport, Wait,
 };
-use gusset::rt::os::monotonic_ns;
+
+use gusset::record::writer::{Clocks, Writer, WriterSettings};
+use gusset::record::{Recorder, RingRecorder, RingSize, WhenFull, ring};
+use gusset::rt::os::{monotonic_ns, pin_to, process_cpus};
 use gusset::specimen::SpecimenLaw;
 use gusset::substructure::{Command, Coupling, Measurement, Retirement, Substructure};
 use gusset::time::Nanos;
 use gusset::wire::handshake::{Axis, Sampling, Unit};
+use gusset::wire::key::PreSharedKey;
 use gusset::wire::native::{Kind, frame_len};
 
+const ROUNDS: usize = 7;
 const EXCHANGES: usize = 20_000;
 const WARM_UP: usize = 2_000;
 const AXES: usize = 3;
+/// A row for every so many exchanges: some ten thousand a second.
+const ROW_EVERY: usize = 10;
+/// Columns of a row, as in a test of three DOFs.
+const COLUMNS: usize = 40;
 const FOR_EVER: Nanos = Nanos(u64::MAX);
+
+#[derive(Clone, Copy, PartialEq)]
+enum End {
+    Near,
+    Far,
+}
+
+/// The loop's processor is the last one, as in a run; everything else is on the first.
+fn pin(end: End) {
+    // Read before anybody is pinned.
+    static CPUS: OnceLock<Vec<usize>> = OnceLock::new();
+    let cpus = CPUS.get_or_init(process_cpus);
+    let chosen = match end {
+        End::Near => cpus.last(),
+        End::Far => cpus.first(),
+    };
+    if let Some(cpu) = chosen {
+        pin_to(&[*cpu]).unwrap();
+    }
+}
 
 fn spinning() -> SocketOptions {
     SocketOptions {
@@ -33,31 +70,82 @@ fn spinning() -> SocketOptions {
 }
 
 fn main() {
-    println!("{AXES} axes, {EXCHANGES} exchanges, µs");
+    pin(End::Near);
+    let folder = tempfile::tempdir().unwrap();
+    let key_file = folder.path().join("key");
+    std::fs::write(&key_file, [7; 32]).unwrap();
+    let key = read_key(&key_file).unwrap();
+    let (mut recorder, reader) = ring(
+        COLUMNS,
+        RingSize::for_rate(COLUMNS, 1e4, 4.0),
+        WhenFull::Drop,
+    )
+    .unwrap();
+    let writer = std::thread::scope(|scope| {
+        let spawn = || {
+            pin(End::Far);
+            let store = |name| std::fs::File::create(folder.path().join(name)).unwrap();
+            let clocks = Clocks {
+                monotonic_ns,
+                utc_ns: monotonic_ns,
+            };
+            let settings = WriterSettings::default();
+            let (samples, events) = (store("samples.bin"), store("events.jsonl"));
+            Writer::spawn(reader, samples, events, None, clocks, settings).unwrap()
+        };
+        scope.spawn(spawn).join().unwrap()
+    });
+    let load = std::fs::read_to_string("/proc/loadavg").unwrap_or_default();
+    println!("{AXES} axes, {ROUNDS} rounds of {EXCHANGES} exchanges, medians in µs; load {load}");
     println!(
-        "{:<6}{:>10}{:>10}{:>10}{:>10}{:>8}",
-        "", "raw p50", "raw p99", "ours p50", "ours p99", "ratio"
+        "{:<11}{:>9}{:>9}{:>9}{:>9}{:>9}{:>12}{:>12}",
+        "", "raw p50", "raw p99", "moved", "ours p50", "ours p99", "ours/raw", "ours/moved"
     );
-    for carrier in [Carrier::Tcp, Carrier::Udp] {
-        let raw = raw(carrier);
-        let ours = ours(carrier);
+    for (carrier, key) in [
+        (Carrier::Tcp, None),
+        (Carrier::Udp, None),
+        (Carrier::Tcp, Some(&key)),
+        (Carrier::Udp, Some(&key)),
+    ] {
+        let mut found = Vec::new();
+        for _ in 0..ROUNDS {
+            let raw = raw(carrier, key.is_some(), &mut recorder);
+            let moved = moved(carrier, key.is_some(), &mut recorder);
+            let ours = ours(carrier, key.cloned(), &mut recorder);
+            found.push((raw, moved, ours));
+        }
+        let middle = |what: &dyn Fn(&(Times, Times, Times)) -> f64| {
+            let mut all: Vec<f64> = found.iter().map(what).collect();
+            all.sort_unstable_by(f64::total_cmp);
+            all[all.len() / 2]
+        };
         println!(
-            "{:<6}{:>10.2}{:>10.2}{:>10.2}{:>10.2}{:>8.2}",
-            carrier.to_string(),
-            percentile(&raw, 50),
-            percentile(&raw, 99),
-            percentile(&ours, 50),
-            percentile(&ours, 99),
-            percentile(&ours, 50) / percentile(&raw, 50)
+            "{:<11}{:>9.2}{:>9.2}{:>9.2}{:>9.2}{:>9.2}{:>12.2}{:>12.2}",
+            format!("{carrier}{}", if key.is_some() { ", keyed" } else { "" }),
+            middle(&|(raw, _, _)| raw.p50),
+            middle(&|(raw, _, _)| raw.p99),
+            middle(&|(_, moved, _)| moved.p50),
+            middle(&|(_, _, ours)| ours.p50),
+            middle(&|(_, _, ours)| ours.p99),
+            middle(&|(raw, _, ours)| ours.p50 / raw.p50),
+            middle(&|(_, moved, ours)| ours.p50 / moved.p50),
         );
     }
+    let recorded = writer.finish().unwrap();
+    println!(
+        "rows written meanwhile: {}, lost: {}",
+        recorded.rows_written,
+        recorded.rows_lost()
+    );
 }
 
-fn percentile(sorted: &[u64], percent: usize) -> f64 {
-    sorted[sorted.len() * percent / 100] as f64 * 1e-3
+/// In µs.
+struct Times {
+    p50: f64,
+    p99: f64,
 }
 
-fn measure(mut exchange: impl FnMut(u64)) -> Vec<u64> {
+fn measure(recorder: &mut RingRecorder, mut exchange: impl FnMut(u64)) -> Times {
     let mut times = Vec::with_capacity(EXCHANGES);
     for sequence in 0..(WARM_UP + EXCHANGES) {
         let begun = monotonic_ns();
@@ -65,62 +153,163 @@ fn measure(mut exchange: impl FnMut(u64)) -> Vec<u64> {
         if sequence >= WARM_UP {
             times.push(monotonic_ns() - begun);
         }
+        if sequence % ROW_EVERY == 0 {
+            recorder.row(&[1.0; COLUMNS]);
+        }
     }
     times.sort_unstable();
-    times
+    let percentile = |percent: usize| times[times.len() * percent / 100] as f64 * 1e-3;
+    Times {
+        p50: percentile(50),
+        p99: percentile(99),
+    }
+}
+
+fn lengths(keyed: bool) -> (usize, usize) {
+    (
+        frame_len(Kind::Command, AXES, keyed),
+        frame_len(Kind::Measurement, AXES, keyed),
+    )
+}
+
+/// Nothing but the system's calls.
+trait Bare: Send {
+    fn write(&mut self, bytes: &[u8]);
+    /// None when the other end is gone.
+    fn read(&mut self, bytes: &mut [u8]) -> Option<usize>;
+}
+
+fn spin(mut attempt: impl FnMut() -> std::io::Result<usize>) -> Option<usize> {
+    loop {
+        match attempt() {
+            // A datagram of one byte ends an echo; a stream ends with nothing.
+            Ok(0 | 1) => return None,
+            Ok(count) => return Some(count),
+            Err(error) if error.kind() == ErrorKind::WouldBlock => std::hint::spin_loop(),
+            Err(_) => return None,
+        }
+    }
+}
+
+impl Bare for TcpStream {
+    fn write(&mut self, bytes: &[u8]) {
+        self.write_all(bytes).unwrap();
+    }
+
+    fn read(&mut self, bytes: &mut [u8]) -> Option<usize> {
+        spin(|| Read::read(self, bytes))
+    }
+}
+
+impl Bare for UdpSocket {
+    fn write(&mut self, bytes: &[u8]) {
+        self.send(bytes).unwrap();
+    }
+
+    fn read(&mut self, bytes: &mut [u8]) -> Option<usize> {
+        spin(|| self.recv(bytes))
+    }
+}
+
+fn tcp_pair() -> (TcpStream, TcpStream) {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let near = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
+    (near, listener.accept().unwrap().0)
+}
+
+fn udp_pair() -> (UdpSocket, UdpSocket) {
+    let [a, b] = [0; 2].map(|_| UdpSocket::bind("127.0.0.1:0").unwrap());
+    a.connect(b.local_addr().unwrap()).unwrap();
+    b.connect(a.local_addr().unwrap()).unwrap();
+    (a, b)
 }
 
 /// As many bytes as a command one way, as a measurement the other; nothing is looked at.
-fn raw(carrier: Carrier) -> Vec<u64> {
-    let (near, far): (Box<dyn Transport>, Box<dyn Transport>) = match carrier {
-        Carrier::Tcp => {
-            let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-            let address = listener.local_addr().unwrap().to_string();
-            let near = TcpTransport::connect(&address, Duration::from_secs(5), spinning()).unwrap();
-            let far = TcpTransport::from_stream(listener.accept().unwrap().0, spinning()).unwrap();
+fn raw(carrier: Carrier, keyed: bool, recorder: &mut RingRecorder) -> Times {
+    let (near, far): (Box<dyn Bare>, Box<dyn Bare>) = match carrier {
+        Carrier::Tcp | Carrier::Tls => {
+            let (near, far) = tcp_pair();
+            for stream in [&near, &far] {
+                stream.set_nodelay(true).unwrap();
+                stream.set_nonblocking(true).unwrap();
+            }
             (Box::new(near), Box::new(far))
         }
         Carrier::Udp => {
-            let [a, b] = [0; 2].map(|_| UdpSocket::bind("127.0.0.1:0").unwrap());
-            a.connect(b.local_addr().unwrap()).unwrap();
-            b.connect(a.local_addr().unwrap()).unwrap();
-            let near = UdpTransport::from_socket(a, spinning()).unwrap();
-            let far = UdpTransport::from_socket(b, spinning()).unwrap();
+            let (near, far) = udp_pair();
+            for socket in [&near, &far] {
+                socket.set_nonblocking(true).unwrap();
+            }
             (Box::new(near), Box::new(far))
         }
     };
-    let command = vec![1; frame_len(Kind::Command, AXES, false)];
-    let answer = vec![2; frame_len(Kind::Measurement, AXES, false)];
-    let (there, back) = (command.len(), answer.len());
+    ping_pong(keyed, recorder, near, far)
+}
+
+impl Bare for Box<dyn Transport> {
+    fn write(&mut self, bytes: &[u8]) {
+        self.send(bytes).unwrap();
+    }
+
+    fn read(&mut self, bytes: &mut [u8]) -> Option<usize> {
+        match self.recv(bytes, FOR_EVER) {
+            Ok(Some(1)) | Ok(None) | Err(_) => None,
+            Ok(Some(count)) => Some(count),
+        }
+    }
+}
+
+/// The same through our transports.
+fn moved(carrier: Carrier, keyed: bool, recorder: &mut RingRecorder) -> Times {
+    let ends: [Box<dyn Transport>; 2] = match carrier {
+        Carrier::Tcp | Carrier::Tls => {
+            let (near, far) = tcp_pair();
+            [near, far].map(|end| {
+                Box::new(TcpTransport::from_stream(end, spinning()).unwrap()) as Box<dyn Transport>
+            })
+        }
+        Carrier::Udp => {
+            let (near, far) = udp_pair();
+            [near, far].map(|end| {
+                Box::new(UdpTransport::from_socket(end, spinning()).unwrap()) as Box<dyn Transport>
+            })
+        }
+    };
+    let [near, far] = ends;
+    ping_pong(keyed, recorder, Box::new(near), Box::new(far))
+}
+
+fn ping_pong(
+    keyed: bool,
+    recorder: &mut RingRecorder,
+    mut near: Box<dyn Bare>,
+    mut far: Box<dyn Bare>,
+) -> Times {
+    let (there, back) = lengths(keyed);
+    let (command, answer) = (vec![1; there], vec![2; back]);
     let echo = std::thread::spawn(move || {
-        let mut far = far;
+        pin(End::Far);
         while whole(far.as_mut(), there) {
-            if far.send(&answer).is_err() {
-                break;
-            }
+            far.write(&answer);
         }
     });
-    let mut near = near;
-    let times = measure(|_| {
-        near.send(&command).unwrap();
+    let times = measure(recorder, |_| {
+        near.write(&command);
         assert!(whole(near.as_mut(), back));
     });
-    if carrier == Carrier::Udp {
-        // A datagram has no end of stream: this one is shorter, and ends the echo.
-        near.send(&[0]).unwrap();
-    }
+    near.write(&[0]);
     drop(near);
     echo.join().unwrap();
     times
 }
 
-fn whole(transport: &mut dyn Transport, length: usize) -> bool {
+fn whole(end: &mut dyn Bare, length: usize) -> bool {
     let mut buffer = [0; 4096];
     let mut found = 0;
     while found < length {
-        match transport.recv(&mut buffer, FOR_EVER) {
-            Ok(Some(1)) | Ok(None) | Err(_) => return false,
-            Ok(Some(count)) => found += count,
+        match end.read(&mut buffer) {
+            None => return false,
+            Some(count) => found += count,
         }
     }
     true
@@ -132,7 +321,7 @@ fn axes() -> Vec<Axis> {
         .collect()
 }
 
-fn ours(carrier: Carrier) -> Vec<u64> {
+fn ours(carrier: Carrier, key: Option<PreSharedKey>, recorder: &mut RingRecorder) -> Times {
     let law = SpecimenLaw::Law(LawSpec::Linear(LinearSpec {
         stiffness_n_per_m: 1e6,
         damping_n_s_per_m: 0.0,
@@ -141,16 +330,18 @@ fn ours(carrier: Carrier) -> Vec<u64> {
     let options = ServeOptions {
         listen: "127.0.0.1:0".into(),
         carrier,
-        key: None,
+        key: key.clone(),
         plan: None,
         // Longer than any period here: it never sleeps while commands come.
         spin_ns: 1_000_000_000,
     };
     let host = Host::new("springs".into(), axes(), Box::new(build)).unwrap();
     let server = Server::bind(host, options).unwrap();
-    let address: SocketAddr = server.local_addr();
+    let address = server.local_addr();
     let (stop, stopped) = tokio::sync::oneshot::channel::<()>();
     let thread = std::thread::spawn(move || {
+        // The server's threads inherit it.
+        pin(End::Far);
         let until = async {
             let _ = stopped.await;
         };
@@ -159,7 +350,7 @@ fn ours(carrier: Carrier) -> Vec<u64> {
     let mut link = NativeLink::new(NativeSetup {
         address: address.to_string(),
         carrier,
-        key: None,
+        key,
         test: "bench".into(),
         axes: axes(),
         rate: (1000, 1),
@@ -173,7 +364,7 @@ fn ours(carrier: Carrier) -> Vec<u64> {
     link.connect().unwrap();
     link.arm(0, &[0.0; AXES]).unwrap();
     let mut measured = Measurement::zeros(AXES);
-    let times = measure(|sequence| {
+    let times = measure(recorder, |sequence| {
         let command = Command {
             sequence,
             time: sequence as f64 * 1e-3,

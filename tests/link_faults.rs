@@ -8,8 +8,11 @@ use std::path::Path;
 
 use gusset::record::summary::Status as Ended;
 use gusset::substructure::Status;
+use gusset::wire::native::Frame;
 use link_common::relay::{Fates, Relay};
-use link_common::{Fake, ONE_AXIS, ONE_AXIS_LAW, Served, events, linked, run, summary, test_file};
+use link_common::{
+    Fake, ONE_AXIS, ONE_AXIS_LAW, Running, Served, events, linked, run, summary, test_file,
+};
 
 const STEPS: u32 = 50;
 /// Warm-up ticks of the test file.
@@ -164,6 +167,71 @@ fn an_open_interlock_trips_the_test_and_stays_tripped() {
 }
 
 #[test]
+fn a_force_beyond_the_range_of_its_sensor_ends_the_test() {
+    let reason = against(1, "saturated", |mut fake| {
+        let (sequence, _) = fake.command().unwrap();
+        let frame = fake.answer(sequence, 1.0, Status::SATURATED);
+        fake.write(&frame);
+        while fake.frame().is_some() {}
+    });
+    assert!(
+        reason.contains("a sensor or actuator at the end of its range"),
+        "{reason}"
+    );
+}
+
+#[test]
+fn a_sampled_specimen_whose_sequence_is_frozen_runs_into_the_bound_of_stale_ticks() {
+    let folder = tempfile::tempdir().unwrap();
+    let address = Fake::start(|mut fake| {
+        fake.behave(WARM_UP + 10);
+        while fake.frame().is_some() {
+            let frame = fake.answer(3, 1.0, Status::default());
+            fake.write(&frame);
+        }
+    });
+    let text = linked(STEPS, &address, "coupling = \"sampled\"\nmax_stale = 20")
+        .replace("clock = \"simulated\"", "clock = \"real\"\nscale = 5")
+        .replace(
+            "[timing]",
+            "[timing]\nmax_consecutive_misses = 100000\nmax_total_misses = 100000",
+        );
+    let (code, said) = run(folder.path(), "run", &text);
+    assert_eq!(code, 1, "{said}");
+    let reason = summary(folder.path(), "run").reason;
+    assert!(
+        reason.contains("no fresh measurement for 21 ticks") && reason.contains("one old command"),
+        "{reason}"
+    );
+    assert!(events(folder.path(), "run").contains(&"stale".to_owned()));
+}
+
+/// The specimen's watchdog must not take a controller that waits for one that is gone.
+#[test]
+fn a_controller_that_waits_for_an_answer_says_that_it_is_there() {
+    let folder = tempfile::tempdir().unwrap();
+    let address = Fake::start(|mut fake| {
+        fake.behave(WARM_UP + 10);
+        let (sequence, disp) = fake.command().unwrap();
+        let mut beats = 0;
+        while beats < 3 {
+            let frame = fake.frame().unwrap();
+            if let Frame::Heartbeat(beat) = fake.decoder.open(&frame).unwrap().frame {
+                assert_eq!(beat.sequence, sequence);
+                beats += 1;
+            }
+        }
+        let frame = fake.answer(sequence, 4e5 * disp, Status::default());
+        fake.write(&frame);
+        fake.behave(STEPS - 10);
+        while fake.frame().is_some() {}
+    });
+    let text = linked(STEPS, &address, "watchdog_s = 0.02\nreply_timeout_s = 10");
+    let (code, said) = run(folder.path(), "run", &text);
+    assert_eq!(code, 0, "{said}");
+}
+
+#[test]
 fn a_specimen_that_is_killed_in_mid_test_is_a_lost_link_and_a_complete_folder() {
     for transport in ["tcp", "udp"] {
         let folder = tempfile::tempdir().unwrap();
@@ -214,9 +282,9 @@ fn a_second_controller_a_stranger_and_garbage_do_not_disturb_a_running_test() {
         let folder = folder.path();
         let served = Served::start(folder, &local(STEPS), &["--transport", transport]);
         let keys = format!("transport = \"{transport}\"");
-        let text = linked(20_000, &served.address, &keys);
-        let owned = folder.to_owned();
-        let test = std::thread::spawn(move || run(&owned, "first", &text));
+        // It must outlast everything that is done to it, on any machine: it ends when it is told to.
+        let text = linked(20_000_000, &served.address, &keys);
+        let first = Running::start(folder, "first", &text);
         served.hears("armed for");
         let (code, _) = run(folder, "second", &linked(STEPS, &served.address, &keys));
         assert_eq!(code, 3);
@@ -235,9 +303,12 @@ fn a_second_controller_a_stranger_and_garbage_do_not_disturb_a_running_test() {
                 let _ = stranger.send_to(&[0xff; 1000], &served.address);
             }
         }
-        let (code, said) = test.join().unwrap();
-        assert_eq!(code, 0, "{said}");
-        let link = summary(folder, "first").link["column"];
+        let (code, said) = first.interrupt();
+        assert_eq!(code, 130, "{said}");
+        let summary = summary(folder, "first");
+        assert_eq!(summary.status, Ended::Interrupted);
+        let link = summary.link["column"];
+        assert!(link.sent > u64::from(WARM_UP));
         assert_eq!((link.received, link.corrupt), (link.sent, 0));
     }
 }
@@ -253,6 +324,7 @@ fn a_sampled_test_over_a_bad_network_ends_in_order_and_its_books_balance() {
         twice: 6,
         damaged: 6,
         overtaken: 6,
+        ..Fates::default()
     };
     let mut relay = Relay::start(&served.address, 7, fates);
     let keys =

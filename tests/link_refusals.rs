@@ -269,6 +269,12 @@ fn a_stiffness_that_differs_is_a_warning_and_a_reversed_one_a_refusal() {
             .any(|w| w.contains("it reports a stiffness of 4e5 N/m")),
         "{warnings:?}"
     );
+    // The bound is 10 % of what the test file says.
+    for (expected, warned) in [("4.4e5", false), ("4.5e5", true)] {
+        let text = linked(STEPS, &served.address, "").replace("4e5", expected);
+        assert_eq!(run(folder, expected, &text).0, 0);
+        assert_eq!(!summary(folder, expected).warnings.is_empty(), warned);
+    }
     // A specimen that reports −4e5 N/m.
     let address = Fake::start_with(-4e5, |_| {});
     let (code, _) = run(folder, "reversed", &linked(STEPS, &address, ""));

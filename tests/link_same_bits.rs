@@ -99,6 +99,7 @@ fn a_bad_network_changes_no_number_of_a_lockstep_test() {
         twice: 5,
         damaged: 3,
         overtaken: 3,
+        ..Fates::default()
     };
     let mut relay = Relay::start(&served.address, 20140402, fates);
     let remote = linked(ONE_AXIS, &relay.address, "udp", "watchdog_s = 0.02");

@@ -101,6 +101,7 @@ fn the_c_specimen_is_a_spring_over_udp_even_over_a_bad_network() {
         twice: 5,
         damaged: 3,
         overtaken: 3,
+        ..Fates::default()
     };
     let relay = Relay::start(&peer.1, 3, fates);
     let keys = "transport = \"udp\"\nwatchdog_s = 0.02";

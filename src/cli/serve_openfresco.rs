@@ -5,11 +5,13 @@ use anyhow::Context;
 use super::ServeArgs;
 use super::exit::{Exit, WithExit};
 use super::serve::say_ready;
+use super::serve_tls;
 use super::tell;
 use crate::config::Served;
 use crate::link::openfresco::{
     Door, DoorError, Host, Nature, News, Role, ServeSettings, serve_openfresco,
 };
+use crate::link::socket::{resolve, resolve_host};
 use crate::link::spec::Carrier;
 use crate::rt;
 use crate::session::{Signal, Signals, missing};
@@ -37,29 +39,45 @@ pub fn serve(
     } else {
         Nature::Simulated
     };
-    let specimen = served.host.specimen().map_err(anyhow::Error::msg)?;
-    let mut host = Host::new(specimen, nature, wishes.step_s);
+    let remembers = nature == Nature::Physical;
+    let station = served.host.station(remembers).map_err(anyhow::Error::msg)?;
+    let mut host = Host::of(station, nature, wishes.step_s);
     let bytes = match carrier {
-        Carrier::Tcp => Bytes::Stream,
+        Carrier::Tcp | Carrier::Tls => Bytes::Stream,
         Carrier::Udp => Bytes::Datagrams,
     };
     let settings = ServeSettings::new(
         role,
         match (wishes.idle_timeout_s, carrier) {
             (Some(limit), _) => Some(limit),
-            (None, Carrier::Tcp) => None,
+            (None, Carrier::Tcp | Carrier::Tls) => None,
             (None, Carrier::Udp) => Some(ServeSettings::UDP_IDLE_S),
         },
     );
     let listen = args.listen.as_ref().or(served.serve.listen.as_ref());
     let listen = listen.map_or_else(|| format!("127.0.0.1:{port}"), String::clone);
-    let client = args.client.or(wishes.client);
+    let clients = match args.client.as_ref().or(wishes.client.as_ref()) {
+        Some(host) => {
+            resolve_host(host).map_err(|error| WithExit(Exit::Usage, error.to_string()))?
+        }
+        None => Vec::new(),
+    };
     let usage = |error: DoorError| WithExit(Exit::Usage, error.to_string());
-    let door = Door::bind(bytes, &listen, client).map_err(usage)?;
+    let door = match serve_tls::tls(
+        args,
+        served,
+        carrier,
+        !clients.is_empty() || is_loopback(&listen),
+    )? {
+        Some(tls) => Door::bind_tls(&listen, clients, tls),
+        None => Door::bind(bytes, &listen, clients),
+    }
+    .map_err(usage)?;
     let signals = Signals::listen().context("signals cannot be taken over")?;
     let requests = signals.requests();
     if let Some(timing) = &served.timing {
         let granted = rt::apply(&rt::RtPlan::new(timing, USUAL_PERIOD_NS));
+        host.keep_log_away_from(granted.cpu);
         let missing = missing(&granted);
         if granted.must_refuse() {
             let text = format!("real-time conditions are required: {}", missing.join("; "));
@@ -85,4 +103,9 @@ pub fn serve(
         Some(Signal::Terminate) => Exit::Terminated,
         Some(Signal::Interrupt) | None => Exit::Interrupted,
     })
+}
+
+/// True if no other machine reaches the port.
+fn is_loopback(listen: &str) -> bool {
+    resolve(listen).is_ok_and(|all| all.iter().all(|address| address.ip().is_loopback()))
 }

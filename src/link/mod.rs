@@ -8,15 +8,18 @@
 mod inbox;
 pub mod native;
 pub mod openfresco;
+pub mod rig;
 pub mod secret;
 pub mod serve;
 pub mod socket;
 pub mod spec;
+pub mod tls;
 
 pub use native::{NativeLink, NativeSetup};
 pub use socket::{ConnectError, SocketOptions, TcpTransport, UdpTransport, Wait};
 pub use spec::{Carrier, LinkSpec};
 
+use self::tls::TlsFault;
 use crate::substructure::LinkFault;
 use crate::time::Nanos;
 
@@ -35,4 +38,9 @@ pub trait Transport: Send {
     /// # Errors
     /// The link is lost.
     fn recv(&mut self, buffer: &mut [u8], deadline: Nanos) -> Result<Option<usize>, LinkFault>;
+
+    /// What ended a TLS session or holds it up, where that is more than the [`LinkFault`] says. Real-time: yes.
+    fn tls_fault(&self) -> Option<TlsFault> {
+        None
+    }
 }

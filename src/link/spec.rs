@@ -4,6 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::openfresco::{OpenFrescoSpec, Role};
+use super::tls::TlsSpec;
 use crate::wire::openfresco::{APPLICATION_PORT, CONTROLLER_PORT, SITE_PORT};
 
 /// A specimen at the other end of a network.
@@ -16,7 +17,8 @@ pub struct LinkSpec {
     /// How the bytes travel.
     #[serde(default)]
     pub transport: Carrier,
-    /// The far end: "host:port", "192.0.2.7:4823" or "[2001:db8::7]:4823".
+    /// The far end: "rig.lab:4823", "192.0.2.7:4823" or "[2001:db8::7]:4823". Every address behind a name is tried; over UDP,
+    /// where nothing shows that nobody is there, the first.
     pub address: String,
     /// File with the pre-shared key, relative to the test file. It is never copied into the run folder.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -48,6 +50,20 @@ pub struct LinkSpec {
     /// Busy loop at the beginning of each wait for a reply, in µs; after it the thread sleeps until bytes come.
     #[serde(default = "sixty")]
     pub spin_us: f64,
+    /// For `transport = "tls"`: who we are and whom we trust. Default: the files that OpenFresco's programs look for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tls: Option<TlsSpec>,
+    /// Before each test every axis of the specimen goes so far in its positive direction and back, in m at the specimen,
+    /// and is not armed if it turns out to be wired the wrong way round. It must stay in the elastic range. Default: no
+    /// motion; a static load shows the direction, too, and without either the user is warned.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub probe_m: Option<f64>,
+    /// Time that this motion takes each way, in s.
+    #[serde(default = "half")]
+    pub probe_ramp_s: f64,
+    /// "none": the direction is not checked, and nobody is warned of that.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub probe: Option<ProbeChoice>,
     /// For `protocol = "openfresco…"` only: what its set-up cannot find out by itself. Such a link is always lockstep.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub openfresco: Option<OpenFrescoSpec>,
@@ -69,6 +85,14 @@ pub enum Protocol {
     /// OpenSees' `adapter`, `actuator` and `corotActuator`.
     #[serde(rename = "openfresco-adapter")]
     OpenFrescoAdapter,
+}
+
+/// Whether the direction of a specimen is checked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ProbeChoice {
+    /// It is not.
+    None,
 }
 
 /// What a server speaks.
@@ -115,6 +139,20 @@ pub enum Carrier {
     Tcp,
     /// UDP datagrams.
     Udp,
+    /// A TCP connection with TLS on it; both ends show a certificate. A helper thread encrypts, which is the one exception to
+    /// the loop's rule of no allocation and no promise about time.
+    Tls,
+}
+
+impl Carrier {
+    /// True for a stream of bytes, false for datagrams.
+    #[must_use]
+    pub const fn is_stream(self) -> bool {
+        match self {
+            Self::Tcp | Self::Tls => true,
+            Self::Udp => false,
+        }
+    }
 }
 
 impl std::fmt::Display for Carrier {
@@ -122,6 +160,7 @@ impl std::fmt::Display for Carrier {
         f.write_str(match self {
             Carrier::Tcp => "TCP",
             Carrier::Udp => "UDP",
+            Carrier::Tls => "TLS",
         })
     }
 }
@@ -152,6 +191,10 @@ pub enum StaleChoice {
 
 const fn five() -> f64 {
     5.0
+}
+
+const fn half() -> f64 {
+    0.5
 }
 
 const fn sixty() -> f64 {

@@ -125,9 +125,12 @@ fn ending(outcome: &Outcome) -> (Finish, String) {
         Ending::Stopped(stop) => {
             let finish = match stop {
                 Stop::Operator => Finish::Interrupted,
-                Stop::Link { .. } => Finish::LinkFailed,
+                // A specimen that must not be armed is a peer that failed.
+                Stop::Link { .. } | Stop::Misfit { .. } => Finish::LinkFailed,
                 Stop::Internal => Finish::Panicked,
                 Stop::Interlock { .. }
+                | Stop::Saturated { .. }
+                | Stop::Limit { .. }
                 | Stop::Late { .. }
                 | Stop::Stale { .. }
                 | Stop::Diverged { .. }
@@ -137,15 +140,26 @@ fn ending(outcome: &Outcome) -> (Finish, String) {
                 | Stop::NotSettled { .. } => Finish::Stopped,
             };
             let told = match stop {
-                Stop::Link { port, .. } => {
+                // A gateway says which of its limits opened the interlock.
+                Stop::Link { port, .. } | Stop::Interlock { port } => {
                     outcome.complaints.iter().find(|(index, _)| index == port)
                 }
                 _ => None,
             };
-            let reason = match told {
+            let mut reason = match told {
                 Some((_, text)) => format!("{stop} ({text})"),
                 None => stop.to_string(),
             };
+            match stop {
+                Stop::Link { fault, .. } => reason = format!("{reason}: {}", fault.advice()),
+                Stop::Stale { .. } => {
+                    reason.push_str(
+                        ": its answers are late, lost or all to one old command; `link` in the summary counts them, \
+                         `max_stale` is the limit",
+                    );
+                }
+                _ => {}
+            }
             (finish, reason)
         }
     }

@@ -95,6 +95,12 @@ pub enum WireError {
         /// What came; zeros stand where nothing has come yet.
         found: [u8; 4],
     },
+    /// The first bytes are known from elsewhere.
+    #[error("the first bytes are those of {found}: the peer speaks another protocol")]
+    Foreign {
+        /// Who begins so.
+        found: &'static str,
+    },
     /// No protocol version in common.
     #[error("protocol version {found} found, {lowest} to {highest} spoken here")]
     Version {
@@ -287,6 +293,7 @@ impl WireError {
             WireError::Truncated { .. }
             | WireError::Room { .. }
             | WireError::Magic { .. }
+            | WireError::Foreign { .. }
             | WireError::Code { .. }
             | WireError::Reserved { .. }
             | WireError::Count { .. }
@@ -303,6 +310,28 @@ impl WireError {
             | WireError::Action { .. }
             | WireError::Failed => LinkFault::Malformed,
         }
+    }
+}
+
+/// Who is known to begin like this, where a protocol has no mark of its own to be recognised by.
+///
+/// # Errors
+/// [`WireError::Foreign`].
+pub fn not_foreign(first: &[u8]) -> Result<(), WireError> {
+    const KNOWN: [(&[u8], &str); 8] = [
+        (&native::MAGIC, "the gusset protocol"),
+        (b"HTTP", "a web server"),
+        (b"GET ", "a browser"),
+        (b"POST", "a browser"),
+        (b"HEAD", "a browser"),
+        (b"SSH-", "an SSH server or client"),
+        // A handshake record of TLS 1.0 to 1.3.
+        (&[0x16, 3, 1], "TLS"),
+        (&[0x16, 3, 3], "TLS"),
+    ];
+    match KNOWN.iter().find(|(start, _)| first.starts_with(start)) {
+        Some(&(_, found)) => Err(WireError::Foreign { found }),
+        None => Ok(()),
     }
 }
 

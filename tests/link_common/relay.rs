@@ -1,28 +1,47 @@
-//! A seeded relay for UDP that loses, repeats, damages and overtakes datagrams in both directions.
+//! A seeded relay in user space: a bad network between the real program and its peers, over UDP and TCP, both directions.
 
-use std::net::UdpSocket;
+use std::collections::VecDeque;
+use std::io::{ErrorKind, Read, Write};
+use std::net::{Shutdown, TcpListener, TcpStream, UdpSocket};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// Datagrams of a hundred that suffer each fate.
+use gusset::rt::os::{monotonic_ns, sleep_until_ns};
+
+/// What happens to the pieces that pass. The first four are the number of a hundred that suffer it.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Fates {
+    /// UDP only, as the next two: TCP mends them.
     pub lost: u64,
     pub twice: u64,
-    pub damaged: u64,
     /// Held back until the next one has passed.
     pub overtaken: u64,
+    /// One bit is turned.
+    pub damaged: u64,
+    /// UDP: its end is missing. TCP: it arrives in two parts.
+    pub cut: u64,
+    /// Every piece comes so much later.
+    pub delay_us: u64,
+    /// And up to so much later still. Datagrams overtake each other by it.
+    pub jitter_us: u64,
+    /// From that piece on and for so many milliseconds nothing passes: UDP loses it, TCP keeps it.
+    pub pulled: Option<(u64, u64)>,
+    /// TCP: the connection ends at that piece, which arrives by half.
+    pub broken: Option<u64>,
+    /// So many pieces pass unharmed first.
+    pub spared: u64,
 }
 
-/// What was done to the datagrams of one direction.
+/// What was done to the pieces of one direction.
 #[derive(Debug, Default)]
 pub struct Done {
     pub lost: AtomicU64,
     pub twice: AtomicU64,
     pub damaged: AtomicU64,
     pub overtaken: AtomicU64,
+    pub cut: AtomicU64,
 }
 
 pub struct Relay {
@@ -32,6 +51,9 @@ pub struct Relay {
     stop: Arc<AtomicBool>,
     threads: Vec<JoinHandle<()>>,
 }
+
+/// Longest sleep: the stop flag is looked at as often.
+const LOOK: Duration = Duration::from_millis(20);
 
 /// Steele, Lea, Flood 2014: splitmix64.
 struct Dice(u64);
@@ -46,50 +68,276 @@ impl Dice {
     }
 }
 
+/// One direction.
+struct Pass {
+    dice: Dice,
+    fates: Fates,
+    done: Arc<Done>,
+    passed: u64,
+    pulled_until: u64,
+    held: Option<Vec<u8>>,
+    /// Pieces on their way, and when they arrive.
+    flying: VecDeque<(u64, Vec<u8>)>,
+}
+
+impl Pass {
+    fn new(seed: u64, fates: Fates, done: &Arc<Done>) -> Self {
+        Self {
+            dice: Dice(seed),
+            fates,
+            done: Arc::clone(done),
+            passed: 0,
+            pulled_until: 0,
+            held: None,
+            flying: VecDeque::new(),
+        }
+    }
+
+    fn fly(&mut self, piece: Vec<u8>, in_order: bool) {
+        let jitter = self.dice.roll() % (self.fates.jitter_us + 1);
+        let mut at = monotonic_ns() + 1000 * (self.fates.delay_us + jitter);
+        if in_order {
+            at = at.max(self.flying.back().map_or(0, |(at, _)| *at));
+        }
+        let place = self.flying.partition_point(|(other, _)| *other <= at);
+        self.flying.insert(place, (at, piece));
+    }
+
+    fn arrived(&mut self) -> Option<Vec<u8>> {
+        let (at, _) = self.flying.front()?;
+        (*at <= monotonic_ns()).then(|| self.flying.pop_front().map(|(_, piece)| piece))?
+    }
+
+    /// Until there is something to do.
+    fn pause(&self) {
+        let until = self.flying.front().map_or(u64::MAX, |(at, _)| *at);
+        sleep_until_ns(until.min(monotonic_ns() + 50_000));
+    }
+
+    fn is_pulled(&mut self) -> bool {
+        if let Some((at, ms)) = self.fates.pulled
+            && self.passed == at
+        {
+            self.fates.pulled = None;
+            self.pulled_until = monotonic_ns() + 1_000_000 * ms;
+        }
+        monotonic_ns() < self.pulled_until
+    }
+
+    fn damage(&mut self, piece: &mut [u8]) {
+        self.done.damaged.fetch_add(1, Ordering::Relaxed);
+        let place = self.dice.roll();
+        piece[(place % piece.len() as u64) as usize] ^= 1 << (place >> 61);
+    }
+
+    fn datagram(&mut self, mut piece: Vec<u8>) {
+        let note = |counter: &AtomicU64| counter.fetch_add(1, Ordering::Relaxed);
+        let pulled = self.is_pulled();
+        self.passed += 1;
+        if pulled {
+            note(&self.done.lost);
+            return;
+        }
+        if self.passed <= self.fates.spared {
+            return self.fly(piece, false);
+        }
+        let Fates {
+            lost,
+            twice,
+            damaged,
+            overtaken,
+            cut,
+            ..
+        } = self.fates;
+        let fate = self.dice.roll() % 100;
+        let mut bound = lost;
+        if fate < bound {
+            note(&self.done.lost);
+            return;
+        }
+        if fate < bound + twice {
+            note(&self.done.twice);
+            self.fly(piece.clone(), false);
+        }
+        bound += twice;
+        if (bound..bound + damaged).contains(&fate) {
+            self.damage(&mut piece);
+        }
+        bound += damaged;
+        if (bound..bound + overtaken).contains(&fate) && self.held.is_none() {
+            note(&self.done.overtaken);
+            self.held = Some(piece);
+            return;
+        }
+        bound += overtaken;
+        if (bound..bound + cut).contains(&fate) && piece.len() > 1 {
+            note(&self.done.cut);
+            let length = 1 + self.dice.roll() as usize % (piece.len() - 1);
+            piece.truncate(length);
+        }
+        self.fly(piece, false);
+        if let Some(late) = self.held.take() {
+            self.fly(late, false);
+        }
+    }
+
+    fn udp(mut self, from: &UdpSocket, to: &UdpSocket, stop: &AtomicBool) {
+        let mut buffer = vec![0; 65_536];
+        let mut quiet_since = monotonic_ns();
+        while !stop.load(Ordering::Relaxed) {
+            while let Some(piece) = self.arrived() {
+                let _ = to.send(&piece);
+            }
+            if let Ok(count) = from.recv(&mut buffer) {
+                self.datagram(buffer[..count].to_vec());
+                quiet_since = monotonic_ns();
+                continue;
+            }
+            // A quiet moment: nothing will overtake what is held.
+            if monotonic_ns() > quiet_since + 20_000_000
+                && let Some(late) = self.held.take()
+            {
+                self.fly(late, false);
+            }
+            self.pause();
+        }
+    }
+
+    fn tcp(mut self, mut from: TcpStream, mut to: TcpStream, stop: &AtomicBool) {
+        let mut buffer = vec![0; 65_536];
+        while !stop.load(Ordering::Relaxed) {
+            if !self.is_pulled() {
+                while let Some(piece) = self.arrived() {
+                    if write_all(&mut to, &piece, stop).is_err() {
+                        return close(&from, &to);
+                    }
+                }
+            }
+            match from.read(&mut buffer) {
+                Ok(0) => {
+                    while let Some((_, piece)) = self.flying.pop_front() {
+                        let _ = write_all(&mut to, &piece, stop);
+                    }
+                    return close(&from, &to);
+                }
+                Ok(count) => {
+                    self.passed += 1;
+                    let mut piece = buffer[..count].to_vec();
+                    if self.fates.broken == Some(self.passed) {
+                        let _ = write_all(&mut to, &piece[..count / 2], stop);
+                        return close(&from, &to);
+                    }
+                    let fate = self.dice.roll() % 100;
+                    if self.passed <= self.fates.spared {
+                        self.fly(piece, true);
+                    } else if fate < self.fates.damaged {
+                        self.damage(&mut piece);
+                        self.fly(piece, true);
+                    } else if fate < self.fates.damaged + self.fates.cut {
+                        self.done.cut.fetch_add(1, Ordering::Relaxed);
+                        let rest = piece.split_off(self.dice.roll() as usize % piece.len());
+                        self.fly(piece, true);
+                        self.fly(rest, true);
+                    } else {
+                        self.fly(piece, true);
+                    }
+                }
+                Err(error) if error.kind() == ErrorKind::WouldBlock => self.pause(),
+                Err(_) => return close(&from, &to),
+            }
+        }
+    }
+}
+
+fn write_all(to: &mut TcpStream, mut bytes: &[u8], stop: &AtomicBool) -> std::io::Result<()> {
+    while !bytes.is_empty() && !stop.load(Ordering::Relaxed) {
+        match to.write(bytes) {
+            Ok(count) => bytes = &bytes[count..],
+            Err(error) if error.kind() == ErrorKind::WouldBlock => {
+                sleep_until_ns(monotonic_ns() + 50_000);
+            }
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(())
+}
+
+fn close(a: &TcpStream, b: &TcpStream) {
+    let _ = a.shutdown(Shutdown::Both);
+    let _ = b.shutdown(Shutdown::Both);
+}
+
 impl Relay {
+    fn new(address: String) -> Self {
+        Self {
+            address,
+            to_specimen: Arc::default(),
+            to_controller: Arc::default(),
+            stop: Arc::default(),
+            threads: Vec::new(),
+        }
+    }
+
+    /// Datagrams. The relay learns its controller from the first, which passes unharmed.
     pub fn start(specimen: &str, seed: u64, fates: Fates) -> Self {
         let near = UdpSocket::bind("127.0.0.1:0").unwrap();
         let far = UdpSocket::bind("127.0.0.1:0").unwrap();
         far.connect(specimen).unwrap();
-        let address = near.local_addr().unwrap().to_string();
-        let stop = Arc::new(AtomicBool::new(false));
-        let (to_specimen, to_controller) = (Arc::new(Done::default()), Arc::new(Done::default()));
-        for socket in [&near, &far] {
-            socket
-                .set_read_timeout(Some(Duration::from_millis(20)))
-                .unwrap();
-        }
-        // The near socket learns its peer from the first datagram, which passes unharmed.
-        let mut first = [0; 65_536];
-        let (near_2, far_2) = (near.try_clone().unwrap(), far.try_clone().unwrap());
-        let (stop_1, stop_2) = (Arc::clone(&stop), Arc::clone(&stop));
-        let (done_1, done_2) = (Arc::clone(&to_specimen), Arc::clone(&to_controller));
-        let met = Arc::new(AtomicBool::new(false));
-        let met_2 = Arc::clone(&met);
-        let forth = std::thread::spawn(move || {
-            while !stop_1.load(Ordering::Relaxed) {
-                if let Ok((count, peer)) = near.recv_from(&mut first) {
-                    near.connect(peer).unwrap();
-                    far.send(&first[..count]).unwrap();
-                    met.store(true, Ordering::Release);
-                    break;
+        let mut relay = Self::new(near.local_addr().unwrap().to_string());
+        near.set_read_timeout(Some(LOOK)).unwrap();
+        far.set_nonblocking(true).unwrap();
+        let forth = Pass::new(seed, fates, &relay.to_specimen);
+        let back = Pass::new(!seed, fates, &relay.to_controller);
+        let stop = Arc::clone(&relay.stop);
+        relay.threads.push(std::thread::spawn(move || {
+            let mut first = [0; 65_536];
+            let (count, peer) = loop {
+                match near.recv_from(&mut first) {
+                    Ok(found) => break found,
+                    Err(_) if stop.load(Ordering::Relaxed) => return,
+                    Err(_) => {}
                 }
+            };
+            near.connect(peer).unwrap();
+            near.set_nonblocking(true).unwrap();
+            far.send(&first[..count]).unwrap();
+            std::thread::scope(|scope| {
+                scope.spawn(|| back.udp(&far, &near, &stop));
+                forth.udp(&near, &far, &stop);
+            });
+        }));
+        relay
+    }
+
+    /// One connection.
+    pub fn stream(specimen: &str, seed: u64, fates: Fates) -> Self {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let mut relay = Self::new(listener.local_addr().unwrap().to_string());
+        let forth = Pass::new(seed, fates, &relay.to_specimen);
+        let back = Pass::new(!seed, fates, &relay.to_controller);
+        let stop = Arc::clone(&relay.stop);
+        let specimen = specimen.to_owned();
+        listener.set_nonblocking(true).unwrap();
+        relay.threads.push(std::thread::spawn(move || {
+            let near = loop {
+                match listener.accept() {
+                    Ok((near, _)) => break near,
+                    Err(_) if stop.load(Ordering::Relaxed) => return,
+                    Err(_) => sleep_until_ns(monotonic_ns() + 1_000_000),
+                }
+            };
+            let far = TcpStream::connect(specimen).unwrap();
+            for end in [&near, &far] {
+                end.set_nonblocking(true).unwrap();
+                end.set_nodelay(true).unwrap();
             }
-            pass(&near, &far, Dice(seed), fates, &done_1, &stop_1);
-        });
-        let back = std::thread::spawn(move || {
-            while !met_2.load(Ordering::Acquire) && !stop_2.load(Ordering::Relaxed) {
-                std::thread::yield_now();
-            }
-            pass(&far_2, &near_2, Dice(!seed), fates, &done_2, &stop_2);
-        });
-        Self {
-            address,
-            to_specimen,
-            to_controller,
-            stop,
-            threads: vec![forth, back],
-        }
+            let (near_2, far_2) = (near.try_clone().unwrap(), far.try_clone().unwrap());
+            std::thread::scope(|scope| {
+                scope.spawn(|| back.tcp(far_2, near_2, &stop));
+                forth.tcp(near, far, &stop);
+            });
+        }));
+        relay
     }
 
     /// Ends it, so that the counts stand.
@@ -104,50 +352,5 @@ impl Relay {
 impl Drop for Relay {
     fn drop(&mut self) {
         self.stop();
-    }
-}
-
-fn pass(
-    from: &UdpSocket,
-    to: &UdpSocket,
-    mut dice: Dice,
-    fates: Fates,
-    done: &Done,
-    stop: &AtomicBool,
-) {
-    let mut buffer = [0; 65_536];
-    let mut held: Option<Vec<u8>> = None;
-    while !stop.load(Ordering::Relaxed) {
-        let Ok(count) = from.recv(&mut buffer) else {
-            // A quiet moment: nothing will overtake what is held.
-            if let Some(late) = held.take() {
-                let _ = to.send(&late);
-            }
-            continue;
-        };
-        let (fate, place) = (dice.roll() % 100, dice.roll());
-        let datagram = &mut buffer[..count];
-        let note = |counter: &AtomicU64| counter.fetch_add(1, Ordering::Relaxed);
-        let mut bound = fates.lost;
-        if fate < bound {
-            note(&done.lost);
-            continue;
-        }
-        bound += fates.twice;
-        if fate < bound {
-            note(&done.twice);
-            let _ = to.send(datagram);
-        } else if fate < bound + fates.damaged {
-            note(&done.damaged);
-            datagram[(place % count as u64) as usize] ^= 1 << (place >> 61);
-        } else if fate < bound + fates.damaged + fates.overtaken && held.is_none() {
-            note(&done.overtaken);
-            held = Some(datagram.to_vec());
-            continue;
-        }
-        let _ = to.send(datagram);
-        if let Some(late) = held.take() {
-            let _ = to.send(&late);
-        }
     }
 }

@@ -1,4 +1,4 @@
-//! From `[specimen.link]` to a link that is ready to connect. Nothing is connected here.
+//! From `[specimen.link]` to a link that is ready to connect. Nothing is connected here; files are read.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -11,23 +11,25 @@ use crate::control::{OnStale, WaitRules};
 use crate::link::native::unlimited_axis;
 use crate::link::openfresco::{Remote, RemoteSettings};
 use crate::link::secret::read_key;
-use crate::link::spec::{LinkCoupling, StaleChoice};
-use crate::link::{LinkSpec, NativeSetup, SocketOptions, Wait};
+use crate::link::spec::{Carrier, LinkCoupling, StaleChoice};
+use crate::link::tls::{FileError, TlsClient, TlsSpec};
+use crate::link::{LinkSpec, NativeLink, NativeSetup, SocketOptions, Wait};
 use crate::substructure::Coupling;
 use crate::wire::handshake::{Axis, Sampling, Unit};
+use crate::wire::key::PreSharedKey;
 
 /// A specimen must hold after this silence, unless the file says otherwise: in s, and in ticks.
 const WATCHDOG_S: f64 = 0.25;
 const WATCHDOG_TICKS: f64 = 10.0;
 
-/// The set-up of a link that speaks our own protocol, and how it is waited for.
+/// A link that speaks our own protocol, and how it is waited for.
 pub(super) fn native(
     site: &mut Site<'_>,
     at: &KeyPath,
     table: &SpecimenTable,
     link: &LinkSpec,
     axes: usize,
-) -> Result<(NativeSetup, WaitRules), Refused> {
+) -> Result<(NativeLink, WaitRules), Refused> {
     let time = site.loaded.time;
     let key = match &link.key_file {
         None => None,
@@ -46,19 +48,64 @@ pub(super) fn native(
     };
     let period_s = time.period.value();
     let setup = NativeSetup {
-        address: link.address.clone(),
-        carrier: link.transport,
-        key,
         test: site.loaded.file.title.clone(),
-        axes: wire_axes(table, axes),
         rate: time.period.inverse().terms(),
         watchdog_s: link
             .watchdog_s
             .unwrap_or_else(|| WATCHDOG_S.max(WATCHDOG_TICKS * period_s)),
+        coupling,
+        ..native_setup(link, key, wire_axes(table, axes))
+    };
+    let native = match tls(site, at, link)? {
+        Some(tls) => NativeLink::over_tls(setup, tls),
+        None => NativeLink::new(setup),
+    };
+    Ok((native, rules(link)))
+}
+
+/// Who we are over TLS and whom we trust; none over anything else.
+fn tls(site: &mut Site<'_>, at: &KeyPath, link: &LinkSpec) -> Result<Option<TlsClient>, Refused> {
+    match tls_client(link, &folder(&site.loaded.path)) {
+        Ok(tls) => Ok(tls),
+        Err(error) => {
+            let here = at.key("link").key("tls").key(error.key);
+            let text = format!("`{}`: {error}", error.key);
+            site.refuse(Finding::error(here, text))
+        }
+    }
+}
+
+/// The same, with files relative to `folder`.
+pub(in crate::config) fn tls_client(
+    link: &LinkSpec,
+    folder: &Path,
+) -> Result<Option<TlsClient>, FileError> {
+    if link.transport != Carrier::Tls {
+        return Ok(None);
+    }
+    let spec = link.tls.clone().unwrap_or_default();
+    let files = spec.files(folder);
+    TlsClient::new(&files, spec.server_name.as_deref(), spec.check_name).map(Some)
+}
+
+/// What the link alone says: a lockstep link of no particular test, 100 commands a second.
+pub(in crate::config) fn native_setup(
+    link: &LinkSpec,
+    key: Option<PreSharedKey>,
+    axes: Vec<Axis>,
+) -> NativeSetup {
+    NativeSetup {
+        address: link.address.clone(),
+        carrier: link.transport,
+        key,
+        test: String::new(),
+        axes,
+        rate: (100, 1),
+        watchdog_s: link.watchdog_s.unwrap_or(WATCHDOG_S),
         sampling: link
             .sample_after
             .map_or(Sampling::Reply, Sampling::Fraction),
-        coupling,
+        coupling: Coupling::Lockstep,
         connect_limit: seconds(link.connect_timeout_s),
         reply_timeout: seconds(link.reply_timeout_s),
         options: SocketOptions {
@@ -68,8 +115,7 @@ pub(super) fn native(
             },
             ..SocketOptions::default()
         },
-    };
-    Ok((setup, rules(link)))
+    }
 }
 
 /// A specimen behind OpenFresco or OpenSees, and how it is waited for: always in lockstep.
@@ -79,8 +125,13 @@ pub(super) fn openfresco(
     link: &LinkSpec,
     axes: usize,
 ) -> Result<(Remote, WaitRules), Refused> {
-    let remote = RemoteSettings::from_spec(link, axes)
-        .and_then(|settings| settings.map(Remote::new).transpose());
+    let tls = tls(site, at, link)?;
+    let tls = tls.map(|tls| tls.with_record_limit(seconds(link.reply_timeout_s)));
+    let remote = RemoteSettings::from_spec(link, axes).and_then(|settings| {
+        settings
+            .map(|settings| Remote::new(RemoteSettings { tls, ..settings }))
+            .transpose()
+    });
     match remote {
         Ok(Some(remote)) => Ok((remote, rules(link))),
         Ok(None) => {
@@ -133,14 +184,30 @@ pub(in crate::config) fn wire_axes(table: &SpecimenTable, axes: usize) -> Vec<Ax
         .collect()
 }
 
-/// The configuration for the run folder: a key is never copied there, so it is named in a way that holds from anywhere.
+/// The configuration for the run folder: a key is never copied there, so it is named in a way that holds from anywhere;
+/// so are certificates.
 pub(super) fn with_keys_from_anywhere(file: &TestFile, test: &Path) -> TestFile {
     let mut named = file.clone();
-    let links = named.specimen.iter_mut().filter_map(|s| s.link.as_mut());
-    for key in links.filter_map(|link| link.key_file.as_mut()) {
-        *key = beside(test, key).display().to_string();
+    for link in named.specimen.iter_mut().filter_map(|s| s.link.as_mut()) {
+        if let Some(key) = &mut link.key_file {
+            *key = beside(test, key).display().to_string();
+        }
+        if link.transport == Carrier::Tls {
+            let spec = link.tls.take().unwrap_or_default();
+            let files = spec.files(&folder(test));
+            link.tls = Some(TlsSpec {
+                certificate_file: Some(files.certificate.display().to_string()),
+                key_file: Some(files.key.display().to_string()),
+                ca_file: Some(files.ca.display().to_string()),
+                ..spec
+            });
+        }
     }
     named
+}
+
+pub(in crate::config) fn folder(test: &Path) -> PathBuf {
+    test.parent().unwrap_or(Path::new("")).to_owned()
 }
 
 /// A file that is named relative to the test file, and stays where it is.

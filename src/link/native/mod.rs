@@ -12,6 +12,8 @@ mod setup;
 pub use setup::{NativeSetup, SetupError, unlimited_axis};
 pub(in crate::link) use setup::{SOFTWARE, fit};
 
+use crate::link::spec::Carrier;
+use crate::link::tls::TlsClient;
 use crate::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, LinkStats, Measurement, Retirement,
     Substructure, Unavailable,
@@ -22,6 +24,7 @@ use live::Live;
 /// The controller's end of our own protocol.
 pub struct NativeLink {
     setup: NativeSetup,
+    tls: Option<TlsClient>,
     live: Option<Live>,
 }
 
@@ -38,7 +41,23 @@ impl NativeLink {
     /// A link that is not connected yet.
     #[must_use]
     pub const fn new(setup: NativeSetup) -> Self {
-        Self { setup, live: None }
+        Self {
+            setup,
+            tls: None,
+            live: None,
+        }
+    }
+
+    /// The same over TLS: whatever carrier the set-up names, it is TLS now.
+    #[must_use]
+    pub fn over_tls(mut setup: NativeSetup, tls: TlsClient) -> Self {
+        setup.carrier = Carrier::Tls;
+        let tls = Some(tls.with_record_limit(setup.reply_timeout));
+        Self {
+            setup,
+            tls,
+            live: None,
+        }
     }
 }
 
@@ -56,13 +75,19 @@ impl Substructure for NativeLink {
     }
 
     fn connect(&mut self) -> Result<Introduction, Unavailable> {
-        match self.setup.connect() {
+        match self.setup.connect(self.tls.as_ref()) {
             Ok((live, introduction)) => {
                 self.live = Some(live);
                 Ok(introduction)
             }
             Err(error) => Err(error.unavailable(&self.setup.address)),
         }
+    }
+
+    fn ask_to_arm(&mut self, sequence: u64, disp: &[f64]) -> Result<(), LinkFault> {
+        self.live.as_mut().map_or(Err(LinkFault::Closed), |live| {
+            live.ask_to_arm(sequence, disp)
+        })
     }
 
     fn arm(&mut self, sequence: u64, disp: &[f64]) -> Result<(), LinkFault> {
@@ -91,6 +116,10 @@ impl Substructure for NativeLink {
         self.live
             .as_mut()
             .map_or(Err(LinkFault::Closed), |live| live.collect(deadline, into))
+    }
+
+    fn attend(&mut self) -> Result<(), LinkFault> {
+        self.live.as_mut().map_or(Ok(()), Live::attend)
     }
 
     fn retire(&mut self, how: Retirement) {

@@ -8,12 +8,14 @@ use super::live::Live;
 use crate::link::inbox::Inbox;
 use crate::link::secret::random;
 use crate::link::spec::Carrier;
+use crate::link::tls::{TlsClient, TlsFault, is_alert};
 use crate::link::{ConnectError, SocketOptions, TcpTransport, Transport, UdpTransport};
 use crate::rt::os;
 use crate::substructure::{Coupling, Introduction, LinkFault, Unavailable};
 use crate::time::Nanos;
 use crate::wire::handshake::{
-    self, Axis, Control, Hello, Limits, RefuseCode, Sampling, Versions, Welcome, layout_hash,
+    self, Axis, Capabilities, Control, Hello, Limits, RefuseCode, Sampling, Versions, Welcome,
+    layout_hash,
 };
 use crate::wire::key::{NONCE_LEN, PROOF_LEN, PreSharedKey};
 use crate::wire::native::{Decoder, Encoder, Frame, LARGEST_FRAME};
@@ -73,8 +75,19 @@ pub enum SetupError {
     /// The connection was lost.
     #[error("{0} before everything was agreed: is it a specimen that speaks the gusset protocol?")]
     Lost(LinkFault),
+    /// TLS is wanted, and nobody gave a certificate.
+    #[error("TLS wants a certificate, a key and an authority")]
+    Bare,
+    /// The far end speaks TLS, and we do not.
+    #[error(
+        "it speaks TLS: set `transport = \"tls\"`, with the certificates of [specimen.link.tls]"
+    )]
+    SpeaksTls,
+    /// The TLS session was lost, or hangs.
+    #[error("TLS: {0}")]
+    Tls(TlsFault),
     /// The answer makes no sense, or is not what was asked for.
-    #[error("{0}")]
+    #[error("{wrong}{hint}", wrong = .0, hint = hint(*.0))]
     Wire(WireError),
     /// The specimen refuses.
     #[error("refused: {text}{}", advice(*code))]
@@ -100,6 +113,19 @@ fn advice(code: RefuseCode) -> &'static str {
     }
 }
 
+fn hint(error: WireError) -> &'static str {
+    match error {
+        WireError::Magic { .. } => {
+            " (is it the right port, and does `protocol` name what it speaks?)"
+        }
+        WireError::Version { .. } => advice(RefuseCode::Version),
+        WireError::Mac | WireError::Keyed { .. } | WireError::Proof { .. } => {
+            advice(RefuseCode::Key)
+        }
+        _ => "",
+    }
+}
+
 impl SetupError {
     /// The kind of the fault.
     #[must_use]
@@ -107,8 +133,11 @@ impl SetupError {
         match self {
             Self::Connect(ConnectError::Timeout { .. }) | Self::Silent { .. } => LinkFault::Timeout,
             Self::Connect(ConnectError::Refused { .. }) => LinkFault::Refused,
-            Self::Connect(_) | Self::Random(_) => LinkFault::Closed,
+            Self::Connect(ConnectError::Tls { fault, .. }) => fault.link(),
+            Self::Tls(fault) => fault.link(),
             Self::Lost(fault) => *fault,
+            Self::Bare | Self::SpeaksTls => LinkFault::Malformed,
+            Self::Connect(_) | Self::Random(_) => LinkFault::Closed,
             Self::Wire(error) => error.fault(),
             Self::Refused { code, .. } => match code {
                 RefuseCode::Version => LinkFault::Version,
@@ -139,12 +168,22 @@ impl From<WireError> for SetupError {
 
 impl NativeSetup {
     /// Connects and agrees. Blocks, up to twice the time limit.
-    pub(super) fn connect(&self) -> Result<(Live, Introduction), SetupError> {
+    pub(super) fn connect(
+        &self,
+        tls: Option<&TlsClient>,
+    ) -> Result<(Live, Introduction), SetupError> {
         let (mut transport, peer): (Box<dyn Transport>, _) = match self.carrier {
             Carrier::Tcp => {
                 let tcp = TcpTransport::connect(&self.address, self.connect_limit, self.options)?;
                 let peer = tcp.peer();
                 (Box::new(tcp), peer)
+            }
+            Carrier::Tls => {
+                let tls = tls.ok_or(SetupError::Bare)?;
+                let (limit, options) = (self.connect_limit, self.options);
+                let tls = tls.connect(&self.address, limit, options, 2 * LARGEST_FRAME)?;
+                let peer = tls.peer();
+                (Box::new(tls), peer)
             }
             Carrier::Udp => {
                 let udp = UdpTransport::connect(&self.address, self.options)?;
@@ -152,7 +191,7 @@ impl NativeSetup {
                 (Box::new(udp), peer)
             }
         };
-        let mut inbox = Inbox::new(self.carrier == Carrier::Tcp);
+        let mut inbox = Inbox::new(self.carrier.is_stream());
         let hello = self.hello()?;
         let mut hello_bytes = handshake::encode(&Control::Hello(hello.clone()))?;
         if let Some(key) = &self.key {
@@ -190,7 +229,12 @@ impl NativeSetup {
                 }
                 .into()
             }
-            other => other,
+            SetupError::Wire(WireError::Magic { found, .. })
+                if self.carrier == Carrier::Tcp && is_alert(&found) =>
+            {
+                SetupError::SpeaksTls
+            }
+            other => explained(other, transport.as_ref()),
         })?;
         let key = match &self.key {
             Some(key) => {
@@ -219,6 +263,7 @@ impl NativeSetup {
             ),
             stiffness: welcome.stiffness,
             warnings: Vec::new(),
+            simulated: welcome.capabilities.has(Capabilities::SIMULATED),
         };
         Ok((live, introduction))
     }
@@ -238,6 +283,14 @@ impl NativeSetup {
             name: fit(&self.test),
             axes: self.axes.clone(),
         })
+    }
+}
+
+/// What the transport knows about a lost connection.
+pub(super) fn explained(error: SetupError, transport: &dyn Transport) -> SetupError {
+    match (&error, transport.tls_fault()) {
+        (SetupError::Lost(_) | SetupError::Silent { .. }, Some(why)) => SetupError::Tls(why),
+        _ => error,
     }
 }
 

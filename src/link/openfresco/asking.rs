@@ -2,12 +2,12 @@
 
 use std::time::Duration;
 
-use super::error::RemoteError;
+use super::error::{Lost, RemoteError};
 use super::settings::{Peer, RemoteSettings};
 use crate::link::Transport;
 use crate::link::socket::{ConnectError, SocketOptions, TcpTransport, UdpTransport};
 use crate::rt::os;
-use crate::substructure::LinkFault;
+use crate::substructure::{Command, LinkFault, Measurement};
 use crate::time::Nanos;
 use crate::wire::WireError;
 use crate::wire::openfresco::{
@@ -38,7 +38,7 @@ pub(super) enum Came {
 }
 
 impl Asking {
-    pub(super) fn feed(&mut self, bytes: &[u8]) -> Result<(usize, Came), WireError> {
+    fn feed(&mut self, bytes: &[u8]) -> Result<(usize, Came), WireError> {
         Ok(match self {
             Self::Client(client) => {
                 let (used, event) = client.feed(bytes)?;
@@ -64,17 +64,108 @@ impl Asking {
         })
     }
 
-    pub(super) fn answer_back(
-        &self,
+    /// The first bytes to send.
+    pub(super) fn open(&mut self) -> Result<&[u8], WireError> {
+        match self {
+            Self::Client(client) => client.open(),
+            Self::Shadow(shadow) => shadow.open(),
+        }
+    }
+
+    /// A command and its request, and the length of each. Real-time: yes.
+    pub(super) fn command(&mut self, command: &Command<'_>) -> Result<(&[u8], usize), WireError> {
+        match self {
+            Self::Client(client) => {
+                let message = client.vector_len();
+                client.command(command).map(|bytes| (bytes, message))
+            }
+            Self::Shadow(shadow) => {
+                let message = shadow.vector_len();
+                shadow.command(command).map(|bytes| (bytes, message))
+            }
+        }
+    }
+
+    /// Real-time: yes.
+    pub(super) fn commit(&mut self, time: f64) -> Result<&[u8], WireError> {
+        match self {
+            Self::Client(client) => client.commit(time),
+            Self::Shadow(shadow) => shadow.commit(time),
+        }
+    }
+
+    /// The last words, and whether they are answered.
+    pub(super) fn die(&mut self) -> Result<(&[u8], bool), WireError> {
+        match self {
+            Self::Client(client) => client.die().map(|bytes| (bytes, false)),
+            Self::Shadow(shadow) => shadow.die().map(|bytes| (bytes, true)),
+        }
+    }
+
+    /// Real-time: yes.
+    pub(super) fn measurement(&self, into: &mut Measurement) -> Result<(), WireError> {
+        match self {
+            Self::Client(client) => client.measurement(into),
+            Self::Shadow(shadow) => shadow.measurement(into),
+        }
+    }
+
+    /// Feeds everything that came and sends what it asks for; the last thing that it meant. Real-time: yes, after the
+    /// set-up.
+    pub(super) fn digest(
+        &mut self,
         link: &mut dyn Transport,
         carrier: Carrier,
-    ) -> Result<(), LinkFault> {
+        bytes: &[u8],
+    ) -> Result<Came, Lost> {
+        let mut came = Came::Nothing;
+        let mut rest = bytes;
+        while !rest.is_empty() {
+            let (used, what) = self.feed(rest)?;
+            if what != Came::Nothing {
+                self.answer_back(link, carrier)?;
+                came = what;
+            }
+            rest = rest.get(used.max(1)..).unwrap_or_default();
+        }
+        Ok(came)
+    }
+
+    fn answer_back(&self, link: &mut dyn Transport, carrier: Carrier) -> Result<(), LinkFault> {
         match self {
             Self::Client(client) => send(link, carrier, client.reply(), client.reply().len()),
             Self::Shadow(shadow) => shadow
                 .reply_messages()
                 .try_for_each(|message| send(link, carrier, message, message.len())),
         }
+    }
+}
+
+/// A far end that gives the time of a command back with its answer, as the genuine servers do where they are asked for a
+/// time, shows by it that a datagram came twice or late: nothing else in these protocols does.
+#[derive(Debug, Default)]
+pub(super) struct Echo {
+    newest: Option<f64>,
+}
+
+impl Echo {
+    /// Judges the time of an answer. One that was never a command's, or none, is no echo and proves nothing.
+    /// Real-time: yes.
+    ///
+    /// # Errors
+    /// It is the answer to the command before.
+    pub(super) fn check(&mut self, commanded: f64, answered: f64) -> Result<(), WireError> {
+        if answered == commanded {
+            self.newest = Some(commanded).filter(|time| *time != 0.0);
+        } else if self.newest == Some(answered) {
+            return Err(WireError::Order {
+                expected: "the answer to this command",
+                found: "the answer to the one before",
+            });
+        } else {
+            self.newest = None;
+        }
+        Ok(())
     }
 }
 
@@ -128,11 +219,23 @@ pub(super) fn transport(
     if settings.carrier == Carrier::Datagrams {
         return Ok(Box::new(UdpTransport::connect(&settings.address, options)?));
     }
+    // A command and its request leave in one write; the one before them may still wait.
+    let largest = settings
+        .sizes()
+        .map_or(0, |sizes| 4 * 8 * sizes.data_size());
     loop {
         let left = until.since(Nanos(os::monotonic_ns()));
         let limit = Duration::from_nanos(left.max(1_000_000));
-        match TcpTransport::connect(&settings.address, limit, options) {
-            Ok(link) => return Ok(Box::new(link)),
+        let address = &settings.address;
+        let link = match &settings.tls {
+            None => TcpTransport::connect(address, limit, options)
+                .map(|link| Box::new(link) as Box<dyn Transport>),
+            Some(tls) => tls
+                .connect(address, limit, options, largest)
+                .map(|link| Box::new(link) as Box<dyn Transport>),
+        };
+        match link {
+            Ok(link) => return Ok(link),
             Err(ConnectError::Refused { .. }) if left > AGAIN_NS => pause(),
             Err(error) => return Err(error.into()),
         }
@@ -141,4 +244,25 @@ pub(super) fn transport(
 
 pub(super) fn pause() {
     os::sleep_until_ns(os::monotonic_ns() + AGAIN_NS);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Echo;
+
+    #[test]
+    fn an_answer_with_the_time_of_the_command_before_is_noticed_where_times_are_echoed() {
+        let mut echo = Echo::default();
+        for (commanded, answered) in [(0.0, 0.0), (0.0, 0.0), (0.1, 0.1), (0.1, 0.1), (0.2, 0.2)] {
+            echo.check(commanded, answered).unwrap();
+        }
+        echo.check(0.3, 0.2).unwrap_err();
+        // A peer without a time sends zeros, one with a clock of its own anything.
+        for clock in [[0.0; 4], [5.0, 5.1, 5.2, 5.3]] {
+            let mut echo = Echo::default();
+            for (k, answered) in clock.into_iter().enumerate() {
+                echo.check(0.1 * k as f64, answered).unwrap();
+            }
+        }
+    }
 }

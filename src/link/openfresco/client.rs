@@ -7,24 +7,20 @@
 //!
 //! Not here: what the numbers mean for the structure, and what to do about a fault; a fault is final.
 
-use super::asking::{Asking, Came, machine, pause, send, transport};
+use super::asking::{Asking, Came, Echo, machine, pause, send, transport};
+use super::below::Below;
 use super::error::{Lost, RemoteError, Saying};
 use super::settings::{Peer, RemoteSettings};
 use crate::link::Transport;
+use crate::link::socket::LOOK;
 use crate::rt::os;
 use crate::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Substructure,
     Unavailable,
 };
 use crate::time::Nanos;
-use crate::wire::openfresco::{Carrier, Matrix};
-
-fn name(carrier: Carrier) -> &'static str {
-    match carrier {
-        Carrier::Stream => "TCP",
-        Carrier::Datagrams => "UDP",
-    }
-}
+use crate::wire::not_foreign;
+use crate::wire::openfresco::Matrix;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Phase {
@@ -51,10 +47,12 @@ pub struct Remote {
     phase: Phase,
     sequence: u64,
     time: f64,
+    echo: Echo,
     sent_at: Nanos,
     reply_limit_ns: u64,
     initial_stiffness: Option<Vec<f64>>,
     complaint: Option<Lost>,
+    below: Below,
 }
 
 impl std::fmt::Debug for Remote {
@@ -96,10 +94,12 @@ impl Remote {
             phase: Phase::New,
             sequence: 0,
             time: 0.0,
+            echo: Echo::default(),
             sent_at: Nanos(0),
             reply_limit_ns: (settings.reply_limit_s * 1e9) as u64,
             initial_stiffness: None,
             complaint: None,
+            below: Below::default(),
             settings,
         })
     }
@@ -111,10 +111,12 @@ impl Remote {
     pub fn open(&mut self) -> Result<(), RemoteError> {
         let until = Nanos(os::monotonic_ns()).plus((self.settings.connect_limit_s * 1e9) as u64);
         self.link = Some(transport(&self.settings, until)?);
-        self.set_up(until)?;
-        if self.settings.peer == Peer::Element {
-            self.ask_stiffness(until)?;
+        let mut done = self.set_up(until);
+        if done.is_ok() && self.settings.peer == Peer::Element {
+            done = self.ask_stiffness(until);
         }
+        self.below.ask(self.link.as_deref());
+        done.map_err(|error| self.below.explain(error, self.settings.tls.is_none()))?;
         self.phase = Phase::Idle;
         Ok(())
     }
@@ -127,11 +129,11 @@ impl Remote {
 
     fn set_up(&mut self, until: Nanos) -> Result<(), RemoteError> {
         let say = Saying::new(&self.settings, "the set-up");
-        let opening = match &mut self.machine {
-            Asking::Client(client) => client.open(),
-            Asking::Shadow(shadow) => shadow.open(),
-        };
-        let opening = opening.map_err(|error| say.wire(error))?.to_vec();
+        let opening = self
+            .machine
+            .open()
+            .map_err(|error| say.wire(error))?
+            .to_vec();
         let hello = opening.len() == 1;
         self.send_raw(&opening).map_err(|fault| say.lost(fault))?;
         if !hello && matches!(self.machine, Asking::Client(_)) {
@@ -193,48 +195,49 @@ impl Remote {
             let Some(count) = link.recv(&mut self.buffer, until)? else {
                 return Err(Lost::Link(LinkFault::Timeout));
             };
-            let mut rest = self.buffer.get(..count).unwrap_or_default();
-            while !rest.is_empty() {
-                let (used, what) = self.machine.feed(rest)?;
-                if what != Came::Nothing {
-                    self.machine
-                        .answer_back(link.as_mut(), self.settings.carrier)?;
-                    came = what;
-                }
-                rest = rest.get(used.max(1)..).unwrap_or_default();
+            let bytes = self.buffer.get(..count).unwrap_or_default();
+            self.below.follow(bytes);
+            if self.phase == Phase::New {
+                not_foreign(bytes)?;
             }
+            let carrier = self.settings.carrier;
+            came = self.machine.digest(link.as_mut(), carrier, bytes)?;
         }
         Ok(came)
+    }
+
+    /// Answers have no numbers: one that is here before it was asked for (sent twice, or doubled by the network) would be
+    /// taken for the next, and from then on every force would be one step old without a sign of it. Real-time: yes.
+    fn nothing_unasked(&mut self) -> Result<(), Lost> {
+        let link = self.link.as_mut().ok_or(LinkFault::Closed)?;
+        let Some(count) = link.recv(&mut self.buffer, LOOK)? else {
+            return Ok(());
+        };
+        let bytes = self.buffer.get(..count).unwrap_or_default();
+        let carrier = self.settings.carrier;
+        // The machine refuses all but a greeting's answer that came twice.
+        self.machine
+            .digest(link.as_mut(), carrier, bytes)
+            .map(|_| ())
     }
 
     fn fault(&mut self, lost: impl Into<Lost>) -> LinkFault {
         let lost = lost.into();
         self.complaint = Some(lost);
+        self.below.ask(self.link.as_deref());
         self.phase = Phase::Faulted(lost.fault());
         lost.fault()
     }
 
     fn exchange_out(&mut self, command: &Command<'_>) -> Result<(), Lost> {
         let link = self.link.as_mut().ok_or(LinkFault::Closed)?;
-        let (bytes, message) = match &mut self.machine {
-            Asking::Client(client) => {
-                let message = client.vector_len();
-                (client.command(command)?, message)
-            }
-            Asking::Shadow(shadow) => {
-                let message = shadow.vector_len();
-                (shadow.command(command)?, message)
-            }
-        };
+        let (bytes, message) = self.machine.command(command)?;
         Ok(send(link.as_mut(), self.settings.carrier, bytes, message)?)
     }
 
     fn commit_out(&mut self) -> Result<(), Lost> {
         let link = self.link.as_mut().ok_or(LinkFault::Closed)?;
-        let bytes = match &mut self.machine {
-            Asking::Client(client) => client.commit(self.time)?,
-            Asking::Shadow(shadow) => shadow.commit(self.time)?,
-        };
+        let bytes = self.machine.commit(self.time)?;
         Ok(send(
             link.as_mut(),
             self.settings.carrier,
@@ -247,10 +250,7 @@ impl Remote {
     /// the far end has gone after the first.
     fn say_goodbye(&mut self) -> Result<(), Lost> {
         let link = self.link.as_mut().ok_or(LinkFault::Closed)?;
-        let (bytes, answered) = match &mut self.machine {
-            Asking::Client(client) => (client.die()?, false),
-            Asking::Shadow(shadow) => (shadow.die()?, true),
-        };
+        let (bytes, answered) = self.machine.die()?;
         send(link.as_mut(), self.settings.carrier, bytes, bytes.len())?;
         let until = Nanos(os::monotonic_ns()).plus(FAREWELL_NS);
         while answered && self.hear(until)? != Came::Farewell {}
@@ -278,7 +278,6 @@ impl Substructure for Remote {
         })?;
         let RemoteSettings {
             peer,
-            carrier,
             address,
             axes,
             ..
@@ -287,14 +286,19 @@ impl Substructure for Remote {
         let rows = self.initial_stiffness.as_deref().unwrap_or_default();
         let column = |j: usize| rows.iter().skip(j).step_by((*axes).max(1));
         Ok(Introduction {
-            peer: format!("{peer} at {address}, {}", name(*carrier)),
+            peer: format!("{peer} at {address}, {}", self.settings.carrier_name()),
             stiffness: (0..*axes).flat_map(column).copied().collect(),
             warnings: Vec::new(),
+            simulated: false,
         })
     }
 
     fn complaint(&self) -> Option<String> {
-        self.complaint.map(|lost| match lost {
+        let lost = self.complaint?;
+        if let Some(text) = self.below.text(self.settings.tls.is_none()) {
+            return Some(format!("{}: {text}", self.settings.address));
+        }
+        Some(match lost {
             Lost::Link(LinkFault::Timeout) => {
                 let seconds = self.settings.reply_limit_s;
                 format!(
@@ -322,7 +326,10 @@ impl Substructure for Remote {
         }
         self.sequence = command.sequence;
         self.time = command.time;
-        if let Err(lost) = self.exchange_out(command) {
+        let sent = self
+            .nothing_unasked()
+            .and_then(|()| self.exchange_out(command));
+        if let Err(lost) = sent {
             return Err(self.fault(lost));
         }
         self.sent_at = Nanos(os::monotonic_ns());
@@ -349,11 +356,8 @@ impl Substructure for Remote {
             }
             Phase::Answered | Phase::Committed => {}
         }
-        let filled = match &self.machine {
-            Asking::Client(client) => client.measurement(into),
-            Asking::Shadow(shadow) => shadow.measurement(into),
-        };
-        match filled {
+        let filled = self.machine.measurement(into);
+        match filled.and_then(|()| self.echo.check(self.time, into.time)) {
             Ok(()) => {
                 into.sequence = self.sequence;
                 Ok(Freshness::Fresh)
@@ -377,6 +381,21 @@ impl Substructure for Remote {
             }
             Phase::Answered | Phase::Committed if sequence <= self.sequence => Ok(()),
             _ => Err(self.fault(LinkFault::Refused)),
+        }
+    }
+
+    /// Between exchanges nothing comes but the end of the connection.
+    fn attend(&mut self) -> Result<(), LinkFault> {
+        if !matches!(self.phase, Phase::Idle | Phase::Answered | Phase::Committed) {
+            return Ok(());
+        }
+        let Some(link) = self.link.as_mut() else {
+            return Ok(());
+        };
+        match link.recv(&mut self.buffer, Nanos(0)) {
+            Ok(None) => Ok(()),
+            Ok(Some(_)) => Err(self.fault(LinkFault::Malformed)),
+            Err(fault) => Err(self.fault(fault)),
         }
     }
 

@@ -13,6 +13,7 @@ use rustix::net::{AddressFamily, SocketFlags, SocketType, sockopt};
 use thiserror::Error;
 
 use crate::link::socket::{ConnectError, SocketOptions, TcpTransport, UdpTransport, resolve};
+use crate::link::tls::TlsServer;
 use crate::wire::openfresco::Carrier;
 
 /// Why a port cannot be served.
@@ -32,7 +33,7 @@ pub enum DoorError {
     /// Other machines could command the specimen, and these protocols prove nobody's identity.
     #[error(
         "{address} can be reached from other machines, and OpenFresco's protocols know no key: name the one machine that \
-         may command the specimen (--client ADDRESS)"
+         may command the specimen (--client ADDRESS), or require certificates (--transport tls)"
     )]
     Open {
         /// Where.
@@ -47,7 +48,9 @@ pub enum DoorError {
 #[derive(Debug)]
 pub struct Door {
     pub(super) socket: Socket,
-    client: Option<IpAddr>,
+    /// Empty: everybody.
+    clients: Vec<IpAddr>,
+    pub(super) tls: Option<TlsServer>,
 }
 
 #[derive(Debug)]
@@ -67,22 +70,46 @@ pub(super) enum Caller {
 }
 
 impl Door {
-    /// Listens on "host:port"; port 0 lets the system choose. With `client`, everybody else is turned away; beyond
-    /// loopback it must be given.
+    /// Listens on "host:port"; port 0 lets the system choose. With `clients` (the addresses of one machine), everybody
+    /// else is turned away; beyond loopback they must be given.
     ///
     /// # Errors
     /// See [`DoorError`].
     pub fn bind(
         carrier: Carrier,
         address: &str,
-        client: Option<IpAddr>,
+        clients: impl IntoIterator<Item = IpAddr>,
+    ) -> Result<Self, DoorError> {
+        Self::open(carrier, address, clients.into_iter().collect(), None)
+    }
+
+    /// The same over TLS. Beyond loopback `clients` must be given, or certificates required of clients.
+    ///
+    /// # Errors
+    /// See [`DoorError`].
+    pub fn bind_tls(
+        address: &str,
+        clients: impl IntoIterator<Item = IpAddr>,
+        tls: TlsServer,
+    ) -> Result<Self, DoorError> {
+        let clients = clients.into_iter().collect();
+        Self::open(Carrier::Stream, address, clients, Some(tls))
+    }
+
+    fn open(
+        carrier: Carrier,
+        address: &str,
+        clients: Vec<IpAddr>,
+        tls: Option<TlsServer>,
     ) -> Result<Self, DoorError> {
         let addresses = resolve(address)?;
         let wrong = |source| DoorError::Bind {
             address: address.to_owned(),
             source,
         };
-        if let (None, Some(open)) = (client, addresses.iter().find(|a| !a.ip().is_loopback())) {
+        let proven =
+            !clients.is_empty() || tls.as_ref().is_some_and(TlsServer::requires_certificate);
+        if let (false, Some(open)) = (proven, addresses.iter().find(|a| !a.ip().is_loopback())) {
             return Err(DoorError::Open { address: *open });
         }
         let socket = match carrier {
@@ -95,7 +122,11 @@ impl Door {
             Socket::Udp(socket) => socket.set_nonblocking(true),
         }
         .map_err(wrong)?;
-        Ok(Self { socket, client })
+        Ok(Self {
+            socket,
+            clients,
+            tls,
+        })
     }
 
     /// What carries the bytes.
@@ -120,8 +151,9 @@ impl Door {
 
     /// True for who may command the specimen.
     pub(super) fn admits(&self, caller: SocketAddr) -> bool {
-        self.client
-            .is_none_or(|client| client.to_canonical() == caller.ip().to_canonical())
+        let caller = caller.ip().to_canonical();
+        let named = |client: &IpAddr| client.to_canonical() == caller;
+        self.clients.is_empty() || self.clients.iter().any(named)
     }
 
     /// Waits up to `wait_ns` for somebody. May return `None` early.

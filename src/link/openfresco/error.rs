@@ -6,6 +6,7 @@ use super::settings::RemoteSettings;
 use crate::link::socket::ConnectError;
 use crate::substructure::LinkFault;
 use crate::wire::WireError;
+use crate::wire::openfresco::Carrier;
 
 /// Why there is no link to a specimen. Nothing was moved.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -14,7 +15,7 @@ pub enum RemoteError {
     #[error(transparent)]
     Connect(#[from] ConnectError),
     /// The settings, or what the peer answered, cannot be.
-    #[error("{address}: {what}: {source}")]
+    #[error("{address}: {what}: {source}{}", hint(*source))]
     Wire {
         /// Where to.
         address: String,
@@ -24,13 +25,23 @@ pub enum RemoteError {
         source: WireError,
     },
     /// The link was lost while it was set up.
-    #[error("{address}: {what}: {fault}")]
+    #[error("{address}: {what}: {fault}{}", closing(*fault))]
     Lost {
         /// Where to.
         address: String,
         /// What was being done.
         what: &'static str,
         /// How.
+        fault: LinkFault,
+    },
+    /// The transport was lost, or hangs, and knows why.
+    #[error("{address}: {text}")]
+    Below {
+        /// Where to.
+        address: String,
+        /// Why.
+        text: String,
+        /// The kind of the fault.
         fault: LinkFault,
     },
     /// The peer did not answer in time.
@@ -57,6 +68,30 @@ pub enum RemoteError {
     },
 }
 
+/// These programs give no reasons: what was wrong must be guessed from when they fall silent.
+fn closing(fault: LinkFault) -> &'static str {
+    match fault {
+        LinkFault::Closed => {
+            " (a genuine server does that to a second client, to sizes that are not its own, and to what is not its \
+             protocol: compare the number of axes, `protocol` and the port)"
+        }
+        _ => "",
+    }
+}
+
+fn hint(error: WireError) -> &'static str {
+    match error {
+        WireError::SiteVersion { .. } => " (set `version` in `[specimen.link.openfresco]`)",
+        WireError::Foreign { .. }
+        | WireError::NotFinite { .. }
+        | WireError::Action { .. }
+        | WireError::Count { .. } => {
+            " (is it the right port, and does `protocol` name what it speaks?)"
+        }
+        _ => "",
+    }
+}
+
 impl RemoteError {
     /// The configuration key to point at.
     #[must_use]
@@ -64,7 +99,9 @@ impl RemoteError {
         match self {
             Self::Setting { name, .. } => name,
             Self::Wire { .. } => "openfresco",
-            Self::Connect(_) | Self::Lost { .. } | Self::Timeout { .. } => "address",
+            Self::Connect(_) | Self::Lost { .. } | Self::Below { .. } | Self::Timeout { .. } => {
+                "address"
+            }
         }
     }
 
@@ -72,9 +109,10 @@ impl RemoteError {
     #[must_use]
     pub fn fault(&self) -> LinkFault {
         match self {
+            Self::Connect(ConnectError::Tls { fault, .. }) => fault.link(),
             Self::Connect(_) | Self::Setting { .. } => LinkFault::Closed,
             Self::Wire { source, .. } => source.fault(),
-            Self::Lost { fault, .. } => *fault,
+            Self::Lost { fault, .. } | Self::Below { fault, .. } => *fault,
             Self::Timeout { .. } => LinkFault::Timeout,
         }
     }
@@ -111,6 +149,7 @@ impl From<WireError> for Lost {
 /// Puts names on what goes wrong in the set-up.
 pub(super) struct Saying {
     address: String,
+    carrier: Carrier,
     seconds: f64,
     what: &'static str,
 }
@@ -119,6 +158,7 @@ impl Saying {
     pub(super) fn new(settings: &RemoteSettings, what: &'static str) -> Self {
         Self {
             address: settings.address.clone(),
+            carrier: settings.carrier,
             seconds: settings.connect_limit_s,
             what,
         }
@@ -135,6 +175,10 @@ impl Saying {
     pub(super) fn lost(&self, fault: LinkFault) -> RemoteError {
         let (address, what) = (self.address.clone(), self.what);
         match fault {
+            // No datagram closes anything: the machine itself says that nobody has the port.
+            LinkFault::Closed if self.carrier == Carrier::Datagrams => {
+                ConnectError::Refused { address }.into()
+            }
             LinkFault::Timeout => RemoteError::Timeout {
                 address,
                 what,

@@ -1,4 +1,4 @@
-//! OpenFresco and OpenSees across a socket, in every role but TLS.
+//! OpenFresco and OpenSees across a socket, in every role, over TCP, UDP and TLS.
 //!
 //! | item | dialect | speaks with |
 //! |---|---|---|
@@ -11,19 +11,21 @@
 //! | [`Remote`], [`Peer::Adapter`] | C | OpenSees `adapter`, `actuator`, `corotActuator` |
 //!
 //! Run against the real OpenSees: dialect A as a server, dialect C as a client, TCP and UDP. Dialects B and D and the
-//! client of dialect A were not run against the real program here: recorded exchanges and our own two ends are
-//! their tests. TLS is not spoken yet.
+//! client of dialect A were not run against the real program here, nor was TLS: recorded exchanges and our own two
+//! ends are their tests.
 //!
 //! What these protocols cannot do, whoever speaks them: no sequence numbers, no checksums, no time limits, no
 //! error messages, no way to resume. Our side adds time limits and checks of every size; a lost UDP datagram still
 //! ends the test.
 
 mod asking;
+mod below;
 mod client;
 mod dialect;
 mod door;
 mod error;
 mod host;
+mod knock;
 mod server;
 mod settings;
 mod spec;

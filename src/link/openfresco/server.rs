@@ -2,15 +2,18 @@
 //!
 //! Invariants: no wait is without a limit; a client that has gone (end of stream, a reset, a half-open connection, UDP
 //! silence) leaves the specimen at its last committed state and the port free; every message is answered by one
-//! write, with acknowledgements not delayed, and nothing is allocated for it once the sizes have come. What is
-//! not here: the meaning of bytes (`dialect`), of commands (`host`), and text on a terminal.
+//! write, with acknowledgements not delayed, and nothing is allocated for it once the sizes have come (but over TLS, where
+//! encrypting allocates). What is not here: the meaning of bytes (`dialect`), of commands (`host`), and text on a terminal.
 
 use std::net::SocketAddr;
 
 use super::dialect::{ExchangeFault, Machine, Role, Said};
-use super::door::{Caller, Door, DoorError, Socket, socket_to, stream_to, watch_over};
+use super::door::{Caller, Door, DoorError, Socket, socket_to, watch_over};
 use super::host::{Host, HostFault, Tally};
+use super::knock::line_to;
 use crate::link::Transport;
+use crate::link::rig::{Close, Trip, Visitor};
+use crate::link::tls::{TlsFault, is_client_hello};
 use crate::rt::os::monotonic_ns;
 use crate::substructure::LinkFault;
 use crate::time::Nanos;
@@ -56,10 +59,37 @@ pub enum End {
     Silent(f64),
     /// It connected and sent no sizes for so long, in s.
     NoSizes(f64),
+    /// There was no TLS session, or it broke.
+    Tls(TlsFault),
+    /// It speaks TLS, and plain TCP is served.
+    SpeaksTls,
     /// Its bytes, or what they ask for, cannot be.
     Refused(ExchangeFault),
     /// The server was told to stop.
     Stopped,
+}
+
+impl End {
+    /// As it stands in the summary of the log.
+    const fn close(&self) -> Close {
+        match self {
+            Self::Finished => Close::Completed,
+            Self::Stopped => Close::Interrupted,
+            Self::Refused(ExchangeFault::Host(
+                HostFault::Tripped(
+                    Trip::Limit(_) | Trip::NotFinite { .. } | Trip::Interlock | Trip::Saturated,
+                )
+                | HostFault::TakenBack { .. },
+            )) => Close::Stopped,
+            Self::Vanished
+            | Self::Tls(_)
+            | Self::SpeaksTls
+            | Self::Lost(_)
+            | Self::Silent(_)
+            | Self::NoSizes(_)
+            | Self::Refused(_) => Close::Failed,
+        }
+    }
 }
 
 impl std::fmt::Display for End {
@@ -73,6 +103,13 @@ impl std::fmt::Display for End {
                 f,
                 "the client sent no sizes within {seconds} s: it is no OpenFresco client, or the wrong dialect is served"
             ),
+            Self::Tls(TlsFault::NotTls) => {
+                f.write_str("TLS: it speaks no TLS, and TLS is served here (--transport tls)")
+            }
+            Self::Tls(fault) => write!(f, "TLS: {fault}"),
+            Self::SpeaksTls => f.write_str(
+                "refused: it speaks TLS, and plain TCP is served here (--transport tls)",
+            ),
             Self::Refused(fault) => write!(f, "refused: {fault}"),
             Self::Stopped => f.write_str("the server was told to stop"),
         }
@@ -80,12 +117,14 @@ impl std::fmt::Display for End {
 }
 
 /// What a server has to tell.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum News {
     /// Somebody came to the free port.
     Connected(SocketAddr),
     /// The sizes are agreed: the test may begin.
     Ready(SocketAddr, Sizes),
+    /// Something about the specimen or its log, when a test begins.
+    Told(SocketAddr, String),
     /// Somebody came while a client is served, and was turned away.
     TurnedAway(SocketAddr),
     /// Somebody came from a machine that may not command the specimen, and was turned away.
@@ -115,6 +154,7 @@ impl std::fmt::Display for News {
                     sizes.data_size()
                 )
             }
+            Self::Told(_, text) => f.write_str(text),
             Self::TurnedAway(peer) => write!(f, "{peer} was turned away: a client is being served"),
             Self::NotAdmitted(peer) => write!(
                 f,
@@ -135,7 +175,7 @@ impl std::fmt::Display for News {
 }
 
 /// The server looks for strangers and for the word to stop this often.
-const LOOK_NS: u64 = 50_000_000;
+pub(super) const LOOK_NS: u64 = 50_000_000;
 /// After the goodbye the client is given so long to close first.
 const LINGER_NS: u64 = 500_000_000;
 /// Longest chunk that is read at once; no datagram is longer.
@@ -164,16 +204,15 @@ pub fn serve_openfresco(
             continue;
         }
         let mut machine = Machine::new(settings.role, door.carrier(), host.axes());
-        let ready = host.begin();
         let (peer, end) = match (caller, &door.socket) {
             (Caller::Stream(stream, peer), _) => {
                 tell(&News::Connected(peer));
                 // A kernel that refuses to watch serves all the same.
                 let _ = watch_over(&stream);
-                let end = match (ready, stream_to(stream)) {
-                    (Err(fault), _) => End::Refused(fault.into()),
-                    (_, Err(_)) => End::Vanished,
-                    (Ok(()), Ok(mut link)) => Attendance {
+                let line = line_to(door, stream, settings, stop, tell, &mut waste);
+                let end = match line {
+                    Err(end) => end,
+                    Ok(mut link) => Attendance {
                         door,
                         peer,
                         settings,
@@ -181,7 +220,7 @@ pub fn serve_openfresco(
                         tell,
                     }
                     .attend(
-                        &mut link,
+                        link.as_mut(),
                         &mut machine,
                         host,
                         &[],
@@ -209,29 +248,32 @@ pub fn serve_openfresco(
                         tell(&News::TurnedAway(from));
                     }
                 }
-                let end = match ready {
-                    Err(fault) => End::Refused(fault.into()),
-                    Ok(()) => Attendance {
-                        door,
-                        peer,
-                        settings,
-                        stop,
-                        tell,
-                    }
-                    .attend(
-                        &mut link,
-                        &mut machine,
-                        host,
-                        &early,
-                        (&mut buffer, &mut waste),
-                    ),
+                let attendance = Attendance {
+                    door,
+                    peer,
+                    settings,
+                    stop,
+                    tell,
                 };
-                (peer, end)
+                let room = (&mut buffer[..], &mut waste[..]);
+                (
+                    peer,
+                    attendance.attend(&mut link, &mut machine, host, &early, room),
+                )
             }
             (Caller::Datagram(..), Socket::Tcp(_)) => continue,
         };
-        host.abandon();
-        tell(&News::Ended(peer, end, host.tally()));
+        let tally = if host.has_begun() {
+            host.tally()
+        } else {
+            Tally::default()
+        };
+        let whole = match end {
+            End::Refused(ExchangeFault::Host(fault)) => host.whole(fault),
+            end => end.to_string(),
+        };
+        host.end(end.close(), &whole);
+        tell(&News::Ended(peer, end, tally));
     }
     Ok(())
 }
@@ -277,8 +319,7 @@ impl Attendance<'_> {
                     }
                 }
                 Ok(None) => {}
-                Err(LinkFault::Closed) => return End::Vanished,
-                Err(fault) => return End::Lost(fault),
+                Err(fault) => return lost(link, fault),
             }
             let now = monotonic_ns();
             if now < look_at {
@@ -294,6 +335,9 @@ impl Attendance<'_> {
             });
             if (self.stop)() {
                 return End::Stopped;
+            }
+            if let Err(fault) = host.attend() {
+                return fault.into();
             }
             let limit = self.settings.setup_limit_s;
             if !ready && seconds(now, connected) > limit {
@@ -316,6 +360,9 @@ impl Attendance<'_> {
         host: &mut Host,
         ready: &mut bool,
     ) -> Result<bool, End> {
+        if !*ready && matches!(self.door.socket, Socket::Tcp(_)) && is_client_hello(bytes) {
+            return Err(End::SpeaksTls);
+        }
         let mut rest = bytes;
         while !rest.is_empty() {
             let piece = match self.door.socket {
@@ -324,16 +371,27 @@ impl Attendance<'_> {
             };
             let heard = machine.hear(rest, host).map_err(End::Refused)?;
             for part in datagrams(heard.reply, heard.reply.len(), piece) {
-                link.send(part).map_err(|fault| match fault {
-                    LinkFault::Closed => End::Vanished,
-                    fault => End::Lost(fault),
-                })?;
+                if let Err(fault) = link.send(part) {
+                    return Err(lost(link, fault));
+                }
             }
             match heard.said {
                 Said::Nothing => {}
                 Said::Ready(sizes) => {
                     *ready = true;
                     (self.tell)(&News::Ready(self.peer, sizes));
+                    if host.has_begun() {
+                        continue;
+                    }
+                    // Only now: a stranger who merely connects must not make a specimen move.
+                    let begun = host.begin(&Visitor::unnamed(self.peer));
+                    let told = begun.map_err(|text| {
+                        (self.tell)(&News::Told(self.peer, text));
+                        End::from(HostFault::Unavailable)
+                    })?;
+                    for text in told {
+                        (self.tell)(&News::Told(self.peer, text));
+                    }
                 }
                 Said::InitLine => (self.tell)(&News::InitLine),
                 Said::Ignored(code) => (self.tell)(&News::Ignored(code)),
@@ -360,6 +418,14 @@ impl Attendance<'_> {
 impl From<HostFault> for End {
     fn from(fault: HostFault) -> Self {
         Self::Refused(fault.into())
+    }
+}
+
+fn lost(link: &dyn Transport, fault: LinkFault) -> End {
+    match (link.tls_fault(), fault) {
+        (Some(why), _) => End::Tls(why),
+        (None, LinkFault::Closed) => End::Vanished,
+        (None, fault) => End::Lost(fault),
     }
 }
 

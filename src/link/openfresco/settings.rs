@@ -1,6 +1,7 @@
 //! How to reach a specimen behind OpenFresco or OpenSees, with the defaults that suit the current programs.
 
 use crate::link::socket::Wait;
+use crate::link::tls::TlsClient;
 use crate::wire::WireError;
 use crate::wire::openfresco::{
     Carrier, Counts, DEFAULT_DATA_SIZE, Peer as Program, Sizes, UdpGreeting,
@@ -60,6 +61,8 @@ pub struct RemoteSettings {
     pub reply_limit_s: f64,
     /// How waits are spent.
     pub wait: Wait,
+    /// With it the stream is TLS.
+    pub tls: Option<TlsClient>,
 }
 
 impl RemoteSettings {
@@ -99,6 +102,15 @@ impl RemoteSettings {
             connect_limit_s: 10.0,
             reply_limit_s: 5.0,
             wait: Wait::default(),
+            tls: None,
+        }
+    }
+
+    pub(super) const fn carrier_name(&self) -> &'static str {
+        match (self.carrier, &self.tls) {
+            (Carrier::Stream, Some(_)) => "TLS",
+            (Carrier::Stream, None) => "TCP",
+            (Carrier::Datagrams, _) => "UDP",
         }
     }
 

@@ -1,7 +1,5 @@
 //! `[specimen.link.openfresco]`: what the set-up of these protocols cannot find out by itself.
 
-use std::net::IpAddr;
-
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -43,11 +41,10 @@ pub struct OpenFrescoSpec {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct OpenFrescoServeSpec {
-    /// Address of the one machine that may command the specimen; everybody else is turned away. Required beyond
-    /// loopback, for these protocols know no key.
+    /// Name or address of the one machine that may command the specimen; everybody else is turned away. Required beyond
+    /// loopback, for these protocols know no key, unless TLS requires certificates.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(with = "Option<String>")]
-    pub client: Option<IpAddr>,
+    pub client: Option<String>,
     /// Silence in s after which a client counts as gone. Default: none over TCP, where the connection shows it; 60 over
     /// UDP.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -86,7 +83,7 @@ impl RemoteSettings {
             (Protocol::OpenFrescoAdapter, _) => Peer::Adapter,
         };
         let carrier = match spec.transport {
-            Carrier::Tcp => Bytes::Stream,
+            Carrier::Tcp | Carrier::Tls => Bytes::Stream,
             Carrier::Udp => Bytes::Datagrams,
         };
         let mut settings = Self::new(peer, carrier, spec.address.clone(), axes);

@@ -1,18 +1,21 @@
-//! The far end: hosts a specimen for controllers that speak our own protocol.
+//! The far end: hosts a specimen, a formula or one across another link, for controllers that speak our own protocol.
 //!
 //! An asynchronous runtime on the caller's thread accepts, greets and refuses; a thread of its own commands the
 //! specimen once a controller has armed it. Guarantees: one controller at a time, one test after another, each
-//! with a specimen in its virgin state; a second controller, a stranger or nonsense is refused and named, and cannot
-//! reach the data thread; beyond loopback a key is required; every wait has an end.
+//! with a specimen in its virgin state, or a connection of its own to it; a second controller, a stranger or nonsense is
+//! refused and named, and cannot reach the data thread; beyond loopback a key or TLS is required; every wait has an end.
 
+mod caller;
 mod data;
 mod greet;
 mod heard;
+mod host;
 mod stand;
 mod tcp;
 mod udp;
 
 pub use heard::Heard;
+pub use host::{Build, Host};
 
 use std::future::Future;
 use std::net::SocketAddr;
@@ -24,67 +27,15 @@ use thiserror::Error;
 use tokio::sync::mpsc::UnboundedSender;
 
 use super::spec::Carrier;
+use super::tls::{TlsFault, TlsServer, TlsStream};
 use super::{ConnectError, TcpTransport, Transport, UdpTransport, Wait, socket};
 use crate::rt::RtPlan;
-use crate::specimen::Specimen;
 use crate::substructure::LinkFault;
 use crate::time::Nanos;
-use crate::wire::handshake::Axis;
 use crate::wire::key::PreSharedKey;
 
 /// Where a server listens unless told otherwise.
 pub const USUAL_LISTEN: &str = "127.0.0.1:4823";
-
-/// A specimen to be hosted, and how to make it anew for each test.
-pub struct Host {
-    name: String,
-    axes: Vec<Axis>,
-    stiffness: Vec<f64>,
-    build: Build,
-}
-
-/// Makes a specimen in its virgin state, or says why not.
-pub type Build = Box<dyn Fn() -> Result<Box<dyn Specimen>, String> + Send + Sync>;
-
-impl std::fmt::Debug for Host {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Host")
-            .field("name", &self.name)
-            .field("axes", &self.axes)
-            .finish_non_exhaustive()
-    }
-}
-
-impl Host {
-    /// The specimen in its virgin state, in the units of its axes.
-    ///
-    /// # Errors
-    /// What its maker says.
-    pub fn specimen(&self) -> Result<Box<dyn Specimen>, String> {
-        (self.build)()
-    }
-
-    /// `build` makes the specimen in the units of `axes`, with as many axes.
-    ///
-    /// # Errors
-    /// What `build` says, or another number of axes.
-    pub fn new(name: String, axes: Vec<Axis>, build: Build) -> Result<Self, String> {
-        let n = axes.len();
-        let (mut stiffness, mut other) = (vec![0.0; n * n], vec![0.0; n * n]);
-        let mut mass = other.clone();
-        let specimen = build()?;
-        if specimen.axes() != n {
-            return Err(format!("{n} axes wanted, {} found", specimen.axes()));
-        }
-        specimen.reference(&mut stiffness, &mut other, &mut mass);
-        Ok(Self {
-            name,
-            axes,
-            stiffness,
-            build,
-        })
-    }
-}
 
 /// How a server listens.
 #[derive(Debug, Clone)]
@@ -118,12 +69,15 @@ pub enum ServeError {
     },
     /// Other machines could command the specimen.
     #[error(
-        "{address} can be reached from other machines: a pre-shared key is required there (--key FILE)"
+        "{address} can be reached from other machines: a pre-shared key is required there (--key FILE), or --transport tls"
     )]
     Open {
         /// Where.
         address: SocketAddr,
     },
+    /// TLS is wanted, and nobody gave a certificate.
+    #[error("TLS wants a certificate, a key and an authority")]
+    Bare,
     /// The system gives no thread or runtime.
     #[error("the server cannot be started: {0}")]
     Start(std::io::Error),
@@ -133,6 +87,7 @@ pub enum ServeError {
 struct Desk {
     host: Host,
     key: Option<PreSharedKey>,
+    tls: Option<TlsServer>,
     spin_ns: u64,
     /// A controller has armed the specimen.
     present: AtomicBool,
@@ -174,6 +129,7 @@ enum Listener {
 pub struct Server {
     host: Host,
     options: ServeOptions,
+    tls: Option<TlsServer>,
     listener: Listener,
     address: SocketAddr,
 }
@@ -193,6 +149,31 @@ impl Server {
     /// # Errors
     /// See [`ServeError`].
     pub fn bind(host: Host, options: ServeOptions) -> Result<Self, ServeError> {
+        match options.carrier {
+            Carrier::Tls => Err(ServeError::Bare),
+            Carrier::Tcp | Carrier::Udp => Self::listen(host, options, None),
+        }
+    }
+
+    /// The same over TLS, whatever carrier the options name. Clients must show a certificate, so no key is needed beyond
+    /// loopback.
+    ///
+    /// # Errors
+    /// See [`ServeError`].
+    pub fn bind_tls(
+        host: Host,
+        mut options: ServeOptions,
+        tls: TlsServer,
+    ) -> Result<Self, ServeError> {
+        options.carrier = Carrier::Tls;
+        Self::listen(host, options, Some(tls))
+    }
+
+    fn listen(
+        host: Host,
+        options: ServeOptions,
+        tls: Option<TlsServer>,
+    ) -> Result<Self, ServeError> {
         let wrong = |source| ServeError::Listen {
             address: options.listen.clone(),
             source,
@@ -200,6 +181,7 @@ impl Server {
         let addresses = socket::resolve(&options.listen)?;
         if let Some(open) = addresses.iter().find(|a| !a.ip().is_loopback())
             && options.key.is_none()
+            && !tls.as_ref().is_some_and(TlsServer::requires_certificate)
         {
             return Err(ServeError::Open { address: *open });
         }
@@ -207,7 +189,7 @@ impl Server {
             return Err(wrong(std::io::ErrorKind::AddrNotAvailable.into()));
         };
         let listener = match options.carrier {
-            Carrier::Tcp => std::net::TcpListener::bind(*first)
+            Carrier::Tcp | Carrier::Tls => std::net::TcpListener::bind(*first)
                 .and_then(|listener| {
                     listener.set_nonblocking(true)?;
                     Ok(Listener::Tcp(listener))
@@ -223,6 +205,7 @@ impl Server {
         Ok(Self {
             host,
             options,
+            tls,
             listener,
             address,
         })
@@ -255,6 +238,7 @@ impl Server {
         let desk = Arc::new(Desk {
             host: self.host,
             key: self.options.key,
+            tls: self.tls,
             spin_ns: self.options.spin_ns,
             present: AtomicBool::new(false),
             waiting: AtomicUsize::new(0),
@@ -302,6 +286,7 @@ impl Server {
 enum Line {
     Tcp(TcpTransport),
     Udp(UdpTransport),
+    Tls(Box<TlsStream>),
 }
 
 impl Line {
@@ -309,6 +294,7 @@ impl Line {
         match self {
             Line::Tcp(tcp) => tcp.set_wait(wait),
             Line::Udp(udp) => udp.set_wait(wait),
+            Line::Tls(tls) => tls.set_wait(wait),
         }
     }
 }
@@ -318,6 +304,7 @@ impl Transport for Line {
         match self {
             Line::Tcp(tcp) => tcp.send(frame),
             Line::Udp(udp) => udp.send(frame),
+            Line::Tls(tls) => tls.send(frame),
         }
     }
 
@@ -325,6 +312,14 @@ impl Transport for Line {
         match self {
             Line::Tcp(tcp) => tcp.recv(buffer, deadline),
             Line::Udp(udp) => udp.recv(buffer, deadline),
+            Line::Tls(tls) => tls.recv(buffer, deadline),
+        }
+    }
+
+    fn tls_fault(&self) -> Option<TlsFault> {
+        match self {
+            Line::Tcp(_) | Line::Udp(_) => None,
+            Line::Tls(tls) => tls.tls_fault(),
         }
     }
 }

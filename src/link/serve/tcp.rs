@@ -1,20 +1,20 @@
 //! TCP: accept, greet, hand over.
 
-use std::io;
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::time::timeout;
 
+use super::caller::{Caller, Lost};
 use super::data::Session;
 use super::greet::{self, Greeted};
-use super::{Desk, Heard, Line};
+use super::{Desk, Heard};
 use crate::link::inbox::Inbox;
-use crate::link::{SocketOptions, TcpTransport, Transport};
+use crate::link::tls::is_client_hello;
+use crate::wire::handshake::Arm;
 use crate::wire::native::{Decoder, Frame};
 use crate::wire::{Side, WireError};
 
@@ -55,13 +55,28 @@ enum Ended {
     Refused(String, Vec<u8>),
 }
 
-impl From<io::Error> for Ended {
-    fn from(_: io::Error) -> Self {
-        Ended::Gone
+impl From<Lost> for Ended {
+    fn from(lost: Lost) -> Self {
+        match lost {
+            Lost::Gone => Ended::Gone,
+            Lost::Tls(text) => Ended::Refused(text, Vec::new()),
+        }
     }
 }
 
-async fn attend(mut stream: TcpStream, peer: SocketAddr, desk: &Desk) {
+async fn attend(stream: TcpStream, peer: SocketAddr, desk: &Desk) {
+    let let_in = Caller::let_in(stream, desk.tls.as_ref());
+    let refused = match timeout(HELLO_LIMIT, let_in).await {
+        Ok(Ok(caller)) => return greet(caller, peer, desk).await,
+        Ok(Err(lost)) => lost.into(),
+        Err(_) => silent("end of the TLS handshake", HELLO_LIMIT),
+    };
+    if let Ended::Refused(text, _) = refused {
+        desk.tell(Heard::Refused { peer, text });
+    }
+}
+
+async fn greet(mut stream: Caller, peer: SocketAddr, desk: &Desk) {
     let mut inbox = Inbox::new(true);
     let outcome = async {
         let greeted = match timeout(HELLO_LIMIT, hello(&mut stream, &mut inbox, desk)).await {
@@ -79,16 +94,14 @@ async fn attend(mut stream: TcpStream, peer: SocketAddr, desk: &Desk) {
         }
     };
     match outcome.await {
-        Ok((greeted, first, answer)) => {
-            hand_over(stream, peer, desk, inbox, greeted, first, &answer)
-        }
+        Ok((greeted, arm)) => hand_over(stream, peer, desk, inbox, greeted, arm),
         Err(Ended::Gone) => {}
         Err(Ended::Refused(text, last)) => {
             desk.tell(Heard::Refused { peer, text });
             // A peer that does not take the reason does without it.
             let _ = timeout(HELLO_LIMIT, async {
-                stream.write_all(&last).await?;
-                stream.shutdown().await
+                let _ = stream.write_all(&last).await;
+                stream.shutdown().await;
             })
             .await;
         }
@@ -102,7 +115,7 @@ fn silent(what: &str, limit: Duration) -> Ended {
 
 /// The next whole frame of the stream, given to `open`.
 async fn next<R>(
-    stream: &mut TcpStream,
+    stream: &mut Caller,
     inbox: &mut Inbox,
     mut open: impl FnMut(&[u8]) -> Result<Option<R>, Ended>,
 ) -> Result<R, Ended> {
@@ -112,14 +125,22 @@ async fn next<R>(
                 return Ok(found);
             }
         }
-        match stream.read(inbox.space()).await? {
-            0 => return Err(Ended::Gone),
-            count => inbox.filled(count),
-        }
+        let count = stream.read(inbox.space()).await?;
+        inbox.filled(count);
     }
 }
 
 fn malformed(error: WireError) -> Ended {
+    if let WireError::Magic { found, .. } = error
+        && is_client_hello(&found)
+    {
+        // What a TLS client understands is that this is none.
+        let text = "it speaks TLS, and plain TCP is served here (--transport tls)";
+        return Ended::Refused(
+            text.to_owned(),
+            greet::refusal(greet::nonsense(error), None),
+        );
+    }
     refused(greet::nonsense(error))
 }
 
@@ -128,7 +149,7 @@ fn refused(refuse: crate::wire::handshake::Refuse) -> Ended {
     Ended::Refused(text, greet::refusal(refuse, None))
 }
 
-async fn hello(stream: &mut TcpStream, inbox: &mut Inbox, desk: &Desk) -> Result<Greeted, Ended> {
+async fn hello(stream: &mut Caller, inbox: &mut Inbox, desk: &Desk) -> Result<Greeted, Ended> {
     let mut decoder = Decoder::greeting(Side::Controller);
     let greeted = next(stream, inbox, |frame| {
         let received = decoder.open(frame).map_err(malformed)?;
@@ -142,21 +163,21 @@ async fn hello(stream: &mut TcpStream, inbox: &mut Inbox, desk: &Desk) -> Result
     Ok(greeted)
 }
 
-/// Waits for the arming; on return the specimen is reserved for this controller.
+/// Waits for the request to arm; on return the specimen is reserved for this controller, which is still owed an answer.
 async fn arming(
-    stream: &mut TcpStream,
+    stream: &mut Caller,
     inbox: &mut Inbox,
     desk: &Desk,
     mut greeted: Greeted,
-) -> Result<(Greeted, u64, Vec<u8>), Ended> {
-    let (first, message) = next(stream, inbox, |frame| {
+) -> Result<(Greeted, Arm), Ended> {
+    let arm = next(stream, inbox, |frame| {
         let received = greeted.decoder.open(frame).map_err(malformed)?;
         let Frame::Control(message) = received.frame else {
             return Ok(None);
         };
         let outcome = match greeted.arming(message) {
             Ok(Some(_)) if !desk.take() => Err(greet::busy()),
-            Ok(Some((arm, answer))) => return Ok(Some((arm.first_sequence, answer))),
+            Ok(Some(arm)) => return Ok(Some(arm)),
             Ok(None) => return Err(Ended::Gone),
             Err(refuse) => Err(refuse),
         };
@@ -166,31 +187,20 @@ async fn arming(
         })
     })
     .await?;
-    let answer = greeted.frame(&message);
-    Ok((greeted, first, answer))
+    Ok((greeted, arm))
 }
 
 fn hand_over(
-    stream: TcpStream,
+    stream: Caller,
     peer: SocketAddr,
     desk: &Desk,
     inbox: Inbox,
     greeted: Greeted,
-    first_sequence: u64,
-    answer: &[u8],
+    arm: Arm,
 ) {
-    let line = stream
-        .into_std()
-        .map_err(|error| error.to_string())
-        .and_then(|stream| {
-            TcpTransport::from_stream(stream, SocketOptions::default()).map_err(|e| e.to_string())
-        })
-        .and_then(|mut tcp| {
-            tcp.send(answer).map_err(|fault| fault.to_string())?;
-            Ok(Line::Tcp(tcp))
-        });
+    let line = stream.into_line();
     match line {
-        Ok(line) => Session::start(desk, line, inbox, peer, greeted, first_sequence),
+        Ok(line) => Session::start(desk, line, inbox, peer, greeted, arm),
         Err(text) => {
             desk.give_back();
             desk.tell(Heard::Refused { peer, text });

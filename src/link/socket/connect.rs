@@ -1,10 +1,12 @@
 //! Names to addresses, and why there is no connection.
 
 use std::io;
-use std::net::{SocketAddr, ToSocketAddrs};
+use std::net::{IpAddr, SocketAddr, ToSocketAddrs};
 use std::time::Duration;
 
 use thiserror::Error;
+
+use crate::link::tls::TlsFault;
 
 /// Why there is no connection.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -19,6 +21,16 @@ pub enum ConnectError {
         /// The system's word.
         reason: String,
     },
+    /// The name of a machine means nothing.
+    #[error(
+        "{host:?} names no machine: {reason} (wanted a host name or an address, without a port)"
+    )]
+    Host {
+        /// As given.
+        host: String,
+        /// The system's word.
+        reason: String,
+    },
     /// Nobody listens there.
     #[error(
         "{address} refused the connection: nothing listens on that port; is the specimen's end running?"
@@ -28,7 +40,9 @@ pub enum ConnectError {
         address: String,
     },
     /// No way to the machine.
-    #[error("{address} is unreachable: {reason}")]
+    #[error(
+        "{address} is unreachable: {reason}; is the address right, the cable in, and a route there?"
+    )]
     Unreachable {
         /// Where to.
         address: String,
@@ -45,6 +59,20 @@ pub enum ConnectError {
         /// The time limit.
         seconds: f64,
     },
+    /// There is a connection, and no TLS session on it.
+    #[error(
+        "{address}: TLS: {fault}{}{}",
+        detail.as_ref().map_or_else(String::new, |detail| format!(" ({detail})")),
+        advice(*fault)
+    )]
+    Tls {
+        /// Where to.
+        address: String,
+        /// Why.
+        fault: TlsFault,
+        /// More about it.
+        detail: Option<String>,
+    },
     /// The socket cannot be made or set up.
     #[error("{address}: {what}: {reason}")]
     Socket {
@@ -57,8 +85,21 @@ pub enum ConnectError {
     },
 }
 
+/// What to do about it.
+const fn advice(fault: TlsFault) -> &'static str {
+    match fault {
+        TlsFault::NotTls => {
+            " (set `transport = \"tcp\"`, or start the far end with `--transport tls`)"
+        }
+        TlsFault::OtherName => {
+            " (make its certificate for this name, name the right one with `server_name`, or set `check_name = false`)"
+        }
+        _ => "",
+    }
+}
+
 impl ConnectError {
-    pub(super) fn socket(address: &str, what: &'static str, error: &io::Error) -> Self {
+    pub(in crate::link) fn socket(address: &str, what: &'static str, error: &io::Error) -> Self {
         Self::Socket {
             address: address.to_owned(),
             what,
@@ -101,5 +142,47 @@ pub fn resolve(address: &str) -> Result<Vec<SocketAddr>, ConnectError> {
         Err(refused("the name has no address".to_owned()))
     } else {
         Ok(found)
+    }
+}
+
+/// All addresses of a machine that is named without a port: "rig.lab", "192.0.2.7", "2001:db8::7" or "[2001:db8::7]"; never
+/// empty.
+///
+/// # Errors
+/// [`ConnectError::Host`].
+pub fn resolve_host(host: &str) -> Result<Vec<IpAddr>, ConnectError> {
+    let refused = |reason: String| ConnectError::Host {
+        host: host.to_owned(),
+        reason,
+    };
+    let bare = host
+        .strip_prefix('[')
+        .and_then(|inner| inner.strip_suffix(']'))
+        .unwrap_or(host);
+    let found: Vec<IpAddr> = (bare, 0)
+        .to_socket_addrs()
+        .map_err(|error| refused(error.to_string()))?
+        .map(|address| address.ip())
+        .collect();
+    if found.is_empty() {
+        Err(refused("the name has no address".to_owned()))
+    } else {
+        Ok(found)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_machine_is_named_in_every_form_without_a_port() {
+        let one = |host: &str| resolve_host(host).map(|all| all[0]);
+        assert_eq!(one("192.0.2.7"), Ok("192.0.2.7".parse().unwrap()));
+        assert_eq!(one("2001:db8::7"), Ok("2001:db8::7".parse().unwrap()));
+        assert_eq!(one("[::1]"), Ok("::1".parse().unwrap()));
+        assert!(one("localhost").unwrap().is_loopback());
+        let text = one("127.0.0.1:80").unwrap_err().to_string();
+        assert!(text.contains("names no machine"), "{text}");
     }
 }

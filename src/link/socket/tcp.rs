@@ -1,4 +1,10 @@
 //! TCP: a stream of bytes without Nagle's pause and without delayed acknowledgements.
+//!
+//! An end that still has Nagle's algorithm on sends its second small message when the first is acknowledged, and the
+//! kernel puts that off by 40 ms in the hope of an answer that could carry it. So, before each wait that follows bytes
+//! which nothing of ours has answered, TCP_QUICKACK sends the acknowledgement at once (the kernel forgets the setting by
+//! itself). Where an answer is sent, it carries the acknowledgement: another packet would only cost both ends a third of
+//! the round trip.
 
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
@@ -8,7 +14,7 @@ use std::time::Duration;
 use rustix::net::sockopt;
 
 use super::{
-    ConnectError, Kept, Pause, SocketOptions, Verdict, Wait, ask_busy_poll, resolve, verdict,
+    ConnectError, Kept, LOOK, Pause, SocketOptions, Verdict, Wait, ask_busy_poll, resolve, verdict,
 };
 use crate::link::Transport;
 use crate::substructure::LinkFault;
@@ -22,6 +28,8 @@ pub struct TcpTransport {
     peer: SocketAddr,
     options: SocketOptions,
     kept: Kept,
+    /// Bytes have come and nothing has been sent since.
+    owes_ack: bool,
 }
 
 impl TcpTransport {
@@ -66,14 +74,14 @@ impl TcpTransport {
             .and_then(|()| stream.set_nodelay(true).map_err(wrong("TCP_NODELAY")))
             .map_err(|(what, error)| ConnectError::socket(&name, what, &error))?;
         ask_busy_poll(stream.as_fd(), options);
-        let transport = Self {
+        Ok(Self {
             stream,
             peer,
             options,
             kept: Kept::new(),
-        };
-        transport.quick_ack();
-        Ok(transport)
+            // Somebody else may have read from it before.
+            owes_ack: true,
+        })
     }
 
     /// The other end.
@@ -87,8 +95,13 @@ impl TcpTransport {
         self.options.wait = wait;
     }
 
-    fn quick_ack(&self) {
-        if self.options.quick_ack {
+    /// The bare socket, its peer and what was asked of it, for another transport over it.
+    pub(in crate::link) fn into_parts(self) -> (TcpStream, SocketAddr, SocketOptions) {
+        (self.stream, self.peer, self.options)
+    }
+
+    fn acknowledge(&mut self) {
+        if std::mem::take(&mut self.owes_ack) && self.options.quick_ack {
             // Where the kernel has it not, acknowledgements are merely slower.
             let _ = sockopt::set_tcp_quickack(&self.stream, true);
         }
@@ -110,7 +123,10 @@ impl Transport for TcpTransport {
         while !rest.is_empty() {
             match self.stream.write(rest) {
                 Ok(0) => return Err(LinkFault::Closed),
-                Ok(taken) => rest = rest.get(taken..).unwrap_or_default(),
+                Ok(taken) => {
+                    rest = rest.get(taken..).unwrap_or_default();
+                    self.owes_ack = false;
+                }
                 Err(error) => match verdict(&error) {
                     Verdict::Again => {}
                     Verdict::NotNow => return self.kept.keep(rest),
@@ -123,19 +139,22 @@ impl Transport for TcpTransport {
 
     fn recv(&mut self, buffer: &mut [u8], deadline: Nanos) -> Result<Option<usize>, LinkFault> {
         let mut pause = Pause::new(self.options.wait, deadline);
-        self.quick_ack();
         loop {
             self.flush()?;
             match self.stream.read(buffer) {
                 Ok(0) if buffer.is_empty() => return Ok(Some(0)),
                 Ok(0) => return Err(LinkFault::Closed),
                 Ok(count) => {
-                    self.quick_ack();
+                    self.owes_ack = true;
                     return Ok(Some(count));
                 }
                 Err(error) => match verdict(&error) {
                     Verdict::Again => {}
                     Verdict::NotNow => {
+                        // After a mere look an answer may follow.
+                        if deadline != LOOK {
+                            self.acknowledge();
+                        }
                         if !pause.wait(self.stream.as_fd(), !self.kept.is_empty()) {
                             return Ok(None);
                         }

@@ -51,13 +51,12 @@ impl Kind {
     /// # Errors
     /// [`WireError::Code`] if there is none.
     pub fn from_code(code: u8) -> Result<Self, WireError> {
-        Self::ALL
-            .into_iter()
-            .find(|kind| kind.code() == code)
-            .ok_or(WireError::Code {
-                field: "frame kind",
-                found: u32::from(code),
-            })
+        coded(
+            "frame kind",
+            Self::ALL,
+            |kind| u32::from(kind.code()),
+            code.into(),
+        )
     }
 
     /// In words.
@@ -78,6 +77,17 @@ impl Kind {
     pub(super) const fn has_axes(self) -> bool {
         matches!(self, Kind::Command | Kind::Measurement)
     }
+}
+
+/// The one of `all` whose code was found.
+fn coded<T: Copy, const N: usize>(
+    field: &'static str,
+    all: [T; N],
+    code: impl Fn(T) -> u32,
+    found: u32,
+) -> Result<T, WireError> {
+    let known = all.into_iter().find(|one| code(*one) == found);
+    known.ok_or(WireError::Code { field, found })
 }
 
 /// Why a test holds, retires or ends.
@@ -120,13 +130,7 @@ impl Cause {
     /// # Errors
     /// [`WireError::Code`] if there is none.
     pub fn from_code(code: u32) -> Result<Self, WireError> {
-        Self::ALL
-            .into_iter()
-            .find(|cause| cause.code() == code)
-            .ok_or(WireError::Code {
-                field: "cause",
-                found: code,
-            })
+        coded("cause", Self::ALL, Self::code, code)
     }
 }
 

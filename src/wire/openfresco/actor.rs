@@ -9,7 +9,7 @@ use super::course::Course;
 use super::exchange::Served;
 use super::hello::{ENDIAN, HELLO, HELLO_ANSWER};
 use super::inbox::{Carrier, Inbox};
-use super::server::NOT_READY;
+use super::opening::NOT_READY;
 use super::sizes::{BLOCK_LEN, Counts, DEFAULT_DATA_SIZE, Interface, Sizes, inside};
 use super::vector::{Response, read_lead};
 use crate::wire::WireError;
@@ -158,7 +158,7 @@ impl Actor {
         if bytes.is_empty() {
             return Ok((0, ActorEvent::NeedMore));
         }
-        if self.inbox.carrier() == Carrier::Datagrams && bytes.len() == 1 && self.inbox.is_empty() {
+        if self.inbox.is_single(bytes) {
             return Ok((1, self.single_byte(bytes)));
         }
         if self.state == State::Finished {
@@ -201,6 +201,7 @@ impl Actor {
     fn endian(&mut self) -> Result<ActorEvent, WireError> {
         // The check is answered even if it looks swapped; but all numbers that follow would be nonsense.
         let found: [u8; 4] = array(self.inbox.message(), 0)?;
+        crate::wire::not_foreign(&found)?;
         if found != ENDIAN_CHECK && found != ENDIAN_SWAPPED {
             return Err(WireError::Magic {
                 expected: ENDIAN_CHECK,

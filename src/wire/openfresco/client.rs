@@ -4,7 +4,7 @@
 //! ever committed: OpenSees ends its whole process on anything else, so the machine refuses to send it.
 
 use super::action::{Action, Matrix, Reading};
-use super::exchange::{Asking, Owed};
+use super::exchange::{Asking, Came, Owed, Phase};
 use super::hello::{HELLO, UdpGreeting};
 use super::inbox::Carrier;
 use super::sizes::{SIZES_LEN, Sizes};
@@ -54,21 +54,11 @@ pub enum ClientEvent {
     Answer(Asked),
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum State {
-    New,
-    Hello,
-    Running,
-    Finished,
-    Failed,
-}
-
 /// A client of a force server.
 #[derive(Debug)]
 pub struct Client {
     settings: ClientSettings,
     reading: Reading,
-    state: State,
     asking: Asking,
     opening: [u8; SIZES_LEN],
     reply_len: usize,
@@ -105,7 +95,6 @@ impl Client {
         Ok(Self {
             settings,
             reading,
-            state: State::New,
             asking: Asking::new(
                 settings.carrier,
                 *sizes.ctrl(),
@@ -124,17 +113,11 @@ impl Client {
     /// # Errors
     /// [`WireError::Order`] if it was called before.
     pub fn open(&mut self) -> Result<&[u8], WireError> {
-        if self.state != State::New {
-            return Err(WireError::Order {
-                expected: "one opening",
-                found: "another one",
-            });
-        }
         if self.settings.carrier == Carrier::Datagrams && self.settings.greeting.hello {
-            self.state = State::Hello;
+            self.asking.begin(Phase::Greeting)?;
             return Ok(&[HELLO]);
         }
-        self.state = State::Running;
+        self.asking.begin(Phase::Running)?;
         Ok(&self.opening)
     }
 
@@ -145,7 +128,7 @@ impl Client {
     /// # Errors
     /// [`WireError::Order`] before the opening or while an answer is owed; wrong numbers.
     pub fn command(&mut self, command: &Command<'_>) -> Result<&[u8], WireError> {
-        self.running("a command")?;
+        self.asking.running("a command")?;
         self.command_due = self.settings.dialect == ClientDialect::Adapter;
         self.asking.command(command, self.reading)
     }
@@ -155,7 +138,7 @@ impl Client {
     /// # Errors
     /// As [`Client::command`].
     pub fn trial(&mut self, response: &Response<'_>) -> Result<&[u8], WireError> {
-        self.running("a command")?;
+        self.asking.running("a command")?;
         self.command_due = false;
         self.asking.trial(response)
     }
@@ -165,7 +148,7 @@ impl Client {
     /// # Errors
     /// [`WireError::Order`] before the opening, while an answer is owed, or where an adapter needs a command.
     pub fn request(&mut self, reading: Reading) -> Result<&[u8], WireError> {
-        self.running("a request")?;
+        self.asking.running("a request")?;
         if self.settings.dialect == ClientDialect::Adapter {
             if self.command_due || reading != Reading::Force {
                 return Err(WireError::Order {
@@ -183,7 +166,7 @@ impl Client {
     /// # Errors
     /// [`WireError::Order`]; [`WireError::Bounds`] if N is smaller than n².
     pub fn request_matrix(&mut self, matrix: Matrix) -> Result<&[u8], WireError> {
-        self.running("a request for a matrix")?;
+        self.asking.running("a request for a matrix")?;
         self.application_only("a request for a matrix")?;
         let n = self.settings.sizes.ctrl().disp;
         super::sizes::inside(
@@ -201,7 +184,7 @@ impl Client {
     /// # Errors
     /// [`WireError::Order`]; a time that is not finite.
     pub fn commit(&mut self, time: f64) -> Result<&[u8], WireError> {
-        self.running("a commit")?;
+        self.asking.running("a commit")?;
         self.application_only("a commit")?;
         self.asking.free("a commit")?;
         self.asking.notice(Action::Commit, Some(time))
@@ -212,8 +195,8 @@ impl Client {
     /// # Errors
     /// [`WireError::Order`] before the opening or after an end.
     pub fn die(&mut self) -> Result<&[u8], WireError> {
-        self.running("an end")?;
-        self.state = State::Finished;
+        self.asking.running("an end")?;
+        self.asking.enter(Phase::Finished);
         self.asking.notice(Action::Die, None)
     }
 
@@ -226,7 +209,7 @@ impl Client {
         self.reply_len = 0;
         let outcome = self.step(bytes);
         if outcome.is_err() {
-            self.state = State::Failed;
+            self.asking.enter(Phase::Failed);
         }
         outcome
     }
@@ -274,25 +257,15 @@ impl Client {
     }
 
     fn step(&mut self, bytes: &[u8]) -> Result<(usize, ClientEvent), WireError> {
-        if bytes.is_empty() {
-            return Ok((0, ClientEvent::NeedMore));
-        }
-        match self.state {
-            State::Failed => Err(WireError::Failed),
-            State::Finished => Ok((bytes.len(), ClientEvent::NeedMore)),
-            State::New => Err(WireError::Order {
-                expected: "nothing",
-                found: "bytes before the opening",
-            }),
-            State::Hello => {
+        match self.asking.hear(bytes)? {
+            Came::Nothing(used) => Ok((used, ClientEvent::NeedMore)),
+            Came::Greeting => {
                 crate::wire::bytes::same_length("bytes of a hello answer", 1, bytes.len())?;
-                self.state = State::Running;
+                self.asking.enter(Phase::Running);
                 self.reply_len = SIZES_LEN;
                 Ok((1, ClientEvent::Greeted))
             }
-            State::Running if self.asking.is_stray(bytes) => Ok((1, ClientEvent::NeedMore)),
-            State::Running => {
-                let (used, answered) = self.asking.take(bytes)?;
+            Came::Answer(used, answered) => {
                 let event = match answered {
                     None => ClientEvent::NeedMore,
                     Some(Owed::Matrix(matrix)) => ClientEvent::Answer(Asked::Matrix(matrix)),
@@ -300,21 +273,6 @@ impl Client {
                 };
                 Ok((used, event))
             }
-        }
-    }
-
-    fn running(&self, found: &'static str) -> Result<(), WireError> {
-        match self.state {
-            State::Running => Ok(()),
-            State::Failed => Err(WireError::Failed),
-            State::New | State::Hello => Err(WireError::Order {
-                expected: "the opening",
-                found,
-            }),
-            State::Finished => Err(WireError::Order {
-                expected: "nothing after the end",
-                found,
-            }),
         }
     }
 

@@ -126,6 +126,29 @@ impl Served {
     }
 }
 
+/// How far an asking end has come.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Phase {
+    /// Nothing has been sent.
+    New,
+    /// The set-up is on its way.
+    Greeting,
+    Running,
+    Finished,
+    Failed,
+}
+
+/// Where the bytes that came belong.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Came {
+    /// Nowhere: so many are passed over.
+    Nothing(usize),
+    /// Into the set-up, which is the dialect's own business.
+    Greeting,
+    /// So many were a part of the answer that is owed, and what that was if it is whole now.
+    Answer(usize, Option<Owed>),
+}
+
 /// What a client waits for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Owed {
@@ -139,7 +162,7 @@ pub(super) enum Owed {
 #[derive(Debug)]
 pub(super) struct Asking {
     ctrl: Counts,
-    pub(super) inbox: Inbox,
+    inbox: Inbox,
     /// Room for a command and a request.
     pub(super) outbox: Vec<u8>,
     vector_len: usize,
@@ -148,7 +171,8 @@ pub(super) struct Asking {
     commanded: Vec<f64>,
     zeros: Vec<f64>,
     sequence: u64,
-    pub(super) owed: Option<Owed>,
+    owed: Option<Owed>,
+    phase: Phase,
 }
 
 impl Asking {
@@ -165,6 +189,55 @@ impl Asking {
             zeros: vec![0.0; ctrl.accel.max(ctrl.force)],
             sequence: 0,
             owed: None,
+            phase: Phase::New,
+        }
+    }
+
+    /// The opening is sent once.
+    pub(super) fn begin(&mut self, next: Phase) -> Result<(), WireError> {
+        if self.phase != Phase::New {
+            return Err(WireError::Order {
+                expected: "one opening",
+                found: "another one",
+            });
+        }
+        self.phase = next;
+        Ok(())
+    }
+
+    pub(super) const fn enter(&mut self, phase: Phase) {
+        self.phase = phase;
+    }
+
+    /// Only a connection that is set up and not over may be used.
+    pub(super) fn running(&self, found: &'static str) -> Result<(), WireError> {
+        let expected = match self.phase {
+            Phase::Running => return Ok(()),
+            Phase::Failed => return Err(WireError::Failed),
+            Phase::New | Phase::Greeting => "the set-up",
+            Phase::Finished => "nothing after the end",
+        };
+        Err(WireError::Order { expected, found })
+    }
+
+    /// Judges bytes by the phase, and takes what belongs to an answer. Real-time: yes.
+    pub(super) fn hear(&mut self, bytes: &[u8]) -> Result<Came, WireError> {
+        if bytes.is_empty() {
+            return Ok(Came::Nothing(0));
+        }
+        match self.phase {
+            Phase::Failed => Err(WireError::Failed),
+            Phase::Finished => Ok(Came::Nothing(bytes.len())),
+            Phase::New => Err(WireError::Order {
+                expected: "nothing",
+                found: "bytes before the opening",
+            }),
+            Phase::Greeting => Ok(Came::Greeting),
+            // A greeting's answer that came twice.
+            Phase::Running if self.inbox.is_single(bytes) => Ok(Came::Nothing(1)),
+            Phase::Running => self
+                .take(bytes)
+                .map(|(used, owed)| Came::Answer(used, owed)),
         }
     }
 
@@ -240,13 +313,8 @@ impl Asking {
         Ok(self.first())
     }
 
-    /// A datagram of one byte where a message begins: a greeting's answer that came twice. Real-time: yes.
-    pub(super) fn is_stray(&self, bytes: &[u8]) -> bool {
-        self.inbox.carrier() == Carrier::Datagrams && self.inbox.is_empty() && bytes.len() == 1
-    }
-
     /// Takes the answer that is owed. Real-time: yes.
-    pub(super) fn take(&mut self, bytes: &[u8]) -> Result<(usize, Option<Owed>), WireError> {
+    fn take(&mut self, bytes: &[u8]) -> Result<(usize, Option<Owed>), WireError> {
         let Some(owed) = self.owed else {
             return Err(WireError::Order {
                 expected: "nothing",
@@ -290,6 +358,11 @@ impl Asking {
     /// Reads the last answer as a matrix, row by row. Real-time: yes.
     pub(super) fn matrix(&self, rows: &mut [f64]) -> Result<(), WireError> {
         read_matrix(self.inbox.message(), self.ctrl.disp, rows)
+    }
+
+    /// The last answer.
+    pub(super) const fn message(&self) -> &[u8] {
+        self.inbox.message()
     }
 
     pub(super) const fn vector_len(&self) -> usize {

@@ -81,13 +81,14 @@ impl Inbox {
         self.filled == 0
     }
 
-    pub(super) const fn carrier(&self) -> Carrier {
-        self.carrier
+    /// A datagram of one byte where a message begins: a greeting, or a stray of one.
+    pub(super) fn is_single(&self, bytes: &[u8]) -> bool {
+        self.carrier == Carrier::Datagrams && self.is_empty() && bytes.len() == 1
     }
 
     /// The last whole message.
-    pub(super) fn message(&self) -> &[u8] {
-        &self.buffer
+    pub(super) const fn message(&self) -> &[u8] {
+        self.buffer.as_slice()
     }
 
     /// Length of the pieces in which the peer cuts its messages: cut the answers alike.

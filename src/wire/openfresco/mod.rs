@@ -30,6 +30,7 @@ mod course;
 mod exchange;
 mod hello;
 mod inbox;
+mod opening;
 mod server;
 mod shadow;
 mod simulink;

@@ -7,9 +7,9 @@
 use super::action::{Action, Matrix, Reading};
 use super::course::Course;
 use super::exchange::Served;
-use super::hello::{HELLO, HELLO_ANSWER};
-use super::inbox::{Carrier, Inbox};
-use super::sizes::{Interface, SIZES_LEN, Sizes};
+use super::inbox::Carrier;
+use super::opening::{Came, NOT_READY, Opening};
+use super::sizes::{Interface, Sizes};
 use super::vector::{Response, read_lead};
 use crate::wire::WireError;
 
@@ -57,27 +57,17 @@ pub enum Event {
     Finished,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum State {
-    Sizes,
-    Running,
-    Line { left: usize },
-    Finished,
-    Failed,
-}
-
 /// A force server.
 #[derive(Debug)]
 pub struct Server {
     dialect: ServerDialect,
-    interface: Interface,
-    state: State,
-    inbox: Inbox,
+    opening: Opening,
     served: Option<Served>,
     commanded: bool,
-    reply: &'static [u8],
     line: [u8; LINE_KEPT],
     line_len: usize,
+    /// Bytes of a line that are still to come.
+    line_left: usize,
 }
 
 impl Server {
@@ -86,14 +76,12 @@ impl Server {
     pub fn new(dialect: ServerDialect, carrier: Carrier, interface: Interface) -> Self {
         Self {
             dialect,
-            interface,
-            state: State::Sizes,
-            inbox: Inbox::new(carrier, SIZES_LEN),
+            opening: Opening::new(carrier, interface),
             served: None,
             commanded: false,
-            reply: &[],
             line: [0; LINE_KEPT],
             line_len: 0,
+            line_left: 0,
         }
     }
 
@@ -103,10 +91,9 @@ impl Server {
     /// # Errors
     /// Nonsense. The server is failed then and stays so; close the connection and make a new one.
     pub fn feed(&mut self, bytes: &[u8]) -> Result<(usize, Event), WireError> {
-        self.reply = &[];
         let outcome = self.step(bytes);
         if outcome.is_err() {
-            self.state = State::Failed;
+            self.opening.fail();
         }
         outcome
     }
@@ -114,7 +101,7 @@ impl Server {
     /// Bytes to send after the last event; empty for most. Requests are answered by `answer`.
     #[must_use]
     pub const fn reply(&self) -> &[u8] {
-        self.reply
+        self.opening.reply()
     }
 
     /// The last command; zeros before the first. `None` before the sizes.
@@ -158,93 +145,67 @@ impl Server {
     /// Over UDP: cut answers into pieces of this many bytes, as the client cuts its vectors.
     #[must_use]
     pub fn piece(&self) -> usize {
-        self.inbox.piece()
+        self.opening.piece()
     }
 
     fn step(&mut self, bytes: &[u8]) -> Result<(usize, Event), WireError> {
-        if self.state == State::Failed {
-            return Err(WireError::Failed);
+        if self.line_left > 0 || self.begins_line(bytes) {
+            return Ok(self.line(bytes));
         }
-        if bytes.is_empty() {
-            return Ok((0, Event::NeedMore));
-        }
-        if self.inbox.carrier() == Carrier::Datagrams && bytes.len() == 1 && self.inbox.is_empty() {
-            return Ok((1, self.single_byte()));
-        }
-        match self.state {
-            State::Failed => Err(WireError::Failed),
-            State::Finished => Ok((bytes.len(), Event::NeedMore)),
-            State::Sizes => self.sizes(bytes),
-            State::Line { left } => Ok(self.line(bytes, left)),
-            State::Running => {
-                if self.expects_line() && bytes.first() == Some(&LINE_MARK) {
-                    self.line_len = 0;
-                    return Ok(self.line(bytes, LINE_LEN));
-                }
-                self.message(bytes)
+        let (used, came) = self.opening.take(bytes)?;
+        let event = match came {
+            Came::Nothing => Event::NeedMore,
+            Came::Hello => Event::Greeted,
+            Came::Stray(byte) => Event::Ignored(byte),
+            Came::Sizes(sizes) => {
+                let implicit = self.dialect == ServerDialect::Controller;
+                let (ctrl, daq) = (*sizes.ctrl(), *sizes.daq());
+                self.served = Some(Served::new(ctrl, daq, sizes.data_size(), implicit));
+                self.opening.ready(&sizes);
+                Event::Ready(sizes)
             }
-        }
-    }
-
-    /// A datagram of one byte. Before the sizes it is a hello, also a repeated one; later it is a stray.
-    fn single_byte(&mut self) -> Event {
-        if self.state == State::Sizes {
-            self.reply = &[HELLO_ANSWER];
-            return Event::Greeted;
-        }
-        Event::Ignored(f64::from(HELLO))
-    }
-
-    fn sizes(&mut self, bytes: &[u8]) -> Result<(usize, Event), WireError> {
-        let (used, message) = self.inbox.take(bytes)?;
-        let Some(message) = message else {
-            return Ok((used, Event::NeedMore));
+            Came::Vector => self.vector()?,
         };
-        let sizes = Sizes::parse(message)?;
-        self.interface.check(sizes.ctrl(), sizes.daq())?;
-        let implicit = self.dialect == ServerDialect::Controller;
-        self.served = Some(Served::new(
-            *sizes.ctrl(),
-            *sizes.daq(),
-            sizes.data_size(),
-            implicit,
-        ));
-        self.inbox.expect(sizes.vector_len());
-        self.state = State::Running;
-        Ok((used, Event::Ready(sizes)))
+        Ok((used, event))
     }
 
-    const fn expects_line(&self) -> bool {
-        matches!(self.dialect, ServerDialect::Controller)
+    fn begins_line(&mut self, bytes: &[u8]) -> bool {
+        let begins = self.dialect == ServerDialect::Controller
             && !self.commanded
-            && self.inbox.is_empty()
+            && self.opening.begins(bytes)
+            && bytes.first() == Some(&LINE_MARK);
+        if begins {
+            (self.line_len, self.line_left) = (0, LINE_LEN);
+        }
+        begins
     }
 
-    fn line(&mut self, bytes: &[u8], left: usize) -> (usize, Event) {
-        let used = bytes.len().min(left);
-        let skip = usize::from(left == LINE_LEN);
+    fn line(&mut self, bytes: &[u8]) -> (usize, Event) {
+        let used = bytes.len().min(self.line_left);
+        let skip = usize::from(self.line_left == LINE_LEN);
         for byte in bytes.iter().take(used).skip(skip) {
             if let Some(place) = self.line.get_mut(self.line_len) {
                 *place = *byte;
                 self.line_len += 1;
             }
         }
-        if used < left {
-            self.state = State::Line { left: left - used };
-            return (used, Event::NeedMore);
-        }
-        self.state = State::Running;
-        (used, Event::InitLine)
+        self.line_left -= used;
+        let whole = self.line_left == 0;
+        (
+            used,
+            if whole {
+                Event::InitLine
+            } else {
+                Event::NeedMore
+            },
+        )
     }
 
-    fn message(&mut self, bytes: &[u8]) -> Result<(usize, Event), WireError> {
+    fn vector(&mut self) -> Result<Event, WireError> {
         let served = self.served.as_mut().ok_or(NOT_READY)?;
-        let (used, message) = self.inbox.take(bytes)?;
-        let Some(vector) = message else {
-            return Ok((used, Event::NeedMore));
-        };
+        let vector = self.opening.vector();
         let code = read_lead(vector)?;
-        let event = match Action::cut(code)? {
+        Ok(match Action::cut(code)? {
             Some(Action::Trial) => {
                 self.commanded = true;
                 Event::Trial(served.command(vector)?)
@@ -261,7 +222,7 @@ impl Server {
                 Event::Matrix(matrix)
             }
             Some(Action::Die) => {
-                self.state = State::Finished;
+                self.opening.finish();
                 Event::Finished
             }
             Some(
@@ -274,12 +235,6 @@ impl Server {
                 | Action::Shutdown,
             )
             | None => Event::Ignored(code),
-        };
-        Ok((used, event))
+        })
     }
 }
-
-pub(super) const NOT_READY: WireError = WireError::Order {
-    expected: "the sizes",
-    found: "an answer",
-};

@@ -5,7 +5,7 @@
 
 use super::action::{Action, Reading};
 use super::actor::{ENDIAN_CHECK, RECEIVED};
-use super::exchange::{Asking, Owed};
+use super::exchange::{Asking, Came, Owed, Phase};
 use super::hello::{ENDIAN, HELLO, UdpGreeting};
 use super::inbox::{Carrier, Inbox};
 use super::sizes::{BLOCK_LEN, DEFAULT_DATA_SIZE, Sizes};
@@ -47,22 +47,19 @@ pub enum ShadowEvent {
     Finished,
 }
 
+/// What the set-up waits for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum State {
-    New,
+enum Step {
     Hello,
     Endian,
     Opened,
-    Running,
-    Finished,
-    Failed,
 }
 
 /// A shadow site.
 #[derive(Debug)]
 pub struct Shadow {
     settings: ShadowSettings,
-    state: State,
+    step: Step,
     asking: Asking,
     setup: Inbox,
     opening: Vec<u8>,
@@ -90,7 +87,7 @@ impl Shadow {
         finite("site tag and version", &[settings.site, settings.version])?;
         Ok(Self {
             settings,
-            state: State::New,
+            step: Step::Hello,
             asking: Asking::new(
                 settings.carrier,
                 *sizes.ctrl(),
@@ -108,20 +105,15 @@ impl Shadow {
     /// # Errors
     /// [`WireError::Order`] if it was called before.
     pub fn open(&mut self) -> Result<&[u8], WireError> {
-        if self.state != State::New {
-            return Err(WireError::Order {
-                expected: "one opening",
-                found: "another one",
-            });
-        }
+        self.asking.begin(Phase::Greeting)?;
         match self.settings.carrier {
             Carrier::Stream => {
-                self.state = State::Endian;
+                self.step = Step::Endian;
                 self.setup.expect(ENDIAN_CHECK.len());
                 Ok(&ENDIAN_CHECK)
             }
             Carrier::Datagrams if self.settings.greeting.hello => {
-                self.state = State::Hello;
+                self.step = Step::Hello;
                 self.setup.expect(1);
                 Ok(&[HELLO])
             }
@@ -138,7 +130,7 @@ impl Shadow {
     /// # Errors
     /// [`WireError::Order`] before the set-up is through or while an answer is owed; wrong numbers.
     pub fn command(&mut self, command: &Command<'_>) -> Result<&[u8], WireError> {
-        self.running("a command")?;
+        self.asking.running("a command")?;
         self.asking.command(command, Reading::All)
     }
 
@@ -147,7 +139,7 @@ impl Shadow {
     /// # Errors
     /// As [`Shadow::command`].
     pub fn trial(&mut self, response: &Response<'_>) -> Result<&[u8], WireError> {
-        self.running("a command")?;
+        self.asking.running("a command")?;
         self.asking.trial(response)
     }
 
@@ -156,7 +148,7 @@ impl Shadow {
     /// # Errors
     /// As [`Shadow::command`].
     pub fn request(&mut self) -> Result<&[u8], WireError> {
-        self.running("a request")?;
+        self.asking.running("a request")?;
         self.asking
             .request(Action::Read(Reading::All), Owed::Signals)
     }
@@ -166,7 +158,7 @@ impl Shadow {
     /// # Errors
     /// [`WireError::Order`]; a time that is not finite.
     pub fn commit(&mut self, time: f64) -> Result<&[u8], WireError> {
-        self.running("a commit")?;
+        self.asking.running("a commit")?;
         self.asking.free("a commit")?;
         self.asking.notice(Action::Commit, Some(time))
     }
@@ -177,7 +169,7 @@ impl Shadow {
     /// # Errors
     /// [`WireError::Order`].
     pub fn die(&mut self) -> Result<&[u8], WireError> {
-        self.running("an end")?;
+        self.asking.running("an end")?;
         self.asking.request(Action::Die, Owed::Farewell)?;
         let length = self.asking.vector_len();
         let vector = self.asking.outbox.get_mut(..length).unwrap_or_default();
@@ -192,9 +184,9 @@ impl Shadow {
     /// Nonsense, another version, or bytes that nobody asked for. The shadow is failed then and stays so.
     pub fn feed(&mut self, bytes: &[u8]) -> Result<(usize, ShadowEvent), WireError> {
         self.reply_len = 0;
-        let outcome = self.step(bytes);
+        let outcome = self.hear(bytes);
         if outcome.is_err() {
-            self.state = State::Failed;
+            self.asking.enter(Phase::Failed);
         }
         outcome
     }
@@ -237,20 +229,11 @@ impl Shadow {
         self.asking.vector_len()
     }
 
-    fn step(&mut self, bytes: &[u8]) -> Result<(usize, ShadowEvent), WireError> {
-        if bytes.is_empty() {
-            return Ok((0, ShadowEvent::NeedMore));
-        }
-        match self.state {
-            State::Failed => Err(WireError::Failed),
-            State::Finished => Ok((bytes.len(), ShadowEvent::NeedMore)),
-            State::New => Err(WireError::Order {
-                expected: "nothing",
-                found: "bytes before the opening",
-            }),
-            State::Hello | State::Endian | State::Opened => self.setting_up(bytes),
-            State::Running if self.asking.is_stray(bytes) => Ok((1, ShadowEvent::NeedMore)),
-            State::Running => self.answered(bytes),
+    fn hear(&mut self, bytes: &[u8]) -> Result<(usize, ShadowEvent), WireError> {
+        match self.asking.hear(bytes)? {
+            Came::Nothing(used) => Ok((used, ShadowEvent::NeedMore)),
+            Came::Greeting => self.setting_up(bytes),
+            Came::Answer(used, answered) => Ok((used, self.answered(answered)?)),
         }
     }
 
@@ -259,9 +242,9 @@ impl Shadow {
         let Some(message) = message else {
             return Ok((used, ShadowEvent::NeedMore));
         };
-        let event = match (self.state, self.settings.carrier) {
-            (State::Hello, _) if self.settings.greeting.endian => {
-                self.state = State::Endian;
+        let event = match (self.step, self.settings.carrier) {
+            (Step::Hello, _) if self.settings.greeting.endian => {
+                self.step = Step::Endian;
                 self.setup.expect(1);
                 if let Some(place) = self.opening.first_mut() {
                     *place = ENDIAN;
@@ -269,7 +252,7 @@ impl Shadow {
                 self.reply_len = 1;
                 ShadowEvent::Greeted
             }
-            (State::Endian, Carrier::Stream) => {
+            (Step::Endian, Carrier::Stream) => {
                 let found: [u8; 4] = array(message, 0)?;
                 if found != ENDIAN_CHECK {
                     return Err(WireError::Magic {
@@ -280,7 +263,7 @@ impl Shadow {
                 self.greet()?;
                 ShadowEvent::Greeted
             }
-            (State::Hello | State::Endian, _) => {
+            (Step::Hello | Step::Endian, _) => {
                 self.greet()?;
                 ShadowEvent::Greeted
             }
@@ -300,7 +283,7 @@ impl Shadow {
         put_doubles(&mut self.opening, 0, &words)?;
         self.reply_len = OPENING_LEN;
         self.setup.expect(OPENING_LEN);
-        self.state = State::Opened;
+        self.step = Step::Opened;
         Ok(())
     }
 
@@ -329,39 +312,22 @@ impl Shadow {
             .daq()
             .write(&mut self.opening, OPENING_LEN + BLOCK_LEN)?;
         self.reply_len = OPENING_LEN + 2 * BLOCK_LEN;
-        self.state = State::Running;
+        self.asking.enter(Phase::Running);
         Ok(ShadowEvent::Ready { site })
     }
 
-    fn answered(&mut self, bytes: &[u8]) -> Result<(usize, ShadowEvent), WireError> {
-        let (used, answered) = self.asking.take(bytes)?;
-        let event = match answered {
+    fn answered(&mut self, answered: Option<Owed>) -> Result<ShadowEvent, WireError> {
+        Ok(match answered {
             None => ShadowEvent::NeedMore,
             Some(Owed::Signals | Owed::Matrix(_)) => ShadowEvent::Answer,
             Some(Owed::Farewell) => {
-                let found = get_f64(self.asking.inbox.message(), 0)?;
+                let found = get_f64(self.asking.message(), 0)?;
                 if found != RECEIVED {
                     return Err(WireError::Action { found });
                 }
-                self.state = State::Finished;
+                self.asking.enter(Phase::Finished);
                 ShadowEvent::Finished
             }
-        };
-        Ok((used, event))
-    }
-
-    fn running(&self, found: &'static str) -> Result<(), WireError> {
-        match self.state {
-            State::Running => Ok(()),
-            State::Failed => Err(WireError::Failed),
-            State::New | State::Hello | State::Endian | State::Opened => Err(WireError::Order {
-                expected: "the set-up",
-                found,
-            }),
-            State::Finished => Err(WireError::Order {
-                expected: "nothing after the end",
-                found,
-            }),
-        }
+        })
     }
 }

@@ -5,10 +5,9 @@
 //! held back until it can say "yes".
 
 use super::action::{Action, Reading};
-use super::hello::{HELLO, HELLO_ANSWER};
-use super::inbox::{Carrier, Inbox};
-use super::server::NOT_READY;
-use super::sizes::{Counts, Interface, SIZES_LEN, Sizes};
+use super::inbox::Carrier;
+use super::opening::{Came, NOT_READY, Opening};
+use super::sizes::{Counts, Interface, Sizes};
 use super::vector::{Signals, read_lead};
 use crate::wire::WireError;
 use crate::wire::bytes::{finite, put_doubles, same_length};
@@ -43,14 +42,6 @@ pub enum SimulinkEvent {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum State {
-    Sizes,
-    Running,
-    Finished,
-    Failed,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Debt {
     Signals,
     Switch,
@@ -59,14 +50,11 @@ enum Debt {
 /// A laboratory controller, as `SimSimulink` sees it.
 #[derive(Debug)]
 pub struct Simulink {
-    interface: Interface,
-    state: State,
-    inbox: Inbox,
+    opening: Opening,
     outbox: Vec<u8>,
     target: Signals,
     daq_total: usize,
     debt: Option<Debt>,
-    reply: &'static [u8],
 }
 
 impl Simulink {
@@ -74,14 +62,11 @@ impl Simulink {
     #[must_use]
     pub fn new(carrier: Carrier, interface: Interface) -> Self {
         Self {
-            interface,
-            state: State::Sizes,
-            inbox: Inbox::new(carrier, SIZES_LEN),
+            opening: Opening::new(carrier, interface),
             outbox: Vec::new(),
             target: Signals::zeros(Counts::default()),
             daq_total: 0,
             debt: None,
-            reply: &[],
         }
     }
 
@@ -91,10 +76,9 @@ impl Simulink {
     /// # Errors
     /// Nonsense. The machine is failed then and stays so.
     pub fn feed(&mut self, bytes: &[u8]) -> Result<(usize, SimulinkEvent), WireError> {
-        self.reply = &[];
         let outcome = self.step(bytes);
         if outcome.is_err() {
-            self.state = State::Failed;
+            self.opening.fail();
         }
         outcome
     }
@@ -102,7 +86,7 @@ impl Simulink {
     /// Bytes to send after the last event; empty for most.
     #[must_use]
     pub const fn reply(&self) -> &[u8] {
-        self.reply
+        self.opening.reply()
     }
 
     /// The target's signals, in the order of the control points; zeros before the first.
@@ -136,7 +120,7 @@ impl Simulink {
     /// Over UDP: cut answers into pieces of this many bytes, as the client cuts its vectors.
     #[must_use]
     pub fn piece(&self) -> usize {
-        self.inbox.piece()
+        self.opening.piece()
     }
 
     fn settle(&mut self, debt: Debt) -> Result<(), WireError> {
@@ -161,34 +145,18 @@ impl Simulink {
     }
 
     fn step(&mut self, bytes: &[u8]) -> Result<(usize, SimulinkEvent), WireError> {
-        if self.state == State::Failed {
-            return Err(WireError::Failed);
-        }
-        if bytes.is_empty() {
-            return Ok((0, SimulinkEvent::NeedMore));
-        }
-        if self.inbox.carrier() == Carrier::Datagrams && bytes.len() == 1 && self.inbox.is_empty() {
-            if self.state == State::Sizes {
-                self.reply = &[HELLO_ANSWER];
-                return Ok((1, SimulinkEvent::Greeted));
-            }
-            return Ok((1, SimulinkEvent::Ignored(f64::from(HELLO))));
-        }
-        match self.state {
-            State::Failed => Err(WireError::Failed),
-            State::Finished => Ok((bytes.len(), SimulinkEvent::NeedMore)),
-            State::Sizes => self.sizes(bytes),
-            State::Running => self.message(bytes),
-        }
+        let (used, came) = self.opening.take(bytes)?;
+        let event = match came {
+            Came::Nothing => SimulinkEvent::NeedMore,
+            Came::Hello => SimulinkEvent::Greeted,
+            Came::Stray(byte) => SimulinkEvent::Ignored(byte),
+            Came::Sizes(sizes) => self.ready(sizes)?,
+            Came::Vector => self.vector()?,
+        };
+        Ok((used, event))
     }
 
-    fn sizes(&mut self, bytes: &[u8]) -> Result<(usize, SimulinkEvent), WireError> {
-        let (used, message) = self.inbox.take(bytes)?;
-        let Some(message) = message else {
-            return Ok((used, SimulinkEvent::NeedMore));
-        };
-        let sizes = Sizes::parse(message)?;
-        self.interface.check(sizes.ctrl(), sizes.daq())?;
+    fn ready(&mut self, sizes: Sizes) -> Result<SimulinkEvent, WireError> {
         // The flag stands in front of the signals.
         super::sizes::inside(
             "data size N",
@@ -199,18 +167,14 @@ impl Simulink {
         self.target = Signals::zeros(*sizes.ctrl());
         self.daq_total = sizes.daq().total();
         self.outbox.resize(sizes.vector_len(), 0);
-        self.inbox.expect(sizes.vector_len());
-        self.state = State::Running;
-        Ok((used, SimulinkEvent::Ready(sizes)))
+        self.opening.ready(&sizes);
+        Ok(SimulinkEvent::Ready(sizes))
     }
 
-    fn message(&mut self, bytes: &[u8]) -> Result<(usize, SimulinkEvent), WireError> {
-        let (used, message) = self.inbox.take(bytes)?;
-        let Some(vector) = message else {
-            return Ok((used, SimulinkEvent::NeedMore));
-        };
+    fn vector(&mut self) -> Result<SimulinkEvent, WireError> {
+        let vector = self.opening.vector();
         let code = read_lead(vector)?;
-        let event = match Action::exact(code)? {
+        Ok(match Action::exact(code)? {
             Some(Action::Trial) => {
                 self.target.read("target", vector, 1)?;
                 SimulinkEvent::Target
@@ -231,15 +195,14 @@ impl Simulink {
             Some(Action::Commit) => SimulinkEvent::Commit,
             Some(Action::Execute) => SimulinkEvent::Execute,
             Some(Action::Die) => {
-                self.state = State::Finished;
+                self.opening.finish();
                 SimulinkEvent::Finished
             }
             Some(
                 Action::Open | Action::Setup | Action::Shutdown | Action::Read(_) | Action::Give(_),
             )
             | None => SimulinkEvent::Ignored(code),
-        };
-        Ok((used, event))
+        })
     }
 }
 

@@ -181,8 +181,9 @@ impl Sizes {
     /// Reads the 44 bytes.
     ///
     /// # Errors
-    /// [`WireError::Truncated`], or [`WireError::Bounds`] for what cannot be.
+    /// [`WireError::Truncated`], [`WireError::Foreign`], or [`WireError::Bounds`] for what cannot be.
     pub fn parse(bytes: &[u8]) -> Result<Self, WireError> {
+        crate::wire::not_foreign(bytes)?;
         let ctrl = Counts::parse(bytes, 0)?;
         let daq = Counts::parse(bytes, BLOCK_LEN)?;
         let found = i64::from(get_i32(bytes, 2 * BLOCK_LEN)?);

@@ -1002,7 +1002,12 @@ fn an_actor_refuses_what_the_real_one_would_die_of() {
         Err(WireError::Order { .. })
     ));
     let mut http = Actor::new(Carrier::Stream, ONE, 7.0);
-    assert!(matches!(http.feed(b"GET /"), Err(WireError::Magic { .. })));
+    assert!(matches!(
+        http.feed(b"GET /"),
+        Err(WireError::Foreign { .. })
+    ));
+    let mut noise = Actor::new(Carrier::Stream, ONE, 1.0);
+    assert!(matches!(noise.feed(b"noise"), Err(WireError::Magic { .. })));
     let mut swapped = Actor::new(Carrier::Stream, ONE, 7.0);
     assert_eq!(swapped.feed(&[0, 0, 0, 1]), Ok((4, ActorEvent::Greeted)));
     assert_eq!(swapped.reply(), [1, 0, 0, 0]);

@@ -1,0 +1,66 @@
+//! The certificates of `gusset serve --transport tls`.
+
+use std::path::Path;
+
+use super::exit::{Exit, WithExit};
+use super::{ServeArgs, TlsArgs, tell};
+use crate::config::Served;
+use crate::link::spec::Carrier;
+use crate::link::tls::{ClientCertificate, TlsServer};
+
+/// Who we are and who may command; none without TLS. `open`: the protocol lets everybody in unless told otherwise, as
+/// OpenFresco's do, and nobody else can reach the port or one machine is named.
+pub(super) fn tls(
+    args: &ServeArgs,
+    served: &Served,
+    carrier: Carrier,
+    open: bool,
+) -> anyhow::Result<Option<TlsServer>> {
+    let TlsArgs {
+        tls_certificate,
+        tls_key,
+        tls_ca,
+    } = &args.tls;
+    let given = [
+        ("--tls-certificate", tls_certificate),
+        ("--tls-key", tls_key),
+        ("--tls-ca", tls_ca),
+    ];
+    if carrier != Carrier::Tls {
+        if let Some((name, _)) = given.iter().find(|(_, path)| path.is_some()) {
+            let text = format!("{name} is for --transport tls only");
+            return Err(WithExit(Exit::Usage, text).into());
+        }
+        return Ok(None);
+    }
+    let spec = &served.serve.tls;
+    let mut files = spec.files(args.file.parent().unwrap_or(Path::new("")));
+    // What the command line names is relative to the working directory, as everywhere.
+    for ((_, path), place) in
+        given
+            .iter()
+            .zip([&mut files.certificate, &mut files.key, &mut files.ca])
+    {
+        if let Some(path) = path {
+            path.clone_into(place);
+        }
+    }
+    let required = match spec.client_certificate {
+        Some(ClientCertificate::Required) => true,
+        Some(ClientCertificate::Optional) => false,
+        None => !open,
+    };
+    let tls = TlsServer::new(&files, required).map_err(|error| {
+        let argument = match error.key {
+            "certificate_file" => "--tls-certificate",
+            "key_file" => "--tls-key",
+            _ => "--tls-ca",
+        };
+        let text = format!("[serve.tls] `{}` ({argument}): {error}", error.key);
+        WithExit(Exit::Usage, text)
+    })?;
+    if !required && !args.quiet {
+        tell("TLS: a client without a certificate is let in, as OpenFresco's servers do");
+    }
+    Ok(Some(tls))
+}

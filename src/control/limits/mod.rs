@@ -1,0 +1,285 @@
+//! What a specimen may be told and may answer: limits of one axis, each with a level to warn at and one to trip at.
+//!
+//! Everything is in SI at the specimen's own scale, because that is what breaks: an actuator's stroke, a pump's flow,
+//! a load cell's range. The rules are pure; [`Watch`] keeps the few past values that they need. Invariant: a command is
+//! judged before it leaves, and what is not a number trips. Not here: what a trip leads to.
+
+mod spec;
+mod watch;
+
+pub use spec::{BoundSpec, LimitsError, LimitsSpec, RangeSpec};
+pub use watch::Watch;
+
+/// How bad it is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Level {
+    /// It is told, and the test goes on.
+    Warning,
+    /// The test ends.
+    Trip,
+}
+
+/// What is limited.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Quantity {
+    /// Displacement that is about to be sent, m.
+    CommandDisp,
+    /// Its change in one tick, m.
+    CommandStep,
+    /// Its change in one tick over the tick's wall time, m/s.
+    CommandVel,
+    /// Its second difference over the tick's wall time squared, m/s².
+    CommandAccel,
+    /// Measured displacement, m.
+    MeasuredDisp,
+    /// Measured force, N.
+    MeasuredForce,
+    /// |measured − commanded| displacement, m.
+    FollowingError,
+    /// Change of the measured force in one tick, N.
+    ForceStep,
+    /// Ticks in a row in which a moving command left both sensors unchanged to the last bit.
+    StuckSensor,
+    /// Reading of the displacement sensor, m: at the end of its range it says nothing.
+    SensorDisp,
+    /// Reading of the load cell, N.
+    SensorForce,
+}
+
+impl Quantity {
+    /// All of them.
+    pub const ALL: [Quantity; 11] = [
+        Quantity::CommandDisp,
+        Quantity::CommandStep,
+        Quantity::CommandVel,
+        Quantity::CommandAccel,
+        Quantity::MeasuredDisp,
+        Quantity::MeasuredForce,
+        Quantity::FollowingError,
+        Quantity::ForceStep,
+        Quantity::StuckSensor,
+        Quantity::SensorDisp,
+        Quantity::SensorForce,
+    ];
+
+    /// In words.
+    #[must_use]
+    pub const fn words(self) -> &'static str {
+        match self {
+            Quantity::CommandDisp => "commanded displacement",
+            Quantity::CommandStep => "change of the command in one tick",
+            Quantity::CommandVel => "commanded velocity",
+            Quantity::CommandAccel => "commanded acceleration",
+            Quantity::MeasuredDisp => "measured displacement",
+            Quantity::MeasuredForce => "measured force",
+            Quantity::FollowingError => "following error",
+            Quantity::ForceStep => "change of the measured force in one tick",
+            Quantity::StuckSensor => "ticks with unchanged sensors under a moving command",
+            Quantity::SensorDisp => "reading of the displacement sensor",
+            Quantity::SensorForce => "reading of the load cell",
+        }
+    }
+
+    /// As a key of the test file and of events.
+    #[must_use]
+    pub const fn key(self) -> &'static str {
+        match self {
+            Quantity::CommandDisp => "command_disp_m",
+            Quantity::CommandStep => "command_step_m",
+            Quantity::CommandVel => "command_vel_m_per_s",
+            Quantity::CommandAccel => "command_accel_m_per_s2",
+            Quantity::MeasuredDisp => "measured_disp_m",
+            Quantity::MeasuredForce => "measured_force_n",
+            Quantity::FollowingError => "following_error_m",
+            Quantity::ForceStep => "force_step_n",
+            Quantity::StuckSensor => "stuck_ticks",
+            Quantity::SensorDisp => "sensor_disp_m",
+            Quantity::SensorForce => "sensor_force_n",
+        }
+    }
+
+    /// SI unit.
+    #[must_use]
+    pub const fn unit(self) -> &'static str {
+        match self {
+            Quantity::CommandDisp
+            | Quantity::CommandStep
+            | Quantity::MeasuredDisp
+            | Quantity::SensorDisp
+            | Quantity::FollowingError => "m",
+            Quantity::CommandVel => "m/s",
+            Quantity::CommandAccel => "m/s2",
+            Quantity::MeasuredForce | Quantity::SensorForce | Quantity::ForceStep => "N",
+            Quantity::StuckSensor => "ticks",
+        }
+    }
+
+    const fn bit(self) -> u16 {
+        1 << self as u16
+    }
+}
+
+/// One limit that was reached.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hit {
+    /// Axis, from 0.
+    pub axis: usize,
+    /// Of what.
+    pub quantity: Quantity,
+    /// How bad it is.
+    pub level: Level,
+    /// What was found, SI.
+    pub value: f64,
+    /// What is allowed, SI.
+    pub bound: f64,
+}
+
+impl std::fmt::Display for Hit {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Hit {
+            axis,
+            quantity,
+            value,
+            bound,
+            ..
+        } = self;
+        let (words, unit) = (quantity.words(), quantity.unit());
+        write!(
+            f,
+            "axis {}: {words} {value:.6} {unit}, allowed {bound:.6} {unit}",
+            axis + 1
+        )
+    }
+}
+
+/// A size that is to be warned of, and one to trip at; infinite where there is none.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bound {
+    /// Warned of above this.
+    pub warn: f64,
+    /// Tripped above this.
+    pub trip: f64,
+}
+
+impl Bound {
+    /// No limit.
+    pub const NONE: Bound = Bound {
+        warn: f64::INFINITY,
+        trip: f64::INFINITY,
+    };
+
+    /// A trip level without a warning.
+    #[must_use]
+    pub const fn trip(trip: f64) -> Self {
+        Self {
+            warn: f64::INFINITY,
+            trip,
+        }
+    }
+
+    /// What `value` is beyond, and the bound. Real-time: yes.
+    fn judge(self, value: f64) -> Option<(Level, f64)> {
+        if !value.is_finite() || value > self.trip {
+            Some((Level::Trip, self.trip))
+        } else if value > self.warn {
+            Some((Level::Warning, self.warn))
+        } else {
+            None
+        }
+    }
+}
+
+/// Smallest and largest value, for each level; infinite where there is none.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Range {
+    /// Warned of outside of this.
+    pub warn: [f64; 2],
+    /// Tripped outside of this.
+    pub trip: [f64; 2],
+}
+
+impl Range {
+    /// No limit.
+    pub const NONE: Range = Range {
+        warn: [f64::NEG_INFINITY, f64::INFINITY],
+        trip: [f64::NEG_INFINITY, f64::INFINITY],
+    };
+
+    /// What `value` is outside of, and the bound on that side. Real-time: yes.
+    fn judge(&self, value: f64) -> Option<(Level, f64)> {
+        let outside = |[low, high]: [f64; 2]| {
+            if value.is_finite() && value >= low && value <= high {
+                None
+            } else {
+                Some(if value < low { low } else { high })
+            }
+        };
+        match outside(self.trip) {
+            Some(bound) => Some((Level::Trip, bound)),
+            None => outside(self.warn).map(|bound| (Level::Warning, bound)),
+        }
+    }
+}
+
+/// The limits of one axis, SI at the specimen's own scale.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AxisLimits {
+    /// Of the commanded displacement.
+    pub command_disp: Range,
+    /// Of its change in one tick.
+    pub command_step: Bound,
+    /// Of its change over the tick's wall time.
+    pub command_vel: Bound,
+    /// Of its second difference over the tick's wall time squared.
+    pub command_accel: Bound,
+    /// Of the measured displacement.
+    pub measured_disp: Range,
+    /// Of the measured force.
+    pub measured_force: Range,
+    /// Range of the displacement sensor.
+    pub sensor_disp: Range,
+    /// Range of the load cell.
+    pub sensor_force: Range,
+    /// Of |measured − commanded|, at rest.
+    pub following_error: Bound,
+    /// Seconds of commanded motion by which the following error may be larger.
+    pub following_time: f64,
+    /// Of the change of the measured force in one tick.
+    pub force_step: Bound,
+    /// Of the ticks in a row with unchanged sensors.
+    pub stuck_ticks: Bound,
+    /// Travel of the command in m over these ticks below which nothing is expected to change.
+    pub stuck_travel: f64,
+}
+
+impl AxisLimits {
+    /// No limit at all.
+    pub const NONE: AxisLimits = AxisLimits {
+        command_disp: Range::NONE,
+        command_step: Bound::NONE,
+        command_vel: Bound::NONE,
+        command_accel: Bound::NONE,
+        measured_disp: Range::NONE,
+        measured_force: Range::NONE,
+        sensor_disp: Range::NONE,
+        sensor_force: Range::NONE,
+        following_error: Bound::NONE,
+        following_time: 0.0,
+        force_step: Bound::NONE,
+        stuck_ticks: Bound::NONE,
+        stuck_travel: 0.0,
+    };
+}
+
+/// What one look found: the worst that trips, and a warning that was not given before.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Found {
+    /// The first limit that trips.
+    pub trip: Option<Hit>,
+    /// The first limit whose warning level was crossed from inside.
+    pub warning: Option<Hit>,
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,222 @@
+use super::*;
+
+/// Trips at `trip`, warns at half of it.
+fn half(trip: f64) -> Bound {
+    Bound {
+        warn: trip / 2.0,
+        trip,
+    }
+}
+
+fn range(low: f64, high: f64) -> Range {
+    Range {
+        warn: [low / 2.0, high / 2.0],
+        trip: [low, high],
+    }
+}
+
+/// 0.1 s ticks, one axis.
+fn watch(limits: AxisLimits) -> Watch {
+    Watch::new(vec![limits], 0.1)
+}
+
+/// Judges and sends; what was found.
+fn command(watch: &mut Watch, disp: f64) -> Found {
+    let found = watch.command(std::iter::once(disp));
+    watch.sent(std::iter::once(disp));
+    found
+}
+
+fn measure(watch: &mut Watch, disp: f64, force: f64) -> Found {
+    watch.measured(std::iter::once((disp, force)))
+}
+
+fn what(hit: Option<Hit>) -> Option<(Quantity, f64)> {
+    hit.map(|hit| (hit.quantity, hit.value))
+}
+
+#[test]
+fn a_stroke_has_two_ends_and_a_warning_before_each() {
+    let limits = AxisLimits {
+        command_disp: range(-0.2, 0.4),
+        ..AxisLimits::NONE
+    };
+    let mut one = watch(limits);
+    assert_eq!(command(&mut one, -0.05), Found::default());
+    let low = command(&mut one, -0.15);
+    assert_eq!(what(low.warning), Some((Quantity::CommandDisp, -0.15)));
+    assert_eq!(low.trip, None);
+    assert_eq!(low.warning.unwrap().bound, -0.1);
+    let beyond = command(&mut one, -0.21).trip.unwrap();
+    assert_eq!((beyond.value, beyond.bound), (-0.21, -0.2));
+    assert_eq!(
+        command(&mut one, 0.4).trip,
+        None,
+        "the bound itself is allowed"
+    );
+    assert_eq!(command(&mut one, 0.41).trip.unwrap().bound, 0.4);
+}
+
+#[test]
+fn what_is_not_a_number_trips_even_without_a_limit() {
+    let mut one = watch(AxisLimits::NONE);
+    assert!(command(&mut one, f64::NAN).trip.is_some());
+    assert!(command(&mut one, f64::INFINITY).trip.is_some());
+    assert!(measure(&mut one, 0.0, f64::NAN).trip.is_some());
+    assert!(measure(&mut one, f64::NAN, 0.0).trip.is_some());
+}
+
+#[test]
+fn a_warning_is_given_when_the_level_is_crossed_and_again_only_after_a_return() {
+    let limits = AxisLimits {
+        measured_force: range(-100.0, 100.0),
+        ..AxisLimits::NONE
+    };
+    let mut one = watch(limits);
+    let warned: Vec<bool> = [10.0, 60.0, 70.0, 40.0, 55.0]
+        .into_iter()
+        .map(|force| measure(&mut one, 0.0, force).warning.is_some())
+        .collect();
+    assert_eq!(warned, [false, true, false, false, true]);
+}
+
+#[test]
+fn two_warnings_of_one_tick_are_both_given_one_tick_after_the_other() {
+    let limits = AxisLimits {
+        measured_force: range(-100.0, 100.0),
+        measured_disp: range(-1.0, 1.0),
+        ..AxisLimits::NONE
+    };
+    let mut one = watch(limits);
+    let first = measure(&mut one, 0.6, 60.0).warning;
+    let second = measure(&mut one, 0.6, 60.0).warning;
+    assert_eq!(what(first), Some((Quantity::MeasuredDisp, 0.6)));
+    assert_eq!(what(second), Some((Quantity::MeasuredForce, 60.0)));
+    assert_eq!(measure(&mut one, 0.6, 60.0).warning, None);
+}
+
+#[test]
+fn velocity_and_acceleration_are_differences_over_wall_time() {
+    let limits = AxisLimits {
+        command_vel: Bound::trip(1.0),
+        ..AxisLimits::NONE
+    };
+    let mut one = watch(limits);
+    assert_eq!(command(&mut one, 5.0).trip, None, "nothing to differ from");
+    assert_eq!(command(&mut one, 5.09).trip, None, "0.9 m/s");
+    let fast = command(&mut one, 5.2).trip.unwrap();
+    assert_eq!(fast.quantity, Quantity::CommandVel);
+    assert!((fast.value - 1.1).abs() < 1e-9);
+
+    let limits = AxisLimits {
+        command_accel: Bound::trip(2.0),
+        ..AxisLimits::NONE
+    };
+    let mut one = watch(limits);
+    for disp in [0.0, 0.1, 0.21] {
+        assert_eq!(command(&mut one, disp).trip, None, "1 m/s2 at the most");
+    }
+    let hard = command(&mut one, 0.35).trip.unwrap();
+    assert!((hard.value - 3.0).abs() < 1e-9, "(0.35 - 0.42 + 0.1)/0.01");
+}
+
+#[test]
+fn the_first_command_is_a_step_from_where_the_specimen_stands() {
+    let limits = AxisLimits {
+        command_step: half(0.01),
+        ..AxisLimits::NONE
+    };
+    let mut one = watch(limits);
+    one.stands_at(std::iter::once(0.5));
+    let found = one.command(std::iter::once(0.0)).trip.unwrap();
+    assert_eq!((found.quantity, found.value), (Quantity::CommandStep, 0.5));
+}
+
+#[test]
+fn the_following_error_may_grow_with_the_speed() {
+    let limits = AxisLimits {
+        following_error: Bound::trip(0.01),
+        following_time: 0.02,
+        ..AxisLimits::NONE
+    };
+    let mut one = watch(limits);
+    command(&mut one, 0.0);
+    command(&mut one, 0.1);
+    // 1 m/s: 0.01 + 0.02 m are allowed.
+    assert_eq!(measure(&mut one, 0.0705, 0.0).trip, None);
+    assert!(measure(&mut one, 0.0695, 0.0).trip.is_some());
+    command(&mut one, 0.1);
+    assert!(measure(&mut one, 0.0705, 0.0).trip.is_some(), "at rest");
+}
+
+#[test]
+fn a_force_that_jumps_is_seen_from_the_second_measurement_on() {
+    let limits = AxisLimits {
+        force_step: Bound::trip(10.0),
+        ..AxisLimits::NONE
+    };
+    let mut one = watch(limits);
+    assert_eq!(measure(&mut one, 0.0, 500.0).trip, None);
+    assert_eq!(measure(&mut one, 0.0, 509.0).trip, None);
+    assert!(measure(&mut one, 0.0, 498.0).trip.is_some());
+}
+
+#[test]
+fn sensors_are_stuck_only_if_the_command_has_moved_meanwhile() {
+    let limits = AxisLimits {
+        stuck_ticks: Bound::trip(3.0),
+        stuck_travel: 0.015,
+        ..AxisLimits::NONE
+    };
+    let mut still = watch(limits);
+    for _ in 0..100 {
+        command(&mut still, 0.5);
+        assert_eq!(measure(&mut still, 0.5, 7.0).trip, None, "nothing moves");
+    }
+    let mut moving = watch(limits);
+    let ticks = (0..20).take_while(|&k| {
+        command(&mut moving, 0.01 * f64::from(k));
+        measure(&mut moving, 0.5, 7.0).trip.is_none()
+    });
+    // Travel exceeds 0.015 m with the command of tick 2; ticks 2, 3 and 4 are allowed.
+    assert_eq!(ticks.count(), 5);
+    let mut noisy = watch(limits);
+    for k in 0..100 {
+        command(&mut noisy, 0.01 * f64::from(k));
+        let noise = f64::from(k % 2) * 1e-9;
+        assert_eq!(measure(&mut noisy, 0.5, 7.0 + noise).trip, None, "it lives");
+    }
+}
+
+#[test]
+fn a_hit_reads_as_a_sentence() {
+    let hit = Hit {
+        axis: 1,
+        quantity: Quantity::MeasuredForce,
+        level: Level::Trip,
+        value: -120_500.0,
+        bound: -120_000.0,
+    };
+    assert_eq!(
+        hit.to_string(),
+        "axis 2: measured force -120500.000000 N, allowed -120000.000000 N"
+    );
+}
+
+#[test]
+fn what_has_tripped_trips_again_only_if_it_gets_worse() {
+    let limits = AxisLimits {
+        measured_force: range(-100.0, 100.0),
+        measured_disp: range(-1.0, 1.0),
+        ..AxisLimits::NONE
+    };
+    let mut one = watch(limits);
+    let hit = measure(&mut one, 0.0, -110.0).trip.unwrap();
+    one.excuse(&hit);
+    assert_eq!(measure(&mut one, 0.0, -112.0).trip, None);
+    assert!(measure(&mut one, 0.0, -116.0).trip.is_some());
+    assert!(
+        measure(&mut one, 2.0, -105.0).trip.is_some(),
+        "another limit"
+    );
+}

@@ -1,0 +1,310 @@
+//! `[specimen.link.tls]` and `[serve.tls]`: certificates, keys and authorities from PEM files.
+//!
+//! The names that are not given are those that OpenFresco looks for: `server.crt`, `server.key` and `server_ca.crt` at a
+//! server, `client.crt`, `client.key` and `client_ca.crt` at a client; each `…_ca.crt` verifies the other end.
+
+use std::fmt::Display;
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use rustls::pki_types::pem::PemObject;
+use rustls::pki_types::{CertificateDer, PrivateKeyDer};
+use rustls::{Error, InconsistentKeys, RootCertStore};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use thiserror::Error as Thiserror;
+
+use super::fault::TlsFault;
+
+/// No PEM file of use is longer.
+const LONGEST: u64 = 1 << 20;
+
+/// For `transport = "tls"`: who we are and whom we trust. Both ends show a certificate. Encrypting allocates memory, so
+/// over TLS that work is done by a helper thread beside the loop: the one exception to the loop's rule, and no promise
+/// about time. Frames signed with a `key_file` are the real-time way.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct TlsSpec {
+    /// Our certificate and those between it and the authority, PEM. Relative to the test file. Default: `client.crt` beside it,
+    /// or else in the working directory, where OpenFresco looks.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub certificate_file: Option<String>,
+    /// The private key of our certificate, PEM, not encrypted. Default: `client.key`. It is never copied into the run folder.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub key_file: Option<String>,
+    /// The authorities that may have signed the far end's certificate, PEM. Default: `client_ca.crt`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ca_file: Option<String>,
+    /// The name or address that the far end's certificate must be for. Default: the host in `address`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub server_name: Option<String>,
+    /// False: any certificate of the authority will do, whatever its name, as in OpenFresco's programs. Whoever has one
+    /// of them can then take the specimen's place.
+    pub check_name: bool,
+}
+
+impl Default for TlsSpec {
+    fn default() -> Self {
+        Self {
+            certificate_file: None,
+            key_file: None,
+            ca_file: None,
+            server_name: None,
+            check_name: true,
+        }
+    }
+}
+
+/// For `transport = "tls"`: who we are and who may command.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct ServeTlsSpec {
+    /// Our certificate and those between it and the authority, PEM. Relative to this file. Default: `server.crt` beside it, or
+    /// else in the working directory, where OpenFresco looks.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub certificate_file: Option<String>,
+    /// The private key of our certificate, PEM, not encrypted. Default: `server.key`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub key_file: Option<String>,
+    /// The authorities that may have signed a client's certificate, PEM. Default: `server_ca.crt`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ca_file: Option<String>,
+    /// Whether a client must show a certificate. Our own protocol always requires one. Default for OpenFresco's: as its
+    /// own servers have it, optional (but one that is shown must hold); beyond loopback, unless the one machine that may
+    /// command is named, required.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub client_certificate: Option<ClientCertificate>,
+}
+
+/// Whether a client must show a certificate.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ClientCertificate {
+    /// Nobody comes in without one.
+    Required,
+    /// One that is shown must hold; none will do.
+    Optional,
+}
+
+/// Which end of a session.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum End {
+    /// Connects.
+    Client,
+    /// Listens.
+    Server,
+}
+
+/// What is wrong with a file, and which key names it.
+#[derive(Debug, Clone, PartialEq, Eq, Thiserror)]
+#[error("{text}")]
+pub struct FileError {
+    /// The key in the table of TLS.
+    pub key: &'static str,
+    /// The file and what is wrong with it.
+    pub text: String,
+}
+
+/// Where certificate, key and authorities are.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct TlsFiles {
+    /// Our certificate and those above it.
+    pub certificate: PathBuf,
+    /// The private key of our certificate.
+    pub key: PathBuf,
+    /// The authorities that may have signed the other end's.
+    pub ca: PathBuf,
+}
+
+/// A certificate with its key.
+pub(super) struct Identity {
+    pub(super) chain: Vec<CertificateDer<'static>>,
+    pub(super) key: PrivateKeyDer<'static>,
+}
+
+impl TlsSpec {
+    /// The files, for a test file that stands in `folder`.
+    #[must_use]
+    pub fn files(&self, folder: &Path) -> TlsFiles {
+        let given = [&self.certificate_file, &self.key_file, &self.ca_file];
+        TlsFiles::locate(given.map(Option::as_deref), End::Client, folder)
+    }
+}
+
+impl ServeTlsSpec {
+    /// The files, for a file of specimens that stands in `folder`.
+    #[must_use]
+    pub fn files(&self, folder: &Path) -> TlsFiles {
+        let given = [&self.certificate_file, &self.key_file, &self.ca_file];
+        TlsFiles::locate(given.map(Option::as_deref), End::Server, folder)
+    }
+}
+
+impl TlsFiles {
+    /// Certificate, key and authorities as `given`, relative to `folder`. Those that are not given have OpenFresco's names,
+    /// in `folder` or, if none of them is there, in the working directory.
+    #[must_use]
+    pub fn locate(given: [Option<&str>; 3], end: End, folder: &Path) -> Self {
+        let usual = match end {
+            End::Client => ["client.crt", "client.key", "client_ca.crt"],
+            End::Server => ["server.crt", "server.key", "server_ca.crt"],
+        };
+        let there = |place: &Path| {
+            let mut missing = given.iter().zip(usual).filter(|(given, _)| given.is_none());
+            missing.any(|(_, name)| place.join(name).exists())
+        };
+        let here = Path::new("");
+        let place = if !there(folder) && there(here) {
+            here
+        } else {
+            folder
+        };
+        let [certificate, key, ca] = [0, 1, 2].map(|index: usize| {
+            let path = match given.get(index).copied().flatten() {
+                Some(file) => folder.join(file),
+                None => place.join(usual.get(index).copied().unwrap_or_default()),
+            };
+            std::path::absolute(&path).unwrap_or(path)
+        });
+        Self {
+            certificate,
+            key,
+            ca,
+        }
+    }
+
+    pub(super) fn identity(&self) -> Result<Identity, FileError> {
+        let what = "the certificate file";
+        let bytes = read("certificate_file", what, &self.certificate)?;
+        let chain = certificates("certificate_file", what, &self.certificate, &bytes)?;
+        let what = "the private key file";
+        let bytes = read("key_file", what, &self.key)?;
+        let key = PrivateKeyDer::from_pem_slice(&bytes).map_err(|_| {
+            let encrypted = bytes
+                .windows(ENCRYPTED.len())
+                .any(|window| window == ENCRYPTED);
+            let reason = if encrypted {
+                "its key is encrypted: openssl pkey -in FILE -out PLAIN-FILE decrypts it"
+            } else {
+                "it holds no private key in PEM"
+            };
+            wrong("key_file", what, &self.key, &reason)
+        })?;
+        Ok(Identity { chain, key })
+    }
+
+    pub(super) fn authorities(&self) -> Result<RootCertStore, FileError> {
+        let (key, what) = ("ca_file", "the file of authorities");
+        let bytes = read(key, what, &self.ca)?;
+        let mut roots = RootCertStore::empty();
+        for certificate in certificates(key, what, &self.ca, &bytes)? {
+            roots
+                .add(certificate)
+                .map_err(|error| self.wrong_authority(&error))?;
+        }
+        Ok(roots)
+    }
+
+    pub(super) fn wrong_authority(&self, error: &dyn Display) -> FileError {
+        wrong("ca_file", "the file of authorities", &self.ca, error)
+    }
+
+    /// Certificate and key are readable, and cannot be used.
+    pub(super) fn wrong_identity(&self, error: &Error) -> FileError {
+        match error {
+            Error::InconsistentKeys(InconsistentKeys::KeyMismatch) => {
+                let reason = format!(
+                    "it is not the key of the certificate {}",
+                    self.certificate.display()
+                );
+                wrong("key_file", "the private key file", &self.key, &reason)
+            }
+            Error::InvalidCertificate(_) => {
+                let reason = format!("{}; {error}", TlsFault::of(error)).replace("its ", "the ");
+                wrong(
+                    "certificate_file",
+                    "the certificate file",
+                    &self.certificate,
+                    &reason,
+                )
+            }
+            other => wrong("key_file", "the private key file", &self.key, other),
+        }
+    }
+}
+
+const ENCRYPTED: &[u8] = b"ENCRYPTED";
+
+fn wrong(key: &'static str, what: &str, path: &Path, reason: &dyn Display) -> FileError {
+    FileError {
+        key,
+        text: format!("{what} {} cannot be used: {reason}", path.display()),
+    }
+}
+
+fn read(key: &'static str, what: &str, path: &Path) -> Result<Vec<u8>, FileError> {
+    let mut bytes = Vec::new();
+    File::open(path)
+        .and_then(|file| file.take(LONGEST).read_to_end(&mut bytes))
+        .map_err(|error| FileError {
+            key,
+            text: format!("{what} {} cannot be read: {error}", path.display()),
+        })?;
+    Ok(bytes)
+}
+
+fn certificates(
+    key: &'static str,
+    what: &str,
+    path: &Path,
+    bytes: &[u8],
+) -> Result<Vec<CertificateDer<'static>>, FileError> {
+    let found: Result<Vec<_>, _> = CertificateDer::pem_slice_iter(bytes).collect();
+    match found {
+        Ok(found) if !found.is_empty() => Ok(found),
+        Ok(_) => Err(wrong(key, what, path, &"it holds no certificate in PEM")),
+        Err(error) => Err(wrong(key, what, path, &error)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_that_are_not_given_are_those_of_openfresco_beside_the_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        let files = ServeTlsSpec::default().files(folder);
+        assert_eq!(files.certificate, folder.join("server.crt"));
+        assert_eq!(files.key, folder.join("server.key"));
+        assert_eq!(files.ca, folder.join("server_ca.crt"));
+        let spec: TlsSpec = toml::from_str("key_file = \"keys/mine.pem\"").unwrap();
+        let files = spec.files(folder);
+        assert_eq!(files.certificate, folder.join("client.crt"));
+        assert_eq!(files.key, folder.join("keys/mine.pem"));
+        assert!(spec.check_name);
+    }
+
+    #[test]
+    fn a_file_that_is_missing_empty_or_another_is_named_with_its_key() {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        let files = TlsSpec::default().files(folder);
+        let said = |files: &TlsFiles| match files.identity() {
+            Ok(_) => panic!("it is none"),
+            Err(error) => (error.key, error.text),
+        };
+        let (key, text) = said(&files);
+        assert_eq!(key, "certificate_file");
+        assert!(text.contains("client.crt cannot be read"), "{text}");
+        std::fs::write(folder.join("client.crt"), "nothing").unwrap();
+        let (key, text) = said(&files);
+        assert_eq!(key, "certificate_file");
+        assert!(text.contains("holds no certificate"), "{text}");
+        let authorities = files.authorities().unwrap_err();
+        assert_eq!(authorities.key, "ca_file");
+        assert!(authorities.text.contains("client_ca.crt cannot be read"));
+    }
+}

@@ -1,0 +1,66 @@
+//! TLS under our own protocol and under OpenFresco's: the same bytes, inside a session that both ends have proven.
+//!
+//! | file | does |
+//! |---|---|
+//! | `files` | certificates, keys and authorities from PEM files, with OpenFresco's names as the defaults |
+//! | `client` | connects: on the caller's thread, before anything moves |
+//! | `server` | who may come in |
+//! | `session` | one TLS session over any socket that does not block |
+//! | `stream` | the session on the thread that asks: a server's |
+//! | `thread` | the session on a thread of its own: the loop's |
+//! | `greeting` | the session under the asynchronous runtime, until a controller has armed |
+//!
+//! **The exception to the promise of no allocation.** Encrypting and decrypting allocates. So on the loop's side the
+//! whole exchange lives on a helper thread; the loop's own thread hands bytes over through two rings and one
+//! atomic, allocates nothing, takes no lock and waits no longer than its deadline, as over plain TCP. The
+//! helper thread costs two more changes of thread for each exchange and no promise about time: frames signed with a
+//! pre-shared key are the real-time way through a network that is not trusted. A server's data thread decrypts by itself.
+//!
+//! Versions 1.2 and 1.3; no resumption, no early data: a session is one test. The cryptography is ring's (ISC and Apache
+//! 2.0): C and prebuilt assembly that the compiler driver of the linker builds, no cmake, no system library. aws-lc
+//! costs twice the build for the same suites; the pure Rust providers are no releases yet.
+//!
+//! Invariants: no wait without a limit, in the handshake, in the middle of a record and at the goodbye; every failure has a
+//! name ([`TlsFault`]); keys never leave this module. What is not here: revocation lists, and what the bytes mean.
+
+mod client;
+mod fault;
+mod files;
+mod greeting;
+mod record;
+mod server;
+mod session;
+mod stream;
+mod thread;
+
+pub use client::TlsClient;
+pub use fault::TlsFault;
+pub use files::{ClientCertificate, End, FileError, ServeTlsSpec, TlsFiles, TlsSpec};
+pub(in crate::link) use greeting::Greeting;
+pub use server::TlsServer;
+pub use stream::TlsStream;
+pub use thread::TlsTransport;
+
+use std::sync::Arc;
+
+use rustls::crypto::{CryptoProvider, ring};
+
+/// A record that has begun must be whole after this time, unless its link says otherwise.
+pub(in crate::link) const RECORD_LIMIT_NS: u64 = 5_000_000_000;
+
+fn provider() -> Arc<CryptoProvider> {
+    Arc::new(ring::default_provider())
+}
+
+/// True for the beginning of a TLS session where something else was due: a ClientHello. No frame of ours and no sizes
+/// of OpenFresco's begin so: these sizes would be counts beyond every bound.
+#[must_use]
+pub fn is_client_hello(bytes: &[u8]) -> bool {
+    matches!(bytes, [22, 3, 0..=4, ..])
+}
+
+/// True for a TLS alert where an answer was due: what a TLS server says to somebody who speaks plainly.
+#[must_use]
+pub fn is_alert(bytes: &[u8]) -> bool {
+    matches!(bytes, [21, 3, 0..=4, 0, ..])
+}

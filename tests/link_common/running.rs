@@ -1,0 +1,62 @@
+//! A test in the background.
+
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+
+use super::{gusset, not_for_ever, write};
+
+/// A test that runs until it ends, or is ended.
+pub struct Running {
+    child: Option<Child>,
+}
+
+impl Running {
+    pub fn start(folder: &Path, name: &str, text: &str) -> Self {
+        let file = write(folder, &format!("{name}.toml"), text);
+        let child = gusset()
+            .arg("run")
+            .arg(file)
+            .arg("--out")
+            .arg(folder.join(name))
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        Self { child: Some(child) }
+    }
+
+    /// Ends it as an operator does. It must still be running. Its exit code, and what it said.
+    pub fn interrupt(mut self) -> (i32, String) {
+        let child = self.child.as_mut().unwrap();
+        let over = child.try_wait().unwrap();
+        assert_eq!(over, None, "it ended by itself");
+        let id = child.id().to_string();
+        let sent = Command::new("kill").args(["-s", "INT", &id]).status();
+        assert!(sent.unwrap().success());
+        self.wait()
+    }
+
+    /// Waits until it ends. Its exit code, and what it said.
+    pub fn wait(mut self) -> (i32, String) {
+        let child = self.child.take().unwrap();
+        let output = not_for_ever(child);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        (output.status.code().unwrap(), said)
+    }
+
+    pub fn kill(&mut self) {
+        let mut child = self.child.take().unwrap();
+        child.kill().unwrap();
+        child.wait().unwrap();
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        if let Some(child) = &mut self.child {
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+    }
+}

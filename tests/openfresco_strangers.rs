@@ -1,0 +1,142 @@
+//! `gusset serve` on OpenFresco's protocols and what a network brings to an open port: sizes that cannot be, other programs,
+//! cut messages, noise. Each is named, none reaches the specimen, and a test that runs does not notice.
+
+mod link_common;
+
+use std::io::{Read, Write};
+use std::net::{TcpStream, UdpSocket};
+use std::path::Path;
+
+use link_common::{ONE_AXIS, ONE_AXIS_LAW, PATIENCE, Served, linked, run, summary, test_file};
+
+const STEPS: u32 = 50;
+
+fn serve(folder: &Path, protocol: &str, transport: &str) -> Served {
+    let text = test_file(STEPS, &format!("{ONE_AXIS}{ONE_AXIS_LAW}"));
+    let arguments = ["--protocol", protocol, "--transport", transport];
+    Served::start(folder, &text, &arguments)
+}
+
+/// The first message of dialects A and D for one axis, with one count changed.
+fn sizes(place: usize, count: i32) -> Vec<u8> {
+    let mut counts = [1, 1, 1, 0, 1, 0, 0, 0, 1, 0, 256];
+    counts[place] = count;
+    counts
+        .iter()
+        .flat_map(|count| count.to_le_bytes())
+        .collect()
+}
+
+/// Sends bytes to the server; it must close.
+fn say(address: &str, bytes: &[u8]) {
+    let mut stream = TcpStream::connect(address).unwrap();
+    stream.set_read_timeout(Some(PATIENCE)).unwrap();
+    let _ = stream.write_all(bytes);
+    let mut answer = Vec::new();
+    // A reset is a close, too.
+    let _ = stream.read_to_end(&mut answer);
+    assert!(answer.is_empty(), "{answer:?}");
+}
+
+#[test]
+fn sizes_that_cannot_be_are_refused_with_the_number_and_cost_no_memory() {
+    let folder = tempfile::tempdir().unwrap();
+    for protocol in ["openfresco", "openfresco-controller", "openfresco-simulink"] {
+        let served = serve(folder.path(), protocol, "tcp");
+        for (place, count, words) in [
+            (10, -1, "data size N is -1"),
+            (10, 0, "data size N is 0"),
+            (10, 4, "data size N is 4"),
+            (10, i32::MAX, "data size N is 2147483647"),
+            (10, i32::MIN, "data size N is -2147483648"),
+            (0, -1, "number of displacements is -1"),
+            (0, i32::MAX, "number of displacements is 2147483647"),
+            (3, 4097, "number of forces is 4097"),
+            (4, 2, "number of times is 2, 0 to 1 allowed"),
+        ] {
+            say(&served.address, &sizes(place, count));
+            served.hears(words);
+        }
+    }
+}
+
+#[test]
+fn other_programs_are_recognised_by_their_first_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let served = serve(folder.path(), "openfresco", "tcp");
+    let noise = [0xa5; 100];
+    for (bytes, words) in [
+        (
+            &b"GET / HTTP/1.1\r\nHost: rig.lab.example:8090\r\nUser-Agent: curl\r\n\r\n"[..],
+            "the first bytes are those of a browser: the peer speaks another protocol",
+        ),
+        (
+            b"SSH-2.0-OpenSSH_9.6 and the rest of a long first line that goes on",
+            "those of an SSH server or client",
+        ),
+        (
+            b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03 a client hello with more than 44 bytes",
+            "those of TLS",
+        ),
+        (&noise, "number of displacements is"),
+    ] {
+        say(&served.address, bytes);
+        served.hears(words);
+    }
+    // The actor's first message is four bytes long, and then 2048.
+    let served = serve(folder.path(), "openfresco-actor", "tcp");
+    say(&served.address, b"GET / HTTP/1.1\r\n\r\n");
+    served.hears("the first bytes are those of a browser");
+}
+
+#[test]
+fn a_message_that_is_cut_short_moves_nothing_and_frees_the_port() {
+    let folder = tempfile::tempdir().unwrap();
+    let served = serve(folder.path(), "openfresco", "tcp");
+    let whole = [sizes(10, 5), vec![0; 40]].concat();
+    for length in [1, 43, 44, 60] {
+        let mut stream = TcpStream::connect(&served.address).unwrap();
+        stream.write_all(&whole[..length]).unwrap();
+        drop(stream);
+        let end = served.hears("closed the connection without a goodbye");
+        assert!(end.contains("0 commands"), "{end}");
+    }
+}
+
+/// Every port of OpenFresco's protocols, over TCP and UDP, while a test runs over it.
+#[test]
+fn noise_at_every_port_does_not_disturb_a_running_test() {
+    let ports = [
+        ("openfresco", "openfresco"),
+        ("openfresco-actor", "openfresco-shadow"),
+    ];
+    for (serves, asks) in ports {
+        for transport in ["tcp", "udp"] {
+            let folder = tempfile::tempdir().unwrap();
+            let folder = folder.path();
+            let served = serve(folder, serves, transport);
+            let keys = format!("protocol = \"{asks}\"\ntransport = \"{transport}\"");
+            let text = linked(20_000, &served.address, &keys);
+            let owned = folder.to_owned();
+            let test = std::thread::spawn(move || run(&owned, "run", &text));
+            served.hears("connected");
+            if transport == "tcp" {
+                for _ in 0..5 {
+                    let mut stranger = TcpStream::connect(&served.address).unwrap();
+                    let _ = stranger.write_all(&[0xff; 100_000]);
+                    let _ = stranger.read_to_end(&mut Vec::new());
+                }
+            } else {
+                let stranger = UdpSocket::bind("127.0.0.1:0").unwrap();
+                for length in (0..3000).step_by(7) {
+                    let _ = stranger.send_to(&vec![0xff; length], &served.address);
+                }
+            }
+            served.hears("turned away");
+            let (code, said) = test.join().unwrap();
+            assert_eq!(code, 0, "{serves} {transport}: {said}");
+            let link = summary(folder, "run").link["column"];
+            assert_eq!((link.received, link.corrupt), (link.sent, 0));
+        }
+    }
+}

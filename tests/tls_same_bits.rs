@@ -1,0 +1,98 @@
+//! Over TLS a hybrid test is the same test, to the last bit: our own protocol and OpenFresco's, one test after another.
+
+mod link_common;
+mod openfresco_ends;
+mod tls_common;
+
+use gusset::link::openfresco::{
+    Door, End, Nature, Peer, Remote, RemoteSettings, Role, ServeSettings,
+};
+use gusset::link::tls::{ServeTlsSpec, TlsClient, TlsServer, TlsSpec};
+use gusset::substructure::{Retirement, Substructure};
+use gusset::wire::openfresco::Carrier;
+use link_common::{
+    ONE_AXIS, ONE_AXIS_LAW, Served, TWO_AXES, TWO_AXES_LAW, columns, run, summary, test_file,
+};
+use openfresco_ends::{Server, drive, in_process, settings};
+
+const STEPS: u32 = 600;
+
+fn is_the_same(seen: &str, law: &str, protocol: &str, address: &dyn Fn(&str) -> String) {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    tls_common::make(folder);
+    let local = test_file(STEPS, &format!("{seen}{law}"));
+    assert_eq!(run(folder, "local", &local).0, 0);
+    let served = Served::start(
+        folder,
+        &local,
+        &["--transport", "tls", "--protocol", protocol],
+    );
+    for name in ["first", "second"] {
+        let at = address(&served.address);
+        let link = format!(
+            "[specimen.link]\naddress = \"{at}\"\nprotocol = \"{protocol}\"\ntransport = \"tls\"\n"
+        );
+        let (code, said) = run(folder, name, &test_file(STEPS, &format!("{seen}{link}")));
+        assert_eq!(code, 0, "{said}");
+        assert_eq!(columns(folder, "local", ""), columns(folder, name, ""));
+        let link = summary(folder, name).link["column"];
+        assert_eq!(link.sent, u64::from(STEPS) + 1 + 5);
+        assert_eq!((link.received, link.lost, link.corrupt), (link.sent, 0, 0));
+        served.hears(match protocol {
+            "gusset" => "retired in an orderly way",
+            _ => "the client ended the test",
+        });
+        let resolved = std::fs::read_to_string(folder.join(name).join("resolved.toml")).unwrap();
+        let key = folder.join("client.key").display().to_string();
+        assert!(resolved.contains(&key), "named from anywhere: {resolved}");
+        assert!(!folder.join(name).join("inputs/client.key").exists());
+    }
+}
+
+#[test]
+fn our_own_protocol_over_tls_takes_the_same_course_as_in_process() {
+    is_the_same(ONE_AXIS, ONE_AXIS_LAW, "gusset", &str::to_owned);
+    // By name, and with more than one axis.
+    is_the_same(TWO_AXES, TWO_AXES_LAW, "gusset", &|address| {
+        address.replace("127.0.0.1", "localhost")
+    });
+}
+
+#[test]
+fn openfrescos_application_protocol_over_tls_takes_the_same_course_as_in_process() {
+    is_the_same(ONE_AXIS, ONE_AXIS_LAW, "openfresco", &str::to_owned);
+}
+
+#[test]
+fn every_dialect_of_which_both_ends_are_ours_is_the_same_over_tls() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    tls_common::make(folder);
+    let client = TlsClient::new(&TlsSpec::default().files(folder), None, true).unwrap();
+    let files = ServeTlsSpec::default().files(folder);
+    for required in [true, false] {
+        let tls = TlsServer::new(&files, required).unwrap();
+        for (role, peer) in [
+            (Role::Application, Peer::Element),
+            (Role::Application, Peer::Site),
+            (Role::Actor, Peer::Actor),
+        ] {
+            let door = Door::bind_tls("127.0.0.1:0", None, tls.clone()).unwrap();
+            let limits = ServeSettings::new(role, Some(30.0));
+            let server = Server::behind(door, limits, 3, Nature::Simulated);
+            for data_size in [2, 4096] {
+                let mut remote = Remote::new(RemoteSettings {
+                    tls: Some(client.clone()),
+                    data_size,
+                    ..settings(peer, Carrier::Stream, server.address, 3)
+                })
+                .unwrap();
+                remote.open().unwrap();
+                assert_eq!(drive(&mut remote, 50), in_process(3, 50));
+                remote.retire(Retirement::Orderly);
+                assert_eq!(server.end(), End::Finished, "{role:?}");
+            }
+        }
+    }
+}
