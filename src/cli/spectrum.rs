@@ -31,7 +31,8 @@ struct Delay {
 impl Spectrum {
     /// None for another method than the family, or a structure that is too large.
     pub(super) fn of(facts: &Facts, structure: &StructureFacts) -> Option<Self> {
-        let lambda = structure.lambda?.value();
+        let chosen = structure.lambda?;
+        let lambda = chosen.value();
         let analysis = structure.analysis.as_ref()?;
         let delays = analysis.loops.iter().map(|specimen| Delay {
             continuous: specimen
@@ -46,7 +47,7 @@ impl Spectrum {
         Some(Self {
             dt: facts.dt,
             lambda,
-            modes: analysis.modes(facts.dt, lambda),
+            modes: analysis.modes(facts.dt, chosen),
             delays: delays.collect(),
         })
     }

@@ -15,7 +15,8 @@
 
 use thiserror::Error;
 
-use super::{Integrator, Lambda, LambdaError, Start, State};
+use super::apart::Correction;
+use super::{Apart, Integrator, Lambda, LambdaError, Start, State};
 use crate::linalg::{NotPositiveDefinite, Spd, Storage, SymMatrix};
 
 /// Why there is no integrator.
@@ -45,6 +46,9 @@ pub enum GuiError {
     /// M_eff has a pivot that is not positive: a massless degree of freedom that nothing holds, or a wrong sign.
     #[error("the effective mass M + (Δt/2) C0 + (Δt²/λ) K0 is {0}")]
     EffectiveMass(NotPositiveDefinite),
+    /// The modes with a λ of their own and the rest together have no factor.
+    #[error("the modes with a lambda of their own leave no effective mass")]
+    Modes,
 }
 
 /// One member of the family, ready to step.
@@ -54,6 +58,8 @@ pub struct Gui {
     lambda: Lambda,
     start: Start,
     effective_mass: Spd,
+    /// What modes with a λ of their own add to the factor.
+    correction: Option<Correction>,
 }
 
 impl Gui {
@@ -69,6 +75,22 @@ impl Gui {
         lambda: Lambda,
         start: Start,
     ) -> Result<Self, GuiError> {
+        Self::with_apart(mass, damping, stiffness, dt, lambda, start, None)
+    }
+
+    /// The same with a λ of their own for the elements or modes in `apart`, and `lambda` for the rest of K0.
+    ///
+    /// # Errors
+    /// See [`GuiError`].
+    pub fn with_apart(
+        mass: &SymMatrix,
+        damping: &SymMatrix,
+        stiffness: &SymMatrix,
+        dt: f64,
+        lambda: Lambda,
+        start: Start,
+        apart: Option<&Apart>,
+    ) -> Result<Self, GuiError> {
         if !(dt > 0.0 && dt.is_finite()) {
             return Err(GuiError::Step { found: dt });
         }
@@ -80,12 +102,31 @@ impl Gui {
                 stiffness: stiffness.n(),
             });
         }
-        let matrix = effective_mass(mass, damping, stiffness, dt, lambda);
+        let factored = |matrix: &SymMatrix| Spd::factor(matrix).map_err(GuiError::EffectiveMass);
+        let (effective_mass, correction) = match apart {
+            Some(apart) if apart.is_of_modes() => {
+                let matrix = effective_mass(mass, damping, stiffness, dt, lambda);
+                let mut factor = factored(&matrix)?;
+                let correction = apart.correction(&mut factor, dt, lambda);
+                (factor, Some(correction.ok_or(GuiError::Modes)?))
+            }
+            Some(apart) => {
+                let settled = mass.plus(dt * dt, apart.settled());
+                let rest = apart.rest(stiffness);
+                let matrix = effective_mass(&settled, damping, &rest, dt, lambda);
+                (factored(&matrix)?, None)
+            }
+            None => {
+                let matrix = effective_mass(mass, damping, stiffness, dt, lambda);
+                (factored(&matrix)?, None)
+            }
+        };
         Ok(Self {
             dt,
             lambda,
             start,
-            effective_mass: Spd::factor(&matrix).map_err(GuiError::EffectiveMass)?,
+            effective_mass,
+            correction,
         })
     }
 
@@ -135,6 +176,9 @@ impl Integrator for Gui {
         debug_assert_eq!((disp.len(), vel.len()), (residual.len(), residual.len()));
         weighted_accel.copy_from_slice(residual);
         self.effective_mass.solve_in_place(weighted_accel);
+        if let Some(correction) = &mut self.correction {
+            correction.apply(weighted_accel);
+        }
         let dt = self.dt;
         // Velocity reported for n: v[n] + lead · w[n]; velocity gained on the way to n + 1: gain · w[n].
         let (lead, gain) = match (self.start, *begun) {

@@ -17,6 +17,7 @@
 //! with one solve: nothing at n + 1 is needed to command n + 1. Forces, loads and accelerations are not computed
 //! here ([`crate::model`] does).
 
+mod apart;
 mod central_difference;
 mod chang_2002;
 mod equilibrium;
@@ -32,6 +33,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+pub use apart::Apart;
 pub use central_difference::CentralDifference;
 pub use chang_2002::Chang2002;
 pub use equilibrium::NewtonSettings;

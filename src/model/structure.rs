@@ -144,6 +144,28 @@ impl Structure {
         self.assemble(&self.damping, |law| law.reference().damping)
     }
 
+    /// Names of everything that has a share of K0 of its own: storeys or springs, then elements.
+    pub fn part_names(&self) -> impl Iterator<Item = &str> {
+        let linear = self.linear_parts.iter().map(|part| part.name.as_str());
+        linear.chain(self.element_names())
+    }
+
+    /// The share of K0 of everything that is called `name`, n × n in N/m; none if nothing is.
+    #[must_use]
+    pub fn stiffness_of(&self, name: &str) -> Option<SymMatrix> {
+        let linear = self.linear_parts.iter().filter(|part| part.name == name);
+        let linear = linear.map(|part| stamp(&part.row, part.stiffness_bound));
+        let elements = self.facts.iter().zip(&self.connections);
+        let elements = elements.filter(|(facts, _)| facts.name == name);
+        let elements = elements.map(|(facts, connection)| {
+            let stiffness = connection.law.reference().stiffness;
+            stamp(&row(facts.from, facts.to), stiffness)
+        });
+        let stamps: Vec<_> = linear.chain(elements).collect();
+        let entries = stamps.iter().flatten().copied();
+        (!stamps.is_empty()).then(|| SymMatrix::from_triplets(self.dofs(), entries))
+    }
+
     /// Tangent stiffness at the last internal force.
     #[must_use]
     pub fn tangent_stiffness(&self) -> SymMatrix {

@@ -159,6 +159,7 @@ fn limits() -> Vec<Check> {
         damping_bound: tridiagonal(n, DAMPING).plus(1.0, &SymMatrix::diagonal(&vec![180.0; n])),
         stiffness_bound: tridiagonal(n, STIFFNESS),
         dt: DT,
+        apart: None,
     };
     vec![
         Check::holds(

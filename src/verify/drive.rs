@@ -246,6 +246,7 @@ impl TwoStoreys {
             damping_bound: SymMatrix::zeros(2),
             stiffness_bound: Self::matrix(tangents),
             dt,
+            apart: None,
         }
     }
 
@@ -297,6 +298,7 @@ pub(super) fn transition(
             damping_bound: scalar(c),
             stiffness_bound: scalar(k),
             dt,
+            apart: None,
         },
         lambda,
     )?;
@@ -307,13 +309,14 @@ pub(super) fn transition(
 pub(super) fn transition_of(proof: &StabilityProof, lambda: f64) -> Option<DMatrix<f64>> {
     let n = proof.mass.n();
     let lambda = Lambda::new(lambda).ok()?;
-    let mut gui = Gui::new(
+    let mut gui = Gui::with_apart(
         &proof.mass,
         &proof.damping,
         &proof.stiffness,
         proof.dt,
         lambda,
         Start::Published,
+        proof.apart.as_ref(),
     )
     .ok()?;
     let mut step = DMatrix::zeros(2 * n, 2 * n);

@@ -266,6 +266,7 @@ pub(super) fn criterion(effort: Effort) -> Proof {
             stiffness: storeys(&mut random, n, 1000.0),
             stiffness_bound: storeys(&mut random, n, 1000.0 * hardening),
             dt: random.between(0.02, 0.5),
+            apart: None,
         };
         let radius =
             |lambda: f64| transition_of(&proof, lambda).and_then(|step| spectral_radius(&step));

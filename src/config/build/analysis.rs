@@ -2,7 +2,9 @@
 
 use nalgebra::DMatrix;
 
+use super::method::Initial;
 use super::specimens::Specimens;
+use crate::integrate::{Apart, Lambda};
 use crate::linalg::{self, SymMatrix};
 use crate::spectral::Apparent;
 use crate::spectral::Locus;
@@ -22,6 +24,8 @@ pub struct Analysis {
     /// K0 and C0, as in M_eff.
     stiffness: SymMatrix,
     damping: SymMatrix,
+    /// What has a λ of its own.
+    apart: Option<Apart>,
     /// One per specimen; empty where the structure is too large.
     pub loops: Vec<Loop>,
 }
@@ -85,14 +89,16 @@ impl Analysis {
     pub(super) fn new(
         mass: &SymMatrix,
         at_rest: &SymMatrix,
-        stiffness: &SymMatrix,
-        damping: &SymMatrix,
+        initial: &Initial<'_>,
         specimens: &Specimens,
+        apart: Option<(&Apart, Lambda)>,
     ) -> Option<Self> {
         let n = mass.n();
+        let (stiffness, damping) = (initial.stiffness, initial.damping);
         if n > LARGEST_MODAL {
             return None;
         }
+        let weighted = apart.map(|(apart, lambda)| apart.weighted(stiffness, lambda).to_dense());
         let loops = if n <= LARGEST_DELAYED {
             specimens
                 .loops()
@@ -118,6 +124,7 @@ impl Analysis {
                             rows,
                             specimen_stiffness: own_stiffness,
                             specimen_damping: own_damping,
+                            weighted: weighted.clone(),
                         },
                     }
                 })
@@ -130,26 +137,36 @@ impl Analysis {
             at_rest: at_rest.clone(),
             stiffness: stiffness.clone(),
             damping: damping.clone(),
+            apart: apart.map(|(apart, _)| apart.clone()),
             loops,
         })
+    }
+
+    /// K̃ of M_eff: K0/λ, or what stands for it.
+    fn weighted(&self, lambda: Lambda) -> SymMatrix {
+        match &self.apart {
+            Some(apart) => apart.weighted(&self.stiffness, lambda),
+            None => SymMatrix::zeros(self.mass.n()).plus(lambda.inverse(), &self.stiffness),
+        }
     }
 
     /// Every mode at rest, and what the recursion at Δt and λ makes of it: α holds K0 and C0, which may differ from the
     /// tangents. Modal damping is the diagonal of Φᵀ C0 Φ. Empty if there are no real modes.
     #[must_use]
-    pub fn modes(&self, dt: f64, lambda: f64) -> Vec<ModeFacts> {
+    pub fn modes(&self, dt: f64, lambda: Lambda) -> Vec<ModeFacts> {
         let Ok(modes) = linalg::modes(&self.at_rest, &self.mass) else {
             return Vec::new();
         };
+        let weighted = self.weighted(lambda);
         let each = modes.frequencies.iter().zip(modes.shapes.column_iter());
         each.map(|(&frequency, shape)| {
             let damping = self.damping.quadratic(shape.as_slice());
             let locus = Locus {
                 mass: 1.0,
                 damping,
-                stiffness: self.stiffness.quadratic(shape.as_slice()),
+                stiffness: weighted.quadratic(shape.as_slice()),
                 dt,
-                lambda,
+                lambda: 1.0,
             };
             let [pole, _] = locus.roots(frequency * frequency);
             ModeFacts {
