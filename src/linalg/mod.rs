@@ -31,7 +31,9 @@ use std::fmt;
 use thiserror::Error;
 
 pub use checked::MatrixError;
-pub use eigen::{EigenError, LARGEST_DENSE, Modes, frequencies, highest_frequency, modes};
+pub use eigen::{
+    EigenError, LARGEST_DENSE, Modes, frequencies, highest_frequency, lowest_modes, modes,
+};
 pub use matrix::SymMatrix;
 
 /// A pivot that is not positive: the matrix has a direction without, or with negative, stiffness.

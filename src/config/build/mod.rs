@@ -24,7 +24,7 @@ use crate::integrate::{Lambda, LambdaChoice};
 use crate::linalg::{Spd, SymMatrix};
 use crate::rt;
 use crate::rt::TimingSpec;
-pub use analysis::{Analysis, Loop, ModeFacts};
+pub use analysis::{ALL_MODES, Analysis, Loop, ModeFacts};
 use specimens::Specimens;
 
 /// A test that is ready to run.
