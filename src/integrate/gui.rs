@@ -13,9 +13,12 @@
 //! α and inverses are never formed, so the factor is as sparse as M + C0 + K0 and massless degrees of freedom
 //! work. Whether the chosen λ is stable is not asked here but in [`super::StabilityProof`].
 
+use std::ops::Range;
+
 use thiserror::Error;
 
-use super::{Integrator, Lambda, LambdaError, Start, State};
+use super::apart::Correction;
+use super::{Apart, Integrator, Lambda, LambdaError, Start, State};
 use crate::linalg::lanes::{Isa, Kernel};
 use crate::linalg::{Lanes, NotPositiveDefinite, Spd, Storage, SymMatrix};
 
@@ -46,6 +49,9 @@ pub enum GuiError {
     /// M_eff has a pivot that is not positive: a massless degree of freedom that nothing holds, or a wrong sign.
     #[error("the effective mass M + (Δt/2) C0 + (Δt²/λ) K0 is {0}")]
     EffectiveMass(NotPositiveDefinite),
+    /// The modes with a λ of their own and the rest together have no factor.
+    #[error("the modes with a lambda of their own leave no effective mass")]
+    Modes,
 }
 
 /// One member of the family, ready to step.
@@ -56,6 +62,8 @@ pub struct Gui {
     start: Start,
     effective_mass: Spd,
     lanes: Lanes,
+    /// What modes with a λ of their own add to the factor.
+    correction: Option<Correction>,
 }
 
 impl Gui {
@@ -71,6 +79,22 @@ impl Gui {
         lambda: Lambda,
         start: Start,
     ) -> Result<Self, GuiError> {
+        Self::with_apart(mass, damping, stiffness, dt, lambda, start, None)
+    }
+
+    /// The same with a λ of their own for the elements or modes in `apart`, and `lambda` for the rest of K0.
+    ///
+    /// # Errors
+    /// See [`GuiError`].
+    pub fn with_apart(
+        mass: &SymMatrix,
+        damping: &SymMatrix,
+        stiffness: &SymMatrix,
+        dt: f64,
+        lambda: Lambda,
+        start: Start,
+        apart: Option<&Apart>,
+    ) -> Result<Self, GuiError> {
         if !(dt > 0.0 && dt.is_finite()) {
             return Err(GuiError::Step { found: dt });
         }
@@ -82,12 +106,31 @@ impl Gui {
                 stiffness: stiffness.n(),
             });
         }
-        let matrix = effective_mass(mass, damping, stiffness, dt, lambda);
+        let factored = |matrix: &SymMatrix| Spd::factor(matrix).map_err(GuiError::EffectiveMass);
+        let (effective_mass, correction) = match apart {
+            Some(apart) if apart.is_of_modes() => {
+                let matrix = effective_mass(mass, damping, stiffness, dt, lambda);
+                let mut factor = factored(&matrix)?;
+                let correction = apart.correction(&mut factor, dt, lambda);
+                (factor, Some(correction.ok_or(GuiError::Modes)?))
+            }
+            Some(apart) => {
+                let settled = mass.plus(dt * dt, apart.settled());
+                let rest = apart.rest(stiffness);
+                let matrix = effective_mass(&settled, damping, &rest, dt, lambda);
+                (factored(&matrix)?, None)
+            }
+            None => {
+                let matrix = effective_mass(mass, damping, stiffness, dt, lambda);
+                (factored(&matrix)?, None)
+            }
+        };
         Ok(Self {
             dt,
             lambda,
             start,
-            effective_mass: Spd::factor(&matrix).map_err(GuiError::EffectiveMass)?,
+            effective_mass,
+            correction,
             lanes: Lanes::best(),
         })
     }
@@ -149,25 +192,35 @@ impl Integrator for Gui {
             (Start::SecondOrder, true) => (dt / 2.0, dt),
         };
         let lanes = self.lanes;
-        // Rows are moved while the solve still has them at hand.
-        self.effective_mass
-            .solve_into(residual, weighted_accel, |rows, weighted_accel| {
-                if let (Some(disp), Some(vel), Some(reported)) = (
-                    disp.get_mut(rows.clone()),
-                    vel.get_mut(rows.clone()),
-                    reported_vel.get_mut(rows),
-                ) {
-                    lanes.run(Move {
-                        disp,
-                        vel,
-                        reported,
-                        weighted_accel,
-                        dt,
-                        lead,
-                        gain,
-                    });
-                }
-            });
+        let mut go_on = |rows: Range<usize>, weighted_accel: &[f64]| {
+            if let (Some(disp), Some(vel), Some(reported)) = (
+                disp.get_mut(rows.clone()),
+                vel.get_mut(rows.clone()),
+                reported_vel.get_mut(rows),
+            ) {
+                lanes.run(Move {
+                    disp,
+                    vel,
+                    reported,
+                    weighted_accel,
+                    dt,
+                    lead,
+                    gain,
+                });
+            }
+        };
+        match &mut self.correction {
+            // Rows are moved while the solve still has them at hand.
+            None => self
+                .effective_mass
+                .solve_into(residual, weighted_accel, go_on),
+            Some(correction) => {
+                self.effective_mass
+                    .solve_into(residual, weighted_accel, |_, _| {});
+                correction.apply(weighted_accel);
+                go_on(0..weighted_accel.len(), weighted_accel);
+            }
+        }
         *begun = true;
     }
 }

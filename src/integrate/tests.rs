@@ -9,6 +9,7 @@ use super::*;
 use crate::linalg::SymMatrix;
 use crate::model::Part;
 
+mod apart;
 mod companions;
 
 fn scalar(value: f64) -> SymMatrix {
@@ -612,6 +613,7 @@ fn a_changed_tangent_is_stable_up_to_the_published_bound() {
             damping_bound: scalar(ct),
             stiffness_bound: scalar(k),
             dt,
+            apart: None,
         };
         let largest = |k: f64| {
             let mut gui = sdof(1.0, c0, k0, dt, lambda, Start::Published);
@@ -657,6 +659,7 @@ impl TwoStoreys {
             damping_bound: SymMatrix::zeros(2),
             stiffness_bound: storeys(&self.k),
             dt: 0.05,
+            apart: None,
         }
     }
 
@@ -788,6 +791,7 @@ fn automatic_lambda_follows_its_rule_and_names_what_governs() {
             damping_bound: scalar(0.0),
             stiffness_bound: scalar(1e4),
             dt: 1.0,
+            apart: None,
         };
         let limit = single.limit(gain, &[]).unwrap().unwrap();
         let exact = 4e4 / (1e4 * (1.0 + 1.0 / gain) - 4.0);
@@ -835,6 +839,7 @@ fn what_no_lambda_can_hold_is_an_error_with_a_name() {
         damping_bound: SymMatrix::diagonal(&[0.0, 50.0]),
         stiffness_bound: SymMatrix::diagonal(&[100.0, 0.0]),
         dt: 0.1,
+        apart: None,
     };
     let damper = Part {
         name: "damper".to_owned(),
@@ -884,6 +889,7 @@ fn a_free_chain_drifts_straight_and_keeps_its_momentum() {
         damping_bound: c,
         stiffness_bound: k.clone(),
         dt: 0.2,
+        apart: None,
     };
     let limit = proof.limit(f64::INFINITY, &[]).unwrap().unwrap();
     let w = crate::linalg::highest_frequency(&k, &proof.mass).unwrap();
@@ -974,6 +980,7 @@ fn random_proof() -> impl Strategy<Value = StabilityProof> {
                     damping,
                     stiffness,
                     dt,
+                    apart: None,
                 }
             })
     })
@@ -983,13 +990,14 @@ fn random_proof() -> impl Strategy<Value = StabilityProof> {
 fn spectral_radius(proof: &StabilityProof, lambda: f64) -> f64 {
     let n = proof.mass.n();
     let lambda = Lambda::new(lambda).unwrap();
-    let mut gui = Gui::new(
+    let mut gui = Gui::with_apart(
         &proof.mass,
         &proof.damping,
         &proof.stiffness,
         proof.dt,
         lambda,
         Start::Published,
+        proof.apart.as_ref(),
     )
     .unwrap();
     let mut step = DMatrix::zeros(2 * n, 2 * n);
@@ -1053,6 +1061,7 @@ fn the_limit_of_a_long_chain_is_that_of_its_highest_mode() {
         damping_bound: SymMatrix::zeros(n),
         stiffness_bound: k,
         dt,
+        apart: None,
     };
     let angle = (2 * n - 1) as f64 * PI / (2 * (2 * n + 1)) as f64;
     let o2 = 4.0 * libm::sin(angle) * libm::sin(angle) * dt * dt;

@@ -36,7 +36,9 @@ use thiserror::Error;
 
 pub use aligned::Aligned;
 pub use checked::MatrixError;
-pub use eigen::{EigenError, LARGEST_DENSE, Modes, frequencies, highest_frequency, modes};
+pub use eigen::{
+    EigenError, LARGEST_DENSE, Modes, frequencies, highest_frequency, lowest_modes, modes,
+};
 pub use lanes::Lanes;
 pub use matrix::SymMatrix;
 

@@ -153,6 +153,29 @@ impl Structure {
         self.assemble(&self.damping, |element| element.law.reference().damping)
     }
 
+    /// Names of everything that has a share of K0 of its own: storeys or springs, then elements.
+    pub fn part_names(&self) -> impl Iterator<Item = Cow<'_, str>> {
+        let linear = self.linear_parts.iter();
+        let linear = linear.map(|part| Cow::Borrowed(part.name.as_str()));
+        linear.chain(self.element_names())
+    }
+
+    /// The share of K0 of everything that is called `name`, n × n in N/m; none if nothing is.
+    #[must_use]
+    pub fn stiffness_of(&self, name: &str) -> Option<SymMatrix> {
+        let linear = self.linear_parts.iter().filter(|part| part.name == name);
+        let linear = linear.map(|part| stamp(&part.row, part.stiffness_bound));
+        let elements = self.elements.iter();
+        let elements = elements.filter(|element| element.name == name);
+        let elements = elements.map(|element| {
+            let stiffness = element.law.reference().stiffness;
+            stamp(&row(element.from, element.to), stiffness)
+        });
+        let stamps: Vec<_> = linear.chain(elements).collect();
+        let entries = stamps.iter().flatten().copied();
+        (!stamps.is_empty()).then(|| SymMatrix::from_triplets(self.dofs(), entries))
+    }
+
     /// Tangent stiffness at the last internal force.
     #[must_use]
     pub fn tangent_stiffness(&self) -> SymMatrix {
