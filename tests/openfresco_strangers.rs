@@ -76,7 +76,7 @@ fn other_programs_are_recognised_by_their_first_bytes() {
         ),
         (
             b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03 a client hello with more than 44 bytes",
-            "those of TLS",
+            "it speaks TLS, and plain TCP is served here",
         ),
         (&noise, "number of displacements is"),
     ] {

@@ -380,7 +380,7 @@ mod tests {
     fn decades_are_numbers_where_they_are_short_and_powers_where_they_are_long() {
         assert_eq!(
             [-12, -3, 0, 4, 5].map(decade),
-            ["10⁻¹²", "0.001", "1", "10000", "10⁵"]
+            ["10⁻¹²", "0.001", "1", "10\u{202f}000", "10⁵"]
         );
         let x = [500.0, 5000.0];
         let curve = Curve {
