@@ -90,17 +90,14 @@ fn a_probe_that_cannot_be_is_shown_at_its_key() {
     );
 }
 
-/// Until the loop of `gusset run` keeps them, too, limits there are refused and not passed over.
 #[test]
-fn limits_of_a_test_are_not_passed_over() {
+fn limits_of_a_test_are_kept_by_its_loop() {
     let text = linked(10, "127.0.0.1:1", "").replace(
         "[specimen.link]",
         "[specimen.limits]\ncommand_step_m = { trip = 1 }\n[specimen.link]",
     );
     let path = std::path::Path::new("test.toml");
     let built = config::parse(path, text, &[]).and_then(|loaded| config::build(&loaded));
-    shows(
-        &built.unwrap_err().to_string(),
-        "are kept by `gusset serve`",
-    );
+    let limits = built.unwrap().experiment.ports[0].limits()[0];
+    assert_eq!(limits.command_step.trip, 1.0);
 }

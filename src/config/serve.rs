@@ -9,7 +9,8 @@ use serde::{Deserialize, Serialize};
 
 use super::build::links::{beside, wire_axes};
 use super::document::Node;
-use super::schema::{RecordTable, SafetyTable};
+use super::safety::SafetyTable;
+use super::schema::RecordTable;
 use super::{
     ConfigError, DispUnit, Finding, ForceUnit, KeyPath, SpecimenTable, check, judge, open,
     read_text,

@@ -3,6 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::safety::ZeroChoice;
 use super::value::MatrixValue;
 use super::variant;
 use crate::control::AxisUnits;
@@ -80,6 +81,9 @@ pub struct SpecimenTable {
     )]
     #[schemars(schema_with = "coupled_schema")]
     pub coupled: Option<SpecimenLaw>,
+    /// Displacement of each axis in m, at the specimen's scale, at which it is left by "safe_displacement".
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub safe_disp_m: Option<Vec<f64>>,
     /// A specimen at the other end of a network.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub link: Option<LinkSpec>,
@@ -184,6 +188,10 @@ pub struct AxisTable {
     /// Bounds of this axis; what is absent is as the specimen's `limits` say.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub limits: Option<LimitsSpec>,
+    /// "relative": the deformation is zero where the axis stands before the test, and `offset_m` is not needed.
+    pub zero_disp: ZeroChoice,
+    /// "relative": the force is zero as the load cell reads it before the test, and `offset_n` is not needed.
+    pub zero_force: ZeroChoice,
 }
 
 impl Default for AxisTable {
@@ -196,6 +204,8 @@ impl Default for AxisTable {
             unit_disp: DispUnit::Metre,
             unit_force: ForceUnit::Newton,
             limits: None,
+            zero_disp: ZeroChoice::Absolute,
+            zero_force: ZeroChoice::Absolute,
         }
     }
 }

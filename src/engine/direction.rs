@@ -4,7 +4,7 @@
 //! afterwards it is armed anew, so that a formula forgets it. The others hold. Where there is a static load, the motion that
 //! brings it on is listened to instead.
 
-use super::columns::state;
+use super::phase::{Cause, Phase};
 use super::run::Control;
 use super::tick::Tick;
 use super::{Engine, Side, Stop};
@@ -34,6 +34,7 @@ impl Engine {
         if !self.ports.iter().any(|port| port.probe().is_some()) {
             return Ok(());
         }
+        self.enter(Phase::Probing, Cause::Done);
         self.aim_where_it_stands();
         self.arm()?;
         self.begin_grid();
@@ -56,9 +57,7 @@ impl Engine {
             if !tried.aim_probe(&mut probe) {
                 break;
             }
-            if !tried.command_is_finite() {
-                return Err(Stop::NotFinite { port: index });
-            }
+            self.clear_commands()?;
             let tick = Tick {
                 dt: self.dt,
                 ..STILL
@@ -68,7 +67,7 @@ impl Engine {
             self.exchange(&tick, &mut stamps)?;
             self.sequence += 1;
             self.row
-                .exchange(&tick, state::PROBING, &self.side, &self.ports);
+                .exchange(&tick, Phase::Probing, &self.side, &self.ports);
             self.row.outputs(&self.side);
             self.row
                 .timing(&stamps, self.first_edge, self.schedule.stretched());
@@ -122,7 +121,7 @@ impl Engine {
         for _ in 0..readings {
             let mut stamps = TickStamps::default();
             self.wait_before_start(&mut stamps, control)?;
-            self.exchange(&STILL, &mut stamps)?;
+            self.exchange_again(&STILL, &mut stamps)?;
             self.sequence += 1;
             for port in &mut self.ports {
                 port.listen_at_rest();

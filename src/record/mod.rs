@@ -151,6 +151,39 @@ pub enum EventKind {
         /// In one word.
         what: &'static str,
     },
+    /// The test's life went on.
+    Phase {
+        /// From here.
+        from: &'static str,
+        /// To here.
+        to: &'static str,
+        /// Why.
+        cause: &'static str,
+    },
+    /// A limit of specimen `port` was reached.
+    Limit {
+        /// Specimen, from 0.
+        port: u32,
+        /// Axis, from 0.
+        axis: u32,
+        /// Of what: the key of the test file.
+        quantity: &'static str,
+        /// Whether it ends the test.
+        trip: bool,
+        /// What was found, SI.
+        value: f64,
+        /// What is allowed, SI.
+        bound: f64,
+    },
+    /// What was read of one axis of specimen `port` while zeroing.
+    Zeroed {
+        /// Specimen, from 0.
+        port: u32,
+        /// Axis, from 0.
+        axis: u32,
+        /// Mean displacement, mean force, and their noise (rms), in the axis' own units.
+        values: [f64; 4],
+    },
 }
 
 /// Class of a deadline miss.

@@ -62,6 +62,8 @@ frequency_hz = 2.0
 amplitude = 3.0
 [timing]
 warmup_ticks = 5
+[safety]
+zero_s = 0
 [[specimen]]
 name = \"column\"
 {specimen}"

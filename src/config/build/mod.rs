@@ -10,6 +10,7 @@ mod gear;
 pub(in crate::config) mod links;
 mod method;
 mod proof;
+mod safety;
 mod specimens;
 mod structure;
 
@@ -64,6 +65,8 @@ pub struct Facts {
     pub queue_s: f64,
     /// What is moved before the test, and why.
     pub announced: Vec<String>,
+    /// Whether an operator must confirm what was read before anything moves.
+    pub confirm: bool,
     /// What the user should know although the test may run.
     pub warnings: Vec<String>,
 }
@@ -217,6 +220,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         record_required: file.record.required,
         queue_s: file.record.queue_s,
         announced: announced(file),
+        confirm: safety::needs_confirmation(file),
         warnings: warnings.iter().map(|w| w.headline.clone()).collect(),
     };
     let named = links::with_keys_from_anywhere(file, &site.loaded.path);
@@ -238,6 +242,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         period: time.period,
         steps: time.steps,
         side,
+        opening: safety::opening(file, time.period.value()),
         settling,
         ports,
         record_dofs,

@@ -5,8 +5,9 @@ mod sums;
 use nalgebra::DMatrix;
 
 use super::gear::{Rows, axis, scaled};
-use super::{Refused, Site, links, path};
+use super::{Refused, Site, links, path, safety};
 use crate::config::{Finding, KeyPath, MatrixValue, SpecimenTable};
+use crate::control::limits::LimitsSpec;
 use crate::control::{Axis, Direction, Pace, Port, Trend, WaitRules};
 use crate::law::Reach;
 use crate::linalg::SymMatrix;
@@ -68,10 +69,6 @@ pub(super) fn specimens(site: &mut Site<'_>) -> Result<Specimens, Refused> {
 }
 
 fn entry(site: &mut Site<'_>, at: &KeyPath, table: &SpecimenTable) -> Result<Entry, Refused> {
-    if table.limits.is_some() || table.axis.iter().any(|axis| axis.limits.is_some()) {
-        let text = "`limits` are kept by `gusset serve`, and not by this loop";
-        return site.refuse(Finding::error(at.key("limits"), text));
-    }
     let rows = rows(site, at, table)?;
     let n = rows.len();
     let mut law = match (table.sources().into_iter().next(), &table.link) {
@@ -340,10 +337,21 @@ impl Specimens {
                 Stand::Native(native, rules) => (native, Some(rules)),
                 Stand::OpenFresco(remote, rules) => (remote, Some(rules)),
             };
+            let metres: Vec<f64> = entry.units.iter().map(|unit| unit.0).collect();
+            let exits = safety::exits(site, index, &metres)?;
+            let axes = entry.axes.len();
             match Port::new(entry.name, entry.axes, substructure, dofs.max(1), diagonal) {
-                Ok(mut port) => {
+                Ok(port) => {
+                    let table = &site.loaded.file.specimen[index];
+                    let specs = table.limits_of(axes);
+                    let limits = specs.iter().map(LimitsSpec::limits).collect();
+                    let tick = site.loaded.time.period.value();
+                    let mut port = port
+                        .with_limits(limits, entry.units, tick)
+                        .with_references(safety::references(table, axes));
                     port.wait = wait;
                     port.direction = direction;
+                    port.exits = exits;
                     ports.push(port);
                 }
                 Err(error) => {

@@ -180,7 +180,7 @@ impl Bound {
 
     /// What `value` is beyond, and the bound. Real-time: yes.
     fn judge(self, value: f64) -> Option<(Level, f64)> {
-        if value.is_nan() || value > self.trip {
+        if !value.is_finite() || value > self.trip {
             Some((Level::Trip, self.trip))
         } else if value > self.warn {
             Some((Level::Warning, self.warn))
@@ -209,7 +209,7 @@ impl Range {
     /// What `value` is outside of, and the bound on that side. Real-time: yes.
     fn judge(&self, value: f64) -> Option<(Level, f64)> {
         let outside = |[low, high]: [f64; 2]| {
-            if value >= low && value <= high {
+            if value.is_finite() && value >= low && value <= high {
                 None
             } else {
                 Some(if value < low { low } else { high })
