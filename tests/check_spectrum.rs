@@ -72,7 +72,11 @@ fn the_critical_delay_is_that_of_the_closed_form_both_ways() {
         "{closed} {delay}"
     );
     let (_, table, _) = check(TEST, &[]);
-    assert!(table.contains("critical delay, spring") && table.contains("period error +0.00"));
+    assert!(table.contains("critical delay, spring"), "{table}");
+    // Ω = 2π/256; period error Ω²/12.
+    for words in ["1.0000 Hz", "0.024544", "+0.0050 %", "2.0000 %"] {
+        assert!(table.contains(words), "no {words:?} in {table}");
+    }
 }
 
 #[test]
@@ -92,4 +96,40 @@ fn the_curves_are_written_where_they_are_asked_for() {
     let (code, _, complaint) = check(TEST, &["--plot", plots.to_str().unwrap()]);
     assert_eq!(code, 2);
     assert!(complaint.contains("exists already"), "{complaint}");
+}
+
+/// One degree of freedom without damping: any delay is a negative dashpot.
+#[test]
+fn an_undamped_system_stands_no_delay_and_the_table_says_so() {
+    let text = TEST.replace("damping_n_s_per_m = [251.32741228718345]\n", "");
+    let (code, table, _) = check(&text, &[]);
+    assert_eq!(code, 0);
+    assert!(table.contains("without damping every delay"), "{table}");
+    assert!(!table.contains("-0.0000"), "{table}");
+}
+
+/// 5000 masses: the lowest and the highest frequency are those of the closed form 2 √(k/m) sin((2j − 1) π/(2 (2n + 1))).
+#[test]
+fn a_large_structure_shows_its_lowest_modes_and_its_highest_frequency() {
+    let text = "[time]\nrate_hz = 100\nduration_s = 1\n[structure.chain]\ndofs = 5000\nmass_kg = 150\n\
+                stiffness_n_per_m = 2.5e5\n[excitation.base_displacement]\nsignal.sine = { amplitude = 0.1, frequency_hz = 1 }\n";
+    let (code, found, complaint) = check(text, &["--json"]);
+    assert_eq!(code, 0, "{complaint}");
+    let facts: Value = serde_json::from_str(&found).unwrap();
+    let structure = &facts["structure"];
+    let exact =
+        |j: f64| 2.0 * (2.5e5f64 / 150.0).sqrt() * ((2.0 * j - 1.0) * TAU / 4.0 / 10001.0).sin();
+    let modes = structure["modes"].as_array().unwrap();
+    assert_eq!(modes.len(), 6);
+    for (j, mode) in modes.iter().enumerate() {
+        let frequency = mode["frequency_rad_per_s"].as_f64().unwrap();
+        assert!(
+            (frequency / exact(j as f64 + 1.0) - 1.0).abs() < 1e-6,
+            "{mode}"
+        );
+    }
+    let highest = structure["highest_frequency_rad_per_s"].as_f64().unwrap();
+    assert!((highest / exact(5000.0) - 1.0).abs() < 1e-9);
+    let (_, table, _) = check(text, &[]);
+    assert!(table.contains("  highest "), "{table}");
 }

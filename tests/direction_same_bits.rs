@@ -19,7 +19,7 @@ fn tested(folder: &Path, name: &str) -> Vec<(String, Vec<u64>)> {
     let run = Run::open(&folder.join(name)).unwrap();
     let state = run.columns(&["state"]).unwrap().remove(0);
     let columns = run.layout().columns().iter();
-    let names = columns.filter(|c| !c.timing && !c.name.starts_with("seq"));
+    let names = columns.filter(|c| !c.timing);
     let names: Vec<&str> = names.map(|c| c.name.as_str()).collect();
     let values = run.columns(&names).unwrap();
     let of_test = |column: Vec<f64>| {

@@ -76,7 +76,10 @@ fn a_hardening_bound_enters_the_proof_of_stability() {
             "storey = 1\n",
             &format!("storey = 1\nhardening_bound = {bound}\n"),
         );
-        let text = text.replace("[timing]", "[integrator]\nlambda = 4\n[timing]");
+        let text = text.replace(
+            "[timing]",
+            "[integrator]\nlambda = 4\nallow_unstable_lambda = true\n[timing]",
+        );
         let loaded = config::parse(Path::new("test.toml"), text, &[]).unwrap();
         let structure = config::build(&loaded).unwrap().facts.structure.unwrap();
         structure.choice.unwrap().limit

@@ -107,7 +107,7 @@ fn others() -> [(&'static str, String); 3] {
         .collect();
     [
         ("dense", matrices),
-        ("tridiagonal", chain("")),
+        ("tridiagonal, in segments", chain("")),
         ("sparse", chain(&leaps)),
     ]
 }

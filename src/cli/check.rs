@@ -25,7 +25,7 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
     if let Some(folder) = &args.plot {
         let Some(spectrum) = &spectrum else {
             anyhow::bail!(
-                "there are no curves: they are for the method \"gui\" and structures of up to 100 degrees of freedom"
+                "there are no curves: they are for the method \"gui\" and structures of up to 50000 degrees of freedom"
             );
         };
         spectrum.plot(folder)?;
@@ -99,21 +99,9 @@ fn describe(
             &format!("peak acceleration {}", quantity(peak, "m/s²")),
         );
     }
-    for (mode, omega) in structure.frequencies.iter().enumerate() {
-        let hz = omega / std::f64::consts::TAU;
-        let period = if hz > 0.0 {
-            duration(1.0 / hz)
-        } else {
-            "none".to_owned()
-        };
-        let text = format!(
-            "{omega:.4} rad/s, {hz:.4} Hz, period {period}, Ω = ω·Δt = {:.4}{}",
-            omega * facts.dt,
-            spectrum
-                .map(|spectrum| spectrum.errors(mode))
-                .unwrap_or_default()
-        );
-        table.row(&format!("mode {}", mode + 1), &text);
+    match spectrum {
+        Some(spectrum) => spectrum.tabulate(table),
+        None => frequencies(table, facts, structure),
     }
     let Some(lambda) = structure.lambda else {
         table.row("method", &method_name(structure.method));
@@ -127,13 +115,22 @@ fn describe(
             structure.gain
         )
     };
-    table.row("lambda", &format!("{lambda} ({how})"));
+    let own = structure.lambda_apart.iter();
+    let own: Vec<String> = own.map(|(name, own)| format!("{own} for {name}")).collect();
+    if own.is_empty() {
+        table.row("λ", &format!("{lambda} ({how})"));
+    } else {
+        table.row(
+            "λ",
+            &format!("{lambda} for the rest ({how});\n{}", own.join(", ")),
+        );
+    }
     match &structure.choice {
         None => table.row("stability", "no proof: a tangent has no declared bound"),
         Some(choice) => {
             let limit = match choice.limit {
-                Some(limit) => format!("stable up to lambda = {limit:.6}"),
-                None => "stable for every lambda".to_owned(),
+                Some(limit) => format!("stable up to λ = {limit:.6}"),
+                None => "stable for every λ".to_owned(),
             };
             let margin = if choice.margin.is_finite() {
                 format!(", margin {:.4}", choice.margin)
@@ -143,9 +140,15 @@ fn describe(
             let verdict = if choice.is_stable() {
                 ""
             } else {
-                " — UNSTABLE at this lambda"
+                " — UNSTABLE at this λ"
             };
-            table.row("stability", &format!("{limit}{margin}{verdict}"));
+            table.row(
+                "stability",
+                &format!(
+                    "{limit}{margin}{verdict};\nby S(λ) ⪰ 0 at the declared bounds of all tangents, which is necessary and \
+                     sufficient"
+                ),
+            );
             if let Some(governing) = &choice.governing {
                 table.row("governed by", &governing.to_string());
             }
@@ -153,6 +156,18 @@ fn describe(
     }
     if let Some(spectrum) = spectrum {
         spectrum.describe(table);
+    }
+}
+
+/// Natural frequencies alone, where nothing is known of what the method makes of them.
+fn frequencies(table: &mut Table, facts: &Facts, structure: &StructureFacts) {
+    if structure.frequencies.is_empty() {
+        return;
+    }
+    table.row("mode", "   frequency       period    Ω = ω·Δt");
+    for (mode, omega) in structure.frequencies.iter().enumerate() {
+        let text = super::spectrum::swing(*omega, facts.dt);
+        table.row(&format!("  {}", mode + 1), &text);
     }
 }
 
@@ -173,12 +188,16 @@ fn as_json(facts: &Facts, spectrum: Option<&Spectrum>) -> serde_json::Value {
             "method": structure.method,
             "lambda": structure.lambda.map(|lambda| number(lambda.value())),
             "lambda_by_number": structure.lambda_by_number,
+            "lambda_apart": structure.lambda_apart.iter().map(|(name, own)| (name.clone(), number(own.value())))
+                .collect::<serde_json::Map<_, _>>(),
             "lambda_limit": choice.map(|choice| choice.limit),
+            "criterion": choice.map(|_| "S(lambda) positive semi-definite at the declared bounds"),
             "margin": choice.map(|choice| number(choice.margin)),
             "stable": choice.map(|choice| choice.is_stable()),
             "governing": choice.and_then(|c| c.governing.as_ref()).map(ToString::to_string),
             "gain_bound": structure.gain.is_finite().then_some(structure.gain),
             "modes": spectrum.map(Spectrum::modes_json),
+            "highest_frequency_rad_per_s": spectrum.and_then(Spectrum::highest),
             "critical_delays": spectrum.map(Spectrum::delays_json),
             "peak_ground_acceleration_m_per_s2": structure.peak_ground_accel,
         })

@@ -1,12 +1,13 @@
 //! What `gusset check` says of modes and delays, in words, as JSON and as curves.
 
+use std::f64::consts::TAU;
 use std::path::Path;
 
 use anyhow::Context;
 use serde_json::{Value, json};
 
 use super::table::{Table, duration};
-use crate::config::{Facts, Loop, ModeFacts, StructureFacts};
+use crate::config::{ALL_MODES, Facts, Loop, ModeFacts, StructureFacts};
 use crate::spectral::delay::{DiscreteLimit, recursion};
 use crate::spectral::{Apparent, Locus, spectral_radius};
 use crate::verify::{Figure, Scale, Series};
@@ -14,11 +15,36 @@ use crate::verify::{Figure, Scale, Series};
 /// Modes that are listed.
 const LISTED: usize = 6;
 
+/// Frequency, period and Ω of a mode, in columns.
+pub(super) fn swing(omega: f64, dt: f64) -> String {
+    let hz = omega / TAU;
+    let period = if hz > 0.0 {
+        duration(1.0 / hz)
+    } else {
+        "none".to_owned()
+    };
+    format!("{hz:>9.4} Hz  {period:>11}  {:>10.6}", omega * dt)
+}
+
+/// A share in per cent, without a sign on what rounds to zero.
+fn percent(share: f64, signed: bool) -> String {
+    let value = 100.0 * share;
+    let zero = value.abs() < 0.5e-4;
+    match (zero, signed) {
+        (true, _) => "0.0000 %".to_owned(),
+        (false, true) => format!("{value:+.4} %"),
+        (false, false) => format!("{value:.4} %"),
+    }
+}
+
 /// What can be said of modes and delays for the family's λ.
 pub(super) struct Spectrum {
     dt: f64,
     lambda: f64,
     modes: Vec<ModeFacts>,
+    /// Whether these are all modes.
+    complete: bool,
+    highest: Option<f64>,
     delays: Vec<Delay>,
 }
 
@@ -31,7 +57,8 @@ struct Delay {
 impl Spectrum {
     /// None for another method than the family, or a structure that is too large.
     pub(super) fn of(facts: &Facts, structure: &StructureFacts) -> Option<Self> {
-        let lambda = structure.lambda?.value();
+        let chosen = structure.lambda?;
+        let lambda = chosen.value();
         let analysis = structure.analysis.as_ref()?;
         let delays = analysis.loops.iter().map(|specimen| Delay {
             continuous: specimen
@@ -43,49 +70,105 @@ impl Spectrum {
                 .map_err(|error| error.to_string()),
             specimen: specimen.clone(),
         });
+        let modes = analysis.modes(facts.dt, chosen);
+        let complete = structure.dofs <= ALL_MODES;
+        let highest = if complete {
+            modes.last().map(|mode| mode.frequency)
+        } else {
+            analysis.highest()
+        };
         Some(Self {
             dt: facts.dt,
             lambda,
-            modes: analysis.modes(facts.dt, lambda),
+            modes,
+            complete,
+            highest,
             delays: delays.collect(),
         })
     }
 
-    /// Period and damping error of a mode from 0, as an addition to its line.
-    pub(super) fn errors(&self, mode: usize) -> String {
-        let Some(mode) = self.modes.get(mode).filter(|mode| mode.frequency > 0.0) else {
-            return String::new();
-        };
-        match (mode.period_error(self.dt), mode.apparent) {
-            (Some(error), Some(apparent)) => format!(
-                ";\nperiod error {:+.6} %, damping {:.4} % → {:.4} % of critical",
-                100.0 * error,
-                100.0 * mode.ratio,
-                100.0 * apparent.ratio
-            ),
-            _ => ";\nits poles are real: it does not swing at this step".to_owned(),
+    /// One line per mode: all that are listed, and the highest.
+    pub(super) fn tabulate(&self, table: &mut Table) {
+        if self.modes.is_empty() {
+            return;
         }
+        table.row(
+            "mode",
+            "   frequency       period    Ω = ω·Δt   period error   damping  → at this λ",
+        );
+        let line = |mode: &ModeFacts| {
+            let swing = swing(mode.frequency, self.dt);
+            match (mode.period_error(self.dt), mode.apparent) {
+                (Some(error), Some(apparent)) => format!(
+                    "{swing}  {:>13}  {:>8}  → {:>8}",
+                    percent(error, true),
+                    percent(mode.ratio, false),
+                    percent(apparent.ratio, false)
+                ),
+                _ if mode.ratio >= 1.0 && mode.ratio.is_finite() => {
+                    format!(
+                        "{swing}   overdamped, ξ = {:.4}: it does not swing",
+                        mode.ratio
+                    )
+                }
+                _ if mode.frequency > 0.0 => {
+                    format!("{swing}   real poles: it does not swing at this step")
+                }
+                _ => format!("{swing}   a free body"),
+            }
+        };
+        let count = self.modes.len();
+        let (listed, last) = match count {
+            0..=LISTED => (count, None),
+            _ => (LISTED - 1, self.modes.last().filter(|_| self.complete)),
+        };
+        let listed = if self.complete {
+            listed
+        } else {
+            count.min(LISTED)
+        };
+        for (index, mode) in self.modes.iter().take(listed).enumerate() {
+            table.row(&format!("  {}", index + 1), &line(mode));
+        }
+        match (last, self.highest) {
+            (Some(last), _) => table.row(&format!("  {count}"), &line(last)),
+            (None, Some(highest)) if !self.complete => {
+                table.row("  highest", &swing(highest, self.dt));
+            }
+            _ => {}
+        }
+    }
+
+    /// The highest natural frequency in rad/s, if it is known.
+    pub(super) fn highest(&self) -> Option<f64> {
+        self.highest
     }
 
     /// One line per specimen.
     pub(super) fn describe(&self, table: &mut Table) {
+        const NO_DAMPING: &str =
+            "none that is stable: without damping every delay lets the response grow";
+        // A millionth of a step is where the search for it ends.
+        let vanishes = |tau: f64| tau < 1e-5 * self.dt;
         for delay in &self.delays {
+            let steps = |tau: f64| format!("{} = {:.3} Δt", duration(tau), tau / self.dt);
             let continuous = match &delay.continuous {
+                Ok(Some((tau, _))) if vanishes(*tau) => NO_DAMPING.to_owned(),
                 Ok(Some((tau, omega))) => format!(
-                    "{} ({:.3} steps), mode at {omega:.3} rad/s, in continuous time",
-                    duration(*tau),
-                    tau / self.dt
+                    "{} in continuous time, then it grows at {:.4} Hz",
+                    steps(*tau),
+                    omega / TAU
                 ),
                 Ok(None) => "none in continuous time: every delay is stable".to_owned(),
                 Err(error) => format!("not known in continuous time: {error}"),
             };
             let discrete = match &delay.discrete {
-                Ok(DiscreteLimit::At(tau)) => format!(
-                    "{} ({:.3} steps) by the recursion at λ = {}",
-                    duration(*tau),
-                    tau / self.dt,
-                    self.lambda
-                ),
+                Ok(DiscreteLimit::At(tau)) if vanishes(*tau) => {
+                    "the same by the recursion".to_owned()
+                }
+                Ok(DiscreteLimit::At(tau)) => {
+                    format!("{} by the recursion at this Δt and λ", steps(*tau))
+                }
                 Ok(DiscreteLimit::Beyond(tau)) => {
                     format!("none up to {} by the recursion", duration(*tau))
                 }

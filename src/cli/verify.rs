@@ -9,7 +9,7 @@ use serde_json::json;
 use super::exit::{Exit, WithExit};
 use super::{VerifyArgs, answer, tell};
 use crate::rt::clock::{MonotonicClock, USUAL_SPIN_NS};
-use crate::verify::{self, Check, Effort, Part, TOPICS, Verdict};
+use crate::verify::{self, Check, Effort, Part, TOPICS, Tabulation, Verdict};
 
 /// Proves the topics that are asked for.
 pub fn verify(args: &VerifyArgs) -> anyhow::Result<Exit> {
@@ -71,6 +71,9 @@ fn conclude(parts: &[Part], as_json: bool) -> io::Result<Exit> {
 
 fn show(part: &Part) -> io::Result<()> {
     answer(format_args!("\n{}  [{}]", part.title, part.name))?;
+    for table in &part.tables {
+        answer(format_args!("  {}\n{}", table.title, columns(table)))?;
+    }
     for check in &part.checks {
         let Check {
             what,
@@ -89,6 +92,24 @@ fn show(part: &Part) -> io::Result<()> {
         ))?;
     }
     Ok(())
+}
+
+/// A table with its columns under each other, numbers to the right.
+fn columns(table: &Tabulation) -> String {
+    let all = || std::iter::once(&table.head).chain(&table.rows);
+    let width = |column: usize| {
+        let cells = all().filter_map(|cells| cells.get(column));
+        cells.map(|cell| cell.chars().count()).max().unwrap_or(0)
+    };
+    let widths: Vec<usize> = (0..table.head.len()).map(width).collect();
+    let line = |cells: &Vec<String>| {
+        let cells = cells.iter().zip(&widths).map(|(cell, &width)| {
+            let gap = " ".repeat(width.saturating_sub(cell.chars().count()));
+            format!("  {gap}{cell}")
+        });
+        format!("       {}", cells.collect::<String>())
+    };
+    all().map(line).collect::<Vec<_>>().join("\n")
 }
 
 fn write(out: &Path, parts: &[Part]) -> anyhow::Result<()> {
@@ -110,6 +131,8 @@ mod tests {
         let part = |paper: f64| Part {
             name: "eq-33",
             title: "a limit",
+            says: "",
+            tables: Vec::new(),
             checks: vec![Check::near("upper limit of λ", paper, 16.7703, 0.005)],
             figures: Vec::new(),
         };

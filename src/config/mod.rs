@@ -44,7 +44,9 @@ use schemars::transform::{Transform, transform_subschemas};
 use thiserror::Error;
 use toml_edit::DocumentMut;
 
-pub use build::{Analysis, Facts, Files, Loop, ModeFacts, Prepared, StructureFacts, build};
+pub use build::{
+    ALL_MODES, Analysis, Facts, Files, Loop, ModeFacts, Prepared, StructureFacts, build,
+};
 pub use diagnose::{Diagnostic, Diagnostics, Finding, Part, Place, Severity, Source};
 pub use document::{KeyPath, PathError, Segment};
 pub use inputs::{INPUTS_FOLDER, Input, InputError, Inputs};

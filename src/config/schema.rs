@@ -3,6 +3,8 @@
 //! Plain data. What a table means is built elsewhere; what is contradictory is said by [`super::check`]. The comments on
 //! the fields are the text of `gusset schema`. Unknown keys are refused everywhere.
 
+use std::collections::BTreeMap;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -164,6 +166,18 @@ pub struct IntegratorTable {
     pub method: Method,
     /// λ of the family: a number, `inf`, or "auto" for the largest that is proven stable (at most 11.5).
     pub lambda: LambdaValue,
+    /// λ of single storeys ("storey 2"), springs of a chain ("spring 7"), elements or specimens, by name: a number or
+    /// `inf`. `lambda` is then that of the rest; with "auto" the largest that is stable together with these.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub lambda_of_element: BTreeMap<String, LambdaValue>,
+    /// λ of the lowest modes of the initial structure, in order: numbers or `inf`. `lambda` is then that of all other
+    /// modes. For structures of up to 300 degrees of freedom.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub lambda_of_mode: Vec<LambdaValue>,
+    /// Lets a λ that is proven unstable command a specimen behind a link. Without it such a test is refused; a specimen
+    /// that is computed only gives a warning.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub allow_unstable_lambda: bool,
     /// Bound on how much a stiff mode amplifies a force error, for "auto". Default: 2 with a specimen, else 10.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gain_bound: Option<f64>,

@@ -52,6 +52,11 @@ impl Port {
         probe.take(&self.measured, &self.force);
     }
 
+    /// The exchange that was just made is none of the test's: the test's numbers go on as if it had not been. Real-time: yes.
+    pub fn skip_number(&mut self) {
+        self.ahead += u64::from(!self.is_recorded);
+    }
+
     /// True if the motion that brings the static load on is to show the direction.
     #[must_use]
     pub const fn is_listened_to(&self) -> bool {

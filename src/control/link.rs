@@ -87,7 +87,8 @@ impl Port {
     /// # Errors
     /// The specimen is gone.
     pub fn ask_to_arm(&mut self, sequence: u64) -> Result<(), LinkFault> {
-        self.substructure.ask_to_arm(sequence, &self.command)
+        self.substructure
+            .ask_to_arm(sequence + self.ahead, &self.command)
     }
 
     /// The last word before commands move the specimen: command `sequence` stands ready.
@@ -95,7 +96,7 @@ impl Port {
     /// # Errors
     /// The specimen is not ready, stands elsewhere, or is gone.
     pub fn arm(&mut self, sequence: u64) -> Result<(), LinkFault> {
-        self.substructure.arm(sequence, &self.command)
+        self.substructure.arm(sequence + self.ahead, &self.command)
     }
 
     /// Everything that was counted.

@@ -144,6 +144,10 @@ pub struct Port {
     pub wait: Option<WaitRules>,
     /// How it is found out which way round the specimen is wired.
     pub direction: Direction,
+    /// True if a recording stands for the substructure.
+    is_recorded: bool,
+    /// Exchanges that were none of the test's: by so much the numbers on the link are ahead of the test's.
+    ahead: u64,
     stiffness: Vec<f64>,
     guard: guard::Guard,
     opening: opening::Opening,
@@ -236,6 +240,8 @@ impl Port {
             link: LinkCount::default(),
             wait: None,
             direction: Direction::Known,
+            ahead: 0,
+            is_recorded: false,
             stiffness,
             guard: guard::Guard::open(n),
             opening: opening::Opening::absolute(n),
@@ -244,10 +250,11 @@ impl Port {
         })
     }
 
-    /// Puts another substructure with as many axes in place of the one that was there.
-    pub fn put_in_place(&mut self, substructure: Box<dyn Substructure>) {
+    /// Puts a recording with as many axes in place of the substructure that was there: it knows the test's numbers only.
+    pub fn put_recording(&mut self, substructure: Box<dyn Substructure>) {
         if substructure.axes() == self.axes.len() {
             self.substructure = substructure;
+            self.is_recorded = true;
         }
     }
 
@@ -329,7 +336,7 @@ impl Port {
         }
         self.link.sent += 1;
         let command = Command {
-            sequence,
+            sequence: sequence + self.ahead,
             time,
             dt,
             disp: &self.command,
@@ -345,7 +352,9 @@ impl Port {
     /// The link is lost, or the force is not a finite number.
     pub fn collect(&mut self, deadline: Nanos) -> Result<Freshness, LinkFault> {
         copy(&self.raw, &mut self.incoming);
+        self.incoming.sequence += self.ahead;
         let mut freshness = self.substructure.collect(deadline, &mut self.incoming)?;
+        self.incoming.sequence = self.incoming.sequence.saturating_sub(self.ahead);
         if self.incoming.sequence < self.raw.sequence {
             freshness = Freshness::Stale;
         } else {
@@ -408,7 +417,7 @@ impl Port {
     /// # Errors
     /// The link is lost.
     pub fn accepted(&mut self, sequence: u64) -> Result<(), LinkFault> {
-        self.substructure.accepted(sequence)
+        self.substructure.accepted(sequence + self.ahead)
     }
 
     /// Last words.

@@ -123,7 +123,7 @@ impl Port {
         self.guard.watch.sent_again();
         self.link.sent += 1;
         self.substructure.issue(&Command {
-            sequence,
+            sequence: sequence + self.ahead,
             time,
             dt: 0.0,
             disp: &self.sent,

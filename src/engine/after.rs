@@ -23,7 +23,7 @@ impl Engine {
             self.wait_before_start(&mut stamps, control)?;
             self.exchange_again(&tick, &mut stamps)?;
             self.row_before_start(&tick, Phase::Holding, &stamps);
-            self.accept()?;
+            self.skip_numbers();
         }
         self.clear_commands()?;
         self.enter(Phase::Running, Cause::Operator);

@@ -65,7 +65,6 @@ impl Engine {
             let mut stamps = TickStamps::default();
             self.wait_before_start(&mut stamps, control)?;
             self.exchange(&tick, &mut stamps)?;
-            self.sequence += 1;
             self.row
                 .exchange(&tick, Phase::Probing, &self.side, &self.ports);
             self.row.outputs(&self.side);
@@ -76,6 +75,9 @@ impl Engine {
             }
             if let Some(tried) = self.ports.get(index) {
                 tried.take_probe(&mut probe);
+            }
+            for port in &mut self.ports {
+                port.skip_number();
             }
         }
         let found = probe.verdict().map_err(|misfit| Stop::Misfit {
@@ -122,9 +124,9 @@ impl Engine {
             let mut stamps = TickStamps::default();
             self.wait_before_start(&mut stamps, control)?;
             self.exchange_again(&STILL, &mut stamps)?;
-            self.sequence += 1;
             for port in &mut self.ports {
                 port.listen_at_rest();
+                port.skip_number();
             }
         }
         Ok(())

@@ -13,10 +13,14 @@
 //! α and inverses are never formed, so the factor is as sparse as M + C0 + K0 and massless degrees of freedom
 //! work. Whether the chosen λ is stable is not asked here but in [`super::StabilityProof`].
 
+use std::ops::Range;
+
 use thiserror::Error;
 
-use super::{Integrator, Lambda, LambdaError, Start, State};
-use crate::linalg::{NotPositiveDefinite, Spd, Storage, SymMatrix};
+use super::apart::Correction;
+use super::{Apart, Integrator, Lambda, LambdaError, Start, State};
+use crate::linalg::lanes::{Isa, Kernel};
+use crate::linalg::{Lanes, NotPositiveDefinite, Spd, Storage, SymMatrix};
 
 /// Why there is no integrator.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
@@ -45,6 +49,9 @@ pub enum GuiError {
     /// M_eff has a pivot that is not positive: a massless degree of freedom that nothing holds, or a wrong sign.
     #[error("the effective mass M + (Δt/2) C0 + (Δt²/λ) K0 is {0}")]
     EffectiveMass(NotPositiveDefinite),
+    /// The modes with a λ of their own and the rest together have no factor.
+    #[error("the modes with a lambda of their own leave no effective mass")]
+    Modes,
 }
 
 /// One member of the family, ready to step.
@@ -54,6 +61,9 @@ pub struct Gui {
     lambda: Lambda,
     start: Start,
     effective_mass: Spd,
+    lanes: Lanes,
+    /// What modes with a λ of their own add to the factor.
+    correction: Option<Correction>,
 }
 
 impl Gui {
@@ -69,6 +79,22 @@ impl Gui {
         lambda: Lambda,
         start: Start,
     ) -> Result<Self, GuiError> {
+        Self::with_apart(mass, damping, stiffness, dt, lambda, start, None)
+    }
+
+    /// The same with a λ of their own for the elements or modes in `apart`, and `lambda` for the rest of K0.
+    ///
+    /// # Errors
+    /// See [`GuiError`].
+    pub fn with_apart(
+        mass: &SymMatrix,
+        damping: &SymMatrix,
+        stiffness: &SymMatrix,
+        dt: f64,
+        lambda: Lambda,
+        start: Start,
+        apart: Option<&Apart>,
+    ) -> Result<Self, GuiError> {
         if !(dt > 0.0 && dt.is_finite()) {
             return Err(GuiError::Step { found: dt });
         }
@@ -80,12 +106,32 @@ impl Gui {
                 stiffness: stiffness.n(),
             });
         }
-        let matrix = effective_mass(mass, damping, stiffness, dt, lambda);
+        let factored = |matrix: &SymMatrix| Spd::factor(matrix).map_err(GuiError::EffectiveMass);
+        let (effective_mass, correction) = match apart {
+            Some(apart) if apart.is_of_modes() => {
+                let matrix = effective_mass(mass, damping, stiffness, dt, lambda);
+                let mut factor = factored(&matrix)?;
+                let correction = apart.correction(&mut factor, dt, lambda);
+                (factor, Some(correction.ok_or(GuiError::Modes)?))
+            }
+            Some(apart) => {
+                let settled = mass.plus(dt * dt, apart.settled());
+                let rest = apart.rest(stiffness);
+                let matrix = effective_mass(&settled, damping, &rest, dt, lambda);
+                (factored(&matrix)?, None)
+            }
+            None => {
+                let matrix = effective_mass(mass, damping, stiffness, dt, lambda);
+                (factored(&matrix)?, None)
+            }
+        };
         Ok(Self {
             dt,
             lambda,
             start,
-            effective_mass: Spd::factor(&matrix).map_err(GuiError::EffectiveMass)?,
+            effective_mass,
+            correction,
+            lanes: Lanes::best(),
         })
     }
 
@@ -93,6 +139,12 @@ impl Gui {
     #[must_use]
     pub fn lambda(&self) -> Lambda {
         self.lambda
+    }
+
+    /// Chooses the instructions of block arithmetic, for comparisons; see [`Spd::set_lanes`].
+    pub fn set_lanes(&mut self, lanes: Lanes) {
+        self.lanes = lanes;
+        self.effective_mass.set_lanes(lanes);
     }
 
     /// How M_eff is stored.
@@ -122,8 +174,7 @@ impl Integrator for Gui {
         self.dt
     }
 
-    /// Leaves `residual` as it was.
-    fn advance(&mut self, state: &mut State, residual: &mut [f64], reported_vel: &mut [f64]) {
+    fn advance(&mut self, state: &mut State, residual: &[f64], reported_vel: &mut [f64]) {
         let State {
             disp,
             vel,
@@ -133,8 +184,6 @@ impl Integrator for Gui {
         } = state;
         debug_assert_eq!(residual.len(), self.effective_mass.n());
         debug_assert_eq!((disp.len(), vel.len()), (residual.len(), residual.len()));
-        weighted_accel.copy_from_slice(residual);
-        self.effective_mass.solve_in_place(weighted_accel);
         let dt = self.dt;
         // Velocity reported for n: v[n] + lead · w[n]; velocity gained on the way to n + 1: gain · w[n].
         let (lead, gain) = match (self.start, *begun) {
@@ -142,15 +191,70 @@ impl Integrator for Gui {
             (Start::SecondOrder, false) => (0.0, dt / 2.0),
             (Start::SecondOrder, true) => (dt / 2.0, dt),
         };
-        let rows = disp
-            .iter_mut()
-            .zip(vel.iter_mut())
-            .zip(weighted_accel.iter());
-        for (((x, v), w), reported) in rows.zip(reported_vel) {
-            *reported = *v + lead * w;
-            *v += gain * w;
-            *x += dt * *v;
+        let lanes = self.lanes;
+        let mut go_on = |rows: Range<usize>, weighted_accel: &[f64]| {
+            if let (Some(disp), Some(vel), Some(reported)) = (
+                disp.get_mut(rows.clone()),
+                vel.get_mut(rows.clone()),
+                reported_vel.get_mut(rows),
+            ) {
+                lanes.run(Move {
+                    disp,
+                    vel,
+                    reported,
+                    weighted_accel,
+                    dt,
+                    lead,
+                    gain,
+                });
+            }
+        };
+        match &mut self.correction {
+            // Rows are moved while the solve still has them at hand.
+            None => self
+                .effective_mass
+                .solve_into(residual, weighted_accel, go_on),
+            Some(correction) => {
+                self.effective_mass
+                    .solve_into(residual, weighted_accel, |_, _| {});
+                correction.apply(weighted_accel);
+                go_on(0..weighted_accel.len(), weighted_accel);
+            }
         }
         *begun = true;
+    }
+}
+
+/// |w| in m/s² that counts as rest: far below what any sum with the motion of a structure could show, and far
+/// enough above the least normal number that no product with it in the next step becomes subnormal.
+const STILL: f64 = 1e-200;
+
+/// x and v of some rows, one step on.
+struct Move<'a> {
+    disp: &'a mut [f64],
+    vel: &'a mut [f64],
+    reported: &'a mut [f64],
+    weighted_accel: &'a [f64],
+    dt: f64,
+    lead: f64,
+    gain: f64,
+}
+
+impl Kernel for Move<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<I: Isa>(self, _: I) {
+        let Move { dt, lead, gain, .. } = self;
+        let rows = self.disp.iter_mut().zip(self.vel).zip(self.reported);
+        for (((x, v), reported), w) in rows.zip(self.weighted_accel) {
+            let old = *v;
+            // Ahead of a wave numbers fall without end; below the normal ones each operation takes a hundred cycles.
+            let w = if w.abs() < STILL { 0.0 } else { *w };
+            let new = old + gain * w;
+            *reported = old + lead * w;
+            *v = new;
+            *x += dt * new;
+        }
     }
 }

@@ -14,7 +14,7 @@ use std::fmt;
 
 use thiserror::Error;
 
-use super::Lambda;
+use super::{Apart, Lambda};
 use crate::linalg::{Spd, SymMatrix};
 use crate::model::Part;
 
@@ -42,6 +42,8 @@ pub struct StabilityProof {
     pub stiffness_bound: SymMatrix,
     /// Δt in s.
     pub dt: f64,
+    /// Elements or modes with a λ of their own: every λ asked for and found here is then that of the rest of K0.
+    pub apart: Option<Apart>,
 }
 
 /// What sets the limit.
@@ -148,18 +150,30 @@ impl StabilityProof {
     #[must_use]
     pub fn matrix(&self, lambda: Lambda, gain: f64) -> SymMatrix {
         self.without_lambda(gain)
-            .plus(self.per_inverse() * lambda.inverse(), &self.stiffness)
+            .plus(self.per_inverse() * lambda.inverse(), &self.following())
+    }
+
+    /// What of K0 follows λ.
+    fn following(&self) -> SymMatrix {
+        match &self.apart {
+            Some(apart) => apart.rest(&self.stiffness),
+            None => self.stiffness.clone(),
+        }
     }
 
     /// The terms of S that do not depend on λ.
     fn without_lambda(&self, gain: f64) -> SymMatrix {
         let square = self.dt * self.dt;
-        SymMatrix::zeros(self.mass.n())
+        let terms = SymMatrix::zeros(self.mass.n())
             .plus(4.0, &self.mass)
             .plus(2.0 * self.dt, &self.damping)
             .plus(-2.0 * self.dt, &self.damping_bound)
             .plus(-square / gain, &self.stiffness)
-            .plus(-square, &self.stiffness_bound)
+            .plus(-square, &self.stiffness_bound);
+        match &self.apart {
+            Some(apart) => terms.plus(self.per_inverse(), apart.settled()),
+            None => terms,
+        }
     }
 
     /// Factor of K0 in S per unit of 1/λ.
@@ -179,9 +193,9 @@ impl StabilityProof {
     /// # Errors
     /// [`StabilityError::NoneAdmissible`].
     pub fn limit(&self, gain: f64, parts: &[Part]) -> Result<Option<f64>, StabilityError> {
-        let fixed = self.without_lambda(gain);
+        let (fixed, following) = (self.without_lambda(gain), self.following());
         let admissible = |inverse: f64| {
-            let matrix = fixed.plus(self.per_inverse() * inverse, &self.stiffness);
+            let matrix = fixed.plus(self.per_inverse() * inverse, &following);
             Spd::factor(&matrix).is_ok()
         };
         if admissible(0.0) {
@@ -248,7 +262,7 @@ impl StabilityProof {
     /// Names what carries the near-null vector of S at 1/λ = `inverse`.
     fn governing(&self, inverse: f64, gain: f64, parts: &[Part]) -> Option<Governing> {
         let fixed = self.without_lambda(gain);
-        let shape = near_null(&fixed.plus(self.per_inverse() * inverse, &self.stiffness))?;
+        let shape = near_null(&fixed.plus(self.per_inverse() * inverse, &self.following()))?;
         let n = shape.len();
         let square = self.dt * self.dt;
         let mut pulled = vec![0.0; n];

@@ -9,6 +9,7 @@ use super::*;
 use crate::linalg::SymMatrix;
 use crate::model::Part;
 
+mod apart;
 mod companions;
 
 fn scalar(value: f64) -> SymMatrix {
@@ -32,13 +33,13 @@ fn run(
     mut residual: impl FnMut(usize, &State, &mut [f64]),
 ) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
     let n = state.disp.len();
-    let (mut disps, mut vels) = (vec![state.disp.clone()], Vec::new());
+    let (mut disps, mut vels) = (vec![state.disp.to_vec()], Vec::new());
     let (mut r, mut reported) = (vec![0.0; n], vec![0.0; n]);
     for step in 0..steps {
         r.fill(0.0);
         residual(step, &state, &mut r);
-        gui.advance(&mut state, &mut r, &mut reported);
-        disps.push(state.disp.clone());
+        gui.advance(&mut state, &r, &mut reported);
+        disps.push(state.disp.to_vec());
         vels.push(reported.clone());
     }
     (disps, vels)
@@ -137,8 +138,8 @@ fn roots(m: f64, c: f64, k: f64, dt: f64, lambda: f64) -> (f64, f64) {
     let mut gui = sdof(m, c, k, dt, lambda, Start::Published);
     let mut column = |x: f64, v: f64| {
         let mut state = State::new(vec![x], vec![v]);
-        let mut r = [-k * x - c * v];
-        gui.advance(&mut state, &mut r, &mut [0.0]);
+        let r = [-k * x - c * v];
+        gui.advance(&mut state, &r, &mut [0.0]);
         (state.disp[0], state.vel[0])
     };
     let (xx, vx) = column(1.0, 0.0);
@@ -364,7 +365,7 @@ fn a_state_that_has_begun_is_not_started_anew() {
     for step in 0..50 {
         let gui = if step < 20 { &mut warmed } else { &mut other };
         r[0] = -0.3 * state.vel[0] - 40.0 * state.disp[0];
-        gui.advance(&mut state, &mut r, &mut reported);
+        gui.advance(&mut state, &r, &mut reported);
         // Products of subtract_product round as c·v and k·x one after the other, as here.
         assert!((state.disp[0] - straight[step + 1][0]).abs() < 1e-14);
     }
@@ -470,13 +471,13 @@ fn the_discrete_energy_balance_closes_to_roundoff() {
         let (mut r, mut reported) = ([0.0; 3], [0.0; 3]);
         let mut before = state.disp.clone();
         system.residual(0.0, &state.disp, &state.vel, &mut r);
-        gui.advance(&mut state, &mut r, &mut reported);
+        gui.advance(&mut state, &r, &mut reported);
         let kinetic_start = m_eff.quadratic(&state.vel) / 2.0;
         let (mut work, mut exchanged) = (0.0, 0.0f64);
         for i in 1..1000 {
             let now = state.disp.clone();
             system.residual(i as f64 * dt, &state.disp, &state.vel, &mut r);
-            gui.advance(&mut state, &mut r, &mut reported);
+            gui.advance(&mut state, &r, &mut reported);
             for j in 0..3 {
                 let part = 0.5 * (state.disp[j] - before[j]) * r[j];
                 work += part;
@@ -612,6 +613,7 @@ fn a_changed_tangent_is_stable_up_to_the_published_bound() {
             damping_bound: scalar(ct),
             stiffness_bound: scalar(k),
             dt,
+            apart: None,
         };
         let largest = |k: f64| {
             let mut gui = sdof(1.0, c0, k0, dt, lambda, Start::Published);
@@ -657,6 +659,7 @@ impl TwoStoreys {
             damping_bound: SymMatrix::zeros(2),
             stiffness_bound: storeys(&self.k),
             dt: 0.05,
+            apart: None,
         }
     }
 
@@ -788,6 +791,7 @@ fn automatic_lambda_follows_its_rule_and_names_what_governs() {
             damping_bound: scalar(0.0),
             stiffness_bound: scalar(1e4),
             dt: 1.0,
+            apart: None,
         };
         let limit = single.limit(gain, &[]).unwrap().unwrap();
         let exact = 4e4 / (1e4 * (1.0 + 1.0 / gain) - 4.0);
@@ -835,6 +839,7 @@ fn what_no_lambda_can_hold_is_an_error_with_a_name() {
         damping_bound: SymMatrix::diagonal(&[0.0, 50.0]),
         stiffness_bound: SymMatrix::diagonal(&[100.0, 0.0]),
         dt: 0.1,
+        apart: None,
     };
     let damper = Part {
         name: "damper".to_owned(),
@@ -884,6 +889,7 @@ fn a_free_chain_drifts_straight_and_keeps_its_momentum() {
         damping_bound: c,
         stiffness_bound: k.clone(),
         dt: 0.2,
+        apart: None,
     };
     let limit = proof.limit(f64::INFINITY, &[]).unwrap().unwrap();
     let w = crate::linalg::highest_frequency(&k, &proof.mass).unwrap();
@@ -933,7 +939,7 @@ fn advancing_allocates_nothing_and_repeats_to_the_bit() {
         let (mut r, mut reported) = ([0.0; 3], [0.0; 3]);
         for i in 0..500 {
             system.residual(f64::from(i) * 0.01, &state.disp, &state.vel, &mut r);
-            gui.advance(state, &mut r, &mut reported);
+            gui.advance(state, &r, &mut reported);
         }
     };
     let (mut gui, mut state) = (make(), State::at_rest(3));
@@ -974,6 +980,7 @@ fn random_proof() -> impl Strategy<Value = StabilityProof> {
                     damping,
                     stiffness,
                     dt,
+                    apart: None,
                 }
             })
     })
@@ -983,13 +990,14 @@ fn random_proof() -> impl Strategy<Value = StabilityProof> {
 fn spectral_radius(proof: &StabilityProof, lambda: f64) -> f64 {
     let n = proof.mass.n();
     let lambda = Lambda::new(lambda).unwrap();
-    let mut gui = Gui::new(
+    let mut gui = Gui::with_apart(
         &proof.mass,
         &proof.damping,
         &proof.stiffness,
         proof.dt,
         lambda,
         Start::Published,
+        proof.apart.as_ref(),
     )
     .unwrap();
     let mut step = DMatrix::zeros(2 * n, 2 * n);
@@ -1004,7 +1012,7 @@ fn spectral_radius(proof: &StabilityProof, lambda: f64) -> f64 {
         let (mut r, mut reported) = (vec![0.0; n], vec![0.0; n]);
         proof.stiffness_bound.subtract_product(&state.disp, &mut r);
         proof.damping_bound.subtract_product(&state.vel, &mut r);
-        gui.advance(&mut state, &mut r, &mut reported);
+        gui.advance(&mut state, &r, &mut reported);
         for i in 0..n {
             step[(i, j)] = state.disp[i];
             step[(n + i, j)] = state.vel[i] * proof.dt;
@@ -1053,6 +1061,7 @@ fn the_limit_of_a_long_chain_is_that_of_its_highest_mode() {
         damping_bound: SymMatrix::zeros(n),
         stiffness_bound: k,
         dt,
+        apart: None,
     };
     let angle = (2 * n - 1) as f64 * PI / (2 * (2 * n + 1)) as f64;
     let o2 = 4.0 * libm::sin(angle) * libm::sin(angle) * dt * dt;

@@ -164,6 +164,31 @@ pub fn frequencies(
         all.truncate(count);
         return Ok(all);
     }
+    Ok(subspace(stiffness, mass, count)?.frequencies)
+}
+
+/// The `count` lowest modes by subspace iteration on a sparse factor, for models of any size; fewer if there are fewer.
+///
+/// # Errors
+/// See [`EigenError`].
+pub fn lowest_modes(
+    stiffness: &SymMatrix,
+    mass: &SymMatrix,
+    count: usize,
+) -> Result<Modes, EigenError> {
+    let n = mass.n();
+    if n <= SMALL {
+        let Modes {
+            mut frequencies,
+            shapes,
+        } = modes(stiffness, mass)?;
+        frequencies.truncate(count);
+        let shapes = shapes.columns(0, frequencies.len()).into_owned();
+        return Ok(Modes {
+            frequencies,
+            shapes,
+        });
+    }
     subspace(stiffness, mass, count)
 }
 
@@ -286,7 +311,7 @@ fn rotate_rows(a: &mut [f64], n: usize, p: usize, q: usize, c: f64, s: f64) {
 }
 
 /// Subspace iteration (Bathe) with (K + σM)⁻¹ M; the shift keeps free bodies solvable.
-fn subspace(stiffness: &SymMatrix, mass: &SymMatrix, count: usize) -> Result<Vec<f64>, EigenError> {
+fn subspace(stiffness: &SymMatrix, mass: &SymMatrix, count: usize) -> Result<Modes, EigenError> {
     const ITERATIONS: usize = 300;
     let n = mass.n();
     let massive = (0..n).filter(|&i| !mass.row_is_zero(i)).count();
@@ -333,10 +358,12 @@ fn subspace(stiffness: &SymMatrix, mass: &SymMatrix, count: usize) -> Result<Vec
             if let Some(&squared) = before.iter().find(|&&s| s < -floor) {
                 return Err(EigenError::Negative { squared });
             }
-            return Ok(before
-                .iter()
-                .map(|&s| if s <= floor { 0.0 } else { s.sqrt() })
-                .collect());
+            let frequencies = before.iter();
+            let frequencies = frequencies.map(|&s| if s <= floor { 0.0 } else { s.sqrt() });
+            return Ok(Modes {
+                frequencies: frequencies.collect(),
+                shapes: vectors.columns(0, count).into_owned(),
+            });
         }
     }
     Err(EigenError::NotConverged {

@@ -18,6 +18,15 @@ pub(crate) struct Curve<'a> {
     pub y: &'a [f64],
     /// Points instead of a line.
     pub dots: bool,
+    /// What the others are compared with: in the colour of text, dashed.
+    pub reference: bool,
+}
+
+/// How a curve is drawn.
+#[derive(Debug, Clone, Copy)]
+struct Style {
+    ink: Ink,
+    dashed: bool,
 }
 
 /// What an axis shows: words, SI unit, range if it is fixed.
@@ -43,6 +52,10 @@ pub(crate) struct Curves<'a> {
 const ROW: f64 = 18.0;
 /// Largest distance of a left-out point from the drawn line, in display units.
 const TOLERANCE: f64 = 0.15;
+/// Length of a dash and of the gap after it, in display units.
+const DASH: (f64, f64) = (6.0, 4.0);
+/// Room right of the frame for half of the last number.
+const MARGIN: f64 = 14.0;
 /// Further outside than this many times the range nothing is drawn.
 const FAR: f64 = 2.0;
 
@@ -65,6 +78,7 @@ impl Curves<'_> {
         let taken = self.legend(canvas, area);
         let rest = Area {
             y: area.y + taken,
+            w: area.w - MARGIN,
             h: area.h - taken,
             ..area
         };
@@ -74,8 +88,7 @@ impl Curves<'_> {
         if !self.logarithmic {
             plot.zero_line(canvas);
         }
-        for (index, curve) in self.curves.iter().enumerate() {
-            let ink = ink(index);
+        for (curve, Style { ink, dashed }) in self.curves.iter().zip(self.styles()) {
             let outside = sides(&y, curve.y);
             let places = curve
                 .x
@@ -90,12 +103,20 @@ impl Curves<'_> {
                     }
                 });
             if curve.dots {
+                // Many dots are a cloud, few are marks.
+                let radius = if curve.x.len() > 200 { 1.8 } else { 3.0 };
                 for at in places.filter(|at| at.0.is_finite()) {
-                    canvas.dot(at, ink, 3.0);
+                    canvas.dot(at, ink, radius);
                 }
             } else {
                 for run in thin::within(places, TOLERANCE) {
-                    canvas.path(&run, ink, 1.5);
+                    if dashed {
+                        for dash in dashes(&run) {
+                            canvas.path(&dash, ink, 1.5);
+                        }
+                    } else {
+                        canvas.path(&run, ink, 1.5);
+                    }
                 }
             }
         }
@@ -127,12 +148,17 @@ impl Curves<'_> {
             return linear(axis, quantity, about as usize, false);
         }
         let mut scaled = linear(axis, quantity, 2, false);
-        scaled.ticks = axis.decades(|exponent| {
-            fixed(
-                libm::pow(10.0, f64::from(exponent)),
-                usize::try_from(-exponent).unwrap_or(0),
-            )
-        });
+        scaled.ticks = axis.decades(decade);
+        // Hardly more than one decade: its 2 and 5 have numbers too.
+        if axis.hi() < 50.0 * axis.lo() {
+            for tick in scaled.ticks.iter_mut().filter(|t| t.label.is_empty()) {
+                let exponent = libm::floor(libm::log10(tick.at) + 1e-9);
+                let digit = tick.at / libm::pow(10.0, exponent);
+                if [2.0, 5.0].iter().any(|named| (digit - named).abs() < 1e-6) {
+                    tick.label = fixed(tick.at, (-exponent).max(0.0) as usize);
+                }
+            }
+        }
         scaled
     }
 
@@ -140,7 +166,7 @@ impl Curves<'_> {
     fn legend(&self, canvas: &mut Canvas<'_>, area: Area) -> f64 {
         let (mut x, mut row) = (area.x, 0.0);
         let mut any = false;
-        for (index, curve) in self.curves.iter().enumerate() {
+        for (curve, Style { ink, dashed }) in self.curves.iter().zip(self.styles()) {
             if curve.name.is_empty() {
                 continue;
             }
@@ -152,7 +178,14 @@ impl Curves<'_> {
             }
             any = true;
             let at = area.y + 32.0 + row * ROW;
-            canvas.line((x, at), (x + 18.0, at), ink(index), 2.5);
+            if curve.dots {
+                canvas.dot((x + 9.0, at), ink, 3.5);
+            } else if dashed {
+                canvas.line((x, at), (x + 7.0, at), ink, 2.5);
+                canvas.line((x + 12.0, at), (x + 19.0, at), ink, 2.5);
+            } else {
+                canvas.line((x, at), (x + 18.0, at), ink, 2.5);
+            }
             canvas.text(
                 &name,
                 (x + 24.0, at),
@@ -160,8 +193,83 @@ impl Curves<'_> {
             );
             x += wide;
         }
-        if any { (row + 1.0) * ROW } else { 0.0 }
+        if any { (row + 1.0) * ROW + 8.0 } else { 0.0 }
     }
+
+    /// Six colours, then the same dashed; the reference takes none of them.
+    fn styles(&self) -> Vec<Style> {
+        let mut taken = 0usize;
+        let style = |curve: &Curve<'_>| {
+            if curve.reference {
+                return Style {
+                    ink: Ink::Text,
+                    dashed: true,
+                };
+            }
+            let index = taken;
+            taken += 1;
+            Style {
+                ink: Ink::Series(u8::try_from(index % 6).unwrap_or(0)),
+                dashed: index % 12 >= 6,
+            }
+        };
+        self.curves.iter().map(style).collect()
+    }
+}
+
+/// "100", "0.01", and powers where zeros would have to be counted.
+fn decade(exponent: i32) -> String {
+    if (-3..=4).contains(&exponent) {
+        let decimals = usize::try_from(-exponent).unwrap_or(0);
+        return fixed(libm::pow(10.0, f64::from(exponent)), decimals);
+    }
+    let raised = |digit: char| match digit {
+        '-' => '⁻',
+        '1' => '¹',
+        '2' => '²',
+        '3' => '³',
+        // The others follow each other.
+        digit => char::from_u32(0x2070 + digit.to_digit(10).unwrap_or(0)).unwrap_or(digit),
+    };
+    let exponent: String = exponent.to_string().chars().map(raised).collect();
+    format!("10{exponent}")
+}
+
+/// A line cut into dashes.
+fn dashes(points: &[(f64, f64)]) -> Vec<Vec<(f64, f64)>> {
+    let mut all = Vec::new();
+    let mut dash: Vec<(f64, f64)> = points.first().copied().into_iter().collect();
+    let (mut drawn, mut left) = (true, DASH.0);
+    for pair in points.windows(2) {
+        let (mut from, to) = (pair[0], pair[1]);
+        loop {
+            let length = libm::hypot(to.0 - from.0, to.1 - from.1);
+            if length <= left {
+                left -= length;
+                if drawn {
+                    dash.push(to);
+                }
+                break;
+            }
+            let share = left / length;
+            from = (
+                from.0 + share * (to.0 - from.0),
+                from.1 + share * (to.1 - from.1),
+            );
+            if drawn {
+                dash.push(from);
+                all.push(std::mem::take(&mut dash));
+            } else {
+                dash.push(from);
+            }
+            drawn = !drawn;
+            left = if drawn { DASH.0 } else { DASH.1 };
+        }
+    }
+    if drawn && dash.len() > 1 {
+        all.push(dash);
+    }
+    all
 }
 
 /// Where each value lies: below (−1), on (0) or above (1) the axis; none for a gap, and for a value whose neighbours
@@ -187,10 +295,6 @@ fn sides(axis: &Axis, values: &[f64]) -> Vec<Option<i8>> {
             own.filter(|&side| side == 0 || !alone)
         })
         .collect()
-}
-
-fn ink(index: usize) -> Ink {
-    Ink::Series(u8::try_from(index % 6).unwrap_or(0))
 }
 
 #[cfg(test)]
@@ -223,6 +327,7 @@ mod tests {
             x: &x,
             y,
             dots,
+            reference: false,
         };
         let both = [curve("tame", &tame, false), curve("wild", &wild, false)];
         let text = svg(&both, Some((-1.0, 1.0)), false);
@@ -238,5 +343,59 @@ mod tests {
         let text = svg(&[curve("w", &wild, false)], None, true);
         assert!(text.contains("<polyline"));
         assert!(svg(&[], None, false).contains("nothing to draw"));
+    }
+
+    #[test]
+    fn the_seventh_curve_is_dashed_and_the_reference_has_the_colour_of_text() {
+        let x = [0.0, 1.0, 2.0];
+        let curve = |reference| Curve {
+            name: "c",
+            x: &x,
+            y: &x,
+            dots: false,
+            reference,
+        };
+        let picture = |many: usize, reference| {
+            let mut curves = vec![curve(false); many];
+            curves.push(curve(reference));
+            svg(&curves, None, false)
+        };
+        let count = |text: &str| text.matches("<polyline").count();
+        assert_eq!(count(&picture(5, false)), 6);
+        assert!(count(&picture(6, false)) > 20);
+        assert!(count(&picture(0, true)) > 14);
+        // The length that is drawn is six tenths of the whole, to one dash.
+        let drawn: f64 = dashes(&[(0.0, 0.0), (60.0, 80.0), (60.0, 180.0)])
+            .iter()
+            .flat_map(|dash| {
+                dash.windows(2)
+                    .map(|p| libm::hypot(p[1].0 - p[0].0, p[1].1 - p[0].1))
+                    .collect::<Vec<_>>()
+            })
+            .sum();
+        assert!((drawn - 120.0).abs() < 1e-9, "{drawn}");
+    }
+
+    #[test]
+    fn decades_are_numbers_where_they_are_short_and_powers_where_they_are_long() {
+        assert_eq!(
+            [-12, -3, 0, 4, 5].map(decade),
+            ["10⁻¹²", "0.001", "1", "10000", "10⁵"]
+        );
+        let x = [500.0, 5000.0];
+        let curve = Curve {
+            name: "",
+            x: &x,
+            y: &x,
+            dots: false,
+            reference: false,
+        };
+        let text = svg(&[curve], None, true);
+        for number in ["500", "1000", "2000", "5000"] {
+            assert!(
+                text.contains(&format!("\n{number}\n")) || text.contains(&format!(">{number}<")),
+                "{number} {text}"
+            );
+        }
     }
 }

@@ -45,7 +45,7 @@ mod thin;
 
 pub(crate) use curves::{Curve, Curves, Scale};
 pub use histogram::Percentiles;
-pub(crate) use html::{note, section};
+pub(crate) use html::note;
 pub(crate) use page::frame;
 pub use page::render;
 pub use pictures::{hero_svg, jitter_svg};

@@ -339,7 +339,7 @@ fn put_recorded(experiment: &mut Experiment, tape: &Shared, place: impl Fn(&str)
                 place(&format!("raw_force_{s}_{j}")),
             ]
         };
-        port.put_in_place(Box::new(Recorded {
+        port.put_recording(Box::new(Recorded {
             tape: Arc::clone(tape),
             axes: (1..=port.axes()).map(axis).collect(),
             sequence: place(&format!("seq_{s}")),

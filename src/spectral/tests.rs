@@ -258,6 +258,7 @@ fn one(ratio: f64, share: f64) -> Delayed {
         rows: scalar(1.0),
         specimen_stiffness: scalar(2.0 * TAU * TAU * share),
         specimen_damping: scalar(0.0),
+        weighted: None,
     }
 }
 
@@ -319,6 +320,7 @@ fn at_the_critical_delay_the_characteristic_matrix_of_a_frame_is_singular() {
         rows: DMatrix::from_row_slice(1, 3, &[-1.0, 1.0, 0.0]),
         specimen_stiffness: DMatrix::from_element(1, 1, 1.5e6),
         specimen_damping: DMatrix::from_element(1, 1, 0.0),
+        weighted: None,
     };
     let found = continuous(&system).unwrap().unwrap();
     let turn = Pole::new(0.0, -found.omega * found.delay).exp();

@@ -5,8 +5,8 @@ use rand_pcg::Pcg64;
 use rand_pcg::rand_core::{Rng, SeedableRng};
 
 use crate::integrate::{
-    Chang2002, Forces, Gui, Integrator, Lambda, Loaded, MethodError, Moment, Newmark, NewmarkBeta,
-    NewtonSettings, StabilityProof, Start, State, Stepper,
+    Apart, Chang2002, Forces, Gui, Integrator, Lambda, Loaded, MethodError, Moment, Newmark,
+    NewmarkBeta, NewtonSettings, StabilityProof, Start, State, Stepper,
 };
 use crate::law::SquareRootSpec;
 use crate::linalg::SymMatrix;
@@ -100,9 +100,14 @@ impl<'a, L: FnMut(u64, &mut [f64]) -> Base> Walk<'a, L> {
         dt: f64,
         load: L,
     ) -> Result<Self, MethodError> {
+        let stepper = method.stepper(structure, dt)?;
+        Ok(Self::of(stepper, structure, dt, load))
+    }
+
+    /// The same with a method that is made already.
+    pub(super) fn of(mut stepper: Stepper, structure: &'a mut Structure, dt: f64, load: L) -> Self {
         let n = structure.dofs();
         let mut state = State::at_rest(n);
-        let mut stepper = method.stepper(structure, dt)?;
         let mut forces = Loaded::new(structure, load);
         let mut residual = vec![0.0; n];
         forces.residual_into(Moment::at(0), &state.disp, &state.vel, 0.0, &mut residual);
@@ -111,7 +116,7 @@ impl<'a, L: FnMut(u64, &mut [f64]) -> Base> Walk<'a, L> {
             Stepper::Explicit(integrator) => integrator.prepare(&mut state),
             Stepper::Offline(method) => method.begin(&state, &residual),
         }
-        Ok(Self {
+        Self {
             state,
             dt,
             step: 0,
@@ -120,7 +125,7 @@ impl<'a, L: FnMut(u64, &mut [f64]) -> Base> Walk<'a, L> {
             residual,
             reported: vec![0.0; n],
             alive: true,
-        })
+        }
     }
 
     /// One step: predict, forces, solve.
@@ -128,7 +133,7 @@ impl<'a, L: FnMut(u64, &mut [f64]) -> Base> Walk<'a, L> {
         self.step += 1;
         match &mut self.stepper {
             Stepper::Explicit(integrator) => {
-                integrator.advance(&mut self.state, &mut self.residual, &mut self.reported);
+                integrator.advance(&mut self.state, &self.residual, &mut self.reported);
                 self.forces.residual_into(
                     Moment::at(self.step),
                     &self.state.disp,
@@ -155,19 +160,19 @@ impl<'a, L: FnMut(u64, &mut [f64]) -> Base> Walk<'a, L> {
 }
 
 /// Displacement histories of all DOFs from rest, every `every`-th step; NaN once a method has failed.
-pub(super) fn histories(
-    method: Method,
+fn histories(
+    stepper: Stepper,
     structure: &mut Structure,
     (dt, steps, every): (f64, usize, usize),
     load: impl Fn(f64, &mut [f64]),
-) -> Result<Vec<Vec<f64>>, MethodError> {
+) -> Vec<Vec<f64>> {
     let n = structure.dofs();
     let mut found = vec![Vec::with_capacity(steps / every + 1); n];
     let at = |step: u64, out: &mut [f64]| {
         load(step as f64 * dt, out);
         Base::default()
     };
-    let mut walk = Walk::new(method, structure, dt, at)?;
+    let mut walk = Walk::of(stepper, structure, dt, at);
     for step in 0..=steps {
         if step % every == 0 {
             for (history, x) in found.iter_mut().zip(&walk.state.disp) {
@@ -178,7 +183,7 @@ pub(super) fn histories(
             walk.step();
         }
     }
-    Ok(found)
+    found
 }
 
 /// Largest absolute value; infinite if one is not a number.
@@ -246,6 +251,7 @@ impl TwoStoreys {
             damping_bound: SymMatrix::zeros(2),
             stiffness_bound: Self::matrix(tangents),
             dt,
+            apart: None,
         }
     }
 
@@ -266,6 +272,39 @@ impl TwoStoreys {
         seconds: f64,
         every: usize,
     ) -> Option<[Vec<f64>; 2]> {
+        let structure = self.structure()?;
+        let stepper = method.stepper(&structure, dt).ok()?;
+        self.run_by(stepper, dt, seconds, every)
+    }
+
+    /// The same by the family with a λ of their own for what is in `apart`.
+    pub(super) fn run_apart(
+        &self,
+        apart: &Apart,
+        lambda: f64,
+        dt: f64,
+        seconds: f64,
+    ) -> Option<[Vec<f64>; 2]> {
+        let none = SymMatrix::zeros(2);
+        let gui = Gui::with_apart(
+            &SymMatrix::diagonal(&self.mass),
+            &none,
+            &Self::matrix(self.stiffness),
+            dt,
+            Lambda::new(lambda).ok()?,
+            Start::Published,
+            Some(apart),
+        );
+        self.run_by(Stepper::Explicit(Box::new(gui.ok()?)), dt, seconds, 1)
+    }
+
+    fn run_by(
+        &self,
+        stepper: Stepper,
+        dt: f64,
+        seconds: f64,
+        every: usize,
+    ) -> Option<[Vec<f64>; 2]> {
         let mut structure = self.structure()?;
         let steps = libm::round(seconds / dt) as usize;
         let mass = self.mass;
@@ -275,7 +314,7 @@ impl TwoStoreys {
                 *f = -m * accel;
             }
         };
-        let found = histories(method, &mut structure, (dt, steps, every), load).ok()?;
+        let found = histories(stepper, &mut structure, (dt, steps, every), load);
         <[Vec<f64>; 2]>::try_from(found).ok()
     }
 }
@@ -297,6 +336,7 @@ pub(super) fn transition(
             damping_bound: scalar(c),
             stiffness_bound: scalar(k),
             dt,
+            apart: None,
         },
         lambda,
     )?;
@@ -307,13 +347,14 @@ pub(super) fn transition(
 pub(super) fn transition_of(proof: &StabilityProof, lambda: f64) -> Option<DMatrix<f64>> {
     let n = proof.mass.n();
     let lambda = Lambda::new(lambda).ok()?;
-    let mut gui = Gui::new(
+    let mut gui = Gui::with_apart(
         &proof.mass,
         &proof.damping,
         &proof.stiffness,
         proof.dt,
         lambda,
         Start::Published,
+        proof.apart.as_ref(),
     )
     .ok()?;
     let mut step = DMatrix::zeros(2 * n, 2 * n);
@@ -328,13 +369,24 @@ pub(super) fn transition_of(proof: &StabilityProof, lambda: f64) -> Option<DMatr
         r.fill(0.0);
         proof.stiffness_bound.subtract_product(&state.disp, &mut r);
         proof.damping_bound.subtract_product(&state.vel, &mut r);
-        gui.advance(&mut state, &mut r, &mut reported);
+        gui.advance(&mut state, &r, &mut reported);
         for i in 0..n {
             step[(i, j)] = state.disp[i];
             step[(n + i, j)] = state.vel[i] * proof.dt;
         }
     }
     Some(step)
+}
+
+/// w = M_eff⁻¹ r for the residual r, by the program's step.
+pub(super) fn solved(proof: &StabilityProof, lambda: f64, residual: &[f64]) -> Option<Vec<f64>> {
+    let (n, lambda) = (proof.mass.n(), Lambda::new(lambda).ok()?);
+    let apart = proof.apart.as_ref();
+    let (m, c, k) = (&proof.mass, &proof.damping, &proof.stiffness);
+    let mut gui = Gui::with_apart(m, c, k, proof.dt, lambda, Start::Published, apart).ok()?;
+    let mut state = State::at_rest(n);
+    gui.advance(&mut state, &mut residual.to_vec(), &mut vec![0.0; n]);
+    Some(state.weighted_accel.to_vec())
 }
 
 /// Trace and determinant: minus the sum, and the product, of the poles.

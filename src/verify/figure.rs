@@ -15,6 +15,8 @@ pub struct Series {
     pub y: Vec<f64>,
     /// Points instead of a line.
     pub dots: bool,
+    /// What the others are compared with: drawn in the colour of text, dashed, above all.
+    pub reference: bool,
 }
 
 impl Series {
@@ -26,6 +28,16 @@ impl Series {
             x,
             y,
             dots: false,
+            reference: false,
+        }
+    }
+
+    /// The line that the others are compared with.
+    #[must_use]
+    pub fn reference(name: impl Into<String>, x: Vec<f64>, y: Vec<f64>) -> Self {
+        Self {
+            reference: true,
+            ..Self::line(name, x, y)
         }
     }
 
@@ -105,6 +117,7 @@ impl Figure {
                 x: &series.x,
                 y: &series.y,
                 dots: series.dots,
+                reference: series.reference,
             })
             .collect();
         let scale = |scale: Scale| report::Scale {
@@ -120,9 +133,9 @@ impl Figure {
             logarithmic: self.logarithmic,
         };
         let (width, height) = if self.square {
-            (460.0, 500.0)
+            (460.0, 520.0)
         } else {
-            (640.0, 400.0)
+            (640.0, 420.0)
         };
         chart.svg(width, height, inline)
     }

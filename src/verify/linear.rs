@@ -40,7 +40,7 @@ pub(super) fn behaves(system: &str, lambda: f64, wanted: &str, ratio: f64) -> Ch
 }
 
 /// Root of the mean square of a − b.
-fn distance(a: &[f64], b: &[f64]) -> f64 {
+pub(super) fn distance(a: &[f64], b: &[f64]) -> f64 {
     let squares: f64 = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum();
     (squares / a.len().max(1) as f64).sqrt()
 }
@@ -189,7 +189,7 @@ pub(super) fn example() -> Proof {
     ));
     let [_, top] = reference;
     let bound = 1.5 * peak(&top);
-    series.push(Series::line(
+    series.push(Series::reference(
         "exact: explicit Newmark, Δt = 0.0001 s",
         times,
         top,

@@ -10,11 +10,15 @@
 
 mod accuracy;
 mod cost;
+mod criterion;
+mod dense;
 mod drive;
 mod figure;
 mod formulas;
 mod linear;
 mod nonlinear;
+mod order;
+mod own_lambda;
 mod page;
 mod stability;
 mod tangents;
@@ -113,20 +117,39 @@ fn judged(holds: bool) -> Verdict {
 /// A number with up to six significant digits.
 fn number(value: f64) -> String {
     let size = value.abs();
-    if value == 0.0 || !value.is_finite() {
+    if value.is_infinite() {
+        return if value > 0.0 { "∞" } else { "−∞" }.to_owned();
+    }
+    if value == 0.0 || value.is_nan() {
         return value.to_string();
     }
+    let trimmed = |text: &str| text.trim_end_matches('0').trim_end_matches('.').to_owned();
     if !(1e-3..1e6).contains(&size) {
-        return format!("{value:.3e}");
+        let text = format!("{value:.2e}");
+        return match text.split_once('e') {
+            Some((digits, exponent)) => format!("{}e{exponent}", trimmed(digits)),
+            None => text,
+        };
     }
     let before = libm::floor(libm::log10(size)) as i32;
     let decimals = usize::try_from(5 - before).unwrap_or(0);
     let text = format!("{value:.decimals$}");
     if text.contains('.') {
-        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+        trimmed(&text)
     } else {
         text
     }
+}
+
+/// A table of the paper with what was obtained beside it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Tabulation {
+    /// What it holds.
+    pub title: String,
+    /// Names of the columns; the first one names the rows.
+    pub head: Vec<String>,
+    /// One text per column.
+    pub rows: Vec<Vec<String>>,
 }
 
 /// What came of one piece of the paper.
@@ -136,8 +159,12 @@ pub struct Part {
     pub name: &'static str,
     /// What it is.
     pub title: &'static str,
+    /// What the paper says, in short.
+    pub says: &'static str,
     /// Its values and statements.
     pub checks: Vec<Check>,
+    /// Its tables.
+    pub tables: Vec<Tabulation>,
     /// Its figures.
     #[serde(skip)]
     pub figures: Vec<Figure>,
@@ -180,6 +207,23 @@ impl Effort {
 /// Checks and figures of a topic.
 type Proof = (Vec<Check>, Vec<Figure>);
 
+/// All that a topic shows.
+struct Shown {
+    checks: Vec<Check>,
+    figures: Vec<Figure>,
+    tables: Vec<Tabulation>,
+}
+
+impl From<Proof> for Shown {
+    fn from((checks, figures): Proof) -> Self {
+        Self {
+            checks,
+            figures,
+            tables: Vec::new(),
+        }
+    }
+}
+
 /// A piece of the paper.
 #[derive(Debug, Clone, Copy)]
 pub struct Topic {
@@ -187,94 +231,128 @@ pub struct Topic {
     pub name: &'static str,
     /// What it is.
     pub title: &'static str,
-    prove: fn(Effort, &dyn Clock) -> Proof,
+    /// What the paper says, in short.
+    pub says: &'static str,
+    prove: fn(Effort, &dyn Clock) -> Shown,
 }
 
 impl Topic {
     /// Does the work. `clock` times example 4.3 and nothing else.
     #[must_use]
     pub fn prove(&self, effort: Effort, clock: &dyn Clock) -> Part {
-        let (checks, figures) = (self.prove)(effort, clock);
+        let Shown {
+            checks,
+            figures,
+            tables,
+        } = (self.prove)(effort, clock);
         Part {
             name: self.name,
             title: self.title,
+            says: self.says,
             checks,
+            tables,
             figures,
         }
     }
 }
 
 /// All topics, in the order of the paper.
-pub const TOPICS: [Topic; 14] = [
+pub const TOPICS: [Topic; 16] = [
     Topic {
         name: "table-1",
         title: "Table 1 and equation (13): poles, and one α for all",
-        prove: |effort, _| formulas::table_1(effort),
+        says: "“By assigning these poles to the characteristic equation, we find that α1 and α2 always have the same expression”, (13). The subfamily with λ derives from the Newmark family with γ = 1/2, β = 1/λ; λ = 4 is the CR algorithm.",
+        prove: |effort, _| formulas::table_1(effort).into(),
     },
     Topic {
         name: "transfer",
         title: "Equations (11) to (19): transfer function and amplification matrix",
-        prove: |effort, _| formulas::transfer(effort),
+        says: "“The eigenvalue mapping method is equivalent to the pole mapping method”: the poles of the discrete transfer function are the eigenvalues of the amplification matrix. For many degrees of freedom α becomes the matrix (18), (19).",
+        prove: |effort, _| formulas::transfer(effort).into(),
+    },
+    Topic {
+        name: "order",
+        title: "Section 3.1: order of accuracy",
+        says: "“Since the numerical properties of an integration algorithm are determined by the poles of the algorithm and the proposed family has the same poles as the Newmark family, the proposed family of algorithms is second-order accurate.” True of the poles; of a trajectory only if it starts with zero acceleration, or with a corrected first step.",
+        prove: |_, _| order::accuracy().into(),
     },
     Topic {
         name: "fig-1",
         title: "Fig. 1: amplitude decay",
-        prove: |_, _| accuracy::amplitude_decay(),
+        says: "“All of these algorithms predict no decay of displacement amplitude because their algorithmic damping ratios are 0.”",
+        prove: |_, _| accuracy::amplitude_decay().into(),
     },
     Topic {
         name: "fig-2",
         title: "Fig. 2: period elongation",
-        prove: |_, _| accuracy::period_elongation(),
+        says: "“The absolute value of PE increases as Δt/T increases for a given λ. Meanwhile, the PE decreases as λ increases from 0 to infinity for a given Δt/T. The period distortion of the subfamily with λ = 11.5 is approximately the least for any Δt/T.”",
+        prove: |_, _| accuracy::period_elongation().into(),
     },
     Topic {
         name: "fig-3",
         title: "Fig. 3: stable and unstable poles",
-        prove: |effort, _| stability::regions(effort),
+        says: "“If all the poles lie within or on the unit circle, the system is stable. Any pole outside the unit circle makes the system unstable.”",
+        prove: |effort, _| stability::regions(effort).into(),
     },
     Topic {
         name: "eq-33",
         title: "Equations (27) to (33): the linear limit",
-        prove: |effort, _| stability::linear_limit(effort),
+        says: "“The subfamilies with λ ≤ 4 are unconditionally stable for any linear elastic structure; the subfamilies with λ > 4 can become unstable when Ω > √(4λ/(λ − 4)).”",
+        prove: |effort, _| stability::linear_limit(effort).into(),
     },
     Topic {
         name: "fig-4",
         title: "Fig. 4, equations (36) to (39): the closed loop",
-        prove: |effort, _| tangents::closed_loop(effort),
+        says: "With a tangent stiffness that has left the initial one, the algorithm is a closed loop: G′(z) made of the initial stiffness, fed back through H(z) = k_t. “For the linear elastic system (39) reduces to the characteristic equation in (12).”",
+        prove: |effort, _| tangents::closed_loop(effort).into(),
     },
     Topic {
         name: "fig-5",
         title: "Fig. 5: root locus of a changed stiffness",
-        prove: |_, _| tangents::root_locus(),
+        says: "“One branch of the locus crosses the unit circle at z = −1, which means that the proposed algorithms are stable only for a finite range of k_t.” ξ = 0.02, ω = 2π rad/s, Δt = 0.5 s, λ = 1.",
+        prove: |_, _| tangents::root_locus().into(),
     },
     Topic {
         name: "eq-41",
         title: "Equations (40) and (41): changed tangents",
-        prove: |effort, _| tangents::changed_tangents(effort),
+        says: "“For stiffness softening systems, the subfamilies with λ ≤ 4 are unconditionally stable; for stiffness hardening systems, the unconditional stability range of λ reduces to λ ≤ 4 ω_0²/ω_t².” The condition: λ (Ω_t² − 4) ≤ 4 Ω_0².",
+        prove: |effort, _| tangents::changed_tangents(effort).into(),
     },
     Topic {
         name: "criterion",
         title: "Many degrees of freedom: the exact criterion beside mode-wise (41)",
-        prove: |effort, _| tangents::criterion(effort),
+        says: "The paper applies (41) mode by mode, the instantaneous mode j beside the initial mode j. That is exact only while the shapes stay. S(λ) = 4M + 2Δt(C0 − C_t) + (4Δt²/λ)K0 − Δt²K_t ⪰ 0 is necessary and sufficient for every structure; `gusset check` and `run` use it.",
+        prove: |effort, _| criterion::criterion(effort).into(),
     },
     Topic {
         name: "recommendations",
         title: "Section 3.3: the recommended λ",
-        prove: |effort, _| stability::recommendations(effort),
+        says: "“The subfamily with λ = 4 offers the highest accuracy within the unconditional stability range for the linear elastic and stiffness softening systems. The subfamily with λ = 4 ω_0²/ω_t² (for instance, λ = 2.77, when ω_t = 1.2 ω_0) offers the highest accuracy for the stiffness hardening system.”",
+        prove: |effort, _| stability::recommendations(effort).into(),
     },
     Topic {
         name: "example-4.1",
         title: "Example 4.1, Fig. 7: a linear structure",
-        prove: |_, _| linear::example(),
+        says: "Two storeys under 20 sin t m/s², Δt = 0.05 s. “The subfamily with λ = 4 and the average acceleration method match each other very well; the subfamily with λ = ∞ and the explicit Newmark method get identical results. The solutions are unstable for λ = 17 and ∞, whereas λ = 2, 4 and 11.5 obtain reliable solutions. λ = 11.5 provides almost the same solution as the exact solution, whereas 2 and 4 exhibit obvious period elongation.”",
+        prove: |_, _| linear::example().into(),
     },
     Topic {
         name: "example-4.2",
         title: "Example 4.2, Figs. 8 to 13: softening and hardening",
-        prove: |_, _| nonlinear::example(),
+        says: "Softening: “λ = 2 and 4 behave in a stable state … 4.7 is accurate, while numerical instability occurs for 4.9 and 11.5 because the least value of the upper stability limit is 4.75 … 4.8 indicates high frequency fluctuation.” Hardening: “the least upper stability limit is 3.79 … stable computations are responsible for 1.2 and 3.7, whereas numerical instability occurs for 3.9, 4 and 11.5.”",
+        prove: |effort, _| nonlinear::example(effort).into(),
     },
     Topic {
         name: "example-4.3",
-        title: "Example 4.3, Table 2, Fig. 16: the cost of a step",
+        title: "Example 4.3, Table 2, Figs. 15 and 16: the cost of a step",
+        says: "“The proposed algorithm family requires no factorisation of the damping matrix and remains explicit even though the damping matrix is non-diagonal … The computational time ratios of the first three algorithms to the proposed subfamilies grow significantly as the number of DOFs increases.”",
         prove: cost::example,
+    },
+    Topic {
+        name: "own-lambda",
+        title: "Beyond the paper: a λ of their own for elements and modes",
+        says: "Not in the paper. “The accuracy and stability of the proposed family of algorithms are contradictory properties” – for one λ. The proof needs only 4M + 4Δt²K̃ − Δt²K_t ⪰ 0, so that the stiff storey may have the small λ and the mode that governs the response the accurate one.",
+        prove: |effort, _| own_lambda::extensions(effort).into(),
     },
 ];
 

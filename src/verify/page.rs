@@ -1,7 +1,7 @@
 //! The page that shows everything side by side with the claims, and the files beside it.
 
-use super::{Check, Part, Verdict};
-use crate::report::{escape, frame, note, section};
+use super::{Check, Figure, Part, Tabulation, Verdict};
+use crate::report::{escape, frame, note};
 
 /// index.html, and an SVG and a CSV for every figure: names and contents.
 #[must_use]
@@ -29,35 +29,104 @@ fn index(parts: &[Part]) -> String {
         ("bad", format!("{fail} of {} checks FAIL", pass + fail))
     };
     let mut body = format!(
-        "<header>\n<p class=\"brand\">gusset · verification</p>\n<h1>{TITLE}</h1>\n\
+        "<header>\n<p class=\"brand\">gusset {} · verification</p>\n<h1>{TITLE}</h1>\n\
          <div class=\"verdict {class}\">\n<p class=\"headline\">{}</p>\n<p>{notes} further statements are not judged: \
-         measurements of this machine, and places where the paper is loose.</p>\n</div>\n</header>\n<main>\n",
+         measurements of this machine, and places where the paper is loose.</p>\n</div>\n",
+        env!("CARGO_PKG_VERSION"),
         escape(&headline)
     );
     body += &note(
         "Y. Gui, J.-T. Wang, F. Jin, C. Chen, M.-X. Zhou: Development of a family of explicit algorithms for structural \
-         dynamics with unconditional stability. Nonlinear Dynamics, 2014. Every value below was obtained by this \
-         program's own integrators and models; figures have the paper's axes, their data lie beside this page as CSV.",
+         dynamics with unconditional stability. Nonlinear Dynamics, 2014. Numbers in parentheses are its equations. Every \
+         value below was obtained by this program's own integrators and models in one run of `gusset verify`; figures have \
+         the paper's axes, their data lie beside this page as CSV. What the paper says stands beside what was obtained, \
+         how far the two may be apart, and the verdict.",
     );
+    body += &contents(parts);
+    body += "</header>\n<main>\n";
     for part in parts {
-        let mut markup = checks(&part.checks);
-        let figures = part.figures.iter().map(|figure| {
-            format!(
-                "<figure id=\"{}\">{}<p class=\"note\">{} <a href=\"{}.csv\">data</a></p></figure>\n",
-                figure.file,
-                figure.svg(true),
-                escape(figure.claim),
-                figure.file
-            )
-        });
-        let figures: String = figures.collect();
-        if !figures.is_empty() {
-            markup += &format!("<div class=\"grid\">\n{figures}</div>\n");
-        }
-        body += &section(part.title, &markup);
+        body += &whole(part);
     }
     body += "</main>\n";
     frame(TITLE, &body)
+}
+
+/// What the page holds, with the verdict on each part.
+fn contents(parts: &[Part]) -> String {
+    let mut out = String::from("<nav><ul class=\"contents\">\n");
+    for part in parts {
+        let (pass, fail, notes) = (
+            part.count(Verdict::Pass),
+            part.count(Verdict::Fail),
+            part.count(Verdict::Note),
+        );
+        let (class, mut words) = if fail == 0 {
+            ("good", format!("{pass} hold"))
+        } else {
+            ("bad", format!("{fail} FAIL, {pass} hold"))
+        };
+        if notes > 0 {
+            words += &format!(", {notes} noted");
+        }
+        out += &format!(
+            "<li><a href=\"#{}\">{}</a><span class=\"{class}\">{words}</span></li>\n",
+            part.name,
+            escape(part.title)
+        );
+    }
+    out + "</ul></nav>\n"
+}
+
+/// One part: what the paper says beside its figure, further figures, tables, checks.
+fn whole(part: &Part) -> String {
+    let mut out = format!(
+        "<section id=\"{}\">\n<h2>{}</h2>\n",
+        part.name,
+        escape(part.title)
+    );
+    let says = format!("<blockquote>{}</blockquote>\n", escape(part.says));
+    match part.figures.as_slice() {
+        [] => out += &says,
+        [one] => {
+            out += &format!(
+                "<div class=\"beside\">\n{}<div>{says}</div></div>\n",
+                picture(one)
+            )
+        }
+        several => {
+            out += &says;
+            let figures: String = several.iter().map(picture).collect();
+            out += &format!("<div class=\"grid\">\n{figures}</div>\n");
+        }
+    }
+    out.extend(part.tables.iter().map(table));
+    out += &checks(&part.checks);
+    out + "</section>\n"
+}
+
+fn picture(figure: &Figure) -> String {
+    format!(
+        "<figure id=\"{0}\">{1}<figcaption>{2} <a href=\"{0}.csv\">Data</a>, <a href=\"{0}.svg\">picture</a>.</figcaption>\
+         </figure>\n",
+        figure.file,
+        figure.svg(true),
+        escape(figure.claim),
+    )
+}
+
+fn table(table: &Tabulation) -> String {
+    let row = |cells: &[String], tag: &str| -> String {
+        let cells = cells
+            .iter()
+            .map(|cell| format!("<{tag}>{}</{tag}>", escape(cell)));
+        format!("<tr>{}</tr>\n", cells.collect::<String>())
+    };
+    let rows: String = table.rows.iter().map(|cells| row(cells, "td")).collect();
+    format!(
+        "<h3>{}</h3>\n<div class=\"wide\"><table>\n<thead>{}</thead>\n<tbody>\n{rows}</tbody></table></div>\n",
+        escape(&table.title),
+        row(&table.head, "th")
+    )
 }
 
 fn checks(checks: &[Check]) -> String {

@@ -1,11 +1,14 @@
-//! Figs. 3, equations (27) to (33), and the recommendations of section 3.3.
+//! Fig. 3, equations (27) to (33), and the recommendations of section 3.3.
 
 use std::f64::consts::TAU;
 
 use super::drive::{Random, invariants, jury, transition};
 use super::figure::{Figure, Scale, Series};
 use super::{Check, Effort, Proof};
-use crate::spectral::{coefficients, discriminant, omega_limit, poles, unconditional_lambda};
+use crate::spectral::{
+    coefficients, discriminant, omega_limit, poles, spectral_radius, unconditional_lambda,
+};
+use nalgebra::DMatrix;
 
 /// Points of the unit circle.
 pub(super) fn circle() -> Series {
@@ -66,7 +69,7 @@ pub(super) fn regions(effort: Effort) -> Proof {
     let figure = Figure {
         file: "fig-3",
         title: "Fig. 3: stable and unstable poles in the z plane",
-        claim: "Each dot is a pole of a random system; its colour is what the run did.",
+        claim: "Each dot is a pole of a random system, two a system; its colour is what the run did: it grows as soon as one of the two lies outside.",
         across: Scale::fixed("Re z", "1", -2.0, 2.0),
         up: Scale::fixed("Im z", "1", -2.0, 2.0),
         logarithmic: false,
@@ -86,6 +89,7 @@ pub(super) fn linear_limit(effort: Effort) -> Proof {
     let count = effort.of(200, 5000);
     let (mut modulus, mut polynomial, mut sign) = (0.0f64, 0.0f64, 0usize);
     let (mut below, mut above, mut any) = (f64::INFINITY, f64::INFINITY, f64::INFINITY);
+    let (mut real, mut radii) = (0usize, 0usize);
     for _ in 0..count {
         let (lambda, ratio) = (random.spread(0.2, 200.0), random.between(0.0, 0.9));
         let omega = random.spread(0.01, 20.0);
@@ -101,6 +105,21 @@ pub(super) fn linear_limit(effort: Effort) -> Proof {
         let square = omega * omega;
         let left = lambda * square - 4.0 * square - 4.0 * lambda;
         sign += usize::from((quantity < 0.0) != (left < -4.0 * lambda * ratio * ratio));
+        // (31), (32): real poles, inside the unit circle exactly where −4λξ² ≤ λΩ² − 4Ω² − 4λ ≤ 0.
+        let radius = |omega: f64, lambda: f64| {
+            let own = (2.0 * ratio * omega, omega * omega);
+            let step = transition(own, own, 1.0, lambda)?;
+            spectral_radius(&DMatrix::from_fn(2, 2, |i, j| step[(i, j)]))
+        };
+        let found = radius(omega, lambda);
+        if quantity >= 0.0 && left.abs() > 1e-6 * lambda {
+            real += usize::from(found.is_none_or(|r| (r <= 1.0) != (left <= 0.0)));
+        }
+        // (33): by the eigenvalues of the program's step, away from the limit by more than their √ε.
+        let inside = (lambda - 4.0) * square - 4.0 * lambda;
+        if inside.abs() > 1e-3 * lambda && ratio > 1e-3 {
+            radii += usize::from(found.is_none_or(|r| (r <= 1.0) != (inside <= 0.0)));
+        }
         let lambda = random.spread(4.05, 200.0);
         let limit = omega_limit(lambda);
         below = below.min(jury(stepped(limit * (1.0 - 1e-6), ratio, lambda)));
@@ -120,6 +139,18 @@ pub(super) fn linear_limit(effort: Effort) -> Proof {
             "(30): systems where the discriminant has another sign",
             "0",
             sign as f64,
+            0.0,
+        ),
+        Check::within(
+            "(31), (32): systems with real poles that are otherwise inside or outside the unit circle",
+            "0",
+            real as f64,
+            0.0,
+        ),
+        Check::within(
+            &format!("(33): systems of {count} whose spectral radius says otherwise"),
+            "0",
+            radii as f64,
             0.0,
         ),
         Check::holds(
@@ -150,7 +181,46 @@ pub(super) fn linear_limit(effort: Effort) -> Proof {
             1e-7,
         ),
     ];
-    (checks, Vec::new())
+    (checks, vec![radius_figure()])
+}
+
+/// Spectral radius of the program's step over Ω, with the limits of (33) on it.
+fn radius_figure() -> Figure {
+    const RATIO: f64 = 0.05;
+    let radius = |omega: f64, lambda: f64| {
+        let own = (2.0 * RATIO * omega, omega * omega);
+        let step = transition(own, own, 1.0, lambda)?;
+        spectral_radius(&DMatrix::from_fn(2, 2, |i, j| step[(i, j)]))
+    };
+    let omegas: Vec<f64> = (1..=400).map(|i| 6.0 * f64::from(i) / 400.0).collect();
+    let lambdas = [2.0, 4.0, 6.0, 11.5, f64::INFINITY];
+    let mut series: Vec<Series> = lambdas
+        .iter()
+        .map(|&lambda| {
+            let y = omegas
+                .iter()
+                .map(|&omega| radius(omega, lambda).unwrap_or(f64::NAN));
+            let name = format!("λ = {}", super::number(lambda));
+            Series::line(name, omegas.clone(), y.collect())
+        })
+        .collect();
+    let limits: Vec<f64> = lambdas.iter().map(|&lambda| omega_limit(lambda)).collect();
+    let limits: Vec<f64> = limits.into_iter().filter(|limit| *limit < 6.0).collect();
+    series.push(Series::dots(
+        "√(4λ/(λ − 4)), (33)",
+        limits.clone(),
+        vec![1.0; limits.len()],
+    ));
+    Figure {
+        file: "eq-33",
+        title: "Equation (33): spectral radius over Ω",
+        claim: "ξ = 0.05, eigenvalues of the program's step. A curve passes one where (33) says; λ = 2 and 4 never do.",
+        across: Scale::fixed("Ω = ω Δt", "1", 0.0, 6.0),
+        up: Scale::fixed("spectral radius", "1", 0.6, 1.6),
+        logarithmic: false,
+        square: false,
+        series,
+    }
 }
 
 /// Section 3.3.

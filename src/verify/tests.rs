@@ -22,6 +22,8 @@ fn a_value_that_is_not_as_published_fails_and_the_whole_with_it() {
     let part = |check: Check| Part {
         name: "a",
         title: "b",
+        says: "c",
+        tables: Vec::new(),
         checks: vec![note.clone(), check],
         figures: Vec::new(),
     };
@@ -39,9 +41,10 @@ fn numbers_are_short_and_honest() {
         (16.770_3, "16.7703"),
         (2.0, "2"),
         (100.0, "100"),
-        (1.234_567_8e-5, "1.235e-5"),
+        (1.234_567_8e-5, "1.23e-5"),
+        (2e-12, "2e-12"),
         (123_456.7, "123457"),
-        (f64::INFINITY, "inf"),
+        (f64::INFINITY, "∞"),
         (-0.25, "-0.25"),
     ] {
         assert_eq!(number(value), text);

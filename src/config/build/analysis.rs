@@ -2,14 +2,21 @@
 
 use nalgebra::DMatrix;
 
+use super::method::Initial;
 use super::specimens::Specimens;
+use crate::integrate::{Apart, Lambda};
 use crate::linalg::{self, SymMatrix};
-use crate::spectral::Apparent;
-use crate::spectral::Locus;
-use crate::spectral::delay::{Critical, DelayError, Delayed, DiscreteLimit, continuous, discrete};
+use crate::spectral::delay::{
+    Critical, DelayError, Delayed, DiscreteLimit, continuous, discrete, recursion,
+};
+use crate::spectral::{Apparent, Locus, Pole, eigenvalues};
 
-/// Largest structure whose modes are analysed.
-const LARGEST_MODAL: usize = 100;
+/// Largest structure of which anything is analysed: some dozens of factorisations and a few vectors of its size.
+const LARGEST: usize = 50_000;
+/// Largest structure of which all modes are found.
+pub const ALL_MODES: usize = 100;
+/// Modes that are found of a larger one.
+const LOWEST: usize = 6;
 /// Largest structure whose delays are analysed: eigenvalues of four times as many rows.
 const LARGEST_DELAYED: usize = 40;
 
@@ -22,6 +29,8 @@ pub struct Analysis {
     /// K0 and C0, as in M_eff.
     stiffness: SymMatrix,
     damping: SymMatrix,
+    /// What has a λ of its own.
+    apart: Option<Apart>,
     /// One per specimen; empty where the structure is too large.
     pub loops: Vec<Loop>,
 }
@@ -85,14 +94,16 @@ impl Analysis {
     pub(super) fn new(
         mass: &SymMatrix,
         at_rest: &SymMatrix,
-        stiffness: &SymMatrix,
-        damping: &SymMatrix,
+        initial: &Initial<'_>,
         specimens: &Specimens,
+        apart: Option<(&Apart, Lambda)>,
     ) -> Option<Self> {
         let n = mass.n();
-        if n > LARGEST_MODAL {
+        let (stiffness, damping) = (initial.stiffness, initial.damping);
+        if n > LARGEST {
             return None;
         }
+        let weighted = apart.map(|(apart, lambda)| apart.weighted(stiffness, lambda).to_dense());
         let loops = if n <= LARGEST_DELAYED {
             specimens
                 .loops()
@@ -118,6 +129,7 @@ impl Analysis {
                             rows,
                             specimen_stiffness: own_stiffness,
                             specimen_damping: own_damping,
+                            weighted: weighted.clone(),
                         },
                     }
                 })
@@ -130,34 +142,83 @@ impl Analysis {
             at_rest: at_rest.clone(),
             stiffness: stiffness.clone(),
             damping: damping.clone(),
+            apart: apart.map(|(apart, _)| apart.clone()),
             loops,
         })
     }
 
-    /// Every mode at rest, and what the recursion at Δt and λ makes of it: α holds K0 and C0, which may differ from the
-    /// tangents. Modal damping is the diagonal of Φᵀ C0 Φ. Empty if there are no real modes.
+    /// K̃ of M_eff: K0/λ, or what stands for it.
+    fn weighted(&self, lambda: Lambda) -> SymMatrix {
+        match &self.apart {
+            Some(apart) => apart.weighted(&self.stiffness, lambda),
+            None => SymMatrix::zeros(self.mass.n()).plus(lambda.inverse(), &self.stiffness),
+        }
+    }
+
+    /// Modes at rest, ascending, and what the recursion at Δt and λ makes of them: α holds K0 and C0, which may differ from
+    /// the tangents. All of a small structure, the lowest of a large one. Modal damping is the diagonal of Φᵀ C0 Φ. Empty
+    /// if there are no real modes.
     #[must_use]
-    pub fn modes(&self, dt: f64, lambda: f64) -> Vec<ModeFacts> {
-        let Ok(modes) = linalg::modes(&self.at_rest, &self.mass) else {
+    pub fn modes(&self, dt: f64, lambda: Lambda) -> Vec<ModeFacts> {
+        let modes = if self.mass.n() <= ALL_MODES {
+            linalg::modes(&self.at_rest, &self.mass)
+        } else {
+            linalg::lowest_modes(&self.at_rest, &self.mass, LOWEST)
+        };
+        let Ok(modes) = modes else {
             return Vec::new();
         };
+        let weighted = self.weighted(lambda);
+        let exact = self.poles(dt, lambda);
         let each = modes.frequencies.iter().zip(modes.shapes.column_iter());
         each.map(|(&frequency, shape)| {
             let damping = self.damping.quadratic(shape.as_slice());
             let locus = Locus {
                 mass: 1.0,
                 damping,
-                stiffness: self.stiffness.quadratic(shape.as_slice()),
+                stiffness: weighted.quadratic(shape.as_slice()),
                 dt,
-                lambda,
+                lambda: 1.0,
             };
             let [pole, _] = locus.roots(frequency * frequency);
+            let distance = |other: &Pole| (other - pole).norm();
+            let nearest = exact.iter().filter(|other| other.im >= 0.0);
+            let nearest = nearest.min_by(|a, b| distance(a).total_cmp(&distance(b)));
             ModeFacts {
                 frequency,
                 ratio: damping / (2.0 * frequency),
-                apparent: Apparent::of(pole),
+                apparent: Apparent::of(nearest.copied().unwrap_or(pole)),
             }
         })
         .collect()
+    }
+
+    /// Poles of the whole recursion at rest, where elements with a λ of their own couple the modes in M_eff; empty
+    /// elsewhere, and for a structure that is too large.
+    fn poles(&self, dt: f64, lambda: Lambda) -> Vec<Pole> {
+        let n = self.mass.n();
+        match &self.apart {
+            Some(apart) if !apart.is_of_modes() && n <= LARGEST_DELAYED => {
+                let none = DMatrix::zeros(1, 1);
+                let system = Delayed {
+                    mass: self.mass.to_dense(),
+                    damping: self.damping.to_dense(),
+                    stiffness: self.at_rest.to_dense(),
+                    rows: DMatrix::zeros(1, n),
+                    specimen_stiffness: none.clone(),
+                    specimen_damping: none,
+                    weighted: Some(self.weighted(lambda).to_dense()),
+                };
+                let step = recursion(&system, dt, lambda.value(), 0.0).ok();
+                step.and_then(|step| eigenvalues(&step)).unwrap_or_default()
+            }
+            _ => Vec::new(),
+        }
+    }
+
+    /// The highest natural frequency at rest in rad/s; none if a massless degree of freedom leaves it without a bound.
+    #[must_use]
+    pub fn highest(&self) -> Option<f64> {
+        linalg::highest_frequency(&self.at_rest, &self.mass)
     }
 }

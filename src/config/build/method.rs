@@ -3,8 +3,8 @@
 use super::{Refused, Site, path};
 use crate::config::{Finding, Method, Start, Weighting};
 use crate::integrate::{
-    self, AlphaWeights, CentralDifference, Chang2002, Gui, Integrator, KrAlpha, KrAlphaAtState,
-    Lambda, MethodError, Newmark, NewmarkBeta, NewtonSettings, Offline, Stepper,
+    self, AlphaWeights, Apart, CentralDifference, Chang2002, Gui, Integrator, KrAlpha,
+    KrAlphaAtState, Lambda, MethodError, Newmark, NewmarkBeta, NewtonSettings, Offline, Stepper,
 };
 use crate::linalg::SymMatrix;
 use crate::model::Structure;
@@ -25,18 +25,20 @@ pub(super) fn family(
     structure: &Structure,
     initial: &Initial<'_>,
     lambda: Lambda,
+    apart: Option<&Apart>,
 ) -> Result<(Stepper, String), Refused> {
     let start = match site.loaded.file.integrator.start {
         Start::Published => integrate::Start::Published,
         Start::SecondOrder => integrate::Start::SecondOrder,
     };
-    let made = Gui::new(
+    let made = Gui::with_apart(
         structure.mass(),
         initial.damping,
         initial.stiffness,
         initial.dt,
         lambda,
         start,
+        apart,
     );
     match made {
         Ok(gui) => {
@@ -61,6 +63,8 @@ pub(super) fn companion(
         let at = match &error {
             MethodError::Rho { .. } => path("integrator").key("rho_infinity"),
             MethodError::Newton { name, .. } => path("integrator").key(name),
+            MethodError::Massless { dof } => super::structure::mass_of(site, *dof),
+            MethodError::Factor { source, .. } => super::structure::mass_of(site, source.dof),
             _ => path("structure"),
         };
         site.refuse(Finding::error(at, error.to_string()))

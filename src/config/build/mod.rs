@@ -5,6 +5,7 @@
 //! moves, and nothing is written.
 
 mod analysis;
+mod apart;
 mod excitation;
 mod gear;
 pub(in crate::config) mod links;
@@ -24,7 +25,7 @@ use crate::integrate::{Lambda, LambdaChoice};
 use crate::linalg::{Spd, SymMatrix};
 use crate::rt;
 use crate::rt::TimingSpec;
-pub use analysis::{Analysis, Loop, ModeFacts};
+pub use analysis::{ALL_MODES, Analysis, Loop, ModeFacts};
 use specimens::Specimens;
 
 /// A test that is ready to run.
@@ -93,6 +94,8 @@ pub struct StructureFacts {
     pub lambda: Option<Lambda>,
     /// Whether λ was asked for by number.
     pub lambda_by_number: bool,
+    /// Elements and modes with a λ of their own; every other λ here is that of the rest.
+    pub lambda_apart: Vec<(String, Lambda)>,
     /// λ, its limit and what governs it; none if the tangents have no declared bound.
     pub choice: Option<LambdaChoice>,
     /// Gain bound g of the automatic choice.
@@ -318,21 +321,18 @@ fn numerical(
         stiffness: &initial_stiffness,
         dt,
     };
-    let (proof, stepper, storage) = match method::companion(site, &structure, &initial)? {
+    let (proof, stepper, storage, own) = match method::companion(site, &structure, &initial)? {
         Some(stepper) => {
             proof::warn_of_limit(site, &structure, specimens, method);
-            (None, stepper, None)
+            (None, stepper, None, None)
         }
         None => {
-            let proof = proof::choose(
-                site,
-                &structure,
-                specimens,
-                &initial_stiffness,
-                &initial_damping,
-            )?;
-            let (stepper, storage) = method::family(site, &structure, &initial, proof.lambda)?;
-            (Some(proof), stepper, Some(storage))
+            let own = apart::own(site, &structure, specimens, &initial_stiffness)?;
+            let apart = own.as_ref().map(|own| &own.apart);
+            let proof = proof::choose(site, &structure, specimens, &initial, apart)?;
+            let (stepper, storage) =
+                method::family(site, &structure, &initial, proof.lambda, apart)?;
+            (Some(proof), stepper, Some(storage), own)
         }
     };
     let (excitation, load) = excitation::excitation(site, &structure, specimens)?;
@@ -351,9 +351,11 @@ fn numerical(
     let analysis = Analysis::new(
         structure.mass(),
         &at_rest,
-        &initial_stiffness,
-        &initial_damping,
+        &initial,
         specimens,
+        own.as_ref()
+            .map(|own| &own.apart)
+            .zip(proof.as_ref().map(|proof| proof.lambda)),
     );
     let ground = excitation.ground_accel();
     let facts = StructureFacts {
@@ -361,6 +363,7 @@ fn numerical(
         method,
         storage,
         lambda: proof.as_ref().map(|proof| proof.lambda),
+        lambda_apart: own.map(|own| own.named).unwrap_or_default(),
         lambda_by_number: proof.as_ref().is_some_and(|proof| proof.by_number),
         gain: proof.as_ref().map_or(f64::INFINITY, |proof| proof.gain),
         choice: proof.and_then(|proof| proof.choice),

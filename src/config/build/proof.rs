@@ -1,10 +1,12 @@
 //! λ: asked for by number, or chosen; and the proof that it is stable at the declared bounds.
 
+use super::method::Initial;
 use super::specimens::Specimens;
 use super::{Refused, Site, path};
 use crate::config::{Finding, KeyPath, LambdaValue, Method, Severity};
 use crate::integrate::{
-    ACCURATE_LAMBDA, GAIN_HYBRID, GAIN_NUMERICAL, Gui, Lambda, LambdaChoice, StabilityProof, Start,
+    ACCURATE_LAMBDA, Apart, GAIN_HYBRID, GAIN_NUMERICAL, Gui, Lambda, LambdaChoice, StabilityProof,
+    Start,
 };
 use crate::linalg::SymMatrix;
 use crate::model::{ModelError, Part, Structure};
@@ -35,8 +37,8 @@ pub(super) fn choose(
     site: &mut Site<'_>,
     structure: &Structure,
     specimens: &Specimens,
-    initial_stiffness: &SymMatrix,
-    initial_damping: &SymMatrix,
+    initial: &Initial<'_>,
+    apart: Option<&Apart>,
 ) -> Result<Proven, Refused> {
     let table = &site.loaded.file.integrator;
     let gain = table.gain_bound.unwrap_or(if specimens.is_empty() {
@@ -74,17 +76,19 @@ pub(super) fn choose(
     };
     let proof = StabilityProof {
         mass: structure.mass().clone(),
-        damping: initial_damping.clone(),
-        stiffness: initial_stiffness.clone(),
+        damping: initial.damping.clone(),
+        stiffness: initial.stiffness.clone(),
         damping_bound: bounds.damping,
         stiffness_bound: bounds.stiffness,
         dt: site.loaded.time.step.value(),
+        apart: apart.cloned(),
     };
     let stiffness_bound = Some(proof.stiffness_bound.clone());
     match (proof.choose(request, gain, &bounds.parts), request) {
         (Ok(choice), _) => {
             if !choice.is_stable() {
-                site.warnings.push(unstable(&choice));
+                let finding = unstable(&choice);
+                beyond(site, finding)?;
             }
             let by_number = request.is_some();
             let lambda = choice.lambda;
@@ -97,8 +101,7 @@ pub(super) fn choose(
             })
         }
         (Err(error), Some(lambda)) => {
-            site.warnings
-                .push(Finding::warning(lambda_path(), error.to_string()));
+            beyond(site, Finding::warning(lambda_path(), error.to_string()))?;
             Ok(Proven {
                 lambda,
                 by_number: true,
@@ -112,15 +115,40 @@ pub(super) fn choose(
             // mass is without it for every smaller λ too.
             let lambda = Lambda::Finite(ACCURATE_LAMBDA);
             let (mass, start) = (structure.mass(), Start::Published);
-            let (damping, stiffness) = (initial_damping, initial_stiffness);
+            let (damping, stiffness) = (initial.damping, initial.stiffness);
             if let Err(error) = Gui::new(mass, damping, stiffness, proof.dt, lambda, start) {
                 let finding = super::structure::not_definite(site, mass, &error);
                 return site.refuse(finding);
             }
             let finding = Finding::error(lambda_path(), error.to_string());
-            site.refuse(finding.help("a smaller step, or a larger estimate of what hardens"))
+            site.refuse(finding.help(if apart.is_some() {
+                "a smaller lambda for what has one of its own, a smaller step, or a larger estimate of what hardens"
+            } else {
+                "a smaller step, or a larger estimate of what hardens"
+            }))
         }
     }
+}
+
+/// Takes a λ that is known to be unstable as a warning; as an error where it would move a specimen behind a link, unless
+/// the test allows it by name.
+fn beyond(site: &mut Site<'_>, finding: Finding) -> Result<(), Refused> {
+    let file = &site.loaded.file;
+    let remote = file.specimen.iter().position(|table| table.link.is_some());
+    let Some(index) = remote.filter(|_| !file.integrator.allow_unstable_lambda) else {
+        site.warnings.push(finding);
+        return Ok(());
+    };
+    let link = path("specimen").index(index).key("link");
+    let finding = Finding {
+        severity: Severity::Error,
+        ..finding
+    };
+    site.refuse(
+        finding
+            .beside(link, "and it would move what is behind this link")
+            .help("`allow_unstable_lambda = true` in [integrator] runs it all the same"),
+    )
 }
 
 fn lambda_path() -> KeyPath {
@@ -160,6 +188,7 @@ pub(super) fn warn_of_limit(
         damping_bound: bounds.damping,
         stiffness_bound: bounds.stiffness,
         dt: site.loaded.time.step.value(),
+        apart: None,
     };
     if !proof.holds(lambda) {
         let headline = format!(
@@ -199,9 +228,9 @@ fn bounds(
     let (stiffness, damping, mut parts) = own.map_err(|error| {
         let at = path("structure").key("element");
         let index = match &error {
-            ModelError::NoBound { element, .. } => {
-                structure.element_names().position(|name| name == element)
-            }
+            ModelError::NoBound { element, .. } => structure
+                .element_names()
+                .position(|name| *name == **element),
             _ => None,
         };
         let listed = site

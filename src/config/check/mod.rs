@@ -22,12 +22,15 @@ use crate::rt::OnMiss;
 
 /// Every number of the document that is not finite, but λ, which may be infinite.
 pub(crate) fn not_finite(root: &Node) -> Vec<Finding> {
-    let lambda = KeyPath::root().key("integrator").key("lambda");
+    let integrator = KeyPath::root().key("integrator");
+    let lambdas = ["lambda", "lambda_of_element", "lambda_of_mode"];
+    let lambdas = lambdas.map(|key| integrator.key(key));
+    let is_lambda = |path: &KeyPath| lambdas.iter().any(|lambda| path.starts_with(lambda));
     let mut findings = Vec::new();
     root.walk(&KeyPath::root(), &mut |path, node| {
         if let Datum::Float(value) = node.datum
             && !value.is_finite()
-            && !(*path == lambda && value == f64::INFINITY)
+            && !(is_lambda(path) && value == f64::INFINITY)
         {
             let words = value.to_string().to_lowercase();
             let headline = format!("`{path}` must be a finite number");
@@ -182,6 +185,21 @@ fn check_integrator(file: &TestFile, findings: &mut Findings) {
     let idle = [
         ("lambda", table.lambda != LambdaValue::Auto, of_family),
         ("gain_bound", table.gain_bound.is_some(), of_family),
+        (
+            "lambda_of_element",
+            !table.lambda_of_element.is_empty(),
+            of_family,
+        ),
+        (
+            "lambda_of_mode",
+            !table.lambda_of_mode.is_empty(),
+            of_family,
+        ),
+        (
+            "allow_unstable_lambda",
+            table.allow_unstable_lambda,
+            of_family,
+        ),
         ("start", table.start != Start::Published, of_family),
         (
             "rho_infinity",
@@ -210,6 +228,20 @@ fn check_integrator(file: &TestFile, findings: &mut Findings) {
                 .0
                 .push(finding.at_key().beside(method.clone(), "the method"));
         }
+    }
+    if !table.lambda_of_element.is_empty() && !table.lambda_of_mode.is_empty() {
+        let finding = Finding::error(
+            integrator.key("lambda_of_mode"),
+            "elements and modes cannot both have a lambda of their own",
+        );
+        findings.0.push(
+            finding
+                .at_key()
+                .beside(integrator.key("lambda_of_element"), "one of the two")
+                .help(
+                    "a mode holds a share of every element: which lambda would that share follow?",
+                ),
+        );
     }
     match table.rho_infinity {
         Some(rho) if rho.is_finite() && !(0.0..=1.0).contains(&rho) => findings.0.push(

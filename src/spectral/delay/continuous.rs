@@ -90,7 +90,14 @@ pub fn continuous(system: &Delayed) -> Result<Option<Critical>, DelayError> {
         let Some((omega, loop_gain)) = refine(system, z.im * scale) else {
             continue;
         };
-        let delay = (PI + loop_gain.arg()) / omega;
+        // A lag stays below half a turn; at half a turn, without damping, its sign is roundoff.
+        let angle = loop_gain.arg();
+        let angle = if angle > PI - 1e-6 {
+            angle - 2.0 * PI
+        } else {
+            angle
+        };
+        let delay = ((PI + angle) / omega).max(0.0);
         if best.is_none_or(|found| delay < found.delay) {
             best = Some(Critical { delay, omega });
         }

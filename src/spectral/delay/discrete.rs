@@ -22,7 +22,7 @@ pub enum DiscreteLimit {
     Beyond(f64),
 }
 
-/// One step of the recursion with a delay of `delay` (s): state (x, Δt v, d\[i−1\] …, and Δt ḋ\[i−1\] … if the specimen damps).
+/// One step of the recursion with a delay of `delay` (s); `lambda` counts where K̃ = K0/λ. State (x, Δt v, d\[i−1\] …, and Δt ḋ\[i−1\] … if the specimen damps).
 ///
 /// # Errors
 /// [`DelayError::Massless`] if M_eff has no inverse, [`DelayError::Parameter`].
@@ -51,7 +51,10 @@ pub fn recursion(
     };
     let effective = &system.mass
         + total(&system.damping, &system.specimen_damping) * (dt / 2.0)
-        + total(&system.stiffness, &system.specimen_stiffness) * (dt * dt / lambda);
+        + match &system.weighted {
+            Some(weighted) => weighted * (dt * dt),
+            None => total(&system.stiffness, &system.specimen_stiffness) * (dt * dt / lambda),
+        };
     let factor = effective.cholesky().ok_or(DelayError::Massless)?;
 
     // Δt² r as rows over the state.

@@ -30,6 +30,8 @@ pub struct Delayed {
     pub specimen_stiffness: DMatrix<f64>,
     /// Damping of the specimen, r × r.
     pub specimen_damping: DMatrix<f64>,
+    /// K̃ of M_eff = M + (Δt/2) C0 + Δt² K̃, n × n, where it is not K0/λ.
+    pub weighted: Option<DMatrix<f64>>,
 }
 
 /// Why no critical delay is known.

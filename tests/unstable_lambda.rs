@@ -1,0 +1,260 @@
+//! λ beyond its limit and methods outside of their domain: said with the numbers before anything moves, and refused
+//! where a specimen behind a link would be moved.
+
+use assert_cmd::Command;
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// Two floors of 1000 kg, 4e5 and 1e5 N/m, 10 steps a second: Ω = 2.24 in the second mode, so that λ has a limit.
+const TEST: &str = r#"title = "Linear"
+[time]
+step_s = 0.1
+duration_s = 2
+clock = "simulated"
+[structure.shear_building]
+mass_kg = [1000, 1000]
+stiffness_n_per_m = [0, 1e5]
+[excitation.ground_acceleration.signal.sine]
+frequency_hz = 0.5
+amplitude = 3.0
+"#;
+
+const LAW: &str = "\n[[specimen]]\nname = \"column\"\nstorey = 1\nlaw = { linear = { stiffness_n_per_m = 4e5 } }\n";
+const LINK: &str = "\n[[specimen]]\nname = \"column\"\nstorey = 1\nstiffness_n_per_m = 4e5\n[specimen.link]\n\
+                    address = \"127.0.0.1:1\"\nconnect_timeout_s = 0.2\n";
+
+/// 4Ω²/(Ω² − 4) of the second mode: the paper's limit for a linear system.
+fn limit() -> f64 {
+    // ω² from (5e5 − 1e3 ω²)(1e5 − 1e3 ω²) = 1e10.
+    let half = 300.0f64;
+    let square = (half + (half * half - 4e4).sqrt()) * 0.01;
+    4.0 * square / (square - 4.0)
+}
+
+/// Exit code, summary or facts, and what was said.
+fn gusset(command: &str, text: &str) -> (i32, Value, String) {
+    let folder = TempDir::new().unwrap();
+    let file = folder.path().join("test.toml");
+    std::fs::write(&file, text).unwrap();
+    let mut process = Command::new(assert_cmd::cargo::cargo_bin!("gusset"));
+    process.arg(command).arg(&file).arg("--json");
+    let out = folder.path().join("out");
+    if command == "run" {
+        process.arg("--quiet").arg("--out").arg(&out);
+    }
+    let output = process.output().unwrap();
+    let code = output.status.code().unwrap();
+    if code == 2 {
+        assert!(!out.exists(), "nothing is moved, nothing is left");
+    }
+    (
+        code,
+        serde_json::from_slice(&output.stdout).unwrap_or(Value::Null),
+        String::from_utf8(output.stderr).unwrap(),
+    )
+}
+
+#[test]
+fn a_linear_model_beyond_the_limit_is_a_warning_with_the_limit_before_it_runs() {
+    let (above, below) = (1.01 * limit(), 0.99 * limit());
+    let (code, _, said) = gusset(
+        "run",
+        &format!("{TEST}[integrator]\nlambda = {above}\n{LAW}"),
+    );
+    assert_eq!(code, 0, "{said}");
+    let words = format!(
+        "is above the limit {:.4} at the declared stiffness",
+        limit()
+    );
+    assert!(said.contains("warning") && said.contains(&words), "{said}");
+    let (_, facts, said) = gusset(
+        "check",
+        &format!("{TEST}[integrator]\nlambda = {above}\n{LAW}"),
+    );
+    assert!(said.contains(&words), "{said}");
+    assert_eq!(facts["structure"]["stable"], false);
+    let found = facts["structure"]["lambda_limit"].as_f64().unwrap();
+    assert!((found / limit() - 1.0).abs() < 1e-9);
+    let (_, facts, said) = gusset(
+        "check",
+        &format!("{TEST}[integrator]\nlambda = {below}\n{LAW}"),
+    );
+    assert!(!said.contains("above the limit"), "{said}");
+    assert_eq!(facts["structure"]["stable"], true);
+}
+
+#[test]
+fn a_specimen_behind_a_link_is_not_moved_by_an_unstable_lambda_unless_it_is_allowed_by_name() {
+    let above = 1.01 * limit();
+    for command in ["check", "run"] {
+        let text = format!("{TEST}[integrator]\nlambda = {above}\n{LINK}");
+        let (code, _, said) = gusset(command, &text);
+        assert_eq!(code, 2, "{said}");
+        for words in [
+            &format!("error: lambda = {above} is above the limit {:.4}", limit()),
+            "and it would move what is behind this link",
+            "`allow_unstable_lambda = true` in [integrator] runs it all the same",
+        ] {
+            assert!(said.contains(words), "no {words:?} in\n{said}");
+        }
+    }
+    let allowed =
+        format!("{TEST}[integrator]\nlambda = {above}\nallow_unstable_lambda = true\n{LINK}");
+    let (code, _, said) = gusset("check", &allowed);
+    assert_eq!(code, 0, "{said}");
+    assert!(said.contains("warning: lambda"), "{said}");
+    // It then goes on to the link, where nobody is.
+    assert_eq!(gusset("run", &allowed).0, 3);
+    let stable = format!("{TEST}[integrator]\nlambda = {}\n{LINK}", 0.99 * limit());
+    assert_eq!(gusset("check", &stable).0, 0);
+    // Infinity is a λ as any other.
+    let (code, _, said) = gusset(
+        "check",
+        &format!("{TEST}[integrator]\nlambda = inf\n{LINK}"),
+    );
+    assert_eq!(code, 2, "{said}");
+    let idle =
+        format!("{TEST}[integrator]\nmethod = \"newmark_average\"\nallow_unstable_lambda = true\n");
+    let (code, _, said) = gusset("check", &idle);
+    assert_eq!(code, 2);
+    assert!(
+        said.contains("`integrator.allow_unstable_lambda` means nothing"),
+        "{said}"
+    );
+}
+
+#[test]
+fn what_no_lambda_holds_is_not_moved_over_a_link_either() {
+    // A specimen that may turn out stiffer than its estimate, next to nothing of which stands in K0.
+    let link = LINK.replace(
+        "stiffness_n_per_m = 4e5",
+        "stiffness_n_per_m = 1e-6\nhardening_bound = 1e12",
+    );
+    let (code, _, said) = gusset("check", &format!("{TEST}[integrator]\nlambda = 4\n{link}"));
+    assert_eq!(code, 2, "{said}");
+    assert!(said.contains("behind this link"), "{said}");
+}
+
+#[test]
+fn an_implicit_method_does_not_command_a_specimen_behind_a_link() {
+    for (method, reason) in [
+        ("newmark_average", "it is implicit"),
+        ("newmark_linear", "it is implicit"),
+        ("newmark_explicit", "explicit in displacement only"),
+        ("central_difference", "explicit in displacement only"),
+        ("chang_2002", "explicit in displacement only"),
+    ] {
+        let text = format!("{TEST}[integrator]\nmethod = \"{method}\"\n{LINK}");
+        let (code, _, said) = gusset("run", &text);
+        assert_eq!(code, 2, "{method}: {said}");
+        assert!(
+            said.contains("this method cannot command a specimen") && said.contains(reason),
+            "{method}: {said}"
+        );
+    }
+}
+
+#[test]
+fn a_mass_that_a_method_divides_by_must_be_there() {
+    let massless = TEST
+        .replace("mass_kg = [1000, 1000]", "mass_kg = [0, 1000]")
+        .replace("[0, 1e5]", "[4e5, 1e5]");
+    for method in ["newmark_explicit", "central_difference", "chang_2002"] {
+        let (code, _, said) = gusset(
+            "check",
+            &format!("{massless}[integrator]\nmethod = \"{method}\"\n"),
+        );
+        assert_eq!(code, 2, "{method}: {said}");
+        assert!(
+            said.contains("degree of freedom 1 has no mass, and this method divides by it")
+                && said.contains("mass_kg = [0, 1000]"),
+            "{method}: {said}"
+        );
+    }
+    for keys in [
+        "lambda = 3.9",
+        "method = \"newmark_average\"",
+        "method = \"newmark_linear\"",
+        "method = \"kr_alpha\"\nrho_infinity = 0.8",
+        "method = \"mkr_alpha\"\nrho_infinity = 0.8",
+    ] {
+        let (code, _, said) = gusset("run", &format!("{massless}[integrator]\n{keys}\n"));
+        assert_eq!(code, 0, "{keys}: {said}");
+    }
+    // A full matrix that is singular without an empty row.
+    let singular = TEST.replace(
+        "[structure.shear_building]\nmass_kg = [1000, 1000]\nstiffness_n_per_m = [0, 1e5]",
+        "[structure.matrices]\nmass = [[1000, 1000], [1000, 1000]]\nstiffness = [[5e5, -1e5], [-1e5, 1e5]]",
+    );
+    let (code, _, said) = gusset("check", &singular);
+    assert_eq!(code, 2);
+    assert!(
+        said.contains("not positive definite") && said.contains("degree of freedom 2"),
+        "{said}"
+    );
+}
+
+#[test]
+fn parameters_outside_of_their_domain_are_refused_with_what_is_allowed() {
+    for (keys, words) in [
+        ("lambda = 0", "greater than zero"),
+        ("lambda = -4", "greater than zero"),
+        ("lambda = nan", "greater than zero"),
+        ("gain_bound = 0", "gain_bound"),
+        (
+            "method = \"kr_alpha\"\nrho_infinity = 1.0000001",
+            "must be from 0 to 1",
+        ),
+        (
+            "method = \"kr_alpha\"\nrho_infinity = -0.1",
+            "must be from 0 to 1",
+        ),
+        (
+            "method = \"mkr_alpha\"\nrho_infinity = 2",
+            "must be from 0 to 1",
+        ),
+        (
+            "method = \"mkr_alpha\"\nrho_infinity = nan",
+            "must be a finite number",
+        ),
+        (
+            "method = \"newmark_average\"\nnewton_tolerance = 0",
+            "newton_tolerance",
+        ),
+        (
+            "method = \"newmark_average\"\nnewton_tolerance = -1e-9",
+            "newton_tolerance",
+        ),
+        (
+            "method = \"newmark_average\"\nnewton_iterations = -1",
+            "newton_iterations",
+        ),
+    ] {
+        let (code, _, said) = gusset("check", &format!("{TEST}[integrator]\n{keys}\n{}", ""));
+        assert_eq!(code, 2, "{keys}: {said}");
+        assert!(said.contains(words), "{keys}: {said}");
+    }
+}
+
+#[test]
+fn newton_that_finds_no_equilibrium_says_step_residual_and_place() {
+    let text = format!(
+        "{}[integrator]\nmethod = \"newmark_average\"\nnewton_iterations = 2\n[[structure.element]]\nfrom = 1\nto = 2\n\
+         reach_disp_m = 1\nlaw = {{ cubic = {{ stiffness_n_per_m = 1e5, cubic_n_per_m3 = 1e9 }} }}\n",
+        TEST.replace("[0, 1e5]", "[4e5, 0]")
+    );
+    let (code, summary, _) = gusset("run", &text);
+    assert_eq!(code, 1);
+    assert_eq!(summary["status"], "stopped");
+    let reason = summary["reason"].as_str().unwrap();
+    // "step 3: no equilibrium in 2 iterations: 1.2e4 N are unbalanced at degree of freedom 2"
+    let (step, rest) = reason
+        .split_once(": no equilibrium in 2 iterations: ")
+        .expect(reason);
+    let step: u64 = step.rsplit(' ').next().unwrap().parse().unwrap();
+    assert_eq!(step, summary["steps"].as_u64().unwrap() + 1, "{reason}");
+    let residual: f64 = rest.split(' ').next().unwrap().parse().expect(reason);
+    assert!(residual > 0.0 && residual.is_finite());
+    let dof: u64 = rest.rsplit(' ').next().unwrap().parse().expect(reason);
+    assert!((1..=2).contains(&dof), "{reason}");
+}
