@@ -11,7 +11,8 @@ use gusset::link::tls::{ServeTlsSpec, TlsClient, TlsServer, TlsSpec};
 use gusset::substructure::{Retirement, Substructure};
 use gusset::wire::openfresco::Carrier;
 use link_common::{
-    ONE_AXIS, ONE_AXIS_LAW, Served, TWO_AXES, TWO_AXES_LAW, columns, run, summary, test_file,
+    ONE_AXIS, ONE_AXIS_LAW, Served, TWO_AXES, TWO_AXES_LAW, columns, gateway, linked, run, summary,
+    test_file,
 };
 use openfresco_ends::{Server, drive, in_process, settings};
 
@@ -62,6 +63,29 @@ fn our_own_protocol_over_tls_takes_the_same_course_as_in_process() {
 #[test]
 fn openfrescos_application_protocol_over_tls_takes_the_same_course_as_in_process() {
     is_the_same(ONE_AXIS, ONE_AXIS_LAW, "openfresco", &str::to_owned);
+}
+
+/// OpenFresco's protocol to the specimen, ours to the test, TLS on both: one authority for three ends.
+#[test]
+fn a_gateway_between_two_links_over_tls_changes_no_number() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    tls_common::make(folder);
+    let local = test_file(STEPS, &format!("{ONE_AXIS}{ONE_AXIS_LAW}"));
+    assert_eq!(run(folder, "local", &local).0, 0);
+    let over_tls = ["--transport", "tls"];
+    let openfresco = ["--protocol", "openfresco"];
+    let specimen = Served::start(folder, &local, &[over_tls, openfresco].concat());
+    let keys = "protocol = \"openfresco\"\ntransport = \"tls\"";
+    let between = gateway(&specimen.address, "stiffness_n_per_m = 4e5\n", keys);
+    let between = Served::start(folder, &between, &over_tls);
+    for name in ["first", "second"] {
+        let text = linked(STEPS, &between.address, "transport = \"tls\"");
+        let (code, said) = run(folder, name, &text);
+        assert_eq!(code, 0, "{said}");
+        assert_eq!(columns(folder, "local", ""), columns(folder, name, ""));
+        between.hears("retired in an orderly way");
+    }
 }
 
 #[test]
