@@ -55,10 +55,11 @@ impl Sums {
             self.first = values;
         }
         self.count += 1.0;
-        for i in 0..2 {
-            let value = values[i] - self.first[i];
-            self.sum[i] += value;
-            self.squares[i] += value * value;
+        let sums = self.sum.iter_mut().zip(&mut self.squares);
+        for ((sum, squares), (value, first)) in sums.zip(values.iter().zip(&self.first)) {
+            let value = value - first;
+            *sum += value;
+            *squares += value * value;
         }
     }
 

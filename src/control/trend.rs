@@ -4,7 +4,8 @@
 //! force or a displacement that goes the other way, twice in a row and clearly, is a reversed channel, and it shows before
 //! the load has grown.
 
-use super::probe::{Average, Channel, Misfit, SIGMAS};
+use super::misfit::{Channel, Misfit};
+use super::probe::{Average, SIGMAS};
 use super::units::AxisUnits;
 
 /// A reading that goes the other way by this part of what is expected is no accident.

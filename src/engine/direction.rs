@@ -95,14 +95,25 @@ impl Engine {
         Ok(())
     }
 
-    /// With a static load the specimens stand where there is none yet; else where the test begins.
+    /// Where the specimens stand before the test: where nothing is deformed, if it begins gently or brings a static load on;
+    /// else where its first command is.
     fn aim_where_it_stands(&mut self) {
         self.aim_at_start();
-        if let (Some(settling), Side::Structure(numerical)) = (&self.settling, &self.side) {
-            let at_rest = State::at_rest(settling.load.len());
-            let base = numerical.base(0);
-            for port in &mut self.ports {
-                port.aim(&at_rest.disp, &at_rest.vel, base.disp, 0.0);
+        if self.settling.is_none() && !self.opening.is_gentle() {
+            return;
+        }
+        match &self.side {
+            Side::Structure(numerical) => {
+                let at_rest = State::at_rest(numerical.state.disp.len());
+                let base = numerical.base(0);
+                for port in &mut self.ports {
+                    port.aim(&at_rest.disp, &at_rest.vel, base.disp, 0.0);
+                }
+            }
+            Side::Prescribed(_) => {
+                for port in &mut self.ports {
+                    port.aim_at(&mut std::iter::repeat((0.0, 0.0)));
+                }
             }
         }
     }

@@ -4,7 +4,8 @@
 use std::net::{SocketAddr, TcpStream};
 
 use super::door::{Door, stream_to};
-use super::server::{End, LOOK_NS, News, ServeSettings};
+use super::news::{End, News};
+use super::server::{LOOK_NS, ServeSettings};
 use crate::link::Transport;
 use crate::link::socket::SocketOptions;
 use crate::link::tls::TlsFault;

@@ -11,13 +11,14 @@ use super::dialect::{ExchangeFault, Machine, Role, Said};
 use super::door::{Caller, Door, DoorError, Socket, socket_to, watch_over};
 use super::host::{Host, HostFault, Tally};
 use super::knock::line_to;
+use super::news::{End, News};
 use crate::link::Transport;
-use crate::link::rig::{Close, Trip, Visitor};
-use crate::link::tls::{TlsFault, is_client_hello};
+use crate::link::rig::Visitor;
+use crate::link::tls::is_client_hello;
 use crate::rt::os::monotonic_ns;
 use crate::substructure::LinkFault;
 use crate::time::Nanos;
-use crate::wire::openfresco::{Sizes, datagrams};
+use crate::wire::openfresco::datagrams;
 
 /// How a server treats its clients.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -42,134 +43,6 @@ impl ServeSettings {
             role,
             setup_limit_s: 10.0,
             idle_limit_s,
-        }
-    }
-}
-
-/// How a client's test ended.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum End {
-    /// With the goodbye of the protocol.
-    Finished,
-    /// The connection was closed without a goodbye.
-    Vanished,
-    /// The connection broke.
-    Lost(LinkFault),
-    /// Nothing came for so long, in s.
-    Silent(f64),
-    /// It connected and sent no sizes for so long, in s.
-    NoSizes(f64),
-    /// There was no TLS session, or it broke.
-    Tls(TlsFault),
-    /// It speaks TLS, and plain TCP is served.
-    SpeaksTls,
-    /// Its bytes, or what they ask for, cannot be.
-    Refused(ExchangeFault),
-    /// The server was told to stop.
-    Stopped,
-}
-
-impl End {
-    /// As it stands in the summary of the log.
-    const fn close(&self) -> Close {
-        match self {
-            Self::Finished => Close::Completed,
-            Self::Stopped => Close::Interrupted,
-            Self::Refused(ExchangeFault::Host(
-                HostFault::Tripped(
-                    Trip::Limit(_) | Trip::NotFinite { .. } | Trip::Interlock | Trip::Saturated,
-                )
-                | HostFault::TakenBack { .. },
-            )) => Close::Stopped,
-            Self::Vanished
-            | Self::Tls(_)
-            | Self::SpeaksTls
-            | Self::Lost(_)
-            | Self::Silent(_)
-            | Self::NoSizes(_)
-            | Self::Refused(_) => Close::Failed,
-        }
-    }
-}
-
-impl std::fmt::Display for End {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Finished => f.write_str("the client ended the test"),
-            Self::Vanished => f.write_str("the client closed the connection without a goodbye"),
-            Self::Lost(fault) => write!(f, "the connection broke: {fault}"),
-            Self::Silent(seconds) => write!(f, "the client was silent for {seconds} s"),
-            Self::NoSizes(seconds) => write!(
-                f,
-                "the client sent no sizes within {seconds} s: it is no OpenFresco client, or the wrong dialect is served"
-            ),
-            Self::Tls(TlsFault::NotTls) => {
-                f.write_str("TLS: it speaks no TLS, and TLS is served here (--transport tls)")
-            }
-            Self::Tls(fault) => write!(f, "TLS: {fault}"),
-            Self::SpeaksTls => f.write_str(
-                "refused: it speaks TLS, and plain TCP is served here (--transport tls)",
-            ),
-            Self::Refused(fault) => write!(f, "refused: {fault}"),
-            Self::Stopped => f.write_str("the server was told to stop"),
-        }
-    }
-}
-
-/// What a server has to tell.
-#[derive(Debug, Clone, PartialEq)]
-pub enum News {
-    /// Somebody came to the free port.
-    Connected(SocketAddr),
-    /// The sizes are agreed: the test may begin.
-    Ready(SocketAddr, Sizes),
-    /// Something about the specimen or its log, when a test begins.
-    Told(SocketAddr, String),
-    /// Somebody came while a client is served, and was turned away.
-    TurnedAway(SocketAddr),
-    /// Somebody came from a machine that may not command the specimen, and was turned away.
-    NotAdmitted(SocketAddr),
-    /// A datagram that can open no test.
-    Stray(SocketAddr, usize),
-    /// An action that the dialect does not know: it is not answered, and the client may wait for ever.
-    Ignored(f64),
-    /// A line of an init file, which nothing is done about.
-    InitLine,
-    /// The client's test is over; the port is free again.
-    Ended(SocketAddr, End, Tally),
-}
-
-impl std::fmt::Display for News {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Connected(peer) => write!(f, "{peer} connected"),
-            Self::Ready(peer, sizes) => {
-                let [d, v, a, force, t] = sizes.ctrl().in_order();
-                let [dd, dv, da, df, dt] = sizes.daq().in_order();
-                write!(
-                    f,
-                    "{peer} commands {d} displacements, {v} velocities, {a} accelerations, {force} forces, {t} times; \
-                     wants {dd} displacements, {dv} velocities, {da} accelerations, {df} forces, {dt} times; \
-                     {} doubles a vector",
-                    sizes.data_size()
-                )
-            }
-            Self::Told(_, text) => f.write_str(text),
-            Self::TurnedAway(peer) => write!(f, "{peer} was turned away: a client is being served"),
-            Self::NotAdmitted(peer) => write!(
-                f,
-                "{peer} was turned away: it is not the machine that may command the specimen"
-            ),
-            Self::Stray(peer, bytes) => write!(f, "{peer} sent {bytes} bytes that open no test"),
-            Self::Ignored(code) => {
-                write!(f, "action {code} is not known here and was not answered")
-            }
-            Self::InitLine => f.write_str("a line of an init file was received and ignored"),
-            Self::Ended(peer, end, tally) => write!(
-                f,
-                "{peer}: {end}; {} commands, {} steps committed, {} taken back, {} answers",
-                tally.commands, tally.commits, tally.taken_back, tally.answers
-            ),
         }
     }
 }
@@ -412,12 +285,6 @@ impl Attendance<'_> {
             while let Ok(Some(_)) = link.recv(buffer, until) {}
         }
         End::Finished
-    }
-}
-
-impl From<HostFault> for End {
-    fn from(fault: HostFault) -> Self {
-        Self::Refused(fault.into())
     }
 }
 

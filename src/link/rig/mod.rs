@@ -6,9 +6,11 @@
 //! the specimen holds at the last command that it was given; whatever ends a test, the specimen hears the last word of its
 //! protocol.
 
+mod columns;
 mod far;
 mod law;
 mod log;
+mod settings;
 mod station;
 mod summary;
 
@@ -19,7 +21,8 @@ use thiserror::Error;
 pub use far::{Far, FarBuild};
 pub use law::Law;
 pub use log::LogSettings;
-pub use station::{Close, ProbeSettings, Station};
+pub use settings::{Close, ProbeSettings};
+pub use station::Station;
 
 use crate::control::limits::Hit;
 use crate::substructure::{Command, Introduction, LinkFault, LinkStats, Measurement, Retirement};

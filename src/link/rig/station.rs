@@ -1,47 +1,18 @@
 //! What a server commands: a rig with its limits, its direction check and its log.
 
+mod ready;
+
 use super::log::{Exchange, Log, LogSettings};
+use super::settings::{Close, ProbeSettings};
 use super::{Rig, Trip, Visitor};
+use crate::control::AxisUnits;
 use crate::control::limits::{AxisLimits, Found, LimitsSpec, Watch};
-use crate::control::{AxisUnits, Opinion, Pace, Probe, compare_stiffness};
 use crate::record::{Note, NoteLevel};
 use crate::rt::os;
-use crate::substructure::{Command, Introduction, Measurement, Retirement, Status};
+use crate::substructure::{Command, Measurement, Retirement, Status};
 
 /// From one command to the next in s, until it is known.
 const USUAL_TICK_S: f64 = 0.01;
-
-/// How it is found out, before a test, which way round a specimen is wired.
-#[derive(Debug, Clone, PartialEq)]
-pub enum ProbeSettings {
-    /// The specimen is a formula in this process.
-    Needless,
-    /// Not at all; `silent` if that was asked for.
-    Unchecked {
-        /// Nobody is to be warned in each test.
-        silent: bool,
-    },
-    /// By a small motion and back.
-    Motion {
-        /// In the unit of each axis.
-        amplitude: Vec<f64>,
-        /// How fast.
-        pace: Pace,
-    },
-}
-
-/// How a test ended, for the summary of its log.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Close {
-    /// The controller brought it to its end.
-    Completed,
-    /// A limit, an interlock, or the controller's own trip.
-    Stopped,
-    /// Our own operator.
-    Interrupted,
-    /// The specimen or the controller was lost, or nonsense came.
-    Failed,
-}
 
 /// A specimen as a server commands it. Ends its test when it is dropped.
 pub struct Station {
@@ -186,129 +157,6 @@ impl Station {
                 Err(text)
             }
         }
-    }
-
-    fn get_ready(&mut self, visitor: &Visitor) -> Result<Vec<String>, String> {
-        let mut told = Vec::new();
-        if let Some(log) = &self.log {
-            told.push(format!("recording into {}", log.path().display()));
-        }
-        let introduction = self.rig.connect(visitor)?;
-        if self.rig.is_remote() {
-            let text = format!("specimen \"{}\": {}", self.name, introduction.peer);
-            self.note(NoteLevel::Info, "connected", &introduction.peer);
-            told.push(text);
-        }
-        for warning in self.doubts(&introduction)? {
-            self.note(NoteLevel::Warning, "warning", &warning);
-        }
-        let mut start = visitor.start.clone();
-        start.resize(self.units.len(), 0.0);
-        if let ProbeSettings::Motion { amplitude, pace } = self.probe.clone() {
-            told.push(self.try_direction(&start, &amplitude, pace)?);
-        }
-        self.arm(visitor.first_sequence, &start)?;
-        self.rig.at_rest(&mut self.measured);
-        match not_finite(&self.measured.disp, &self.measured.force) {
-            Some(axis) => Err(format!("axis {}: the force at rest is no number", axis + 1)),
-            None => Ok(told),
-        }
-    }
-
-    /// What the specimen says of itself beside what is believed of it.
-    fn doubts(&self, introduction: &Introduction) -> Result<Vec<String>, String> {
-        let n = self.units.len();
-        let mut doubts = introduction.warnings.clone();
-        let theirs = introduction.stiffness.iter().step_by(n + 1);
-        let ours = self.stiffness.iter().step_by(n + 1);
-        for (number, ((theirs, ours), units)) in (1..).zip(theirs.zip(ours).zip(&self.units)) {
-            let AxisUnits { disp, force, .. } = units;
-            match compare_stiffness(*theirs, *ours) {
-                Opinion::Agrees => {}
-                Opinion::Differs => doubts.push(format!(
-                    "axis {number} reports a stiffness of {theirs:e} {force}/{disp}, the file says {ours:e} \
-                     {force}/{disp}"
-                )),
-                Opinion::Reversed => {
-                    return Err(format!(
-                        "axis {number} reports a stiffness of {theirs:e} {force}/{disp} where {ours:e} {force}/{disp} is \
-                         expected: a channel is reversed; look at the wiring"
-                    ));
-                }
-            }
-        }
-        if self.probe == (ProbeSettings::Unchecked { silent: false }) && !introduction.simulated {
-            doubts.push(
-                "NOTHING CHECKS WHICH WAY ROUND THE SPECIMEN IS WIRED: give `probe_m` in [specimen.link] for a small \
-                 motion before each test, or say `probe = \"none\"`"
-                    .to_owned(),
-            );
-        }
-        Ok(doubts)
-    }
-
-    /// The small motion that shows the direction of each axis, and its judgement.
-    fn try_direction(
-        &mut self,
-        start: &[f64],
-        amplitude: &[f64],
-        pace: Pace,
-    ) -> Result<String, String> {
-        let n = self.units.len();
-        let diagonal: Vec<f64> = self.stiffness.iter().step_by(n + 1).copied().collect();
-        let mut probe = Probe::new(start, amplitude, &diagonal, &self.units, pace);
-        self.note(
-            NoteLevel::Info,
-            "probing",
-            "a small motion and back, axis after axis",
-        );
-        self.arm(0, start)?;
-        let (mut disp, mut vel) = (start.to_vec(), vec![0.0; n]);
-        let mut edge = os::monotonic_ns();
-        let mut measured = Measurement::zeros(n);
-        let mut sequence = 0;
-        while probe.next(&mut disp, &mut vel) {
-            let command = Command {
-                sequence,
-                time: 0.0,
-                dt: 0.0,
-                disp: &disp,
-                vel: &vel,
-            };
-            self.exchange_as(Exchange::PROBING, &command, 0.0, &mut measured)
-                .map_err(|trip| format!("while its direction was tried: {}", self.whole(trip)))?;
-            probe.take(&measured.disp, &measured.force);
-            sequence += 1;
-            edge += pace.period_ns;
-            os::sleep_until_ns(edge);
-        }
-        let found = probe.verdict().map_err(|misfit| misfit.to_string())?;
-        let axes = found.iter().map(|axis| {
-            let units = self.units.get(axis.axis).unwrap_or(&AxisUnits::SI);
-            format!(
-                "axis {}: {:+.3e} {} gave {:+.3e} {}",
-                axis.axis + 1,
-                axis.disp,
-                units.disp,
-                axis.force,
-                units.force
-            )
-        });
-        let text = format!("direction: {}", axes.collect::<Vec<_>>().join("; "));
-        self.note(NoteLevel::Info, "direction", &text);
-        Ok(text)
-    }
-
-    fn arm(&mut self, sequence: u64, start: &[f64]) -> Result<(), String> {
-        self.watch = Watch::new(self.limits.clone(), USUAL_TICK_S);
-        self.watch.stands_at(metres(&self.units, start));
-        self.rig.arm(sequence, start).map_err(|fault| {
-            let why = self.rig.complaint().unwrap_or_default();
-            format!(
-                "it is not armed: {fault}{}{why}",
-                if why.is_empty() { "" } else { ": " }
-            )
-        })
     }
 
     /// The controller begins anew after commands that only tried the specimen: a formula forgets them.

@@ -5,8 +5,10 @@
 //! same course as one in process, to the last bit. A formula gets every command; a specimen across another link gets the
 //! newest of those that came while it was busy, never a burst of them.
 
+mod ends;
 mod watch;
 
+use ends::Wrong;
 use std::net::SocketAddr;
 use std::sync::atomic::Ordering;
 
@@ -20,10 +22,7 @@ use crate::rt::os;
 use crate::substructure::{Command, LinkFault, Measurement, Status};
 use crate::time::Nanos;
 use crate::wire::WireError;
-use crate::wire::handshake::{self, Bye, Control, TEXT_LIMIT};
-use crate::wire::native::{
-    Cause, CommandFrame, Decoder, Encoder, Frame, LARGEST_FRAME, Moment, Notice,
-};
+use crate::wire::native::{Cause, CommandFrame, Decoder, Encoder, Frame, LARGEST_FRAME, Moment};
 
 /// The specimen and its controller.
 pub(super) struct Stand {
@@ -263,54 +262,6 @@ impl Stand {
         Ok(())
     }
 
-    fn retired(&mut self, notice: Notice) -> End {
-        let (close, how) = match notice.cause {
-            Cause::Orderly => (Close::Completed, "in an orderly way"),
-            Cause::Operator => (Close::Interrupted, "by the operator"),
-            _ => (Close::Stopped, "because the test tripped"),
-        };
-        if close == Close::Completed && self.sequence.is_some() {
-            self.station.commit();
-        }
-        match self.station.tripped() {
-            Some(trip) => {
-                // Why it tripped, in words, for whoever reads the controller's summary.
-                self.say(Cause::Tripped, &self.station.whole(trip));
-                self.say_goodbye(Cause::Tripped);
-            }
-            None => self.say_goodbye(Cause::Orderly),
-        }
-        End {
-            close,
-            text: format!("retired {how}"),
-        }
-    }
-
-    /// The answer to the arming was lost: it is given again. A later one, after commands that only tried the specimen:
-    /// the test begins anew. Any other message now is the end.
-    fn again_armed(&mut self, message: Vec<u8>) -> Result<(), Wrong> {
-        match handshake::decode(&message)? {
-            Control::Arm(arm) => {
-                let newest = self.pending.map(|(pending, ..)| pending).or(self.sequence);
-                let is_new = newest.is_some_and(|newest| arm.first_sequence > newest);
-                if is_new && arm.disp.len() == self.disp.len() {
-                    self.station
-                        .begin_again(arm.first_sequence, &arm.disp)
-                        .map_err(End::failed)?;
-                    (self.sequence, self.next_sequence) = (None, arm.first_sequence);
-                    (self.pending, self.sample_at) = (None, None);
-                    (self.time, self.dt) = (0.0, 0.0);
-                }
-                let written = self.encoder.control(&message, &mut self.out);
-                Ok(self.send(written)?)
-            }
-            other => Err(Wrong::End(End::failed(format_args!(
-                "the controller sent {}",
-                other.name()
-            )))),
-        }
-    }
-
     fn read(
         command: &CommandFrame<'_>,
         in_force: Option<u64>,
@@ -401,14 +352,6 @@ impl Stand {
         }
     }
 
-    /// The specimen across the other link is gone: the controller hears why, and that this is the end.
-    pub(super) fn lost_specimen(&mut self, trip: Trip) -> End {
-        let text = self.station.whole(trip);
-        self.say(Cause::Tripped, &text);
-        self.say_goodbye(Cause::Tripped);
-        End::failed(text)
-    }
-
     /// Sends the measurement of the command in force.
     fn answer(&mut self, now: Nanos) -> Result<(), End> {
         self.sample_at = None;
@@ -430,34 +373,6 @@ impl Stand {
         let frame = self.out.get(..length).unwrap_or_default();
         self.line.send(frame).map_err(End::failed)
     }
-
-    /// Last words for people.
-    fn say(&mut self, cause: Cause, text: &str) {
-        let mut text = text.to_owned();
-        text.retain(|c| !c.is_control());
-        while text.len() > TEXT_LIMIT {
-            text.pop();
-        }
-        let bye = Control::Bye(Bye {
-            cause: cause.code(),
-            text,
-        });
-        if let Ok(message) = handshake::encode(&bye) {
-            let written = self.encoder.control(&message, &mut self.out);
-            // Whoever does not hear it has the goodbye.
-            let _ = self.send(written);
-        }
-    }
-
-    fn say_goodbye(&mut self, cause: Cause) {
-        let notice = Notice {
-            sequence: self.sequence.unwrap_or_default(),
-            cause,
-        };
-        let written = self.encoder.goodbye(notice, &mut self.out);
-        // Whoever does not hear it sees the connection close.
-        let _ = self.send(written);
-    }
 }
 
 /// What a command does.
@@ -468,21 +383,4 @@ enum Moves {
     Again,
     /// It is new.
     On,
-}
-
-enum Wrong {
-    Wire(WireError),
-    End(End),
-}
-
-impl From<WireError> for Wrong {
-    fn from(error: WireError) -> Self {
-        Wrong::Wire(error)
-    }
-}
-
-impl From<End> for Wrong {
-    fn from(end: End) -> Self {
-        Wrong::End(end)
-    }
 }

@@ -1,0 +1,150 @@
+//! The first and the last word of a session: arming and retiring. Both wait, within time limits.
+
+use super::{Detail, Live};
+use crate::link::native::setup::{SetupError, ask, explained, not_welcome};
+use crate::rt::os;
+use crate::substructure::{LinkFault, Retirement};
+use crate::time::Nanos;
+use crate::wire::handshake::{self, Arm, Bye, Control};
+use crate::wire::native::{Cause, Frame, Notice};
+
+/// How long the goodbye of a specimen is waited for, and how often it is asked for over UDP.
+const GOODBYE_NS: u64 = 300_000_000;
+const GOODBYE_REPEAT_NS: u64 = 100_000_000;
+
+impl Live {
+    /// Sends the last question before anything moves, and does not wait for the answer.
+    pub(in crate::link::native) fn ask_to_arm(
+        &mut self,
+        sequence: u64,
+        disp: &[f64],
+    ) -> Result<(), LinkFault> {
+        let message = Control::Arm(Arm {
+            session: self.session,
+            first_sequence: sequence,
+            disp: disp.to_vec(),
+        });
+        let written = handshake::encode(&message).and_then(|bytes| {
+            let written = self.encoder.control(&bytes, &mut self.out);
+            self.asked_to_arm = Some(bytes);
+            written
+        });
+        self.send(written)
+    }
+
+    /// The last question before anything moves. Blocks within the time limit.
+    pub(in crate::link::native) fn arm(
+        &mut self,
+        sequence: u64,
+        disp: &[f64],
+    ) -> Result<(), LinkFault> {
+        if self.asked_to_arm.is_none() {
+            self.ask_to_arm(sequence, disp)?;
+        }
+        let bytes = self.asked_to_arm.take().unwrap_or_default();
+        let (session, limit) = (self.session, self.connect_limit);
+        let Self {
+            transport,
+            inbox,
+            encoder,
+            decoder,
+            out,
+            ..
+        } = self;
+        let mut is_on_its_way = true;
+        let answer = ask(
+            transport.as_mut(),
+            inbox,
+            ("request to arm", limit),
+            |transport| {
+                if std::mem::take(&mut is_on_its_way) {
+                    return Ok(());
+                }
+                let length = encoder.control(&bytes, out)?;
+                let frame = out.get(..length).unwrap_or_default();
+                transport.send(frame).map_err(SetupError::Lost)
+            },
+            |frame| match decoder.open(frame)?.frame {
+                Frame::Control(message) => match handshake::decode(message)? {
+                    Control::Arm(arm)
+                        if arm.session == session && arm.first_sequence == sequence =>
+                    {
+                        Ok(Some(()))
+                    }
+                    // The answer to an earlier one, that was repeated.
+                    Control::Arm(_) => Ok(None),
+                    other => Err(not_welcome(other, "the arming")),
+                },
+                _ => Ok(None),
+            },
+        );
+        match answer {
+            Ok(()) => {
+                self.armed = true;
+                Ok(())
+            }
+            Err(error) => {
+                let error = explained(error, self.transport.as_ref());
+                Err(self.fail(error.fault(), Detail::Said(error.to_string())))
+            }
+        }
+    }
+
+    /// Tells the specimen, and waits a little for its goodbye. Whatever happens, this is the end.
+    pub(in crate::link::native) fn retire(&mut self, how: Retirement) {
+        if self.fault == Some(LinkFault::Closed) {
+            return;
+        }
+        let cause = Cause::from(how);
+        if !self.armed {
+            let bye = Control::Bye(Bye {
+                cause: cause.code(),
+                text: String::new(),
+            });
+            if let Ok(bytes) = handshake::encode(&bye) {
+                let written = self.encoder.control(&bytes, &mut self.out);
+                let _ = self.send(written);
+            }
+            return;
+        }
+        let until = Nanos(os::monotonic_ns()).plus(GOODBYE_NS);
+        let notice = Notice {
+            sequence: self.issued.unwrap_or_default(),
+            cause,
+        };
+        let mut ask_at = Nanos(0);
+        while os::monotonic_ns() < until.0 {
+            if os::monotonic_ns() >= ask_at.0 {
+                let written = self.encoder.retire(notice, &mut self.out);
+                if self.send(written).is_err() {
+                    return;
+                }
+                ask_at = if self.inbox.is_stream() {
+                    until
+                } else {
+                    Nanos(os::monotonic_ns()).plus(GOODBYE_REPEAT_NS)
+                };
+            }
+            match self.transport.recv(self.inbox.space(), until.min(ask_at)) {
+                Ok(Some(count)) => self.inbox.filled(count),
+                Ok(None) => continue,
+                Err(_) => return,
+            }
+            while let Ok(Some(place)) = self.inbox.next() {
+                match self.decoder.open(self.inbox.frame(place)).map(|r| r.frame) {
+                    Ok(Frame::Goodbye(_)) => return,
+                    // Why it tripped, if it did.
+                    Ok(Frame::Control(message)) => {
+                        if let Ok(Control::Bye(bye)) = handshake::decode(message)
+                            && !bye.text.is_empty()
+                            && self.detail.is_none()
+                        {
+                            self.detail = Some(Detail::Said(bye.text));
+                        }
+                    }
+                    _ => {}
+                }
+            }
+        }
+    }
+}

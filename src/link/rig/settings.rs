@@ -1,0 +1,35 @@
+//! How a station finds out which way round its specimen is wired, and how its tests end.
+
+use crate::control::Pace;
+
+/// How it is found out, before a test, which way round a specimen is wired.
+#[derive(Debug, Clone, PartialEq)]
+pub enum ProbeSettings {
+    /// The specimen is a formula in this process.
+    Needless,
+    /// Not at all; `silent` if that was asked for.
+    Unchecked {
+        /// Nobody is to be warned in each test.
+        silent: bool,
+    },
+    /// By a small motion and back.
+    Motion {
+        /// In the unit of each axis.
+        amplitude: Vec<f64>,
+        /// How fast.
+        pace: Pace,
+    },
+}
+
+/// How a test ended, for the summary of its log.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Close {
+    /// The controller brought it to its end.
+    Completed,
+    /// A limit, an interlock, or the controller's own trip.
+    Stopped,
+    /// Our own operator.
+    Interrupted,
+    /// The specimen or the controller was lost, or nonsense came.
+    Failed,
+}

@@ -1,0 +1,56 @@
+//! What a server does for an exchange allocates nothing: limits, formula, log.
+
+use gusset::control::AxisUnits;
+use gusset::control::limits::LimitsSpec;
+use gusset::link::rig::{Close, Law, LogSettings, Station, Visitor};
+use gusset::record::Run;
+use gusset::specimen::SpecimenLaw;
+use gusset::substructure::{Command, Measurement};
+
+#[test]
+fn an_exchange_with_its_limits_and_its_row_allocates_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = "law = { bilinear = { stiffness_n_per_m = 8000.0, yield_force_n = 60.0, post_yield_ratio = 0.05 } }";
+    let law: SpecimenLaw = toml::from_str(text).unwrap();
+    let law = Law::new(law.build(2).unwrap(), false);
+    let (stiffness, mass) = law.reference();
+    let limits: LimitsSpec = toml::from_str(
+        "command_disp_m = { warn = [-0.9, 0.9], trip = [-1, 1] }\nmeasured_force_n = { trip = [-1e6, 1e6] }\n\
+         command_vel_m_per_s = { trip = 100 }\nfollowing_error_m = { trip = 1 }\nforce_step_n = { trip = 1e6 }\n",
+    )
+    .unwrap();
+    let units = vec![AxisUnits::SI; 2];
+    let mut station = Station::new("rig".into(), Box::new(law), units, stiffness, mass)
+        .limited(&[limits, limits])
+        .recorded(Some(LogSettings {
+            root: folder.path().into(),
+            file: Vec::new(),
+            resolved: String::new(),
+            queue_s: 4.0,
+            required: false,
+        }));
+    station
+        .begin(&Visitor::unnamed(([127, 0, 0, 1], 1).into()))
+        .unwrap();
+    let mut measured = Measurement::zeros(2);
+    let count = allocation_counter::measure(|| {
+        for sequence in 0..500 {
+            let way = 0.03 * (0.1 * sequence as f64).sin();
+            let command = Command {
+                sequence,
+                time: 0.01 * sequence as f64,
+                dt: 0.01,
+                disp: &[way, -way],
+                vel: &[0.0, 0.0],
+            };
+            station.exchange(&command, 0.01, &mut measured).unwrap();
+            station.commit();
+        }
+    });
+    assert_eq!(count.count_total, 0);
+    station.end(Close::Completed, "end of the test");
+    let run = Run::open(&folder.path().join("test-0001")).unwrap();
+    let steps = run.columns(&["step"]).unwrap().remove(0);
+    assert_eq!(steps.len(), 500);
+    assert_eq!(run.summary().unwrap().steps, 500);
+}
