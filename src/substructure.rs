@@ -174,6 +174,8 @@ pub struct Introduction {
     pub stiffness: Vec<f64>,
     /// What the user should know although the test may run.
     pub warnings: Vec<String>,
+    /// It says that it is a formula: nothing breaks.
+    pub simulated: bool,
 }
 
 /// Why a specimen cannot take part. Nothing was moved.
@@ -208,8 +210,18 @@ pub trait Substructure: Send {
         Ok(Introduction::default())
     }
 
+    /// Asks what [`Substructure::arm`] waits for, and does not wait: so several specimens get ready at the same time.
+    ///
+    /// # Errors
+    /// The specimen is gone.
+    fn ask_to_arm(&mut self, sequence: u64, disp: &[f64]) -> Result<(), LinkFault> {
+        let _ = (sequence, disp);
+        Ok(())
+    }
+
     /// The last word before commands move the specimen: the number of the first command, and where it will be. May
-    /// block, within a time limit of its own; called once, on the loop's thread.
+    /// block, within a time limit of its own; on the loop's thread. A second time, after commands that only tried the
+    /// specimen: what is a formula begins anew.
     ///
     /// # Errors
     /// The specimen is not ready, stands elsewhere, or is gone.
@@ -246,6 +258,15 @@ pub trait Substructure: Send {
     /// The link is lost.
     fn accepted(&mut self, sequence: u64) -> Result<(), LinkFault> {
         let _ = sequence;
+        Ok(())
+    }
+
+    /// Nothing to command for now: notices a peer that has gone, and keeps one that is there from giving us up. Does not
+    /// block.
+    ///
+    /// # Errors
+    /// The link is lost.
+    fn attend(&mut self) -> Result<(), LinkFault> {
         Ok(())
     }
 

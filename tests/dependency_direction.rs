@@ -21,7 +21,15 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("wire", &["substructure"]),
     (
         "link",
-        &["record", "rt", "specimen", "substructure", "time", "wire"],
+        &[
+            "control",
+            "record",
+            "rt",
+            "specimen",
+            "substructure",
+            "time",
+            "wire",
+        ],
     ),
     ("rt", &["time"]),
     ("report", &["record"]),

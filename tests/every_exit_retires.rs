@@ -314,7 +314,7 @@ fn an_operator_who_asks_at_any_tick_gets_an_orderly_end() {
             &log,
             |_, _| Act::Serve,
         );
-        let run = run_under(experiment, SimClock::new(), &Control { requests });
+        let run = run_under(experiment, SimClock::new(), &Control::from(requests));
         let calls = log.lock().unwrap().clone();
         assert_retired(&calls, Retirement::Orderly);
         // Polled once a tick: the tick in which it came is finished, the next one does not begin.

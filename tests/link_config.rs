@@ -124,11 +124,6 @@ fn a_file_of_specimens_or_a_test_can_be_served() {
         &served(&format!("[serve]\nlisen = \"x\"\n{one}"), None).unwrap_err(),
         "did you mean `listen`?",
     );
-    let gateway = linked(10, "127.0.0.1:1", "");
-    shows(
-        &served(&gateway, None).unwrap_err(),
-        "a gateway is not built yet",
-    );
     let inches = one.replace(
         "[specimen.law",
         "[[specimen.axis]]\nunit_force = \"lbf\"\n[specimen.law",

@@ -286,6 +286,7 @@ fn a_second_controller_a_stranger_and_garbage_do_not_disturb_a_running_test() {
         let text = linked(20_000_000, &served.address, &keys);
         let first = Running::start(folder, "first", &text);
         served.hears("armed for");
+        first.moves();
         let (code, _) = run(folder, "second", &linked(STEPS, &served.address, &keys));
         assert_eq!(code, 3);
         let reason = summary(folder, "second").reason;
@@ -303,12 +304,13 @@ fn a_second_controller_a_stranger_and_garbage_do_not_disturb_a_running_test() {
                 let _ = stranger.send_to(&[0xff; 1000], &served.address);
             }
         }
+        first.moves();
         let (code, said) = first.interrupt();
         assert_eq!(code, 130, "{said}");
         let summary = summary(folder, "first");
         assert_eq!(summary.status, Ended::Interrupted);
         let link = summary.link["column"];
-        assert!(link.sent > u64::from(WARM_UP));
+        assert!(link.sent > 0);
         assert_eq!((link.received, link.corrupt), (link.sent, 0));
     }
 }

@@ -107,7 +107,7 @@ fn others() -> [(&'static str, String); 3] {
         .collect();
     [
         ("dense", matrices),
-        ("tridiagonal", chain("")),
+        ("tridiagonal, in segments", chain("")),
         ("sparse", chain(&leaps)),
     ]
 }
@@ -141,7 +141,7 @@ fn cost(experiment: Experiment, clock: Box<dyn Clock>, at_once: bool) -> (u64, u
     let steps = experiment.steps;
     let (recorder, mut reader) = recorder(&experiment);
     let (ask, requests) = crossbeam_channel::bounded(1);
-    let control = Control { requests };
+    let control = Control::from(requests);
     let mut engine = Engine::new(experiment, clock, Box::new(recorder));
     engine.before_first_tick = Some(Box::new(move || {
         if at_once {
@@ -155,7 +155,7 @@ fn cost(experiment: Experiment, clock: Box<dyn Clock>, at_once: bool) -> (u64, u
     });
     let mut rows = 0;
     while let Some((_, row)) = reader.row() {
-        rows += u64::from(row[2] == gusset::engine::state::RUNNING);
+        rows += u64::from(row[2] == gusset::engine::Phase::Running.code());
     }
     if at_once {
         assert_eq!(
@@ -317,7 +317,7 @@ fn in_the_child() {
     }
     let mut rows = 0;
     while let Some((_, row)) = reader.row() {
-        rows += usize::from(row[2] == gusset::engine::state::RUNNING);
+        rows += usize::from(row[2] == gusset::engine::Phase::Running.code());
     }
     std::process::exit(if rows == TICKS { 0 } else { WRONG });
 }

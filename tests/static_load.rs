@@ -3,7 +3,7 @@
 mod common;
 
 use common::engine::{Run, distance, run};
-use gusset::engine::state;
+use gusset::engine::Phase;
 use gusset::rt::timing::Quantity;
 
 const STEPS: f64 = 1024.0;
@@ -35,8 +35,8 @@ fn assert_settling_rows(run: &Run) {
     let count = run.rows.len() - 1025;
     assert!(count > 0);
     let states = run.all("state");
-    assert!(states[..count].iter().all(|s| *s == state::SETTLING));
-    assert!(states[count..].iter().all(|s| *s == state::RUNNING));
+    assert!(states[..count].iter().all(|s| *s == Phase::Settling.code()));
+    assert!(states[count..].iter().all(|s| *s == Phase::Running.code()));
     for name in ["time", "v1", "v2", "v3", "a1", "a2", "a3", "ground"] {
         let before = &run.all(name)[..count];
         assert!(

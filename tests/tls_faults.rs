@@ -48,6 +48,7 @@ fn strangers_who_fail_the_handshake_are_logged_and_do_not_disturb_a_running_test
         } else {
             "commands 1 displacements"
         });
+        first.moves();
         // Nonsense, a plain client, an expired one, one of another laboratory, a second controller.
         let mut noise = TcpStream::connect(&served.address).unwrap();
         let _ = noise.write_all(&[0xff; 100_000]);
@@ -81,12 +82,13 @@ fn strangers_who_fail_the_handshake_are_logged_and_do_not_disturb_a_running_test
             assert!(second("elsewhere").contains("not signed by an authority"));
             served.hears("refused: TLS: its certificate is not signed");
         }
+        first.moves();
         let (code, said) = first.interrupt();
         assert_eq!(code, 130, "{said}");
         let summary = summary(folder, "first");
         assert_eq!(summary.status, Status::Interrupted);
         let link = summary.link["column"];
-        assert!(link.sent > 10);
+        assert!(link.sent > 0);
         assert_eq!((link.received, link.corrupt, link.lost), (link.sent, 0, 0));
         served.hears(if native {
             "test over: retired"
@@ -135,8 +137,8 @@ fn a_controller_that_is_killed_leaves_the_port_to_the_next() {
     assert_eq!(code, 0, "{said}");
 }
 
-/// Passes bytes between a controller and a server until it is told to let only half of what comes back through, and then
-/// nothing more.
+/// Passes bytes between a controller and a server until it is told to keep the last byte of what comes back, and all that
+/// follows.
 fn stalling(server: &str, stall: Arc<AtomicBool>) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();
@@ -157,7 +159,8 @@ fn stalling(server: &str, stall: Arc<AtomicBool>) -> String {
                 return;
             }
             if stall.load(Ordering::Acquire) {
-                to.write_all(&buffer[..count / 2]).unwrap();
+                // Several records may have come at once: the last of them is cut.
+                to.write_all(&buffer[..count - 1]).unwrap();
                 break;
             }
             if to.write_all(&buffer[..count]).is_err() {

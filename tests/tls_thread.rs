@@ -253,12 +253,16 @@ fn a_peer_that_closes_is_seen_at_once_and_after_its_last_bytes() {
     let mut transport = ends.client.connect(&address, limit, options, 1000).unwrap();
     let mut heard = Vec::new();
     let mut buffer = [0; 3000];
+    let mut is_over = false;
     let fault = loop {
-        if heard.len() >= 150_000 {
+        if heard.len() >= 150_000 && !is_over {
+            is_over = true;
             // What is left fits into the ring: the end of the session is known before the last bytes are taken.
-            while transport.send(&[]).is_ok() {
+            while !peer.is_finished() || helpers() > 0 {
                 std::thread::yield_now();
             }
+            // Whoever sends now hears the last words first.
+            assert_eq!(transport.send(&[1]), Ok(()));
         }
         let patience = Nanos(monotonic_ns()).plus(20_000_000_000);
         match transport.recv(&mut buffer, patience) {
@@ -268,6 +272,7 @@ fn a_peer_that_closes_is_seen_at_once_and_after_its_last_bytes() {
         }
     };
     assert_eq!(fault, LinkFault::Closed);
+    assert_eq!(transport.send(&[1]), Err(LinkFault::Closed));
     assert_eq!(transport.tls_fault(), None, "a plain end");
     assert!(heard == said, "every byte, in order");
     peer.join().unwrap();

@@ -164,6 +164,8 @@ class Specimen:
             elif kind == RETIRE:
                 self.send(GOODBYE, struct.pack("<QII", self.sequence or 0, 0, 0))
                 return "retired"
+            elif kind == CONTROL and struct.unpack_from("<I", body)[0] == ARM:
+                self.send(CONTROL, body)  # after commands that only tried which way round we are wired; a rig stays
             elif kind in (GOODBYE, CONTROL):
                 return "the controller said goodbye"
 

@@ -6,7 +6,7 @@ use super::exit::Exit;
 use super::run::{load, method_name, refused};
 use super::spectrum::Spectrum;
 use super::table::{Table, duration, quantity};
-use super::{CheckArgs, answer, warn};
+use super::{CheckArgs, answer, tell, warn};
 use crate::config::{self, ClockChoice, Facts, StructureFacts};
 
 /// Checks one test.
@@ -14,6 +14,9 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
     let loaded = load(&args.test, &args.sets)?;
     let test = config::build(&loaded).map_err(refused)?;
     warn(&test.warnings);
+    for text in &test.facts.announced {
+        tell(format_args!("note: {text}"));
+    }
     let facts = &test.facts;
     let spectrum = facts
         .structure

@@ -4,12 +4,15 @@
 //! a terminal. Text leaves through [`tell`] and [`answer`] and never by the print macros, which panic when a terminal
 //! has hung up or the disk under a log is full: that must not end a test.
 
+mod attend;
 mod check;
 mod doctor;
 mod exit;
 mod export;
 mod jitter;
+mod operate;
 mod progress;
+mod replay;
 mod report;
 mod run;
 mod schema;
@@ -30,6 +33,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 pub use exit::Exit;
 
 use crate::config::Diagnostics;
+use crate::session::Request;
 
 /// Real-time hybrid simulation: joins a structure that is computed to a specimen that is measured.
 #[derive(Debug, Parser)]
@@ -59,6 +63,17 @@ enum Command {
     Export(ExportArgs),
     /// Write a run's report.html again.
     Report(ReportArgs),
+    /// End a running test in an orderly way.
+    #[command(after_help = "Example:\n  gusset stop runs/first")]
+    Stop(OperateArgs),
+    /// Let a running test stand still: test time stops, the specimens hold.
+    #[command(after_help = "Example:\n  gusset hold runs/first")]
+    Hold(OperateArgs),
+    /// Let a test that holds go on, or confirm what its sensors read.
+    #[command(after_help = "Example:\n  gusset continue runs/first")]
+    Continue(OperateArgs),
+    /// Feed a recorded test through the loop again and prove that every number comes out bit for bit the same.
+    Replay(ReplayArgs),
     /// Host a specimen for controllers that command it over a network, until told to stop.
     Serve(ServeArgs),
     /// Obtain the published tables, equations, figures and examples of the integration family anew, and judge them.
@@ -88,12 +103,33 @@ struct RunArgs {
     /// Overrides any key by its dotted path, e.g. --set integrator.lambda=4 --set specimen.0.storey=2.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     sets: Vec<String>,
+    /// Confirm what the sensors read before the test, unseen.
+    #[arg(long)]
+    yes: bool,
     /// Print the summary as JSON on stdout.
     #[arg(long)]
     json: bool,
     /// Do not print the progress line and the closing summary.
     #[arg(long)]
     quiet: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  gusset replay runs/first\n\nExits with 1 if a number differs or the recording has a gap."
+)]
+struct ReplayArgs {
+    /// The run folder, finished or not.
+    run: PathBuf,
+    /// Print the result as JSON on stdout.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, Args)]
+struct OperateArgs {
+    /// The run folder of the test.
+    run: PathBuf,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -212,7 +248,11 @@ struct ReportArgs {
     after_help = "Example:\n  gusset serve column.toml --listen 127.0.0.1:4823\n  \
     gusset serve test.toml --specimen ground-storey --transport udp --key lab.key --listen 0.0.0.0:4823\n  \
     gusset serve test.toml --specimen ground-storey --transport tls --listen 0.0.0.0:4823\n  \
-    gusset serve test.toml --specimen ground-storey --protocol openfresco"
+    gusset serve test.toml --specimen ground-storey --protocol openfresco\n  \
+    gusset serve config/serve/gateway.toml --out runs/gateway\n\n\
+    A specimen that is itself behind a link ([specimen.link]) makes this a gateway: every exchange passes its limits \
+    ([specimen.limits]). A limit that trips, or an interlock, holds the specimen where it is until the controller's test is \
+    over; the next test begins anew."
 )]
 struct ServeArgs {
     /// A file with [[specimen]] and [serve], or a test file.
@@ -239,6 +279,10 @@ struct ServeArgs {
     key: Option<PathBuf>,
     #[command(flatten)]
     tls: TlsArgs,
+    /// Record every controller's test in a run folder of its own below this one: test-0001, test-0002 and so on, with one
+    /// row per exchange. `gusset report` and `gusset export` read them. Without it nothing is recorded.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
     /// Busy loop around the moment at which the next command is expected, on either side of it.
     #[arg(long, value_name = "US", default_value_t = 60.0)]
     spin: f64,
@@ -319,6 +363,10 @@ pub fn main() -> ExitCode {
         Command::Doctor(args) => doctor::doctor(&args),
         Command::Export(args) => export::export(&args),
         Command::Report(args) => report::report(&args),
+        Command::Stop(args) => operate::operate(&args, Request::Stop),
+        Command::Hold(args) => operate::operate(&args, Request::Hold),
+        Command::Continue(args) => operate::operate(&args, Request::Continue),
+        Command::Replay(args) => replay::replay(&args),
         Command::Serve(args) => serve::serve(&args),
         Command::Verify(args) => verify::verify(&args),
         Command::Schema => schema::schema(),

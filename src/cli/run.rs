@@ -5,14 +5,19 @@ use std::path::Path;
 
 use anyhow::Context;
 
+use super::attend;
 use super::exit::{Exit, Mistakes, WithExit};
 use super::progress::ProgressLine;
 use super::table::{Table, duration, quantity};
 use super::{ClockArg, RunArgs, answer, tell, warn};
 use crate::config::{self, ConfigError, Facts, Loaded, Method};
+use crate::engine::{Control, PhaseCell};
 use crate::record::{Progress, RunFolder};
 use crate::rt::wall::Wall;
 use crate::session::{self, Finish, Finished, Page, SessionError, Signal, Signals, Watches};
+
+/// Notices of the loop that may wait to be read.
+const NOTICES: usize = 1024;
 
 /// Runs one test.
 pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
@@ -27,6 +32,10 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
     let loaded = load(&args.test, &sets)?;
     let test = config::build(&loaded).map_err(refused)?;
     warn(&test.warnings);
+    for text in &test.facts.announced {
+        tell(format_args!("note: {text}"));
+    }
+    attend::can_confirm(&test.facts, args.yes)?;
     // Before there is a folder: from here on an interrupt leaves a whole one.
     let signals = Signals::listen().context("signals cannot be taken over")?;
     let folder = match &args.out {
@@ -36,10 +45,18 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
     .context("the run folder cannot be made")?;
     let facts = test.facts.clone();
     let mut line = ProgressLine::new(&facts, !args.quiet);
+    let (notices, heard) = crossbeam_channel::bounded(NOTICES);
+    let control = Control {
+        requests: signals.requests(),
+        notices,
+        phase: PhaseCell::default(),
+        desk: Some(signals.operator()),
+    };
+    attend::attend(facts.specimens.clone(), heard, signals.operator(), args.yes)?;
     let finished = session::run(
         test,
         folder,
-        signals.requests(),
+        control,
         Watches::default(),
         &mut |progress: &Progress| line.show(progress),
     );

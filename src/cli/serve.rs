@@ -12,6 +12,7 @@ use super::exit::{Exit, WithExit};
 use super::run::refused;
 use super::{ProtocolArg, ServeArgs, TransportArg, answer, serve_openfresco, serve_tls, tell};
 use crate::config;
+use crate::link::rig::LogSettings;
 use crate::link::secret::read_key;
 use crate::link::serve::{Heard, ServeError, ServeOptions, Server, USUAL_LISTEN};
 use crate::link::spec::{Carrier, Offer};
@@ -23,7 +24,7 @@ const USUAL_PERIOD_NS: u64 = 1_000_000;
 
 /// Hosts one specimen until SIGINT or SIGTERM.
 pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
-    let served = config::load_served(&args.file, args.specimen.as_deref()).map_err(refused)?;
+    let mut served = config::load_served(&args.file, args.specimen.as_deref()).map_err(refused)?;
     for warning in &served.warnings {
         tell(format_args!("warning: {warning}"));
     }
@@ -46,6 +47,29 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
         Some(TransportArg::Tls) => Carrier::Tls,
         None => served.serve.transport.unwrap_or_default(),
     };
+    if let Some(root) = &args.out {
+        served.file.serve.protocol = Some(protocol);
+        served.file.serve.transport = Some(carrier);
+        served.file.serve.listen = args.listen.clone().or(served.file.serve.listen);
+        if let (true, Some(specimen)) = (
+            served.file.title.trim().is_empty(),
+            served.file.specimen.first(),
+        ) {
+            served.file.title.clone_from(&specimen.name);
+        }
+        let record = served.file.record.clone().unwrap_or_default();
+        served.host = served.host.recorded(LogSettings {
+            root: root.clone(),
+            file: served.text.clone().into_bytes(),
+            resolved: toml::to_string(&served.file)
+                .context("the configuration cannot be written")?,
+            queue_s: record.queue_s,
+            required: record.required,
+        });
+        // A folder that cannot be had is known now, and not when a controller comes.
+        std::fs::create_dir_all(root)
+            .map_err(|error| WithExit(Exit::Usage, format!("{}: {error}", root.display())))?;
+    }
     if let Some((role, port)) = protocol.openfresco() {
         return serve_openfresco::serve(args, &served, role, port, carrier);
     }

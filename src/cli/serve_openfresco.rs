@@ -39,8 +39,9 @@ pub fn serve(
     } else {
         Nature::Simulated
     };
-    let specimen = served.host.specimen().map_err(anyhow::Error::msg)?;
-    let mut host = Host::new(specimen, nature, wishes.step_s);
+    let remembers = nature == Nature::Physical;
+    let station = served.host.station(remembers).map_err(anyhow::Error::msg)?;
+    let mut host = Host::of(station, nature, wishes.step_s);
     let bytes = match carrier {
         Carrier::Tcp | Carrier::Tls => Bytes::Stream,
         Carrier::Udp => Bytes::Datagrams,
@@ -76,6 +77,7 @@ pub fn serve(
     let requests = signals.requests();
     if let Some(timing) = &served.timing {
         let granted = rt::apply(&rt::RtPlan::new(timing, USUAL_PERIOD_NS));
+        host.keep_log_away_from(granted.cpu);
         let missing = missing(&granted);
         if granted.must_refuse() {
             let text = format!("real-time conditions are required: {}", missing.join("; "));

@@ -27,6 +27,7 @@ mod overrides;
 mod read;
 mod reader;
 mod resolve;
+mod safety;
 mod schema;
 mod serve;
 mod specimen;
@@ -50,10 +51,11 @@ pub use inputs::{INPUTS_FOLDER, Input, InputError, Inputs};
 pub use locator::Locator;
 pub use overrides::Override;
 pub use resolve::{ResolveError, resolve};
+pub use safety::{ExitChoice, SafetyTable, ZeroChoice};
 pub use schema::{
     ClockChoice, ExcitationTable, GravityTable, GroundTable, IntegratorTable, Method,
-    NodalFileTable, NodalForceTable, PrescribedTable, RecordTable, SafetyTable, Start,
-    StructureTable, TestFile, TimeTable, Weighting,
+    NodalFileTable, NodalForceTable, PrescribedTable, RecordTable, Start, StructureTable, TestFile,
+    TimeTable, Weighting,
 };
 pub use serve::{ServeFile, ServeTable, Served, load_served};
 pub use specimen::{AxisTable, DispUnit, ForceUnit, SimilitudeTable, SpecimenTable};

@@ -6,6 +6,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::safety::SafetyTable;
 use super::specimen::SpecimenTable;
 use super::value::{DofChoice, LambdaValue, RateValue};
 use super::variant;
@@ -349,16 +350,6 @@ pub struct PrescribedTable {
     /// Time in s over which the motion returns to zero before the end of the test.
     #[serde(default)]
     pub ease_out_s: f64,
-}
-
-/// Bounds that stop the test.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct SafetyTable {
-    /// Displacement of any DOF in m beyond which the test counts as diverged and stops. A value that is not finite
-    /// always stops it.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub divergence_m: Option<f64>,
 }
 
 /// What is recorded.

@@ -1,5 +1,7 @@
 //! The file of `gusset serve`: specimens and how they are offered. A test file works, too.
 
+mod gateway;
+
 use std::path::Path;
 
 use schemars::JsonSchema;
@@ -7,7 +9,8 @@ use serde::{Deserialize, Serialize};
 
 use super::build::links::{beside, wire_axes};
 use super::document::Node;
-use super::schema::{RecordTable, SafetyTable};
+use super::safety::SafetyTable;
+use super::schema::RecordTable;
 use super::{
     ConfigError, DispUnit, Finding, ForceUnit, KeyPath, SpecimenTable, check, judge, open,
     read_text,
@@ -34,13 +37,13 @@ pub struct ServeFile {
     /// How it is offered.
     #[serde(default)]
     pub serve: ServeTable,
-    /// Bounds. A specimen that is a formula has none; accepted, without effect.
+    /// Bounds of a test's response; a server knows no response. Accepted, without effect: see `limits` of a specimen.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub safety: Option<SafetyTable>,
     /// What is asked of the machine for the data thread. Default: nothing.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub timing: Option<TimingSpec>,
-    /// What is recorded. Nothing is recorded at this end so far; accepted, without effect.
+    /// How it is recorded, with `--out`: `queue_s` and `required`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub record: Option<RecordTable>,
 }
@@ -78,6 +81,10 @@ pub struct Served {
     pub key: Option<PreSharedKey>,
     /// What is asked of the machine.
     pub timing: Option<TimingSpec>,
+    /// The file as given, byte for byte.
+    pub text: String,
+    /// What of it is served.
+    pub file: ServeFile,
     /// What the user should know.
     pub warnings: Vec<String>,
 }
@@ -95,25 +102,28 @@ pub fn load_served(path: &Path, name: Option<&str>) -> Result<Served, ConfigErro
         let diagnostics = vec![locator.diagnose(finding)];
         ConfigError::Invalid(super::Diagnostics(diagnostics))
     };
-    let (tables, serve, timing, warnings) = if is_test(&opened.root) {
-        let loaded = super::parse(path, text, &[])?;
-        (loaded.file.specimen, ServeTable::default(), None, vec![])
+    let of_a_test = is_test(&opened.root);
+    let (mut file, warnings) = if of_a_test {
+        let test = super::parse(path, text.clone(), &[])?.file;
+        let file = ServeFile {
+            title: test.title,
+            specimen: test.specimen,
+            serve: ServeTable::default(),
+            safety: None,
+            timing: None,
+            record: None,
+        };
+        (file, vec![])
     } else {
         let (file, findings) = judge::<ServeFile>(&opened.root, check::check_served);
         match file {
             Some(file) if findings.is_empty() => {
                 let mut warnings = Vec::new();
-                for (key, given) in [
-                    ("safety", file.safety.is_some()),
-                    ("record", file.record.is_some()),
-                ] {
-                    if given {
-                        warnings.push(format!(
-                            "[{key}] has no effect on a specimen that is a formula"
-                        ));
-                    }
+                if file.safety.is_some() {
+                    let text = "[safety] bounds a test's response, which a server does not know; its bounds are `limits`";
+                    warnings.push(text.to_owned());
                 }
-                (file.specimen, file.serve, file.timing, warnings)
+                (file, warnings)
             }
             _ => {
                 let diagnostics = findings.into_iter().map(|f| locator.diagnose(f));
@@ -123,7 +133,8 @@ pub fn load_served(path: &Path, name: Option<&str>) -> Result<Served, ConfigErro
             }
         }
     };
-    if let Some(timing) = &timing
+    let serve = file.serve.clone();
+    if let Some(timing) = &file.timing
         && let Err(error) = timing.check()
     {
         let at = KeyPath::root().key("timing").key(error.key());
@@ -139,9 +150,10 @@ pub fn load_served(path: &Path, name: Option<&str>) -> Result<Served, ConfigErro
             return Err(refuse(finding));
         }
     }
-    let index = choose(&tables, name).map_err(|f| refuse(*f))?;
+    let index = choose(&file.specimen, name).map_err(|f| refuse(*f))?;
     let at = KeyPath::root().key("specimen").index(index);
-    let Some(table) = tables.into_iter().nth(index) else {
+    file.specimen = file.specimen.drain(..).skip(index).take(1).collect();
+    let Some(table) = file.specimen.first() else {
         return Err(refuse(Finding::error(at, "there is no such specimen")));
     };
     let key = match &serve.key_file {
@@ -151,13 +163,38 @@ pub fn load_served(path: &Path, name: Option<&str>) -> Result<Served, ConfigErro
             refuse(Finding::error(at, error.to_string()))
         })?),
     };
+    let host = match &table.link {
+        Some(link) => {
+            let step_s = serve.openfresco.step_s;
+            gateway::host(table, link, &at, path, step_s, of_a_test).map_err(|f| refuse(*f))?
+        }
+        None => host(table, &at).map_err(|f| refuse(*f))?,
+    };
+    let host = host.limited(table.limits_of(axes(table)));
+    // A key is never copied into a run folder, so it is named in a way that holds from anywhere.
+    let links = file.specimen.iter_mut().filter_map(|s| s.link.as_mut());
+    let keys = links.filter_map(|link| link.key_file.as_mut());
+    for named in keys.chain(&mut file.serve.key_file) {
+        *named = beside(path, named).display().to_string();
+    }
     Ok(Served {
-        host: host(table, &at).map_err(|f| refuse(*f))?,
+        host,
         serve,
         key,
-        timing,
+        timing: file.timing.clone(),
+        text,
+        file,
         warnings,
     })
+}
+
+/// Axes of a specimen that is served.
+fn axes(table: &SpecimenTable) -> usize {
+    match (&table.storey, &table.rows) {
+        (Some(_), _) => 1,
+        (_, Some(rows)) => rows.len(),
+        _ => table.axes_by_itself(),
+    }
 }
 
 fn is_test(root: &Node) -> bool {
@@ -190,16 +227,8 @@ fn choose(tables: &[SpecimenTable], name: Option<&str>) -> Result<usize, Box<Fin
     }
 }
 
-fn host(table: SpecimenTable, at: &KeyPath) -> Result<Host, Box<Finding>> {
-    if table.link.is_some() {
-        let text = "a specimen behind a link cannot be served on: a gateway is not built yet";
-        return Err(Box::new(Finding::error(at.key("link"), text)));
-    }
-    let axes = match (&table.storey, &table.rows) {
-        (Some(_), _) => 1,
-        (_, Some(rows)) => rows.len(),
-        _ => table.axes_by_itself(),
-    };
+fn host(table: &SpecimenTable, at: &KeyPath) -> Result<Host, Box<Finding>> {
+    let axes = axes(table);
     let units: Vec<(f64, f64)> = (0..axes)
         .map(|index| {
             let gear = table.axis.get(index).cloned().unwrap_or_default();
@@ -211,6 +240,18 @@ fn host(table: SpecimenTable, at: &KeyPath) -> Result<Host, Box<Finding>> {
         return Err(Box::new(Finding::error(at.clone(), text)));
     };
     let law = law.clone();
+    check_units(table, at)?;
+    let wire = wire_axes(table, axes);
+    let build = move || -> Result<Box<dyn Specimen>, String> {
+        let law = law.build(axes).map_err(|error| error.to_string())?;
+        Ok(Box::new(InUnits::new(law, &units)))
+    };
+    Host::new(table.name.clone(), wire, Box::new(build))
+        .map_err(|text| Box::new(Finding::error(at.key(key), text)))
+}
+
+/// Our own protocol has neither inches nor pounds, and what is served by one protocol today is by the other tomorrow.
+fn check_units(table: &SpecimenTable, at: &KeyPath) -> Result<(), Box<Finding>> {
     for (index, gear) in table.axis.iter().enumerate() {
         if gear.unit_disp == DispUnit::Inch || gear.unit_force == ForceUnit::PoundForce {
             let at = at.key("axis").index(index);
@@ -218,11 +259,5 @@ fn host(table: SpecimenTable, at: &KeyPath) -> Result<Host, Box<Finding>> {
             return Err(Box::new(Finding::error(at, text).label("m or mm, N or kN")));
         }
     }
-    let wire = wire_axes(&table, axes);
-    let build = move || -> Result<Box<dyn Specimen>, String> {
-        let law = law.build(axes).map_err(|error| error.to_string())?;
-        Ok(Box::new(InUnits::new(law, &units)))
-    };
-    Host::new(table.name.clone(), wire, Box::new(build))
-        .map_err(|text| Box::new(Finding::error(at.key(key), text)))
+    Ok(())
 }

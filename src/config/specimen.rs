@@ -3,8 +3,11 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::safety::ZeroChoice;
 use super::value::MatrixValue;
 use super::variant;
+use crate::control::AxisUnits;
+use crate::control::limits::LimitsSpec;
 use crate::link::LinkSpec;
 use crate::specimen::SpecimenLaw;
 
@@ -48,6 +51,9 @@ pub struct SpecimenTable {
     /// One table per axis: gear, offsets and units. Default for all axes: none, zero, SI.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub axis: Vec<AxisTable>,
+    /// Bounds of every axis that has none of its own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub limits: Option<LimitsSpec>,
     /// The same law on every axis, each with a memory of its own.
     #[serde(
         default,
@@ -75,6 +81,9 @@ pub struct SpecimenTable {
     )]
     #[schemars(schema_with = "coupled_schema")]
     pub coupled: Option<SpecimenLaw>,
+    /// Displacement of each axis in m, at the specimen's scale, at which it is left by "safe_displacement".
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub safe_disp_m: Option<Vec<f64>>,
     /// A specimen at the other end of a network.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub link: Option<LinkSpec>,
@@ -95,6 +104,30 @@ impl SpecimenTable {
             _ => 1,
         };
         said.max(self.axis.len()).max(1)
+    }
+
+    /// Bounds of each of `axes` axes.
+    #[must_use]
+    pub fn limits_of(&self, axes: usize) -> Vec<LimitsSpec> {
+        let all = self.limits.unwrap_or_default();
+        let own = |index: usize| self.axis.get(index).and_then(|axis| axis.limits);
+        let merged = |index| own(index).unwrap_or_default().over(&all);
+        (0..axes).map(merged).collect()
+    }
+
+    /// Units of each of `axes` axes.
+    #[must_use]
+    pub fn units_of(&self, axes: usize) -> Vec<AxisUnits> {
+        let units = |index: usize| {
+            let axis = self.axis.get(index).cloned().unwrap_or_default();
+            AxisUnits {
+                metres: axis.unit_disp.metres(),
+                newtons: axis.unit_force.newtons(),
+                disp: axis.unit_disp.symbol(),
+                force: axis.unit_force.symbol(),
+            }
+        };
+        (0..axes).map(units).collect()
     }
 
     /// The laws that stand for the specimen, by key; a checked file has exactly one, or a link.
@@ -152,6 +185,13 @@ pub struct AxisTable {
     pub unit_disp: DispUnit,
     /// Unit in which the axis tells its force.
     pub unit_force: ForceUnit,
+    /// Bounds of this axis; what is absent is as the specimen's `limits` say.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub limits: Option<LimitsSpec>,
+    /// "relative": the deformation is zero where the axis stands before the test, and `offset_m` is not needed.
+    pub zero_disp: ZeroChoice,
+    /// "relative": the force is zero as the load cell reads it before the test, and `offset_n` is not needed.
+    pub zero_force: ZeroChoice,
 }
 
 impl Default for AxisTable {
@@ -163,6 +203,9 @@ impl Default for AxisTable {
             offset_n: 0.0,
             unit_disp: DispUnit::Metre,
             unit_force: ForceUnit::Newton,
+            limits: None,
+            zero_disp: ZeroChoice::Absolute,
+            zero_force: ZeroChoice::Absolute,
         }
     }
 }
@@ -183,6 +226,16 @@ pub enum DispUnit {
 }
 
 impl DispUnit {
+    /// As people write it.
+    #[must_use]
+    pub const fn symbol(self) -> &'static str {
+        match self {
+            Self::Metre => "m",
+            Self::Millimetre => "mm",
+            Self::Inch => "in",
+        }
+    }
+
     /// Metres in one unit.
     #[must_use]
     pub const fn metres(self) -> f64 {
@@ -210,6 +263,16 @@ pub enum ForceUnit {
 }
 
 impl ForceUnit {
+    /// As people write it.
+    #[must_use]
+    pub const fn symbol(self) -> &'static str {
+        match self {
+            Self::Newton => "N",
+            Self::Kilonewton => "kN",
+            Self::PoundForce => "lbf",
+        }
+    }
+
     /// Newtons in one unit.
     #[must_use]
     pub const fn newtons(self) -> f64 {

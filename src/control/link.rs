@@ -1,6 +1,6 @@
 //! What a port keeps about its link: counts, the rules of waiting, and the comparison of estimates at connect.
 
-use super::Port;
+use super::{Direction, Opinion, Port, compare_stiffness};
 use crate::substructure::{Introduction, LinkFault, LinkStats, Unavailable};
 
 /// What went over one link.
@@ -38,9 +38,6 @@ pub struct WaitRules {
     pub stale_in_a_row: u64,
 }
 
-/// Relative difference of the two estimates of a stiffness beyond which the user is warned.
-const DIFFERENCE: f64 = 0.1;
-
 impl Port {
     /// Connects the substructure and compares its own estimate of its stiffness with k̂: more than 10 % apart is a
     /// warning, another sign is refused. Nothing moves.
@@ -50,6 +47,13 @@ impl Port {
     pub fn connect(&mut self) -> Result<Introduction, Unavailable> {
         let mut introduction = self.substructure.connect()?;
         let n = self.axes.len();
+        if matches!(self.direction, Direction::Unchecked) && !introduction.simulated {
+            introduction.warnings.push(format!(
+                "specimen \"{}\": NOTHING CHECKS WHICH WAY ROUND IT IS WIRED before the test moves it: give `probe_m` in \
+                 [specimen.link] for a small motion and back, or say `probe = \"none\"`",
+                self.name
+            ));
+        }
         if introduction.stiffness.len() != n * n {
             return Ok(introduction);
         }
@@ -57,25 +61,34 @@ impl Port {
             let reported = introduction.stiffness.get(j * n + j).copied();
             let theirs = reported.unwrap_or(0.0) * axis.force_gain * axis.disp_gain;
             let number = j + 1;
-            if theirs * ours < 0.0 {
-                return Err(Unavailable {
-                    fault: LinkFault::Refused,
-                    text: format!(
-                        "axis {number} reports a stiffness of {theirs:e} N/m where the test expects {ours:e} N/m: \
-                         a channel is reversed; look at the wiring and at `sign`"
-                    ),
-                });
-            }
-            let close = (theirs - ours).abs() <= DIFFERENCE * ours.abs();
-            if !close {
-                introduction.warnings.push(format!(
+            match compare_stiffness(theirs, *ours) {
+                Opinion::Agrees => {}
+                Opinion::Differs => introduction.warnings.push(format!(
                     "specimen \"{}\", axis {number}: it reports a stiffness of {theirs:e} N/m at the structure's \
                      scale, the test file says {ours:e} N/m",
                     self.name
-                ));
+                )),
+                Opinion::Reversed => {
+                    return Err(Unavailable {
+                        fault: LinkFault::Refused,
+                        text: format!(
+                            "axis {number} reports a stiffness of {theirs:e} N/m where the test expects {ours:e} \
+                             N/m: a channel is reversed; look at the wiring and at `sign`"
+                        ),
+                    });
+                }
             }
         }
         Ok(introduction)
+    }
+
+    /// Asks what [`Port::arm`] waits for, and does not wait.
+    ///
+    /// # Errors
+    /// The specimen is gone.
+    pub fn ask_to_arm(&mut self, sequence: u64) -> Result<(), LinkFault> {
+        self.substructure
+            .ask_to_arm(sequence + self.ahead, &self.command)
     }
 
     /// The last word before commands move the specimen: command `sequence` stands ready.
@@ -83,7 +96,7 @@ impl Port {
     /// # Errors
     /// The specimen is not ready, stands elsewhere, or is gone.
     pub fn arm(&mut self, sequence: u64) -> Result<(), LinkFault> {
-        self.substructure.arm(sequence, &self.command)
+        self.substructure.arm(sequence + self.ahead, &self.command)
     }
 
     /// Everything that was counted.

@@ -4,10 +4,25 @@
 //! that was sent, what was measured, and the force after offsets. All of them stand in the row, so nothing that
 //! a specimen was told is hidden. Pure bookkeeping: no clock, no input or output of its own.
 
+mod direction;
+mod guard;
+mod leaving;
 pub mod limits;
 mod link;
+mod opening;
+mod probe;
+mod stiffness;
+mod trend;
+mod units;
 
+pub use direction::Direction;
+pub use leaving::{Departure, Exit, Exits};
 pub use link::{LinkCount, OnStale, WaitRules};
+pub use opening::{Reading, Reference, Zero};
+pub use probe::{Channel, Found, Misfit, Pace, Probe};
+pub use stiffness::{Opinion, compare_stiffness};
+pub use trend::Trend;
+pub use units::AxisUnits;
 
 use thiserror::Error;
 
@@ -59,8 +74,10 @@ pub struct Axis {
     pub base: f64,
     /// Specimen displacement units per metre.
     pub disp_gain: f64,
-    /// Specimen displacement at d = 0, in the specimen's unit.
+    /// Command at d = 0, in the specimen's unit.
     pub disp_offset: f64,
+    /// What the displacement sensor reads there beyond the command: 0 unless it was found while zeroing.
+    pub measured_offset: f64,
     /// Specimen velocity units per m/s.
     pub vel_gain: f64,
     /// Newtons at the structure per unit of raw force.
@@ -78,6 +95,7 @@ impl Axis {
             base: 0.0,
             disp_gain: 1.0,
             disp_offset: 0.0,
+            measured_offset: 0.0,
             vel_gain: 1.0,
             force_gain: 1.0,
             force_offset: 0.0,
@@ -109,6 +127,8 @@ pub struct Port {
     /// What is sent, in the specimen's unit.
     pub command: Vec<f64>,
     command_vel: Vec<f64>,
+    /// What was sent last, in the specimen's unit.
+    pub sent: Vec<f64>,
     raw: Measurement,
     /// Where the substructure writes, so that an older measurement never replaces a newer one.
     incoming: Measurement,
@@ -122,7 +142,19 @@ pub struct Port {
     pub link: LinkCount,
     /// How long this specimen is waited for; none: as the test's limits say.
     pub wait: Option<WaitRules>,
+    /// How it is found out which way round the specimen is wired.
+    pub direction: Direction,
+    /// True if a recording stands for the substructure.
+    is_recorded: bool,
+    /// Exchanges that were none of the test's: by so much the numbers on the link are ahead of the test's.
+    ahead: u64,
     stiffness: Vec<f64>,
+    guard: guard::Guard,
+    opening: opening::Opening,
+    /// Zero velocities.
+    still: Vec<f64>,
+    /// How the specimen is left.
+    pub exits: Exits,
 }
 
 impl std::fmt::Debug for Port {
@@ -189,6 +221,8 @@ impl Port {
                 });
             }
         }
+        // Until the specimen says where it stands, it stands where the deformation is zero.
+        let stands = axes.iter().map(|axis| axis.disp_offset).collect();
         Ok(Self {
             name: name.into(),
             axes,
@@ -197,6 +231,7 @@ impl Port {
             target_vel: vec![0.0; n],
             command: vec![0.0; n],
             command_vel: vec![0.0; n],
+            sent: stands,
             raw: Measurement::zeros(n),
             incoming: Measurement::zeros(n),
             measured: vec![0.0; n],
@@ -204,8 +239,23 @@ impl Port {
             peak_force: vec![0.0; n],
             link: LinkCount::default(),
             wait: None,
+            direction: Direction::Known,
+            ahead: 0,
+            is_recorded: false,
             stiffness,
+            guard: guard::Guard::open(n),
+            opening: opening::Opening::absolute(n),
+            still: vec![0.0; n],
+            exits: Exits::default(),
         })
+    }
+
+    /// Puts a recording with as many axes in place of the substructure that was there: it knows the test's numbers only.
+    pub fn put_recording(&mut self, substructure: Box<dyn Substructure>) {
+        if substructure.axes() == self.axes.len() {
+            self.substructure = substructure;
+            self.is_recorded = true;
+        }
     }
 
     /// Number of axes.
@@ -272,23 +322,21 @@ impl Port {
         }
     }
 
-    /// True if every part of the next command is a finite number. Real-time: yes.
-    #[must_use]
-    pub fn command_is_finite(&self) -> bool {
-        self.command
-            .iter()
-            .chain(&self.command_vel)
-            .all(|value| value.is_finite())
-    }
-
-    /// Sends the command that stands ready. Real-time: yes.
+    /// Sends the command that stands ready, if it was judged. Real-time: yes.
     ///
     /// # Errors
-    /// The link is lost.
+    /// The link is lost, or the command was not judged ([`Port::clear`]).
     pub fn issue(&mut self, sequence: u64, time: f64, dt: f64) -> Result<(), LinkFault> {
+        if !self.guard.cleared {
+            return Err(LinkFault::Refused);
+        }
+        self.guard.sent(&self.command);
+        for (sent, command) in self.sent.iter_mut().zip(&self.command) {
+            *sent = *command;
+        }
         self.link.sent += 1;
         let command = Command {
-            sequence,
+            sequence: sequence + self.ahead,
             time,
             dt,
             disp: &self.command,
@@ -304,7 +352,9 @@ impl Port {
     /// The link is lost, or the force is not a finite number.
     pub fn collect(&mut self, deadline: Nanos) -> Result<Freshness, LinkFault> {
         copy(&self.raw, &mut self.incoming);
+        self.incoming.sequence += self.ahead;
         let mut freshness = self.substructure.collect(deadline, &mut self.incoming)?;
+        self.incoming.sequence = self.incoming.sequence.saturating_sub(self.ahead);
         if self.incoming.sequence < self.raw.sequence {
             freshness = Freshness::Stale;
         } else {
@@ -316,7 +366,7 @@ impl Port {
         }
         for ((axis, measured), raw) in self.axes.iter().zip(&mut self.measured).zip(&self.raw.disp)
         {
-            *measured = (raw - axis.disp_offset) / axis.disp_gain;
+            *measured = (raw - axis.measured_offset - axis.disp_offset) / axis.disp_gain;
         }
         let mut finite = true;
         for ((axis, force), raw) in self.axes.iter().zip(&mut self.force).zip(&self.raw.force) {
@@ -367,7 +417,7 @@ impl Port {
     /// # Errors
     /// The link is lost.
     pub fn accepted(&mut self, sequence: u64) -> Result<(), LinkFault> {
-        self.substructure.accepted(sequence)
+        self.substructure.accepted(sequence + self.ahead)
     }
 
     /// Last words.
@@ -413,6 +463,7 @@ mod tests {
             base: 0.0,
             disp_gain: -1000.0,
             disp_offset: 5.0,
+            measured_offset: 0.0,
             vel_gain: -1000.0,
             force_gain: -1000.0,
             force_offset: 2.0,
@@ -427,12 +478,26 @@ mod tests {
         .unwrap()
     }
 
+    /// Judges and sends.
+    fn send(port: &mut Port, sequence: u64) {
+        assert_eq!(port.clear().trip, None);
+        port.issue(sequence, 0.0, 0.0).unwrap();
+    }
+
+    #[test]
+    fn a_command_that_was_not_judged_does_not_leave() {
+        let mut port = reversed();
+        assert_eq!(port.issue(0, 0.0, 0.0), Err(LinkFault::Refused));
+        send(&mut port, 0);
+        assert_eq!(port.issue(1, 0.0, 0.0), Err(LinkFault::Refused));
+    }
+
     #[test]
     fn units_signs_and_offsets_come_out_as_a_spring_in_si() {
         let mut port = reversed();
         port.aim(&[0.001, 0.004], &[0.0, 0.0], 0.0, 0.0);
         assert!((port.command[0] - 2.0).abs() < 1e-12, "-1000 · 0.003 + 5");
-        port.issue(0, 0.0, 0.0).unwrap();
+        send(&mut port, 0);
         port.collect(Nanos(0)).unwrap();
         assert!((port.measured[0] - 0.003).abs() < 1e-15);
         assert!((port.force[0] - 8000.0 * 0.003).abs() < 1e-10);
@@ -461,9 +526,9 @@ mod tests {
     #[test]
     fn a_stale_force_moves_with_the_estimate() {
         let mut port = reversed();
-        port.issue(0, 0.0, 0.0).unwrap();
+        send(&mut port, 0);
         port.aim(&[0.0, 0.0], &[0.0, 0.0], 0.0, 0.0);
-        port.issue(1, 0.0, 0.0).unwrap();
+        send(&mut port, 1);
         port.collect(Nanos(0)).unwrap();
         port.aim(&[0.0, 0.002], &[0.0, 0.0], 0.0, 0.0);
         port.extrapolate();

@@ -6,19 +6,12 @@
 use std::ops::Range;
 
 use super::numerical::Side;
+use super::phase::Phase;
 use super::tick::Tick;
 use crate::control::Port;
 use crate::record::Column;
 use crate::rt::timing::TickStamps;
 use crate::time::Nanos;
-
-/// Values of the column `state`.
-pub mod state {
-    /// The static load is being brought on; test time stands still.
-    pub const SETTLING: f64 = 1.0;
-    /// The test runs.
-    pub const RUNNING: f64 = 3.0;
-}
 
 /// The row of the current tick and the place of each number in it.
 #[derive(Debug)]
@@ -35,7 +28,12 @@ pub struct Row {
 const BOOKKEEPING: [(&str, &str, &str); 4] = [
     ("step", "1", "step of the integration, from 0 at t = 0"),
     ("sub_tick", "1", "tick within the step, from 0"),
-    ("state", "1", "1 = static load is brought on, 3 = running"),
+    (
+        "state",
+        "1",
+        "phase: 1 settling under the static load, 2 trying which way round a specimen is wired, 3 running, 4 zeroing, \
+         5 ramping, 6 holding, 7 leaving, 8 tripped",
+    ),
     ("time", "s", "test time"),
 ];
 
@@ -134,7 +132,7 @@ impl Row {
     }
 
     /// What the next advance and the next aim will overwrite: x and everything of the ports. Real-time: yes.
-    pub fn exchange(&mut self, tick: &Tick, state: f64, side: &Side, ports: &[Port]) {
+    pub fn exchange(&mut self, tick: &Tick, phase: Phase, side: &Side, ports: &[Port]) {
         let ground = match side {
             Side::Structure(numerical) if numerical.excitation.has_base() => {
                 numerical.excitation.base(tick.index()).0
@@ -145,7 +143,7 @@ impl Row {
         let head = [
             tick.step as f64,
             tick.sub_tick as f64,
-            state,
+            phase.code(),
             tick.time,
             ground,
         ];
@@ -167,7 +165,7 @@ impl Row {
             let axes = port
                 .target
                 .iter()
-                .zip(&port.command)
+                .zip(&port.sent)
                 .zip(&port.measured)
                 .zip(&port.force)
                 .zip(port.raw().disp.iter().zip(&port.raw().force));
@@ -195,6 +193,15 @@ impl Row {
                 &numerical.reported_vel,
             );
             gather(&mut self.values, &self.accel, &self.dofs, &numerical.accel);
+        }
+    }
+
+    /// v and a of a tick whose equilibrium is not made. Real-time: yes.
+    pub fn no_outputs(&mut self) {
+        for range in [&self.vel, &self.accel] {
+            if let Some(slots) = self.values.get_mut(range.clone()) {
+                slots.fill(f64::NAN);
+            }
         }
     }
 

@@ -4,24 +4,30 @@
 //! memory is touched by the thread that uses it, on the processor that it is pinned to. The engine knows
 //! neither files nor threads nor what stands behind a port.
 
+mod after;
+mod before;
 mod columns;
+mod direction;
 mod numerical;
 mod peaks;
+mod phase;
 mod run;
 mod settle;
 mod step;
 mod tick;
 
-pub use columns::state;
+pub use before::Opening;
 pub use numerical::{Numerical, Side};
 pub use peaks::Peaks;
-pub use run::{Control, Operator, Watch};
+pub use phase::{Cause, Phase, PhaseCell};
+pub use run::{Control, Notice, Operator, Watch};
 pub use settle::Settling;
 pub use tick::Tick;
 
 use thiserror::Error;
 
-use crate::control::{LinkCount, Port};
+use crate::control::limits::Hit;
+use crate::control::{LinkCount, Misfit, Port};
 use crate::integrate::StepError;
 use crate::record::{Column, Recorder};
 use crate::rt::timing::{TickStamps, Timing};
@@ -93,6 +99,14 @@ pub enum Stop {
         /// Specimen, from 0.
         port: usize,
     },
+    /// A specimen is wired the wrong way round, or does not answer as it must. It is not armed for the test.
+    #[error("specimen {} is not armed: {misfit}", port + 1)]
+    Misfit {
+        /// Specimen, from 0.
+        port: usize,
+        /// What is wrong with it.
+        misfit: Misfit,
+    },
     /// A specimen says that a sensor or an actuator of its own is at the end of its range: its force is no measurement.
     #[error(
         "specimen {}: it reports a sensor or actuator at the end of its range, so its force cannot be trusted",
@@ -123,6 +137,14 @@ pub enum Stop {
     NotFinite {
         /// Specimen, from 0.
         port: usize,
+    },
+    /// A limit of a specimen tripped.
+    #[error("specimen {}, {hit}", port + 1)]
+    Limit {
+        /// Specimen, from 0.
+        port: usize,
+        /// Which limit.
+        hit: Hit,
     },
     /// A fault of our own, caught at the boundary of the loop's thread.
     #[error("internal error")]
@@ -161,6 +183,8 @@ pub struct Experiment {
     pub steps: u64,
     /// The numerical side.
     pub side: Side,
+    /// How the specimens come to where the test begins.
+    pub opening: Opening,
     /// Static load before t = 0.
     pub settling: Option<Settling>,
     /// One port per specimen.
@@ -177,8 +201,16 @@ pub struct Engine {
     period: Ratio,
     steps: u64,
     side: Side,
+    opening: Opening,
     settling: Option<Settling>,
     ports: Vec<Port>,
+    /// Ports that are not commanded any more.
+    lost: Vec<bool>,
+    phase: Phase,
+    /// Where the phase is left for others to see.
+    pub phase_cell: PhaseCell,
+    hold_wanted: bool,
+    confirmed: bool,
     limits: Limits,
     clock: Box<dyn Clock>,
     recorder: Box<dyn Recorder>,
@@ -258,6 +290,7 @@ impl Engine {
             period,
             steps,
             side,
+            opening,
             settling,
             ports,
             record_dofs,
@@ -280,6 +313,12 @@ impl Engine {
             settling,
             timing,
             stale: vec![0; ports.len()],
+            opening,
+            lost: vec![false; ports.len()],
+            phase: Phase::Connected,
+            phase_cell: PhaseCell::default(),
+            hold_wanted: false,
+            confirmed: false,
             ports,
             limits,
             clock,

@@ -2,6 +2,7 @@
 
 use crate::control::Port;
 use crate::integrate::{Loaded, State, StepError, Stepper};
+use crate::linalg::Aligned;
 use crate::model::{Acceleration, Base, Structure};
 use crate::motion::{Excitation, Prescribed};
 
@@ -26,15 +27,14 @@ pub struct Numerical {
     stepper: Stepper,
     /// x and v of the step that is about to be closed.
     pub state: State,
-    residual: Vec<f64>,
     /// r = F − R_d(v) − R_s(x) − Bᵀf of the step last closed.
-    pub inertia: Vec<f64>,
+    pub inertia: Aligned,
     /// M a of the step that an offline method has made ahead.
-    next_inertia: Vec<f64>,
+    next_inertia: Aligned,
     /// Velocity to report for the step last closed.
-    pub reported_vel: Vec<f64>,
+    pub reported_vel: Aligned,
     /// a = M⁻¹ r of the step last closed; NaN for a massless DOF.
-    pub accel: Vec<f64>,
+    pub accel: Aligned,
 }
 
 /// Points every port along its prescribed histories. Real-time: yes.
@@ -57,7 +57,7 @@ impl Numerical {
     /// Puts the parts together; the lengths are those of `structure`.
     #[must_use]
     pub fn new(
-        structure: Structure,
+        mut structure: Structure,
         acceleration: Acceleration,
         excitation: Excitation,
         stepper: impl Into<Stepper>,
@@ -67,6 +67,7 @@ impl Numerical {
         let stepper = stepper.into();
         if let Stepper::Explicit(integrator) = &stepper {
             integrator.prepare(&mut state);
+            structure.forget_tangents();
         }
         Self {
             structure,
@@ -74,11 +75,10 @@ impl Numerical {
             excitation,
             stepper,
             state,
-            residual: vec![0.0; n],
-            inertia: vec![0.0; n],
-            next_inertia: vec![0.0; n],
-            reported_vel: vec![0.0; n],
-            accel: vec![0.0; n],
+            inertia: Aligned::zeros(n),
+            next_inertia: Aligned::zeros(n),
+            reported_vel: Aligned::zeros(n),
+            accel: Aligned::zeros(n),
         }
     }
 
@@ -105,20 +105,19 @@ impl Numerical {
             return;
         }
         let base = self.base(step);
-        self.excitation.load_into(index(step), &mut self.residual);
+        self.excitation.load_into(index(step), &mut self.inertia);
         self.structure.subtract_internal(
             &self.state.disp,
             &self.state.vel,
             base,
             dt,
-            &mut self.residual,
+            &mut self.inertia,
         );
         for port in ports {
-            port.subtract_force(&mut self.residual);
+            port.subtract_force(&mut self.inertia);
         }
-        self.inertia.copy_from_slice(&self.residual);
         if let Stepper::Offline(method) = &mut self.stepper {
-            method.begin(&self.state, &self.residual);
+            method.begin(&self.state, &self.inertia);
             self.reported_vel.copy_from_slice(&self.state.vel);
         }
     }
@@ -131,7 +130,7 @@ impl Numerical {
     pub fn advance(&mut self, step: u64) -> Result<(), StepError> {
         match &mut self.stepper {
             Stepper::Explicit(integrator) => {
-                integrator.advance(&mut self.state, &mut self.residual, &mut self.reported_vel);
+                integrator.advance(&mut self.state, &self.inertia, &mut self.reported_vel);
                 Ok(())
             }
             Stepper::Offline(method) => {

@@ -1,5 +1,8 @@
 //! Peaks over all degrees of freedom, recorded or not.
 
+use crate::linalg::Lanes;
+use crate::linalg::lanes::{Isa, Kernel};
+
 /// Largest absolute displacement, velocity and acceleration of each DOF.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Peaks {
@@ -31,15 +34,12 @@ impl Peaks {
 
     /// Notes displacements; the first one beyond `bound`, or not a number, is returned. Real-time: yes.
     pub fn note_disp(&mut self, disp: &[f64], bound: f64) -> Option<(usize, f64)> {
-        let mut inside = true;
-        for (peak, value) in self.disp.iter_mut().zip(disp) {
-            let size = value.abs();
-            inside &= size <= bound;
-            if size > *peak {
-                *peak = size;
-            }
-        }
-        if inside {
+        let peaks = &mut self.disp;
+        if Lanes::best().run(Highest {
+            peaks,
+            values: disp,
+            bound,
+        }) {
             return None;
         }
         disp.iter().copied().enumerate().find(|(_, value)| {
@@ -51,17 +51,57 @@ impl Peaks {
     /// Notes velocities and accelerations. A DOF without mass has no acceleration: its peak becomes NaN.
     /// Real-time: yes.
     pub fn note_rates(&mut self, vel: &[f64], accel: &[f64]) {
-        for (peak, value) in self.vel.iter_mut().zip(vel) {
+        let lanes = Lanes::best();
+        lanes.run(Highest {
+            peaks: &mut self.vel,
+            values: vel,
+            bound: f64::INFINITY,
+        });
+        lanes.run(HighestOrNone {
+            peaks: &mut self.accel,
+            values: accel,
+        });
+    }
+}
+
+/// Raises peaks; true if all values are within the bound.
+struct Highest<'a> {
+    peaks: &'a mut [f64],
+    values: &'a [f64],
+    bound: f64,
+}
+
+impl Kernel for Highest<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn run<I: Isa>(self, _: I) -> bool {
+        let mut inside = 0u64;
+        for (peak, value) in self.peaks.iter_mut().zip(self.values) {
             let size = value.abs();
-            if size > *peak {
-                *peak = size;
-            }
+            // Counted, not branched on; NaN is not inside.
+            inside += u64::from(size <= self.bound);
+            *peak = if size > *peak { size } else { *peak };
         }
-        for (peak, value) in self.accel.iter_mut().zip(accel) {
+        inside == self.values.len() as u64
+    }
+}
+
+/// Raises peaks where there are values; one NaN makes a peak NaN for good.
+struct HighestOrNone<'a> {
+    peaks: &'a mut [f64],
+    values: &'a [f64],
+}
+
+impl Kernel for HighestOrNone<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<I: Isa>(self, _: I) {
+        for (peak, value) in self.peaks.iter_mut().zip(self.values) {
             let size = value.abs();
-            if size > *peak || size.is_nan() {
-                *peak = size;
-            }
+            // False only for a number that is not larger.
+            *peak = if size <= *peak { *peak } else { size };
         }
     }
 }

@@ -1,21 +1,42 @@
 //! The course of a test: settle, warm up, run to the last step, retire; and what happens when the loop is late.
 
-use crossbeam_channel::Receiver;
+use crossbeam_channel::{Receiver, Sender};
 
 use super::numerical::{Side, aim_along};
+use super::phase::{Cause, Phase, PhaseCell};
 use super::tick::Tick;
 use super::{Ending, Engine, OnMiss, Outcome, Stop};
 use crate::integrate::StepError;
 use crate::record::{Event, EventKind, MissCause};
 use crate::rt::timing::{Suspect, TickStamps};
 use crate::substructure::Retirement;
-use crate::time::{Nanos, Schedule};
+use crate::time::Nanos;
 
 /// What an operator can ask of a running test.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Operator {
     /// End in an orderly way.
     Stop,
+    /// Let test time stand still.
+    Hold,
+    /// Go on after a hold; confirm the offsets.
+    Continue,
+}
+
+/// What the loop tells whoever attends it, besides rows and events. Never waited on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Notice {
+    /// What was read of one axis while zeroing.
+    Zeroed {
+        /// Specimen, from 0.
+        port: usize,
+        /// Axis, from 0.
+        axis: usize,
+        /// In the axis' own units.
+        reading: crate::control::Reading,
+    },
+    /// The offsets are to be confirmed with [`Operator::Continue`].
+    AwaitingConfirmation,
 }
 
 /// The operator's line into the loop: polled once a tick, never waited on.
@@ -23,6 +44,22 @@ pub enum Operator {
 pub struct Control {
     /// Requests; bounded.
     pub requests: Receiver<Operator>,
+    /// Where notices go; bounded, and dropped when full.
+    pub notices: Sender<Notice>,
+    /// Where the phase is left.
+    pub phase: PhaseCell,
+    /// The other end of `requests`, if other programs may speak to the test through its run folder.
+    pub desk: Option<Sender<Operator>>,
+}
+
+impl From<Receiver<Operator>> for Control {
+    /// An operator who asks and is told nothing.
+    fn from(requests: Receiver<Operator>) -> Self {
+        Self {
+            requests,
+            ..Self::unattended()
+        }
+    }
 }
 
 impl Control {
@@ -31,6 +68,9 @@ impl Control {
     pub fn unattended() -> Self {
         Self {
             requests: crossbeam_channel::never(),
+            notices: crossbeam_channel::bounded(0).0,
+            phase: PhaseCell::default(),
+            desk: None,
         }
     }
 }
@@ -42,18 +82,10 @@ pub type Watch = Box<dyn FnMut() + Send>;
 /// Repetitions of the numerical path on scratch state before the first edge.
 const REHEARSALS: usize = 300;
 /// From the end of the set-up to the first edge, so that the first edge can be met.
-const LEAD_NS: u64 = 2_000_000;
+pub(super) const LEAD_NS: u64 = 2_000_000;
 
 /// Longest wait for an edge in which the operator is not listened to.
 const NAP_NS: u64 = 100_000_000;
-
-/// What the operator asks for, if anything. Real-time: yes.
-fn heard(control: &Control) -> Result<(), Stop> {
-    match control.requests.try_recv() {
-        Ok(Operator::Stop) => Err(Stop::Operator),
-        Err(_) => Ok(()),
-    }
-}
 
 impl Engine {
     /// Runs the test to its end, whatever the end is; every specimen is retired on return.
@@ -62,6 +94,7 @@ impl Engine {
             Ok(()) => Ending::Completed,
             Err(stop) => Ending::Stopped(stop),
         };
+        self.leave(&ending, control);
         self.conclude(ending)
     }
 
@@ -73,6 +106,12 @@ impl Engine {
             Ending::Stopped(_) => Retirement::Tripped,
         };
         self.retire(how);
+        let cause = match ending {
+            Ending::Completed => Cause::Done,
+            Ending::Stopped(Stop::Operator) => Cause::Operator,
+            Ending::Stopped(_) => Cause::Stopped,
+        };
+        self.enter(Phase::Safe, cause);
         if let Some(stamps) = self.unrecorded.take() {
             self.timing.tick(&stamps);
         }
@@ -100,14 +139,22 @@ impl Engine {
         if let Side::Structure(numerical) = &mut self.side {
             numerical.rehearse(REHEARSALS, &mut self.ports);
         }
-        for (index, port) in self.ports.iter_mut().enumerate() {
-            port.arm(self.sequence)
-                .map_err(|fault| Stop::Link { port: index, fault })?;
+        self.try_directions(control)?;
+        if self.opening.is_gentle() {
+            for port in &mut self.ports {
+                port.stand_still();
+            }
         }
-        self.schedule = Schedule::new(self.clock.now().plus(LEAD_NS), self.period);
-        self.first_edge = self.schedule.tick(0);
+        self.arm()?;
+        self.begin_grid();
+        self.zero(control)?;
+        self.aim_at_start();
         self.settle(control)?;
-        self.hold(control)?;
+        self.aim_at_start();
+        self.ramp(control)?;
+        self.aim_at_start();
+        self.warm_up(control)?;
+        self.enter(Phase::Running, Cause::Done);
         self.report_now(EventKind::Started);
         if let Some(watch) = &mut self.before_first_tick {
             watch();
@@ -120,6 +167,19 @@ impl Engine {
             watch();
         }
         result
+    }
+
+    /// Arms all specimens: all are asked before any is waited for, so that they get ready at the same time.
+    pub(super) fn arm(&mut self) -> Result<(), Stop> {
+        for (index, port) in self.ports.iter_mut().enumerate() {
+            port.ask_to_arm(self.sequence)
+                .map_err(|fault| Stop::Link { port: index, fault })?;
+        }
+        for (index, port) in self.ports.iter_mut().enumerate() {
+            port.arm(self.sequence)
+                .map_err(|fault| Stop::Link { port: index, fault })?;
+        }
+        Ok(())
     }
 
     /// Command 0 is B·x[0]: held, and measured, before anything moves.
@@ -135,26 +195,6 @@ impl Engine {
             }
             Side::Prescribed(histories) => aim_along(histories, 0, &mut self.ports),
         }
-    }
-
-    /// Warm-up ticks: the loop lives, the specimens hold the first command, nothing is counted as a miss.
-    fn hold(&mut self, control: &Control) -> Result<(), Stop> {
-        for _ in 0..self.limits.warmup_ticks {
-            let tick = Tick {
-                step: 0,
-                sub_tick: 0,
-                time: 0.0,
-                dt: 0.0,
-            };
-            let mut stamps = TickStamps::default();
-            self.wait_before_start(&mut stamps, control)?;
-            self.exchange(&tick, &mut stamps)?;
-            self.sequence += 1;
-            stamps.ready = stamps.decoded;
-            stamps.pushed = self.clock.now();
-            self.timing.tick(&stamps);
-        }
-        Ok(())
     }
 
     fn all_steps(&mut self, control: &Control) -> Result<(), Stop> {
@@ -173,6 +213,9 @@ impl Engine {
             };
             self.tick(&tick, &mut stamps)?;
             self.close_tick(&tick, stamps, stalled)?;
+            if self.hold_wanted && step < self.steps {
+                self.stand(&tick, control)?;
+            }
         }
         Ok(())
     }
@@ -188,14 +231,41 @@ impl Engine {
         // A slow test has far edges: the operator is heard on the way there.
         while stamps.release.since(self.clock.now()) > NAP_NS {
             self.clock.sleep_until(self.clock.now().plus(NAP_NS / 2));
-            heard(control)?;
+            self.hear(control)?;
         }
         self.clock.sleep_until(stamps.release);
         stamps.woke = self.clock.now();
         self.clock_now = stamps.woke;
         self.edge += 1;
         stamps.deadline = self.schedule.tick(self.edge);
-        heard(control)
+        self.hear(control)
+    }
+
+    /// What the operator asks for, if anything. Real-time: yes.
+    fn hear(&mut self, control: &Control) -> Result<(), Stop> {
+        match control.requests.try_recv() {
+            Ok(Operator::Stop) => return Err(Stop::Operator),
+            Ok(Operator::Hold) => self.hold_wanted = true,
+            Ok(Operator::Continue) => {
+                self.hold_wanted = false;
+                self.confirmed = true;
+            }
+            Err(_) => {}
+        }
+        Ok(())
+    }
+
+    /// The next phase of the test's life, for the log. Real-time: yes.
+    pub(super) fn enter(&mut self, phase: Phase, cause: Cause) {
+        let from = self.phase;
+        debug_assert!(from.may_become(phase), "{from:?} to {phase:?}");
+        self.phase = phase;
+        self.phase_cell.set(phase);
+        self.report_now(EventKind::Phase {
+            from: from.word(),
+            to: phase.word(),
+            cause: cause.word(),
+        });
     }
 
     /// The same before t = 0, where nothing is integrated: late ticks are not made up for, whatever the policy, so that no
@@ -309,7 +379,7 @@ impl Engine {
         }
     }
 
-    fn report_now(&mut self, kind: EventKind) {
+    pub(super) fn report_now(&mut self, kind: EventKind) {
         self.clock_now = self.clock.now();
         let step = self.steps_done;
         let tick = Tick {
@@ -332,6 +402,13 @@ impl Engine {
             }
             Ending::Stopped(Stop::Interlock { port }) => {
                 self.report_now(EventKind::Interlock { port: *port as u32 });
+            }
+            Ending::Stopped(Stop::Misfit { port, misfit }) => {
+                self.report_now(EventKind::Misfit {
+                    port: *port as u32,
+                    axis: misfit.axis() as u32,
+                    what: misfit.name(),
+                });
             }
             Ending::Stopped(Stop::Saturated { port }) => {
                 self.report_now(EventKind::Saturated { port: *port as u32 });

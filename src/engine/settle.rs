@@ -6,8 +6,8 @@
 //! Nothing moves meanwhile: the initial displacement, which counts from the position under the static load, and the
 //! initial velocities of structure and base come after it.
 
-use super::columns::state;
 use super::numerical::Side;
+use super::phase::{Cause, Phase};
 use super::run::Control;
 use super::tick::Tick;
 use super::{Engine, Stop};
@@ -52,6 +52,11 @@ impl Engine {
         for port in &mut self.ports {
             port.aim(&state.disp, &state.vel, base.disp, 0.0);
         }
+        self.clear_commands()?;
+        self.ramp(control)?;
+        self.enter(Phase::Settling, Cause::Done);
+        self.listen_at_rest(control)?;
+        self.clear_commands()?;
         let mut exchanges = 0;
         for part in 1..=settling.parts {
             let share = f64::from(part) / f64::from(settling.parts);
@@ -80,6 +85,7 @@ impl Engine {
                 *disp += settled;
             }
         }
+        self.report_unshown();
         self.aim_at_start();
         // Exchanges before t = 0 are no ticks of the test.
         self.timing.reset();
@@ -93,17 +99,13 @@ impl Engine {
         share: f64,
         control: &Control,
     ) -> Result<f64, Stop> {
-        let tick = Tick {
-            step: 0,
-            sub_tick: 0,
-            time: 0.0,
-            dt: self.dt,
-        };
+        let tick = Tick::before_start(self.dt);
         let mut stamps = TickStamps::default();
         self.wait_before_start(&mut stamps, control)?;
         self.exchange(&tick, &mut stamps)?;
+        self.listen()?;
         self.row
-            .exchange(&tick, state::SETTLING, &self.side, &self.ports);
+            .exchange(&tick, Phase::Settling, &self.side, &self.ports);
         let Side::Structure(numerical) = &mut self.side else {
             return Ok(0.0);
         };
@@ -142,9 +144,7 @@ impl Engine {
         if !self.recorder.row(self.row.values()) {
             self.rows_lost += 1;
         }
-        if let Some(port) = self.ports.iter().position(|port| !port.command_is_finite()) {
-            return Err(Stop::NotFinite { port });
-        }
+        self.clear_commands()?;
         Ok(if largest > 0.0 {
             correction / largest
         } else {

@@ -4,23 +4,27 @@
 //! is never skipped. Everything here is on the real-time path: no allocation, no lock, no system call but the
 //! clock's and the links', no panic.
 
-use super::columns::state;
 use super::numerical::{Side, aim_along};
+use super::phase::Phase;
 use super::tick::Tick;
 use super::{Engine, Stop};
-use crate::control::OnStale;
+use crate::control::limits::{Found, Level};
+use crate::control::{OnStale, Port};
 use crate::record::EventKind;
 use crate::rt::timing::TickStamps;
-use crate::substructure::{Coupling, Freshness, Status};
+use crate::substructure::{Coupling, Freshness, LinkFault, Status};
 use crate::time::Nanos;
 
 impl Engine {
     /// One tick of the running test. On return command k + 1 stands ready and row k is handed over.
     /// Real-time: yes.
     pub(super) fn tick(&mut self, tick: &Tick, stamps: &mut TickStamps) -> Result<(), Stop> {
-        self.exchange(tick, stamps)?;
+        if let Err(stop) = self.exchange(tick, stamps) {
+            self.record_trip(tick, stamps, &stop);
+            return Err(stop);
+        }
         self.row
-            .exchange(tick, state::RUNNING, &self.side, &self.ports);
+            .exchange(tick, Phase::Running, &self.side, &self.ports);
         let advanced = self.advance_to_next(tick);
         stamps.ready = self.clock.now();
 
@@ -36,15 +40,59 @@ impl Engine {
         advanced
     }
 
+    /// What was measured in the tick that ends the test is kept, although no step follows from it.
+    fn record_trip(&mut self, tick: &Tick, stamps: &TickStamps, stop: &Stop) {
+        if matches!(
+            stop,
+            Stop::Limit { .. } | Stop::Interlock { .. } | Stop::Stale { .. }
+        ) {
+            self.row
+                .exchange(tick, Phase::Tripped, &self.side, &self.ports);
+            self.row.no_outputs();
+            self.row
+                .timing(stamps, self.first_edge, self.schedule.stretched());
+            if !self.recorder.row(self.row.values()) {
+                self.rows_lost += 1;
+            }
+        }
+    }
+
     /// Issue to all before collecting from any, so that several links cost one round trip.
     pub(super) fn exchange(&mut self, tick: &Tick, stamps: &mut TickStamps) -> Result<(), Stop> {
-        for (index, port) in self.ports.iter_mut().enumerate() {
-            port.issue(self.sequence, tick.time, tick.dt)
-                .map_err(|fault| Stop::Link { port: index, fault })?;
+        let sequence = self.sequence;
+        self.exchange_by(tick, stamps, |port| {
+            port.issue(sequence, tick.time, tick.dt)
+        })
+    }
+
+    /// The same with the last commands, at rest: nothing moves. Real-time: yes.
+    pub(super) fn exchange_again(
+        &mut self,
+        tick: &Tick,
+        stamps: &mut TickStamps,
+    ) -> Result<(), Stop> {
+        let sequence = self.sequence;
+        self.exchange_by(tick, stamps, |port| port.repeat(sequence, tick.time))
+    }
+
+    fn exchange_by(
+        &mut self,
+        tick: &Tick,
+        stamps: &mut TickStamps,
+        issue: impl Fn(&mut Port) -> Result<(), LinkFault>,
+    ) -> Result<(), Stop> {
+        let ports = self.ports.iter_mut().zip(&self.lost).enumerate();
+        for (index, (port, lost)) in ports {
+            if !lost {
+                issue(port).map_err(|fault| Stop::Link { port: index, fault })?;
+            }
         }
         stamps.sent = self.clock.now();
         stamps.decoded = stamps.sent;
         for index in 0..self.ports.len() {
+            if self.lost.get(index).copied().unwrap_or(true) {
+                continue;
+            }
             let deadline = self.reply_deadline(index, stamps.sent);
             let Some(port) = self.ports.get_mut(index) else {
                 break;
@@ -63,8 +111,56 @@ impl Engine {
                 return Err(Stop::Saturated { port: index });
             }
             self.judge_age(index, freshness, tick)?;
+            if freshness == Freshness::Fresh
+                && let Some(port) = self.ports.get_mut(index)
+            {
+                let found = port.judge();
+                self.act_on(index, found, tick)?;
+            }
         }
         Ok(())
+    }
+
+    /// Judges the commands that stand ready. Only after it may they leave. Real-time: yes.
+    pub(super) fn clear_commands(&mut self) -> Result<(), Stop> {
+        let step = self.steps_done;
+        for index in 0..self.ports.len() {
+            let Some(port) = self.ports.get_mut(index) else {
+                break;
+            };
+            let found = port.clear();
+            let tick = Tick {
+                step,
+                sub_tick: 0,
+                time: step as f64 * self.dt,
+                dt: 0.0,
+            };
+            self.act_on(index, found, &tick)?;
+        }
+        Ok(())
+    }
+
+    /// A warning is told, a trip ends the test. Real-time: yes.
+    fn act_on(&mut self, index: usize, found: Found, tick: &Tick) -> Result<(), Stop> {
+        for hit in found.warning.iter().chain(&found.trip) {
+            let kind = EventKind::Limit {
+                port: index as u32,
+                axis: hit.axis as u32,
+                quantity: hit.quantity.key(),
+                trip: hit.level == Level::Trip,
+                value: hit.value,
+                bound: hit.bound,
+            };
+            self.report(tick, kind);
+        }
+        let Some(hit) = found.trip else {
+            return Ok(());
+        };
+        Err(if hit.value.is_finite() {
+            Stop::Limit { port: index, hit }
+        } else {
+            Stop::NotFinite { port: index }
+        })
     }
 
     /// A lockstep partner is waited for, a sampled one has until its share of the tick is over.
@@ -150,9 +246,12 @@ impl Engine {
 
     /// The step is accepted: specimens commit. The command that stands ready has not left yet.
     pub(super) fn accept(&mut self) -> Result<(), Stop> {
-        for (index, port) in self.ports.iter_mut().enumerate() {
-            port.accepted(self.sequence)
-                .map_err(|fault| Stop::Link { port: index, fault })?;
+        let ports = self.ports.iter_mut().zip(&self.lost).enumerate();
+        for (index, (port, lost)) in ports {
+            if !lost {
+                port.accepted(self.sequence)
+                    .map_err(|fault| Stop::Link { port: index, fault })?;
+            }
         }
         self.sequence += 1;
         Ok(())
@@ -182,9 +281,6 @@ impl Engine {
                 return Err(Stop::Diverged { dof, value });
             }
         }
-        match self.ports.iter().position(|port| !port.command_is_finite()) {
-            Some(port) => Err(Stop::NotFinite { port }),
-            None => Ok(()),
-        }
+        self.clear_commands()
     }
 }

@@ -14,6 +14,17 @@ pub struct Tick {
 }
 
 impl Tick {
+    /// A tick before t = 0, with `dt` of test time since the last.
+    #[must_use]
+    pub const fn before_start(dt: f64) -> Self {
+        Self {
+            step: 0,
+            sub_tick: 0,
+            time: 0.0,
+            dt,
+        }
+    }
+
     /// The step as an index into series on the step grid.
     #[must_use]
     pub fn index(&self) -> usize {

@@ -16,7 +16,8 @@
 use thiserror::Error;
 
 use super::{Integrator, Lambda, LambdaError, Start, State};
-use crate::linalg::{NotPositiveDefinite, Spd, Storage, SymMatrix};
+use crate::linalg::lanes::{Isa, Kernel};
+use crate::linalg::{Lanes, NotPositiveDefinite, Spd, Storage, SymMatrix};
 
 /// Why there is no integrator.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
@@ -54,6 +55,7 @@ pub struct Gui {
     lambda: Lambda,
     start: Start,
     effective_mass: Spd,
+    lanes: Lanes,
 }
 
 impl Gui {
@@ -86,6 +88,7 @@ impl Gui {
             lambda,
             start,
             effective_mass: Spd::factor(&matrix).map_err(GuiError::EffectiveMass)?,
+            lanes: Lanes::best(),
         })
     }
 
@@ -93,6 +96,12 @@ impl Gui {
     #[must_use]
     pub fn lambda(&self) -> Lambda {
         self.lambda
+    }
+
+    /// Chooses the instructions of block arithmetic, for comparisons; see [`Spd::set_lanes`].
+    pub fn set_lanes(&mut self, lanes: Lanes) {
+        self.lanes = lanes;
+        self.effective_mass.set_lanes(lanes);
     }
 
     /// How M_eff is stored.
@@ -122,8 +131,7 @@ impl Integrator for Gui {
         self.dt
     }
 
-    /// Leaves `residual` as it was.
-    fn advance(&mut self, state: &mut State, residual: &mut [f64], reported_vel: &mut [f64]) {
+    fn advance(&mut self, state: &mut State, residual: &[f64], reported_vel: &mut [f64]) {
         let State {
             disp,
             vel,
@@ -133,8 +141,6 @@ impl Integrator for Gui {
         } = state;
         debug_assert_eq!(residual.len(), self.effective_mass.n());
         debug_assert_eq!((disp.len(), vel.len()), (residual.len(), residual.len()));
-        weighted_accel.copy_from_slice(residual);
-        self.effective_mass.solve_in_place(weighted_accel);
         let dt = self.dt;
         // Velocity reported for n: v[n] + lead · w[n]; velocity gained on the way to n + 1: gain · w[n].
         let (lead, gain) = match (self.start, *begun) {
@@ -142,15 +148,60 @@ impl Integrator for Gui {
             (Start::SecondOrder, false) => (0.0, dt / 2.0),
             (Start::SecondOrder, true) => (dt / 2.0, dt),
         };
-        let rows = disp
-            .iter_mut()
-            .zip(vel.iter_mut())
-            .zip(weighted_accel.iter());
-        for (((x, v), w), reported) in rows.zip(reported_vel) {
-            *reported = *v + lead * w;
-            *v += gain * w;
-            *x += dt * *v;
-        }
+        let lanes = self.lanes;
+        // Rows are moved while the solve still has them at hand.
+        self.effective_mass
+            .solve_into(residual, weighted_accel, |rows, weighted_accel| {
+                if let (Some(disp), Some(vel), Some(reported)) = (
+                    disp.get_mut(rows.clone()),
+                    vel.get_mut(rows.clone()),
+                    reported_vel.get_mut(rows),
+                ) {
+                    lanes.run(Move {
+                        disp,
+                        vel,
+                        reported,
+                        weighted_accel,
+                        dt,
+                        lead,
+                        gain,
+                    });
+                }
+            });
         *begun = true;
+    }
+}
+
+/// |w| in m/s² that counts as rest: far below what any sum with the motion of a structure could show, and far
+/// enough above the least normal number that no product with it in the next step becomes subnormal.
+const STILL: f64 = 1e-200;
+
+/// x and v of some rows, one step on.
+struct Move<'a> {
+    disp: &'a mut [f64],
+    vel: &'a mut [f64],
+    reported: &'a mut [f64],
+    weighted_accel: &'a [f64],
+    dt: f64,
+    lead: f64,
+    gain: f64,
+}
+
+impl Kernel for Move<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<I: Isa>(self, _: I) {
+        let Move { dt, lead, gain, .. } = self;
+        let rows = self.disp.iter_mut().zip(self.vel).zip(self.reported);
+        for (((x, v), reported), w) in rows.zip(self.weighted_accel) {
+            let old = *v;
+            // Ahead of a wave numbers fall without end; below the normal ones each operation takes a hundred cycles.
+            let w = if w.abs() < STILL { 0.0 } else { *w };
+            let new = old + gain * w;
+            *reported = old + lead * w;
+            *v = new;
+            *x += dt * new;
+        }
     }
 }

@@ -194,8 +194,7 @@ impl Integrator for KrAlpha {
         state.memory.resize(self.0.mass.n(), 0.0);
     }
 
-    /// Leaves `residual` as it was.
-    fn advance(&mut self, state: &mut State, residual: &mut [f64], reported_vel: &mut [f64]) {
+    fn advance(&mut self, state: &mut State, residual: &[f64], reported_vel: &mut [f64]) {
         let State {
             disp,
             vel,

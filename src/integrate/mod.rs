@@ -32,6 +32,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use crate::linalg::Aligned;
+
 pub use central_difference::CentralDifference;
 pub use chang_2002::Chang2002;
 pub use equilibrium::NewtonSettings;
@@ -48,11 +50,11 @@ pub use stability::{
 #[derive(Debug, Clone, PartialEq)]
 pub struct State {
     /// x\[n\] in m.
-    pub disp: Vec<f64>,
+    pub disp: Aligned,
     /// v\[n\] in m/s as the method carries it: after the first step the backward difference of `disp`.
-    pub vel: Vec<f64>,
+    pub vel: Aligned,
     /// w\[n − 1\] = M_eff⁻¹ r\[n − 1\] of the last step taken, in m/s²; zeros before the first.
-    pub weighted_accel: Vec<f64>,
+    pub weighted_accel: Aligned,
     /// True once a step has been taken; a state that is handed to another method is not started anew.
     pub begun: bool,
     /// What a method with more memory than this keeps between steps; empty for one without.
@@ -65,9 +67,9 @@ impl State {
     pub fn new(disp: Vec<f64>, vel: Vec<f64>) -> Self {
         debug_assert_eq!(disp.len(), vel.len());
         Self {
-            weighted_accel: vec![0.0; disp.len()],
-            disp,
-            vel,
+            weighted_accel: Aligned::zeros(disp.len()),
+            disp: disp.into(),
+            vel: vel.into(),
             begun: false,
             memory: Vec::new(),
         }
@@ -90,10 +92,10 @@ pub trait Integrator: Send + fmt::Debug {
         let _ = state;
     }
 
-    /// One solve. `residual` is r\[n\] in N and may be overwritten. On return `state` is at n + 1 and `reported_vel`
+    /// One solve. `residual` is r\[n\] in N. On return `state` is at n + 1 and `reported_vel`
     /// holds the velocity to report for step **n**. All slices have one entry per degree of freedom.
     /// Real-time: yes.
-    fn advance(&mut self, state: &mut State, residual: &mut [f64], reported_vel: &mut [f64]);
+    fn advance(&mut self, state: &mut State, residual: &[f64], reported_vel: &mut [f64]);
 }
 
 /// How the first step is taken (Gui et al. 2014, eqs. (2), (3), against a start of second order).

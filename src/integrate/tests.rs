@@ -32,13 +32,13 @@ fn run(
     mut residual: impl FnMut(usize, &State, &mut [f64]),
 ) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
     let n = state.disp.len();
-    let (mut disps, mut vels) = (vec![state.disp.clone()], Vec::new());
+    let (mut disps, mut vels) = (vec![state.disp.to_vec()], Vec::new());
     let (mut r, mut reported) = (vec![0.0; n], vec![0.0; n]);
     for step in 0..steps {
         r.fill(0.0);
         residual(step, &state, &mut r);
-        gui.advance(&mut state, &mut r, &mut reported);
-        disps.push(state.disp.clone());
+        gui.advance(&mut state, &r, &mut reported);
+        disps.push(state.disp.to_vec());
         vels.push(reported.clone());
     }
     (disps, vels)
@@ -137,8 +137,8 @@ fn roots(m: f64, c: f64, k: f64, dt: f64, lambda: f64) -> (f64, f64) {
     let mut gui = sdof(m, c, k, dt, lambda, Start::Published);
     let mut column = |x: f64, v: f64| {
         let mut state = State::new(vec![x], vec![v]);
-        let mut r = [-k * x - c * v];
-        gui.advance(&mut state, &mut r, &mut [0.0]);
+        let r = [-k * x - c * v];
+        gui.advance(&mut state, &r, &mut [0.0]);
         (state.disp[0], state.vel[0])
     };
     let (xx, vx) = column(1.0, 0.0);
@@ -364,7 +364,7 @@ fn a_state_that_has_begun_is_not_started_anew() {
     for step in 0..50 {
         let gui = if step < 20 { &mut warmed } else { &mut other };
         r[0] = -0.3 * state.vel[0] - 40.0 * state.disp[0];
-        gui.advance(&mut state, &mut r, &mut reported);
+        gui.advance(&mut state, &r, &mut reported);
         // Products of subtract_product round as c·v and k·x one after the other, as here.
         assert!((state.disp[0] - straight[step + 1][0]).abs() < 1e-14);
     }
@@ -470,13 +470,13 @@ fn the_discrete_energy_balance_closes_to_roundoff() {
         let (mut r, mut reported) = ([0.0; 3], [0.0; 3]);
         let mut before = state.disp.clone();
         system.residual(0.0, &state.disp, &state.vel, &mut r);
-        gui.advance(&mut state, &mut r, &mut reported);
+        gui.advance(&mut state, &r, &mut reported);
         let kinetic_start = m_eff.quadratic(&state.vel) / 2.0;
         let (mut work, mut exchanged) = (0.0, 0.0f64);
         for i in 1..1000 {
             let now = state.disp.clone();
             system.residual(i as f64 * dt, &state.disp, &state.vel, &mut r);
-            gui.advance(&mut state, &mut r, &mut reported);
+            gui.advance(&mut state, &r, &mut reported);
             for j in 0..3 {
                 let part = 0.5 * (state.disp[j] - before[j]) * r[j];
                 work += part;
@@ -933,7 +933,7 @@ fn advancing_allocates_nothing_and_repeats_to_the_bit() {
         let (mut r, mut reported) = ([0.0; 3], [0.0; 3]);
         for i in 0..500 {
             system.residual(f64::from(i) * 0.01, &state.disp, &state.vel, &mut r);
-            gui.advance(state, &mut r, &mut reported);
+            gui.advance(state, &r, &mut reported);
         }
     };
     let (mut gui, mut state) = (make(), State::at_rest(3));
@@ -1004,7 +1004,7 @@ fn spectral_radius(proof: &StabilityProof, lambda: f64) -> f64 {
         let (mut r, mut reported) = (vec![0.0; n], vec![0.0; n]);
         proof.stiffness_bound.subtract_product(&state.disp, &mut r);
         proof.damping_bound.subtract_product(&state.vel, &mut r);
-        gui.advance(&mut state, &mut r, &mut reported);
+        gui.advance(&mut state, &r, &mut reported);
         for i in 0..n {
             step[(i, j)] = state.disp[i];
             step[(n + i, j)] = state.vel[i] * proof.dt;

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::domain::{declared, non_negative, positive, reference, require};
-use super::{Law, LawError, Reach, Tangent};
+use super::{Law, LawError, Memoryless, Reach, Tangent};
 
 /// Biviscous damper: f = c₀ v for |v| ≤ v_y, sgn(v) (c₀ v_y + c_y (|v| − v_y)) beyond (Gui et al. 2014, example 4.3).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -76,6 +76,14 @@ impl Law for Biviscous {
 
     fn bound(&self, _reach: Reach) -> (Option<f64>, Option<f64>) {
         (Some(0.0), Some(self.damping.max(self.post_yield)))
+    }
+
+    fn memoryless(&self) -> Option<Memoryless> {
+        Some(Memoryless::Biviscous {
+            damping: self.damping,
+            post_yield: self.post_yield,
+            yield_vel: self.yield_vel,
+        })
     }
 }
 

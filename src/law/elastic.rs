@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::domain::{declared, finite, non_negative, positive, reference};
-use super::{Law, LawError, Reach, Tangent};
+use super::{Law, LawError, Memoryless, Reach, Tangent};
 
 /// Spring and dashpot side by side: f = k d + c v.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -76,6 +76,13 @@ impl Law for Linear {
     fn bound(&self, _reach: Reach) -> (Option<f64>, Option<f64>) {
         (Some(self.stiffness), Some(self.damping))
     }
+
+    fn memoryless(&self) -> Option<Memoryless> {
+        Some(Memoryless::Linear {
+            stiffness: self.stiffness,
+            damping: self.damping,
+        })
+    }
 }
 
 /// Spring whose tangent changes with the square root of the displacement, equation (42) of Gui et al. 2014:
@@ -141,6 +148,13 @@ impl Law for SquareRoot {
             Some(self.stiffness)
         };
         (stiffness, Some(0.0))
+    }
+
+    fn memoryless(&self) -> Option<Memoryless> {
+        Some(Memoryless::SquareRoot {
+            stiffness: self.stiffness,
+            hardening: self.hardening,
+        })
     }
 }
 
@@ -212,6 +226,13 @@ impl Law for Cubic {
             Some(self.stiffness)
         };
         (stiffness, Some(0.0))
+    }
+
+    fn memoryless(&self) -> Option<Memoryless> {
+        Some(Memoryless::Cubic {
+            stiffness: self.stiffness,
+            cubic: self.cubic,
+        })
     }
 }
 

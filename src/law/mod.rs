@@ -14,6 +14,7 @@ mod contact;
 mod damper;
 mod domain;
 mod elastic;
+pub(crate) mod memoryless;
 mod parallel;
 mod plastic;
 mod spec;
@@ -29,6 +30,7 @@ pub use damper::{
     Biviscous, BiviscousSpec, PowerDamper, PowerDamperSpec, SmoothFriction, SmoothFrictionSpec,
 };
 pub use elastic::{Cubic, CubicSpec, Linear, LinearSpec, SquareRoot, SquareRootSpec, ViscousSpec};
+pub use memoryless::Memoryless;
 pub use parallel::Parallel;
 pub use plastic::{Bilinear, BilinearSpec, CoulombSpec, ElasticPlasticSpec};
 pub use spec::LawSpec;
@@ -168,6 +170,12 @@ pub trait Law: Send + std::fmt::Debug {
     /// a declared reach and has none; +∞ where no reach makes it finite, so that no proof exists (a power damper
     /// with an exponent below 1 and no linear part).
     fn bound(&self, reach: Reach) -> (Option<f64>, Option<f64>);
+
+    /// The law as plain numbers, if its force follows from the moment alone and takes no transcendental function:
+    /// equal ones can then be evaluated side by side. `None` by default.
+    fn memoryless(&self) -> Option<Memoryless> {
+        None
+    }
 
     /// Appends the committed state to `out`: as many numbers as [`Law::thaw`] takes. Stateless: nothing.
     fn freeze(&self, out: &mut Vec<f64>) {

@@ -69,6 +69,10 @@ impl Banded {
         })
     }
 
+    pub(super) fn bytes(&self) -> usize {
+        size_of_val(&self.lower[..]) + size_of_val(&self.inverse_pivots[..])
+    }
+
     /// x ← A⁻¹ x. Real-time: yes.
     pub(super) fn solve_in_place(&mut self, x: &mut [f64]) {
         let (head, body) = self.work.split_at_mut(self.width);

@@ -22,6 +22,10 @@ impl Dense {
         Ok(Self { cholesky })
     }
 
+    pub(super) fn bytes(&self) -> usize {
+        size_of_val(self.cholesky.l_dirty().as_slice())
+    }
+
     /// x ← A⁻¹ x. Real-time: yes.
     pub(super) fn solve_in_place(&self, x: &mut [f64]) {
         let n = x.len();

@@ -3,7 +3,12 @@
 //! Entries that are exactly zero are not stored. Products recognise diagonal and tridiagonal matrices and run
 //! over plain arrays then.
 
+use std::ops::Range;
+
 use nalgebra::DMatrix;
+
+use super::Lanes;
+use super::lanes::{Isa, Kernel};
 
 /// A symmetric n × n matrix in compact rows.
 #[derive(Debug, Clone, PartialEq)]
@@ -25,6 +30,8 @@ enum Shape {
     Tridiagonal {
         diagonal: Vec<f64>,
         beside: Vec<f64>,
+        /// Diagonal and beside of all rows but the first and the last, if they are alike.
+        inner: Option<(f64, f64)>,
     },
     General,
 }
@@ -101,10 +108,15 @@ impl SymMatrix {
         matrix.shape = match matrix.half_bandwidth() {
             _ if matrix.values.is_empty() => Shape::Zero,
             0 => Shape::Diagonal((0..n).map(|i| matrix.get(i, i)).collect()),
-            1 => Shape::Tridiagonal {
-                diagonal: (0..n).map(|i| matrix.get(i, i)).collect(),
-                beside: (1..n).map(|i| matrix.get(i - 1, i)).collect(),
-            },
+            1 => {
+                let (diagonal, beside) = matrix.chain();
+                let inner = even(&diagonal, &beside);
+                Shape::Tridiagonal {
+                    diagonal,
+                    beside,
+                    inner,
+                }
+            }
             _ => Shape::General,
         };
         matrix
@@ -206,6 +218,19 @@ impl SymMatrix {
         Self::from_triplets(kept.len(), inside)
     }
 
+    /// Diagonal (n entries) and the entries beside it (n − 1); anything further off is left out.
+    pub(super) fn chain(&self) -> (Vec<f64>, Vec<f64>) {
+        if let Shape::Tridiagonal {
+            diagonal, beside, ..
+        } = &self.shape
+        {
+            return (diagonal.clone(), beside.clone());
+        }
+        let diagonal = (0..self.n).map(|i| self.get(i, i)).collect();
+        let beside = (1..self.n).map(|i| self.get(i - 1, i)).collect();
+        (diagonal, beside)
+    }
+
     /// Dense copy.
     #[must_use]
     pub fn to_dense(&self) -> DMatrix<f64> {
@@ -248,19 +273,62 @@ impl SymMatrix {
 
     /// out ← out − A x; both slices have n entries. Real-time: yes.
     pub fn subtract_product(&self, x: &[f64], out: &mut [f64]) {
+        self.subtract_rows(0..self.n, x, out, Lanes::Portable);
+    }
+
+    /// The same for some rows only; the slices are whole. The bits do not depend on the lanes. Real-time: yes.
+    pub fn subtract_rows(&self, rows: Range<usize>, x: &[f64], out: &mut [f64], lanes: Lanes) {
         debug_assert_eq!((x.len(), out.len()), (self.n, self.n));
         match &self.shape {
             Shape::Zero => {}
             Shape::Diagonal(diagonal) => {
-                for ((out, d), x) in out.iter_mut().zip(diagonal).zip(x) {
-                    *out -= d * x;
+                if let (Some(diagonal), Some(x), Some(out)) = (
+                    diagonal.get(rows.clone()),
+                    x.get(rows.clone()),
+                    out.get_mut(rows),
+                ) {
+                    lanes.run(Diagonal { diagonal, x, out });
                 }
             }
-            Shape::Tridiagonal { diagonal, beside } => {
-                subtract_tridiagonal(diagonal, beside, x, out);
+            Shape::Tridiagonal {
+                diagonal,
+                beside,
+                inner,
+            } => {
+                let (first, last) = (rows.start == 0, rows.end == self.n);
+                let middle = rows.start.max(1)..rows.end.min(self.n - 1);
+                if !middle.is_empty()
+                    && let Some(x) = x.get(middle.start - 1..middle.end + 1)
+                    && let Some(out) = out.get_mut(middle.clone())
+                {
+                    match *inner {
+                        Some((d, e)) => lanes.run(EvenChain { d, e, x, out }),
+                        None => lanes.run(Chain {
+                            diagonal: &diagonal[middle.clone()],
+                            beside: &beside[middle.start - 1..middle.end],
+                            x,
+                            out,
+                        }),
+                    }
+                }
+                // n ≥ 2 here: half bandwidth 1.
+                if first
+                    && let ([r, ..], [d, ..], [e, ..], [x0, x1, ..]) =
+                        (&mut *out, &diagonal[..], &beside[..], x)
+                {
+                    *r -= d * x0 + e * x1;
+                }
+                if last
+                    && let ([.., r], [.., d], [.., e], [.., x0, x1]) =
+                        (out, &diagonal[..], &beside[..], x)
+                {
+                    *r -= e * x0 + d * x1;
+                }
             }
             Shape::General => {
-                for (out, range) in out.iter_mut().zip(self.row_start.windows(2)) {
+                let starts = self.row_start.windows(2);
+                let rows = out.iter_mut().zip(starts).take(rows.end).skip(rows.start);
+                for (out, range) in rows {
                     let range = range[0]..range[1];
                     let mut sum = 0.0;
                     for (&column, &value) in
@@ -284,17 +352,69 @@ impl SymMatrix {
     }
 }
 
-/// The product over plain arrays: no index to follow, so the compiler can use vector lanes. Real-time: yes.
-fn subtract_tridiagonal(diagonal: &[f64], beside: &[f64], x: &[f64], out: &mut [f64]) {
-    let inner = out.iter_mut().zip(diagonal).skip(1);
-    for (((out, d), x), e) in inner.zip(x.windows(3)).zip(beside.windows(2)) {
-        *out -= e[0] * x[0] + d * x[1] + e[1] * x[2];
+/// What all inner rows of a chain have, if they have the same.
+fn even(diagonal: &[f64], beside: &[f64]) -> Option<(f64, f64)> {
+    let inner = diagonal.get(1..diagonal.len().checked_sub(1)?)?;
+    let (d, e) = (*inner.first()?, *beside.first()?);
+    (inner.iter().all(|other| *other == d) && beside.iter().all(|other| *other == e))
+        .then_some((d, e))
+}
+
+struct Diagonal<'a> {
+    diagonal: &'a [f64],
+    x: &'a [f64],
+    out: &'a mut [f64],
+}
+
+impl Kernel for Diagonal<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<I: Isa>(self, _: I) {
+        for ((out, d), x) in self.out.iter_mut().zip(self.diagonal).zip(self.x) {
+            *out -= d * x;
+        }
     }
-    // n ≥ 2 here: half bandwidth 1.
-    if let ([first, ..], [d, ..], [e, ..], [x0, x1, ..]) = (&mut *out, diagonal, beside, x) {
-        *first -= d * x0 + e * x1;
+}
+
+/// Inner rows of a tridiagonal matrix over plain arrays: no index to follow, so the compiler can use vector lanes.
+struct Chain<'a> {
+    diagonal: &'a [f64],
+    /// One more than rows.
+    beside: &'a [f64],
+    /// Two more than rows.
+    x: &'a [f64],
+    out: &'a mut [f64],
+}
+
+impl Kernel for Chain<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<I: Isa>(self, _: I) {
+        let rows = self.out.iter_mut().zip(self.diagonal);
+        for (((out, d), x), e) in rows.zip(self.x.windows(3)).zip(self.beside.windows(2)) {
+            *out -= e[0] * x[0] + d * x[1] + e[1] * x[2];
+        }
     }
-    if let ([.., last], [.., d], [.., e], [.., x0, x1]) = (out, diagonal, beside, x) {
-        *last -= e * x0 + d * x1;
+}
+
+/// The same where all inner rows are alike: no coefficients to fetch.
+struct EvenChain<'a> {
+    d: f64,
+    e: f64,
+    x: &'a [f64],
+    out: &'a mut [f64],
+}
+
+impl Kernel for EvenChain<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<I: Isa>(self, _: I) {
+        let (d, e) = (self.d, self.e);
+        for (out, x) in self.out.iter_mut().zip(self.x.windows(3)) {
+            *out -= e * x[0] + d * x[1] + e * x[2];
+        }
     }
 }

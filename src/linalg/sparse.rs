@@ -147,6 +147,13 @@ impl Sparse {
         })
     }
 
+    pub(super) fn bytes(&self) -> usize {
+        size_of_val(&self.rows[..])
+            + size_of_val(&self.lower[..])
+            + size_of_val(&self.inverse_pivots[..])
+            + size_of_val(&self.column_start[..])
+    }
+
     /// x ← A⁻¹ x. Real-time: yes. Row numbers lie below n by construction.
     pub(super) fn solve_in_place(&mut self, x: &mut [f64]) {
         let work = &mut self.work[..];

@@ -36,9 +36,10 @@ fn scrambled(matrix: &SymMatrix, a: usize) -> SymMatrix {
     SymMatrix::from_triplets(n, matrix.entries().map(|(i, j, v)| (to(i), to(j), v)))
 }
 
-const ALL: [Storage; 5] = [
+const ALL: [Storage; 6] = [
     Storage::Diagonal,
     Storage::Tridiagonal,
+    Storage::Partitioned,
     Storage::Banded,
     Storage::Dense,
     Storage::Sparse,
@@ -63,7 +64,8 @@ fn backward_error(matrix: &SymMatrix, x: &[f64], b: &[f64]) -> f64 {
 fn each_shape_gets_the_storage_made_for_it() {
     let storage = |m: &SymMatrix| Spd::factor(m).unwrap().storage();
     assert_eq!(storage(&SymMatrix::diagonal(&[1.0; 50])), Storage::Diagonal);
-    assert_eq!(storage(&chain(5000, 0.0)), Storage::Tridiagonal);
+    assert_eq!(storage(&chain(5000, 0.0)), Storage::Partitioned);
+    assert_eq!(storage(&chain(50, 0.0)), Storage::Tridiagonal);
     // A chain numbered at random is narrow again after reordering.
     assert_eq!(storage(&scrambled(&chain(500, 0.1), 7)), Storage::Banded);
     let full = SymMatrix::from_triplets(

@@ -57,6 +57,11 @@ impl Tridiagonal {
         })
     }
 
+    pub(super) fn bytes(&self) -> usize {
+        let of = |half: &Half| size_of_val(&half.multiplier[..]) + size_of_val(&half.inverse[..]);
+        of(&self.top) + of(&self.bottom)
+    }
+
     /// x ← A⁻¹ x. Real-time: yes.
     pub(super) fn solve_in_place(&self, x: &mut [f64]) {
         let Some((top, rest)) = x.split_at_mut_checked(self.top.inverse.len()) else {

@@ -8,6 +8,7 @@
 mod inbox;
 pub mod native;
 pub mod openfresco;
+pub mod rig;
 pub mod secret;
 pub mod serve;
 pub mod socket;

@@ -53,6 +53,17 @@ pub struct LinkSpec {
     /// For `transport = "tls"`: who we are and whom we trust. Default: the files that OpenFresco's programs look for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tls: Option<TlsSpec>,
+    /// Before each test every axis of the specimen goes so far in its positive direction and back, in m at the specimen,
+    /// and is not armed if it turns out to be wired the wrong way round. It must stay in the elastic range. Default: no
+    /// motion; a static load shows the direction, too, and without either the user is warned.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub probe_m: Option<f64>,
+    /// Time that this motion takes each way, in s.
+    #[serde(default = "half")]
+    pub probe_ramp_s: f64,
+    /// "none": the direction is not checked, and nobody is warned of that.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub probe: Option<ProbeChoice>,
     /// For `protocol = "openfresco…"` only: what its set-up cannot find out by itself. Such a link is always lockstep.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub openfresco: Option<OpenFrescoSpec>,
@@ -74,6 +85,14 @@ pub enum Protocol {
     /// OpenSees' `adapter`, `actuator` and `corotActuator`.
     #[serde(rename = "openfresco-adapter")]
     OpenFrescoAdapter,
+}
+
+/// Whether the direction of a specimen is checked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ProbeChoice {
+    /// It is not.
+    None,
 }
 
 /// What a server speaks.
@@ -172,6 +191,10 @@ pub enum StaleChoice {
 
 const fn five() -> f64 {
     5.0
+}
+
+const fn half() -> f64 {
+    0.5
 }
 
 const fn sixty() -> f64 {

@@ -16,7 +16,7 @@ enum Operator {
     Diagonal(Vec<f64>),
     Full {
         massive: Vec<usize>,
-        factor: Spd,
+        factor: Box<Spd>,
         work: Vec<f64>,
     },
 }
@@ -43,7 +43,7 @@ impl Acceleration {
             Operator::Full {
                 work: vec![0.0; massive.len()],
                 massive,
-                factor,
+                factor: Box::new(factor),
             }
         };
         Ok(Self { operator })

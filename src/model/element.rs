@@ -1,5 +1,6 @@
 //! An [`Element`] inside a structure: what the loop walks over, kept small, apart from what only reports need.
 
+use super::elements::Seen;
 use super::{Element, End, ModelError};
 use crate::law::{Law, Reach, Tangent};
 
@@ -17,7 +18,13 @@ pub(super) struct Facts {
     pub(super) name: String,
     pub(super) from: End,
     pub(super) to: End,
-    reach: Reach,
+    pub(super) declared: Declared,
+}
+
+/// What the user says of an element beyond its law.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Declared {
+    pub(super) reach: Reach,
     hardening_ratio: Option<f64>,
     damping_ratio: Option<f64>,
 }
@@ -117,29 +124,31 @@ pub(super) fn split(element: Element, n: usize) -> Result<(Connection, Facts), M
         name,
         from,
         to,
-        reach,
-        hardening_ratio,
-        damping_ratio,
+        declared: Declared {
+            reach,
+            hardening_ratio,
+            damping_ratio,
+        },
     };
     Ok((hot, cold))
 }
 
 /// Upper bounds of both tangents of one element.
-pub(super) fn bound(facts: &Facts, law: &dyn Law) -> Result<Tangent, ModelError> {
-    let reference = law.reference();
-    let (stiffness, damping) = law.bound(facts.reach);
+pub(super) fn bound(element: &Seen<'_>) -> Result<Tangent, ModelError> {
+    let (reference, own) = (element.law.reference(), element.declared);
+    let (stiffness, damping) = element.law.bound(own.reach);
     let declared = |ratio: Option<f64>, reference: f64| ratio.map(|ratio| ratio * reference);
     let missing = |tangent, key, ratio| ModelError::NoBound {
-        element: facts.name.clone(),
+        element: element.name.clone().into_owned(),
         tangent,
         key,
         ratio,
     };
     Ok(Tangent {
-        stiffness: declared(facts.hardening_ratio, reference.stiffness)
+        stiffness: declared(own.hardening_ratio, reference.stiffness)
             .or(stiffness)
             .ok_or_else(|| missing("stiffness", "reach_disp_m", "hardening_ratio"))?,
-        damping: declared(facts.damping_ratio, reference.damping)
+        damping: declared(own.damping_ratio, reference.damping)
             .or(damping)
             .ok_or_else(|| missing("damping", "reach_vel_m_per_s", "damping_ratio"))?,
     })

@@ -10,9 +10,11 @@ mod accel;
 mod build;
 mod damping;
 mod element;
+mod elements;
 mod error;
 mod npy;
 mod parse;
+mod run;
 mod spec;
 mod structure;
 

@@ -1,9 +1,12 @@
 //! [`Structure`]: the matrices, the elements, and the internal force of one instant.
 
-use super::element::{Connection, Facts, at, bound, row, split, stamp};
+use std::borrow::Cow;
+
+use super::element::{bound, row, stamp};
+use super::elements::{Elements, Seen};
 use super::{Acceleration, Base, Element, ModelError, Part};
-use crate::law::{Law, Tangent};
-use crate::linalg::{MatrixError, SymMatrix};
+use crate::law::Tangent;
+use crate::linalg::{Lanes, MatrixError, SymMatrix};
 
 /// The numerical substructure.
 #[derive(Debug)]
@@ -14,9 +17,8 @@ pub struct Structure {
     influence: Vec<f64>,
     /// Rows of K ι and C ι that are not zero: (degree of freedom, N/m, N s/m).
     tied_to_base: Vec<(usize, f64, f64)>,
-    /// What the loop walks over, in the order of `facts`.
-    connections: Vec<Connection>,
-    facts: Vec<Facts>,
+    elements: Elements,
+    lanes: Lanes,
     linear_parts: Vec<Part>,
 }
 
@@ -30,7 +32,7 @@ impl Structure {
         damping: SymMatrix,
         stiffness: SymMatrix,
         influence: Vec<f64>,
-        elements: Vec<Element>,
+        elements: impl IntoIterator<Item = Element>,
     ) -> Result<Self, ModelError> {
         let n = mass.n();
         if n == 0 {
@@ -64,20 +66,14 @@ impl Structure {
         }
         Acceleration::new(&mass).map_err(ModelError::Mass)?;
         let tied_to_base = tied_to_base(&stiffness, &damping, &influence);
-        let (mut connections, mut facts) = (Vec::new(), Vec::new());
-        for element in elements {
-            let (hot, cold) = split(element, n)?;
-            connections.push(hot);
-            facts.push(cold);
-        }
         Ok(Self {
             mass,
             damping,
             stiffness,
             influence,
             tied_to_base,
-            connections,
-            facts,
+            elements: Elements::new(elements, n)?,
+            lanes: Lanes::best(),
             linear_parts: Vec::new(),
         })
     }
@@ -120,8 +116,21 @@ impl Structure {
     }
 
     /// Names of the elements.
-    pub fn element_names(&self) -> impl ExactSizeIterator<Item = &str> {
-        self.facts.iter().map(|facts| facts.name.as_str())
+    pub fn element_names(&self) -> impl Iterator<Item = Cow<'_, str>> {
+        self.elements.iter().map(|element| element.name)
+    }
+
+    /// Nobody will ask for the tangents of this structure: equal laws that are evaluated side by side then need not
+    /// remember where they were, and those tangents are the ones at rest from now on.
+    pub fn forget_tangents(&mut self) {
+        self.elements.forget_tangents();
+    }
+
+    /// Chooses the instructions of block arithmetic, for comparisons: the fastest are chosen anyway, and the bits are
+    /// the same with all of them.
+    pub fn set_lanes(&mut self, lanes: Lanes) {
+        self.lanes = lanes;
+        self.elements.set_lanes(lanes);
     }
 
     /// −M ι: the load per unit ground acceleration in relative coordinates, in kg.
@@ -135,44 +144,35 @@ impl Structure {
     /// K0 of the numerical side: K and the reference stiffness of the elements.
     #[must_use]
     pub fn reference_stiffness(&self) -> SymMatrix {
-        self.assemble(&self.stiffness, |law| law.reference().stiffness)
+        self.assemble(&self.stiffness, |element| element.law.reference().stiffness)
     }
 
     /// C0 of the numerical side: C and the reference damping of the elements.
     #[must_use]
     pub fn reference_damping(&self) -> SymMatrix {
-        self.assemble(&self.damping, |law| law.reference().damping)
+        self.assemble(&self.damping, |element| element.law.reference().damping)
     }
 
     /// Tangent stiffness at the last internal force.
     #[must_use]
     pub fn tangent_stiffness(&self) -> SymMatrix {
-        self.assemble(&self.stiffness, |law| law.tangent().stiffness)
+        self.assemble(&self.stiffness, |element| element.tangent().stiffness)
     }
 
     /// Tangent damping at the last internal force.
     #[must_use]
     pub fn tangent_damping(&self) -> SymMatrix {
-        self.assemble(&self.damping, |law| law.tangent().damping)
+        self.assemble(&self.damping, |element| element.tangent().damping)
     }
 
     /// Tangent stiffness of the undeformed structure: what damping by ratios refers to. Takes a trial of every law
     /// at zero and forgets it.
     #[must_use]
     pub fn stiffness_at_rest(&mut self) -> SymMatrix {
-        let at_rest: Vec<Tangent> = self
-            .connections
-            .iter_mut()
-            .map(|connection| {
-                connection.law.trial(0.0, 0.0, 0.0);
-                let tangent = connection.law.tangent();
-                connection.law.revert();
-                tangent
-            })
-            .collect();
-        let ends = self.facts.iter().zip(&at_rest);
+        let at_rest = self.elements.at_rest();
+        let ends = self.elements.iter().zip(&at_rest);
         let entries =
-            ends.flat_map(|(facts, tangent)| stamp(&row(facts.from, facts.to), tangent.stiffness));
+            ends.flat_map(|(element, at)| stamp(&row(element.from, element.to), at.stiffness));
         self.stiffness
             .plus(1.0, &SymMatrix::from_triplets(self.dofs(), entries))
     }
@@ -194,7 +194,10 @@ impl Structure {
     /// [`ModelError::NoBound`] for an element whose bound needs a declared reach that is missing.
     pub fn bound_stiffness(&self) -> Result<SymMatrix, ModelError> {
         let bounds = self.bounds()?;
-        Ok(self.stamped(&self.stiffness, bounds.iter().map(|bound| bound.stiffness)))
+        let mut bounds = bounds.iter();
+        Ok(self.assemble(&self.stiffness, |_| {
+            bounds.next().map_or(0.0, |bound| bound.stiffness)
+        }))
     }
 
     /// C_max: upper bound of the tangent damping.
@@ -203,7 +206,10 @@ impl Structure {
     /// [`ModelError::NoBound`] for an element whose bound needs a declared reach that is missing.
     pub fn bound_damping(&self) -> Result<SymMatrix, ModelError> {
         let bounds = self.bounds()?;
-        Ok(self.stamped(&self.damping, bounds.iter().map(|bound| bound.damping)))
+        let mut bounds = bounds.iter();
+        Ok(self.assemble(&self.damping, |_| {
+            bounds.next().map_or(0.0, |bound| bound.damping)
+        }))
     }
 
     /// The named parts of K_max and C_max: storeys or springs, then elements.
@@ -212,14 +218,14 @@ impl Structure {
     /// As [`Structure::bound_stiffness`].
     pub fn parts(&self) -> Result<Vec<Part>, ModelError> {
         let mut parts = self.linear_parts.clone();
-        let elements = self.facts.iter().zip(&self.connections);
-        for ((facts, connection), bound) in elements.zip(self.bounds()?) {
+        for element in self.elements.iter() {
+            let bound = bound(&element)?;
             parts.push(Part {
-                name: facts.name.clone(),
-                row: row(facts.from, facts.to),
+                row: row(element.from, element.to),
                 stiffness_bound: bound.stiffness,
-                damping: connection.law.reference().damping,
+                damping: element.law.reference().damping,
                 damping_bound: bound.damping,
+                name: element.name.into_owned(),
             });
         }
         Ok(parts)
@@ -255,19 +261,15 @@ impl Structure {
 
     /// The last trial of every element becomes its committed state.
     pub fn commit(&mut self) {
-        for connection in &mut self.connections {
-            connection.law.commit();
-        }
+        self.elements.commit();
     }
 
     /// Forgets the last trial of every element.
     pub fn revert(&mut self) {
-        for connection in &mut self.connections {
-            connection.law.revert();
-        }
+        self.elements.revert();
     }
 
-    /// Real-time: yes.
+    /// Some rows at a time while they are near, then what does not act row by row. Real-time: yes.
     fn walk<const COMMIT: bool>(
         &mut self,
         disp: &[f64],
@@ -276,68 +278,61 @@ impl Structure {
         dt: f64,
         residual: &mut [f64],
     ) {
-        self.stiffness.subtract_product(disp, residual);
-        self.damping.subtract_product(vel, residual);
-        if base != Base::default() {
-            for &(dof, stiffness, damping) in &self.tied_to_base {
-                if let Some(r) = residual.get_mut(dof) {
+        let n = residual.len();
+        let mut tied = self.tied_to_base.iter().peekable();
+        let at_rest = base == Base::default();
+        for first in (0..n).step_by(NEAR) {
+            let rows = first..(first + NEAR).min(n);
+            let lanes = self.lanes;
+            self.stiffness
+                .subtract_rows(rows.clone(), disp, residual, lanes);
+            self.damping
+                .subtract_rows(rows.clone(), vel, residual, lanes);
+            while let Some((dof, stiffness, damping)) = tied.next_if(|tied| tied.0 < rows.end) {
+                if let Some(r) = residual.get_mut(*dof)
+                    && !at_rest
+                {
                     *r += stiffness * base.disp + damping * base.vel;
                 }
             }
+            self.elements.subtract_rows(rows, disp, vel, base, residual);
         }
-        for Connection { law, from, to } in &mut self.connections {
-            let deformation = at(*to, disp, base.disp) - at(*from, disp, base.disp);
-            let rate = at(*to, vel, base.vel) - at(*from, vel, base.vel);
-            let force = law.trial(deformation, rate, dt);
-            if COMMIT {
-                law.commit();
-            }
-            if let Some(r) = residual.get_mut(*to as usize) {
-                *r -= force;
-            }
-            if let Some(r) = residual.get_mut(*from as usize) {
-                *r += force;
-            }
-        }
+        self.elements
+            .subtract_rest::<COMMIT>(disp, vel, base, dt, residual);
     }
 
     /// Appends the committed state of every element to `out`.
     pub fn freeze(&self, out: &mut Vec<f64>) {
-        for connection in &self.connections {
-            connection.law.freeze(out);
-        }
+        self.elements.freeze(out);
     }
 
     /// Takes the committed states from the front of `from` and returns the rest.
-    pub fn thaw<'a>(&mut self, mut from: &'a [f64]) -> &'a [f64] {
-        for connection in &mut self.connections {
-            from = connection.law.thaw(from);
-        }
-        from
+    pub fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
+        self.elements.thaw(from)
     }
 
     fn bounds(&self) -> Result<Vec<Tangent>, ModelError> {
-        let elements = self.facts.iter().zip(&self.connections);
-        elements
-            .map(|(facts, connection)| bound(facts, connection.law.as_ref()))
+        self.elements
+            .iter()
+            .map(|element| bound(&element))
             .collect()
     }
 
-    fn assemble(&self, linear: &SymMatrix, value: impl Fn(&dyn Law) -> f64) -> SymMatrix {
-        let values = self.connections.iter().map(|c| value(c.law.as_ref()));
-        self.stamped(linear, values)
-    }
-
     /// `linear` plus one value per element.
-    fn stamped(&self, linear: &SymMatrix, values: impl Iterator<Item = f64>) -> SymMatrix {
-        if self.facts.is_empty() {
+    fn assemble(&self, linear: &SymMatrix, mut value: impl FnMut(&Seen<'_>) -> f64) -> SymMatrix {
+        if self.elements.is_empty() {
             return linear.clone();
         }
-        let ends = self.facts.iter().zip(values);
-        let entries = ends.flat_map(|(facts, value)| stamp(&row(facts.from, facts.to), value));
+        let entries = self.elements.iter().flat_map(|element| {
+            let value = value(&element);
+            stamp(&row(element.from, element.to), value)
+        });
         linear.plus(1.0, &SymMatrix::from_triplets(self.dofs(), entries))
     }
 }
+
+/// Rows that are made at a time: their vectors stay in the nearest cache.
+const NEAR: usize = 1024;
 
 fn check_matrix(what: &'static str, matrix: &SymMatrix, n: usize) -> Result<(), ModelError> {
     if matrix.n() != n {

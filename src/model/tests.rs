@@ -1,6 +1,7 @@
 //! Structures against hand-written matrices, rigid-body invariance and modal identities; descriptions against messages.
 
 mod parse;
+mod runs;
 
 use proptest::prelude::*;
 
@@ -381,7 +382,7 @@ fn accelerations_are_missing_where_there_is_no_mass() {
 #[test]
 fn the_internal_force_allocates_nothing() {
     let n = 200;
-    let elements = (0..n)
+    let elements: Vec<Element> = (0..n)
         .map(|i| element(End::Fixed, End::Dof(i), 3.0, 1.0, 0.1))
         .collect();
     let chain = build(&StructureSpec::Chain(ChainSpec {

@@ -66,7 +66,7 @@ pub(super) struct EventLog<S> {
     tick_ns: u64,
     specimens: Vec<String>,
     classes: MissClasses,
-    logged: [u64; 3],
+    logged: [u64; 4],
     taken: u64,
     lost: u64,
     scratch: Vec<u8>,
@@ -92,7 +92,7 @@ impl<S: Store> EventLog<S> {
             tick_ns: context.tick_ns,
             specimens: context.specimens,
             classes: MissClasses::default(),
-            logged: [0; 3],
+            logged: [0; 4],
             taken: 0,
             lost: 0,
             scratch: Vec::with_capacity(512),
@@ -290,6 +290,47 @@ impl<S: Store> EventLog<S> {
                     "interlock open"
                 );
             }
+            EventKind::Probing { port } => {
+                self.specimen(line, port);
+                // Loud: it moves.
+                tracing::warn!(
+                    specimen = port + 1,
+                    "the specimen is moved a little and back, to see which way round it is wired"
+                );
+            }
+            EventKind::Direction {
+                port,
+                axis,
+                disp,
+                force,
+            } => {
+                self.specimen(line, port);
+                put(line, "axis", axis + 1);
+                put(line, "disp", disp);
+                put(line, "force", force);
+                tracing::info!(
+                    specimen = port + 1,
+                    axis = axis + 1,
+                    disp,
+                    force,
+                    "direction"
+                );
+            }
+            EventKind::DirectionUnknown { port, axis } => {
+                self.specimen(line, port);
+                put(line, "axis", axis + 1);
+                tracing::warn!(
+                    specimen = port + 1,
+                    axis = axis + 1,
+                    "the static load does not show which way round it is wired"
+                );
+            }
+            EventKind::Misfit { port, axis, what } => {
+                self.specimen(line, port);
+                put(line, "axis", axis + 1);
+                put(line, "what", what);
+                tracing::error!(specimen = port + 1, axis = axis + 1, "not armed: {what}");
+            }
             EventKind::Saturated { port } => {
                 self.specimen(line, port);
                 tracing::error!(
@@ -298,6 +339,48 @@ impl<S: Store> EventLog<S> {
                     specimen = port + 1,
                     "a sensor or actuator is at the end of its range"
                 );
+            }
+            EventKind::Phase { from, to, cause } => {
+                put(line, "from", from);
+                put(line, "to", to);
+                put(line, "cause", cause);
+                tracing::info!(tick = event.tick, time = event.time, cause, "{from} → {to}");
+            }
+            EventKind::Limit {
+                port,
+                axis,
+                quantity,
+                trip,
+                value,
+                bound,
+            } => {
+                self.specimen(line, port);
+                put(line, "axis", u64::from(axis) + 1);
+                put(line, "limit", quantity);
+                put(line, "value", value);
+                put(line, "bound", bound);
+                if trip || loud(&mut self.logged[3]) {
+                    let level = if trip { "trips" } else { "warning" };
+                    tracing::warn!(
+                        tick = event.tick,
+                        time = event.time,
+                        specimen = port + 1,
+                        axis = axis + 1,
+                        value,
+                        bound,
+                        "{quantity} {level}"
+                    );
+                }
+            }
+            EventKind::Zeroed { port, axis, values } => {
+                self.specimen(line, port);
+                put(line, "axis", u64::from(axis) + 1);
+                let [disp, force, disp_noise, force_noise] = values;
+                put(line, "disp", disp);
+                put(line, "force", force);
+                put(line, "disp_noise_rms", disp_noise);
+                put(line, "force_noise_rms", force_noise);
+                tracing::info!(specimen = port + 1, axis = axis + 1, disp, force, "zeroed");
             }
             EventKind::RowLost => {
                 if loud(&mut self.logged[2]) {
@@ -397,6 +480,14 @@ const fn kind_name(kind: &EventKind) -> &'static str {
         EventKind::RowLost => "row_lost",
         EventKind::Diverged { .. } => "diverged",
         EventKind::StopRequested => "stop_requested",
+        EventKind::Probing { .. } => "probing",
+        EventKind::Direction { .. } => "direction",
+        EventKind::DirectionUnknown { .. } => "direction_unknown",
+        EventKind::Misfit { .. } => "misfit",
+        EventKind::Phase { .. } => "phase",
+        EventKind::Limit { trip: true, .. } => "limit_trip",
+        EventKind::Limit { .. } => "limit_warning",
+        EventKind::Zeroed { .. } => "zeroed",
     }
 }
 

@@ -119,6 +119,71 @@ pub enum EventKind {
     },
     /// The operator asked for an end.
     StopRequested,
+    /// Specimen `port` is about to be moved a little and back, to see which way round it is wired.
+    Probing {
+        /// Specimen, from 0.
+        port: u32,
+    },
+    /// What such a motion found.
+    Direction {
+        /// Specimen, from 0.
+        port: u32,
+        /// Axis, from 0.
+        axis: u32,
+        /// Change of the measured displacement, m.
+        disp: f64,
+        /// Change of the measured force, N.
+        force: f64,
+    },
+    /// Nothing showed which way round an axis of specimen `port` is wired.
+    DirectionUnknown {
+        /// Specimen, from 0.
+        port: u32,
+        /// Axis, from 0.
+        axis: u32,
+    },
+    /// Specimen `port` is wired the wrong way round, or does not answer as it must.
+    Misfit {
+        /// Specimen, from 0.
+        port: u32,
+        /// Axis, from 0.
+        axis: u32,
+        /// In one word.
+        what: &'static str,
+    },
+    /// The test's life went on.
+    Phase {
+        /// From here.
+        from: &'static str,
+        /// To here.
+        to: &'static str,
+        /// Why.
+        cause: &'static str,
+    },
+    /// A limit of specimen `port` was reached.
+    Limit {
+        /// Specimen, from 0.
+        port: u32,
+        /// Axis, from 0.
+        axis: u32,
+        /// Of what: the key of the test file.
+        quantity: &'static str,
+        /// Whether it ends the test.
+        trip: bool,
+        /// What was found, SI.
+        value: f64,
+        /// What is allowed, SI.
+        bound: f64,
+    },
+    /// What was read of one axis of specimen `port` while zeroing.
+    Zeroed {
+        /// Specimen, from 0.
+        port: u32,
+        /// Axis, from 0.
+        axis: u32,
+        /// Mean displacement, mean force, and their noise (rms), in the axis' own units.
+        values: [f64; 4],
+    },
 }
 
 /// Class of a deadline miss.

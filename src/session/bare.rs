@@ -1,7 +1,7 @@
 //! The loop with nothing attached: the same threads, engine and recording as a test, no structure and no specimen.
 
 use crate::config::{ClockChoice, Diagnostics, Facts, Files, Prepared};
-use crate::engine::{Experiment, Limits, OnMiss, Side};
+use crate::engine::{Experiment, Limits, OnMiss, Opening, Side};
 use crate::rt::TimingSpec;
 use crate::time::{RateError, Ratio};
 
@@ -25,6 +25,7 @@ pub fn bare_loop(rate: Ratio, duration: f64, timing: TimingSpec) -> Result<Prepa
         period,
         steps,
         side: Side::Prescribed(Vec::new()),
+        opening: Opening::default(),
         settling: None,
         ports: Vec::new(),
         record_dofs: Vec::new(),
@@ -52,6 +53,8 @@ pub fn bare_loop(rate: Ratio, duration: f64, timing: TimingSpec) -> Result<Prepa
         timing,
         record_required: false,
         queue_s: 4.0,
+        announced: Vec::new(),
+        confirm: false,
         warnings: Vec::new(),
     };
     let files = Files {

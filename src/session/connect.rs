@@ -1,18 +1,28 @@
-//! Specimens are connected before the loop starts: on the caller's thread, with time limits, and nothing moves.
+//! Specimens are connected before the loop starts: all at the same time, each within its own time limits, and nothing
+//! moves.
+//!
+//! Invariant: nobody is left connected and untold. If one specimen cannot take part, the others are told that nothing
+//! will come, as soon as the last of them has said what it has to say.
 
+use crate::control::Port;
 use crate::engine::Experiment;
 use crate::record::{Note, NoteLevel, Writer};
-use crate::substructure::Retirement;
+use crate::substructure::{Introduction, LinkFault, Retirement, Unavailable};
 
-/// Connects every specimen, one after the other, and notes what each says of itself. Nothing moves yet. Returns what
-/// the user should know.
+/// Connects every specimen and notes what each says of itself: N of them take as long as the slowest. Nothing moves
+/// yet. Returns what the user should know, or who cannot take part.
 pub(super) fn connect(experiment: &mut Experiment, writer: &Writer) -> Result<Vec<String>, String> {
+    let ports = &mut experiment.ports;
+    let outcomes = connect_all(ports);
     let mut warnings = Vec::new();
-    for index in 0..experiment.ports.len() {
-        let Some(port) = experiment.ports.get_mut(index) else {
-            break;
+    let mut refusals = Vec::new();
+    for (number, (port, outcome)) in (1u64..).zip(ports.iter().zip(outcomes)) {
+        let about = |level, event| {
+            Note::new(level, event)
+                .with("specimen", number)
+                .with("name", port.name.as_str())
         };
-        match port.connect() {
+        match outcome {
             Ok(introduction) => {
                 for warning in &introduction.warnings {
                     let note = Note::new(NoteLevel::Warning, "warning");
@@ -20,29 +30,64 @@ pub(super) fn connect(experiment: &mut Experiment, writer: &Writer) -> Result<Ve
                 }
                 warnings.extend(introduction.warnings);
                 if port.is_remote() {
-                    let note = Note::new(NoteLevel::Info, "connected");
-                    writer.note(
-                        note.with("specimen", index as u64 + 1)
-                            .with("name", port.name.as_str())
-                            .with("peer", introduction.peer.as_str()),
-                    );
+                    let note = about(NoteLevel::Info, "connected");
+                    writer.note(note.with("peer", introduction.peer.as_str()));
                 }
             }
             Err(error) => {
-                let text = format!("specimen \"{}\": {error}", port.name);
-                let note = Note::new(NoteLevel::Error, "link");
-                writer.note(
-                    note.with("specimen", index as u64 + 1)
-                        .with("name", port.name.as_str())
-                        .with("message", error.text.as_str()),
-                );
-                // Those that are connected already are told that nothing will come.
-                for port in &mut experiment.ports {
-                    port.retire(Retirement::Orderly);
-                }
-                return Err(text);
+                refusals.push(format!("specimen \"{}\": {error}", port.name));
+                let note = about(NoteLevel::Error, "link");
+                writer.note(note.with("message", error.text.as_str()));
             }
         }
     }
-    Ok(warnings)
+    if refusals.is_empty() {
+        return Ok(warnings);
+    }
+    for port in ports {
+        port.retire(Retirement::Orderly);
+    }
+    Err(refusals.join("; "))
+}
+
+/// Each on a thread of its own, for they wait; those of this process have nothing to wait for.
+fn connect_all(ports: &mut [Port]) -> Vec<Result<Introduction, Unavailable>> {
+    std::thread::scope(|scope| {
+        let waiting: Vec<_> = ports
+            .iter_mut()
+            .map(|port| {
+                if !port.is_remote() {
+                    return Waiting::Done(port.connect());
+                }
+                let thread = std::thread::Builder::new().name("gusset-connect".into());
+                match thread.spawn_scoped(scope, || port.connect()) {
+                    Ok(thread) => Waiting::Thread(thread),
+                    Err(error) => Waiting::Done(Err(Unavailable {
+                        fault: LinkFault::Closed,
+                        text: format!("the system gives no thread to connect it on: {error}"),
+                    })),
+                }
+            })
+            .collect();
+        waiting.into_iter().map(Waiting::outcome).collect()
+    })
+}
+
+enum Waiting<'scope> {
+    Thread(std::thread::ScopedJoinHandle<'scope, Result<Introduction, Unavailable>>),
+    Done(Result<Introduction, Unavailable>),
+}
+
+impl Waiting<'_> {
+    fn outcome(self) -> Result<Introduction, Unavailable> {
+        match self {
+            Self::Done(outcome) => outcome,
+            Self::Thread(thread) => thread.join().unwrap_or_else(|_| {
+                Err(Unavailable {
+                    fault: LinkFault::Closed,
+                    text: "internal error: its connection panicked".to_owned(),
+                })
+            }),
+        }
+    }
 }

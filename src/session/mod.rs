@@ -12,8 +12,10 @@
 
 mod bare;
 mod connect;
+mod desk;
 mod guarded;
 mod page;
+mod replay;
 mod signals;
 mod summary;
 
@@ -22,17 +24,20 @@ use std::sync::mpsc::{self, SyncSender};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use crossbeam_channel::{Receiver, Sender};
+use crossbeam_channel::Sender;
 use thiserror::Error;
 
 pub use bare::bare_loop;
+pub use desk::{Answer, Request, ask};
 pub use page::{Page, PageError, hero, write_report};
+pub use replay::{Difference, Replay, ReplayError, replay};
 pub use signals::{Signal, Signals};
 
+use desk::Desk;
 use guarded::{Ended, run_retired};
 
 use crate::config::{ClockChoice, Facts, Files, Prepared};
-use crate::engine::{Control, Engine, Experiment, Operator, Watch};
+use crate::engine::{Control, Engine, Experiment, Watch};
 use crate::record::writer::{Clocks, WriterError};
 use crate::record::{
     FolderError, Layout, Note, NoteLevel, Progress, Recorded, RingSize, RunFolder, SchedSample,
@@ -135,7 +140,7 @@ struct Ready {
 pub fn run(
     test: Prepared,
     mut folder: RunFolder,
-    requests: Receiver<Operator>,
+    control: impl Into<Control>,
     watches: Watches,
     progress: &mut dyn FnMut(&Progress),
 ) -> Result<Finished, SessionError> {
@@ -146,8 +151,21 @@ pub fn run(
         files,
         ..
     } = test;
-    match prepare(experiment, &facts, &files, &mut folder, requests, watches) {
-        Ok(ready) => Ok(carry_out(ready, &facts, folder, progress)),
+    let control = control.into();
+    let desk = control
+        .desk
+        .clone()
+        .map(|asks| (asks, control.phase.clone()));
+    match prepare(experiment, &facts, &files, &mut folder, control, watches) {
+        Ok(ready) => {
+            let desk = desk.map(|(asks, phase)| Desk::open(folder.path(), asks, phase));
+            if let Some(Err(error)) = &desk {
+                let text = format!("other programs cannot reach this test: {error}");
+                let note = Note::new(NoteLevel::Warning, "warning");
+                ready.writer.note(note.with("text", text));
+            }
+            Ok(carry_out(ready, &facts, folder, progress))
+        }
         Err(error) => {
             folder.abandon();
             Err(error)
@@ -161,7 +179,7 @@ fn prepare(
     facts: &Facts,
     files: &Files,
     folder: &mut RunFolder,
-    requests: Receiver<Operator>,
+    control: Control,
     watches: Watches,
 ) -> Result<Ready, SessionError> {
     folder.write_test(&files.test)?;
@@ -185,7 +203,6 @@ fn prepare(
     let (answer, answered) = mpsc::sync_channel(1);
     let (go, gate) = mpsc::sync_channel::<Experiment>(1);
     let (done_in, done) = mpsc::sync_channel(1);
-    let control = Control { requests };
     let thread = std::thread::Builder::new()
         .name("gusset-loop".into())
         .spawn(move || {
@@ -202,6 +219,7 @@ fn prepare(
                 None => Box::new(SimClock::new()),
             };
             let mut engine = Engine::new(experiment, clock, Box::new(recorder));
+            engine.phase_cell = control.phase.clone();
             engine.before_first_tick = watches.before_first_tick;
             engine.after_last_tick = watches.after_last_tick;
             let _ = done_in.send(run_retired(&mut engine, &control, granted.is_some()));
@@ -397,6 +415,12 @@ pub fn missing(granted: &Granted) -> Vec<String> {
             }
         })
         .collect()
+}
+
+/// Lets the caller's thread rest. Not for the loop.
+pub fn pause(time: Duration) {
+    let nanos = u64::try_from(time.as_nanos()).unwrap_or(u64::MAX);
+    os::sleep_until_ns(os::monotonic_ns().saturating_add(nanos));
 }
 
 fn period_ns(rate_hz: f64) -> u64 {

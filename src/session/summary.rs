@@ -125,10 +125,12 @@ fn ending(outcome: &Outcome) -> (Finish, String) {
         Ending::Stopped(stop) => {
             let finish = match stop {
                 Stop::Operator => Finish::Interrupted,
-                Stop::Link { .. } => Finish::LinkFailed,
+                // A specimen that must not be armed is a peer that failed.
+                Stop::Link { .. } | Stop::Misfit { .. } => Finish::LinkFailed,
                 Stop::Internal => Finish::Panicked,
                 Stop::Interlock { .. }
                 | Stop::Saturated { .. }
+                | Stop::Limit { .. }
                 | Stop::Late { .. }
                 | Stop::Stale { .. }
                 | Stop::Diverged { .. }
@@ -138,7 +140,8 @@ fn ending(outcome: &Outcome) -> (Finish, String) {
                 | Stop::NotSettled { .. } => Finish::Stopped,
             };
             let told = match stop {
-                Stop::Link { port, .. } => {
+                // A gateway says which of its limits opened the interlock.
+                Stop::Link { port, .. } | Stop::Interlock { port } => {
                     outcome.complaints.iter().find(|(index, _)| index == port)
                 }
                 _ => None,

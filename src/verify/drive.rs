@@ -128,7 +128,7 @@ impl<'a, L: FnMut(u64, &mut [f64]) -> Base> Walk<'a, L> {
         self.step += 1;
         match &mut self.stepper {
             Stepper::Explicit(integrator) => {
-                integrator.advance(&mut self.state, &mut self.residual, &mut self.reported);
+                integrator.advance(&mut self.state, &self.residual, &mut self.reported);
                 self.forces.residual_into(
                     Moment::at(self.step),
                     &self.state.disp,
@@ -328,7 +328,7 @@ pub(super) fn transition_of(proof: &StabilityProof, lambda: f64) -> Option<DMatr
         r.fill(0.0);
         proof.stiffness_bound.subtract_product(&state.disp, &mut r);
         proof.damping_bound.subtract_product(&state.vel, &mut r);
-        gui.advance(&mut state, &mut r, &mut reported);
+        gui.advance(&mut state, &r, &mut reported);
         for i in 0..n {
             step[(i, j)] = state.disp[i];
             step[(n + i, j)] = state.vel[i] * proof.dt;

@@ -143,8 +143,8 @@ fn impulse(mass: f64, omega: f64, ratio: f64, dt: f64, lambda: f64, points: usiz
     for step in 0..points {
         found.push(state.disp[0]);
         let force = if step == 0 { 1.0 } else { 0.0 };
-        let mut r = [force - c * state.vel[0] - k * state.disp[0]];
-        gui.advance(&mut state, &mut r, &mut [0.0]);
+        let r = [force - c * state.vel[0] - k * state.disp[0]];
+        gui.advance(&mut state, &r, &mut [0.0]);
     }
     found
 }
@@ -179,7 +179,7 @@ fn many_dofs(random: &mut Random, dt: f64, lambda: f64) -> f64 {
     };
     let wanted = printed * accel;
     let mut state = State::at_rest(N);
-    gui.advance(&mut state, &mut [1.0, 2.0, 3.0, 4.0], &mut [0.0; N]);
+    gui.advance(&mut state, &[1.0, 2.0, 3.0, 4.0], &mut [0.0; N]);
     let rows = state.weighted_accel.iter().zip(wanted.iter());
     rows.map(|(found, wanted)| (found - wanted).abs())
         .fold(0.0, worse)

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::{Arc, Mutex};
 
 use gusset::config::{Facts, Prepared};
-use gusset::engine::{Control, Engine, Experiment, Outcome, state};
+use gusset::engine::{Control, Engine, Experiment, Outcome, Phase};
 use gusset::record::{Column, Event, MemoryRecorder, Recorder};
 use gusset::time::{Clock, SimClock};
 
@@ -54,7 +54,7 @@ impl Run {
         let state = self.all("state").into_iter();
         let column = self.all(name).into_iter().zip(state);
         column
-            .filter_map(|(value, state)| (state == state::RUNNING).then_some(value))
+            .filter_map(|(value, state)| (state == Phase::Running.code()).then_some(value))
             .collect()
     }
 }

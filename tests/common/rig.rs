@@ -123,7 +123,8 @@ pub fn two_floors(steps: u32, more: &str) -> Experiment {
     super::engine::prepare(&format!(
         "{more}\n[time]\nrate_hz = 1000\nduration_s = {duration}\n[integrator]\nlambda = 2\n\
          [structure.shear_building]\nmass_kg = [2e3, 2e3]\nstiffness_n_per_m = [3e5, 3e5]\n\
-         [excitation.ground_acceleration.signal.sine]\namplitude = 5\nfrequency_hz = 1\nphase_rad = 1\n"
+         [excitation.ground_acceleration.signal.sine]\namplitude = 5\nfrequency_hz = 1\nphase_rad = 1\n\
+         [safety]\nzero_s = 0\nramp_s = 0\n"
     ))
     .experiment
 }

@@ -4,6 +4,7 @@
     reason = "each test is a program of its own and uses its own part"
 )]
 
+pub mod adapter;
 pub mod relay;
 mod running;
 
@@ -61,6 +62,8 @@ frequency_hz = 2.0
 amplitude = 3.0
 [timing]
 warmup_ticks = 5
+[safety]
+zero_s = 0
 [[specimen]]
 name = \"column\"
 {specimen}"
@@ -70,6 +73,14 @@ name = \"column\"
 pub const ONE_AXIS: &str = "storey = 1\nstiffness_n_per_m = 4e5\n";
 pub const TWO_AXES: &str = "rows = [[1, 0], [-1, 1]]\nstiffness_n_per_m = [[4e5, 0], [0, 4e5]]\n\
                             damping_n_s_per_m = [[0, 0], [0, 300]]\n";
+
+/// The file of a gateway to the specimen at `address`: `table` and `link` are further keys of the specimen and its link.
+pub fn gateway(address: &str, table: &str, link: &str) -> String {
+    format!(
+        "[[specimen]]\nname = \"column\"\n{table}[specimen.link]\naddress = \"{address}\"\nprobe = \"none\"\n\
+         connect_timeout_s = 2\n{link}\n"
+    )
+}
 
 /// A test of `steps` steps whose specimen of one axis is at `address`.
 pub fn linked(steps: u32, address: &str, keys: &str) -> String {
@@ -181,11 +192,18 @@ impl Served {
     }
 
     pub fn listen(folder: &Path, text: &str, listen: &str, arguments: &[&str]) -> Self {
-        let file = write(folder, &format!("serve-{}.toml", text.len()), text);
+        static STARTED: std::sync::atomic::AtomicU32 = std::sync::atomic::AtomicU32::new(0);
+        let number = STARTED.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+        let file = write(folder, &format!("serve-{number}.toml"), text);
+        let given = arguments.contains(&"--listen");
         let mut child = gusset()
             .arg("serve")
             .arg(file)
-            .args(["--listen", listen])
+            .args(if given {
+                vec![]
+            } else {
+                vec!["--listen", listen]
+            })
             .args(arguments)
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
@@ -273,18 +291,27 @@ impl Fake {
 
     /// The same, with another estimate of its stiffness.
     pub fn start_with(stiffness: f64, script: impl FnOnce(Fake) + Send + 'static) -> String {
+        Self::start_when(stiffness, |_| {}, script)
+    }
+
+    /// The same; `before` is called with "welcome" and "arm" before each of the two is answered.
+    pub fn start_when(
+        stiffness: f64,
+        before: impl Fn(&'static str) + Send + 'static,
+        script: impl FnOnce(Fake) + Send + 'static,
+    ) -> String {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = listener.local_addr().unwrap().to_string();
         std::thread::spawn(move || {
             let (stream, _) = listener.accept().unwrap();
-            if let Some(fake) = Fake::greet(stream, stiffness) {
+            if let Some(fake) = Fake::greet(stream, stiffness, &before) {
                 script(fake);
             }
         });
         address
     }
 
-    fn greet(stream: TcpStream, stiffness: f64) -> Option<Self> {
+    fn greet(stream: TcpStream, stiffness: f64, before: &dyn Fn(&'static str)) -> Option<Self> {
         stream.set_read_timeout(Some(PATIENCE)).unwrap();
         let mut fake = Self {
             stream,
@@ -296,10 +323,14 @@ impl Fake {
             Control::Hello(hello) => hello,
             other => panic!("{other:?}"),
         };
+        before("welcome");
         fake.say(&Control::Welcome(welcome(&hello, stiffness)));
         fake.encoder = Encoder::new(Side::Specimen, 1, 7, None).unwrap();
         fake.decoder = Decoder::new(Side::Controller, 1, 7, None).unwrap();
         let arm = fake.control()?;
+        if matches!(arm, Control::Arm(_)) {
+            before("arm");
+        }
         fake.say(&arm);
         Some(fake)
     }
@@ -328,11 +359,43 @@ impl Fake {
         }
     }
 
-    fn say(&mut self, message: &Control) {
+    pub fn say(&mut self, message: &Control) {
         let mut out = vec![0; LARGEST_FRAME];
         let bytes = handshake::encode(message).unwrap();
         let length = self.encoder.control(&bytes, &mut out).unwrap();
         self.stream.write_all(&out[..length]).unwrap();
+    }
+
+    /// Answers every command by what `wiring` reads at its displacement, and every request to arm, until the controller is
+    /// gone; calls `told` with each displacement, and with `None` for each arming after the first.
+    pub fn obey(
+        &mut self,
+        mut wiring: impl FnMut(f64) -> (f64, f64),
+        mut told: impl FnMut(Option<f64>),
+    ) {
+        while let Some(frame) = self.frame() {
+            let mut arm = None;
+            let mut command = None;
+            match self.decoder.open(&frame).unwrap().frame {
+                Frame::Control(message) => arm = Some(handshake::decode(message).unwrap()),
+                Frame::Command(frame) => {
+                    let (mut disp, mut vel) = ([0.0], [0.0]);
+                    frame.read(&mut disp, &mut vel).unwrap();
+                    command = Some((frame.sequence(), disp[0]));
+                }
+                _ => {}
+            }
+            if let Some(again @ Control::Arm(_)) = arm {
+                told(None);
+                self.say(&again);
+            }
+            if let Some((sequence, disp)) = command {
+                told(Some(disp));
+                let (disp, force) = wiring(disp);
+                let frame = self.reading(sequence, disp, force, Status::default());
+                self.write(&frame);
+            }
+        }
     }
 
     /// Number and displacement of the next command.
@@ -347,11 +410,17 @@ impl Fake {
         }
     }
 
-    /// The frame that answers command `sequence`.
+    /// The frame that answers command `sequence`; its displacement is 0.
     pub fn answer(&mut self, sequence: u64, force: f64, status: Status) -> Vec<u8> {
+        self.reading(sequence, 0.0, force, status)
+    }
+
+    /// The same with a displacement.
+    pub fn reading(&mut self, sequence: u64, disp: f64, force: f64, status: Status) -> Vec<u8> {
         let measured = Measurement {
             sequence,
             status,
+            disp: vec![disp],
             force: vec![force],
             ..Measurement::zeros(1)
         };

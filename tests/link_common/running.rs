@@ -1,13 +1,16 @@
 //! A test in the background.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::sync::mpsc;
+use std::time::Duration;
 
-use super::{gusset, not_for_ever, write};
+use super::{PATIENCE, gusset, not_for_ever, write};
 
 /// A test that runs until it ends, or is ended.
 pub struct Running {
     child: Option<Child>,
+    rows: PathBuf,
 }
 
 impl Running {
@@ -23,7 +26,25 @@ impl Running {
             .stderr(Stdio::piped())
             .spawn()
             .unwrap();
-        Self { child: Some(child) }
+        Self {
+            child: Some(child),
+            rows: folder.join(name).join("samples.bin"),
+        }
+    }
+
+    /// Waits until it has recorded more than now: it runs.
+    pub fn moves(&self) {
+        let size = || std::fs::metadata(&self.rows).map_or(0, |file| file.len());
+        let (_nobody, look) = mpsc::channel::<()>();
+        let (before, pause) = (size(), Duration::from_millis(10));
+        let looks = PATIENCE.as_millis() / pause.as_millis();
+        for _ in 0..looks {
+            if size() > before {
+                return;
+            }
+            let _ = look.recv_timeout(pause);
+        }
+        panic!("it does not move");
     }
 
     /// Ends it as an operator does. It must still be running. Its exit code, and what it said.

@@ -49,7 +49,7 @@ impl Server {
             let mut host = Host::new(law.build(axes).unwrap(), nature, Some(0.01));
             let stop = || told.load(Ordering::Relaxed);
             serve_openfresco(&door, &mut host, &settings, &stop, &mut |news| {
-                let _ = tell.send(*news);
+                let _ = tell.send(news.clone());
             })
             .unwrap();
         });

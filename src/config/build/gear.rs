@@ -20,6 +20,7 @@ pub(super) fn axis(
         base: 0.0,
         disp_gain: ratio / (scale.length * metres),
         disp_offset: gear.offset_m / metres,
+        measured_offset: 0.0,
         vel_gain: ratio * scale.time / (scale.length * metres),
         force_gain: scale.force * ratio * newtons,
         force_offset: gear.offset_n / newtons,

@@ -12,10 +12,11 @@ use crate::link::native::unlimited_axis;
 use crate::link::openfresco::{Remote, RemoteSettings};
 use crate::link::secret::read_key;
 use crate::link::spec::{Carrier, LinkCoupling, StaleChoice};
-use crate::link::tls::{TlsClient, TlsSpec};
+use crate::link::tls::{FileError, TlsClient, TlsSpec};
 use crate::link::{LinkSpec, NativeLink, NativeSetup, SocketOptions, Wait};
 use crate::substructure::Coupling;
 use crate::wire::handshake::{Axis, Sampling, Unit};
+use crate::wire::key::PreSharedKey;
 
 /// A specimen must hold after this silence, unless the file says otherwise: in s, and in ticks.
 const WATCHDOG_S: f64 = 0.25;
@@ -47,28 +48,13 @@ pub(super) fn native(
     };
     let period_s = time.period.value();
     let setup = NativeSetup {
-        address: link.address.clone(),
-        carrier: link.transport,
-        key,
         test: site.loaded.file.title.clone(),
-        axes: wire_axes(table, axes),
         rate: time.period.inverse().terms(),
         watchdog_s: link
             .watchdog_s
             .unwrap_or_else(|| WATCHDOG_S.max(WATCHDOG_TICKS * period_s)),
-        sampling: link
-            .sample_after
-            .map_or(Sampling::Reply, Sampling::Fraction),
         coupling,
-        connect_limit: seconds(link.connect_timeout_s),
-        reply_timeout: seconds(link.reply_timeout_s),
-        options: SocketOptions {
-            wait: Wait {
-                spin_first_ns: (link.spin_us * 1e3) as u64,
-                spin_last_ns: 0,
-            },
-            ..SocketOptions::default()
-        },
+        ..native_setup(link, key, wire_axes(table, axes))
     };
     let native = match tls(site, at, link)? {
         Some(tls) => NativeLink::over_tls(setup, tls),
@@ -79,18 +65,56 @@ pub(super) fn native(
 
 /// Who we are over TLS and whom we trust; none over anything else.
 fn tls(site: &mut Site<'_>, at: &KeyPath, link: &LinkSpec) -> Result<Option<TlsClient>, Refused> {
-    if link.transport != Carrier::Tls {
-        return Ok(None);
-    }
-    let spec = link.tls.clone().unwrap_or_default();
-    let files = spec.files(&folder(&site.loaded.path));
-    match TlsClient::new(&files, spec.server_name.as_deref(), spec.check_name) {
-        Ok(tls) => Ok(Some(tls)),
+    match tls_client(link, &folder(&site.loaded.path)) {
+        Ok(tls) => Ok(tls),
         Err(error) => {
             let here = at.key("link").key("tls").key(error.key);
             let text = format!("`{}`: {error}", error.key);
             site.refuse(Finding::error(here, text))
         }
+    }
+}
+
+/// The same, with files relative to `folder`.
+pub(in crate::config) fn tls_client(
+    link: &LinkSpec,
+    folder: &Path,
+) -> Result<Option<TlsClient>, FileError> {
+    if link.transport != Carrier::Tls {
+        return Ok(None);
+    }
+    let spec = link.tls.clone().unwrap_or_default();
+    let files = spec.files(folder);
+    TlsClient::new(&files, spec.server_name.as_deref(), spec.check_name).map(Some)
+}
+
+/// What the link alone says: a lockstep link of no particular test, 100 commands a second.
+pub(in crate::config) fn native_setup(
+    link: &LinkSpec,
+    key: Option<PreSharedKey>,
+    axes: Vec<Axis>,
+) -> NativeSetup {
+    NativeSetup {
+        address: link.address.clone(),
+        carrier: link.transport,
+        key,
+        test: String::new(),
+        axes,
+        rate: (100, 1),
+        watchdog_s: link.watchdog_s.unwrap_or(WATCHDOG_S),
+        sampling: link
+            .sample_after
+            .map_or(Sampling::Reply, Sampling::Fraction),
+        coupling: Coupling::Lockstep,
+        connect_limit: seconds(link.connect_timeout_s),
+        reply_timeout: seconds(link.reply_timeout_s),
+        options: SocketOptions {
+            wait: Wait {
+                spin_first_ns: (link.spin_us * 1e3) as u64,
+                spin_last_ns: 0,
+            },
+            ..SocketOptions::default()
+        },
     }
 }
 
@@ -182,7 +206,7 @@ pub(super) fn with_keys_from_anywhere(file: &TestFile, test: &Path) -> TestFile 
     named
 }
 
-fn folder(test: &Path) -> PathBuf {
+pub(in crate::config) fn folder(test: &Path) -> PathBuf {
     test.parent().unwrap_or(Path::new("")).to_owned()
 }
 

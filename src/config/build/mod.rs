@@ -10,6 +10,7 @@ mod gear;
 pub(in crate::config) mod links;
 mod method;
 mod proof;
+mod safety;
 mod specimens;
 mod structure;
 
@@ -62,6 +63,10 @@ pub struct Facts {
     pub record_required: bool,
     /// Seconds of rows that the queue to the writer holds.
     pub queue_s: f64,
+    /// What is moved before the test, and why.
+    pub announced: Vec<String>,
+    /// Whether an operator must confirm what was read before anything moves.
+    pub confirm: bool,
     /// What the user should know although the test may run.
     pub warnings: Vec<String>,
 }
@@ -198,7 +203,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         .map_or(0, |facts: &StructureFacts| facts.dofs);
     let record_dofs = record_dofs(site, dofs, &specimens)?;
     let names = specimens.names();
-    let ports = specimens.into_ports(site, dofs)?;
+    let ports = specimens.into_ports(site, dofs, settling.is_some())?;
     let time = site.loaded.time;
     let found = site.warnings.drain(..);
     let found = found.map(|finding| site.loaded.locator.diagnose(finding));
@@ -214,6 +219,8 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         timing: file.timing.clone(),
         record_required: file.record.required,
         queue_s: file.record.queue_s,
+        announced: announced(file),
+        confirm: safety::needs_confirmation(file),
         warnings: warnings.iter().map(|w| w.headline.clone()).collect(),
     };
     let named = links::with_keys_from_anywhere(file, &site.loaded.path);
@@ -235,6 +242,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         period: time.period,
         steps: time.steps,
         side,
+        opening: safety::opening(file, time.period.value()),
         settling,
         ports,
         record_dofs,
@@ -246,6 +254,19 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         files,
         warnings: Diagnostics(warnings),
     })
+}
+
+/// What is moved before the test, in sentences.
+fn announced(file: &super::TestFile) -> Vec<String> {
+    let probed = file.specimen.iter().filter_map(|specimen| {
+        let metres = specimen.link.as_ref()?.probe_m?;
+        Some(format!(
+            "specimen \"{}\" is moved by {} mm and back before the test, axis after axis, to see which way round it is wired",
+            specimen.name,
+            1e3 * metres
+        ))
+    });
+    probed.collect()
 }
 
 /// Longest wait for a partner that owes a reply.

@@ -199,9 +199,9 @@ fn bounds(
     let (stiffness, damping, mut parts) = own.map_err(|error| {
         let at = path("structure").key("element");
         let index = match &error {
-            ModelError::NoBound { element, .. } => {
-                structure.element_names().position(|name| name == element)
-            }
+            ModelError::NoBound { element, .. } => structure
+                .element_names()
+                .position(|name| *name == **element),
             _ => None,
         };
         let listed = site

@@ -5,14 +5,16 @@ mod sums;
 use nalgebra::DMatrix;
 
 use super::gear::{Rows, axis, scaled};
-use super::{Refused, Site, links, path};
+use super::{Refused, Site, links, path, safety};
 use crate::config::{Finding, KeyPath, MatrixValue, SpecimenTable};
-use crate::control::{Axis, Port, WaitRules};
+use crate::control::limits::LimitsSpec;
+use crate::control::{Axis, Direction, Pace, Port, Trend, WaitRules};
 use crate::law::Reach;
 use crate::linalg::SymMatrix;
+use crate::link::LinkSpec;
 use crate::link::NativeLink;
 use crate::link::openfresco::Remote;
-use crate::link::spec::Protocol;
+use crate::link::spec::{ProbeChoice, Protocol};
 use crate::model::StructureSpec;
 use crate::specimen::{InProcess, InUnits, Specimen};
 use crate::substructure::Substructure;
@@ -216,6 +218,28 @@ fn estimate(
     }
 }
 
+impl Entry {
+    /// How the direction of a specimen behind a link is found out: as the file says, else by the static load.
+    fn direction(&self, link: &LinkSpec, period_s: f64, settles: bool) -> Direction {
+        match (link.probe_m, link.probe) {
+            (Some(metres), _) => {
+                let gears = self.axes.iter().zip(&self.units);
+                let way = gears.map(|(axis, (unit, _))| metres / (axis.disp_gain * unit).abs());
+                Direction::Probe {
+                    amplitude: way.collect(),
+                    pace: Pace::of(link.probe_ramp_s, period_s),
+                }
+            }
+            (None, Some(ProbeChoice::None)) => Direction::Known,
+            (None, None) if settles => {
+                let stiffness = self.stiffness.iter().flatten().copied().collect();
+                Direction::Settling(Trend::new(self.axes.len(), stiffness))
+            }
+            (None, None) => Direction::Unchecked,
+        }
+    }
+}
+
 impl Specimens {
     /// True if no specimen closes the loop.
     pub(super) fn is_empty(&self) -> bool {
@@ -274,7 +298,12 @@ impl Specimens {
     }
 
     /// One port per specimen.
-    pub(super) fn into_ports(self, site: &mut Site<'_>, dofs: usize) -> Result<Vec<Port>, Refused> {
+    pub(super) fn into_ports(
+        self,
+        site: &mut Site<'_>,
+        dofs: usize,
+        settles: bool,
+    ) -> Result<Vec<Port>, Refused> {
         let influence = match &site.loaded.file.structure {
             Some(structure) => structure
                 .matrices
@@ -295,6 +324,11 @@ impl Specimens {
             let diagonal = (0..entry.axes.len())
                 .map(|i| entry.stiffness[i][i])
                 .collect();
+            let link = site.loaded.file.specimen.get(index);
+            let direction = match link.and_then(|table| table.link.as_ref()) {
+                Some(link) => entry.direction(link, site.loaded.time.period.value(), settles),
+                None => Direction::Known,
+            };
             let (substructure, wait): (Box<dyn Substructure>, _) = match entry.stand {
                 Stand::Law(law) => (
                     Box::new(InProcess::new(InUnits::new(law, &entry.units))),
@@ -303,9 +337,21 @@ impl Specimens {
                 Stand::Native(native, rules) => (native, Some(rules)),
                 Stand::OpenFresco(remote, rules) => (remote, Some(rules)),
             };
+            let metres: Vec<f64> = entry.units.iter().map(|unit| unit.0).collect();
+            let exits = safety::exits(site, index, &metres)?;
+            let axes = entry.axes.len();
             match Port::new(entry.name, entry.axes, substructure, dofs.max(1), diagonal) {
-                Ok(mut port) => {
+                Ok(port) => {
+                    let table = &site.loaded.file.specimen[index];
+                    let specs = table.limits_of(axes);
+                    let limits = specs.iter().map(LimitsSpec::limits).collect();
+                    let tick = site.loaded.time.period.value();
+                    let mut port = port
+                        .with_limits(limits, entry.units, tick)
+                        .with_references(safety::references(table, axes));
                     port.wait = wait;
+                    port.direction = direction;
+                    port.exits = exits;
                     ports.push(port);
                 }
                 Err(error) => {

@@ -61,6 +61,7 @@ pub(super) fn check_link(
                 .help("`on_stale = \"stop\"` stops at the first stale measurement"),
         );
     }
+    check_probe(specimen, link, &here, findings);
     if !link.address.contains(':') {
         findings.0.push(
             Finding::error(
@@ -108,6 +109,42 @@ pub(super) fn check_link(
                 .0
                 .push(Finding::error(at.key("unit_force"), text).label("N or kN"));
         }
+    }
+}
+
+/// The motion that shows the direction of a specimen.
+fn check_probe(specimen: &SpecimenTable, link: &LinkSpec, at: &KeyPath, findings: &mut Findings) {
+    findings.positive(at.key("probe_m"), link.probe_m);
+    findings.positive(at.key("probe_ramp_s"), Some(link.probe_ramp_s));
+    if link.probe_m.is_none() {
+        return;
+    }
+    if link.probe.is_some() {
+        findings.0.push(
+            Finding::error(
+                at.key("probe"),
+                "`probe = \"none\"` and `probe_m` contradict each other",
+            )
+            .at_key()
+            .label("no motion here")
+            .beside(at.key("probe_m"), "a motion there"),
+        );
+    }
+    let estimate = specimen.stiffness_n_per_m.as_ref();
+    let rows = estimate.map(|matrix| matrix.rows()).unwrap_or_default();
+    let soft = (0..rows.len()).find(|axis| rows[*axis].get(*axis).is_none_or(|k| *k <= 0.0));
+    if let Some(axis) = soft {
+        findings.0.push(
+            Finding::error(
+                at.key("probe_m"),
+                format!(
+                    "axis {} has no stiffness that could show its direction",
+                    axis + 1
+                ),
+            )
+            .label("a slow motion gives no force")
+            .help("say `probe = \"none\"` and check the wiring by hand"),
+        );
     }
 }
 

@@ -5,6 +5,7 @@
 
 mod excitation;
 mod link;
+mod safety;
 mod specimen;
 
 use excitation::check_excitation;
@@ -70,8 +71,7 @@ pub(crate) fn check(file: &TestFile) -> Vec<Finding> {
             .help("`catch_up_remote = true` allows it; \"stretch\" never does it"),
         );
     }
-    let safety = root.key("safety").key("divergence_m");
-    findings.positive(safety, file.safety.divergence_m);
+    safety::check_safety(file, &mut findings);
     let record = root.key("record");
     findings.positive(record.key("queue_s"), Some(file.record.queue_s));
     if let Some(DofChoice::Listed(dofs)) = &file.record.dofs {

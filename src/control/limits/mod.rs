@@ -4,8 +4,10 @@
 //! a load cell's range. The rules are pure; [`Watch`] keeps the few past values that they need. Invariant: a command is
 //! judged before it leaves, and what is not a number trips. Not here: what a trip leads to.
 
+mod spec;
 mod watch;
 
+pub use spec::{BoundSpec, LimitsError, LimitsSpec, RangeSpec};
 pub use watch::Watch;
 
 /// How bad it is.
@@ -39,11 +41,15 @@ pub enum Quantity {
     ForceStep,
     /// Ticks in a row in which a moving command left both sensors unchanged to the last bit.
     StuckSensor,
+    /// Reading of the displacement sensor, m: at the end of its range it says nothing.
+    SensorDisp,
+    /// Reading of the load cell, N.
+    SensorForce,
 }
 
 impl Quantity {
     /// All of them.
-    pub const ALL: [Quantity; 9] = [
+    pub const ALL: [Quantity; 11] = [
         Quantity::CommandDisp,
         Quantity::CommandStep,
         Quantity::CommandVel,
@@ -53,6 +59,8 @@ impl Quantity {
         Quantity::FollowingError,
         Quantity::ForceStep,
         Quantity::StuckSensor,
+        Quantity::SensorDisp,
+        Quantity::SensorForce,
     ];
 
     /// In words.
@@ -68,6 +76,8 @@ impl Quantity {
             Quantity::FollowingError => "following error",
             Quantity::ForceStep => "change of the measured force in one tick",
             Quantity::StuckSensor => "ticks with unchanged sensors under a moving command",
+            Quantity::SensorDisp => "reading of the displacement sensor",
+            Quantity::SensorForce => "reading of the load cell",
         }
     }
 
@@ -84,6 +94,8 @@ impl Quantity {
             Quantity::FollowingError => "following_error_m",
             Quantity::ForceStep => "force_step_n",
             Quantity::StuckSensor => "stuck_ticks",
+            Quantity::SensorDisp => "sensor_disp_m",
+            Quantity::SensorForce => "sensor_force_n",
         }
     }
 
@@ -94,10 +106,11 @@ impl Quantity {
             Quantity::CommandDisp
             | Quantity::CommandStep
             | Quantity::MeasuredDisp
+            | Quantity::SensorDisp
             | Quantity::FollowingError => "m",
             Quantity::CommandVel => "m/s",
             Quantity::CommandAccel => "m/s2",
-            Quantity::MeasuredForce | Quantity::ForceStep => "N",
+            Quantity::MeasuredForce | Quantity::SensorForce | Quantity::ForceStep => "N",
             Quantity::StuckSensor => "ticks",
         }
     }
@@ -167,7 +180,7 @@ impl Bound {
 
     /// What `value` is beyond, and the bound. Real-time: yes.
     fn judge(self, value: f64) -> Option<(Level, f64)> {
-        if value.is_nan() || value > self.trip {
+        if !value.is_finite() || value > self.trip {
             Some((Level::Trip, self.trip))
         } else if value > self.warn {
             Some((Level::Warning, self.warn))
@@ -196,7 +209,7 @@ impl Range {
     /// What `value` is outside of, and the bound on that side. Real-time: yes.
     fn judge(&self, value: f64) -> Option<(Level, f64)> {
         let outside = |[low, high]: [f64; 2]| {
-            if value >= low && value <= high {
+            if value.is_finite() && value >= low && value <= high {
                 None
             } else {
                 Some(if value < low { low } else { high })
@@ -224,6 +237,10 @@ pub struct AxisLimits {
     pub measured_disp: Range,
     /// Of the measured force.
     pub measured_force: Range,
+    /// Range of the displacement sensor.
+    pub sensor_disp: Range,
+    /// Range of the load cell.
+    pub sensor_force: Range,
     /// Of |measured − commanded|, at rest.
     pub following_error: Bound,
     /// Seconds of commanded motion by which the following error may be larger.
@@ -245,6 +262,8 @@ impl AxisLimits {
         command_accel: Bound::NONE,
         measured_disp: Range::NONE,
         measured_force: Range::NONE,
+        sensor_disp: Range::NONE,
+        sensor_force: Range::NONE,
         following_error: Bound::NONE,
         following_time: 0.0,
         force_step: Bound::NONE,

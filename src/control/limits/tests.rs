@@ -61,6 +61,7 @@ fn a_stroke_has_two_ends_and_a_warning_before_each() {
 fn what_is_not_a_number_trips_even_without_a_limit() {
     let mut one = watch(AxisLimits::NONE);
     assert!(command(&mut one, f64::NAN).trip.is_some());
+    assert!(command(&mut one, f64::INFINITY).trip.is_some());
     assert!(measure(&mut one, 0.0, f64::NAN).trip.is_some());
     assert!(measure(&mut one, f64::NAN, 0.0).trip.is_some());
 }
@@ -199,5 +200,23 @@ fn a_hit_reads_as_a_sentence() {
     assert_eq!(
         hit.to_string(),
         "axis 2: measured force -120500.000000 N, allowed -120000.000000 N"
+    );
+}
+
+#[test]
+fn what_has_tripped_trips_again_only_if_it_gets_worse() {
+    let limits = AxisLimits {
+        measured_force: range(-100.0, 100.0),
+        measured_disp: range(-1.0, 1.0),
+        ..AxisLimits::NONE
+    };
+    let mut one = watch(limits);
+    let hit = measure(&mut one, 0.0, -110.0).trip.unwrap();
+    one.excuse(&hit);
+    assert_eq!(measure(&mut one, 0.0, -112.0).trip, None);
+    assert!(measure(&mut one, 0.0, -116.0).trip.is_some());
+    assert!(
+        measure(&mut one, 2.0, -105.0).trip.is_some(),
+        "another limit"
     );
 }

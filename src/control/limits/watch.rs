@@ -2,6 +2,9 @@
 
 use super::{AxisLimits, Found, Hit, Level, Quantity};
 
+/// Beyond so many times the value that tripped, it trips again.
+const WORSE: f64 = 1.05;
+
 /// What is remembered of one axis, SI.
 #[derive(Debug, Clone, Copy, Default)]
 struct Past {
@@ -15,6 +18,8 @@ struct Past {
     stuck_travel: f64,
     /// One bit per quantity that is beyond its warning level.
     warned: u16,
+    /// What has tripped, and how far it was: no further trip until it gets worse.
+    excused: Option<(Quantity, f64)>,
 }
 
 /// Watches the limits of one specimen. Real-time after `new`.
@@ -48,6 +53,11 @@ impl Watch {
         &self.limits
     }
 
+    /// Wall time in s from the last command to the next, where it is not always the same. Real-time: yes.
+    pub fn tick_is(&mut self, tick: f64) {
+        self.tick = tick;
+    }
+
     /// The specimen is known to stand at `disp`: the first command is a step from there.
     pub fn stands_at(&mut self, disp: impl Iterator<Item = f64>) {
         for (past, disp) in self.past.iter_mut().zip(disp) {
@@ -66,6 +76,7 @@ impl Watch {
             let mut look = Look {
                 axis,
                 warned: &mut past.warned,
+                excused: past.excused,
                 found: &mut found,
             };
             look.at(Quantity::CommandDisp, disp, limits.command_disp.judge(disp));
@@ -101,6 +112,21 @@ impl Watch {
         self.sent = (self.sent + 1).min(2);
     }
 
+    /// A specimen that has tripped is on its way back: what it tripped at counts again only if it gets worse.
+    pub fn excuse(&mut self, hit: &Hit) {
+        if let Some(past) = self.past.get_mut(hit.axis) {
+            past.excused = Some((hit.quantity, WORSE * hit.value.abs()));
+        }
+    }
+
+    /// Takes note that the last command leaves once more. Real-time: yes.
+    pub fn sent_again(&mut self) {
+        for past in &mut self.past {
+            past.speed = 0.0;
+            past.command = [past.command[0]; 2];
+        }
+    }
+
     /// Judges a fresh measurement: (displacement, force) per axis. Real-time: yes.
     pub fn measured(&mut self, values: impl Iterator<Item = (f64, f64)>) -> Found {
         let mut found = Found::default();
@@ -122,8 +148,16 @@ impl Watch {
             let mut look = Look {
                 axis,
                 warned: &mut past.warned,
+                excused: past.excused,
                 found: &mut found,
             };
+            // A sensor at the end of its range comes first: what it reads is not what is.
+            look.at(Quantity::SensorDisp, disp, limits.sensor_disp.judge(disp));
+            look.at(
+                Quantity::SensorForce,
+                force,
+                limits.sensor_force.judge(force),
+            );
             look.at(
                 Quantity::MeasuredDisp,
                 disp,
@@ -159,10 +193,16 @@ impl Watch {
 struct Look<'a> {
     axis: usize,
     warned: &'a mut u16,
+    excused: Option<(Quantity, f64)>,
     found: &'a mut Found,
 }
 
 impl Look<'_> {
+    fn is_excused(&self, quantity: Quantity, value: f64) -> bool {
+        self.excused
+            .is_some_and(|(excused, worst)| excused == quantity && value.abs() <= worst)
+    }
+
     /// Keeps the first trip, and the first warning that is new.
     fn at(&mut self, quantity: Quantity, value: f64, judged: Option<(Level, f64)>) {
         let bit = quantity.bit();
@@ -178,6 +218,7 @@ impl Look<'_> {
             bound,
         };
         match level {
+            Level::Trip if self.is_excused(quantity, value) => {}
             Level::Trip => {
                 self.found.trip.get_or_insert(hit);
             }

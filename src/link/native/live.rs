@@ -20,6 +20,8 @@ const GOODBYE_NS: u64 = 300_000_000;
 const GOODBYE_REPEAT_NS: u64 = 100_000_000;
 /// Reads after the deadline: what is here already is taken, a flood is not.
 const EXTRA_READS: u32 = 64;
+/// A specimen that hears nothing for half a minute gives a controller up: between commands it hears this often.
+const KEEP_ALIVE_NS: u64 = 10_000_000_000;
 /// Variant number of a control message that repeats an Arm.
 const ARM: [u8; 4] = [3, 0, 0, 0];
 
@@ -46,6 +48,8 @@ pub(super) struct Live {
     /// Over UDP a command whose answer is owed is sent again after so long; over TCP a heartbeat is sent.
     nudge_ns: u64,
     connect_limit: Duration,
+    /// When the last frame left.
+    sent_ns: u64,
     /// The newest command, to be sent again.
     issued: Option<u64>,
     time: f64,
@@ -53,6 +57,8 @@ pub(super) struct Live {
     disp: Vec<f64>,
     vel: Vec<f64>,
     armed: bool,
+    /// The request to arm that has been sent and not been answered.
+    asked_to_arm: Option<Vec<u8>>,
     fault: Option<LinkFault>,
     detail: Option<Detail>,
 }
@@ -80,12 +86,14 @@ impl Live {
             reply_timeout_ns: u64::try_from(reply_timeout).unwrap_or(u64::MAX),
             nudge_ns: (watchdog_ns(welcome) / 4).max(1_000_000),
             connect_limit: setup.connect_limit,
+            sent_ns: os::monotonic_ns(),
             issued: None,
             time: 0.0,
             dt: 0.0,
             disp: vec![0.0; axes],
             vel: vec![0.0; axes],
             armed: false,
+            asked_to_arm: None,
             fault: None,
             detail: None,
         }
@@ -119,13 +127,27 @@ impl Live {
         (!all.is_empty()).then(|| all.join("; "))
     }
 
-    /// The last question before anything moves. Blocks within the time limit.
-    pub(super) fn arm(&mut self, sequence: u64, disp: &[f64]) -> Result<(), LinkFault> {
+    /// Sends the last question before anything moves, and does not wait for the answer.
+    pub(super) fn ask_to_arm(&mut self, sequence: u64, disp: &[f64]) -> Result<(), LinkFault> {
         let message = Control::Arm(Arm {
             session: self.session,
             first_sequence: sequence,
             disp: disp.to_vec(),
         });
+        let written = handshake::encode(&message).and_then(|bytes| {
+            let written = self.encoder.control(&bytes, &mut self.out);
+            self.asked_to_arm = Some(bytes);
+            written
+        });
+        self.send(written)
+    }
+
+    /// The last question before anything moves. Blocks within the time limit.
+    pub(super) fn arm(&mut self, sequence: u64, disp: &[f64]) -> Result<(), LinkFault> {
+        if self.asked_to_arm.is_none() {
+            self.ask_to_arm(sequence, disp)?;
+        }
+        let bytes = self.asked_to_arm.take().unwrap_or_default();
         let (session, limit) = (self.session, self.connect_limit);
         let Self {
             transport,
@@ -135,27 +157,33 @@ impl Live {
             out,
             ..
         } = self;
-        let answer = handshake::encode(&message)
-            .map_err(SetupError::from)
-            .and_then(|bytes| {
-                ask(
-                    transport.as_mut(),
-                    inbox,
-                    ("request to arm", limit),
-                    |transport| {
-                        let length = encoder.control(&bytes, out)?;
-                        let frame = out.get(..length).unwrap_or_default();
-                        transport.send(frame).map_err(SetupError::Lost)
-                    },
-                    |frame| match decoder.open(frame)?.frame {
-                        Frame::Control(message) => match handshake::decode(message)? {
-                            Control::Arm(arm) if arm.session == session => Ok(Some(())),
-                            other => Err(not_welcome(other, "the arming")),
-                        },
-                        _ => Ok(None),
-                    },
-                )
-            });
+        let mut is_on_its_way = true;
+        let answer = ask(
+            transport.as_mut(),
+            inbox,
+            ("request to arm", limit),
+            |transport| {
+                if std::mem::take(&mut is_on_its_way) {
+                    return Ok(());
+                }
+                let length = encoder.control(&bytes, out)?;
+                let frame = out.get(..length).unwrap_or_default();
+                transport.send(frame).map_err(SetupError::Lost)
+            },
+            |frame| match decoder.open(frame)?.frame {
+                Frame::Control(message) => match handshake::decode(message)? {
+                    Control::Arm(arm)
+                        if arm.session == session && arm.first_sequence == sequence =>
+                    {
+                        Ok(Some(()))
+                    }
+                    // The answer to an earlier one, that was repeated.
+                    Control::Arm(_) => Ok(None),
+                    other => Err(not_welcome(other, "the arming")),
+                },
+                _ => Ok(None),
+            },
+        );
         match answer {
             Ok(()) => {
                 self.armed = true;
@@ -202,6 +230,7 @@ impl Live {
             Err(error) => return Err(self.fail(error.fault(), Detail::Wire(error))),
         };
         let frame = self.out.get(..length).unwrap_or_default();
+        self.sent_ns = os::monotonic_ns();
         match self.transport.send(frame) {
             Ok(()) => Ok(()),
             Err(fault) => Err(self.fail_plainly(fault)),
@@ -274,6 +303,35 @@ impl Live {
         } else {
             self.send_command()
         }
+    }
+
+    /// Between commands: takes what has come, and says now and then that we are here. A heartbeat does not end the
+    /// holding of a specimen whose commands have stopped.
+    pub(super) fn attend(&mut self) -> Result<(), LinkFault> {
+        if let Some(fault) = self.fault {
+            return Err(fault);
+        }
+        let Some(issued) = self.issued else {
+            return Ok(());
+        };
+        for _ in 0..EXTRA_READS {
+            self.take_frames(issued)?;
+            match self.transport.recv(self.inbox.space(), Nanos(0)) {
+                Ok(Some(count)) => self.inbox.filled(count),
+                Ok(None) => break,
+                Err(fault) => return Err(self.fail_plainly(fault)),
+            }
+        }
+        if os::monotonic_ns().saturating_sub(self.sent_ns) < KEEP_ALIVE_NS {
+            return Ok(());
+        }
+        let beat = Heartbeat {
+            sequence: issued,
+            time: self.time,
+            status: Status::default(),
+        };
+        let written = self.encoder.heartbeat(beat, &mut self.out);
+        self.send(written)
     }
 
     /// Takes every whole frame that is here. Over UDP what fails a check is counted and dropped, over TCP it is the end;
@@ -381,9 +439,18 @@ impl Live {
                 Err(_) => return,
             }
             while let Ok(Some(place)) = self.inbox.next() {
-                let received = self.decoder.open(self.inbox.frame(place));
-                if matches!(received, Ok(r) if matches!(r.frame, Frame::Goodbye(_))) {
-                    return;
+                match self.decoder.open(self.inbox.frame(place)).map(|r| r.frame) {
+                    Ok(Frame::Goodbye(_)) => return,
+                    // Why it tripped, if it did.
+                    Ok(Frame::Control(message)) => {
+                        if let Ok(Control::Bye(bye)) = handshake::decode(message)
+                            && !bye.text.is_empty()
+                            && self.detail.is_none()
+                        {
+                            self.detail = Some(Detail::Said(bye.text));
+                        }
+                    }
+                    _ => {}
                 }
             }
         }

@@ -84,6 +84,12 @@ impl Substructure for NativeLink {
         }
     }
 
+    fn ask_to_arm(&mut self, sequence: u64, disp: &[f64]) -> Result<(), LinkFault> {
+        self.live.as_mut().map_or(Err(LinkFault::Closed), |live| {
+            live.ask_to_arm(sequence, disp)
+        })
+    }
+
     fn arm(&mut self, sequence: u64, disp: &[f64]) -> Result<(), LinkFault> {
         self.live
             .as_mut()
@@ -110,6 +116,10 @@ impl Substructure for NativeLink {
         self.live
             .as_mut()
             .map_or(Err(LinkFault::Closed), |live| live.collect(deadline, into))
+    }
+
+    fn attend(&mut self) -> Result<(), LinkFault> {
+        self.live.as_mut().map_or(Ok(()), Live::attend)
     }
 
     fn retire(&mut self, how: Retirement) {

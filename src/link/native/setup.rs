@@ -14,7 +14,8 @@ use crate::rt::os;
 use crate::substructure::{Coupling, Introduction, LinkFault, Unavailable};
 use crate::time::Nanos;
 use crate::wire::handshake::{
-    self, Axis, Control, Hello, Limits, RefuseCode, Sampling, Versions, Welcome, layout_hash,
+    self, Axis, Capabilities, Control, Hello, Limits, RefuseCode, Sampling, Versions, Welcome,
+    layout_hash,
 };
 use crate::wire::key::{NONCE_LEN, PROOF_LEN, PreSharedKey};
 use crate::wire::native::{Decoder, Encoder, Frame, LARGEST_FRAME};
@@ -262,6 +263,7 @@ impl NativeSetup {
             ),
             stiffness: welcome.stiffness,
             warnings: Vec::new(),
+            simulated: welcome.capabilities.has(Capabilities::SIMULATED),
         };
         Ok((live, introduction))
     }

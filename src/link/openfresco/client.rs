@@ -289,6 +289,7 @@ impl Substructure for Remote {
             peer: format!("{peer} at {address}, {}", self.settings.carrier_name()),
             stiffness: (0..*axes).flat_map(column).copied().collect(),
             warnings: Vec::new(),
+            simulated: false,
         })
     }
 
@@ -380,6 +381,21 @@ impl Substructure for Remote {
             }
             Phase::Answered | Phase::Committed if sequence <= self.sequence => Ok(()),
             _ => Err(self.fault(LinkFault::Refused)),
+        }
+    }
+
+    /// Between exchanges nothing comes but the end of the connection.
+    fn attend(&mut self) -> Result<(), LinkFault> {
+        if !matches!(self.phase, Phase::Idle | Phase::Answered | Phase::Committed) {
+            return Ok(());
+        }
+        let Some(link) = self.link.as_mut() else {
+            return Ok(());
+        };
+        match link.recv(&mut self.buffer, Nanos(0)) {
+            Ok(None) => Ok(()),
+            Ok(Some(_)) => Err(self.fault(LinkFault::Malformed)),
+            Err(fault) => Err(self.fault(fault)),
         }
     }
 

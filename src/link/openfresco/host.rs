@@ -7,7 +7,10 @@
 
 use thiserror::Error;
 
+use crate::control::AxisUnits;
+use crate::link::rig::{Close, Law, Rig as _, Station, Trip, Visitor};
 use crate::specimen::Specimen;
+use crate::substructure::{Command, Measurement};
 use crate::wire::openfresco::{Course, Matrix, Response};
 
 /// Whether a specimen can go back.
@@ -21,7 +24,7 @@ pub enum Nature {
     Physical,
 }
 
-/// Why a host refuses to go on. The specimen is left at its last committed state.
+/// Why a host refuses to go on. A formula is left at its last committed state, what moves where it is.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum HostFault {
     /// OpenSees gave up a step that a real specimen has already made.
@@ -40,16 +43,12 @@ pub enum HostFault {
         /// Test time of the command, in s.
         time: f64,
     },
-    /// The law gives no finite force.
-    #[error("the specimen's force on axis {axis} is {force} at a displacement of {disp}")]
-    NotFinite {
-        /// Axis, from 1.
-        axis: usize,
-        /// The displacement.
-        disp: f64,
-        /// What came out.
-        force: f64,
-    },
+    /// The specimen holds: a limit, an interlock, or a lost link.
+    #[error("the specimen holds: {0}")]
+    Tripped(#[from] Trip),
+    /// The specimen cannot take part in this test; why was told when the sizes came.
+    #[error("the specimen cannot take part")]
+    Unavailable,
 }
 
 /// What a host has done for one client.
@@ -68,18 +67,18 @@ pub struct Tally {
 /// A specimen as a server sees it.
 #[derive(Debug)]
 pub struct Host {
-    specimen: Box<dyn Specimen>,
+    station: Station,
     nature: Nature,
     step: Option<f64>,
-    virgin: Vec<f64>,
+    sequence: u64,
     disp: Vec<f64>,
     vel: Vec<f64>,
     accel: Vec<f64>,
-    force: Vec<f64>,
+    measured: Measurement,
     time: f64,
     committed_disp: Vec<f64>,
-    committed_force: Vec<f64>,
     pending: bool,
+    begun: bool,
     /// By rows, as the wire module wants them.
     stiffness: Vec<f64>,
     damping: Vec<f64>,
@@ -90,39 +89,49 @@ pub struct Host {
 }
 
 impl Host {
-    /// A host of `specimen` in its present committed state. `step` is the test time in s of one step, for
-    /// clients that send no time; without it such a client drives rate effects by its velocities alone.
+    /// A host of `specimen` in its present committed state, without limits and without a log. `step` is the test time in
+    /// s of one step, for clients that send no time; without it such a client drives rate effects by its velocities alone.
     #[must_use]
     pub fn new(specimen: Box<dyn Specimen>, nature: Nature, step: Option<f64>) -> Self {
-        let n = specimen.axes();
-        let mut virgin = Vec::new();
-        specimen.freeze(&mut virgin);
-        let (mut k, mut c, mut m) = (vec![0.0; n * n], vec![0.0; n * n], vec![0.0; n * n]);
-        specimen.reference(&mut k, &mut c, &mut m);
+        let law = Law::new(specimen, nature == Nature::Physical);
+        let (stiffness, mass) = law.reference();
+        let units = vec![AxisUnits::SI; law.axes()];
+        let station = Station::new("specimen".into(), Box::new(law), units, stiffness, mass);
+        Self::of(station, nature, step)
+    }
+
+    /// A host of a station: a formula of that nature, or a specimen across another link, which is always physical.
+    #[must_use]
+    pub fn of(station: Station, nature: Nature, step: Option<f64>) -> Self {
+        let n = station.axes();
         let rows = |columns: &[f64]| {
             let mut rows = vec![0.0; n * n];
             transpose(n, columns, &mut rows);
             rows
         };
         Self {
-            nature,
+            nature: if station.is_remote() {
+                Nature::Physical
+            } else {
+                nature
+            },
             step,
-            virgin,
+            sequence: 0,
             disp: vec![0.0; n],
             vel: vec![0.0; n],
             accel: vec![0.0; n],
-            force: vec![0.0; n],
+            measured: Measurement::zeros(n),
             time: 0.0,
             committed_disp: vec![0.0; n],
-            committed_force: vec![0.0; n],
             pending: false,
-            stiffness: rows(&k),
+            begun: false,
+            stiffness: rows(station.stiffness()),
             damping: vec![0.0; n * n],
-            mass: rows(&m),
+            mass: rows(station.mass()),
             tangent: vec![0.0; n * n],
             columns: vec![0.0; n * n],
             tally: Tally::default(),
-            specimen,
+            station,
         }
     }
 
@@ -138,29 +147,54 @@ impl Host {
         self.tally
     }
 
-    /// A new client: a simulated specimen becomes virgin again, a physical one stays as it is.
+    /// The processor that the log's threads leave to the data.
+    pub fn keep_log_away_from(&mut self, cpu: Option<usize>) {
+        self.station.keep_log_away_from(cpu);
+    }
+
+    /// A new client: a simulated specimen becomes virgin again, a physical one stays as it is, one across another link is
+    /// connected. Returns what whoever watches should know.
     ///
     /// # Errors
-    /// [`HostFault::NotFinite`] if the specimen has no finite force where it stands.
-    pub fn begin(&mut self) -> Result<(), HostFault> {
+    /// Why there is no test.
+    pub fn begin(&mut self, visitor: &Visitor) -> Result<Vec<String>, String> {
         self.tally = Tally::default();
         self.pending = false;
+        self.begun = false;
         self.time = 0.0;
+        self.sequence = 0;
         self.vel.fill(0.0);
         self.accel.fill(0.0);
-        match self.nature {
-            Nature::Simulated => {
-                self.specimen.thaw(&self.virgin);
-                self.specimen.revert();
-                self.disp.fill(0.0);
-            }
-            Nature::Physical => self.disp.copy_from_slice(&self.committed_disp),
-        }
-        self.evaluate(0.0)?;
-        self.specimen.revert();
+        let told = self.station.begin(visitor)?;
+        self.begun = true;
+        let at_rest = self.station.measured();
+        self.measured.clone_from(at_rest);
+        self.disp.copy_from_slice(&at_rest.disp);
         self.committed_disp.copy_from_slice(&self.disp);
-        self.committed_force.copy_from_slice(&self.force);
-        Ok(())
+        Ok(told)
+    }
+
+    /// True between the sizes of a client and its end.
+    #[must_use]
+    pub const fn has_begun(&self) -> bool {
+        self.begun
+    }
+
+    /// Nothing was asked for a while: notices a specimen that has gone. Does not block.
+    ///
+    /// # Errors
+    /// It has.
+    pub fn attend(&mut self) -> Result<(), HostFault> {
+        Ok(self.station.attend()?)
+    }
+
+    /// A fault with what the specimen's link has to say.
+    #[must_use]
+    pub fn whole(&self, fault: HostFault) -> String {
+        match fault {
+            HostFault::Tripped(trip) => self.station.whole(trip),
+            other => other.to_string(),
+        }
     }
 
     /// A command has come. `dt` is the test time since the last commit, where it is known. Real-time: yes.
@@ -173,6 +207,9 @@ impl Host {
         command: &Response<'_>,
         dt: Option<f64>,
     ) -> Result<(), HostFault> {
+        if !self.begun {
+            return Err(HostFault::Unavailable);
+        }
         self.tally.commands = self.tally.commands.saturating_add(1);
         let time = command.time;
         match (course, self.nature) {
@@ -181,7 +218,7 @@ impl Host {
             (Course::TakenBack, Nature::Physical) => return Err(HostFault::TakenBack { time }),
             (Course::TakenBack, Nature::Simulated) => {
                 self.tally.taken_back = self.tally.taken_back.saturating_add(1);
-                self.specimen.revert();
+                self.station.revert();
             }
             (Course::First | Course::Step | Course::Iteration | Course::NewOrigin, _) => {}
         }
@@ -207,18 +244,18 @@ impl Host {
     pub fn commit(&mut self) {
         self.tally.commits = self.tally.commits.saturating_add(1);
         if std::mem::take(&mut self.pending) {
-            self.specimen.commit();
+            self.station.commit();
             self.committed_disp.copy_from_slice(&self.disp);
-            self.committed_force.copy_from_slice(&self.force);
         }
     }
 
-    /// The client has gone or is refused: what was not committed is forgotten, the specimen holds.
-    pub fn abandon(&mut self) {
-        self.specimen.revert();
+    /// The client has gone or is refused: what was not committed is forgotten, the specimen holds, the log is closed.
+    pub fn end(&mut self, close: Close, text: &str) {
+        self.begun = false;
+        self.station.revert();
+        self.station.end(close, text);
         self.pending = false;
         self.disp.copy_from_slice(&self.committed_disp);
-        self.force.copy_from_slice(&self.committed_force);
         self.vel.fill(0.0);
     }
 
@@ -226,10 +263,10 @@ impl Host {
     pub fn response(&mut self) -> Response<'_> {
         self.tally.answers = self.tally.answers.saturating_add(1);
         Response {
-            disp: &self.disp,
+            disp: &self.measured.disp,
             vel: &self.vel,
             accel: &self.accel,
-            force: &self.force,
+            force: &self.measured.force,
             time: self.time,
         }
     }
@@ -244,7 +281,7 @@ impl Host {
             Matrix::Damping => &self.damping,
             Matrix::Mass => &self.mass,
             Matrix::TangentStiffness => {
-                self.specimen.tangent(&mut self.columns);
+                self.station.tangent(&mut self.columns);
                 transpose(self.disp.len(), &self.columns, &mut self.tangent);
                 &self.tangent
             }
@@ -252,19 +289,15 @@ impl Host {
     }
 
     fn evaluate(&mut self, dt: f64) -> Result<(), HostFault> {
-        self.specimen
-            .trial(&self.disp, &self.vel, dt, &mut self.force);
-        let numbers = self.force.iter().zip(&self.disp).zip(1..);
-        for ((force, disp), axis) in numbers {
-            if !force.is_finite() {
-                return Err(HostFault::NotFinite {
-                    axis,
-                    disp: *disp,
-                    force: *force,
-                });
-            }
-        }
-        Ok(())
+        let command = Command {
+            sequence: self.sequence,
+            time: self.time,
+            dt,
+            disp: &self.disp,
+            vel: &self.vel,
+        };
+        self.sequence += 1;
+        Ok(self.station.exchange(&command, dt, &mut self.measured)?)
     }
 }
 
@@ -291,8 +324,12 @@ mod tests {
     fn host(law: &str, axes: usize, nature: Nature) -> Host {
         let law: SpecimenLaw = toml::from_str(law).unwrap();
         let mut host = Host::new(law.build(axes).unwrap(), nature, None);
-        host.begin().unwrap();
+        host.begin(&visitor()).unwrap();
         host
+    }
+
+    fn visitor() -> Visitor {
+        Visitor::unnamed(([127, 0, 0, 1], 1).into())
     }
 
     const BILINEAR: &str = "law = { bilinear = { stiffness_n_per_m = 8000.0, yield_force_n = 60.0, post_yield_ratio = 0.05 } }";
@@ -344,8 +381,7 @@ mod tests {
                 }
                 Nature::Physical => {
                     assert_eq!(back, Err(HostFault::TakenBack { time: 0.01 }));
-                    host.abandon();
-                    assert_eq!(host.response().disp, [0.004]);
+                    assert_eq!(host.committed_disp, [0.004]);
                 }
             }
             host.trial(Course::Step, &at(&[0.006], 0.015), Some(0.005))
@@ -361,7 +397,7 @@ mod tests {
             host.trial(Course::Step, &at(&[0.03], 0.01), Some(0.01))
                 .unwrap();
             host.commit();
-            host.begin().unwrap();
+            host.begin(&visitor()).unwrap();
             assert!((host.response().force[0] - left).abs() < 1e-9);
         }
     }

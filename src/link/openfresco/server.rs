@@ -12,6 +12,7 @@ use super::door::{Caller, Door, DoorError, Socket, socket_to, watch_over};
 use super::host::{Host, HostFault, Tally};
 use super::knock::line_to;
 use crate::link::Transport;
+use crate::link::rig::{Close, Trip, Visitor};
 use crate::link::tls::{TlsFault, is_client_hello};
 use crate::rt::os::monotonic_ns;
 use crate::substructure::LinkFault;
@@ -68,6 +69,29 @@ pub enum End {
     Stopped,
 }
 
+impl End {
+    /// As it stands in the summary of the log.
+    const fn close(&self) -> Close {
+        match self {
+            Self::Finished => Close::Completed,
+            Self::Stopped => Close::Interrupted,
+            Self::Refused(ExchangeFault::Host(
+                HostFault::Tripped(
+                    Trip::Limit(_) | Trip::NotFinite { .. } | Trip::Interlock | Trip::Saturated,
+                )
+                | HostFault::TakenBack { .. },
+            )) => Close::Stopped,
+            Self::Vanished
+            | Self::Tls(_)
+            | Self::SpeaksTls
+            | Self::Lost(_)
+            | Self::Silent(_)
+            | Self::NoSizes(_)
+            | Self::Refused(_) => Close::Failed,
+        }
+    }
+}
+
 impl std::fmt::Display for End {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
@@ -93,12 +117,14 @@ impl std::fmt::Display for End {
 }
 
 /// What a server has to tell.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum News {
     /// Somebody came to the free port.
     Connected(SocketAddr),
     /// The sizes are agreed: the test may begin.
     Ready(SocketAddr, Sizes),
+    /// Something about the specimen or its log, when a test begins.
+    Told(SocketAddr, String),
     /// Somebody came while a client is served, and was turned away.
     TurnedAway(SocketAddr),
     /// Somebody came from a machine that may not command the specimen, and was turned away.
@@ -128,6 +154,7 @@ impl std::fmt::Display for News {
                     sizes.data_size()
                 )
             }
+            Self::Told(_, text) => f.write_str(text),
             Self::TurnedAway(peer) => write!(f, "{peer} was turned away: a client is being served"),
             Self::NotAdmitted(peer) => write!(
                 f,
@@ -177,17 +204,15 @@ pub fn serve_openfresco(
             continue;
         }
         let mut machine = Machine::new(settings.role, door.carrier(), host.axes());
-        let ready = host.begin();
         let (peer, end) = match (caller, &door.socket) {
             (Caller::Stream(stream, peer), _) => {
                 tell(&News::Connected(peer));
                 // A kernel that refuses to watch serves all the same.
                 let _ = watch_over(&stream);
                 let line = line_to(door, stream, settings, stop, tell, &mut waste);
-                let end = match (ready, line) {
-                    (Err(fault), _) => End::Refused(fault.into()),
-                    (_, Err(end)) => end,
-                    (Ok(()), Ok(mut link)) => Attendance {
+                let end = match line {
+                    Err(end) => end,
+                    Ok(mut link) => Attendance {
                         door,
                         peer,
                         settings,
@@ -223,29 +248,32 @@ pub fn serve_openfresco(
                         tell(&News::TurnedAway(from));
                     }
                 }
-                let end = match ready {
-                    Err(fault) => End::Refused(fault.into()),
-                    Ok(()) => Attendance {
-                        door,
-                        peer,
-                        settings,
-                        stop,
-                        tell,
-                    }
-                    .attend(
-                        &mut link,
-                        &mut machine,
-                        host,
-                        &early,
-                        (&mut buffer, &mut waste),
-                    ),
+                let attendance = Attendance {
+                    door,
+                    peer,
+                    settings,
+                    stop,
+                    tell,
                 };
-                (peer, end)
+                let room = (&mut buffer[..], &mut waste[..]);
+                (
+                    peer,
+                    attendance.attend(&mut link, &mut machine, host, &early, room),
+                )
             }
             (Caller::Datagram(..), Socket::Tcp(_)) => continue,
         };
-        host.abandon();
-        tell(&News::Ended(peer, end, host.tally()));
+        let tally = if host.has_begun() {
+            host.tally()
+        } else {
+            Tally::default()
+        };
+        let whole = match end {
+            End::Refused(ExchangeFault::Host(fault)) => host.whole(fault),
+            end => end.to_string(),
+        };
+        host.end(end.close(), &whole);
+        tell(&News::Ended(peer, end, tally));
     }
     Ok(())
 }
@@ -308,6 +336,9 @@ impl Attendance<'_> {
             if (self.stop)() {
                 return End::Stopped;
             }
+            if let Err(fault) = host.attend() {
+                return fault.into();
+            }
             let limit = self.settings.setup_limit_s;
             if !ready && seconds(now, connected) > limit {
                 return End::NoSizes(limit);
@@ -349,6 +380,18 @@ impl Attendance<'_> {
                 Said::Ready(sizes) => {
                     *ready = true;
                     (self.tell)(&News::Ready(self.peer, sizes));
+                    if host.has_begun() {
+                        continue;
+                    }
+                    // Only now: a stranger who merely connects must not make a specimen move.
+                    let begun = host.begin(&Visitor::unnamed(self.peer));
+                    let told = begun.map_err(|text| {
+                        (self.tell)(&News::Told(self.peer, text));
+                        End::from(HostFault::Unavailable)
+                    })?;
+                    for text in told {
+                        (self.tell)(&News::Told(self.peer, text));
+                    }
                 }
                 Said::InitLine => (self.tell)(&News::InitLine),
                 Said::Ignored(code) => (self.tell)(&News::Ignored(code)),

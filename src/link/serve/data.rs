@@ -1,4 +1,4 @@
-//! The data thread: one session after another, each with a specimen in its virgin state.
+//! The data thread: one session after another, each with a specimen in its virgin state or a connection of its own.
 
 use std::net::SocketAddr;
 use std::sync::atomic::Ordering;
@@ -6,11 +6,14 @@ use std::time::Duration;
 
 use crossbeam_channel::{Receiver, RecvTimeoutError};
 
-use super::greet::Greeted;
+use super::greet::{self, Greeted};
 use super::stand::Stand;
 use super::{Desk, Heard, Line};
+use crate::link::Transport;
 use crate::link::inbox::Inbox;
+use crate::link::rig::{Close, Visitor};
 use crate::rt::{RtPlan, apply};
+use crate::wire::handshake::Arm;
 
 /// The stop flag is looked at this often.
 const LOOK: Duration = Duration::from_millis(50);
@@ -21,29 +24,26 @@ pub(super) struct Session {
     pub(super) inbox: Inbox,
     pub(super) peer: SocketAddr,
     pub(super) greeted: Greeted,
-    pub(super) first_sequence: u64,
+    pub(super) arm: Arm,
 }
 
 impl Session {
-    /// Hands a session over; the specimen is reserved for it.
+    /// Hands a session over; the specimen is reserved for it, and the controller still owed an answer to its request to
+    /// arm.
     pub(super) fn start(
         desk: &Desk,
         line: Line,
         inbox: Inbox,
         peer: SocketAddr,
         greeted: Greeted,
-        first_sequence: u64,
+        arm: Arm,
     ) {
-        desk.tell(Heard::Armed {
-            peer,
-            test: greeted.test.clone(),
-        });
         let session = Session {
             line,
             inbox,
             peer,
             greeted,
-            first_sequence,
+            arm,
         };
         // The reservation makes room in the queue certain; a data thread that is gone ends the server.
         if desk.sessions.try_send(session).is_err() {
@@ -62,10 +62,11 @@ pub(super) fn serve(desk: &Desk, sessions: &Receiver<Session>, plan: Option<&RtP
             text: format!("{}: {reason}", feature.asked),
         });
     }
+    let cpu = granted.as_ref().and_then(|granted| granted.cpu);
     while !desk.stop.load(Ordering::Acquire) {
         match sessions.recv_timeout(LOOK) {
             Ok(session) => {
-                desk.tell(attend(session, desk));
+                desk.tell(attend(session, desk, cpu));
                 desk.give_back();
             }
             Err(RecvTimeoutError::Timeout) => {}
@@ -74,14 +75,50 @@ pub(super) fn serve(desk: &Desk, sessions: &Receiver<Session>, plan: Option<&RtP
     }
 }
 
-fn attend(session: Session, desk: &Desk) -> Heard {
-    match (desk.host.build)() {
-        Ok(specimen) => Stand::new(session, specimen, desk.spin_ns).run(desk),
-        Err(text) => Heard::Ended {
-            text,
-            commands: 0,
-            missed: 0,
-            corrupt: 0,
-        },
+/// One test: everything is got ready, and only then the controller hears that the specimen is armed.
+fn attend(mut session: Session, desk: &Desk, cpu: Option<usize>) -> Heard {
+    let peer = session.peer;
+    let station = desk.host.station(false).and_then(|mut station| {
+        station.keep_log_away_from(cpu);
+        for text in station.begin(&session.visitor())? {
+            desk.tell(Heard::Told { text });
+        }
+        Ok(station)
+    });
+    let mut station = match station {
+        Ok(station) => station,
+        Err(text) => {
+            let refuse = greet::not_ready(&text);
+            let frame = greet::refusal(refuse, Some(&mut session.greeted.encoder));
+            // Who does not hear it sees the connection close.
+            let _ = session.line.send(&frame);
+            return Heard::Refused { peer, text };
+        }
+    };
+    let armed = session.greeted.armed(session.arm.clone());
+    if let Err(fault) = session.line.send(&armed) {
+        let text = fault.to_string();
+        station.end(Close::Failed, &text);
+        return Heard::Refused { peer, text };
+    }
+    desk.tell(Heard::Armed {
+        peer,
+        test: session.greeted.test.clone(),
+    });
+    Stand::new(session, station, desk.spin_ns).run(desk)
+}
+
+impl Session {
+    fn visitor(&self) -> Visitor {
+        Visitor {
+            peer: self.peer,
+            test: self.greeted.test.clone(),
+            software: self.greeted.software.clone(),
+            rate: Some(self.greeted.rate),
+            watchdog_s: Some(self.greeted.watchdog_s),
+            sampling: self.greeted.sampling,
+            first_sequence: self.arm.first_sequence,
+            start: self.arm.disp.clone(),
+        }
     }
 }

@@ -4,8 +4,8 @@ use super::Desk;
 use crate::link::native::{SOFTWARE, fit};
 use crate::link::secret::random;
 use crate::wire::handshake::{
-    self, Arm, Capabilities, Control, Hello, Refuse, RefuseCode, Sampling, TEXT_LIMIT, Terms,
-    Versions, Welcome, layout_hash,
+    self, Arm, Control, Hello, Refuse, RefuseCode, Sampling, TEXT_LIMIT, Terms, Versions, Welcome,
+    layout_hash,
 };
 use crate::wire::key::{NONCE_LEN, PROOF_LEN};
 use crate::wire::native::{Decoder, Encoder, LARGEST_FRAME};
@@ -22,6 +22,9 @@ pub(super) struct Greeted {
     pub software: String,
     session: u64,
     axes: usize,
+    pub rate: (u64, u64),
+    pub watchdog_s: f64,
+    pub sampling: Sampling,
     pub watchdog_ns: u64,
     pub period_ns: u64,
     /// From the arrival of a command to the sampling.
@@ -34,6 +37,7 @@ pub(super) struct Greeted {
 
 fn refuse(code: RefuseCode, text: &str) -> Refuse {
     let mut text = text.to_owned();
+    text.retain(|c| !c.is_control());
     while text.len() > TEXT_LIMIT {
         text.pop();
     }
@@ -59,6 +63,11 @@ pub(super) fn busy() -> Refuse {
         RefuseCode::Busy,
         "another controller is connected; the specimen is commanded by one at a time",
     )
+}
+
+/// The refusal of a specimen that cannot be had.
+pub(super) fn not_ready(text: &str) -> Refuse {
+    refuse(RefuseCode::NotReady, text)
 }
 
 /// A refusal as a frame; of session 0 without an encoder.
@@ -116,7 +125,7 @@ fn welcome(desk: &Desk, message: &[u8], hello: &Hello, version: u16) -> Result<G
         session,
         version,
         keyed: desk.key.is_some(),
-        capabilities: Capabilities::SIMULATED.and(Capabilities::USES_VEL),
+        capabilities: host.capabilities(),
         watchdog_s: hello.watchdog_s,
         sampling: hello.sampling,
         stiffness: host.stiffness.clone(),
@@ -141,6 +150,9 @@ fn welcome(desk: &Desk, message: &[u8], hello: &Hello, version: u16) -> Result<G
         software: hello.software.clone(),
         session,
         axes,
+        rate: (hello.rate_numerator, hello.rate_denominator),
+        watchdog_s: hello.watchdog_s,
+        sampling: hello.sampling,
         watchdog_ns: (hello.watchdog_s * 1e9) as u64,
         period_ns: (period_s * 1e9) as u64,
         sample_after_ns: match hello.sampling {
@@ -154,11 +166,11 @@ fn welcome(desk: &Desk, message: &[u8], hello: &Hello, version: u16) -> Result<G
 }
 
 impl Greeted {
-    /// Judges a message after the welcome: an Arm with its answer as a message, or `None` for a Bye.
-    pub(super) fn arming(&self, message: &[u8]) -> Result<Option<(Arm, Vec<u8>)>, Refuse> {
+    /// Judges a message after the welcome: an Arm, or `None` for a Bye.
+    pub(super) fn arming(&self, message: &[u8]) -> Result<Option<Arm>, Refuse> {
         match handshake::decode(message).map_err(nonsense)? {
             Control::Arm(arm) if arm.session == self.session && arm.disp.len() == self.axes => {
-                Ok(Some((arm, message.to_vec())))
+                Ok(Some(arm))
             }
             Control::Arm(_) => Err(refuse(
                 RefuseCode::Malformed,
@@ -172,8 +184,8 @@ impl Greeted {
         }
     }
 
-    /// Frames a message of this session.
-    pub(super) fn frame(&mut self, message: &[u8]) -> Vec<u8> {
-        framed_bytes(message, &mut self.encoder).unwrap_or_default()
+    /// The answer to an Arm: the same again, as a frame of this session.
+    pub(super) fn armed(&mut self, arm: Arm) -> Vec<u8> {
+        framed(&Control::Arm(arm), &mut self.encoder).unwrap_or_default()
     }
 }

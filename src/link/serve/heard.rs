@@ -21,6 +21,18 @@ pub enum Heard {
         /// Why.
         text: String,
     },
+    /// Something about the specimen or its log, when a test begins.
+    Told {
+        /// In words.
+        text: String,
+    },
+    /// From here on the specimen holds, and the controller is told that the interlock is open.
+    Tripped {
+        /// The command at which it happened.
+        sequence: u64,
+        /// Why.
+        text: String,
+    },
     /// From here on commands move the specimen.
     Armed {
         /// From where.
@@ -67,6 +79,13 @@ impl std::fmt::Display for Heard {
                 test,
             } => write!(f, "{peer}: hello of {software} for \"{test}\""),
             Self::Refused { peer, text } => write!(f, "{peer}: refused: {text}"),
+            Self::Told { text } => f.write_str(text),
+            Self::Tripped { sequence, text } => {
+                write!(
+                    f,
+                    "TRIPPED at command {sequence}: {text}; the specimen holds"
+                )
+            }
             Self::Armed { peer, test } => write!(f, "{peer}: armed for \"{test}\""),
             Self::Holding { sequence, silent_s } => {
                 write!(f, "HOLDING: nothing heard for {silent_s:.3} s")?;

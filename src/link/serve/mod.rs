@@ -1,19 +1,21 @@
-//! The far end: hosts a specimen for controllers that speak our own protocol.
+//! The far end: hosts a specimen, a formula or one across another link, for controllers that speak our own protocol.
 //!
 //! An asynchronous runtime on the caller's thread accepts, greets and refuses; a thread of its own commands the
 //! specimen once a controller has armed it. Guarantees: one controller at a time, one test after another, each
-//! with a specimen in its virgin state; a second controller, a stranger or nonsense is refused and named, and cannot
-//! reach the data thread; beyond loopback a key or TLS is required; every wait has an end.
+//! with a specimen in its virgin state, or a connection of its own to it; a second controller, a stranger or nonsense is
+//! refused and named, and cannot reach the data thread; beyond loopback a key or TLS is required; every wait has an end.
 
 mod caller;
 mod data;
 mod greet;
 mod heard;
+mod host;
 mod stand;
 mod tcp;
 mod udp;
 
 pub use heard::Heard;
+pub use host::{Build, Host};
 
 use std::future::Future;
 use std::net::SocketAddr;
@@ -28,65 +30,12 @@ use super::spec::Carrier;
 use super::tls::{TlsFault, TlsServer, TlsStream};
 use super::{ConnectError, TcpTransport, Transport, UdpTransport, Wait, socket};
 use crate::rt::RtPlan;
-use crate::specimen::Specimen;
 use crate::substructure::LinkFault;
 use crate::time::Nanos;
-use crate::wire::handshake::Axis;
 use crate::wire::key::PreSharedKey;
 
 /// Where a server listens unless told otherwise.
 pub const USUAL_LISTEN: &str = "127.0.0.1:4823";
-
-/// A specimen to be hosted, and how to make it anew for each test.
-pub struct Host {
-    name: String,
-    axes: Vec<Axis>,
-    stiffness: Vec<f64>,
-    build: Build,
-}
-
-/// Makes a specimen in its virgin state, or says why not.
-pub type Build = Box<dyn Fn() -> Result<Box<dyn Specimen>, String> + Send + Sync>;
-
-impl std::fmt::Debug for Host {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Host")
-            .field("name", &self.name)
-            .field("axes", &self.axes)
-            .finish_non_exhaustive()
-    }
-}
-
-impl Host {
-    /// The specimen in its virgin state, in the units of its axes.
-    ///
-    /// # Errors
-    /// What its maker says.
-    pub fn specimen(&self) -> Result<Box<dyn Specimen>, String> {
-        (self.build)()
-    }
-
-    /// `build` makes the specimen in the units of `axes`, with as many axes.
-    ///
-    /// # Errors
-    /// What `build` says, or another number of axes.
-    pub fn new(name: String, axes: Vec<Axis>, build: Build) -> Result<Self, String> {
-        let n = axes.len();
-        let (mut stiffness, mut other) = (vec![0.0; n * n], vec![0.0; n * n]);
-        let mut mass = other.clone();
-        let specimen = build()?;
-        if specimen.axes() != n {
-            return Err(format!("{n} axes wanted, {} found", specimen.axes()));
-        }
-        specimen.reference(&mut stiffness, &mut other, &mut mass);
-        Ok(Self {
-            name,
-            axes,
-            stiffness,
-            build,
-        })
-    }
-}
 
 /// How a server listens.
 #[derive(Debug, Clone)]

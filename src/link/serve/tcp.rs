@@ -12,9 +12,9 @@ use super::caller::{Caller, Lost};
 use super::data::Session;
 use super::greet::{self, Greeted};
 use super::{Desk, Heard};
-use crate::link::Transport;
 use crate::link::inbox::Inbox;
 use crate::link::tls::is_client_hello;
+use crate::wire::handshake::Arm;
 use crate::wire::native::{Decoder, Frame};
 use crate::wire::{Side, WireError};
 
@@ -94,9 +94,7 @@ async fn greet(mut stream: Caller, peer: SocketAddr, desk: &Desk) {
         }
     };
     match outcome.await {
-        Ok((greeted, first, answer)) => {
-            hand_over(stream, peer, desk, inbox, greeted, first, &answer)
-        }
+        Ok((greeted, arm)) => hand_over(stream, peer, desk, inbox, greeted, arm),
         Err(Ended::Gone) => {}
         Err(Ended::Refused(text, last)) => {
             desk.tell(Heard::Refused { peer, text });
@@ -165,21 +163,21 @@ async fn hello(stream: &mut Caller, inbox: &mut Inbox, desk: &Desk) -> Result<Gr
     Ok(greeted)
 }
 
-/// Waits for the arming; on return the specimen is reserved for this controller.
+/// Waits for the request to arm; on return the specimen is reserved for this controller, which is still owed an answer.
 async fn arming(
     stream: &mut Caller,
     inbox: &mut Inbox,
     desk: &Desk,
     mut greeted: Greeted,
-) -> Result<(Greeted, u64, Vec<u8>), Ended> {
-    let (first, message) = next(stream, inbox, |frame| {
+) -> Result<(Greeted, Arm), Ended> {
+    let arm = next(stream, inbox, |frame| {
         let received = greeted.decoder.open(frame).map_err(malformed)?;
         let Frame::Control(message) = received.frame else {
             return Ok(None);
         };
         let outcome = match greeted.arming(message) {
             Ok(Some(_)) if !desk.take() => Err(greet::busy()),
-            Ok(Some((arm, answer))) => return Ok(Some((arm.first_sequence, answer))),
+            Ok(Some(arm)) => return Ok(Some(arm)),
             Ok(None) => return Err(Ended::Gone),
             Err(refuse) => Err(refuse),
         };
@@ -189,8 +187,7 @@ async fn arming(
         })
     })
     .await?;
-    let answer = greeted.frame(&message);
-    Ok((greeted, first, answer))
+    Ok((greeted, arm))
 }
 
 fn hand_over(
@@ -199,15 +196,11 @@ fn hand_over(
     desk: &Desk,
     inbox: Inbox,
     greeted: Greeted,
-    first_sequence: u64,
-    answer: &[u8],
+    arm: Arm,
 ) {
-    let line = stream.into_line().and_then(|mut line| {
-        line.send(answer).map_err(|fault| fault.to_string())?;
-        Ok(line)
-    });
+    let line = stream.into_line();
     match line {
-        Ok(line) => Session::start(desk, line, inbox, peer, greeted, first_sequence),
+        Ok(line) => Session::start(desk, line, inbox, peer, greeted, arm),
         Err(text) => {
             desk.give_back();
             desk.tell(Heard::Refused { peer, text });

@@ -13,9 +13,9 @@ use super::data::Session;
 use super::greet::{self, Greeted};
 use super::{Desk, Heard, Line};
 use crate::link::inbox::Inbox;
-use crate::link::{SocketOptions, Transport, UdpTransport};
+use crate::link::{SocketOptions, UdpTransport};
 use crate::rt::os;
-use crate::wire::handshake::Refuse;
+use crate::wire::handshake::{Arm, Refuse};
 use crate::wire::native::{Decoder, Frame, LARGEST_FRAME};
 use crate::wire::{Side, WireError};
 
@@ -144,10 +144,9 @@ fn hear(
                 other => other,
             };
             match outcome {
-                Ok(Some((arm, answer))) => {
+                Ok(Some(arm)) => {
                     if let Some(candidate) = candidates.remove(&peer) {
-                        let first = arm.first_sequence;
-                        hand_over(socket, peer, desk, candidate.greeted, first, &answer);
+                        hand_over(socket, peer, desk, candidate.greeted, arm);
                     }
                     Ok(Vec::new())
                 }
@@ -166,15 +165,8 @@ fn hear(
     }
 }
 
-/// The session's own socket answers the arming; from here on the kernel gives it the datagrams of its peer.
-fn hand_over(
-    socket: &UdpSocket,
-    peer: SocketAddr,
-    desk: &Desk,
-    mut greeted: Greeted,
-    first_sequence: u64,
-    message: &[u8],
-) {
+/// The session has a socket of its own; from here on the kernel gives it the datagrams of its peer.
+fn hand_over(socket: &UdpSocket, peer: SocketAddr, desk: &Desk, greeted: Greeted, arm: Arm) {
     let line = socket
         .local_addr()
         .and_then(bind)
@@ -186,15 +178,11 @@ fn hand_over(
         .and_then(|own| {
             UdpTransport::from_socket(own, SocketOptions::default()).map_err(|e| e.to_string())
         })
-        .and_then(|mut udp| {
-            let answer = greeted.frame(message);
-            udp.send(&answer).map_err(|fault| fault.to_string())?;
-            Ok(Line::Udp(udp))
-        });
+        .map(Line::Udp);
     match line {
         Ok(line) => {
             let inbox = Inbox::new(false);
-            Session::start(desk, line, inbox, peer, greeted, first_sequence);
+            Session::start(desk, line, inbox, peer, greeted, arm);
         }
         Err(text) => {
             desk.give_back();

@@ -2,7 +2,8 @@
 //!
 //! The specimen commits what it was last told when the next command comes. A command that only repeats where it is (test
 //! time stands still and nothing differs) is answered again from the same state, so that a test over a link takes the
-//! same course as one in process, to the last bit.
+//! same course as one in process, to the last bit. A formula gets every command; a specimen across another link gets the
+//! newest of those that came while it was busy, never a burst of them.
 
 mod watch;
 
@@ -13,11 +14,13 @@ use super::data::Session;
 use super::{Desk, Heard, Line};
 use crate::link::Transport;
 use crate::link::inbox::Inbox;
+use crate::link::rig::{Close, Station, Trip};
+use crate::record::NoteLevel;
 use crate::rt::os;
-use crate::specimen::Specimen;
-use crate::substructure::{LinkFault, Measurement};
+use crate::substructure::{Command, LinkFault, Measurement, Status};
 use crate::time::Nanos;
 use crate::wire::WireError;
+use crate::wire::handshake::{self, Bye, Control, TEXT_LIMIT};
 use crate::wire::native::{
     Cause, CommandFrame, Decoder, Encoder, Frame, LARGEST_FRAME, Moment, Notice,
 };
@@ -30,7 +33,7 @@ pub(super) struct Stand {
     encoder: Encoder,
     decoder: Decoder,
     out: Vec<u8>,
-    specimen: Box<dyn Specimen>,
+    station: Station,
     watchdog_ns: u64,
     period_ns: u64,
     spin_ns: u64,
@@ -45,12 +48,17 @@ pub(super) struct Stand {
     new_disp: Vec<f64>,
     new_vel: Vec<f64>,
     measured: Measurement,
+    /// Flags of the specimen itself.
+    flags: Status,
+    /// A command that has come and was not passed on yet: number, test time and its step.
+    pending: Option<(u64, f64, f64)>,
     arrived: Nanos,
     /// The measurement of the command in force is still to be taken, at this time.
     sample_at: Option<Nanos>,
     begun: Nanos,
     heard_at: Nanos,
     beat_at: Nanos,
+    attended: Nanos,
     paused: bool,
     holding: bool,
     commands: u64,
@@ -58,19 +66,34 @@ pub(super) struct Stand {
     corrupt: u64,
 }
 
-/// Why a session ends, in words.
-type End = String;
+/// Why a session ends.
+pub(super) struct End {
+    close: Close,
+    text: String,
+}
+
+impl End {
+    fn failed(text: impl ToString) -> Self {
+        Self {
+            close: Close::Failed,
+            text: text.to_string(),
+        }
+    }
+}
+
+/// Reads of what came while the specimen was busy, before the newest command is passed on.
+const MOST_READS: u32 = 64;
 
 impl Stand {
-    pub(super) fn new(session: Session, specimen: Box<dyn Specimen>, spin_ns: u64) -> Self {
+    pub(super) fn new(session: Session, station: Station, spin_ns: u64) -> Self {
         let Session {
             line,
             inbox,
             peer,
             greeted,
-            first_sequence,
+            arm,
         } = session;
-        let axes = specimen.axes();
+        let axes = station.axes();
         let now = Nanos(os::monotonic_ns());
         Self {
             line,
@@ -79,13 +102,14 @@ impl Stand {
             encoder: greeted.encoder,
             decoder: greeted.decoder,
             out: vec![0; LARGEST_FRAME],
-            specimen,
+            // The far end of a gateway samples when it was asked to: its answer is passed on at once.
+            sample_after_ns: greeted.sample_after_ns.filter(|_| !station.is_remote()),
+            station,
             watchdog_ns: greeted.watchdog_ns,
             period_ns: greeted.period_ns,
             spin_ns,
-            sample_after_ns: greeted.sample_after_ns,
             sequence: None,
-            next_sequence: first_sequence,
+            next_sequence: arm.first_sequence,
             time: 0.0,
             dt: 0.0,
             disp: vec![0.0; axes],
@@ -93,11 +117,14 @@ impl Stand {
             new_disp: vec![0.0; axes],
             new_vel: vec![0.0; axes],
             measured: Measurement::zeros(axes),
+            flags: Status::default(),
+            pending: None,
             arrived: now,
             sample_at: None,
             begun: now,
             heard_at: now,
             beat_at: now,
+            attended: now,
             paused: false,
             holding: false,
             commands: 0,
@@ -108,7 +135,13 @@ impl Stand {
 
     /// Runs the session to its end.
     pub(super) fn run(mut self, desk: &Desk) -> Heard {
-        let text = self.course(desk);
+        let End { close, text } = self.course(desk);
+        let counts = format!(
+            "{} commands, {} missed, {} frames corrupt",
+            self.commands, self.missed, self.corrupt
+        );
+        self.station.note(NoteLevel::Info, "counts", &counts);
+        self.station.end(close, &text);
         Heard::Ended {
             text,
             commands: self.commands,
@@ -121,27 +154,58 @@ impl Stand {
         loop {
             if desk.stop.load(Ordering::Acquire) {
                 self.say_goodbye(Cause::Shutdown);
-                return "the server was told to stop".to_owned();
+                return End {
+                    close: Close::Interrupted,
+                    text: "the server was told to stop".to_owned(),
+                };
             }
-            if let Err(end) = self.take_frames(desk).and_then(|()| self.keep_time(desk)) {
+            let turn = self
+                .take_frames(desk)
+                .and_then(|()| self.pass_on(desk))
+                .and_then(|()| self.keep_time(desk));
+            if let Err(end) = turn {
                 return end;
             }
             let until = self.until();
             match self.line.recv(self.inbox.space(), until) {
                 Ok(Some(count)) => self.inbox.filled(count),
                 Ok(None) => {}
-                Err(fault) => return self.lost(fault),
+                Err(fault) => return self.lost_controller(fault),
             }
         }
     }
 
-    fn lost(&self, fault: LinkFault) -> End {
+    fn lost_controller(&self, fault: LinkFault) -> End {
         match (self.line.tls_fault(), fault) {
-            (Some(why), _) => format!("{}: TLS: {why}", self.peer),
-            (None, LinkFault::Closed) => {
-                format!("{} closed the connection without a goodbye", self.peer)
+            (Some(why), _) => End::failed(format_args!("{}: TLS: {why}", self.peer)),
+            (None, LinkFault::Closed) => End::failed(format_args!(
+                "{} closed the connection without a goodbye",
+                self.peer
+            )),
+            (None, fault) => End::failed(fault),
+        }
+    }
+
+    /// Passes the newest command that is here on to a specimen across another link; those that it overtook count as
+    /// missed.
+    fn pass_on(&mut self, desk: &Desk) -> Result<(), End> {
+        if self.pending.is_none() {
+            return Ok(());
+        }
+        for _ in 0..MOST_READS {
+            match self.line.recv(self.inbox.space(), Nanos(0)) {
+                Ok(Some(count)) => self.inbox.filled(count),
+                Ok(None) => break,
+                Err(fault) => return Err(self.lost_controller(fault)),
             }
-            (None, fault) => fault.to_string(),
+            self.take_frames(desk)?;
+        }
+        match self.pending.take() {
+            Some((sequence, time, dt)) => {
+                let now = Nanos(os::monotonic_ns());
+                self.go(sequence, time, dt, now, desk)
+            }
+            None => Ok(()),
         }
     }
 
@@ -161,7 +225,7 @@ impl Stand {
                         matches!(error, WireError::Replayed { .. } | WireError::TooOld { .. });
                     self.corrupt += u64::from(!overtaken);
                     if self.inbox.is_stream() {
-                        return Err(error.to_string());
+                        return Err(End::failed(error));
                     }
                 }
             }
@@ -174,49 +238,76 @@ impl Stand {
         self.heard_at = now;
         match received.frame {
             Frame::Command(command) => {
-                let moves = Self::read(
-                    &command,
-                    self.sequence,
-                    &mut self.new_disp,
-                    &mut self.new_vel,
-                )?;
+                let newest = self.pending.map(|(pending, ..)| pending).or(self.sequence);
+                let moves = Self::read(&command, newest, &mut self.new_disp, &mut self.new_vel)?;
                 let (sequence, time, dt) = (command.sequence(), command.time(), command.dt());
                 match moves {
                     Moves::Overtaken => {}
+                    // Its answer is on its way.
+                    Moves::Again if self.pending.is_some() => {}
                     Moves::Again => self.answer(now)?,
+                    Moves::On if self.station.is_remote() => {
+                        self.pending = Some((sequence, time, dt));
+                    }
                     Moves::On => self.go(sequence, time, dt, now, desk)?,
                 }
             }
             Frame::Hold(_) => self.paused = true,
             Frame::Heartbeat(_) | Frame::Measurement(_) => {}
-            Frame::Retire(notice) => {
-                self.say_goodbye(Cause::Orderly);
-                return Err(Wrong::End(format!(
-                    "retired {}",
-                    match notice.cause {
-                        Cause::Orderly => "in an orderly way",
-                        Cause::Operator => "by the operator",
-                        _ => "because the test tripped",
-                    }
-                )));
-            }
+            Frame::Retire(notice) => return Err(Wrong::End(self.retired(notice))),
             Frame::Goodbye(_) => {
-                return Err(Wrong::End("the controller said goodbye".to_owned()));
+                return Err(Wrong::End(End::failed("the controller said goodbye")));
             }
             Frame::Control(message) => self.again_armed(message.to_vec())?,
         }
         Ok(())
     }
 
-    /// The answer to the arming was lost: it is given again. Any other message now is the end.
+    fn retired(&mut self, notice: Notice) -> End {
+        let (close, how) = match notice.cause {
+            Cause::Orderly => (Close::Completed, "in an orderly way"),
+            Cause::Operator => (Close::Interrupted, "by the operator"),
+            _ => (Close::Stopped, "because the test tripped"),
+        };
+        if close == Close::Completed && self.sequence.is_some() {
+            self.station.commit();
+        }
+        match self.station.tripped() {
+            Some(trip) => {
+                // Why it tripped, in words, for whoever reads the controller's summary.
+                self.say(Cause::Tripped, &self.station.whole(trip));
+                self.say_goodbye(Cause::Tripped);
+            }
+            None => self.say_goodbye(Cause::Orderly),
+        }
+        End {
+            close,
+            text: format!("retired {how}"),
+        }
+    }
+
+    /// The answer to the arming was lost: it is given again. A later one, after commands that only tried the specimen:
+    /// the test begins anew. Any other message now is the end.
     fn again_armed(&mut self, message: Vec<u8>) -> Result<(), Wrong> {
-        use crate::wire::handshake::{Control, decode};
-        match decode(&message)? {
-            Control::Arm(_) => {
+        match handshake::decode(&message)? {
+            Control::Arm(arm) => {
+                let newest = self.pending.map(|(pending, ..)| pending).or(self.sequence);
+                let is_new = newest.is_some_and(|newest| arm.first_sequence > newest);
+                if is_new && arm.disp.len() == self.disp.len() {
+                    self.station
+                        .begin_again(arm.first_sequence, &arm.disp)
+                        .map_err(End::failed)?;
+                    (self.sequence, self.next_sequence) = (None, arm.first_sequence);
+                    (self.pending, self.sample_at) = (None, None);
+                    (self.time, self.dt) = (0.0, 0.0);
+                }
                 let written = self.encoder.control(&message, &mut self.out);
                 Ok(self.send(written)?)
             }
-            other => Err(Wrong::End(format!("the controller sent {}", other.name()))),
+            other => Err(Wrong::End(End::failed(format_args!(
+                "the controller sent {}",
+                other.name()
+            )))),
         }
     }
 
@@ -263,7 +354,7 @@ impl Stand {
             && self.new_disp == self.disp
             && self.new_vel == self.vel;
         if !first && !stays {
-            self.specimen.commit();
+            self.station.commit();
         }
         // Over a gap the motion took as long as all the steps that were lost, too.
         let dt_here = if gap == 0 || first {
@@ -274,24 +365,48 @@ impl Stand {
         self.disp.copy_from_slice(&self.new_disp);
         self.vel.copy_from_slice(&self.new_vel);
         (self.sequence, self.time, self.dt) = (Some(sequence), time, dt);
-        self.specimen
-            .trial(&self.disp, &self.vel, dt_here, &mut self.measured.force);
-        if !self.measured.force.iter().all(|force| force.is_finite()) {
-            self.say_goodbye(Cause::Tripped);
-            return Err(format!(
-                "command {sequence} gives a force that is no number"
-            ));
-        }
-        self.measured.disp.copy_from_slice(&self.disp);
+        let command = Command {
+            sequence,
+            time,
+            dt,
+            disp: &self.disp,
+            vel: &self.vel,
+        };
+        let held = self.station.tripped().is_some();
+        let outcome = self.station.exchange(&command, dt_here, &mut self.measured);
+        self.flags = self.measured.status;
         self.commands += 1;
         self.arrived = now;
+        match outcome {
+            Err(trip @ Trip::Lost(_)) => return Err(self.lost_specimen(trip)),
+            Err(trip) if !held => {
+                let text = self.station.whole(trip);
+                desk.tell(Heard::Tripped { sequence, text });
+            }
+            Err(_) | Ok(()) => {}
+        }
         match self.sample_after_ns {
             Some(after) => {
                 self.sample_at = Some(now.plus(after));
                 Ok(())
             }
+            // What a specimen across another link has measured is there only now; the controller was not silent meanwhile,
+            // it waited.
+            None if self.station.is_remote() => {
+                let now = Nanos(os::monotonic_ns());
+                self.heard_at = now;
+                self.answer(now)
+            }
             None => self.answer(now),
         }
+    }
+
+    /// The specimen across the other link is gone: the controller hears why, and that this is the end.
+    pub(super) fn lost_specimen(&mut self, trip: Trip) -> End {
+        let text = self.station.whole(trip);
+        self.say(Cause::Tripped, &text);
+        self.say_goodbye(Cause::Tripped);
+        End::failed(text)
     }
 
     /// Sends the measurement of the command in force.
@@ -311,9 +426,27 @@ impl Stand {
     }
 
     fn send(&mut self, written: Result<usize, WireError>) -> Result<(), End> {
-        let length = written.map_err(|error| error.to_string())?;
+        let length = written.map_err(End::failed)?;
         let frame = self.out.get(..length).unwrap_or_default();
-        self.line.send(frame).map_err(|fault| fault.to_string())
+        self.line.send(frame).map_err(End::failed)
+    }
+
+    /// Last words for people.
+    fn say(&mut self, cause: Cause, text: &str) {
+        let mut text = text.to_owned();
+        text.retain(|c| !c.is_control());
+        while text.len() > TEXT_LIMIT {
+            text.pop();
+        }
+        let bye = Control::Bye(Bye {
+            cause: cause.code(),
+            text,
+        });
+        if let Ok(message) = handshake::encode(&bye) {
+            let written = self.encoder.control(&message, &mut self.out);
+            // Whoever does not hear it has the goodbye.
+            let _ = self.send(written);
+        }
     }
 
     fn say_goodbye(&mut self, cause: Cause) {

@@ -5,6 +5,7 @@
 use super::{End, Stand};
 use crate::link::Wait;
 use crate::link::serve::{Desk, Heard};
+use crate::record::NoteLevel;
 use crate::rt::os;
 use crate::substructure::Status;
 use crate::time::Nanos;
@@ -51,17 +52,28 @@ impl Stand {
         let silent = now.since(self.heard_at);
         if silent >= GONE_NS.max(self.watchdog_ns.saturating_mul(10)) {
             self.say_goodbye(Cause::Watchdog);
-            return Err(format!(
+            return Err(End::failed(format_args!(
                 "{} has been silent for {} s",
                 self.peer,
                 silent / 1_000_000_000
-            ));
+            )));
+        }
+        if now.since(self.attended) >= LOOK_NS {
+            self.attended = now;
+            if let Err(trip) = self.station.attend() {
+                return Err(self.lost_specimen(trip));
+            }
         }
         if self.paused || silent < self.watchdog_ns {
             return Ok(());
         }
         if !self.holding {
             self.holding = true;
+            self.station.note(
+                NoteLevel::Warning,
+                "holding",
+                "nothing is heard from the controller: the specimen holds",
+            );
             desk.tell(Heard::Holding {
                 sequence: self.sequence,
                 silent_s: silent as f64 * 1e-9,
@@ -85,9 +97,9 @@ impl Stand {
 
     pub(super) fn status(&self) -> Status {
         if self.holding {
-            Status::HOLDING
+            Status(self.flags.0 | Status::HOLDING.0)
         } else {
-            Status::default()
+            self.flags
         }
     }
 

@@ -1,0 +1,91 @@
+//! From `[safety]` to how the loop begins and leaves.
+
+use super::{Refused, Site, path};
+use crate::config::{AxisTable, ExitChoice, Finding, SpecimenTable, TestFile, ZeroChoice};
+use crate::control::{Exit, Exits, Reference, Zero};
+use crate::engine::Opening;
+
+/// Wall time in s over which sensors are averaged, unless the file says otherwise.
+const ZERO_S: f64 = 0.2;
+
+/// How a test begins, with ticks of `period` seconds.
+pub(super) fn opening(file: &TestFile, period: f64) -> Opening {
+    let remote = file.specimen.iter().any(|specimen| specimen.link.is_some());
+    let usual = if remote || is_relative(file) {
+        ZERO_S
+    } else {
+        0.0
+    };
+    Opening {
+        zero_ticks: (file.safety.zero_s.unwrap_or(usual) / period).ceil() as u32,
+        confirm: needs_confirmation(file),
+        ramp_s: file.safety.ramp_s,
+    }
+}
+
+/// True if an operator must look at what was read before anything moves.
+pub(super) fn needs_confirmation(file: &TestFile) -> bool {
+    file.safety.confirm || is_relative(file)
+}
+
+fn is_relative(file: &TestFile) -> bool {
+    let relative = |axis: &AxisTable| {
+        axis.zero_disp == ZeroChoice::Relative || axis.zero_force == ZeroChoice::Relative
+    };
+    let mut axes = file.specimen.iter().flat_map(|specimen| &specimen.axis);
+    axes.any(relative)
+}
+
+/// Which channels take their zero from what is read.
+pub(super) fn references(table: &SpecimenTable, axes: usize) -> Vec<Reference> {
+    let zero = |choice| match choice {
+        ZeroChoice::Absolute => Zero::Absolute,
+        ZeroChoice::Relative => Zero::Relative,
+    };
+    (0..axes)
+        .map(|index| {
+            let gear = table.axis.get(index).cloned().unwrap_or_default();
+            Reference {
+                disp: zero(gear.zero_disp),
+                force: zero(gear.zero_force),
+            }
+        })
+        .collect()
+}
+
+/// How a specimen whose axes have these metres per unit is left.
+pub(super) fn exits(site: &mut Site<'_>, index: usize, metres: &[f64]) -> Result<Exits, Refused> {
+    let safety = &site.loaded.file.safety;
+    let safe = site
+        .loaded
+        .file
+        .specimen
+        .get(index)
+        .and_then(|table| table.safe_disp_m.as_deref());
+    if let Some(safe) = safe
+        && safe.len() != metres.len()
+    {
+        let text = format!(
+            "{} displacements for a specimen with {} axes",
+            safe.len(),
+            metres.len()
+        );
+        let at = path("specimen").index(index).key("safe_disp_m");
+        return site.refuse(Finding::error(at, text));
+    }
+    let exit = |choice| match choice {
+        ExitChoice::Freeze => Exit::Freeze,
+        ExitChoice::ZeroForce => Exit::ZeroForce,
+        ExitChoice::ZeroDisplacement => Exit::ZeroDisp,
+        ExitChoice::SafeDisplacement => {
+            let axes = safe.unwrap_or_default().iter().zip(metres);
+            Exit::Safe(axes.map(|(disp, metres)| disp / metres).collect())
+        }
+    };
+    Ok(Exits {
+        on_trip: exit(safety.on_trip),
+        at_end: exit(safety.at_end),
+        // Only "freeze" does without; that was checked.
+        speed: safety.exit_speed_m_per_s.unwrap_or(0.0),
+    })
+}

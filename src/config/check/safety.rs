@@ -1,0 +1,70 @@
+//! `[safety]`, and what belongs to it at the specimens.
+
+use super::{Finding, Findings, KeyPath, TestFile};
+use crate::config::{ExitChoice, ZeroChoice};
+
+pub(super) fn check_safety(file: &TestFile, findings: &mut Findings) {
+    let safety = &file.safety;
+    let at = KeyPath::root().key("safety");
+    findings.positive(at.key("divergence_m"), safety.divergence_m);
+    findings.positive(at.key("exit_speed_m_per_s"), safety.exit_speed_m_per_s);
+    for (key, value) in [
+        ("zero_s", safety.zero_s.unwrap_or(0.0)),
+        ("ramp_s", safety.ramp_s),
+    ] {
+        if value < 0.0 {
+            findings.0.push(
+                Finding::error(
+                    at.key(key),
+                    format!("`{key}` is {value}, but must not be negative"),
+                )
+                .label("seconds"),
+            );
+        }
+    }
+    for (key, choice) in [("on_trip", safety.on_trip), ("at_end", safety.at_end)] {
+        if choice == ExitChoice::Freeze {
+            continue;
+        }
+        if safety.exit_speed_m_per_s.is_none() {
+            findings.0.push(
+                Finding::error(
+                    at.key(key),
+                    format!(
+                        "\"{}\" moves the specimens, but not how fast",
+                        choice.word()
+                    ),
+                )
+                .label("`exit_speed_m_per_s` is missing"),
+            );
+        }
+        for (index, specimen) in file.specimen.iter().enumerate() {
+            if choice == ExitChoice::SafeDisplacement && specimen.safe_disp_m.is_none() {
+                let place = KeyPath::root().key("specimen").index(index);
+                findings.0.push(
+                    Finding::error(place, "where is this specimen safe?")
+                        .label("`safe_disp_m` is missing")
+                        .beside(at.key(key), "asked for here"),
+                );
+            }
+        }
+    }
+    for (index, specimen) in file.specimen.iter().enumerate() {
+        for (number, axis) in specimen.axis.iter().enumerate() {
+            let place = KeyPath::root().key("specimen").index(index);
+            let place = place.key("axis").index(number);
+            for (key, zero) in [
+                ("zero_disp", axis.zero_disp),
+                ("zero_force", axis.zero_force),
+            ] {
+                if zero == ZeroChoice::Relative && safety.zero_s.is_some_and(|zero| zero <= 0.0) {
+                    findings.0.push(
+                        Finding::error(place.key(key), "nothing is read before the test")
+                            .label("a relative zero is what is read")
+                            .beside(at.key("zero_s"), "0 here"),
+                    );
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,83 @@
+//! `[safety]`: how a test begins, what ends it, and how its specimens are left.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// How a test begins, what ends it, and how its specimens are left.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct SafetyTable {
+    /// Displacement of any DOF in m beyond which the test counts as diverged and stops. A value that is not finite
+    /// always stops it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub divergence_m: Option<f64>,
+    /// Wall time in s over which every sensor is averaged before anything moves, while the specimens hold where they
+    /// stand. 0: not at all. Absent: 0.2 if a specimen is behind a link or a channel is relative, else 0.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub zero_s: Option<f64>,
+    /// Whether the operator must confirm what was read. Where a channel takes its zero from it, he must in any case.
+    pub confirm: bool,
+    /// Shortest wall time in s in which a specimen is moved to where the test begins; longer where half of a velocity limit
+    /// would be passed.
+    pub ramp_s: f64,
+    /// Where the specimens are left after a trip.
+    pub on_trip: ExitChoice,
+    /// Where they are left after the last step, or when the operator ends the test.
+    pub at_end: ExitChoice,
+    /// Largest speed in m/s of the specimen on the way there; needed for every way but "freeze".
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub exit_speed_m_per_s: Option<f64>,
+}
+
+impl Default for SafetyTable {
+    fn default() -> Self {
+        Self {
+            divergence_m: None,
+            zero_s: None,
+            confirm: false,
+            ramp_s: 1.0,
+            on_trip: ExitChoice::Freeze,
+            at_end: ExitChoice::Freeze,
+            exit_speed_m_per_s: None,
+        }
+    }
+}
+
+/// Where a specimen is left. Driving a damaged one home can destroy it: everything but "freeze" is asked for by name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ExitChoice {
+    /// Where it is.
+    #[default]
+    Freeze,
+    /// Where its forces are small.
+    ZeroForce,
+    /// At zero deformation.
+    ZeroDisplacement,
+    /// At its `safe_disp_m`.
+    SafeDisplacement,
+}
+
+impl ExitChoice {
+    /// As the file spells it.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            ExitChoice::Freeze => "freeze",
+            ExitChoice::ZeroForce => "zero_force",
+            ExitChoice::ZeroDisplacement => "zero_displacement",
+            ExitChoice::SafeDisplacement => "safe_displacement",
+        }
+    }
+}
+
+/// Whether a channel keeps its declared zero.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ZeroChoice {
+    /// The declared offset holds; what is read before the test is only told.
+    #[default]
+    Absolute,
+    /// What is read before the test is the zero.
+    Relative,
+}

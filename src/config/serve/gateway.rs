@@ -1,0 +1,186 @@
+//! A specimen that is served and is itself behind a link: the server is a gateway.
+//!
+//! Numbers pass through a gateway as they are: both links count in the units of the axes, and the gear between a structure
+//! and its specimen belongs to the controller's test file.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
+
+use super::{axes, check_units};
+use crate::config::build::links::{beside, folder, native_setup, tls_client, wire_axes};
+use crate::config::{Finding, KeyPath, SpecimenTable};
+use crate::control::Pace;
+use crate::link::openfresco::{Remote, RemoteSettings};
+use crate::link::rig::{FarBuild, ProbeSettings, Visitor};
+use crate::link::secret::read_key;
+use crate::link::serve::Host;
+use crate::link::spec::Protocol;
+use crate::link::tls::TlsClient;
+use crate::link::{LinkSpec, NativeLink, NativeSetup};
+use crate::wire::handshake::Sampling;
+
+/// The specimen must hold after this silence where neither the file nor the controller says when, in s.
+const USUAL_WATCHDOG_S: f64 = 10.0;
+/// From one exchange of the motion that shows the direction to the next, in s.
+const PROBE_PERIOD_S: f64 = 0.01;
+
+/// The gateway to the specimen of `table`. `step_s` is the step of clients that do not say it; `of_a_test`: the file is a
+/// test, whose gear is the controller's.
+pub(super) fn host(
+    table: &SpecimenTable,
+    link: &LinkSpec,
+    at: &KeyPath,
+    path: &Path,
+    step_s: Option<f64>,
+    of_a_test: bool,
+) -> Result<Host, Box<Finding>> {
+    check_units(table, at)?;
+    if !of_a_test {
+        check_gear(table, at)?;
+    }
+    let n = axes(table);
+    let units = table.units_of(n);
+    let estimate = table.stiffness_n_per_m.as_ref();
+    let rows = estimate.map(|matrix| matrix.rows()).unwrap_or_default();
+    if rows.len() != n || rows.iter().any(|row| row.len() != n) {
+        let text = format!("the estimate is not {n} × {n}, one row and column per axis");
+        let at = at.key("stiffness_n_per_m");
+        return Err(Box::new(Finding::error(at, text)));
+    }
+    let mut stiffness = Vec::with_capacity(n * n);
+    for (j, of_disp) in units.iter().enumerate() {
+        for (row, of_force) in rows.iter().zip(&units) {
+            stiffness.push(row[j] * of_disp.metres / of_force.newtons);
+        }
+    }
+    let probe = match (link.probe_m, link.probe) {
+        (Some(metres), _) => ProbeSettings::Motion {
+            amplitude: units.iter().map(|unit| metres / unit.metres).collect(),
+            pace: Pace::of(link.probe_ramp_s, PROBE_PERIOD_S),
+        },
+        (None, choice) => ProbeSettings::Unchecked {
+            silent: choice.is_some(),
+        },
+    };
+    let build: FarBuild = match link.protocol {
+        Protocol::Gusset => native(table, link, at, path, step_s)?,
+        Protocol::OpenFresco | Protocol::OpenFrescoShadow | Protocol::OpenFrescoAdapter => {
+            openfresco(link, at, path, n)?
+        }
+    };
+    let reply_limit = Duration::try_from_secs_f64(link.reply_timeout_s).unwrap_or(Duration::MAX);
+    let reply_limit_ns = u64::try_from(reply_limit.as_nanos()).unwrap_or(u64::MAX);
+    let wire = wire_axes(table, n);
+    Ok(Host::gateway(table.name.clone(), wire, stiffness, build, reply_limit_ns).probed(probe))
+}
+
+/// A key without effect is a mistake that somebody would find out with a specimen.
+fn check_gear(table: &SpecimenTable, at: &KeyPath) -> Result<(), Box<Finding>> {
+    let refuse = |at: KeyPath| {
+        Err(Box::new(
+            Finding::error(at, "a gateway passes numbers on as they are")
+                .at_key()
+                .label("no effect here")
+                .help("the gear between structure and specimen belongs into the controller's test file"),
+        ))
+    };
+    if table.similitude != Default::default() {
+        return refuse(at.key("similitude"));
+    }
+    for (index, axis) in table.axis.iter().enumerate() {
+        let at = at.key("axis").index(index);
+        for (key, given) in [
+            ("scale", axis.scale != 1.0),
+            ("sign", axis.sign != 1),
+            ("offset_m", axis.offset_m != 0.0),
+            ("offset_n", axis.offset_n != 0.0),
+        ] {
+            if given {
+                return refuse(at.key(key));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Our own protocol towards the specimen: what the controller said is passed on, where the file says nothing.
+fn native(
+    table: &SpecimenTable,
+    link: &LinkSpec,
+    at: &KeyPath,
+    path: &Path,
+    step_s: Option<f64>,
+) -> Result<FarBuild, Box<Finding>> {
+    let key = match &link.key_file {
+        None => None,
+        Some(file) => Some(read_key(&beside(path, file)).map_err(|error| {
+            let at = at.key("link").key("key_file");
+            Box::new(Finding::error(at, error.to_string()))
+        })?),
+    };
+    let tls = tls_or(link, at, path)?;
+    let template = native_setup(link, key, wire_axes(table, axes(table)));
+    let step_rate = step_s.map(|step| ((1e9 / step) as u64, 1_000_000_000));
+    let (name, watchdog_s, timed) = (table.name.clone(), link.watchdog_s, link.sample_after);
+    Ok(Arc::new(move |visitor: &Visitor| {
+        let mut setup = NativeSetup {
+            test: if visitor.test.is_empty() {
+                format!("gateway to {name}")
+            } else {
+                visitor.test.clone()
+            },
+            ..template.clone()
+        };
+        if let Some(rate) = visitor.rate.or(step_rate) {
+            setup.rate = rate;
+        }
+        setup.watchdog_s = watchdog_s
+            .or(visitor.watchdog_s)
+            .unwrap_or(USUAL_WATCHDOG_S);
+        if timed.is_none() && visitor.sampling != Sampling::Reply {
+            setup.sampling = visitor.sampling;
+        }
+        let far = match &tls {
+            Some(tls) => NativeLink::over_tls(setup, tls.clone()),
+            None => NativeLink::new(setup),
+        };
+        Ok(Box::new(far))
+    }))
+}
+
+/// Who we are over TLS and whom we trust; none over anything else.
+fn tls_or(link: &LinkSpec, at: &KeyPath, path: &Path) -> Result<Option<TlsClient>, Box<Finding>> {
+    tls_client(link, &folder(path)).map_err(|error| {
+        let here = at.key("link").key("tls").key(error.key);
+        Box::new(Finding::error(here, format!("`{}`: {error}", error.key)))
+    })
+}
+
+fn openfresco(
+    link: &LinkSpec,
+    at: &KeyPath,
+    path: &Path,
+    axes: usize,
+) -> Result<FarBuild, Box<Finding>> {
+    let tls = tls_or(link, at, path)?;
+    let at = at.key("link");
+    let refuse = |error: crate::link::openfresco::RemoteError| {
+        Box::new(Finding::error(at.key(error.key()), error.to_string()))
+    };
+    let Some(settings) = RemoteSettings::from_spec(link, axes).map_err(refuse)? else {
+        let text = "our own protocol is no OpenFresco link";
+        return Err(Box::new(Finding::error(at.key("protocol"), text)));
+    };
+    let limit = Duration::try_from_secs_f64(link.reply_timeout_s).unwrap_or(Duration::MAX);
+    let settings = RemoteSettings {
+        tls: tls.map(|tls| tls.with_record_limit(limit)),
+        ..settings
+    };
+    // Whatever is wrong with the settings shows now.
+    Remote::new(settings.clone()).map_err(refuse)?;
+    Ok(Arc::new(move |_: &Visitor| {
+        let remote = Remote::new(settings.clone()).map_err(|error| error.to_string())?;
+        Ok(Box::new(remote))
+    }))
+}

@@ -1,0 +1,92 @@
+//! How a port finds out which way round its specimen is wired, before the test.
+
+use super::{Misfit, Pace, Port, Probe, Trend};
+use crate::control::AxisUnits;
+
+/// How it is found out.
+#[derive(Debug, Clone, Default)]
+pub enum Direction {
+    /// It is known, or nobody wants to know.
+    #[default]
+    Known,
+    /// Not at all, and the user is warned of that.
+    Unchecked,
+    /// By the motion that brings the static load on.
+    Settling(Trend),
+    /// By a small motion and back.
+    Probe {
+        /// Along each axis, in m of the structure.
+        amplitude: Vec<f64>,
+        /// How fast.
+        pace: Pace,
+    },
+}
+
+impl Port {
+    /// The probe of this specimen from where it is aimed at, if there is to be one.
+    #[must_use]
+    pub fn probe(&self) -> Option<Probe> {
+        let Direction::Probe { amplitude, pace } = &self.direction else {
+            return None;
+        };
+        let units = vec![AxisUnits::SI; self.axes.len()];
+        let stiffness = &self.stiffness;
+        Some(Probe::new(
+            &self.target,
+            amplitude,
+            stiffness,
+            &units,
+            *pace,
+        ))
+    }
+
+    /// Makes the next command of a probe; false if there is none. Real-time: yes.
+    pub fn aim_probe(&mut self, probe: &mut Probe) -> bool {
+        let goes_on = probe.next(&mut self.target, &mut self.target_vel);
+        self.prepare_command();
+        goes_on
+    }
+
+    /// Gives a probe what was measured. Real-time: yes.
+    pub fn take_probe(&self, probe: &mut Probe) {
+        probe.take(&self.measured, &self.force);
+    }
+
+    /// The exchange that was just made is none of the test's: the test's numbers go on as if it had not been. Real-time: yes.
+    pub fn skip_number(&mut self) {
+        self.ahead += u64::from(!self.is_recorded);
+    }
+
+    /// True if the motion that brings the static load on is to show the direction.
+    #[must_use]
+    pub const fn is_listened_to(&self) -> bool {
+        matches!(self.direction, Direction::Settling(_))
+    }
+
+    /// A reading at rest, before the static load comes on. Real-time: yes.
+    pub fn listen_at_rest(&mut self) {
+        if let Direction::Settling(trend) = &mut self.direction {
+            trend.rest(&self.target, &self.measured, &self.force);
+        }
+    }
+
+    /// A reading while the static load comes on. Real-time: yes.
+    ///
+    /// # Errors
+    /// A channel is reversed.
+    pub fn listen(&mut self) -> Result<(), Misfit> {
+        match &mut self.direction {
+            Direction::Settling(trend) => trend.moved(&self.target, &self.measured, &self.force),
+            _ => Ok(()),
+        }
+    }
+
+    /// The axes (from 0) whose direction the static load did not show.
+    #[must_use]
+    pub fn unshown(&self) -> Vec<usize> {
+        match &self.direction {
+            Direction::Settling(trend) => trend.unshown().collect(),
+            _ => Vec::new(),
+        }
+    }
+}

@@ -1,0 +1,108 @@
+//! The limits of a port: no command leaves that was not judged, and every fresh measurement is.
+
+use super::Port;
+use super::limits::{AxisLimits, Found, Hit, Level, Quantity, Watch};
+
+/// What a port knows about its limits.
+#[derive(Debug)]
+pub(super) struct Guard {
+    pub watch: Watch,
+    /// Metres and newtons in one unit of each axis.
+    units: Vec<(f64, f64)>,
+    /// True if the command that stands ready may leave.
+    pub cleared: bool,
+}
+
+impl Guard {
+    /// For `axes` axes in SI units, without a limit.
+    pub fn open(axes: usize) -> Self {
+        Self {
+            watch: Watch::new(vec![AxisLimits::NONE; axes], 1.0),
+            units: vec![(1.0, 1.0); axes],
+            cleared: false,
+        }
+    }
+
+    fn metres<'a>(units: &'a [(f64, f64)], disp: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
+        disp.iter().zip(units).map(|(disp, unit)| disp * unit.0)
+    }
+
+    /// Metres in one unit of an axis.
+    pub fn metres_of(&self, axis: usize) -> f64 {
+        self.units.get(axis).map_or(1.0, |unit| unit.0)
+    }
+
+    /// Takes note of a command that leaves. Real-time: yes.
+    pub fn sent(&mut self, disp: &[f64]) {
+        self.cleared = false;
+        self.watch.sent(Self::metres(&self.units, disp));
+    }
+}
+
+impl Port {
+    /// Sets the limits, one entry per axis, SI at the specimen's own scale; `units` are the metres and newtons in one
+    /// unit of each axis, `tick` the wall time of one tick in s.
+    #[must_use]
+    pub fn with_limits(
+        mut self,
+        limits: Vec<AxisLimits>,
+        units: Vec<(f64, f64)>,
+        tick: f64,
+    ) -> Self {
+        if limits.len() == self.axes.len() && units.len() == self.axes.len() {
+            self.guard = Guard {
+                watch: Watch::new(limits, tick),
+                units,
+                cleared: false,
+            };
+        }
+        self
+    }
+
+    /// The limits, one entry per axis.
+    #[must_use]
+    pub fn limits(&self) -> &[AxisLimits] {
+        self.guard.watch.limits()
+    }
+
+    /// True if a command has left.
+    #[must_use]
+    pub const fn has_begun(&self) -> bool {
+        self.link.sent > 0
+    }
+
+    /// Judges the command that stands ready. Only if nothing trips may it leave. Real-time: yes.
+    pub fn clear(&mut self) -> Found {
+        let Guard {
+            watch,
+            units,
+            cleared,
+        } = &mut self.guard;
+        let mut found = watch.command(Guard::metres(units, &self.command));
+        if let Some(axis) = self.command_vel.iter().position(|vel| !vel.is_finite()) {
+            found.trip.get_or_insert(Hit {
+                axis,
+                quantity: Quantity::CommandVel,
+                level: Level::Trip,
+                value: f64::NAN,
+                bound: f64::MAX,
+            });
+        }
+        *cleared = found.trip.is_none();
+        found
+    }
+
+    /// The specimen is moved back from what it tripped at.
+    pub fn excuse(&mut self, hit: &Hit) {
+        self.guard.watch.excuse(hit);
+    }
+
+    /// Judges the measurement last taken, which must be a fresh one. Real-time: yes.
+    pub fn judge(&mut self) -> Found {
+        let Guard { watch, units, .. } = &mut self.guard;
+        let values = self.raw.disp.iter().zip(&self.raw.force).zip(units.iter());
+        watch.measured(
+            values.map(|((disp, force), (metres, newtons))| (disp * metres, force * newtons)),
+        )
+    }
+}

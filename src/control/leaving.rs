@@ -1,0 +1,151 @@
+//! How a port is left: where its specimen is moved, slowly, when a test is over or has tripped.
+//!
+//! The default is to freeze, since driving a damaged specimen home can destroy it. Anything else is asked for by name, and
+//! needs a speed. Works from the last command and measurement alone.
+
+use super::Port;
+
+/// Where a specimen is left.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub enum Exit {
+    /// Where it is.
+    #[default]
+    Freeze,
+    /// Where its forces are small: the command creeps against the measured force.
+    ZeroForce,
+    /// At zero deformation.
+    ZeroDisp,
+    /// At these displacements, one per axis, in the specimen's unit.
+    Safe(Vec<f64>),
+}
+
+/// Where and how fast.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Exits {
+    /// After a trip.
+    pub on_trip: Exit,
+    /// After the last step, or when the operator ends the test.
+    pub at_end: Exit,
+    /// Largest speed of either in m/s of the specimen.
+    pub speed: f64,
+}
+
+/// Longest way back to zero force, in s of wall time.
+const LONGEST_S: f64 = 120.0;
+/// Share of the way to zero force, by k̂, that one tick goes: an approach without a corner.
+const SHARE: f64 = 0.05;
+/// Share of the largest force so far that counts as none.
+const SMALL: f64 = 0.01;
+/// The way back to zero force may be so many times as long as k̂ says.
+const STRAY: f64 = 3.0;
+
+/// One axis on its way to zero force.
+#[derive(Debug, Clone, Copy, Default)]
+struct Creep {
+    /// k̂ in raw units of force per raw unit of displacement.
+    stiffness: f64,
+    small: f64,
+    /// Ways in the specimen's unit.
+    longest_step: f64,
+    farthest: f64,
+    from: f64,
+}
+
+/// A port on its way out.
+#[derive(Debug)]
+pub struct Departure {
+    creeps: Vec<Creep>,
+    /// For displacements: ticks of the ramp, and the tick.
+    ticks: u64,
+    tick: u64,
+    to_zero_force: bool,
+    seconds: f64,
+}
+
+impl Port {
+    /// Begins to leave with ticks of `tick` seconds of wall time; none where the specimen is to stay.
+    pub fn depart(&mut self, tripped: bool, tick: f64) -> Option<Departure> {
+        let Exits {
+            on_trip,
+            at_end,
+            speed,
+        } = self.exits.clone();
+        let exit = if tripped { on_trip } else { at_end };
+        let goal = match exit {
+            Exit::Freeze => return None,
+            Exit::ZeroForce => {
+                let creeps = (0..self.axes()).map(|axis| self.creep(axis, speed, tick));
+                return Some(Departure {
+                    creeps: creeps.collect(),
+                    ticks: (LONGEST_S / tick) as u64,
+                    tick: 0,
+                    to_zero_force: true,
+                    seconds: LONGEST_S,
+                });
+            }
+            Exit::ZeroDisp => self.axes.iter().map(|axis| axis.disp_offset).collect(),
+            Exit::Safe(disp) => disp,
+        };
+        self.command.copy_from_slice(&goal);
+        self.begin_ramp();
+        let far = (0..self.axes()).map(|axis| {
+            let distance = self.sent.get(axis).zip(self.command.get(axis));
+            distance.map_or(0.0, |(from, to)| (to - from).abs()) * self.guard.metres_of(axis)
+        });
+        let longest = far.fold(0.0, f64::max);
+        // Half a cosine is π/2 times as fast in the middle as on the average.
+        let seconds = std::f64::consts::FRAC_PI_2 * longest / speed;
+        Some(Departure {
+            creeps: Vec::new(),
+            ticks: (seconds / tick).ceil() as u64,
+            tick: 0,
+            to_zero_force: false,
+            seconds: seconds.max(tick),
+        })
+    }
+
+    fn creep(&self, index: usize, speed: f64, tick: f64) -> Creep {
+        let value = |values: &[f64]| values.get(index).copied().unwrap_or(0.0);
+        let Some(axis) = self.axes.get(index) else {
+            return Creep::default();
+        };
+        let stiffness = value(&self.stiffness) / (axis.force_gain * axis.disp_gain);
+        let force = value(&self.raw.force) - axis.force_offset;
+        Creep {
+            stiffness,
+            small: SMALL * value(&self.peak_force) / axis.force_gain.abs(),
+            longest_step: speed * tick / self.guard.metres_of(index),
+            farthest: STRAY * (force / stiffness).abs(),
+            from: value(&self.sent),
+        }
+    }
+
+    /// Makes the next command of the departure; false when there is no further to go.
+    pub fn go_on(&mut self, departure: &mut Departure) -> bool {
+        if departure.tick >= departure.ticks {
+            self.stand_still();
+            return false;
+        }
+        departure.tick += 1;
+        if !departure.to_zero_force {
+            let share = departure.tick as f64 / departure.ticks as f64;
+            self.ramp_to(share, departure.seconds);
+            return true;
+        }
+        let mut moving = false;
+        let axes = self.axes.iter().zip(&departure.creeps);
+        let values = self.sent.iter().zip(&self.raw.force);
+        let commands = self.command.iter_mut().zip(&mut self.command_vel);
+        for (((command, vel), (sent, raw)), (axis, creep)) in commands.zip(values).zip(axes) {
+            let force = raw - axis.force_offset;
+            let step =
+                (SHARE * force / creep.stiffness).clamp(-creep.longest_step, creep.longest_step);
+            let next = sent - step;
+            let on = force.abs() > creep.small && (next - creep.from).abs() <= creep.farthest;
+            *command = if on { next } else { *sent };
+            *vel = 0.0;
+            moving |= on;
+        }
+        moving
+    }
+}

@@ -1,0 +1,316 @@
+//! `limits` of a specimen or of one of its axes, as a file says them.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use super::{AxisLimits, Bound, Range};
+
+/// Bounds of one axis, SI at the specimen's own scale. What is absent is not checked, but a number that is not finite
+/// always trips.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct LimitsSpec {
+    /// Displacement that may be commanded, in m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub command_disp_m: Option<RangeSpec>,
+    /// Change of the command from one to the next, in m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub command_step_m: Option<BoundSpec>,
+    /// The same over the time that it takes, in m/s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub command_vel_m_per_s: Option<BoundSpec>,
+    /// Second difference of the command over that time squared, in m/s².
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub command_accel_m_per_s2: Option<BoundSpec>,
+    /// Displacement that may be measured, in m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub measured_disp_m: Option<RangeSpec>,
+    /// Force that may be measured, in N.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub measured_force_n: Option<RangeSpec>,
+    /// Range of the displacement sensor, in m: a reading outside of it says nothing.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sensor_disp_m: Option<RangeSpec>,
+    /// Range of the load cell, in N: a reading outside of it says nothing.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sensor_force_n: Option<RangeSpec>,
+    /// |measured − commanded| displacement at rest, in m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub following_error_m: Option<BoundSpec>,
+    /// Seconds of commanded motion by which the following error may be larger.
+    pub following_time_s: f64,
+    /// Change of the measured force from one measurement to the next, in N.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub force_step_n: Option<BoundSpec>,
+    /// Measurements in a row in which a moving command left both sensors unchanged to the last bit.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stuck_ticks: Option<BoundSpec>,
+    /// Travel of the command in m meanwhile below which nothing is expected to change.
+    pub stuck_travel_m: f64,
+}
+
+/// Largest size; at least one of the two levels is given.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct BoundSpec {
+    /// Beyond this an event is written.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub warn: Option<f64>,
+    /// Beyond this the specimen holds and the test ends.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub trip: Option<f64>,
+}
+
+/// Smallest and largest value; at least one of the two levels is given.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct RangeSpec {
+    /// Outside of this an event is written.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub warn: Option<[f64; 2]>,
+    /// Outside of this the specimen holds and the test ends.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub trip: Option<[f64; 2]>,
+}
+
+/// A bound that cannot be.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum LimitsError {
+    /// Neither level is given.
+    #[error("`{key}` has neither a `warn` nor a `trip` level")]
+    Empty {
+        /// The bound.
+        key: &'static str,
+    },
+    /// A size that is not greater than zero.
+    #[error("a level of `{key}` is {found}, but must be greater than 0")]
+    NotPositive {
+        /// The bound.
+        key: &'static str,
+        /// What was found.
+        found: f64,
+    },
+    /// The smallest value is not below the largest.
+    #[error("`{key}` goes from {low} to {high}, which leaves no room")]
+    Inverted {
+        /// The bound.
+        key: &'static str,
+        /// Smallest.
+        low: f64,
+        /// Largest.
+        high: f64,
+    },
+    /// A warning that would come after the trip.
+    #[error("`{key}` warns at {warn}, which is not within its trip level of {trip}")]
+    Order {
+        /// The bound.
+        key: &'static str,
+        /// Level of the warning.
+        warn: f64,
+        /// Level of the trip.
+        trip: f64,
+    },
+}
+
+impl LimitsError {
+    /// The key to point at.
+    #[must_use]
+    pub const fn key(&self) -> &'static str {
+        match self {
+            Self::Empty { key }
+            | Self::NotPositive { key, .. }
+            | Self::Inverted { key, .. }
+            | Self::Order { key, .. } => key,
+        }
+    }
+}
+
+impl BoundSpec {
+    fn check(self, key: &'static str) -> Result<(), LimitsError> {
+        for found in [self.warn, self.trip].into_iter().flatten() {
+            // Written as "is inside", so that NaN fails.
+            let inside = found > 0.0;
+            if !inside {
+                return Err(LimitsError::NotPositive { key, found });
+            }
+        }
+        match (self.warn, self.trip) {
+            (None, None) => Err(LimitsError::Empty { key }),
+            (Some(warn), Some(trip)) if warn >= trip => Err(LimitsError::Order { key, warn, trip }),
+            _ => Ok(()),
+        }
+    }
+
+    fn bound(spec: Option<Self>) -> Bound {
+        let Self { warn, trip } = spec.unwrap_or_default();
+        Bound {
+            warn: warn.unwrap_or(f64::INFINITY),
+            trip: trip.unwrap_or(f64::INFINITY),
+        }
+    }
+}
+
+impl RangeSpec {
+    fn check(self, key: &'static str) -> Result<(), LimitsError> {
+        for [low, high] in [self.warn, self.trip].into_iter().flatten() {
+            let inside = low < high;
+            if !inside {
+                return Err(LimitsError::Inverted { key, low, high });
+            }
+        }
+        match (self.warn, self.trip) {
+            (None, None) => Err(LimitsError::Empty { key }),
+            (Some([low, high]), Some([lowest, highest])) => {
+                let order = |warn, trip| Err(LimitsError::Order { key, warn, trip });
+                if low <= lowest {
+                    order(low, lowest)
+                } else if high >= highest {
+                    order(high, highest)
+                } else {
+                    Ok(())
+                }
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn range(spec: Option<Self>) -> Range {
+        let Self { warn, trip } = spec.unwrap_or_default();
+        Range {
+            warn: warn.unwrap_or(Range::NONE.warn),
+            trip: trip.unwrap_or(Range::NONE.trip),
+        }
+    }
+}
+
+impl LimitsSpec {
+    /// These bounds where they are given, and those of `all` elsewhere.
+    #[must_use]
+    pub fn over(&self, all: &Self) -> Self {
+        let longer = |own: f64, all: f64| if own > 0.0 { own } else { all };
+        Self {
+            command_disp_m: self.command_disp_m.or(all.command_disp_m),
+            command_step_m: self.command_step_m.or(all.command_step_m),
+            command_vel_m_per_s: self.command_vel_m_per_s.or(all.command_vel_m_per_s),
+            command_accel_m_per_s2: self.command_accel_m_per_s2.or(all.command_accel_m_per_s2),
+            measured_disp_m: self.measured_disp_m.or(all.measured_disp_m),
+            measured_force_n: self.measured_force_n.or(all.measured_force_n),
+            sensor_disp_m: self.sensor_disp_m.or(all.sensor_disp_m),
+            sensor_force_n: self.sensor_force_n.or(all.sensor_force_n),
+            following_error_m: self.following_error_m.or(all.following_error_m),
+            following_time_s: longer(self.following_time_s, all.following_time_s),
+            force_step_n: self.force_step_n.or(all.force_step_n),
+            stuck_ticks: self.stuck_ticks.or(all.stuck_ticks),
+            stuck_travel_m: longer(self.stuck_travel_m, all.stuck_travel_m),
+        }
+    }
+
+    /// Whether each bound that is given can be kept.
+    ///
+    /// # Errors
+    /// The first that cannot.
+    pub fn check(&self) -> Result<(), LimitsError> {
+        for (key, spec) in [
+            ("command_disp_m", self.command_disp_m),
+            ("measured_disp_m", self.measured_disp_m),
+            ("measured_force_n", self.measured_force_n),
+            ("sensor_disp_m", self.sensor_disp_m),
+            ("sensor_force_n", self.sensor_force_n),
+        ] {
+            spec.map_or(Ok(()), |spec| spec.check(key))?;
+        }
+        for (key, spec) in [
+            ("command_step_m", self.command_step_m),
+            ("command_vel_m_per_s", self.command_vel_m_per_s),
+            ("command_accel_m_per_s2", self.command_accel_m_per_s2),
+            ("following_error_m", self.following_error_m),
+            ("force_step_n", self.force_step_n),
+            ("stuck_ticks", self.stuck_ticks),
+        ] {
+            spec.map_or(Ok(()), |spec| spec.check(key))?;
+        }
+        for (key, found) in [
+            ("following_time_s", self.following_time_s),
+            ("stuck_travel_m", self.stuck_travel_m),
+        ] {
+            let inside = found >= 0.0;
+            if !inside {
+                return Err(LimitsError::NotPositive { key, found });
+            }
+        }
+        Ok(())
+    }
+
+    /// The limits that are kept.
+    #[must_use]
+    pub fn limits(&self) -> AxisLimits {
+        AxisLimits {
+            command_disp: RangeSpec::range(self.command_disp_m),
+            command_step: BoundSpec::bound(self.command_step_m),
+            command_vel: BoundSpec::bound(self.command_vel_m_per_s),
+            command_accel: BoundSpec::bound(self.command_accel_m_per_s2),
+            measured_disp: RangeSpec::range(self.measured_disp_m),
+            measured_force: RangeSpec::range(self.measured_force_n),
+            sensor_disp: RangeSpec::range(self.sensor_disp_m),
+            sensor_force: RangeSpec::range(self.sensor_force_n),
+            following_error: BoundSpec::bound(self.following_error_m),
+            following_time: self.following_time_s,
+            force_step: BoundSpec::bound(self.force_step_n),
+            stuck_ticks: BoundSpec::bound(self.stuck_ticks),
+            stuck_travel: self.stuck_travel_m,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> LimitsSpec {
+        toml::from_str(text).unwrap()
+    }
+
+    #[test]
+    fn levels_that_contradict_each_other_are_named_with_their_key() {
+        for (text, words) in [
+            (
+                "command_step_m = { warn = 2, trip = 2 }",
+                "not within its trip level",
+            ),
+            ("command_step_m = { trip = 0 }", "must be greater than 0"),
+            ("command_step_m = { warn = nan }", "must be greater than 0"),
+            ("force_step_n = {}", "neither a `warn` nor a `trip`"),
+            ("command_disp_m = { trip = [1, 1] }", "leaves no room"),
+            ("command_disp_m = { trip = [nan, 1] }", "leaves no room"),
+            (
+                "measured_force_n = { warn = [-5, 1], trip = [-4, 4] }",
+                "warns at -5",
+            ),
+            (
+                "measured_force_n = { warn = [-1, 5], trip = [-4, 4] }",
+                "warns at 5",
+            ),
+            ("sensor_disp_m = {}", "neither"),
+            ("stuck_travel_m = -1", "must be greater than 0"),
+        ] {
+            let error = read(text).check().unwrap_err();
+            assert!(error.to_string().contains(words), "{text}: {error}");
+            assert!(text.starts_with(error.key()));
+        }
+        let good = "command_disp_m = { warn = [-0.1, 0.2], trip = [-0.2, 0.3] }\nstuck_ticks = { trip = 5 }\n";
+        assert_eq!(read(good).check(), Ok(()));
+    }
+
+    #[test]
+    fn what_an_axis_says_itself_goes_before_what_is_said_of_all() {
+        let all = read(
+            "command_step_m = { trip = 0.1 }\nforce_step_n = { trip = 7 }\nfollowing_time_s = 1",
+        );
+        let limits = read("command_step_m = { trip = 0.2 }").over(&all).limits();
+        assert_eq!(limits.command_step, Bound::trip(0.2));
+        assert_eq!(limits.force_step, Bound::trip(7.0));
+        assert_eq!(limits.following_time, 1.0);
+        assert_eq!(limits.command_disp, Range::NONE);
+    }
+}

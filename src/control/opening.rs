@@ -1,0 +1,206 @@
+//! How a port comes to where the test begins: readings while it stands, the zero that is taken of them, and the ramp.
+
+use std::f64::consts::{FRAC_PI_2, PI};
+
+use super::Port;
+use crate::substructure::{Command, LinkFault};
+
+/// Displacements whose relative difference is smaller are the same place.
+const SAME: f64 = 1e-9;
+
+/// Whether a channel keeps its declared zero.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Zero {
+    /// The declared offset holds; what is read is only told.
+    #[default]
+    Absolute,
+    /// What is read while zeroing is the zero.
+    Relative,
+}
+
+/// The two channels of one axis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Reference {
+    /// Displacement sensor: with [`Zero::Relative`] the deformation is zero where the specimen stands.
+    pub disp: Zero,
+    /// Load cell.
+    pub force: Zero,
+}
+
+/// What was read of one axis while zeroing, in its own units.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Reading {
+    /// Mean of the measured displacement.
+    pub disp: f64,
+    /// Mean of the measured force.
+    pub force: f64,
+    /// Root mean square of the displacement about its mean: the noise floor.
+    pub disp_noise: f64,
+    /// Of the force.
+    pub force_noise: f64,
+}
+
+/// Sums over the readings of one axis, about the first of them so that a large offset does not eat the noise.
+#[derive(Debug, Clone, Copy, Default)]
+struct Sums {
+    count: f64,
+    first: [f64; 2],
+    sum: [f64; 2],
+    squares: [f64; 2],
+}
+
+impl Sums {
+    fn take(&mut self, values: [f64; 2]) {
+        if self.count == 0.0 {
+            self.first = values;
+        }
+        self.count += 1.0;
+        for i in 0..2 {
+            let value = values[i] - self.first[i];
+            self.sum[i] += value;
+            self.squares[i] += value * value;
+        }
+    }
+
+    fn reading(&self) -> Reading {
+        let count = self.count.max(1.0);
+        let mean = |i: usize| self.first[i] + self.sum[i] / count;
+        let noise = |i: usize| {
+            let mean = self.sum[i] / count;
+            (self.squares[i] / count - mean * mean).max(0.0).sqrt()
+        };
+        Reading {
+            disp: mean(0),
+            force: mean(1),
+            disp_noise: noise(0),
+            force_noise: noise(1),
+        }
+    }
+}
+
+/// What a port needs to begin.
+#[derive(Debug)]
+pub(super) struct Opening {
+    references: Vec<Reference>,
+    sums: Vec<Sums>,
+    from: Vec<f64>,
+    to: Vec<f64>,
+}
+
+impl Opening {
+    /// For `axes` axes whose offsets are declared.
+    pub fn absolute(axes: usize) -> Self {
+        Self {
+            references: vec![Reference::default(); axes],
+            sums: vec![Sums::default(); axes],
+            from: vec![0.0; axes],
+            to: vec![0.0; axes],
+        }
+    }
+}
+
+impl Port {
+    /// Which channels take their zero from what is read, one entry per axis.
+    #[must_use]
+    pub fn with_references(mut self, references: Vec<Reference>) -> Self {
+        if references.len() == self.axes.len() {
+            self.opening.references = references;
+        }
+        self
+    }
+
+    /// The next command is the last one: nothing moves.
+    pub fn stand_still(&mut self) {
+        self.command.copy_from_slice(&self.sent);
+        self.command_vel.fill(0.0);
+    }
+
+    /// Sends the last command again, at rest, whatever command stands ready. Real-time: yes.
+    ///
+    /// # Errors
+    /// The link is lost.
+    pub fn repeat(&mut self, sequence: u64, time: f64) -> Result<(), LinkFault> {
+        self.guard.watch.sent_again();
+        self.link.sent += 1;
+        self.substructure.issue(&Command {
+            sequence: sequence + self.ahead,
+            time,
+            dt: 0.0,
+            disp: &self.sent,
+            vel: &self.still,
+        })
+    }
+
+    /// Keeps the measurement last taken for the zero.
+    pub fn take_reading(&mut self) {
+        let values = self.raw.disp.iter().zip(&self.raw.force);
+        for (sums, (disp, force)) in self.opening.sums.iter_mut().zip(values) {
+            sums.take([*disp, *force]);
+        }
+    }
+
+    /// What was read of one axis.
+    #[must_use]
+    pub fn reading(&self, axis: usize) -> Reading {
+        let sums = self.opening.sums.get(axis);
+        sums.map_or_else(Reading::default, Sums::reading)
+    }
+
+    /// Takes the zero of every relative channel from the readings.
+    pub fn take_zero(&mut self) {
+        let declared = self.opening.references.iter().zip(&self.opening.sums);
+        for ((axis, sent), (reference, sums)) in self.axes.iter_mut().zip(&self.sent).zip(declared)
+        {
+            let reading = sums.reading();
+            if reference.disp == Zero::Relative {
+                // Commands count from the last one, measurements from where it took the specimen.
+                axis.disp_offset = *sent;
+                axis.measured_offset = reading.disp - *sent;
+            }
+            if reference.force == Zero::Relative {
+                axis.force_offset = reading.force;
+            }
+        }
+    }
+
+    /// Shortest time in s of wall time for a ramp from the last command to the next: `shortest`, or longer where it would
+    /// be faster than `share` of a speed limit; 0 if they are the same.
+    #[must_use]
+    pub fn ramp_time(&self, share: f64, shortest: f64) -> f64 {
+        let mut time: f64 = 0.0;
+        let axes = self.sent.iter().zip(&self.command).zip(self.limits());
+        for (axis, ((from, to), limits)) in axes.enumerate() {
+            let distance = (to - from).abs() * self.guard.metres_of(axis);
+            // What the static load left of roundoff is no way to go.
+            if (to - from).abs() > SAME * from.abs().max(to.abs()) {
+                // Half a cosine is π/2 times as fast in the middle as on the average.
+                let speed = share * limits.command_vel.warn.min(limits.command_vel.trip);
+                time = time.max(shortest).max(FRAC_PI_2 * distance / speed);
+            }
+        }
+        time
+    }
+
+    /// The command that stands ready is where the ramp goes; the last one is where it begins.
+    pub fn begin_ramp(&mut self) {
+        self.opening.from.copy_from_slice(&self.sent);
+        self.opening.to.copy_from_slice(&self.command);
+    }
+
+    /// The next command is at this share (0 … 1) of a ramp that takes `seconds` of test time.
+    pub fn ramp_to(&mut self, share: f64, seconds: f64) {
+        let way = 0.5 * (1.0 - libm::cos(PI * share));
+        let rate = FRAC_PI_2 * libm::sin(PI * share) / seconds;
+        let ends = self.opening.from.iter().zip(&self.opening.to);
+        let commands = self.command.iter_mut().zip(&mut self.command_vel);
+        for (((command, vel), (from, to)), axis) in commands.zip(ends).zip(&self.axes) {
+            // The end is met to the last bit.
+            *command = if share < 1.0 {
+                from + way * (to - from)
+            } else {
+                *to
+            };
+            *vel = rate * (to - from) * axis.vel_gain / axis.disp_gain;
+        }
+    }
+}

@@ -1,0 +1,168 @@
+//! From the agreed connection to the first tick: zero, ramp, arm.
+//!
+//! Zeroing commands every specimen to where it stands and reads; ramping goes from there to where the test begins along
+//! half a cosine, slower than any speed limit. Nothing jumps.
+
+use super::phase::{Cause, Phase};
+use super::run::{Control, Notice};
+use super::tick::Tick;
+use super::{Engine, Stop};
+use crate::record::EventKind;
+use crate::rt::timing::TickStamps;
+
+/// Share of a speed limit that a ramp uses at its fastest.
+const SHARE_OF_SPEED: f64 = 0.5;
+
+/// How a test begins.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Opening {
+    /// Ticks over which each sensor is averaged while the specimens hold; 0: not at all.
+    pub zero_ticks: u32,
+    /// Whether the operator must confirm the offsets.
+    pub confirm: bool,
+    /// Shortest time of a ramp in s of wall time.
+    pub ramp_s: f64,
+}
+
+impl Opening {
+    /// True if nothing moves at once: the first command is where the specimen stands.
+    #[must_use]
+    pub fn is_gentle(&self) -> bool {
+        self.zero_ticks > 0 || self.ramp_s > 0.0
+    }
+}
+
+impl Engine {
+    /// Reads every sensor while the specimens hold where they stand, and takes what is declared as relative for zero.
+    pub(super) fn zero(&mut self, control: &Control) -> Result<(), Stop> {
+        let ticks = self.opening.zero_ticks;
+        if ticks == 0 || self.ports.is_empty() {
+            return Ok(());
+        }
+        self.enter(Phase::Zeroing, Cause::Done);
+        for port in &mut self.ports {
+            port.stand_still();
+        }
+        self.clear_commands()?;
+        for _ in 0..ticks {
+            self.still_tick(Phase::Zeroing, control)?;
+            for port in &mut self.ports {
+                port.take_reading();
+            }
+        }
+        let mut readings = Vec::new();
+        for (port, behind) in self.ports.iter_mut().enumerate() {
+            behind.take_zero();
+            readings.extend((0..behind.axes()).map(|axis| (port, axis, behind.reading(axis))));
+        }
+        for (port, axis, reading) in readings {
+            self.report_now(EventKind::Zeroed {
+                port: port as u32,
+                axis: axis as u32,
+                values: [
+                    reading.disp,
+                    reading.force,
+                    reading.disp_noise,
+                    reading.force_noise,
+                ],
+            });
+            // Nobody attends, or does not read: the log has it.
+            let _ = control.notices.try_send(Notice::Zeroed {
+                port,
+                axis,
+                reading,
+            });
+        }
+        if self.opening.confirm {
+            let _ = control.notices.try_send(Notice::AwaitingConfirmation);
+            self.confirmed = false;
+            while !self.confirmed {
+                self.still_tick(Phase::Zeroing, control)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// One tick in which the last command is sent again: nothing moves, everything is read.
+    fn still_tick(&mut self, phase: Phase, control: &Control) -> Result<(), Stop> {
+        let tick = Tick::before_start(0.0);
+        let mut stamps = TickStamps::default();
+        self.wait_before_start(&mut stamps, control)?;
+        self.exchange_again(&tick, &mut stamps)?;
+        self.row_before_start(&tick, phase, &stamps);
+        self.skip_numbers();
+        Ok(())
+    }
+
+    /// The exchange that was just made moved nothing and is none of the test's. Real-time: yes.
+    pub(super) fn skip_numbers(&mut self) {
+        for port in &mut self.ports {
+            port.skip_number();
+        }
+    }
+
+    /// Moves every specimen from its last command to the one that stands ready. Does nothing where they are the same.
+    pub(super) fn ramp(&mut self, control: &Control) -> Result<(), Stop> {
+        let period = self.period.value();
+        let mut ticks = 0u64;
+        for port in &self.ports {
+            let shortest = port.ramp_time(SHARE_OF_SPEED, self.opening.ramp_s);
+            ticks = ticks.max((shortest / period).ceil() as u64);
+        }
+        if ticks == 0 {
+            return Ok(());
+        }
+        self.enter(Phase::Ramping, Cause::Done);
+        for port in &mut self.ports {
+            port.begin_ramp();
+        }
+        let seconds = ticks as f64 * self.dt;
+        for k in 1..=ticks {
+            let share = k as f64 / ticks as f64;
+            for port in &mut self.ports {
+                port.ramp_to(share, seconds);
+            }
+            self.clear_commands()?;
+            let tick = Tick::before_start(self.dt);
+            let mut stamps = TickStamps::default();
+            self.wait_before_start(&mut stamps, control)?;
+            self.exchange(&tick, &mut stamps)?;
+            self.row_before_start(&tick, Phase::Ramping, &stamps);
+            self.accept()?;
+        }
+        self.timing.reset();
+        Ok(())
+    }
+
+    /// The row of a tick before t = 0.
+    pub(super) fn row_before_start(&mut self, tick: &Tick, phase: Phase, stamps: &TickStamps) {
+        self.row.exchange(tick, phase, &self.side, &self.ports);
+        self.row.outputs(&self.side);
+        self.row
+            .timing(stamps, self.first_edge, self.schedule.stretched());
+        if !self.recorder.row(self.row.values()) {
+            self.rows_lost += 1;
+        }
+    }
+
+    /// Warm-up ticks: the loop lives, the specimens hold the first command, nothing is counted as a miss.
+    pub(super) fn warm_up(&mut self, control: &Control) -> Result<(), Stop> {
+        self.enter(Phase::Armed, Cause::Done);
+        self.clear_commands()?;
+        for k in 0..self.limits.warmup_ticks {
+            let tick = Tick::before_start(0.0);
+            let mut stamps = TickStamps::default();
+            self.wait_before_start(&mut stamps, control)?;
+            if k == 0 {
+                self.exchange(&tick, &mut stamps)?;
+            } else {
+                self.exchange_again(&tick, &mut stamps)?;
+            }
+            self.sequence += 1;
+            stamps.ready = stamps.decoded;
+            stamps.pushed = self.clock.now();
+            self.timing.tick(&stamps);
+        }
+        self.clear_commands()
+    }
+}

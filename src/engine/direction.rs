@@ -1,0 +1,158 @@
+//! Before anything of the test moves a specimen: which way round is it wired?
+//!
+//! A specimen with a probe is moved a little and back, one after the other; nothing that it does then is accepted, and
+//! afterwards it is armed anew, so that a formula forgets it. The others hold. Where there is a static load, the motion that
+//! brings it on is listened to instead.
+
+use super::phase::{Cause, Phase};
+use super::run::Control;
+use super::tick::Tick;
+use super::{Engine, Side, Stop};
+use crate::integrate::State;
+use crate::record::EventKind;
+use crate::rt::timing::TickStamps;
+use crate::time::Schedule;
+
+/// Readings at rest before the static load comes on: at most so many, within this time in s.
+const AT_REST: f64 = 16.0;
+const AT_REST_S: f64 = 1.0;
+
+/// A tick in which test time stands still.
+const STILL: Tick = Tick {
+    step: 0,
+    sub_tick: 0,
+    time: 0.0,
+    dt: 0.0,
+};
+
+impl Engine {
+    /// Tries every specimen that is to be tried. Does nothing if there is none.
+    ///
+    /// # Errors
+    /// One of them is wired the wrong way round, or is lost.
+    pub(super) fn try_directions(&mut self, control: &Control) -> Result<(), Stop> {
+        if !self.ports.iter().any(|port| port.probe().is_some()) {
+            return Ok(());
+        }
+        self.enter(Phase::Probing, Cause::Done);
+        self.aim_where_it_stands();
+        self.arm()?;
+        self.begin_grid();
+        for index in 0..self.ports.len() {
+            self.try_direction(index, control)?;
+        }
+        // They are back to the last bit; what stands ready next is the test's.
+        self.aim_at_start();
+        self.timing.reset();
+        Ok(())
+    }
+
+    fn try_direction(&mut self, index: usize, control: &Control) -> Result<(), Stop> {
+        let Some(mut probe) = self.ports.get(index).and_then(crate::control::Port::probe) else {
+            return Ok(());
+        };
+        let port = index as u32;
+        self.report_now(EventKind::Probing { port });
+        while let Some(tried) = self.ports.get_mut(index) {
+            if !tried.aim_probe(&mut probe) {
+                break;
+            }
+            self.clear_commands()?;
+            let tick = Tick {
+                dt: self.dt,
+                ..STILL
+            };
+            let mut stamps = TickStamps::default();
+            self.wait_before_start(&mut stamps, control)?;
+            self.exchange(&tick, &mut stamps)?;
+            self.row
+                .exchange(&tick, Phase::Probing, &self.side, &self.ports);
+            self.row.outputs(&self.side);
+            self.row
+                .timing(&stamps, self.first_edge, self.schedule.stretched());
+            if !self.recorder.row(self.row.values()) {
+                self.rows_lost += 1;
+            }
+            if let Some(tried) = self.ports.get(index) {
+                tried.take_probe(&mut probe);
+            }
+            for port in &mut self.ports {
+                port.skip_number();
+            }
+        }
+        let found = probe.verdict().map_err(|misfit| Stop::Misfit {
+            port: index,
+            misfit,
+        })?;
+        for axis in found {
+            self.report_now(EventKind::Direction {
+                port,
+                axis: axis.axis as u32,
+                disp: axis.disp,
+                force: axis.force,
+            });
+        }
+        Ok(())
+    }
+
+    /// With a static load the specimens stand where there is none yet; else where the test begins.
+    fn aim_where_it_stands(&mut self) {
+        self.aim_at_start();
+        if let (Some(settling), Side::Structure(numerical)) = (&self.settling, &self.side) {
+            let at_rest = State::at_rest(settling.load.len());
+            let base = numerical.base(0);
+            for port in &mut self.ports {
+                port.aim(&at_rest.disp, &at_rest.vel, base.disp, 0.0);
+            }
+        }
+    }
+
+    /// A grid that begins shortly after now.
+    pub(super) fn begin_grid(&mut self) {
+        self.edge = 0;
+        self.schedule = Schedule::new(self.clock.now().plus(super::run::LEAD_NS), self.period);
+        self.first_edge = self.schedule.tick(0);
+    }
+
+    /// Reads the specimens that are listened to while they stand, before the static load comes on.
+    pub(super) fn listen_at_rest(&mut self, control: &Control) -> Result<(), Stop> {
+        if !self.ports.iter().any(crate::control::Port::is_listened_to) {
+            return Ok(());
+        }
+        let readings = (AT_REST_S / self.period.value()).clamp(2.0, AT_REST) as u32;
+        for _ in 0..readings {
+            let mut stamps = TickStamps::default();
+            self.wait_before_start(&mut stamps, control)?;
+            self.exchange_again(&STILL, &mut stamps)?;
+            for port in &mut self.ports {
+                port.listen_at_rest();
+                port.skip_number();
+            }
+        }
+        Ok(())
+    }
+
+    /// Holds what was just measured against what the estimate expects. Real-time: yes.
+    pub(super) fn listen(&mut self) -> Result<(), Stop> {
+        for (index, port) in self.ports.iter_mut().enumerate() {
+            port.listen().map_err(|misfit| Stop::Misfit {
+                port: index,
+                misfit,
+            })?;
+        }
+        Ok(())
+    }
+
+    /// Says whose direction the static load did not show.
+    pub(super) fn report_unshown(&mut self) {
+        for index in 0..self.ports.len() {
+            let unshown = self.ports.get(index).map(crate::control::Port::unshown);
+            for axis in unshown.unwrap_or_default() {
+                self.report_now(EventKind::DirectionUnknown {
+                    port: index as u32,
+                    axis: axis as u32,
+                });
+            }
+        }
+    }
+}

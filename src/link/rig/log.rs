@@ -1,0 +1,401 @@
+//! The run folder of a controller's test: one row per exchange, events, a summary.
+//!
+//! The format is that of every run folder ([`crate::record`]), so `gusset export` and `gusset report` read it, finished or
+//! not: after a kill −9 the rows of the last moments are missing, and nothing else.
+
+use std::path::{Path, PathBuf};
+
+use super::summary::{self, Counted};
+use super::{Close, Trip, Visitor};
+use crate::control::AxisUnits;
+use crate::record::writer::Clocks;
+use crate::record::{
+    Column, FolderError, Layout, Note, NoteLevel, Recorder, RingRecorder, RingSize, RunFolder,
+    WhenFull, Writer, WriterSettings, ring,
+};
+use crate::rt::timing::Timing;
+use crate::rt::wall::Wall;
+use crate::rt::{os, pin_away};
+use crate::substructure::{Command, LinkStats, Measurement};
+
+/// Where and what a server records.
+#[derive(Debug, Clone)]
+pub struct LogSettings {
+    /// Folder in which each controller's test gets one of its own: `test-0001`, `test-0002`, …
+    pub root: PathBuf,
+    /// The file that is served, byte for byte.
+    pub file: Vec<u8>,
+    /// The complete configuration.
+    pub resolved: String,
+    /// Seconds of rows that the queue to the writer holds.
+    pub queue_s: f64,
+    /// A lost row makes the test a failed one.
+    pub required: bool,
+}
+
+/// Exchanges per second that the queue is made for where the protocol does not say.
+const USUAL_RATE_HZ: f64 = 1000.0;
+/// Highest number of a folder.
+const MOST_FOLDERS: u32 = 999_999;
+
+/// One exchange as it is recorded.
+pub(super) struct Exchange<'a> {
+    pub state: f64,
+    pub command: &'a Command<'a>,
+    pub elapsed: f64,
+    pub commits: u64,
+    pub measured: &'a Measurement,
+    pub trip: Option<Trip>,
+    pub received_ns: u64,
+    pub answered_ns: u64,
+}
+
+impl Exchange<'_> {
+    /// Values of the column `state`.
+    pub const PROBING: f64 = 2.0;
+    pub const RUNNING: f64 = 3.0;
+    pub const TRIPPED: f64 = 4.0;
+}
+
+/// A test that is being recorded.
+pub(super) struct Log {
+    folder: RunFolder,
+    name: String,
+    units: Vec<AxisUnits>,
+    writer: Writer,
+    recorder: RingRecorder,
+    row: Vec<f64>,
+    timing: Timing,
+    counted: Counted,
+    began_ns: u64,
+    required: bool,
+}
+
+const HEAD: [(&str, &str, &str, bool); 10] = [
+    ("step", "1", "number of the exchange, from 0", false),
+    ("sub_tick", "1", "always 0: one row per exchange", false),
+    (
+        "state",
+        "1",
+        "2 = which way round it is wired is tried, 3 = running, 4 = not passed on after a trip",
+        false,
+    ),
+    ("time", "s", "test time of the command", false),
+    (
+        "elapsed",
+        "s",
+        "test time since the command before, or since the last commit",
+        false,
+    ),
+    (
+        "command",
+        "1",
+        "the controller's number of the command",
+        false,
+    ),
+    ("commits", "1", "commands accepted so far", false),
+    (
+        "trip",
+        "1",
+        "0 = none; a limit: 1 command_disp, 2 command_step, 3 command_vel, 4 command_accel, 5 measured_disp, \
+         6 measured_force, 7 following_error, 8 force_step, 9 stuck_sensor, 10 sensor_disp, 11 sensor_force; \
+         50 command and 51 measurement not finite; 60 interlock, 61 saturated, 70 specimen lost",
+        false,
+    ),
+    (
+        "received_s",
+        "s",
+        "wall time from the start of the test to the command",
+        true,
+    ),
+    (
+        "round_trip_s",
+        "s",
+        "from the command to the specimen's answer",
+        true,
+    ),
+];
+
+const AXIS: [(&str, &str); 7] = [
+    ("target", "displacement that the controller asks for, in m"),
+    ("cmd", "the same in the unit of the axis"),
+    ("meas", "measured displacement, in m"),
+    ("force", "measured force, in N"),
+    ("raw_disp", "measured displacement in the unit of the axis"),
+    ("raw_force", "measured force in the unit of the axis"),
+    (
+        "vel",
+        "velocity that came with the command, in units of the axis per s",
+    ),
+];
+
+fn columns(units: &[AxisUnits], name: &str) -> Vec<Column> {
+    let mut columns = Vec::new();
+    let mut add = |name: String, unit: &str, meaning: String, timing| {
+        columns.push(Column {
+            name,
+            unit: unit.to_owned(),
+            meaning,
+            timing,
+        });
+    };
+    for (name, unit, meaning, timing) in HEAD {
+        add(name.to_owned(), unit, meaning.to_owned(), timing);
+    }
+    for (axis, units) in (1..).zip(units) {
+        for (kind, meaning) in AXIS {
+            let unit = match kind {
+                "target" | "meas" => "m",
+                "force" => "N",
+                "raw_force" => units.force,
+                _ => units.disp,
+            };
+            let meaning = format!("{meaning}; specimen \"{name}\", axis {axis}");
+            add(format!("{kind}_1_{axis}"), unit, meaning, false);
+        }
+    }
+    add(
+        "status_1".to_owned(),
+        "1",
+        format!("status flags as they went to the controller, specimen \"{name}\""),
+        false,
+    );
+    columns
+}
+
+impl Log {
+    /// The folder, with everything that is known before the test. Touches the disk, and starts two threads.
+    pub fn open(
+        settings: &LogSettings,
+        name: &str,
+        units: &[AxisUnits],
+        visitor: &Visitor,
+        away_from: Option<usize>,
+    ) -> Result<Self, String> {
+        os::ignore_file_size_signal();
+        let folder = next_folder(&settings.root).map_err(|error| error.to_string())?;
+        let rate_hz = visitor
+            .rate
+            .map(|(above, below)| above as f64 / below as f64)
+            .filter(|rate| rate.is_finite());
+        let made = Self::make(settings, &folder, name, units, rate_hz, away_from);
+        let (writer, recorder, row) = match made {
+            Ok(made) => made,
+            Err(text) => {
+                folder.abandon();
+                return Err(text);
+            }
+        };
+        let log = Self {
+            name: name.to_owned(),
+            units: units.to_vec(),
+            writer,
+            recorder,
+            row,
+            timing: Timing::new(&[name], true, 0),
+            counted: Counted::new(units.len(), rate_hz, Wall::now()),
+            began_ns: os::monotonic_ns(),
+            required: settings.required,
+            folder,
+        };
+        log.note(
+            Note::new(NoteLevel::Info, "controller")
+                .with("peer", visitor.peer.to_string())
+                .with("test", visitor.test.as_str())
+                .with("software", visitor.software.as_str()),
+        );
+        Ok(log)
+    }
+
+    fn make(
+        settings: &LogSettings,
+        folder: &RunFolder,
+        name: &str,
+        units: &[AxisUnits],
+        rate_hz: Option<f64>,
+        away_from: Option<usize>,
+    ) -> Result<(Writer, RingRecorder, Vec<f64>), String> {
+        let words = |error: FolderError| error.to_string();
+        folder.write_test(&settings.file).map_err(words)?;
+        folder.write_resolved(&settings.resolved).map_err(words)?;
+        let layout = Layout::new(columns(units, name)).map_err(|error| error.to_string())?;
+        let samples = folder.open_samples(&layout).map_err(words)?;
+        let events = folder.open_events().map_err(words)?;
+        let width = layout.columns().len();
+        let rate = rate_hz.unwrap_or(USUAL_RATE_HZ);
+        let size = RingSize::for_rate(width, rate, settings.queue_s);
+        let (recorder, reader) =
+            ring(width, size, WhenFull::Drop).map_err(|error| error.to_string())?;
+        let clocks = Clocks {
+            monotonic_ns: os::monotonic_ns,
+            utc_ns: || Wall::now().0,
+        };
+        let writer = WriterSettings {
+            real_clock: true,
+            time_column: layout.index_of("time"),
+            specimens: vec![name.to_owned()],
+            ..WriterSettings::default()
+        };
+        // A thread inherits the processors of the one that starts it: not those of the data.
+        let spawn = move || {
+            if let Some(cpu) = away_from {
+                // With one processor there is no other.
+                let _ = pin_away(cpu);
+            }
+            Writer::spawn(reader, samples, events, None, clocks, writer)
+        };
+        let started = std::thread::scope(|scope| {
+            let starter = std::thread::Builder::new().name("gusset-log".into());
+            starter
+                .spawn_scoped(scope, spawn)
+                .map(|thread| thread.join())
+        });
+        match started {
+            Ok(Ok(Ok(writer))) => Ok((writer, recorder, vec![0.0; width])),
+            Ok(Ok(Err(error))) => Err(error.to_string()),
+            Ok(Err(_)) => Err("the writer could not be started".to_owned()),
+            Err(error) => Err(format!("the system gives no thread: {error}")),
+        }
+    }
+
+    pub fn path(&self) -> &Path {
+        self.folder.path()
+    }
+
+    /// Something that is no exchange.
+    pub fn note(&self, note: Note) {
+        self.writer.note(note);
+    }
+
+    /// The specimen holds from here on.
+    pub fn tripped(&self, trip: Trip, text: &str) {
+        let mut note = Note::new(NoteLevel::Error, "trip")
+            .with("text", text)
+            .with("what", trip.name())
+            .with("code", trip.code());
+        if let Trip::Limit(hit) = trip {
+            note = note
+                .with("axis", hit.axis as u64 + 1)
+                .with("unit", hit.quantity.unit())
+                .with("value", hit.value)
+                .with("bound", hit.bound);
+        }
+        self.note(note);
+    }
+
+    /// One row. Real-time: yes.
+    pub fn exchange(&mut self, exchange: &Exchange<'_>) {
+        let Exchange {
+            command, measured, ..
+        } = exchange;
+        let round_trip_ns = exchange.answered_ns.saturating_sub(exchange.received_ns);
+        let head = [
+            self.counted.exchanges as f64,
+            0.0,
+            exchange.state,
+            command.time,
+            exchange.elapsed,
+            command.sequence as f64,
+            exchange.commits as f64,
+            exchange.trip.map_or(0.0, |trip| f64::from(trip.code())),
+            exchange.received_ns.saturating_sub(self.began_ns) as f64 * 1e-9,
+            round_trip_ns as f64 * 1e-9,
+        ];
+        for (to, from) in self.row.iter_mut().zip(head) {
+            *to = from;
+        }
+        let axes = self.row.get_mut(HEAD.len()..).unwrap_or_default();
+        let numbers = command.disp.iter().zip(command.vel);
+        let measurements = measured.disp.iter().zip(&measured.force);
+        for ((slot, units), ((disp, vel), (measured_disp, force))) in axes
+            .chunks_exact_mut(AXIS.len())
+            .zip(&self.units)
+            .zip(numbers.zip(measurements))
+        {
+            let AxisUnits {
+                metres, newtons, ..
+            } = units;
+            slot.copy_from_slice(&[
+                metres * disp,
+                *disp,
+                metres * measured_disp,
+                newtons * force,
+                *measured_disp,
+                *force,
+                *vel,
+            ]);
+        }
+        if let Some(status) = self.row.last_mut() {
+            *status = f64::from(measured.status.0);
+        }
+        if exchange.state != Exchange::TRIPPED {
+            self.timing.round_trip(0, round_trip_ns);
+        }
+        self.counted.exchange(exchange, &self.units);
+        // A full queue is counted there, and in the summary.
+        let _ = self.recorder.row(&self.row);
+    }
+
+    /// Writes everything down. What cannot be written is told in the program's log.
+    pub fn close(self, close: Close, text: &str, stats: &LinkStats, commits: u64) {
+        let level = match close {
+            Close::Completed | Close::Interrupted => NoteLevel::Info,
+            Close::Stopped | Close::Failed => NoteLevel::Error,
+        };
+        self.writer
+            .note(Note::new(level, "ended").with("text", text));
+        let Self {
+            folder,
+            name,
+            writer,
+            timing,
+            counted,
+            began_ns,
+            required,
+            ..
+        } = self;
+        let wall_seconds = os::monotonic_ns().saturating_sub(began_ns) as f64 * 1e-9;
+        let recorded = writer.finish().unwrap_or_default();
+        let summary = summary::summarise(
+            summary::End {
+                close,
+                text,
+                wall_seconds,
+                required,
+                commits,
+            },
+            &name,
+            &counted,
+            stats,
+            &timing,
+            &recorded,
+        );
+        for result in [
+            folder.write_timing(&timing.to_json_with_bins()),
+            folder.write_summary(&summary),
+        ] {
+            if let Err(error) = result {
+                tracing::error!("not written: {error}");
+            }
+        }
+        if recorded.rows_lost() > 0 {
+            tracing::error!("{} ROWS ARE LOST", recorded.rows_lost());
+        }
+    }
+}
+
+/// The folder after the last one in `root`. Two servers may share a root.
+fn next_folder(root: &Path) -> Result<RunFolder, FolderError> {
+    let number = |name: &str| name.strip_prefix("test-")?.parse::<u32>().ok();
+    let last = std::fs::read_dir(root).map_or(0, |entries| {
+        let names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
+        names.filter_map(|name| number(&name)).max().unwrap_or(0)
+    });
+    let mut next = last.saturating_add(1);
+    loop {
+        match RunFolder::create(&root.join(format!("test-{next:04}"))) {
+            Err(FolderError::Occupied(_)) if next < MOST_FOLDERS => next += 1,
+            other => return other,
+        }
+    }
+}

@@ -1,0 +1,190 @@
+//! What stands behind a server, whatever the server speaks: a formula, or a specimen across another link, which makes
+//! the server a gateway.
+//!
+//! A [`Station`] is what a server commands: every exchange passes its limits and stands in its log. Behind it is a
+//! [`Rig`]. Invariants: what a limit refuses is not passed on; a trip is latched until the controller's test is over, and
+//! the specimen holds at the last command that it was given; whatever ends a test, the specimen hears the last word of its
+//! protocol.
+
+mod far;
+mod law;
+mod log;
+mod station;
+mod summary;
+
+use std::net::SocketAddr;
+
+use thiserror::Error;
+
+pub use far::{Far, FarBuild};
+pub use law::Law;
+pub use log::LogSettings;
+pub use station::{Close, ProbeSettings, Station};
+
+use crate::control::limits::Hit;
+use crate::substructure::{Command, Introduction, LinkFault, LinkStats, Measurement, Retirement};
+use crate::wire::handshake::Sampling;
+
+/// Who commands a specimen, as far as the protocol tells.
+#[derive(Debug, Clone)]
+pub struct Visitor {
+    /// From where.
+    pub peer: SocketAddr,
+    /// Name of the test; empty if the protocol has none.
+    pub test: String,
+    /// The program; empty if the protocol does not say.
+    pub software: String,
+    /// Commands per second: numerator and denominator.
+    pub rate: Option<(u64, u64)>,
+    /// The specimen must hold when no command has come for so long, s.
+    pub watchdog_s: Option<f64>,
+    /// When the force is to be sampled.
+    pub sampling: Sampling,
+    /// Number of the first command.
+    pub first_sequence: u64,
+    /// Where the first command will be, in the units of the axes; empty if the protocol does not say.
+    pub start: Vec<f64>,
+}
+
+impl Visitor {
+    /// A visitor of whom only the address is known.
+    #[must_use]
+    pub const fn unnamed(peer: SocketAddr) -> Self {
+        Self {
+            peer,
+            test: String::new(),
+            software: String::new(),
+            rate: None,
+            watchdog_s: None,
+            sampling: Sampling::Reply,
+            first_sequence: 0,
+            start: Vec::new(),
+        }
+    }
+}
+
+/// Why a specimen is not commanded any more. Latched until the controller's test is over.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+pub enum Trip {
+    /// A limit was passed.
+    #[error("{} ({})", .0, .0.quantity.key())]
+    Limit(Hit),
+    /// A number that is none.
+    #[error("axis {}: the {} is not a finite number", axis + 1, if *measured { "measurement" } else { "command" })]
+    NotFinite {
+        /// Axis, from 0.
+        axis: usize,
+        /// Whether it was measured, or commanded.
+        measured: bool,
+    },
+    /// The specimen says that its interlock is open.
+    #[error("the interlock or emergency stop at the specimen is open")]
+    Interlock,
+    /// The specimen says that it cannot be trusted.
+    #[error("the specimen reports a sensor or actuator at the end of its range")]
+    Saturated,
+    /// The specimen is gone.
+    #[error("the specimen is lost: {0}")]
+    Lost(LinkFault),
+}
+
+impl Trip {
+    /// As it stands in events: the key of the limit, or a word of its own.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Limit(hit) => hit.quantity.key(),
+            Self::NotFinite { measured: true, .. } => "measured_not_finite",
+            Self::NotFinite { .. } => "command_not_finite",
+            Self::Interlock => "interlock",
+            Self::Saturated => "saturated",
+            Self::Lost(_) => "specimen_lost",
+        }
+    }
+
+    /// Its number in the column `trip` of recorded rows.
+    #[must_use]
+    pub const fn code(self) -> u32 {
+        match self {
+            Self::Limit(hit) => hit.quantity as u32 + 1,
+            Self::NotFinite { measured, .. } => 50 + measured as u32,
+            Self::Interlock => 60,
+            Self::Saturated => 61,
+            Self::Lost(_) => 70,
+        }
+    }
+}
+
+/// Something that answers commands, for one test after another.
+pub trait Rig: Send {
+    /// Number of axes.
+    fn axes(&self) -> usize;
+
+    /// True if commands leave this process: then they are not to be sent in a burst, and cannot be taken back.
+    fn is_remote(&self) -> bool {
+        false
+    }
+
+    /// Gets ready for a controller; nothing moves. May block, within time limits of its own.
+    ///
+    /// # Errors
+    /// The specimen cannot take part.
+    fn connect(&mut self, visitor: &Visitor) -> Result<Introduction, String>;
+
+    /// From here on commands come, from this number and this place on. A formula begins anew. May block.
+    ///
+    /// # Errors
+    /// The specimen is not ready, or gone.
+    fn arm(&mut self, sequence: u64, start: &[f64]) -> Result<(), LinkFault>;
+
+    /// What can be said of the specimen before the first command. Zeros if nothing.
+    fn at_rest(&mut self, into: &mut Measurement) {
+        into.disp.fill(0.0);
+        into.force.fill(0.0);
+    }
+
+    /// Takes the place of a command, from the last committed state, and measures. `elapsed` is the test time since the
+    /// last commit in s. Real-time: yes, as far as the link is.
+    ///
+    /// # Errors
+    /// The specimen is lost.
+    fn trial(
+        &mut self,
+        command: &Command<'_>,
+        elapsed: f64,
+        into: &mut Measurement,
+    ) -> Result<(), LinkFault>;
+
+    /// The last command is accepted. Real-time: yes.
+    ///
+    /// # Errors
+    /// The specimen is lost.
+    fn commit(&mut self) -> Result<(), LinkFault>;
+
+    /// What was not committed is forgotten, by what can forget.
+    fn revert(&mut self);
+
+    /// Tangent stiffness, n × n by columns, as far as it is known. Real-time: yes.
+    fn tangent(&mut self, stiffness: &mut [f64]);
+
+    /// Nothing to command for now: notices a specimen that has gone. Does not block.
+    ///
+    /// # Errors
+    /// The specimen is lost.
+    fn attend(&mut self) -> Result<(), LinkFault> {
+        Ok(())
+    }
+
+    /// What went over the link so far.
+    fn stats(&self) -> LinkStats {
+        LinkStats::default()
+    }
+
+    /// More than a fault says about why the specimen was lost.
+    fn complaint(&self) -> Option<String> {
+        None
+    }
+
+    /// Last words of a test.
+    fn end(&mut self, how: Retirement);
+}

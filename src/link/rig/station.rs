@@ -1,0 +1,549 @@
+//! What a server commands: a rig with its limits, its direction check and its log.
+
+use super::log::{Exchange, Log, LogSettings};
+use super::{Rig, Trip, Visitor};
+use crate::control::limits::{AxisLimits, Found, LimitsSpec, Watch};
+use crate::control::{AxisUnits, Opinion, Pace, Probe, compare_stiffness};
+use crate::record::{Note, NoteLevel};
+use crate::rt::os;
+use crate::substructure::{Command, Introduction, Measurement, Retirement, Status};
+
+/// From one command to the next in s, until it is known.
+const USUAL_TICK_S: f64 = 0.01;
+
+/// How it is found out, before a test, which way round a specimen is wired.
+#[derive(Debug, Clone, PartialEq)]
+pub enum ProbeSettings {
+    /// The specimen is a formula in this process.
+    Needless,
+    /// Not at all; `silent` if that was asked for.
+    Unchecked {
+        /// Nobody is to be warned in each test.
+        silent: bool,
+    },
+    /// By a small motion and back.
+    Motion {
+        /// In the unit of each axis.
+        amplitude: Vec<f64>,
+        /// How fast.
+        pace: Pace,
+    },
+}
+
+/// How a test ended, for the summary of its log.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Close {
+    /// The controller brought it to its end.
+    Completed,
+    /// A limit, an interlock, or the controller's own trip.
+    Stopped,
+    /// Our own operator.
+    Interrupted,
+    /// The specimen or the controller was lost, or nonsense came.
+    Failed,
+}
+
+/// A specimen as a server commands it. Ends its test when it is dropped.
+pub struct Station {
+    name: String,
+    rig: Box<dyn Rig>,
+    units: Vec<AxisUnits>,
+    stiffness: Vec<f64>,
+    mass: Vec<f64>,
+    limits: Vec<AxisLimits>,
+    watch: Watch,
+    probe: ProbeSettings,
+    keeping: Option<LogSettings>,
+    away_from: Option<usize>,
+    log: Option<Log>,
+    begun: bool,
+    measured: Measurement,
+    tripped: Option<Trip>,
+    commits: u64,
+}
+
+impl std::fmt::Debug for Station {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Station")
+            .field("name", &self.name)
+            .field("axes", &self.units.len())
+            .finish_non_exhaustive()
+    }
+}
+
+impl Station {
+    /// A station without limits and without a log; `stiffness` and `mass` are n × n by columns, in `units`.
+    #[must_use]
+    pub fn new(
+        name: String,
+        rig: Box<dyn Rig>,
+        units: Vec<AxisUnits>,
+        stiffness: Vec<f64>,
+        mass: Vec<f64>,
+    ) -> Self {
+        let axes = units.len();
+        let probe = if rig.is_remote() {
+            ProbeSettings::Unchecked { silent: false }
+        } else {
+            ProbeSettings::Needless
+        };
+        Self {
+            name,
+            limits: vec![AxisLimits::NONE; axes],
+            watch: Watch::new(vec![AxisLimits::NONE; axes], USUAL_TICK_S),
+            rig,
+            units,
+            stiffness,
+            mass,
+            probe,
+            keeping: None,
+            away_from: None,
+            log: None,
+            begun: false,
+            measured: Measurement::zeros(axes),
+            tripped: None,
+            commits: 0,
+        }
+    }
+
+    /// The bounds of its axes.
+    #[must_use]
+    pub fn limited(mut self, limits: &[LimitsSpec]) -> Self {
+        for (own, spec) in self.limits.iter_mut().zip(limits) {
+            *own = spec.limits();
+        }
+        self
+    }
+
+    /// How its direction is found out.
+    #[must_use]
+    pub fn probed(mut self, probe: ProbeSettings) -> Self {
+        self.probe = probe;
+        self
+    }
+
+    /// Each controller's test gets a run folder.
+    #[must_use]
+    pub fn recorded(mut self, keeping: Option<LogSettings>) -> Self {
+        self.keeping = keeping;
+        self
+    }
+
+    /// The processor that the log's threads leave to the data.
+    pub fn keep_log_away_from(&mut self, cpu: Option<usize>) {
+        self.away_from = cpu;
+    }
+
+    /// Number of axes.
+    #[must_use]
+    pub fn axes(&self) -> usize {
+        self.units.len()
+    }
+
+    /// True if commands leave this process.
+    #[must_use]
+    pub fn is_remote(&self) -> bool {
+        self.rig.is_remote()
+    }
+
+    /// Initial stiffness, n × n by columns.
+    #[must_use]
+    pub fn stiffness(&self) -> &[f64] {
+        &self.stiffness
+    }
+
+    /// Mass, n × n by columns.
+    #[must_use]
+    pub fn mass(&self) -> &[f64] {
+        &self.mass
+    }
+
+    /// Tangent stiffness, n × n by columns. Real-time: yes.
+    pub fn tangent(&mut self, stiffness: &mut [f64]) {
+        self.rig.tangent(stiffness);
+    }
+
+    /// Gets everything ready for a controller's test: log, connection, direction, arming. Returns what whoever watches
+    /// should know. May block.
+    ///
+    /// # Errors
+    /// Why there is no test; the specimen, if it was reached, has been told.
+    pub fn begin(&mut self, visitor: &Visitor) -> Result<Vec<String>, String> {
+        self.end(Close::Failed, "another controller came");
+        self.tripped = None;
+        self.commits = 0;
+        self.measured = Measurement::zeros(self.units.len());
+        if let Some(settings) = &self.keeping {
+            let log = Log::open(settings, &self.name, &self.units, visitor, self.away_from);
+            self.log = Some(log.map_err(|text| format!("the log cannot be kept: {text}"))?);
+        }
+        self.begun = true;
+        match self.get_ready(visitor) {
+            Ok(told) => Ok(told),
+            Err(text) => {
+                self.note(NoteLevel::Error, "link", &text);
+                self.end(Close::Failed, &text);
+                Err(text)
+            }
+        }
+    }
+
+    fn get_ready(&mut self, visitor: &Visitor) -> Result<Vec<String>, String> {
+        let mut told = Vec::new();
+        if let Some(log) = &self.log {
+            told.push(format!("recording into {}", log.path().display()));
+        }
+        let introduction = self.rig.connect(visitor)?;
+        if self.rig.is_remote() {
+            let text = format!("specimen \"{}\": {}", self.name, introduction.peer);
+            self.note(NoteLevel::Info, "connected", &introduction.peer);
+            told.push(text);
+        }
+        for warning in self.doubts(&introduction)? {
+            self.note(NoteLevel::Warning, "warning", &warning);
+        }
+        let mut start = visitor.start.clone();
+        start.resize(self.units.len(), 0.0);
+        if let ProbeSettings::Motion { amplitude, pace } = self.probe.clone() {
+            told.push(self.try_direction(&start, &amplitude, pace)?);
+        }
+        self.arm(visitor.first_sequence, &start)?;
+        self.rig.at_rest(&mut self.measured);
+        match not_finite(&self.measured.disp, &self.measured.force) {
+            Some(axis) => Err(format!("axis {}: the force at rest is no number", axis + 1)),
+            None => Ok(told),
+        }
+    }
+
+    /// What the specimen says of itself beside what is believed of it.
+    fn doubts(&self, introduction: &Introduction) -> Result<Vec<String>, String> {
+        let n = self.units.len();
+        let mut doubts = introduction.warnings.clone();
+        let theirs = introduction.stiffness.iter().step_by(n + 1);
+        let ours = self.stiffness.iter().step_by(n + 1);
+        for (number, ((theirs, ours), units)) in (1..).zip(theirs.zip(ours).zip(&self.units)) {
+            let AxisUnits { disp, force, .. } = units;
+            match compare_stiffness(*theirs, *ours) {
+                Opinion::Agrees => {}
+                Opinion::Differs => doubts.push(format!(
+                    "axis {number} reports a stiffness of {theirs:e} {force}/{disp}, the file says {ours:e} \
+                     {force}/{disp}"
+                )),
+                Opinion::Reversed => {
+                    return Err(format!(
+                        "axis {number} reports a stiffness of {theirs:e} {force}/{disp} where {ours:e} {force}/{disp} is \
+                         expected: a channel is reversed; look at the wiring"
+                    ));
+                }
+            }
+        }
+        if self.probe == (ProbeSettings::Unchecked { silent: false }) && !introduction.simulated {
+            doubts.push(
+                "NOTHING CHECKS WHICH WAY ROUND THE SPECIMEN IS WIRED: give `probe_m` in [specimen.link] for a small \
+                 motion before each test, or say `probe = \"none\"`"
+                    .to_owned(),
+            );
+        }
+        Ok(doubts)
+    }
+
+    /// The small motion that shows the direction of each axis, and its judgement.
+    fn try_direction(
+        &mut self,
+        start: &[f64],
+        amplitude: &[f64],
+        pace: Pace,
+    ) -> Result<String, String> {
+        let n = self.units.len();
+        let diagonal: Vec<f64> = self.stiffness.iter().step_by(n + 1).copied().collect();
+        let mut probe = Probe::new(start, amplitude, &diagonal, &self.units, pace);
+        self.note(
+            NoteLevel::Info,
+            "probing",
+            "a small motion and back, axis after axis",
+        );
+        self.arm(0, start)?;
+        let (mut disp, mut vel) = (start.to_vec(), vec![0.0; n]);
+        let mut edge = os::monotonic_ns();
+        let mut measured = Measurement::zeros(n);
+        let mut sequence = 0;
+        while probe.next(&mut disp, &mut vel) {
+            let command = Command {
+                sequence,
+                time: 0.0,
+                dt: 0.0,
+                disp: &disp,
+                vel: &vel,
+            };
+            self.exchange_as(Exchange::PROBING, &command, 0.0, &mut measured)
+                .map_err(|trip| format!("while its direction was tried: {}", self.whole(trip)))?;
+            probe.take(&measured.disp, &measured.force);
+            sequence += 1;
+            edge += pace.period_ns;
+            os::sleep_until_ns(edge);
+        }
+        let found = probe.verdict().map_err(|misfit| misfit.to_string())?;
+        let axes = found.iter().map(|axis| {
+            let units = self.units.get(axis.axis).unwrap_or(&AxisUnits::SI);
+            format!(
+                "axis {}: {:+.3e} {} gave {:+.3e} {}",
+                axis.axis + 1,
+                axis.disp,
+                units.disp,
+                axis.force,
+                units.force
+            )
+        });
+        let text = format!("direction: {}", axes.collect::<Vec<_>>().join("; "));
+        self.note(NoteLevel::Info, "direction", &text);
+        Ok(text)
+    }
+
+    fn arm(&mut self, sequence: u64, start: &[f64]) -> Result<(), String> {
+        self.watch = Watch::new(self.limits.clone(), USUAL_TICK_S);
+        self.watch.stands_at(metres(&self.units, start));
+        self.rig.arm(sequence, start).map_err(|fault| {
+            let why = self.rig.complaint().unwrap_or_default();
+            format!(
+                "it is not armed: {fault}{}{why}",
+                if why.is_empty() { "" } else { ": " }
+            )
+        })
+    }
+
+    /// The controller begins anew after commands that only tried the specimen: a formula forgets them.
+    ///
+    /// # Errors
+    /// The specimen is not ready, or gone.
+    pub fn begin_again(&mut self, sequence: u64, start: &[f64]) -> Result<(), String> {
+        self.note(NoteLevel::Info, "armed_again", "the controller begins anew");
+        self.arm(sequence, start)
+    }
+
+    /// What was measured last.
+    #[must_use]
+    pub const fn measured(&self) -> &Measurement {
+        &self.measured
+    }
+
+    /// Why the specimen holds, if it does.
+    #[must_use]
+    pub const fn tripped(&self) -> Option<Trip> {
+        self.tripped
+    }
+
+    /// A trip with what its link has to say.
+    #[must_use]
+    pub fn whole(&self, trip: Trip) -> String {
+        match (trip, self.rig.complaint()) {
+            (Trip::Lost(_), Some(complaint)) => format!("{trip} ({complaint})"),
+            _ => trip.to_string(),
+        }
+    }
+
+    /// One exchange: limits, rig, limits, log. `elapsed` is the test time since the last commit. `into` holds what was
+    /// measured last, with the interlock flag while a trip is latched. Real-time: yes, as far as the rig is.
+    ///
+    /// # Errors
+    /// The specimen holds; this command, or the one that tripped, was not passed on or must be the last.
+    pub fn exchange(
+        &mut self,
+        command: &Command<'_>,
+        elapsed: f64,
+        into: &mut Measurement,
+    ) -> Result<(), Trip> {
+        self.exchange_as(Exchange::RUNNING, command, elapsed, into)
+    }
+
+    fn exchange_as(
+        &mut self,
+        state: f64,
+        command: &Command<'_>,
+        elapsed: f64,
+        into: &mut Measurement,
+    ) -> Result<(), Trip> {
+        let received_ns = os::monotonic_ns();
+        let before = self.tripped;
+        let mut answered_ns = received_ns;
+        if before.is_none()
+            && let Err(trip) = self.attempt(command, elapsed, &mut answered_ns)
+        {
+            self.trip(trip);
+        }
+        into.sequence = command.sequence;
+        into.time = self.measured.time;
+        into.status = self.measured.status;
+        for (to, from) in into.disp.iter_mut().zip(&self.measured.disp) {
+            *to = *from;
+        }
+        for (to, from) in into.force.iter_mut().zip(&self.measured.force) {
+            *to = *from;
+        }
+        if self.tripped.is_some() {
+            into.status.0 |= Status::INTERLOCK.0;
+        }
+        if let Some(log) = &mut self.log {
+            log.exchange(&Exchange {
+                state: if before.is_some() {
+                    Exchange::TRIPPED
+                } else {
+                    state
+                },
+                command,
+                elapsed,
+                commits: self.commits,
+                measured: into,
+                trip: self.tripped,
+                received_ns,
+                answered_ns,
+            });
+        }
+        self.tripped.map_or(Ok(()), Err)
+    }
+
+    fn attempt(
+        &mut self,
+        command: &Command<'_>,
+        elapsed: f64,
+        answered_ns: &mut u64,
+    ) -> Result<(), Trip> {
+        if let Some(axis) = not_finite(command.disp, command.vel) {
+            let measured = false;
+            return Err(Trip::NotFinite { axis, measured });
+        }
+        if elapsed > 0.0 {
+            self.watch.tick_is(elapsed);
+        }
+        let found = self.watch.command(metres(&self.units, command.disp));
+        self.heed(found)?;
+        self.watch.sent(metres(&self.units, command.disp));
+        let outcome = self.rig.trial(command, elapsed, &mut self.measured);
+        *answered_ns = os::monotonic_ns();
+        outcome.map_err(Trip::Lost)?;
+        if let Some(axis) = not_finite(&self.measured.disp, &self.measured.force) {
+            // What is no number goes no further.
+            let Measurement { disp, force, .. } = &mut self.measured;
+            for value in disp.iter_mut().chain(force) {
+                if !value.is_finite() {
+                    *value = 0.0;
+                }
+            }
+            let measured = true;
+            return Err(Trip::NotFinite { axis, measured });
+        }
+        let values = metres(&self.units, &self.measured.disp).zip(
+            self.measured
+                .force
+                .iter()
+                .zip(&self.units)
+                .map(|(force, units)| force * units.newtons),
+        );
+        let found = self.watch.measured(values);
+        self.heed(found)?;
+        if self.measured.status.has(Status::SATURATED) {
+            return Err(Trip::Saturated);
+        }
+        if self.measured.status.has(Status::INTERLOCK) {
+            return Err(Trip::Interlock);
+        }
+        Ok(())
+    }
+
+    /// A warning is told, a trip ends the test.
+    fn heed(&self, found: Found) -> Result<(), Trip> {
+        if let Some(hit) = found.warning {
+            // Each time that the level is crossed from inside.
+            let text = format!("{hit} ({}): a warning", hit.quantity.key());
+            self.note(NoteLevel::Warning, "limit", &text);
+        }
+        found.trip.map_or(Ok(()), |hit| Err(Trip::Limit(hit)))
+    }
+
+    fn trip(&mut self, trip: Trip) {
+        self.tripped = Some(trip);
+        let text = self.whole(trip);
+        if let Some(log) = &self.log {
+            log.tripped(trip, &text);
+        }
+    }
+
+    /// The last command is accepted. A specimen that is lost meanwhile shows at the next command. Real-time: yes.
+    pub fn commit(&mut self) {
+        if self.tripped.is_some() {
+            return;
+        }
+        self.commits += 1;
+        if let Err(fault) = self.rig.commit() {
+            self.trip(Trip::Lost(fault));
+        }
+    }
+
+    /// What was not committed is forgotten, by what can forget.
+    pub fn revert(&mut self) {
+        self.rig.revert();
+    }
+
+    /// Nothing to command for now: notices a specimen that has gone. Does not block.
+    ///
+    /// # Errors
+    /// It has.
+    pub fn attend(&mut self) -> Result<(), Trip> {
+        if self.begun
+            && self.tripped.is_none()
+            && let Err(fault) = self.rig.attend()
+        {
+            self.trip(Trip::Lost(fault));
+            return Err(Trip::Lost(fault));
+        }
+        Ok(())
+    }
+
+    /// Something for the log.
+    pub fn note(&self, level: NoteLevel, event: &str, text: &str) {
+        match &self.log {
+            Some(log) => log.note(Note::new(level, event).with("text", text)),
+            None if level == NoteLevel::Warning => tracing::warn!("{text}"),
+            // Whoever watches the server is told of these.
+            None => {}
+        }
+    }
+
+    /// The controller's test is over: last words to the specimen, and the log is closed. Nothing if there is no test.
+    pub fn end(&mut self, close: Close, text: &str) {
+        if !std::mem::take(&mut self.begun) {
+            return;
+        }
+        // A trip is why it ended, whatever else was said about it.
+        let (close, text) = match self.tripped {
+            Some(trip @ Trip::Lost(_)) => (Close::Failed, format!("{}; {text}", self.whole(trip))),
+            Some(trip) => (Close::Stopped, format!("{trip}; {text}")),
+            None => (close, text.to_owned()),
+        };
+        let stats = self.rig.stats();
+        self.rig.end(match close {
+            Close::Completed | Close::Interrupted => Retirement::Orderly,
+            Close::Stopped | Close::Failed => Retirement::Tripped,
+        });
+        if let Some(log) = self.log.take() {
+            log.close(close, &text, &stats, self.commits);
+        }
+    }
+}
+
+impl Drop for Station {
+    fn drop(&mut self) {
+        self.end(Close::Failed, "internal error: the test was dropped");
+    }
+}
+
+fn metres<'a>(units: &'a [AxisUnits], disp: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
+    disp.iter()
+        .zip(units)
+        .map(|(disp, units)| disp * units.metres)
+}
+
+/// The first axis (from 0) on which a number is none. Real-time: yes.
+fn not_finite(one: &[f64], other: &[f64]) -> Option<usize> {
+    let mut pairs = one.iter().zip(other);
+    pairs.position(|(one, other)| !(one.is_finite() && other.is_finite()))
+}

@@ -1,0 +1,135 @@
+//! `summary.json` of a controller's test, with the keys that every run has; what a server does not know is empty.
+
+use std::collections::BTreeMap;
+
+use serde_json::json;
+
+use super::Close;
+use super::log::Exchange;
+use crate::control::AxisUnits;
+use crate::record::summary::{ClockKind, LinkCounts, Peak, Status};
+use crate::record::{MissClasses, Recorded, Summary};
+use crate::rt::timing::Timing;
+use crate::rt::wall::Wall;
+use crate::substructure::LinkStats;
+
+/// What is counted while a test runs.
+pub(super) struct Counted {
+    pub exchanges: u64,
+    pub passed_on: u64,
+    pub answered: u64,
+    /// First length of a step that is not zero.
+    dt: f64,
+    /// Largest |displacement| in m and |force| in N.
+    disp: Vec<f64>,
+    force: Vec<f64>,
+    rate_hz: Option<f64>,
+    began: Wall,
+}
+
+impl Counted {
+    pub fn new(axes: usize, rate_hz: Option<f64>, began: Wall) -> Self {
+        Self {
+            exchanges: 0,
+            passed_on: 0,
+            answered: 0,
+            dt: 0.0,
+            disp: vec![0.0; axes],
+            force: vec![0.0; axes],
+            rate_hz,
+            began,
+        }
+    }
+
+    /// Real-time: yes.
+    pub fn exchange(&mut self, exchange: &Exchange<'_>, units: &[AxisUnits]) {
+        self.exchanges += 1;
+        let passed_on = exchange.answered_ns != exchange.received_ns;
+        self.passed_on += u64::from(passed_on);
+        let lost = matches!(exchange.trip, Some(super::Trip::Lost(_)));
+        self.answered += u64::from(passed_on && !lost);
+        if self.dt == 0.0 && exchange.elapsed > 0.0 {
+            self.dt = exchange.elapsed;
+        }
+        let measured = exchange.measured.disp.iter().zip(&exchange.measured.force);
+        let peaks = self.disp.iter_mut().zip(&mut self.force);
+        for (((disp, force), (measured_disp, measured_force)), units) in
+            peaks.zip(measured).zip(units)
+        {
+            *disp = disp.max((units.metres * measured_disp).abs());
+            *force = force.max((units.newtons * measured_force).abs());
+        }
+    }
+}
+
+/// How it ended.
+pub(super) struct End<'a> {
+    pub close: Close,
+    pub text: &'a str,
+    pub wall_seconds: f64,
+    pub required: bool,
+    pub commits: u64,
+}
+
+pub(super) fn summarise(
+    end: End<'_>,
+    name: &str,
+    counted: &Counted,
+    stats: &LinkStats,
+    timing: &Timing,
+    recorded: &Recorded,
+) -> Summary {
+    let mut warnings = Vec::new();
+    if recorded.rows_lost() > 0 {
+        let cause = recorded.first_error.as_deref();
+        let cause = cause.unwrap_or("the queue was full");
+        warnings.push(format!("{} rows are LOST: {cause}", recorded.rows_lost()));
+    }
+    let status = match end.close {
+        Close::Completed if end.required && recorded.rows_lost() > 0 => Status::Stopped,
+        Close::Completed => Status::Completed,
+        Close::Stopped => Status::Stopped,
+        Close::Interrupted => Status::Interrupted,
+        Close::Failed => Status::Failed,
+    };
+    let link = LinkCounts {
+        sent: counted.passed_on,
+        received: counted.answered,
+        late: stats.late,
+        lost: counted.passed_on.saturating_sub(counted.answered),
+        corrupt: stats.corrupt,
+        duplicates: stats.duplicates,
+        recovered: stats.recovered,
+        missed: stats.missed,
+    };
+    let some = |values: &[f64]| values.iter().map(|value| Some(*value)).collect();
+    Summary {
+        status,
+        reason: end.text.to_owned(),
+        steps: end.commits,
+        dt: counted.dt,
+        lambda: None,
+        clock: ClockKind::Real,
+        wall_seconds: end.wall_seconds,
+        rate_hz: counted.rate_hz.unwrap_or(0.0),
+        deadline_misses: 0,
+        stretched_ticks: 0,
+        peak: Peak {
+            force: BTreeMap::from([(name.to_owned(), some(&counted.force))]),
+            ..Peak::default()
+        },
+        timing: timing.to_json(),
+        realtime: json!({
+            "asked": false,
+            "role": "served to a controller: one row per exchange",
+            "began_utc_ns": counted.began.0,
+            "peak_displacement_m": some(&counted.disp) as Vec<Option<f64>>,
+        }),
+        link: BTreeMap::from([(name.to_owned(), link)]),
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        rows_lost: recorded.rows_lost(),
+        inputs: Vec::new(),
+        miss_classes: MissClasses::default(),
+        warnings,
+    }
+}

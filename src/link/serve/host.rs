@@ -1,0 +1,155 @@
+//! What a server of our own protocol offers: its name, its axes, and how its station is made for each test.
+
+use crate::control::AxisUnits;
+use crate::control::limits::LimitsSpec;
+use crate::link::rig::{Far, FarBuild, Law, LogSettings, ProbeSettings, Station};
+use crate::specimen::Specimen;
+use crate::wire::handshake::{Axis, Capabilities, Unit};
+
+/// A specimen to be hosted, and how to make it anew for each test.
+pub struct Host {
+    pub(super) name: String,
+    pub(super) axes: Vec<Axis>,
+    pub(super) stiffness: Vec<f64>,
+    mass: Vec<f64>,
+    behind: Behind,
+    limits: Vec<LimitsSpec>,
+    probe: ProbeSettings,
+    log: Option<LogSettings>,
+}
+
+/// Makes a specimen in its virgin state, or says why not.
+pub type Build = Box<dyn Fn() -> Result<Box<dyn Specimen>, String> + Send + Sync>;
+
+enum Behind {
+    Law(Build),
+    Far(FarBuild, u64),
+}
+
+impl std::fmt::Debug for Host {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Host")
+            .field("name", &self.name)
+            .field("axes", &self.axes)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Host {
+    /// `build` makes the specimen in the units of `axes`, with as many axes.
+    ///
+    /// # Errors
+    /// What `build` says, or another number of axes.
+    pub fn new(name: String, axes: Vec<Axis>, build: Build) -> Result<Self, String> {
+        let n = axes.len();
+        let specimen = build()?;
+        if specimen.axes() != n {
+            return Err(format!("{n} axes wanted, {} found", specimen.axes()));
+        }
+        let (stiffness, mass) = Law::new(specimen, false).reference();
+        Ok(Self {
+            name,
+            axes,
+            stiffness,
+            mass,
+            behind: Behind::Law(build),
+            limits: Vec::new(),
+            probe: ProbeSettings::Needless,
+            log: None,
+        })
+    }
+
+    /// A gateway: `build` makes the link to the specimen, whose stiffness is believed to be `stiffness`, n × n by columns
+    /// in the units of `axes`; an answer is waited for up to `reply_limit_ns`.
+    #[must_use]
+    pub fn gateway(
+        name: String,
+        axes: Vec<Axis>,
+        stiffness: Vec<f64>,
+        build: FarBuild,
+        reply_limit_ns: u64,
+    ) -> Self {
+        Self {
+            name,
+            mass: vec![0.0; axes.len() * axes.len()],
+            axes,
+            stiffness,
+            behind: Behind::Far(build, reply_limit_ns),
+            limits: Vec::new(),
+            probe: ProbeSettings::Unchecked { silent: false },
+            log: None,
+        }
+    }
+
+    /// The bounds of its axes.
+    #[must_use]
+    pub fn limited(mut self, limits: Vec<LimitsSpec>) -> Self {
+        self.limits = limits;
+        self
+    }
+
+    /// How the direction of a specimen behind a link is found out.
+    #[must_use]
+    pub fn probed(mut self, probe: ProbeSettings) -> Self {
+        self.probe = probe;
+        self
+    }
+
+    /// Each controller's test gets a run folder.
+    #[must_use]
+    pub fn recorded(mut self, log: LogSettings) -> Self {
+        self.log = Some(log);
+        self
+    }
+
+    /// True if the specimen is behind a link.
+    #[must_use]
+    pub const fn is_gateway(&self) -> bool {
+        matches!(self.behind, Behind::Far(..))
+    }
+
+    pub(super) const fn capabilities(&self) -> Capabilities {
+        match self.behind {
+            Behind::Law(_) => Capabilities::SIMULATED.and(Capabilities::USES_VEL),
+            // It reports its own trips as an interlock.
+            Behind::Far(..) => Capabilities::INTERLOCK.and(Capabilities::USES_VEL),
+        }
+    }
+
+    /// A station with the specimen in its virgin state, or a link that is not connected. `remembers`: a test finds a
+    /// formula as the last one left it.
+    ///
+    /// # Errors
+    /// What its maker says.
+    pub fn station(&self, remembers: bool) -> Result<Station, String> {
+        let units: Vec<AxisUnits> = self.axes.iter().map(units).collect();
+        let rig: Box<dyn crate::link::rig::Rig> = match &self.behind {
+            Behind::Law(build) => Box::new(Law::new(build()?, remembers)),
+            Behind::Far(build, reply_limit_ns) => Box::new(Far::new(
+                build.clone(),
+                self.axes.len(),
+                self.stiffness.clone(),
+                *reply_limit_ns,
+            )),
+        };
+        let (stiffness, mass) = (self.stiffness.clone(), self.mass.clone());
+        Ok(Station::new(self.name.clone(), rig, units, stiffness, mass)
+            .limited(&self.limits)
+            .probed(self.probe.clone())
+            .recorded(self.log.clone()))
+    }
+}
+
+fn units(axis: &Axis) -> AxisUnits {
+    let si = |unit| match unit {
+        Unit::Millimetre => 1e-3,
+        Unit::Kilonewton | Unit::KilonewtonMetre => 1e3,
+        Unit::Metre | Unit::Radian | Unit::Newton | Unit::NewtonMetre => 1.0,
+    };
+    AxisUnits {
+        metres: si(axis.disp_unit),
+        newtons: si(axis.force_unit),
+        disp: axis.disp_unit.symbol(),
+        force: axis.force_unit.symbol(),
+    }
+}

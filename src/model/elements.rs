@@ -1,0 +1,273 @@
+//! All elements of a structure in their order: single ones, and runs of equal ones that are evaluated side by side.
+//!
+//! A [`Run`] is formed of at least [`SHORTEST`] consecutive elements with one law without memory, all from the base or
+//! the inertial frame, or all from another degree of freedom, to degrees of freedom that follow each other: the dampers of
+//! a chain, the storeys of a building. It holds its law once. The invariant: forces enter a residual in the order of the
+//! elements and with the operations of the law, so that a run gives the bits of its elements one by one.
+
+use std::borrow::Cow;
+use std::ops::Range;
+
+use super::element::{Connection, Declared, Facts, at, split};
+use super::run::Run;
+use super::{Base, Element, End, ModelError};
+use crate::law::{Law, Memoryless, Tangent};
+use crate::linalg::Lanes;
+
+/// Shortest run that is formed.
+const SHORTEST: usize = 16;
+
+/// Elements in their order.
+#[derive(Debug)]
+pub(super) struct Elements {
+    groups: Vec<Group>,
+    lanes: Lanes,
+    /// Whether runs remember where they were last evaluated.
+    keeps_tangents: bool,
+}
+
+#[derive(Debug)]
+enum Group {
+    Singles {
+        connections: Vec<Connection>,
+        facts: Vec<Facts>,
+    },
+    Run(Box<Run>),
+}
+
+/// One element, wherever it is kept.
+#[derive(Debug)]
+pub(super) struct Seen<'a> {
+    pub(super) name: Cow<'a, str>,
+    pub(super) from: End,
+    pub(super) to: End,
+    pub(super) declared: &'a Declared,
+    pub(super) law: &'a dyn Law,
+    /// In a run: deformation and rate at the last evaluation, zeros if they are not kept.
+    at: Option<(Memoryless, f64, f64)>,
+}
+
+impl Seen<'_> {
+    /// Tangent at the last evaluation.
+    pub(super) fn tangent(&self) -> Tangent {
+        match self.at {
+            Some((form, disp, vel)) => form.tangent(disp, vel),
+            None => self.law.tangent(),
+        }
+    }
+}
+
+impl Elements {
+    /// Checks each element against a structure of `n` degrees of freedom and takes it in.
+    pub(super) fn new(
+        elements: impl IntoIterator<Item = Element>,
+        n: usize,
+    ) -> Result<Self, ModelError> {
+        let mut all = Self {
+            groups: Vec::new(),
+            lanes: Lanes::best(),
+            keeps_tangents: true,
+        };
+        // Elements that may yet become a run.
+        let mut waiting: Vec<(Connection, Facts)> = Vec::new();
+        for element in elements {
+            let next = split(element, n)?;
+            if waiting.is_empty() {
+                // Only a run that everything before has joined can be continued.
+                let refused = match all.groups.last_mut() {
+                    Some(Group::Run(run)) => run.take(next),
+                    _ => Some(next),
+                };
+                waiting.extend(refused);
+                continue;
+            }
+            if !Run::continues(&waiting, &next) {
+                all.singles(waiting.drain(..));
+            }
+            waiting.push(next);
+            if waiting.len() == SHORTEST {
+                match Run::of(std::mem::take(&mut waiting)) {
+                    Ok(run) => all.groups.push(Group::Run(Box::new(run))),
+                    Err(none) => all.singles(none.into_iter()),
+                }
+            }
+        }
+        all.singles(waiting.into_iter());
+        Ok(all)
+    }
+
+    fn singles(&mut self, more: impl Iterator<Item = (Connection, Facts)>) {
+        for (hot, cold) in more {
+            if let Some(Group::Singles { connections, facts }) = self.groups.last_mut() {
+                connections.push(hot);
+                facts.push(cold);
+            } else {
+                self.groups.push(Group::Singles {
+                    connections: vec![hot],
+                    facts: vec![cold],
+                });
+            }
+        }
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.groups.is_empty()
+    }
+
+    /// Elements of runs need not remember where they were evaluated from now on.
+    pub(super) fn forget_tangents(&mut self) {
+        self.keeps_tangents = false;
+    }
+
+    pub(super) fn set_lanes(&mut self, lanes: Lanes) {
+        self.lanes = lanes;
+    }
+
+    /// All elements in their order.
+    pub(super) fn iter(&self) -> impl Iterator<Item = Seen<'_>> {
+        self.groups.iter().flat_map(|group| {
+            let (run, singles) = match group {
+                Group::Run(run) => (Some(run), None),
+                Group::Singles { connections, facts } => (None, Some((connections, facts))),
+            };
+            let of_run = run.into_iter().flat_map(|run| {
+                (0..run.len()).map(|index| Seen {
+                    name: run.name(index),
+                    from: run.from(index),
+                    to: run.to(index),
+                    declared: run.declared(),
+                    law: run.law(),
+                    at: Some(run.last(index)),
+                })
+            });
+            let of_singles = singles.into_iter().flat_map(|(connections, facts)| {
+                connections.iter().zip(facts).map(|(hot, cold)| Seen {
+                    name: Cow::Borrowed(&cold.name),
+                    from: cold.from,
+                    to: cold.to,
+                    declared: &cold.declared,
+                    law: hot.law.as_ref(),
+                    at: None,
+                })
+            });
+            of_run.chain(of_singles)
+        })
+    }
+
+    /// Tangent of each element at rest: a trial at zero that is forgotten.
+    pub(super) fn at_rest(&mut self) -> Vec<Tangent> {
+        let mut all = Vec::new();
+        for group in &mut self.groups {
+            match group {
+                Group::Run(run) => {
+                    let at_rest = run.last(0).0.tangent(0.0, 0.0);
+                    all.extend(std::iter::repeat_n(at_rest, run.len()));
+                }
+                Group::Singles { connections, .. } => {
+                    for connection in connections {
+                        connection.law.trial(0.0, 0.0, 0.0);
+                        all.push(connection.law.tangent());
+                        connection.law.revert();
+                    }
+                }
+            }
+        }
+        all
+    }
+
+    pub(super) fn commit(&mut self) {
+        self.connections_mut()
+            .for_each(|connection| connection.law.commit());
+    }
+
+    pub(super) fn revert(&mut self) {
+        self.connections_mut()
+            .for_each(|connection| connection.law.revert());
+    }
+
+    pub(super) fn freeze(&self, out: &mut Vec<f64>) {
+        for group in &self.groups {
+            if let Group::Singles { connections, .. } = group {
+                for connection in connections {
+                    connection.law.freeze(out);
+                }
+            }
+        }
+    }
+
+    pub(super) fn thaw<'a>(&mut self, mut from: &'a [f64]) -> &'a [f64] {
+        for connection in self.connections_mut() {
+            from = connection.law.thaw(from);
+        }
+        from
+    }
+
+    /// The elements that are kept one by one: all that have a memory.
+    fn connections_mut(&mut self) -> impl Iterator<Item = &mut Connection> {
+        self.groups.iter_mut().flat_map(|group| match group {
+            Group::Singles { connections, .. } => &mut connections[..],
+            Group::Run(_) => &mut [],
+        })
+    }
+
+    /// Number of groups at the front that act row by row: runs from the base or the inertial frame.
+    fn row_by_row(&self) -> usize {
+        self.groups
+            .iter()
+            .take_while(|group| matches!(group, Group::Run(run) if run.is_anchored()))
+            .count()
+    }
+
+    /// residual ← residual − force, `rows` of it, for the groups that act row by row; all vectors are whole.
+    /// Real-time: yes.
+    pub(super) fn subtract_rows(
+        &mut self,
+        rows: Range<usize>,
+        disp: &[f64],
+        vel: &[f64],
+        base: Base,
+        residual: &mut [f64],
+    ) {
+        let (keep, lanes) = (self.keeps_tangents, self.lanes);
+        let count = self.row_by_row();
+        for group in self.groups.iter_mut().take(count) {
+            if let Group::Run(run) = group {
+                run.subtract_anchored(rows.clone(), disp, vel, base, residual, keep, lanes);
+            }
+        }
+    }
+
+    /// residual ← residual − force for all other groups, one trial each; with a commit if `COMMIT`. Real-time: yes.
+    pub(super) fn subtract_rest<const COMMIT: bool>(
+        &mut self,
+        disp: &[f64],
+        vel: &[f64],
+        base: Base,
+        dt: f64,
+        residual: &mut [f64],
+    ) {
+        let (keep, lanes) = (self.keeps_tangents, self.lanes);
+        let count = self.row_by_row();
+        for group in self.groups.iter_mut().skip(count) {
+            match group {
+                Group::Run(run) => run.subtract(disp, vel, base, residual, keep, lanes),
+                Group::Singles { connections, .. } => {
+                    for Connection { law, from, to } in connections {
+                        let deformation = at(*to, disp, base.disp) - at(*from, disp, base.disp);
+                        let rate = at(*to, vel, base.vel) - at(*from, vel, base.vel);
+                        let force = law.trial(deformation, rate, dt);
+                        if COMMIT {
+                            law.commit();
+                        }
+                        if let Some(r) = residual.get_mut(*to as usize) {
+                            *r -= force;
+                        }
+                        if let Some(r) = residual.get_mut(*from as usize) {
+                            *r += force;
+                        }
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,391 @@
+//! A [`Run`]: equal elements at degrees of freedom that follow each other.
+
+use std::borrow::Cow;
+use std::ops::Range;
+
+use super::element::{Connection, Declared, Facts};
+use super::{Base, End};
+use crate::law::memoryless::{
+    BiviscousForce, CubicForce, LinearForce, PointForce, SquareRootForce,
+};
+use crate::law::{Law, Memoryless};
+use crate::linalg::Lanes;
+use crate::linalg::lanes::{Isa, Kernel};
+
+/// Elements with one law, from the base or from degrees of freedom `from`, `from` + 1, …, to `to`, `to` + 1, ….
+#[derive(Debug)]
+pub(super) struct Run {
+    law: Box<dyn Law>,
+    form: Memoryless,
+    declared: Declared,
+    names: Names,
+    from: Start,
+    to: usize,
+    len: usize,
+    /// Deformation and rate of each element at its last evaluation; empty if never, or not kept.
+    last: Vec<(f64, f64)>,
+}
+
+/// Where the deformation of the first element is counted from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Start {
+    /// All elements from the same place that is no degree of freedom.
+    Anchor(End),
+    /// Each from the degree of freedom after the one of the element before.
+    Dof(usize),
+}
+
+/// Names in little space.
+#[derive(Debug)]
+enum Names {
+    /// "prefix first", "prefix first+1", ….
+    Numbered {
+        prefix: String,
+        first: usize,
+    },
+    Listed(Vec<String>),
+}
+
+/// Elements per turn of a run between degrees of freedom.
+const TURN: usize = 64;
+
+impl Run {
+    /// True if `next` may stand in a run behind `before`, of which there is at least one.
+    pub(super) fn continues(before: &[(Connection, Facts)], next: &(Connection, Facts)) -> bool {
+        let (Some(first), Some(last)) = (before.first(), before.last()) else {
+            return false;
+        };
+        let same_law = |a: &dyn Law, b: &dyn Law, declared: &Declared| {
+            a.memoryless().is_some()
+                && a.memoryless() == b.memoryless()
+                && a.reference() == b.reference()
+                && a.bound(declared.reach) == b.bound(declared.reach)
+        };
+        let (old, new) = (&last.1, &next.1);
+        let follows = match (old.from, new.from) {
+            (End::Dof(a), End::Dof(b)) => b == a + 1,
+            (a, b) => a == b,
+        };
+        let to = match (old.to, new.to) {
+            (End::Dof(a), End::Dof(b)) => b == a + 1,
+            _ => false,
+        };
+        // Towards the end: the force of an element leaves a degree of freedom before that of the next one enters it.
+        let ascends = match (new.from, new.to) {
+            (End::Dof(a), End::Dof(b)) => b > a,
+            _ => true,
+        };
+        follows
+            && to
+            && ascends
+            && old.declared == new.declared
+            && same_law(first.0.law.as_ref(), next.0.law.as_ref(), &new.declared)
+    }
+
+    /// A run of elements each of which continues the ones before; they come back if they are none.
+    pub(super) fn of(elements: Vec<(Connection, Facts)>) -> Result<Self, Vec<(Connection, Facts)>> {
+        let Some((hot, cold)) = elements.first() else {
+            return Err(elements);
+        };
+        let (Some(form), End::Dof(to)) = (hot.law.memoryless(), cold.to) else {
+            return Err(elements);
+        };
+        let from = match cold.from {
+            End::Dof(from) => Start::Dof(from),
+            anchor => Start::Anchor(anchor),
+        };
+        let (declared, len) = (cold.declared, elements.len());
+        let mut names = Names::of(&cold.name);
+        for (index, (_, cold)) in elements.iter().enumerate().skip(1) {
+            names.push(index, &cold.name);
+        }
+        let mut rest = elements.into_iter();
+        match rest.next() {
+            Some((hot, _)) => Ok(Self {
+                law: hot.law,
+                form,
+                declared,
+                names,
+                from,
+                to,
+                len,
+                last: Vec::new(),
+            }),
+            None => Err(rest.collect()),
+        }
+    }
+
+    /// Takes in one more element, or gives it back if it does not continue the run.
+    pub(super) fn take(&mut self, next: (Connection, Facts)) -> Option<(Connection, Facts)> {
+        let (hot, cold) = &next;
+        let law = hot.law.as_ref();
+        let belongs = cold.from == self.from(self.len)
+            && cold.to == self.to(self.len)
+            && cold.declared == self.declared
+            && law.memoryless() == Some(self.form)
+            && law.reference() == self.law.reference()
+            && law.bound(self.declared.reach) == self.law.bound(self.declared.reach);
+        if !belongs {
+            return Some(next);
+        }
+        self.names.push(self.len, &cold.name);
+        self.len += 1;
+        None
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.len
+    }
+
+    pub(super) fn name(&self, index: usize) -> Cow<'_, str> {
+        match &self.names {
+            Names::Numbered { prefix, first } => format!("{prefix} {}", first + index).into(),
+            Names::Listed(names) => names.get(index).map_or("", String::as_str).into(),
+        }
+    }
+
+    pub(super) fn from(&self, index: usize) -> End {
+        match self.from {
+            Start::Anchor(end) => end,
+            Start::Dof(first) => End::Dof(first + index),
+        }
+    }
+
+    pub(super) fn to(&self, index: usize) -> End {
+        End::Dof(self.to + index)
+    }
+
+    pub(super) fn declared(&self) -> &Declared {
+        &self.declared
+    }
+
+    pub(super) fn law(&self) -> &dyn Law {
+        self.law.as_ref()
+    }
+
+    /// The law and where the element was last evaluated.
+    pub(super) fn last(&self, index: usize) -> (Memoryless, f64, f64) {
+        let (disp, vel) = self.last.get(index).copied().unwrap_or_default();
+        (self.form, disp, vel)
+    }
+
+    /// True if no element starts at a degree of freedom: each one acts on its own row only.
+    pub(super) fn is_anchored(&self) -> bool {
+        matches!(self.from, Start::Anchor(_))
+    }
+
+    /// residual ← residual − force, whole vectors. Real-time: yes.
+    pub(super) fn subtract(
+        &mut self,
+        disp: &[f64],
+        vel: &[f64],
+        base: Base,
+        residual: &mut [f64],
+        keep: bool,
+        lanes: Lanes,
+    ) {
+        let Start::Dof(from) = self.from else {
+            let rows = 0..residual.len();
+            return self.subtract_anchored(rows, disp, vel, base, residual, keep, lanes);
+        };
+        let (to, len) = (self.to, self.len);
+        if keep {
+            self.remember(disp, vel, from);
+        }
+        self.evaluate(
+            lanes,
+            Between {
+                disp,
+                vel,
+                residual,
+                from,
+                to,
+                len,
+            },
+        );
+    }
+
+    /// The same for a run from the base or the inertial frame, `rows` only. Real-time: yes, if `keep` is false.
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "the vectors of one instant, a place in them, and how"
+    )]
+    pub(super) fn subtract_anchored(
+        &mut self,
+        rows: Range<usize>,
+        disp: &[f64],
+        vel: &[f64],
+        base: Base,
+        residual: &mut [f64],
+        keep: bool,
+        lanes: Lanes,
+    ) {
+        let base = match self.from {
+            Start::Anchor(End::Ground) => base,
+            _ => Base::default(),
+        };
+        let rows = rows.start.max(self.to)..rows.end.min(self.to + self.len);
+        let (Some(disp), Some(vel), Some(residual)) = (
+            disp.get(rows.clone()),
+            vel.get(rows.clone()),
+            residual.get_mut(rows.clone()),
+        ) else {
+            return;
+        };
+        if keep {
+            self.last.resize(self.len, (0.0, 0.0));
+            let last = self.last.iter_mut().skip(rows.start - self.to);
+            for ((last, x), v) in last.zip(disp).zip(vel) {
+                *last = (x - base.disp, v - base.vel);
+            }
+        }
+        self.evaluate(
+            lanes,
+            Anchored {
+                disp,
+                vel,
+                residual,
+                base,
+            },
+        );
+    }
+
+    fn remember(&mut self, disp: &[f64], vel: &[f64], from: usize) {
+        self.last.clear();
+        let ends = (0..self.len).map(|i| (from + i, self.to + i));
+        let of = |values: &[f64], a: usize, b: usize| match (values.get(a), values.get(b)) {
+            (Some(a), Some(b)) => b - a,
+            _ => 0.0,
+        };
+        self.last
+            .extend(ends.map(|(a, b)| (of(disp, a, b), of(vel, a, b))));
+    }
+
+    /// Hands the law to the kernel as what it is.
+    fn evaluate(&self, lanes: Lanes, of: impl OfForce) {
+        match self.form {
+            Memoryless::Linear { stiffness, damping } => {
+                lanes.run(With(of, LinearForce(stiffness, damping)));
+            }
+            Memoryless::Biviscous {
+                damping,
+                post_yield,
+                yield_vel,
+            } => lanes.run(With(of, BiviscousForce(damping, post_yield, yield_vel))),
+            Memoryless::SquareRoot {
+                stiffness,
+                hardening,
+            } => lanes.run(With(of, SquareRootForce(stiffness, hardening))),
+            Memoryless::Cubic { stiffness, cubic } => {
+                lanes.run(With(of, CubicForce(stiffness, cubic)));
+            }
+        }
+    }
+}
+
+impl Names {
+    fn of(name: &str) -> Self {
+        let parts = name.rsplit_once(' ');
+        let numbered = parts.and_then(|(prefix, number)| {
+            let first: usize = number.parse().ok()?;
+            // "01" is not what this would give back.
+            (first.to_string() == number).then(|| Names::Numbered {
+                prefix: prefix.to_owned(),
+                first,
+            })
+        });
+        numbered.unwrap_or_else(|| Names::Listed(vec![name.to_owned()]))
+    }
+
+    /// The name of element `index`, all before it being known.
+    fn push(&mut self, index: usize, name: &str) {
+        if let Names::Numbered { prefix, first } = self {
+            let expected = format!("{prefix} {}", *first + index);
+            if expected == name {
+                return;
+            }
+            let names = (0..index).map(|i| format!("{prefix} {}", *first + i));
+            *self = Names::Listed(names.collect());
+        }
+        if let Names::Listed(names) = self {
+            names.push(name.to_owned());
+        }
+    }
+}
+
+/// A loop over elements that waits for its law.
+trait OfForce {
+    fn with<F: PointForce>(self, force: F);
+}
+
+struct With<O, F>(O, F);
+
+impl<O: OfForce, F: PointForce> Kernel for With<O, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<I: Isa>(self, _: I) {
+        self.0.with(self.1);
+    }
+}
+
+struct Anchored<'a> {
+    disp: &'a [f64],
+    vel: &'a [f64],
+    residual: &'a mut [f64],
+    base: Base,
+}
+
+impl OfForce for Anchored<'_> {
+    #[inline(always)]
+    fn with<F: PointForce>(self, force: F) {
+        let Base { disp, vel } = self.base;
+        let rows = self.residual.iter_mut().zip(self.disp).zip(self.vel);
+        for ((r, x), v) in rows {
+            *r -= force.force(x - disp, v - vel);
+        }
+    }
+}
+
+struct Between<'a> {
+    disp: &'a [f64],
+    vel: &'a [f64],
+    residual: &'a mut [f64],
+    from: usize,
+    to: usize,
+    len: usize,
+}
+
+impl OfForce for Between<'_> {
+    #[inline(always)]
+    fn with<F: PointForce>(self, force: F) {
+        let (from, to, len) = (self.from, self.to, self.len);
+        let (Some(x_from), Some(x_to), Some(v_from), Some(v_to)) = (
+            self.disp.get(from..from + len),
+            self.disp.get(to..to + len),
+            self.vel.get(from..from + len),
+            self.vel.get(to..to + len),
+        ) else {
+            return;
+        };
+        let mut forces = [0.0; TURN];
+        let disps = x_from.chunks(TURN).zip(x_to.chunks(TURN));
+        let vels = v_from.chunks(TURN).zip(v_to.chunks(TURN));
+        for (turn, ((a, b), (c, d))) in disps.zip(vels).enumerate() {
+            for ((((f, a), b), c), d) in forces.iter_mut().zip(a).zip(b).zip(c).zip(d) {
+                *f = force.force(b - a, d - c);
+            }
+            let (first, many) = (turn * TURN, a.len());
+            if let Some(rows) = self.residual.get_mut(to + first..to + first + many) {
+                for (r, f) in rows.iter_mut().zip(&forces) {
+                    *r -= f;
+                }
+            }
+            if let Some(rows) = self.residual.get_mut(from + first..from + first + many) {
+                for (r, f) in rows.iter_mut().zip(&forces) {
+                    *r += f;
+                }
+            }
+        }
+    }
+}

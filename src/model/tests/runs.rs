@@ -1,0 +1,191 @@
+//! Runs of equal elements against the same elements one by one, to the bit, on all lanes.
+
+use proptest::prelude::*;
+
+use super::super::*;
+use crate::law::{Law, LawSpec, Memoryless, Tangent};
+use crate::linalg::{Lanes, SymMatrix};
+
+/// A law that does not say what it is: it cannot stand in a run.
+#[derive(Debug)]
+struct Hidden(Box<dyn Law>);
+
+impl Law for Hidden {
+    fn trial(&mut self, disp: f64, vel: f64, dt: f64) -> f64 {
+        self.0.trial(disp, vel, dt)
+    }
+
+    fn commit(&mut self) {
+        self.0.commit();
+    }
+
+    fn revert(&mut self) {
+        self.0.revert();
+    }
+
+    fn tangent(&self) -> Tangent {
+        self.0.tangent()
+    }
+
+    fn reference(&self) -> Tangent {
+        self.0.reference()
+    }
+
+    fn bound(&self, reach: Reach) -> (Option<f64>, Option<f64>) {
+        self.0.bound(reach)
+    }
+
+    fn memoryless(&self) -> Option<Memoryless> {
+        None
+    }
+}
+
+const LAWS: [&str; 5] = [
+    "linear = { stiffness_n_per_m = 3.1, damping_n_s_per_m = 0.7 }",
+    "biviscous = { damping_n_s_per_m = 180.0, post_yield_damping_n_s_per_m = 90.0, yield_velocity_m_per_s = 0.4 }",
+    "square_root = { stiffness_n_per_m = 10.0, hardening_per_sqrt_m = 1.3 }",
+    "cubic = { stiffness_n_per_m = 2.5, cubic_n_per_m3 = 1e2 }",
+    // Has a memory: never in a run.
+    "coulomb = { stiffness_n_per_m = 10.0, slip_force_n = 1.0 }",
+];
+
+fn built(text: &str, hidden: bool) -> Box<dyn Law> {
+    let law = toml::from_str::<LawSpec>(text).unwrap().build().unwrap();
+    if hidden { Box::new(Hidden(law)) } else { law }
+}
+
+/// `n` masses; elements of one law each: (law, from, to of the first one, how many), their ends moving on by one.
+fn structure(n: usize, parts: &[(usize, Option<usize>, usize, usize)], hidden: bool) -> Structure {
+    let mut elements = Vec::new();
+    for (part, &(law, from, to, count)) in parts.iter().enumerate() {
+        for i in 0..count {
+            elements.push(Element {
+                name: format!("part {part} element {}", i + 1),
+                from: match from {
+                    Some(from) => End::Dof(from + i),
+                    None if part % 2 == 0 => End::Fixed,
+                    None => End::Ground,
+                },
+                to: End::Dof(to + i),
+                law: built(LAWS[law], hidden),
+                reach: Reach {
+                    disp: Some(1.0),
+                    vel: Some(1.0),
+                },
+                hardening_ratio: None,
+                damping_ratio: None,
+            });
+        }
+    }
+    let chain = |k: f64| {
+        let springs = (1..n).flat_map(move |i| [(i - 1, i - 1, k), (i, i, k), (i - 1, i, -k)]);
+        SymMatrix::from_triplets(n, springs.chain([(0, 0, k)]))
+    };
+    Structure::new(
+        SymMatrix::diagonal(&vec![2.0; n]),
+        chain(0.3),
+        chain(7.0),
+        vec![1.0; n],
+        elements,
+    )
+    .unwrap()
+}
+
+fn motion(n: usize, salt: usize) -> Vec<f64> {
+    (0..n)
+        .map(|i| ((i * 37 + salt) % 101) as f64 / 50.0 - 1.0)
+        .collect()
+}
+
+fn forces(structure: &mut Structure, salt: usize) -> Vec<u64> {
+    let n = structure.dofs();
+    let (x, v) = (motion(n, salt), motion(n, 3 * salt + 1));
+    let base = Base {
+        disp: 0.2,
+        vel: -0.1,
+    };
+    let mut r: Vec<f64> = motion(n, 5);
+    structure.subtract_internal(&x, &v, base, 0.01, &mut r);
+    r.iter().map(|r| r.to_bits()).collect()
+}
+
+/// (law, from, to, how many) of the parts that every test uses: runs and singles mixed, ends that overlap.
+const PARTS: [(usize, Option<usize>, usize, usize); 7] = [
+    (1, None, 0, 3000),
+    (2, None, 100, 2000),
+    (0, Some(0), 1, 2999),
+    (4, Some(3), 9, 40),
+    (3, Some(7), 40, 1500),
+    (2, None, 0, 10),
+    (1, Some(0), 2, 200),
+];
+
+#[test]
+fn a_run_gives_the_bits_of_its_elements_one_by_one_on_all_lanes() {
+    let (mut runs, mut singles) = (
+        structure(3000, &PARTS, false),
+        structure(3000, &PARTS, true),
+    );
+    for (turn, lanes) in Lanes::available().enumerate() {
+        runs.set_lanes(lanes);
+        assert_eq!(
+            forces(&mut runs, turn),
+            forces(&mut singles, turn),
+            "{lanes}"
+        );
+    }
+    runs.set_lanes(Lanes::best());
+    runs.forget_tangents();
+    assert_eq!(forces(&mut runs, 11), forces(&mut singles, 11));
+}
+
+#[test]
+fn names_matrices_and_tangents_of_a_run_are_those_of_its_elements() {
+    let (mut runs, mut singles) = (
+        structure(3000, &PARTS, false),
+        structure(3000, &PARTS, true),
+    );
+    let names = |s: &Structure| s.element_names().map(String::from).collect::<Vec<_>>();
+    assert_eq!(names(&runs), names(&singles));
+    assert_eq!(runs.parts().unwrap(), singles.parts().unwrap());
+    assert_eq!(runs.stiffness_at_rest(), singles.stiffness_at_rest());
+    let all = |s: &Structure| {
+        [
+            s.reference_stiffness(),
+            s.reference_damping(),
+            s.bound_stiffness().unwrap(),
+            s.bound_damping().unwrap(),
+            s.tangent_stiffness(),
+            s.tangent_damping(),
+        ]
+    };
+    assert_eq!(all(&runs), all(&singles));
+    assert_eq!(forces(&mut runs, 2), forces(&mut singles, 2));
+    assert_eq!(all(&runs), all(&singles), "after the forces");
+    // Nobody asks any more: the tangents at rest.
+    let rest = structure(3000, &PARTS, false).tangent_damping();
+    let mut forgets = structure(3000, &PARTS, false);
+    forgets.forget_tangents();
+    forces(&mut forgets, 2);
+    assert_eq!(forgets.tangent_damping(), rest);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    /// Any mixture of runs about the shortest length, gaps between them, either kind of ends.
+    #[test]
+    fn any_mixture_of_elements_gives_the_same_bits(
+        parts in prop::collection::vec((0usize..5, prop::option::of(0usize..40), 0usize..60, 1usize..40), 1..6)
+    ) {
+        let parts: Vec<_> = parts
+            .into_iter()
+            // Two different ends.
+            .map(|(law, from, to, count)| (law, from, if from == Some(to) { to + 1 } else { to }, count))
+            .collect();
+        let (mut runs, mut singles) = (structure(120, &parts, false), structure(120, &parts, true));
+        for salt in 0..3 {
+            prop_assert_eq!(forces(&mut runs, salt), forces(&mut singles, salt));
+        }
+    }
+}

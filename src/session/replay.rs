@@ -1,0 +1,383 @@
+//! A recorded test once more: what was measured goes through the same loop, and every number must come out bit for bit.
+//!
+//! The folder alone is enough: `resolved.toml` and the copies of its inputs make the experiment; in place of each specimen
+//! stands a reader of the recorded rows. What was decided while the test ran is a column, so holds and stale measurements
+//! happen again where they happened. The simulated clock keeps time; columns that depend on the wall clock are not compared.
+
+use std::collections::VecDeque;
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex};
+
+use crossbeam_channel::Sender;
+use sha2::{Digest, Sha256};
+use thiserror::Error;
+
+use crate::config::{self, ConfigError};
+use crate::engine::{Control, Ending, Engine, Experiment, Operator, Phase};
+use crate::record::{Column, End, Event, FolderError, Journal, Recorder, Run};
+use crate::substructure::{
+    Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
+};
+use crate::time::{Nanos, SimClock};
+
+/// Why a folder cannot be replayed.
+#[derive(Debug, Error)]
+pub enum ReplayError {
+    /// It is no run folder, or a damaged one.
+    #[error(transparent)]
+    Folder(#[from] FolderError),
+    /// Its configuration is not one of this program.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// A copy of an input is not what the test read.
+    #[error("{}: its SHA-256 is {found}, but the test read {wanted}", path.display())]
+    Input {
+        /// The copy.
+        path: PathBuf,
+        /// As the summary has it.
+        wanted: String,
+        /// As it is.
+        found: String,
+    },
+    /// A copy of an input cannot be read.
+    #[error("{}: {source}", path.display())]
+    Unreadable {
+        /// The copy.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The columns are not those of the configuration.
+    #[error("the samples have {}, but the configuration makes {}", found.as_deref().unwrap_or("no such column"), wanted.as_deref().unwrap_or("no such column"))]
+    Columns {
+        /// First column that differs, as recorded.
+        found: Option<String>,
+        /// As it should be.
+        wanted: Option<String>,
+    },
+}
+
+/// The first number that came out otherwise.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Difference {
+    /// Row, from 0.
+    pub row: u64,
+    /// Its step and test time.
+    pub step: u64,
+    /// Test time in s.
+    pub time: f64,
+    /// Name of the column.
+    pub column: String,
+    /// What the file says.
+    pub recorded: f64,
+    /// What came out.
+    pub replayed: f64,
+}
+
+/// What a replay came to.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Replay {
+    /// Rows that are the same.
+    pub rows: u64,
+    /// Columns that were compared.
+    pub columns: usize,
+    /// Test time of the last of them, s.
+    pub time: f64,
+    /// The first that is not.
+    pub difference: Option<Difference>,
+    /// What ends the proof before the end of the test; none if all of it is proven.
+    pub short: Option<String>,
+}
+
+impl Replay {
+    /// True if every recorded number came out again.
+    #[must_use]
+    pub const fn is_exact(&self) -> bool {
+        self.difference.is_none() && self.short.is_none()
+    }
+}
+
+/// Rows to come that must be known: this one, and those in which a request of the operator shows.
+const AHEAD: usize = 3;
+
+/// The recorded rows, as far as the replay has come.
+struct Tape {
+    journal: Journal<File>,
+    columns: Vec<Column>,
+    ahead: VecDeque<Vec<f64>>,
+    /// Rows that are the same.
+    row: u64,
+    time: f64,
+    state: usize,
+    operator: Sender<Operator>,
+    difference: Option<Difference>,
+    short: Option<String>,
+}
+
+impl Tape {
+    fn fill(&mut self) {
+        while self.ahead.len() < AHEAD && self.short.is_none() {
+            match self.journal.next_row() {
+                Ok(Some(row)) => {
+                    let expected = self.row + self.ahead.len() as u64;
+                    if row.sequence == expected {
+                        self.ahead.push_back(row.values.to_vec());
+                    } else {
+                        self.short = Some(format!("row {expected} was lost when it was recorded"));
+                    }
+                }
+                Ok(None) => return,
+                Err(error) => self.short = Some(error.to_string()),
+            }
+        }
+    }
+
+    fn phase(&self, ahead: usize) -> Option<f64> {
+        self.ahead.get(ahead)?.get(self.state).copied()
+    }
+
+    /// What the operator said before the tick of the row `ahead` rows on was over: it shows in the row behind it.
+    fn request(&self, ahead: usize) -> Option<Operator> {
+        let (now, next) = (self.phase(ahead)?, self.phase(ahead + 1)?);
+        let waits = |phase| phase == Phase::Holding.code() || phase == Phase::Zeroing.code();
+        if next == Phase::Holding.code() && now != next {
+            Some(Operator::Hold)
+        } else if waits(now) && now != next {
+            Some(Operator::Continue)
+        } else {
+            None
+        }
+    }
+
+    /// Compares the row that was just made, and says what the operator said before the next but one.
+    fn compare(&mut self, made: &[f64]) {
+        let Some(recorded) = self.ahead.front() else {
+            return;
+        };
+        let pairs = self.columns.iter().zip(recorded).zip(made);
+        for ((column, recorded), made) in pairs {
+            if !column.timing && recorded.to_bits() != made.to_bits() && self.difference.is_none() {
+                let at = |index: usize| made_at(self.ahead.front(), index);
+                self.difference = Some(Difference {
+                    row: self.row,
+                    step: at(0) as u64,
+                    time: at(3),
+                    column: column.name.clone(),
+                    recorded: *recorded,
+                    replayed: *made,
+                });
+            }
+        }
+        self.time = made_at(self.ahead.front(), 3);
+        let request = self.request(1);
+        if self.difference.is_none() {
+            self.row += 1;
+            self.ahead.pop_front();
+            self.fill();
+        }
+        // Nothing left to compare with: the loop may end.
+        let request = if self.ahead.is_empty() || self.difference.is_some() {
+            Some(Operator::Stop)
+        } else {
+            request
+        };
+        if let Some(request) = request {
+            let _ = self.operator.try_send(request);
+        }
+    }
+}
+
+fn made_at(row: Option<&Vec<f64>>, index: usize) -> f64 {
+    row.and_then(|row| row.get(index))
+        .copied()
+        .unwrap_or(f64::NAN)
+}
+
+/// One tape for the recorder and all specimens. The lock is never contended: all are on one thread.
+type Shared = Arc<Mutex<Tape>>;
+
+fn with<T>(tape: &Shared, act: impl FnOnce(&mut Tape) -> T) -> T {
+    match tape.lock() {
+        Ok(mut tape) => act(&mut tape),
+        Err(poisoned) => act(&mut poisoned.into_inner()),
+    }
+}
+
+struct Comparing(Shared);
+
+impl Recorder for Comparing {
+    fn row(&mut self, row: &[f64]) -> bool {
+        with(&self.0, |tape| tape.compare(row));
+        true
+    }
+
+    fn event(&mut self, _: Event) -> bool {
+        true
+    }
+}
+
+/// Answers as the recorded specimen did.
+struct Recorded {
+    tape: Shared,
+    /// Places of raw displacement and raw force of each axis, of the sequence number and of the status.
+    axes: Vec<[usize; 2]>,
+    sequence: usize,
+    status: usize,
+    issued: u64,
+}
+
+impl Substructure for Recorded {
+    fn axes(&self) -> usize {
+        self.axes.len()
+    }
+
+    fn coupling(&self) -> Coupling {
+        Coupling::Lockstep
+    }
+
+    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+        self.issued = command.sequence;
+        Ok(())
+    }
+
+    fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+        let issued = self.issued;
+        with(&self.tape, |tape| {
+            // The end of the recording ends the replay.
+            let row = tape.ahead.front().ok_or(LinkFault::Closed)?;
+            let at = |index: usize| made_at(Some(row), index);
+            let recorded = at(self.sequence) as u64;
+            let axes = into.disp.iter_mut().zip(&mut into.force);
+            for ((disp, force), [disp_at, force_at]) in axes.zip(&self.axes) {
+                (*disp, *force) = (at(*disp_at), at(*force_at));
+            }
+            into.status = Status(at(self.status) as u32);
+            // Commands before the one that this row answers leave no row: the ticks of the warm-up.
+            into.sequence = recorded.min(issued);
+            Ok(if issued > recorded {
+                Freshness::Stale
+            } else {
+                Freshness::Fresh
+            })
+        })
+    }
+
+    fn retire(&mut self, _: Retirement) {}
+}
+
+/// Runs the recording in `folder` through the loop again.
+///
+/// # Errors
+/// See [`ReplayError`]. A number that differs is no error but [`Replay::difference`].
+pub fn replay(folder: &Path) -> Result<Replay, ReplayError> {
+    let run = Run::open(folder)?;
+    check_inputs(&run)?;
+    let mut loaded = config::load(&folder.join("resolved.toml"), &[])?;
+    // No specimen is spoken to: what only a link needs is not asked for.
+    for link in loaded
+        .file
+        .specimen
+        .iter_mut()
+        .filter_map(|s| s.link.as_mut())
+    {
+        link.key_file = None;
+    }
+    let mut experiment = config::build(&loaded)?.experiment;
+    let columns = experiment.columns();
+    same_columns(run.layout().columns(), &columns)?;
+    let (operator, requests) = crossbeam_channel::bounded(4);
+    let place = |name: &str| run.layout().index_of(name).unwrap_or(usize::MAX);
+    let mut tape = Tape {
+        journal: run.journal()?,
+        state: place("state"),
+        columns,
+        ahead: VecDeque::with_capacity(AHEAD),
+        row: 0,
+        time: f64::NAN,
+        operator,
+        difference: None,
+        short: None,
+    };
+    tape.fill();
+    if let Some(request) = tape.request(0) {
+        let _ = tape.operator.try_send(request);
+    }
+    let tape = Arc::new(Mutex::new(tape));
+    put_recorded(&mut experiment, &tape, place);
+    let compared = run.layout().columns().iter().filter(|c| !c.timing).count();
+    let recorder = Box::new(Comparing(Arc::clone(&tape)));
+    let mut engine = Engine::new(experiment, Box::new(SimClock::new()), recorder);
+    let outcome = engine.run(&Control::from(requests));
+    Ok(with(&tape, |tape| {
+        let left = !tape.ahead.is_empty() && tape.difference.is_none();
+        let short = match (tape.journal.end(), &outcome.ending) {
+            _ if tape.short.is_some() => tape.short.take(),
+            _ if left => Some(match outcome.ending {
+                Ending::Stopped(stop) => format!("the replay stops where the test did not: {stop}"),
+                Ending::Completed => "the test went on where the replay ends".to_owned(),
+            }),
+            (Some(End::Clean) | None, _) => None,
+            (Some(end), _) => Some(end.to_string()),
+        };
+        Replay {
+            rows: tape.row,
+            columns: compared,
+            time: tape.time,
+            difference: tape.difference.take(),
+            short,
+        }
+    }))
+}
+
+fn put_recorded(experiment: &mut Experiment, tape: &Shared, place: impl Fn(&str) -> usize) {
+    for (index, port) in experiment.ports.iter_mut().enumerate() {
+        let s = index + 1;
+        let axis = |j: usize| {
+            [
+                place(&format!("raw_disp_{s}_{j}")),
+                place(&format!("raw_force_{s}_{j}")),
+            ]
+        };
+        port.put_recording(Box::new(Recorded {
+            tape: Arc::clone(tape),
+            axes: (1..=port.axes()).map(axis).collect(),
+            sequence: place(&format!("seq_{s}")),
+            status: place(&format!("status_{s}")),
+            issued: 0,
+        }));
+    }
+}
+
+fn check_inputs(run: &Run) -> Result<(), ReplayError> {
+    for input in run.summary().map_or(&[][..], |summary| &summary.inputs) {
+        let path = run.path().join(&input.path);
+        let bytes = std::fs::read(&path).map_err(|source| ReplayError::Unreadable {
+            path: path.clone(),
+            source,
+        })?;
+        let digest = Sha256::digest(bytes);
+        let found: String = digest.iter().map(|byte| format!("{byte:02x}")).collect();
+        if found != input.sha256 {
+            return Err(ReplayError::Input {
+                path,
+                wanted: input.sha256.clone(),
+                found,
+            });
+        }
+    }
+    Ok(())
+}
+
+fn same_columns(found: &[Column], wanted: &[Column]) -> Result<(), ReplayError> {
+    let longest = found.len().max(wanted.len());
+    let name = |columns: &[Column], index: usize| columns.get(index).map(|c| c.name.clone());
+    let differs = (0..longest).find(|&index| name(found, index) != name(wanted, index));
+    match differs {
+        None => Ok(()),
+        Some(index) => Err(ReplayError::Columns {
+            found: name(found, index),
+            wanted: name(wanted, index),
+        }),
+    }
+}

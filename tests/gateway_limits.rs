@@ -1,0 +1,208 @@
+//! Every exchange passes the gateway's limits: what trips one is not passed on or is the last, the controller hears of it
+//! in its own protocol's words, and the log names it.
+
+mod link_common;
+
+use std::path::Path;
+use std::sync::{Arc, Mutex};
+
+use gusset::record::Run;
+use gusset::record::summary::Status as Ended;
+use gusset::substructure::Status;
+use link_common::{Fake, ONE_AXIS, Served, gateway, run, summary, test_file};
+
+const STEPS: u32 = 500;
+const KNOWN: &str = "stiffness_n_per_m = 4e5\n";
+
+fn through(address: &str, keys: &str) -> String {
+    let link = format!("[specimen.link]\naddress = \"{address}\"\n{keys}\n");
+    test_file(STEPS, &format!("{ONE_AXIS}{link}"))
+}
+
+/// The spring of 4e5 N/m whose every command is kept.
+fn spring(told: &Arc<Mutex<Vec<f64>>>) -> String {
+    let told = Arc::clone(told);
+    Fake::start(move |mut fake| {
+        while let Some((sequence, disp)) = fake.command() {
+            told.lock().unwrap().push(disp);
+            let frame = fake.answer(sequence, 4e5 * disp, Status::default());
+            fake.write(&frame);
+        }
+    })
+}
+
+/// What a run folder's last row holds in these columns.
+fn last(folder: &Path, names: &[&str]) -> Vec<f64> {
+    let columns = Run::open(folder).unwrap().columns(names).unwrap();
+    columns
+        .iter()
+        .map(|column| *column.last().unwrap())
+        .collect()
+}
+
+fn trip(folder: &Path) -> serde_json::Value {
+    let events = Run::open(folder).unwrap().events().unwrap().events;
+    let trips: Vec<_> = events.iter().filter(|e| e["event"] == "trip").collect();
+    assert_eq!(trips.len(), 1, "{events:?}");
+    trips[0].clone()
+}
+
+/// Runs a test through a gateway with `limits`, one of which trips; the name of that limit, and what the specimen was told.
+fn tripped(limits: &str) -> (String, Vec<f64>) {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let told = Arc::default();
+    let out = folder.join("kept");
+    let served = Served::start(
+        folder,
+        &gateway(
+            &spring(&told),
+            &format!("{KNOWN}[specimen.limits]\n{limits}\n"),
+            "",
+        ),
+        &["--out", out.to_str().unwrap()],
+    );
+    let (code, said) = run(folder, "run", &through(&served.address, ""));
+    assert_eq!(code, 1, "{said}");
+    let ours = summary(folder, "run");
+    assert_eq!(ours.status, Ended::Stopped);
+    let kept = out.join("test-0001");
+    served.hears("test over");
+    let trip = trip(&kept);
+    let name = trip["what"].as_str().unwrap().to_owned();
+    assert!(
+        ours.reason.contains("interlock or emergency stop is open") && ours.reason.contains(&name),
+        "the controller is told why: {}",
+        ours.reason
+    );
+    let theirs = Run::open(&kept).unwrap().summary().unwrap().clone();
+    assert_eq!(theirs.status, Ended::Stopped);
+    assert!(theirs.reason.contains(&name), "{}", theirs.reason);
+    let code = last(&kept, &["trip", "status_1"]);
+    assert_eq!(code[0], trip["code"].as_f64().unwrap());
+    assert_eq!(code[1], 1.0, "the interlock flag went to the controller");
+    let told = told.lock().unwrap().clone();
+    let size = |key: &str| trip[key].as_f64().unwrap().abs();
+    assert!(size("value") > size("bound"), "{trip}");
+    (name, told)
+}
+
+#[test]
+fn a_command_beyond_its_limit_never_reaches_the_specimen() {
+    let (name, told) = tripped("command_disp_m = { trip = [-0.004, 0.004] }");
+    assert_eq!(name, "command_disp_m");
+    let largest = told.iter().fold(0.0, |m: f64, d| m.max(d.abs()));
+    assert!(largest < 0.004 && largest > 0.003, "{largest}");
+    let (name, told) = tripped("command_vel_m_per_s = { trip = 0.05 }");
+    assert_eq!(name, "command_vel_m_per_s");
+    assert!(told.len() > 10);
+    let (name, told) = tripped("command_step_m = { trip = 4e-5 }");
+    assert_eq!(name, "command_step_m");
+    for pair in told.windows(2) {
+        assert!((pair[1] - pair[0]).abs() < 4e-5);
+    }
+}
+
+#[test]
+fn a_measurement_beyond_its_limit_or_the_range_of_its_sensor_is_the_last() {
+    for (limits, name) in [
+        (
+            "measured_force_n = { trip = [-1500, 1500] }",
+            "measured_force_n",
+        ),
+        (
+            "sensor_force_n = { trip = [-1500, 1500] }",
+            "sensor_force_n",
+        ),
+        (
+            "measured_force_n = { warn = [-500, 500], trip = [-1500, 1500] }\nsensor_force_n = { trip = [-2e3, 2e3] }",
+            "measured_force_n",
+        ),
+    ] {
+        let (found, told) = tripped(limits);
+        assert_eq!(found, name);
+        // The spring gives 1500 N at 3.75 mm.
+        let beyond = told.iter().filter(|d| d.abs() > 0.00375).count();
+        assert_eq!(beyond, 1, "the specimen holds where it was told last");
+    }
+}
+
+#[test]
+fn an_interlock_at_the_specimen_goes_through_and_is_latched() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let address = Fake::start(|mut fake| {
+        fake.behave(20);
+        let (sequence, disp) = fake.command().unwrap();
+        let frame = fake.answer(sequence, 4e5 * disp, Status::INTERLOCK);
+        fake.write(&frame);
+        assert!(fake.command().is_none(), "nothing comes after that");
+    });
+    let out = folder.join("kept");
+    let served = Served::start(
+        folder,
+        &gateway(&address, KNOWN, ""),
+        &["--out", out.to_str().unwrap()],
+    );
+    let (code, said) = run(folder, "run", &through(&served.address, ""));
+    assert_eq!(code, 1, "{said}");
+    assert!(summary(folder, "run").reason.contains("interlock"));
+    served.hears("test over");
+    assert_eq!(trip(&out.join("test-0001"))["what"], "interlock");
+}
+
+#[test]
+fn a_warning_is_an_event_and_changes_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let told = Arc::default();
+    let out = folder.join("kept");
+    let limits = "[specimen.limits]\nmeasured_force_n = { warn = [-500, 500] }\n";
+    let served = Served::start(
+        folder,
+        &gateway(&spring(&told), &format!("{KNOWN}{limits}"), ""),
+        &["--out", out.to_str().unwrap()],
+    );
+    let (code, said) = run(folder, "run", &through(&served.address, ""));
+    assert_eq!(code, 0, "{said}");
+    served.hears("test over");
+    let run = Run::open(&out.join("test-0001")).unwrap();
+    let events = run.events().unwrap().events;
+    let warned: Vec<_> = events.iter().filter(|e| e["event"] == "limit").collect();
+    // Each crossing from inside: the spring swings.
+    assert!((1..50).contains(&warned.len()), "{warned:?}");
+    assert!(
+        warned[0]["text"]
+            .as_str()
+            .unwrap()
+            .contains("measured_force_n")
+    );
+    assert_eq!(run.summary().unwrap().status, Ended::Completed);
+}
+
+/// OpenFresco's protocols have no word for a trip: the connection is closed, and the cause stands on our side.
+#[test]
+fn over_openfresco_the_connection_is_closed_and_the_cause_is_said_here() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let told = Arc::default();
+    let out = folder.join("kept");
+    let limits = "[specimen.limits]\ncommand_disp_m = { trip = [-0.004, 0.004] }\n";
+    let served = Served::start(
+        folder,
+        &gateway(&spring(&told), &format!("{KNOWN}{limits}"), ""),
+        &["--protocol", "openfresco", "--out", out.to_str().unwrap()],
+    );
+    let text = through(&served.address, "protocol = \"openfresco\"");
+    let (code, said) = run(folder, "run", &text);
+    assert_eq!(code, 3, "{said}");
+    let line = served.hears("the specimen holds");
+    assert!(line.contains("command_disp"), "{line}");
+    assert_eq!(trip(&out.join("test-0001"))["what"], "command_disp_m");
+    let largest = told
+        .lock()
+        .unwrap()
+        .iter()
+        .fold(0.0, |m: f64, d| m.max(d.abs()));
+    assert!(largest < 0.004, "{largest}");
+}

@@ -1,0 +1,230 @@
+//! `gusset serve --out`: every controller's test leaves a run folder of its own, for a gateway and for a formula alike, with
+//! one row per exchange in the format of every run folder; and the example in config/ works.
+
+mod link_common;
+
+use std::path::Path;
+
+use gusset::record::Run;
+use gusset::record::summary::Status;
+use link_common::{
+    ONE_AXIS, ONE_AXIS_LAW, Served, TWO_AXES, TWO_AXES_LAW, finish, gateway, gusset, run, summary,
+    test_file,
+};
+
+const STEPS: u32 = 200;
+const WARM_UP: usize = 5;
+
+fn linked(seen: &str, address: &str, keys: &str) -> String {
+    let link = format!("[specimen.link]\naddress = \"{address}\"\n{keys}\n");
+    test_file(STEPS, &format!("{seen}{link}"))
+}
+
+fn column(folder: &Path, name: &str) -> Vec<f64> {
+    Run::open(folder)
+        .unwrap()
+        .columns(&[name])
+        .unwrap()
+        .remove(0)
+}
+
+/// What the server recorded of a test is what the controller recorded.
+fn agrees(ours: &Path, theirs: &Path, axes: usize) {
+    for axis in 1..=axes {
+        for kind in ["cmd", "raw_disp", "raw_force"] {
+            let name = format!("{kind}_1_{axis}");
+            let (here, there) = (column(ours, &name), column(theirs, &name));
+            // Warm-up exchanges are no rows of the controller.
+            assert_eq!(here.len() + WARM_UP, there.len(), "{name}");
+            assert_eq!(here, there[WARM_UP..], "{name}");
+        }
+    }
+    let times = column(theirs, "time");
+    assert_eq!(times[WARM_UP..], column(ours, "time"));
+    assert!(column(theirs, "trip").iter().all(|code| *code == 0.0));
+}
+
+#[test]
+fn a_served_formula_keeps_every_test_in_a_folder_of_its_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let out = folder.join("deep/kept");
+    let units = "[[specimen.axis]]\nunit_disp = \"mm\"\nunit_force = \"kN\"\n[[specimen.axis]]\n";
+    let file = format!("[[specimen]]\nname = \"column\"\n{units}{TWO_AXES_LAW}");
+    let served = Served::start(folder, &file, &["--out", out.to_str().unwrap()]);
+    for number in 1..=3 {
+        let name = format!("run-{number}");
+        let seen = format!("{TWO_AXES}{units}");
+        let (code, said) = run(folder, &name, &linked(&seen, &served.address, ""));
+        assert_eq!(code, 0, "{said}");
+        served.hears("test over");
+        let kept = out.join(format!("test-000{number}"));
+        agrees(&folder.join(&name), &kept, 2);
+        let run = Run::open(&kept).unwrap();
+        let summary = run.summary().unwrap();
+        assert_eq!(summary.status, Status::Completed);
+        assert_eq!((summary.rows_lost, summary.rate_hz), (0, 1000.0));
+        // The warm-up holds are one step with step 0.
+        assert_eq!(summary.steps, u64::from(STEPS) + 1);
+        assert_eq!(
+            summary.link["column"].received,
+            u64::from(STEPS) + 1 + WARM_UP as u64
+        );
+        let events = run.events().unwrap().events;
+        let controller = events.iter().find(|e| e["event"] == "controller").unwrap();
+        assert_eq!(controller["test"], "link");
+        assert_eq!(events.last().unwrap()["event"], "ended");
+        let given = std::fs::read_to_string(kept.join("test.toml")).unwrap();
+        assert_eq!(given, file, "byte for byte");
+        // Metres and newtons beside the units of the axis.
+        let (target, cmd) = (column(&kept, "target_1_1"), column(&kept, "cmd_1_1"));
+        for (target, cmd) in target.iter().zip(&cmd) {
+            assert_eq!(*target, 1e-3 * cmd);
+        }
+    }
+}
+
+#[test]
+fn resolved_toml_serves_the_same_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let out = folder.join("kept");
+    let local = test_file(STEPS, &format!("{ONE_AXIS}{ONE_AXIS_LAW}"));
+    let specimen = Served::start(folder, &local, &[]);
+    let keys = "[specimen.limits]\ncommand_disp_m = { trip = [-1, 1] }\n";
+    let file = gateway(
+        &specimen.address,
+        &format!("stiffness_n_per_m = 4e5\n{keys}"),
+        "",
+    );
+    let first = Served::start(
+        folder,
+        &file,
+        &["--transport", "udp", "--out", out.to_str().unwrap()],
+    );
+    let text = linked(ONE_AXIS, &first.address, "transport = \"udp\"");
+    assert_eq!(run(folder, "first", &text).0, 0);
+    first.hears("test over");
+    agrees(&folder.join("first"), &out.join("test-0001"), 1);
+    let resolved = std::fs::read_to_string(out.join("test-0001/resolved.toml")).unwrap();
+    drop(first);
+    let again = Served::start(folder, &resolved, &["--out", out.to_str().unwrap()]);
+    let text = linked(ONE_AXIS, &again.address, "transport = \"udp\"");
+    let (code, said) = run(folder, "again", &text);
+    assert_eq!(code, 0, "{said}");
+    again.hears("test over");
+    agrees(&folder.join("again"), &out.join("test-0002"), 1);
+}
+
+#[test]
+fn report_and_export_read_the_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let out = folder.join("kept");
+    let local = test_file(STEPS, &format!("{ONE_AXIS}{ONE_AXIS_LAW}"));
+    let served = Served::start(folder, &local, &["--out", out.to_str().unwrap()]);
+    let (code, said) = run(folder, "run", &linked(ONE_AXIS, &served.address, ""));
+    assert_eq!(code, 0, "{said}");
+    served.hears("test over");
+    let kept = out.join("test-0001");
+    let mut report = gusset();
+    report.arg("report").arg(&kept);
+    assert!(finish(report).status.success());
+    let page = std::fs::read_to_string(kept.join("report.html")).unwrap();
+    assert!(page.contains("Completed") && page.contains("<svg") && page.contains("column"));
+    let csv = folder.join("rows.csv");
+    let mut export = gusset();
+    export.arg("export").arg(&kept).arg("--out").arg(&csv);
+    assert!(finish(export).status.success());
+    let text = std::fs::read_to_string(csv).unwrap();
+    let mut lines = text.lines();
+    assert_eq!(
+        lines.next(),
+        Some("time,target_1_1,cmd_1_1,meas_1_1,force_1_1")
+    );
+    assert_eq!(lines.count(), STEPS as usize + 1 + WARM_UP);
+}
+
+#[test]
+fn over_openfresco_the_rows_hold_what_opensees_would_command() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let out = folder.join("kept");
+    let local = test_file(STEPS, &format!("{ONE_AXIS}{ONE_AXIS_LAW}"));
+    let arguments = ["--protocol", "openfresco", "--out", out.to_str().unwrap()];
+    let served = Served::start(folder, &local, &arguments);
+    let text = linked(
+        ONE_AXIS,
+        &served.address,
+        "protocol = \"openfresco\"\nprobe = \"none\"",
+    );
+    let (code, said) = run(folder, "run", &text);
+    assert_eq!(code, 0, "{said}");
+    served.hears("ended the test");
+    let kept = Run::open(&out.join("test-0001")).unwrap();
+    let summary = kept.summary().unwrap();
+    assert_eq!(
+        (summary.status, summary.steps),
+        (Status::Completed, u64::from(STEPS) + 1)
+    );
+    // Repeats of one command are one exchange.
+    let ours = column(&folder.join("run"), "cmd_1_1");
+    let theirs = column(&out.join("test-0001"), "cmd_1_1");
+    assert_eq!(ours, theirs);
+}
+
+#[test]
+fn a_folder_that_cannot_be_had_is_refused_before_anybody_is_served() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    std::fs::write(folder.join("taken"), "a file").unwrap();
+    let file = link_common::write(
+        folder,
+        "serve.toml",
+        &format!("[[specimen]]\nname = \"column\"\n{ONE_AXIS_LAW}"),
+    );
+    let mut serve = gusset();
+    serve
+        .arg("serve")
+        .arg(file)
+        .arg("--out")
+        .arg(folder.join("taken"));
+    serve.args(["--listen", "127.0.0.1:0"]);
+    let said = finish(serve);
+    assert_eq!(said.status.code(), Some(2));
+}
+
+/// config/serve, with the addresses of this test.
+#[test]
+fn the_example_in_config_runs_with_its_probe_its_limits_and_its_log() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/serve");
+    let read = |name: &str| std::fs::read_to_string(config.join(name)).unwrap();
+    let rig = Served::start(folder, &read("rig.toml"), &[]);
+    let file = read("gateway.toml").replace("127.0.0.1:4824", &rig.address);
+    let out = folder.join("kept");
+    let between = Served::start(folder, &file, &["--out", out.to_str().unwrap()]);
+    let cyclic = |amplitude: &str| {
+        format!(
+            "[time]\nrate_hz = 500\nduration_s = 2\nclock = \"simulated\"\n[[specimen]]\nname = \"column\"\n\
+             stiffness_n_per_m = 8e6\n[[specimen.axis]]\nunit_disp = \"mm\"\nunit_force = \"kN\"\n[specimen.link]\n\
+             address = \"{}\"\n[[excitation.prescribed_displacement]]\nspecimen = \"column\"\nease_in_s = 0.5\n\
+             [excitation.prescribed_displacement.signal.sine]\nfrequency_hz = 1\namplitude = {amplitude}\n",
+            between.address
+        )
+    };
+    let (code, said) = run(folder, "inside", &cyclic("0.03"));
+    assert_eq!(code, 0, "{said}");
+    between.hears("direction: axis 1");
+    rig.hears("retired in an orderly way");
+    let (code, said) = run(folder, "outside", &cyclic("0.06"));
+    assert_eq!(code, 1, "{said}");
+    let reason = summary(folder, "outside").reason;
+    assert!(reason.contains("command_disp_m"), "{reason}");
+    let states = column(&out.join("test-0002"), "state");
+    assert_eq!((states[0], *states.last().unwrap()), (2.0, 3.0));
+    let largest = column(&out.join("test-0002"), "target_1_1");
+    let passed_on = largest[..largest.len() - 1].iter();
+    assert!(passed_on.fold(0.0, |m: f64, d| m.max(d.abs())) <= 0.05);
+}

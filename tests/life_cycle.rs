@@ -1,0 +1,363 @@
+//! The life of a test from the agreed connection to the last words: zero, ramp, run, hold, leave. Nothing jumps, nothing is
+//! lost, and what ended it is known.
+
+mod common;
+
+use std::sync::{Arc, Mutex};
+
+use common::engine::{Run, prepare, run_on, run_under};
+use gusset::control::limits::{AxisLimits, Bound, Quantity, Range};
+use gusset::control::{Axis, Exit, Exits, Port, Reference, Zero};
+use gusset::engine::{Control, Ending, Experiment, Operator, Phase, Stop};
+use gusset::record::EventKind;
+use gusset::substructure::{
+    Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
+};
+use gusset::time::{Nanos, SimClock};
+
+/// 1 kHz in wall and test time; one storey of 2 t on 3e5 N/m, beside the specimen.
+const PERIOD: f64 = 1e-3;
+const STIFFNESS: f64 = 2e5;
+
+/// A spring that stands at `place`, read by sensors that do not read zero there, and writes down where it was sent.
+struct Spring {
+    place: f64,
+    disp: f64,
+    sequence: u64,
+    /// What the displacement sensor reads beyond the position, and the load cell without a force.
+    bias: [f64; 2],
+    way: Arc<Mutex<Vec<f64>>>,
+    at: Box<dyn FnMut(u64) + Send>,
+}
+
+impl Substructure for Spring {
+    fn axes(&self) -> usize {
+        1
+    }
+    fn coupling(&self) -> Coupling {
+        Coupling::Lockstep
+    }
+    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+        (self.disp, self.sequence) = (command.disp[0], command.sequence);
+        self.way.lock().unwrap().push(self.disp);
+        (self.at)(self.sequence);
+        Ok(())
+    }
+    fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+        into.sequence = self.sequence;
+        into.disp[0] = self.disp + self.bias[0];
+        into.force[0] = STIFFNESS * (self.disp - self.place) + self.bias[1];
+        Ok(Freshness::Fresh)
+    }
+    fn retire(&mut self, _: Retirement) {}
+}
+
+/// A test with one spring.
+struct Lab {
+    text: String,
+    bias: [f64; 2],
+    at: Box<dyn FnMut(u64) + Send>,
+    limits: AxisLimits,
+    exits: Exits,
+    reference: Reference,
+    offset: f64,
+}
+
+impl Lab {
+    fn new(more: &str) -> Self {
+        Self {
+            text: format!(
+                "{more}\n[time]\nrate_hz = 1000\nduration_s = 0.5\n[integrator]\nlambda = 2\n\
+                 [structure.shear_building]\nmass_kg = [2e3]\nstiffness_n_per_m = [3e5]\n\
+                 [excitation.ground_acceleration.signal.sine]\namplitude = 5\nfrequency_hz = 2\n"
+            ),
+            bias: [0.0; 2],
+            at: Box::new(|_| {}),
+            limits: AxisLimits::NONE,
+            exits: Exits::default(),
+            reference: Reference::default(),
+            offset: 0.0,
+        }
+    }
+
+    fn experiment(self) -> (Experiment, Arc<Mutex<Vec<f64>>>) {
+        let mut experiment = prepare(&self.text).experiment;
+        let way = Arc::default();
+        let spring = Spring {
+            place: self.offset,
+            disp: 0.0,
+            sequence: 0,
+            bias: self.bias,
+            way: Arc::clone(&way),
+            at: self.at,
+        };
+        let mut axis = Axis::plain(vec![(0, 1.0)]);
+        axis.disp_offset = self.offset;
+        let port = Port::new("rig", vec![axis], Box::new(spring), 1, vec![STIFFNESS]).unwrap();
+        let mut port = port
+            .with_limits(vec![self.limits], vec![(1.0, 1.0)], PERIOD)
+            .with_references(vec![self.reference]);
+        port.exits = self.exits;
+        experiment.ports.push(port);
+        (experiment, way)
+    }
+
+    fn run(self) -> (Run, Vec<f64>) {
+        let (experiment, way) = self.experiment();
+        let run = run_on(experiment, SimClock::new());
+        let way = way.lock().unwrap().clone();
+        (run, way)
+    }
+
+    /// An operator says each of these when the command with that number leaves.
+    fn run_with_operator(mut self, says: &'static [(u64, Operator)]) -> (Run, Vec<f64>) {
+        let (ask, requests) = crossbeam_channel::bounded(8);
+        self.at = Box::new(move |sequence| {
+            for (_, word) in says.iter().filter(|(at, _)| *at == sequence) {
+                ask.send(*word).unwrap();
+            }
+        });
+        let (experiment, way) = self.experiment();
+        let run = run_under(experiment, SimClock::new(), &Control::from(requests));
+        let way = way.lock().unwrap().clone();
+        (run, way)
+    }
+}
+
+const SHORT: &str = "timing.warmup_ticks = 3\nsafety.zero_s = 0.005";
+
+/// The phases that were entered, in order.
+fn phases(run: &Run) -> Vec<&'static str> {
+    let events = run.events.iter().filter_map(|event| match event.kind {
+        EventKind::Phase { to, .. } => Some(to),
+        _ => None,
+    });
+    events.collect()
+}
+
+fn largest_step(way: &[f64]) -> f64 {
+    let steps = way.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+    steps.fold(0.0, f64::max)
+}
+
+#[test]
+fn a_test_that_begins_elsewhere_reads_ramps_arms_runs_and_is_safe() {
+    let lab = Lab::new(&format!(
+        "{SHORT}\nstructure.initial_displacement_m = [0.02]"
+    ));
+    let (run, way) = lab.run();
+    assert_eq!(
+        phases(&run),
+        ["zeroing", "ramping", "armed", "running", "safe"]
+    );
+    assert_eq!(run.outcome.ending, Ending::Completed);
+    // 5 ticks of zeroing, 1 s of ramp, 3 of warm-up and the test.
+    assert_eq!(way.len(), 5 + 1000 + 3 + 501);
+    assert!(way[..5].iter().all(|disp| *disp == 0.0));
+    let ramp = &way[4..1005];
+    assert!(ramp.windows(2).all(|pair| pair[1] > pair[0]), "one way");
+    // Half a cosine: at most π/2 times the average.
+    let fastest = std::f64::consts::FRAC_PI_2 * 0.02 / 1000.0;
+    assert!(largest_step(ramp) <= fastest * (1.0 + 1e-6));
+    assert_eq!(ramp[1000], 0.02, "to the last bit");
+    assert!(way[1005..1009].iter().all(|disp| *disp == 0.02));
+}
+
+#[test]
+fn where_the_test_begins_at_rest_nothing_moves_before_it() {
+    let (run, way) = Lab::new(SHORT).run();
+    assert_eq!(phases(&run), ["zeroing", "armed", "running", "safe"]);
+    assert!(way[..9].iter().all(|disp| *disp == 0.0));
+}
+
+#[test]
+fn a_ramp_is_slower_than_half_the_velocity_limit() {
+    let mut lab = Lab::new(&format!(
+        "{SHORT}\nstructure.initial_displacement_m = [0.1]"
+    ));
+    lab.limits.command_vel = Bound {
+        warn: 0.1,
+        trip: 20.0,
+    };
+    let (_, way) = lab.run();
+    let start = way.iter().position(|disp| *disp == 0.1).unwrap();
+    let fastest = largest_step(&way[..=start]) / PERIOD;
+    assert!(
+        fastest <= 0.05 * (1.0 + 1e-6) && fastest > 0.049,
+        "{fastest}"
+    );
+}
+
+#[test]
+fn a_hold_changes_nothing_of_the_response_but_its_wall_time() {
+    let (plain, way) = Lab::new(SHORT).run();
+    let says = &[(150, Operator::Hold), (400, Operator::Continue)];
+    let (held, held_way) = Lab::new(SHORT).run_with_operator(says);
+    assert_eq!(
+        phases(&held)[3..],
+        ["holding", "running", "safe"],
+        "{:?}",
+        phases(&held)
+    );
+    for column in ["x1", "v1", "a1", "force_1_1", "time", "cmd_1_1"] {
+        assert_eq!(held.column(column), plain.column(column), "{column}");
+    }
+    // Asked for with command 150; heard at the next edge, so that the step under way is finished.
+    assert_eq!(held_way.len(), way.len() + 250);
+    assert!(
+        held_way[151..=401]
+            .iter()
+            .all(|disp| *disp == held_way[151])
+    );
+    let state = held.all("state");
+    let holding = state.iter().filter(|s| **s == Phase::Holding.code());
+    assert_eq!(holding.count(), 250);
+}
+
+#[test]
+fn an_operator_can_end_a_hold_for_good() {
+    let says = &[(150, Operator::Hold), (300, Operator::Stop)];
+    let (run, way) = Lab::new(SHORT).run_with_operator(says);
+    assert_eq!(run.outcome.ending, Ending::Stopped(Stop::Operator));
+    assert_eq!(phases(&run)[3..], ["holding", "safe"]);
+    assert_eq!(way.len(), 301);
+}
+
+#[test]
+fn a_command_beyond_a_limit_never_leaves() {
+    let (free, way) = Lab::new(SHORT).run();
+    let peak = way.iter().fold(0.0f64, |peak, disp| peak.max(disp.abs()));
+    let mut lab = Lab::new(SHORT);
+    let bound = 0.5 * peak;
+    lab.limits.command_disp = Range {
+        warn: [-0.4 * peak, 0.4 * peak],
+        trip: [-bound, bound],
+    };
+    let (run, way) = lab.run();
+    assert!(way.iter().all(|disp| disp.abs() <= bound));
+    let Ending::Stopped(Stop::Limit { port: 0, hit }) = run.outcome.ending else {
+        panic!("{:?}", run.outcome.ending);
+    };
+    assert_eq!(hit.quantity, Quantity::CommandDisp);
+    // The very next step of the free run is the first beyond it.
+    let steps = run.column("x1").len();
+    let beyond = free.column("x1")[steps];
+    assert!(beyond.abs() > bound && hit.value == beyond);
+    assert_eq!(phases(&run)[2..], ["running", "tripped", "safe"]);
+    let warned = run
+        .events
+        .iter()
+        .any(|event| matches!(event.kind, EventKind::Limit { trip: false, .. }));
+    assert!(warned, "the warning came first");
+}
+
+#[test]
+fn a_measured_limit_trips_in_the_tick_in_which_it_is_reached() {
+    let mut lab = Lab::new(SHORT);
+    lab.limits.measured_force = Range {
+        trip: [-1500.0, 1500.0],
+        ..Range::NONE
+    };
+    let (run, _) = lab.run();
+    let Ending::Stopped(Stop::Limit { hit, .. }) = run.outcome.ending else {
+        panic!("{:?}", run.outcome.ending);
+    };
+    assert!(hit.value.abs() > 1500.0);
+    // The measurement that tripped is kept.
+    assert_eq!(run.all("state").last(), Some(&Phase::Tripped.code()));
+    assert_eq!(run.all("force_1_1").last(), Some(&hit.value));
+    let forces = run.column("force_1_1");
+    assert!(forces.iter().all(|force| force.abs() <= 1500.0));
+}
+
+/// Trips at 2 kN and leaves as it is told; the way after the trip, and the force at its end.
+fn after_a_trip(on_trip: Exit) -> (Run, Vec<f64>) {
+    let mut lab = Lab::new(SHORT);
+    lab.limits.measured_force = Range {
+        trip: [-2000.0, 2000.0],
+        ..Range::NONE
+    };
+    lab.exits = Exits {
+        on_trip,
+        at_end: Exit::Freeze,
+        speed: 0.01,
+    };
+    // The way out must be able to carry what tripped.
+    let (run, way) = lab.run();
+    let begun = run.column("x1").len() + 5 + 3;
+    (run, way[begun..].to_vec())
+}
+
+#[test]
+fn a_trip_freezes_unless_something_else_is_asked_for_by_name() {
+    let (run, way) = after_a_trip(Exit::Freeze);
+    assert_eq!(phases(&run)[3..], ["tripped", "safe"]);
+    assert_eq!(way.len(), 1, "the command whose answer tripped");
+}
+
+#[test]
+fn the_ways_out_are_slow_and_end_where_they_should() {
+    for (exit, end) in [
+        (Exit::ZeroForce, 0.0),
+        (Exit::ZeroDisp, 0.0),
+        (Exit::Safe(vec![0.003]), 0.003),
+    ] {
+        let (run, way) = after_a_trip(exit.clone());
+        assert_eq!(phases(&run)[3..], ["tripped", "leaving", "safe"]);
+        assert!(
+            largest_step(&way) <= 0.01 * PERIOD * (1.0 + 1e-9),
+            "{exit:?}"
+        );
+        let last = way[way.len() - 1];
+        let near = if exit == Exit::ZeroForce { 1e-4 } else { 0.0 };
+        assert!((last - end).abs() <= near, "{exit:?}: {last}");
+        assert!(matches!(
+            run.outcome.ending,
+            Ending::Stopped(Stop::Limit { .. })
+        ));
+    }
+}
+
+#[test]
+fn a_relative_zero_takes_position_and_force_for_zero() {
+    let (plain, _) = Lab::new(SHORT).run();
+    let mut lab = Lab::new(SHORT);
+    lab.bias = [0.004, 321.0];
+    lab.offset = 0.05;
+    lab.reference = Reference {
+        disp: Zero::Relative,
+        force: Zero::Relative,
+    };
+    let (run, way) = lab.run();
+    assert_eq!(way[0], 0.05, "where it stands");
+    for column in ["x1", "force_1_1", "meas_1_1"] {
+        let (wanted, found) = (plain.column(column), run.column(column));
+        let scale = wanted
+            .iter()
+            .fold(0.0f64, |max, value| max.max(value.abs()));
+        for (wanted, found) in wanted.iter().zip(&found) {
+            // Offsets of 0.05 m and 321 N cost digits: 1e-16 · 0.05 · 2e5 N.
+            assert!((wanted - found).abs() <= 1e-8 * scale, "{column}");
+        }
+    }
+    let reading = run.events.iter().find_map(|event| match event.kind {
+        EventKind::Zeroed { values, .. } => Some(values),
+        _ => None,
+    });
+    let [disp, force, ..] = reading.unwrap();
+    assert!((disp - 0.054).abs() < 1e-15 && force == 321.0);
+}
+
+#[test]
+fn offsets_that_must_be_confirmed_are_waited_for_and_nothing_moves_meanwhile() {
+    let text = format!("{SHORT}\nsafety.confirm = true\nstructure.initial_displacement_m = [0.02]");
+    let says = &[(300, Operator::Continue)];
+    let (run, way) = Lab::new(&text).run_with_operator(says);
+    assert_eq!(run.outcome.ending, Ending::Completed);
+    assert!(way[..=300].iter().all(|disp| *disp == 0.0));
+    assert!(way[303] > 0.0);
+    let (run, way) = Lab::new(&text).run_with_operator(&[(300, Operator::Stop)]);
+    assert_eq!(run.outcome.ending, Ending::Stopped(Stop::Operator));
+    assert!(way.iter().all(|disp| *disp == 0.0));
+    assert_eq!(phases(&run), ["zeroing", "safe"]);
+}

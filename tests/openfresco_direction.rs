@@ -1,0 +1,92 @@
+//! Which way round a specimen is wired is found out over OpenFresco's dialects, too, and a gateway brings OpenSees' adapter to
+//! a controller that speaks our own protocol.
+
+mod link_common;
+
+use gusset::record::Run;
+use link_common::{ONE_AXIS, Served, adapter, columns, gateway, run, summary, test_file};
+
+const STEPS: u32 = 100;
+const K: f64 = 4e5;
+const PROBE: &str = "probe_m = 1e-4\nprobe_ramp_s = 0.05\n";
+const ADAPTER: &str = "protocol = \"openfresco-adapter\"\n";
+
+fn linked(address: &str, keys: &str) -> String {
+    let link = format!("[specimen.link]\naddress = \"{address}\"\n{keys}\n");
+    test_file(STEPS, &format!("{ONE_AXIS}{link}"))
+}
+
+type Wiring = fn(f64) -> (f64, f64);
+
+const WRONG: [(Wiring, &str); 5] = [
+    (|d| (d, -K * d), "its force channel is reversed"),
+    (|d| (-d, K * d), "its displacement sensor is reversed"),
+    (|d| (-d, -K * d), "its actuator moves against the command"),
+    (|d| (d, 3.0), "a dead load cell"),
+    (|_| (0.0, 0.0), "a dead or frozen sensor"),
+];
+
+#[test]
+fn a_controller_does_not_arm_what_is_wired_wrongly_behind_an_adapter() {
+    for (wiring, words) in WRONG {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        let address = adapter::start(move |d| {
+            assert!((0.0..=1e-4).contains(&d), "the test moved it: {d}");
+            wiring(d)
+        });
+        let (code, said) = run(
+            folder,
+            "run",
+            &linked(&address, &format!("{ADAPTER}{PROBE}")),
+        );
+        assert_eq!(code, 3, "{said}");
+        let reason = summary(folder, "run").reason;
+        assert!(reason.contains(words), "{reason}");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let address = adapter::start(|d| (d, K * d));
+    let text = linked(&address, &format!("{ADAPTER}{PROBE}"));
+    let (code, said) = run(folder.path(), "run", &text);
+    assert_eq!(code, 0, "{said}");
+}
+
+#[test]
+fn neither_does_a_gateway_to_an_adapter_whatever_its_controller_speaks() {
+    for serve in [&["--protocol", "gusset"][..], &["--protocol", "openfresco"]] {
+        for (wiring, words) in WRONG {
+            let folder = tempfile::tempdir().unwrap();
+            let folder = folder.path();
+            let address = adapter::start(wiring);
+            let file = gateway(
+                &address,
+                "stiffness_n_per_m = 4e5\n",
+                &format!("{ADAPTER}{PROBE}"),
+            );
+            let between = Served::start(folder, &file.replace("probe = \"none\"\n", ""), serve);
+            let keys = format!("protocol = \"{}\"\nprobe = \"none\"", serve[1]);
+            let (code, said) = run(folder, "run", &linked(&between.address, &keys));
+            assert_eq!(code, 3, "{said}");
+            between.hears(words);
+        }
+    }
+}
+
+#[test]
+fn through_a_gateway_to_an_adapter_the_test_is_the_same() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let law = "[specimen.law.linear]\nstiffness_n_per_m = 4e5\n";
+    let local = test_file(STEPS, &format!("{ONE_AXIS}{law}"));
+    assert_eq!(run(folder, "local", &local).0, 0);
+    let out = folder.join("kept");
+    let address = adapter::start(|d| (d, K * d));
+    let file = gateway(&address, "stiffness_n_per_m = 4e5\n", ADAPTER);
+    let between = Served::start(folder, &file, &["--out", out.to_str().unwrap()]);
+    let (code, said) = run(folder, "run", &linked(&between.address, ""));
+    assert_eq!(code, 0, "{said}");
+    assert_eq!(columns(folder, "local", ""), columns(folder, "run", ""));
+    between.hears("test over");
+    let kept = Run::open(&out.join("test-0001")).unwrap();
+    assert_eq!(kept.summary().unwrap().steps, u64::from(STEPS) + 1);
+}

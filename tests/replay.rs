@@ -1,0 +1,220 @@
+//! A recorded test comes out again bit for bit, from its folder alone; and whatever was changed in it is found and named.
+
+mod common;
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use gusset::engine::{Operator, Phase};
+use gusset::record::{Layout, Run, RunFolder};
+use gusset::session::{self, Watches, replay};
+
+const FRAME: &str = r#"
+title = "replayed"
+[time]
+rate_hz = 512
+duration_s = 3
+clock = "simulated"
+[structure]
+static_load_n = [10e3, 5e3]
+initial_displacement_m = [0.002, 0.003]
+[structure.shear_building]
+mass_kg = [20e3, 18e3]
+stiffness_n_per_m = [0, 14e6]
+[structure.damping.rayleigh_ratio]
+ratio = 0.02
+modes = [1, 2]
+[excitation.ground_acceleration.signal.file]
+path = "motion.csv"
+unit = "m/s2"
+[[specimen]]
+name = "s"
+storey = 1
+law = { bouc_wen = { stiffness_n_per_m = 15e6, yield_force_n = 60e3, post_yield_ratio = 0.08, beta = 0.55, gamma = 0.45,
+        exponent = 1.6 } }
+[safety]
+zero_s = 0.02
+ramp_s = 0.1
+[timing]
+warmup_ticks = 7
+"#;
+
+/// A test file with its motion beside it.
+fn test_in(home: &Path, more: &str) -> PathBuf {
+    let motion: String = (0..1500)
+        .map(|k| {
+            let t = f64::from(k) * 0.002;
+            format!("{t:.3},{:.6}\n", 4.0 * (9.0 * t).sin() * (-t).exp())
+        })
+        .collect();
+    std::fs::write(home.join("motion.csv"), format!("t,a\n{motion}")).unwrap();
+    let path = home.join("test.toml");
+    std::fs::write(&path, format!("{FRAME}{more}")).unwrap();
+    path
+}
+
+/// Runs it while an operator says these words, one a tick from the first tick on.
+fn record(home: &Path, words: &[Operator]) -> PathBuf {
+    let loaded = gusset::config::load(&test_in(home, ""), &[]).unwrap_or_else(|e| panic!("{e}"));
+    let test = gusset::config::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
+    let path = home.join("run");
+    let folder = RunFolder::create(&path).unwrap();
+    let (says, requests) = crossbeam_channel::bounded(words.len().max(1));
+    for word in words {
+        says.send(*word).unwrap();
+    }
+    session::run(test, folder, requests, Watches::default(), &mut |_| {}).unwrap();
+    path
+}
+
+fn gusset(args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_gusset"))
+        .args(args)
+        .output()
+        .unwrap()
+}
+
+#[test]
+fn a_test_comes_out_again_to_the_last_bit_wherever_its_folder_is() {
+    let home = tempfile::tempdir().unwrap();
+    let run = record(home.path(), &[]);
+    let elsewhere = tempfile::tempdir().unwrap();
+    let moved = elsewhere.path().join("moved");
+    std::fs::rename(&run, &moved).unwrap();
+    drop(home);
+    let found = replay(&moved).unwrap();
+    assert!(found.is_exact(), "{found:?}");
+    let read = Run::open(&moved).unwrap();
+    let rows = read.columns(&["state"]).unwrap()[0].len();
+    assert_eq!(found.rows, rows as u64);
+    assert!(rows > 1537 + 10, "those before t = 0 too");
+}
+
+#[test]
+fn holds_happen_again_where_they_happened() {
+    for before in [0, 1, 2, 40] {
+        // Idle words: what is held goes on, what goes on is told to.
+        let mut words = vec![Operator::Continue; before + 200];
+        words.extend([Operator::Hold; 30]);
+        words.push(Operator::Continue);
+        words.extend([Operator::Continue; 12]);
+        words.extend([Operator::Hold; 5]);
+        words.push(Operator::Continue);
+        let home = tempfile::tempdir().unwrap();
+        let run = record(home.path(), &words);
+        let states = Run::open(&run).unwrap().columns(&["state"]).unwrap();
+        let held = states[0].iter().filter(|s| **s == Phase::Holding.code());
+        assert_eq!(held.count(), 35);
+        let found = replay(&run).unwrap();
+        assert!(found.is_exact(), "{before}: {found:?}");
+        assert_eq!(found.rows, states[0].len() as u64);
+    }
+}
+
+#[test]
+fn a_test_that_was_stopped_is_proven_as_far_as_it_went() {
+    let mut words = vec![Operator::Continue; 700];
+    words.push(Operator::Stop);
+    let home = tempfile::tempdir().unwrap();
+    let run = record(home.path(), &words);
+    let found = replay(&run).unwrap();
+    assert!(found.is_exact(), "{found:?}");
+    let steps = Run::open(&run).unwrap().summary().unwrap().steps;
+    assert!(steps > 100 && steps < 1536, "{steps}");
+}
+
+/// Writes another number into one row, with the checksum that belongs to it.
+fn change(run: &Path, row: u64, column: &str, value: f64) {
+    let layout = std::fs::read_to_string(run.join("samples.json")).unwrap();
+    let layout = Layout::from_json(&layout).unwrap();
+    let index = layout.index_of(column).unwrap();
+    let path = run.join("samples.bin");
+    let mut bytes = std::fs::read(&path).unwrap();
+    let stride = layout.stride();
+    let at = row as usize * stride;
+    let mut journal = gusset::record::Journal::new(&bytes[at..at + stride], layout.columns().len());
+    // A row by itself does not follow from 0, but is read.
+    let (sequence, mut values) = {
+        let read = journal.next_row().unwrap().unwrap();
+        (read.sequence, read.values.to_vec())
+    };
+    values[index] = value;
+    let mut made = Vec::new();
+    gusset::record::journal::encode(sequence, &values, &mut made);
+    bytes[at..at + stride].copy_from_slice(&made);
+    std::fs::write(path, bytes).unwrap();
+}
+
+#[test]
+fn the_first_number_that_differs_is_named() {
+    let home = tempfile::tempdir().unwrap();
+    let run = record(home.path(), &[]);
+    let states = Run::open(&run).unwrap().columns(&["state"]).unwrap();
+    let start = states[0].iter().position(|s| *s == Phase::Running.code());
+    let row = start.unwrap() as u64 + 300;
+    change(&run, row, "x2", 0.125);
+    let found = replay(&run).unwrap();
+    let difference = found.difference.clone().unwrap();
+    assert_eq!((difference.row, difference.step), (row, 300));
+    assert_eq!(difference.column, "x2");
+    assert_eq!((difference.recorded, found.rows), (0.125, row));
+    let said = gusset(&["replay", run.to_str().unwrap()]);
+    assert_eq!(said.status.code(), Some(1));
+    let text = String::from_utf8_lossy(&said.stdout);
+    assert!(text.contains("`x2` was 1.25e-1"), "{text}");
+}
+
+#[test]
+fn a_force_that_was_changed_shows_in_what_follows_from_it() {
+    let home = tempfile::tempdir().unwrap();
+    let run = record(home.path(), &[]);
+    let rows = Run::open(&run).unwrap().columns(&["state"]).unwrap()[0].len() as u64;
+    change(&run, rows - 100, "raw_force_1_1", 1e3);
+    let difference = replay(&run).unwrap().difference.unwrap();
+    assert_eq!(
+        (difference.row, difference.column.as_str()),
+        (rows - 100, "a1")
+    );
+}
+
+#[test]
+fn damage_ends_the_proof_and_what_is_foreign_is_refused() {
+    let home = tempfile::tempdir().unwrap();
+    let run = record(home.path(), &[]);
+    let text = run.to_str().unwrap();
+    assert_eq!(gusset(&["replay", text]).status.code(), Some(0));
+
+    let samples = run.join("samples.bin");
+    let whole = std::fs::read(&samples).unwrap();
+    let mut damaged = whole.clone();
+    damaged[whole.len() / 2] ^= 4;
+    std::fs::write(&samples, &damaged).unwrap();
+    let said = gusset(&["replay", text]);
+    assert_eq!(said.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&said.stdout).contains("is damaged"));
+    std::fs::write(&samples, &whole[..whole.len() - 3]).unwrap();
+    assert_eq!(gusset(&["replay", text]).status.code(), Some(1));
+    std::fs::write(&samples, &whole).unwrap();
+
+    // Another structure than the one that was tested.
+    let resolved = run.join("resolved.toml");
+    let before = std::fs::read_to_string(&resolved).unwrap();
+    std::fs::write(
+        &resolved,
+        before.replace("18e3", "18.5e3").replace("18000", "18500"),
+    )
+    .unwrap();
+    let said = gusset(&["replay", text]);
+    assert_eq!(said.status.code(), Some(1), "{said:?}");
+    std::fs::write(&resolved, &before).unwrap();
+
+    let inputs = std::fs::read_dir(run.join("inputs")).unwrap();
+    let copy = inputs.map(|entry| entry.unwrap().path()).next().unwrap();
+    let kept = std::fs::read_to_string(&copy).unwrap();
+    std::fs::write(&copy, kept.replacen("0.9", "0.8", 1)).unwrap();
+    let said = gusset(&["replay", text]);
+    assert_eq!(said.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&said.stderr).contains("SHA-256"));
+    let empty = gusset(&["replay", home.path().to_str().unwrap()]);
+    assert_eq!(empty.status.code(), Some(2));
+}
