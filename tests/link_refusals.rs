@@ -1,5 +1,26 @@
 //! What does not fit is refused before anything moves: exit code 3, a message that says what to do, an event, a complete
 //! folder.
+//!
+//! Which bad input is tested where (O: over OpenFresco's protocols):
+//!
+//! | what is wrong | ours | O |
+//! |---|---|---|
+//! | wrong port, refused | here | openfresco_bad_input |
+//! | unreachable, name without an address | openfresco_bad_input | openfresco_bad_input |
+//! | nobody answers | here | openfresco_bad_input, openfresco_refusals |
+//! | a web server; a browser, SSH, TLS or noise at our port | here | openfresco_bad_input; openfresco_strangers |
+//! | one of our protocols at the other's port | openfresco_bad_input | openfresco_bad_input |
+//! | wrong version | here | openfresco_bad_input |
+//! | wrong axes, names, units, limits | here | openfresco_bad_input |
+//! | N or a count too small, too large, negative | (bounded: wire::native) | openfresco_strangers |
+//! | cut messages | link_faults, link_bad_network | openfresco_bad_input, openfresco_strangers |
+//! | bad checksum | link_faults, link_bad_network | (there is none) |
+//! | wrong key, none, unwanted | here | (there is none) |
+//! | expired, foreign or wrong certificate | tls_refusals | tls_openfresco |
+//! | a force that is no number | link_faults | openfresco_bad_input |
+//! | a force beyond the sensor's range | link_faults | (limits of the test) |
+//! | frozen sequence, answers that come twice | link_faults, link_bad_network | openfresco_bad_input, link_bad_network |
+//! | noise at every port while a test runs | link_faults | openfresco_strangers |
 
 mod link_common;
 

@@ -34,7 +34,7 @@ impl Dice {
 }
 
 /// Counts, lengths and codes at which checks turn.
-const WORDS: [u32; 22] = [
+const WORDS: [u32; 25] = [
     0,
     1,
     2,
@@ -55,6 +55,9 @@ const WORDS: [u32; 22] = [
     65_535,
     65_536,
     65_537,
+    0x0010_0000,
+    0x0100_0000,
+    0x1000_0000,
     0x7fff_ffff,
     0xffff_ffff,
 ];

@@ -6,8 +6,8 @@ use gusset::substructure::{Command, Measurement};
 use gusset::wire::WireError;
 use gusset::wire::openfresco::{
     Actor, ActorEvent, Carrier, Client, ClientDialect, ClientEvent, ClientSettings, Counts, Event,
-    Interface, MAX_DATA_SIZE, Response, Server, ServerDialect, Shadow, ShadowEvent, ShadowSettings,
-    Simulink, SimulinkEvent, Sizes, UdpGreeting,
+    Interface, Response, Server, ServerDialect, Shadow, ShadowEvent, ShadowSettings, Simulink,
+    SimulinkEvent, Sizes, UdpGreeting,
 };
 
 use super::{Dice, Target, mutate};
@@ -16,8 +16,9 @@ use super::{Dice, Target, mutate};
 const SHORT: usize = 16;
 /// Messages of an exchange that are fed.
 const MOST: usize = 24;
-/// A vector each for what comes and what goes, the command before the last, and the first messages.
-const ALLOCATION_LIMIT: u64 = 4 * 8 * MAX_DATA_SIZE as u64;
+/// Vectors of 65536 doubles, the longest that may be: one each for what comes and what goes, the command before the last,
+/// and the first messages. Not computed from the program's own bound, which it is there to watch.
+const ALLOCATION_LIMIT: u64 = 4 * 8 * 65_536;
 
 #[derive(Clone, Copy, Debug)]
 enum Role {
