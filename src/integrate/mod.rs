@@ -44,7 +44,7 @@ pub use kr_alpha::{AlphaWeights, KrAlpha, KrAlphaAtState};
 pub use newmark::{Newmark, NewmarkBeta};
 pub use offline::{Forces, Loaded, MethodError, Moment, Offline, StepError, Stepper, Tangents};
 pub use stability::{
-    ACCURATE_LAMBDA, GAIN_HYBRID, GAIN_NUMERICAL, Governing, LambdaChoice, StabilityError,
+    ACCURATE_LAMBDA, GAIN_HYBRID, GAIN_NUMERICAL, Governing, LambdaChoice, Parts, StabilityError,
     StabilityProof,
 };
 

@@ -27,6 +27,9 @@ pub const GAIN_HYBRID: f64 = 2.0;
 /// Default bound on the gain of force errors of a purely numerical run.
 pub const GAIN_NUMERICAL: f64 = 10.0;
 
+/// Hands every part to a visitor, in order; may be asked more than once.
+pub type Parts<'a> = &'a dyn Fn(&mut dyn FnMut(&Part));
+
 /// What stability rests on: matrices in SI units, all n × n.
 #[derive(Debug, Clone)]
 pub struct StabilityProof {
@@ -193,6 +196,10 @@ impl StabilityProof {
     /// # Errors
     /// [`StabilityError::NoneAdmissible`].
     pub fn limit(&self, gain: f64, parts: &[Part]) -> Result<Option<f64>, StabilityError> {
+        self.limit_of(gain, &|visit| parts.iter().for_each(visit))
+    }
+
+    fn limit_of(&self, gain: f64, parts: Parts<'_>) -> Result<Option<f64>, StabilityError> {
         let (fixed, following) = (self.without_lambda(gain), self.following());
         let admissible = |inverse: f64| {
             let matrix = fixed.plus(self.per_inverse() * inverse, &following);
@@ -240,8 +247,22 @@ impl StabilityProof {
         gain: f64,
         parts: &[Part],
     ) -> Result<LambdaChoice, StabilityError> {
-        let limit = self.limit(f64::INFINITY, parts)?;
-        let limit_with_gain = self.limit(gain, parts)?;
+        self.choose_of(request, gain, &|visit| parts.iter().for_each(visit))
+    }
+
+    /// As [`StabilityProof::choose`], the parts made one at a time when they are asked for: a chain of a million masses
+    /// has two million of them.
+    ///
+    /// # Errors
+    /// [`StabilityError::NoneAdmissible`].
+    pub fn choose_of(
+        &self,
+        request: Option<Lambda>,
+        gain: f64,
+        parts: Parts<'_>,
+    ) -> Result<LambdaChoice, StabilityError> {
+        let limit = self.limit_of(f64::INFINITY, parts)?;
+        let limit_with_gain = self.limit_of(gain, parts)?;
         let lambda = request.unwrap_or(Lambda::Finite(
             limit_with_gain.map_or(ACCURATE_LAMBDA, |limit| limit.min(ACCURATE_LAMBDA)),
         ));
@@ -260,7 +281,7 @@ impl StabilityProof {
     }
 
     /// Names what carries the near-null vector of S at 1/λ = `inverse`.
-    fn governing(&self, inverse: f64, gain: f64, parts: &[Part]) -> Option<Governing> {
+    fn governing(&self, inverse: f64, gain: f64, parts: Parts<'_>) -> Option<Governing> {
         let fixed = self.without_lambda(gain);
         let shape = near_null(&fixed.plus(self.per_inverse() * inverse, &self.following()))?;
         let n = shape.len();
@@ -289,16 +310,24 @@ impl StabilityProof {
             let excess = part.damping_bound - part.damping;
             (square * part.stiffness_bound + 2.0 * self.dt * excess) * deformation * deformation
         };
-        let best = parts
-            .iter()
-            .map(|part| (part, energy(part) / total))
-            .max_by(|a, b| a.1.total_cmp(&b.1));
+        let (mut best, mut listed) = (None::<(String, f64)>, 0.0);
+        parts(&mut |part| {
+            let energy = energy(part);
+            listed += energy;
+            let share = energy / total;
+            // The last of equal ones.
+            if best
+                .as_ref()
+                .is_none_or(|best| best.1.total_cmp(&share).is_le())
+            {
+                best = Some((part.name.clone(), share));
+            }
+        });
         let dof = (0..n).max_by(|&i, &j| of_dof(i).total_cmp(&of_dof(j)))?;
-        let listed: f64 = parts.iter().map(energy).sum();
         Some(match best {
             // The parts must explain the shape at least as well as what they leave unexplained.
-            Some((part, share)) if share >= 1.0 - listed / total => Governing::Part {
-                name: part.name.clone(),
+            Some((name, share)) if share >= 1.0 - listed / total => Governing::Part {
+                name,
                 share,
                 frequency,
             },

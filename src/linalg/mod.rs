@@ -21,10 +21,12 @@ mod aligned;
 mod banded;
 mod checked;
 mod dense;
+mod dissection;
 mod eigen;
 pub(crate) mod lanes;
 mod matrix;
 mod ordering;
+mod panels;
 mod partitioned;
 mod sparse;
 mod tridiagonal;
@@ -65,7 +67,7 @@ pub enum Storage {
     Banded,
     /// Dense Cholesky.
     Dense,
-    /// Sparse LDLᵀ after approximate minimum degree.
+    /// Sparse LDLᵀ after nested dissection or approximate minimum degree.
     Sparse,
 }
 
@@ -237,8 +239,10 @@ impl Spd {
     /// Chooses the instructions of block arithmetic, for comparisons: the fastest are chosen anyway, and the bits are
     /// the same with all of them.
     pub fn set_lanes(&mut self, lanes: Lanes) {
-        if let Factor::Partitioned(factor) = &mut self.factor {
-            factor.set_lanes(lanes);
+        match &mut self.factor {
+            Factor::Partitioned(factor) => factor.set_lanes(lanes),
+            Factor::Sparse(factor) => factor.set_lanes(lanes),
+            _ => {}
         }
     }
 

@@ -1,11 +1,13 @@
-//! Sparse LDLᵀ: ordering and factorisation by faer, the two triangular sweeps our own.
+//! Sparse LDLᵀ: factorisation by faer, numbering and triangular sweeps our own.
 //!
 //! faer's simplicial factorisation is scalar arithmetic in a fixed order. Its supernodal one picks vector width
 //! and fused multiply-add by processor, which would break the promise of equal bits on every machine, so it is
-//! not used. The factor is copied into compact columns with 32-bit row numbers: a solve is bound by the memory
-//! it touches. This is the only file that names faer.
+//! not used. The factor is copied into [`Panels`]: a solve is bound by the memory it touches. Of nested dissection
+//! and faer's approximate minimum degree the numbering with the smaller factor is taken. This is the only file
+//! that names faer.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::perm::PermRef;
 use faer::sparse::linalg::SupernodalThreshold;
 use faer::sparse::linalg::cholesky::{
     CholeskySymbolicParams, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering,
@@ -14,7 +16,9 @@ use faer::sparse::linalg::cholesky::{
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Par, Side};
 
-use super::{NotPositiveDefinite, SymMatrix, check_pivot};
+use super::dissection::nested_dissection;
+use super::panels::{Columns, Panels};
+use super::{Lanes, NotPositiveDefinite, SymMatrix, check_pivot};
 
 /// Where the factor has entries.
 #[derive(Debug)]
@@ -42,8 +46,22 @@ impl Pattern {
             ..Default::default()
         };
         // Fails only for want of memory or index range; then the caller sees "too expensive" and goes without.
-        let symbolic =
+        let by_degree =
             factorize_symbolic_cholesky(pattern, Side::Upper, SymmetricOrdering::Amd, params).ok();
+        let old: Vec<usize> = nested_dissection(matrix)
+            .into_iter()
+            .map(|old| old as usize)
+            .collect();
+        let mut new = vec![0; n];
+        for (at, &old) in old.iter().enumerate() {
+            new[old] = at;
+        }
+        let order = SymmetricOrdering::Custom(PermRef::new_checked(&old, &new, n));
+        let by_cuts = factorize_symbolic_cholesky(pattern, Side::Upper, order, params).ok();
+        let symbolic = [by_degree, by_cuts]
+            .into_iter()
+            .flatten()
+            .min_by_key(SymbolicCholesky::len_val);
         Self {
             symbolic,
             column_start,
@@ -64,10 +82,7 @@ impl Pattern {
 pub(super) struct Sparse {
     /// User's index of each new index.
     old_of_new: Vec<u32>,
-    /// Strictly lower columns of the unit lower L.
-    column_start: Vec<usize>,
-    rows: Vec<u32>,
-    lower: Vec<f64>,
+    lower: Panels,
     inverse_pivots: Vec<f64>,
     work: Vec<f64>,
 }
@@ -137,10 +152,13 @@ impl Sparse {
         if stopped {
             return Err(failed(0)); // not reachable while a stopped factorisation leaves a zero pivot
         }
+        let lower = Panels::new(&Columns {
+            start: &column_start,
+            rows: &rows,
+            values: &lower,
+        });
         Ok(Self {
             old_of_new,
-            column_start,
-            rows,
             lower,
             inverse_pivots,
             work: vec![0.0; n],
@@ -148,41 +166,21 @@ impl Sparse {
     }
 
     pub(super) fn bytes(&self) -> usize {
-        size_of_val(&self.rows[..])
-            + size_of_val(&self.lower[..])
-            + size_of_val(&self.inverse_pivots[..])
-            + size_of_val(&self.column_start[..])
+        self.lower.bytes() + size_of_val(&self.inverse_pivots[..])
+    }
+
+    pub(super) fn set_lanes(&mut self, lanes: Lanes) {
+        self.lower.set_lanes(lanes);
     }
 
     /// x ← A⁻¹ x. Real-time: yes. Row numbers lie below n by construction.
     pub(super) fn solve_in_place(&mut self, x: &mut [f64]) {
-        let work = &mut self.work[..];
-        for (y, &old) in work.iter_mut().zip(&self.old_of_new) {
+        for (y, &old) in self.work.iter_mut().zip(&self.old_of_new) {
             *y = x[old as usize];
         }
-        for (column, range) in self.column_start.windows(2).enumerate() {
-            let range = range[0]..range[1];
-            let y = work[column];
-            for (&row, l) in self.rows[range.clone()].iter().zip(&self.lower[range]) {
-                work[row as usize] -= l * y;
-            }
-        }
-        for (column, range) in self.column_start.windows(2).enumerate().rev() {
-            let range = range[0]..range[1];
-            // Two interleaved sums: half the latency, one fixed order.
-            let (mut even, mut odd) = (0.0, 0.0);
-            let (rows, rest_row) = self.rows[range.clone()].as_chunks::<2>();
-            let (lower, rest) = self.lower[range].as_chunks::<2>();
-            for (rows, l) in rows.iter().zip(lower) {
-                even += l[0] * work[rows[0] as usize];
-                odd += l[1] * work[rows[1] as usize];
-            }
-            for (&row, l) in rest_row.iter().zip(rest) {
-                even += l * work[row as usize];
-            }
-            work[column] = work[column] * self.inverse_pivots[column] - (even + odd);
-        }
-        for (y, &old) in work.iter().zip(&self.old_of_new) {
+        self.lower
+            .solve_in_place(&self.inverse_pivots, &mut self.work);
+        for (y, &old) in self.work.iter().zip(&self.old_of_new) {
             x[old as usize] = *y;
         }
     }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::damping::damping_matrix;
 use super::{
     BuildError, ChainSpec, DampingSpec, Element, ElementSpec, End, MatricesSpec, MatrixTable,
-    ModelError, Part, ShearBuildingSpec, Structure, StructureSpec,
+    ModelError, ShearBuildingSpec, Storey, Structure, StructureSpec,
 };
 use crate::law::Reach;
 use crate::linalg::SymMatrix;
@@ -33,7 +33,7 @@ struct Linear {
     damping: SymMatrix,
     stiffness: SymMatrix,
     influence: Vec<f64>,
-    parts: Vec<Part>,
+    storeys: (&'static str, Vec<Storey>),
     /// Key under which damping was given, if it was.
     damping_given: Option<&'static str>,
 }
@@ -115,21 +115,36 @@ impl StructureSpec {
             }
             linear.mass = linear.mass.plus(1.0, share.mass);
         }
-        let mut built = Vec::with_capacity(elements.len());
-        if let StructureSpec::Chain(spec) = self {
-            built.extend(spec.absolute_dampers()?);
-        }
-        for (i, element) in elements.iter().enumerate() {
-            built.push(element.build(i + 1)?);
-        }
-        let mut structure = Structure::new(
+        // One at a time: a long chain has as many dampers as masses.
+        let mut failure = None;
+        let dampers = match self {
+            StructureSpec::Chain(spec) => spec.dofs,
+            _ => 0,
+        };
+        let chain = (0..dampers).filter_map(|dof| match self {
+            StructureSpec::Chain(spec) => spec.absolute_damper(dof).transpose(),
+            _ => None,
+        });
+        let listed = elements.iter().enumerate();
+        let listed = listed.map(|(i, element)| element.build(i + 1));
+        let built = chain.chain(listed).map_while(|element| match element {
+            Ok(element) => Some(element),
+            Err(error) => {
+                failure = Some(error);
+                None
+            }
+        });
+        let structure = Structure::new(
             linear.mass,
             linear.damping,
             linear.stiffness,
             linear.influence,
             built,
-        )?
-        .with_linear_parts(linear.parts);
+        );
+        if let Some(error) = failure {
+            return Err(error);
+        }
+        let mut structure = structure?.with_storeys(linear.storeys.0, linear.storeys.1);
         if let Some(rule) = damping {
             let mut at_rest = structure.stiffness_at_rest();
             if let Some(share) = specimens {
@@ -207,7 +222,7 @@ impl ShearBuildingSpec {
             damping: tied_chain(damping),
             stiffness: tied_chain(&self.stiffness_n_per_m),
             influence: vec![1.0; n],
-            parts: chain_parts("storey", &self.stiffness_n_per_m, damping),
+            storeys: ("storey", storeys(&self.stiffness_n_per_m, damping)),
             damping_given: self.damping_n_s_per_m.as_ref().map(|_| "damping_n_s_per_m"),
         })
     }
@@ -226,30 +241,27 @@ impl ChainSpec {
         })
     }
 
-    /// One damper for each mass, if there are any.
-    fn absolute_dampers(&self) -> Result<Vec<Element>, BuildError> {
+    /// The damper of a mass, if there is one.
+    fn absolute_damper(&self, dof: usize) -> Result<Option<Element>, BuildError> {
         let Some(law) = &self.absolute_damper else {
-            return Ok(Vec::new());
+            return Ok(None);
         };
-        let damper = |dof: usize| {
-            let name = format!("absolute damper {}", dof + 1);
-            match law.build() {
-                Ok(law) => Ok(Element {
-                    name,
-                    from: End::Fixed,
-                    to: End::Dof(dof),
-                    law,
-                    reach: Reach::default(),
-                    hardening_ratio: None,
-                    damping_ratio: None,
-                }),
-                Err(source) => Err(BuildError::Law {
-                    element: name,
-                    source,
-                }),
-            }
-        };
-        (0..self.dofs).map(damper).collect()
+        let name = format!("absolute damper {}", dof + 1);
+        match law.build() {
+            Ok(law) => Ok(Some(Element {
+                name,
+                from: End::Fixed,
+                to: End::Dof(dof),
+                law,
+                reach: Reach::default(),
+                hardening_ratio: None,
+                damping_ratio: None,
+            })),
+            Err(source) => Err(BuildError::Law {
+                element: name,
+                source,
+            }),
+        }
     }
 
     fn linear(&self) -> Result<Linear, BuildError> {
@@ -281,7 +293,7 @@ impl ChainSpec {
             damping: tied_chain(&dashpots),
             stiffness: tied_chain(&springs),
             influence: vec![1.0; self.dofs],
-            parts: chain_parts("spring", &springs, &dashpots),
+            storeys: ("spring", storeys(&springs, &dashpots)),
             damping_given: self.damping_n_s_per_m.map(|_| "damping_n_s_per_m"),
         })
     }
@@ -297,19 +309,10 @@ fn tied_chain(values: &[f64]) -> SymMatrix {
     SymMatrix::from_triplets(values.len(), entries)
 }
 
-fn chain_parts(word: &str, stiffness: &[f64], damping: &[f64]) -> Vec<Part> {
-    let values = stiffness.iter().zip(damping).enumerate();
-    let parts = values.map(|(i, (&stiffness, &damping))| Part {
-        name: format!("{word} {}", i + 1),
-        row: match i {
-            0 => vec![(0, 1.0)],
-            _ => vec![(i - 1, -1.0), (i, 1.0)],
-        },
-        stiffness_bound: stiffness,
-        damping,
-        damping_bound: damping,
-    });
-    parts.collect()
+fn storeys(stiffness: &[f64], damping: &[f64]) -> Vec<Storey> {
+    let both = stiffness.iter().zip(damping);
+    both.map(|(&stiffness, &damping)| Storey { stiffness, damping })
+        .collect()
 }
 
 impl MatricesSpec {
@@ -354,7 +357,7 @@ impl MatricesSpec {
             mass,
             stiffness,
             influence: self.influence.clone().unwrap_or_else(|| vec![1.0; n]),
-            parts: Vec::new(),
+            storeys: ("", Vec::new()),
         })
     }
 }

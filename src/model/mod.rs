@@ -30,7 +30,7 @@ pub use spec::{
     ChainSpec, DampingSpec, ElementSpec, MatricesSpec, ModalSpec, RayleighRatioSpec, RayleighSpec,
     ShearBuildingSpec, StructureSpec,
 };
-pub use structure::Structure;
+pub use structure::{Storey, Structure};
 
 use crate::law::{Law, Reach};
 

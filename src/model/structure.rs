@@ -19,7 +19,8 @@ pub struct Structure {
     tied_to_base: Vec<(usize, f64, f64)>,
     elements: Elements,
     lanes: Lanes,
-    linear_parts: Vec<Part>,
+    /// What they are called, and each of them.
+    storeys: (&'static str, Vec<Storey>),
 }
 
 impl Structure {
@@ -74,14 +75,15 @@ impl Structure {
             tied_to_base,
             elements: Elements::new(elements, n)?,
             lanes: Lanes::best(),
-            linear_parts: Vec::new(),
+            storeys: ("", Vec::new()),
         })
     }
 
-    /// Names the parts that make up the linear K and C (storeys, springs of a chain), for reports on stability.
+    /// Names the springs and dashpots that make up the linear K and C, for reports on stability: "`word` 1" between the
+    /// base and the first degree of freedom, "`word` 2" between the first and the second, and so on.
     #[must_use]
-    pub fn with_linear_parts(mut self, parts: Vec<Part>) -> Self {
-        self.linear_parts = parts;
+    pub fn with_storeys(mut self, word: &'static str, each: Vec<Storey>) -> Self {
+        self.storeys = (word, each);
         self
     }
 
@@ -155,16 +157,18 @@ impl Structure {
 
     /// Names of everything that has a share of K0 of its own: storeys or springs, then elements.
     pub fn part_names(&self) -> impl Iterator<Item = Cow<'_, str>> {
-        let linear = self.linear_parts.iter();
-        let linear = linear.map(|part| Cow::Borrowed(part.name.as_str()));
+        let (word, storeys) = &self.storeys;
+        let linear = (1..=storeys.len()).map(move |number| Cow::Owned(format!("{word} {number}")));
         linear.chain(self.element_names())
     }
 
     /// The share of K0 of everything that is called `name`, n × n in N/m; none if nothing is.
     #[must_use]
     pub fn stiffness_of(&self, name: &str) -> Option<SymMatrix> {
-        let linear = self.linear_parts.iter().filter(|part| part.name == name);
-        let linear = linear.map(|part| stamp(&part.row, part.stiffness_bound));
+        let (word, storeys) = &self.storeys;
+        let linear = storeys.iter().enumerate();
+        let linear = linear.filter(|(i, _)| name == format!("{word} {}", i + 1));
+        let linear = linear.map(|(i, storey)| stamp(&storey_row(i), storey.stiffness));
         let elements = self.elements.iter();
         let elements = elements.filter(|element| element.name == name);
         let elements = elements.map(|element| {
@@ -240,10 +244,29 @@ impl Structure {
     /// # Errors
     /// As [`Structure::bound_stiffness`].
     pub fn parts(&self) -> Result<Vec<Part>, ModelError> {
-        let mut parts = self.linear_parts.clone();
+        let mut parts = Vec::new();
+        self.for_each_part(&mut |part| parts.push(part.clone()))?;
+        Ok(parts)
+    }
+
+    /// Hands the named parts of K_max and C_max to `visit` one at a time, storeys or springs first, then elements.
+    ///
+    /// # Errors
+    /// As [`Structure::bound_stiffness`].
+    pub fn for_each_part(&self, visit: &mut dyn FnMut(&Part)) -> Result<(), ModelError> {
+        let (word, storeys) = &self.storeys;
+        for (i, storey) in storeys.iter().enumerate() {
+            visit(&Part {
+                name: format!("{word} {}", i + 1),
+                row: storey_row(i),
+                stiffness_bound: storey.stiffness,
+                damping: storey.damping,
+                damping_bound: storey.damping,
+            });
+        }
         for element in self.elements.iter() {
             let bound = bound(&element)?;
-            parts.push(Part {
+            visit(&Part {
                 row: row(element.from, element.to),
                 stiffness_bound: bound.stiffness,
                 damping: element.law.reference().damping,
@@ -251,7 +274,7 @@ impl Structure {
                 name: element.name.into_owned(),
             });
         }
-        Ok(parts)
+        Ok(())
     }
 
     /// residual ← residual − R_d(v) − R_s(x) in N, everything counted from the base: one trial and one commit of every
@@ -354,6 +377,15 @@ impl Structure {
     }
 }
 
+/// Spring and dashpot of one storey, or of one place in a chain.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Storey {
+    /// N/m.
+    pub stiffness: f64,
+    /// N s/m.
+    pub damping: f64,
+}
+
 /// Rows that are made at a time: their vectors stay in the nearest cache.
 const NEAR: usize = 1024;
 
@@ -397,4 +429,12 @@ fn tied_to_base(
         .map(|dof| (dof, product(stiffness, dof), product(damping, dof)))
         .filter(|&(_, k, c)| k != 0.0 || c != 0.0)
         .collect()
+}
+
+/// b of a storey or spring, from 0 at the ground.
+fn storey_row(i: usize) -> Vec<(usize, f64)> {
+    match i {
+        0 => vec![(0, 1.0)],
+        _ => vec![(i - 1, -1.0), (i, 1.0)],
+    }
 }

@@ -29,7 +29,6 @@ pub(super) struct Proven {
 struct Bounds {
     stiffness: SymMatrix,
     damping: SymMatrix,
-    parts: Vec<Part>,
 }
 
 /// Chooses λ, or proves the one that was asked for.
@@ -84,7 +83,12 @@ pub(super) fn choose(
         apart: apart.cloned(),
     };
     let stiffness_bound = Some(proof.stiffness_bound.clone());
-    match (proof.choose(request, gain, &bounds.parts), request) {
+    match (
+        proof.choose_of(request, gain, &|visit| {
+            every_part(structure, specimens, visit);
+        }),
+        request,
+    ) {
         (Ok(choice), _) => {
             if !choice.is_stable() {
                 let finding = unstable(&choice);
@@ -215,6 +219,13 @@ fn unstable(choice: &LambdaChoice) -> Finding {
     Finding::warning(lambda_path(), headline).help("`lambda = \"auto\"` takes one that is stable")
 }
 
+/// Storeys, elements and specimens; those of a structure whose bounds are known.
+fn every_part(structure: &Structure, specimens: &Specimens, visit: &mut dyn FnMut(&Part)) {
+    // Without bounds there is no proof, and nobody asks.
+    let _ = structure.for_each_part(visit);
+    specimens.parts().iter().for_each(visit);
+}
+
 /// K_max and C_max of the whole, or a finding about whose bound is missing.
 fn bounds(
     site: &Site<'_>,
@@ -224,8 +235,8 @@ fn bounds(
     let n = structure.dofs();
     let own = structure
         .bound_stiffness()
-        .and_then(|stiffness| Ok((stiffness, structure.bound_damping()?, structure.parts()?)));
-    let (stiffness, damping, mut parts) = own.map_err(|error| {
+        .and_then(|stiffness| Ok((stiffness, structure.bound_damping()?)));
+    let (stiffness, damping) = own.map_err(|error| {
         let at = path("structure").key("element");
         let index = match &error {
             ModelError::NoBound { element, .. } => structure
@@ -257,10 +268,14 @@ fn bounds(
         let help = "give `reach_disp_m` (and `reach_vel_m_per_s` for a damper) as far as it may go";
         Box::new(Finding::error(path("specimen").index(index), text).help(help))
     })?;
-    parts.extend(specimens.parts());
-    let infinite = parts
-        .iter()
-        .find(|p| !(p.stiffness_bound.is_finite() && p.damping_bound.is_finite()));
+    let mut infinite = None;
+    every_part(structure, specimens, &mut |part| {
+        if infinite.is_none()
+            && !(part.stiffness_bound.is_finite() && part.damping_bound.is_finite())
+        {
+            infinite = Some(part.clone());
+        }
+    });
     if let Some(part) = infinite {
         let text = format!("{}: its tangent has no finite bound", part.name);
         let index = structure.element_names().position(|name| name == part.name);
@@ -274,6 +289,5 @@ fn bounds(
     Ok(Bounds {
         stiffness: stiffness.plus(1.0, &of_specimens),
         damping: damping.plus(1.0, &damping_of_specimens),
-        parts,
     })
 }
