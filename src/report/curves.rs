@@ -6,7 +6,9 @@
 
 use super::axis::{Axis, is_drawable};
 use super::canvas::{Anchor, Canvas, Ink, Lettering, Skin, fitted, picture, text_width};
-use super::charts::{Area, LABEL, Plot, Quantity, Scaled, linear, sentence, title};
+use super::charts::{
+    Area, FOOT, HEAD, LABEL, Plot, Quantity, Scaled, left_of, linear, sentence, title,
+};
 use super::text::fixed;
 use super::thin;
 
@@ -46,6 +48,8 @@ pub(crate) struct Curves<'a> {
     pub curves: &'a [Curve<'a>],
     /// Both axes logarithmic.
     pub logarithmic: bool,
+    /// The frame is as high as it is wide, for the z plane.
+    pub square: bool,
 }
 
 /// Height of one row of the legend.
@@ -84,6 +88,16 @@ impl Curves<'_> {
         };
         let across = self.ticks(&x, self.across, (area.w / 80.0).clamp(3.0, 10.0));
         let up = self.ticks(&y, self.up, (rest.h / 50.0).clamp(3.0, 8.0));
+        let rest = if self.square {
+            let side = (rest.w - left_of(&up) - 10.0).min(rest.h - HEAD - FOOT);
+            Area {
+                w: side + left_of(&up) + 10.0,
+                h: side + HEAD + FOOT,
+                ..rest
+            }
+        } else {
+            rest
+        };
         let plot = Plot::frame(canvas, rest, (x, &across), (y, &up));
         if !self.logarithmic {
             plot.zero_line(canvas);
@@ -313,6 +327,7 @@ mod tests {
             up: scale(range),
             curves,
             logarithmic,
+            square: false,
         }
         .svg(600.0, 400.0, false)
     }
