@@ -58,6 +58,8 @@ const ROW: f64 = 18.0;
 const TOLERANCE: f64 = 0.15;
 /// Length of a dash and of the gap after it, in display units.
 const DASH: (f64, f64) = (6.0, 4.0);
+/// Margin round a picture that is a file of its own.
+const EDGE: f64 = 12.0;
 /// Room right of the frame for half of the last number.
 const MARGIN: f64 = 14.0;
 /// Further outside than this many times the range nothing is drawn.
@@ -66,9 +68,21 @@ const FAR: f64 = 2.0;
 impl Curves<'_> {
     /// The picture as SVG: a part of a page that carries the style sheet, or a file of its own.
     pub(crate) fn svg(&self, width: f64, height: f64, inline: bool) -> String {
-        let skin = if inline { Skin::Page } else { Skin::Picture };
-        picture(width, height, skin, self.title, |canvas| {
-            self.draw(canvas, Area::whole(width, height));
+        // A page has its own margins, a file has none.
+        let (skin, edge) = if inline {
+            (Skin::Page, 0.0)
+        } else {
+            (Skin::Picture, EDGE)
+        };
+        let (wide, high) = (width + 2.0 * edge, height + 2.0 * edge);
+        picture(wide, high, skin, self.title, |canvas| {
+            let area = Area {
+                x: edge,
+                y: edge,
+                w: width,
+                h: height,
+            };
+            self.draw(canvas, area);
         })
     }
 
