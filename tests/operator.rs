@@ -35,6 +35,7 @@ fn begin(home: &Path, more: &str) -> Child {
 }
 
 /// Waits until `done`, with a bound that only a hang meets.
+#[expect(clippy::disallowed_methods, reason = "another process is waited for")]
 fn until(what: &str, mut done: impl FnMut() -> bool) {
     let began = Instant::now();
     while !done() {

@@ -47,6 +47,15 @@ pub(super) fn nested_dissection(matrix: &SymMatrix) -> Vec<u32> {
     order
 }
 
+/// Two landmarks, the key that parts the nodes between them, and the side that gives its border up.
+#[derive(Debug, Clone, Copy)]
+struct Split {
+    a: usize,
+    b: usize,
+    limit: i64,
+    inner: bool,
+}
+
 /// A part in three: no edge joins `one` and `other`.
 struct Cut {
     one: Vec<u32>,
@@ -91,7 +100,7 @@ impl Graph<'_> {
             found += 1;
         }
         let pairs = (0..found).flat_map(|a| (a + 1..found).map(move |b| (a, b)));
-        let mut best: Option<(usize, usize, (usize, usize), i64, bool)> = None;
+        let mut best: Option<((usize, usize), Split)> = None;
         for (a, b) in pairs {
             let mut keys: Vec<i64> = nodes.iter().map(|&node| self.key(a, b, node)).collect();
             let middle = keys.len() / 2;
@@ -105,13 +114,14 @@ impl Graph<'_> {
                     }
                     // The smallest cut; of equal ones the most even.
                     let rank = (between, nodes.len() - smaller);
-                    if best.is_none_or(|best| rank < (best.0, best.1)) {
-                        best = Some((rank.0, rank.1, (a, b), limit, inner));
+                    if best.is_none_or(|(best, _)| rank < best) {
+                        let split = Split { a, b, limit, inner };
+                        best = Some((rank, split));
                     }
                 }
             }
         }
-        let (.., (a, b), limit, inner) = best?;
+        let (_, Split { a, b, limit, inner }) = best?;
         self.take_sides(a, b, limit, nodes);
         let mut cut = Cut {
             one: Vec::new(),

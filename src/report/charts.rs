@@ -101,6 +101,13 @@ pub(super) fn sentence(canvas: &mut Canvas<'_>, area: Area, heading: &str, words
     );
 }
 
+/// Room that the numbers and the name of an upright axis take.
+pub(super) fn left_of(up: &Scaled) -> f64 {
+    let labels = up.ticks.iter().map(|t| text_width(&t.label, LABEL));
+    let widest = labels.fold(LEAST_LABEL, f64::max);
+    widest + if up.name.is_empty() { 10.0 } else { 30.0 }
+}
+
 impl Plot {
     /// Draws frame, grid, numbers and names, and says where the lines go.
     pub fn frame(
@@ -109,13 +116,8 @@ impl Plot {
         (x, across): (Axis, &Scaled),
         (y, up): (Axis, &Scaled),
     ) -> Self {
-        let widest = up
-            .ticks
-            .iter()
-            .map(|t| text_width(&t.label, LABEL))
-            .fold(LEAST_LABEL, f64::max);
         let named = !up.name.is_empty();
-        let left = widest + if named { 30.0 } else { 10.0 };
+        let left = left_of(up);
         let foot = if across.name.is_empty() {
             FOOT - 18.0
         } else {

@@ -6,7 +6,9 @@
 
 use super::axis::{Axis, is_drawable};
 use super::canvas::{Anchor, Canvas, Ink, Lettering, Skin, fitted, picture, text_width};
-use super::charts::{Area, LABEL, Plot, Quantity, Scaled, linear, sentence, title};
+use super::charts::{
+    Area, FOOT, HEAD, LABEL, Plot, Quantity, Scaled, left_of, linear, sentence, title,
+};
 use super::text::fixed;
 use super::thin;
 
@@ -46,6 +48,8 @@ pub(crate) struct Curves<'a> {
     pub curves: &'a [Curve<'a>],
     /// Both axes logarithmic.
     pub logarithmic: bool,
+    /// The frame is as high as it is wide, for the z plane.
+    pub square: bool,
 }
 
 /// Height of one row of the legend.
@@ -54,6 +58,8 @@ const ROW: f64 = 18.0;
 const TOLERANCE: f64 = 0.15;
 /// Length of a dash and of the gap after it, in display units.
 const DASH: (f64, f64) = (6.0, 4.0);
+/// Margin round a picture that is a file of its own.
+const EDGE: f64 = 12.0;
 /// Room right of the frame for half of the last number.
 const MARGIN: f64 = 14.0;
 /// Further outside than this many times the range nothing is drawn.
@@ -62,9 +68,21 @@ const FAR: f64 = 2.0;
 impl Curves<'_> {
     /// The picture as SVG: a part of a page that carries the style sheet, or a file of its own.
     pub(crate) fn svg(&self, width: f64, height: f64, inline: bool) -> String {
-        let skin = if inline { Skin::Page } else { Skin::Picture };
-        picture(width, height, skin, self.title, |canvas| {
-            self.draw(canvas, Area::whole(width, height));
+        // A page has its own margins, a file has none.
+        let (skin, edge) = if inline {
+            (Skin::Page, 0.0)
+        } else {
+            (Skin::Picture, EDGE)
+        };
+        let (wide, high) = (width + 2.0 * edge, height + 2.0 * edge);
+        picture(wide, high, skin, self.title, |canvas| {
+            let area = Area {
+                x: edge,
+                y: edge,
+                w: width,
+                h: height,
+            };
+            self.draw(canvas, area);
         })
     }
 
@@ -84,6 +102,16 @@ impl Curves<'_> {
         };
         let across = self.ticks(&x, self.across, (area.w / 80.0).clamp(3.0, 10.0));
         let up = self.ticks(&y, self.up, (rest.h / 50.0).clamp(3.0, 8.0));
+        let rest = if self.square {
+            let side = (rest.w - left_of(&up) - 10.0).min(rest.h - HEAD - FOOT);
+            Area {
+                w: side + left_of(&up) + 10.0,
+                h: side + HEAD + FOOT,
+                ..rest
+            }
+        } else {
+            rest
+        };
         let plot = Plot::frame(canvas, rest, (x, &across), (y, &up));
         if !self.logarithmic {
             plot.zero_line(canvas);
@@ -313,6 +341,7 @@ mod tests {
             up: scale(range),
             curves,
             logarithmic,
+            square: false,
         }
         .svg(600.0, 400.0, false)
     }

@@ -152,8 +152,8 @@ fn free_vibration(omega: f64, lambda: f64) -> Option<[f64; 4]> {
     let mut state = State::new(vec![1.0], vec![0.0]);
     let mut samples = vec![1.0];
     for _ in 0..4 {
-        let mut r = [-omega * omega * state.disp[0]];
-        gui.advance(&mut state, &mut r, &mut [0.0]);
+        let r = [-omega * omega * state.disp[0]];
+        gui.advance(&mut state, &r, &mut [0.0]);
         samples.push(state.disp[0]);
     }
     <[f64; 4]>::try_from(samples.get(1..)?).ok()

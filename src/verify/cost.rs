@@ -1,46 +1,15 @@
 //! Example 4.3, Table 2 and Fig. 16: the cost of a step of a chain with nonlinear absolute dampers.
 //!
-//! The text leaves ends, input and duration open. Here: mass 1 hangs on a base that moves as 0.1 sin 2πt m, mass n is
-//! free, the dampers act on absolute velocities, and the run starts at rest. Times are those of this machine and are
-//! not judged; that every λ is stable, that all methods agree, and what a dense implementation of each must do in a
-//! step, is.
+//! Times are those of this machine and are not judged; what a dense implementation of each method must do in a step is.
 
-use std::f64::consts::TAU;
-
+use super::chain::{
+    DT, METHODS, WAYS, agreement, base, chain, damper, force_velocity, limits, same_equations,
+};
 use super::dense::{Dense, Way};
-use super::drive::{Method, Walk, peak};
+use super::drive::{Method, Walk};
 use super::figure::{Figure, Scale, Series};
 use super::{Check, Effort, Shown, Tabulation, number};
-use crate::integrate::{Lambda, NewmarkBeta, StabilityProof};
-use crate::law::{BiviscousSpec, Law, Reach};
-use crate::linalg::SymMatrix;
-use crate::model::{Base, Element, End, Structure};
-use crate::spectral::lambda_limit;
 use crate::time::Clock;
-
-pub(super) const MASS: f64 = 150.0;
-pub(super) const STIFFNESS: f64 = 2.5e5;
-pub(super) const DAMPING: f64 = 10.0;
-pub(super) const DT: f64 = 0.02;
-
-const METHODS: [Method; 6] = [
-    Method::Newmark(NewmarkBeta::Average),
-    Method::Chang,
-    Method::Newmark(NewmarkBeta::Explicit),
-    Method::Family(2.0),
-    Method::Family(4.0),
-    Method::Family(11.5),
-];
-
-/// The same for a dense implementation.
-const WAYS: [Way; 6] = [
-    Way::Average,
-    Way::Chang,
-    Way::Explicit,
-    Way::Family(2.0),
-    Way::Family(4.0),
-    Way::Family(11.5),
-];
 
 /// Table 2: milliseconds per step, methods in the order of [`METHODS`].
 const TABLE_2: [(usize, [f64; 6]); 8] = [
@@ -53,54 +22,6 @@ const TABLE_2: [(usize, [f64; 6]); 8] = [
     (4000, [1058.0, 1149.6, 1128.7, 43.4, 42.4, 41.9]),
     (5000, [1871.2, 2018.8, 1992.0, 65.5, 64.8, 64.3]),
 ];
-
-/// The damper of Fig. 15: c_a0 = 180, c_ay = 90 N s/m, v_y = 1/3 m/s.
-pub(super) const DAMPER: BiviscousSpec = BiviscousSpec {
-    damping_n_s_per_m: 180.0,
-    post_yield_damping_n_s_per_m: 90.0,
-    yield_velocity_m_per_s: 1.0 / 3.0,
-};
-
-fn tridiagonal(n: usize, value: f64) -> SymMatrix {
-    let mut entries = vec![(0, 0, value)];
-    for i in 1..n {
-        entries.extend([(i - 1, i - 1, value), (i - 1, i, -value), (i, i, value)]);
-    }
-    SymMatrix::from_triplets(n, entries)
-}
-
-fn chain(n: usize) -> Option<Structure> {
-    let mut dampers = Vec::with_capacity(n);
-    for dof in 0..n {
-        dampers.push(Element {
-            name: format!("absolute damper {}", dof + 1),
-            from: End::Fixed,
-            to: End::Dof(dof),
-            law: Box::new(DAMPER.build().ok()?),
-            reach: Reach::default(),
-            hardening_ratio: None,
-            damping_ratio: None,
-        });
-    }
-    Structure::new(
-        SymMatrix::diagonal(&vec![MASS; n]),
-        tridiagonal(n, DAMPING),
-        tridiagonal(n, STIFFNESS),
-        vec![1.0; n],
-        dampers,
-    )
-    .ok()
-}
-
-/// Base motion of step n; the base moves the chain through its first spring and dashpot.
-fn base(step: u64, out: &mut [f64]) -> Base {
-    out.fill(0.0);
-    let t = step as f64 * DT;
-    Base {
-        disp: 0.1 * libm::sin(TAU * t),
-        vel: 0.1 * TAU * libm::cos(TAU * t),
-    }
-}
 
 /// Median time of a step in ms, and displacements of the first mass, over `steps` steps.
 fn timed(method: Method, n: usize, steps: usize, clock: &dyn Clock) -> Option<(f64, Vec<f64>)> {
@@ -144,9 +65,9 @@ pub(super) fn example(effort: Effort, clock: &dyn Clock) -> Shown {
     }
     let as_published = as_published(effort, clock);
     checks.extend(claims(&as_published));
-    let listed = |measured: &[(usize, [f64; 6])]| {
+    let listed = |measured: &[(usize, [f64; 6])], decimals: usize| {
         let row = |(n, times): &(usize, [f64; 6])| {
-            let cells = times.iter().map(|time| number((time * 1e4).round() / 1e4));
+            let cells = times.iter().map(|time| format!("{time:.decimals$}"));
             std::iter::once(n.to_string()).chain(cells).collect()
         };
         measured.iter().map(row).collect()
@@ -163,15 +84,15 @@ pub(super) fn example(effort: Effort, clock: &dyn Clock) -> Shown {
     let tables = vec![
         table(
             "Table 2 as printed: ms per step, a computer of 2014",
-            listed(&TABLE_2),
+            listed(&TABLE_2, 1),
         ),
         table(
             "The same equations with full matrices on this machine, one core: ms per step",
-            listed(&dense),
+            listed(&dense, 2),
         ),
         table(
             "This program on this machine, every method with sparse factors: ms per step",
-            listed(&measured),
+            listed(&measured, 4),
         ),
     ];
     Shown {
@@ -182,51 +103,6 @@ pub(super) fn example(effort: Effort, clock: &dyn Clock) -> Shown {
             beside(&dense, &measured),
         ],
         tables,
-    }
-}
-
-/// The damper of Fig. 15, as the program's law has it.
-fn damper() -> Vec<Check> {
-    let Ok(mut law) = DAMPER.build() else {
-        return vec![Check::near(
-            "Fig. 15: force of the damper",
-            60.0,
-            f64::NAN,
-            0.0,
-        )];
-    };
-    let mut force = |v: f64| law.trial(0.0, v, 0.0);
-    vec![
-        Check::near(
-            "Fig. 15: force at v_y = 1/3 m/s, N",
-            60.0,
-            force(1.0 / 3.0),
-            1e-9,
-        ),
-        Check::near(
-            "Fig. 15: slope c_ay beyond v_y, N s/m",
-            90.0,
-            (force(0.9) - force(0.4)) / 0.5,
-            1e-9,
-        ),
-    ]
-}
-
-fn force_velocity() -> Figure {
-    let v: Vec<f64> = (-100..=100).map(|i| f64::from(i) / 100.0).collect();
-    let force = DAMPER.build().map_or_else(
-        |_| vec![f64::NAN; v.len()],
-        |mut law| v.iter().map(|&v| law.trial(0.0, v, 0.0)).collect(),
-    );
-    Figure {
-        file: "fig-15",
-        title: "Fig. 15: the biviscous damper",
-        claim: "c_a0 = 180, c_ay = 90 N s/m, v_y = 1/3 m/s: the program's law.",
-        across: Scale::fixed("velocity", "m/s", -1.0, 1.0),
-        up: Scale::fixed("force", "N", -150.0, 150.0),
-        logarithmic: false,
-        square: false,
-        series: vec![Series::line("", v, force)],
     }
 }
 
@@ -324,22 +200,22 @@ fn claims(rows: &[AsPublished]) -> Vec<Check> {
                 first.n, last.n
             ),
             "ratios grow significantly with the number of DOFs",
-            format!("{} and {}", number(ratio(first)), number(ratio(last))),
+            format!("{:.1} and {:.1}", ratio(first), ratio(last)),
             &format!("counted; grows at least with half the growth of n ({sizes})"),
             grown >= 0.5 * sizes,
         ),
         Check::note(
             "the same ratio by the clock",
             &format!(
-                "{} at n = {small}, {} at {large}",
-                number(of_small[2] / of_small[4]),
-                number(of_large[2] / of_large[4])
+                "{:.1} at n = {small}, {:.1} at {large}",
+                of_small[2] / of_small[4],
+                of_large[2] / of_large[4]
             ),
             format!(
-                "{} at n = {}, {} at {}",
-                number((first.times[2] / first.times[4]).round()),
+                "{:.0} at n = {}, {:.0} at {}",
+                first.times[2] / first.times[4],
                 first.n,
-                number((last.times[2] / last.times[4]).round()),
+                last.times[2] / last.times[4],
                 last.n
             ),
             "dense on both sides; times of this machine, not judged",
@@ -357,134 +233,6 @@ fn claims(rows: &[AsPublished]) -> Vec<Check> {
             "not so: three dense products a step against a dense factorisation in every iteration. With sparse factors both are linear",
         ),
     ]
-}
-
-/// The program's methods and the dense implementation go the same way, to roundoff and the tolerance of Newton.
-fn same_equations(effort: Effort) -> Check {
-    let (n, steps) = (effort.of(40, 120), 100);
-    let apart = |way: Way, method: Method| -> Option<f64> {
-        let mut dense = Dense::new(way, n)?;
-        let mut structure = chain(n)?;
-        let mut walk = Walk::new(method, &mut structure, DT, base).ok()?;
-        let (mut worst, mut largest) = (0.0f64, 0.0f64);
-        for _ in 0..steps {
-            dense.step()?;
-            walk.step();
-            for (a, b) in dense.disp.iter().zip(&walk.state.disp) {
-                worst = worst.max((a - b).abs());
-                largest = largest.max(b.abs());
-            }
-        }
-        Some(worst / largest)
-    };
-    let found = WAYS.into_iter().zip(METHODS);
-    let found = found.map(|(way, method)| apart(way, method).unwrap_or(f64::INFINITY));
-    // 1e-10 of the largest response per step is left to Newton; a hundred steps of it.
-    Check::within(
-        &format!(
-            "all six methods, {n} masses, {steps} steps: this program − the dense implementation, over peak"
-        ),
-        "same equations",
-        found.fold(0.0, f64::max),
-        1e-8,
-    )
-}
-
-/// Stability of every λ for this chain.
-fn limits() -> Vec<Check> {
-    let omega = 2.0 * (STIFFNESS / MASS).sqrt() * DT;
-    let n = 200;
-    let proof = StabilityProof {
-        mass: SymMatrix::diagonal(&vec![MASS; n]),
-        damping: tridiagonal(n, DAMPING).plus(1.0, &SymMatrix::diagonal(&vec![180.0; n])),
-        stiffness: tridiagonal(n, STIFFNESS),
-        damping_bound: tridiagonal(n, DAMPING).plus(1.0, &SymMatrix::diagonal(&vec![180.0; n])),
-        stiffness_bound: tridiagonal(n, STIFFNESS),
-        dt: DT,
-        apart: None,
-    };
-    vec![
-        Check::holds(
-            "bound of the largest Ω of a chain of any length, 2 √(k/m) Δt",
-            "(not stated)",
-            format!("{}; λ up to {}", number(omega), lambda_limit(omega)),
-            "below 2: every λ is stable",
-            omega < 2.0,
-        ),
-        Check::holds(
-            "S ⪰ 0 at λ = ∞, n = 200",
-            "(not stated)",
-            if proof.holds(Lambda::Infinite) {
-                "holds"
-            } else {
-                "does not hold"
-            }
-            .to_owned(),
-            "holds, so every λ is stable",
-            proof.holds(Lambda::Infinite),
-        ),
-    ]
-}
-
-/// All methods go the same way: what is between them goes with the step.
-fn agreement(effort: Effort) -> Vec<Check> {
-    let n = effort.of(50, 500);
-    let reference = Method::Newmark(NewmarkBeta::Average);
-    // First mass at whole multiples of Δt, for a step that is a share of it.
-    let run = |method: Method, finer: usize| -> Vec<f64> {
-        let found = course(method, n, 250, finer);
-        found.unwrap_or_else(|| vec![f64::NAN])
-    };
-    let references = [1, 4].map(|finer| run(reference, finer));
-    let size = peak(&references[1]);
-    let checks = METHODS.into_iter().skip(1).map(|method| {
-        let gaps = [1, 4].map(|finer| run(method, finer));
-        let gaps: Vec<f64> = gaps
-            .iter()
-            .zip(&references)
-            .map(|(found, reference)| {
-                let apart = found.iter().zip(reference).map(|(a, b)| (a - b).abs());
-                if found.len() == reference.len() {
-                    peak(&apart.collect::<Vec<_>>()) / size
-                } else {
-                    f64::INFINITY
-                }
-            })
-            .collect();
-        // The base starts with a kink, 0.1 · 2π m/s at once, whose front every method disperses differently: less
-        // than first order in Δt. A quarter of the step must leave less than half of the gap.
-        Check::holds(
-            &format!("{} − average acceleration, first mass of {n}, over peak: Δt = 0.02 s, 0.005 s", method.name()),
-            "same system",
-            format!("{}, {}", number(gaps[0]), number(gaps[1])),
-            "at most a step of the base's motion (0.126), and less than half of it at a quarter of the step",
-            gaps[0] <= TAU * DT && gaps[1] < 0.5 * gaps[0],
-        )
-    });
-    checks.collect()
-}
-
-/// First mass at the ends of `steps` steps of Δt, integrated with Δt/`finer`.
-fn course(method: Method, n: usize, steps: usize, finer: usize) -> Option<Vec<f64>> {
-    let mut structure = chain(n)?;
-    let dt = DT / finer as f64;
-    let load = move |step: u64, out: &mut [f64]| {
-        out.fill(0.0);
-        let t = step as f64 * dt;
-        Base {
-            disp: 0.1 * libm::sin(TAU * t),
-            vel: 0.1 * TAU * libm::cos(TAU * t),
-        }
-    };
-    let mut walk = Walk::new(method, &mut structure, dt, load).ok()?;
-    let mut first = Vec::with_capacity(steps);
-    for _ in 0..steps {
-        for _ in 0..finer {
-            walk.step();
-        }
-        first.push(walk.state.disp.first().copied().unwrap_or(f64::NAN));
-    }
-    Some(first)
 }
 
 fn points(name: String, rows: &[(usize, [f64; 6])], k: usize) -> Series {

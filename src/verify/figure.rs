@@ -131,6 +131,7 @@ impl Figure {
             up: scale(self.up),
             curves: &curves,
             logarithmic: self.logarithmic,
+            square: self.square,
         };
         let (width, height) = if self.square {
             (460.0, 520.0)

@@ -188,7 +188,7 @@ fn amplified(mass: f64, omega: f64, ratio: f64, dt: f64, lambda: f64) -> f64 {
         return f64::NAN;
     };
     let mut state = State::new(vec![x], vec![v]);
-    gui.advance(&mut state, &mut [force - c * v - k * x], &mut [0.0]);
+    gui.advance(&mut state, &[force - c * v - k * x], &mut [0.0]);
     // Displacement is of size 1, velocity of size ω.
     worse(
         (state.disp[0] - wanted[0]).abs(),

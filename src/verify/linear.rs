@@ -2,8 +2,9 @@
 
 use std::f64::consts::TAU;
 
-use super::drive::{Method, TwoStoreys, peak};
+use super::drive::{Method, peak};
 use super::figure::{Figure, Scale, Series};
+use super::storeys::TwoStoreys;
 use super::{Check, Proof};
 use crate::integrate::NewmarkBeta;
 use crate::spectral::{lambda_limit, period_error};

@@ -9,6 +9,7 @@
 //! Nothing is written here: [`files`] gives the page, the pictures and their data as text.
 
 mod accuracy;
+mod chain;
 mod cost;
 mod criterion;
 mod dense;
@@ -21,6 +22,7 @@ mod order;
 mod own_lambda;
 mod page;
 mod stability;
+mod storeys;
 mod tangents;
 #[cfg(test)]
 mod tests;

@@ -1,8 +1,9 @@
 //! Example 4.2 and Figs. 8 to 13: softening and hardening storeys, tangent k0 (1 + 1.5 θ √|Δu|).
 
-use super::drive::{Method, TwoStoreys, peak};
+use super::drive::{Method, peak};
 use super::figure::{Figure, Scale, Series};
 use super::linear::behaves;
+use super::storeys::TwoStoreys;
 use super::{Check, Effort, Proof};
 use crate::integrate::NewmarkBeta;
 use crate::spectral::lambda_limit_changed;

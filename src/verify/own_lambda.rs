@@ -4,9 +4,10 @@
 use std::f64::consts::TAU;
 
 use super::criterion::random_system;
-use super::drive::{Method, Random, TwoStoreys, peak, solved, transition_of};
+use super::drive::{Method, Random, peak, solved, transition_of};
 use super::figure::{Figure, Scale, Series};
 use super::linear::{class, distance};
+use super::storeys::TwoStoreys;
 use super::{Check, Effort, Proof, number};
 use crate::integrate::{Apart, Gui, Lambda, NewmarkBeta, StabilityError, StabilityProof, Start};
 use crate::linalg::{Modes, Storage, SymMatrix, modes};

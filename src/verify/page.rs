@@ -88,10 +88,13 @@ fn whole(part: &Part) -> String {
     match part.figures.as_slice() {
         [] => out += &says,
         [one] => {
-            out += &format!(
-                "<div class=\"beside\">\n{}<div>{says}</div></div>\n",
-                picture(one)
-            )
+            let class = if one.square {
+                "beside square"
+            } else {
+                "beside"
+            };
+            let picture = picture(one);
+            out += &format!("<div class=\"{class}\">\n{picture}<div>{says}</div></div>\n");
         }
         several => {
             out += &says;

@@ -64,7 +64,7 @@ fn deviation(proof: &StabilityProof, lambda: f64, weighted: &DMatrix<f64>) -> f6
         proof.mass.to_dense() + proof.damping.to_dense() * (dt / 2.0) + weighted * (dt * dt);
     let wanted = matrix.lu().solve(&DVector::from_vec(r.clone())).unwrap();
     let (mut state, mut reported) = (State::at_rest(n), vec![0.0; n]);
-    gui(proof, lambda).advance(&mut state, &mut r.clone(), &mut reported);
+    gui(proof, lambda).advance(&mut state, &r.clone(), &mut reported);
     let gaps = state.weighted_accel.iter().zip(wanted.iter());
     gaps.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max) / wanted.amax()
 }
@@ -162,10 +162,10 @@ fn each_mode_moves_as_an_oscillator_of_its_own_lambda() {
         let (mut r, mut reported) = (vec![0.0; 4], vec![0.0; 4]);
         proof.stiffness.subtract_product(&state.disp, &mut r);
         proof.damping.subtract_product(&state.vel, &mut r);
-        whole.advance(&mut state, &mut r, &mut reported);
+        whole.advance(&mut state, &r, &mut reported);
         for (j, (gui, q, c, k)) in single.iter_mut().enumerate() {
-            let mut r = [-*c * q.vel[0] - *k * q.disp[0]];
-            gui.advance(q, &mut r, &mut [0.0]);
+            let r = [-*c * q.vel[0] - *k * q.disp[0]];
+            gui.advance(q, &r, &mut [0.0]);
             // √m of the largest displacement; 300 steps of roundoff.
             let gap = (part(&state.disp, j) - q.disp[0]).abs();
             assert!(gap < 1e-11, "mode {}: {gap}", j + 1);
@@ -191,10 +191,10 @@ fn a_step_with_modes_of_their_own_allocates_nothing() {
     let apart = Apart::modes(&shapes, &plain.mass, &[Lambda::Finite(11.5); 2]);
     let proof = frame(Some(apart));
     let mut gui = gui(&proof, 4.0);
-    let (mut state, mut r, mut reported) = (State::at_rest(5), [1.0; 5], [0.0; 5]);
+    let (mut state, r, mut reported) = (State::at_rest(5), [1.0; 5], [0.0; 5]);
     let counted = allocation_counter::measure(|| {
         for _ in 0..50 {
-            gui.advance(&mut state, &mut r, &mut reported);
+            gui.advance(&mut state, &r, &mut reported);
         }
     });
     assert_eq!(counted.count_total, 0);
