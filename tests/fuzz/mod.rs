@@ -34,7 +34,7 @@ impl Dice {
 }
 
 /// Counts, lengths and codes at which checks turn.
-const WORDS: [u32; 25] = [
+pub const WORDS: [u32; 25] = [
     0,
     1,
     2,

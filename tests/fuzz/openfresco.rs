@@ -10,7 +10,7 @@ use gusset::wire::openfresco::{
     SimulinkEvent, Sizes, UdpGreeting,
 };
 
-use super::{Dice, Target, mutate};
+use super::{Dice, Target, WORDS, mutate};
 
 /// Doubles in a vector of the shortened exchanges.
 const SHORT: usize = 16;
@@ -412,7 +412,16 @@ impl Target for OpenFresco {
         // Most of an exchange stays as it was, so that the depths are reached.
         for _ in 0..dice.below(4) {
             let place = dice.below(messages.len());
-            match dice.below(6) {
+            match dice.below(7) {
+                // A count, or N.
+                6 => {
+                    let blocks = messages.iter_mut().find(|m| m.len() == 44 || m.len() == 20);
+                    if let Some(block) = blocks {
+                        let at = 4 * dice.below(block.len() / 4);
+                        let count = dice.pick(&WORDS).to_le_bytes();
+                        block[at..at + 4].copy_from_slice(&count);
+                    }
+                }
                 0 => {
                     messages.remove(place);
                     if messages.is_empty() {
