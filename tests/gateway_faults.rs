@@ -158,8 +158,18 @@ fn a_controller_that_vanishes_releases_the_specimen_for_the_next_one() {
     controller.wait().unwrap();
     between.hears("without a goodbye");
     specimen.hears("retired because the test tripped");
-    let (code, said) = run(folder, "next", &through(STEPS, &between.address, ""));
-    assert_eq!(code, 0, "{said}");
+    // The gateway closes its book of the first test before it takes the next one.
+    for attempt in 0.. {
+        let name = format!("next-{attempt}");
+        let (code, said) = run(folder, &name, &through(STEPS, &between.address, ""));
+        if code == 0 {
+            break;
+        }
+        assert!(
+            said.contains("another controller") && attempt < 50,
+            "{said}"
+        );
+    }
     let first = Run::open(&out.join("test-0001")).unwrap();
     assert_eq!(first.summary().unwrap().status, Ended::Failed);
 }
