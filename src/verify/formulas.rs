@@ -132,7 +132,7 @@ pub(super) fn transfer(effort: Effort) -> Proof {
             1e-10,
         ),
         Check::note(
-            "“the same numerical properties as the Newmark family”",
+            "numerical properties of Newmark's family",
             "same poles",
             "same poles, not the same response".to_owned(),
             "the numerators differ as above: in a forced response the two agree to about β (ω̄Δt)², not to roundoff",

@@ -39,7 +39,7 @@ fn index(parts: &[Part]) -> String {
         "Y. Gui, J.-T. Wang, F. Jin, C. Chen, M.-X. Zhou: Development of a family of explicit algorithms for structural \
          dynamics with unconditional stability. Nonlinear Dynamics, 2014. Numbers in parentheses are its equations. Every \
          value below was obtained by this program's own integrators and models in one run of `gusset verify`; figures have \
-         the paper's axes, their data lie beside this page as CSV. What the paper says stands beside what was obtained, \
+         the paper's axes, their data lie beside this page as CSV. What the paper states stands, in our words, beside what was obtained, \
          how far the two may be apart, and the verdict.",
     );
     body += &contents(parts);
