@@ -166,7 +166,9 @@ fn conclude(facts: &Facts, finished: &Finished, page: Option<&Page>) {
                     Some(None) => "every lambda is stable".to_owned(),
                     None => "no proof: a tangent has no declared bound".to_owned(),
                 };
-                table.row("lambda", &format!("{lambda} ({how}; {limit})"));
+                let own = structure.lambda_apart.iter();
+                let own: String = own.map(|(name, own)| format!(", {own} for {name}")).collect();
+                table.row("lambda", &format!("{lambda}{own} ({how}; {limit})"));
             }
         }
     }

@@ -47,7 +47,8 @@ pub struct LinkSpec {
     /// Names of the axes, as the far end calls them. Default: "axis 1", "axis 2", …
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub axis_names: Option<Vec<String>>,
-    /// Busy loop at the beginning of each wait for a reply, in µs; after it the thread sleeps until bytes come.
+    /// Busy loop at the beginning of each wait for a reply, in µs; after it the thread sleeps until bytes come. Shortened at
+    /// rates where it would use up the kernel's real-time budget.
     #[serde(default = "sixty")]
     pub spin_us: f64,
     /// For `transport = "tls"`: who we are and whom we trust. Default: the files that OpenFresco's programs look for.

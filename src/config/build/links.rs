@@ -14,6 +14,7 @@ use crate::link::secret::read_key;
 use crate::link::spec::{Carrier, LinkCoupling, StaleChoice};
 use crate::link::tls::{FileError, TlsClient, TlsSpec};
 use crate::link::{LinkSpec, NativeLink, NativeSetup, SocketOptions, Wait};
+use crate::rt::throttle::Throttle;
 use crate::substructure::Coupling;
 use crate::wire::handshake::{Axis, Sampling, Unit};
 use crate::wire::key::PreSharedKey;
@@ -22,8 +23,8 @@ use crate::wire::key::PreSharedKey;
 const WATCHDOG_S: f64 = 0.25;
 const WATCHDOG_TICKS: f64 = 10.0;
 
-/// Busy loop before the deadline of a measurement that stays away, in ns, at most a fifth of a tick: a thread that sleeps
-/// there wakes up to 50 µs late, and the deadline is only an eighth of a tick before the edge.
+/// Busy loop before the deadline of a measurement that stays away, in ns: a thread that sleeps there wakes up to 50 µs
+/// late, and the deadline is only an eighth of a tick before the edge.
 const LAST_SPIN_NS: u64 = 50_000;
 
 /// A link that speaks our own protocol, and how it is waited for.
@@ -54,7 +55,10 @@ pub(super) fn native(
     let usual = native_setup(link, key, wire_axes(table, axes));
     let mut options = usual.options;
     if coupling == Coupling::Sampled {
-        options.wait.spin_last_ns = LAST_SPIN_NS.min((period_s * 1e9 / 5.0) as u64);
+        let period_ns = (period_s * 1e9) as u64;
+        let asked_ns = site.loaded.file.timing.spin_ns();
+        let pacer_ns = Throttle::USUAL.fit_spin(asked_ns, period_ns);
+        options.wait = fitted(options.wait, period_ns, pacer_ns);
     }
     let setup = NativeSetup {
         test: site.loaded.file.title.clone(),
@@ -71,6 +75,17 @@ pub(super) fn native(
         None => NativeLink::new(setup),
     };
     Ok((native, rules(link)))
+}
+
+/// Both waits of a tick, for the edge and for the reply, must leave the kernel its share of the processor: 85 % are for
+/// them, a tenth for the work.
+fn fitted(wait: Wait, period_ns: u64, pacer_ns: u64) -> Wait {
+    let room = (period_ns / 100 * 85).saturating_sub(pacer_ns);
+    let spin_last_ns = LAST_SPIN_NS.min(room / 4);
+    Wait {
+        spin_first_ns: wait.spin_first_ns.min(room - spin_last_ns),
+        spin_last_ns,
+    }
 }
 
 /// Who we are over TLS and whom we trust; none over anything else.
@@ -229,4 +244,28 @@ pub(in crate::config) fn beside(test: &Path, file: &str) -> PathBuf {
 /// Positive: checked before.
 fn seconds(value: f64) -> Duration {
     Duration::try_from_secs_f64(value).unwrap_or(Duration::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_waits_of_a_tick_leave_the_kernel_its_share() {
+        let asked = Wait::default();
+        for (rate_hz, first_us, last_us) in [
+            (1000, 60, 50),
+            (4096, 60, 36),
+            (10_000, 19, 6),
+            (20_000, 8, 2),
+        ] {
+            let period_ns = 1_000_000_000 / rate_hz;
+            let pacer_ns = Throttle::USUAL.fit_spin(60_000, period_ns);
+            let wait = fitted(asked, period_ns, pacer_ns);
+            let found = (wait.spin_first_ns / 1000, wait.spin_last_ns / 1000);
+            assert_eq!(found, (first_us, last_us), "{rate_hz} Hz");
+            let all = pacer_ns + wait.spin_first_ns + wait.spin_last_ns;
+            assert!(all <= period_ns / 100 * 85);
+        }
+    }
 }

@@ -12,6 +12,7 @@ use super::{Desk, Heard, Line};
 use crate::link::Transport;
 use crate::link::inbox::Inbox;
 use crate::link::rig::{Close, Visitor};
+use crate::rt::throttle::Throttle;
 use crate::rt::{RtPlan, apply};
 use crate::wire::handshake::Arm;
 
@@ -105,7 +106,15 @@ fn attend(mut session: Session, desk: &Desk, cpu: Option<usize>) -> Heard {
         peer,
         test: session.greeted.test.clone(),
     });
-    Stand::new(session, station, desk.spin_ns).run(desk)
+    // A data thread that has a processor of its own must leave the kernel its share of it.
+    let spin_ns = match cpu {
+        None => desk.spin_ns,
+        Some(_) => {
+            let around = desk.spin_ns.saturating_mul(2);
+            Throttle::USUAL.fit_spin(around, session.greeted.period_ns) / 2
+        }
+    };
+    Stand::new(session, station, spin_ns).run(desk)
 }
 
 impl Session {
