@@ -34,6 +34,13 @@ pub(super) fn check_specimen(
         ),
         None => {}
     }
+    if specimen.stand_in.is_some() && specimen.link.is_none() {
+        findings.0.push(
+            Finding::error(at.key("stand_in"), "a law stands for itself")
+                .at_key()
+                .label("only for a specimen behind a link"),
+        );
+    }
     let seen: Vec<_> = [
         ("storey", specimen.storey.is_some()),
         ("rows", specimen.rows.is_some()),
