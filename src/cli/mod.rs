@@ -13,6 +13,7 @@ mod frontier;
 mod jitter;
 mod operate;
 mod progress;
+mod rehearsed;
 mod replay;
 mod report;
 mod run;
@@ -153,6 +154,10 @@ struct CheckArgs {
     /// Write the curves of period error, damping error and growth over delay here (SVG, CSV); must not exist yet.
     #[arg(long, value_name = "DIR")]
     plot: Option<PathBuf>,
+    /// Do not rehearse the test on the simulated clock: what it needs of each axis is then neither shown nor compared with
+    /// the limits.
+    #[arg(long)]
+    no_rehearsal: bool,
     /// Print the findings as JSON on stdout.
     #[arg(long)]
     json: bool,

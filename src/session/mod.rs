@@ -15,6 +15,7 @@ mod connect;
 mod desk;
 mod guarded;
 mod page;
+pub mod rehearsal;
 mod replay;
 mod signals;
 mod summary;
