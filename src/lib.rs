@@ -24,6 +24,7 @@
 //! | [`spectral`] | what a method does to one mode: poles, period error, bounds, critical delay |
 //! | [`substructure`] | the hinge: command out, measurement back |
 //! | [`specimen`] | specimens in process |
+//! | [`transfer`] | what lies between a command and a specimen: delay, actuators, limits, sensors |
 //! | [`control`] | what stands between the structure's DOFs and a specimen's axes |
 //! | [`engine`] | the loop |
 //! | [`record`] | rows, the run folder, exports |
@@ -57,5 +58,6 @@ pub mod specimen;
 pub mod spectral;
 pub mod substructure;
 pub mod time;
+pub mod transfer;
 pub mod verify;
 pub mod wire;
