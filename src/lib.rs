@@ -25,6 +25,7 @@
 //! | [`substructure`] | the hinge: command out, measurement back |
 //! | [`specimen`] | specimens in process |
 //! | [`transfer`] | what lies between a command and a specimen: delay, actuators, limits, sensors |
+//! | [`compensation`] | commands that make up for an actuator |
 //! | [`control`] | what stands between the structure's DOFs and a specimen's axes |
 //! | [`engine`] | the loop |
 //! | [`record`] | rows, the run folder, exports |
@@ -41,6 +42,7 @@
 #![warn(missing_docs, missing_debug_implementations)]
 
 pub mod cli;
+pub mod compensation;
 pub mod config;
 pub mod control;
 pub mod engine;
