@@ -18,6 +18,7 @@ use crate::link::spec::{ProbeChoice, Protocol};
 use crate::model::StructureSpec;
 use crate::specimen::{InProcess, InUnits, Specimen};
 use crate::substructure::Substructure;
+use crate::transfer::Transfer;
 
 /// One specimen with everything that is known of it, in the structure's units and at its scale.
 #[derive(Debug)]
@@ -75,7 +76,7 @@ fn entry(site: &mut Site<'_>, at: &KeyPath, table: &SpecimenTable) -> Result<Ent
     let n = rows.len();
     let mut law = match (table.sources().into_iter().next(), &table.link) {
         (Some((key, source)), _) => match source.build(n) {
-            Ok(law) => Some(law),
+            Ok(law) => Some(behind_transfer(site, at, table, law)?),
             Err(error) => return site.refuse_key(&at.key(key), error.key(), &error),
         },
         (None, Some(_)) => None,
@@ -171,6 +172,22 @@ fn entry(site: &mut Site<'_>, at: &KeyPath, table: &SpecimenTable) -> Result<Ent
         bounds,
         mass_in_force: table.mass_in_force_kg,
     })
+}
+
+/// The law behind the actuator and the sensors of its table, if there are any.
+fn behind_transfer(
+    site: &mut Site<'_>,
+    at: &KeyPath,
+    table: &SpecimenTable,
+    law: Box<dyn Specimen>,
+) -> Result<Box<dyn Specimen>, Refused> {
+    let Some(spec) = &table.transfer else {
+        return Ok(law);
+    };
+    match Transfer::new(spec, law, Some(site.loaded.time.step.value())) {
+        Ok(transfer) => Ok(Box::new(transfer)),
+        Err(error) => site.refuse_key(&at.key("transfer"), error.key(), &error),
+    }
 }
 
 /// Rows of B: of a storey, given, or one without any entry for a test without a structure.
