@@ -110,6 +110,16 @@ impl SpecimenTable {
         said.max(self.axis.len()).max(1)
     }
 
+    /// Number of axes as far as the table says it.
+    #[must_use]
+    pub fn axes(&self) -> usize {
+        match (&self.storey, &self.rows) {
+            (Some(_), _) => 1,
+            (_, Some(rows)) => rows.len(),
+            _ => self.axes_by_itself(),
+        }
+    }
+
     /// Bounds of each of `axes` axes.
     #[must_use]
     pub fn limits_of(&self, axes: usize) -> Vec<LimitsSpec> {
