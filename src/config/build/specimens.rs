@@ -246,11 +246,6 @@ fn estimate(
 }
 
 impl Entry {
-    /// True if nothing is known of its stiffness.
-    fn is_limp(&self) -> bool {
-        self.stiffness.iter().flatten().all(|k| *k == 0.0)
-    }
-
     /// How the direction of a specimen behind a link is found out: as the file says, else by the static load.
     fn direction(&self, link: &LinkSpec, period_s: f64, settles: bool) -> Direction {
         match (link.probe_m, link.probe) {
@@ -358,10 +353,6 @@ impl Specimens {
                 .collect();
             let link = site.loaded.file.specimen.get(index);
             let direction = match link.and_then(|table| table.link.as_ref()) {
-                // Without an estimate nothing answers in a rehearsal, and nothing is to be seen.
-                Some(_) if matches!(entry.stand, Stand::Believed) && entry.is_limp() => {
-                    Direction::Known
-                }
                 Some(link) => entry.direction(link, site.loaded.time.period.value(), settles),
                 None => Direction::Known,
             };
