@@ -1,7 +1,7 @@
 //! The loop with nothing attached: the same threads, engine and recording as a test, no structure and no specimen.
 
 use crate::config::{ClockChoice, Diagnostics, Facts, Files, Prepared};
-use crate::engine::{Experiment, Limits, OnMiss, Opening, Side};
+use crate::engine::{Experiment, Limits, OnMiss, Opening, Pacing, Side};
 use crate::rt::TimingSpec;
 use crate::time::{RateError, Ratio};
 
@@ -19,7 +19,9 @@ pub fn bare_loop(rate: Ratio, duration: f64, timing: TimingSpec) -> Result<Prepa
     let rate_hz = rate.value();
     let steps = (duration * rate_hz).round().max(1.0) as u64;
     let period = rate.inverse();
-    let warmup = timing.warmup_ticks.min((WARM_UP_S * rate_hz) as u64 + 1);
+    let warmup = timing
+        .warmup(period.value())
+        .min((WARM_UP_S * rate_hz) as u64 + 1);
     let experiment = Experiment {
         dt: period.value(),
         period,
@@ -39,6 +41,7 @@ pub fn bare_loop(rate: Ratio, duration: f64, timing: TimingSpec) -> Result<Prepa
             warmup_ticks: warmup,
             divergence: f64::MAX,
         },
+        pacing: Pacing::default(),
     };
     let title = format!("Jitter at {rate} Hz");
     let text = format!("# gusset jitter --rate {rate} --duration {duration}\n");
@@ -47,6 +50,7 @@ pub fn bare_loop(rate: Ratio, duration: f64, timing: TimingSpec) -> Result<Prepa
         dt: period.value(),
         steps,
         rate_hz,
+        ticks_per_step: 1,
         clock: ClockChoice::Real,
         structure: None,
         specimens: Vec::new(),
