@@ -12,8 +12,11 @@ pub mod limits;
 mod link;
 mod misfit;
 mod opening;
+mod path;
 mod probe;
+mod pursuit;
 mod stiffness;
+mod tempo;
 mod trend;
 mod units;
 
@@ -23,8 +26,10 @@ pub use leaving::{Departure, Exit, Exits};
 pub use link::{LinkCount, OnStale, WaitRules};
 pub use misfit::{Channel, Misfit};
 pub use opening::{Reading, Reference, Zero};
+pub use path::{Order, Path, Point};
 pub use probe::{Found, Pace, Probe};
 pub use stiffness::{Opinion, compare_stiffness};
+pub use tempo::{HOLD_AT, SLOW_FROM, Stage, Stride, Tempo};
 pub use trend::Trend;
 pub use units::AxisUnits;
 
@@ -152,6 +157,8 @@ pub struct Port {
     is_recorded: bool,
     /// Exchanges that were none of the test's: by so much the numbers on the link are ahead of the test's.
     ahead: u64,
+    /// How it is led from one target to the next.
+    pursuit: pursuit::Pursuit,
     stiffness: Vec<f64>,
     guard: guard::Guard,
     opening: opening::Opening,
@@ -245,6 +252,7 @@ impl Port {
             wait: None,
             direction: Direction::Known,
             ahead: 0,
+            pursuit: pursuit::Pursuit::new(n),
             is_recorded: false,
             stiffness,
             guard: guard::Guard::open(n),
@@ -340,7 +348,7 @@ impl Port {
         }
         self.link.sent += 1;
         let command = Command {
-            sequence: sequence + self.ahead,
+            sequence: self.pursuit.number(sequence, self.ahead),
             time,
             dt,
             disp: &self.command,
@@ -356,9 +364,9 @@ impl Port {
     /// The link is lost, or the force is not a finite number.
     pub fn collect(&mut self, deadline: Nanos) -> Result<Freshness, LinkFault> {
         copy(&self.raw, &mut self.incoming);
-        self.incoming.sequence += self.ahead;
+        self.incoming.sequence = self.pursuit.on_link(self.raw.sequence);
         let mut freshness = self.substructure.collect(deadline, &mut self.incoming)?;
-        self.incoming.sequence = self.incoming.sequence.saturating_sub(self.ahead);
+        self.incoming.sequence = self.pursuit.in_test(self.incoming.sequence);
         if self.incoming.sequence < self.raw.sequence {
             freshness = Freshness::Stale;
         } else {
@@ -421,7 +429,9 @@ impl Port {
     /// # Errors
     /// The link is lost.
     pub fn accepted(&mut self, sequence: u64) -> Result<(), LinkFault> {
-        self.substructure.accepted(sequence + self.ahead)
+        let sequence = self.pursuit.accepts(sequence);
+        let number = self.pursuit.on_link(sequence);
+        self.substructure.accepted(number)
     }
 
     /// Last words.

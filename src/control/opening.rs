@@ -124,7 +124,7 @@ impl Port {
         self.guard.watch.sent_again();
         self.link.sent += 1;
         self.substructure.issue(&Command {
-            sequence: sequence + self.ahead,
+            sequence: self.pursuit.number(sequence, self.ahead),
             time,
             dt: 0.0,
             disp: &self.sent,

@@ -3,8 +3,8 @@
 //! Zeroing commands every specimen to where it stands and reads; ramping goes from there to where the test begins along
 //! half a cosine, slower than any speed limit. Nothing jumps.
 
+use super::operator::{Control, Notice};
 use super::phase::{Cause, Phase};
-use super::run::{Control, Notice};
 use super::tick::Tick;
 use super::{Engine, Side, Stop};
 use crate::record::EventKind;

@@ -39,18 +39,26 @@ pub struct Numerical {
 
 /// Points every port along its prescribed histories. Real-time: yes.
 pub(super) fn aim_along(histories: &[Option<Prescribed>], step: usize, ports: &mut [Port]) {
-    let mut along = histories.iter().map(|history| {
-        let (disp, vel) = history
-            .as_ref()
-            .map_or((&[][..], &[][..]), |history| history.at(step));
-        (
-            disp.first().copied().unwrap_or(0.0),
-            vel.first().copied().unwrap_or(0.0),
-        )
-    });
+    let mut along = histories.iter().map(|history| at(history.as_ref(), step));
     for port in ports {
         port.aim_at(&mut along);
     }
+}
+
+/// The next target of every port along its prescribed histories. Real-time: yes.
+pub(super) fn seek_along(histories: &[Option<Prescribed>], step: usize, ports: &mut [Port]) {
+    let mut along = histories.iter().map(|history| at(history.as_ref(), step));
+    for port in ports {
+        port.seek_at(&mut along);
+    }
+}
+
+fn at(history: Option<&Prescribed>, step: usize) -> (f64, f64) {
+    let (disp, vel) = history.map_or((&[][..], &[][..]), |history| history.at(step));
+    (
+        disp.first().copied().unwrap_or(0.0),
+        vel.first().copied().unwrap_or(0.0),
+    )
 }
 
 impl Numerical {

@@ -69,8 +69,10 @@ pub struct TimingSpec {
     /// The test stops after this many deadline misses. Absent: one tick in a hundred, and at least 100.
     #[schemars(range(min = 1))]
     pub max_total_misses: Option<u64>,
-    /// Ticks at the start whose timing is counted apart and whose misses stop nothing.
-    pub warmup_ticks: u64,
+    /// Ticks at the start, in which the specimens hold, whose timing is counted apart and whose misses stop nothing. Absent:
+    /// 200, but no longer than 0.5 s, and at least 2.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub warmup_ticks: Option<u64>,
 }
 
 impl Default for TimingSpec {
@@ -89,8 +91,24 @@ impl Default for TimingSpec {
             catch_up_remote: false,
             max_consecutive_misses: 50,
             max_total_misses: None,
-            warmup_ticks: 200,
+            warmup_ticks: None,
         }
+    }
+}
+
+/// Warm-up ticks unless they are asked for by number.
+const WARM_UP_TICKS: u64 = 200;
+/// Longest time in s that they take unless they are asked for by number.
+const WARM_UP_S: f64 = 0.5;
+
+impl TimingSpec {
+    /// Warm-up ticks with a period of `period` seconds.
+    #[must_use]
+    pub fn warmup(&self, period: f64) -> u64 {
+        self.warmup_ticks.unwrap_or_else(|| {
+            let fit = (WARM_UP_S / period) as u64;
+            fit.clamp(2, WARM_UP_TICKS)
+        })
     }
 }
 

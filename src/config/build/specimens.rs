@@ -8,7 +8,7 @@ use super::gear::{Rows, axis, scaled};
 use super::{Refused, Site, links, path, safety};
 use crate::config::{Finding, KeyPath, MatrixValue, SpecimenTable};
 use crate::control::limits::LimitsSpec;
-use crate::control::{Axis, Believed, Direction, Pace, Port, Trend, WaitRules};
+use crate::control::{Axis, Believed, Direction, Order, Pace, Port, Trend, WaitRules};
 use crate::law::Reach;
 use crate::linalg::SymMatrix;
 use crate::link::LinkSpec;
@@ -379,9 +379,18 @@ impl Specimens {
                     let table = &site.loaded.file.specimen[index];
                     let specs = table.limits_of(axes);
                     let limits = specs.iter().map(LimitsSpec::limits).collect();
-                    let tick = site.loaded.time.period.value();
+                    let time = site.loaded.time;
+                    let per_step = table.link.as_ref().is_some_and(links::is_per_step);
+                    let ticks = if per_step { time.ticks_per_step } else { 1 };
+                    let tick = time.period.value() * f64::from(ticks);
+                    let order = match site.loaded.file.time.prediction_order {
+                        1 => Order::Linear,
+                        2 => Order::Quadratic,
+                        _ => Order::Cubic,
+                    };
                     let mut port = port
                         .with_limits(limits, entry.units, tick)
+                        .with_pace(per_step, order)
                         .with_references(safety::references(table, axes));
                     port.wait = wait;
                     port.direction = direction;
