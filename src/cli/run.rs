@@ -167,7 +167,9 @@ fn conclude(facts: &Facts, finished: &Finished, page: Option<&Page>) {
                     None => "no proof: a tangent has no declared bound".to_owned(),
                 };
                 let own = structure.lambda_apart.iter();
-                let own: String = own.map(|(name, own)| format!(", {own} for {name}")).collect();
+                let own: String = own
+                    .map(|(name, own)| format!(", {own} for {name}"))
+                    .collect();
                 table.row("lambda", &format!("{lambda}{own} ({how}; {limit})"));
             }
         }

@@ -30,7 +30,7 @@ use thiserror::Error;
 pub use bare::bare_loop;
 pub use desk::{Answer, Request, ask};
 pub use page::{Page, PageError, hero, write_report};
-pub use replay::{Difference, Replay, ReplayError, replay};
+pub use replay::{Difference, Replay, ReplayError, replay, replay_rows};
 pub use signals::{Signal, Signals};
 
 use desk::Desk;
