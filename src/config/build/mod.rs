@@ -24,6 +24,7 @@ use super::{
 use crate::engine::{Experiment, Limits, Numerical, OnMiss, Pacing, Settling, Side};
 use crate::integrate::{Lambda, LambdaChoice};
 use crate::linalg::{Spd, SymMatrix};
+use crate::link::{NativeSetup, Transport};
 use crate::rt;
 use crate::rt::TimingSpec;
 pub use analysis::{ALL_MODES, Analysis, Loop, ModeFacts};
@@ -125,6 +126,8 @@ pub struct Files {
 /// Findings so far, and the files read so far.
 struct Site<'a> {
     loaded: &'a Loaded,
+    /// Makes the transports of links that are not to be connected.
+    dial: Option<&'a mut Dial<'a>>,
     inputs: Inputs,
     errors: Vec<Finding>,
     warnings: Vec<Finding>,
@@ -174,7 +177,7 @@ fn path(key: &str) -> KeyPath {
 /// # Errors
 /// [`ConfigError::Invalid`] with everything that was found wrong before the build had to give up.
 pub fn build(loaded: &Loaded) -> Result<Prepared, ConfigError> {
-    build_as(loaded, false)
+    build_as(loaded, false, None)
 }
 
 /// The same experiment without its links: what is declared of a specimen behind one stands in its place. Nothing else is
@@ -183,12 +186,28 @@ pub fn build(loaded: &Loaded) -> Result<Prepared, ConfigError> {
 /// # Errors
 /// As [`build`].
 pub fn build_rehearsal(loaded: &Loaded) -> Result<Prepared, ConfigError> {
-    build_as(loaded, true)
+    build_as(loaded, true, None)
 }
 
-fn build_as(loaded: &Loaded, rehearsal: bool) -> Result<Prepared, ConfigError> {
+/// Makes the transport of a link of our own protocol, in place of a connection.
+pub type Dial<'a> = dyn FnMut(&NativeSetup) -> Box<dyn Transport> + 'a;
+
+/// The same with links over transports that are connected already: those that `dial` makes, one after the other.
+///
+/// # Errors
+/// As [`build`].
+pub fn build_over<'a>(loaded: &'a Loaded, dial: &'a mut Dial<'a>) -> Result<Prepared, ConfigError> {
+    build_as(loaded, false, Some(dial))
+}
+
+fn build_as<'a>(
+    loaded: &'a Loaded,
+    rehearsal: bool,
+    dial: Option<&'a mut Dial<'a>>,
+) -> Result<Prepared, ConfigError> {
     let mut site = Site {
         loaded,
+        dial,
         inputs: loaded.inputs(),
         errors: Vec::new(),
         warnings: Vec::new(),
