@@ -5,6 +5,7 @@
 //! a specimen was told is hidden. Pure bookkeeping: no clock, no input or output of its own.
 
 mod direction;
+mod estimate;
 mod guard;
 mod leaving;
 pub mod limits;
@@ -13,16 +14,19 @@ mod misfit;
 mod opening;
 mod probe;
 mod stiffness;
+mod tangent;
 mod trend;
 mod units;
 
 pub use direction::Direction;
+pub use estimate::Declared;
 pub use leaving::{Departure, Exit, Exits};
 pub use link::{LinkCount, OnStale, WaitRules};
 pub use misfit::{Channel, Misfit};
 pub use opening::{Reading, Reference, Zero};
 pub use probe::{Found, Pace, Probe};
 pub use stiffness::{Opinion, compare_stiffness};
+pub use tangent::{Point, Tangent};
 pub use trend::Trend;
 pub use units::AxisUnits;
 
@@ -152,6 +156,7 @@ pub struct Port {
     ahead: u64,
     stiffness: Vec<f64>,
     guard: guard::Guard,
+    estimates: estimate::Estimates,
     opening: opening::Opening,
     /// Zero velocities.
     still: Vec<f64>,
@@ -244,6 +249,7 @@ impl Port {
             direction: Direction::Known,
             ahead: 0,
             is_recorded: false,
+            estimates: estimate::Estimates::new(&stiffness),
             stiffness,
             guard: guard::Guard::open(n),
             opening: opening::Opening::absolute(n),
@@ -333,6 +339,7 @@ impl Port {
             return Err(LinkFault::Refused);
         }
         self.guard.sent(&self.command);
+        self.estimates.moves = true;
         for (sent, command) in self.sent.iter_mut().zip(&self.command) {
             *sent = *command;
         }

@@ -5,9 +5,12 @@
 //! neither files nor threads nor what stands behind a port.
 
 mod after;
+mod audit;
 mod before;
+mod checks;
 mod columns;
 mod direction;
+mod misses;
 mod numerical;
 mod peaks;
 mod phase;
@@ -16,7 +19,10 @@ mod settle;
 mod step;
 mod tick;
 
+pub use audit::StepAudit;
 pub use before::Opening;
+pub use checks::{TestHit, TestLimits, TestQuantity};
+pub use misses::MissLevels;
 pub use numerical::{Numerical, Side};
 pub use peaks::Peaks;
 pub use phase::{Cause, Phase, PhaseCell};
@@ -67,6 +73,8 @@ pub struct Limits {
     pub warmup_ticks: u64,
     /// |displacement| in m beyond which the response counts as diverged.
     pub divergence: f64,
+    /// What belongs to no specimen alone.
+    pub test: TestLimits,
 }
 
 /// Why a test ended before its last step.
@@ -146,6 +154,9 @@ pub enum Stop {
         /// Which limit.
         hit: Hit,
     },
+    /// A limit of the test as a whole tripped.
+    #[error("{0}")]
+    TestLimit(TestHit),
     /// A fault of our own, caught at the boundary of the loop's thread.
     #[error("internal error")]
     Internal,
@@ -228,6 +239,8 @@ pub struct Engine {
     steps_done: u64,
     misses: u64,
     misses_in_a_row: u64,
+    miss_window: misses::MissWindow,
+    test_warned: u8,
     rows_lost: u64,
     events_lost: u64,
     retired: usize,
@@ -320,6 +333,8 @@ impl Engine {
             hold_wanted: false,
             confirmed: false,
             ports,
+            miss_window: misses::MissWindow::new(&limits.test.misses),
+            test_warned: 0,
             limits,
             clock,
             recorder,

@@ -1,7 +1,7 @@
 //! The loop with nothing attached: the same threads, engine and recording as a test, no structure and no specimen.
 
 use crate::config::{ClockChoice, Diagnostics, Facts, Files, Prepared};
-use crate::engine::{Experiment, Limits, OnMiss, Opening, Side};
+use crate::engine::{Experiment, Limits, OnMiss, Opening, Side, TestLimits};
 use crate::rt::TimingSpec;
 use crate::time::{RateError, Ratio};
 
@@ -38,6 +38,7 @@ pub fn bare_loop(rate: Ratio, duration: f64, timing: TimingSpec) -> Result<Prepa
             reply_timeout_ns: 0,
             warmup_ticks: warmup,
             divergence: f64::MAX,
+            test: TestLimits::default(),
         },
     };
     let title = format!("Jitter at {rate} Hz");

@@ -8,7 +8,7 @@ use crate::config::{
     AxisTable, ClockChoice, DispUnit, Finding, ForceUnit, KeyPath, SpecimenTable, TestFile,
 };
 use crate::control::{OnStale, WaitRules};
-use crate::link::native::unlimited_axis;
+use crate::link::announce::announce;
 use crate::link::openfresco::{Remote, RemoteSettings};
 use crate::link::secret::read_key;
 use crate::link::spec::{Carrier, LinkCoupling, StaleChoice};
@@ -16,7 +16,7 @@ use crate::link::tls::{FileError, TlsClient, TlsSpec};
 use crate::link::{LinkSpec, NativeLink, NativeSetup, SocketOptions, Wait};
 use crate::rt::throttle::Throttle;
 use crate::substructure::Coupling;
-use crate::wire::handshake::{Axis, Sampling, Unit};
+use crate::wire::handshake::{Axis, Limits, Sampling, Unit};
 use crate::wire::key::PreSharedKey;
 
 /// A specimen must hold after this silence, unless the file says otherwise: in s, and in ticks.
@@ -179,12 +179,13 @@ fn rules(link: &LinkSpec) -> WaitRules {
     }
 }
 
-/// The axes as our own protocol names them. Units that it has not were refused before.
+/// The axes as our own protocol names them, with the limits that our loop keeps. Units that it has not were refused before.
 pub(in crate::config) fn wire_axes(table: &SpecimenTable, axes: usize) -> Vec<Axis> {
     let names = table
         .link
         .as_ref()
         .and_then(|link| link.axis_names.as_ref());
+    let (limits, units) = (table.limits_of(axes), table.units_of(axes));
     (0..axes)
         .map(|index| {
             let gear = table.axis.get(index).cloned().unwrap_or_default();
@@ -204,7 +205,16 @@ pub(in crate::config) fn wire_axes(table: &SpecimenTable, axes: usize) -> Vec<Ax
                 ForceUnit::Kilonewton => Unit::Kilonewton,
                 ForceUnit::Newton | ForceUnit::PoundForce => Unit::Newton,
             };
-            unlimited_axis(name, disp, force)
+            let limits = match (limits.get(index), units.get(index)) {
+                (Some(spec), Some(units)) => announce(&spec.limits(), units),
+                _ => Limits::NONE,
+            };
+            Axis {
+                name,
+                disp_unit: disp,
+                force_unit: force,
+                limits,
+            }
         })
         .collect()
 }

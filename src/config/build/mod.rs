@@ -20,7 +20,7 @@ use std::path::PathBuf;
 use super::{
     ClockChoice, ConfigError, Diagnostics, DofChoice, Finding, Inputs, KeyPath, Loaded, Method,
 };
-use crate::engine::{Experiment, Limits, Numerical, OnMiss, Settling, Side};
+use crate::engine::{Experiment, Limits, Numerical, OnMiss, Settling, Side, StepAudit};
 use crate::integrate::{Lambda, LambdaChoice};
 use crate::linalg::{Spd, SymMatrix};
 use crate::rt;
@@ -106,6 +106,8 @@ pub struct StructureFacts {
     pub peak_ground_accel: Option<f64>,
     /// What modes and delays can be analysed from, for structures that are not too large.
     pub analysis: Option<Analysis>,
+    /// b·S⁻¹·bᵀ of every axis of every specimen, at the declared bounds; empty without a proof.
+    gains: Vec<Vec<f64>>,
 }
 
 /// What the run folder archives.
@@ -190,7 +192,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         return site.refuse_key(&path("timing"), error.key(), &error);
     }
     let specimens = specimens::specimens(site)?;
-    let (side, settling, structure) = match &file.structure {
+    let (side, settling, mut structure) = match &file.structure {
         Some(_) => {
             let (numerical, settling, facts) = numerical(site, &specimens)?;
             (Side::Structure(Box::new(numerical)), settling, Some(facts))
@@ -206,7 +208,10 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         .map_or(0, |facts: &StructureFacts| facts.dofs);
     let record_dofs = record_dofs(site, dofs, &specimens)?;
     let names = specimens.names();
-    let ports = specimens.into_ports(site, dofs, settling.is_some())?;
+    let gains = structure
+        .as_mut()
+        .map(|facts| std::mem::take(&mut facts.gains));
+    let ports = specimens.into_ports(site, dofs, settling.is_some(), gains.unwrap_or_default())?;
     let time = site.loaded.time;
     let found = site.warnings.drain(..);
     let found = found.map(|finding| site.loaded.locator.diagnose(finding));
@@ -249,7 +254,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         settling,
         ports,
         record_dofs,
-        limits: limits(&file.timing, time.steps, file.safety.divergence_m),
+        limits: limits(file, &time),
     };
     Ok(Prepared {
         experiment,
@@ -277,7 +282,8 @@ const REPLY_TIMEOUT_NS: u64 = 5_000_000_000;
 /// Stale measurements in a row after which a test stops.
 const STALE_IN_A_ROW: u64 = 10;
 
-fn limits(timing: &TimingSpec, steps: u64, divergence: Option<f64>) -> Limits {
+fn limits(file: &super::TestFile, time: &super::Time) -> Limits {
+    let timing = &file.timing;
     Limits {
         on_miss: match timing.on_miss {
             rt::OnMiss::Stretch => OnMiss::Stretch,
@@ -287,12 +293,13 @@ fn limits(timing: &TimingSpec, steps: u64, divergence: Option<f64>) -> Limits {
             rt::OnMiss::Stop => OnMiss::Stop,
         },
         misses_in_a_row: timing.max_consecutive_misses,
-        misses_in_total: timing.miss_bound(steps),
+        misses_in_total: timing.miss_bound(time.steps),
         extrapolate_stale: false,
         stale_in_a_row: STALE_IN_A_ROW,
         reply_timeout_ns: REPLY_TIMEOUT_NS,
         warmup_ticks: timing.warmup_ticks,
-        divergence: divergence.unwrap_or(f64::MAX),
+        divergence: file.safety.divergence_m.unwrap_or(f64::MAX),
+        test: safety::test_limits(file, time),
     }
 }
 
@@ -321,20 +328,24 @@ fn numerical(
         stiffness: &initial_stiffness,
         dt,
     };
-    let (proof, stepper, storage, own) = match method::companion(site, &structure, &initial)? {
-        Some(stepper) => {
-            proof::warn_of_limit(site, &structure, specimens, method);
-            (None, stepper, None, None)
-        }
-        None => {
-            let own = apart::own(site, &structure, specimens, &initial_stiffness)?;
-            let apart = own.as_ref().map(|own| &own.apart);
-            let proof = proof::choose(site, &structure, specimens, &initial, apart)?;
-            let (stepper, storage) =
-                method::family(site, &structure, &initial, proof.lambda, apart)?;
-            (Some(proof), stepper, Some(storage), own)
-        }
-    };
+    let (mut proof, stepper, storage, own, audit) =
+        match method::companion(site, &structure, &initial)? {
+            Some(stepper) => {
+                proof::warn_of_limit(site, &structure, specimens, method);
+                (None, stepper, None, None, None)
+            }
+            None => {
+                let own = apart::own(site, &structure, specimens, &initial_stiffness)?;
+                let apart = own.as_ref().map(|own| &own.apart);
+                let proof = proof::choose(site, &structure, specimens, &initial, apart)?;
+                let (stepper, storage) =
+                    method::family(site, &structure, &initial, proof.lambda, apart)?;
+                let audit = safety::audits(&site.loaded.file, n).then(|| {
+                    StepAudit::new(initial.effective_mass(structure.mass(), proof.lambda, apart))
+                });
+                (Some(proof), stepper, Some(storage), own, audit)
+            }
+        };
     let (excitation, load) = excitation::excitation(site, &structure, specimens)?;
     let settling = match load {
         Some(load) => Some(settle(
@@ -366,6 +377,10 @@ fn numerical(
         lambda_apart: own.map(|own| own.named).unwrap_or_default(),
         lambda_by_number: proof.as_ref().is_some_and(|proof| proof.by_number),
         gain: proof.as_ref().map_or(f64::INFINITY, |proof| proof.gain),
+        gains: proof
+            .as_mut()
+            .map(|proof| std::mem::take(&mut proof.gains))
+            .unwrap_or_default(),
         choice: proof.and_then(|proof| proof.choice),
         frequencies,
         analysis,
@@ -379,11 +394,12 @@ fn numerical(
             return site.refuse(finding);
         }
     };
-    Ok((
-        Numerical::new(structure, accel, excitation, stepper, state),
-        settling,
-        facts,
-    ))
+    let numerical = Numerical::new(structure, accel, excitation, stepper, state);
+    let numerical = match audit {
+        Some(audit) => numerical.audited(audit),
+        None => numerical,
+    };
+    Ok((numerical, settling, facts))
 }
 
 /// Equal parts in which a static load is brought on.
