@@ -6,6 +6,7 @@
 
 mod believed;
 mod direction;
+mod estimate;
 mod guard;
 mod leaving;
 pub mod limits;
@@ -16,12 +17,14 @@ mod path;
 mod probe;
 mod pursuit;
 mod stiffness;
+mod tangent;
 mod tempo;
 mod trend;
 mod units;
 
 pub use believed::Believed;
 pub use direction::Direction;
+pub use estimate::Declared;
 pub use leaving::{Departure, Exit, Exits};
 pub use link::{LinkCount, OnStale, WaitRules};
 pub use misfit::{Channel, Misfit};
@@ -29,6 +32,7 @@ pub use opening::{Reading, Reference, Zero};
 pub use path::{Order, Path, Point};
 pub use probe::{Found, Pace, Probe};
 pub use stiffness::{Opinion, compare_stiffness};
+pub use tangent::{Point as TangentPoint, Tangent};
 pub use tempo::{HOLD_AT, SLOW_FROM, Stage, Stride, Tempo};
 pub use trend::Trend;
 pub use units::AxisUnits;
@@ -161,6 +165,7 @@ pub struct Port {
     pursuit: pursuit::Pursuit,
     stiffness: Vec<f64>,
     guard: guard::Guard,
+    estimates: estimate::Estimates,
     opening: opening::Opening,
     /// Zero velocities.
     still: Vec<f64>,
@@ -254,6 +259,7 @@ impl Port {
             ahead: 0,
             pursuit: pursuit::Pursuit::new(n),
             is_recorded: false,
+            estimates: estimate::Estimates::new(&stiffness),
             stiffness,
             guard: guard::Guard::open(n),
             opening: opening::Opening::absolute(n),
@@ -343,6 +349,7 @@ impl Port {
             return Err(LinkFault::Refused);
         }
         self.guard.sent(&self.command);
+        self.estimates.moves = true;
         for (sent, command) in self.sent.iter_mut().zip(&self.command) {
             *sent = *command;
         }

@@ -148,6 +148,9 @@ impl Engine {
     /// Warm-up ticks: the loop lives, the specimens hold the first command, nothing is counted as a miss.
     pub(super) fn warm_up(&mut self, control: &Control) -> Result<(), Stop> {
         self.enter(Phase::Armed, Cause::Done);
+        for port in &mut self.ports {
+            port.count_energy();
+        }
         self.clear_commands()?;
         // A processor that only waited is slow in its first steps: each tick does the work of one.
         let scratch = match &self.side {

@@ -5,9 +5,12 @@
 //! neither files nor threads nor what stands behind a port.
 
 mod after;
+mod audit;
 mod before;
+mod checks;
 mod columns;
 mod direction;
+mod misses;
 mod numerical;
 mod operator;
 mod peaks;
@@ -18,7 +21,10 @@ mod settle;
 mod step;
 mod tick;
 
+pub use audit::StepAudit;
 pub use before::Opening;
+pub use checks::{TestHit, TestLimits, TestQuantity};
+pub use misses::MissLevels;
 pub use numerical::{Numerical, Side};
 pub use operator::{Control, Notice, Operator, Watch};
 pub use peaks::Peaks;
@@ -70,6 +76,8 @@ pub struct Limits {
     pub warmup_ticks: u64,
     /// |displacement| in m beyond which the response counts as diverged.
     pub divergence: f64,
+    /// What belongs to no specimen alone.
+    pub test: TestLimits,
 }
 
 /// Why a test ended before its last step.
@@ -149,6 +157,9 @@ pub enum Stop {
         /// Which limit.
         hit: Hit,
     },
+    /// A limit of the test as a whole tripped.
+    #[error("{0}")]
+    TestLimit(TestHit),
     /// A fault of our own, caught at the boundary of the loop's thread.
     #[error("internal error")]
     Internal,
@@ -242,6 +253,8 @@ pub struct Engine {
     steps_done: u64,
     misses: u64,
     misses_in_a_row: u64,
+    miss_window: misses::MissWindow,
+    test_warned: u8,
     rows_lost: u64,
     events_lost: u64,
     retired: usize,
@@ -345,6 +358,8 @@ impl Engine {
             hold_wanted: false,
             confirmed: false,
             ports,
+            miss_window: misses::MissWindow::new(&limits.test.misses),
+            test_warned: 0,
             limits,
             clock,
             recorder,

@@ -243,6 +243,7 @@ impl Engine {
                 cause,
             },
         );
+        self.judge_misses(tick)?;
         let bounds = &self.limits;
         let whole_period = stamps.woke.since(stamps.release).max(late_ns) >= period;
         if (bounds.on_miss == OnMiss::Stop && whole_period)

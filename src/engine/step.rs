@@ -316,6 +316,7 @@ impl Engine {
                 return Err(Stop::Diverged { dof, value });
             }
         }
+        self.judge_test(tick)?;
         self.clear_commands()
     }
 }

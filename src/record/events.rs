@@ -381,6 +381,21 @@ impl<S: Store> EventLog<S> {
                     );
                 }
             }
+            EventKind::TestLimit {
+                quantity,
+                trip,
+                value,
+                bound,
+            } => {
+                put(line, "limit", quantity);
+                put(line, "value", value);
+                put(line, "bound", bound);
+                if trip || loud(&mut self.logged[3]) {
+                    let level = if trip { "trips" } else { "warning" };
+                    let (tick, time) = (event.tick, event.time);
+                    tracing::warn!(tick, time, value, bound, "{quantity} {level}");
+                }
+            }
             EventKind::Zeroed { port, axis, values } => {
                 self.specimen(line, port);
                 put(line, "axis", u64::from(axis) + 1);
@@ -496,8 +511,10 @@ const fn kind_name(kind: &EventKind) -> &'static str {
         EventKind::Phase { .. } => "phase",
         EventKind::Pace { .. } => "pace",
         EventKind::Checkpoint { .. } => "checkpoint",
-        EventKind::Limit { trip: true, .. } => "limit_trip",
-        EventKind::Limit { .. } => "limit_warning",
+        EventKind::Limit { trip: true, .. } | EventKind::TestLimit { trip: true, .. } => {
+            "limit_trip"
+        }
+        EventKind::Limit { .. } | EventKind::TestLimit { .. } => "limit_warning",
         EventKind::Zeroed { .. } => "zeroed",
     }
 }

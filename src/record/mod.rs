@@ -189,6 +189,17 @@ pub enum EventKind {
         /// What is allowed, SI.
         bound: f64,
     },
+    /// A limit of the test as a whole was reached.
+    TestLimit {
+        /// Of what: the key of the test file.
+        quantity: &'static str,
+        /// Whether it ends the test.
+        trip: bool,
+        /// What was found.
+        value: f64,
+        /// What is allowed.
+        bound: f64,
+    },
     /// What was read of one axis of specimen `port` while zeroing.
     Zeroed {
         /// Specimen, from 0.

@@ -21,7 +21,7 @@ use super::{
     ClockChoice, ConfigError, Diagnostics, DofChoice, Finding, Inputs, KeyPath, Loaded, Method,
     TestFile, Time,
 };
-use crate::engine::{Experiment, Limits, Numerical, OnMiss, Pacing, Settling, Side};
+use crate::engine::{Experiment, Limits, Numerical, OnMiss, Pacing, Settling, Side, StepAudit};
 use crate::integrate::{Lambda, LambdaChoice};
 use crate::linalg::{Spd, SymMatrix};
 use crate::link::{NativeSetup, Transport};
@@ -110,6 +110,8 @@ pub struct StructureFacts {
     pub peak_ground_accel: Option<f64>,
     /// What modes and delays can be analysed from, for structures that are not too large.
     pub analysis: Option<Analysis>,
+    /// b·S⁻¹·bᵀ of every axis of every specimen, at the declared bounds; empty without a proof.
+    gains: Vec<Vec<f64>>,
 }
 
 /// What the run folder archives.
@@ -228,7 +230,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         return site.refuse_key(&path("timing"), error.key(), &error);
     }
     let specimens = specimens::specimens(site)?;
-    let (side, settling, structure) = match &file.structure {
+    let (side, settling, mut structure) = match &file.structure {
         Some(_) => {
             let (numerical, settling, facts) = numerical(site, &specimens)?;
             (Side::Structure(Box::new(numerical)), settling, Some(facts))
@@ -244,7 +246,10 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         .map_or(0, |facts: &StructureFacts| facts.dofs);
     let record_dofs = record_dofs(site, dofs, &specimens)?;
     let names = specimens.names();
-    let ports = specimens.into_ports(site, dofs, settling.is_some())?;
+    let gains = structure
+        .as_mut()
+        .map(|facts| std::mem::take(&mut facts.gains));
+    let ports = specimens.into_ports(site, dofs, settling.is_some(), gains.unwrap_or_default())?;
     let time = site.loaded.time;
     let found = site.warnings.drain(..);
     let found = found.map(|finding| site.loaded.locator.diagnose(finding));
@@ -288,7 +293,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         settling,
         ports,
         record_dofs,
-        limits: limits(file, time),
+        limits: limits(file, &time),
         pacing: pacing(file, time),
     };
     Ok(Prepared {
@@ -327,7 +332,7 @@ fn pacing(file: &TestFile, time: Time) -> Pacing {
     }
 }
 
-fn limits(file: &TestFile, time: Time) -> Limits {
+fn limits(file: &TestFile, time: &Time) -> Limits {
     let timing = &file.timing;
     let ticks = time.steps.saturating_mul(u64::from(time.ticks_per_step));
     Limits {
@@ -345,6 +350,7 @@ fn limits(file: &TestFile, time: Time) -> Limits {
         reply_timeout_ns: REPLY_TIMEOUT_NS,
         warmup_ticks: timing.warmup(time.period.value()),
         divergence: file.safety.divergence_m.unwrap_or(f64::MAX),
+        test: safety::test_limits(file, time),
     }
 }
 
@@ -373,20 +379,24 @@ fn numerical(
         stiffness: &initial_stiffness,
         dt,
     };
-    let (proof, stepper, storage, own) = match method::companion(site, &structure, &initial)? {
-        Some(stepper) => {
-            proof::warn_of_limit(site, &structure, specimens, method);
-            (None, stepper, None, None)
-        }
-        None => {
-            let own = apart::own(site, &structure, specimens, &initial_stiffness)?;
-            let apart = own.as_ref().map(|own| &own.apart);
-            let proof = proof::choose(site, &structure, specimens, &initial, apart)?;
-            let (stepper, storage) =
-                method::family(site, &structure, &initial, proof.lambda, apart)?;
-            (Some(proof), stepper, Some(storage), own)
-        }
-    };
+    let (mut proof, stepper, storage, own, audit) =
+        match method::companion(site, &structure, &initial)? {
+            Some(stepper) => {
+                proof::warn_of_limit(site, &structure, specimens, method);
+                (None, stepper, None, None, None)
+            }
+            None => {
+                let own = apart::own(site, &structure, specimens, &initial_stiffness)?;
+                let apart = own.as_ref().map(|own| &own.apart);
+                let proof = proof::choose(site, &structure, specimens, &initial, apart)?;
+                let (stepper, storage) =
+                    method::family(site, &structure, &initial, proof.lambda, apart)?;
+                let audit = safety::audits(&site.loaded.file, n).then(|| {
+                    StepAudit::new(initial.effective_mass(structure.mass(), proof.lambda, apart))
+                });
+                (Some(proof), stepper, Some(storage), own, audit)
+            }
+        };
     let (excitation, load) = excitation::excitation(site, &structure, specimens)?;
     let settling = match load {
         Some(load) => Some(settle(
@@ -418,6 +428,10 @@ fn numerical(
         lambda_apart: own.map(|own| own.named).unwrap_or_default(),
         lambda_by_number: proof.as_ref().is_some_and(|proof| proof.by_number),
         gain: proof.as_ref().map_or(f64::INFINITY, |proof| proof.gain),
+        gains: proof
+            .as_mut()
+            .map(|proof| std::mem::take(&mut proof.gains))
+            .unwrap_or_default(),
         choice: proof.and_then(|proof| proof.choice),
         frequencies,
         analysis,
@@ -431,11 +445,12 @@ fn numerical(
             return site.refuse(finding);
         }
     };
-    Ok((
-        Numerical::new(structure, accel, excitation, stepper, state),
-        settling,
-        facts,
-    ))
+    let numerical = Numerical::new(structure, accel, excitation, stepper, state);
+    let numerical = match audit {
+        Some(audit) => numerical.audited(audit),
+        None => numerical,
+    };
+    Ok((numerical, settling, facts))
 }
 
 /// Equal parts in which a static load is brought on.

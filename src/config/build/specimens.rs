@@ -8,7 +8,7 @@ use super::gear::{Rows, axis, scaled};
 use super::{Refused, Site, links, path, safety};
 use crate::config::{Finding, KeyPath, MatrixValue, SpecimenTable};
 use crate::control::limits::LimitsSpec;
-use crate::control::{Axis, Believed, Direction, Order, Pace, Port, Trend, WaitRules};
+use crate::control::{Axis, Believed, Declared, Direction, Order, Pace, Port, Trend, WaitRules};
 use crate::law::Reach;
 use crate::linalg::SymMatrix;
 use crate::link::LinkSpec;
@@ -246,6 +246,27 @@ fn estimate(
 }
 
 impl Entry {
+    /// What its axes are watched against; `gains` are those of S.
+    fn declared(&self, gains: Option<&Vec<f64>>) -> Vec<Declared> {
+        let bound = |of: fn(&(Rows, Rows)) -> &Rows, axis: usize| {
+            let bounds = self.bounds.as_ref();
+            let bound = bounds.map_or(f64::NAN, |bounds| of(bounds)[axis][axis]);
+            if bound.is_finite() { bound } else { f64::NAN }
+        };
+        let axes = 0..self.axes.len();
+        axes.map(|axis| Declared {
+            damping: self.damping[axis][axis],
+            stiffness_bound: bound(|bounds| &bounds.0, axis),
+            damping_bound: bound(|bounds| &bounds.1, axis),
+            gain: gains
+                .and_then(|gains| gains.get(axis))
+                .copied()
+                .unwrap_or(f64::NAN),
+            step: 0.0,
+        })
+        .collect()
+    }
+
     /// How the direction of a specimen behind a link is found out: as the file says, else by the static load.
     fn direction(&self, link: &LinkSpec, period_s: f64, settles: bool) -> Direction {
         match (link.probe_m, link.probe) {
@@ -330,6 +351,7 @@ impl Specimens {
         site: &mut Site<'_>,
         dofs: usize,
         settles: bool,
+        gains: Vec<Vec<f64>>,
     ) -> Result<Vec<Port>, Refused> {
         let influence = match &site.loaded.file.structure {
             Some(structure) => structure
@@ -351,6 +373,8 @@ impl Specimens {
             let diagonal = (0..entry.axes.len())
                 .map(|i| entry.stiffness[i][i])
                 .collect();
+            let declared = entry.declared(gains.get(index));
+            let stiffness = std::mem::take(&mut entry.stiffness);
             let link = site.loaded.file.specimen.get(index);
             let direction = match link.and_then(|table| table.link.as_ref()) {
                 Some(link) => entry.direction(link, site.loaded.time.period.value(), settles),
@@ -391,7 +415,8 @@ impl Specimens {
                     let mut port = port
                         .with_limits(limits, entry.units, tick)
                         .with_pace(per_step, order)
-                        .with_references(safety::references(table, axes));
+                        .with_references(safety::references(table, axes))
+                        .with_declared(&declared, &stiffness, site.loaded.time.step.value());
                     port.wait = wait;
                     port.direction = direction;
                     port.exits = exits;
