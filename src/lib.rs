@@ -33,6 +33,7 @@
 //! | [`config`] | the test file: schema, diagnostics, and the building of an experiment |
 //! | [`report`] | the page a run leaves behind |
 //! | [`verify`] | the published values of the family, obtained anew and judged |
+//! | [`frontier`] | how large a model keeps its deadlines: models of any size, the search, the picture |
 //! | [`session`] | one test from the prepared experiment to the finished run folder: the threads |
 //! | [`cli`] | the commands |
 
@@ -43,6 +44,7 @@ pub mod cli;
 pub mod config;
 pub mod control;
 pub mod engine;
+pub mod frontier;
 pub mod integrate;
 pub mod law;
 pub mod linalg;

@@ -60,6 +60,18 @@ const ALLOWED: &[(&str, &[&str])] = &[
         ],
     ),
     (
+        "frontier",
+        &[
+            "engine",
+            "integrate",
+            "law",
+            "linalg",
+            "model",
+            "motion",
+            "verify",
+        ],
+    ),
+    (
         "config",
         &[
             "control",

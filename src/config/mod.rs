@@ -47,6 +47,7 @@ use toml_edit::DocumentMut;
 
 pub use build::{
     ALL_MODES, Analysis, Facts, Files, Loop, ModeFacts, Prepared, StructureFacts, build,
+    build_rehearsal,
 };
 pub use diagnose::{Diagnostic, Diagnostics, Finding, Part, Place, Severity, Source};
 pub use document::{KeyPath, PathError, Segment};

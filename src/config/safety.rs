@@ -34,6 +34,10 @@ pub struct SafetyTable {
     /// Largest speed in m/s of the specimen on the way there; needed for every way but "freeze".
     #[serde(skip_serializing_if = "Option::is_none")]
     pub exit_speed_m_per_s: Option<f64>,
+    /// Why a specimen behind a link may be without a trip level of `command_disp_m` and `measured_force_n`; without a reason
+    /// such a test is refused. Limits that are given hold all the same.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unlimited: Option<String>,
 }
 
 impl Default for SafetyTable {
@@ -48,7 +52,20 @@ impl Default for SafetyTable {
             at_end: ExitChoice::Freeze,
             resume_within_m: None,
             exit_speed_m_per_s: None,
+            unlimited: None,
         }
+    }
+}
+
+impl SafetyTable {
+    /// True if it says more than why a specimen is without limits.
+    #[must_use]
+    pub fn bounds_a_test(&self) -> bool {
+        let rest = Self {
+            unlimited: None,
+            ..self.clone()
+        };
+        rest != Self::default()
     }
 }
 

@@ -87,6 +87,10 @@ pub struct SpecimenTable {
     /// A specimen at the other end of a network.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub link: Option<LinkSpec>,
+    /// What stands for a specimen behind a link when `check` rehearses the test: `law`, `laws` or `coupled`, as for a
+    /// specimen of this process, at the specimen's scale. Default: linear, by `stiffness_n_per_m` and `damping_n_s_per_m`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stand_in: Option<SpecimenLaw>,
 }
 
 impl SpecimenTable {
@@ -104,6 +108,16 @@ impl SpecimenTable {
             _ => 1,
         };
         said.max(self.axis.len()).max(1)
+    }
+
+    /// Number of axes as far as the table says it.
+    #[must_use]
+    pub fn axes(&self) -> usize {
+        match (&self.storey, &self.rows) {
+            (Some(_), _) => 1,
+            (_, Some(rows)) => rows.len(),
+            _ => self.axes_by_itself(),
+        }
     }
 
     /// Bounds of each of `axes` axes.

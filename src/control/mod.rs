@@ -4,6 +4,7 @@
 //! that was sent, what was measured, and the force after offsets. All of them stand in the row, so nothing that
 //! a specimen was told is hidden. Pure bookkeeping: no clock, no input or output of its own.
 
+mod believed;
 mod direction;
 mod guard;
 mod leaving;
@@ -19,6 +20,7 @@ mod tempo;
 mod trend;
 mod units;
 
+pub use believed::Believed;
 pub use direction::Direction;
 pub use leaving::{Departure, Exit, Exits};
 pub use link::{LinkCount, OnStale, WaitRules};

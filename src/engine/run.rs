@@ -68,8 +68,12 @@ impl Engine {
             return Err(Stop::CannotCommand);
         }
         self.aim_at_start();
-        if let Side::Structure(numerical) = &mut self.side {
-            numerical.rehearse(REHEARSALS, &mut self.ports);
+        if let Side::Structure(numerical) = &mut self.side
+            && let Some(scratch) = numerical.scratch()
+        {
+            for _ in 0..REHEARSALS {
+                numerical.rehearse(&scratch, &mut self.ports);
+            }
         }
         self.try_directions(control)?;
         if self.opening.is_gentle() {

@@ -128,6 +128,8 @@ struct Site<'a> {
     inputs: Inputs,
     errors: Vec<Finding>,
     warnings: Vec<Finding>,
+    /// True if no link is wanted: something stands for every specimen behind one.
+    rehearsal: bool,
 }
 
 /// The end of a build whose findings are in the site.
@@ -172,11 +174,25 @@ fn path(key: &str) -> KeyPath {
 /// # Errors
 /// [`ConfigError::Invalid`] with everything that was found wrong before the build had to give up.
 pub fn build(loaded: &Loaded) -> Result<Prepared, ConfigError> {
+    build_as(loaded, false)
+}
+
+/// The same experiment without its links: what is declared of a specimen behind one stands in its place. Nothing else is
+/// different.
+///
+/// # Errors
+/// As [`build`].
+pub fn build_rehearsal(loaded: &Loaded) -> Result<Prepared, ConfigError> {
+    build_as(loaded, true)
+}
+
+fn build_as(loaded: &Loaded, rehearsal: bool) -> Result<Prepared, ConfigError> {
     let mut site = Site {
         loaded,
         inputs: loaded.inputs(),
         errors: Vec::new(),
         warnings: Vec::new(),
+        rehearsal,
     };
     match assemble(&mut site) {
         Ok(prepared) => Ok(prepared),

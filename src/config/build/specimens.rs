@@ -8,7 +8,7 @@ use super::gear::{Rows, axis, scaled};
 use super::{Refused, Site, links, path, safety};
 use crate::config::{Finding, KeyPath, MatrixValue, SpecimenTable};
 use crate::control::limits::LimitsSpec;
-use crate::control::{Axis, Direction, Order, Pace, Port, Trend, WaitRules};
+use crate::control::{Axis, Believed, Direction, Order, Pace, Port, Trend, WaitRules};
 use crate::law::Reach;
 use crate::linalg::SymMatrix;
 use crate::link::LinkSpec;
@@ -44,6 +44,8 @@ enum Stand {
     Law(Box<dyn Specimen>),
     Native(Box<NativeLink>, WaitRules),
     OpenFresco(Box<Remote>, WaitRules),
+    /// In a rehearsal: k̂ and ĉ.
+    Believed,
 }
 
 /// What one specimen adds to the structure, by rows.
@@ -136,8 +138,16 @@ fn entry(site: &mut Site<'_>, at: &KeyPath, table: &SpecimenTable) -> Result<Ent
             Ok((stiffness.iter().map(times).collect(), damping.clone()))
         }
     };
+    let stand_in = match &table.stand_in {
+        Some(source) => match source.build(n) {
+            Ok(law) => Some(law),
+            Err(error) => return site.refuse_key(&at.key("stand_in"), error.key(), &error),
+        },
+        None => None,
+    };
     let stand = match (law, &table.link) {
         (Some(law), _) => Stand::Law(law),
+        (None, Some(_)) if site.rehearsal => stand_in.map_or(Stand::Believed, Stand::Law),
         (None, Some(link)) if link.protocol == Protocol::Gusset => {
             let (native, rules) = links::native(site, at, table, link, n)?;
             Stand::Native(Box::new(native), rules)
@@ -219,6 +229,11 @@ fn estimate(
 }
 
 impl Entry {
+    /// True if nothing is known of its stiffness.
+    fn is_limp(&self) -> bool {
+        self.stiffness.iter().flatten().all(|k| *k == 0.0)
+    }
+
     /// How the direction of a specimen behind a link is found out: as the file says, else by the static load.
     fn direction(&self, link: &LinkSpec, period_s: f64, settles: bool) -> Direction {
         match (link.probe_m, link.probe) {
@@ -326,6 +341,10 @@ impl Specimens {
                 .collect();
             let link = site.loaded.file.specimen.get(index);
             let direction = match link.and_then(|table| table.link.as_ref()) {
+                // Without an estimate nothing answers in a rehearsal, and nothing is to be seen.
+                Some(_) if matches!(entry.stand, Stand::Believed) && entry.is_limp() => {
+                    Direction::Known
+                }
                 Some(link) => entry.direction(link, site.loaded.time.period.value(), settles),
                 None => Direction::Known,
             };
@@ -336,6 +355,13 @@ impl Specimens {
                 ),
                 Stand::Native(native, rules) => (native, Some(rules)),
                 Stand::OpenFresco(remote, rules) => (remote, Some(rules)),
+                Stand::Believed => {
+                    let axes = entry.axes.clone();
+                    (
+                        Box::new(Believed::new(axes, entry.stiffness, entry.damping)),
+                        None,
+                    )
+                }
             };
             let metres: Vec<f64> = entry.units.iter().map(|unit| unit.0).collect();
             let exits = safety::exits(site, index, &metres)?;

@@ -6,7 +6,6 @@ use crate::config::diagnose::Finding;
 use crate::config::document::KeyPath;
 use crate::config::specimen::SpecimenTable;
 use crate::config::value::MatrixValue;
-use crate::control::limits::LimitsSpec;
 
 /// One `[[specimen]]`.
 pub(super) fn check_specimen(
@@ -33,6 +32,13 @@ pub(super) fn check_specimen(
                 .label("only for a specimen behind a link"),
         ),
         None => {}
+    }
+    if specimen.stand_in.is_some() && specimen.link.is_none() {
+        findings.0.push(
+            Finding::error(at.key("stand_in"), "a law stands for itself")
+                .at_key()
+                .label("only for a specimen behind a link"),
+        );
     }
     let seen: Vec<_> = [
         ("storey", specimen.storey.is_some()),
@@ -95,21 +101,6 @@ pub(super) fn check_specimen(
     findings.positive(similitude.key("force"), Some(specimen.similitude.force));
     findings.positive(similitude.key("time"), Some(specimen.similitude.time));
     check_axes(specimen, axes, at, findings);
-    check_limits(specimen, at, findings);
-}
-
-/// Bounds that cannot be kept, or contradict each other.
-fn check_limits(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
-    let mut judge = |limits: &Option<LimitsSpec>, at: KeyPath| {
-        if let Some(Err(error)) = limits.as_ref().map(LimitsSpec::check) {
-            let finding = Finding::error(at.key(error.key()), error.to_string());
-            findings.0.push(finding);
-        }
-    };
-    judge(&specimen.limits, at.key("limits"));
-    for (index, axis) in specimen.axis.iter().enumerate() {
-        judge(&axis.limits, at.key("axis").index(index).key("limits"));
-    }
 }
 
 fn check_axes(
