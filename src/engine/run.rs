@@ -6,6 +6,7 @@ use super::numerical::{Side, aim_along};
 use super::phase::{Cause, Phase, PhaseCell};
 use super::tick::Tick;
 use super::{Ending, Engine, OnMiss, Outcome, Stop};
+use crate::control::Port;
 use crate::integrate::StepError;
 use crate::record::{Event, EventKind, MissCause};
 use crate::rt::timing::{Suspect, TickStamps};
@@ -159,6 +160,7 @@ impl Engine {
         self.aim_at_start();
         self.warm_up(control)?;
         self.enter(Phase::Running, Cause::Done);
+        self.ports.iter_mut().for_each(Port::begin_compensation);
         self.report_now(EventKind::Started);
         if let Some(watch) = &mut self.before_first_tick {
             watch();
