@@ -5,6 +5,7 @@
 //! a specimen was told is hidden. Pure bookkeeping: no clock, no input or output of its own.
 
 mod believed;
+mod compensated;
 mod direction;
 mod estimate;
 mod guard;
@@ -169,6 +170,7 @@ pub struct Port {
     opening: opening::Opening,
     /// Zero velocities.
     still: Vec<f64>,
+    compensation: Option<compensated::Compensation>,
     /// How the specimen is left.
     pub exits: Exits,
 }
@@ -264,6 +266,7 @@ impl Port {
             guard: guard::Guard::open(n),
             opening: opening::Opening::absolute(n),
             still: vec![0.0; n],
+            compensation: None,
             exits: Exits::default(),
         })
     }
@@ -338,6 +341,7 @@ impl Port {
         {
             *command = axis.vel_gain * target;
         }
+        self.compensate();
     }
 
     /// Sends the command that stands ready, if it was judged. Real-time: yes.
@@ -354,6 +358,7 @@ impl Port {
             *sent = *command;
         }
         self.link.sent += 1;
+        self.compensation_asks(true);
         let command = Command {
             sequence: self.pursuit.number(sequence, self.ahead),
             time,
@@ -380,7 +385,10 @@ impl Port {
             copy(&self.incoming, &mut self.raw);
         }
         match freshness {
-            Freshness::Fresh => self.link.received += 1,
+            Freshness::Fresh => {
+                self.link.received += 1;
+                self.compensation_hears();
+            }
             Freshness::Stale => self.link.stale += 1,
         }
         for ((axis, measured), raw) in self.axes.iter().zip(&mut self.measured).zip(&self.raw.disp)
