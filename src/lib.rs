@@ -24,6 +24,8 @@
 //! | [`spectral`] | what a method does to one mode: poles, period error, bounds, critical delay |
 //! | [`substructure`] | the hinge: command out, measurement back |
 //! | [`specimen`] | specimens in process |
+//! | [`transfer`] | what lies between a command and a specimen: delay, actuators, limits, sensors |
+//! | [`compensation`] | commands that make up for an actuator |
 //! | [`control`] | what stands between the structure's DOFs and a specimen's axes |
 //! | [`engine`] | the loop |
 //! | [`record`] | rows, the run folder, exports |
@@ -41,6 +43,7 @@
 #![warn(missing_docs, missing_debug_implementations)]
 
 pub mod cli;
+pub mod compensation;
 pub mod config;
 pub mod control;
 pub mod engine;
@@ -59,5 +62,6 @@ pub mod specimen;
 pub mod spectral;
 pub mod substructure;
 pub mod time;
+pub mod transfer;
 pub mod verify;
 pub mod wire;

@@ -119,8 +119,10 @@ impl Port {
     pub fn judge(&mut self) -> Found {
         let Guard { watch, units, .. } = &mut self.guard;
         let values = self.raw.disp.iter().zip(&self.raw.force).zip(units.iter());
-        watch.measured(
+        let mut found = watch.measured(
             values.map(|((disp, force), (metres, newtons))| (disp * metres, force * newtons)),
-        )
+        );
+        self.estimate(&mut found);
+        found
     }
 }

@@ -131,6 +131,7 @@ fn ending(outcome: &Outcome) -> (Finish, String) {
                 Stop::Interlock { .. }
                 | Stop::Saturated { .. }
                 | Stop::Limit { .. }
+                | Stop::TestLimit(_)
                 | Stop::Late { .. }
                 | Stop::Stale { .. }
                 | Stop::Diverged { .. }
