@@ -148,6 +148,8 @@ pub struct Port {
     pub direction: Direction,
     /// True if a recording stands for the substructure.
     is_recorded: bool,
+    /// Number on the link of the command that left last.
+    issued: Option<u64>,
     /// Exchanges that were none of the test's: by so much the numbers on the link are ahead of the test's.
     ahead: u64,
     stiffness: Vec<f64>,
@@ -242,6 +244,7 @@ impl Port {
             link: LinkCount::default(),
             wait: None,
             direction: Direction::Known,
+            issued: None,
             ahead: 0,
             is_recorded: false,
             stiffness,
@@ -337,6 +340,7 @@ impl Port {
             *sent = *command;
         }
         self.link.sent += 1;
+        self.issued = Some(sequence + self.ahead);
         let command = Command {
             sequence: sequence + self.ahead,
             time,

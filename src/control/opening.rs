@@ -123,6 +123,7 @@ impl Port {
     pub fn repeat(&mut self, sequence: u64, time: f64) -> Result<(), LinkFault> {
         self.guard.watch.sent_again();
         self.link.sent += 1;
+        self.issued = Some(sequence + self.ahead);
         self.substructure.issue(&Command {
             sequence: sequence + self.ahead,
             time,
