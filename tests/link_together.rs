@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Barrier, mpsc};
 
 use gusset::record::summary::Status;
-use link_common::{Fake, PATIENCE, events, run, summary, test_file};
+use link_common::{Fake, PATIENCE, UNLIMITED, events, run, summary, test_file};
 
 const STEPS: u32 = 20;
 const WARM_UP: u32 = 5;
@@ -25,7 +25,9 @@ fn test_of(addresses: &[String]) -> String {
         )
     });
     let specimens: Vec<String> = specimens.collect();
-    test_file(STEPS, "").replace("name = \"column\"\n", &specimens.join("[[specimen]]\n"))
+    test_file(STEPS, "")
+        .replace("[safety]\n", &format!("[safety]\n{UNLIMITED}"))
+        .replace("name = \"column\"\n", &specimens.join("[[specimen]]\n"))
 }
 
 #[test]

@@ -21,7 +21,8 @@ amplitude = 3.0
 
 const LAW: &str = "\n[[specimen]]\nname = \"column\"\nstorey = 1\nlaw = { linear = { stiffness_n_per_m = 4e5 } }\n";
 const LINK: &str = "\n[[specimen]]\nname = \"column\"\nstorey = 1\nstiffness_n_per_m = 4e5\n[specimen.link]\n\
-                    address = \"127.0.0.1:1\"\nconnect_timeout_s = 0.2\n";
+                    address = \"127.0.0.1:1\"\nconnect_timeout_s = 0.2\n[specimen.limits]\n\
+                    command_disp_m = { trip = [-1, 1] }\nmeasured_force_n = { trip = [-1e6, 1e6] }\n";
 
 /// 4Ω²/(Ω² − 4) of the second mode: the paper's limit for a linear system.
 fn limit() -> f64 {

@@ -34,6 +34,7 @@ mod serve;
 mod specimen;
 mod steps;
 mod suggest;
+mod timetable;
 mod value;
 mod variant;
 
@@ -47,7 +48,7 @@ use toml_edit::DocumentMut;
 
 pub use build::{
     ALL_MODES, Analysis, Dial, Facts, Files, Loop, ModeFacts, Prepared, StructureFacts, build,
-    build_over,
+    build_over, build_rehearsal,
 };
 pub use diagnose::{Diagnostic, Diagnostics, Finding, Part, Place, Severity, Source};
 pub use document::{KeyPath, PathError, Segment};
@@ -57,15 +58,15 @@ pub use overrides::Override;
 pub use resolve::{ResolveError, resolve};
 pub use safety::{ExitChoice, SafetyTable, ZeroChoice};
 pub use schema::{
-    ClockChoice, ExcitationTable, GravityTable, GroundTable, IntegratorTable, Method,
-    NodalFileTable, NodalForceTable, PrescribedTable, RecordTable, Start, StructureTable, TestFile,
-    TimeTable, Weighting,
+    ExcitationTable, GravityTable, GroundTable, IntegratorTable, Method, NodalFileTable,
+    NodalForceTable, PrescribedTable, RecordTable, Start, StructureTable, TestFile, Weighting,
 };
 pub use script::{load_script, parse_script};
 pub use serve::{ServeFile, ServeTable, Served, load_served};
 pub use specimen::{AxisTable, DispUnit, ForceUnit, SimilitudeTable, SpecimenTable};
 pub use steps::Time;
 pub use suggest::nearest;
+pub use timetable::{ClockChoice, TimeTable};
 pub use value::{DofChoice, LambdaValue, MatrixValue, RateValue};
 
 /// Why a test file cannot be used.

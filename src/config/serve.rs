@@ -12,8 +12,8 @@ use super::document::Node;
 use super::safety::SafetyTable;
 use super::schema::RecordTable;
 use super::{
-    ConfigError, DispUnit, Finding, ForceUnit, KeyPath, SpecimenTable, check, judge, open,
-    read_text,
+    ConfigError, DispUnit, Finding, ForceUnit, KeyPath, Severity, SpecimenTable, check, judge,
+    open, read_text,
 };
 use crate::link::openfresco::OpenFrescoServeSpec;
 use crate::link::secret::read_key;
@@ -22,6 +22,7 @@ use crate::link::spec::{Carrier, Offer};
 use crate::link::tls::ServeTlsSpec;
 use crate::rt::TimingSpec;
 use crate::specimen::{InUnits, Specimen};
+use crate::transfer::Transfer;
 use crate::wire::key::PreSharedKey;
 
 /// Specimens to be served.
@@ -37,7 +38,7 @@ pub struct ServeFile {
     /// How it is offered.
     #[serde(default)]
     pub serve: ServeTable,
-    /// Bounds of a test's response; a server knows no response. Accepted, without effect: see `limits` of a specimen.
+    /// Only `unlimited` has an effect: all other bounds are of a test's response, which a server does not know.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub safety: Option<SafetyTable>,
     /// What is asked of the machine for the data thread. Default: nothing.
@@ -116,10 +117,13 @@ pub fn load_served(path: &Path, name: Option<&str>) -> Result<Served, ConfigErro
         (file, vec![])
     } else {
         let (file, findings) = judge::<ServeFile>(&opened.root, check::check_served);
+        let (findings, told): (Vec<_>, Vec<_>) = findings
+            .into_iter()
+            .partition(|finding| finding.severity == Severity::Error);
         match file {
             Some(file) if findings.is_empty() => {
-                let mut warnings = Vec::new();
-                if file.safety.is_some() {
+                let mut warnings: Vec<_> = told.into_iter().map(|f| f.headline).collect();
+                if file.safety.as_ref().is_some_and(SafetyTable::bounds_a_test) {
                     let text = "[safety] bounds a test's response, which a server does not know; its bounds are `limits`";
                     warnings.push(text.to_owned());
                 }
@@ -170,7 +174,7 @@ pub fn load_served(path: &Path, name: Option<&str>) -> Result<Served, ConfigErro
         }
         None => host(table, &at).map_err(|f| refuse(*f))?,
     };
-    let host = host.limited(table.limits_of(axes(table)));
+    let host = host.limited(table.limits_of(table.axes()));
     // A key is never copied into a run folder, so it is named in a way that holds from anywhere.
     let links = file.specimen.iter_mut().filter_map(|s| s.link.as_mut());
     let keys = links.filter_map(|link| link.key_file.as_mut());
@@ -186,15 +190,6 @@ pub fn load_served(path: &Path, name: Option<&str>) -> Result<Served, ConfigErro
         file,
         warnings,
     })
-}
-
-/// Axes of a specimen that is served.
-fn axes(table: &SpecimenTable) -> usize {
-    match (&table.storey, &table.rows) {
-        (Some(_), _) => 1,
-        (_, Some(rows)) => rows.len(),
-        _ => table.axes_by_itself(),
-    }
 }
 
 fn is_test(root: &Node) -> bool {
@@ -228,7 +223,7 @@ fn choose(tables: &[SpecimenTable], name: Option<&str>) -> Result<usize, Box<Fin
 }
 
 fn host(table: &SpecimenTable, at: &KeyPath) -> Result<Host, Box<Finding>> {
-    let axes = axes(table);
+    let axes = table.axes();
     let units: Vec<(f64, f64)> = (0..axes)
         .map(|index| {
             let gear = table.axis.get(index).cloned().unwrap_or_default();
@@ -240,10 +235,18 @@ fn host(table: &SpecimenTable, at: &KeyPath) -> Result<Host, Box<Finding>> {
         return Err(Box::new(Finding::error(at.clone(), text)));
     };
     let law = law.clone();
+    let transfer = table.transfer.clone();
     check_units(table, at)?;
     let wire = wire_axes(table, axes);
     let build = move || -> Result<Box<dyn Specimen>, String> {
         let law = law.build(axes).map_err(|error| error.to_string())?;
+        let law: Box<dyn Specimen> = match &transfer {
+            Some(spec) => {
+                let transfer = Transfer::new(spec, law, None);
+                Box::new(transfer.map_err(|error| format!("[specimen.transfer]: {error}"))?)
+            }
+            None => law,
+        };
         Ok(Box::new(InUnits::new(law, &units)))
     };
     Host::new(table.name.clone(), wire, Box::new(build))

@@ -153,6 +153,20 @@ pub enum EventKind {
         /// In one word.
         what: &'static str,
     },
+    /// The pace of the commands changed between two targets.
+    Pace {
+        /// From here.
+        from: &'static str,
+        /// To here.
+        to: &'static str,
+        /// Share of the step that was made.
+        share: f64,
+    },
+    /// The state of the test after this step, as one number.
+    Checkpoint {
+        /// Of its bits.
+        digest: u64,
+    },
     /// The test's life went on.
     Phase {
         /// From here.
@@ -175,6 +189,17 @@ pub enum EventKind {
         /// What was found, SI.
         value: f64,
         /// What is allowed, SI.
+        bound: f64,
+    },
+    /// A limit of the test as a whole was reached.
+    TestLimit {
+        /// Of what: the key of the test file.
+        quantity: &'static str,
+        /// Whether it ends the test.
+        trip: bool,
+        /// What was found.
+        value: f64,
+        /// What is allowed.
         bound: f64,
     },
     /// What was read of one axis of specimen `port` while zeroing.

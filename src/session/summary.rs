@@ -133,6 +133,7 @@ pub fn ending(outcome: &Outcome) -> (Finish, String) {
                 Stop::Interlock { .. }
                 | Stop::Saturated { .. }
                 | Stop::Limit { .. }
+                | Stop::TestLimit(_)
                 | Stop::Late { .. }
                 | Stop::Stale { .. }
                 | Stop::Diverged { .. }

@@ -25,6 +25,9 @@ use gusset::record::{Run, Summary};
 /// Nothing here takes as long unless it hangs.
 pub const PATIENCE: Duration = Duration::from_secs(60);
 
+/// Of `[safety]`: a specimen behind a link may be without limits.
+pub const UNLIMITED: &str = "unlimited = \"a formula\"\n";
+
 pub const ONE_AXIS_LAW: &str = "[specimen.law.bouc_wen]
 stiffness_n_per_m = 4e5
 yield_force_n = 2e3
@@ -43,6 +46,11 @@ linear = { stiffness_n_per_m = 4e5, damping_n_s_per_m = 300.0 }
 /// A frame of two storeys for `steps` steps of 1 ms; `specimen` ends the file.
 pub fn test_file(steps: u32, specimen: &str) -> String {
     let duration = f64::from(steps) * 1e-3;
+    let unlimited = if specimen.contains("[specimen.link]") {
+        UNLIMITED
+    } else {
+        ""
+    };
     format!(
         "title = \"link\"
 [time]
@@ -62,7 +70,7 @@ amplitude = 3.0
 warmup_ticks = 5
 [safety]
 zero_s = 0
-[[specimen]]
+{unlimited}[[specimen]]
 name = \"column\"
 {specimen}"
     )
@@ -75,7 +83,7 @@ pub const TWO_AXES: &str = "rows = [[1, 0], [-1, 1]]\nstiffness_n_per_m = [[4e5,
 /// The file of a gateway to the specimen at `address`: `table` and `link` are further keys of the specimen and its link.
 pub fn gateway(address: &str, table: &str, link: &str) -> String {
     format!(
-        "[[specimen]]\nname = \"column\"\n{table}[specimen.link]\naddress = \"{address}\"\nprobe = \"none\"\n\
+        "[safety]\n{UNLIMITED}[[specimen]]\nname = \"column\"\n{table}[specimen.link]\naddress = \"{address}\"\nprobe = \"none\"\n\
          connect_timeout_s = 2\n{link}\n"
     )
 }

@@ -4,19 +4,22 @@
 //! whether a storey exists, whether a matrix is symmetric) is checked where it is built.
 
 mod excitation;
+mod limits;
 mod link;
 mod safety;
 mod specimen;
 
 use excitation::check_excitation;
+use limits::{check_limits, check_required};
 use specimen::{check_names, check_specimen};
 
 use super::diagnose::Finding;
 use super::document::{Datum, KeyPath, Node};
-use super::schema::{ClockChoice, Method, Start, StructureTable, TestFile};
+use super::schema::{Method, Start, StructureTable, TestFile};
 use super::serve::ServeFile;
 use super::steps::{Time, not_positive};
 use super::suggest::listed;
+use super::timetable::ClockChoice;
 use super::value::{DofChoice, LambdaValue};
 use crate::rt::OnMiss;
 
@@ -43,9 +46,13 @@ pub(crate) fn not_finite(root: &Node) -> Vec<Finding> {
 /// All that is wrong with `file`, in the order of its tables.
 pub(crate) fn check(file: &TestFile) -> Vec<Finding> {
     let mut findings = Findings::default();
-    if let Err(finding) = Time::of(&file.time) {
-        findings.0.push(*finding);
-    }
+    let tick_s = match Time::of(&file.time) {
+        Ok(time) => Some(time.period.value()),
+        Err(finding) => {
+            findings.0.push(*finding);
+            None
+        }
+    };
     let root = KeyPath::root();
     match &file.structure {
         Some(structure) => check_structure(structure, &root.key("structure"), &mut findings),
@@ -60,7 +67,14 @@ pub(crate) fn check(file: &TestFile) -> Vec<Finding> {
     for (index, specimen) in file.specimen.iter().enumerate() {
         let at = root.key("specimen").index(index);
         check_specimen(specimen, file.structure.is_some(), &at, &mut findings);
+        check_limits(specimen, tick_s, Some(&file.safety), &at, &mut findings);
+        link::check_pace(specimen, file.time.ticks_per_step, &at, &mut findings);
     }
+    check_required(
+        &file.specimen,
+        file.safety.unlimited.as_deref(),
+        &mut findings,
+    );
     check_names(&file.specimen, &mut findings);
     let remote = file.specimen.iter().any(|specimen| specimen.link.is_some());
     if remote && file.timing.on_miss == OnMiss::CatchUp && !file.timing.catch_up_remote {
@@ -77,6 +91,7 @@ pub(crate) fn check(file: &TestFile) -> Vec<Finding> {
     safety::check_safety(file, &mut findings);
     let record = root.key("record");
     findings.positive(record.key("queue_s"), Some(file.record.queue_s));
+    findings.positive(record.key("checkpoint_s"), Some(file.record.checkpoint_s));
     if let Some(DofChoice::Listed(dofs)) = &file.record.dofs {
         findings.dofs(&record.key("dofs"), dofs);
     }
@@ -151,7 +166,11 @@ pub(crate) fn check_served(file: &ServeFile) -> Vec<Finding> {
     for (index, specimen) in file.specimen.iter().enumerate() {
         let at = root.key("specimen").index(index);
         check_specimen(specimen, false, &at, &mut findings);
+        check_limits(specimen, None, None, &at, &mut findings);
     }
+    let safety = file.safety.as_ref();
+    let unlimited = safety.and_then(|safety| safety.unlimited.as_deref());
+    check_required(&file.specimen, unlimited, &mut findings);
     check_names(&file.specimen, &mut findings);
     findings.0
 }

@@ -6,7 +6,6 @@ use crate::config::diagnose::Finding;
 use crate::config::document::KeyPath;
 use crate::config::specimen::SpecimenTable;
 use crate::config::value::MatrixValue;
-use crate::control::limits::LimitsSpec;
 
 /// One `[[specimen]]`.
 pub(super) fn check_specimen(
@@ -26,13 +25,33 @@ pub(super) fn check_specimen(
         "it says what stands for the specimen",
     );
     match &specimen.link {
-        Some(link) => check_link(specimen, link, at, findings),
+        Some(link) => {
+            check_link(specimen, link, at, findings);
+            if specimen.transfer.is_some() {
+                findings.0.push(
+                    Finding::error(
+                        at.key("transfer"),
+                        "a specimen behind a link has its own actuator",
+                    )
+                    .at_key()
+                    .label("only for a law")
+                    .help("`gusset serve` puts the law of its own file behind a transfer system"),
+                );
+            }
+        }
         None if specimen.hardening_bound.is_some() => findings.0.push(
             Finding::error(at.key("hardening_bound"), "a law knows its own bound")
                 .at_key()
                 .label("only for a specimen behind a link"),
         ),
         None => {}
+    }
+    if specimen.stand_in.is_some() && specimen.link.is_none() {
+        findings.0.push(
+            Finding::error(at.key("stand_in"), "a law stands for itself")
+                .at_key()
+                .label("only for a specimen behind a link"),
+        );
     }
     let seen: Vec<_> = [
         ("storey", specimen.storey.is_some()),
@@ -95,21 +114,6 @@ pub(super) fn check_specimen(
     findings.positive(similitude.key("force"), Some(specimen.similitude.force));
     findings.positive(similitude.key("time"), Some(specimen.similitude.time));
     check_axes(specimen, axes, at, findings);
-    check_limits(specimen, at, findings);
-}
-
-/// Bounds that cannot be kept, or contradict each other.
-fn check_limits(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
-    let mut judge = |limits: &Option<LimitsSpec>, at: KeyPath| {
-        if let Some(Err(error)) = limits.as_ref().map(LimitsSpec::check) {
-            let finding = Finding::error(at.key(error.key()), error.to_string());
-            findings.0.push(finding);
-        }
-    };
-    judge(&specimen.limits, at.key("limits"));
-    for (index, axis) in specimen.axis.iter().enumerate() {
-        judge(&axis.limits, at.key("axis").index(index).key("limits"));
-    }
 }
 
 fn check_axes(

@@ -7,10 +7,11 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-use super::{axes, check_units};
+use super::check_units;
 use crate::config::build::links::{beside, folder, native_setup, tls_client, wire_axes};
 use crate::config::{Finding, KeyPath, SpecimenTable};
 use crate::control::Pace;
+use crate::link::announce::narrower;
 use crate::link::openfresco::{Remote, RemoteSettings};
 use crate::link::rig::{FarBuild, ProbeSettings, Visitor};
 use crate::link::secret::read_key;
@@ -39,7 +40,7 @@ pub(super) fn host(
     if !of_a_test {
         check_gear(table, at)?;
     }
-    let n = axes(table);
+    let n = table.axes();
     let units = table.units_of(n);
     let estimate = table.stiffness_n_per_m.as_ref();
     let rows = estimate.map(|matrix| matrix.rows()).unwrap_or_default();
@@ -120,7 +121,7 @@ fn native(
         })?),
     };
     let tls = tls_or(link, at, path)?;
-    let template = native_setup(link, key, wire_axes(table, axes(table)));
+    let template = native_setup(link, key, wire_axes(table, table.axes()));
     let step_rate = step_s.map(|step| ((1e9 / step) as u64, 1_000_000_000));
     let (name, watchdog_s, timed) = (table.name.clone(), link.watchdog_s, link.sample_after);
     Ok(Arc::new(move |visitor: &Visitor| {
@@ -132,6 +133,9 @@ fn native(
             },
             ..template.clone()
         };
+        for (axis, theirs) in setup.axes.iter_mut().zip(&visitor.limits) {
+            axis.limits = narrower(&axis.limits, theirs);
+        }
         if let Some(rate) = visitor.rate.or(step_rate) {
             setup.rate = rate;
         }

@@ -16,6 +16,9 @@ struct Past {
     force: f64,
     stuck_ticks: u64,
     stuck_travel: f64,
+    /// Second difference of the last command, and for how long it has alternated and grown.
+    bend: f64,
+    alternating: u64,
     /// One bit per quantity that is beyond its warning level.
     warned: u16,
     /// What has tripped, and how far it was: no further trip until it gets worse.
@@ -73,6 +76,8 @@ impl Watch {
         let axes = self.limits.iter().zip(&mut self.past).zip(disp);
         for (axis, ((limits, past), disp)) in axes.enumerate() {
             let [last, before] = past.command;
+            let bend = disp - 2.0 * last + before;
+            let alternating = past.alternates(bend, limits.alternating_floor) as f64;
             let mut look = Look {
                 axis,
                 warned: &mut past.warned,
@@ -87,11 +92,16 @@ impl Watch {
                 look.at(Quantity::CommandVel, vel, limits.command_vel.judge(vel));
             }
             if sent >= 2 {
-                let accel = (disp - 2.0 * last + before).abs() / (tick * tick);
+                let accel = bend.abs() / (tick * tick);
                 look.at(
                     Quantity::CommandAccel,
                     accel,
                     limits.command_accel.judge(accel),
+                );
+                look.at(
+                    Quantity::Alternation,
+                    alternating,
+                    limits.alternating_ticks.judge(alternating),
                 );
             }
         }
@@ -100,7 +110,14 @@ impl Watch {
 
     /// Takes note of a command that leaves. Real-time: yes.
     pub fn sent(&mut self, disp: impl Iterator<Item = f64>) {
-        for (past, disp) in self.past.iter_mut().zip(disp) {
+        let begun = self.sent >= 2;
+        let axes = self.past.iter_mut().zip(&self.limits).zip(disp);
+        for ((past, limits), disp) in axes {
+            if begun {
+                let bend = disp - 2.0 * past.command[0] + past.command[1];
+                past.alternating = past.alternates(bend, limits.alternating_floor);
+                past.bend = bend;
+            }
             past.speed = if self.sent >= 1 {
                 (disp - past.command[0]).abs() / self.tick
             } else {
@@ -124,6 +141,7 @@ impl Watch {
         for past in &mut self.past {
             past.speed = 0.0;
             past.command = [past.command[0]; 2];
+            (past.bend, past.alternating) = (0.0, 0);
         }
     }
 
@@ -186,6 +204,65 @@ impl Watch {
         }
         self.measured = true;
         found
+    }
+
+    /// Judges what was estimated from the measurements, one entry per axis, and adds it to `found`. What is not known is not
+    /// a finite number and is not judged. Real-time: yes.
+    pub fn estimated(&mut self, values: impl Iterator<Item = Estimated>, found: &mut Found) {
+        let axes = self.limits.iter().zip(&mut self.past).zip(values);
+        for (axis, ((limits, past), values)) in axes.enumerate() {
+            let mut look = Look {
+                axis,
+                warned: &mut past.warned,
+                excused: past.excused,
+                found,
+            };
+            for (quantity, value, bound) in [
+                (
+                    Quantity::StiffnessRatio,
+                    values.stiffness_ratio,
+                    limits.stiffness_ratio,
+                ),
+                (
+                    Quantity::DampingRatio,
+                    values.damping_ratio,
+                    limits.damping_ratio,
+                ),
+                (
+                    Quantity::AddedEnergy,
+                    values.added_energy,
+                    limits.added_energy,
+                ),
+            ] {
+                if value.is_finite() {
+                    look.at(quantity, value, bound.judge(value));
+                }
+            }
+        }
+    }
+}
+
+/// What is estimated of one axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Estimated {
+    /// Tangent stiffness over its declared bound.
+    pub stiffness_ratio: f64,
+    /// Tangent damping over its declared bound.
+    pub damping_ratio: f64,
+    /// Energy that the transfer system has added, J.
+    pub added_energy: f64,
+}
+
+impl Past {
+    /// Commands in a row, this one included, whose second difference changes its sign and grows.
+    fn alternates(&self, bend: f64, floor: f64) -> u64 {
+        // By sign and not by product, which underflows.
+        let turns = self.bend != 0.0 && (self.bend > 0.0) != (bend > 0.0);
+        if turns && bend.abs() > floor && bend.abs() > self.bend.abs() {
+            self.alternating + 1
+        } else {
+            0
+        }
     }
 }
 

@@ -5,6 +5,7 @@ use std::time::Duration;
 use thiserror::Error;
 
 use super::live::Live;
+use crate::link::announce;
 use crate::link::inbox::Inbox;
 use crate::link::secret::random;
 use crate::link::spec::Carrier;
@@ -256,16 +257,31 @@ impl NativeSetup {
             self,
             &welcome,
         );
+        let warnings = self.limits_of_their_own(&welcome);
         let introduction = Introduction {
             peer: format!(
                 "\"{}\" at {peer} ({}, {})",
                 welcome.name, self.carrier, welcome.software
             ),
             stiffness: welcome.stiffness,
-            warnings: Vec::new(),
+            warnings,
             simulated: welcome.capabilities.has(Capabilities::SIMULATED),
         };
         Ok((live, introduction))
+    }
+
+    /// Limits that the specimen's end keeps and the test does not know of.
+    fn limits_of_their_own(&self, welcome: &Welcome) -> Vec<String> {
+        let axes = self.axes.iter().zip(&welcome.axes);
+        axes.filter_map(|(ours, theirs)| {
+            let units = announce::units_of(ours);
+            let kept = announce::unknown_to_us(&ours.limits, &theirs.limits, &units)?;
+            Some(format!(
+                "its end keeps limits that the test does not have, axis \"{}\": {kept}",
+                ours.name
+            ))
+        })
+        .collect()
     }
 
     fn hello(&self) -> Result<Hello, SetupError> {
@@ -294,7 +310,7 @@ pub(super) fn explained(error: SetupError, transport: &dyn Transport) -> SetupEr
     }
 }
 
-/// An axis without limits, which is what the test file can promise so far.
+/// An axis without limits.
 #[must_use]
 pub fn unlimited_axis(
     name: String,

@@ -149,6 +149,7 @@ impl Session {
             sampling: self.greeted.sampling,
             first_sequence: self.arm.first_sequence,
             start: self.arm.disp.clone(),
+            limits: self.greeted.limits.clone(),
         }
     }
 }

@@ -4,10 +4,11 @@ use std::sync::Arc;
 
 use crate::control::AxisUnits;
 use crate::control::limits::LimitsSpec;
+use crate::link::announce::units_of;
 use crate::link::fault::{Bench, Script, ScriptError};
 use crate::link::rig::{Far, FarBuild, Law, LogSettings, ProbeSettings, Station};
 use crate::specimen::Specimen;
-use crate::wire::handshake::{Axis, Capabilities, Unit};
+use crate::wire::handshake::{Axis, Capabilities};
 
 /// A specimen to be hosted, and how to make it anew for each test.
 pub struct Host {
@@ -146,7 +147,7 @@ impl Host {
     /// # Errors
     /// What its maker says.
     pub fn station(&self, remembers: bool) -> Result<Station, String> {
-        let units: Vec<AxisUnits> = self.axes.iter().map(units).collect();
+        let units: Vec<AxisUnits> = self.axes.iter().map(units_of).collect();
         let rig: Box<dyn crate::link::rig::Rig> = match &self.behind {
             Behind::Law(build) => Box::new(Law::new(build()?, remembers)),
             Behind::Far(build, reply_limit_ns) => Box::new(Far::new(
@@ -165,19 +166,5 @@ impl Host {
             .limited(&self.limits)
             .probed(self.probe.clone())
             .recorded(self.log.clone()))
-    }
-}
-
-fn units(axis: &Axis) -> AxisUnits {
-    let si = |unit| match unit {
-        Unit::Millimetre => 1e-3,
-        Unit::Kilonewton | Unit::KilonewtonMetre => 1e3,
-        Unit::Metre | Unit::Radian | Unit::Newton | Unit::NewtonMetre => 1.0,
-    };
-    AxisUnits {
-        metres: si(axis.disp_unit),
-        newtons: si(axis.force_unit),
-        disp: axis.disp_unit.symbol(),
-        force: axis.force_unit.symbol(),
     }
 }

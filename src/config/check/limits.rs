@@ -1,0 +1,297 @@
+//! Limits of the specimens: bounds that cannot be kept, that contradict each other, or that a specimen behind a link lacks.
+
+use super::Findings;
+use crate::config::diagnose::Finding;
+use crate::config::document::KeyPath;
+use crate::config::safety::{ExitChoice, SafetyTable};
+use crate::config::specimen::SpecimenTable;
+use crate::control::limits::LimitsSpec;
+
+/// Two bounds that say the same in different units may differ by rounding.
+const SAME: f64 = 1.0 + 1e-9;
+/// Stroke in m of the example that is shown where a specimen has no limits and its reach is not declared.
+const EXAMPLE_STROKE_M: f64 = 0.05;
+
+/// One specimen's bounds for themselves and against each other; `tick_s` is the wall time of one tick, if it is known.
+pub(super) fn check_limits(
+    specimen: &SpecimenTable,
+    tick_s: Option<f64>,
+    safety: Option<&SafetyTable>,
+    at: &KeyPath,
+    findings: &mut Findings,
+) {
+    let before = findings.0.len();
+    let mut judge = |limits: &Option<LimitsSpec>, at: KeyPath| {
+        if let Some(Err(error)) = limits.as_ref().map(LimitsSpec::check) {
+            let finding = Finding::error(at.key(error.key()), error.to_string());
+            findings.0.push(finding);
+        }
+    };
+    judge(&specimen.limits, at.key("limits"));
+    for (index, axis) in specimen.axis.iter().enumerate() {
+        judge(&axis.limits, at.key("axis").index(index).key("limits"));
+    }
+    // What is wrong in itself is not compared.
+    if findings.0.len() > before {
+        return;
+    }
+    for (index, limits) in specimen.limits_of(specimen.axes()).iter().enumerate() {
+        let axis = Place {
+            specimen,
+            at,
+            index,
+        };
+        if let Some(tick_s) = tick_s {
+            axis.check_speeds(limits, tick_s, findings);
+        }
+        axis.check_sensors(limits, findings);
+        if let Some(safety) = safety {
+            axis.check_exit(limits, safety, findings);
+        }
+    }
+}
+
+/// One axis of a specimen in the file.
+struct Place<'a> {
+    specimen: &'a SpecimenTable,
+    at: &'a KeyPath,
+    index: usize,
+}
+
+impl Place<'_> {
+    /// Where the bound that holds for the axis stands: in its own table, or in that of all axes.
+    fn of(&self, key: &str, is_given: impl Fn(&LimitsSpec) -> bool) -> KeyPath {
+        let own = self
+            .specimen
+            .axis
+            .get(self.index)
+            .and_then(|axis| axis.limits);
+        if own.is_some_and(|own| is_given(&own)) {
+            self.at.key("axis").index(self.index).key("limits").key(key)
+        } else {
+            self.at.key("limits").key(key)
+        }
+    }
+
+    /// An increment per tick and a velocity are the same bound in other units.
+    fn check_speeds(&self, limits: &LimitsSpec, tick_s: f64, findings: &mut Findings) {
+        let vel = limits.command_vel_m_per_s.and_then(|bound| bound.trip);
+        let step = limits.command_step_m.and_then(|bound| bound.trip);
+        if let (Some(vel), Some(step)) = (vel, step)
+            && step > SAME * vel * tick_s
+        {
+            let there = self.of("command_step_m", |own| own.command_step_m.is_some());
+            let here = self.of("command_vel_m_per_s", |own| {
+                own.command_vel_m_per_s.is_some()
+            });
+            findings.0.push(
+                Finding::error(
+                    here,
+                    format!(
+                        "{vel} m/s are {} m in a tick of {tick_s} s, less than the {step} m that `command_step_m` allows",
+                        vel * tick_s
+                    ),
+                )
+                .label("trips first, always")
+                .beside(there, "can never trip")
+                .help("both bound the change of the command from one tick to the next: give the one that is meant"),
+            );
+        }
+    }
+
+    /// What a sensor cannot read cannot be measured.
+    fn check_sensors(&self, limits: &LimitsSpec, findings: &mut Findings) {
+        let pairs = [
+            (
+                ("measured_disp_m", limits.measured_disp_m),
+                ("sensor_disp_m", limits.sensor_disp_m),
+            ),
+            (
+                ("measured_force_n", limits.measured_force_n),
+                ("sensor_force_n", limits.sensor_force_n),
+            ),
+        ];
+        for ((key, measured), (sensor_key, sensor)) in pairs {
+            let (Some([low, high]), Some([least, most])) = (
+                measured.and_then(|range| range.trip),
+                sensor.and_then(|range| range.trip),
+            ) else {
+                continue;
+            };
+            if low < least || high > most {
+                let is_given = |own: &LimitsSpec| match key {
+                    "measured_disp_m" => own.measured_disp_m.is_some(),
+                    _ => own.measured_force_n.is_some(),
+                };
+                let is_there = |own: &LimitsSpec| match sensor_key {
+                    "sensor_disp_m" => own.sensor_disp_m.is_some(),
+                    _ => own.sensor_force_n.is_some(),
+                };
+                findings.0.push(
+                    Finding::error(
+                        self.of(key, is_given),
+                        format!("`{key}` reaches from {low} to {high}, but the sensor only from {least} to {most}"),
+                    )
+                    .label("the sensor ends before")
+                    .beside(self.of(sensor_key, is_there), "its range"),
+                );
+            }
+        }
+    }
+
+    /// The way out must not trip itself.
+    fn check_exit(&self, limits: &LimitsSpec, safety: &SafetyTable, findings: &mut Findings) {
+        let moves = [safety.on_trip, safety.at_end]
+            .iter()
+            .any(|choice| *choice != ExitChoice::Freeze);
+        let vel = limits.command_vel_m_per_s.and_then(|bound| bound.trip);
+        let exit = KeyPath::root().key("safety").key("exit_speed_m_per_s");
+        if let (true, Some(speed), Some(vel)) = (moves, safety.exit_speed_m_per_s, vel)
+            && speed > vel
+        {
+            findings.0.push(
+                Finding::error(
+                    exit,
+                    format!(
+                        "specimen \"{}\" would be left at {speed} m/s, but {vel} m/s trip",
+                        self.specimen.name
+                    ),
+                )
+                .label("too fast for its own limit")
+                .beside(
+                    self.of("command_vel_m_per_s", |own| {
+                        own.command_vel_m_per_s.is_some()
+                    }),
+                    "its limit",
+                ),
+            );
+        }
+        let safe = self.specimen.safe_disp_m.as_ref();
+        let safe = safe.and_then(|safe| safe.get(self.index));
+        let range = limits.command_disp_m.and_then(|range| range.trip);
+        if let (Some(safe), Some([low, high])) = (safe, range)
+            && !(*safe >= low && *safe <= high)
+        {
+            findings.0.push(
+                Finding::error(
+                    self.at.key("safe_disp_m"),
+                    format!(
+                        "axis {} is safe at {safe} m, which may not be commanded",
+                        self.index + 1
+                    ),
+                )
+                .label("outside of its own limit")
+                .beside(
+                    self.of("command_disp_m", |own| own.command_disp_m.is_some()),
+                    "its limit",
+                ),
+            );
+        }
+    }
+}
+
+/// What a specimen behind a link must at least have: a bound of what it is told and one of what it feels, on every axis.
+pub(super) fn check_required(
+    specimens: &[SpecimenTable],
+    unlimited: Option<&str>,
+    findings: &mut Findings,
+) {
+    let why = KeyPath::root().key("safety").key("unlimited");
+    if unlimited.is_some_and(|reason| reason.trim().is_empty()) {
+        findings.0.push(
+            Finding::error(why, "`unlimited` gives no reason")
+                .label("why may a specimen be without limits?")
+                .help("it is shown at the start and stands in the summary of the run"),
+        );
+        return;
+    }
+    let mut idle = true;
+    for (index, specimen) in specimens.iter().enumerate() {
+        let missing = missing(specimen);
+        if specimen.link.is_none() || missing.is_empty() {
+            continue;
+        }
+        idle = false;
+        let what = missing.join(", ");
+        let name = &specimen.name;
+        findings.0.push(match unlimited {
+            Some(reason) => Finding::warning(
+                why.clone(),
+                format!(
+                    "specimen \"{name}\" is UNLIMITED, without a trip level of {what}: {reason}"
+                ),
+            ),
+            None => Finding::error(
+                KeyPath::root().key("specimen").index(index).key("link"),
+                format!("specimen \"{name}\" is behind a link and has no trip level of {what}"),
+            )
+            .label("commands leave this machine")
+            .help(format!(
+                "with the stroke and the strength of the specimen, in m and N:\n{}",
+                example(specimen)
+            ))
+            .help("or say why none is needed: `unlimited = \"reason\"` in [safety]"),
+        });
+    }
+    if idle && unlimited.is_some() {
+        findings.0.push(
+            Finding::warning(
+                why,
+                "`unlimited` excuses nothing: no specimen behind a link lacks a limit",
+            )
+            .at_key(),
+        );
+    }
+}
+
+/// Keys without a trip level, with their axis where the axes differ.
+fn missing(specimen: &SpecimenTable) -> Vec<String> {
+    let limits = specimen.limits_of(specimen.axes());
+    let mut missing = Vec::new();
+    for (key, is_there) in [
+        (
+            "command_disp_m",
+            (|axis| {
+                axis.command_disp_m
+                    .is_some_and(|range| range.trip.is_some())
+            }) as fn(&LimitsSpec) -> bool,
+        ),
+        ("measured_force_n", |axis| {
+            axis.measured_force_n
+                .is_some_and(|range| range.trip.is_some())
+        }),
+    ] {
+        let without: Vec<usize> = (0..limits.len())
+            .filter(|i| !is_there(&limits[*i]))
+            .collect();
+        if without.len() == limits.len() {
+            missing.push(format!("`{key}`"));
+        } else {
+            let axes = without
+                .iter()
+                .map(|axis| format!("`{key}` on axis {}", axis + 1));
+            missing.extend(axes);
+        }
+    }
+    missing
+}
+
+/// A table to start from.
+fn example(specimen: &SpecimenTable) -> String {
+    let scale = specimen.axis.first().map_or(1.0, |axis| axis.scale);
+    let reach = specimen
+        .reach_disp_m
+        .map(|reach| reach * scale / specimen.similitude.length);
+    let stroke = reach.unwrap_or(EXAMPLE_STROKE_M);
+    let rows = specimen
+        .stiffness_n_per_m
+        .as_ref()
+        .map(|matrix| matrix.rows());
+    let stiffness = rows.and_then(|rows| rows.first()?.first().copied());
+    let force = stiffness
+        .map_or(100e3, |stiffness| stiffness * stroke)
+        .max(1.0);
+    format!(
+        "[specimen.limits]\ncommand_disp_m = {{ trip = [-{stroke}, {stroke}] }}\nmeasured_force_n = {{ trip = [-{force}, {force}] }}"
+    )
+}
