@@ -5,6 +5,7 @@
 //! a specimen was told is hidden. Pure bookkeeping: no clock, no input or output of its own.
 
 mod believed;
+mod compensated;
 mod direction;
 mod estimate;
 mod guard;
@@ -159,6 +160,8 @@ pub struct Port {
     pub direction: Direction,
     /// True if a recording stands for the substructure.
     is_recorded: bool,
+    /// Number on the link of the command that left last.
+    issued: Option<u64>,
     /// Exchanges that were none of the test's: by so much the numbers on the link are ahead of the test's.
     ahead: u64,
     /// How it is led from one target to the next.
@@ -169,6 +172,7 @@ pub struct Port {
     opening: opening::Opening,
     /// Zero velocities.
     still: Vec<f64>,
+    compensation: Option<compensated::Compensation>,
     /// How the specimen is left.
     pub exits: Exits,
 }
@@ -256,6 +260,7 @@ impl Port {
             link: LinkCount::default(),
             wait: None,
             direction: Direction::Known,
+            issued: None,
             ahead: 0,
             pursuit: pursuit::Pursuit::new(n),
             is_recorded: false,
@@ -264,6 +269,7 @@ impl Port {
             guard: guard::Guard::open(n),
             opening: opening::Opening::absolute(n),
             still: vec![0.0; n],
+            compensation: None,
             exits: Exits::default(),
         })
     }
@@ -338,6 +344,7 @@ impl Port {
         {
             *command = axis.vel_gain * target;
         }
+        self.compensate();
     }
 
     /// Sends the command that stands ready, if it was judged. Real-time: yes.
@@ -354,6 +361,8 @@ impl Port {
             *sent = *command;
         }
         self.link.sent += 1;
+        self.compensation_asks(true);
+        self.issued = Some(sequence + self.ahead);
         let command = Command {
             sequence: self.pursuit.number(sequence, self.ahead),
             time,
@@ -380,7 +389,10 @@ impl Port {
             copy(&self.incoming, &mut self.raw);
         }
         match freshness {
-            Freshness::Fresh => self.link.received += 1,
+            Freshness::Fresh => {
+                self.link.received += 1;
+                self.compensation_hears();
+            }
             Freshness::Stale => self.link.stale += 1,
         }
         for ((axis, measured), raw) in self.axes.iter().zip(&mut self.measured).zip(&self.raw.disp)

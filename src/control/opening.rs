@@ -124,6 +124,8 @@ impl Port {
         self.guard.watch.sent_again();
         self.estimates.moves = false;
         self.link.sent += 1;
+        self.compensation_asks(false);
+        self.issued = Some(sequence + self.ahead);
         self.substructure.issue(&Command {
             sequence: self.pursuit.number(sequence, self.ahead),
             time,
