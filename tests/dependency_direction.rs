@@ -12,6 +12,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("linalg", &[]),
     ("substructure", &["time"]),
     ("specimen", &["law", "substructure", "time"]),
+    ("transfer", &["law", "specimen"]),
     ("model", &["law", "linalg"]),
     ("motion", &[]),
     ("spectral", &[]),
@@ -60,6 +61,18 @@ const ALLOWED: &[(&str, &[&str])] = &[
         ],
     ),
     (
+        "frontier",
+        &[
+            "engine",
+            "integrate",
+            "law",
+            "linalg",
+            "model",
+            "motion",
+            "verify",
+        ],
+    ),
+    (
         "config",
         &[
             "control",
@@ -75,6 +88,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "spectral",
             "substructure",
             "time",
+            "transfer",
             "wire",
         ],
     ),
@@ -102,6 +116,7 @@ const PURE: &[&str] = &[
     "spectral",
     "integrate",
     "specimen",
+    "transfer",
     "control",
     "substructure",
     "wire",

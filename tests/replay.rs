@@ -35,6 +35,7 @@ law = { bouc_wen = { stiffness_n_per_m = 15e6, yield_force_n = 60e3, post_yield_
 [safety]
 zero_s = 0.02
 ramp_s = 0.1
+ease_s = 0.0
 [timing]
 warmup_ticks = 7
 "#;

@@ -3,21 +3,27 @@
 use serde_json::json;
 
 use super::exit::Exit;
+use super::rehearsed::Rehearsed;
 use super::run::{load, method_name, refused};
 use super::spectrum::Spectrum;
 use super::table::{Table, duration, quantity};
 use super::{CheckArgs, answer, tell, warn};
-use crate::config::{self, ClockChoice, Facts, StructureFacts};
+use crate::config::{self, ClockChoice, Facts, Prepared, StructureFacts};
 
 /// Checks one test.
 pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
     let loaded = load(&args.test, &args.sets)?;
-    let test = config::build(&loaded).map_err(refused)?;
-    warn(&test.warnings);
-    for text in &test.facts.announced {
+    let Prepared {
+        experiment,
+        facts,
+        warnings,
+        ..
+    } = config::build(&loaded).map_err(refused)?;
+    let facts = &facts;
+    warn(&warnings);
+    for text in &facts.announced {
         tell(format_args!("note: {text}"));
     }
-    let facts = &test.facts;
     let spectrum = facts
         .structure
         .as_ref()
@@ -30,17 +36,31 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
         };
         spectrum.plot(folder)?;
     }
+    let rehearsed = if args.no_rehearsal || experiment.ports.is_empty() {
+        None
+    } else {
+        Some(Rehearsed::of(&loaded, experiment)?)
+    };
+    let valid = rehearsed.as_ref().is_none_or(Rehearsed::is_possible);
     if args.json {
-        let found = as_json(facts, spectrum.as_ref());
+        let found = as_json(facts, spectrum.as_ref(), rehearsed.as_ref());
         answer(serde_json::to_string_pretty(&found)?)?;
     } else {
-        answer(as_table(facts, spectrum.as_ref()))?;
+        let verdict = if valid { "valid" } else { "NOT POSSIBLE" };
+        let mut table = as_table(facts, spectrum.as_ref(), verdict);
+        if let Some(rehearsed) = &rehearsed {
+            rehearsed.tabulate(&mut table);
+        }
+        answer(table)?;
     }
-    Ok(Exit::Done)
+    match rehearsed {
+        Some(rehearsed) => rehearsed.judge(&loaded).map(|()| Exit::Done),
+        None => Ok(Exit::Done),
+    }
 }
 
-fn as_table(facts: &Facts, spectrum: Option<&Spectrum>) -> Table {
-    let mut table = Table::new(&format!("{} — valid", facts.title));
+fn as_table(facts: &Facts, spectrum: Option<&Spectrum>, verdict: &str) -> Table {
+    let mut table = Table::new(&format!("{} — {verdict}", facts.title));
     let clock = match facts.clock {
         ClockChoice::Real => "real",
         ClockChoice::Simulated => "simulated",
@@ -171,7 +191,11 @@ fn frequencies(table: &mut Table, facts: &Facts, structure: &StructureFacts) {
     }
 }
 
-fn as_json(facts: &Facts, spectrum: Option<&Spectrum>) -> serde_json::Value {
+fn as_json(
+    facts: &Facts,
+    spectrum: Option<&Spectrum>,
+    rehearsed: Option<&Rehearsed>,
+) -> serde_json::Value {
     let number = |value: f64| {
         if value.is_finite() {
             json!(value)
@@ -204,12 +228,13 @@ fn as_json(facts: &Facts, spectrum: Option<&Spectrum>) -> serde_json::Value {
     });
     json!({
         "title": facts.title,
-        "valid": true,
+        "valid": rehearsed.is_none_or(Rehearsed::is_possible),
         "steps": facts.steps,
         "dt": facts.dt,
         "rate_hz": facts.rate_hz,
         "structure": structure,
         "specimens": facts.specimens,
+        "rehearsal": rehearsed.map(Rehearsed::as_json),
         "warnings": facts.warnings,
     })
 }

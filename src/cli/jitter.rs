@@ -6,6 +6,7 @@ use anyhow::Context;
 use serde_json::json;
 
 use super::exit::Exit;
+use super::frontier::frontier;
 use super::progress::ProgressLine;
 use super::table::Table;
 use super::{JitterArgs, answer, tell};
@@ -18,16 +19,11 @@ use crate::time::Ratio;
 
 /// Measures the loop with nothing attached.
 pub fn jitter(args: &JitterArgs) -> anyhow::Result<Exit> {
+    if let Some(model) = args.model {
+        return frontier(args, model);
+    }
     let rate = Ratio::parse(&args.rate).with_context(|| format!("--rate {:?}", args.rate))?;
-    let timing = TimingSpec {
-        cpu: args.cpu,
-        priority: args.priority,
-        ..TimingSpec::default()
-    };
-    timing.check().context("--priority")?;
-    timing
-        .check_cpu(&crate::rt::os::process_cpus())
-        .context("--cpu")?;
+    let timing = timing(args)?;
     let test = bare_loop(rate, args.duration, timing)
         .with_context(|| format!("--duration {}", args.duration))?;
     let scratch = std::env::temp_dir().join(format!("gusset-jitter-{}", std::process::id()));
@@ -80,6 +76,20 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<Exit> {
         (Finish::Panicked, _) => Exit::Panic,
         _ => Exit::Done,
     })
+}
+
+/// What is asked of the machine.
+pub(super) fn timing(args: &JitterArgs) -> anyhow::Result<TimingSpec> {
+    let timing = TimingSpec {
+        cpu: args.cpu,
+        priority: args.priority,
+        ..TimingSpec::default()
+    };
+    timing.check().context("--priority")?;
+    timing
+        .check_cpu(&crate::rt::os::process_cpus())
+        .context("--cpu")?;
+    Ok(timing)
 }
 
 fn read_json(path: &Path) -> serde_json::Value {

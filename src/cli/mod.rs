@@ -9,9 +9,11 @@ mod check;
 mod doctor;
 mod exit;
 mod export;
+mod frontier;
 mod jitter;
 mod operate;
 mod progress;
+mod rehearsed;
 mod replay;
 mod report;
 mod run;
@@ -152,6 +154,10 @@ struct CheckArgs {
     /// Write the curves of period error, damping error and growth over delay here (SVG, CSV); must not exist yet.
     #[arg(long, value_name = "DIR")]
     plot: Option<PathBuf>,
+    /// Do not rehearse the test on the simulated clock: what it needs of each axis is then neither shown nor compared with
+    /// the limits.
+    #[arg(long)]
+    no_rehearsal: bool,
     /// Print the findings as JSON on stdout.
     #[arg(long)]
     json: bool,
@@ -159,7 +165,8 @@ struct CheckArgs {
 
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  gusset jitter --rate 4096 --duration 60 --load --out jitter-4096"
+    after_help = "Examples:\n  gusset jitter --rate 4096 --duration 60 --load --out jitter-4096\n  \
+    gusset jitter --model chain"
 )]
 struct JitterArgs {
     /// Ticks per second: an integer, a decimal or a fraction "a/b".
@@ -167,7 +174,8 @@ struct JitterArgs {
         long,
         default_value = "1000",
         value_name = "HZ",
-        allow_negative_numbers = true
+        allow_negative_numbers = true,
+        conflicts_with = "model"
     )]
     rate: String,
     /// How long to measure.
@@ -175,9 +183,25 @@ struct JitterArgs {
         long,
         default_value_t = 10.0,
         value_name = "S",
-        allow_negative_numbers = true
+        allow_negative_numbers = true,
+        conflicts_with = "model"
     )]
     duration: f64,
+    /// Find the largest model that keeps 99.99 % of its deadlines, at each of --rates.
+    #[arg(long, value_enum)]
+    model: Option<ModelArg>,
+    /// For --model: ticks per second, separated by commas.
+    #[arg(
+        long,
+        value_delimiter = ',',
+        default_value = "256,512,1024,2048,4096",
+        value_name = "HZ",
+        requires = "model"
+    )]
+    rates: Vec<String>,
+    /// For --model: prove each size with 1000 ticks instead of 10 000.
+    #[arg(long, requires = "model")]
+    quick: bool,
     /// Core of the loop [default: the last one].
     #[arg(long)]
     cpu: Option<usize>,
@@ -193,6 +217,15 @@ struct JitterArgs {
     /// Print the result as JSON on stdout.
     #[arg(long)]
     json: bool,
+}
+
+/// What `gusset jitter --model` makes larger and larger.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum ModelArg {
+    /// Example 4.3 of Gui et al. 2014.
+    Chain,
+    /// A plane frame with yielding braces.
+    Frame,
 }
 
 #[derive(Debug, Args)]

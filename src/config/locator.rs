@@ -52,6 +52,12 @@ impl Locator {
         }
     }
 
+    /// True if the file or an override says something at `path` itself.
+    #[must_use]
+    pub fn holds(&self, path: &KeyPath) -> bool {
+        self.root.find(path).is_some() || self.overrides.iter().any(|o| o.path().starts_with(path))
+    }
+
     /// The path of the first entry named `key` at or below `path`: where a lower layer names only its parameter.
     #[must_use]
     pub fn beneath(&self, path: &KeyPath, key: &str) -> KeyPath {

@@ -10,6 +10,7 @@ use crate::control::AxisUnits;
 use crate::control::limits::LimitsSpec;
 use crate::link::LinkSpec;
 use crate::specimen::SpecimenLaw;
+use crate::transfer::TransferSpec;
 
 /// One specimen. Exactly one of `law`, `laws`, `coupled` and `link` is given; with a structure also exactly one of `storey` and
 /// `rows`.
@@ -81,12 +82,19 @@ pub struct SpecimenTable {
     )]
     #[schemars(schema_with = "coupled_schema")]
     pub coupled: Option<SpecimenLaw>,
+    /// Actuator and sensors that the law stands behind. Default: none, the law follows its command at once.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub transfer: Option<TransferSpec>,
     /// Displacement of each axis in m, at the specimen's scale, at which it is left by "safe_displacement".
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub safe_disp_m: Option<Vec<f64>>,
     /// A specimen at the other end of a network.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub link: Option<LinkSpec>,
+    /// What stands for a specimen behind a link when `check` rehearses the test: `law`, `laws` or `coupled`, as for a
+    /// specimen of this process, at the specimen's scale. Default: linear, by `stiffness_n_per_m` and `damping_n_s_per_m`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stand_in: Option<SpecimenLaw>,
 }
 
 impl SpecimenTable {

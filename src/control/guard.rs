@@ -2,11 +2,14 @@
 
 use super::Port;
 use super::limits::{AxisLimits, Found, Hit, Level, Quantity, Watch};
+use crate::substructure::Substructure;
 
 /// What a port knows about its limits.
 #[derive(Debug)]
 pub(super) struct Guard {
     pub watch: Watch,
+    /// As they are declared; a rehearsal trips at none of them.
+    declared: Vec<AxisLimits>,
     /// Metres and newtons in one unit of each axis.
     units: Vec<(f64, f64)>,
     /// True if the command that stands ready may leave.
@@ -18,6 +21,7 @@ impl Guard {
     pub fn open(axes: usize) -> Self {
         Self {
             watch: Watch::new(vec![AxisLimits::NONE; axes], 1.0),
+            declared: vec![AxisLimits::NONE; axes],
             units: vec![(1.0, 1.0); axes],
             cleared: false,
         }
@@ -51,6 +55,7 @@ impl Port {
     ) -> Self {
         if limits.len() == self.axes.len() && units.len() == self.axes.len() {
             self.guard = Guard {
+                declared: limits.clone(),
                 watch: Watch::new(limits, tick),
                 units,
                 cleared: false,
@@ -62,7 +67,19 @@ impl Port {
     /// The limits, one entry per axis.
     #[must_use]
     pub fn limits(&self) -> &[AxisLimits] {
-        self.guard.watch.limits()
+        &self.guard.declared
+    }
+
+    /// The same port for a rehearsal: `wrap` puts something round its substructure, and is told the metres and newtons in
+    /// one unit of each axis. Limits are known but trip no more, except at what is no number.
+    #[must_use]
+    pub fn rehearsed(
+        mut self,
+        wrap: impl FnOnce(Box<dyn Substructure>, &[(f64, f64)]) -> Box<dyn Substructure>,
+    ) -> Self {
+        self.guard.watch = Watch::new(vec![AxisLimits::NONE; self.axes.len()], 1.0);
+        self.substructure = wrap(self.substructure, &self.guard.units);
+        self
     }
 
     /// True if a command has left.
@@ -77,6 +94,7 @@ impl Port {
             watch,
             units,
             cleared,
+            ..
         } = &mut self.guard;
         let mut found = watch.command(Guard::metres(units, &self.command));
         if let Some(axis) = self.command_vel.iter().position(|vel| !vel.is_finite()) {

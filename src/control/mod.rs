@@ -4,6 +4,7 @@
 //! that was sent, what was measured, and the force after offsets. All of them stand in the row, so nothing that
 //! a specimen was told is hidden. Pure bookkeeping: no clock, no input or output of its own.
 
+mod believed;
 mod direction;
 mod estimate;
 mod guard;
@@ -12,21 +13,26 @@ pub mod limits;
 mod link;
 mod misfit;
 mod opening;
+mod path;
 mod probe;
+mod pursuit;
 mod stiffness;
 mod tangent;
+mod tempo;
 mod trend;
 mod units;
 
+pub use believed::Believed;
 pub use direction::Direction;
 pub use estimate::Declared;
 pub use leaving::{Departure, Exit, Exits};
 pub use link::{LinkCount, OnStale, WaitRules};
 pub use misfit::{Channel, Misfit};
 pub use opening::{Reading, Reference, Zero};
+pub use path::{Order, Path, Point};
 pub use probe::{Found, Pace, Probe};
 pub use stiffness::{Opinion, compare_stiffness};
-pub use tangent::{Point, Tangent};
+pub use tempo::{HOLD_AT, SLOW_FROM, Stage, Stride, Tempo};
 pub use trend::Trend;
 pub use units::AxisUnits;
 
@@ -154,6 +160,8 @@ pub struct Port {
     is_recorded: bool,
     /// Exchanges that were none of the test's: by so much the numbers on the link are ahead of the test's.
     ahead: u64,
+    /// How it is led from one target to the next.
+    pursuit: pursuit::Pursuit,
     stiffness: Vec<f64>,
     guard: guard::Guard,
     estimates: estimate::Estimates,
@@ -248,6 +256,7 @@ impl Port {
             wait: None,
             direction: Direction::Known,
             ahead: 0,
+            pursuit: pursuit::Pursuit::new(n),
             is_recorded: false,
             estimates: estimate::Estimates::new(&stiffness),
             stiffness,
@@ -345,7 +354,7 @@ impl Port {
         }
         self.link.sent += 1;
         let command = Command {
-            sequence: sequence + self.ahead,
+            sequence: self.pursuit.number(sequence, self.ahead),
             time,
             dt,
             disp: &self.command,
@@ -361,9 +370,9 @@ impl Port {
     /// The link is lost, or the force is not a finite number.
     pub fn collect(&mut self, deadline: Nanos) -> Result<Freshness, LinkFault> {
         copy(&self.raw, &mut self.incoming);
-        self.incoming.sequence += self.ahead;
+        self.incoming.sequence = self.pursuit.on_link(self.raw.sequence);
         let mut freshness = self.substructure.collect(deadline, &mut self.incoming)?;
-        self.incoming.sequence = self.incoming.sequence.saturating_sub(self.ahead);
+        self.incoming.sequence = self.pursuit.in_test(self.incoming.sequence);
         if self.incoming.sequence < self.raw.sequence {
             freshness = Freshness::Stale;
         } else {
@@ -426,7 +435,9 @@ impl Port {
     /// # Errors
     /// The link is lost.
     pub fn accepted(&mut self, sequence: u64) -> Result<(), LinkFault> {
-        self.substructure.accepted(sequence + self.ahead)
+        let sequence = self.pursuit.accepts(sequence);
+        let number = self.pursuit.on_link(sequence);
+        self.substructure.accepted(number)
     }
 
     /// Last words.

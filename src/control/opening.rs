@@ -125,7 +125,7 @@ impl Port {
         self.estimates.moves = false;
         self.link.sent += 1;
         self.substructure.issue(&Command {
-            sequence: sequence + self.ahead,
+            sequence: self.pursuit.number(sequence, self.ahead),
             time,
             dt: 0.0,
             disp: &self.sent,

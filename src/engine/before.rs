@@ -3,10 +3,10 @@
 //! Zeroing commands every specimen to where it stands and reads; ramping goes from there to where the test begins along
 //! half a cosine, slower than any speed limit. Nothing jumps.
 
+use super::operator::{Control, Notice};
 use super::phase::{Cause, Phase};
-use super::run::{Control, Notice};
 use super::tick::Tick;
-use super::{Engine, Stop};
+use super::{Engine, Side, Stop};
 use crate::record::EventKind;
 use crate::rt::timing::TickStamps;
 
@@ -152,6 +152,11 @@ impl Engine {
             port.count_energy();
         }
         self.clear_commands()?;
+        // A processor that only waited is slow in its first steps: each tick does the work of one.
+        let scratch = match &self.side {
+            Side::Structure(numerical) => numerical.scratch(),
+            Side::Prescribed(_) => None,
+        };
         for k in 0..self.limits.warmup_ticks {
             let tick = Tick::before_start(0.0);
             let mut stamps = TickStamps::default();
@@ -162,6 +167,9 @@ impl Engine {
                 self.exchange_again(&tick, &mut stamps)?;
             }
             self.sequence += 1;
+            if let (Side::Structure(numerical), Some(scratch)) = (&mut self.side, &scratch) {
+                numerical.rehearse(scratch, &mut self.ports);
+            }
             stamps.ready = stamps.decoded;
             stamps.pushed = self.clock.now();
             self.timing.tick(&stamps);

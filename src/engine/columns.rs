@@ -17,6 +17,8 @@ use crate::time::Nanos;
 /// The row of the current tick and the place of each number in it.
 #[derive(Debug)]
 pub struct Row {
+    /// Whether the operator wants a hold.
+    pub hold: bool,
     values: Vec<f64>,
     dofs: Vec<usize>,
     disp: Range<usize>,
@@ -27,14 +29,20 @@ pub struct Row {
     timing: Range<usize>,
 }
 
-const BOOKKEEPING: [(&str, &str, &str); 4] = [
+const BOOKKEEPING: [(&str, &str, &str); 5] = [
     ("step", "1", "step of the integration, from 0 at t = 0"),
     ("sub_tick", "1", "tick within the step, from 0"),
     (
         "state",
         "1",
         "phase: 1 settling under the static load, 2 trying which way round a specimen is wired, 3 running, 4 zeroing, \
-         5 ramping, 6 holding, 7 leaving, 8 tripped",
+         5 ramping, 6 holding, 7 leaving, 8 tripped; between two steps: 11 towards a known target, 12 along the \
+         prediction, 13 slowing down",
+    ),
+    (
+        "hold",
+        "1",
+        "1 from the tick before which the operator asked for a hold, until he lets the test go on",
     ),
     ("time", "s", "test time"),
 ];
@@ -121,6 +129,7 @@ impl Row {
         let values = vec![0.0; columns.len()];
         (
             Self {
+                hold: false,
                 values,
                 dofs: dofs.to_vec(),
                 disp,
@@ -142,6 +151,19 @@ impl Row {
 
     /// What the next advance and the next aim will overwrite: x and everything of the ports. Real-time: yes.
     pub fn exchange(&mut self, tick: &Tick, phase: Phase, side: &Side, ports: &[Port]) {
+        if let Side::Structure(numerical) = side {
+            gather(
+                &mut self.values,
+                &self.disp,
+                &self.dofs,
+                &numerical.state.disp,
+            );
+        }
+        self.between(tick, phase.code(), side, ports);
+    }
+
+    /// A tick that ends no step: x, v and a are those of the last one. `state` is for the column of this name. Real-time: yes.
+    pub fn between(&mut self, tick: &Tick, state: f64, side: &Side, ports: &[Port]) {
         let ground = match side {
             Side::Structure(numerical) if numerical.excitation.has_base() => {
                 numerical.excitation.base(tick.index()).0
@@ -152,20 +174,13 @@ impl Row {
         let head = [
             tick.step as f64,
             tick.sub_tick as f64,
-            phase.code(),
+            state,
+            f64::from(u8::from(self.hold)),
             tick.time,
             ground,
         ];
         for (to, from) in self.values.iter_mut().zip(head) {
             *to = from;
-        }
-        if let Side::Structure(numerical) = side {
-            gather(
-                &mut self.values,
-                &self.disp,
-                &self.dofs,
-                &numerical.state.disp,
-            );
         }
         for (range, port) in self.ports.iter().zip(ports) {
             let Some(slots) = self.values.get_mut(range.clone()) else {

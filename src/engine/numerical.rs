@@ -41,18 +41,26 @@ pub struct Numerical {
 
 /// Points every port along its prescribed histories. Real-time: yes.
 pub(super) fn aim_along(histories: &[Option<Prescribed>], step: usize, ports: &mut [Port]) {
-    let mut along = histories.iter().map(|history| {
-        let (disp, vel) = history
-            .as_ref()
-            .map_or((&[][..], &[][..]), |history| history.at(step));
-        (
-            disp.first().copied().unwrap_or(0.0),
-            vel.first().copied().unwrap_or(0.0),
-        )
-    });
+    let mut along = histories.iter().map(|history| at(history.as_ref(), step));
     for port in ports {
         port.aim_at(&mut along);
     }
+}
+
+/// The next target of every port along its prescribed histories. Real-time: yes.
+pub(super) fn seek_along(histories: &[Option<Prescribed>], step: usize, ports: &mut [Port]) {
+    let mut along = histories.iter().map(|history| at(history.as_ref(), step));
+    for port in ports {
+        port.seek_at(&mut along);
+    }
+}
+
+fn at(history: Option<&Prescribed>, step: usize) -> (f64, f64) {
+    let (disp, vel) = history.map_or((&[][..], &[][..]), |history| history.at(step));
+    (
+        disp.first().copied().unwrap_or(0.0),
+        vel.first().copied().unwrap_or(0.0),
+    )
 }
 
 impl Numerical {
@@ -181,28 +189,38 @@ impl Numerical {
         self.acceleration.accel_into(&self.inertia, &mut self.accel);
     }
 
-    /// Runs the whole numerical path `times` times and leaves no trace, so that caches and branch predictors are
-    /// warm at the first tick. An offline method has no deadline to be warm for.
-    pub fn rehearse(&mut self, times: usize, ports: &mut [Port]) {
-        if self.is_offline() {
-            return;
-        }
-        let (state, audit) = (self.state.clone(), self.audit.clone());
+    /// What a rehearsal goes back to; none for an offline method, which has no deadline to be warm for.
+    #[must_use]
+    pub fn scratch(&self) -> Option<Scratch> {
         let mut memory = Vec::new();
         self.structure.freeze(&mut memory);
-        for _ in 0..times {
-            self.close(0, 0.0, ports);
-            // An integrator does not fail.
-            let _ = self.advance(0);
-            self.output_accel();
-            self.state.clone_from(&state);
-        }
-        self.structure.thaw(&memory);
+        let state = self.state.clone();
+        (!self.is_offline()).then_some(Scratch { state, memory })
+    }
+
+    /// Runs the whole numerical path once and leaves no trace, so that the processor, its caches and branch predictors
+    /// are warm at the first tick. Real-time: yes.
+    pub fn rehearse(&mut self, scratch: &Scratch, ports: &mut [Port]) {
+        // What the audit has seen of the test stays as it is.
+        let audit = self.audit.take();
+        self.close(0, 0.0, ports);
+        // An integrator does not fail.
+        let _ = self.advance(0);
+        self.output_accel();
+        self.state.copy_from(&scratch.state);
+        self.structure.thaw(&scratch.memory);
         self.audit = audit;
         for output in [&mut self.inertia, &mut self.reported_vel, &mut self.accel] {
             output.fill(0.0);
         }
     }
+}
+
+/// State and memory of the numerical side before t = 0.
+#[derive(Debug)]
+pub struct Scratch {
+    state: State,
+    memory: Vec<f64>,
 }
 
 /// Step numbers are u64 on the grid and usize in memory; beyond memory there is no load.

@@ -82,6 +82,15 @@ impl State {
     pub fn at_rest(dofs: usize) -> Self {
         Self::new(vec![0.0; dofs], vec![0.0; dofs])
     }
+
+    /// Takes over another state of the same size. Real-time: yes.
+    pub fn copy_from(&mut self, other: &Self) {
+        self.disp.copy_from_slice(&other.disp);
+        self.vel.copy_from_slice(&other.vel);
+        self.weighted_accel.copy_from_slice(&other.weighted_accel);
+        self.begun = other.begun;
+        self.memory.clone_from(&other.memory);
+    }
 }
 
 /// Explicit in displacement and velocity: both at n + 1 follow from the residual at n alone.

@@ -66,7 +66,7 @@ pub(super) struct EventLog<S> {
     tick_ns: u64,
     specimens: Vec<String>,
     classes: MissClasses,
-    logged: [u64; 4],
+    logged: [u64; 5],
     taken: u64,
     lost: u64,
     scratch: Vec<u8>,
@@ -92,7 +92,7 @@ impl<S: Store> EventLog<S> {
             tick_ns: context.tick_ns,
             specimens: context.specimens,
             classes: MissClasses::default(),
-            logged: [0; 4],
+            logged: [0; 5],
             taken: 0,
             lost: 0,
             scratch: Vec::with_capacity(512),
@@ -340,6 +340,15 @@ impl<S: Store> EventLog<S> {
                     "a sensor or actuator is at the end of its range"
                 );
             }
+            EventKind::Pace { from, to, share } => {
+                put(line, "from", from);
+                put(line, "to", to);
+                put(line, "share", share);
+                if loud(&mut self.logged[4]) {
+                    tracing::info!(tick = event.tick, time = event.time, "{from} → {to}");
+                }
+            }
+            EventKind::Checkpoint { digest } => put(line, "digest", format!("{digest:016x}")),
             EventKind::Phase { from, to, cause } => {
                 put(line, "from", from);
                 put(line, "to", to);
@@ -500,6 +509,8 @@ const fn kind_name(kind: &EventKind) -> &'static str {
         EventKind::DirectionUnknown { .. } => "direction_unknown",
         EventKind::Misfit { .. } => "misfit",
         EventKind::Phase { .. } => "phase",
+        EventKind::Pace { .. } => "pace",
+        EventKind::Checkpoint { .. } => "checkpoint",
         EventKind::Limit { trip: true, .. } | EventKind::TestLimit { trip: true, .. } => {
             "limit_trip"
         }

@@ -151,6 +151,20 @@ pub enum EventKind {
         /// In one word.
         what: &'static str,
     },
+    /// The pace of the commands changed between two targets.
+    Pace {
+        /// From here.
+        from: &'static str,
+        /// To here.
+        to: &'static str,
+        /// Share of the step that was made.
+        share: f64,
+    },
+    /// The state of the test after this step, as one number.
+    Checkpoint {
+        /// Of its bits.
+        digest: u64,
+    },
     /// The test's life went on.
     Phase {
         /// From here.

@@ -80,8 +80,10 @@ pub struct TimingSpec {
     pub warn_total_misses: Option<u64>,
     /// More deadline misses within `miss_window_s` than these are warned of.
     pub warn_misses_in_window: Option<u64>,
-    /// Ticks at the start whose timing is counted apart and whose misses stop nothing.
-    pub warmup_ticks: u64,
+    /// Ticks at the start, in which the specimens hold, whose timing is counted apart and whose misses stop nothing. Absent:
+    /// 200, but no longer than 0.5 s, and at least 2.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub warmup_ticks: Option<u64>,
 }
 
 impl Default for TimingSpec {
@@ -105,8 +107,24 @@ impl Default for TimingSpec {
             warn_consecutive_misses: None,
             warn_total_misses: None,
             warn_misses_in_window: None,
-            warmup_ticks: 200,
+            warmup_ticks: None,
         }
+    }
+}
+
+/// Warm-up ticks unless they are asked for by number.
+const WARM_UP_TICKS: u64 = 200;
+/// Longest time in s that they take unless they are asked for by number.
+const WARM_UP_S: f64 = 0.5;
+
+impl TimingSpec {
+    /// Warm-up ticks with a period of `period` seconds.
+    #[must_use]
+    pub fn warmup(&self, period: f64) -> u64 {
+        self.warmup_ticks.unwrap_or_else(|| {
+            let fit = (WARM_UP_S / period) as u64;
+            fit.clamp(2, WARM_UP_TICKS)
+        })
     }
 }
 

@@ -1,7 +1,7 @@
-//! The loop with nothing attached: the same threads, engine and recording as a test, no structure and no specimen.
+//! The loop with no specimen, with or without a structure: the same threads, engine and recording as a test.
 
 use crate::config::{ClockChoice, Diagnostics, Facts, Files, Prepared};
-use crate::engine::{Experiment, Limits, OnMiss, Opening, Side, TestLimits};
+use crate::engine::{Experiment, Limits, OnMiss, Opening, Pacing, Side, TestLimits};
 use crate::rt::TimingSpec;
 use crate::time::{RateError, Ratio};
 
@@ -16,19 +16,38 @@ pub fn bare_loop(rate: Ratio, duration: f64, timing: TimingSpec) -> Result<Prepa
     if !(duration > 0.0 && duration.is_finite()) {
         return Err(RateError::NotPositive);
     }
+    let steps = (duration * rate.value()).round().max(1.0) as u64;
+    let title = format!("Jitter at {rate} Hz");
+    let text = format!("# gusset jitter --rate {rate} --duration {duration}\n");
+    let side = Side::Prescribed(Vec::new());
+    Ok(loop_round(side, &[], rate, steps, timing, (title, text)))
+}
+
+/// A loop round a numerical side alone: no specimen, no bound, a missed deadline moves the grid. `record` are the degrees
+/// of freedom to record, `words` the title and what stands for the test file.
+#[must_use]
+pub fn loop_round(
+    side: Side,
+    record: &[usize],
+    rate: Ratio,
+    steps: u64,
+    timing: TimingSpec,
+    (title, text): (String, String),
+) -> Prepared {
     let rate_hz = rate.value();
-    let steps = (duration * rate_hz).round().max(1.0) as u64;
     let period = rate.inverse();
-    let warmup = timing.warmup_ticks.min((WARM_UP_S * rate_hz) as u64 + 1);
+    let warmup = timing
+        .warmup(period.value())
+        .min((WARM_UP_S * rate_hz) as u64 + 1);
     let experiment = Experiment {
         dt: period.value(),
         period,
         steps,
-        side: Side::Prescribed(Vec::new()),
+        side,
         opening: Opening::default(),
         settling: None,
         ports: Vec::new(),
-        record_dofs: Vec::new(),
+        record_dofs: record.to_vec(),
         limits: Limits {
             on_miss: OnMiss::Stretch,
             misses_in_a_row: u64::MAX,
@@ -40,14 +59,14 @@ pub fn bare_loop(rate: Ratio, duration: f64, timing: TimingSpec) -> Result<Prepa
             divergence: f64::MAX,
             test: TestLimits::default(),
         },
+        pacing: Pacing::default(),
     };
-    let title = format!("Jitter at {rate} Hz");
-    let text = format!("# gusset jitter --rate {rate} --duration {duration}\n");
     let facts = Facts {
         title,
         dt: period.value(),
         steps,
         rate_hz,
+        ticks_per_step: 1,
         clock: ClockChoice::Real,
         structure: None,
         specimens: Vec::new(),
@@ -63,10 +82,10 @@ pub fn bare_loop(rate: Ratio, duration: f64, timing: TimingSpec) -> Result<Prepa
         resolved: text,
         inputs: Vec::new(),
     };
-    Ok(Prepared {
+    Prepared {
         experiment,
         facts,
         files,
         warnings: Diagnostics::default(),
-    })
+    }
 }

@@ -15,6 +15,7 @@ mod connect;
 mod desk;
 mod guarded;
 mod page;
+pub mod rehearsal;
 mod replay;
 mod signals;
 mod summary;
@@ -27,7 +28,7 @@ use std::time::Duration;
 use crossbeam_channel::Sender;
 use thiserror::Error;
 
-pub use bare::bare_loop;
+pub use bare::{bare_loop, loop_round};
 pub use desk::{Answer, Request, ask};
 pub use page::{Page, PageError, hero, write_report};
 pub use replay::{Difference, Replay, ReplayError, replay};

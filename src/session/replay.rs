@@ -98,8 +98,8 @@ impl Replay {
     }
 }
 
-/// Rows to come that must be known: this one, and those in which a request of the operator shows.
-const AHEAD: usize = 3;
+/// Rows to come that must be known: this one, and the one in which a confirmation shows.
+const AHEAD: usize = 2;
 
 /// The recorded rows, as far as the replay has come.
 struct Tape {
@@ -110,6 +110,10 @@ struct Tape {
     row: u64,
     time: f64,
     state: usize,
+    hold: usize,
+    at_time: usize,
+    /// Whether the operator wanted a hold before the row that comes.
+    holding: bool,
     operator: Sender<Operator>,
     difference: Option<Difference>,
     short: Option<String>,
@@ -137,20 +141,25 @@ impl Tape {
         self.ahead.get(ahead)?.get(self.state).copied()
     }
 
-    /// What the operator said before the tick of the row `ahead` rows on was over: it shows in the row behind it.
-    fn request(&self, ahead: usize) -> Option<Operator> {
-        let (now, next) = (self.phase(ahead)?, self.phase(ahead + 1)?);
-        let waits = |phase| phase == Phase::Holding.code() || phase == Phase::Zeroing.code();
-        if next == Phase::Holding.code() && now != next {
-            Some(Operator::Hold)
-        } else if waits(now) && now != next {
-            Some(Operator::Continue)
-        } else {
-            None
+    /// What the operator said before the tick of the row that comes: a wish for a hold stands in it, a confirmation shows in
+    /// the row behind it.
+    fn request(&mut self) -> Option<Operator> {
+        let row = self.ahead.front()?;
+        let holding = made_at(Some(row), self.hold) > 0.0;
+        if holding != self.holding {
+            self.holding = holding;
+            return Some(if holding {
+                Operator::Hold
+            } else {
+                Operator::Continue
+            });
         }
+        let (now, next) = (self.phase(0)?, self.phase(1)?);
+        let confirmed = now == Phase::Zeroing.code() && now != next;
+        confirmed.then_some(Operator::Continue)
     }
 
-    /// Compares the row that was just made, and says what the operator said before the next but one.
+    /// Compares the row that was just made, and says what the operator said before the next.
     fn compare(&mut self, made: &[f64]) {
         let Some(recorded) = self.ahead.front() else {
             return;
@@ -162,15 +171,14 @@ impl Tape {
                 self.difference = Some(Difference {
                     row: self.row,
                     step: at(0) as u64,
-                    time: at(3),
+                    time: at(self.at_time),
                     column: column.name.clone(),
                     recorded: *recorded,
                     replayed: *made,
                 });
             }
         }
-        self.time = made_at(self.ahead.front(), 3);
-        let request = self.request(1);
+        self.time = made_at(self.ahead.front(), self.at_time);
         if self.difference.is_none() {
             self.row += 1;
             self.ahead.pop_front();
@@ -180,7 +188,7 @@ impl Tape {
         let request = if self.ahead.is_empty() || self.difference.is_some() {
             Some(Operator::Stop)
         } else {
-            request
+            self.request()
         };
         if let Some(request) = request {
             let _ = self.operator.try_send(request);
@@ -263,6 +271,14 @@ impl Substructure for Recorded {
         })
     }
 
+    /// A partner that takes several ticks answers in the row in which it answered.
+    fn is_answered(&mut self) -> Result<bool, LinkFault> {
+        with(&self.tape, |tape| {
+            let row = tape.ahead.front().ok_or(LinkFault::Closed)?;
+            Ok(made_at(Some(row), self.sequence) as u64 >= self.issued)
+        })
+    }
+
     fn retire(&mut self, _: Retirement) {}
 }
 
@@ -291,6 +307,9 @@ pub fn replay(folder: &Path) -> Result<Replay, ReplayError> {
     let mut tape = Tape {
         journal: run.journal()?,
         state: place("state"),
+        hold: place("hold"),
+        at_time: place("time"),
+        holding: false,
         columns,
         ahead: VecDeque::with_capacity(AHEAD),
         row: 0,
@@ -300,7 +319,7 @@ pub fn replay(folder: &Path) -> Result<Replay, ReplayError> {
         short: None,
     };
     tape.fill();
-    if let Some(request) = tape.request(0) {
+    if let Some(request) = tape.request() {
         let _ = tape.operator.try_send(request);
     }
     let tape = Arc::new(Mutex::new(tape));

@@ -54,19 +54,20 @@ pub(super) fn tridiagonal(n: usize, value: f64) -> SymMatrix {
     SymMatrix::from_triplets(n, entries)
 }
 
-pub(super) fn chain(n: usize) -> Option<Structure> {
-    let mut dampers = Vec::with_capacity(n);
-    for dof in 0..n {
-        dampers.push(Element {
-            name: format!("absolute damper {}", dof + 1),
-            from: End::Fixed,
-            to: End::Dof(dof),
-            law: Box::new(DAMPER.build().ok()?),
-            reach: Reach::default(),
-            hardening_ratio: None,
-            damping_ratio: None,
-        });
-    }
+/// Example 4.3 with `n` masses: equal masses in a row on a base, a nonlinear damper from each to the inertial frame. None
+/// for no mass at all.
+#[must_use]
+pub fn chain_of_example_4_3(n: usize) -> Option<Structure> {
+    let law = DAMPER.build().ok()?;
+    let dampers = (0..n).map(|dof| Element {
+        name: format!("absolute damper {}", dof + 1),
+        from: End::Fixed,
+        to: End::Dof(dof),
+        law: Box::new(law.clone()),
+        reach: Reach::default(),
+        hardening_ratio: None,
+        damping_ratio: None,
+    });
     Structure::new(
         SymMatrix::diagonal(&vec![MASS; n]),
         tridiagonal(n, DAMPING),
@@ -208,7 +209,7 @@ pub(super) fn agreement(effort: Effort) -> Vec<Check> {
 
 /// First mass at the ends of `steps` steps of Δt, integrated with Δt/`finer`.
 pub(super) fn course(method: Method, n: usize, steps: usize, finer: usize) -> Option<Vec<f64>> {
-    let mut structure = chain(n)?;
+    let mut structure = chain_of_example_4_3(n)?;
     let dt = DT / finer as f64;
     let load = move |step: u64, out: &mut [f64]| {
         out.fill(0.0);
@@ -234,7 +235,7 @@ pub(super) fn same_equations(effort: Effort) -> Check {
     let (n, steps) = (effort.of(40, 120), 100);
     let apart = |way: Way, method: Method| -> Option<f64> {
         let mut dense = Dense::new(way, n)?;
-        let mut structure = chain(n)?;
+        let mut structure = chain_of_example_4_3(n)?;
         let mut walk = Walk::new(method, &mut structure, DT, base).ok()?;
         let (mut worst, mut largest) = (0.0f64, 0.0f64);
         for _ in 0..steps {

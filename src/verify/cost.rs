@@ -3,7 +3,8 @@
 //! Times are those of this machine and are not judged; what a dense implementation of each method must do in a step is.
 
 use super::chain::{
-    DT, METHODS, WAYS, agreement, base, chain, damper, force_velocity, limits, same_equations,
+    DT, METHODS, WAYS, agreement, base, chain_of_example_4_3, damper, force_velocity, limits,
+    same_equations,
 };
 use super::dense::{Dense, Way};
 use super::drive::{Method, Walk};
@@ -25,7 +26,7 @@ const TABLE_2: [(usize, [f64; 6]); 8] = [
 
 /// Median time of a step in ms, and displacements of the first mass, over `steps` steps.
 fn timed(method: Method, n: usize, steps: usize, clock: &dyn Clock) -> Option<(f64, Vec<f64>)> {
-    let mut structure = chain(n)?;
+    let mut structure = chain_of_example_4_3(n)?;
     let mut walk = Walk::new(method, &mut structure, DT, base).ok()?;
     let (mut times, mut first) = (Vec::with_capacity(steps), Vec::with_capacity(steps));
     for _ in 0..steps {

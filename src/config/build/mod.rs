@@ -19,8 +19,9 @@ use std::path::PathBuf;
 
 use super::{
     ClockChoice, ConfigError, Diagnostics, DofChoice, Finding, Inputs, KeyPath, Loaded, Method,
+    TestFile, Time,
 };
-use crate::engine::{Experiment, Limits, Numerical, OnMiss, Settling, Side, StepAudit};
+use crate::engine::{Experiment, Limits, Numerical, OnMiss, Pacing, Settling, Side, StepAudit};
 use crate::integrate::{Lambda, LambdaChoice};
 use crate::linalg::{Spd, SymMatrix};
 use crate::rt;
@@ -50,8 +51,10 @@ pub struct Facts {
     pub dt: f64,
     /// Number of steps.
     pub steps: u64,
-    /// Ticks per second of wall time that are asked for.
+    /// Ticks of the controller per second of wall time that are asked for.
     pub rate_hz: f64,
+    /// Ticks of the controller in one step.
+    pub ticks_per_step: u32,
     /// The clock.
     pub clock: ClockChoice,
     /// The structure, if there is one.
@@ -127,6 +130,8 @@ struct Site<'a> {
     inputs: Inputs,
     errors: Vec<Finding>,
     warnings: Vec<Finding>,
+    /// True if no link is wanted: something stands for every specimen behind one.
+    rehearsal: bool,
 }
 
 /// The end of a build whose findings are in the site.
@@ -171,11 +176,25 @@ fn path(key: &str) -> KeyPath {
 /// # Errors
 /// [`ConfigError::Invalid`] with everything that was found wrong before the build had to give up.
 pub fn build(loaded: &Loaded) -> Result<Prepared, ConfigError> {
+    build_as(loaded, false)
+}
+
+/// The same experiment without its links: what is declared of a specimen behind one stands in its place. Nothing else is
+/// different.
+///
+/// # Errors
+/// As [`build`].
+pub fn build_rehearsal(loaded: &Loaded) -> Result<Prepared, ConfigError> {
+    build_as(loaded, true)
+}
+
+fn build_as(loaded: &Loaded, rehearsal: bool) -> Result<Prepared, ConfigError> {
     let mut site = Site {
         loaded,
         inputs: loaded.inputs(),
         errors: Vec::new(),
         warnings: Vec::new(),
+        rehearsal,
     };
     match assemble(&mut site) {
         Ok(prepared) => Ok(prepared),
@@ -221,6 +240,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         dt: time.step.value(),
         steps: time.steps,
         rate_hz: time.period.inverse().value(),
+        ticks_per_step: time.ticks_per_step,
         clock: time.clock,
         structure,
         specimens: names,
@@ -254,7 +274,8 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         settling,
         ports,
         record_dofs,
-        limits: limits(file, &time),
+        limits: limits(file, time),
+        pacing: pacing(file, time),
     };
     Ok(Prepared {
         experiment,
@@ -265,7 +286,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
 }
 
 /// What is moved before the test, in sentences.
-fn announced(file: &super::TestFile) -> Vec<String> {
+fn announced(file: &TestFile) -> Vec<String> {
     let probed = file.specimen.iter().filter_map(|specimen| {
         let metres = specimen.link.as_ref()?.probe_m?;
         Some(format!(
@@ -282,8 +303,19 @@ const REPLY_TIMEOUT_NS: u64 = 5_000_000_000;
 /// Stale measurements in a row after which a test stops.
 const STALE_IN_A_ROW: u64 = 10;
 
-fn limits(file: &super::TestFile, time: &super::Time) -> Limits {
+/// How steps and ticks of the controller belong together.
+fn pacing(file: &TestFile, time: Time) -> Pacing {
+    let ticks = |seconds: f64| (seconds / time.period.value()).ceil();
+    Pacing {
+        ticks_per_step: time.ticks_per_step,
+        ease_ticks: ticks(file.safety.ease_s) as u32,
+        checkpoint_ticks: ticks(file.record.checkpoint_s).max(1.0) as u64,
+    }
+}
+
+fn limits(file: &TestFile, time: Time) -> Limits {
     let timing = &file.timing;
+    let ticks = time.steps.saturating_mul(u64::from(time.ticks_per_step));
     Limits {
         on_miss: match timing.on_miss {
             rt::OnMiss::Stretch => OnMiss::Stretch,
@@ -293,13 +325,13 @@ fn limits(file: &super::TestFile, time: &super::Time) -> Limits {
             rt::OnMiss::Stop => OnMiss::Stop,
         },
         misses_in_a_row: timing.max_consecutive_misses,
-        misses_in_total: timing.miss_bound(time.steps),
+        misses_in_total: timing.miss_bound(ticks),
         extrapolate_stale: false,
         stale_in_a_row: STALE_IN_A_ROW,
         reply_timeout_ns: REPLY_TIMEOUT_NS,
-        warmup_ticks: timing.warmup_ticks,
+        warmup_ticks: timing.warmup(time.period.value()),
         divergence: file.safety.divergence_m.unwrap_or(f64::MAX),
-        test: safety::test_limits(file, time),
+        test: safety::test_limits(file, &time),
     }
 }
 

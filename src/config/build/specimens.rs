@@ -8,7 +8,7 @@ use super::gear::{Rows, axis, scaled};
 use super::{Refused, Site, links, path, safety};
 use crate::config::{Finding, KeyPath, MatrixValue, SpecimenTable};
 use crate::control::limits::LimitsSpec;
-use crate::control::{Axis, Declared, Direction, Pace, Port, Trend, WaitRules};
+use crate::control::{Axis, Believed, Declared, Direction, Order, Pace, Port, Trend, WaitRules};
 use crate::law::Reach;
 use crate::linalg::SymMatrix;
 use crate::link::LinkSpec;
@@ -18,6 +18,7 @@ use crate::link::spec::{ProbeChoice, Protocol};
 use crate::model::StructureSpec;
 use crate::specimen::{InProcess, InUnits, Specimen};
 use crate::substructure::Substructure;
+use crate::transfer::Transfer;
 
 /// One specimen with everything that is known of it, in the structure's units and at its scale.
 #[derive(Debug)]
@@ -44,6 +45,8 @@ enum Stand {
     Law(Box<dyn Specimen>),
     Native(Box<NativeLink>, WaitRules),
     OpenFresco(Box<Remote>, WaitRules),
+    /// In a rehearsal: k̂ and ĉ.
+    Believed,
 }
 
 /// What one specimen adds to the structure, by rows.
@@ -73,7 +76,7 @@ fn entry(site: &mut Site<'_>, at: &KeyPath, table: &SpecimenTable) -> Result<Ent
     let n = rows.len();
     let mut law = match (table.sources().into_iter().next(), &table.link) {
         (Some((key, source)), _) => match source.build(n) {
-            Ok(law) => Some(law),
+            Ok(law) => Some(behind_transfer(site, at, table, law)?),
             Err(error) => return site.refuse_key(&at.key(key), error.key(), &error),
         },
         (None, Some(_)) => None,
@@ -136,8 +139,16 @@ fn entry(site: &mut Site<'_>, at: &KeyPath, table: &SpecimenTable) -> Result<Ent
             Ok((stiffness.iter().map(times).collect(), damping.clone()))
         }
     };
+    let stand_in = match &table.stand_in {
+        Some(source) => match source.build(n) {
+            Ok(law) => Some(law),
+            Err(error) => return site.refuse_key(&at.key("stand_in"), error.key(), &error),
+        },
+        None => None,
+    };
     let stand = match (law, &table.link) {
         (Some(law), _) => Stand::Law(law),
+        (None, Some(_)) if site.rehearsal => stand_in.map_or(Stand::Believed, Stand::Law),
         (None, Some(link)) if link.protocol == Protocol::Gusset => {
             let (native, rules) = links::native(site, at, table, link, n)?;
             Stand::Native(Box::new(native), rules)
@@ -161,6 +172,22 @@ fn entry(site: &mut Site<'_>, at: &KeyPath, table: &SpecimenTable) -> Result<Ent
         bounds,
         mass_in_force: table.mass_in_force_kg,
     })
+}
+
+/// The law behind the actuator and the sensors of its table, if there are any.
+fn behind_transfer(
+    site: &mut Site<'_>,
+    at: &KeyPath,
+    table: &SpecimenTable,
+    law: Box<dyn Specimen>,
+) -> Result<Box<dyn Specimen>, Refused> {
+    let Some(spec) = &table.transfer else {
+        return Ok(law);
+    };
+    match Transfer::new(spec, law, Some(site.loaded.time.step.value())) {
+        Ok(transfer) => Ok(Box::new(transfer)),
+        Err(error) => site.refuse_key(&at.key("transfer"), error.key(), &error),
+    }
 }
 
 /// Rows of B: of a storey, given, or one without any entry for a test without a structure.
@@ -360,6 +387,13 @@ impl Specimens {
                 ),
                 Stand::Native(native, rules) => (native, Some(rules)),
                 Stand::OpenFresco(remote, rules) => (remote, Some(rules)),
+                Stand::Believed => {
+                    let axes = entry.axes.clone();
+                    (
+                        Box::new(Believed::new(axes, entry.stiffness, entry.damping)),
+                        None,
+                    )
+                }
             };
             let metres: Vec<f64> = entry.units.iter().map(|unit| unit.0).collect();
             let exits = safety::exits(site, index, &metres)?;
@@ -369,9 +403,18 @@ impl Specimens {
                     let table = &site.loaded.file.specimen[index];
                     let specs = table.limits_of(axes);
                     let limits = specs.iter().map(LimitsSpec::limits).collect();
-                    let tick = site.loaded.time.period.value();
+                    let time = site.loaded.time;
+                    let per_step = table.link.as_ref().is_some_and(links::is_per_step);
+                    let ticks = if per_step { time.ticks_per_step } else { 1 };
+                    let tick = time.period.value() * f64::from(ticks);
+                    let order = match site.loaded.file.time.prediction_order {
+                        1 => Order::Linear,
+                        2 => Order::Quadratic,
+                        _ => Order::Cubic,
+                    };
                     let mut port = port
                         .with_limits(limits, entry.units, tick)
+                        .with_pace(per_step, order)
                         .with_references(safety::references(table, axes))
                         .with_declared(&declared, &stiffness, site.loaded.time.step.value());
                     port.wait = wait;

@@ -18,9 +18,11 @@ pub(super) fn check_safety(file: &TestFile, findings: &mut Findings) {
                 .push(Finding::error(at.key(key), error.to_string()));
         }
     }
+    findings.positive(at.key("resume_within_m"), safety.resume_within_m);
     for (key, value) in [
         ("zero_s", safety.zero_s.unwrap_or(0.0)),
         ("ramp_s", safety.ramp_s),
+        ("ease_s", safety.ease_s),
     ] {
         if value < 0.0 {
             findings.0.push(

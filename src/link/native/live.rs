@@ -219,6 +219,30 @@ impl Live {
         Ok(Freshness::Stale)
     }
 
+    /// True if the answer to the last command is here. What was lost is asked for again, as [`Live::collect`] does while it
+    /// waits. Does not block. Real-time: yes.
+    pub(super) fn is_answered(&mut self) -> Result<bool, LinkFault> {
+        if let Some(fault) = self.fault {
+            return Err(fault);
+        }
+        let issued = self.issued.ok_or(LinkFault::Timeout)?;
+        for _ in 0..EXTRA_READS {
+            self.take_frames(issued)?;
+            if self.book.has(issued) {
+                return Ok(true);
+            }
+            match self.transport.recv(self.inbox.space(), Nanos(0)) {
+                Ok(Some(count)) => self.inbox.filled(count),
+                Ok(None) => break,
+                Err(fault) => return Err(self.fail_plainly(fault)),
+            }
+        }
+        if os::monotonic_ns().saturating_sub(self.sent_ns) >= self.nudge_ns {
+            self.nudge(issued)?;
+        }
+        Ok(false)
+    }
+
     /// A lockstep answer stays away. A lost datagram is sent again (the specimen answers again and moves nothing); on a
     /// stream nothing is lost, but the specimen's watchdog is told that we are here.
     fn nudge(&mut self, issued: u64) -> Result<(), LinkFault> {

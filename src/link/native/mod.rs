@@ -118,6 +118,12 @@ impl Substructure for NativeLink {
             .map_or(Err(LinkFault::Closed), |live| live.collect(deadline, into))
     }
 
+    fn is_answered(&mut self) -> Result<bool, LinkFault> {
+        self.live
+            .as_mut()
+            .map_or(Err(LinkFault::Closed), Live::is_answered)
+    }
+
     fn attend(&mut self) -> Result<(), LinkFault> {
         self.live.as_mut().map_or(Ok(()), Live::attend)
     }

@@ -1,0 +1,243 @@
+//! `gusset jitter --model`: the largest model that keeps its deadlines on this machine, at each of several rates.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use serde_json::json;
+use tracing::subscriber::NoSubscriber;
+
+use super::exit::Exit;
+use super::table::Table;
+use super::{JitterArgs, ModelArg, answer, tell};
+use crate::frontier::{Length, Point, Scalable, Search, Trial, csv, largest, svg};
+use crate::record::{Progress, RunFolder, atomic};
+use crate::rt::TimingSpec;
+use crate::rt::wall::Wall;
+use crate::session::{self, Signal, Signals, Watches, loop_round};
+use crate::time::Ratio;
+
+/// Share of the deadlines that a model must keep.
+const WANTED: f64 = 0.9999;
+/// The least and the most degrees of freedom that are tried; 1 kB each while a model is made.
+const MOST: usize = 4_000_000;
+/// Size to begin with at the highest rate, before anything is known.
+const BEGIN: usize = 1000;
+/// Ticks that judge a size, and with `--quick`.
+const PROOF: u64 = 10_000;
+const QUICK_PROOF: u64 = 1000;
+/// A trial that only looks takes this long, in s, and has so many ticks at least.
+const LOOK_S: f64 = 0.5;
+const LOOK_TICKS: u64 = 200;
+
+/// Searches at all rates, from the highest, draws and writes.
+pub fn frontier(args: &JitterArgs, model: ModelArg) -> anyhow::Result<Exit> {
+    let model = match model {
+        ModelArg::Chain => Scalable::Chain,
+        ModelArg::Frame => Scalable::Frame,
+    };
+    let mut rates = Vec::with_capacity(args.rates.len());
+    for text in &args.rates {
+        rates.push(Ratio::parse(text).with_context(|| format!("--rates {text:?}"))?);
+    }
+    rates.sort_by(|a, b| b.value().total_cmp(&a.value()));
+    let timing = super::jitter::timing(args)?;
+    let folder = folder(args, model)?;
+    let signals = Signals::listen().context("signals cannot be taken over")?;
+    let trials = Trials {
+        model,
+        timing,
+        proof: if args.quick { QUICK_PROOF } else { PROOF },
+        scratch: folder.join("trial"),
+        signals: &signals,
+    };
+    let mut points: Vec<Point> = Vec::with_capacity(rates.len());
+    let mut refused = Vec::new();
+    for rate in rates {
+        let rate_hz = rate.value();
+        let begin = points
+            .last()
+            .map_or(BEGIN, |last| (last.dof_hz() / rate_hz) as usize);
+        let search = Search {
+            begin,
+            range: (model.least(), MOST),
+            wanted: WANTED,
+        };
+        let found = largest(search, &mut |n, length| trials.run(n, rate, length))?;
+        if signals.seen().is_some() {
+            break;
+        }
+        match found {
+            Some((dofs, trial)) => points.push(Point {
+                rate_hz,
+                dofs,
+                trial,
+            }),
+            None => refused.push(rate_hz),
+        }
+    }
+    write(&folder, model, &points)?;
+    if args.json {
+        answer(serde_json::to_string_pretty(&as_json(model, &points))?)?;
+    }
+    conclude(model, &points, &refused, trials.proof, &folder);
+    Ok(match signals.seen() {
+        Some(Signal::Terminate) => Exit::Terminated,
+        Some(Signal::Interrupt) => Exit::Interrupted,
+        None if points.is_empty() => Exit::Stopped,
+        None => Exit::Done,
+    })
+}
+
+/// Runs one size at one rate in the loop of a test, on its own thread, recorded as any test.
+struct Trials<'a> {
+    model: Scalable,
+    timing: TimingSpec,
+    proof: u64,
+    scratch: PathBuf,
+    signals: &'a Signals,
+}
+
+impl Trials<'_> {
+    /// The size that was really run and how it went; none if the operator has had enough.
+    fn run(
+        &self,
+        wanted: usize,
+        rate: Ratio,
+        length: Length,
+    ) -> anyhow::Result<Option<(usize, Trial)>> {
+        if self.signals.seen().is_some() {
+            return Ok(None);
+        }
+        let n = self.model.size_near(wanted);
+        let rate_hz = rate.value();
+        let ticks = match length {
+            Length::Short => LOOK_TICKS.max((LOOK_S * rate_hz) as u64),
+            Length::Long => self.proof,
+        };
+        let side = self.model.side(n, 1.0 / rate_hz, ticks as usize)?;
+        let words = (
+            format!("{n} degrees of freedom at {rate} Hz"),
+            format!("# gusset jitter --model: {n} degrees of freedom at {rate} Hz\n"),
+        );
+        let test = loop_round(side, &[0, n - 1], rate, ticks, self.timing.clone(), words);
+        let folder = RunFolder::create(&self.scratch).context("the folder cannot be made")?;
+        let requests = self.signals.requests();
+        // Deadlines are missed on purpose here: they are counted, not told one by one.
+        let finished = tracing::subscriber::with_default(NoSubscriber::new(), || {
+            let unseen = &mut |_: &Progress| {};
+            session::run(test, folder, requests, Watches::default(), unseen)
+        });
+        // A trial is not a test that anybody wants to keep.
+        let _ = std::fs::remove_dir_all(&self.scratch);
+        let summary = finished?.summary;
+        if self.signals.seen().is_some() {
+            return Ok(None);
+        }
+        let compute = &summary.timing["compute"];
+        let figure = |key: &str| compute[key].as_f64().unwrap_or(f64::NAN);
+        let taken_away = summary.miss_classes.taken_away;
+        let trial = Trial {
+            ticks: summary.steps + 1,
+            missed: summary.deadline_misses - taken_away,
+            taken_away,
+            compute_us: [figure("p50"), figure("p99_9")],
+        };
+        let what = match length {
+            Length::Short => "looks",
+            Length::Long => "proof",
+        };
+        tell(format_args!(
+            "{:>8} Hz {n:>9} DOFs, {what}: {} of {} deadlines missed, {} more taken away; step {:.1} µs",
+            rate_hz, trial.missed, trial.ticks, trial.taken_away, trial.compute_us[0],
+        ));
+        Ok(Some((n, trial)))
+    }
+}
+
+/// The folder of the results, made anew.
+fn folder(args: &JitterArgs, model: Scalable) -> anyhow::Result<PathBuf> {
+    let made = match &args.out {
+        Some(path) => RunFolder::create(path),
+        None => RunFolder::create_default(Path::new("runs"), title(model), Wall::now().0),
+    };
+    let made = made.context("the folder cannot be made")?;
+    let path = made.path().to_owned();
+    // No test is recorded in it.
+    made.abandon();
+    std::fs::create_dir_all(&path).with_context(|| path.display().to_string())?;
+    Ok(path)
+}
+
+const fn title(model: Scalable) -> &'static str {
+    match model {
+        Scalable::Chain => "frontier chain",
+        Scalable::Frame => "frontier frame",
+    }
+}
+
+fn write(folder: &Path, model: Scalable, points: &[Point]) -> anyhow::Result<()> {
+    for (name, text) in [
+        ("frontier.svg", svg(model.words(), points)),
+        ("frontier.csv", csv(points)),
+    ] {
+        let path = folder.join(name);
+        atomic::write(&path, text.as_bytes()).with_context(|| path.display().to_string())?;
+    }
+    Ok(())
+}
+
+fn as_json(model: Scalable, points: &[Point]) -> serde_json::Value {
+    let each = points.iter().map(|point| {
+        let trial = &point.trial;
+        json!({
+            "rate_hz": point.rate_hz,
+            "dofs": point.dofs,
+            "dof_hz": point.dof_hz(),
+            "ticks": trial.ticks,
+            "missed": trial.missed,
+            "taken_away": trial.taken_away,
+            "kept": trial.kept(),
+            "kept_of_all": trial.kept_of_all(),
+            "compute_p50_us": trial.compute_us[0],
+            "compute_p99_9_us": trial.compute_us[1],
+        })
+    });
+    json!({ "model": model.words(), "frontier": each.collect::<Vec<_>>() })
+}
+
+fn conclude(model: Scalable, points: &[Point], refused: &[f64], proof: u64, folder: &Path) {
+    let mut table = Table::new(&format!(
+        "Largest {} that keeps {:.2} % of {proof} deadlines",
+        model.words(),
+        WANTED * 100.0
+    ));
+    table.row(
+        "rate",
+        "     DOFs  million DOF·Hz   step p50, p99.9 µs   missed   taken away",
+    );
+    for point in points {
+        let trial = &point.trial;
+        let [p50, p99_9] = trial.compute_us;
+        table.row(
+            &format!("{} Hz", point.rate_hz),
+            &format!(
+                "{:>9} {:>15.1} {p50:>10.1} {p99_9:>9.1} {:>8} {:>12}",
+                point.dofs,
+                point.dof_hz() * 1e-6,
+                trial.missed,
+                trial.taken_away
+            ),
+        );
+    }
+    for rate_hz in refused {
+        let text = format!("not even {} degrees of freedom", model.least());
+        table.row(&format!("{rate_hz} Hz"), &text);
+    }
+    let path = folder.display();
+    table.row(
+        "taken away",
+        "deadlines that stalls of the machine below took: not held against a model",
+    );
+    table.row("files", &format!("{path} (frontier.svg, frontier.csv)"));
+    tell(table);
+}

@@ -1,0 +1,176 @@
+//! What `gusset check` shows of a rehearsal: the needs of each axis beside its limits, and what does not fit.
+
+use std::time::Duration;
+
+use serde_json::{Value, json};
+
+use super::run::refused;
+use super::table::{Table, duration, quantity};
+use super::warn;
+use crate::config::{Diagnostics, Finding, Loaded, Severity};
+use crate::control::limits::Quantity;
+use crate::engine::Experiment;
+use crate::session::rehearsal::{self, Curtain, Need, Rehearsal};
+
+/// Longest wall time of a rehearsal: whoever checks a test waits for it.
+const BUDGET: Duration = Duration::from_secs(10);
+
+/// A rehearsal, and what it found.
+pub struct Rehearsed {
+    rehearsal: Rehearsal,
+    findings: Vec<Finding>,
+}
+
+impl Rehearsed {
+    /// Rehearses a test that is built.
+    pub fn of(loaded: &Loaded, experiment: Experiment) -> anyhow::Result<Self> {
+        let rehearsal = rehearsal::rehearse(loaded, experiment, BUDGET).map_err(refused)?;
+        let findings = rehearsal.findings(loaded);
+        Ok(Self {
+            rehearsal,
+            findings,
+        })
+    }
+
+    /// True if no limit would trip.
+    pub fn is_possible(&self) -> bool {
+        let error = |finding: &Finding| finding.severity == Severity::Error;
+        !self.findings.iter().any(error)
+    }
+
+    /// Shows the warnings; what would trip is an error.
+    pub fn judge(self, loaded: &Loaded) -> anyhow::Result<()> {
+        let (errors, warnings): (Vec<_>, Vec<_>) = self
+            .findings
+            .into_iter()
+            .partition(|finding| finding.severity == Severity::Error);
+        let warnings = warnings.into_iter();
+        let diagnose = |finding| loaded.locator.diagnose(finding);
+        warn(&Diagnostics(warnings.map(diagnose).collect()));
+        if errors.is_empty() {
+            Ok(())
+        } else {
+            Err(refused(loaded.refuse(errors)))
+        }
+    }
+
+    /// One line per quantity, axis after axis.
+    pub fn tabulate(&self, table: &mut Table) {
+        let Rehearsal {
+            time,
+            curtain,
+            wall_s,
+            specimens,
+        } = &self.rehearsal;
+        let how = match curtain {
+            Curtain::Completed => "",
+            Curtain::OutOfTime => ", then there was no more time",
+            Curtain::Stopped(_) => ", then the test would stop",
+        };
+        let text = format!(
+            "{} of test time on the simulated clock in {}{how}",
+            duration(*time),
+            duration(*wall_s)
+        );
+        table.row("rehearsal", &text);
+        for needs in specimens {
+            table.row(
+                &needs.name,
+                &format!("stood for it: {}", needs.stand_in.words()),
+            );
+            for (axis, all) in needs.axes.iter().enumerate() {
+                let lines: Vec<String> = all.iter().map(line).collect();
+                table.row(&format!("  axis {} needs", axis + 1), &lines.join("\n"));
+            }
+        }
+    }
+
+    /// The same as JSON.
+    pub fn as_json(&self) -> Value {
+        let Rehearsal {
+            time,
+            curtain,
+            wall_s,
+            specimens,
+        } = &self.rehearsal;
+        let level = |value: f64| value.is_finite().then_some(value);
+        let need = |need: &Need| {
+            json!({
+                "quantity": need.quantity.key(),
+                "low": need.needed.low,
+                "low_at_s": need.needed.low_at,
+                "high": need.needed.high,
+                "high_at_s": need.needed.high_at,
+                "warn": need.warn.map(level),
+                "trip": need.trip.map(level),
+                "margin": need.margin(),
+                "trips": need.trips(),
+                "warns": need.warns(),
+            })
+        };
+        let specimens: Vec<Value> = specimens
+            .iter()
+            .map(|needs| {
+                let axes = needs.axes.iter();
+                let axes: Vec<Vec<Value>> =
+                    axes.map(|all| all.iter().map(need).collect()).collect();
+                json!({ "name": needs.name, "stand_in": needs.stand_in.key(), "axes": axes })
+            })
+            .collect();
+        let findings = self.findings.iter().map(|finding| &finding.headline);
+        json!({
+            "time_s": time,
+            "wall_s": wall_s,
+            "complete": *curtain == Curtain::Completed,
+            "stopped": match curtain {
+                Curtain::Stopped(stop) => Some(stop.to_string()),
+                Curtain::OutOfTime => Some("out of time".to_owned()),
+                Curtain::Completed => None,
+            },
+            "specimens": specimens,
+            "findings": findings.collect::<Vec<_>>(),
+        })
+    }
+}
+
+fn line(need: &Need) -> String {
+    let unit = match need.quantity.unit() {
+        "m/s2" => "m/s²",
+        unit => unit,
+    };
+    let is_range = matches!(
+        need.quantity,
+        Quantity::CommandDisp
+            | Quantity::MeasuredDisp
+            | Quantity::SensorDisp
+            | Quantity::MeasuredForce
+            | Quantity::SensorForce
+    );
+    let value = |value: f64| quantity(value, unit);
+    let needed = if is_range {
+        format!("{} to {}", value(need.needed.low), value(need.needed.high))
+    } else {
+        format!("up to {}", value(need.needed.high))
+    };
+    let [low, high] = need.trip;
+    let limit = match (low.is_finite(), high.is_finite()) {
+        (false, false) => "no trip level".to_owned(),
+        (true, true) => format!("trips outside {} to {}", value(low), value(high)),
+        (true, false) => format!("trips below {}", value(low)),
+        (false, true) => format!("trips above {}", value(high)),
+    };
+    let margin = need.margin().map_or_else(String::new, |margin| {
+        format!(", margin {:.0} %", 100.0 * margin)
+    });
+    let verdict = if need.trips() {
+        " — WOULD TRIP"
+    } else if need.warns() {
+        " — would warn"
+    } else {
+        ""
+    };
+    format!(
+        "{}: {needed}; {limit}{margin}{verdict}",
+        need.quantity.words()
+    )
+}

@@ -1,0 +1,10 @@
+//! How large a model keeps its deadlines at a given rate: the models, the search and the picture. Nothing here keeps time:
+//! whoever searches runs the trials.
+
+mod models;
+mod picture;
+mod search;
+
+pub use models::{ModelError, Scalable};
+pub use picture::{MARKS, Mark, csv, svg};
+pub use search::{Length, Point, Search, Trial, largest};

@@ -1,0 +1,120 @@
+//! A rehearsal judged: which limits of the file the test would meet, and where they stand.
+
+use super::{Curtain, Need, Needs, Rehearsal};
+use crate::config::{Finding, KeyPath, Loaded};
+use crate::control::limits::Quantity;
+use crate::engine::Stop;
+
+impl Rehearsal {
+    /// Every limit that the test would meet, at its place in the file: a trip is an error, a warning a warning.
+    #[must_use]
+    pub fn findings(&self, loaded: &Loaded) -> Vec<Finding> {
+        let mut findings = Vec::new();
+        for (index, needs) in self.specimens.iter().enumerate() {
+            for (axis, all) in needs.axes.iter().enumerate() {
+                let place = |need: &Need| place(loaded, index, axis, need.quantity);
+                let found = all
+                    .iter()
+                    .filter_map(|need| finding(need, needs, axis, place(need)));
+                findings.extend(found);
+            }
+        }
+        findings.extend(self.end(loaded));
+        findings
+    }
+
+    /// What ended the rehearsal before the test's end.
+    fn end(&self, loaded: &Loaded) -> Option<Finding> {
+        let at = short(self.time);
+        let root = KeyPath::root();
+        match self.curtain {
+            Curtain::Completed => None,
+            Curtain::OutOfTime => Some(
+                Finding::warning(
+                    root.key("time"),
+                    format!("only the first {at} s of the test were rehearsed: it takes too long"),
+                )
+                .help("what comes later was not compared with the limits"),
+            ),
+            Curtain::Stopped(Stop::Limit { port, hit }) => Some(Finding::error(
+                place(loaded, port, hit.axis, hit.quantity),
+                format!(
+                    "the test would stop at {at} s: specimen {}, {hit}",
+                    port + 1
+                ),
+            )),
+            Curtain::Stopped(stop @ Stop::Diverged { .. })
+                if loaded.file.safety.divergence_m.is_some() =>
+            {
+                Some(Finding::error(
+                    root.key("safety").key("divergence_m"),
+                    format!("the test would stop at {at} s: {stop}"),
+                ))
+            }
+            Curtain::Stopped(stop) => Some(Finding::warning(
+                root,
+                format!("the rehearsal of the test stopped at {at} s: {stop}"),
+            )),
+        }
+    }
+}
+
+/// A need that is beyond a level, in words.
+fn finding(need: &Need, needs: &Needs, axis: usize, at: KeyPath) -> Option<Finding> {
+    let (value, time) = need.needed.farther_from(need.trip, need.warn);
+    let unit = need.quantity.unit();
+    let text = format!(
+        "the test needs a {} of {} {unit} on axis {} of `{}`, at {} s",
+        need.quantity.words(),
+        short(value),
+        axis + 1,
+        needs.name,
+        short(time),
+    );
+    let (finding, levels) = if need.trips() {
+        let text = format!("{text}, and would trip");
+        (Finding::error(at, text), need.trip)
+    } else if need.warns() {
+        let text = format!("{text}, beyond the level of the warning");
+        (Finding::warning(at, text), need.warn)
+    } else {
+        return None;
+    };
+    let words = needs.stand_in.words();
+    let help = format!("found on the simulated clock; what stood for the specimen: {words}");
+    Some(finding.label(allowed(levels, unit)).help(help))
+}
+
+/// Where a limit stands: with its axis, or with the whole specimen.
+fn place(loaded: &Loaded, specimen: usize, axis: usize, quantity: Quantity) -> KeyPath {
+    let at = KeyPath::root().key("specimen").index(specimen);
+    let own = at.key("axis").index(axis).key("limits").key(quantity.key());
+    if loaded.locator.holds(&own) {
+        own
+    } else {
+        at.key("limits").key(quantity.key())
+    }
+}
+
+fn allowed([low, high]: [f64; 2], unit: &str) -> String {
+    match (low.is_finite(), high.is_finite()) {
+        (true, true) => format!("{low} to {high} {unit}"),
+        (true, false) => format!("at least {low} {unit}"),
+        _ => format!("at most {high} {unit}"),
+    }
+}
+
+/// Four digits are enough to compare with a limit.
+fn short(value: f64) -> String {
+    let size = value.abs();
+    if size != 0.0 && !(1e-3..1e6).contains(&size) {
+        return format!("{value:.3e}");
+    }
+    let text = format!("{value:.4}");
+    let text = text.trim_end_matches('0').trim_end_matches('.');
+    if text.is_empty() || text == "-0" {
+        "0".to_owned()
+    } else {
+        text.to_owned()
+    }
+}

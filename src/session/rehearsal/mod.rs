@@ -1,0 +1,302 @@
+//! A test rehearsed on the simulated clock: what will it ask of each axis, and do the limits allow that?
+//!
+//! The experiment is the one that would run, with the same loop, method and λ. A specimen of this process is itself; for one
+//! behind a link stands what the test file declares of it ([`StandIn`]). Limits are lifted meanwhile, so that the whole need
+//! is seen and not only its beginning, and compared afterwards ([`Rehearsal::findings`]). Nothing is spoken to, nothing moves,
+//! and nothing is written.
+//!
+//! What a stand-in cannot show is not judged: lag, noise, sensors that stick, late answers.
+
+mod findings;
+mod meter;
+
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use crossbeam_channel::Sender;
+
+pub use meter::{AxisNeed, Extreme};
+
+use meter::Meter;
+
+use crate::config::{self, ConfigError, Loaded, MatrixValue, SpecimenTable};
+use crate::control::limits::{AxisLimits, Bound, Quantity, Range};
+use crate::engine::{Control, Ending, Engine, Experiment, Operator, Stop};
+use crate::record::{Event, Recorder};
+use crate::rt::os;
+use crate::time::SimClock;
+
+/// What stood for a specimen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum StandIn {
+    /// Its own law: it is a specimen of this process.
+    Itself,
+    /// The law that the file declares for rehearsals.
+    Law,
+    /// A linear one, by the declared stiffness and damping.
+    Linear,
+    /// Nothing: the declared stiffness and damping are 0, so there is no force.
+    Nothing,
+}
+
+impl StandIn {
+    /// For a specimen as the file has it.
+    #[must_use]
+    pub fn of(table: &SpecimenTable) -> Self {
+        let known = [&table.stiffness_n_per_m, &table.damping_n_s_per_m];
+        let known = known.into_iter().flatten().flat_map(MatrixValue::rows);
+        match (&table.link, &table.stand_in) {
+            (None, _) => Self::Itself,
+            (Some(_), Some(_)) => Self::Law,
+            (Some(_), None) if known.flatten().all(|entry| entry == 0.0) => Self::Nothing,
+            (Some(_), None) => Self::Linear,
+        }
+    }
+
+    /// In words.
+    #[must_use]
+    pub const fn words(self) -> &'static str {
+        match self {
+            Self::Itself => "its own law",
+            Self::Law => "its `stand_in`, for it is behind a link",
+            Self::Linear => {
+                "a linear spring of its declared stiffness, for it is behind a link; a `stand_in` that yields would be closer"
+            }
+            Self::Nothing => {
+                "nothing: it is behind a link, its declared stiffness is 0, and it has no `stand_in`. Its force is unknown"
+            }
+        }
+    }
+
+    /// As files spell it.
+    #[must_use]
+    pub const fn key(self) -> &'static str {
+        match self {
+            Self::Itself => "law",
+            Self::Law => "stand_in",
+            Self::Linear => "linear",
+            Self::Nothing => "nothing",
+        }
+    }
+}
+
+/// What a test asks of one quantity of one axis, SI at the specimen's own scale, and what is allowed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Need {
+    /// Of what.
+    pub quantity: Quantity,
+    /// What is needed. A size begins at 0.
+    pub needed: Extreme,
+    /// Levels of the warning, infinite where there is none.
+    pub warn: [f64; 2],
+    /// Levels of the trip, infinite where there is none.
+    pub trip: [f64; 2],
+}
+
+impl Need {
+    /// True if the test goes beyond `levels`.
+    fn exceeds(&self, [low, high]: [f64; 2]) -> bool {
+        !(self.needed.low >= low && self.needed.high <= high)
+    }
+
+    /// True if the test trips here.
+    #[must_use]
+    pub fn trips(&self) -> bool {
+        self.exceeds(self.trip)
+    }
+
+    /// True if the test warns here.
+    #[must_use]
+    pub fn warns(&self) -> bool {
+        self.exceeds(self.warn)
+    }
+
+    /// What is left up to the nearer trip level, as a share of the larger of the two: 0.2 where 80 % are needed, negative where
+    /// more than all is; none where there is no trip level.
+    #[must_use]
+    pub fn margin(&self) -> Option<f64> {
+        let [low, high] = self.trip;
+        let sizes = [low, high].map(|level| if level.is_finite() { level.abs() } else { 0.0 });
+        let scale = sizes[0].max(sizes[1]);
+        let below = low.is_finite().then(|| (self.needed.low - low) / scale);
+        let above = high.is_finite().then(|| (high - self.needed.high) / scale);
+        match (below, above) {
+            (Some(below), Some(above)) => Some(below.min(above)),
+            (one, other) => one.or(other),
+        }
+    }
+}
+
+/// What a test asks of one specimen.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Needs {
+    /// Its name.
+    pub name: String,
+    /// What stood for it.
+    pub stand_in: StandIn,
+    /// Per axis.
+    pub axes: Vec<Vec<Need>>,
+}
+
+/// Why a rehearsal ended.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Curtain {
+    /// At the last step.
+    Completed,
+    /// There was no more time for it.
+    OutOfTime,
+    /// The test would stop here.
+    Stopped(Stop),
+}
+
+/// What a rehearsal came to.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rehearsal {
+    /// Test time that was rehearsed, s.
+    pub time: f64,
+    /// Why it ended there.
+    pub curtain: Curtain,
+    /// Wall time that it took, s.
+    pub wall_s: f64,
+    /// One entry per specimen.
+    pub specimens: Vec<Needs>,
+}
+
+/// Rehearses a test whose experiment is built, for at most `budget` of wall time. A test with a specimen behind a link is built
+/// once more, without links.
+///
+/// # Errors
+/// As [`config::build`].
+pub fn rehearse(
+    loaded: &Loaded,
+    experiment: Experiment,
+    budget: Duration,
+) -> Result<Rehearsal, ConfigError> {
+    let remote = loaded.file.specimen.iter().any(|s| s.link.is_some());
+    let experiment = if remote {
+        config::build_rehearsal(loaded)?.experiment
+    } else {
+        experiment
+    };
+    let mut rehearsal = carry_out(experiment, budget);
+    for (needs, table) in rehearsal.specimens.iter_mut().zip(&loaded.file.specimen) {
+        needs.stand_in = StandIn::of(table);
+        if needs.stand_in == StandIn::Nothing {
+            for axis in &mut needs.axes {
+                axis.retain(|need| !is_of_force(need.quantity));
+            }
+        }
+    }
+    Ok(rehearsal)
+}
+
+/// Rehearses an experiment as it is; what stands behind its ports must not be a link.
+#[must_use]
+pub fn carry_out(mut experiment: Experiment, budget: Duration) -> Rehearsal {
+    let began = os::monotonic_ns();
+    let (dt, period) = (experiment.dt, experiment.period.value());
+    // Nobody is there to confirm what a formula reads.
+    experiment.opening.confirm = false;
+    experiment.record_dofs.clear();
+    let mut books = Vec::with_capacity(experiment.ports.len());
+    let ports = experiment.ports.drain(..).map(|port| {
+        let book = Arc::new(Mutex::new(Vec::new()));
+        books.push((port.name.clone(), port.limits().to_vec(), Arc::clone(&book)));
+        port.rehearsed(|inner, units| Box::new(Meter::new(inner, units, period, book)))
+    });
+    experiment.ports = ports.collect();
+    let (operator, requests) = crossbeam_channel::bounded(1);
+    let recorder = Prompter {
+        until_ns: began.saturating_add(u64::try_from(budget.as_nanos()).unwrap_or(u64::MAX)),
+        rows: 0,
+        operator,
+    };
+    let mut engine = Engine::new(experiment, Box::new(SimClock::new()), Box::new(recorder));
+    let outcome = engine.run(&Control::from(requests));
+    let specimens = books.into_iter().map(|(name, limits, book)| {
+        let found = book.lock().unwrap_or_else(PoisonError::into_inner);
+        let axes = found.iter().zip(&limits);
+        Needs {
+            name,
+            stand_in: StandIn::Itself,
+            axes: axes.map(|(need, limits)| compared(need, limits)).collect(),
+        }
+    });
+    Rehearsal {
+        time: outcome.steps as f64 * dt,
+        curtain: match outcome.ending {
+            Ending::Completed => Curtain::Completed,
+            Ending::Stopped(Stop::Operator) => Curtain::OutOfTime,
+            Ending::Stopped(stop) => Curtain::Stopped(stop),
+        },
+        specimens: specimens.collect(),
+        wall_s: os::monotonic_ns().saturating_sub(began) as f64 * 1e-9,
+    }
+}
+
+/// Sees to it that a rehearsal ends in time; keeps nothing.
+struct Prompter {
+    until_ns: u64,
+    rows: u64,
+    operator: Sender<Operator>,
+}
+
+impl Recorder for Prompter {
+    fn row(&mut self, _: &[f64]) -> bool {
+        self.rows += 1;
+        if self.rows.is_multiple_of(64) && os::monotonic_ns() > self.until_ns {
+            let _asked_already = self.operator.try_send(Operator::Stop);
+        }
+        true
+    }
+
+    fn event(&mut self, _: Event) -> bool {
+        true
+    }
+}
+
+const fn is_of_force(quantity: Quantity) -> bool {
+    matches!(
+        quantity,
+        Quantity::MeasuredForce | Quantity::SensorForce | Quantity::ForceStep
+    )
+}
+
+/// The needs of one axis beside its limits. The readings of sensors are shown only where they are limited by themselves.
+fn compared(need: &AxisNeed, limits: &AxisLimits) -> Vec<Need> {
+    let range = |quantity, needed, range: Range| Need {
+        quantity,
+        needed,
+        warn: range.warn,
+        trip: range.trip,
+    };
+    let bound = |quantity, needed, bound: Bound| Need {
+        quantity,
+        needed,
+        warn: [f64::NEG_INFINITY, bound.warn],
+        trip: [f64::NEG_INFINITY, bound.trip],
+    };
+    let all = [
+        range(Quantity::CommandDisp, need.command, limits.command_disp),
+        bound(Quantity::CommandStep, need.step, limits.command_step),
+        bound(Quantity::CommandVel, need.vel, limits.command_vel),
+        bound(Quantity::CommandAccel, need.accel, limits.command_accel),
+        range(Quantity::MeasuredDisp, need.measured, limits.measured_disp),
+        range(Quantity::SensorDisp, need.measured, limits.sensor_disp),
+        range(Quantity::MeasuredForce, need.force, limits.measured_force),
+        range(Quantity::SensorForce, need.force, limits.sensor_force),
+        bound(Quantity::ForceStep, need.force_step, limits.force_step),
+    ];
+    let shown = |need: &Need| {
+        let always = matches!(
+            need.quantity,
+            Quantity::CommandDisp
+                | Quantity::CommandVel
+                | Quantity::CommandAccel
+                | Quantity::MeasuredForce
+        );
+        let limited = [need.warn, need.trip];
+        always || limited.iter().flatten().any(|level| level.is_finite())
+    };
+    all.into_iter().filter(shown).collect()
+}
