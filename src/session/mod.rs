@@ -31,7 +31,7 @@ use thiserror::Error;
 pub use bare::{bare_loop, loop_round};
 pub use desk::{Answer, Request, ask};
 pub use page::{Page, PageError, hero, write_report};
-pub use replay::{Difference, Replay, ReplayError, replay};
+pub use replay::{Difference, Replay, ReplayError, replay, replay_rows};
 pub use signals::{Signal, Signals};
 
 use desk::Desk;

@@ -6,6 +6,7 @@
 
 use std::collections::VecDeque;
 use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
@@ -15,7 +16,7 @@ use thiserror::Error;
 
 use crate::config::{self, ConfigError};
 use crate::engine::{Control, Ending, Engine, Experiment, Operator, Phase};
-use crate::record::{Column, End, Event, FolderError, Journal, Recorder, Run};
+use crate::record::{Column, End, Event, FolderError, Journal, Layout, Recorder, Run};
 use crate::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
 };
@@ -103,7 +104,7 @@ const AHEAD: usize = 2;
 
 /// The recorded rows, as far as the replay has come.
 struct Tape {
-    journal: Journal<File>,
+    journal: Journal<Box<dyn Read + Send>>,
     columns: Vec<Column>,
     ahead: VecDeque<Vec<f64>>,
     /// Rows that are the same.
@@ -299,13 +300,27 @@ pub fn replay(folder: &Path) -> Result<Replay, ReplayError> {
     {
         link.key_file = None;
     }
-    let mut experiment = config::build(&loaded)?.experiment;
+    let experiment = config::build(&loaded)?.experiment;
+    let path = folder.join("samples.bin");
+    let samples = File::open(&path).map_err(|source| ReplayError::Unreadable { path, source })?;
+    replay_rows(experiment, run.layout(), Box::new(samples))
+}
+
+/// Runs recorded rows through a loop that is made anew: `experiment` is the test, `samples` are its records in `layout`.
+///
+/// # Errors
+/// [`ReplayError::Columns`]. A number that differs is no error but [`Replay::difference`].
+pub fn replay_rows(
+    mut experiment: Experiment,
+    layout: &Layout,
+    samples: Box<dyn Read + Send>,
+) -> Result<Replay, ReplayError> {
     let columns = experiment.columns();
-    same_columns(run.layout().columns(), &columns)?;
+    same_columns(layout.columns(), &columns)?;
     let (operator, requests) = crossbeam_channel::bounded(4);
-    let place = |name: &str| run.layout().index_of(name).unwrap_or(usize::MAX);
+    let place = |name: &str| layout.index_of(name).unwrap_or(usize::MAX);
     let mut tape = Tape {
-        journal: run.journal()?,
+        journal: Journal::new(samples, layout.columns().len()),
         state: place("state"),
         hold: place("hold"),
         at_time: place("time"),
@@ -324,7 +339,7 @@ pub fn replay(folder: &Path) -> Result<Replay, ReplayError> {
     }
     let tape = Arc::new(Mutex::new(tape));
     put_recorded(&mut experiment, &tape, place);
-    let compared = run.layout().columns().iter().filter(|c| !c.timing).count();
+    let compared = layout.columns().iter().filter(|c| !c.timing).count();
     let recorder = Box::new(Comparing(Arc::clone(&tape)));
     let mut engine = Engine::new(experiment, Box::new(SimClock::new()), recorder);
     let outcome = engine.run(&Control::from(requests));

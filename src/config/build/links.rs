@@ -81,7 +81,13 @@ pub(super) fn native(
     };
     let native = match tls(site, at, link)? {
         Some(tls) => NativeLink::over_tls(setup, tls),
-        None => NativeLink::new(setup),
+        None => match &mut site.dial {
+            Some(dial) => {
+                let wire = dial(&setup);
+                NativeLink::over(setup, wire)
+            }
+            None => NativeLink::new(setup),
+        },
     };
     Ok((native, rules(link, time.period.value())))
 }

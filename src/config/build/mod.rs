@@ -8,6 +8,7 @@ mod analysis;
 mod apart;
 mod excitation;
 mod gear;
+mod limits;
 pub(in crate::config) mod links;
 mod method;
 mod proof;
@@ -21,12 +22,16 @@ use super::{
     ClockChoice, ConfigError, Diagnostics, DofChoice, Finding, Inputs, KeyPath, Loaded, Method,
     TestFile, Time,
 };
-use crate::engine::{Experiment, Limits, Numerical, OnMiss, Pacing, Settling, Side, StepAudit};
+use crate::engine::{
+    Experiment, Limits, Numerical, OnMiss, Pacing, Settling, Side, StepAudit, TestQuantity,
+};
 use crate::integrate::{Lambda, LambdaChoice};
 use crate::linalg::{Spd, SymMatrix};
+use crate::link::{NativeSetup, Transport};
 use crate::rt;
 use crate::rt::TimingSpec;
 pub use analysis::{ALL_MODES, Analysis, Loop, ModeFacts};
+pub use limits::{Limit, LimitFacts, SpecimenLimits};
 use specimens::Specimens;
 
 /// A test that is ready to run.
@@ -71,6 +76,8 @@ pub struct Facts {
     pub announced: Vec<String>,
     /// Whether an operator must confirm what was read before anything moves.
     pub confirm: bool,
+    /// Which limits there are, who checks them, what happens then.
+    pub limits: LimitFacts,
     /// What the user should know although the test may run.
     pub warnings: Vec<String>,
 }
@@ -127,6 +134,8 @@ pub struct Files {
 /// Findings so far, and the files read so far.
 struct Site<'a> {
     loaded: &'a Loaded,
+    /// Makes the transports of links that are not to be connected.
+    dial: Option<&'a mut Dial<'a>>,
     inputs: Inputs,
     errors: Vec<Finding>,
     warnings: Vec<Finding>,
@@ -176,7 +185,7 @@ fn path(key: &str) -> KeyPath {
 /// # Errors
 /// [`ConfigError::Invalid`] with everything that was found wrong before the build had to give up.
 pub fn build(loaded: &Loaded) -> Result<Prepared, ConfigError> {
-    build_as(loaded, false)
+    build_as(loaded, false, None)
 }
 
 /// The same experiment without its links: what is declared of a specimen behind one stands in its place. Nothing else is
@@ -185,12 +194,28 @@ pub fn build(loaded: &Loaded) -> Result<Prepared, ConfigError> {
 /// # Errors
 /// As [`build`].
 pub fn build_rehearsal(loaded: &Loaded) -> Result<Prepared, ConfigError> {
-    build_as(loaded, true)
+    build_as(loaded, true, None)
 }
 
-fn build_as(loaded: &Loaded, rehearsal: bool) -> Result<Prepared, ConfigError> {
+/// Makes the transport of a link of our own protocol, in place of a connection.
+pub type Dial<'a> = dyn FnMut(&NativeSetup) -> Box<dyn Transport> + 'a;
+
+/// The same with links over transports that are connected already: those that `dial` makes, one after the other.
+///
+/// # Errors
+/// As [`build`].
+pub fn build_over<'a>(loaded: &'a Loaded, dial: &'a mut Dial<'a>) -> Result<Prepared, ConfigError> {
+    build_as(loaded, false, Some(dial))
+}
+
+fn build_as<'a>(
+    loaded: &'a Loaded,
+    rehearsal: bool,
+    dial: Option<&'a mut Dial<'a>>,
+) -> Result<Prepared, ConfigError> {
     let mut site = Site {
         loaded,
+        dial,
         inputs: loaded.inputs(),
         errors: Vec::new(),
         warnings: Vec::new(),
@@ -235,7 +260,10 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
     let found = site.warnings.drain(..);
     let found = found.map(|finding| site.loaded.locator.diagnose(finding));
     let warnings: Vec<_> = site.loaded.warnings.iter().cloned().chain(found).collect();
+    let of_loop = limits(file, time);
+    let kept = TestQuantity::kept(&side, &ports);
     let facts = Facts {
+        limits: limits::facts(file, &ports, &of_loop, &kept),
         title: file.title.clone(),
         dt: time.step.value(),
         steps: time.steps,
@@ -274,7 +302,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         settling,
         ports,
         record_dofs,
-        limits: limits(file, time),
+        limits: of_loop,
         pacing: pacing(file, time),
     };
     Ok(Prepared {

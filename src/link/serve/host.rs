@@ -1,8 +1,11 @@
 //! What a server of our own protocol offers: its name, its axes, and how its station is made for each test.
 
+use std::sync::Arc;
+
 use crate::control::AxisUnits;
 use crate::control::limits::LimitsSpec;
 use crate::link::announce::units_of;
+use crate::link::fault::{Bench, Script, ScriptError};
 use crate::link::rig::{Far, FarBuild, Law, LogSettings, ProbeSettings, Station};
 use crate::specimen::Specimen;
 use crate::wire::handshake::{Axis, Capabilities};
@@ -17,6 +20,7 @@ pub struct Host {
     limits: Vec<LimitsSpec>,
     probe: ProbeSettings,
     log: Option<LogSettings>,
+    pub(super) faults: Option<Arc<Script>>,
 }
 
 /// Makes a specimen in its virgin state, or says why not.
@@ -57,6 +61,7 @@ impl Host {
             limits: Vec::new(),
             probe: ProbeSettings::Needless,
             log: None,
+            faults: None,
         })
     }
 
@@ -79,6 +84,7 @@ impl Host {
             limits: Vec::new(),
             probe: ProbeSettings::Unchecked { silent: false },
             log: None,
+            faults: None,
         }
     }
 
@@ -101,6 +107,24 @@ impl Host {
     pub fn recorded(mut self, log: LogSettings) -> Self {
         self.log = Some(log);
         self
+    }
+
+    /// Every test meets these faults, the same each time.
+    ///
+    /// # Errors
+    /// The script cannot be played, or the specimen is no formula: a real one is not to be played with.
+    pub fn faulty(mut self, script: Script) -> Result<Self, ScriptError> {
+        script.check(Some(self.axes.len()))?;
+        if self.is_gateway() {
+            return Err(ScriptError {
+                fault: None,
+                key: "fault",
+                text: "is for specimens that are computed, but this one is behind a link"
+                    .to_owned(),
+            });
+        }
+        self.faults = Some(Arc::new(script));
+        Ok(self)
     }
 
     /// True if the specimen is behind a link.
@@ -132,6 +156,10 @@ impl Host {
                 self.stiffness.clone(),
                 *reply_limit_ns,
             )),
+        };
+        let rig = match &self.faults {
+            Some(script) => Box::new(Bench::new(rig, script, units.clone())),
+            None => rig,
         };
         let (stiffness, mass) = (self.stiffness.clone(), self.mass.clone());
         Ok(Station::new(self.name.clone(), rig, units, stiffness, mass)
