@@ -17,7 +17,8 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("motion", &[]),
     ("spectral", &[]),
     ("integrate", &["linalg", "model"]),
-    ("control", &["substructure", "time"]),
+    ("compensation", &[]),
+    ("control", &["compensation", "substructure", "time"]),
     ("record", &["substructure"]),
     ("wire", &["substructure"]),
     (
@@ -75,6 +76,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     (
         "config",
         &[
+            "compensation",
             "control",
             "engine",
             "integrate",
@@ -117,6 +119,7 @@ const PURE: &[&str] = &[
     "integrate",
     "specimen",
     "transfer",
+    "compensation",
     "control",
     "substructure",
     "wire",

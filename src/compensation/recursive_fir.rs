@@ -27,10 +27,10 @@ pub struct RecursiveFirSpec {
     /// Corner of the filter of commands and measurements, in Hz. Default: 20.
     #[serde(default = "twenty")]
     pub filter_hz: f64,
-    /// Lower bounds of the weights. Default: the start less half of 1 + τ/s.
+    /// Lower bounds of the weights. Default: the start less 4 (1 + τ/s), for weights of the third order are so large.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lower: Option<Vec<f64>>,
-    /// Upper bounds. Default: the start and half of 1 + τ/s.
+    /// Upper bounds. Default: the start and 4 (1 + τ/s).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub upper: Option<Vec<f64>>,
     /// Greatest change of each weight per second. Default: half of the way between its bounds.
@@ -114,7 +114,7 @@ impl RecursiveFirSpec {
         )?;
         let eta = delay / (spacing * dt);
         let start = vec![1.0 + eta, -eta, 0.0, 0.0];
-        let way = 0.5 * (1.0 + eta);
+        let way = 4.0 * (1.0 + eta);
         let defaults = start
             .iter()
             .map(|theta| (theta - way, theta + way))

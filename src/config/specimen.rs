@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::safety::ZeroChoice;
 use super::value::MatrixValue;
 use super::variant;
+use crate::compensation::CompensationSpec;
 use crate::control::AxisUnits;
 use crate::control::limits::LimitsSpec;
 use crate::link::LinkSpec;
@@ -85,6 +86,9 @@ pub struct SpecimenTable {
     /// Actuator and sensors that the law stands behind. Default: none, the law follows its command at once.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transfer: Option<TransferSpec>,
+    /// How commands are made up for the actuator, between targets and what is sent. Default: not at all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub compensation: Option<CompensationSpec>,
     /// Displacement of each axis in m, at the specimen's scale, at which it is left by "safe_displacement".
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub safe_disp_m: Option<Vec<f64>>,

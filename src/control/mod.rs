@@ -5,6 +5,7 @@
 //! a specimen was told is hidden. Pure bookkeeping: no clock, no input or output of its own.
 
 mod believed;
+mod compensated;
 mod direction;
 mod estimate;
 mod guard;
@@ -32,6 +33,7 @@ pub use opening::{Reading, Reference, Zero};
 pub use path::{Order, Path, Point};
 pub use probe::{Found, Pace, Probe};
 pub use stiffness::{Opinion, compare_stiffness};
+pub use tangent::{Point as TangentPoint, Tangent};
 pub use tempo::{HOLD_AT, SLOW_FROM, Stage, Stride, Tempo};
 pub use trend::Trend;
 pub use units::AxisUnits;
@@ -168,6 +170,7 @@ pub struct Port {
     opening: opening::Opening,
     /// Zero velocities.
     still: Vec<f64>,
+    compensation: Option<compensated::Compensation>,
     /// How the specimen is left.
     pub exits: Exits,
 }
@@ -263,6 +266,7 @@ impl Port {
             guard: guard::Guard::open(n),
             opening: opening::Opening::absolute(n),
             still: vec![0.0; n],
+            compensation: None,
             exits: Exits::default(),
         })
     }
@@ -337,6 +341,7 @@ impl Port {
         {
             *command = axis.vel_gain * target;
         }
+        self.compensate();
     }
 
     /// Sends the command that stands ready, if it was judged. Real-time: yes.
@@ -353,6 +358,7 @@ impl Port {
             *sent = *command;
         }
         self.link.sent += 1;
+        self.compensation_asks(true);
         let command = Command {
             sequence: self.pursuit.number(sequence, self.ahead),
             time,
@@ -379,7 +385,10 @@ impl Port {
             copy(&self.incoming, &mut self.raw);
         }
         match freshness {
-            Freshness::Fresh => self.link.received += 1,
+            Freshness::Fresh => {
+                self.link.received += 1;
+                self.compensation_hears();
+            }
             Freshness::Stale => self.link.stale += 1,
         }
         for ((axis, measured), raw) in self.axes.iter().zip(&mut self.measured).zip(&self.raw.disp)

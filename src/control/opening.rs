@@ -124,6 +124,7 @@ impl Port {
         self.guard.watch.sent_again();
         self.estimates.moves = false;
         self.link.sent += 1;
+        self.compensation_asks(false);
         self.substructure.issue(&Command {
             sequence: self.pursuit.number(sequence, self.ahead),
             time,

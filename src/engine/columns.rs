@@ -205,6 +205,10 @@ impl Row {
                     *to = from;
                 }
             }
+            let after_axes = slots.iter_mut().skip(6 * port.axes());
+            for (slot, parameter) in after_axes.zip(port.compensation_parameters()) {
+                *slot = parameter;
+            }
             if let [.., sequence, status] = slots {
                 *sequence = port.raw().sequence as f64;
                 *status = f64::from(port.raw().status.0);
@@ -310,6 +314,13 @@ fn port_columns(columns: &mut Vec<Column>, number: usize, port: &Port) -> Range<
         if port.estimates().any(|(_, damping, _)| damping.is_some()) {
             add("ct", "N s/m", "tangent damping, estimated");
         }
+    }
+    for (axis, parameter) in port.compensation_names() {
+        let (key, axis) = (parameter.name, axis + 1);
+        let meaning =
+            format!("parameter {key} of the compensation, specimen \"{name}\", axis {axis}");
+        let key = format!("comp_{key}_{number}_{axis}");
+        columns.push(column(&key, parameter.unit, &meaning, false));
     }
     let meaning = format!("newest command in force when specimen \"{name}\" was sampled");
     columns.push(column(&format!("seq_{number}"), "1", &meaning, false));

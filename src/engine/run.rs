@@ -5,6 +5,7 @@ use super::operator::{Control, Operator};
 use super::phase::{Cause, Phase};
 use super::tick::Tick;
 use super::{Ending, Engine, OnMiss, Outcome, Stop};
+use crate::control::Port;
 use crate::integrate::StepError;
 use crate::record::{Event, EventKind, MissCause};
 use crate::rt::timing::{Suspect, TickStamps};
@@ -92,6 +93,7 @@ impl Engine {
         self.begin_ride();
         self.warm_up(control)?;
         self.enter(Phase::Running, Cause::Done);
+        self.ports.iter_mut().for_each(Port::begin_compensation);
         self.report_now(EventKind::Started);
         if let Some(watch) = &mut self.before_first_tick {
             watch();

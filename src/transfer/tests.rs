@@ -139,7 +139,7 @@ fn the_simulated_plant_answers_a_sine_as_its_transfer_function_says() {
         // The load cell feels spring, dashpot and inertia: the equation of motion of a sine.
         let dynamic = nalgebra::Complex::new(k - 29.13 * omega * omega, c * omega) * expected;
         let felt = 1e-3 * (dynamic.re * s + dynamic.im * cosine);
-        assert!((force - felt).abs() < 5e-3, "{force} {felt}");
+        assert!((force - felt).abs() < 7e-3, "{force} {felt}");
     }
 }
 

@@ -260,7 +260,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
     let found = site.warnings.drain(..);
     let found = found.map(|finding| site.loaded.locator.diagnose(finding));
     let warnings: Vec<_> = site.loaded.warnings.iter().cloned().chain(found).collect();
-    let of_loop = limits(file, time);
+    let of_loop = limits(file, &time);
     let kept = TestQuantity::kept(&side, &ports);
     let facts = Facts {
         limits: limits::facts(file, &ports, &of_loop, &kept),
@@ -341,7 +341,7 @@ fn pacing(file: &TestFile, time: Time) -> Pacing {
     }
 }
 
-fn limits(file: &TestFile, time: Time) -> Limits {
+fn limits(file: &TestFile, time: &Time) -> Limits {
     let timing = &file.timing;
     let ticks = time.steps.saturating_mul(u64::from(time.ticks_per_step));
     Limits {
@@ -359,7 +359,7 @@ fn limits(file: &TestFile, time: Time) -> Limits {
         reply_timeout_ns: REPLY_TIMEOUT_NS,
         warmup_ticks: timing.warmup(time.period.value()),
         divergence: file.safety.divergence_m.unwrap_or(f64::MAX),
-        test: safety::test_limits(file, &time),
+        test: safety::test_limits(file, time),
     }
 }
 

@@ -1,5 +1,6 @@
 //! The specimens of a test file: their rows of B, their laws, and what they add to K0, C0 and their bounds.
 
+mod compensation;
 mod sums;
 
 use nalgebra::DMatrix;
@@ -184,7 +185,11 @@ fn behind_transfer(
     let Some(spec) = &table.transfer else {
         return Ok(law);
     };
-    match Transfer::new(spec, law, Some(site.loaded.time.step.value())) {
+    let time = site.loaded.time;
+    if let Some(finding) = compensation::slower_time(&at.key("transfer"), time) {
+        return site.refuse(finding);
+    }
+    match Transfer::new(spec, law, Some(time.step.value())) {
         Ok(transfer) => Ok(Box::new(transfer)),
         Err(error) => site.refuse_key(&at.key("transfer"), error.key(), &error),
     }
@@ -416,7 +421,11 @@ impl Specimens {
                         .with_limits(limits, entry.units, tick)
                         .with_pace(per_step, order)
                         .with_references(safety::references(table, axes))
-                        .with_declared(&declared, &stiffness, site.loaded.time.step.value());
+                        .with_declared(&declared, &stiffness, time.step.value());
+                    if let Some(compensators) = compensation::compensators(site, index, axes)? {
+                        let pace = time.step.value() / tick;
+                        port = port.with_compensation(compensators, metres, tick, pace);
+                    }
                     port.wait = wait;
                     port.direction = direction;
                     port.exits = exits;

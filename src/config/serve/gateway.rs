@@ -89,6 +89,9 @@ fn check_gear(table: &SpecimenTable, at: &KeyPath) -> Result<(), Box<Finding>> {
     if table.similitude != Default::default() {
         return refuse(at.key("similitude"));
     }
+    if table.compensation.is_some() {
+        return refuse(at.key("compensation"));
+    }
     for (index, axis) in table.axis.iter().enumerate() {
         let at = at.key("axis").index(index);
         for (key, given) in [
