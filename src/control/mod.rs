@@ -160,6 +160,8 @@ pub struct Port {
     pub direction: Direction,
     /// True if a recording stands for the substructure.
     is_recorded: bool,
+    /// Number on the link of the command that left last.
+    issued: Option<u64>,
     /// Exchanges that were none of the test's: by so much the numbers on the link are ahead of the test's.
     ahead: u64,
     /// How it is led from one target to the next.
@@ -258,6 +260,7 @@ impl Port {
             link: LinkCount::default(),
             wait: None,
             direction: Direction::Known,
+            issued: None,
             ahead: 0,
             pursuit: pursuit::Pursuit::new(n),
             is_recorded: false,
@@ -359,6 +362,7 @@ impl Port {
         }
         self.link.sent += 1;
         self.compensation_asks(true);
+        self.issued = Some(sequence + self.ahead);
         let command = Command {
             sequence: self.pursuit.number(sequence, self.ahead),
             time,

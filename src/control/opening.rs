@@ -125,6 +125,7 @@ impl Port {
         self.estimates.moves = false;
         self.link.sent += 1;
         self.compensation_asks(false);
+        self.issued = Some(sequence + self.ahead);
         self.substructure.issue(&Command {
             sequence: self.pursuit.number(sequence, self.ahead),
             time,

@@ -63,6 +63,7 @@ impl Engine {
         }
         let period = self.period.value();
         let lost = self.lost.clone();
+        let sequence = self.sequence;
         let mut departures: Vec<Option<Departure>> = self
             .ports
             .iter_mut()
@@ -71,6 +72,7 @@ impl Engine {
                 if lost || !port.has_begun() {
                     None
                 } else {
+                    port.leave_number(sequence);
                     port.depart(tripped, period)
                 }
             })

@@ -99,6 +99,11 @@ impl<S: Store> EventLog<S> {
         }
     }
 
+    /// The store.
+    pub const fn store(&self) -> &S {
+        self.lines.store()
+    }
+
     /// Takes an event of the loop.
     pub fn event(&mut self, event: Event, now: Moment) {
         // Under the real clock the event is older than its arrival here, by as much as the clock says.
@@ -457,11 +462,6 @@ impl<S: Store> EventLog<S> {
     /// Lines that still wait for the file.
     pub fn waiting(&self) -> u64 {
         self.lines.waiting_units()
-    }
-
-    #[cfg(test)]
-    pub const fn store(&self) -> &S {
-        self.lines.store()
     }
 }
 

@@ -120,7 +120,9 @@ pub(super) fn summarise(
     (finish, summary)
 }
 
-fn ending(outcome: &Outcome) -> (Finish, String) {
+/// How a test ended, and why in words.
+#[must_use]
+pub fn ending(outcome: &Outcome) -> (Finish, String) {
     match &outcome.ending {
         Ending::Completed => (Finish::Completed, "end of the test".to_owned()),
         Ending::Stopped(stop) => {

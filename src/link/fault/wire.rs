@@ -105,7 +105,8 @@ impl<T: Transport> FaultyWire<T> {
             return at;
         }
         let since = at.since(self.origin) as f64 / (1.0 + self.drift);
-        self.origin.plus(since as u64)
+        // Not before it, on the specimen's clock.
+        self.origin.plus(since.ceil() as u64 + 1)
     }
 
     fn concerns(&self, way: Way, number: u64) -> bool {

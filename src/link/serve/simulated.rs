@@ -117,6 +117,9 @@ impl std::fmt::Debug for Simulated {
     }
 }
 
+/// Turns of the far end in which no time passes: beyond, it waits for nothing, and a real one would burn a processor.
+const MOST_IN_VAIN: u32 = 10_000;
+
 /// Nobody has an address here.
 const PEER: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(std::net::Ipv4Addr::LOCALHOST), 0);
 
@@ -191,8 +194,11 @@ impl Simulated {
 
     /// Lets the far end live until `limit`, or until something is on its way to this end.
     fn live(&mut self, limit: Nanos) {
+        let mut before = Nanos(0);
+        let mut in_vain = 0;
         if let Some(end) = self.end() {
             end.limit = limit;
+            before = end.now;
         }
         while self.end().is_some_and(|end| {
             end.now < limit || end.incoming.next_at().is_some_and(|at| at <= limit)
@@ -223,6 +229,9 @@ impl Simulated {
                 Far::Between => Far::Between,
             };
             let now = self.end().map_or(limit, |end| end.now);
+            in_vain = if now > before { 0 } else { in_vain + 1 };
+            before = now;
+            debug_assert!(in_vain < MOST_IN_VAIN, "the far end spins at {now:?}");
             while let Ok(what) = self.heard.try_recv() {
                 self.write_down(Tapped::Heard { at: now, what });
             }

@@ -23,11 +23,15 @@ impl Stand {
         if let Some(sample_at) = self.sample_at {
             until = until.min(sample_at);
         }
-        until = until.min(if self.holding {
-            self.beat_at.plus(self.watchdog_ns)
-        } else {
-            self.heard_at.plus(self.watchdog_ns)
-        });
+        // As `keep_time` has it: a beat is due after that much silence, and after that much time since the last.
+        if !self.paused {
+            let silent_since = if self.holding {
+                self.heard_at.max(self.beat_at)
+            } else {
+                self.heard_at
+            };
+            until = until.min(silent_since.plus(self.watchdog_ns));
+        }
         let expected = self.arrived.plus(self.period_ns);
         let (from, to) = (expected.minus(self.spin_ns), expected.plus(self.spin_ns));
         let spins = self.sequence.is_some() && self.spin_ns > 0 && now >= from && now < to;
