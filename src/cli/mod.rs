@@ -12,6 +12,7 @@ mod exit;
 mod export;
 mod frontier;
 mod jitter;
+mod limits;
 mod operate;
 mod progress;
 mod rehearsed;
