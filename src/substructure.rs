@@ -252,6 +252,15 @@ pub trait Substructure: Send {
     /// The link is lost.
     fn collect(&mut self, deadline: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault>;
 
+    /// True if [`Substructure::collect`] would not have to wait: the answer to the last command is here. For a partner that
+    /// may take several ticks; never blocks. Real-time: yes.
+    ///
+    /// # Errors
+    /// The link is lost.
+    fn is_answered(&mut self) -> Result<bool, LinkFault> {
+        Ok(true)
+    }
+
     /// The step of command `sequence` is accepted: commit. Real-time: yes.
     ///
     /// # Errors

@@ -12,6 +12,7 @@ mod exit;
 mod export;
 mod frontier;
 mod jitter;
+mod limits;
 mod operate;
 mod progress;
 mod rehearsed;
@@ -286,7 +287,8 @@ struct ReportArgs {
     gusset serve test.toml --specimen ground-storey --transport udp --key lab.key --listen 0.0.0.0:4823\n  \
     gusset serve test.toml --specimen ground-storey --transport tls --listen 0.0.0.0:4823\n  \
     gusset serve test.toml --specimen ground-storey --protocol openfresco\n  \
-    gusset serve config/serve/gateway.toml --out runs/gateway\n\n\
+    gusset serve config/serve/gateway.toml --out runs/gateway\n  \
+    gusset serve config/faults/rig.toml --transport udp --fault config/faults/lost-burst.toml\n\n\
     A specimen that is itself behind a link ([specimen.link]) makes this a gateway: every exchange passes its limits \
     ([specimen.limits]). A limit that trips, or an interlock, holds the specimen where it is until the controller's test is \
     over; the next test begins anew."
@@ -320,6 +322,10 @@ struct ServeArgs {
     /// row per exchange. `gusset report` and `gusset export` read them. Without it nothing is recorded.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Play the faults of this script on every controller's test, the same each time: a laboratory in which things go
+    /// wrong. For a specimen that is computed; config/faults has scripts.
+    #[arg(long, value_name = "SCRIPT")]
+    fault: Option<PathBuf>,
     /// Busy loop around the moment at which the next command is expected, on either side of it.
     #[arg(long, value_name = "US", default_value_t = 60.0)]
     spin: f64,

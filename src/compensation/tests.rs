@@ -274,7 +274,7 @@ fn the_sample_controller_is_tustins_discretisation_of_its_formula() {
     let (s, c) = libm::sincos(omega * DT);
     let z = Complex::new(c, s);
     let tustin = (z - 1.0) / (z + 1.0) * (2.0 / DT);
-    let lead = (tustin * 50.831_633_6 + 8570.397_34) / (tustin + 8570.397_34);
+    let lead = (tustin * 50.831_633_6 + 8_570.397_34) / (tustin + 8_570.397_34);
     let wanted = lead * (Complex::new(2.0, 0.0) + Complex::new(95.0, 0.0) / tustin);
     assert!(
         (re - wanted.re).abs() < 1e-6 && (im - wanted.im).abs() < 1e-6,

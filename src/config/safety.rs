@@ -3,6 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::control::limits::BoundSpec;
+
 /// How a test begins, what ends it, and how its specimens are left.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -20,13 +22,28 @@ pub struct SafetyTable {
     /// Shortest wall time in s in which a specimen is moved to where the test begins; longer where half of a velocity limit
     /// would be passed.
     pub ramp_s: f64,
+    /// Wall time in s in which a hold brings the specimens to rest, and in which they come to the test's pace again; the first
+    /// steps after a resumed test's start are eased in the same way. 0: at once, at the next tick.
+    pub ease_s: f64,
     /// Where the specimens are left after a trip.
     pub on_trip: ExitChoice,
     /// Where they are left after the last step, or when the operator ends the test.
     pub at_end: ExitChoice,
+    /// `gusset run --resume`: how far in m, at the specimen, each axis may stand from where it was left. Absent: half as much
+    /// again as it was ever off its command, and the way of its commands in 0.05 s, since as much of the record can be lost.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub resume_within_m: Option<f64>,
     /// Largest speed in m/s of the specimen on the way there; needed for every way but "freeze".
     #[serde(skip_serializing_if = "Option::is_none")]
     pub exit_speed_m_per_s: Option<f64>,
+    /// Share of the room for stability that tangents beyond their declared bounds use up, by the estimates of all axes:
+    /// below 1 the integration is stable. Absent: warned of beyond 1. Known where the proof of stability is.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stability_used: Option<BoundSpec>,
+    /// What the exact audit of the steps leaves over, in parts of the energy turned over: roundoff unless the program is at
+    /// fault. Absent: warned of beyond 1e-9, and the test stops beyond 1e-6, for structures of up to 64 DOFs.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub step_audit: Option<BoundSpec>,
     /// Why a specimen behind a link may be without a trip level of `command_disp_m` and `measured_force_n`; without a reason
     /// such a test is refused. Limits that are given hold all the same.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -40,9 +57,13 @@ impl Default for SafetyTable {
             zero_s: None,
             confirm: false,
             ramp_s: 1.0,
+            ease_s: 0.25,
             on_trip: ExitChoice::Freeze,
             at_end: ExitChoice::Freeze,
+            resume_within_m: None,
             exit_speed_m_per_s: None,
+            stability_used: None,
+            step_audit: None,
             unlimited: None,
         }
     }

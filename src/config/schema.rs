@@ -10,12 +10,12 @@ use serde::{Deserialize, Serialize};
 
 use super::safety::SafetyTable;
 use super::specimen::SpecimenTable;
-use super::value::{DofChoice, LambdaValue, RateValue};
+use super::timetable::TimeTable;
+use super::value::{DofChoice, LambdaValue};
 use super::variant;
 use crate::model::{DampingSpec, ElementSpec, StructureSpec};
 use crate::motion::{Processing, Signal};
 use crate::rt::TimingSpec;
-use crate::time::Ratio;
 
 /// One hybrid test, from its structure to its record. SI units; keys of quantities carry the unit.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -47,38 +47,6 @@ pub struct TestFile {
     /// What is recorded.
     #[serde(default)]
     pub record: RecordTable,
-}
-
-/// Step, duration and clock. Exactly one of `step_s` and `rate_hz` is given.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct TimeTable {
-    /// Integration step Δt in s of test time: a number, or a fraction "a/b" where a decimal would not be exact.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub step_s: Option<RateValue>,
-    /// Steps per second of test time: an integer, a number or a fraction "a/b".
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub rate_hz: Option<RateValue>,
-    /// Length of the test in s of test time, a whole number of steps.
-    pub duration_s: f64,
-    /// The clock that the loop runs on.
-    #[serde(default)]
-    pub clock: ClockChoice,
-    /// Wall seconds per second of test time: 10 runs the same test ten times slower than real time.
-    #[serde(default = "one")]
-    #[schemars(default = "one")]
-    pub scale: RateValue,
-}
-
-/// Which clock the loop runs on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum ClockChoice {
-    /// Hard real time on the machine's monotonic clock.
-    #[default]
-    Real,
-    /// As fast as it goes; the same bits in every column that does not depend on wall time.
-    Simulated,
 }
 
 /// The numerical substructure: exactly one of `shear_building`, `matrices` and `chain`, and what stands with it.
@@ -378,6 +346,9 @@ pub struct RecordTable {
     pub queue_s: f64,
     /// Whether a lost row makes the test a failed one (exit code 1).
     pub required: bool,
+    /// Wall time in s from one checkpoint to the next: a digest of the test's state in the events, against which a test that
+    /// goes on after an interruption (`gusset run --resume`) is proven.
+    pub checkpoint_s: f64,
 }
 
 impl Default for RecordTable {
@@ -386,12 +357,9 @@ impl Default for RecordTable {
             dofs: None,
             queue_s: 4.0,
             required: false,
+            checkpoint_s: 1.0,
         }
     }
-}
-
-const fn one() -> RateValue {
-    RateValue(Ratio::ONE)
 }
 
 const fn unity() -> f64 {

@@ -2,7 +2,7 @@
 
 use super::diagnose::Finding;
 use super::document::KeyPath;
-use super::schema::{ClockChoice, TimeTable};
+use super::timetable::{ClockChoice, TimeTable};
 use crate::time::Ratio;
 
 /// Step and length of a test, exact.
@@ -10,8 +10,10 @@ use crate::time::Ratio;
 pub struct Time {
     /// Δt in s of test time.
     pub step: Ratio,
-    /// Wall seconds from one step to the next: scale · Δt.
+    /// Wall seconds from one tick of the controller to the next: scale · Δt / `ticks_per_step`.
     pub period: Ratio,
+    /// Ticks of the controller in one step.
+    pub ticks_per_step: u32,
     /// Number of steps; t = 0 not counted.
     pub steps: u64,
     /// The clock.
@@ -20,6 +22,8 @@ pub struct Time {
 
 /// Relative error within which a duration counts as a whole number of steps.
 const WHOLE: f64 = 1e-9;
+/// Most ticks of one step.
+const MOST_TICKS: u32 = 10_000;
 /// Step numbers are recorded as doubles, which count exactly up to here (2^53).
 const MOST_STEPS: f64 = 9_007_199_254_740_992.0;
 
@@ -59,13 +63,30 @@ impl Time {
                 ));
             }
         };
-        let period = step.times(table.scale.0).map_err(|error| {
+        let ticks = table.ticks_per_step;
+        if !(1..=MOST_TICKS).contains(&ticks) {
+            let text = format!("`ticks_per_step` is {ticks}");
+            return Err(Box::new(
+                Finding::error(time.key("ticks_per_step"), text)
+                    .label(format!("must be 1 to {MOST_TICKS}"))
+                    .help("the controller commands its specimens so often in each step of the integration"),
+            ));
+        }
+        if !(1..=3).contains(&table.prediction_order) {
+            let text = format!("`prediction_order` is {}", table.prediction_order);
+            return Err(Box::new(
+                Finding::error(time.key("prediction_order"), text).label("must be 1, 2 or 3"),
+            ));
+        }
+        let share = Ratio::new(1, u64::from(ticks)).and_then(|tick| tick.times(table.scale.0));
+        let period = share.and_then(|share| step.times(share)).map_err(|error| {
             Finding::error(time.key("scale"), format!("scale · step {error}"))
-                .label(format!("{} times {} s", table.scale.0, step))
+                .label(format!("{} times {} s, over {ticks}", table.scale.0, step))
         })?;
         Ok(Self {
             step,
             period,
+            ticks_per_step: ticks,
             steps: whole_steps(table.duration_s, step, time.key("duration_s"))?,
             clock: table.clock,
         })

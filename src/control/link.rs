@@ -87,8 +87,8 @@ impl Port {
     /// # Errors
     /// The specimen is gone.
     pub fn ask_to_arm(&mut self, sequence: u64) -> Result<(), LinkFault> {
-        self.substructure
-            .ask_to_arm(sequence + self.ahead, &self.command)
+        let number = self.pursuit.first_number(sequence, self.ahead);
+        self.substructure.ask_to_arm(number, &self.command)
     }
 
     /// The last word before commands move the specimen: command `sequence` stands ready.
@@ -96,7 +96,8 @@ impl Port {
     /// # Errors
     /// The specimen is not ready, stands elsewhere, or is gone.
     pub fn arm(&mut self, sequence: u64) -> Result<(), LinkFault> {
-        self.substructure.arm(sequence + self.ahead, &self.command)
+        let number = self.pursuit.first_number(sequence, self.ahead);
+        self.substructure.arm(number, &self.command)
     }
 
     /// Everything that was counted.

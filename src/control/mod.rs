@@ -7,25 +7,34 @@
 mod believed;
 mod compensated;
 mod direction;
+mod estimate;
 mod guard;
 mod leaving;
 pub mod limits;
 mod link;
 mod misfit;
 mod opening;
+mod path;
 mod probe;
+mod pursuit;
 mod stiffness;
+mod tangent;
+mod tempo;
 mod trend;
 mod units;
 
 pub use believed::Believed;
 pub use direction::Direction;
+pub use estimate::Declared;
 pub use leaving::{Departure, Exit, Exits};
 pub use link::{LinkCount, OnStale, WaitRules};
 pub use misfit::{Channel, Misfit};
 pub use opening::{Reading, Reference, Zero};
+pub use path::{Order, Path, Point};
 pub use probe::{Found, Pace, Probe};
 pub use stiffness::{Opinion, compare_stiffness};
+pub use tangent::{Point as TangentPoint, Tangent};
+pub use tempo::{HOLD_AT, SLOW_FROM, Stage, Stride, Tempo};
 pub use trend::Trend;
 pub use units::AxisUnits;
 
@@ -151,10 +160,15 @@ pub struct Port {
     pub direction: Direction,
     /// True if a recording stands for the substructure.
     is_recorded: bool,
+    /// Number on the link of the command that left last.
+    issued: Option<u64>,
     /// Exchanges that were none of the test's: by so much the numbers on the link are ahead of the test's.
     ahead: u64,
+    /// How it is led from one target to the next.
+    pursuit: pursuit::Pursuit,
     stiffness: Vec<f64>,
     guard: guard::Guard,
+    estimates: estimate::Estimates,
     opening: opening::Opening,
     /// Zero velocities.
     still: Vec<f64>,
@@ -246,8 +260,11 @@ impl Port {
             link: LinkCount::default(),
             wait: None,
             direction: Direction::Known,
+            issued: None,
             ahead: 0,
+            pursuit: pursuit::Pursuit::new(n),
             is_recorded: false,
+            estimates: estimate::Estimates::new(&stiffness),
             stiffness,
             guard: guard::Guard::open(n),
             opening: opening::Opening::absolute(n),
@@ -339,13 +356,15 @@ impl Port {
             return Err(LinkFault::Refused);
         }
         self.guard.sent(&self.command);
+        self.estimates.moves = true;
         for (sent, command) in self.sent.iter_mut().zip(&self.command) {
             *sent = *command;
         }
         self.link.sent += 1;
         self.compensation_asks(true);
+        self.issued = Some(sequence + self.ahead);
         let command = Command {
-            sequence: sequence + self.ahead,
+            sequence: self.pursuit.number(sequence, self.ahead),
             time,
             dt,
             disp: &self.command,
@@ -361,9 +380,9 @@ impl Port {
     /// The link is lost, or the force is not a finite number.
     pub fn collect(&mut self, deadline: Nanos) -> Result<Freshness, LinkFault> {
         copy(&self.raw, &mut self.incoming);
-        self.incoming.sequence += self.ahead;
+        self.incoming.sequence = self.pursuit.on_link(self.raw.sequence);
         let mut freshness = self.substructure.collect(deadline, &mut self.incoming)?;
-        self.incoming.sequence = self.incoming.sequence.saturating_sub(self.ahead);
+        self.incoming.sequence = self.pursuit.in_test(self.incoming.sequence);
         if self.incoming.sequence < self.raw.sequence {
             freshness = Freshness::Stale;
         } else {
@@ -429,7 +448,9 @@ impl Port {
     /// # Errors
     /// The link is lost.
     pub fn accepted(&mut self, sequence: u64) -> Result<(), LinkFault> {
-        self.substructure.accepted(sequence + self.ahead)
+        let sequence = self.pursuit.accepts(sequence);
+        let number = self.pursuit.on_link(sequence);
+        self.substructure.accepted(number)
     }
 
     /// Last words.

@@ -122,10 +122,12 @@ impl Port {
     /// The link is lost.
     pub fn repeat(&mut self, sequence: u64, time: f64) -> Result<(), LinkFault> {
         self.guard.watch.sent_again();
+        self.estimates.moves = false;
         self.link.sent += 1;
         self.compensation_asks(false);
+        self.issued = Some(sequence + self.ahead);
         self.substructure.issue(&Command {
-            sequence: sequence + self.ahead,
+            sequence: self.pursuit.number(sequence, self.ahead),
             time,
             dt: 0.0,
             disp: &self.sent,
@@ -163,6 +165,7 @@ impl Port {
                 axis.force_offset = reading.force;
             }
         }
+        self.estimate_above_noise();
     }
 
     /// Shortest time in s of wall time for a ramp from the last command to the next: `shortest`, or longer where it would

@@ -4,8 +4,8 @@
 //! specimen is moved to where the test file wants it left; after a panic nothing is moved any more. A specimen whose link is
 //! lost or whose interlock is open is not commanded: its own watchdog holds it.
 
+use super::operator::Control;
 use super::phase::{Cause, Phase};
-use super::run::Control;
 use super::tick::Tick;
 use super::{Ending, Engine, Stop};
 use crate::control::Departure;
@@ -13,18 +13,30 @@ use crate::rt::timing::TickStamps;
 
 impl Engine {
     /// Test time stands still, the specimens hold the last command, until the operator goes on. A hold ends no step: the
-    /// next one follows as if there had been none.
+    /// next tick follows as if there had been none.
     pub(super) fn stand(&mut self, after: &Tick, control: &Control) -> Result<(), Stop> {
         self.enter(Phase::Holding, Cause::Operator);
-        let mut tick = Tick { dt: 0.0, ..*after };
+        let mut tick = Tick {
+            step: self.steps_done,
+            dt: 0.0,
+            ..*after
+        };
         while self.hold_wanted {
             tick.sub_tick += 1;
             let mut stamps = TickStamps::default();
             self.wait_before_start(&mut stamps, control)?;
             self.exchange_again(&tick, &mut stamps)?;
-            self.row_before_start(&tick, Phase::Holding, &stamps);
+            self.row
+                .between(&tick, Phase::Holding.code(), &self.side, &self.ports);
+            self.row
+                .timing(&stamps, self.first_edge, self.schedule.stretched());
+            if !self.recorder.row(self.row.values()) {
+                self.rows_lost += 1;
+            }
             self.skip_numbers();
         }
+        self.ride.sub_tick = tick.sub_tick;
+        self.prepare_next();
         self.clear_commands()?;
         self.enter(Phase::Running, Cause::Operator);
         Ok(())
@@ -51,6 +63,7 @@ impl Engine {
         }
         let period = self.period.value();
         let lost = self.lost.clone();
+        let sequence = self.sequence;
         let mut departures: Vec<Option<Departure>> = self
             .ports
             .iter_mut()
@@ -59,6 +72,7 @@ impl Engine {
                 if lost || !port.has_begun() {
                     None
                 } else {
+                    port.leave_number(sequence);
                     port.depart(tripped, period)
                 }
             })

@@ -3,8 +3,8 @@
 //! Zeroing commands every specimen to where it stands and reads; ramping goes from there to where the test begins along
 //! half a cosine, slower than any speed limit. Nothing jumps.
 
+use super::operator::{Control, Notice};
 use super::phase::{Cause, Phase};
-use super::run::{Control, Notice};
 use super::tick::Tick;
 use super::{Engine, Side, Stop};
 use crate::record::EventKind;
@@ -148,6 +148,9 @@ impl Engine {
     /// Warm-up ticks: the loop lives, the specimens hold the first command, nothing is counted as a miss.
     pub(super) fn warm_up(&mut self, control: &Control) -> Result<(), Stop> {
         self.enter(Phase::Armed, Cause::Done);
+        for port in &mut self.ports {
+            port.count_energy();
+        }
         self.clear_commands()?;
         // A processor that only waited is slow in its first steps: each tick does the work of one.
         let scratch = match &self.side {

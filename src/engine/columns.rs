@@ -5,6 +5,7 @@
 
 use std::ops::Range;
 
+use super::checks::TestQuantity;
 use super::numerical::Side;
 use super::phase::Phase;
 use super::tick::Tick;
@@ -16,23 +17,32 @@ use crate::time::Nanos;
 /// The row of the current tick and the place of each number in it.
 #[derive(Debug)]
 pub struct Row {
+    /// Whether the operator wants a hold.
+    pub hold: bool,
     values: Vec<f64>,
     dofs: Vec<usize>,
     disp: Range<usize>,
     vel: Range<usize>,
     accel: Range<usize>,
     ports: Vec<Range<usize>>,
+    checks: Range<usize>,
     timing: Range<usize>,
 }
 
-const BOOKKEEPING: [(&str, &str, &str); 4] = [
+const BOOKKEEPING: [(&str, &str, &str); 5] = [
     ("step", "1", "step of the integration, from 0 at t = 0"),
     ("sub_tick", "1", "tick within the step, from 0"),
     (
         "state",
         "1",
         "phase: 1 settling under the static load, 2 trying which way round a specimen is wired, 3 running, 4 zeroing, \
-         5 ramping, 6 holding, 7 leaving, 8 tripped",
+         5 ramping, 6 holding, 7 leaving, 8 tripped; between two steps: 11 towards a known target, 12 along the \
+         prediction, 13 slowing down",
+    ),
+    (
+        "hold",
+        "1",
+        "1 from the tick before which the operator asked for a hold, until he lets the test go on",
     ),
     ("time", "s", "test time"),
 ];
@@ -99,11 +109,17 @@ impl Row {
             "velocity as the integrator reports it",
         );
         let accel = block(&mut columns, "a", "m/s2", "acceleration from equilibrium");
+        let ports_given = ports;
         let ports = ports
             .iter()
             .enumerate()
             .map(|(index, port)| port_columns(&mut columns, index + 1, port))
             .collect();
+        let start = columns.len();
+        for quantity in TestQuantity::columns(side, ports_given) {
+            columns.push(column(quantity.key(), "1", quantity.words(), false));
+        }
+        let checks = start..columns.len();
         let start = columns.len();
         for (name, meaning) in TIMING {
             let unit = if name == "stretched" { "1" } else { "s" };
@@ -113,12 +129,14 @@ impl Row {
         let values = vec![0.0; columns.len()];
         (
             Self {
+                hold: false,
                 values,
                 dofs: dofs.to_vec(),
                 disp,
                 vel,
                 accel,
                 ports,
+                checks,
                 timing,
             },
             columns,
@@ -133,6 +151,19 @@ impl Row {
 
     /// What the next advance and the next aim will overwrite: x and everything of the ports. Real-time: yes.
     pub fn exchange(&mut self, tick: &Tick, phase: Phase, side: &Side, ports: &[Port]) {
+        if let Side::Structure(numerical) = side {
+            gather(
+                &mut self.values,
+                &self.disp,
+                &self.dofs,
+                &numerical.state.disp,
+            );
+        }
+        self.between(tick, phase.code(), side, ports);
+    }
+
+    /// A tick that ends no step: x, v and a are those of the last one. `state` is for the column of this name. Real-time: yes.
+    pub fn between(&mut self, tick: &Tick, state: f64, side: &Side, ports: &[Port]) {
         let ground = match side {
             Side::Structure(numerical) if numerical.excitation.has_base() => {
                 numerical.excitation.base(tick.index()).0
@@ -143,20 +174,13 @@ impl Row {
         let head = [
             tick.step as f64,
             tick.sub_tick as f64,
-            phase.code(),
+            state,
+            f64::from(u8::from(self.hold)),
             tick.time,
             ground,
         ];
         for (to, from) in self.values.iter_mut().zip(head) {
             *to = from;
-        }
-        if let Side::Structure(numerical) = side {
-            gather(
-                &mut self.values,
-                &self.disp,
-                &self.dofs,
-                &numerical.state.disp,
-            );
         }
         for (range, port) in self.ports.iter().zip(ports) {
             let Some(slots) = self.values.get_mut(range.clone()) else {
@@ -169,12 +193,17 @@ impl Row {
                 .zip(&port.measured)
                 .zip(&port.force)
                 .zip(port.raw().disp.iter().zip(&port.raw().force));
-            for (slot, ((((target, command), measured), force), (raw_disp, raw_force))) in
-                slots.chunks_exact_mut(6).zip(axes)
-            {
-                slot.copy_from_slice(&[
-                    *target, *command, *measured, *force, *raw_disp, *raw_force,
-                ]);
+            let width = (slots.len() - 2) / port.axes().max(1);
+            let slots_of_axes = slots.chunks_exact_mut(width.max(1));
+            for (slot, (axis, estimates)) in slots_of_axes.zip(axes.zip(port.estimates())) {
+                let ((((target, command), measured), force), (raw_disp, raw_force)) = axis;
+                let (stiffness, damping, energy) = estimates;
+                let values = [
+                    *target, *command, *measured, *force, *raw_disp, *raw_force, stiffness, energy,
+                ];
+                for (to, from) in slot.iter_mut().zip(values.into_iter().chain(damping)) {
+                    *to = from;
+                }
             }
             let after_axes = slots.iter_mut().skip(6 * port.axes());
             for (slot, parameter) in after_axes.zip(port.compensation_parameters()) {
@@ -183,6 +212,11 @@ impl Row {
             if let [.., sequence, status] = slots {
                 *sequence = port.raw().sequence as f64;
                 *status = f64::from(port.raw().status.0);
+            }
+        }
+        if let Some(slots) = self.values.get_mut(self.checks.clone()) {
+            for (to, from) in slots.iter_mut().zip(TestQuantity::values(side, ports)) {
+                *to = from;
             }
         }
     }
@@ -267,6 +301,19 @@ fn port_columns(columns: &mut Vec<Column>, number: usize, port: &Port) -> Range<
             "measured displacement as it came",
         );
         add("raw_force", "specimen unit", "measured force as it came");
+        add(
+            "kt",
+            "N/m",
+            "tangent stiffness, estimated; the declared one until the axis has moved",
+        );
+        add(
+            "added",
+            "J",
+            "energy that the transfer system has added, negative if it has taken some",
+        );
+        if port.estimates().any(|(_, damping, _)| damping.is_some()) {
+            add("ct", "N s/m", "tangent damping, estimated");
+        }
     }
     for (axis, parameter) in port.compensation_names() {
         let (key, axis) = (parameter.name, axis + 1);

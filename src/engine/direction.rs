@@ -4,8 +4,8 @@
 //! afterwards it is armed anew, so that a formula forgets it. The others hold. Where there is a static load, the motion that
 //! brings it on is listened to instead.
 
+use super::operator::Control;
 use super::phase::{Cause, Phase};
-use super::run::Control;
 use super::tick::Tick;
 use super::{Engine, Side, Stop};
 use crate::integrate::State;

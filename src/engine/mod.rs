@@ -5,22 +5,31 @@
 //! neither files nor threads nor what stands behind a port.
 
 mod after;
+mod audit;
 mod before;
+mod checks;
 mod columns;
 mod direction;
+mod misses;
 mod numerical;
+mod operator;
 mod peaks;
 mod phase;
+mod ride;
 mod run;
 mod settle;
 mod step;
 mod tick;
 
+pub use audit::StepAudit;
 pub use before::Opening;
+pub use checks::{TestHit, TestLimits, TestQuantity};
+pub use misses::MissLevels;
 pub use numerical::{Numerical, Side};
+pub use operator::{Control, Notice, Operator, Watch};
 pub use peaks::Peaks;
 pub use phase::{Cause, Phase, PhaseCell};
-pub use run::{Control, Notice, Operator, Watch};
+pub use ride::Pacing;
 pub use settle::Settling;
 pub use tick::Tick;
 
@@ -67,6 +76,8 @@ pub struct Limits {
     pub warmup_ticks: u64,
     /// |displacement| in m beyond which the response counts as diverged.
     pub divergence: f64,
+    /// What belongs to no specimen alone.
+    pub test: TestLimits,
 }
 
 /// Why a test ended before its last step.
@@ -146,6 +157,9 @@ pub enum Stop {
         /// Which limit.
         hit: Hit,
     },
+    /// A limit of the test as a whole tripped.
+    #[error("{0}")]
+    TestLimit(TestHit),
     /// A fault of our own, caught at the boundary of the loop's thread.
     #[error("internal error")]
     Internal,
@@ -193,6 +207,8 @@ pub struct Experiment {
     pub record_dofs: Vec<usize>,
     /// Bounds of what the loop puts up with.
     pub limits: Limits,
+    /// How steps and ticks belong together.
+    pub pacing: Pacing,
 }
 
 /// The loop with all its buffers.
@@ -220,6 +236,15 @@ pub struct Engine {
     timing: Timing,
     peaks: Peaks,
     stale: Vec<u64>,
+    /// Where the commands are between two targets.
+    ride: ride::Ride,
+    /// True from the first tick of the test to its last.
+    riding: bool,
+    checkpoint_ticks: u64,
+    /// For the digest of a checkpoint.
+    memory: Vec<f64>,
+    /// When a partner that is commanded once a step was seen to owe its answer.
+    asked_at: Vec<Option<Nanos>>,
     edge: u64,
     sequence: u64,
     clock_now: Nanos,
@@ -228,6 +253,8 @@ pub struct Engine {
     steps_done: u64,
     misses: u64,
     misses_in_a_row: u64,
+    miss_window: misses::MissWindow,
+    test_warned: u8,
     rows_lost: u64,
     events_lost: u64,
     retired: usize,
@@ -295,12 +322,18 @@ impl Engine {
             ports,
             record_dofs,
             limits,
+            pacing,
         } = experiment;
         let (row, columns) = columns::Row::new(&record_dofs, &side, &ports);
         let dofs = match &side {
             Side::Structure(numerical) => numerical.structure.dofs(),
             Side::Prescribed(_) => 0,
         };
+        let mut memory = Vec::new();
+        if let Side::Structure(numerical) = &side {
+            // As much as a checkpoint will need.
+            numerical.structure.freeze(&mut memory);
+        }
         let schedule = Schedule::new(Nanos(0), period);
         let names: Vec<&str> = ports.iter().map(|port| port.name.as_str()).collect();
         let remote = ports.iter().any(Port::is_remote);
@@ -313,6 +346,11 @@ impl Engine {
             settling,
             timing,
             stale: vec![0; ports.len()],
+            ride: ride::Ride::new(pacing),
+            riding: false,
+            checkpoint_ticks: pacing.checkpoint_ticks,
+            memory,
+            asked_at: vec![None; ports.len()],
             opening,
             lost: vec![false; ports.len()],
             phase: Phase::Connected,
@@ -320,6 +358,8 @@ impl Engine {
             hold_wanted: false,
             confirmed: false,
             ports,
+            miss_window: misses::MissWindow::new(&limits.test.misses),
+            test_warned: 0,
             limits,
             clock,
             recorder,

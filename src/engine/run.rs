@@ -1,9 +1,8 @@
 //! The course of a test: settle, warm up, run to the last step, retire; and what happens when the loop is late.
 
-use crossbeam_channel::{Receiver, Sender};
-
 use super::numerical::{Side, aim_along};
-use super::phase::{Cause, Phase, PhaseCell};
+use super::operator::{Control, Operator};
+use super::phase::{Cause, Phase};
 use super::tick::Tick;
 use super::{Ending, Engine, OnMiss, Outcome, Stop};
 use crate::control::Port;
@@ -12,73 +11,6 @@ use crate::record::{Event, EventKind, MissCause};
 use crate::rt::timing::{Suspect, TickStamps};
 use crate::substructure::Retirement;
 use crate::time::Nanos;
-
-/// What an operator can ask of a running test.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Operator {
-    /// End in an orderly way.
-    Stop,
-    /// Let test time stand still.
-    Hold,
-    /// Go on after a hold; confirm the offsets.
-    Continue,
-}
-
-/// What the loop tells whoever attends it, besides rows and events. Never waited on.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Notice {
-    /// What was read of one axis while zeroing.
-    Zeroed {
-        /// Specimen, from 0.
-        port: usize,
-        /// Axis, from 0.
-        axis: usize,
-        /// In the axis' own units.
-        reading: crate::control::Reading,
-    },
-    /// The offsets are to be confirmed with [`Operator::Continue`].
-    AwaitingConfirmation,
-}
-
-/// The operator's line into the loop: polled once a tick, never waited on.
-#[derive(Debug, Clone)]
-pub struct Control {
-    /// Requests; bounded.
-    pub requests: Receiver<Operator>,
-    /// Where notices go; bounded, and dropped when full.
-    pub notices: Sender<Notice>,
-    /// Where the phase is left.
-    pub phase: PhaseCell,
-    /// The other end of `requests`, if other programs may speak to the test through its run folder.
-    pub desk: Option<Sender<Operator>>,
-}
-
-impl From<Receiver<Operator>> for Control {
-    /// An operator who asks and is told nothing.
-    fn from(requests: Receiver<Operator>) -> Self {
-        Self {
-            requests,
-            ..Self::unattended()
-        }
-    }
-}
-
-impl Control {
-    /// A control that nobody holds: for tests and offline runs.
-    #[must_use]
-    pub fn unattended() -> Self {
-        Self {
-            requests: crossbeam_channel::never(),
-            notices: crossbeam_channel::bounded(0).0,
-            phase: PhaseCell::default(),
-            desk: None,
-        }
-    }
-}
-
-/// Something to do on the loop's own thread just before the first and just after the last tick of the grid: tests put
-/// a guard there that counts system calls and allocations.
-pub type Watch = Box<dyn FnMut() + Send>;
 
 /// Repetitions of the numerical path on scratch state before the first edge.
 const REHEARSALS: usize = 300;
@@ -158,6 +90,7 @@ impl Engine {
         self.aim_at_start();
         self.ramp(control)?;
         self.aim_at_start();
+        self.begin_ride();
         self.warm_up(control)?;
         self.enter(Phase::Running, Cause::Done);
         self.ports.iter_mut().for_each(Port::begin_compensation);
@@ -203,29 +136,6 @@ impl Engine {
         }
     }
 
-    fn all_steps(&mut self, control: &Control) -> Result<(), Stop> {
-        // The first edge of the test is one that can be met, whatever came before.
-        self.skip_edges_before(self.clock.now());
-        self.first_edge = self.schedule.tick(self.edge);
-        for step in 0..=self.steps {
-            let mut stamps = TickStamps::default();
-            self.wait_for_edge(&mut stamps, control)?;
-            let stalled = self.stretch_after_stall(stamps.woke.since(stamps.release), 0);
-            let tick = Tick {
-                step,
-                sub_tick: 0,
-                time: step as f64 * self.dt,
-                dt: if step == 0 { 0.0 } else { self.dt },
-            };
-            self.tick(&tick, &mut stamps)?;
-            self.close_tick(&tick, stamps, stalled)?;
-            if self.hold_wanted && step < self.steps {
-                self.stand(&tick, control)?;
-            }
-        }
-        Ok(())
-    }
-
     /// Waits for the next edge and polls the operator. Real-time: yes.
     pub(super) fn wait_for_edge(
         &mut self,
@@ -244,7 +154,9 @@ impl Engine {
         self.clock_now = stamps.woke;
         self.edge += 1;
         stamps.deadline = self.schedule.tick(self.edge);
-        self.hear(control)
+        let heard = self.hear(control);
+        self.row.hold = self.hold_wanted;
+        heard
     }
 
     /// What the operator asks for, if anything. Real-time: yes.
@@ -287,14 +199,14 @@ impl Engine {
     }
 
     /// Moves on to the first edge at or after `now`, by whole ticks. Steps are not counted by edges: none is lost.
-    fn skip_edges_before(&mut self, now: Nanos) {
+    pub(super) fn skip_edges_before(&mut self, now: Nanos) {
         let behind = now.since(self.schedule.tick(self.edge));
         self.edge += behind.div_ceil(self.schedule.period_ns().max(1));
     }
 
     /// Books the tick's timing, counts a miss and applies the policy. A step is never skipped; what can slip is wall
     /// time. Real-time: yes.
-    fn close_tick(
+    pub(super) fn close_tick(
         &mut self,
         tick: &Tick,
         mut stamps: TickStamps,
@@ -333,6 +245,7 @@ impl Engine {
                 cause,
             },
         );
+        self.judge_misses(tick)?;
         let bounds = &self.limits;
         let whole_period = stamps.woke.since(stamps.release).max(late_ns) >= period;
         if (bounds.on_miss == OnMiss::Stop && whole_period)
@@ -356,7 +269,7 @@ impl Engine {
     /// Late by a period or more: moves the grid by the whole periods in `late_ns`, as far as the policy wants it.
     /// `booked_ns` is what must be added to count the lateness from the edge of the tick in which the stall showed.
     /// Real-time: yes.
-    fn stretch_after_stall(&mut self, late_ns: u64, booked_ns: u64) -> u64 {
+    pub(super) fn stretch_after_stall(&mut self, late_ns: u64, booked_ns: u64) -> u64 {
         let period = self.schedule.period_ns().max(1);
         let whole = late_ns / period;
         let ticks = match self.limits.on_miss {

@@ -7,8 +7,8 @@
 //! initial velocities of structure and base come after it.
 
 use super::numerical::Side;
+use super::operator::Control;
 use super::phase::{Cause, Phase};
-use super::run::Control;
 use super::tick::Tick;
 use super::{Engine, Stop};
 use crate::integrate::State;

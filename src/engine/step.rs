@@ -4,8 +4,9 @@
 //! is never skipped. Everything here is on the real-time path: no allocation, no lock, no system call but the
 //! clock's and the links', no panic.
 
-use super::numerical::{Side, aim_along};
+use super::numerical::{Side, seek_along};
 use super::phase::Phase;
+use super::ride::tell;
 use super::tick::Tick;
 use super::{Engine, Stop};
 use crate::control::limits::{Found, Level};
@@ -16,27 +17,42 @@ use crate::substructure::{Coupling, Freshness, LinkFault, Status};
 use crate::time::Nanos;
 
 impl Engine {
-    /// One tick of the running test. On return command k + 1 stands ready and row k is handed over.
-    /// Real-time: yes.
+    /// One tick of the running test: the command that stands ready leaves; where it reaches its target and every partner has
+    /// answered, the step is closed and the next target made; the next command stands ready on return, and the row is
+    /// handed over. Real-time: yes.
     pub(super) fn tick(&mut self, tick: &Tick, stamps: &mut TickStamps) -> Result<(), Stop> {
         if let Err(stop) = self.exchange(tick, stamps) {
             self.record_trip(tick, stamps, &stop);
             return Err(stop);
         }
+        self.arrive();
+        if self.can_close() {
+            self.close_step(tick, stamps)
+        } else {
+            self.pass(tick, stamps)
+        }
+    }
+
+    /// Equilibrium at the step whose target was reached, in this tick or some ticks ago. Real-time: yes.
+    fn close_step(&mut self, tick: &Tick, stamps: &mut TickStamps) -> Result<(), Stop> {
+        let stage = self.ride.stride.stage;
+        let tick = self.step_of(tick);
         self.row
-            .exchange(tick, Phase::Running, &self.side, &self.ports);
-        let advanced = self.advance_to_next(tick);
+            .exchange(&tick, Phase::Running, &self.side, &self.ports);
+        let advanced = self.advance_to_next(&tick);
         stamps.ready = self.clock.now();
 
-        self.accept()?;
+        self.accept_step()?;
         if let Side::Structure(numerical) = &mut self.side {
             numerical.output_accel();
         }
         self.row.outputs(&self.side);
         self.row
             .timing(stamps, self.first_edge, self.schedule.stretched());
-        self.hand_over(tick);
-        self.note_peaks(tick)?;
+        self.hand_over(&tick);
+        self.note_stage(&tick, stage);
+        self.check(&tick);
+        self.note_peaks(&tick)?;
         advanced
     }
 
@@ -46,8 +62,13 @@ impl Engine {
             stop,
             Stop::Limit { .. } | Stop::Interlock { .. } | Stop::Stale { .. }
         ) {
-            self.row
-                .exchange(tick, Phase::Tripped, &self.side, &self.ports);
+            if tick.step == self.ride.step {
+                self.row
+                    .exchange(tick, Phase::Tripped, &self.side, &self.ports);
+            } else {
+                let state = Phase::Tripped.code();
+                self.row.between(tick, state, &self.side, &self.ports);
+            }
             self.row.no_outputs();
             self.row
                 .timing(stamps, self.first_edge, self.schedule.stretched());
@@ -84,13 +105,21 @@ impl Engine {
         let ports = self.ports.iter_mut().zip(&self.lost).enumerate();
         for (index, (port, lost)) in ports {
             if !lost {
-                issue(port).map_err(|fault| Stop::Link { port: index, fault })?;
+                let left = if self.riding && port.is_per_step() {
+                    tell(port, self.sequence, self.ride.step, self.dt, tick)
+                } else {
+                    issue(port)
+                };
+                left.map_err(|fault| Stop::Link { port: index, fault })?;
             }
         }
         stamps.sent = self.clock.now();
         stamps.decoded = stamps.sent;
         for index in 0..self.ports.len() {
             if self.lost.get(index).copied().unwrap_or(true) {
+                continue;
+            }
+            if self.riding && !self.has_answer(index, stamps.sent)? {
                 continue;
             }
             let deadline = self.reply_deadline(index, stamps.sent);
@@ -100,6 +129,7 @@ impl Engine {
             let freshness = port
                 .collect(deadline)
                 .map_err(|fault| Stop::Link { port: index, fault })?;
+            port.answered();
             stamps.decoded = self.clock.now();
             self.timing
                 .round_trip(index, stamps.decoded.since(stamps.sent));
@@ -128,6 +158,9 @@ impl Engine {
             let Some(port) = self.ports.get_mut(index) else {
                 break;
             };
+            if self.riding && port.is_per_step() && !port.wants_to_be_told() {
+                continue;
+            }
             let found = port.clear();
             let tick = Tick {
                 step,
@@ -225,30 +258,32 @@ impl Engine {
     fn advance_to_next(&mut self, tick: &Tick) -> Result<(), Stop> {
         match &mut self.side {
             Side::Structure(numerical) => {
-                numerical.close(tick.step, tick.dt, &mut self.ports);
+                let dt = if tick.step == 0 { 0.0 } else { self.dt };
+                numerical.close(tick.step, dt, &mut self.ports);
                 numerical.advance(tick.step).map_err(Stop::Step)?;
                 let base = numerical.base(tick.step + 1);
                 let state = &numerical.state;
                 for port in &mut self.ports {
                     port.note_peak();
-                    port.aim(&state.disp, &state.vel, base.disp, base.vel);
+                    port.seek(&state.disp, &state.vel, base.disp, base.vel);
                 }
             }
             Side::Prescribed(histories) => {
                 for port in &mut self.ports {
                     port.note_peak();
                 }
-                aim_along(histories, tick.index() + 1, &mut self.ports);
+                seek_along(histories, tick.index() + 1, &mut self.ports);
             }
         }
+        self.know_the_next();
         Ok(())
     }
 
-    /// The step is accepted: specimens commit. The command that stands ready has not left yet.
+    /// The command of this tick is accepted: specimens commit. The command that stands ready has not left yet.
     pub(super) fn accept(&mut self) -> Result<(), Stop> {
         let ports = self.ports.iter_mut().zip(&self.lost).enumerate();
         for (index, (port, lost)) in ports {
-            if !lost {
+            if !lost && !(self.riding && port.is_per_step()) {
                 port.accepted(self.sequence)
                     .map_err(|fault| Stop::Link { port: index, fault })?;
             }
@@ -281,6 +316,7 @@ impl Engine {
                 return Err(Stop::Diverged { dof, value });
             }
         }
+        self.judge_test(tick)?;
         self.clear_commands()
     }
 }

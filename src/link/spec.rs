@@ -35,9 +35,18 @@ pub struct LinkSpec {
     /// What is done with the force when a sampled measurement is not there in time.
     #[serde(default)]
     pub on_stale: StaleChoice,
-    /// Stale measurements in a row after which the test stops.
-    #[serde(default = "ten")]
-    pub max_stale: u64,
+    /// Whether the specimen is commanded at every tick or, where it is slow or far away, once a step. Then it is told its
+    /// target as soon as that is known, and may take as long for its answer as the others take on their way there; if it takes
+    /// longer, they follow a prediction, slow down and hold. Only with `ticks_per_step` above 1.
+    #[serde(default)]
+    pub commands: CommandPace,
+    /// Stale measurements in a row after which the test stops. Absent: as many as `max_stale_s` says.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub max_stale: Option<u64>,
+    /// Wall time in s with stale measurements only after which the test stops; with `max_stale`, whichever comes first.
+    /// Absent: as many as `max_stale` says; without that 0.1 s, at least ten ticks.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub max_stale_s: Option<f64>,
     /// The specimen must hold when no command has come for so long, in s. Default: 0.25 s, at least ten ticks.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub watchdog_s: Option<f64>,
@@ -86,6 +95,36 @@ pub enum Protocol {
     /// OpenSees' `adapter`, `actuator` and `corotActuator`.
     #[serde(rename = "openfresco-adapter")]
     OpenFrescoAdapter,
+}
+
+/// How often a specimen is commanded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum CommandPace {
+    /// At every tick of the controller.
+    #[default]
+    EveryTick,
+    /// Once in each step of the integration.
+    EveryStep,
+}
+
+/// Wall time in s with stale measurements only after which a test stops, unless the file says otherwise.
+const STALE_S: f64 = 0.1;
+/// At least so many of them.
+const STALE_TICKS: u64 = 10;
+
+impl LinkSpec {
+    /// Stale measurements in a row that are put up with, with ticks of `period` seconds.
+    #[must_use]
+    pub fn stale_bound(&self, period: f64) -> u64 {
+        let fit = |seconds: f64| ((seconds / period).ceil() as u64).max(1);
+        match (self.max_stale, self.max_stale_s) {
+            (Some(count), Some(seconds)) => count.min(fit(seconds)),
+            (Some(count), None) => count,
+            (None, Some(seconds)) => fit(seconds),
+            (None, None) => fit(STALE_S).max(STALE_TICKS),
+        }
+    }
 }
 
 /// Whether the direction of a specimen is checked.
@@ -200,8 +239,4 @@ const fn half() -> f64 {
 
 const fn sixty() -> f64 {
     60.0
-}
-
-const fn ten() -> u64 {
-    10
 }

@@ -66,7 +66,7 @@ pub(super) struct EventLog<S> {
     tick_ns: u64,
     specimens: Vec<String>,
     classes: MissClasses,
-    logged: [u64; 4],
+    logged: [u64; 5],
     taken: u64,
     lost: u64,
     scratch: Vec<u8>,
@@ -92,11 +92,16 @@ impl<S: Store> EventLog<S> {
             tick_ns: context.tick_ns,
             specimens: context.specimens,
             classes: MissClasses::default(),
-            logged: [0; 4],
+            logged: [0; 5],
             taken: 0,
             lost: 0,
             scratch: Vec::with_capacity(512),
         }
+    }
+
+    /// The store.
+    pub const fn store(&self) -> &S {
+        self.lines.store()
     }
 
     /// Takes an event of the loop.
@@ -340,6 +345,15 @@ impl<S: Store> EventLog<S> {
                     "a sensor or actuator is at the end of its range"
                 );
             }
+            EventKind::Pace { from, to, share } => {
+                put(line, "from", from);
+                put(line, "to", to);
+                put(line, "share", share);
+                if loud(&mut self.logged[4]) {
+                    tracing::info!(tick = event.tick, time = event.time, "{from} → {to}");
+                }
+            }
+            EventKind::Checkpoint { digest } => put(line, "digest", format!("{digest:016x}")),
             EventKind::Phase { from, to, cause } => {
                 put(line, "from", from);
                 put(line, "to", to);
@@ -370,6 +384,21 @@ impl<S: Store> EventLog<S> {
                         bound,
                         "{quantity} {level}"
                     );
+                }
+            }
+            EventKind::TestLimit {
+                quantity,
+                trip,
+                value,
+                bound,
+            } => {
+                put(line, "limit", quantity);
+                put(line, "value", value);
+                put(line, "bound", bound);
+                if trip || loud(&mut self.logged[3]) {
+                    let level = if trip { "trips" } else { "warning" };
+                    let (tick, time) = (event.tick, event.time);
+                    tracing::warn!(tick, time, value, bound, "{quantity} {level}");
                 }
             }
             EventKind::Zeroed { port, axis, values } => {
@@ -434,11 +463,6 @@ impl<S: Store> EventLog<S> {
     pub fn waiting(&self) -> u64 {
         self.lines.waiting_units()
     }
-
-    #[cfg(test)]
-    pub const fn store(&self) -> &S {
-        self.lines.store()
-    }
 }
 
 fn put(line: &mut Map<String, Value>, key: &str, value: impl Into<Value>) {
@@ -485,8 +509,12 @@ const fn kind_name(kind: &EventKind) -> &'static str {
         EventKind::DirectionUnknown { .. } => "direction_unknown",
         EventKind::Misfit { .. } => "misfit",
         EventKind::Phase { .. } => "phase",
-        EventKind::Limit { trip: true, .. } => "limit_trip",
-        EventKind::Limit { .. } => "limit_warning",
+        EventKind::Pace { .. } => "pace",
+        EventKind::Checkpoint { .. } => "checkpoint",
+        EventKind::Limit { trip: true, .. } | EventKind::TestLimit { trip: true, .. } => {
+            "limit_trip"
+        }
+        EventKind::Limit { .. } | EventKind::TestLimit { .. } => "limit_warning",
         EventKind::Zeroed { .. } => "zeroed",
     }
 }

@@ -1,7 +1,7 @@
 //! The loop with no specimen, with or without a structure: the same threads, engine and recording as a test.
 
-use crate::config::{ClockChoice, Diagnostics, Facts, Files, Prepared};
-use crate::engine::{Experiment, Limits, OnMiss, Opening, Side};
+use crate::config::{ClockChoice, Diagnostics, Facts, Files, LimitFacts, Prepared};
+use crate::engine::{Experiment, Limits, OnMiss, Opening, Pacing, Side, TestLimits};
 use crate::rt::TimingSpec;
 use crate::time::{RateError, Ratio};
 
@@ -36,7 +36,9 @@ pub fn loop_round(
 ) -> Prepared {
     let rate_hz = rate.value();
     let period = rate.inverse();
-    let warmup = timing.warmup_ticks.min((WARM_UP_S * rate_hz) as u64 + 1);
+    let warmup = timing
+        .warmup(period.value())
+        .min((WARM_UP_S * rate_hz) as u64 + 1);
     let experiment = Experiment {
         dt: period.value(),
         period,
@@ -55,13 +57,16 @@ pub fn loop_round(
             reply_timeout_ns: 0,
             warmup_ticks: warmup,
             divergence: f64::MAX,
+            test: TestLimits::default(),
         },
+        pacing: Pacing::default(),
     };
     let facts = Facts {
         title,
         dt: period.value(),
         steps,
         rate_hz,
+        ticks_per_step: 1,
         clock: ClockChoice::Real,
         structure: None,
         specimens: Vec::new(),
@@ -70,6 +75,7 @@ pub fn loop_round(
         queue_s: 4.0,
         announced: Vec::new(),
         confirm: false,
+        limits: LimitFacts::default(),
         warnings: Vec::new(),
     };
     let files = Files {

@@ -6,6 +6,7 @@
 
 use std::collections::VecDeque;
 use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
@@ -15,7 +16,7 @@ use thiserror::Error;
 
 use crate::config::{self, ConfigError};
 use crate::engine::{Control, Ending, Engine, Experiment, Operator, Phase};
-use crate::record::{Column, End, Event, FolderError, Journal, Recorder, Run};
+use crate::record::{Column, End, Event, FolderError, Journal, Layout, Recorder, Run};
 use crate::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
 };
@@ -98,18 +99,22 @@ impl Replay {
     }
 }
 
-/// Rows to come that must be known: this one, and those in which a request of the operator shows.
-const AHEAD: usize = 3;
+/// Rows to come that must be known: this one, and the one in which a confirmation shows.
+const AHEAD: usize = 2;
 
 /// The recorded rows, as far as the replay has come.
 struct Tape {
-    journal: Journal<File>,
+    journal: Journal<Box<dyn Read + Send>>,
     columns: Vec<Column>,
     ahead: VecDeque<Vec<f64>>,
     /// Rows that are the same.
     row: u64,
     time: f64,
     state: usize,
+    hold: usize,
+    at_time: usize,
+    /// Whether the operator wanted a hold before the row that comes.
+    holding: bool,
     operator: Sender<Operator>,
     difference: Option<Difference>,
     short: Option<String>,
@@ -137,20 +142,25 @@ impl Tape {
         self.ahead.get(ahead)?.get(self.state).copied()
     }
 
-    /// What the operator said before the tick of the row `ahead` rows on was over: it shows in the row behind it.
-    fn request(&self, ahead: usize) -> Option<Operator> {
-        let (now, next) = (self.phase(ahead)?, self.phase(ahead + 1)?);
-        let waits = |phase| phase == Phase::Holding.code() || phase == Phase::Zeroing.code();
-        if next == Phase::Holding.code() && now != next {
-            Some(Operator::Hold)
-        } else if waits(now) && now != next {
-            Some(Operator::Continue)
-        } else {
-            None
+    /// What the operator said before the tick of the row that comes: a wish for a hold stands in it, a confirmation shows in
+    /// the row behind it.
+    fn request(&mut self) -> Option<Operator> {
+        let row = self.ahead.front()?;
+        let holding = made_at(Some(row), self.hold) > 0.0;
+        if holding != self.holding {
+            self.holding = holding;
+            return Some(if holding {
+                Operator::Hold
+            } else {
+                Operator::Continue
+            });
         }
+        let (now, next) = (self.phase(0)?, self.phase(1)?);
+        let confirmed = now == Phase::Zeroing.code() && now != next;
+        confirmed.then_some(Operator::Continue)
     }
 
-    /// Compares the row that was just made, and says what the operator said before the next but one.
+    /// Compares the row that was just made, and says what the operator said before the next.
     fn compare(&mut self, made: &[f64]) {
         let Some(recorded) = self.ahead.front() else {
             return;
@@ -162,15 +172,14 @@ impl Tape {
                 self.difference = Some(Difference {
                     row: self.row,
                     step: at(0) as u64,
-                    time: at(3),
+                    time: at(self.at_time),
                     column: column.name.clone(),
                     recorded: *recorded,
                     replayed: *made,
                 });
             }
         }
-        self.time = made_at(self.ahead.front(), 3);
-        let request = self.request(1);
+        self.time = made_at(self.ahead.front(), self.at_time);
         if self.difference.is_none() {
             self.row += 1;
             self.ahead.pop_front();
@@ -180,7 +189,7 @@ impl Tape {
         let request = if self.ahead.is_empty() || self.difference.is_some() {
             Some(Operator::Stop)
         } else {
-            request
+            self.request()
         };
         if let Some(request) = request {
             let _ = self.operator.try_send(request);
@@ -263,6 +272,14 @@ impl Substructure for Recorded {
         })
     }
 
+    /// A partner that takes several ticks answers in the row in which it answered.
+    fn is_answered(&mut self) -> Result<bool, LinkFault> {
+        with(&self.tape, |tape| {
+            let row = tape.ahead.front().ok_or(LinkFault::Closed)?;
+            Ok(made_at(Some(row), self.sequence) as u64 >= self.issued)
+        })
+    }
+
     fn retire(&mut self, _: Retirement) {}
 }
 
@@ -283,14 +300,51 @@ pub fn replay(folder: &Path) -> Result<Replay, ReplayError> {
     {
         link.key_file = None;
     }
-    let mut experiment = config::build(&loaded)?.experiment;
+    let experiment = config::build(&loaded)?.experiment;
+    let path = folder.join("samples.bin");
+    let samples = File::open(&path).map_err(|source| ReplayError::Unreadable { path, source })?;
+    let mut found = replay_rows(experiment, run.layout(), Box::new(samples))?;
+    if found.is_exact() {
+        found.short = missing_end(&run, &found);
+    }
+    Ok(found)
+}
+
+/// What is proven is not all that there was: rows that are whole may be too few.
+fn missing_end(run: &Run, found: &Replay) -> Option<String> {
+    if found.rows == 0 {
+        return Some("there are no rows to be compared".to_owned());
+    }
+    let summary = run.summary()?;
+    let wanted = summary.steps as f64 * summary.dt;
+    let is_there = found.time + 0.5 * summary.dt >= wanted;
+    (!is_there).then(|| {
+        format!(
+            "the summary tells of {} steps, {wanted} s, but the rows end at {} s",
+            summary.steps, found.time
+        )
+    })
+}
+
+/// Runs recorded rows through a loop that is made anew: `experiment` is the test, `samples` are its records in `layout`.
+///
+/// # Errors
+/// [`ReplayError::Columns`]. A number that differs is no error but [`Replay::difference`].
+pub fn replay_rows(
+    mut experiment: Experiment,
+    layout: &Layout,
+    samples: Box<dyn Read + Send>,
+) -> Result<Replay, ReplayError> {
     let columns = experiment.columns();
-    same_columns(run.layout().columns(), &columns)?;
+    same_columns(layout.columns(), &columns)?;
     let (operator, requests) = crossbeam_channel::bounded(4);
-    let place = |name: &str| run.layout().index_of(name).unwrap_or(usize::MAX);
+    let place = |name: &str| layout.index_of(name).unwrap_or(usize::MAX);
     let mut tape = Tape {
-        journal: run.journal()?,
+        journal: Journal::new(samples, layout.columns().len()),
         state: place("state"),
+        hold: place("hold"),
+        at_time: place("time"),
+        holding: false,
         columns,
         ahead: VecDeque::with_capacity(AHEAD),
         row: 0,
@@ -300,12 +354,12 @@ pub fn replay(folder: &Path) -> Result<Replay, ReplayError> {
         short: None,
     };
     tape.fill();
-    if let Some(request) = tape.request(0) {
+    if let Some(request) = tape.request() {
         let _ = tape.operator.try_send(request);
     }
     let tape = Arc::new(Mutex::new(tape));
     put_recorded(&mut experiment, &tape, place);
-    let compared = run.layout().columns().iter().filter(|c| !c.timing).count();
+    let compared = layout.columns().iter().filter(|c| !c.timing).count();
     let recorder = Box::new(Comparing(Arc::clone(&tape)));
     let mut engine = Engine::new(experiment, Box::new(SimClock::new()), recorder);
     let outcome = engine.run(&Control::from(requests));

@@ -8,15 +8,16 @@ use crate::config::{
     AxisTable, ClockChoice, DispUnit, Finding, ForceUnit, KeyPath, SpecimenTable, TestFile,
 };
 use crate::control::{OnStale, WaitRules};
-use crate::link::native::unlimited_axis;
+use crate::link::announce::announce;
 use crate::link::openfresco::{Remote, RemoteSettings};
 use crate::link::secret::read_key;
-use crate::link::spec::{Carrier, LinkCoupling, StaleChoice};
+use crate::link::spec::{Carrier, CommandPace, LinkCoupling, StaleChoice};
 use crate::link::tls::{FileError, TlsClient, TlsSpec};
 use crate::link::{LinkSpec, NativeLink, NativeSetup, SocketOptions, Wait};
 use crate::rt::throttle::Throttle;
 use crate::substructure::Coupling;
-use crate::wire::handshake::{Axis, Sampling, Unit};
+use crate::time::Ratio;
+use crate::wire::handshake::{Axis, Limits, Sampling, Unit};
 use crate::wire::key::PreSharedKey;
 
 /// A specimen must hold after this silence, unless the file says otherwise: in s, and in ticks.
@@ -51,7 +52,14 @@ pub(super) fn native(
         (LinkCoupling::Sampled, ClockChoice::Real) => Coupling::Sampled,
         _ => Coupling::Lockstep,
     };
-    let period_s = time.period.value();
+    // A partner that is commanded once a step counts steps.
+    let ticks = if is_per_step(link) {
+        u64::from(time.ticks_per_step)
+    } else {
+        1
+    };
+    let period_s = time.period.value() * ticks as f64;
+    let (per_second, seconds) = time.period.inverse().terms();
     let usual = native_setup(link, key, wire_axes(table, axes));
     let mut options = usual.options;
     if coupling == Coupling::Sampled {
@@ -62,7 +70,8 @@ pub(super) fn native(
     }
     let setup = NativeSetup {
         test: site.loaded.file.title.clone(),
-        rate: time.period.inverse().terms(),
+        rate: Ratio::new(per_second, seconds.saturating_mul(ticks))
+            .map_or((per_second, seconds), Ratio::terms),
         watchdog_s: link
             .watchdog_s
             .unwrap_or_else(|| WATCHDOG_S.max(WATCHDOG_TICKS * period_s)),
@@ -72,9 +81,15 @@ pub(super) fn native(
     };
     let native = match tls(site, at, link)? {
         Some(tls) => NativeLink::over_tls(setup, tls),
-        None => NativeLink::new(setup),
+        None => match &mut site.dial {
+            Some(dial) => {
+                let wire = dial(&setup);
+                NativeLink::over(setup, wire)
+            }
+            None => NativeLink::new(setup),
+        },
     };
-    Ok((native, rules(link)))
+    Ok((native, rules(link, time.period.value())))
 }
 
 /// Both waits of a tick, for the edge and for the reply, must leave the kernel its share of the processor: 85 % are for
@@ -158,7 +173,7 @@ pub(super) fn openfresco(
             .transpose()
     });
     match remote {
-        Ok(Some(remote)) => Ok((remote, rules(link))),
+        Ok(Some(remote)) => Ok((remote, rules(link, site.loaded.time.period.value()))),
         Ok(None) => {
             let text = "our own protocol is no OpenFresco link";
             site.refuse(Finding::error(at.key("link").key("protocol"), text))
@@ -167,7 +182,12 @@ pub(super) fn openfresco(
     }
 }
 
-fn rules(link: &LinkSpec) -> WaitRules {
+/// True if the specimen is commanded once a step.
+pub(super) fn is_per_step(link: &LinkSpec) -> bool {
+    link.commands == CommandPace::EveryStep
+}
+
+fn rules(link: &LinkSpec, period: f64) -> WaitRules {
     WaitRules {
         reply_timeout_ns: (link.reply_timeout_s * 1e9) as u64,
         on_stale: match link.on_stale {
@@ -175,16 +195,17 @@ fn rules(link: &LinkSpec) -> WaitRules {
             StaleChoice::Extrapolate => OnStale::Extrapolate,
             StaleChoice::Stop => OnStale::Stop,
         },
-        stale_in_a_row: link.max_stale,
+        stale_in_a_row: link.stale_bound(period),
     }
 }
 
-/// The axes as our own protocol names them. Units that it has not were refused before.
+/// The axes as our own protocol names them, with the limits that our loop keeps. Units that it has not were refused before.
 pub(in crate::config) fn wire_axes(table: &SpecimenTable, axes: usize) -> Vec<Axis> {
     let names = table
         .link
         .as_ref()
         .and_then(|link| link.axis_names.as_ref());
+    let (limits, units) = (table.limits_of(axes), table.units_of(axes));
     (0..axes)
         .map(|index| {
             let gear = table.axis.get(index).cloned().unwrap_or_default();
@@ -204,7 +225,16 @@ pub(in crate::config) fn wire_axes(table: &SpecimenTable, axes: usize) -> Vec<Ax
                 ForceUnit::Kilonewton => Unit::Kilonewton,
                 ForceUnit::Newton | ForceUnit::PoundForce => Unit::Newton,
             };
-            unlimited_axis(name, disp, force)
+            let limits = match (limits.get(index), units.get(index)) {
+                (Some(spec), Some(units)) => announce(&spec.limits(), units),
+                _ => Limits::NONE,
+            };
+            Axis {
+                name,
+                disp_unit: disp,
+                force_unit: force,
+                limits,
+            }
         })
         .collect()
 }
@@ -256,7 +286,7 @@ mod tests {
         for (rate_hz, first_us, last_us) in [
             (1000, 60, 50),
             (4096, 60, 36),
-            (10_000, 19, 6),
+            (10_000, 18, 6),
             (20_000, 8, 2),
         ] {
             let period_ns = 1_000_000_000 / rate_hz;

@@ -8,6 +8,7 @@ mod analysis;
 mod apart;
 mod excitation;
 mod gear;
+mod limits;
 pub(in crate::config) mod links;
 mod method;
 mod proof;
@@ -19,13 +20,18 @@ use std::path::PathBuf;
 
 use super::{
     ClockChoice, ConfigError, Diagnostics, DofChoice, Finding, Inputs, KeyPath, Loaded, Method,
+    TestFile, Time,
 };
-use crate::engine::{Experiment, Limits, Numerical, OnMiss, Settling, Side};
+use crate::engine::{
+    Experiment, Limits, Numerical, OnMiss, Pacing, Settling, Side, StepAudit, TestQuantity,
+};
 use crate::integrate::{Lambda, LambdaChoice};
 use crate::linalg::{Spd, SymMatrix};
+use crate::link::{NativeSetup, Transport};
 use crate::rt;
 use crate::rt::TimingSpec;
 pub use analysis::{ALL_MODES, Analysis, Loop, ModeFacts};
+pub use limits::{Limit, LimitFacts, SpecimenLimits};
 use specimens::Specimens;
 
 /// A test that is ready to run.
@@ -50,8 +56,10 @@ pub struct Facts {
     pub dt: f64,
     /// Number of steps.
     pub steps: u64,
-    /// Ticks per second of wall time that are asked for.
+    /// Ticks of the controller per second of wall time that are asked for.
     pub rate_hz: f64,
+    /// Ticks of the controller in one step.
+    pub ticks_per_step: u32,
     /// The clock.
     pub clock: ClockChoice,
     /// The structure, if there is one.
@@ -68,6 +76,8 @@ pub struct Facts {
     pub announced: Vec<String>,
     /// Whether an operator must confirm what was read before anything moves.
     pub confirm: bool,
+    /// Which limits there are, who checks them, what happens then.
+    pub limits: LimitFacts,
     /// What the user should know although the test may run.
     pub warnings: Vec<String>,
 }
@@ -106,6 +116,8 @@ pub struct StructureFacts {
     pub peak_ground_accel: Option<f64>,
     /// What modes and delays can be analysed from, for structures that are not too large.
     pub analysis: Option<Analysis>,
+    /// b·S⁻¹·bᵀ of every axis of every specimen, at the declared bounds; empty without a proof.
+    gains: Vec<Vec<f64>>,
 }
 
 /// What the run folder archives.
@@ -122,6 +134,8 @@ pub struct Files {
 /// Findings so far, and the files read so far.
 struct Site<'a> {
     loaded: &'a Loaded,
+    /// Makes the transports of links that are not to be connected.
+    dial: Option<&'a mut Dial<'a>>,
     inputs: Inputs,
     errors: Vec<Finding>,
     warnings: Vec<Finding>,
@@ -171,7 +185,7 @@ fn path(key: &str) -> KeyPath {
 /// # Errors
 /// [`ConfigError::Invalid`] with everything that was found wrong before the build had to give up.
 pub fn build(loaded: &Loaded) -> Result<Prepared, ConfigError> {
-    build_as(loaded, false)
+    build_as(loaded, false, None)
 }
 
 /// The same experiment without its links: what is declared of a specimen behind one stands in its place. Nothing else is
@@ -180,12 +194,28 @@ pub fn build(loaded: &Loaded) -> Result<Prepared, ConfigError> {
 /// # Errors
 /// As [`build`].
 pub fn build_rehearsal(loaded: &Loaded) -> Result<Prepared, ConfigError> {
-    build_as(loaded, true)
+    build_as(loaded, true, None)
 }
 
-fn build_as(loaded: &Loaded, rehearsal: bool) -> Result<Prepared, ConfigError> {
+/// Makes the transport of a link of our own protocol, in place of a connection.
+pub type Dial<'a> = dyn FnMut(&NativeSetup) -> Box<dyn Transport> + 'a;
+
+/// The same with links over transports that are connected already: those that `dial` makes, one after the other.
+///
+/// # Errors
+/// As [`build`].
+pub fn build_over<'a>(loaded: &'a Loaded, dial: &'a mut Dial<'a>) -> Result<Prepared, ConfigError> {
+    build_as(loaded, false, Some(dial))
+}
+
+fn build_as<'a>(
+    loaded: &'a Loaded,
+    rehearsal: bool,
+    dial: Option<&'a mut Dial<'a>>,
+) -> Result<Prepared, ConfigError> {
     let mut site = Site {
         loaded,
+        dial,
         inputs: loaded.inputs(),
         errors: Vec::new(),
         warnings: Vec::new(),
@@ -206,7 +236,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         return site.refuse_key(&path("timing"), error.key(), &error);
     }
     let specimens = specimens::specimens(site)?;
-    let (side, settling, structure) = match &file.structure {
+    let (side, settling, mut structure) = match &file.structure {
         Some(_) => {
             let (numerical, settling, facts) = numerical(site, &specimens)?;
             (Side::Structure(Box::new(numerical)), settling, Some(facts))
@@ -222,16 +252,23 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         .map_or(0, |facts: &StructureFacts| facts.dofs);
     let record_dofs = record_dofs(site, dofs, &specimens)?;
     let names = specimens.names();
-    let ports = specimens.into_ports(site, dofs, settling.is_some())?;
+    let gains = structure
+        .as_mut()
+        .map(|facts| std::mem::take(&mut facts.gains));
+    let ports = specimens.into_ports(site, dofs, settling.is_some(), gains.unwrap_or_default())?;
     let time = site.loaded.time;
     let found = site.warnings.drain(..);
     let found = found.map(|finding| site.loaded.locator.diagnose(finding));
     let warnings: Vec<_> = site.loaded.warnings.iter().cloned().chain(found).collect();
+    let of_loop = limits(file, &time);
+    let kept = TestQuantity::kept(&side, &ports);
     let facts = Facts {
+        limits: limits::facts(file, &ports, &of_loop, &kept),
         title: file.title.clone(),
         dt: time.step.value(),
         steps: time.steps,
         rate_hz: time.period.inverse().value(),
+        ticks_per_step: time.ticks_per_step,
         clock: time.clock,
         structure,
         specimens: names,
@@ -265,7 +302,8 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         settling,
         ports,
         record_dofs,
-        limits: limits(&file.timing, time.steps, file.safety.divergence_m),
+        limits: of_loop,
+        pacing: pacing(file, time),
     };
     Ok(Prepared {
         experiment,
@@ -276,7 +314,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
 }
 
 /// What is moved before the test, in sentences.
-fn announced(file: &super::TestFile) -> Vec<String> {
+fn announced(file: &TestFile) -> Vec<String> {
     let probed = file.specimen.iter().filter_map(|specimen| {
         let metres = specimen.link.as_ref()?.probe_m?;
         Some(format!(
@@ -293,7 +331,19 @@ const REPLY_TIMEOUT_NS: u64 = 5_000_000_000;
 /// Stale measurements in a row after which a test stops.
 const STALE_IN_A_ROW: u64 = 10;
 
-fn limits(timing: &TimingSpec, steps: u64, divergence: Option<f64>) -> Limits {
+/// How steps and ticks of the controller belong together.
+fn pacing(file: &TestFile, time: Time) -> Pacing {
+    let ticks = |seconds: f64| (seconds / time.period.value()).ceil();
+    Pacing {
+        ticks_per_step: time.ticks_per_step,
+        ease_ticks: ticks(file.safety.ease_s) as u32,
+        checkpoint_ticks: ticks(file.record.checkpoint_s).max(1.0) as u64,
+    }
+}
+
+fn limits(file: &TestFile, time: &Time) -> Limits {
+    let timing = &file.timing;
+    let ticks = time.steps.saturating_mul(u64::from(time.ticks_per_step));
     Limits {
         on_miss: match timing.on_miss {
             rt::OnMiss::Stretch => OnMiss::Stretch,
@@ -303,12 +353,13 @@ fn limits(timing: &TimingSpec, steps: u64, divergence: Option<f64>) -> Limits {
             rt::OnMiss::Stop => OnMiss::Stop,
         },
         misses_in_a_row: timing.max_consecutive_misses,
-        misses_in_total: timing.miss_bound(steps),
+        misses_in_total: timing.miss_bound(ticks),
         extrapolate_stale: false,
         stale_in_a_row: STALE_IN_A_ROW,
         reply_timeout_ns: REPLY_TIMEOUT_NS,
-        warmup_ticks: timing.warmup_ticks,
-        divergence: divergence.unwrap_or(f64::MAX),
+        warmup_ticks: timing.warmup(time.period.value()),
+        divergence: file.safety.divergence_m.unwrap_or(f64::MAX),
+        test: safety::test_limits(file, time),
     }
 }
 
@@ -337,20 +388,24 @@ fn numerical(
         stiffness: &initial_stiffness,
         dt,
     };
-    let (proof, stepper, storage, own) = match method::companion(site, &structure, &initial)? {
-        Some(stepper) => {
-            proof::warn_of_limit(site, &structure, specimens, method);
-            (None, stepper, None, None)
-        }
-        None => {
-            let own = apart::own(site, &structure, specimens, &initial_stiffness)?;
-            let apart = own.as_ref().map(|own| &own.apart);
-            let proof = proof::choose(site, &structure, specimens, &initial, apart)?;
-            let (stepper, storage) =
-                method::family(site, &structure, &initial, proof.lambda, apart)?;
-            (Some(proof), stepper, Some(storage), own)
-        }
-    };
+    let (mut proof, stepper, storage, own, audit) =
+        match method::companion(site, &structure, &initial)? {
+            Some(stepper) => {
+                proof::warn_of_limit(site, &structure, specimens, method);
+                (None, stepper, None, None, None)
+            }
+            None => {
+                let own = apart::own(site, &structure, specimens, &initial_stiffness)?;
+                let apart = own.as_ref().map(|own| &own.apart);
+                let proof = proof::choose(site, &structure, specimens, &initial, apart)?;
+                let (stepper, storage) =
+                    method::family(site, &structure, &initial, proof.lambda, apart)?;
+                let audit = safety::audits(&site.loaded.file, n).then(|| {
+                    StepAudit::new(initial.effective_mass(structure.mass(), proof.lambda, apart))
+                });
+                (Some(proof), stepper, Some(storage), own, audit)
+            }
+        };
     let (excitation, load) = excitation::excitation(site, &structure, specimens)?;
     let settling = match load {
         Some(load) => Some(settle(
@@ -382,6 +437,10 @@ fn numerical(
         lambda_apart: own.map(|own| own.named).unwrap_or_default(),
         lambda_by_number: proof.as_ref().is_some_and(|proof| proof.by_number),
         gain: proof.as_ref().map_or(f64::INFINITY, |proof| proof.gain),
+        gains: proof
+            .as_mut()
+            .map(|proof| std::mem::take(&mut proof.gains))
+            .unwrap_or_default(),
         choice: proof.and_then(|proof| proof.choice),
         frequencies,
         analysis,
@@ -395,11 +454,12 @@ fn numerical(
             return site.refuse(finding);
         }
     };
-    Ok((
-        Numerical::new(structure, accel, excitation, stepper, state),
-        settling,
-        facts,
-    ))
+    let numerical = Numerical::new(structure, accel, excitation, stepper, state);
+    let numerical = match audit {
+        Some(audit) => numerical.audited(audit),
+        None => numerical,
+    };
+    Ok((numerical, settling, facts))
 }
 
 /// Equal parts in which a static load is brought on.

@@ -9,7 +9,7 @@ use super::gear::{Rows, axis, scaled};
 use super::{Refused, Site, links, path, safety};
 use crate::config::{Finding, KeyPath, MatrixValue, SpecimenTable};
 use crate::control::limits::LimitsSpec;
-use crate::control::{Axis, Believed, Direction, Pace, Port, Trend, WaitRules};
+use crate::control::{Axis, Believed, Declared, Direction, Order, Pace, Port, Trend, WaitRules};
 use crate::law::Reach;
 use crate::linalg::SymMatrix;
 use crate::link::LinkSpec;
@@ -251,9 +251,25 @@ fn estimate(
 }
 
 impl Entry {
-    /// True if nothing is known of its stiffness.
-    fn is_limp(&self) -> bool {
-        self.stiffness.iter().flatten().all(|k| *k == 0.0)
+    /// What its axes are watched against; `gains` are those of S.
+    fn declared(&self, gains: Option<&Vec<f64>>) -> Vec<Declared> {
+        let bound = |of: fn(&(Rows, Rows)) -> &Rows, axis: usize| {
+            let bounds = self.bounds.as_ref();
+            let bound = bounds.map_or(f64::NAN, |bounds| of(bounds)[axis][axis]);
+            if bound.is_finite() { bound } else { f64::NAN }
+        };
+        let axes = 0..self.axes.len();
+        axes.map(|axis| Declared {
+            damping: self.damping[axis][axis],
+            stiffness_bound: bound(|bounds| &bounds.0, axis),
+            damping_bound: bound(|bounds| &bounds.1, axis),
+            gain: gains
+                .and_then(|gains| gains.get(axis))
+                .copied()
+                .unwrap_or(f64::NAN),
+            step: 0.0,
+        })
+        .collect()
     }
 
     /// How the direction of a specimen behind a link is found out: as the file says, else by the static load.
@@ -340,6 +356,7 @@ impl Specimens {
         site: &mut Site<'_>,
         dofs: usize,
         settles: bool,
+        gains: Vec<Vec<f64>>,
     ) -> Result<Vec<Port>, Refused> {
         let influence = match &site.loaded.file.structure {
             Some(structure) => structure
@@ -361,12 +378,10 @@ impl Specimens {
             let diagonal = (0..entry.axes.len())
                 .map(|i| entry.stiffness[i][i])
                 .collect();
+            let declared = entry.declared(gains.get(index));
+            let stiffness = std::mem::take(&mut entry.stiffness);
             let link = site.loaded.file.specimen.get(index);
             let direction = match link.and_then(|table| table.link.as_ref()) {
-                // Without an estimate nothing answers in a rehearsal, and nothing is to be seen.
-                Some(_) if matches!(entry.stand, Stand::Believed) && entry.is_limp() => {
-                    Direction::Known
-                }
                 Some(link) => entry.direction(link, site.loaded.time.period.value(), settles),
                 None => Direction::Known,
             };
@@ -393,13 +408,21 @@ impl Specimens {
                     let table = &site.loaded.file.specimen[index];
                     let specs = table.limits_of(axes);
                     let limits = specs.iter().map(LimitsSpec::limits).collect();
-                    let tick = site.loaded.time.period.value();
+                    let time = site.loaded.time;
+                    let per_step = table.link.as_ref().is_some_and(links::is_per_step);
+                    let ticks = if per_step { time.ticks_per_step } else { 1 };
+                    let tick = time.period.value() * f64::from(ticks);
+                    let order = match site.loaded.file.time.prediction_order {
+                        1 => Order::Linear,
+                        2 => Order::Quadratic,
+                        _ => Order::Cubic,
+                    };
                     let mut port = port
                         .with_limits(limits, entry.units, tick)
-                        .with_references(safety::references(table, axes));
-                    let metres: Vec<f64> = metres.clone();
+                        .with_pace(per_step, order)
+                        .with_references(safety::references(table, axes))
+                        .with_declared(&declared, &stiffness, time.step.value());
                     if let Some(compensators) = compensation::compensators(site, index, axes)? {
-                        let time = site.loaded.time;
                         let pace = time.step.value() / tick;
                         port = port.with_compensation(compensators, metres, tick, pace);
                     }

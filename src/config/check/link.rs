@@ -5,7 +5,7 @@ use crate::config::diagnose::Finding;
 use crate::config::document::KeyPath;
 use crate::config::specimen::{DispUnit, ForceUnit, SpecimenTable};
 use crate::link::LinkSpec;
-use crate::link::spec::{Carrier, Protocol};
+use crate::link::spec::{Carrier, CommandPace, LinkCoupling, Protocol};
 
 /// The link of one specimen.
 pub(super) fn check_link(
@@ -54,7 +54,8 @@ pub(super) fn check_link(
                 .label("must be zero or greater"),
         );
     }
-    if link.max_stale == 0 {
+    findings.positive(here.key("max_stale_s"), link.max_stale_s);
+    if link.max_stale == Some(0) {
         findings.0.push(
             Finding::error(here.key("max_stale"), "`max_stale` is 0")
                 .label("must be 1 or greater")
@@ -109,6 +110,35 @@ pub(super) fn check_link(
                 .0
                 .push(Finding::error(at.key("unit_force"), text).label("N or kN"));
         }
+    }
+}
+
+/// How often it is commanded.
+pub(super) fn check_pace(
+    specimen: &SpecimenTable,
+    ticks: u32,
+    at: &KeyPath,
+    findings: &mut Findings,
+) {
+    let Some(link) = &specimen.link else {
+        return;
+    };
+    if link.commands != CommandPace::EveryStep {
+        return;
+    }
+    let here = at.key("link").key("commands");
+    if ticks == 1 {
+        findings.0.push(
+            Finding::error(here, "every tick is a step here")
+                .label("\"every_step\" is for tests with more ticks than steps")
+                .help("`ticks_per_step` in [time] says how many ticks a step has"),
+        );
+    } else if link.coupling == LinkCoupling::Sampled {
+        findings.0.push(
+            Finding::error(here, "a sampled specimen is commanded at every tick")
+                .label("\"every_step\" needs `coupling = \"lockstep\"`")
+                .beside(at.key("link").key("coupling"), "sampled here"),
+        );
     }
 }
 

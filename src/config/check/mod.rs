@@ -15,10 +15,11 @@ use specimen::{check_names, check_specimen};
 
 use super::diagnose::Finding;
 use super::document::{Datum, KeyPath, Node};
-use super::schema::{ClockChoice, Method, Start, StructureTable, TestFile};
+use super::schema::{Method, Start, StructureTable, TestFile};
 use super::serve::ServeFile;
 use super::steps::{Time, not_positive};
 use super::suggest::listed;
+use super::timetable::ClockChoice;
 use super::value::{DofChoice, LambdaValue};
 use crate::rt::OnMiss;
 
@@ -67,6 +68,7 @@ pub(crate) fn check(file: &TestFile) -> Vec<Finding> {
         let at = root.key("specimen").index(index);
         check_specimen(specimen, file.structure.is_some(), &at, &mut findings);
         check_limits(specimen, tick_s, Some(&file.safety), &at, &mut findings);
+        link::check_pace(specimen, file.time.ticks_per_step, &at, &mut findings);
     }
     check_required(
         &file.specimen,
@@ -89,6 +91,7 @@ pub(crate) fn check(file: &TestFile) -> Vec<Finding> {
     safety::check_safety(file, &mut findings);
     let record = root.key("record");
     findings.positive(record.key("queue_s"), Some(file.record.queue_s));
+    findings.positive(record.key("checkpoint_s"), Some(file.record.checkpoint_s));
     if let Some(DofChoice::Listed(dofs)) = &file.record.dofs {
         findings.dofs(&record.key("dofs"), dofs);
     }

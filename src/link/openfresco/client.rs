@@ -366,6 +366,22 @@ impl Substructure for Remote {
         }
     }
 
+    fn is_answered(&mut self) -> Result<bool, LinkFault> {
+        loop {
+            match self.phase {
+                Phase::Faulted(fault) => return Err(fault),
+                Phase::Issued => {}
+                _ => return Ok(true),
+            }
+            match self.hear(Nanos(0)) {
+                Ok(Came::Signals) => self.phase = Phase::Answered,
+                Ok(_) => {}
+                Err(Lost::Link(LinkFault::Timeout)) => return Ok(false),
+                Err(lost) => return Err(self.fault(lost)),
+            }
+        }
+    }
+
     /// A commit in dialects A and B; dialect C knows none.
     fn accepted(&mut self, sequence: u64) -> Result<(), LinkFault> {
         match self.phase {

@@ -1,0 +1,241 @@
+//! How a port is led from one target to the next: the way of its command, the reading that belongs to a target, and the
+//! numbers on the link of a partner that is commanded once a step.
+//!
+//! A specimen is commanded at every tick, along a [`Path`]; or, if it is slow, once a step: it is told its target as soon as
+//! that is known, and has the time in which the others go there for its answer.
+
+use super::path::Path;
+use super::{Order, Port, Stride};
+use crate::substructure::LinkFault;
+
+/// What a port keeps of its way.
+#[derive(Debug)]
+pub(super) struct Pursuit {
+    path: Path,
+    goal: Vec<f64>,
+    goal_vel: Vec<f64>,
+    /// Target, measured displacement and force of the tick in which the target was reached.
+    kept: [Vec<f64>; 3],
+    per_step: bool,
+    /// The target has not been sent yet.
+    waits: bool,
+    /// It was, and is not answered.
+    asked: bool,
+    /// Number in the test of the command that was sent last.
+    sent: u64,
+    /// What was added to it for the link, and what taken off.
+    shift: (u64, u64),
+    /// Ticks without a command: by so much the numbers on the link are behind the test's.
+    skipped: u64,
+}
+
+impl Pursuit {
+    pub fn new(axes: usize) -> Self {
+        Self {
+            path: Path::new(axes, Order::default()),
+            goal: vec![0.0; axes],
+            goal_vel: vec![0.0; axes],
+            kept: [vec![0.0; axes], vec![0.0; axes], vec![0.0; axes]],
+            per_step: false,
+            waits: false,
+            asked: false,
+            sent: 0,
+            shift: (0, 0),
+            skipped: 0,
+        }
+    }
+
+    /// The number on the link of a command that leaves now. Real-time: yes.
+    pub fn number(&mut self, sequence: u64, ahead: u64) -> u64 {
+        self.sent = sequence;
+        self.shift = (ahead, self.skipped);
+        self.on_link(sequence)
+    }
+
+    /// The number on the link of the first of many commands.
+    pub fn first_number(&self, sequence: u64, ahead: u64) -> u64 {
+        (sequence + ahead).saturating_sub(self.skipped)
+    }
+
+    /// A number of the test on the link, as of the last command. Real-time: yes.
+    pub fn on_link(&self, sequence: u64) -> u64 {
+        (sequence + self.shift.0).saturating_sub(self.shift.1)
+    }
+
+    /// A number on the link in the test, as of the last command. Real-time: yes.
+    pub fn in_test(&self, number: u64) -> u64 {
+        (number + self.shift.1).saturating_sub(self.shift.0)
+    }
+
+    /// The number of the command that `sequence` accepts: its own, if it was told its target some ticks ago. Real-time: yes.
+    pub fn accepts(&self, sequence: u64) -> u64 {
+        if self.per_step { self.sent } else { sequence }
+    }
+}
+
+impl Port {
+    /// Commands it once a step, and lets it take several ticks for its answer; predicts the way of the others with `order`.
+    #[must_use]
+    pub fn with_pace(mut self, per_step: bool, order: Order) -> Self {
+        self.pursuit.per_step = per_step;
+        self.pursuit.path.set_order(order);
+        self
+    }
+
+    /// True if it is commanded once a step.
+    #[must_use]
+    pub const fn is_per_step(&self) -> bool {
+        self.pursuit.per_step
+    }
+
+    /// The way of its command.
+    #[must_use]
+    pub const fn path(&self) -> &Path {
+        &self.pursuit.path
+    }
+
+    /// The command that stands ready is the first target; everything has rested there.
+    pub fn begin_way(&mut self) {
+        self.pursuit.goal.copy_from_slice(&self.target);
+        self.pursuit.goal_vel.copy_from_slice(&self.target_vel);
+        self.pursuit.path.rest(&self.target);
+        self.pursuit.waits = self.pursuit.per_step;
+        self.pursuit.asked = false;
+        self.guard.aims_from(&self.axes, &self.pursuit.goal);
+    }
+
+    /// The target of the next step, from the structure's state. Real-time: yes.
+    pub fn seek(&mut self, disp: &[f64], vel: &[f64], base_disp: f64, base_vel: f64) {
+        let goals = self.pursuit.goal.iter_mut().zip(&mut self.pursuit.goal_vel);
+        for (axis, (goal, goal_vel)) in self.axes.iter().zip(goals) {
+            *goal = axis.dot(disp, base_disp);
+            *goal_vel = axis.dot(vel, base_vel);
+        }
+    }
+
+    /// The same from prescribed deformations. Real-time: yes.
+    pub fn seek_at(&mut self, along: &mut impl Iterator<Item = (f64, f64)>) {
+        let goals = self.pursuit.goal.iter_mut().zip(&mut self.pursuit.goal_vel);
+        for ((goal, goal_vel), (disp, vel)) in goals.zip(along) {
+            *goal = disp;
+            *goal_vel = vel;
+        }
+    }
+
+    /// The next target is known from here on, `share` of the step after the last. Real-time: yes.
+    pub fn know(&mut self, share: f64) {
+        self.pursuit.path.aim(&self.pursuit.goal, share);
+        self.guard.aims_at(&self.axes, &self.pursuit.goal);
+        if self.pursuit.per_step {
+            self.pursuit.waits = true;
+            self.land();
+        }
+    }
+
+    /// The command reaches its target in this tick: from here on the next is sought. Real-time: yes.
+    pub fn reach(&mut self) {
+        self.pursuit.path.reach();
+    }
+
+    fn land(&mut self) {
+        self.target.copy_from_slice(&self.pursuit.goal);
+        self.target_vel.copy_from_slice(&self.pursuit.goal_vel);
+        self.prepare_command();
+    }
+
+    /// Makes the command at the end of a stride, with steps of `dt` seconds of test time. Real-time: yes.
+    pub fn ride(&mut self, stride: &Stride, dt: f64) {
+        if self.pursuit.per_step {
+            return;
+        }
+        if stride.lands() && stride.length >= 1.0 {
+            // A whole step in one tick: the integrator's own velocity belongs to it.
+            self.land();
+            return;
+        }
+        let axes = self.target.iter_mut().zip(&mut self.target_vel);
+        for (axis, (target, target_vel)) in axes.enumerate() {
+            let point = self.pursuit.path.at(axis, stride.share);
+            *target = point.disp;
+            *target_vel = point.slope / dt;
+        }
+        self.prepare_command();
+    }
+
+    /// Keeps what belongs to the target that was just reached, until the slowest partner has answered. Real-time: yes.
+    pub fn keep(&mut self) {
+        if self.pursuit.per_step {
+            return;
+        }
+        let [target, measured, force] = &mut self.pursuit.kept;
+        target.copy_from_slice(&self.target);
+        measured.copy_from_slice(&self.measured);
+        force.copy_from_slice(&self.force);
+    }
+
+    /// Takes what was kept for what enters equilibrium now. Real-time: yes.
+    pub fn take_kept(&mut self) {
+        if self.pursuit.per_step {
+            return;
+        }
+        let [target, measured, force] = &self.pursuit.kept;
+        self.target.copy_from_slice(target);
+        self.measured.copy_from_slice(measured);
+        self.force.copy_from_slice(force);
+    }
+
+    /// True if its target is known and was not sent yet.
+    #[must_use]
+    pub const fn wants_to_be_told(&self) -> bool {
+        self.pursuit.waits
+    }
+
+    /// True if it owes an answer.
+    #[must_use]
+    pub const fn is_asked(&self) -> bool {
+        self.pursuit.asked
+    }
+
+    /// Sends its target, which was judged. Real-time: yes.
+    ///
+    /// # Errors
+    /// The link is lost, or the command was not judged.
+    pub fn tell(&mut self, sequence: u64, time: f64, dt: f64) -> Result<(), LinkFault> {
+        self.issue(sequence, time, dt)?;
+        self.pursuit.waits = false;
+        self.pursuit.asked = true;
+        Ok(())
+    }
+
+    /// A tick without a command of its own. Real-time: yes.
+    pub fn skip_command(&mut self) {
+        self.pursuit.skipped += u64::from(!self.is_recorded);
+    }
+
+    /// True if its answer is here. Real-time: yes.
+    ///
+    /// # Errors
+    /// The link is lost.
+    pub fn is_answered(&mut self) -> Result<bool, LinkFault> {
+        self.substructure.is_answered()
+    }
+
+    /// Its answer was taken. Real-time: yes.
+    pub fn answered(&mut self) {
+        self.pursuit.asked = false;
+    }
+
+    /// It is told its target once more: what it answered, if it did, is lost.
+    pub fn ask_again(&mut self) {
+        self.pursuit.waits |= self.pursuit.asked;
+        self.pursuit.asked = false;
+    }
+
+    /// Nothing to command: see [`crate::substructure::Substructure::attend`]. Real-time: yes.
+    ///
+    /// # Errors
+    /// The link is lost.
+    pub fn attend(&mut self) -> Result<(), LinkFault> {
+        self.substructure.attend()
+    }
+}

@@ -1,0 +1,367 @@
+//! The running test: tick after tick, from target to target.
+//!
+//! With one tick a step every tick reaches a target. With more, or while the operator's hold eases in or out, or while a
+//! slow partner owes its answer, there are ticks in between: the command goes along its way ([`crate::control::Tempo`],
+//! [`crate::control::Path`]), the loop never waits. A force belongs to the tick in which its target was reached; it is kept
+//! until the slowest partner has answered.
+
+use super::numerical::Side;
+use super::operator::Control;
+use super::tick::Tick;
+use super::{Engine, Stop};
+use crate::control::{Port, Stage, Stride, Tempo};
+use crate::record::EventKind;
+use crate::rt::timing::TickStamps;
+use crate::substructure::LinkFault;
+use crate::time::Nanos;
+
+/// How the integration and the ticks of the controller belong together.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Pacing {
+    /// Ticks of one step.
+    pub ticks_per_step: u32,
+    /// Ticks in which a hold comes to rest and the test comes to its pace again; 0: at once.
+    pub ease_ticks: u32,
+    /// Ticks from one checkpoint to the next, at least.
+    pub checkpoint_ticks: u64,
+}
+
+impl Default for Pacing {
+    /// A step every tick, holds at once, no checkpoints.
+    fn default() -> Self {
+        Self {
+            ticks_per_step: 1,
+            ease_ticks: 0,
+            checkpoint_ticks: u64::MAX,
+        }
+    }
+}
+
+/// Where the loop is between two targets.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Ride {
+    pub tempo: Tempo,
+    /// The same before the stride that stands ready.
+    pub before: Tempo,
+    /// The way of the command that stands ready.
+    pub stride: Stride,
+    /// Step whose target is on the way, or reached and not closed yet.
+    pub step: u64,
+    /// True if it is reached.
+    pub reached: bool,
+    /// True if what belongs to it was kept some ticks ago.
+    pub kept: bool,
+    /// Ticks since the last step was closed.
+    pub sub_tick: u64,
+    /// Ticks since the last checkpoint.
+    pub unchecked: u64,
+    pub stage: Stage,
+}
+
+impl Ride {
+    pub fn new(pacing: Pacing) -> Self {
+        let mut tempo = Tempo::new(pacing.ticks_per_step, pacing.ease_ticks);
+        tempo.know();
+        Self {
+            tempo,
+            before: tempo,
+            // The specimens are at the first target already.
+            stride: Stride {
+                share: 1.0,
+                length: 0.0,
+                stage: Stage::Correct,
+            },
+            step: 0,
+            reached: false,
+            kept: false,
+            sub_tick: 0,
+            unchecked: 0,
+            stage: Stage::Correct,
+        }
+    }
+
+    /// The tick of the command that stands ready, with steps of `dt`. Real-time: yes.
+    fn tick(&self, dt: f64) -> Tick {
+        let lands = self.stride.lands() && !self.reached;
+        let last = if self.reached {
+            self.step
+        } else {
+            self.step.saturating_sub(1)
+        };
+        let time = if lands {
+            self.step as f64 * dt
+        } else {
+            (last as f64 + self.stride.share) * dt
+        };
+        let closes_at_best = lands || self.reached;
+        Tick {
+            step: if closes_at_best { self.step } else { last },
+            sub_tick: self.sub_tick,
+            time,
+            dt: self.stride.length * dt,
+        }
+    }
+}
+
+/// A partner that is commanded once a step is told its target as soon as that is known; else there is nothing to say.
+/// Real-time: yes.
+pub(super) fn tell(
+    port: &mut Port,
+    sequence: u64,
+    step: u64,
+    dt: f64,
+    tick: &Tick,
+) -> Result<(), LinkFault> {
+    // In a hold nothing moves: it is told afterwards.
+    let holds = tick.dt == 0.0 && tick.sub_tick > 0;
+    if port.wants_to_be_told() && !holds {
+        let passed = if step == 0 { 0.0 } else { dt };
+        return port.tell(sequence, step as f64 * dt, passed);
+    }
+    port.skip_command();
+    Ok(())
+}
+
+impl Engine {
+    /// From the first target to the last. Test time goes on from where a resumed test stood.
+    pub(super) fn all_steps(&mut self, control: &Control) -> Result<(), Stop> {
+        // The first edge of the test is one that can be met, whatever came before.
+        self.skip_edges_before(self.clock.now());
+        self.first_edge = self.schedule.tick(self.edge);
+        self.riding = true;
+        let result = self.ride_on(control);
+        self.riding = false;
+        result
+    }
+
+    fn ride_on(&mut self, control: &Control) -> Result<(), Stop> {
+        while self.ride.step <= self.steps {
+            let mut stamps = TickStamps::default();
+            self.wait_for_edge(&mut stamps, control)?;
+            let stalled = self.stretch_after_stall(stamps.woke.since(stamps.release), 0);
+            let tick = self.ride.tick(self.dt);
+            self.tick(&tick, &mut stamps)?;
+            self.close_tick(&tick, stamps, stalled)?;
+            if self.hold_wanted && self.ride.tempo.stands() && self.ride.step <= self.steps {
+                self.stand(&tick, control)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The command that has just left: if it is at its target, what was measured belongs to that. Real-time: yes.
+    pub(super) fn arrive(&mut self) {
+        if self.ride.reached || !self.ride.stride.lands() {
+            return;
+        }
+        self.ride.reached = true;
+        self.ride.tempo.begin();
+        for port in &mut self.ports {
+            port.reach();
+        }
+    }
+
+    /// True if the step can be closed: its target is reached, and nobody owes an answer. Real-time: yes.
+    pub(super) fn can_close(&self) -> bool {
+        let mut ports = self.ports.iter().zip(&self.lost);
+        self.ride.reached
+            && ports.all(|(port, lost)| *lost || !(port.is_asked() || port.wants_to_be_told()))
+    }
+
+    /// The row's place of the step that is closed in this tick. What was kept for it is taken. Real-time: yes.
+    pub(super) fn step_of(&mut self, tick: &Tick) -> Tick {
+        if self.ride.kept {
+            for port in &mut self.ports {
+                port.take_kept();
+            }
+        }
+        let step = self.ride.step;
+        Tick {
+            step,
+            sub_tick: 0,
+            time: step as f64 * self.dt,
+            dt: tick.dt,
+        }
+    }
+
+    /// The next targets are known: from here on the commands go there. Real-time: yes.
+    pub(super) fn know_the_next(&mut self) {
+        self.ride.step += 1;
+        self.ride.reached = false;
+        self.ride.kept = false;
+        self.ride.sub_tick = 0;
+        let share = self.ride.tempo.share();
+        self.ride.tempo.know();
+        for port in &mut self.ports {
+            port.know(share);
+        }
+        self.prepare_next();
+    }
+
+    /// Makes the next command, unless a hold is complete. Real-time: yes.
+    pub(super) fn prepare_next(&mut self) {
+        self.ride.before = self.ride.tempo;
+        self.ride.sub_tick += 1;
+        self.ride.stride = self.ride.tempo.next(self.hold_wanted);
+        if self.hold_wanted && self.ride.tempo.stands() {
+            return;
+        }
+        for port in &mut self.ports {
+            port.ride(&self.ride.stride, self.dt);
+        }
+    }
+
+    /// A tick that closes no step. Real-time: yes.
+    pub(super) fn pass(&mut self, tick: &Tick, stamps: &mut TickStamps) -> Result<(), Stop> {
+        let stage = self.ride.stride.stage;
+        // The step in progress is the last that was closed.
+        let step = self.steps_done;
+        let tick = Tick { step, ..*tick };
+        if self.ride.reached && !self.ride.kept {
+            self.ride.kept = true;
+            for port in &mut self.ports {
+                port.keep();
+            }
+        }
+        self.row
+            .between(&tick, stage.code(), &self.side, &self.ports);
+        self.prepare_next();
+        stamps.ready = self.clock.now();
+        self.accept()?;
+        self.row
+            .timing(stamps, self.first_edge, self.schedule.stretched());
+        self.ride.unchecked += 1;
+        if !self.recorder.row(self.row.values()) {
+            self.rows_lost += 1;
+            self.report(&tick, EventKind::RowLost);
+        }
+        self.note_stage(&tick, stage);
+        self.clear_commands()
+    }
+
+    /// A change of the pace is an event; that targets become known tick by tick is not. Real-time: yes.
+    pub(super) fn note_stage(&mut self, tick: &Tick, stage: Stage) {
+        let slow = |stage| stage == Stage::SlowDown;
+        if slow(stage) != slow(self.ride.stage) {
+            self.report(
+                tick,
+                EventKind::Pace {
+                    from: self.ride.stage.word(),
+                    to: stage.word(),
+                    share: self.ride.stride.share,
+                },
+            );
+        }
+        self.ride.stage = stage;
+    }
+
+    /// False if the specimen is commanded once a step and its answer is not here, or not owed. Real-time: yes.
+    pub(super) fn has_answer(&mut self, index: usize, now: Nanos) -> Result<bool, Stop> {
+        let simulated = self.clock.is_simulated();
+        let Some(port) = self.ports.get_mut(index) else {
+            return Ok(false);
+        };
+        if !port.is_per_step() {
+            return Ok(true);
+        }
+        let lost = |fault| Stop::Link { port: index, fault };
+        if !port.is_asked() {
+            port.attend().map_err(lost)?;
+            return Ok(false);
+        }
+        // A socket has a wall clock of its own: under the simulated clock it is waited for.
+        if (simulated && port.is_remote()) || port.is_answered().map_err(lost)? {
+            return Ok(true);
+        }
+        let own = port.wait.map(|own| own.reply_timeout_ns);
+        let patience = own.unwrap_or(self.limits.reply_timeout_ns);
+        let Some(asked_at) = self.asked_at.get_mut(index) else {
+            return Ok(false);
+        };
+        let asked_at = asked_at.get_or_insert(now);
+        if now.since(*asked_at) > patience {
+            return Err(lost(LinkFault::Timeout));
+        }
+        Ok(false)
+    }
+
+    /// The step is accepted: specimens commit, those that are commanded once a step, too. Real-time: yes.
+    pub(super) fn accept_step(&mut self) -> Result<(), Stop> {
+        self.asked_at.fill(None);
+        for (index, (port, lost)) in self.ports.iter_mut().zip(&self.lost).enumerate() {
+            if !lost && port.is_per_step() {
+                port.accepted(self.sequence)
+                    .map_err(|fault| Stop::Link { port: index, fault })?;
+            }
+        }
+        self.accept()
+    }
+
+    /// The way begins where the first command is.
+    pub(super) fn begin_ride(&mut self) {
+        for port in &mut self.ports {
+            port.begin_way();
+        }
+    }
+
+    /// A number that says whether the state of the test is the same: of x, v, and what elements and methods remember. FNV-1a
+    /// over the bits. Real-time: yes, once the buffer has its size.
+    pub(super) fn digest(&mut self) -> u64 {
+        let mut hash = Fnv::default();
+        hash.take(self.ride.step as f64);
+        if let Side::Structure(numerical) = &self.side {
+            let state = &numerical.state;
+            self.memory.clear();
+            numerical.structure.freeze(&mut self.memory);
+            let parts: [&[f64]; 5] = [
+                &state.disp,
+                &state.vel,
+                &state.weighted_accel,
+                &state.memory,
+                &self.memory,
+            ];
+            for part in parts {
+                for value in part.iter().step_by(part.len() / SAMPLED + 1) {
+                    hash.take(*value);
+                }
+            }
+        }
+        for port in &self.ports {
+            for value in port.force.iter().chain(&port.measured) {
+                hash.take(*value);
+            }
+        }
+        hash.0
+    }
+
+    /// Now and then a checkpoint: what the state was after this step. Real-time: yes.
+    pub(super) fn check(&mut self, tick: &Tick) {
+        self.ride.unchecked += 1;
+        if self.ride.unchecked < self.checkpoint_ticks {
+            return;
+        }
+        self.ride.unchecked = 0;
+        let digest = self.digest();
+        self.report(tick, EventKind::Checkpoint { digest });
+    }
+}
+
+/// Of long vectors so many values are hashed, evenly spread: a checkpoint must not cost a deadline.
+const SAMPLED: usize = 1024;
+
+/// FNV-1a, 64 bits at a time: quick, and good enough against damage and mistakes; not against malice.
+struct Fnv(u64);
+
+impl Default for Fnv {
+    fn default() -> Self {
+        Self(0xcbf2_9ce4_8422_2325)
+    }
+}
+
+impl Fnv {
+    fn take(&mut self, value: f64) {
+        let mixed = (self.0 ^ value.to_bits()).wrapping_mul(0x0000_0100_0000_01b3);
+        // The product carries nothing downwards: without this the low bits would never see the high ones.
+        self.0 = mixed ^ (mixed >> 32);
+    }
+}
