@@ -105,20 +105,18 @@ fn the_cases_have_their_published_critical_delays() {
             let gain = loop_gain(&frame, omega);
             let now = gain.norm() - 1.0;
             if now * last < 0.0 {
-                let delay = (std::f64::consts::PI + gain.arg()) / omega;
+                let omega = omega - 5e-3 * now / (now - last);
+                let delay = (std::f64::consts::PI + loop_gain(&frame, omega).arg()) / omega;
                 if delay < best.0 {
                     best = (delay, omega);
                 }
             }
             last = now;
         }
-        // Printed to 0.01 ms and 0.001 Hz; the grid is 0.8 mHz.
-        assert!(
-            (best.0 * 1e3 - delay).abs() < 0.012,
-            "case {case}: {} ms",
-            best.0 * 1e3
-        );
-        assert!((best.1 / std::f64::consts::TAU - hertz).abs() < 1.5e-3);
+        // Printed to 0.01 ms and 0.001 Hz.
+        let found = (best.0 * 1e3, best.1 / std::f64::consts::TAU);
+        assert!((found.0 - delay).abs() < 0.0051, "case {case}: {found:?}");
+        assert!((found.1 - hertz).abs() < 5.1e-4, "case {case}: {found:?}");
     }
 }
 
@@ -141,12 +139,16 @@ fn without_compensation_every_case_is_unstable() {
 
 #[test]
 fn second_and_third_order_extrapolation_drive_the_second_mode() {
-    let ground = ground(8.0);
+    let ground = ground(20.0);
     for case in 1..=4 {
         for order in [2, 3] {
             let text = format!("polynomial = {{ order = {order}, delay_s = 0.024 }}");
-            let found = find(case, &text, &ground, |_| {});
-            assert!(found.saturated > 1000, "case {case}, order {order}");
+            let found = find(case, &text, &ground, |setup| setup.noise = Some(1));
+            assert!(
+                found.saturated > 1000,
+                "case {case}, order {order}: {}",
+                found.saturated
+            );
         }
     }
 }
@@ -170,11 +172,10 @@ fn what_tracks_is_stable_in_every_case() {
 }
 
 #[test]
-fn an_ideal_plant_in_tick_is_the_reference_and_a_tick_of_latency_costs_a_per_cent() {
+fn with_the_same_tracker_a_tick_of_latency_costs_about_one_per_cent_of_j7() {
     let ground = ground(20.0);
-    // Without an actuator: a valve so fast that the lag is a hundredth of a tick.
     let j7 = |late: usize| {
-        let found = find(1, "pi_lead = {}", &ground, |setup| {
+        let found = find(1, "amb = {}", &ground, |setup| {
             setup.wiring = Wiring::InTick;
             setup.late = late;
         });
