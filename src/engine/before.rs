@@ -149,7 +149,7 @@ impl Engine {
     pub(super) fn warm_up(&mut self, control: &Control) -> Result<(), Stop> {
         self.enter(Phase::Armed, Cause::Done);
         for port in &mut self.ports {
-            port.count_energy();
+            port.rest();
         }
         self.clear_commands()?;
         // A processor that only waited is slow in its first steps: each tick does the work of one.
@@ -173,6 +173,9 @@ impl Engine {
             stamps.ready = stamps.decoded;
             stamps.pushed = self.clock.now();
             self.timing.tick(&stamps);
+        }
+        for port in &mut self.ports {
+            port.begin_test();
         }
         self.clear_commands()
     }
