@@ -100,7 +100,9 @@ watchdog_s = 0.2
 ";
 
 fn link(rest: &str) -> String {
-    format!("[specimen.link]\naddress = \"rig:1\"\nconnect_timeout_s = 1\nreply_timeout_s = 1\n{rest}\n")
+    format!(
+        "[specimen.link]\naddress = \"rig:1\"\nconnect_timeout_s = 1\nreply_timeout_s = 1\n{rest}\n"
+    )
 }
 
 /// The tests that are played, with short openings.
@@ -111,7 +113,8 @@ pub fn tests() -> Vec<Loaded> {
     let force = "timing.warmup_ticks = 2\nsafety = { zero_s = 0, on_trip = \"zero_force\", exit_speed_m_per_s = 0.03 }\n";
     let stop = "timing = { warmup_ticks = 0, on_miss = \"stop\" }\nsafety = { zero_s = 0.02 }\n";
     let sampled = link("transport = \"udp\"\non_stale = \"hold\"\nmax_stale = 4");
-    let extrapolates = link("transport = \"udp\"\non_stale = \"extrapolate\"\nmax_stale = 3\nwatchdog_s = 0.1");
+    let extrapolates =
+        link("transport = \"udp\"\non_stale = \"extrapolate\"\nmax_stale = 3\nwatchdog_s = 0.1");
     let probed = link("transport = \"udp\"\nprobe_m = 0.001\nprobe_ramp_s = 0.05");
     let stream = link("transport = \"tcp\"\ncoupling = \"lockstep\"");
     let sampled_stream = link("transport = \"tcp\"\nmax_stale = 6");
@@ -128,8 +131,10 @@ pub fn tests() -> Vec<Loaded> {
         format!("{home}{FRAME}{sampled_stream}{SECOND}"),
         format!("{usual}{FRAME}{probed}"),
         format!("{stop}{FRAME}{extrapolates}"),
-        format!("{}{FRAME}{sampled}", ramped(usual)).replace("[structure.", &format!("{elsewhere}[structure.")),
-        format!("{}{FRAME}{lockstep}", ramped(home)).replace("[structure.", &format!("{loaded}[structure.")),
+        format!("{}{FRAME}{sampled}", ramped(usual))
+            .replace("[structure.", &format!("{elsewhere}[structure.")),
+        format!("{}{FRAME}{lockstep}", ramped(home))
+            .replace("[structure.", &format!("{loaded}[structure.")),
     ];
     let read = |text: String| {
         parse(Path::new("campaign.toml"), text, &[]).unwrap_or_else(|error| panic!("{error}"))
@@ -280,7 +285,10 @@ fn operator(chance: &mut Chance) -> Vec<(u64, Operator)> {
         return Vec::new();
     }
     let hold = chance.below(120);
-    let mut says = vec![(hold, Operator::Hold), (hold + 1 + chance.below(40), Operator::Continue)];
+    let mut says = vec![
+        (hold, Operator::Hold),
+        (hold + 1 + chance.below(40), Operator::Continue),
+    ];
     if chance.one_in(2) {
         says.push((chance.below(160), Operator::Stop));
     }
@@ -315,7 +323,11 @@ fn one(tests: &[Loaded], seed: u64) -> (Script, &Loaded, Result<Played, String>)
     let script = script(seed, &mut chance);
     let second = Script {
         title: "the second specimen".to_owned(),
-        fault: if chance.one_in(3) { vec![a_fault(&mut chance)] } else { Vec::new() },
+        fault: if chance.one_in(3) {
+            vec![a_fault(&mut chance)]
+        } else {
+            Vec::new()
+        },
         ..Script::default()
     };
     let extra = Extra {
@@ -325,14 +337,18 @@ fn one(tests: &[Loaded], seed: u64) -> (Script, &Loaded, Result<Played, String>)
     };
     let played = play(loaded, extra, |index, setup| {
         let faults = if index == 0 { &script } else { &second };
-        host(loaded, index, setup, limited).faulty(faults.clone()).unwrap()
+        host(loaded, index, setup, limited)
+            .faulty(faults.clone())
+            .unwrap()
     });
     (script, loaded, played)
 }
 
 fn from_environment(name: &str, usual: u64) -> u64 {
     match std::env::var(name) {
-        Ok(text) => text.parse().unwrap_or_else(|_| panic!("{name} is {text:?}, wanted a number")),
+        Ok(text) => text
+            .parse()
+            .unwrap_or_else(|_| panic!("{name} is {text:?}, wanted a number")),
         Err(_) => usual,
     }
 }
@@ -359,10 +375,22 @@ fn whatever_goes_wrong_what_must_hold_holds() {
                     let outcome = played.and_then(|played| {
                         steps.fetch_add(played.outcome.steps, Ordering::Relaxed);
                         let (reason, exit) = played.verdict();
-                        let sort: String = reason.chars().filter(|c| !c.is_numeric()).take(48).collect();
-                        *ends.lock().unwrap().entry(format!("{exit:3} {sort}")).or_default() += 1;
+                        let sort: String = reason
+                            .chars()
+                            .filter(|c| !c.is_numeric())
+                            .take(48)
+                            .collect();
+                        *ends
+                            .lock()
+                            .unwrap()
+                            .entry(format!("{exit:3} {sort}"))
+                            .or_default() += 1;
                         invariants::check(loaded, &played).map_err(|text| {
-                            format!("{text}\n{:?}, exit {exit}: {reason}\n{}", played.path(), played.told())
+                            format!(
+                                "{text}\n{:?}, exit {exit}: {reason}\n{}",
+                                played.path(),
+                                played.told()
+                            )
                         })
                     });
                     if let Err(text) = outcome {
@@ -375,7 +403,10 @@ fn whatever_goes_wrong_what_must_hold_holds() {
     for (end, count) in ends.into_inner().unwrap() {
         println!("{count:7} × {end}");
     }
-    println!("{seeds} tests from seed {first}, {} steps", steps.into_inner());
+    println!(
+        "{seeds} tests from seed {first}, {} steps",
+        steps.into_inner()
+    );
     let mut wrong = wrong.into_inner().unwrap();
     wrong.sort_by_key(|(seed, ..)| *seed);
     for (seed, text, script) in &wrong {
@@ -384,7 +415,12 @@ fn whatever_goes_wrong_what_must_hold_holds() {
             script.fault
         );
     }
-    assert!(wrong.is_empty(), "{} tests went wrong, the first with seed {}", wrong.len(), wrong[0].0);
+    assert!(
+        wrong.is_empty(),
+        "{} tests went wrong, the first with seed {}",
+        wrong.len(),
+        wrong[0].0
+    );
 }
 
 #[test]
