@@ -229,6 +229,29 @@ impl Port {
         self.pursuit.asked = false;
     }
 
+    /// Makes the command for this share of the way again, at rest.
+    pub fn return_to(&mut self, share: f64) {
+        if !self.pursuit.per_step {
+            for (axis, target) in self.target.iter_mut().enumerate() {
+                *target = self.pursuit.path.at(axis, share).disp;
+            }
+            self.target_vel.fill(0.0);
+            self.prepare_command();
+        }
+    }
+
+    /// Takes the live substructure of `fresh`, a port of the same test that was never used, in place of a recording; a formula
+    /// stays, with all it remembers. The counts begin anew.
+    pub fn go_live(&mut self, fresh: Port) {
+        if fresh.is_remote() {
+            self.substructure = fresh.substructure;
+            self.is_recorded = false;
+            self.ahead = 0;
+            self.pursuit.skipped = 0;
+        }
+        self.link = super::LinkCount::default();
+    }
+
     /// Nothing to command: see [`crate::substructure::Substructure::attend`]. Real-time: yes.
     ///
     /// # Errors

@@ -12,6 +12,7 @@ mod numerical;
 mod operator;
 mod peaks;
 mod phase;
+mod resume;
 mod ride;
 mod run;
 mod settle;
@@ -23,6 +24,7 @@ pub use numerical::{Numerical, Side};
 pub use operator::{Control, Notice, Operator, Watch};
 pub use peaks::Peaks;
 pub use phase::{Cause, Phase, PhaseCell};
+pub use resume::{Place, Resumption};
 pub use ride::Pacing;
 pub use settle::Settling;
 pub use tick::Tick;
@@ -149,6 +151,24 @@ pub enum Stop {
         /// Which limit.
         hit: Hit,
     },
+    /// A specimen does not stand where an interrupted test left it. Nothing was moved.
+    #[error(
+        "specimen {}, axis {}: it reads {found:.6e} but was left at {left:.6e}, and may be off by {within:.3e} (its own unit)",
+        port + 1,
+        axis + 1
+    )]
+    Moved {
+        /// Specimen, from 0.
+        port: usize,
+        /// Axis, from 0.
+        axis: usize,
+        /// What it reads.
+        found: f64,
+        /// What it would read where it was left.
+        left: f64,
+        /// How far it may be off.
+        within: f64,
+    },
     /// A fault of our own, caught at the boundary of the loop's thread.
     #[error("internal error")]
     Internal,
@@ -198,6 +218,8 @@ pub struct Experiment {
     pub limits: Limits,
     /// How steps and ticks belong together.
     pub pacing: Pacing,
+    /// Where an interrupted test stood that this one goes on with.
+    pub resume: Option<Resumption>,
 }
 
 /// The loop with all its buffers.
@@ -225,6 +247,7 @@ pub struct Engine {
     timing: Timing,
     peaks: Peaks,
     stale: Vec<u64>,
+    resume: Option<Resumption>,
     /// Where the commands are between two targets.
     ride: ride::Ride,
     /// True from the first tick of the test to its last.
@@ -310,6 +333,7 @@ impl Engine {
             record_dofs,
             limits,
             pacing,
+            resume,
         } = experiment;
         let (row, columns) = columns::Row::new(&record_dofs, &side, &ports);
         let dofs = match &side {
@@ -333,6 +357,7 @@ impl Engine {
             settling,
             timing,
             stale: vec![0; ports.len()],
+            resume,
             ride: ride::Ride::new(pacing),
             riding: false,
             checkpoint_ticks: pacing.checkpoint_ticks,

@@ -59,6 +59,7 @@ pub fn loop_round(
             divergence: f64::MAX,
         },
         pacing: Pacing::default(),
+        resume: None,
     };
     let facts = Facts {
         title,
@@ -72,6 +73,7 @@ pub fn loop_round(
         timing,
         record_required: false,
         queue_s: 4.0,
+        resume_within: None,
         announced: Vec::new(),
         confirm: false,
         warnings: Vec::new(),
@@ -80,6 +82,7 @@ pub fn loop_round(
         test: text.clone().into_bytes(),
         resolved: text,
         inputs: Vec::new(),
+        origin: None,
     };
     Prepared {
         experiment,

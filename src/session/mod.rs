@@ -17,8 +17,11 @@ mod guarded;
 mod page;
 pub mod rehearsal;
 mod replay;
+mod resume;
+mod retrace;
 mod signals;
 mod summary;
+mod tape;
 
 use std::path::PathBuf;
 use std::sync::mpsc::{self, SyncSender};
@@ -32,6 +35,7 @@ pub use bare::{bare_loop, loop_round};
 pub use desk::{Answer, Request, ask};
 pub use page::{Page, PageError, hero, write_report};
 pub use replay::{Difference, Replay, ReplayError, replay};
+pub use resume::{ResumeError, resume};
 pub use signals::{Signal, Signals};
 
 use desk::Desk;
@@ -188,6 +192,9 @@ fn prepare(
     for (path, bytes) in &files.inputs {
         folder.add_input(path, bytes)?;
     }
+    if let Some(origin) = &files.origin {
+        folder.write_extra(retrace::ORIGIN, origin.as_bytes())?;
+    }
     let columns = experiment.columns();
     let layout = Layout::new(columns).map_err(|e| SessionError::Recording(e.to_string()))?;
     let samples = folder.open_samples(&layout)?;
@@ -262,6 +269,7 @@ fn prepare(
         None
     };
 
+    writer.note(files_note(files, folder));
     for warning in &facts.warnings {
         // For the file only: whoever built the test has heard of it, with its place in the test file.
         writer.note(Note::new(NoteLevel::Info, "warning").with("text", warning.as_str()));
@@ -280,6 +288,20 @@ fn prepare(
         sampler,
         granted,
     })
+}
+
+/// What the test is made of, so that whoever goes on with it can prove that it is the same.
+fn files_note(files: &Files, folder: &RunFolder) -> Note {
+    let mut hashes = serde_json::Map::new();
+    let mut add = |name: &str, hash: String| {
+        hashes.insert(name.to_owned(), hash.into());
+    };
+    add("test.toml", retrace::sha256(&files.test));
+    add("resolved.toml", retrace::sha256(files.resolved.as_bytes()));
+    for input in folder.inputs() {
+        add(&input.path, input.sha256.clone());
+    }
+    Note::new(NoteLevel::Info, "files").with("sha256", hashes)
 }
 
 /// From the first edge to the finished folder. Nothing here fails: what cannot be written is told.

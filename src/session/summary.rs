@@ -130,6 +130,7 @@ fn ending(outcome: &Outcome) -> (Finish, String) {
                 Stop::Internal => Finish::Panicked,
                 Stop::Interlock { .. }
                 | Stop::Saturated { .. }
+                | Stop::Moved { .. }
                 | Stop::Limit { .. }
                 | Stop::Late { .. }
                 | Stop::Stale { .. }

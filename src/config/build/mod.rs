@@ -67,6 +67,8 @@ pub struct Facts {
     pub record_required: bool,
     /// Seconds of rows that the queue to the writer holds.
     pub queue_s: f64,
+    /// How far from where it was left each axis may stand when an interrupted test goes on, in m; none: as the record says.
+    pub resume_within: Option<f64>,
     /// What is moved before the test, and why.
     pub announced: Vec<String>,
     /// Whether an operator must confirm what was read before anything moves.
@@ -120,6 +122,8 @@ pub struct Files {
     pub resolved: String,
     /// Path and bytes of every file that the test read.
     pub inputs: Vec<(PathBuf, Vec<u8>)>,
+    /// Where a resumed test comes from: the text of `resumed.json`.
+    pub origin: Option<String>,
 }
 
 /// Findings so far, and the files read so far.
@@ -242,6 +246,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         timing: file.timing.clone(),
         record_required: file.record.required,
         queue_s: file.record.queue_s,
+        resume_within: file.safety.resume_within_m,
         announced: announced(file),
         confirm: safety::needs_confirmation(file),
         warnings: warnings.iter().map(|w| w.headline.clone()).collect(),
@@ -259,6 +264,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         test: site.loaded.text.clone().into_bytes(),
         resolved,
         inputs,
+        origin: None,
     };
     let experiment = Experiment {
         dt: facts.dt,
@@ -271,6 +277,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         record_dofs,
         limits: limits(file, time),
         pacing: pacing(file, time),
+        resume: None,
     };
     Ok(Prepared {
         experiment,
