@@ -22,7 +22,7 @@ fn frame(rate: u32, ticks: u32, seconds: f64, ease: f64) -> String {
     format!(
         "title = \"Interrupted\"\n[time]\nrate_hz = {rate}\nduration_s = {seconds}\nclock = \"simulated\"\nticks_per_step = \
          {ticks}\n[structure]\nstatic_load_n = [500.0, 200.0]\n[structure.shear_building]\nmass_kg = [1000.0, 900.0]\n\
-         stiffness_n_per_m = [0, 2e5]\n[[structure.element]]\nbetween = [1, 2]\nlaw.bilinear = {{ stiffness_n_per_m = 2e5, \
+         stiffness_n_per_m = [0, 2e5]\n[[structure.element]]\nfrom = 1\nto = 2\nlaw.bilinear = {{ stiffness_n_per_m = 2e5, \
          yield_force_n = 800.0, post_yield_ratio = 0.1 }}\n[excitation.ground_acceleration.signal.file]\npath = \
          \"motion.csv\"\nunit = \"m/s2\"\n[timing]\nwarmup_ticks = 4\n[safety]\nramp_s = 0.1\nease_s = {ease}\n[record]\n\
          checkpoint_s = 0.1\n[[specimen]]\nname = \"storey\"\nstorey = 1\n[specimen.law.bouc_wen]\nstiffness_n_per_m = 5e5\n\

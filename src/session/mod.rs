@@ -10,6 +10,7 @@
 //!
 //! No shared mutable state with the loop, no mutex it could meet.
 
+mod archive;
 mod bare;
 mod connect;
 mod desk;
@@ -187,14 +188,7 @@ fn prepare(
     control: Control,
     watches: Watches,
 ) -> Result<Ready, SessionError> {
-    folder.write_test(&files.test)?;
-    folder.write_resolved(&files.resolved)?;
-    for (path, bytes) in &files.inputs {
-        folder.add_input(path, bytes)?;
-    }
-    if let Some(origin) = &files.origin {
-        folder.write_extra(retrace::ORIGIN, origin.as_bytes())?;
-    }
+    archive::keep(files, folder)?;
     let columns = experiment.columns();
     let layout = Layout::new(columns).map_err(|e| SessionError::Recording(e.to_string()))?;
     let samples = folder.open_samples(&layout)?;
@@ -269,7 +263,7 @@ fn prepare(
         None
     };
 
-    writer.note(files_note(files, folder));
+    writer.note(archive::note(files, folder));
     for warning in &facts.warnings {
         // For the file only: whoever built the test has heard of it, with its place in the test file.
         writer.note(Note::new(NoteLevel::Info, "warning").with("text", warning.as_str()));
@@ -288,20 +282,6 @@ fn prepare(
         sampler,
         granted,
     })
-}
-
-/// What the test is made of, so that whoever goes on with it can prove that it is the same.
-fn files_note(files: &Files, folder: &RunFolder) -> Note {
-    let mut hashes = serde_json::Map::new();
-    let mut add = |name: &str, hash: String| {
-        hashes.insert(name.to_owned(), hash.into());
-    };
-    add("test.toml", retrace::sha256(&files.test));
-    add("resolved.toml", retrace::sha256(files.resolved.as_bytes()));
-    for input in folder.inputs() {
-        add(&input.path, input.sha256.clone());
-    }
-    Note::new(NoteLevel::Info, "files").with("sha256", hashes)
 }
 
 /// From the first edge to the finished folder. Nothing here fails: what cannot be written is told.

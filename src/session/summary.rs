@@ -156,7 +156,7 @@ fn ending(outcome: &Outcome) -> (Finish, String) {
                 Stop::Stale { .. } => {
                     reason.push_str(
                         ": its answers are late, lost or all to one old command; `link` in the summary counts them, \
-                         `max_stale` is the limit",
+                         `max_stale` and `max_stale_s` are the limits",
                     );
                 }
                 _ => {}

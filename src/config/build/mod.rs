@@ -10,6 +10,7 @@ mod excitation;
 mod gear;
 pub(in crate::config) mod links;
 mod method;
+mod pace;
 mod proof;
 mod safety;
 mod specimens;
@@ -19,9 +20,9 @@ use std::path::PathBuf;
 
 use super::{
     ClockChoice, ConfigError, Diagnostics, DofChoice, Finding, Inputs, KeyPath, Loaded, Method,
-    TestFile, Time,
+    TestFile,
 };
-use crate::engine::{Experiment, Limits, Numerical, OnMiss, Pacing, Settling, Side};
+use crate::engine::{Experiment, Numerical, Settling, Side};
 use crate::integrate::{Lambda, LambdaChoice};
 use crate::linalg::{Spd, SymMatrix};
 use crate::rt;
@@ -275,8 +276,8 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         settling,
         ports,
         record_dofs,
-        limits: limits(file, time),
-        pacing: pacing(file, time),
+        limits: pace::limits(file, time),
+        pacing: pace::pacing(file, time),
         resume: None,
     };
     Ok(Prepared {
@@ -298,42 +299,6 @@ fn announced(file: &TestFile) -> Vec<String> {
         ))
     });
     probed.collect()
-}
-
-/// Longest wait for a partner that owes a reply.
-const REPLY_TIMEOUT_NS: u64 = 5_000_000_000;
-/// Stale measurements in a row after which a test stops.
-const STALE_IN_A_ROW: u64 = 10;
-
-/// How steps and ticks of the controller belong together.
-fn pacing(file: &TestFile, time: Time) -> Pacing {
-    let ticks = |seconds: f64| (seconds / time.period.value()).ceil();
-    Pacing {
-        ticks_per_step: time.ticks_per_step,
-        ease_ticks: ticks(file.safety.ease_s) as u32,
-        checkpoint_ticks: ticks(file.record.checkpoint_s).max(1.0) as u64,
-    }
-}
-
-fn limits(file: &TestFile, time: Time) -> Limits {
-    let timing = &file.timing;
-    let ticks = time.steps.saturating_mul(u64::from(time.ticks_per_step));
-    Limits {
-        on_miss: match timing.on_miss {
-            rt::OnMiss::Stretch => OnMiss::Stretch,
-            rt::OnMiss::CatchUp => OnMiss::CatchUp {
-                at_most: timing.max_catch_up_ticks,
-            },
-            rt::OnMiss::Stop => OnMiss::Stop,
-        },
-        misses_in_a_row: timing.max_consecutive_misses,
-        misses_in_total: timing.miss_bound(ticks),
-        extrapolate_stale: false,
-        stale_in_a_row: STALE_IN_A_ROW,
-        reply_timeout_ns: REPLY_TIMEOUT_NS,
-        warmup_ticks: timing.warmup(time.period.value()),
-        divergence: file.safety.divergence_m.unwrap_or(f64::MAX),
-    }
 }
 
 /// The numerical side: structure, loads, integrator, initial state, and the static load before t = 0.
