@@ -144,19 +144,21 @@ fn an_interrupted_test_goes_on_with_the_same_bits_again_and_again() {
             .len();
         killed(&at("second"), &at("third"), rows / 2);
         let said = go_on(&at("third"), &at("fourth"));
+        assert!(!said.stderr.contains("checkpoint"), "{}", said.stderr);
         assert_eq!(said.code, Some(0), "{}", said.stderr);
         assert_eq!(
             steps(&[&at("first"), &at("third"), &at("fourth")]),
             steps(&[&at("whole")])
         );
+        let (third, fourth) = (steps(&[&at("third")]), steps(&[&at("fourth")]));
+        assert_eq!(
+            fourth.keys().next().unwrap(),
+            &(third.keys().last().unwrap() + 1)
+        );
         for name in ["first", "second", "fourth"] {
             let found = replay(&at(name)).unwrap();
             assert!(found.difference.is_none(), "{name}: {found:?}");
-            assert_eq!(
-                found.is_exact(),
-                name != "first",
-                "{name}: the first is torn"
-            );
+            assert_eq!(found.is_exact(), name != "first", "{name}: {found:?}");
         }
         assert!(at("second/report.html").exists());
         let csv = at("second.csv");
@@ -175,10 +177,10 @@ fn an_interrupted_test_goes_on_with_the_same_bits_again_and_again() {
     }
 }
 
-/// With easing the first steps are made in several ticks: a formula that remembers goes there in smaller parts, so that it
-/// ends elsewhere by its own error of integration, and nothing else is different.
+/// With easing the first steps are made in several ticks: a formula that remembers goes there in smaller parts. This one is
+/// exact whatever the parts, so that only roundoff is different; others differ by their own error of integration.
 #[test]
-fn an_eased_beginning_differs_by_no_more_than_the_formula_does() {
+fn an_eased_beginning_changes_the_way_and_not_the_response() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     let test = test_in(home.path(), &frame(200, 1, 2.0, 0.1));
@@ -197,8 +199,9 @@ fn an_eased_beginning_differs_by_no_more_than_the_formula_does() {
         .map(|(a, b)| (x(a) - x(b)).abs())
         .fold(0.0, f64::max);
     assert_eq!(one.len(), other.len());
-    assert!(off > 0.0 && off < 0.02 * size, "{off} of {size}");
-    assert!(replay(&at("second")).unwrap().is_exact());
+    assert!(off < 1e-9 * size, "{off} of {size}");
+    let found = replay(&at("second")).unwrap();
+    assert!(found.is_exact(), "{found:?}");
 }
 
 #[test]
@@ -313,7 +316,7 @@ fn what_was_changed_or_is_complete_is_refused_and_damage_goes_back_to_a_checkpoi
     let mut parts = steps(&[&run]);
     let after = steps(&[&at("after")]);
     let begins = *after.keys().next().unwrap();
-    assert!(begins < 250 && begins > 190, "{begins}");
+    assert!((140..=170).contains(&begins), "{begins}");
     parts.retain(|step, _| *step < begins);
     parts.extend(after);
     assert_eq!(parts, steps(&[&at("whole")]));
@@ -400,7 +403,8 @@ fn a_specimen_that_does_not_stand_where_it_was_left_is_refused_and_nothing_moves
         steps(&[&at("first"), &at("second")]),
         steps(&[&at("whole")])
     );
-    assert!(replay(&at("second")).unwrap().is_exact());
+    let found = replay(&at("second")).unwrap();
+    assert!(found.is_exact(), "{found:?}");
 
     let ended = conclude(again(), 0.05, "moved");
     assert_eq!(ended.finish, Finish::Stopped);

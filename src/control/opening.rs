@@ -180,11 +180,10 @@ impl Port {
         }
     }
 
-    /// True if an axis that reads `off` from where it was left does not stand there. A formula stands where it is told.
+    /// True if it is neither behind a link nor a recording.
     #[must_use]
-    pub fn is_placed_elsewhere(&self, off: f64, within: f64) -> bool {
-        let inside = off <= within;
-        (self.is_remote() || self.is_recorded) && !inside
+    pub fn is_formula(&self) -> bool {
+        !self.is_recorded && !self.is_remote()
     }
 
     /// Where the specimen stands, in its own unit, one value per axis: it was moved there by others than this port.

@@ -103,12 +103,12 @@ impl Engine {
         }
         self.read_at_rest(self.opening.zero_ticks.max(1), control)?;
         let mut moved = None;
-        for (index, (port, places)) in self.ports.iter_mut().zip(left).enumerate() {
+        for (index, (port, places)) in self.ports.iter().zip(left).enumerate() {
             for (axis, place) in places.iter().enumerate() {
                 let reading = port.reading(axis);
                 let off = (reading.disp - place.disp).abs();
-                // A formula stands where it is told.
-                if port.is_placed_elsewhere(off, place.within) && moved.is_none() {
+                let stands_there = off <= place.within;
+                if !stands_there && moved.is_none() {
                     moved = Some(Stop::Moved {
                         port: index,
                         axis,

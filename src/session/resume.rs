@@ -196,7 +196,7 @@ fn places(
     ports: &[Port],
     within: Option<f64>,
     rate_hz: f64,
-) -> Result<Vec<Vec<[f64; 4]>>, ResumeError> {
+) -> Result<Vec<Vec<[String; 4]>>, ResumeError> {
     let mut all = Vec::new();
     for (index, port) in ports.iter().enumerate() {
         let mut axes = Vec::new();
@@ -222,9 +222,15 @@ fn places(
             let fastest = steps.fold(0.0, f64::max) * LOST_S * rate_hz;
             let last = command.last().copied().unwrap_or(0.0);
             let own = SHARE * off + fastest + NOTHING * last.abs();
-            let within = within.map_or(own, |metres| metres / port.metres_of(axis));
+            let own = within.map_or(own, |metres| metres / port.metres_of(axis));
+            // A formula stands where it is told.
+            let within = if port.is_formula() {
+                f64::INFINITY
+            } else {
+                own
+            };
             let force = force.last().copied().unwrap_or(0.0);
-            axes.push([last, last + beyond, force, within]);
+            axes.push([last, last + beyond, force, within].map(|value| format!("{value:?}")));
         }
         all.push(axes);
     }

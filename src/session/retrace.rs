@@ -38,8 +38,8 @@ pub(super) struct Origin {
     /// Test time of it, s.
     pub time: f64,
     /// Where the axes of each specimen were left, each in its own unit: the last command, what the sensor reads there, the
-    /// force, and how far off it may stand.
-    pub left: Vec<Vec<[f64; 4]>>,
+    /// force, and how far off it may stand. In words, since JSON's numbers need not come back to the last bit.
+    pub left: Vec<Vec<[String; 4]>>,
 }
 
 impl Origin {
@@ -70,7 +70,7 @@ impl Origin {
     pub fn put(&self, ports: &mut [Port]) {
         for (port, axes) in ports.iter_mut().zip(&self.left) {
             if port.is_remote() {
-                let commands: Vec<f64> = axes.iter().map(|axis| axis[0]).collect();
+                let commands: Vec<f64> = axes.iter().map(|axis| number(&axis[0])).collect();
                 port.stands_at(&commands);
             }
         }
@@ -78,14 +78,19 @@ impl Origin {
 
     /// Where they were left.
     pub fn places(&self) -> Vec<Vec<Place>> {
-        let place = |[_, disp, force, within]: &[f64; 4]| Place {
-            disp: *disp,
-            force: *force,
-            within: *within,
+        let place = |[_, disp, force, within]: &[String; 4]| Place {
+            disp: number(disp),
+            force: number(force),
+            within: number(within),
         };
-        let specimen = |axes: &Vec<[f64; 4]>| axes.iter().map(place).collect();
+        let specimen = |axes: &Vec<[String; 4]>| axes.iter().map(place).collect();
         self.left.iter().map(specimen).collect()
     }
+}
+
+/// What is no number is nowhere.
+fn number(text: &str) -> f64 {
+    text.parse().unwrap_or(f64::NAN)
 }
 
 pub(super) fn read(path: &Path) -> Result<Vec<u8>, ReplayError> {
