@@ -150,6 +150,15 @@ fn an_interrupted_test_goes_on_with_the_same_bits_again_and_again() {
             steps(&[&at("first"), &at("third"), &at("fourth")]),
             steps(&[&at("whole")])
         );
+        for (before, after) in [("first", "second"), ("third", "fourth")] {
+            let command = |name: &str| Run::open(&at(name)).unwrap().columns(&["cmd_1_1"]).unwrap();
+            let (before, after) = (command(before), command(after));
+            assert_eq!(
+                before[0].last(),
+                after[0].first(),
+                "it begins where it was left"
+            );
+        }
         let (third, fourth) = (steps(&[&at("third")]), steps(&[&at("fourth")]));
         assert_eq!(
             fourth.keys().next().unwrap(),

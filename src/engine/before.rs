@@ -46,9 +46,19 @@ impl Engine {
         self.wait_for_confirmation(control)
     }
 
+    /// A tick in which test time stands still: at t = 0, or where an interrupted test stood.
+    fn tick_at_rest(&self, dt: f64) -> Tick {
+        let step = self.steps_done;
+        Tick {
+            step,
+            time: step as f64 * self.dt,
+            ..Tick::before_start(dt)
+        }
+    }
+
     /// One tick in which the last command is sent again: nothing moves, everything is read.
     pub(super) fn still_tick(&mut self, phase: Phase, control: &Control) -> Result<(), Stop> {
-        let tick = Tick::before_start(0.0);
+        let tick = self.tick_at_rest(0.0);
         let mut stamps = TickStamps::default();
         self.wait_before_start(&mut stamps, control)?;
         self.exchange_again(&tick, &mut stamps)?;
@@ -86,7 +96,7 @@ impl Engine {
                 port.ramp_to(share, seconds);
             }
             self.clear_commands()?;
-            let tick = Tick::before_start(self.dt);
+            let tick = self.tick_at_rest(self.dt);
             let mut stamps = TickStamps::default();
             self.wait_before_start(&mut stamps, control)?;
             self.exchange(&tick, &mut stamps)?;
@@ -118,7 +128,7 @@ impl Engine {
             Side::Prescribed(_) => None,
         };
         for k in 0..self.limits.warmup_ticks {
-            let tick = Tick::before_start(0.0);
+            let tick = self.tick_at_rest(0.0);
             let mut stamps = TickStamps::default();
             self.wait_before_start(&mut stamps, control)?;
             if k == 0 {

@@ -150,12 +150,13 @@ fn write_csv(
         }
         let at = |row: &[f64], place: usize| row.get(place).copied().unwrap_or(f64::NAN);
         let same_step = !held.is_empty() && at(&held, plan.step) == at(row.values, plan.step);
-        // Between two steps and in holds nothing is new but commands and measurements.
-        let is_step = plan
-            .state
-            .is_none_or(|state| at(row.values, state) == RUNNING);
+        // Before the test, between two steps and in holds nothing is new but commands and measurements.
+        let is_step = plan.state.is_none_or(|place| {
+            let state = at(row.values, place);
+            state == RUNNING || (state == TRIPPED && !same_step)
+        });
         let begun = at(row.values, plan.time) >= 0.0;
-        if !begun || (same_step && !is_step) {
+        if !begun || !is_step {
             continue;
         }
         // The row held back is the last of its step once a row of another step is there.
@@ -185,6 +186,8 @@ struct Plan {
 
 /// State of a row in which a step is made.
 const RUNNING: f64 = 3.0;
+/// State of the row that ends a test, whose step is not made.
+const TRIPPED: f64 = 8.0;
 
 const DOF: [&str; 3] = ["x", "v", "a"];
 const AXIS: [&str; 4] = ["target", "cmd", "meas", "force"];

@@ -18,6 +18,7 @@ use super::retrace::{
 use super::tape::Replaced;
 use crate::config::{ConfigError, Prepared};
 use crate::control::Port;
+use crate::engine::Phase;
 use crate::record::summary::Status;
 use crate::record::{FolderError, Run};
 
