@@ -24,6 +24,8 @@
 //! | [`spectral`] | what a method does to one mode: poles, period error, bounds, critical delay |
 //! | [`substructure`] | the hinge: command out, measurement back |
 //! | [`specimen`] | specimens in process |
+//! | [`transfer`] | what lies between a command and a specimen: delay, actuators, limits, sensors |
+//! | [`compensation`] | commands that make up for an actuator |
 //! | [`control`] | what stands between the structure's DOFs and a specimen's axes |
 //! | [`engine`] | the loop |
 //! | [`record`] | rows, the run folder, exports |
@@ -34,13 +36,16 @@
 //! | [`report`] | the page a run leaves behind |
 //! | [`verify`] | the published values of the family, obtained anew and judged |
 //! | [`frontier`] | how large a model keeps its deadlines: models of any size, the search, the picture |
+//! | [`benchmark`] | the virtual hybrid simulation benchmark, natively |
 //! | [`session`] | one test from the prepared experiment to the finished run folder: the threads |
 //! | [`cli`] | the commands |
 
 #![deny(unsafe_code)]
 #![warn(missing_docs, missing_debug_implementations)]
 
+pub mod benchmark;
 pub mod cli;
+pub mod compensation;
 pub mod config;
 pub mod control;
 pub mod engine;
@@ -59,5 +64,6 @@ pub mod specimen;
 pub mod spectral;
 pub mod substructure;
 pub mod time;
+pub mod transfer;
 pub mod verify;
 pub mod wire;

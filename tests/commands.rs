@@ -66,6 +66,15 @@ fn wrong_usage_ends_with_2_and_says_what_is_allowed() {
         (&["jitter", "--rate", "0"], "--rate \"0\""),
         (&["jitter", "--rate", "fast"], "--rate \"fast\""),
         (&["jitter", "--duration", "-1"], "--duration"),
+        (
+            &["jitter", "--model", "chain", "--rates", "256,never"],
+            "--rates \"never\"",
+        ),
+        (&["jitter", "--rates", "256"], "--model"),
+        (
+            &["jitter", "--model", "dome"],
+            "[possible values: chain, frame]",
+        ),
         (&["jitter", "--duration", "nan"], "--duration"),
         (
             &["jitter", "--priority", "99"],
@@ -317,6 +326,42 @@ fn jitter_leaves_histograms_numbers_and_a_picture_where_it_is_told() {
     assert!(json(&out, "timing.json")["wakeup_lateness"]["p50"].is_number());
     let again = say(arguments);
     assert_eq!(again.code, Some(2), "never over what is there");
+}
+
+#[test]
+fn the_largest_model_that_keeps_its_deadlines_is_searched_drawn_and_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("frontier");
+    let said = say([
+        "jitter",
+        "--model",
+        "chain",
+        "--rates",
+        "2000",
+        "--quick",
+        "--json",
+        "--out",
+        out.to_str().unwrap(),
+    ]);
+    // On a machine that is busy enough no size keeps its deadlines: that is an answer too.
+    let found: serde_json::Value = serde_json::from_str(&said.stdout).expect(&said.stderr);
+    let points = found["frontier"].as_array().unwrap();
+    assert_eq!(
+        said.code,
+        Some(i32::from(points.is_empty())),
+        "{}",
+        said.stderr
+    );
+    for point in points {
+        assert!(point["dofs"].as_u64().unwrap() >= 2);
+        assert!(point["kept"].as_f64().unwrap() >= 0.9999);
+        assert_eq!(point["ticks"], 1001);
+    }
+    assert_eq!(names(&out), ["frontier.csv", "frontier.svg"]);
+    let table = fs::read_to_string(out.join("frontier.csv")).unwrap();
+    assert_eq!(table.lines().count(), 1 + points.len());
+    let picture = fs::read_to_string(out.join("frontier.svg")).unwrap();
+    assert!(picture.contains("Gui et al. 2014, Table 2") && picture.contains("on a GPU"));
 }
 
 #[test]

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use serde_json::json;
+use tracing::subscriber::NoSubscriber;
 
 use super::exit::Exit;
 use super::table::Table;
@@ -121,13 +122,11 @@ impl Trials<'_> {
         let test = loop_round(side, &[0, n - 1], rate, ticks, self.timing.clone(), words);
         let folder = RunFolder::create(&self.scratch).context("the folder cannot be made")?;
         let requests = self.signals.requests();
-        let finished = session::run(
-            test,
-            folder,
-            requests,
-            Watches::default(),
-            &mut |_: &Progress| {},
-        );
+        // Deadlines are missed on purpose here: they are counted, not told one by one.
+        let finished = tracing::subscriber::with_default(NoSubscriber::new(), || {
+            let unseen = &mut |_: &Progress| {};
+            session::run(test, folder, requests, Watches::default(), unseen)
+        });
         // A trial is not a test that anybody wants to keep.
         let _ = std::fs::remove_dir_all(&self.scratch);
         let summary = finished?.summary;
@@ -148,8 +147,8 @@ impl Trials<'_> {
             Length::Long => "proof",
         };
         tell(format_args!(
-            "{rate:>6} Hz {n:>9} DOFs, {what}: {} of {} deadlines missed, {} more taken away; step {:.1} µs",
-            trial.missed, trial.ticks, trial.taken_away, trial.compute_us[0],
+            "{:>8} Hz {n:>9} DOFs, {what}: {} of {} deadlines missed, {} more taken away; step {:.1} µs",
+            rate_hz, trial.missed, trial.ticks, trial.taken_away, trial.compute_us[0],
         ));
         Ok(Some((n, trial)))
     }
@@ -161,7 +160,12 @@ fn folder(args: &JitterArgs, model: Scalable) -> anyhow::Result<PathBuf> {
         Some(path) => RunFolder::create(path),
         None => RunFolder::create_default(Path::new("runs"), title(model), Wall::now().0),
     };
-    Ok(made.context("the folder cannot be made")?.path().to_owned())
+    let made = made.context("the folder cannot be made")?;
+    let path = made.path().to_owned();
+    // No test is recorded in it.
+    made.abandon();
+    std::fs::create_dir_all(&path).with_context(|| path.display().to_string())?;
+    Ok(path)
 }
 
 const fn title(model: Scalable) -> &'static str {

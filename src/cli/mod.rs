@@ -5,12 +5,14 @@
 //! has hung up or the disk under a log is full: that must not end a test.
 
 mod attend;
+mod benchmark;
 mod check;
 mod doctor;
 mod exit;
 mod export;
 mod frontier;
 mod jitter;
+mod limits;
 mod operate;
 mod progress;
 mod rehearsed;
@@ -80,6 +82,9 @@ enum Command {
     Serve(ServeArgs),
     /// Obtain the published tables, equations, figures and examples of the integration family anew, and judge them.
     Verify(VerifyArgs),
+    /// Run a published benchmark of hybrid simulation.
+    #[command(subcommand)]
+    Benchmark(benchmark::Of),
     /// Print the JSON Schema of the test file.
     #[command(
         after_help = "Example:\n  gusset schema > gusset.schema.json\n\nAn editor with a TOML language server completes \
@@ -288,7 +293,8 @@ struct ReportArgs {
     gusset serve test.toml --specimen ground-storey --transport udp --key lab.key --listen 0.0.0.0:4823\n  \
     gusset serve test.toml --specimen ground-storey --transport tls --listen 0.0.0.0:4823\n  \
     gusset serve test.toml --specimen ground-storey --protocol openfresco\n  \
-    gusset serve config/serve/gateway.toml --out runs/gateway\n\n\
+    gusset serve config/serve/gateway.toml --out runs/gateway\n  \
+    gusset serve config/faults/rig.toml --transport udp --fault config/faults/lost-burst.toml\n\n\
     A specimen that is itself behind a link ([specimen.link]) makes this a gateway: every exchange passes its limits \
     ([specimen.limits]). A limit that trips, or an interlock, holds the specimen where it is until the controller's test is \
     over; the next test begins anew."
@@ -322,6 +328,10 @@ struct ServeArgs {
     /// row per exchange. `gusset report` and `gusset export` read them. Without it nothing is recorded.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Play the faults of this script on every controller's test, the same each time: a laboratory in which things go
+    /// wrong. For a specimen that is computed; config/faults has scripts.
+    #[arg(long, value_name = "SCRIPT")]
+    fault: Option<PathBuf>,
     /// Busy loop around the moment at which the next command is expected, on either side of it.
     #[arg(long, value_name = "US", default_value_t = 60.0)]
     spin: f64,
@@ -408,6 +418,7 @@ pub fn main() -> ExitCode {
         Command::Replay(args) => replay::replay(&args),
         Command::Serve(args) => serve::serve(&args),
         Command::Verify(args) => verify::verify(&args),
+        Command::Benchmark(benchmark::Of::Vrths(args)) => benchmark::vrths(&args),
         Command::Schema => schema::schema(),
     };
     match result {

@@ -4,6 +4,7 @@ use std::net::SocketAddr;
 use std::os::linux::net::SocketAddrExt;
 use std::os::unix::ffi::OsStrExt;
 use std::os::unix::net::UnixDatagram;
+use std::path::Path;
 
 use anyhow::Context;
 use tokio::signal::unix::{SignalKind, signal};
@@ -14,7 +15,7 @@ use super::{ProtocolArg, ServeArgs, TransportArg, answer, serve_openfresco, serv
 use crate::config;
 use crate::link::rig::LogSettings;
 use crate::link::secret::read_key;
-use crate::link::serve::{Heard, ServeError, ServeOptions, Server, USUAL_LISTEN};
+use crate::link::serve::{Heard, Host, ServeError, ServeOptions, Server, USUAL_LISTEN};
 use crate::link::spec::{Carrier, Offer};
 use crate::link::tls::ClientCertificate;
 use crate::rt::RtPlan;
@@ -70,6 +71,9 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
         std::fs::create_dir_all(root)
             .map_err(|error| WithExit(Exit::Usage, format!("{}: {error}", root.display())))?;
     }
+    if let Some(path) = &args.fault {
+        served.host = play(path, served.host, protocol)?;
+    }
     if let Some((role, port)) = protocol.openfresco() {
         return serve_openfresco::serve(args, &served, role, port, carrier);
     }
@@ -116,6 +120,33 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
         },
     )?;
     Ok(exit)
+}
+
+/// The host with the faults of the script at `path`.
+fn play(path: &Path, host: Host, protocol: Offer) -> anyhow::Result<Host> {
+    let script = config::load_script(path).map_err(refused)?;
+    let wrong = |text: String| WithExit(Exit::Usage, format!("{}: {text}", path.display()));
+    if protocol != Offer::Gusset {
+        let text = "faults are played over our own protocol only (--protocol gusset)";
+        return Err(wrong(text.to_owned()).into());
+    }
+    if let Some(number) = script.at_the_controller() {
+        let text = format!(
+            "fault {} happens at the controller, where a server cannot play it",
+            number + 1
+        );
+        return Err(wrong(text).into());
+    }
+    let title = script.title.clone();
+    let host = host.faulty(script).map_err(|error| {
+        let text = match error.fault {
+            Some(number) => format!("fault {}: {error}", number + 1),
+            None => error.to_string(),
+        };
+        wrong(text)
+    })?;
+    tell(format_args!("FAULTS are played in every test: {title}"));
+    Ok(host)
 }
 
 /// Says that the port is open, and waits for the end.

@@ -29,6 +29,7 @@ mod reader;
 mod resolve;
 mod safety;
 mod schema;
+mod script;
 mod serve;
 mod specimen;
 mod steps;
@@ -46,8 +47,8 @@ use thiserror::Error;
 use toml_edit::DocumentMut;
 
 pub use build::{
-    ALL_MODES, Analysis, Facts, Files, Loop, ModeFacts, Prepared, StructureFacts, build,
-    build_rehearsal,
+    ALL_MODES, Analysis, Dial, Facts, Files, Limit, LimitFacts, Loop, ModeFacts, Prepared,
+    SpecimenLimits, StructureFacts, build, build_over, build_rehearsal,
 };
 pub use diagnose::{Diagnostic, Diagnostics, Finding, Part, Place, Severity, Source};
 pub use document::{KeyPath, PathError, Segment};
@@ -60,6 +61,7 @@ pub use schema::{
     ExcitationTable, GravityTable, GroundTable, IntegratorTable, Method, NodalFileTable,
     NodalForceTable, PrescribedTable, RecordTable, Start, StructureTable, TestFile, Weighting,
 };
+pub use script::{load_script, parse_script};
 pub use serve::{ServeFile, ServeTable, Served, load_served};
 pub use specimen::{AxisTable, DispUnit, ForceUnit, SimilitudeTable, SpecimenTable};
 pub use steps::Time;

@@ -3,6 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::control::limits::BoundSpec;
+
 /// How a test begins, what ends it, and how its specimens are left.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -34,6 +36,14 @@ pub struct SafetyTable {
     /// Largest speed in m/s of the specimen on the way there; needed for every way but "freeze".
     #[serde(skip_serializing_if = "Option::is_none")]
     pub exit_speed_m_per_s: Option<f64>,
+    /// Share of the room for stability that tangents beyond their declared bounds use up, by the estimates of all axes:
+    /// below 1 the integration is stable. Absent: warned of beyond 1. Known where the proof of stability is.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stability_used: Option<BoundSpec>,
+    /// What the exact audit of the steps leaves over, in parts of the energy turned over: roundoff unless the program is at
+    /// fault. Absent: warned of beyond 1e-9, and the test stops beyond 1e-6, for structures of up to 64 DOFs.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub step_audit: Option<BoundSpec>,
     /// Why a specimen behind a link may be without a trip level of `command_disp_m` and `measured_force_n`; without a reason
     /// such a test is refused. Limits that are given hold all the same.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -52,6 +62,8 @@ impl Default for SafetyTable {
             at_end: ExitChoice::Freeze,
             resume_within_m: None,
             exit_speed_m_per_s: None,
+            stability_used: None,
+            step_audit: None,
             unlimited: None,
         }
     }

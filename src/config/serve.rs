@@ -22,6 +22,7 @@ use crate::link::spec::{Carrier, Offer};
 use crate::link::tls::ServeTlsSpec;
 use crate::rt::TimingSpec;
 use crate::specimen::{InUnits, Specimen};
+use crate::transfer::Transfer;
 use crate::wire::key::PreSharedKey;
 
 /// Specimens to be served.
@@ -234,10 +235,18 @@ fn host(table: &SpecimenTable, at: &KeyPath) -> Result<Host, Box<Finding>> {
         return Err(Box::new(Finding::error(at.clone(), text)));
     };
     let law = law.clone();
+    let transfer = table.transfer.clone();
     check_units(table, at)?;
     let wire = wire_axes(table, axes);
     let build = move || -> Result<Box<dyn Specimen>, String> {
         let law = law.build(axes).map_err(|error| error.to_string())?;
+        let law: Box<dyn Specimen> = match &transfer {
+            Some(spec) => {
+                let transfer = Transfer::new(spec, law, None);
+                Box::new(transfer.map_err(|error| format!("[specimen.transfer]: {error}"))?)
+            }
+            None => law,
+        };
         Ok(Box::new(InUnits::new(law, &units)))
     };
     Host::new(table.name.clone(), wire, Box::new(build))

@@ -6,10 +6,12 @@ use serde::{Deserialize, Serialize};
 use super::safety::ZeroChoice;
 use super::value::MatrixValue;
 use super::variant;
+use crate::compensation::CompensationSpec;
 use crate::control::AxisUnits;
 use crate::control::limits::LimitsSpec;
 use crate::link::LinkSpec;
 use crate::specimen::SpecimenLaw;
+use crate::transfer::TransferSpec;
 
 /// One specimen. Exactly one of `law`, `laws`, `coupled` and `link` is given; with a structure also exactly one of `storey` and
 /// `rows`.
@@ -81,6 +83,12 @@ pub struct SpecimenTable {
     )]
     #[schemars(schema_with = "coupled_schema")]
     pub coupled: Option<SpecimenLaw>,
+    /// Actuator and sensors that the law stands behind. Default: none, the law follows its command at once.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub transfer: Option<TransferSpec>,
+    /// How commands are made up for the actuator, between targets and what is sent. Default: not at all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub compensation: Option<CompensationSpec>,
     /// Displacement of each axis in m, at the specimen's scale, at which it is left by "safe_displacement".
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub safe_disp_m: Option<Vec<f64>>,

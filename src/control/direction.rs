@@ -57,6 +57,17 @@ impl Port {
         self.ahead += u64::from(!self.is_recorded);
     }
 
+    /// Command `sequence` of the test stands ready to leave, but what tripped it may have tripped in the exchange of that
+    /// number: the specimen stands where it was sent then, and the next command is another one.
+    pub fn leave_number(&mut self, sequence: u64) {
+        let number = sequence + self.ahead;
+        if self.issued == Some(number) {
+            // A link that is lost shows at the next command.
+            let _ = self.substructure.accepted(number);
+            self.skip_number();
+        }
+    }
+
     /// True if the motion that brings the static load on is to show the direction.
     #[must_use]
     pub const fn is_listened_to(&self) -> bool {

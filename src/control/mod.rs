@@ -5,8 +5,10 @@
 //! a specimen was told is hidden. Pure bookkeeping: no clock, no input or output of its own.
 
 mod believed;
+mod compensated;
 mod direction;
 mod error;
+mod estimate;
 mod guard;
 mod leaving;
 pub mod limits;
@@ -17,6 +19,7 @@ mod path;
 mod probe;
 mod pursuit;
 mod stiffness;
+mod tangent;
 mod tempo;
 mod trend;
 mod units;
@@ -24,6 +27,7 @@ mod units;
 pub use believed::Believed;
 pub use direction::Direction;
 pub use error::PortError;
+pub use estimate::Declared;
 pub use leaving::{Departure, Exit, Exits};
 pub use link::{LinkCount, OnStale, WaitRules};
 pub use misfit::{Channel, Misfit};
@@ -31,6 +35,7 @@ pub use opening::{Reading, Reference, Zero};
 pub use path::{Order, Path, Point};
 pub use probe::{Found, Pace, Probe};
 pub use stiffness::{Opinion, compare_stiffness};
+pub use tangent::{Point as TangentPoint, Tangent};
 pub use tempo::{HOLD_AT, SLOW_FROM, Stage, Stride, Tempo};
 pub use trend::Trend;
 pub use units::AxisUnits;
@@ -122,15 +127,19 @@ pub struct Port {
     pub direction: Direction,
     /// True if a recording stands for the substructure.
     is_recorded: bool,
+    /// Number on the link of the command that left last.
+    issued: Option<u64>,
     /// Exchanges that were none of the test's: by so much the numbers on the link are ahead of the test's.
     ahead: u64,
     /// How it is led from one target to the next.
     pursuit: pursuit::Pursuit,
     stiffness: Vec<f64>,
     guard: guard::Guard,
+    estimates: estimate::Estimates,
     opening: opening::Opening,
     /// Zero velocities.
     still: Vec<f64>,
+    compensation: Option<compensated::Compensation>,
     /// How the specimen is left.
     pub exits: Exits,
 }
@@ -218,13 +227,16 @@ impl Port {
             link: LinkCount::default(),
             wait: None,
             direction: Direction::Known,
+            issued: None,
             ahead: 0,
             pursuit: pursuit::Pursuit::new(n),
             is_recorded: false,
+            estimates: estimate::Estimates::new(&stiffness),
             stiffness,
             guard: guard::Guard::open(n),
             opening: opening::Opening::absolute(n),
             still: vec![0.0; n],
+            compensation: None,
             exits: Exits::default(),
         })
     }
@@ -299,6 +311,7 @@ impl Port {
         {
             *command = axis.vel_gain * target;
         }
+        self.compensate();
     }
 
     /// Sends the command that stands ready, if it was judged. Real-time: yes.
@@ -310,10 +323,13 @@ impl Port {
             return Err(LinkFault::Refused);
         }
         self.guard.sent(&self.command);
+        self.estimates.moves = true;
         for (sent, command) in self.sent.iter_mut().zip(&self.command) {
             *sent = *command;
         }
         self.link.sent += 1;
+        self.compensation_asks(true);
+        self.issued = Some(sequence + self.ahead);
         let command = Command {
             sequence: self.pursuit.number(sequence, self.ahead),
             time,
@@ -340,7 +356,10 @@ impl Port {
             copy(&self.incoming, &mut self.raw);
         }
         match freshness {
-            Freshness::Fresh => self.link.received += 1,
+            Freshness::Fresh => {
+                self.link.received += 1;
+                self.compensation_hears();
+            }
             Freshness::Stale => self.link.stale += 1,
         }
         for ((axis, measured), raw) in self.axes.iter().zip(&mut self.measured).zip(&self.raw.disp)

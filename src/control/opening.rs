@@ -122,7 +122,10 @@ impl Port {
     /// The link is lost.
     pub fn repeat(&mut self, sequence: u64, time: f64) -> Result<(), LinkFault> {
         self.guard.watch.sent_again();
+        self.estimates.moves = false;
         self.link.sent += 1;
+        self.compensation_asks(false);
+        self.issued = Some(sequence + self.ahead);
         self.substructure.issue(&Command {
             sequence: self.pursuit.number(sequence, self.ahead),
             time,
@@ -162,6 +165,7 @@ impl Port {
                 axis.force_offset = reading.force;
             }
         }
+        self.estimate_above_noise();
     }
 
     /// What an axis reads now where it read `disp` and `force` before an interruption: a relative channel takes the difference

@@ -16,6 +16,8 @@ pub(super) struct Pursuit {
     goal_vel: Vec<f64>,
     /// Target, measured displacement and force of the tick in which the target was reached.
     kept: [Vec<f64>; 3],
+    /// The last command of an interrupted test.
+    returns: Vec<f64>,
     per_step: bool,
     /// The target has not been sent yet.
     waits: bool,
@@ -36,6 +38,7 @@ impl Pursuit {
             goal: vec![0.0; axes],
             goal_vel: vec![0.0; axes],
             kept: [vec![0.0; axes], vec![0.0; axes], vec![0.0; axes]],
+            returns: Vec::new(),
             per_step: false,
             waits: false,
             asked: false,
@@ -101,6 +104,7 @@ impl Port {
         self.pursuit.path.rest(&self.target);
         self.pursuit.waits = self.pursuit.per_step;
         self.pursuit.asked = false;
+        self.guard.aims_from(&self.axes, &self.pursuit.goal);
     }
 
     /// The target of the next step, from the structure's state. Real-time: yes.
@@ -124,6 +128,7 @@ impl Port {
     /// The next target is known from here on, `share` of the step after the last. Real-time: yes.
     pub fn know(&mut self, share: f64) {
         self.pursuit.path.aim(&self.pursuit.goal, share);
+        self.guard.aims_at(&self.axes, &self.pursuit.goal);
         if self.pursuit.per_step {
             self.pursuit.waits = true;
             self.land();
@@ -229,15 +234,12 @@ impl Port {
         self.pursuit.asked = false;
     }
 
-    /// Makes the command for this share of the way again, at rest.
-    pub fn return_to(&mut self, share: f64) {
-        if !self.pursuit.per_step {
-            for (axis, target) in self.target.iter_mut().enumerate() {
-                *target = self.pursuit.path.at(axis, share).disp;
-            }
-            self.target_vel.fill(0.0);
-            self.prepare_command();
+    /// Makes the last command of the interrupted test again, at rest.
+    pub fn return_to_the_test(&mut self) {
+        if self.pursuit.returns.len() == self.command.len() {
+            self.command.copy_from_slice(&self.pursuit.returns);
         }
+        self.command_vel.fill(0.0);
     }
 
     /// Takes the live substructure of `fresh`, a port of the same test that was never used, in place of a recording; a formula
@@ -250,6 +252,7 @@ impl Port {
             self.pursuit.skipped = 0;
         }
         self.link = super::LinkCount::default();
+        self.pursuit.returns.clone_from(&self.sent);
     }
 
     /// Nothing to command: see [`crate::substructure::Substructure::attend`]. Real-time: yes.

@@ -63,6 +63,7 @@ impl Engine {
         }
         let period = self.period.value();
         let lost = self.lost.clone();
+        let sequence = self.sequence;
         let mut departures: Vec<Option<Departure>> = self
             .ports
             .iter_mut()
@@ -71,7 +72,12 @@ impl Engine {
                 if lost || !port.has_begun() {
                     None
                 } else {
-                    port.depart(tripped, period)
+                    let departure = port.depart(tripped, period);
+                    // A specimen that stays where it is hears nothing more but the last words.
+                    if departure.is_some() {
+                        port.leave_number(sequence);
+                    }
+                    departure
                 }
             })
             .collect();

@@ -121,6 +121,9 @@ impl Engine {
     /// Warm-up ticks: the loop lives, the specimens hold the first command, nothing is counted as a miss.
     pub(super) fn warm_up(&mut self, control: &Control) -> Result<(), Stop> {
         self.enter(Phase::Armed, Cause::Done);
+        for port in &mut self.ports {
+            port.rest();
+        }
         self.clear_commands()?;
         // A processor that only waited is slow in its first steps: each tick does the work of one.
         let scratch = match &self.side {
@@ -143,6 +146,9 @@ impl Engine {
             stamps.ready = stamps.decoded;
             stamps.pushed = self.clock.now();
             self.timing.tick(&stamps);
+        }
+        for port in &mut self.ports {
+            port.begin_test();
         }
         self.clear_commands()
     }

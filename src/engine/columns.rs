@@ -5,6 +5,7 @@
 
 use std::ops::Range;
 
+use super::checks::TestQuantity;
 use super::numerical::Side;
 use super::phase::Phase;
 use super::tick::Tick;
@@ -24,6 +25,7 @@ pub struct Row {
     vel: Range<usize>,
     accel: Range<usize>,
     ports: Vec<Range<usize>>,
+    checks: Range<usize>,
     timing: Range<usize>,
 }
 
@@ -107,11 +109,17 @@ impl Row {
             "velocity as the integrator reports it",
         );
         let accel = block(&mut columns, "a", "m/s2", "acceleration from equilibrium");
+        let ports_given = ports;
         let ports = ports
             .iter()
             .enumerate()
             .map(|(index, port)| port_columns(&mut columns, index + 1, port))
             .collect();
+        let start = columns.len();
+        for quantity in TestQuantity::columns(side, ports_given) {
+            columns.push(column(quantity.key(), "1", quantity.words(), false));
+        }
+        let checks = start..columns.len();
         let start = columns.len();
         for (name, meaning) in TIMING {
             let unit = if name == "stretched" { "1" } else { "s" };
@@ -128,6 +136,7 @@ impl Row {
                 vel,
                 accel,
                 ports,
+                checks,
                 timing,
             },
             columns,
@@ -184,16 +193,30 @@ impl Row {
                 .zip(&port.measured)
                 .zip(&port.force)
                 .zip(port.raw().disp.iter().zip(&port.raw().force));
-            for (slot, ((((target, command), measured), force), (raw_disp, raw_force))) in
-                slots.chunks_exact_mut(6).zip(axes)
-            {
-                slot.copy_from_slice(&[
-                    *target, *command, *measured, *force, *raw_disp, *raw_force,
-                ]);
+            let width = (slots.len() - 2) / port.axes().max(1);
+            let slots_of_axes = slots.chunks_exact_mut(width.max(1));
+            for (slot, (axis, estimates)) in slots_of_axes.zip(axes.zip(port.estimates())) {
+                let ((((target, command), measured), force), (raw_disp, raw_force)) = axis;
+                let (stiffness, damping, energy) = estimates;
+                let values = [
+                    *target, *command, *measured, *force, *raw_disp, *raw_force, stiffness, energy,
+                ];
+                for (to, from) in slot.iter_mut().zip(values.into_iter().chain(damping)) {
+                    *to = from;
+                }
+            }
+            let after_axes = slots.iter_mut().skip(6 * port.axes());
+            for (slot, parameter) in after_axes.zip(port.compensation_parameters()) {
+                *slot = parameter;
             }
             if let [.., sequence, status] = slots {
                 *sequence = port.raw().sequence as f64;
                 *status = f64::from(port.raw().status.0);
+            }
+        }
+        if let Some(slots) = self.values.get_mut(self.checks.clone()) {
+            for (to, from) in slots.iter_mut().zip(TestQuantity::values(side, ports)) {
+                *to = from;
             }
         }
     }
@@ -278,6 +301,26 @@ fn port_columns(columns: &mut Vec<Column>, number: usize, port: &Port) -> Range<
             "measured displacement as it came",
         );
         add("raw_force", "specimen unit", "measured force as it came");
+        add(
+            "kt",
+            "N/m",
+            "tangent stiffness, estimated; the declared one until the axis has moved",
+        );
+        add(
+            "added",
+            "J",
+            "energy that the transfer system has added, negative if it has taken some",
+        );
+        if port.estimates().any(|(_, damping, _)| damping.is_some()) {
+            add("ct", "N s/m", "tangent damping, estimated");
+        }
+    }
+    for (axis, parameter) in port.compensation_names() {
+        let (key, axis) = (parameter.name, axis + 1);
+        let meaning =
+            format!("parameter {key} of the compensation, specimen \"{name}\", axis {axis}");
+        let key = format!("comp_{key}_{number}_{axis}");
+        columns.push(column(&key, parameter.unit, &meaning, false));
     }
     let meaning = format!("newest command in force when specimen \"{name}\" was sampled");
     columns.push(column(&format!("seq_{number}"), "1", &meaning, false));

@@ -5,9 +5,12 @@
 //! neither files nor threads nor what stands behind a port.
 
 mod after;
+mod audit;
 mod before;
+mod checks;
 mod columns;
 mod direction;
+mod misses;
 mod numerical;
 mod operator;
 mod peaks;
@@ -20,7 +23,10 @@ mod step;
 mod stop;
 mod tick;
 
+pub use audit::StepAudit;
 pub use before::Opening;
+pub use checks::{TestHit, TestLimits, TestQuantity};
+pub use misses::MissLevels;
 pub use numerical::{Numerical, Side};
 pub use operator::{Control, Notice, Operator, Watch};
 pub use peaks::Peaks;
@@ -69,6 +75,8 @@ pub struct Limits {
     pub warmup_ticks: u64,
     /// |displacement| in m beyond which the response counts as diverged.
     pub divergence: f64,
+    /// What belongs to no specimen alone.
+    pub test: TestLimits,
 }
 
 /// Everything a test needs, as plain data.
@@ -141,6 +149,8 @@ pub struct Engine {
     steps_done: u64,
     misses: u64,
     misses_in_a_row: u64,
+    miss_window: misses::MissWindow,
+    test_warned: u8,
     rows_lost: u64,
     events_lost: u64,
     retired: usize,
@@ -246,6 +256,8 @@ impl Engine {
             hold_wanted: false,
             confirmed: false,
             ports,
+            miss_window: misses::MissWindow::new(&limits.test.misses),
+            test_warned: 0,
             limits,
             clock,
             recorder,

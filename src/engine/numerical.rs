@@ -1,5 +1,6 @@
 //! The numerical side of a test: a structure that is integrated, or a deformation that is prescribed.
 
+use super::audit::StepAudit;
 use crate::control::Port;
 use crate::integrate::{Loaded, State, StepError, Stepper};
 use crate::linalg::Aligned;
@@ -25,6 +26,7 @@ pub struct Numerical {
     pub excitation: Excitation,
     acceleration: Acceleration,
     stepper: Stepper,
+    audit: Option<StepAudit>,
     /// x and v of the step that is about to be closed.
     pub state: State,
     /// r = F − R_d(v) − R_s(x) − Bᵀf of the step last closed.
@@ -82,12 +84,26 @@ impl Numerical {
             acceleration,
             excitation,
             stepper,
+            audit: None,
             state,
             inertia: Aligned::zeros(n),
             next_inertia: Aligned::zeros(n),
             reported_vel: Aligned::zeros(n),
             accel: Aligned::zeros(n),
         }
+    }
+
+    /// The same with an audit of its steps, which must be those of the family with this effective mass.
+    #[must_use]
+    pub fn audited(mut self, audit: StepAudit) -> Self {
+        self.audit = Some(audit);
+        self
+    }
+
+    /// The audit of the steps made so far.
+    #[must_use]
+    pub fn audit(&self) -> Option<&StepAudit> {
+        self.audit.as_ref()
     }
 
     /// Base displacement and velocity at a step.
@@ -138,7 +154,13 @@ impl Numerical {
     pub fn advance(&mut self, step: u64) -> Result<(), StepError> {
         match &mut self.stepper {
             Stepper::Explicit(integrator) => {
+                if let Some(audit) = &mut self.audit {
+                    audit.before(&self.state.disp);
+                }
                 integrator.advance(&mut self.state, &self.inertia, &mut self.reported_vel);
+                if let Some(audit) = &mut self.audit {
+                    audit.after(&self.state.disp, &self.state.vel, &self.inertia);
+                }
                 Ok(())
             }
             Stepper::Offline(method) => {
@@ -179,12 +201,15 @@ impl Numerical {
     /// Runs the whole numerical path once and leaves no trace, so that the processor, its caches and branch predictors
     /// are warm at the first tick. Real-time: yes.
     pub fn rehearse(&mut self, scratch: &Scratch, ports: &mut [Port]) {
+        // What the audit has seen of the test stays as it is.
+        let audit = self.audit.take();
         self.close(0, 0.0, ports);
         // An integrator does not fail.
         let _ = self.advance(0);
         self.output_accel();
         self.state.copy_from(&scratch.state);
         self.structure.thaw(&scratch.memory);
+        self.audit = audit;
         for output in [&mut self.inertia, &mut self.reported_vel, &mut self.accel] {
             output.fill(0.0);
         }

@@ -76,22 +76,28 @@ impl Engine {
         self.peaks = from.peaks;
         self.ride = from.ride;
         self.ride.tempo.stand();
+        // What moves the specimens before the test goes on teaches no compensator anything.
+        let mut learned = Vec::new();
         for port in &mut self.ports {
+            port.freeze_compensation(&mut learned);
             port.stand_still();
             port.ask_again();
         }
         self.arm()?;
         self.begin_grid();
         self.read_again(&from.left, control)?;
-        let share = self.ride.tempo.share();
         for port in &mut self.ports {
-            port.return_to(share);
+            port.return_to_the_test();
         }
         self.ramp(control)?;
         for port in &mut self.ports {
-            port.return_to(share);
+            port.return_to_the_test();
         }
         self.warm_up(control)?;
+        let mut learned = learned.as_slice();
+        for port in &mut self.ports {
+            learned = port.thaw_compensation(learned);
+        }
         self.prepare_next();
         self.clear_commands()
     }

@@ -5,6 +5,7 @@ use super::operator::{Control, Operator};
 use super::phase::{Cause, Phase};
 use super::tick::Tick;
 use super::{Ending, Engine, OnMiss, Outcome, Stop};
+use crate::control::Port;
 use crate::integrate::StepError;
 use crate::record::{Event, EventKind, MissCause};
 use crate::rt::timing::{Suspect, TickStamps};
@@ -72,6 +73,7 @@ impl Engine {
             None => self.open(control)?,
         }
         self.enter(Phase::Running, Cause::Done);
+        self.ports.iter_mut().for_each(Port::begin_compensation);
         self.report_now(EventKind::Started);
         if let Some(watch) = &mut self.before_first_tick {
             watch();
@@ -251,6 +253,7 @@ impl Engine {
                 cause,
             },
         );
+        self.judge_misses(tick)?;
         let bounds = &self.limits;
         let whole_period = stamps.woke.since(stamps.release).max(late_ns) >= period;
         if (bounds.on_miss == OnMiss::Stop && whole_period)

@@ -319,6 +319,8 @@ impl Engine {
                 return Err(Stop::Diverged { dof, value });
             }
         }
-        self.clear_commands()
+        // A command that cannot be sent says more than the audit that it spoils.
+        self.clear_commands()?;
+        self.judge_test(tick)
     }
 }

@@ -2,6 +2,7 @@
 
 use thiserror::Error;
 
+use super::TestHit;
 use crate::control::Misfit;
 use crate::control::limits::Hit;
 use crate::integrate::StepError;
@@ -84,6 +85,9 @@ pub enum Stop {
         /// Which limit.
         hit: Hit,
     },
+    /// A limit of the test as a whole tripped.
+    #[error("{0}")]
+    TestLimit(TestHit),
     /// A specimen does not stand where an interrupted test left it. Nothing was moved.
     #[error(
         "specimen {}, axis {}: it reads {found:.6e} but was left at {left:.6e}, and may be off by {within:.3e} (its own unit)",

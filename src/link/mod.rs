@@ -5,6 +5,8 @@
 //! are plain non-blocking sockets and a wait with a deadline; an asynchronous runtime serves only what is not on
 //! the deadline.
 
+pub mod announce;
+pub mod fault;
 mod inbox;
 pub mod native;
 pub mod openfresco;
@@ -16,10 +18,12 @@ pub mod spec;
 pub mod tls;
 
 pub use native::{NativeLink, NativeSetup};
+pub use serve::Simulated;
 pub use socket::{ConnectError, SocketOptions, TcpTransport, UdpTransport, Wait};
 pub use spec::{Carrier, LinkSpec};
 
 use self::tls::TlsFault;
+use crate::rt::os;
 use crate::substructure::LinkFault;
 use crate::time::Nanos;
 
@@ -38,6 +42,11 @@ pub trait Transport: Send {
     /// # Errors
     /// The link is lost.
     fn recv(&mut self, buffer: &mut [u8], deadline: Nanos) -> Result<Option<usize>, LinkFault>;
+
+    /// The present on the clock of its deadlines: CLOCK_MONOTONIC, unless time itself is simulated. Real-time: yes.
+    fn now(&self) -> Nanos {
+        Nanos(os::monotonic_ns())
+    }
 
     /// What ended a TLS session or holds it up, where that is more than the [`LinkFault`] says. Real-time: yes.
     fn tls_fault(&self) -> Option<TlsFault> {

@@ -99,6 +99,11 @@ impl<S: Store> EventLog<S> {
         }
     }
 
+    /// The store.
+    pub const fn store(&self) -> &S {
+        self.lines.store()
+    }
+
     /// Takes an event of the loop.
     pub fn event(&mut self, event: Event, now: Moment) {
         // Under the real clock the event is older than its arrival here, by as much as the clock says.
@@ -381,6 +386,21 @@ impl<S: Store> EventLog<S> {
                     );
                 }
             }
+            EventKind::TestLimit {
+                quantity,
+                trip,
+                value,
+                bound,
+            } => {
+                put(line, "limit", quantity);
+                put(line, "value", value);
+                put(line, "bound", bound);
+                if trip || loud(&mut self.logged[3]) {
+                    let level = if trip { "trips" } else { "warning" };
+                    let (tick, time) = (event.tick, event.time);
+                    tracing::warn!(tick, time, value, bound, "{quantity} {level}");
+                }
+            }
             EventKind::Zeroed { port, axis, values } => {
                 self.specimen(line, port);
                 put(line, "axis", u64::from(axis) + 1);
@@ -443,11 +463,6 @@ impl<S: Store> EventLog<S> {
     pub fn waiting(&self) -> u64 {
         self.lines.waiting_units()
     }
-
-    #[cfg(test)]
-    pub const fn store(&self) -> &S {
-        self.lines.store()
-    }
 }
 
 fn put(line: &mut Map<String, Value>, key: &str, value: impl Into<Value>) {
@@ -496,8 +511,10 @@ const fn kind_name(kind: &EventKind) -> &'static str {
         EventKind::Phase { .. } => "phase",
         EventKind::Pace { .. } => "pace",
         EventKind::Checkpoint { .. } => "checkpoint",
-        EventKind::Limit { trip: true, .. } => "limit_trip",
-        EventKind::Limit { .. } => "limit_warning",
+        EventKind::Limit { trip: true, .. } | EventKind::TestLimit { trip: true, .. } => {
+            "limit_trip"
+        }
+        EventKind::Limit { .. } | EventKind::TestLimit { .. } => "limit_warning",
         EventKind::Zeroed { .. } => "zeroed",
     }
 }

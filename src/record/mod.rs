@@ -5,7 +5,7 @@
 //!
 //! | file | holds |
 //! |---|---|
-//! | [`mod@ring`], [`memory`] | where the loop leaves rows: a wait-free ring, a vector |
+//! | [`mod@ring`], [`memory`], [`image`] | where the loop leaves rows: a wait-free ring, a vector, a folder in memory |
 //! | [`writer`] | the thread that drains the ring: rows to `samples.bin`, events to `events.jsonl` and the log |
 //! | [`layout`], [`journal`], [`append`] | the format of `samples.bin`; its reader; appending that survives a full disk |
 //! | [`events`], [`note`], [`miss`] | lines of `events.jsonl`; events from outside the loop; the class of a miss |
@@ -20,6 +20,7 @@ pub mod atomic;
 pub mod events;
 pub mod export;
 pub mod folder;
+pub mod image;
 pub mod journal;
 pub mod layout;
 pub mod memory;
@@ -32,6 +33,7 @@ pub mod utc;
 pub mod writer;
 
 pub use folder::{FolderError, RunFolder};
+pub use image::FolderImage;
 pub use journal::{End, Journal};
 pub use layout::Layout;
 pub use memory::MemoryRecorder;
@@ -187,6 +189,17 @@ pub enum EventKind {
         /// What was found, SI.
         value: f64,
         /// What is allowed, SI.
+        bound: f64,
+    },
+    /// A limit of the test as a whole was reached.
+    TestLimit {
+        /// Of what: the key of the test file.
+        quantity: &'static str,
+        /// Whether it ends the test.
+        trip: bool,
+        /// What was found.
+        value: f64,
+        /// What is allowed.
         bound: f64,
     },
     /// What was read of one axis of specimen `port` while zeroing.

@@ -196,9 +196,11 @@ impl Writer {
                 std::thread::park_timeout(period);
             }
         };
+        // Whoever listens where this is called hears the writer too.
+        let listener = tracing::dispatcher::get_default(Clone::clone);
         let thread = std::thread::Builder::new()
             .name("gusset-writer".to_owned())
-            .spawn(work)
+            .spawn(move || tracing::dispatcher::with_default(&listener, work))
             .map_err(WriterError::Spawn)?;
         Ok(Self {
             stop,

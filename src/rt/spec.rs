@@ -69,6 +69,17 @@ pub struct TimingSpec {
     /// The test stops after this many deadline misses. Absent: one tick in a hundred, and at least 100.
     #[schemars(range(min = 1))]
     pub max_total_misses: Option<u64>,
+    /// The test stops after this many deadline misses within `miss_window_s`. Absent: one tick in ten, and at least 100.
+    #[schemars(range(min = 1))]
+    pub max_misses_in_window: Option<u64>,
+    /// Wall time in s over which `max_misses_in_window` counts.
+    pub miss_window_s: f64,
+    /// More deadline misses in a row than these are warned of. Absent: half of what stops the test; so for the next two.
+    pub warn_consecutive_misses: Option<u64>,
+    /// More deadline misses in all than these are warned of.
+    pub warn_total_misses: Option<u64>,
+    /// More deadline misses within `miss_window_s` than these are warned of.
+    pub warn_misses_in_window: Option<u64>,
     /// Ticks at the start, in which the specimens hold, whose timing is counted apart and whose misses stop nothing. Absent:
     /// 200, but no longer than 0.5 s, and at least 2.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -91,6 +102,11 @@ impl Default for TimingSpec {
             catch_up_remote: false,
             max_consecutive_misses: 50,
             max_total_misses: None,
+            max_misses_in_window: None,
+            miss_window_s: 10.0,
+            warn_consecutive_misses: None,
+            warn_total_misses: None,
+            warn_misses_in_window: None,
             warmup_ticks: None,
         }
     }
@@ -139,6 +155,22 @@ pub enum TimingSpecError {
         /// Which bound.
         key: &'static str,
     },
+    /// A window without length, or too long to remember.
+    #[error("miss_window_s is {found}, wanted more than 0 and at most 3600")]
+    Window {
+        /// As written.
+        found: f64,
+    },
+    /// A warning that would come with the end of the test, or after it.
+    #[error("{key} is {warn}, wanted less than the {most} after which the test stops")]
+    Warning {
+        /// Which level.
+        key: &'static str,
+        /// As written.
+        warn: u64,
+        /// What stops the test.
+        most: u64,
+    },
     /// The process may not use this processor.
     #[error("cpu is {found}, wanted one of {allowed:?}")]
     Cpu {
@@ -157,7 +189,8 @@ impl TimingSpecError {
             Self::Priority { .. } => "priority",
             Self::Spin { .. } => "spin_us",
             Self::Prefault { .. } => "prefault_stack_kb",
-            Self::ZeroBound { key } => key,
+            Self::ZeroBound { key } | Self::Warning { key, .. } => key,
+            Self::Window { .. } => "miss_window_s",
             Self::Cpu { .. } => "cpu",
         }
     }
@@ -188,9 +221,41 @@ impl TimingSpec {
             ("max_catch_up_ticks", self.max_catch_up_ticks),
             ("max_consecutive_misses", self.max_consecutive_misses),
             ("max_total_misses", self.max_total_misses.unwrap_or(1)),
+            (
+                "max_misses_in_window",
+                self.max_misses_in_window.unwrap_or(1),
+            ),
         ] {
             if bound == 0 {
                 return Err(TimingSpecError::ZeroBound { key });
+            }
+        }
+        if !(self.miss_window_s > 0.0 && self.miss_window_s <= 3600.0) {
+            return Err(TimingSpecError::Window {
+                found: self.miss_window_s,
+            });
+        }
+        for (key, warn, most) in [
+            (
+                "warn_consecutive_misses",
+                self.warn_consecutive_misses,
+                Some(self.max_consecutive_misses),
+            ),
+            (
+                "warn_total_misses",
+                self.warn_total_misses,
+                self.max_total_misses,
+            ),
+            (
+                "warn_misses_in_window",
+                self.warn_misses_in_window,
+                self.max_misses_in_window,
+            ),
+        ] {
+            if let (Some(warn), Some(most)) = (warn, most)
+                && warn >= most
+            {
+                return Err(TimingSpecError::Warning { key, warn, most });
             }
         }
         Ok(())
@@ -220,6 +285,18 @@ impl TimingSpec {
     #[must_use]
     pub fn miss_bound(&self, ticks: u64) -> u64 {
         self.max_total_misses.unwrap_or((ticks / 100).max(100))
+    }
+
+    /// Ticks of `period_s` in the window of misses.
+    #[must_use]
+    pub fn window_ticks(&self, period_s: f64) -> u64 {
+        ((self.miss_window_s / period_s).round() as u64).max(1)
+    }
+
+    /// Number of misses that a window of `ticks` ticks may have before the test stops.
+    #[must_use]
+    pub fn window_bound(&self, ticks: u64) -> u64 {
+        self.max_misses_in_window.unwrap_or((ticks / 10).max(100))
     }
 }
 
@@ -271,6 +348,22 @@ mod tests {
             "max_consecutive_misses"
         );
         assert_eq!(wrong(|s| s.max_total_misses = Some(0)), "max_total_misses");
+        assert_eq!(
+            wrong(|s| s.max_misses_in_window = Some(0)),
+            "max_misses_in_window"
+        );
+        assert_eq!(wrong(|s| s.miss_window_s = 0.0), "miss_window_s");
+        assert_eq!(
+            wrong(|s| s.warn_consecutive_misses = Some(50)),
+            "warn_consecutive_misses"
+        );
+        assert_eq!(
+            wrong(|s| {
+                s.max_misses_in_window = Some(7);
+                s.warn_misses_in_window = Some(8);
+            }),
+            "warn_misses_in_window"
+        );
         let spec = TimingSpec {
             cpu: Some(7),
             ..TimingSpec::default()

@@ -1,7 +1,7 @@
 //! The loop with no specimen, with or without a structure: the same threads, engine and recording as a test.
 
-use crate::config::{ClockChoice, Diagnostics, Facts, Files, Prepared};
-use crate::engine::{Experiment, Limits, OnMiss, Opening, Pacing, Side};
+use crate::config::{ClockChoice, Diagnostics, Facts, Files, LimitFacts, Prepared};
+use crate::engine::{Experiment, Limits, OnMiss, Opening, Pacing, Side, TestLimits};
 use crate::rt::TimingSpec;
 use crate::time::{RateError, Ratio};
 
@@ -57,6 +57,7 @@ pub fn loop_round(
             reply_timeout_ns: 0,
             warmup_ticks: warmup,
             divergence: f64::MAX,
+            test: TestLimits::default(),
         },
         pacing: Pacing::default(),
         resume: None,
@@ -76,6 +77,7 @@ pub fn loop_round(
         resume_within: None,
         announced: Vec::new(),
         confirm: false,
+        limits: LimitFacts::default(),
         warnings: Vec::new(),
     };
     let files = Files {

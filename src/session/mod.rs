@@ -35,9 +35,10 @@ use thiserror::Error;
 pub use bare::{bare_loop, loop_round};
 pub use desk::{Answer, Request, ask};
 pub use page::{Page, PageError, hero, write_report};
-pub use replay::{Difference, Replay, ReplayError, replay};
+pub use replay::{Difference, Replay, ReplayError, replay, replay_rows};
 pub use resume::{ResumeError, resume};
 pub use signals::{Signal, Signals};
+pub use summary::ending;
 
 use desk::Desk;
 use guarded::{Ended, run_retired};

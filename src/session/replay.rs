@@ -4,16 +4,17 @@
 //! stands a reader of the recorded rows. What was decided while the test ran is a column, so holds and stale measurements
 //! happen again where they happened. The simulated clock keeps time; columns that depend on the wall clock are not compared.
 
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
 use thiserror::Error;
 
 use super::retrace::{prepared, same_columns};
-use super::tape::{Comparing, Replaced, Tape, put_recorded, with};
+use super::tape::{Comparing, Recording, Replaced, Tape, put_recorded, with};
 use crate::config::ConfigError;
-use crate::engine::{Control, Ending, Engine};
-use crate::record::{End, FolderError, Run};
+use crate::engine::{Control, Ending, Engine, Experiment};
+use crate::record::{End, FolderError, Layout, Run};
 use crate::time::SimClock;
 
 /// Why a folder cannot be replayed.
@@ -110,14 +111,59 @@ impl Replay {
 /// See [`ReplayError`]. A number that differs is no error but [`Replay::difference`].
 pub fn replay(folder: &Path) -> Result<Replay, ReplayError> {
     let run = Run::open(folder)?;
-    let mut experiment = prepared(&run, Replaced::All, false)?.experiment;
+    let experiment = prepared(&run, Replaced::All, false)?.experiment;
+    let recording = Recording::of(&run)?;
+    let mut found = follow(experiment, run.layout(), recording)?;
+    if found.is_exact() {
+        found.short = missing_end(&run, &found);
+    }
+    Ok(found)
+}
+
+/// What is proven is not all that there was: rows that are whole may be too few.
+fn missing_end(run: &Run, found: &Replay) -> Option<String> {
+    if found.rows == 0 {
+        return Some("there are no rows to be compared".to_owned());
+    }
+    let summary = run.summary()?;
+    let wanted = summary.steps as f64 * summary.dt;
+    let is_there = found.time + 0.5 * summary.dt >= wanted;
+    (!is_there).then(|| {
+        format!(
+            "the summary tells of {} steps, {wanted} s, but the rows end at {} s",
+            summary.steps, found.time
+        )
+    })
+}
+
+/// Runs recorded rows through a loop that is made anew: `experiment` is the test, `samples` are its records in `layout`.
+///
+/// # Errors
+/// [`ReplayError::Columns`]. A number that differs is no error but [`Replay::difference`].
+pub fn replay_rows(
+    experiment: Experiment,
+    layout: &Layout,
+    samples: Box<dyn Read + Send>,
+) -> Result<Replay, ReplayError> {
+    follow(
+        experiment,
+        layout,
+        Recording::without_checkpoints(samples, layout),
+    )
+}
+
+fn follow(
+    mut experiment: Experiment,
+    layout: &Layout,
+    recording: Recording,
+) -> Result<Replay, ReplayError> {
     let columns = experiment.columns();
-    same_columns(run.layout().columns(), &columns)?;
+    same_columns(layout.columns(), &columns)?;
     let (operator, requests) = crossbeam_channel::bounded(4);
-    let tape = Tape::new(&run, columns, operator, None, false)?;
+    let tape = Tape::new(recording, layout, columns, operator, None, false);
     let tape = Arc::new(Mutex::new(tape));
-    put_recorded(&mut experiment, &tape, &run, Replaced::All);
-    let compared = run.layout().columns().iter().filter(|c| !c.timing).count();
+    put_recorded(&mut experiment, &tape, layout, Replaced::All);
+    let compared = layout.columns().iter().filter(|c| !c.timing).count();
     let recorder = Box::new(Comparing(Arc::clone(&tape)));
     let mut engine = Engine::new(experiment, Box::new(SimClock::new()), recorder);
     let outcome = engine.run(&Control::from(requests));

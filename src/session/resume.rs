@@ -204,20 +204,20 @@ fn places(
         for axis in 0..port.axes() {
             let name = |kind: &str| format!("{kind}_{}_{}", index + 1, axis + 1);
             let names = [name("cmd"), name("raw_disp"), name("raw_force")];
-            let names: Vec<&str> = names.iter().map(String::as_str).collect();
+            let mut names: Vec<&str> = names.iter().map(String::as_str).collect();
+            names.push("state");
             let columns = run.columns(&names)?;
-            let [command, disp, force] = columns.as_slice() else {
+            let [command, disp, force, state] = columns.as_slice() else {
                 continue;
             };
-            // What it reads beyond the command where it stands still.
-            let beyond = disp
-                .first()
-                .zip(command.first())
-                .map_or(0.0, |(d, c)| d - c);
-            let off = disp
-                .iter()
-                .zip(command)
-                .map(|(d, c)| (d - c - beyond).abs());
+            // What it reads beyond its command, on the average of the test itself: the offset of its sensor.
+            let rows = disp.iter().zip(command).zip(state);
+            let errors: Vec<f64> = rows
+                .filter(|(_, state)| **state == Phase::Running.code())
+                .map(|((disp, command), _)| disp - command)
+                .collect();
+            let beyond = errors.iter().sum::<f64>() / (errors.len().max(1) as f64);
+            let off = errors.iter().map(|error| (error - beyond).abs());
             let off = off.fold(0.0, f64::max);
             let steps = command.windows(2).map(|pair| (pair[1] - pair[0]).abs());
             let fastest = steps.fold(0.0, f64::max) * LOST_S * rate_hz;

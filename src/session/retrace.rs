@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::replay::ReplayError;
-use super::tape::{Comparing, Replaced, Tape, Verified, put_recorded, with};
+use super::tape::{Comparing, Recording, Replaced, Tape, Verified, put_recorded, with};
 use crate::config::{self, Prepared};
 use crate::control::Port;
 use crate::engine::{Control, Ending, Engine, Experiment, Place, Resumption, Side};
@@ -196,9 +196,10 @@ pub(super) fn retrace(
     let columns = experiment.columns();
     same_columns(run.layout().columns(), &columns)?;
     let (operator, requests) = crossbeam_channel::bounded(4);
-    let tape = Tape::new(run, columns, operator, until, true)?;
+    let recording = Recording::of(run)?;
+    let tape = Tape::new(recording, run.layout(), columns, operator, until, true);
     let tape = Arc::new(Mutex::new(tape));
-    put_recorded(&mut experiment, &tape, run, replaced);
+    put_recorded(&mut experiment, &tape, run.layout(), replaced);
     let recorder = Box::new(Comparing(Arc::clone(&tape)));
     let mut engine = Engine::new(experiment, Box::new(SimClock::new()), recorder);
     let ending = engine.retrace(&Control::from(requests));

@@ -115,11 +115,14 @@ pub(super) fn summarise(
         inputs: folder.inputs().to_vec(),
         miss_classes: recorded.misses,
         warnings,
+        limits: json!(facts.limits),
     };
     (finish, summary)
 }
 
-fn ending(outcome: &Outcome) -> (Finish, String) {
+/// How a test ended, and why in words.
+#[must_use]
+pub fn ending(outcome: &Outcome) -> (Finish, String) {
     match &outcome.ending {
         Ending::Completed => (Finish::Completed, "end of the test".to_owned()),
         Ending::Stopped(stop) => {
@@ -132,6 +135,7 @@ fn ending(outcome: &Outcome) -> (Finish, String) {
                 | Stop::Saturated { .. }
                 | Stop::Moved { .. }
                 | Stop::Limit { .. }
+                | Stop::TestLimit(_)
                 | Stop::Late { .. }
                 | Stop::Stale { .. }
                 | Stop::Diverged { .. }

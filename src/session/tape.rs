@@ -5,13 +5,14 @@
 
 use std::collections::{BTreeMap, VecDeque};
 use std::fs::File;
+use std::io::Read;
 use std::sync::{Arc, Mutex};
 
 use crossbeam_channel::Sender;
 
-use super::replay::Difference;
+use super::replay::{Difference, ReplayError};
 use crate::engine::{Experiment, Operator, Phase};
-use crate::record::{Column, Event, EventKind, FolderError, Journal, Recorder, Run};
+use crate::record::{Column, Event, EventKind, FolderError, Journal, Layout, Recorder, Run};
 use crate::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
 };
@@ -29,9 +30,38 @@ pub(super) struct Verified {
     pub rows: u64,
 }
 
+/// What was recorded: rows, and the digest of each checkpoint by its step.
+pub(super) struct Recording {
+    journal: Journal<Box<dyn Read + Send>>,
+    checkpoints: BTreeMap<u64, String>,
+}
+
+impl Recording {
+    /// Of a run folder.
+    pub fn of(run: &Run) -> Result<Self, ReplayError> {
+        let path = run.path().join("samples.bin");
+        let samples = match File::open(&path) {
+            Ok(samples) => Box::new(samples),
+            Err(source) => return Err(ReplayError::Unreadable { path, source }),
+        };
+        Ok(Self {
+            checkpoints: checkpoints(run)?,
+            ..Self::without_checkpoints(samples, run.layout())
+        })
+    }
+
+    /// Of rows alone.
+    pub fn without_checkpoints(samples: Box<dyn Read + Send>, layout: &Layout) -> Self {
+        Self {
+            journal: Journal::new(samples, layout.columns().len()),
+            checkpoints: BTreeMap::new(),
+        }
+    }
+}
+
 /// The recorded rows, as far as the loop has come.
 pub(super) struct Tape {
-    journal: Journal<File>,
+    journal: Journal<Box<dyn Read + Send>>,
     columns: Vec<Column>,
     ahead: VecDeque<Vec<f64>>,
     /// Rows that are the same.
@@ -54,17 +84,18 @@ pub(super) struct Tape {
 }
 
 impl Tape {
-    /// The rows of `run`, for an experiment with these columns; `operator` is the loop's line.
+    /// The rows of a recording in `layout`, for an experiment with these columns; `operator` is the loop's line.
     pub fn new(
-        run: &Run,
+        recording: Recording,
+        layout: &Layout,
         columns: Vec<Column>,
         operator: Sender<Operator>,
         until: Option<u64>,
         only_the_test: bool,
-    ) -> Result<Self, FolderError> {
-        let place = |name: &str| run.layout().index_of(name).unwrap_or(usize::MAX);
+    ) -> Self {
+        let place = |name: &str| layout.index_of(name).unwrap_or(usize::MAX);
         let mut tape = Self {
-            journal: run.journal()?,
+            journal: recording.journal,
             columns,
             ahead: VecDeque::with_capacity(AHEAD),
             row: 0,
@@ -73,7 +104,7 @@ impl Tape {
             holding: false,
             until: until.unwrap_or(u64::MAX),
             only_the_test,
-            checkpoints: checkpoints(run)?,
+            checkpoints: recording.checkpoints,
             verified: None,
             operator,
             difference: None,
@@ -81,7 +112,7 @@ impl Tape {
         };
         tape.fill();
         tape.say();
-        Ok(tape)
+        tape
     }
 
     /// How the recording ends, as far as it was read.
@@ -316,10 +347,10 @@ pub(super) enum Replaced {
 pub(super) fn put_recorded(
     experiment: &mut Experiment,
     tape: &Shared,
-    run: &Run,
+    layout: &Layout,
     replaced: Replaced,
 ) {
-    let place = |name: &str| run.layout().index_of(name).unwrap_or(usize::MAX);
+    let place = |name: &str| layout.index_of(name).unwrap_or(usize::MAX);
     for (index, port) in experiment.ports.iter_mut().enumerate() {
         if replaced == Replaced::Remote && !port.is_remote() {
             continue;

@@ -19,7 +19,9 @@ pub struct InProcess<S: Specimen> {
     dt: f64,
     disp: Vec<f64>,
     vel: Vec<f64>,
+    measured: Vec<f64>,
     force: Vec<f64>,
+    status: Status,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -49,7 +51,9 @@ impl<S: Specimen> InProcess<S> {
             dt: 0.0,
             disp: vec![0.0; axes],
             vel: vec![0.0; axes],
+            measured: vec![0.0; axes],
             force: vec![0.0; axes],
+            status: Status::default(),
         }
     }
 
@@ -68,6 +72,15 @@ impl<S: Specimen> InProcess<S> {
     fn fault(&mut self, fault: LinkFault) -> LinkFault {
         self.phase = Phase::Faulted(fault);
         fault
+    }
+}
+
+/// What a specimen says of itself.
+pub(crate) fn status<S: Specimen + ?Sized>(specimen: &S) -> Status {
+    if specimen.is_saturated() {
+        Status::SATURATED
+    } else {
+        Status::default()
     }
 }
 
@@ -119,7 +132,10 @@ impl<S: Specimen> Substructure for InProcess<S> {
             Phase::Issued => {
                 self.specimen
                     .trial(&self.disp, &self.vel, self.dt, &mut self.force);
-                let numbers = self.force.iter().chain(&self.disp);
+                self.measured.copy_from_slice(&self.disp);
+                self.specimen.measured(&mut self.measured);
+                self.status = status(&self.specimen);
+                let numbers = self.force.iter().chain(&self.disp).chain(&self.measured);
                 if !numbers.copied().all(f64::is_finite) {
                     return Err(self.fault(LinkFault::NotFinite));
                 }
@@ -129,8 +145,8 @@ impl<S: Specimen> Substructure for InProcess<S> {
         }
         into.sequence = self.sequence;
         into.time = self.time;
-        into.status = Status::default();
-        for (to, from) in into.disp.iter_mut().zip(&self.disp) {
+        into.status = self.status;
+        for (to, from) in into.disp.iter_mut().zip(&self.measured) {
             *to = *from;
         }
         for (to, from) in into.force.iter_mut().zip(&self.force) {

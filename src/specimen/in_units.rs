@@ -12,6 +12,7 @@ pub struct InUnits<S: Specimen> {
     units: Vec<(f64, f64)>,
     disp: Vec<f64>,
     vel: Vec<f64>,
+    read: Vec<f64>,
 }
 
 impl<S: Specimen> InUnits<S> {
@@ -26,6 +27,7 @@ impl<S: Specimen> InUnits<S> {
             units,
             disp: vec![0.0; n],
             vel: vec![0.0; n],
+            read: vec![0.0; n],
         }
     }
 
@@ -56,6 +58,24 @@ impl<S: Specimen> Specimen for InUnits<S> {
         for (force, (_, newtons)) in force.iter_mut().zip(&self.units) {
             *force /= newtons;
         }
+    }
+
+    fn measured(&mut self, disp: &mut [f64]) {
+        for ((to, from), (metres, _)) in self.read.iter_mut().zip(&*disp).zip(&self.units) {
+            *to = metres * from;
+        }
+        self.specimen.measured(&mut self.read);
+        let both = disp.iter_mut().zip(&self.read).zip(&self.units);
+        for ((disp, read), (metres, _)) in both {
+            // What follows exactly keeps the very bits of its command.
+            if metres * *disp != *read {
+                *disp = read / metres;
+            }
+        }
+    }
+
+    fn is_saturated(&self) -> bool {
+        self.specimen.is_saturated()
     }
 
     fn commit(&mut self) {

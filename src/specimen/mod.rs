@@ -11,6 +11,7 @@ mod uniaxial;
 
 pub use coupled::{Coupled, CoupledSpec};
 pub use in_process::InProcess;
+pub(crate) use in_process::status;
 pub use in_units::InUnits;
 pub use spec::SpecimenLaw;
 pub use uniaxial::Uniaxial;
@@ -27,6 +28,17 @@ pub trait Specimen: Send + std::fmt::Debug {
     /// Resisting force in N at `disp` (m), `vel` (m/s), reached from the committed state in `dt` seconds. Always
     /// starts from the committed state; slices have n entries.
     fn trial(&mut self, disp: &[f64], vel: &[f64], dt: f64, force: &mut [f64]);
+
+    /// Where a sensor says that the last trial took the specimen, m. On call `disp` is the command, where it stays for
+    /// whatever follows its command exactly.
+    fn measured(&mut self, disp: &mut [f64]) {
+        let _ = disp;
+    }
+
+    /// True if an actuator or a sensor was at the end of its range in the last trial.
+    fn is_saturated(&self) -> bool {
+        false
+    }
 
     /// The last trial becomes the committed state.
     fn commit(&mut self);
@@ -66,6 +78,14 @@ impl<S: Specimen + ?Sized> Specimen for Box<S> {
 
     fn trial(&mut self, disp: &[f64], vel: &[f64], dt: f64, force: &mut [f64]) {
         (**self).trial(disp, vel, dt, force);
+    }
+
+    fn measured(&mut self, disp: &mut [f64]) {
+        (**self).measured(disp);
+    }
+
+    fn is_saturated(&self) -> bool {
+        (**self).is_saturated()
     }
 
     fn commit(&mut self) {

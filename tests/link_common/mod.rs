@@ -153,6 +153,13 @@ pub fn summary(folder: &Path, name: &str) -> Summary {
     run.summary().unwrap().clone()
 }
 
+/// Sends a signal by name.
+pub fn signal(process: u32, name: &str) {
+    let id = process.to_string();
+    let sent = Command::new("kill").args(["-s", name, &id]).status();
+    assert!(sent.unwrap().success());
+}
+
 /// Names of the events of a run.
 pub fn events(folder: &Path, name: &str) -> Vec<String> {
     let events = Run::open(&folder.join(name)).unwrap().events().unwrap();
@@ -260,16 +267,14 @@ impl Served {
         self.child.kill().unwrap();
     }
 
+    /// Sends a signal by name, and does not wait.
+    pub fn send(&self, name: &str) {
+        signal(self.child.id(), name);
+    }
+
     /// Sends a signal by name, and waits for the end.
     pub fn signal(&mut self, name: &str) -> i32 {
-        let id = self.child.id().to_string();
-        assert!(
-            Command::new("kill")
-                .args(["-s", name, &id])
-                .status()
-                .unwrap()
-                .success()
-        );
+        self.send(name);
         self.child.wait().unwrap().code().unwrap()
     }
 }

@@ -1,7 +1,7 @@
 //! A test in the background.
 
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Stdio};
 use std::sync::mpsc;
 use std::time::Duration;
 
@@ -32,6 +32,11 @@ impl Running {
         }
     }
 
+    /// Sends it a signal by name; it must still be there.
+    pub fn signal(&self, name: &str) {
+        super::signal(self.child.as_ref().unwrap().id(), name);
+    }
+
     /// Waits until it has recorded more than now: it runs.
     pub fn moves(&self) {
         let size = || std::fs::metadata(&self.rows).map_or(0, |file| file.len());
@@ -52,9 +57,7 @@ impl Running {
         let child = self.child.as_mut().unwrap();
         let over = child.try_wait().unwrap();
         assert_eq!(over, None, "it ended by itself");
-        let id = child.id().to_string();
-        let sent = Command::new("kill").args(["-s", "INT", &id]).status();
-        assert!(sent.unwrap().success());
+        super::signal(child.id(), "INT");
         self.wait()
     }
 

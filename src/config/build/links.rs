@@ -8,7 +8,7 @@ use crate::config::{
     AxisTable, ClockChoice, DispUnit, Finding, ForceUnit, KeyPath, SpecimenTable, TestFile,
 };
 use crate::control::{OnStale, WaitRules};
-use crate::link::native::unlimited_axis;
+use crate::link::announce::announce;
 use crate::link::openfresco::{Remote, RemoteSettings};
 use crate::link::secret::read_key;
 use crate::link::spec::{Carrier, CommandPace, LinkCoupling, StaleChoice};
@@ -17,7 +17,7 @@ use crate::link::{LinkSpec, NativeLink, NativeSetup, SocketOptions, Wait};
 use crate::rt::throttle::Throttle;
 use crate::substructure::Coupling;
 use crate::time::Ratio;
-use crate::wire::handshake::{Axis, Sampling, Unit};
+use crate::wire::handshake::{Axis, Limits, Sampling, Unit};
 use crate::wire::key::PreSharedKey;
 
 /// A specimen must hold after this silence, unless the file says otherwise: in s, and in ticks.
@@ -81,7 +81,13 @@ pub(super) fn native(
     };
     let native = match tls(site, at, link)? {
         Some(tls) => NativeLink::over_tls(setup, tls),
-        None => NativeLink::new(setup),
+        None => match &mut site.dial {
+            Some(dial) => {
+                let wire = dial(&setup);
+                NativeLink::over(setup, wire)
+            }
+            None => NativeLink::new(setup),
+        },
     };
     Ok((native, rules(link, time.period.value())))
 }
@@ -193,12 +199,13 @@ fn rules(link: &LinkSpec, period: f64) -> WaitRules {
     }
 }
 
-/// The axes as our own protocol names them. Units that it has not were refused before.
+/// The axes as our own protocol names them, with the limits that our loop keeps. Units that it has not were refused before.
 pub(in crate::config) fn wire_axes(table: &SpecimenTable, axes: usize) -> Vec<Axis> {
     let names = table
         .link
         .as_ref()
         .and_then(|link| link.axis_names.as_ref());
+    let (limits, units) = (table.limits_of(axes), table.units_of(axes));
     (0..axes)
         .map(|index| {
             let gear = table.axis.get(index).cloned().unwrap_or_default();
@@ -218,7 +225,16 @@ pub(in crate::config) fn wire_axes(table: &SpecimenTable, axes: usize) -> Vec<Ax
                 ForceUnit::Kilonewton => Unit::Kilonewton,
                 ForceUnit::Newton | ForceUnit::PoundForce => Unit::Newton,
             };
-            unlimited_axis(name, disp, force)
+            let limits = match (limits.get(index), units.get(index)) {
+                (Some(spec), Some(units)) => announce(&spec.limits(), units),
+                _ => Limits::NONE,
+            };
+            Axis {
+                name,
+                disp_unit: disp,
+                force_unit: force,
+                limits,
+            }
         })
         .collect()
 }
@@ -270,7 +286,7 @@ mod tests {
         for (rate_hz, first_us, last_us) in [
             (1000, 60, 50),
             (4096, 60, 36),
-            (10_000, 19, 6),
+            (10_000, 18, 6),
             (20_000, 8, 2),
         ] {
             let period_ns = 1_000_000_000 / rate_hz;

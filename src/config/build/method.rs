@@ -19,6 +19,23 @@ pub(super) struct Initial<'a> {
     pub dt: f64,
 }
 
+impl Initial<'_> {
+    /// M_eff of a member of the family, whole.
+    pub(super) fn effective_mass(
+        &self,
+        mass: &SymMatrix,
+        lambda: Lambda,
+        apart: Option<&Apart>,
+    ) -> SymMatrix {
+        let square = self.dt * self.dt;
+        let damped = mass.plus(self.dt / 2.0, self.damping);
+        match apart {
+            Some(apart) => damped.plus(square, &apart.weighted(self.stiffness, lambda)),
+            None => damped.plus(square * lambda.inverse(), self.stiffness),
+        }
+    }
+}
+
 /// A member of the family, and how its effective mass is stored.
 pub(super) fn family(
     site: &mut Site<'_>,

@@ -8,6 +8,7 @@ mod analysis;
 mod apart;
 mod excitation;
 mod gear;
+mod limits;
 pub(in crate::config) mod links;
 mod method;
 mod pace;
@@ -22,12 +23,14 @@ use super::{
     ClockChoice, ConfigError, Diagnostics, DofChoice, Finding, Inputs, KeyPath, Loaded, Method,
     TestFile,
 };
-use crate::engine::{Experiment, Numerical, Settling, Side};
+use crate::engine::{Experiment, Numerical, Settling, Side, StepAudit, TestQuantity};
 use crate::integrate::{Lambda, LambdaChoice};
 use crate::linalg::{Spd, SymMatrix};
+use crate::link::{NativeSetup, Transport};
 use crate::rt;
 use crate::rt::TimingSpec;
 pub use analysis::{ALL_MODES, Analysis, Loop, ModeFacts};
+pub use limits::{Limit, LimitFacts, SpecimenLimits};
 use specimens::Specimens;
 
 /// A test that is ready to run.
@@ -74,6 +77,8 @@ pub struct Facts {
     pub announced: Vec<String>,
     /// Whether an operator must confirm what was read before anything moves.
     pub confirm: bool,
+    /// Which limits there are, who checks them, what happens then.
+    pub limits: LimitFacts,
     /// What the user should know although the test may run.
     pub warnings: Vec<String>,
 }
@@ -112,6 +117,8 @@ pub struct StructureFacts {
     pub peak_ground_accel: Option<f64>,
     /// What modes and delays can be analysed from, for structures that are not too large.
     pub analysis: Option<Analysis>,
+    /// b·S⁻¹·bᵀ of every axis of every specimen, at the declared bounds; empty without a proof.
+    gains: Vec<Vec<f64>>,
 }
 
 /// What the run folder archives.
@@ -130,6 +137,8 @@ pub struct Files {
 /// Findings so far, and the files read so far.
 struct Site<'a> {
     loaded: &'a Loaded,
+    /// Makes the transports of links that are not to be connected.
+    dial: Option<&'a mut Dial<'a>>,
     inputs: Inputs,
     errors: Vec<Finding>,
     warnings: Vec<Finding>,
@@ -179,7 +188,7 @@ fn path(key: &str) -> KeyPath {
 /// # Errors
 /// [`ConfigError::Invalid`] with everything that was found wrong before the build had to give up.
 pub fn build(loaded: &Loaded) -> Result<Prepared, ConfigError> {
-    build_as(loaded, false)
+    build_as(loaded, false, None)
 }
 
 /// The same experiment without its links: what is declared of a specimen behind one stands in its place. Nothing else is
@@ -188,12 +197,28 @@ pub fn build(loaded: &Loaded) -> Result<Prepared, ConfigError> {
 /// # Errors
 /// As [`build`].
 pub fn build_rehearsal(loaded: &Loaded) -> Result<Prepared, ConfigError> {
-    build_as(loaded, true)
+    build_as(loaded, true, None)
 }
 
-fn build_as(loaded: &Loaded, rehearsal: bool) -> Result<Prepared, ConfigError> {
+/// Makes the transport of a link of our own protocol, in place of a connection.
+pub type Dial<'a> = dyn FnMut(&NativeSetup) -> Box<dyn Transport> + 'a;
+
+/// The same with links over transports that are connected already: those that `dial` makes, one after the other.
+///
+/// # Errors
+/// As [`build`].
+pub fn build_over<'a>(loaded: &'a Loaded, dial: &'a mut Dial<'a>) -> Result<Prepared, ConfigError> {
+    build_as(loaded, false, Some(dial))
+}
+
+fn build_as<'a>(
+    loaded: &'a Loaded,
+    rehearsal: bool,
+    dial: Option<&'a mut Dial<'a>>,
+) -> Result<Prepared, ConfigError> {
     let mut site = Site {
         loaded,
+        dial,
         inputs: loaded.inputs(),
         errors: Vec::new(),
         warnings: Vec::new(),
@@ -214,7 +239,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         return site.refuse_key(&path("timing"), error.key(), &error);
     }
     let specimens = specimens::specimens(site)?;
-    let (side, settling, structure) = match &file.structure {
+    let (side, settling, mut structure) = match &file.structure {
         Some(_) => {
             let (numerical, settling, facts) = numerical(site, &specimens)?;
             (Side::Structure(Box::new(numerical)), settling, Some(facts))
@@ -230,12 +255,18 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         .map_or(0, |facts: &StructureFacts| facts.dofs);
     let record_dofs = record_dofs(site, dofs, &specimens)?;
     let names = specimens.names();
-    let ports = specimens.into_ports(site, dofs, settling.is_some())?;
+    let gains = structure
+        .as_mut()
+        .map(|facts| std::mem::take(&mut facts.gains));
+    let ports = specimens.into_ports(site, dofs, settling.is_some(), gains.unwrap_or_default())?;
     let time = site.loaded.time;
     let found = site.warnings.drain(..);
     let found = found.map(|finding| site.loaded.locator.diagnose(finding));
     let warnings: Vec<_> = site.loaded.warnings.iter().cloned().chain(found).collect();
+    let of_loop = pace::limits(file, time);
+    let kept = TestQuantity::kept(&side, &ports);
     let facts = Facts {
+        limits: limits::facts(file, &ports, &of_loop, &kept),
         title: file.title.clone(),
         dt: time.step.value(),
         steps: time.steps,
@@ -276,7 +307,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         settling,
         ports,
         record_dofs,
-        limits: pace::limits(file, time),
+        limits: of_loop,
         pacing: pace::pacing(file, time),
         resume: None,
     };
@@ -326,20 +357,24 @@ fn numerical(
         stiffness: &initial_stiffness,
         dt,
     };
-    let (proof, stepper, storage, own) = match method::companion(site, &structure, &initial)? {
-        Some(stepper) => {
-            proof::warn_of_limit(site, &structure, specimens, method);
-            (None, stepper, None, None)
-        }
-        None => {
-            let own = apart::own(site, &structure, specimens, &initial_stiffness)?;
-            let apart = own.as_ref().map(|own| &own.apart);
-            let proof = proof::choose(site, &structure, specimens, &initial, apart)?;
-            let (stepper, storage) =
-                method::family(site, &structure, &initial, proof.lambda, apart)?;
-            (Some(proof), stepper, Some(storage), own)
-        }
-    };
+    let (mut proof, stepper, storage, own, audit) =
+        match method::companion(site, &structure, &initial)? {
+            Some(stepper) => {
+                proof::warn_of_limit(site, &structure, specimens, method);
+                (None, stepper, None, None, None)
+            }
+            None => {
+                let own = apart::own(site, &structure, specimens, &initial_stiffness)?;
+                let apart = own.as_ref().map(|own| &own.apart);
+                let proof = proof::choose(site, &structure, specimens, &initial, apart)?;
+                let (stepper, storage) =
+                    method::family(site, &structure, &initial, proof.lambda, apart)?;
+                let audit = safety::audits(&site.loaded.file, n).then(|| {
+                    StepAudit::new(initial.effective_mass(structure.mass(), proof.lambda, apart))
+                });
+                (Some(proof), stepper, Some(storage), own, audit)
+            }
+        };
     let (excitation, load) = excitation::excitation(site, &structure, specimens)?;
     let settling = match load {
         Some(load) => Some(settle(
@@ -371,6 +406,10 @@ fn numerical(
         lambda_apart: own.map(|own| own.named).unwrap_or_default(),
         lambda_by_number: proof.as_ref().is_some_and(|proof| proof.by_number),
         gain: proof.as_ref().map_or(f64::INFINITY, |proof| proof.gain),
+        gains: proof
+            .as_mut()
+            .map(|proof| std::mem::take(&mut proof.gains))
+            .unwrap_or_default(),
         choice: proof.and_then(|proof| proof.choice),
         frequencies,
         analysis,
@@ -384,11 +423,12 @@ fn numerical(
             return site.refuse(finding);
         }
     };
-    Ok((
-        Numerical::new(structure, accel, excitation, stepper, state),
-        settling,
-        facts,
-    ))
+    let numerical = Numerical::new(structure, accel, excitation, stepper, state);
+    let numerical = match audit {
+        Some(audit) => numerical.audited(audit),
+        None => numerical,
+    };
+    Ok((numerical, settling, facts))
 }
 
 /// Equal parts in which a static load is brought on.

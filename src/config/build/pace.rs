@@ -38,5 +38,6 @@ pub(super) fn limits(file: &TestFile, time: Time) -> Limits {
         reply_timeout_ns: REPLY_TIMEOUT_NS,
         warmup_ticks: timing.warmup(time.period.value()),
         divergence: file.safety.divergence_m.unwrap_or(f64::MAX),
+        test: super::safety::test_limits(file, &time),
     }
 }

@@ -8,7 +8,7 @@ use crate::integrate::{
     ACCURATE_LAMBDA, Apart, GAIN_HYBRID, GAIN_NUMERICAL, Gui, Lambda, LambdaChoice, StabilityProof,
     Start,
 };
-use crate::linalg::SymMatrix;
+use crate::linalg::{Spd, SymMatrix};
 use crate::model::{ModelError, Part, Structure};
 
 /// λ and what is known of its stability.
@@ -23,6 +23,8 @@ pub(super) struct Proven {
     pub gain: f64,
     /// K_max, if every tangent has a bound.
     pub stiffness_bound: Option<SymMatrix>,
+    /// b·S⁻¹·bᵀ of every axis of every specimen, at the declared bounds; empty where S is not definite.
+    pub gains: Vec<Vec<f64>>,
 }
 
 /// Upper bounds of the tangents and who they come from.
@@ -70,6 +72,7 @@ pub(super) fn choose(
                 choice: None,
                 gain,
                 stiffness_bound,
+                gains: Vec::new(),
             });
         }
     };
@@ -99,6 +102,7 @@ pub(super) fn choose(
             Ok(Proven {
                 lambda,
                 by_number,
+                gains: gains(&proof, lambda, specimens),
                 choice: Some(choice),
                 gain,
                 stiffness_bound,
@@ -112,6 +116,7 @@ pub(super) fn choose(
                 choice: None,
                 gain,
                 stiffness_bound,
+                gains: Vec::new(),
             })
         }
         (Err(error), None) => {
@@ -132,6 +137,28 @@ pub(super) fn choose(
             }))
         }
     }
+}
+
+/// How soft S(λ) is along every axis: the room that is left for tangents beyond their bounds.
+fn gains(proof: &StabilityProof, lambda: Lambda, specimens: &Specimens) -> Vec<Vec<f64>> {
+    if specimens.is_empty() {
+        return Vec::new();
+    }
+    let Ok(mut stability) = Spd::factor(&proof.matrix(lambda, f64::INFINITY)) else {
+        return Vec::new();
+    };
+    let mut gain = |row: &[(usize, f64)]| {
+        let mut shape = vec![0.0; proof.mass.n()];
+        for (dof, entry) in row {
+            shape[*dof] += entry;
+        }
+        stability.solve_in_place(&mut shape);
+        row.iter().map(|(dof, entry)| entry * shape[*dof]).sum()
+    };
+    let specimens = specimens.loops();
+    specimens
+        .map(|specimen| specimen.rows.iter().map(|row| gain(row)).collect())
+        .collect()
 }
 
 /// Takes a λ that is known to be unstable as a warning; as an error where it would move a specimen behind a link, unless

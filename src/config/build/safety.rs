@@ -1,9 +1,10 @@
 //! From `[safety]` to how the loop begins and leaves.
 
 use super::{Refused, Site, path};
-use crate::config::{AxisTable, ExitChoice, Finding, SpecimenTable, TestFile, ZeroChoice};
+use crate::config::{AxisTable, ExitChoice, Finding, SpecimenTable, TestFile, Time, ZeroChoice};
+use crate::control::limits::{Bound, BoundSpec};
 use crate::control::{Exit, Exits, Reference, Zero};
-use crate::engine::Opening;
+use crate::engine::{MissLevels, Opening, TestLimits};
 
 /// Wall time in s over which sensors are averaged, unless the file says otherwise.
 const ZERO_S: f64 = 0.2;
@@ -34,6 +35,50 @@ fn is_relative(file: &TestFile) -> bool {
     };
     let mut axes = file.specimen.iter().flat_map(|specimen| &specimen.axis);
     axes.any(relative)
+}
+
+/// Largest structure whose steps are audited unless the test says otherwise: the product with M_eff costs as much as
+/// the solve.
+const AUDITED_DOFS: usize = 64;
+/// Roundoff of a test stays below the first by far; no fault of a program is as small as the second.
+const AUDIT: Bound = Bound {
+    warn: 1e-9,
+    trip: 1e-6,
+};
+/// Beyond the room for stability a sawtooth may grow.
+const STABILITY_USED: Bound = Bound {
+    warn: 1.0,
+    trip: f64::INFINITY,
+};
+
+/// Levels of what belongs to no specimen alone.
+pub(super) fn test_limits(file: &TestFile, time: &Time) -> TestLimits {
+    let (safety, timing) = (&file.safety, &file.timing);
+    let or =
+        |spec: Option<BoundSpec>, usual| spec.map_or(usual, |spec| BoundSpec::bound(Some(spec)));
+    let ticks = time.steps.saturating_mul(u64::from(time.ticks_per_step));
+    let half = |warn: Option<u64>, most: u64| warn.unwrap_or(most / 2);
+    let window_ticks = timing.window_ticks(time.period.value());
+    let most_in_window = timing.window_bound(window_ticks);
+    TestLimits {
+        stability_used: or(safety.stability_used, STABILITY_USED),
+        step_audit: or(safety.step_audit, AUDIT),
+        misses: MissLevels {
+            warn_in_a_row: half(
+                timing.warn_consecutive_misses,
+                timing.max_consecutive_misses,
+            ),
+            warn_in_all: half(timing.warn_total_misses, timing.miss_bound(ticks)),
+            window_ticks,
+            warn_in_window: half(timing.warn_misses_in_window, most_in_window),
+            most_in_window,
+        },
+    }
+}
+
+/// Whether the steps of a structure of `dofs` degrees of freedom are audited.
+pub(super) fn audits(file: &TestFile, dofs: usize) -> bool {
+    file.safety.step_audit.is_some() || dofs <= AUDITED_DOFS
 }
 
 /// Which channels take their zero from what is read.

@@ -1,5 +1,6 @@
 //! The specimens of a test file: their rows of B, their laws, and what they add to K0, C0 and their bounds.
 
+mod compensation;
 mod sums;
 
 use nalgebra::DMatrix;
@@ -8,7 +9,7 @@ use super::gear::{Rows, axis, scaled};
 use super::{Refused, Site, links, path, safety};
 use crate::config::{Finding, KeyPath, MatrixValue, SpecimenTable};
 use crate::control::limits::LimitsSpec;
-use crate::control::{Axis, Believed, Direction, Order, Pace, Port, Trend, WaitRules};
+use crate::control::{Axis, Believed, Declared, Direction, Order, Pace, Port, Trend, WaitRules};
 use crate::law::Reach;
 use crate::linalg::SymMatrix;
 use crate::link::LinkSpec;
@@ -18,6 +19,7 @@ use crate::link::spec::{ProbeChoice, Protocol};
 use crate::model::StructureSpec;
 use crate::specimen::{InProcess, InUnits, Specimen};
 use crate::substructure::Substructure;
+use crate::transfer::Transfer;
 
 /// One specimen with everything that is known of it, in the structure's units and at its scale.
 #[derive(Debug)]
@@ -75,7 +77,7 @@ fn entry(site: &mut Site<'_>, at: &KeyPath, table: &SpecimenTable) -> Result<Ent
     let n = rows.len();
     let mut law = match (table.sources().into_iter().next(), &table.link) {
         (Some((key, source)), _) => match source.build(n) {
-            Ok(law) => Some(law),
+            Ok(law) => Some(behind_transfer(site, at, table, law)?),
             Err(error) => return site.refuse_key(&at.key(key), error.key(), &error),
         },
         (None, Some(_)) => None,
@@ -173,6 +175,26 @@ fn entry(site: &mut Site<'_>, at: &KeyPath, table: &SpecimenTable) -> Result<Ent
     })
 }
 
+/// The law behind the actuator and the sensors of its table, if there are any.
+fn behind_transfer(
+    site: &mut Site<'_>,
+    at: &KeyPath,
+    table: &SpecimenTable,
+    law: Box<dyn Specimen>,
+) -> Result<Box<dyn Specimen>, Refused> {
+    let Some(spec) = &table.transfer else {
+        return Ok(law);
+    };
+    let time = site.loaded.time;
+    if let Some(finding) = compensation::slower_time(&at.key("transfer"), time) {
+        return site.refuse(finding);
+    }
+    match Transfer::new(spec, law, Some(time.step.value())) {
+        Ok(transfer) => Ok(Box::new(transfer)),
+        Err(error) => site.refuse_key(&at.key("transfer"), error.key(), &error),
+    }
+}
+
 /// Rows of B: of a storey, given, or one without any entry for a test without a structure.
 fn rows(
     site: &mut Site<'_>,
@@ -229,9 +251,25 @@ fn estimate(
 }
 
 impl Entry {
-    /// True if nothing is known of its stiffness.
-    fn is_limp(&self) -> bool {
-        self.stiffness.iter().flatten().all(|k| *k == 0.0)
+    /// What its axes are watched against; `gains` are those of S.
+    fn declared(&self, gains: Option<&Vec<f64>>) -> Vec<Declared> {
+        let bound = |of: fn(&(Rows, Rows)) -> &Rows, axis: usize| {
+            let bounds = self.bounds.as_ref();
+            let bound = bounds.map_or(f64::NAN, |bounds| of(bounds)[axis][axis]);
+            if bound.is_finite() { bound } else { f64::NAN }
+        };
+        let axes = 0..self.axes.len();
+        axes.map(|axis| Declared {
+            damping: self.damping[axis][axis],
+            stiffness_bound: bound(|bounds| &bounds.0, axis),
+            damping_bound: bound(|bounds| &bounds.1, axis),
+            gain: gains
+                .and_then(|gains| gains.get(axis))
+                .copied()
+                .unwrap_or(f64::NAN),
+            step: 0.0,
+        })
+        .collect()
     }
 
     /// How the direction of a specimen behind a link is found out: as the file says, else by the static load.
@@ -318,6 +356,7 @@ impl Specimens {
         site: &mut Site<'_>,
         dofs: usize,
         settles: bool,
+        gains: Vec<Vec<f64>>,
     ) -> Result<Vec<Port>, Refused> {
         let influence = match &site.loaded.file.structure {
             Some(structure) => structure
@@ -339,12 +378,10 @@ impl Specimens {
             let diagonal = (0..entry.axes.len())
                 .map(|i| entry.stiffness[i][i])
                 .collect();
+            let declared = entry.declared(gains.get(index));
+            let stiffness = std::mem::take(&mut entry.stiffness);
             let link = site.loaded.file.specimen.get(index);
             let direction = match link.and_then(|table| table.link.as_ref()) {
-                // Without an estimate nothing answers in a rehearsal, and nothing is to be seen.
-                Some(_) if matches!(entry.stand, Stand::Believed) && entry.is_limp() => {
-                    Direction::Known
-                }
                 Some(link) => entry.direction(link, site.loaded.time.period.value(), settles),
                 None => Direction::Known,
             };
@@ -383,7 +420,12 @@ impl Specimens {
                     let mut port = port
                         .with_limits(limits, entry.units, tick)
                         .with_pace(per_step, order)
-                        .with_references(safety::references(table, axes));
+                        .with_references(safety::references(table, axes))
+                        .with_declared(&declared, &stiffness, time.step.value());
+                    if let Some(compensators) = compensation::compensators(site, index, axes)? {
+                        let pace = time.step.value() / tick;
+                        port = port.with_compensation(compensators, metres, tick, pace);
+                    }
                     port.wait = wait;
                     port.direction = direction;
                     port.exits = exits;

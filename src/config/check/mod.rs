@@ -67,8 +67,8 @@ pub(crate) fn check(file: &TestFile) -> Vec<Finding> {
     for (index, specimen) in file.specimen.iter().enumerate() {
         let at = root.key("specimen").index(index);
         check_specimen(specimen, file.structure.is_some(), &at, &mut findings);
-        link::check_pace(specimen, file.time.ticks_per_step, &at, &mut findings);
         check_limits(specimen, tick_s, Some(&file.safety), &at, &mut findings);
+        link::check_pace(specimen, file.time.ticks_per_step, &at, &mut findings);
     }
     check_required(
         &file.specimen,
@@ -167,6 +167,14 @@ pub(crate) fn check_served(file: &ServeFile) -> Vec<Finding> {
         let at = root.key("specimen").index(index);
         check_specimen(specimen, false, &at, &mut findings);
         check_limits(specimen, None, None, &at, &mut findings);
+        if specimen.compensation.is_some() {
+            findings.0.push(
+                Finding::error(at.key("compensation"), "a server compensates nothing")
+                    .at_key()
+                    .label("no effect here")
+                    .help("commands are made up for in the controller's test file"),
+            );
+        }
     }
     let safety = file.safety.as_ref();
     let unlimited = safety.and_then(|safety| safety.unlimited.as_deref());

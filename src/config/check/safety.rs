@@ -9,6 +9,16 @@ pub(super) fn check_safety(file: &TestFile, findings: &mut Findings) {
     findings.positive(at.key("divergence_m"), safety.divergence_m);
     findings.positive(at.key("exit_speed_m_per_s"), safety.exit_speed_m_per_s);
     findings.positive(at.key("resume_within_m"), safety.resume_within_m);
+    for (key, bound) in [
+        ("stability_used", safety.stability_used),
+        ("step_audit", safety.step_audit),
+    ] {
+        if let Some(Err(error)) = bound.map(|bound| bound.check(key)) {
+            findings
+                .0
+                .push(Finding::error(at.key(key), error.to_string()));
+        }
+    }
     for (key, value) in [
         ("zero_s", safety.zero_s.unwrap_or(0.0)),
         ("ramp_s", safety.ramp_s),

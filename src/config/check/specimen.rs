@@ -25,7 +25,20 @@ pub(super) fn check_specimen(
         "it says what stands for the specimen",
     );
     match &specimen.link {
-        Some(link) => check_link(specimen, link, at, findings),
+        Some(link) => {
+            check_link(specimen, link, at, findings);
+            if specimen.transfer.is_some() {
+                findings.0.push(
+                    Finding::error(
+                        at.key("transfer"),
+                        "a specimen behind a link has its own actuator",
+                    )
+                    .at_key()
+                    .label("only for a law")
+                    .help("`gusset serve` puts the law of its own file behind a transfer system"),
+                );
+            }
+        }
         None if specimen.hardening_bound.is_some() => findings.0.push(
             Finding::error(at.key("hardening_bound"), "a law knows its own bound")
                 .at_key()

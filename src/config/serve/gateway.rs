@@ -11,6 +11,7 @@ use super::check_units;
 use crate::config::build::links::{beside, folder, native_setup, tls_client, wire_axes};
 use crate::config::{Finding, KeyPath, SpecimenTable};
 use crate::control::Pace;
+use crate::link::announce::narrower;
 use crate::link::openfresco::{Remote, RemoteSettings};
 use crate::link::rig::{FarBuild, ProbeSettings, Visitor};
 use crate::link::secret::read_key;
@@ -88,6 +89,9 @@ fn check_gear(table: &SpecimenTable, at: &KeyPath) -> Result<(), Box<Finding>> {
     if table.similitude != Default::default() {
         return refuse(at.key("similitude"));
     }
+    if table.compensation.is_some() {
+        return refuse(at.key("compensation"));
+    }
     for (index, axis) in table.axis.iter().enumerate() {
         let at = at.key("axis").index(index);
         for (key, given) in [
@@ -132,6 +136,9 @@ fn native(
             },
             ..template.clone()
         };
+        for (axis, theirs) in setup.axes.iter_mut().zip(&visitor.limits) {
+            axis.limits = narrower(&axis.limits, theirs);
+        }
         if let Some(rate) = visitor.rate.or(step_rate) {
             setup.rate = rate;
         }

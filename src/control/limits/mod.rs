@@ -1,14 +1,14 @@
 //! What a specimen may be told and may answer: limits of one axis, each with a level to warn at and one to trip at.
 //!
 //! Everything is in SI at the specimen's own scale, because that is what breaks: an actuator's stroke, a pump's flow,
-//! a load cell's range. The rules are pure; [`Watch`] keeps the few past values that they need. Invariant: a command is
+//! a load cell's range; energy and tangents are the structure's. The rules are pure; [`Watch`] keeps the few past values that they need. Invariant: a command is
 //! judged before it leaves, and what is not a number trips. Not here: what a trip leads to.
 
 mod spec;
 mod watch;
 
 pub use spec::{BoundSpec, LimitsError, LimitsSpec, RangeSpec};
-pub use watch::Watch;
+pub use watch::{Estimated, Watch};
 
 /// How bad it is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -45,11 +45,20 @@ pub enum Quantity {
     SensorDisp,
     /// Reading of the load cell, N.
     SensorForce,
+    /// Steps in a row in which the second difference of the command changed its sign and grew: the sawtooth of an unstable
+    /// integration.
+    Alternation,
+    /// Tangent stiffness as estimated, over its declared upper bound.
+    StiffnessRatio,
+    /// Tangent damping as estimated, over its declared upper bound.
+    DampingRatio,
+    /// Energy that the transfer system has added to the structure, J.
+    AddedEnergy,
 }
 
 impl Quantity {
     /// All of them.
-    pub const ALL: [Quantity; 11] = [
+    pub const ALL: [Quantity; 15] = [
         Quantity::CommandDisp,
         Quantity::CommandStep,
         Quantity::CommandVel,
@@ -61,6 +70,10 @@ impl Quantity {
         Quantity::StuckSensor,
         Quantity::SensorDisp,
         Quantity::SensorForce,
+        Quantity::Alternation,
+        Quantity::StiffnessRatio,
+        Quantity::DampingRatio,
+        Quantity::AddedEnergy,
     ];
 
     /// In words.
@@ -78,6 +91,10 @@ impl Quantity {
             Quantity::StuckSensor => "ticks with unchanged sensors under a moving command",
             Quantity::SensorDisp => "reading of the displacement sensor",
             Quantity::SensorForce => "reading of the load cell",
+            Quantity::Alternation => "ticks of a growing sawtooth in the command",
+            Quantity::StiffnessRatio => "tangent stiffness over its declared bound",
+            Quantity::DampingRatio => "tangent damping over its declared bound",
+            Quantity::AddedEnergy => "energy added by the transfer system",
         }
     }
 
@@ -96,6 +113,10 @@ impl Quantity {
             Quantity::StuckSensor => "stuck_ticks",
             Quantity::SensorDisp => "sensor_disp_m",
             Quantity::SensorForce => "sensor_force_n",
+            Quantity::Alternation => "alternating_ticks",
+            Quantity::StiffnessRatio => "stiffness_ratio",
+            Quantity::DampingRatio => "damping_ratio",
+            Quantity::AddedEnergy => "added_energy_j",
         }
     }
 
@@ -111,8 +132,19 @@ impl Quantity {
             Quantity::CommandVel => "m/s",
             Quantity::CommandAccel => "m/s2",
             Quantity::MeasuredForce | Quantity::SensorForce | Quantity::ForceStep => "N",
-            Quantity::StuckSensor => "ticks",
+            Quantity::StuckSensor | Quantity::Alternation => "ticks",
+            Quantity::StiffnessRatio | Quantity::DampingRatio => "×",
+            Quantity::AddedEnergy => "J",
         }
+    }
+
+    /// Whether our own protocol announces it to the specimen's end.
+    #[must_use]
+    pub const fn is_announced(self) -> bool {
+        matches!(
+            self,
+            Quantity::CommandDisp | Quantity::CommandVel | Quantity::MeasuredForce
+        )
     }
 
     const fn bit(self) -> u16 {
@@ -179,7 +211,8 @@ impl Bound {
     }
 
     /// What `value` is beyond, and the bound. Real-time: yes.
-    fn judge(self, value: f64) -> Option<(Level, f64)> {
+    #[must_use]
+    pub fn judge(self, value: f64) -> Option<(Level, f64)> {
         if !value.is_finite() || value > self.trip {
             Some((Level::Trip, self.trip))
         } else if value > self.warn {
@@ -251,6 +284,18 @@ pub struct AxisLimits {
     pub stuck_ticks: Bound,
     /// Travel of the command in m over these ticks below which nothing is expected to change.
     pub stuck_travel: f64,
+    /// Of the ticks in a row of a growing sawtooth.
+    pub alternating_ticks: Bound,
+    /// Second difference of the command in m up to which it is no sawtooth.
+    pub alternating_floor: f64,
+    /// Of the tangent stiffness over its declared bound.
+    pub stiffness_ratio: Bound,
+    /// Of the tangent damping over its declared bound.
+    pub damping_ratio: Bound,
+    /// Of the energy that the transfer system adds, J at the structure.
+    pub added_energy: Bound,
+    /// Motion in m below which no tangent is taken.
+    pub tangent_step: f64,
 }
 
 impl AxisLimits {
@@ -269,7 +314,49 @@ impl AxisLimits {
         force_step: Bound::NONE,
         stuck_ticks: Bound::NONE,
         stuck_travel: 0.0,
+        alternating_ticks: Bound::NONE,
+        alternating_floor: 0.0,
+        stiffness_ratio: Bound::NONE,
+        damping_ratio: Bound::NONE,
+        added_energy: Bound::NONE,
+        tangent_step: 0.0,
     };
+}
+
+/// Both levels of one limit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Levels {
+    /// Of a size.
+    Size(Bound),
+    /// Of a value with a sign.
+    Range(Range),
+}
+
+impl AxisLimits {
+    /// All limits with their levels, infinite where there is none.
+    #[must_use]
+    pub fn levels(&self) -> [(Quantity, Levels); 15] {
+        Quantity::ALL.map(|quantity| {
+            let levels = match quantity {
+                Quantity::CommandDisp => Levels::Range(self.command_disp),
+                Quantity::CommandStep => Levels::Size(self.command_step),
+                Quantity::CommandVel => Levels::Size(self.command_vel),
+                Quantity::CommandAccel => Levels::Size(self.command_accel),
+                Quantity::MeasuredDisp => Levels::Range(self.measured_disp),
+                Quantity::MeasuredForce => Levels::Range(self.measured_force),
+                Quantity::FollowingError => Levels::Size(self.following_error),
+                Quantity::ForceStep => Levels::Size(self.force_step),
+                Quantity::StuckSensor => Levels::Size(self.stuck_ticks),
+                Quantity::SensorDisp => Levels::Range(self.sensor_disp),
+                Quantity::SensorForce => Levels::Range(self.sensor_force),
+                Quantity::Alternation => Levels::Size(self.alternating_ticks),
+                Quantity::StiffnessRatio => Levels::Size(self.stiffness_ratio),
+                Quantity::DampingRatio => Levels::Size(self.damping_ratio),
+                Quantity::AddedEnergy => Levels::Size(self.added_energy),
+            };
+            (quantity, levels)
+        })
+    }
 }
 
 /// What one look found: the worst that trips, and a warning that was not given before.

@@ -48,6 +48,24 @@ pub struct LimitsSpec {
     pub stuck_ticks: Option<BoundSpec>,
     /// Travel of the command in m meanwhile below which nothing is expected to change.
     pub stuck_travel_m: f64,
+    /// Commands in a row whose second difference changes its sign and grows: the sawtooth of period two steps in which an
+    /// unstable integration shows, long before it is large.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub alternating_ticks: Option<BoundSpec>,
+    /// Second difference of the command in m up to which it is no sawtooth but noise.
+    pub alternating_m: f64,
+    /// Tangent stiffness as estimated during the test, over its declared upper bound (`hardening_bound` times
+    /// `stiffness_n_per_m`, or the law's own): 1 is where the proof of stability ends.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stiffness_ratio: Option<BoundSpec>,
+    /// Tangent damping as estimated during the test, over its declared upper bound. Estimated where damping is declared.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub damping_ratio: Option<BoundSpec>,
+    /// Energy in J, at the structure, that the axis adds because it is not where it should be: a delay adds, a lead takes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub added_energy_j: Option<BoundSpec>,
+    /// Motion in m below which no tangent is taken from it. 0: ten times the noise that was read while zeroing.
+    pub tangent_step_m: f64,
 }
 
 /// Largest size; at least one of the two levels is given.
@@ -127,7 +145,11 @@ impl LimitsError {
 }
 
 impl BoundSpec {
-    fn check(self, key: &'static str) -> Result<(), LimitsError> {
+    /// Whether the levels can be kept.
+    ///
+    /// # Errors
+    /// Why not.
+    pub fn check(self, key: &'static str) -> Result<(), LimitsError> {
         for found in [self.warn, self.trip].into_iter().flatten() {
             // Written as "is inside", so that NaN fails.
             let inside = found > 0.0;
@@ -142,7 +164,9 @@ impl BoundSpec {
         }
     }
 
-    fn bound(spec: Option<Self>) -> Bound {
+    /// The levels; none where nothing is given.
+    #[must_use]
+    pub fn bound(spec: Option<Self>) -> Bound {
         let Self { warn, trip } = spec.unwrap_or_default();
         Bound {
             warn: warn.unwrap_or(f64::INFINITY),
@@ -203,6 +227,12 @@ impl LimitsSpec {
             force_step_n: self.force_step_n.or(all.force_step_n),
             stuck_ticks: self.stuck_ticks.or(all.stuck_ticks),
             stuck_travel_m: longer(self.stuck_travel_m, all.stuck_travel_m),
+            alternating_ticks: self.alternating_ticks.or(all.alternating_ticks),
+            alternating_m: longer(self.alternating_m, all.alternating_m),
+            stiffness_ratio: self.stiffness_ratio.or(all.stiffness_ratio),
+            damping_ratio: self.damping_ratio.or(all.damping_ratio),
+            added_energy_j: self.added_energy_j.or(all.added_energy_j),
+            tangent_step_m: longer(self.tangent_step_m, all.tangent_step_m),
         }
     }
 
@@ -227,12 +257,18 @@ impl LimitsSpec {
             ("following_error_m", self.following_error_m),
             ("force_step_n", self.force_step_n),
             ("stuck_ticks", self.stuck_ticks),
+            ("alternating_ticks", self.alternating_ticks),
+            ("stiffness_ratio", self.stiffness_ratio),
+            ("damping_ratio", self.damping_ratio),
+            ("added_energy_j", self.added_energy_j),
         ] {
             spec.map_or(Ok(()), |spec| spec.check(key))?;
         }
         for (key, found) in [
             ("following_time_s", self.following_time_s),
             ("stuck_travel_m", self.stuck_travel_m),
+            ("alternating_m", self.alternating_m),
+            ("tangent_step_m", self.tangent_step_m),
         ] {
             let inside = found >= 0.0;
             if !inside {
@@ -259,6 +295,12 @@ impl LimitsSpec {
             force_step: BoundSpec::bound(self.force_step_n),
             stuck_ticks: BoundSpec::bound(self.stuck_ticks),
             stuck_travel: self.stuck_travel_m,
+            alternating_ticks: BoundSpec::bound(self.alternating_ticks),
+            alternating_floor: self.alternating_m,
+            stiffness_ratio: BoundSpec::bound(self.stiffness_ratio),
+            damping_ratio: BoundSpec::bound(self.damping_ratio),
+            added_energy: BoundSpec::bound(self.added_energy_j),
+            tangent_step: self.tangent_step_m,
         }
     }
 }

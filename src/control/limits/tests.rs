@@ -220,3 +220,102 @@ fn what_has_tripped_trips_again_only_if_it_gets_worse() {
         "another limit"
     );
 }
+
+#[test]
+fn a_sawtooth_that_grows_is_counted_from_its_second_turn_and_one_that_fades_is_not() {
+    let limits = AxisLimits {
+        alternating_ticks: half(6.0),
+        alternating_floor: 1e-9,
+        ..AxisLimits::NONE
+    };
+    // A smooth motion under a sawtooth of period two ticks: the root of an unstable step is beyond -1.
+    let tripped = |growth: f64| {
+        let mut one = watch(limits);
+        (0..200).position(|k| {
+            let smooth = 1e-3 * (0.02 * f64::from(k)).sin();
+            command(&mut one, smooth + 1e-6 * (-growth).powi(k))
+                .trip
+                .is_some()
+        })
+    };
+    // Second differences exist from the third command, k = 2, on; k = 3 is the first turn, k = 9 the seventh.
+    assert_eq!(tripped(1.2), Some(9));
+    assert_eq!(tripped(0.99), None);
+    let mut warned = watch(limits);
+    let first = (0..20).position(|k| {
+        command(&mut warned, 1e-6 * (-1.2f64).powi(k))
+            .warning
+            .is_some()
+    });
+    assert_eq!(first, Some(6), "the fourth turn, beyond 3");
+}
+
+#[test]
+fn a_sawtooth_below_its_floor_and_a_smooth_motion_are_none() {
+    let limits = AxisLimits {
+        alternating_ticks: Bound::trip(3.0),
+        alternating_floor: 1e-3,
+        ..AxisLimits::NONE
+    };
+    let mut low = watch(limits);
+    // Its second difference is 1e-6 (1 + 2/1.2 + 1/1.44) 1.2^k: 9.6e-4 at k = 31, 1.15e-3 at k = 32.
+    let trips = (0..100).position(|k| command(&mut low, 1e-6 * (-1.2f64).powi(k)).trip.is_some());
+    assert_eq!(trips, Some(32 + 3), "the fourth beyond the floor");
+    let mut smooth = watch(AxisLimits {
+        alternating_floor: 0.0,
+        ..limits
+    });
+    for k in 0..1000 {
+        let t = 0.02 * f64::from(k);
+        assert_eq!(
+            command(&mut smooth, t.sin() + 0.3 * (7.0 * t).cos()).trip,
+            None
+        );
+    }
+}
+
+#[test]
+fn estimates_trip_beyond_their_bounds_and_what_is_not_known_does_not() {
+    let limits = AxisLimits {
+        stiffness_ratio: half(2.0),
+        damping_ratio: half(4.0),
+        added_energy: half(10.0),
+        ..AxisLimits::NONE
+    };
+    let judged = |stiffness_ratio, damping_ratio, added_energy| {
+        let mut found = Found::default();
+        let estimated = Estimated {
+            stiffness_ratio,
+            damping_ratio,
+            added_energy,
+        };
+        watch(limits).estimated(std::iter::once(estimated), &mut found);
+        (what(found.warning), what(found.trip))
+    };
+    assert_eq!(judged(1.0, 2.0, 5.0), (None, None), "the bounds themselves");
+    assert_eq!(judged(f64::NAN, f64::NAN, -1e9), (None, None));
+    assert_eq!(
+        judged(1.01, 0.0, 0.0).0,
+        Some((Quantity::StiffnessRatio, 1.01))
+    );
+    assert_eq!(
+        judged(2.01, 0.0, 0.0).1,
+        Some((Quantity::StiffnessRatio, 2.01))
+    );
+    assert_eq!(
+        judged(0.0, 2.01, 0.0).0,
+        Some((Quantity::DampingRatio, 2.01))
+    );
+    assert_eq!(
+        judged(0.0, 4.01, 0.0).1,
+        Some((Quantity::DampingRatio, 4.01))
+    );
+    assert_eq!(
+        judged(0.0, 0.0, 5.01).0,
+        Some((Quantity::AddedEnergy, 5.01))
+    );
+    assert_eq!(
+        judged(0.0, 0.0, 10.01).1,
+        Some((Quantity::AddedEnergy, 10.01))
+    );
+}

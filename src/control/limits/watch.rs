@@ -16,6 +16,7 @@ struct Past {
     force: f64,
     stuck_ticks: u64,
     stuck_travel: f64,
+    sawtooth: Sawtooth,
     /// One bit per quantity that is beyond its warning level.
     warned: u16,
     /// What has tripped, and how far it was: no further trip until it gets worse.
@@ -32,6 +33,8 @@ pub struct Watch {
     /// Commands that have left, up to two: a difference needs something to differ from.
     sent: u8,
     measured: bool,
+    /// Whether targets are told apart from commands, which may go on a smooth way between them.
+    aims: bool,
 }
 
 impl Watch {
@@ -44,6 +47,7 @@ impl Watch {
             tick,
             sent: 0,
             measured: false,
+            aims: false,
         }
     }
 
@@ -62,6 +66,7 @@ impl Watch {
     pub fn stands_at(&mut self, disp: impl Iterator<Item = f64>) {
         for (past, disp) in self.past.iter_mut().zip(disp) {
             past.command = [disp; 2];
+            past.sawtooth = Sawtooth::at_rest(disp);
         }
         self.sent = 2;
     }
@@ -73,6 +78,9 @@ impl Watch {
         let axes = self.limits.iter().zip(&mut self.past).zip(disp);
         for (axis, ((limits, past), disp)) in axes.enumerate() {
             let [last, before] = past.command;
+            let sawtooth = past.sawtooth.after(disp, limits.alternating_floor);
+            let sawtooth = if self.aims { past.sawtooth } else { sawtooth };
+            let alternating = sawtooth.ticks as f64;
             let mut look = Look {
                 axis,
                 warned: &mut past.warned,
@@ -94,13 +102,22 @@ impl Watch {
                     limits.command_accel.judge(accel),
                 );
             }
+            look.at(
+                Quantity::Alternation,
+                alternating,
+                limits.alternating_ticks.judge(alternating),
+            );
         }
         found
     }
 
     /// Takes note of a command that leaves. Real-time: yes.
     pub fn sent(&mut self, disp: impl Iterator<Item = f64>) {
-        for (past, disp) in self.past.iter_mut().zip(disp) {
+        let axes = self.past.iter_mut().zip(&self.limits).zip(disp);
+        for ((past, limits), disp) in axes {
+            if !self.aims {
+                past.sawtooth = past.sawtooth.after(disp, limits.alternating_floor);
+            }
             past.speed = if self.sent >= 1 {
                 (disp - past.command[0]).abs() / self.tick
             } else {
@@ -119,11 +136,38 @@ impl Watch {
         }
     }
 
+    /// Targets of steps are told from here on, and stand at `disp`: a sawtooth is looked for in them.
+    pub fn aims_from(&mut self, disp: impl Iterator<Item = f64>) {
+        for (past, disp) in self.past.iter_mut().zip(disp) {
+            past.sawtooth = Sawtooth::at_rest(disp);
+        }
+        self.aims = true;
+    }
+
+    /// The target of the next step, which the next commands approach. Real-time: yes.
+    pub fn aims_at(&mut self, disp: impl Iterator<Item = f64>) {
+        let axes = self.past.iter_mut().zip(&self.limits).zip(disp);
+        for ((past, limits), disp) in axes {
+            past.sawtooth = past.sawtooth.after(disp, limits.alternating_floor);
+        }
+    }
+
     /// Takes note that the last command leaves once more. Real-time: yes.
     pub fn sent_again(&mut self) {
         for past in &mut self.past {
             past.speed = 0.0;
             past.command = [past.command[0]; 2];
+            if !self.aims {
+                past.sawtooth = Sawtooth::at_rest(past.command[0]);
+            }
+        }
+    }
+
+    /// The next measurement is the first: it can neither jump nor be stuck. Real-time: yes.
+    pub fn forget_measurements(&mut self) {
+        self.measured = false;
+        for past in &mut self.past {
+            (past.stuck_ticks, past.stuck_travel) = (0, 0.0);
         }
     }
 
@@ -186,6 +230,93 @@ impl Watch {
         }
         self.measured = true;
         found
+    }
+
+    /// Judges what was estimated from the measurements, one entry per axis, and adds it to `found`. What is not known is not
+    /// a finite number and is not judged. Real-time: yes.
+    pub fn estimated(&mut self, values: impl Iterator<Item = Estimated>, found: &mut Found) {
+        let axes = self.limits.iter().zip(&mut self.past).zip(values);
+        for (axis, ((limits, past), values)) in axes.enumerate() {
+            let mut look = Look {
+                axis,
+                warned: &mut past.warned,
+                excused: past.excused,
+                found,
+            };
+            for (quantity, value, bound) in [
+                (
+                    Quantity::StiffnessRatio,
+                    values.stiffness_ratio,
+                    limits.stiffness_ratio,
+                ),
+                (
+                    Quantity::DampingRatio,
+                    values.damping_ratio,
+                    limits.damping_ratio,
+                ),
+                (
+                    Quantity::AddedEnergy,
+                    values.added_energy,
+                    limits.added_energy,
+                ),
+            ] {
+                if value.is_finite() {
+                    look.at(quantity, value, bound.judge(value));
+                }
+            }
+        }
+    }
+}
+
+/// What is estimated of one axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Estimated {
+    /// Tangent stiffness over its declared bound.
+    pub stiffness_ratio: f64,
+    /// Tangent damping over its declared bound.
+    pub damping_ratio: f64,
+    /// Energy that the transfer system has added, J.
+    pub added_energy: f64,
+}
+
+/// A sequence of displacements whose second differences may alternate and grow.
+#[derive(Debug, Clone, Copy, Default)]
+struct Sawtooth {
+    /// The last, and the one before; as many as there were, up to two.
+    disp: [f64; 2],
+    seen: u8,
+    /// Their second difference, and for how long it has changed its sign and grown.
+    bend: f64,
+    ticks: u64,
+}
+
+impl Sawtooth {
+    const fn at_rest(disp: f64) -> Self {
+        Self {
+            disp: [disp; 2],
+            seen: 2,
+            bend: 0.0,
+            ticks: 0,
+        }
+    }
+
+    /// With one more. Real-time: yes.
+    fn after(&self, disp: f64, floor: f64) -> Self {
+        let [last, before] = self.disp;
+        let mut next = Self {
+            disp: [disp, last],
+            seen: (self.seen + 1).min(2),
+            ..Self::default()
+        };
+        if self.seen == 2 {
+            next.bend = disp - 2.0 * last + before;
+            // By sign and not by product, which underflows.
+            let turns = self.bend != 0.0 && (self.bend > 0.0) != (next.bend > 0.0);
+            if turns && next.bend.abs() > floor && next.bend.abs() > self.bend.abs() {
+                next.ticks = self.ticks + 1;
+            }
+        }
+        next
     }
 }
 

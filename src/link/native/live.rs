@@ -8,7 +8,6 @@ use super::book::Book;
 use super::setup::{NativeSetup, watchdog_ns};
 use crate::link::Transport;
 use crate::link::inbox::Inbox;
-use crate::rt::os;
 use crate::substructure::{
     Command, Coupling, Freshness, LinkFault, LinkStats, Measurement, Status,
 };
@@ -74,6 +73,7 @@ impl Live {
         let axes = setup.axes.len();
         let reply_timeout = setup.reply_timeout.as_nanos();
         Self {
+            sent_ns: transport.now().0,
             transport,
             inbox,
             encoder,
@@ -85,7 +85,6 @@ impl Live {
             reply_timeout_ns: u64::try_from(reply_timeout).unwrap_or(u64::MAX),
             nudge_ns: (watchdog_ns(welcome) / 4).max(1_000_000),
             connect_limit: setup.connect_limit,
-            sent_ns: os::monotonic_ns(),
             issued: None,
             time: 0.0,
             dt: 0.0,
@@ -160,14 +159,14 @@ impl Live {
             Err(error) => return Err(self.fail(error.fault(), Detail::Wire(error))),
         };
         let frame = self.out.get(..length).unwrap_or_default();
-        self.sent_ns = os::monotonic_ns();
+        self.sent_ns = self.transport.now().0;
         match self.transport.send(frame) {
             Ok(()) => Ok(()),
             Err(fault) => Err(self.fail_plainly(fault)),
         }
     }
 
-    /// Real-time: yes. A lockstep answer is waited for by the wall clock, whatever clock the loop runs on.
+    /// Real-time: yes. A lockstep answer is waited for by the transport's clock, whatever clock the loop runs on.
     pub(super) fn collect(
         &mut self,
         deadline: Nanos,
@@ -180,7 +179,7 @@ impl Live {
         let issued = self.issued.ok_or(LinkFault::Timeout)?;
         let lockstep = self.coupling == Coupling::Lockstep;
         let (deadline, mut nudge) = if lockstep {
-            let now = Nanos(os::monotonic_ns());
+            let now = self.transport.now();
             (now.plus(self.reply_timeout_ns), now.plus(self.nudge_ns))
         } else {
             (deadline, Nanos(u64::MAX))
@@ -196,7 +195,7 @@ impl Live {
             match self.transport.recv(self.inbox.space(), until) {
                 Ok(Some(count)) => {
                     self.inbox.filled(count);
-                    if os::monotonic_ns() >= deadline.0 {
+                    if self.transport.now() >= deadline {
                         extra -= 1;
                         if extra == 0 {
                             break;
@@ -205,7 +204,7 @@ impl Live {
                 }
                 Ok(None) if until < deadline => {
                     self.nudge(issued)?;
-                    nudge = Nanos(os::monotonic_ns()).plus(self.nudge_ns);
+                    nudge = self.transport.now().plus(self.nudge_ns);
                 }
                 Ok(None) => break,
                 Err(fault) => return Err(self.fail_plainly(fault)),
@@ -237,7 +236,7 @@ impl Live {
                 Err(fault) => return Err(self.fail_plainly(fault)),
             }
         }
-        if os::monotonic_ns().saturating_sub(self.sent_ns) >= self.nudge_ns {
+        if self.transport.now().0.saturating_sub(self.sent_ns) >= self.nudge_ns {
             self.nudge(issued)?;
         }
         Ok(false)
@@ -276,7 +275,7 @@ impl Live {
                 Err(fault) => return Err(self.fail_plainly(fault)),
             }
         }
-        if os::monotonic_ns().saturating_sub(self.sent_ns) < KEEP_ALIVE_NS {
+        if self.transport.now().0.saturating_sub(self.sent_ns) < KEEP_ALIVE_NS {
             return Ok(());
         }
         let beat = Heartbeat {

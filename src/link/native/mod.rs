@@ -12,6 +12,7 @@ mod setup;
 pub use setup::{NativeSetup, SetupError, unlimited_axis};
 pub(in crate::link) use setup::{SOFTWARE, fit};
 
+use crate::link::Transport;
 use crate::link::spec::Carrier;
 use crate::link::tls::TlsClient;
 use crate::substructure::{
@@ -25,6 +26,8 @@ use live::Live;
 pub struct NativeLink {
     setup: NativeSetup,
     tls: Option<TlsClient>,
+    /// Given instead of a connection; taken by the first.
+    wire: Option<Box<dyn Transport>>,
     live: Option<Live>,
 }
 
@@ -44,7 +47,17 @@ impl NativeLink {
         Self {
             setup,
             tls: None,
+            wire: None,
             live: None,
+        }
+    }
+
+    /// The same over a transport that is connected already, which carries whole frames as the set-up's carrier would.
+    #[must_use]
+    pub fn over(setup: NativeSetup, wire: Box<dyn Transport>) -> Self {
+        Self {
+            wire: Some(wire),
+            ..Self::new(setup)
         }
     }
 
@@ -56,6 +69,7 @@ impl NativeLink {
         Self {
             setup,
             tls,
+            wire: None,
             live: None,
         }
     }
@@ -75,7 +89,7 @@ impl Substructure for NativeLink {
     }
 
     fn connect(&mut self) -> Result<Introduction, Unavailable> {
-        match self.setup.connect(self.tls.as_ref()) {
+        match self.setup.connect(self.tls.as_ref(), self.wire.take()) {
             Ok((live, introduction)) => {
                 self.live = Some(live);
                 Ok(introduction)

@@ -5,14 +5,13 @@ use std::time::Duration;
 use thiserror::Error;
 
 use super::live::Live;
+use crate::link::announce;
 use crate::link::inbox::Inbox;
 use crate::link::secret::random;
 use crate::link::spec::Carrier;
 use crate::link::tls::{TlsClient, TlsFault, is_alert};
 use crate::link::{ConnectError, SocketOptions, TcpTransport, Transport, UdpTransport};
-use crate::rt::os;
 use crate::substructure::{Coupling, Introduction, LinkFault, Unavailable};
-use crate::time::Nanos;
 use crate::wire::handshake::{
     self, Axis, Capabilities, Control, Hello, Limits, RefuseCode, Sampling, Versions, Welcome,
     layout_hash,
@@ -171,23 +170,25 @@ impl NativeSetup {
     pub(super) fn connect(
         &self,
         tls: Option<&TlsClient>,
+        wire: Option<Box<dyn Transport>>,
     ) -> Result<(Live, Introduction), SetupError> {
-        let (mut transport, peer): (Box<dyn Transport>, _) = match self.carrier {
-            Carrier::Tcp => {
+        let (mut transport, peer): (Box<dyn Transport>, String) = match (wire, self.carrier) {
+            (Some(wire), _) => (wire, self.address.clone()),
+            (None, Carrier::Tcp) => {
                 let tcp = TcpTransport::connect(&self.address, self.connect_limit, self.options)?;
-                let peer = tcp.peer();
+                let peer = tcp.peer().to_string();
                 (Box::new(tcp), peer)
             }
-            Carrier::Tls => {
+            (None, Carrier::Tls) => {
                 let tls = tls.ok_or(SetupError::Bare)?;
                 let (limit, options) = (self.connect_limit, self.options);
                 let tls = tls.connect(&self.address, limit, options, 2 * LARGEST_FRAME)?;
-                let peer = tls.peer();
+                let peer = tls.peer().to_string();
                 (Box::new(tls), peer)
             }
-            Carrier::Udp => {
+            (None, Carrier::Udp) => {
                 let udp = UdpTransport::connect(&self.address, self.options)?;
-                let peer = udp.peer();
+                let peer = udp.peer().to_string();
                 (Box::new(udp), peer)
             }
         };
@@ -256,16 +257,31 @@ impl NativeSetup {
             self,
             &welcome,
         );
+        let warnings = self.limits_of_their_own(&welcome);
         let introduction = Introduction {
             peer: format!(
                 "\"{}\" at {peer} ({}, {})",
                 welcome.name, self.carrier, welcome.software
             ),
             stiffness: welcome.stiffness,
-            warnings: Vec::new(),
+            warnings,
             simulated: welcome.capabilities.has(Capabilities::SIMULATED),
         };
         Ok((live, introduction))
+    }
+
+    /// Limits that the specimen's end keeps and the test does not know of.
+    fn limits_of_their_own(&self, welcome: &Welcome) -> Vec<String> {
+        let axes = self.axes.iter().zip(&welcome.axes);
+        axes.filter_map(|(ours, theirs)| {
+            let units = announce::units_of(ours);
+            let kept = announce::unknown_to_us(&ours.limits, &theirs.limits, &units)?;
+            Some(format!(
+                "its end keeps limits that the test does not have, axis \"{}\": {kept}",
+                ours.name
+            ))
+        })
+        .collect()
     }
 
     fn hello(&self) -> Result<Hello, SetupError> {
@@ -294,7 +310,7 @@ pub(super) fn explained(error: SetupError, transport: &dyn Transport) -> SetupEr
     }
 }
 
-/// An axis without limits, which is what the test file can promise so far.
+/// An axis without limits.
 #[must_use]
 pub fn unlimited_axis(
     name: String,
@@ -348,10 +364,10 @@ pub(super) fn ask<R>(
     mut judge: impl FnMut(&[u8]) -> Result<Option<R>, SetupError>,
 ) -> Result<R, SetupError> {
     let limit_ns = u64::try_from(limit.as_nanos()).unwrap_or(u64::MAX);
-    let deadline = Nanos(os::monotonic_ns()).plus(limit_ns);
+    let deadline = transport.now().plus(limit_ns);
     let mut nonsense = None;
     put(transport)?;
-    let mut repeat = Nanos(os::monotonic_ns()).plus(REPEAT_NS);
+    let mut repeat = transport.now().plus(REPEAT_NS);
     loop {
         loop {
             let place = match inbox.next() {
@@ -370,7 +386,7 @@ pub(super) fn ask<R>(
                 Err(error) => return Err(error),
             }
         }
-        if os::monotonic_ns() >= deadline.0 {
+        if transport.now() >= deadline {
             return Err(nonsense.map_or(
                 SetupError::Silent {
                     question,
@@ -388,7 +404,7 @@ pub(super) fn ask<R>(
             Ok(Some(count)) => inbox.filled(count),
             Ok(None) if until < deadline => {
                 put(transport)?;
-                repeat = Nanos(os::monotonic_ns()).plus(REPEAT_NS);
+                repeat = transport.now().plus(REPEAT_NS);
             }
             Ok(None) => {}
             Err(fault) => return Err(SetupError::Lost(fault)),

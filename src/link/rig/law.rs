@@ -1,7 +1,7 @@
 //! A formula behind a server.
 
 use super::{Rig, Visitor};
-use crate::specimen::Specimen;
+use crate::specimen::{Specimen, status};
 use crate::substructure::{Command, Introduction, LinkFault, Measurement, Retirement};
 
 /// A specimen that is computed.
@@ -71,8 +71,9 @@ impl Rig for Law {
     fn at_rest(&mut self, into: &mut Measurement) {
         self.specimen
             .trial(&self.committed, &self.still, 0.0, &mut into.force);
-        self.specimen.revert();
         into.disp.copy_from_slice(&self.committed);
+        self.specimen.measured(&mut into.disp);
+        self.specimen.revert();
     }
 
     fn trial(
@@ -86,6 +87,8 @@ impl Rig for Law {
         }
         self.specimen
             .trial(&self.disp, command.vel, elapsed, &mut into.force);
+        self.specimen.measured(&mut into.disp);
+        into.status = status(self.specimen.as_ref());
         Ok(())
     }
 

@@ -26,7 +26,7 @@ pub use station::Station;
 
 use crate::control::limits::Hit;
 use crate::substructure::{Command, Introduction, LinkFault, LinkStats, Measurement, Retirement};
-use crate::wire::handshake::Sampling;
+use crate::wire::handshake::{Limits, Sampling};
 
 /// Who commands a specimen, as far as the protocol tells.
 #[derive(Debug, Clone)]
@@ -47,6 +47,8 @@ pub struct Visitor {
     pub first_sequence: u64,
     /// Where the first command will be, in the units of the axes; empty if the protocol does not say.
     pub start: Vec<f64>,
+    /// The limits that it keeps, in the units of the axes; empty if the protocol has none.
+    pub limits: Vec<Limits>,
 }
 
 impl Visitor {
@@ -62,6 +64,7 @@ impl Visitor {
             sampling: Sampling::Reply,
             first_sequence: 0,
             start: Vec::new(),
+            limits: Vec::new(),
         }
     }
 }
@@ -72,6 +75,9 @@ pub enum Trip {
     /// A limit was passed.
     #[error("{} ({})", .0, .0.quantity.key())]
     Limit(Hit),
+    /// More than the controller had announced that it would ask for, or a force at which it should long have acted.
+    #[error("{} ({}, as the controller announced)", .0, .0.quantity.key())]
+    Announced(Hit),
     /// A number that is none.
     #[error("axis {}: the {} is not a finite number", axis + 1, if *measured { "measurement" } else { "command" })]
     NotFinite {
@@ -96,7 +102,7 @@ impl Trip {
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
-            Self::Limit(hit) => hit.quantity.key(),
+            Self::Limit(hit) | Self::Announced(hit) => hit.quantity.key(),
             Self::NotFinite { measured: true, .. } => "measured_not_finite",
             Self::NotFinite { .. } => "command_not_finite",
             Self::Interlock => "interlock",
@@ -110,6 +116,7 @@ impl Trip {
     pub const fn code(self) -> u32 {
         match self {
             Self::Limit(hit) => hit.quantity as u32 + 1,
+            Self::Announced(hit) => hit.quantity as u32 + 101,
             Self::NotFinite { measured, .. } => 50 + measured as u32,
             Self::Interlock => 60,
             Self::Saturated => 61,

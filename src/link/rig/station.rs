@@ -1,6 +1,9 @@
 //! What a server commands: a rig with its limits, its direction check and its log.
 
+mod announced;
 mod ready;
+
+use announced::Announced;
 
 use super::log::{Exchange, Log, LogSettings};
 use super::settings::{Close, ProbeSettings};
@@ -23,6 +26,7 @@ pub struct Station {
     mass: Vec<f64>,
     limits: Vec<AxisLimits>,
     watch: Watch,
+    announced: Option<Announced>,
     probe: ProbeSettings,
     keeping: Option<LogSettings>,
     away_from: Option<usize>,
@@ -62,6 +66,7 @@ impl Station {
             name,
             limits: vec![AxisLimits::NONE; axes],
             watch: Watch::new(vec![AxisLimits::NONE; axes], USUAL_TICK_S),
+            announced: None,
             rig,
             units,
             stiffness,
@@ -142,6 +147,7 @@ impl Station {
     pub fn begin(&mut self, visitor: &Visitor) -> Result<Vec<String>, String> {
         self.end(Close::Failed, "another controller came");
         self.tripped = None;
+        self.announced = Announced::by(visitor, &self.units);
         self.commits = 0;
         self.measured = Measurement::zeros(self.units.len());
         if let Some(settings) = &self.keeping {
@@ -210,11 +216,17 @@ impl Station {
         elapsed: f64,
         into: &mut Measurement,
     ) -> Result<(), Trip> {
-        let received_ns = os::monotonic_ns();
+        // Only the log wants to know the time.
+        let received_ns = self.log.as_ref().map_or(0, |_| os::monotonic_ns());
         let before = self.tripped;
         let mut answered_ns = received_ns;
         if before.is_none()
-            && let Err(trip) = self.attempt(command, elapsed, &mut answered_ns)
+            && let Err(trip) = self.attempt(
+                command,
+                elapsed,
+                state == Exchange::RUNNING,
+                &mut answered_ns,
+            )
         {
             self.trip(trip);
         }
@@ -253,6 +265,7 @@ impl Station {
         &mut self,
         command: &Command<'_>,
         elapsed: f64,
+        is_theirs: bool,
         answered_ns: &mut u64,
     ) -> Result<(), Trip> {
         if let Some(axis) = not_finite(command.disp, command.vel) {
@@ -264,9 +277,14 @@ impl Station {
         }
         let found = self.watch.command(metres(&self.units, command.disp));
         self.heed(found)?;
+        // Our own small motions before the test are none of the controller's.
+        let mut announced = self.announced.as_mut().filter(|_| is_theirs);
+        if let Some(announced) = &mut announced {
+            announced.command(command.sequence, metres(&self.units, command.disp))?;
+        }
         self.watch.sent(metres(&self.units, command.disp));
         let outcome = self.rig.trial(command, elapsed, &mut self.measured);
-        *answered_ns = os::monotonic_ns();
+        *answered_ns = self.log.as_ref().map_or(0, |_| os::monotonic_ns());
         outcome.map_err(Trip::Lost)?;
         if let Some(axis) = not_finite(&self.measured.disp, &self.measured.force) {
             // What is no number goes no further.
@@ -286,7 +304,10 @@ impl Station {
                 .zip(&self.units)
                 .map(|(force, units)| force * units.newtons),
         );
-        let found = self.watch.measured(values);
+        let found = self.watch.measured(values.clone());
+        if let Some(announced) = self.announced.as_mut().filter(|_| is_theirs) {
+            announced.measured(values)?;
+        }
         self.heed(found)?;
         if self.measured.status.has(Status::SATURATED) {
             return Err(Trip::Saturated);
@@ -384,7 +405,7 @@ impl Drop for Station {
     }
 }
 
-fn metres<'a>(units: &'a [AxisUnits], disp: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
+fn metres<'a>(units: &'a [AxisUnits], disp: &'a [f64]) -> impl Iterator<Item = f64> + Clone + 'a {
     disp.iter()
         .zip(units)
         .map(|(disp, units)| disp * units.metres)

@@ -10,6 +10,7 @@ use super::greet::{self, Greeted};
 use super::stand::Stand;
 use super::{Desk, Heard, Line};
 use crate::link::Transport;
+use crate::link::fault::FaultyWire;
 use crate::link::inbox::Inbox;
 use crate::link::rig::{Close, Visitor};
 use crate::rt::throttle::Throttle;
@@ -76,8 +77,28 @@ pub(super) fn serve(desk: &Desk, sessions: &Receiver<Session>, plan: Option<&RtP
     }
 }
 
-/// One test: everything is got ready, and only then the controller hears that the specimen is armed.
-fn attend(mut session: Session, desk: &Desk, cpu: Option<usize>) -> Heard {
+/// One test, from its beginning to its end.
+fn attend(session: Session, desk: &Desk, cpu: Option<usize>) -> Heard {
+    match get_ready(session, desk, cpu) {
+        Ok(stand) => stand.run(desk),
+        Err(refused) => refused.0,
+    }
+}
+
+/// Everything is got ready, and only then the controller hears that the specimen is armed. An error is what has to be told
+/// of a test that cannot begin, and its line.
+pub(super) fn get_ready(
+    mut session: Session,
+    desk: &Desk,
+    cpu: Option<usize>,
+) -> Result<Stand, Box<(Heard, Line)>> {
+    if let Some(script) = &desk.host.faults {
+        let text = format!("FAULTS are played: {}", script.title);
+        desk.tell(Heard::Told { text });
+        let mut wire = FaultyWire::new(session.line, script, session.greeted.period_ns);
+        wire.armed(session.arm.first_sequence);
+        session.line = Line::Faulty(Box::new(wire));
+    }
     let peer = session.peer;
     let station = desk.host.station(false).and_then(|mut station| {
         station.keep_log_away_from(cpu);
@@ -93,14 +114,14 @@ fn attend(mut session: Session, desk: &Desk, cpu: Option<usize>) -> Heard {
             let frame = greet::refusal(refuse, Some(&mut session.greeted.encoder));
             // Who does not hear it sees the connection close.
             let _ = session.line.send(&frame);
-            return Heard::Refused { peer, text };
+            return Err(Box::new((Heard::Refused { peer, text }, session.line)));
         }
     };
     let armed = session.greeted.armed(session.arm.clone());
     if let Err(fault) = session.line.send(&armed) {
         let text = fault.to_string();
         station.end(Close::Failed, &text);
-        return Heard::Refused { peer, text };
+        return Err(Box::new((Heard::Refused { peer, text }, session.line)));
     }
     desk.tell(Heard::Armed {
         peer,
@@ -114,7 +135,7 @@ fn attend(mut session: Session, desk: &Desk, cpu: Option<usize>) -> Heard {
             Throttle::USUAL.fit_spin(around, session.greeted.period_ns) / 2
         }
     };
-    Stand::new(session, station, spin_ns).run(desk)
+    Ok(Stand::new(session, station, spin_ns))
 }
 
 impl Session {
@@ -128,6 +149,7 @@ impl Session {
             sampling: self.greeted.sampling,
             first_sequence: self.arm.first_sequence,
             start: self.arm.disp.clone(),
+            limits: self.greeted.limits.clone(),
         }
     }
 }

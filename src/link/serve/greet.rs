@@ -4,8 +4,8 @@ use super::Desk;
 use crate::link::native::{SOFTWARE, fit};
 use crate::link::secret::random;
 use crate::wire::handshake::{
-    self, Arm, Control, Hello, Refuse, RefuseCode, Sampling, TEXT_LIMIT, Terms, Versions, Welcome,
-    layout_hash,
+    self, Arm, Control, Hello, Limits, Refuse, RefuseCode, Sampling, TEXT_LIMIT, Terms, Versions,
+    Welcome, layout_hash,
 };
 use crate::wire::key::{NONCE_LEN, PROOF_LEN};
 use crate::wire::native::{Decoder, Encoder, LARGEST_FRAME};
@@ -25,6 +25,8 @@ pub(super) struct Greeted {
     pub rate: (u64, u64),
     pub watchdog_s: f64,
     pub sampling: Sampling,
+    /// What the controller announced, per axis.
+    pub limits: Vec<Limits>,
     pub watchdog_ns: u64,
     pub period_ns: u64,
     /// From the arrival of a command to the sampling.
@@ -153,6 +155,7 @@ fn welcome(desk: &Desk, message: &[u8], hello: &Hello, version: u16) -> Result<G
         rate: (hello.rate_numerator, hello.rate_denominator),
         watchdog_s: hello.watchdog_s,
         sampling: hello.sampling,
+        limits: hello.axes.iter().map(|axis| axis.limits).collect(),
         watchdog_ns: (hello.watchdog_s * 1e9) as u64,
         period_ns: (period_s * 1e9) as u64,
         sample_after_ns: match hello.sampling {

@@ -1,10 +1,14 @@
 //! What a server of our own protocol offers: its name, its axes, and how its station is made for each test.
 
+use std::sync::Arc;
+
 use crate::control::AxisUnits;
 use crate::control::limits::LimitsSpec;
+use crate::link::announce::units_of;
+use crate::link::fault::{Bench, Script, ScriptError};
 use crate::link::rig::{Far, FarBuild, Law, LogSettings, ProbeSettings, Station};
 use crate::specimen::Specimen;
-use crate::wire::handshake::{Axis, Capabilities, Unit};
+use crate::wire::handshake::{Axis, Capabilities};
 
 /// A specimen to be hosted, and how to make it anew for each test.
 pub struct Host {
@@ -16,6 +20,7 @@ pub struct Host {
     limits: Vec<LimitsSpec>,
     probe: ProbeSettings,
     log: Option<LogSettings>,
+    pub(super) faults: Option<Arc<Script>>,
 }
 
 /// Makes a specimen in its virgin state, or says why not.
@@ -56,6 +61,7 @@ impl Host {
             limits: Vec::new(),
             probe: ProbeSettings::Needless,
             log: None,
+            faults: None,
         })
     }
 
@@ -78,6 +84,7 @@ impl Host {
             limits: Vec::new(),
             probe: ProbeSettings::Unchecked { silent: false },
             log: None,
+            faults: None,
         }
     }
 
@@ -102,6 +109,24 @@ impl Host {
         self
     }
 
+    /// Every test meets these faults, the same each time.
+    ///
+    /// # Errors
+    /// The script cannot be played, or the specimen is no formula: a real one is not to be played with.
+    pub fn faulty(mut self, script: Script) -> Result<Self, ScriptError> {
+        script.check(Some(self.axes.len()))?;
+        if self.is_gateway() {
+            return Err(ScriptError {
+                fault: None,
+                key: "fault",
+                text: "is for specimens that are computed, but this one is behind a link"
+                    .to_owned(),
+            });
+        }
+        self.faults = Some(Arc::new(script));
+        Ok(self)
+    }
+
     /// True if the specimen is behind a link.
     #[must_use]
     pub const fn is_gateway(&self) -> bool {
@@ -122,7 +147,7 @@ impl Host {
     /// # Errors
     /// What its maker says.
     pub fn station(&self, remembers: bool) -> Result<Station, String> {
-        let units: Vec<AxisUnits> = self.axes.iter().map(units).collect();
+        let units: Vec<AxisUnits> = self.axes.iter().map(units_of).collect();
         let rig: Box<dyn crate::link::rig::Rig> = match &self.behind {
             Behind::Law(build) => Box::new(Law::new(build()?, remembers)),
             Behind::Far(build, reply_limit_ns) => Box::new(Far::new(
@@ -132,24 +157,14 @@ impl Host {
                 *reply_limit_ns,
             )),
         };
+        let rig = match &self.faults {
+            Some(script) => Box::new(Bench::new(rig, script, units.clone())),
+            None => rig,
+        };
         let (stiffness, mass) = (self.stiffness.clone(), self.mass.clone());
         Ok(Station::new(self.name.clone(), rig, units, stiffness, mass)
             .limited(&self.limits)
             .probed(self.probe.clone())
             .recorded(self.log.clone()))
-    }
-}
-
-fn units(axis: &Axis) -> AxisUnits {
-    let si = |unit| match unit {
-        Unit::Millimetre => 1e-3,
-        Unit::Kilonewton | Unit::KilonewtonMetre => 1e3,
-        Unit::Metre | Unit::Radian | Unit::Newton | Unit::NewtonMetre => 1.0,
-    };
-    AxisUnits {
-        metres: si(axis.disp_unit),
-        newtons: si(axis.force_unit),
-        disp: axis.disp_unit.symbol(),
-        force: axis.force_unit.symbol(),
     }
 }

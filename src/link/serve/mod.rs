@@ -10,12 +10,14 @@ mod data;
 mod greet;
 mod heard;
 mod host;
+mod simulated;
 mod stand;
 mod tcp;
 mod udp;
 
 pub use heard::Heard;
 pub use host::{Build, Host};
+pub use simulated::{Simulated, Tap, Tapped};
 
 use std::future::Future;
 use std::net::SocketAddr;
@@ -26,10 +28,11 @@ use crossbeam_channel::Sender;
 use thiserror::Error;
 use tokio::sync::mpsc::UnboundedSender;
 
+use super::fault::FaultyWire;
 use super::spec::Carrier;
 use super::tls::{TlsFault, TlsServer, TlsStream};
 use super::{ConnectError, TcpTransport, Transport, UdpTransport, Wait, socket};
-use crate::rt::RtPlan;
+use crate::rt::{RtPlan, os};
 use crate::substructure::LinkFault;
 use crate::time::Nanos;
 use crate::wire::key::PreSharedKey;
@@ -282,11 +285,13 @@ impl Server {
     }
 }
 
-/// The sockets of a session: the data thread changes how they wait.
+/// What a session's bytes go over: the data thread changes how it waits.
 enum Line {
     Tcp(TcpTransport),
     Udp(UdpTransport),
     Tls(Box<TlsStream>),
+    Simulated(Box<simulated::FarEnd>),
+    Faulty(Box<FaultyWire<Line>>),
 }
 
 impl Line {
@@ -295,6 +300,24 @@ impl Line {
             Line::Tcp(tcp) => tcp.set_wait(wait),
             Line::Udp(udp) => udp.set_wait(wait),
             Line::Tls(tls) => tls.set_wait(wait),
+            Line::Simulated(_) => {}
+            Line::Faulty(faulty) => faulty.inner_mut().set_wait(wait),
+        }
+    }
+
+    /// Commands count from this number on.
+    fn armed(&mut self, first: u64) {
+        if let Line::Faulty(faulty) = self {
+            faulty.armed(first);
+        }
+    }
+
+    /// The simulated end of the wire, if time is simulated.
+    fn far_end(&mut self) -> Option<&mut simulated::FarEnd> {
+        match self {
+            Line::Simulated(end) => Some(end),
+            Line::Faulty(faulty) => faulty.inner_mut().far_end(),
+            Line::Tcp(_) | Line::Udp(_) | Line::Tls(_) => None,
         }
     }
 }
@@ -305,6 +328,8 @@ impl Transport for Line {
             Line::Tcp(tcp) => tcp.send(frame),
             Line::Udp(udp) => udp.send(frame),
             Line::Tls(tls) => tls.send(frame),
+            Line::Simulated(end) => end.send(frame),
+            Line::Faulty(faulty) => faulty.send(frame),
         }
     }
 
@@ -313,13 +338,24 @@ impl Transport for Line {
             Line::Tcp(tcp) => tcp.recv(buffer, deadline),
             Line::Udp(udp) => udp.recv(buffer, deadline),
             Line::Tls(tls) => tls.recv(buffer, deadline),
+            Line::Simulated(end) => end.recv(buffer, deadline),
+            Line::Faulty(faulty) => faulty.recv(buffer, deadline),
+        }
+    }
+
+    fn now(&self) -> Nanos {
+        match self {
+            Line::Tcp(_) | Line::Udp(_) | Line::Tls(_) => Nanos(os::monotonic_ns()),
+            Line::Simulated(end) => end.now(),
+            Line::Faulty(faulty) => faulty.now(),
         }
     }
 
     fn tls_fault(&self) -> Option<TlsFault> {
         match self {
-            Line::Tcp(_) | Line::Udp(_) => None,
+            Line::Tcp(_) | Line::Udp(_) | Line::Simulated(_) => None,
             Line::Tls(tls) => tls.tls_fault(),
+            Line::Faulty(faulty) => faulty.tls_fault(),
         }
     }
 }

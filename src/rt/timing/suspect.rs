@@ -11,7 +11,7 @@
 //! * in any other part: taken away if the part took more than ten times as long as it typically does, else ours;
 //! * time lost by the tick before, which ended after this edge: what that tick was blamed on.
 //!
-//! If no single excess explains the miss, it is a late reply if the peer's reply came after the deadline, else ours.
+//! Work that is longer than a tick is not excused by what came before it. If no single excess explains the miss, it is a late reply if the peer's reply came after the deadline, else ours.
 
 use super::TickStamps;
 
@@ -122,9 +122,12 @@ impl Typical {
         }
         let (part, excess, took, typical) = worst;
         let explains = stamps.pushed.minus(excess) <= stamps.deadline;
+        // Work that does not fit into a tick is late whatever came before it.
+        let own = stamps.sent.since(stamps.woke) + stamps.pushed.since(stamps.decoded);
+        let fits = own <= stamps.deadline.since(stamps.release);
         match part {
-            Part::Carried if explains => self.last,
-            Part::Wait if explains => Suspect::TakenAway,
+            Part::Carried if explains && fits => self.last,
+            Part::Wait if explains && fits => Suspect::TakenAway,
             Part::Reply if explains && self.awaits_peer => Suspect::LateReply,
             _ if explains && typical.saturating_mul(10) < took => Suspect::TakenAway,
             _ if self.awaits_peer && !explains && stamps.decoded > stamps.deadline => {
@@ -199,6 +202,26 @@ mod tests {
         assert_eq!(missed_with(false, 3, 4 * T), Suspect::TakenAway);
         assert_eq!(missed_with(false, 3, T), Suspect::Ours);
         assert_eq!(missed_with(false, 4, T), Suspect::TakenAway);
+    }
+
+    #[test]
+    fn work_that_does_not_fit_into_a_tick_is_ours_though_the_tick_before_was_taken_away() {
+        let mut typical = warmed(false);
+        let stalled = tick(1000, [5 * T, 4_000, 30_000, 300_000, 2_000]);
+        assert_eq!(typical.judge(&stalled, true), Suspect::TakenAway);
+        // Each tick begins late by what the one before took too long.
+        let late = |took: u64| TickStamps {
+            idle: Nanos(1001 * T + 400_000),
+            woke: Nanos(1001 * T + 400_060),
+            sent: Nanos(1001 * T + 404_000),
+            decoded: Nanos(1001 * T + 404_000),
+            ready: Nanos(1001 * T + 404_000 + took),
+            pushed: Nanos(1001 * T + 406_000 + took),
+            ..tick(1001, USUAL)
+        };
+        assert_eq!(typical.judge(&late(T + 50_000), true), Suspect::Ours);
+        assert_eq!(typical.judge(&stalled, true), Suspect::TakenAway);
+        assert_eq!(typical.judge(&late(610_000), true), Suspect::TakenAway);
     }
 
     #[test]

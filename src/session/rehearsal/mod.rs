@@ -19,7 +19,7 @@ pub use meter::{AxisNeed, Extreme};
 
 use meter::Meter;
 
-use crate::config::{self, ConfigError, Loaded, SpecimenTable};
+use crate::config::{self, ConfigError, Loaded, MatrixValue, SpecimenTable};
 use crate::control::limits::{AxisLimits, Bound, Quantity, Range};
 use crate::engine::{Control, Ending, Engine, Experiment, Operator, Stop};
 use crate::record::{Event, Recorder};
@@ -35,7 +35,7 @@ pub enum StandIn {
     Law,
     /// A linear one, by the declared stiffness and damping.
     Linear,
-    /// Nothing: no stiffness is declared, so there is no force.
+    /// Nothing: the declared stiffness and damping are 0, so there is no force.
     Nothing,
 }
 
@@ -43,11 +43,13 @@ impl StandIn {
     /// For a specimen as the file has it.
     #[must_use]
     pub fn of(table: &SpecimenTable) -> Self {
-        match (&table.link, &table.stand_in, &table.stiffness_n_per_m) {
-            (None, ..) => Self::Itself,
-            (Some(_), Some(_), _) => Self::Law,
-            (Some(_), None, Some(_)) => Self::Linear,
-            (Some(_), None, None) => Self::Nothing,
+        let known = [&table.stiffness_n_per_m, &table.damping_n_s_per_m];
+        let known = known.into_iter().flatten().flat_map(MatrixValue::rows);
+        match (&table.link, &table.stand_in) {
+            (None, _) => Self::Itself,
+            (Some(_), Some(_)) => Self::Law,
+            (Some(_), None) if known.flatten().all(|entry| entry == 0.0) => Self::Nothing,
+            (Some(_), None) => Self::Linear,
         }
     }
 
@@ -61,7 +63,7 @@ impl StandIn {
                 "a linear spring of its declared stiffness, for it is behind a link; a `stand_in` that yields would be closer"
             }
             Self::Nothing => {
-                "nothing: it is behind a link, and neither `stiffness_n_per_m` nor `stand_in` is declared. Its force is unknown"
+                "nothing: it is behind a link, its declared stiffness is 0, and it has no `stand_in`. Its force is unknown"
             }
         }
     }

@@ -189,7 +189,8 @@ fn same_axes(hello: &Hello, terms: &Terms) -> Result<(), (RefuseCode, String)> {
     Ok(())
 }
 
-/// The controller promises limits; they must lie within those of the specimen.
+/// The controller promises limits; they must lie within those of the specimen. What it does not promise at all, an infinite
+/// one, the specimen keeps alone.
 fn within(specimen: &Axis, controller: &Axis) -> Result<(), String> {
     let (own, promised) = (specimen.limits, controller.limits);
     let unit = specimen.disp_unit.symbol();
@@ -224,7 +225,7 @@ fn within(specimen: &Axis, controller: &Axis) -> Result<(), String> {
         ),
     ];
     for (what, inside, there, here, unit) in cases {
-        if !inside {
+        if !inside && there.is_finite() {
             return Err(format!(
                 "{what} is {there} {unit} there, beyond {here} {unit} here"
             ));

@@ -317,7 +317,7 @@ pub enum RefuseCode {
     Layout,
     /// Too fast, or not a rate.
     Rate,
-    /// The controller's limits are wider than the specimen's.
+    /// A limit of the controller is wider than the specimen's.
     Limits,
     /// The watchdog time is outside what the specimen can keep.
     Watchdog,

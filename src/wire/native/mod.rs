@@ -60,6 +60,7 @@
 mod decode;
 mod encode;
 mod layout;
+mod peek;
 mod view;
 
 pub use decode::{Decoder, Received, split};
@@ -68,6 +69,7 @@ pub use layout::{
     CONTROL_LIMIT, CRC_LEN, HEADER_LEN, HISTORY, LARGEST_FRAME, MAGIC, MAX_AXES, NO_SEQUENCE,
     VERSION, frame_len,
 };
+pub use peek::{Peek, commanded, forge_force, forge_length, forge_sequence, peek};
 pub use view::{Cause, CommandFrame, Earlier, Frame, Heartbeat, Kind, MeasurementFrame, Notice};
 
 #[cfg(test)]

@@ -2,7 +2,6 @@
 
 use super::{Detail, Live};
 use crate::link::native::setup::{SetupError, ask, explained, not_welcome};
-use crate::rt::os;
 use crate::substructure::{LinkFault, Retirement};
 use crate::time::Nanos;
 use crate::wire::handshake::{self, Arm, Bye, Control};
@@ -107,14 +106,14 @@ impl Live {
             }
             return;
         }
-        let until = Nanos(os::monotonic_ns()).plus(GOODBYE_NS);
+        let until = self.transport.now().plus(GOODBYE_NS);
         let notice = Notice {
             sequence: self.issued.unwrap_or_default(),
             cause,
         };
         let mut ask_at = Nanos(0);
-        while os::monotonic_ns() < until.0 {
-            if os::monotonic_ns() >= ask_at.0 {
+        while self.transport.now() < until {
+            if self.transport.now() >= ask_at {
                 let written = self.encoder.retire(notice, &mut self.out);
                 if self.send(written).is_err() {
                     return;
@@ -122,7 +121,7 @@ impl Live {
                 ask_at = if self.inbox.is_stream() {
                     until
                 } else {
-                    Nanos(os::monotonic_ns()).plus(GOODBYE_REPEAT_NS)
+                    self.transport.now().plus(GOODBYE_REPEAT_NS)
                 };
             }
             match self.transport.recv(self.inbox.space(), until.min(ask_at)) {

@@ -125,6 +125,9 @@ impl Station {
     pub(super) fn arm(&mut self, sequence: u64, start: &[f64]) -> Result<(), String> {
         self.watch = Watch::new(self.limits.clone(), USUAL_TICK_S);
         self.watch.stands_at(metres(&self.units, start));
+        if let Some(announced) = &mut self.announced {
+            announced.begin(metres(&self.units, start));
+        }
         self.rig.arm(sequence, start).map_err(|fault| {
             let why = self.rig.complaint().unwrap_or_default();
             format!(

@@ -60,6 +60,7 @@ impl Stand {
                         .begin_again(arm.first_sequence, &arm.disp)
                         .map_err(End::failed)?;
                     (self.sequence, self.next_sequence) = (None, arm.first_sequence);
+                    self.line.armed(arm.first_sequence);
                     (self.pending, self.sample_at) = (None, None);
                     (self.time, self.dt) = (0.0, 0.0);
                 }

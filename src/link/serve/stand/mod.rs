@@ -18,7 +18,6 @@ use crate::link::Transport;
 use crate::link::inbox::Inbox;
 use crate::link::rig::{Close, Station, Trip};
 use crate::record::NoteLevel;
-use crate::rt::os;
 use crate::substructure::{Command, LinkFault, Measurement, Status};
 use crate::time::Nanos;
 use crate::wire::WireError;
@@ -93,7 +92,7 @@ impl Stand {
             arm,
         } = session;
         let axes = station.axes();
-        let now = Nanos(os::monotonic_ns());
+        let now = line.now();
         Self {
             line,
             inbox,
@@ -134,19 +133,25 @@ impl Stand {
 
     /// Runs the session to its end.
     pub(super) fn run(mut self, desk: &Desk) -> Heard {
-        let End { close, text } = self.course(desk);
+        let end = self.course(desk);
+        self.finish(end).0
+    }
+
+    /// The books of a session are closed; what there is to tell, and the line.
+    pub(super) fn finish(mut self, End { close, text }: End) -> (Heard, Line) {
         let counts = format!(
             "{} commands, {} missed, {} frames corrupt",
             self.commands, self.missed, self.corrupt
         );
         self.station.note(NoteLevel::Info, "counts", &counts);
         self.station.end(close, &text);
-        Heard::Ended {
+        let ended = Heard::Ended {
             text,
             commands: self.commands,
             missed: self.missed,
             corrupt: self.corrupt,
-        }
+        };
+        (ended, self.line)
     }
 
     fn course(&mut self, desk: &Desk) -> End {
@@ -158,20 +163,33 @@ impl Stand {
                     text: "the server was told to stop".to_owned(),
                 };
             }
-            let turn = self
-                .take_frames(desk)
-                .and_then(|()| self.pass_on(desk))
-                .and_then(|()| self.keep_time(desk));
-            if let Err(end) = turn {
+            if let Err(end) = self.turn(desk).and_then(|until| self.listen(until)) {
                 return end;
             }
-            let until = self.until();
-            match self.line.recv(self.inbox.space(), until) {
-                Ok(Some(count)) => self.inbox.filled(count),
-                Ok(None) => {}
-                Err(fault) => return self.lost_controller(fault),
-            }
         }
+    }
+
+    /// Does everything that is due, and says how long there is to wait.
+    pub(super) fn turn(&mut self, desk: &Desk) -> Result<Nanos, End> {
+        self.take_frames(desk)
+            .and_then(|()| self.pass_on(desk))
+            .and_then(|()| self.keep_time(desk))?;
+        Ok(self.until())
+    }
+
+    /// Waits for bytes.
+    pub(super) fn listen(&mut self, until: Nanos) -> Result<(), End> {
+        match self.line.recv(self.inbox.space(), until) {
+            Ok(Some(count)) => self.inbox.filled(count),
+            Ok(None) => {}
+            Err(fault) => return Err(self.lost_controller(fault)),
+        }
+        Ok(())
+    }
+
+    /// What its bytes go over.
+    pub(super) fn line(&mut self) -> &mut Line {
+        &mut self.line
     }
 
     fn lost_controller(&self, fault: LinkFault) -> End {
@@ -201,7 +219,7 @@ impl Stand {
         }
         match self.pending.take() {
             Some((sequence, time, dt)) => {
-                let now = Nanos(os::monotonic_ns());
+                let now = self.line.now();
                 self.go(sequence, time, dt, now, desk)
             }
             None => Ok(()),
@@ -232,7 +250,7 @@ impl Stand {
     }
 
     fn take(&mut self, place: std::ops::Range<usize>, desk: &Desk) -> Result<(), Wrong> {
-        let now = Nanos(os::monotonic_ns());
+        let now = self.line.now();
         let received = self.decoder.open(self.inbox.frame(place))?;
         self.heard_at = now;
         match received.frame {
@@ -344,7 +362,7 @@ impl Stand {
             // What a specimen across another link has measured is there only now; the controller was not silent meanwhile,
             // it waited.
             None if self.station.is_remote() => {
-                let now = Nanos(os::monotonic_ns());
+                let now = self.line.now();
                 self.heard_at = now;
                 self.answer(now)
             }

@@ -3,10 +3,9 @@
 //! The thread sleeps until shortly before the next command is expected, then reads in a busy loop until shortly after.
 
 use super::{End, Stand};
-use crate::link::Wait;
 use crate::link::serve::{Desk, Heard};
+use crate::link::{Transport, Wait};
 use crate::record::NoteLevel;
-use crate::rt::os;
 use crate::substructure::Status;
 use crate::time::Nanos;
 use crate::wire::native::{Cause, Heartbeat};
@@ -19,16 +18,20 @@ const GONE_NS: u64 = 30_000_000_000;
 impl Stand {
     /// How long to wait, and how.
     pub(super) fn until(&mut self) -> Nanos {
-        let now = Nanos(os::monotonic_ns());
+        let now = self.line.now();
         let mut until = now.plus(LOOK_NS);
         if let Some(sample_at) = self.sample_at {
             until = until.min(sample_at);
         }
-        until = until.min(if self.holding {
-            self.beat_at.plus(self.watchdog_ns)
-        } else {
-            self.heard_at.plus(self.watchdog_ns)
-        });
+        // As `keep_time` has it: a beat is due after that much silence, and after that much time since the last.
+        if !self.paused {
+            let silent_since = if self.holding {
+                self.heard_at.max(self.beat_at)
+            } else {
+                self.heard_at
+            };
+            until = until.min(silent_since.plus(self.watchdog_ns));
+        }
         let expected = self.arrived.plus(self.period_ns);
         let (from, to) = (expected.minus(self.spin_ns), expected.plus(self.spin_ns));
         let spins = self.sequence.is_some() && self.spin_ns > 0 && now >= from && now < to;
@@ -45,7 +48,7 @@ impl Stand {
 
     /// Everything that happens because time passes.
     pub(super) fn keep_time(&mut self, desk: &Desk) -> Result<(), End> {
-        let now = Nanos(os::monotonic_ns());
+        let now = self.line.now();
         if self.sample_at.is_some_and(|at| now >= at) {
             self.answer(now)?;
         }

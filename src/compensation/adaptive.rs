@@ -1,0 +1,160 @@
+//! What adaptive compensators have in common: coefficients with bounds and rates, and regressors made the same way of
+//! commands and measurements.
+
+use super::filter::{Differences, LowPass};
+use super::{CompensationError, Parameter, inside, positive};
+
+/// Names of the coefficients of a model's inverse.
+pub(super) const COEFFICIENTS: &[Parameter] = &[
+    Parameter {
+        name: "a0",
+        unit: "1",
+    },
+    Parameter {
+        name: "a1",
+        unit: "s",
+    },
+    Parameter {
+        name: "a2",
+        unit: "s2",
+    },
+    Parameter {
+        name: "a3",
+        unit: "s3",
+    },
+];
+
+/// Coefficients that move towards a goal, within bounds and no faster than they may.
+#[derive(Debug, Clone)]
+pub(super) struct Bounded {
+    start: Vec<f64>,
+    pub values: Vec<f64>,
+    pub bounds: Vec<(f64, f64)>,
+    /// Per tick.
+    rates: Vec<f64>,
+}
+
+impl Bounded {
+    /// Defaults for bounds and rates are those given with each coefficient.
+    pub fn new(
+        start: Vec<f64>,
+        default_bounds: Vec<(f64, f64)>,
+        lower: Option<&[f64]>,
+        upper: Option<&[f64]>,
+        rate_per_s: Option<&[f64]>,
+        dt: f64,
+    ) -> Result<Self, CompensationError> {
+        let n = start.len();
+        for (name, list) in [
+            ("lower", lower),
+            ("upper", upper),
+            ("rate_per_s", rate_per_s),
+        ] {
+            if let Some(list) = list
+                && list.len() != n
+            {
+                return Err(CompensationError::Length {
+                    name,
+                    found: list.len(),
+                    wanted: n,
+                });
+            }
+        }
+        let pick = |list: Option<&[f64]>, i: usize| list.and_then(|list| list.get(i).copied());
+        let mut bounds = Vec::with_capacity(n);
+        let mut rates = Vec::with_capacity(n);
+        for (index, (start, default)) in start.iter().zip(default_bounds).enumerate() {
+            let lower = pick(lower, index).unwrap_or(default.0);
+            let upper = pick(upper, index).unwrap_or(default.1);
+            // Written so that NaN fails.
+            if !(lower <= *start && *start <= upper) {
+                return Err(CompensationError::Bounds {
+                    index,
+                    start: *start,
+                    lower,
+                    upper,
+                });
+            }
+            // Across the whole range in two seconds.
+            let rate = match pick(rate_per_s, index) {
+                Some(rate) => inside("rate_per_s", rate, rate >= 0.0, "finite and not negative")?,
+                None => 0.5 * (upper - lower),
+            };
+            bounds.push((lower, upper));
+            rates.push(rate * dt);
+        }
+        Ok(Self {
+            values: start.clone(),
+            start,
+            bounds,
+            rates,
+        })
+    }
+
+    /// Goes towards `goal`. What is not a number moves nothing. Real-time: yes.
+    pub fn approach(&mut self, goal: &[f64]) {
+        if !goal.iter().all(|goal| goal.is_finite()) {
+            return;
+        }
+        let limits = self.bounds.iter().zip(&self.rates);
+        for ((value, goal), ((lower, upper), rate)) in self.values.iter_mut().zip(goal).zip(limits)
+        {
+            let change = (goal - *value).clamp(-rate, *rate);
+            *value = (*value + change).clamp(*lower, *upper);
+        }
+    }
+
+    pub fn reset(&mut self) {
+        self.values.copy_from_slice(&self.start);
+    }
+}
+
+/// Filtered commands, and filtered measurements with their derivatives.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Regressors {
+    command: LowPass,
+    measured: LowPass,
+    derivatives: Differences,
+}
+
+impl Regressors {
+    pub fn new(filter_hz: f64, dt: f64) -> Result<Self, CompensationError> {
+        positive("filter_hz", filter_hz)?;
+        let below = filter_hz * dt < 0.5;
+        inside(
+            "filter_hz",
+            filter_hz,
+            below,
+            "below half the rate of ticks",
+        )?;
+        Ok(Self {
+            command: LowPass::new(filter_hz, dt),
+            measured: LowPass::new(filter_hz, dt),
+            derivatives: Differences::new(dt),
+        })
+    }
+
+    /// Filtered command, and filtered measurement with its derivatives. Real-time: yes.
+    pub fn push(&mut self, command: f64, measured: f64) -> (f64, [f64; 4]) {
+        let command = self.command.push(command);
+        let measured = self.measured.push(measured);
+        (command, self.derivatives.push(measured))
+    }
+
+    pub fn reset(&mut self, disp: f64) {
+        self.command.reset(disp);
+        self.measured.reset(disp);
+        self.derivatives.reset(disp);
+    }
+
+    pub fn freeze(&self, out: &mut Vec<f64>) {
+        self.command.freeze(out);
+        self.measured.freeze(out);
+        self.derivatives.freeze(out);
+    }
+
+    pub fn slots(&mut self) -> impl Iterator<Item = &mut f64> {
+        let filters = self.command.slots().chain(self.measured.slots());
+        filters.chain(self.derivatives.slots())
+    }
+}

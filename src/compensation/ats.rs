@@ -1,0 +1,178 @@
+//! Adaptive time series compensation (Chae, Kazemibidokhti & Ricles 2013).
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::adaptive::{Bounded, COEFFICIENTS, Regressors};
+use super::filter::Differences;
+use super::least_squares::Window;
+use super::{CompensationError, Compensator, Parameter, history, inside, not_negative, positive};
+
+/// a₀ d + a₁ ḋ + … with a the least squares of past commands on the measured displacement and its derivatives, over a
+/// moving window.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct AtsSpec {
+    /// Highest derivative, 1 to 3. Default: 2.
+    #[serde(default = "two")]
+    #[schemars(range(min = 1, max = 3))]
+    pub order: u32,
+    /// Delay that the coefficients begin with, in s.
+    pub delay_s: f64,
+    /// Gain A that they begin with: a₀ = 1/A, a₁ = τ/A, a₂ = τ²/2A, a₃ = τ³/6A. Default: 1.
+    #[serde(default = "one")]
+    pub gain: f64,
+    /// Length of the window in s. Default: 1.
+    #[serde(default = "one")]
+    pub window_s: f64,
+    /// Corner of the filter of commands and measurements, in Hz. Default: 20.
+    #[serde(default = "twenty")]
+    pub filter_hz: f64,
+    /// Root mean square of the motion in the window, in m, below which nothing is learnt. Default: 0.1 mm.
+    #[serde(default = "least")]
+    pub least_motion_m: f64,
+    /// Lower bounds of the coefficients. Default: 0.7 of the start for a₀, 0 for the others.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lower: Option<Vec<f64>>,
+    /// Upper bounds. Default: 1.4 of the start for a₀, twice, three times, four times the start for the others.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub upper: Option<Vec<f64>>,
+    /// Greatest change of each coefficient per second. Default: half of the way between its bounds.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rate_per_s: Option<Vec<f64>>,
+}
+
+const fn one() -> f64 {
+    1.0
+}
+
+const fn two() -> u32 {
+    2
+}
+
+const fn twenty() -> f64 {
+    20.0
+}
+
+const fn least() -> f64 {
+    1e-4
+}
+
+#[derive(Debug)]
+pub(super) struct Ats {
+    a: Bounded,
+    targets: Differences,
+    regressors: Regressors,
+    window: Window,
+    /// Mean square of motion.
+    least: f64,
+}
+
+impl AtsSpec {
+    /// With the usual window, filter and bounds.
+    #[must_use]
+    pub fn usual(delay_s: f64) -> Self {
+        Self {
+            order: two(),
+            delay_s,
+            gain: 1.0,
+            window_s: 1.0,
+            filter_hz: twenty(),
+            least_motion_m: least(),
+            lower: None,
+            upper: None,
+            rate_per_s: None,
+        }
+    }
+
+    pub(super) fn build(&self, dt: f64) -> Result<Ats, CompensationError> {
+        let order = f64::from(self.order);
+        inside("order", order, (1..=3).contains(&self.order), "1, 2 or 3")?;
+        let delay = not_negative("delay_s", self.delay_s)?;
+        let gain = positive("gain", self.gain)?;
+        let window = positive("window_s", self.window_s)? / dt;
+        let rows = history("window_s", window)?;
+        let enough = rows > 2 * (self.order as usize + 1);
+        inside("window_s", self.window_s, enough, "at least a few ticks")?;
+        let least = not_negative("least_motion_m", self.least_motion_m)?;
+        let start = [1.0, delay, delay * delay / 2.0, delay * delay * delay / 6.0];
+        let start: Vec<f64> = start
+            .iter()
+            .take(self.order as usize + 1)
+            .map(|a| a / gain)
+            .collect();
+        let defaults = start.iter().enumerate().map(|(j, a)| match j {
+            0 => (0.7 * a, 1.4 * a),
+            // One that begins at zero may still find the discretisation's own term.
+            _ => (0.0, (j as f64 + 1.0) * a + dt.powi(j as i32)),
+        });
+        let a = Bounded::new(
+            start.clone(),
+            defaults.collect(),
+            self.lower.as_deref(),
+            self.upper.as_deref(),
+            self.rate_per_s.as_deref(),
+            dt,
+        )?;
+        Ok(Ats {
+            a,
+            targets: Differences::new(dt),
+            regressors: Regressors::new(self.filter_hz, dt)?,
+            window: Window::new(rows),
+            least: least * least,
+        })
+    }
+}
+
+impl Compensator for Ats {
+    fn predict(&mut self, disp: f64, _: f64, _: f64) -> f64 {
+        let derivatives = self.targets.push(disp);
+        let mut sum = 0.0;
+        for (a, d) in self.a.values.iter().zip(derivatives) {
+            sum += a * d;
+        }
+        sum
+    }
+
+    fn observe(&mut self, command: f64, measured: f64) {
+        let (u, phi) = self.regressors.push(command, measured);
+        self.window.push(phi, u);
+        if self.window.mean_square() > self.least
+            && let Some(goal) = self.window.solve(self.a.values.len(), &self.a.values)
+        {
+            self.a.approach(&goal);
+        }
+    }
+
+    fn reset(&mut self, disp: f64) {
+        self.a.reset();
+        self.targets.reset(disp);
+        self.regressors.reset(disp);
+        self.window.clear();
+    }
+
+    fn names(&self) -> &'static [Parameter] {
+        COEFFICIENTS.get(..self.a.values.len()).unwrap_or_default()
+    }
+
+    fn parameters(&self) -> &[f64] {
+        &self.a.values
+    }
+
+    fn bounds(&self) -> &[(f64, f64)] {
+        &self.a.bounds
+    }
+
+    fn freeze(&self, out: &mut Vec<f64>) {
+        out.extend(&self.a.values);
+        self.targets.freeze(out);
+        self.regressors.freeze(out);
+        self.window.freeze(out);
+    }
+
+    fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
+        let slots = self.a.values.iter_mut().chain(self.targets.slots());
+        let rest = super::take(slots.chain(self.regressors.slots()), from);
+        self.window.thaw(rest)
+    }
+}

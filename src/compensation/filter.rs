@@ -1,0 +1,164 @@
+//! A low pass and backward differences: what regressors are made of. The same filter on both sides of a fit changes nothing
+//! of what fits.
+
+use std::f64::consts::PI;
+
+/// Low pass of Butterworth's kind and order 4, as two sections by the bilinear transformation, warped so that the corner is
+/// where it is asked for.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct LowPass {
+    sections: [Section; 2],
+}
+
+#[derive(Debug, Clone, Copy, Default)]
+struct Section {
+    /// Of the input; the middle one is twice as large.
+    b: f64,
+    a1: f64,
+    a2: f64,
+    x: [f64; 2],
+    y: [f64; 2],
+}
+
+impl LowPass {
+    /// `corner` in Hz below half the rate of ticks, `dt` in s.
+    pub fn new(corner: f64, dt: f64) -> Self {
+        let warped = libm::tan(PI * corner * dt);
+        let section = |pole: f64| {
+            let damping = 2.0 * libm::cos(pole);
+            let square = warped * warped;
+            let norm = 1.0 / (1.0 + damping * warped + square);
+            Section {
+                b: square * norm,
+                a1: 2.0 * (square - 1.0) * norm,
+                a2: (1.0 - damping * warped + square) * norm,
+                ..Section::default()
+            }
+        };
+        Self {
+            sections: [section(PI / 8.0), section(3.0 * PI / 8.0)],
+        }
+    }
+
+    /// Real-time: yes.
+    pub fn push(&mut self, value: f64) -> f64 {
+        let mut value = value;
+        for s in &mut self.sections {
+            let out = s.b * (value + 2.0 * s.x[0] + s.x[1]) - s.a1 * s.y[0] - s.a2 * s.y[1];
+            s.x = [value, s.x[0]];
+            s.y = [out, s.y[0]];
+            value = out;
+        }
+        value
+    }
+
+    /// It has always been `value`.
+    pub fn reset(&mut self, value: f64) {
+        for s in &mut self.sections {
+            (s.x, s.y) = ([value; 2], [value; 2]);
+        }
+    }
+
+    pub fn slots(&mut self) -> impl Iterator<Item = &mut f64> {
+        let sections = self.sections.iter_mut();
+        sections.flat_map(|s| s.x.iter_mut().chain(&mut s.y))
+    }
+
+    pub fn freeze(&self, out: &mut Vec<f64>) {
+        for s in &self.sections {
+            out.extend(s.x.iter().chain(&s.y));
+        }
+    }
+}
+
+/// Backward differences up to the third, over Δt, Δt², Δt³.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Differences {
+    past: [f64; 3],
+    per_dt: f64,
+}
+
+impl Differences {
+    pub fn new(dt: f64) -> Self {
+        Self {
+            past: [0.0; 3],
+            per_dt: 1.0 / dt,
+        }
+    }
+
+    /// The value and its three derivatives. Real-time: yes.
+    pub fn push(&mut self, value: f64) -> [f64; 4] {
+        let [a, b, c] = self.past;
+        self.past = [value, a, b];
+        let r = self.per_dt;
+        let (d1, e1, f1) = (value - a, a - b, b - c);
+        let (d2, e2) = (d1 - e1, e1 - f1);
+        [value, d1 * r, d2 * r * r, (d2 - e2) * r * r * r]
+    }
+
+    pub fn reset(&mut self, value: f64) {
+        self.past = [value; 3];
+    }
+
+    pub fn slots(&mut self) -> impl Iterator<Item = &mut f64> {
+        self.past.iter_mut()
+    }
+
+    pub fn freeze(&self, out: &mut Vec<f64>) {
+        out.extend(self.past);
+    }
+}
+
+/// The last values, newest first.
+#[derive(Debug, Clone)]
+pub(super) struct History {
+    ring: Vec<f64>,
+    newest: usize,
+}
+
+impl History {
+    pub fn new(entries: usize) -> Self {
+        Self {
+            ring: vec![0.0; entries.max(1)],
+            newest: 0,
+        }
+    }
+
+    pub fn push(&mut self, value: f64) {
+        self.newest = (self.newest + 1) % self.ring.len();
+        if let Some(entry) = self.ring.get_mut(self.newest) {
+            *entry = value;
+        }
+    }
+
+    /// The value `back` pushes ago; beyond the history the oldest.
+    pub fn back(&self, back: usize) -> f64 {
+        let n = self.ring.len();
+        let at = (self.newest + n - back.min(n - 1)) % n;
+        self.ring.get(at).copied().unwrap_or(0.0)
+    }
+
+    /// The value so many pushes ago, on the straight line between two of them.
+    pub fn between(&self, back: f64) -> f64 {
+        let whole = back.floor();
+        let share = back - whole;
+        let newer = self.back(whole as usize);
+        if share == 0.0 {
+            return newer;
+        }
+        newer + share * (self.back(whole as usize + 1) - newer)
+    }
+
+    pub fn reset(&mut self, value: f64) {
+        self.ring.fill(value);
+    }
+
+    pub fn freeze(&self, out: &mut Vec<f64>) {
+        out.extend((0..self.ring.len()).map(|back| self.back(back)));
+    }
+
+    pub fn slots(&mut self) -> impl Iterator<Item = &mut f64> {
+        self.newest = self.ring.len() - 1;
+        self.ring.iter_mut().rev()
+    }
+}

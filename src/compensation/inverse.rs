@@ -1,0 +1,69 @@
+//! Inverse compensation (Chen, Ricles, Marullo & Mercan 2009): the inverse of the plant z/(α z − (α − 1)).
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{CompensationError, Compensator, Parameter, history, not_negative};
+
+/// α d\[i\] − (α − 1) d\[i−1\] with α = 1 + delay/Δt: the same numbers as a polynomial of order 1 on nodes a step apart.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct InverseSpec {
+    /// Delay to be made up for, in s.
+    pub delay_s: f64,
+}
+
+#[derive(Debug)]
+pub(super) struct Inverse {
+    alpha: [f64; 1],
+    bounds: [(f64, f64); 1],
+    last: f64,
+}
+
+impl InverseSpec {
+    pub(super) fn build(&self, dt: f64) -> Result<Inverse, CompensationError> {
+        let ticks = not_negative("delay_s", self.delay_s)? / dt;
+        history("delay_s", ticks)?;
+        Ok(Inverse {
+            alpha: [1.0 + ticks],
+            bounds: [(1.0 + ticks, 1.0 + ticks)],
+            last: 0.0,
+        })
+    }
+}
+
+impl Compensator for Inverse {
+    fn predict(&mut self, disp: f64, _: f64, _: f64) -> f64 {
+        let [alpha] = self.alpha;
+        let command = alpha * disp - (alpha - 1.0) * self.last;
+        self.last = disp;
+        command
+    }
+
+    fn reset(&mut self, disp: f64) {
+        self.last = disp;
+    }
+
+    fn names(&self) -> &'static [Parameter] {
+        &[Parameter {
+            name: "alpha",
+            unit: "1",
+        }]
+    }
+
+    fn parameters(&self) -> &[f64] {
+        &self.alpha
+    }
+
+    fn bounds(&self) -> &[(f64, f64)] {
+        &self.bounds
+    }
+
+    fn freeze(&self, out: &mut Vec<f64>) {
+        out.push(self.last);
+    }
+
+    fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
+        super::take(std::iter::once(&mut self.last), from)
+    }
+}

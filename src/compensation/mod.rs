@@ -1,0 +1,211 @@
+//! Compensators: the command that makes a specimen stand where the structure asks, in spite of its actuator.
+//!
+//! One per axis, in m at the specimen. Each tick [`Compensator::observe`] hears the command in force and what was measured of
+//! it, then [`Compensator::predict`] makes the next command of the next target. Before the first target after
+//! [`Compensator::reset`] the history holds that target as if it had always stood there, so that start-up is a hold and never
+//! an extrapolation from nothing. What adapts is bounded in value and in rate. No allocation after construction, no clock.
+//!
+//! When the whole chain is stable for a specimen of stiffness k_e in a structure, by kind (numerics of the documentation):
+//!
+//! - no compensation: while the lag is below the critical delay, about 2ξ/(pω) of the governing mode;
+//! - polynomial on nodes a delay apart, delay as assumed: the chain is H(θ) = 1 − (1 − e^{−iθ})^{n+1}, θ = ωτ; its added damping
+//!   is not negative for θ ≤ π/3 (n = 2) and θ ≤ π/2 (n = 3), slightly negative for n = 1 and everywhere negative near 0 for
+//!   n = 4; above that a lightly damped higher mode is driven. On nodes a step apart the weights grow as (τ/Δt)ⁿ and with them
+//!   what noise does;
+//! - Newton form: as the polynomial of order 2 on nodes a step apart, for the family's own v and w;
+//! - inverse: as the polynomial of order 1 on nodes a step apart; exact for a first-order lag;
+//! - model inverse: while the true actuator's phase stays within the structure's damping of the model's;
+//! - adaptive kinds (ATS, AMB, recursive FIR): as the model inverse with the coefficients they have at the moment, which their
+//!   bounds hold to what was declared;
+//! - PI with phase lead: a feedback loop of its own; stable if its loop with the actuator is.
+
+mod adaptive;
+mod amb;
+mod ats;
+mod filter;
+mod inverse;
+mod least_squares;
+mod model_inverse;
+mod newton;
+mod none;
+mod pi_lead;
+mod polynomial;
+mod recursive_fir;
+mod spec;
+
+#[cfg(test)]
+mod tests;
+
+use thiserror::Error;
+
+pub use amb::AmbSpec;
+pub use ats::AtsSpec;
+pub use inverse::InverseSpec;
+pub use model_inverse::ModelInverseSpec;
+pub use newton::NewtonSpec;
+pub use none::NoneSpec;
+pub use pi_lead::PiLeadSpec;
+pub use polynomial::{Nodes, PolynomialSpec, horiuchi_weights, lagrange_weights};
+pub use recursive_fir::RecursiveFirSpec;
+pub use spec::CompensationSpec;
+
+/// Longest history in ticks.
+pub const LONGEST: usize = 8192;
+
+/// One parameter as it stands in the record.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Parameter {
+    /// Name of the column's part.
+    pub name: &'static str,
+    /// Unit.
+    pub unit: &'static str,
+}
+
+/// Makes commands of targets. All motions in m, m/s and m/s²; every method but `freeze` is on the real-time path.
+pub trait Compensator: Send + std::fmt::Debug {
+    /// The command for the target `disp`; `vel` and `accel` are the integrator's own: vel = ∇disp/Δt belongs to t − Δt/2, and
+    /// accel = ∇vel/Δt.
+    fn predict(&mut self, disp: f64, vel: f64, accel: f64) -> f64;
+
+    /// What was measured while `command` was in force. Called before the next `predict`, once a tick, or not at all in a tick
+    /// without a fresh measurement.
+    fn observe(&mut self, command: f64, measured: f64) {
+        let _ = (command, measured);
+    }
+
+    /// Forgets the past: everything has always stood at `disp`. What was learnt goes back to the start.
+    fn reset(&mut self, disp: f64);
+
+    /// Names of what [`Compensator::parameters`] gives.
+    fn names(&self) -> &'static [Parameter] {
+        &[]
+    }
+
+    /// The parameters of the moment.
+    fn parameters(&self) -> &[f64] {
+        &[]
+    }
+
+    /// What each parameter is kept within; the two are the same where nothing adapts.
+    fn bounds(&self) -> &[(f64, f64)] {
+        &[]
+    }
+
+    /// Appends the whole state.
+    fn freeze(&self, out: &mut Vec<f64>);
+
+    /// Takes the state from the front of `from` and returns the rest.
+    fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64];
+}
+
+/// What is wrong with a compensator's description.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+pub enum CompensationError {
+    /// A number outside its domain.
+    #[error("{name} is {found}, but must be {allowed}")]
+    Parameter {
+        /// Key.
+        name: &'static str,
+        /// What was given.
+        found: f64,
+        /// The domain, in words.
+        allowed: &'static str,
+    },
+    /// A list of the wrong length.
+    #[error("{name} has {found} entries, but must have {wanted}")]
+    Length {
+        /// Key.
+        name: &'static str,
+        /// Entries given.
+        found: usize,
+        /// Entries wanted.
+        wanted: usize,
+    },
+    /// A bound that holds nothing, or not the start.
+    #[error("coefficient {index} begins at {start}, outside its bounds {lower} to {upper}")]
+    Bounds {
+        /// From 0.
+        index: usize,
+        /// Where it begins.
+        start: f64,
+        /// Lower bound.
+        lower: f64,
+        /// Upper bound.
+        upper: f64,
+    },
+    /// The history of targets is too short.
+    #[error("{name} asks for {ticks:.0} ticks of history, but there are at most {LONGEST}")]
+    History {
+        /// Key.
+        name: &'static str,
+        /// Ticks needed.
+        ticks: f64,
+    },
+    /// More derivatives than the inverse of a causal model has.
+    #[error(
+        "{found} coefficients: the inverse of a model with more than three poles takes derivatives that no target has"
+    )]
+    NonCausal {
+        /// How many were given.
+        found: usize,
+    },
+}
+
+impl CompensationError {
+    /// The configuration key to point at.
+    #[must_use]
+    pub const fn key(&self) -> &'static str {
+        match self {
+            Self::Parameter { name, .. }
+            | Self::Length { name, .. }
+            | Self::History { name, .. } => name,
+            Self::Bounds { .. } => "lower",
+            Self::NonCausal { .. } => "coefficients",
+        }
+    }
+}
+
+pub(crate) fn inside(
+    name: &'static str,
+    found: f64,
+    is_inside: bool,
+    allowed: &'static str,
+) -> Result<f64, CompensationError> {
+    if is_inside && found.is_finite() {
+        Ok(found)
+    } else {
+        Err(CompensationError::Parameter {
+            name,
+            found,
+            allowed,
+        })
+    }
+}
+
+fn positive(name: &'static str, found: f64) -> Result<f64, CompensationError> {
+    inside(name, found, found > 0.0, "finite and greater than 0")
+}
+
+fn not_negative(name: &'static str, found: f64) -> Result<f64, CompensationError> {
+    inside(name, found, found >= 0.0, "finite and not negative")
+}
+
+fn history(name: &'static str, ticks: f64) -> Result<usize, CompensationError> {
+    if ticks <= LONGEST as f64 {
+        Ok(ticks.ceil() as usize)
+    } else {
+        Err(CompensationError::History { name, ticks })
+    }
+}
+
+/// Takes as many numbers as there are slots.
+fn take<'a, 'b>(slots: impl Iterator<Item = &'b mut f64>, from: &'a [f64]) -> &'a [f64] {
+    let mut rest = from;
+    for slot in slots {
+        if let Some((first, tail)) = rest.split_first() {
+            *slot = *first;
+            rest = tail;
+        }
+    }
+    rest
+}

@@ -1,0 +1,86 @@
+//! The inverse of a model with up to three poles, as a feed-forward of the target's derivatives (Carrion & Spencer 2007).
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::adaptive::COEFFICIENTS;
+use super::filter::Differences;
+use super::{CompensationError, Compensator, Parameter, inside, positive};
+
+/// a₀ d + a₁ ḋ + a₂ d̈ + a₃ d⃛, by backward differences.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ModelInverseSpec {
+    /// a₀, a₁ in s, a₂ in s², a₃ in s³: the denominator of the actuator's model over its gain, from the constant up; up to
+    /// four.
+    pub coefficients: Vec<f64>,
+}
+
+#[derive(Debug)]
+pub(super) struct ModelInverse {
+    a: Vec<f64>,
+    bounds: Vec<(f64, f64)>,
+    targets: Differences,
+}
+
+impl ModelInverseSpec {
+    pub(super) fn build(&self, dt: f64) -> Result<ModelInverse, CompensationError> {
+        let found = self.coefficients.len();
+        if found > 4 {
+            return Err(CompensationError::NonCausal { found });
+        }
+        if found == 0 {
+            return Err(CompensationError::Length {
+                name: "coefficients",
+                found,
+                wanted: 1,
+            });
+        }
+        for (i, a) in self.coefficients.iter().enumerate() {
+            if i == 0 {
+                positive("coefficients", *a)?;
+            }
+            inside("coefficients", *a, true, "finite")?;
+        }
+        Ok(ModelInverse {
+            a: self.coefficients.clone(),
+            bounds: self.coefficients.iter().map(|a| (*a, *a)).collect(),
+            targets: Differences::new(dt),
+        })
+    }
+}
+
+impl Compensator for ModelInverse {
+    fn predict(&mut self, disp: f64, _: f64, _: f64) -> f64 {
+        let derivatives = self.targets.push(disp);
+        let mut sum = 0.0;
+        for (a, d) in self.a.iter().zip(derivatives) {
+            sum += a * d;
+        }
+        sum
+    }
+
+    fn reset(&mut self, disp: f64) {
+        self.targets.reset(disp);
+    }
+
+    fn names(&self) -> &'static [Parameter] {
+        COEFFICIENTS.get(..self.a.len()).unwrap_or_default()
+    }
+
+    fn parameters(&self) -> &[f64] {
+        &self.a
+    }
+
+    fn bounds(&self) -> &[(f64, f64)] {
+        &self.bounds
+    }
+
+    fn freeze(&self, out: &mut Vec<f64>) {
+        self.targets.freeze(out);
+    }
+
+    fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
+        super::take(self.targets.slots(), from)
+    }
+}

@@ -1,0 +1,29 @@
+//! No compensation: the command is the target.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::Compensator;
+
+/// No compensation.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct NoneSpec {}
+
+/// See [`NoneSpec`].
+#[derive(Debug)]
+pub(super) struct Plain;
+
+impl Compensator for Plain {
+    fn predict(&mut self, disp: f64, _: f64, _: f64) -> f64 {
+        disp
+    }
+
+    fn reset(&mut self, _: f64) {}
+
+    fn freeze(&self, _: &mut Vec<f64>) {}
+
+    fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
+        from
+    }
+}

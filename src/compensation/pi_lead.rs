@@ -1,0 +1,108 @@
+//! The benchmark's sample controller: a phase lead, then a PI controller on what is left of the error.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{CompensationError, Compensator, inside, positive};
+
+/// K_p e + K_i ∫ e dt, e = lead(d) − x_m, lead = (b s + c)/(s + c); both by Tustin's rule.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct PiLeadSpec {
+    /// K_p.
+    pub proportional: f64,
+    /// K_i in 1/s.
+    pub integral_per_s: f64,
+    /// b.
+    pub lead_gain: f64,
+    /// c in 1/s.
+    pub lead_corner_per_s: f64,
+}
+
+impl Default for PiLeadSpec {
+    fn default() -> Self {
+        Self {
+            proportional: 2.0,
+            integral_per_s: 95.0,
+            lead_gain: 50.831_633_6,
+            lead_corner_per_s: 8_570.397_34,
+        }
+    }
+}
+
+#[derive(Debug)]
+pub(super) struct PiLead {
+    proportional: f64,
+    /// K_i Δt/2.
+    integral: f64,
+    /// Of the new and the last target, and of the last output.
+    lead: [f64; 3],
+    target: f64,
+    led: f64,
+    error: f64,
+    sum: f64,
+    measured: f64,
+}
+
+impl PiLeadSpec {
+    pub(super) fn build(&self, dt: f64) -> Result<PiLead, CompensationError> {
+        let allowed = "finite and not negative";
+        let k = self.proportional;
+        let proportional = inside("proportional", k, k >= 0.0, allowed)?;
+        let k = self.integral_per_s;
+        let integral = inside("integral_per_s", k, k >= 0.0, allowed)?;
+        let b = positive("lead_gain", self.lead_gain)?;
+        let c = positive("lead_corner_per_s", self.lead_corner_per_s)?;
+        let s = 2.0 / dt;
+        Ok(PiLead {
+            proportional,
+            integral: integral * dt / 2.0,
+            lead: [
+                (b * s + c) / (s + c),
+                (c - b * s) / (s + c),
+                (s - c) / (s + c),
+            ],
+            target: 0.0,
+            led: 0.0,
+            error: 0.0,
+            sum: 0.0,
+            measured: 0.0,
+        })
+    }
+}
+
+impl Compensator for PiLead {
+    fn predict(&mut self, disp: f64, _: f64, _: f64) -> f64 {
+        let [new, last, own] = self.lead;
+        self.led = new * disp + last * self.target + own * self.led;
+        self.target = disp;
+        let error = self.led - self.measured;
+        self.sum += self.integral * (error + self.error);
+        self.error = error;
+        self.proportional * error + self.sum
+    }
+
+    fn observe(&mut self, _: f64, measured: f64) {
+        self.measured = measured;
+    }
+
+    fn reset(&mut self, disp: f64) {
+        (self.target, self.led, self.measured) = (disp, disp, disp);
+        (self.error, self.sum) = (0.0, disp);
+    }
+
+    fn freeze(&self, out: &mut Vec<f64>) {
+        out.extend([self.target, self.led, self.error, self.sum, self.measured]);
+    }
+
+    fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
+        let slots = [
+            &mut self.target,
+            &mut self.led,
+            &mut self.error,
+            &mut self.sum,
+            &mut self.measured,
+        ];
+        super::take(slots.into_iter(), from)
+    }
+}

@@ -1,0 +1,259 @@
+//! A filter of four targets whose weights follow recursive least squares (Quiroz, Gálmez & Fermandois 2024).
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::adaptive::Bounded;
+use super::filter::{History, LowPass};
+use super::{CompensationError, Compensator, Parameter, history, inside, not_negative, positive};
+
+const TAPS: usize = 4;
+
+/// θᵀ \[d, d(t − s), d(t − 2s), d(t − 3s)\], θ by recursive least squares of commands on measurements taken the same way.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RecursiveFirSpec {
+    /// Delay that the weights begin with, in s: 1 + τ/s, −τ/s, 0, 0.
+    pub delay_s: f64,
+    /// Distance s of the targets in s, a whole number of ticks. Default: the tick next to 1 ms.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub spacing_s: Option<f64>,
+    /// What of the past counts after one tick; 1 forgets nothing. Default: 1.
+    #[serde(default = "one")]
+    pub forgetting: f64,
+    /// Variance of the weights at the start per variance of the motion, in 1/m². Default: 1e8.
+    #[serde(default = "variance")]
+    pub start_variance_per_m2: f64,
+    /// Corner of the filter of commands and measurements, in Hz. Default: 20.
+    #[serde(default = "twenty")]
+    pub filter_hz: f64,
+    /// Lower bounds of the weights. Default: the start less 4 (1 + τ/s), for weights of the third order are so large.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lower: Option<Vec<f64>>,
+    /// Upper bounds. Default: the start and 4 (1 + τ/s).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub upper: Option<Vec<f64>>,
+    /// Greatest change of each weight per second. Default: half of the way between its bounds.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rate_per_s: Option<Vec<f64>>,
+}
+
+const fn one() -> f64 {
+    1.0
+}
+
+const fn twenty() -> f64 {
+    20.0
+}
+
+const fn variance() -> f64 {
+    1e8
+}
+
+#[derive(Debug)]
+pub(super) struct RecursiveFir {
+    /// What is used.
+    theta: Bounded,
+    /// What is estimated.
+    estimate: [f64; TAPS],
+    covariance: [[f64; TAPS]; TAPS],
+    spacing: usize,
+    forgetting: f64,
+    variance: f64,
+    targets: History,
+    commands: LowPass,
+    measurements: LowPass,
+    measured: History,
+}
+
+impl RecursiveFirSpec {
+    /// With the usual filter and bounds.
+    #[must_use]
+    pub fn usual(delay_s: f64) -> Self {
+        Self {
+            delay_s,
+            spacing_s: None,
+            forgetting: 1.0,
+            start_variance_per_m2: variance(),
+            filter_hz: twenty(),
+            lower: None,
+            upper: None,
+            rate_per_s: None,
+        }
+    }
+
+    pub(super) fn build(&self, dt: f64) -> Result<RecursiveFir, CompensationError> {
+        let delay = not_negative("delay_s", self.delay_s)?;
+        let spacing = match self.spacing_s {
+            Some(spacing) => {
+                let ticks = positive("spacing_s", spacing)? / dt;
+                let whole = ticks.round();
+                let is_whole = whole >= 1.0 && (ticks - whole).abs() < 1e-6 * whole;
+                inside("spacing_s", spacing, is_whole, "a whole number of ticks")?;
+                whole
+            }
+            None => (1e-3 / dt).round().max(1.0),
+        };
+        let entries = history("spacing_s", spacing * 3.0 + 1.0)?;
+        history("delay_s", delay / dt)?;
+        let forgets = self.forgetting > 0.9 && self.forgetting <= 1.0;
+        inside(
+            "forgetting",
+            self.forgetting,
+            forgets,
+            "above 0.9 and at most 1",
+        )?;
+        let variance = positive("start_variance_per_m2", self.start_variance_per_m2)?;
+        positive("filter_hz", self.filter_hz)?;
+        let below = self.filter_hz * dt < 0.5;
+        inside(
+            "filter_hz",
+            self.filter_hz,
+            below,
+            "below half the rate of ticks",
+        )?;
+        let eta = delay / (spacing * dt);
+        let start = vec![1.0 + eta, -eta, 0.0, 0.0];
+        let way = 4.0 * (1.0 + eta);
+        let defaults = start
+            .iter()
+            .map(|theta| (theta - way, theta + way))
+            .collect();
+        let theta = Bounded::new(
+            start,
+            defaults,
+            self.lower.as_deref(),
+            self.upper.as_deref(),
+            self.rate_per_s.as_deref(),
+            dt,
+        )?;
+        let mut fir = RecursiveFir {
+            theta,
+            estimate: [0.0; TAPS],
+            covariance: [[0.0; TAPS]; TAPS],
+            spacing: spacing as usize,
+            forgetting: self.forgetting,
+            variance,
+            targets: History::new(entries),
+            commands: LowPass::new(self.filter_hz, dt),
+            measurements: LowPass::new(self.filter_hz, dt),
+            measured: History::new(entries),
+        };
+        fir.begin();
+        Ok(fir)
+    }
+}
+
+impl RecursiveFir {
+    fn begin(&mut self) {
+        self.theta.reset();
+        for (estimate, theta) in self.estimate.iter_mut().zip(&self.theta.values) {
+            *estimate = *theta;
+        }
+        self.covariance = [[0.0; TAPS]; TAPS];
+        for (i, row) in self.covariance.iter_mut().enumerate() {
+            row[i] = self.variance;
+        }
+    }
+
+    fn slots(&mut self) -> impl Iterator<Item = &mut f64> {
+        let estimated = self.theta.values.iter_mut().chain(&mut self.estimate);
+        estimated
+            .chain(self.covariance.iter_mut().flatten())
+            .chain(self.targets.slots())
+            .chain(self.commands.slots())
+            .chain(self.measurements.slots())
+            .chain(self.measured.slots())
+    }
+}
+
+impl Compensator for RecursiveFir {
+    fn predict(&mut self, disp: f64, _: f64, _: f64) -> f64 {
+        self.targets.push(disp);
+        let mut sum = 0.0;
+        for (j, theta) in self.theta.values.iter().enumerate() {
+            sum += theta * self.targets.back(j * self.spacing);
+        }
+        sum
+    }
+
+    fn observe(&mut self, command: f64, measured: f64) {
+        let u = self.commands.push(command);
+        self.measured.push(self.measurements.push(measured));
+        let mut phi = [0.0; TAPS];
+        for (j, phi) in phi.iter_mut().enumerate() {
+            *phi = self.measured.back(j * self.spacing);
+        }
+        let mut gain = [0.0; TAPS];
+        let (mut error, mut scale) = (u, self.forgetting);
+        for ((gain, row), (phi_i, estimate)) in gain
+            .iter_mut()
+            .zip(&self.covariance)
+            .zip(phi.iter().zip(&self.estimate))
+        {
+            for (p, phi) in row.iter().zip(&phi) {
+                *gain += p * phi;
+            }
+            scale += *gain * phi_i;
+            error -= estimate * phi_i;
+        }
+        // Positive but for roundoff.
+        if !(scale.is_finite() && scale > 0.0 && error.is_finite()) {
+            return;
+        }
+        for (estimate, gain) in self.estimate.iter_mut().zip(&gain) {
+            *estimate += gain / scale * error;
+        }
+        for i in 0..TAPS {
+            for j in 0..=i {
+                let value = (self.covariance[i][j] - gain[i] * gain[j] / scale) / self.forgetting;
+                // It forgets no further than it began: else it would wind up where nothing moves.
+                let value = if i == j {
+                    value.clamp(1e-12 * self.variance, self.variance)
+                } else {
+                    value
+                };
+                self.covariance[i][j] = value;
+                self.covariance[j][i] = value;
+            }
+        }
+        self.theta.approach(&self.estimate);
+    }
+
+    fn reset(&mut self, disp: f64) {
+        self.begin();
+        self.targets.reset(disp);
+        self.measured.reset(disp);
+        self.commands.reset(disp);
+        self.measurements.reset(disp);
+    }
+
+    fn names(&self) -> &'static [Parameter] {
+        const fn tap(name: &'static str) -> Parameter {
+            Parameter { name, unit: "1" }
+        }
+        const NAMES: [Parameter; TAPS] = [tap("t0"), tap("t1"), tap("t2"), tap("t3")];
+        &NAMES
+    }
+
+    fn parameters(&self) -> &[f64] {
+        &self.theta.values
+    }
+
+    fn bounds(&self) -> &[(f64, f64)] {
+        &self.theta.bounds
+    }
+
+    fn freeze(&self, out: &mut Vec<f64>) {
+        out.extend(self.theta.values.iter().chain(&self.estimate));
+        out.extend(self.covariance.iter().flatten());
+        self.targets.freeze(out);
+        self.commands.freeze(out);
+        self.measurements.freeze(out);
+        self.measured.freeze(out);
+    }
+
+    fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
+        super::take(self.slots(), from)
+    }
+}

@@ -1,0 +1,77 @@
+//! What the test file says of a compensator: `[specimen.compensation]`, one table per kind.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::none::Plain;
+use super::{
+    AmbSpec, AtsSpec, CompensationError, Compensator, InverseSpec, ModelInverseSpec, NewtonSpec,
+    NoneSpec, Parameter, PiLeadSpec, PolynomialSpec, RecursiveFirSpec,
+};
+
+/// How commands are made of targets so that the specimen stands where it should. The same on every axis, each with a memory
+/// of its own; SI units at the specimen.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "snake_case")]
+pub enum CompensationSpec {
+    /// The command is the target.
+    None(NoneSpec),
+    /// Polynomial extrapolation through past targets.
+    Polynomial(PolynomialSpec),
+    /// The integrator's own velocity and acceleration.
+    Newton(NewtonSpec),
+    /// Inverse of a first-order lag.
+    Inverse(InverseSpec),
+    /// Fixed inverse of a model with up to three poles.
+    ModelInverse(ModelInverseSpec),
+    /// Adaptive time series.
+    Ats(AtsSpec),
+    /// Adaptive model-based compensation.
+    Amb(AmbSpec),
+    /// Four weights by recursive least squares.
+    RecursiveFir(RecursiveFirSpec),
+    /// PI control with a phase lead.
+    PiLead(PiLeadSpec),
+}
+
+pub(super) const DELAY: &[Parameter] = &[Parameter {
+    name: "delay",
+    unit: "s",
+}];
+
+impl CompensationSpec {
+    /// The compensator of one axis for ticks of `dt` seconds.
+    ///
+    /// # Errors
+    /// A key outside its domain, bounds that do not hold the start, a lead beyond the history.
+    pub fn build(&self, dt: f64) -> Result<Box<dyn Compensator>, CompensationError> {
+        super::positive("the tick", dt)?;
+        Ok(match self {
+            Self::None(_) => Box::new(Plain),
+            Self::Polynomial(spec) => Box::new(spec.build(dt)?),
+            Self::Newton(spec) => Box::new(spec.build(dt)?),
+            Self::Inverse(spec) => Box::new(spec.build(dt)?),
+            Self::ModelInverse(spec) => Box::new(spec.build(dt)?),
+            Self::Ats(spec) => Box::new(spec.build(dt)?),
+            Self::Amb(spec) => Box::new(spec.build(dt)?),
+            Self::RecursiveFir(spec) => Box::new(spec.build(dt)?),
+            Self::PiLead(spec) => Box::new(spec.build(dt)?),
+        })
+    }
+
+    /// The key of its kind.
+    #[must_use]
+    pub const fn kind(&self) -> &'static str {
+        match self {
+            Self::None(_) => "none",
+            Self::Polynomial(_) => "polynomial",
+            Self::Newton(_) => "newton",
+            Self::Inverse(_) => "inverse",
+            Self::ModelInverse(_) => "model_inverse",
+            Self::Ats(_) => "ats",
+            Self::Amb(_) => "amb",
+            Self::RecursiveFir(_) => "recursive_fir",
+            Self::PiLead(_) => "pi_lead",
+        }
+    }
+}

@@ -1,0 +1,163 @@
+//! The compensators of a port: one per axis, in m at the specimen, between the command that the target asks for and the one
+//! that is sent.
+//!
+//! Until the test runs they hold: whatever comes before (static load, ramps, warm-up) is quasi-static, passes unchanged, and
+//! is the history that the first prediction starts from. A tick in which time stands still, or without a fresh measurement,
+//! teaches them nothing.
+
+use super::Port;
+use crate::compensation::{Compensator, Parameter};
+
+/// Compensators of one port.
+#[derive(Debug)]
+pub(super) struct Compensation {
+    of: Vec<Box<dyn Compensator>>,
+    /// Metres in one unit of each axis.
+    metres: Vec<f64>,
+    /// Tick in s of wall time, and seconds of test time in one of wall time.
+    tick: f64,
+    pace: f64,
+    running: bool,
+    /// A command that was made of a target is in force, and its measurement is still to come.
+    asked: bool,
+    vel: Vec<f64>,
+}
+
+impl Port {
+    /// Puts a compensator on each axis; `tick` is the wall time from command to command in s, `pace` the test time that
+    /// passes in one second of it. Without as many compensators as axes nothing changes.
+    #[must_use]
+    pub fn with_compensation(
+        mut self,
+        of: Vec<Box<dyn Compensator>>,
+        metres: Vec<f64>,
+        tick: f64,
+        pace: f64,
+    ) -> Self {
+        let n = self.axes.len();
+        if of.len() == n && metres.len() == n {
+            self.compensation = Some(Compensation {
+                of,
+                metres,
+                tick,
+                pace,
+                running: false,
+                asked: false,
+                vel: vec![0.0; n],
+            });
+        }
+        self
+    }
+
+    /// The test runs: from the next target on commands are compensated.
+    pub fn begin_compensation(&mut self) {
+        if let Some(compensation) = &mut self.compensation {
+            compensation.running = true;
+        }
+    }
+
+    /// Names of the compensators' parameters, axis by axis; the axis counts from 0.
+    pub fn compensation_names(&self) -> impl Iterator<Item = (usize, Parameter)> {
+        let of = self.compensation.iter().flat_map(|all| &all.of);
+        of.enumerate()
+            .flat_map(|(axis, one)| one.names().iter().map(move |name| (axis, *name)))
+    }
+
+    /// The parameters of the moment, in the order of their names. Real-time: yes.
+    pub fn compensation_parameters(&self) -> impl Iterator<Item = f64> {
+        let of = self.compensation.iter().flat_map(|all| &all.of);
+        of.flat_map(|one| one.parameters().iter().copied())
+    }
+
+    /// The compensators' states, for a test that is to go on later.
+    pub fn freeze_compensation(&self, out: &mut Vec<f64>) {
+        if let Some(compensation) = &self.compensation {
+            out.push(f64::from(u8::from(compensation.running)));
+            out.extend(&compensation.vel);
+            for one in &compensation.of {
+                one.freeze(out);
+            }
+        }
+    }
+
+    /// Takes them back from the front of `from` and returns the rest.
+    pub fn thaw_compensation<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
+        let Some(compensation) = &mut self.compensation else {
+            return from;
+        };
+        let mut rest = from;
+        if let Some((running, tail)) = rest.split_first() {
+            compensation.running = *running != 0.0;
+            rest = tail;
+        }
+        for vel in &mut compensation.vel {
+            if let Some((first, tail)) = rest.split_first() {
+                *vel = *first;
+                rest = tail;
+            }
+        }
+        for one in &mut compensation.of {
+            rest = one.thaw(rest);
+        }
+        rest
+    }
+
+    /// Makes the command of the target's. Real-time: yes.
+    pub(super) fn compensate(&mut self) {
+        let Some(Compensation {
+            of,
+            metres,
+            tick,
+            pace,
+            running,
+            vel: last_vel,
+            ..
+        }) = &mut self.compensation
+        else {
+            return;
+        };
+        let axes = self.axes.iter().zip(&mut self.command).zip(&self.target);
+        let rest = self.target_vel.iter().zip(last_vel).zip(metres).zip(of);
+        for (((axis, command), target), (((vel, last_vel), metres), one)) in axes.zip(rest) {
+            let disp = axis.disp_gain * target * *metres;
+            let vel = axis.disp_gain * vel * *metres * *pace;
+            if *running {
+                let accel = (vel - *last_vel) / *tick;
+                *command = one.predict(disp, vel, accel) / *metres + axis.disp_offset;
+            } else {
+                one.reset(disp);
+            }
+            *last_vel = vel;
+        }
+    }
+
+    /// A command that was made of a target leaves, or one that only stands still. Real-time: yes.
+    pub(super) fn compensation_asks(&mut self, moves: bool) {
+        if let Some(compensation) = &mut self.compensation {
+            compensation.asked = moves;
+        }
+    }
+
+    /// A fresh measurement is there. Real-time: yes.
+    pub(super) fn compensation_hears(&mut self) {
+        let Some(Compensation {
+            of,
+            metres,
+            running: true,
+            asked: asked @ true,
+            ..
+        }) = &mut self.compensation
+        else {
+            return;
+        };
+        *asked = false;
+        let axes = self.axes.iter().zip(&self.sent).zip(&self.raw.disp);
+        for (((axis, sent), raw), (metres, one)) in axes.zip(metres.iter().zip(of)) {
+            let command = (sent - axis.disp_offset) * metres;
+            let measured = (raw - axis.measured_offset - axis.disp_offset) * metres;
+            if measured.is_finite() {
+                one.observe(command, measured);
+            }
+        }
+    }
+}

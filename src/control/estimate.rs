@@ -1,0 +1,469 @@
+//! What a port estimates of its axes while the test runs: tangents, the room that they leave for stability, and the energy
+//! that the transfer system adds.
+//!
+//! All of it is at the structure, where the proof of stability is. Estimates come of fresh measurements only. They
+//! stand in the row and are judged by the limits; nothing else depends on them.
+
+use super::Port;
+use super::limits::{Estimated, Found};
+use super::tangent::{Point, Tangent};
+
+/// Noise levels that a change must exceed to count for a tangent.
+const ABOVE_NOISE: f64 = 10.0;
+
+/// What is declared of one axis, at the structure.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Declared {
+    /// ĉ, the initial damping, N s/m.
+    pub damping: f64,
+    /// Upper bound of the tangent stiffness, N/m; NaN if there is none.
+    pub stiffness_bound: f64,
+    /// Upper bound of the tangent damping, N s/m; NaN if there is none.
+    pub damping_bound: f64,
+    /// b·S⁻¹·bᵀ with S(λ) at the declared bounds, per kg; NaN if it is not known.
+    pub gain: f64,
+    /// Motion in m below which no tangent is taken; 0: by the noise that is read while zeroing.
+    pub step: f64,
+}
+
+impl Declared {
+    /// Nothing.
+    pub const NONE: Declared = Declared {
+        damping: 0.0,
+        stiffness_bound: f64::NAN,
+        damping_bound: f64::NAN,
+        gain: f64::NAN,
+        step: 0.0,
+    };
+}
+
+/// What is remembered of one axis.
+#[derive(Debug, Clone, Copy)]
+struct Estimate {
+    tangent: Tangent,
+    declared: Declared,
+    /// J, and the error and force of the measurement before.
+    added_energy: f64,
+    error: f64,
+    force: f64,
+}
+
+/// The estimates of a port.
+#[derive(Debug)]
+pub(super) struct Estimates {
+    axes: Vec<Estimate>,
+    /// k̂ between different axes, n × n by rows, zero on the diagonal; empty if they do not know of each other.
+    coupling: Vec<f64>,
+    /// Δt of the integration.
+    dt: f64,
+    /// Whether the command that is in force moves.
+    pub moves: bool,
+    /// Whether energy is counted, and whether there is a measurement to count from.
+    counts: bool,
+    has_last: bool,
+    /// Nothing is estimated for now.
+    rests: bool,
+}
+
+impl Estimates {
+    pub fn new(stiffness: &[f64]) -> Self {
+        let estimate = |stiffness: &f64| Estimate {
+            tangent: Tangent::new(*stiffness, 0.0, false),
+            declared: Declared::NONE,
+            added_energy: 0.0,
+            error: 0.0,
+            force: 0.0,
+        };
+        Self {
+            axes: stiffness.iter().map(estimate).collect(),
+            coupling: Vec::new(),
+            dt: 0.0,
+            moves: false,
+            counts: false,
+            has_last: false,
+            rests: false,
+        }
+    }
+
+    /// Changes of at least this size count from now on: as declared, or above the noise of (displacement, force) in m
+    /// and N.
+    pub fn begin(&mut self, noise: impl Iterator<Item = (f64, f64)>) {
+        for (axis, (disp, force)) in self.axes.iter_mut().zip(noise) {
+            let stiffness = axis.tangent.stiffness().abs();
+            let of_force = if stiffness > 0.0 {
+                force / stiffness
+            } else {
+                0.0
+            };
+            let step = if axis.declared.step > 0.0 {
+                axis.declared.step
+            } else {
+                ABOVE_NOISE * disp.max(of_force)
+            };
+            axis.tangent
+                .begin(if step.is_finite() { step } else { 0.0 });
+        }
+    }
+}
+
+impl Estimate {
+    /// (k − k_max)Δt² + 2(c − c_max)Δt, over what S has left in this direction: 1 is the limit of stability for an axis
+    /// alone. NaN if it is not known. Real-time: yes.
+    fn stability_used(&self, dt: f64) -> f64 {
+        let Declared {
+            stiffness_bound,
+            damping_bound,
+            gain,
+            ..
+        } = self.declared;
+        let damping = if self.tangent.with_damping() {
+            2.0 * dt * (self.tangent.damping() - damping_bound)
+        } else {
+            0.0
+        };
+        let excess = dt * dt * (self.tangent.stiffness() - stiffness_bound) + damping;
+        if excess.is_nan() || gain.is_nan() {
+            f64::NAN
+        } else {
+            excess.max(0.0) * gain
+        }
+    }
+
+    fn judged(&self) -> Estimated {
+        let Declared {
+            stiffness_bound,
+            damping_bound,
+            ..
+        } = self.declared;
+        Estimated {
+            stiffness_ratio: self.tangent.stiffness() / stiffness_bound,
+            damping_ratio: if self.tangent.with_damping() {
+                self.tangent.damping() / damping_bound
+            } else {
+                f64::NAN
+            },
+            added_energy: self.added_energy,
+        }
+    }
+}
+
+impl Port {
+    /// What is declared of the axes, with k̂ between them (n × n by rows, the diagonal is not looked at) and the step Δt.
+    #[must_use]
+    pub fn with_declared(mut self, declared: &[Declared], stiffness: &[Vec<f64>], dt: f64) -> Self {
+        let estimates = &mut self.estimates;
+        let n = estimates.axes.len();
+        let axes = estimates.axes.iter_mut().zip(declared);
+        for ((axis, declared), limits) in axes.zip(self.guard.watch.limits()) {
+            axis.declared = Declared {
+                step: limits.tangent_step,
+                ..*declared
+            };
+            let with_damping = declared.damping_bound > 0.0;
+            let stiffness = axis.tangent.stiffness();
+            axis.tangent = Tangent::new(stiffness, declared.damping, with_damping);
+        }
+        estimates.dt = dt;
+        let rows = stiffness.iter().enumerate().flat_map(|(i, row)| {
+            let beside = move |(j, value): (usize, &f64)| if i == j { 0.0 } else { *value };
+            row.iter().enumerate().map(beside)
+        });
+        let coupling: Vec<f64> = rows.collect();
+        let is_coupled = coupling.len() == n * n && coupling.iter().any(|value| *value != 0.0);
+        estimates.coupling = if is_coupled { coupling } else { Vec::new() };
+        estimates.begin(std::iter::repeat_n((0.0, 0.0), n));
+        self
+    }
+
+    /// The specimen stands, and what is measured stands in no row: nothing is estimated from it.
+    pub fn rest(&mut self) {
+        self.estimates.rests = true;
+    }
+
+    /// The test begins: energy counts from the next measurement on, and what is remembered of the measurements is what stands
+    /// in the rows, so that a replay remembers the same.
+    pub fn begin_test(&mut self) {
+        self.guard.watch.forget_measurements();
+        self.estimates.rests = false;
+        self.estimates.counts = true;
+        self.estimates.has_last = false;
+        for axis in &mut self.estimates.axes {
+            axis.added_energy = 0.0;
+        }
+    }
+
+    /// Begins the estimates anew, with the noise that was read.
+    pub(super) fn estimate_above_noise(&mut self) {
+        let noise: Vec<(f64, f64)> = (0..self.axes.len())
+            .zip(&self.axes)
+            .map(|(index, axis)| {
+                let reading = self.reading(index);
+                let disp = (reading.disp_noise / axis.disp_gain).abs();
+                (disp, (reading.force_noise * axis.force_gain).abs())
+            })
+            .collect();
+        self.estimates.begin(noise.into_iter());
+    }
+
+    /// Takes the measurement last taken, which must be a fresh one, and judges what it shows. Real-time: yes.
+    pub(super) fn estimate(&mut self, found: &mut Found) {
+        if self.estimates.rests {
+            return;
+        }
+        let Estimates {
+            axes,
+            coupling,
+            moves,
+            counts,
+            has_last,
+            ..
+        } = &mut self.estimates;
+        let n = axes.len();
+        let values = self.measured.iter().zip(&self.force).zip(&self.target);
+        let motion = self.command_vel.iter().zip(&self.axes);
+        for (index, ((estimate, ((disp, force), target)), (vel, axis))) in
+            axes.iter_mut().zip(values).zip(motion).enumerate()
+        {
+            let vel = if *moves { vel / axis.vel_gain } else { 0.0 };
+            // What the other axes do to this one, as declared.
+            let row = coupling.get(index * n..(index + 1) * n).unwrap_or_default();
+            let others = row.iter().zip(&self.measured);
+            let others: f64 = others.map(|(stiffness, disp)| stiffness * disp).sum();
+            estimate.tangent.take(Point {
+                disp: *disp,
+                vel,
+                force: force - others,
+            });
+            let error = disp - target;
+            if *counts && *has_last {
+                // The force on the way is taken as the mean of both ends.
+                estimate.added_energy += 0.5 * (force + estimate.force) * (error - estimate.error);
+            }
+            (estimate.error, estimate.force) = (error, *force);
+        }
+        *has_last = true;
+        let judged = self.estimates.axes.iter().map(Estimate::judged);
+        self.guard.watch.estimated(judged, found);
+    }
+
+    /// Tangent stiffness in N/m, tangent damping in N s/m (none where no damping is declared) and energy in J that the
+    /// transfer system has added, per axis at the structure. Real-time: yes.
+    pub fn estimates(&self) -> impl Iterator<Item = (f64, Option<f64>, f64)> + '_ {
+        self.estimates.axes.iter().map(|axis| {
+            let tangent = &axis.tangent;
+            let damping = tangent.with_damping().then_some(tangent.damping());
+            (tangent.stiffness(), damping, axis.added_energy)
+        })
+    }
+
+    /// Share of the room for stability that tangents beyond their declared bounds use up: 0 within the bounds; below 1
+    /// stable; exactly 1 is the limit of one axis alone. None if there is no proof to start from. Real-time: yes.
+    #[must_use]
+    pub fn stability_used(&self) -> Option<f64> {
+        let dt = self.estimates.dt;
+        let axes = self.estimates.axes.iter();
+        let used: f64 = axes.map(|axis| axis.stability_used(dt)).sum();
+        used.is_finite().then_some(used)
+    }
+
+    /// Whether [`Port::stability_used`] is known. Real-time: yes.
+    #[must_use]
+    pub fn knows_stability(&self) -> bool {
+        let mut axes = self.estimates.axes.iter();
+        axes.all(|axis| {
+            let declared = &axis.declared;
+            !declared.gain.is_nan() && !declared.stiffness_bound.is_nan()
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::Axis;
+    use crate::control::limits::{AxisLimits, Bound, Quantity};
+    use crate::substructure::{
+        Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
+    };
+    use crate::time::Nanos;
+
+    /// A spring and dashpot in mm and kN, counted the other way, whose actuator is some ticks late.
+    #[derive(Debug)]
+    struct Late {
+        stiffness: f64,
+        damping: f64,
+        told: Vec<f64>,
+        vel: f64,
+        ticks: usize,
+    }
+
+    impl Substructure for Late {
+        fn axes(&self) -> usize {
+            1
+        }
+        fn coupling(&self) -> Coupling {
+            Coupling::Lockstep
+        }
+        fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+            self.told.push(command.disp[0]);
+            self.vel = command.vel[0];
+            Ok(())
+        }
+        fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+            let last = self.told.len() - 1;
+            let disp = self.told[last.saturating_sub(self.ticks)];
+            into.disp[0] = disp;
+            into.force[0] = 1e-6 * (self.stiffness * disp + self.damping * self.vel);
+            Ok(Freshness::Fresh)
+        }
+        fn retire(&mut self, _: Retirement) {}
+    }
+
+    fn port(late: Late, declared: Declared, limits: AxisLimits, dt: f64) -> Port {
+        let axis = Axis {
+            disp_gain: -1000.0,
+            vel_gain: -1000.0,
+            force_gain: -1000.0,
+            ..Axis::plain(vec![(0, 1.0)])
+        };
+        Port::new("rig", vec![axis], Box::new(late), 1, vec![1e5])
+            .unwrap()
+            .with_limits(vec![limits], vec![(1e-3, 1e3)], dt)
+            .with_declared(&[declared], &[vec![1e5]], dt)
+    }
+
+    /// Goes along `disp` and `vel`; what the last measurement found.
+    fn go(port: &mut Port, ticks: usize, motion: impl Fn(usize) -> (f64, f64)) -> Found {
+        let mut found = Found::default();
+        for k in 0..ticks {
+            let (disp, vel) = motion(k);
+            port.aim(&[disp], &[vel], 0.0, 0.0);
+            assert_eq!(port.clear().trip, None);
+            port.issue(k as u64, 0.0, 0.0).unwrap();
+            port.collect(Nanos(0)).unwrap();
+            found = port.judge();
+        }
+        found
+    }
+
+    fn spring(stiffness: f64, ticks: usize) -> Late {
+        Late {
+            stiffness,
+            damping: 0.0,
+            told: Vec::new(),
+            vel: 0.0,
+            ticks,
+        }
+    }
+
+    const DT: f64 = 1e-3;
+    const OMEGA: f64 = 12.0;
+
+    /// Two whole periods of 2π/12 s are 1047.2 ticks: the sine is stretched to 1000 per two periods.
+    fn swing(k: usize) -> (f64, f64) {
+        let phase = 4.0 * std::f64::consts::PI * k as f64 / 1000.0;
+        (0.02 * phase.sin(), 0.02 * OMEGA * phase.cos())
+    }
+
+    #[test]
+    fn a_late_actuator_adds_the_energy_of_its_ellipse() {
+        let added = |ticks: usize, reversed: bool| {
+            let stiffness = if reversed { -3e5 } else { 3e5 };
+            let mut port = port(
+                spring(stiffness, ticks),
+                Declared::NONE,
+                AxisLimits::NONE,
+                DT,
+            );
+            // From where the delay line is full.
+            go(&mut port, 500, swing);
+            port.begin_test();
+            go(&mut port, 1001, |k| swing(k + 500));
+            port.estimates().next().unwrap().2
+        };
+        // ∮ f d(d_m − d) with d_m late by the phase φ: π k A² sin φ per period, two of them. The trapezoids of a sine with
+        // 500 ticks a period are off by (2π/500)²/12 = 1.3e-5 of it.
+        for ticks in [1, 10, 40] {
+            let phase = 4.0 * std::f64::consts::PI * ticks as f64 / 1000.0;
+            let ellipse = 2.0 * std::f64::consts::PI * 3e5 * 4e-4 * phase.sin();
+            let found = added(ticks, false);
+            assert!(
+                (found / ellipse - 1.0).abs() < 1e-4,
+                "{ticks}: {found} {ellipse}"
+            );
+            assert!(
+                (added(ticks, true) / ellipse + 1.0).abs() < 1e-4,
+                "it takes"
+            );
+        }
+        assert!(added(0, false).abs() < 1e-12);
+    }
+
+    #[test]
+    fn tangents_are_those_of_the_structure_whatever_the_axis_counts_in() {
+        let declared = Declared {
+            damping: 1e3,
+            damping_bound: 1e3,
+            ..Declared::NONE
+        };
+        let late = Late {
+            damping: 2e3,
+            ..spring(3e5, 0)
+        };
+        let mut port = port(late, declared, AxisLimits::NONE, DT);
+        go(&mut port, 200, swing);
+        let (stiffness, damping, _) = port.estimates().next().unwrap();
+        assert!((stiffness / 3e5 - 1.0).abs() < 1e-6, "{stiffness}");
+        assert!((damping.unwrap() / 2e3 - 1.0).abs() < 1e-6, "{damping:?}");
+    }
+
+    #[test]
+    fn the_room_for_stability_is_used_up_where_equation_41_says() {
+        // One degree of freedom, λ = 8, Ω0² = k0 Δt²/m = 6.25: stable up to k = 4 m/Δt² + 4 k0/λ (numerics.md 3.2).
+        let (mass, k0, dt, lambda) = (160.0, 1e5, 0.1, 8.0);
+        let limit = 4.0 * mass / (dt * dt) + 4.0 * k0 / lambda;
+        let bound = 1.05e5;
+        let stability = 4.0 * mass + 4.0 * dt * dt * k0 / lambda - dt * dt * bound;
+        let declared = Declared {
+            stiffness_bound: bound,
+            damping_bound: 0.0,
+            gain: 1.0 / stability,
+            ..Declared::NONE
+        };
+        let used = |stiffness: f64| {
+            let mut port = port(spring(stiffness, 0), declared, AxisLimits::NONE, dt);
+            assert!(port.knows_stability());
+            go(&mut port, 10, swing);
+            port.stability_used().unwrap()
+        };
+        assert_eq!(used(1.04e5), 0.0, "within the declared bound");
+        assert!((used(limit) - 1.0).abs() < 1e-9);
+        assert!(used(0.999 * limit) < 1.0 && used(1.001 * limit) > 1.0);
+        let unproven = port(spring(1e5, 0), Declared::NONE, AxisLimits::NONE, dt);
+        assert!(!unproven.knows_stability());
+    }
+
+    #[test]
+    fn a_tangent_beyond_its_bound_and_energy_beyond_its_own_trip() {
+        let declared = Declared {
+            stiffness_bound: 2e5,
+            ..Declared::NONE
+        };
+        let limits = AxisLimits {
+            stiffness_ratio: Bound::trip(1.5),
+            added_energy: Bound::trip(100.0),
+            ..AxisLimits::NONE
+        };
+        let tripped = |stiffness, ticks| {
+            let mut port = port(spring(stiffness, ticks), declared, limits, DT);
+            port.begin_test();
+            let found = go(&mut port, 1000, swing);
+            found.trip.map(|hit| hit.quantity)
+        };
+        assert_eq!(tripped(2.99e5, 0), None);
+        assert_eq!(tripped(3.01e5, 0), Some(Quantity::StiffnessRatio));
+        // 2 π 1e5 · 4e-4 sin φ = 100 at φ = 0.409, 32.6 ticks; the delay line fills over a part of the first ellipse.
+        assert_eq!(tripped(1e5, 25), None);
+        assert_eq!(tripped(1e5, 45), Some(Quantity::AddedEnergy));
+    }
+}

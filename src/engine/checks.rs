@@ -1,0 +1,221 @@
+//! Limits of the test as a whole: what belongs to no specimen alone.
+
+use super::misses::{MissLevels, Missed};
+use super::numerical::Side;
+use super::tick::Tick;
+use super::{Engine, Stop};
+use crate::control::Port;
+use crate::control::limits::{Bound, Level};
+use crate::record::EventKind;
+
+/// What is limited.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum TestQuantity {
+    /// Share of the room for stability that tangents beyond their declared bounds use up.
+    StabilityUsed,
+    /// What the exact audit of the steps leaves over, in parts of the energy that was turned over.
+    StepAudit,
+    /// Deadline misses in a row.
+    MissesInARow,
+    /// Deadline misses in a stretch of time.
+    MissesInWindow,
+    /// Deadline misses in all.
+    Misses,
+}
+
+impl TestQuantity {
+    /// Those that stand in the row.
+    const RECORDED: [Self; 2] = [Self::StabilityUsed, Self::StepAudit];
+
+    /// In words.
+    #[must_use]
+    pub const fn words(self) -> &'static str {
+        match self {
+            Self::StabilityUsed => {
+                "share of the room for stability that tangents beyond their declared bounds use up"
+            }
+            Self::StepAudit => "energy that the exact audit of the steps leaves over, relative",
+            Self::MissesInARow => "deadlines missed in a row",
+            Self::MissesInWindow => "deadlines missed in the last while",
+            Self::Misses => "deadlines missed",
+        }
+    }
+
+    /// The key of the test file, and the name of the column.
+    #[must_use]
+    pub const fn key(self) -> &'static str {
+        match self {
+            Self::StabilityUsed => "stability_used",
+            Self::StepAudit => "step_audit",
+            Self::MissesInARow => "max_consecutive_misses",
+            Self::MissesInWindow => "max_misses_in_window",
+            Self::Misses => "max_total_misses",
+        }
+    }
+
+    /// Whether it is kept in such a test.
+    fn is_kept(self, side: &Side, ports: &[Port]) -> bool {
+        match (self, side) {
+            (Self::StabilityUsed, Side::Structure(_)) => {
+                !ports.is_empty() && ports.iter().all(Port::knows_stability)
+            }
+            (Self::StepAudit, Side::Structure(numerical)) => numerical.audit().is_some(),
+            _ => false,
+        }
+    }
+
+    /// Its value. Real-time: yes.
+    fn value(self, side: &Side, ports: &[Port]) -> f64 {
+        match (self, side) {
+            (Self::StabilityUsed, _) => {
+                let ports = ports.iter().map(|port| port.stability_used());
+                ports.map(|used| used.unwrap_or(f64::NAN)).sum()
+            }
+            (Self::StepAudit, Side::Structure(numerical)) => numerical
+                .audit()
+                .map_or(f64::NAN, super::audit::StepAudit::relative),
+            _ => f64::NAN,
+        }
+    }
+
+    /// What is kept, of what belongs to no specimen alone and is judged at every step.
+    #[must_use]
+    pub fn kept(side: &Side, ports: &[Port]) -> Vec<Self> {
+        Self::columns(side, ports).collect()
+    }
+
+    /// What of it stands in the row, in order.
+    pub(super) fn columns(side: &Side, ports: &[Port]) -> impl Iterator<Item = Self> {
+        let kept = Self::RECORDED.into_iter();
+        kept.filter(|quantity| quantity.is_kept(side, ports))
+    }
+
+    /// The values of these columns. Real-time: yes.
+    pub(super) fn values(side: &Side, ports: &[Port]) -> impl Iterator<Item = f64> {
+        Self::columns(side, ports).map(|quantity| quantity.value(side, ports))
+    }
+}
+
+/// Levels of all that belongs to the test as a whole.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TestLimits {
+    /// Of [`TestQuantity::StabilityUsed`].
+    pub stability_used: Bound,
+    /// Of [`TestQuantity::StepAudit`].
+    pub step_audit: Bound,
+    /// Of misses, beside those that [`super::Limits`] has.
+    pub misses: MissLevels,
+}
+
+impl Default for TestLimits {
+    fn default() -> Self {
+        Self {
+            stability_used: Bound::NONE,
+            step_audit: Bound::NONE,
+            misses: MissLevels::NONE,
+        }
+    }
+}
+
+/// One limit of the test that was reached.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TestHit {
+    /// Of what.
+    pub quantity: TestQuantity,
+    /// What was found.
+    pub value: f64,
+    /// What is allowed.
+    pub bound: f64,
+}
+
+impl std::fmt::Display for TestHit {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self {
+            quantity,
+            value,
+            bound,
+        } = self;
+        let (words, key) = (quantity.words(), quantity.key());
+        match quantity {
+            TestQuantity::StabilityUsed | TestQuantity::StepAudit => {
+                write!(f, "{words}: {value:.3e}, allowed {bound:.3e} ({key})")
+            }
+            _ => write!(f, "{words}: {value}, allowed {bound} ({key})"),
+        }
+    }
+}
+
+impl Engine {
+    /// Judges the test as a whole. Real-time: yes.
+    pub(super) fn judge_test(&mut self, tick: &Tick) -> Result<(), Stop> {
+        for quantity in TestQuantity::RECORDED {
+            if !quantity.is_kept(&self.side, &self.ports) {
+                continue;
+            }
+            let bound = match quantity {
+                TestQuantity::StabilityUsed => self.limits.test.stability_used,
+                _ => self.limits.test.step_audit,
+            };
+            let value = quantity.value(&self.side, &self.ports);
+            // What cannot be estimated is no finding; a step that leaves no number is one.
+            let judged = if value.is_nan() && quantity == TestQuantity::StabilityUsed {
+                None
+            } else {
+                bound.judge(value)
+            };
+            self.heed(tick, quantity, value, judged)?;
+        }
+        Ok(())
+    }
+
+    /// Judges a miss that was just counted. Real-time: yes.
+    pub(super) fn judge_misses(&mut self, tick: &Tick) -> Result<(), Stop> {
+        let missed = Missed {
+            in_a_row: self.misses_in_a_row,
+            in_window: self.miss_window.note(self.edge),
+            in_all: self.misses,
+        };
+        for (quantity, value, judged) in self.limits.test.misses.judge(missed) {
+            self.heed(tick, quantity, value, judged)?;
+        }
+        Ok(())
+    }
+
+    /// A warning is told when its level is crossed, a trip ends the test. Real-time: yes.
+    fn heed(
+        &mut self,
+        tick: &Tick,
+        quantity: TestQuantity,
+        value: f64,
+        judged: Option<(Level, f64)>,
+    ) -> Result<(), Stop> {
+        let bit = 1 << quantity as u8;
+        let Some((level, bound)) = judged else {
+            self.test_warned &= !bit;
+            return Ok(());
+        };
+        let trip = level == Level::Trip;
+        if trip || self.test_warned & bit == 0 {
+            self.test_warned |= bit;
+            self.report(
+                tick,
+                EventKind::TestLimit {
+                    quantity: quantity.key(),
+                    trip,
+                    value,
+                    bound,
+                },
+            );
+        }
+        if trip {
+            Err(Stop::TestLimit(TestHit {
+                quantity,
+                value,
+                bound,
+            }))
+        } else {
+            Ok(())
+        }
+    }
+}

@@ -1,0 +1,184 @@
+//! The limits that a controller announces in the handshake of our own protocol, and what a specimen's end makes of them.
+//!
+//! A controller never sends a command beyond what it announces, because its loop judges every command before it leaves.
+//! So whatever arrives beyond is a fault, and the specimen's end holds. Forces are the controller's to judge first: it may
+//! lead the specimen home; the specimen's end comes in where that has failed.
+
+use crate::control::AxisUnits;
+use crate::control::limits::{AxisLimits, Bound, Range};
+use crate::wire::handshake::{Axis, Limits, Unit};
+
+/// What the specimen's end adds to an announced bound of commands, for the rounding of units.
+const ROUNDING: f64 = 1e-9;
+/// What it adds to an announced force, for the controller's own answer.
+const LAST_RESORT: f64 = 1.25;
+
+/// The units of an axis on the wire.
+#[must_use]
+pub fn units_of(axis: &Axis) -> AxisUnits {
+    let si = |unit| match unit {
+        Unit::Millimetre => 1e-3,
+        Unit::Kilonewton | Unit::KilonewtonMetre => 1e3,
+        Unit::Metre | Unit::Radian | Unit::Newton | Unit::NewtonMetre => 1.0,
+    };
+    AxisUnits {
+        metres: si(axis.disp_unit),
+        newtons: si(axis.force_unit),
+        disp: axis.disp_unit.symbol(),
+        force: axis.force_unit.symbol(),
+    }
+}
+
+/// The trip levels of an axis as they stand on the wire, in its units.
+#[must_use]
+pub fn announce(limits: &AxisLimits, units: &AxisUnits) -> Limits {
+    let [low, high] = limits.command_disp.trip;
+    let [pull, push] = limits.measured_force.trip;
+    Limits {
+        disp_min: low / units.metres,
+        disp_max: high / units.metres,
+        speed_max: limits.command_vel.trip / units.metres,
+        force_max: pull.abs().max(push.abs()) / units.newtons,
+    }
+}
+
+/// What the specimen's end keeps of what was announced, SI.
+#[must_use]
+pub fn kept(limits: &Limits, units: &AxisUnits) -> AxisLimits {
+    let width = limits.disp_max - limits.disp_min;
+    let slack = if width.is_finite() {
+        ROUNDING * width
+    } else {
+        ROUNDING * limits.disp_min.abs().min(limits.disp_max.abs())
+    };
+    let slack = if slack.is_finite() { slack } else { 0.0 };
+    let force = LAST_RESORT * limits.force_max * units.newtons;
+    AxisLimits {
+        command_disp: Range {
+            trip: [
+                (limits.disp_min - slack) * units.metres,
+                (limits.disp_max + slack) * units.metres,
+            ],
+            ..Range::NONE
+        },
+        command_vel: Bound::trip(limits.speed_max * (1.0 + ROUNDING) * units.metres),
+        measured_force: Range {
+            trip: [-force, force],
+            ..Range::NONE
+        },
+        ..AxisLimits::NONE
+    }
+}
+
+/// The narrower of two bounds on every side.
+#[must_use]
+pub fn narrower(one: &Limits, other: &Limits) -> Limits {
+    Limits {
+        disp_min: one.disp_min.max(other.disp_min),
+        disp_max: one.disp_max.min(other.disp_max),
+        speed_max: one.speed_max.min(other.speed_max),
+        force_max: one.force_max.min(other.force_max),
+    }
+}
+
+/// What the specimen's end keeps of which the test knows nothing, in words; `None` if there is no such thing.
+#[must_use]
+pub fn unknown_to_us(ours: &Limits, theirs: &Limits, units: &AxisUnits) -> Option<String> {
+    let AxisUnits { disp, force, .. } = units;
+    let sides = [
+        (
+            "displacement from",
+            ours.disp_min,
+            theirs.disp_min,
+            *disp,
+            "",
+        ),
+        ("displacement to", ours.disp_max, theirs.disp_max, *disp, ""),
+        ("speed to", ours.speed_max, theirs.speed_max, *disp, "/s"),
+        ("force to", ours.force_max, theirs.force_max, *force, ""),
+    ];
+    let kept: Vec<String> = sides
+        .iter()
+        .filter(|(_, ours, theirs, ..)| ours.is_infinite() && theirs.is_finite())
+        .map(|(what, _, theirs, unit, per)| format!("{what} {theirs} {unit}{per}"))
+        .collect();
+    (!kept.is_empty()).then(|| kept.join(", "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::limits::Watch;
+
+    const MM_KN: AxisUnits = AxisUnits {
+        metres: 1e-3,
+        newtons: 1e3,
+        disp: "mm",
+        force: "kN",
+    };
+
+    fn limits() -> AxisLimits {
+        AxisLimits {
+            command_disp: Range {
+                trip: [-0.05, 0.07],
+                ..Range::NONE
+            },
+            command_vel: Bound::trip(0.3),
+            measured_force: Range {
+                trip: [-90e3, 120e3],
+                ..Range::NONE
+            },
+            ..AxisLimits::NONE
+        }
+    }
+
+    #[test]
+    fn trip_levels_are_announced_in_the_units_of_the_axis() {
+        let wire = announce(&limits(), &MM_KN);
+        assert!((wire.disp_min + 50.0).abs() < 1e-12 && (wire.disp_max - 70.0).abs() < 1e-12);
+        assert!((wire.speed_max - 300.0).abs() < 1e-12);
+        assert!((wire.force_max - 120.0).abs() < 1e-12, "the larger side");
+        assert_eq!(announce(&AxisLimits::NONE, &MM_KN), Limits::NONE);
+    }
+
+    #[test]
+    fn the_far_end_lets_pass_what_the_controller_may_send_and_nothing_beyond() {
+        let kept = kept(&announce(&limits(), &MM_KN), &MM_KN);
+        let tripped = |disp: f64, force: f64| {
+            let mut watch = Watch::new(vec![kept], 1.0);
+            let command = watch.command(std::iter::once(disp)).trip.is_some();
+            let measured = watch
+                .measured(std::iter::once((disp, force)))
+                .trip
+                .is_some();
+            (command, measured)
+        };
+        assert_eq!(tripped(0.07, 149e3), (false, false));
+        assert_eq!(tripped(-0.05, -149e3), (false, false));
+        assert_eq!(tripped(0.070_001, 0.0), (true, false));
+        assert_eq!(tripped(-0.050_001, 151e3), (true, true));
+        // 1 s from one command to the next.
+        let mut watch = Watch::new(
+            vec![AxisLimits {
+                command_disp: Range::NONE,
+                ..kept
+            }],
+            1.0,
+        );
+        watch.stands_at(std::iter::once(0.0));
+        assert_eq!(watch.command(std::iter::once(0.3)).trip, None);
+        assert!(watch.command(std::iter::once(0.300_001)).trip.is_some());
+    }
+
+    #[test]
+    fn what_only_the_far_end_keeps_is_said() {
+        let theirs = announce(&limits(), &MM_KN);
+        let said = unknown_to_us(&Limits::NONE, &theirs, &MM_KN).unwrap();
+        assert_eq!(
+            said,
+            "displacement from -50 mm, displacement to 70 mm, speed to 300 mm/s, force to 120 kN"
+        );
+        assert_eq!(unknown_to_us(&theirs, &theirs, &MM_KN), None);
+        assert_eq!(unknown_to_us(&theirs, &Limits::NONE, &MM_KN), None);
+    }
+}

@@ -1,0 +1,433 @@
+//! What happens to actuator, specimen and sensors.
+//!
+//! Invariant: what does not concern the present command leaves it and its measurement as they are, to the last bit.
+
+use std::collections::VecDeque;
+
+use super::dice::Dice;
+use super::spec::{Channel, Fault, Kind, MEMORY, Place, Script};
+use crate::control::AxisUnits;
+use crate::link::rig::{Rig, Visitor};
+use crate::substructure::{
+    Command, Introduction, LinkFault, LinkStats, Measurement, Retirement, Status,
+};
+
+/// The stream of chance at the bench.
+const STREAM: u64 = 2;
+
+/// A rig on which a script is played.
+pub struct Bench {
+    rig: Box<dyn Rig>,
+    faults: Vec<Fault>,
+    units: Vec<AxisUnits>,
+    dice: Dice,
+    first: u64,
+    /// Where the actuators stand: committed, and as last tried.
+    place: Vec<f64>,
+    tried: Vec<f64>,
+    vel: Vec<f64>,
+    /// What the sensors said last.
+    said: Measurement,
+    past: VecDeque<(u64, Vec<f64>)>,
+    complaint: Option<&'static str>,
+}
+
+impl std::fmt::Debug for Bench {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Bench")
+            .field("faults", &self.faults)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Bench {
+    /// `rig`, which counts in `units`, with the faults of `script` that happen there.
+    #[must_use]
+    pub fn new(rig: Box<dyn Rig>, script: &Script, units: Vec<AxisUnits>) -> Self {
+        let axes = rig.axes();
+        Self {
+            rig,
+            faults: script.faults_at(Place::Rig),
+            units,
+            dice: Dice::new(script.seed, STREAM),
+            first: 0,
+            place: vec![0.0; axes],
+            tried: vec![0.0; axes],
+            vel: vec![0.0; axes],
+            said: Measurement::zeros(axes),
+            past: VecDeque::new(),
+            complaint: None,
+        }
+    }
+
+    /// Where the actuators go, told to go to `self.tried`.
+    fn actuate(&mut self, number: u64, elapsed: f64) {
+        for fault in self.faults.iter().filter(|fault| fault.concerns(number)) {
+            let axes = self.tried.iter_mut().zip(&self.place).zip(&self.units);
+            for (axis, ((to, place), units)) in axes.enumerate() {
+                if fault.axis.is_some_and(|only| only != axis + 1) {
+                    continue;
+                }
+                match fault.kind {
+                    Kind::Frozen => *to = *place,
+                    Kind::Stroke { disp_m } => {
+                        let end = disp_m / units.metres;
+                        *to = to.clamp(-end, end);
+                    }
+                    Kind::Rate { vel_m_per_s } => {
+                        let way = vel_m_per_s * elapsed / units.metres;
+                        *to = to.clamp(place - way, place + way);
+                    }
+                    Kind::Lag { commands } => {
+                        let old = number.saturating_sub(commands as u64);
+                        let then = self.past.iter().rev().find(|(when, _)| *when <= old);
+                        let then = then.or(self.past.front());
+                        *to = then
+                            .and_then(|(_, disp)| disp.get(axis))
+                            .copied()
+                            .unwrap_or(*place);
+                    }
+                    _ => {}
+                }
+            }
+        }
+    }
+
+    /// Stands where the force is too large; true if an axis does.
+    fn stalls(&mut self, number: u64, force: &[f64]) -> bool {
+        let mut stalls = false;
+        for fault in self.faults.iter().filter(|fault| fault.concerns(number)) {
+            let Kind::ForceLimit { force_n } = fault.kind else {
+                continue;
+            };
+            let axes = self.tried.iter_mut().zip(&self.place).zip(&self.units);
+            for (axis, (((to, place), units), force)) in axes.zip(force).enumerate() {
+                let meant = fault.axis.is_none_or(|only| only == axis + 1);
+                if meant && (force * units.newtons).abs() > force_n && to != place {
+                    *to = *place;
+                    stalls = true;
+                }
+            }
+        }
+        stalls
+    }
+
+    /// What the sensors make of it.
+    fn sense(&mut self, number: u64, into: &mut Measurement) {
+        for fault in self.faults.iter().filter(|fault| fault.concerns(number)) {
+            if !self.dice.happens(fault.probability.unwrap_or(1.0)) {
+                continue;
+            }
+            match fault.kind {
+                Kind::Interlock => into.status.0 |= Status::INTERLOCK.0,
+                Kind::Saturated => into.status.0 |= Status::SATURATED.0,
+                _ => {}
+            }
+            let age = (number - fault.at.unwrap_or(0) + 1) as f64;
+            let said = self.said.disp.iter().zip(&self.said.force);
+            let axes = into.disp.iter_mut().zip(&mut into.force).zip(said);
+            for (axis, (((disp, force), (said_disp, said_force)), units)) in
+                axes.zip(&self.units).enumerate()
+            {
+                if fault.axis.is_some_and(|only| only != axis + 1) {
+                    continue;
+                }
+                let each = |channel: Channel, disp: &mut f64, force: &mut f64, to: [f64; 2]| {
+                    if channel != Channel::Force {
+                        *disp = to[0];
+                    }
+                    if channel != Channel::Disp {
+                        *force = to[1];
+                    }
+                };
+                match fault.kind {
+                    Kind::Stuck { channel } => {
+                        each(channel, disp, force, [*said_disp, *said_force]);
+                    }
+                    Kind::Dropout { channel } => each(channel, disp, force, [0.0; 2]),
+                    Kind::Reversed { channel } => {
+                        let to = [-*disp, -*force];
+                        each(channel, disp, force, to);
+                    }
+                    Kind::Bias { disp_m, force_n } => {
+                        *disp += disp_m / units.metres;
+                        *force += force_n / units.newtons;
+                    }
+                    Kind::Drift { disp_m, force_n } => {
+                        *disp += age * disp_m / units.metres;
+                        *force += age * force_n / units.newtons;
+                    }
+                    Kind::Noise { disp_m, force_n } => {
+                        *disp += (2.0 * self.dice.uniform() - 1.0) * disp_m / units.metres;
+                        *force += (2.0 * self.dice.uniform() - 1.0) * force_n / units.newtons;
+                    }
+                    Kind::Gain { factor } => *force *= factor,
+                    Kind::NotANumber => *force = f64::NAN,
+                    _ => {}
+                }
+            }
+        }
+    }
+
+    fn remember(&mut self, number: u64, disp: &[f64]) {
+        if self.past.back().is_some_and(|(last, _)| *last >= number) {
+            return;
+        }
+        if self.past.len() > MEMORY {
+            self.past.pop_front();
+        }
+        self.past.push_back((number, disp.to_vec()));
+    }
+}
+
+fn copy(to: &mut [f64], from: &[f64]) {
+    for (to, from) in to.iter_mut().zip(from) {
+        *to = *from;
+    }
+}
+
+impl Rig for Bench {
+    fn axes(&self) -> usize {
+        self.rig.axes()
+    }
+
+    fn is_remote(&self) -> bool {
+        self.rig.is_remote()
+    }
+
+    fn connect(&mut self, visitor: &Visitor) -> Result<Introduction, String> {
+        self.rig.connect(visitor)
+    }
+
+    fn arm(&mut self, sequence: u64, start: &[f64]) -> Result<(), LinkFault> {
+        let elsewhere = |fault: &Fault| matches!(fault.kind, Kind::Elsewhere { .. });
+        if self.faults.iter().any(elsewhere) {
+            self.complaint = Some("the specimen is not where the test believes");
+            return Err(LinkFault::Refused);
+        }
+        self.first = sequence;
+        copy(&mut self.place, start);
+        copy(&mut self.said.disp, start);
+        self.said.force.fill(0.0);
+        self.past.clear();
+        self.rig.arm(sequence, start)
+    }
+
+    fn at_rest(&mut self, into: &mut Measurement) {
+        self.rig.at_rest(into);
+    }
+
+    fn trial(
+        &mut self,
+        command: &Command<'_>,
+        elapsed: f64,
+        into: &mut Measurement,
+    ) -> Result<(), LinkFault> {
+        let number = command.sequence.saturating_sub(self.first);
+        let mut concerned = false;
+        for fault in self.faults.iter().filter(|fault| fault.concerns(number)) {
+            if fault.kind == Kind::Goodbye {
+                self.complaint = Some("the specimen's end has been switched off");
+                return Err(LinkFault::Closed);
+            }
+            concerned = true;
+        }
+        copy(&mut self.tried, command.disp);
+        into.status = Status::default();
+        let moves = self
+            .faults
+            .iter()
+            .any(|fault| matches!(fault.kind, Kind::Lag { .. }));
+        if moves {
+            self.remember(number, command.disp);
+        }
+        if !concerned {
+            self.rig.trial(command, elapsed, into)?;
+        } else {
+            self.actuate(number, elapsed);
+            for attempt in 0..2 {
+                let pairs = self.vel.iter_mut().zip(command.vel).zip(&self.tried);
+                for (((vel, wanted), to), (asked, place)) in
+                    pairs.zip(command.disp.iter().zip(&self.place))
+                {
+                    *vel = if to == asked {
+                        *wanted
+                    } else if elapsed > 0.0 {
+                        (to - place) / elapsed
+                    } else {
+                        0.0
+                    };
+                }
+                let command = Command {
+                    disp: &self.tried,
+                    vel: &self.vel,
+                    ..*command
+                };
+                self.rig.trial(&command, elapsed, into)?;
+                if attempt == 1 || !self.stalls(number, &into.force) {
+                    break;
+                }
+            }
+            self.sense(number, into);
+        }
+        copy(&mut self.said.disp, &into.disp);
+        copy(&mut self.said.force, &into.force);
+        Ok(())
+    }
+
+    fn commit(&mut self) -> Result<(), LinkFault> {
+        copy(&mut self.place, &self.tried);
+        self.rig.commit()
+    }
+
+    fn revert(&mut self) {
+        self.rig.revert();
+    }
+
+    fn tangent(&mut self, stiffness: &mut [f64]) {
+        self.rig.tangent(stiffness);
+    }
+
+    fn attend(&mut self) -> Result<(), LinkFault> {
+        self.rig.attend()
+    }
+
+    fn stats(&self) -> LinkStats {
+        self.rig.stats()
+    }
+
+    fn complaint(&self) -> Option<String> {
+        self.complaint
+            .map(str::to_owned)
+            .or_else(|| self.rig.complaint())
+    }
+
+    fn end(&mut self, how: Retirement) {
+        self.rig.end(how);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::law::LawSpec;
+    use crate::link::rig::Law;
+    use crate::specimen::Uniaxial;
+
+    /// A spring of 1000 N/m in millimetres and newtons, played with these faults.
+    fn play(kinds: &[(Option<u64>, Option<u64>, Kind)], commands: &[f64]) -> Vec<(f64, f64)> {
+        let spec: LawSpec = toml::from_str("linear = { stiffness_n_per_m = 1.0 }").unwrap();
+        let rig = Law::new(
+            Box::new(Uniaxial::new(vec![spec.build().unwrap()]).unwrap()),
+            false,
+        );
+        let fault = |(at, lasts, kind): &(Option<u64>, Option<u64>, Kind)| Fault {
+            at: *at,
+            lasts: *lasts,
+            axis: None,
+            on: None,
+            probability: None,
+            kind: *kind,
+        };
+        let script = Script {
+            fault: kinds.iter().map(fault).collect(),
+            ..Script::default()
+        };
+        script.check(Some(1)).unwrap();
+        let units = AxisUnits {
+            metres: 1e-3,
+            ..AxisUnits::SI
+        };
+        let mut bench = Bench::new(Box::new(rig), &script, vec![units]);
+        bench.arm(5, &[0.0]).unwrap();
+        let mut into = Measurement::zeros(1);
+        let each = commands.iter().zip(5..).map(|(disp, sequence)| {
+            let command = Command {
+                sequence,
+                time: 0.0,
+                dt: 0.1,
+                disp: &[*disp],
+                vel: &[0.0],
+            };
+            bench.trial(&command, 0.1, &mut into).unwrap();
+            bench.commit().unwrap();
+            (into.disp[0], into.force[0])
+        });
+        each.collect()
+    }
+
+    const WAY: [f64; 6] = [0.0, 1.0, 2.0, 3.0, 2.0, 0.0];
+
+    #[test]
+    fn an_actuator_that_fails_takes_the_specimen_with_it() {
+        let disp = |kind| -> Vec<f64> {
+            let said = play(&[(Some(1), Some(4), kind)], &WAY);
+            assert!(said.iter().all(|(disp, force)| disp == force));
+            said.iter().map(|(disp, _)| *disp).collect()
+        };
+        assert_eq!(disp(Kind::Frozen), [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        let stroke = Kind::Stroke { disp_m: 1.5e-3 };
+        assert_eq!(disp(stroke), [0.0, 1.0, 1.5, 1.5, 1.5, 0.0]);
+        let rate = Kind::Rate { vel_m_per_s: 5e-3 };
+        assert_eq!(disp(rate), [0.0, 0.5, 1.0, 1.5, 2.0, 0.0]);
+        let lag = Kind::Lag { commands: 2 };
+        assert_eq!(disp(lag), [0.0, 0.0, 0.0, 1.0, 2.0, 0.0]);
+        let weak = Kind::ForceLimit { force_n: 2.5 };
+        assert_eq!(disp(weak), [0.0, 1.0, 2.0, 2.0, 2.0, 0.0]);
+    }
+
+    #[test]
+    fn a_sensor_that_fails_leaves_the_specimen_alone() {
+        let said = |kind| play(&[(Some(2), Some(2), kind)], &WAY);
+        let true_one: Vec<_> = WAY.iter().map(|disp| (*disp, *disp)).collect();
+        let changed = |kind, at_2: (f64, f64), at_3: (f64, f64)| {
+            let mut expected = true_one.clone();
+            (expected[2], expected[3]) = (at_2, at_3);
+            assert_eq!(said(kind), expected, "{kind:?}");
+        };
+        let stuck = |channel| Kind::Stuck { channel };
+        changed(stuck(Channel::Both), (1.0, 1.0), (1.0, 1.0));
+        changed(stuck(Channel::Disp), (1.0, 2.0), (1.0, 3.0));
+        let dropout = Kind::Dropout {
+            channel: Channel::Force,
+        };
+        changed(dropout, (2.0, 0.0), (3.0, 0.0));
+        let reversed = Kind::Reversed {
+            channel: Channel::Both,
+        };
+        changed(reversed, (-2.0, -2.0), (-3.0, -3.0));
+        let bias = Kind::Bias {
+            disp_m: 1e-3,
+            force_n: 7.0,
+        };
+        changed(bias, (3.0, 9.0), (4.0, 10.0));
+        let drift = Kind::Drift {
+            disp_m: 0.0,
+            force_n: 0.5,
+        };
+        changed(drift, (2.0, 2.5), (3.0, 4.0));
+        changed(Kind::Gain { factor: -2.0 }, (2.0, -4.0), (3.0, -6.0));
+    }
+
+    #[test]
+    fn noise_stays_within_its_bounds_and_is_the_same_in_every_play() {
+        let noise = [(
+            None,
+            None,
+            Kind::Noise {
+                disp_m: 0.0,
+                force_n: 0.25,
+            },
+        )];
+        let said = play(&noise, &WAY);
+        assert_eq!(said, play(&noise, &WAY));
+        for ((disp, force), true_one) in said.iter().zip(WAY) {
+            assert!(*disp == true_one && (force - true_one).abs() <= 0.25);
+        }
+        assert!(
+            said.iter()
+                .zip(WAY)
+                .any(|((_, force), other)| *force != other)
+        );
+    }
+}

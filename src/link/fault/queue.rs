@@ -1,0 +1,58 @@
+//! Frames that arrive later.
+
+use std::collections::VecDeque;
+
+use crate::time::Nanos;
+
+/// Frames with the time at which each arrives; of those with one time the first in comes first. Its buffers are used
+/// again.
+#[derive(Debug, Default)]
+pub(in crate::link) struct Queue {
+    waiting: VecDeque<(Nanos, Vec<u8>)>,
+    spare: Vec<Vec<u8>>,
+}
+
+impl Queue {
+    pub(in crate::link) fn push(&mut self, at: Nanos, frame: &[u8]) {
+        let mut bytes = self.spare.pop().unwrap_or_default();
+        bytes.clear();
+        bytes.extend_from_slice(frame);
+        let behind = self.waiting.iter().rposition(|(other, _)| *other <= at);
+        self.waiting
+            .insert(behind.map_or(0, |last| last + 1), (at, bytes));
+    }
+
+    /// When the next frame arrives.
+    pub(in crate::link) fn next_at(&self) -> Option<Nanos> {
+        self.waiting.front().map(|(at, _)| *at)
+    }
+
+    /// Takes the next frame, if it arrives by `until`, as far as it fits.
+    pub(in crate::link) fn take(&mut self, until: Nanos, buffer: &mut [u8]) -> Option<usize> {
+        if self.next_at()? > until {
+            return None;
+        }
+        let (_, bytes) = self.waiting.pop_front()?;
+        let count = bytes.len().min(buffer.len());
+        if let (Some(to), Some(from)) = (buffer.get_mut(..count), bytes.get(..count)) {
+            to.copy_from_slice(from);
+        }
+        self.spare.push(bytes);
+        Some(count)
+    }
+
+    /// The same, lent to `act`.
+    pub(in crate::link) fn pass<R>(
+        &mut self,
+        until: Nanos,
+        act: impl FnOnce(&[u8]) -> R,
+    ) -> Option<R> {
+        if self.next_at()? > until {
+            return None;
+        }
+        let (_, bytes) = self.waiting.pop_front()?;
+        let outcome = act(&bytes);
+        self.spare.push(bytes);
+        Some(outcome)
+    }
+}

@@ -1,0 +1,364 @@
+//! One actuator: from the command of a tick to where the specimen stands at its end.
+//!
+//! Between commands lies a straight line, which the linear part follows exactly. Limits act at the ends of ticks. While test
+//! time stands still nothing moves, except what follows its command at once.
+
+use super::delay::Delay;
+use super::exact::Ramped;
+use super::spec::{ActuatorSpec, FirstOrderSpec, SecondOrderSpec, ServoHydraulicSpec};
+
+/// States: displacement first, velocity second; the cylinder's force and the valve's two after them.
+const STATES: usize = 5;
+const DISP: usize = 0;
+const VEL: usize = 1;
+const FORCE: usize = 2;
+
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+struct State {
+    /// Delayed command.
+    drive: f64,
+    x: [f64; STATES],
+    /// What the specimen's force is beyond its linear estimate.
+    residual: f64,
+}
+
+#[derive(Debug, Clone)]
+enum Dynamics {
+    Direct,
+    First(FirstOrderSpec, Ramped<1, 1>),
+    Second(SecondOrderSpec, Ramped<2, 1>),
+    Servo(Box<Servo>),
+}
+
+/// A valve, a cylinder and the linear estimate of what they move.
+#[derive(Debug, Clone)]
+struct Servo {
+    spec: ServoHydraulicSpec,
+    stiffness: f64,
+    damping: f64,
+    tick: Ramped<STATES, 2>,
+}
+
+/// Where limits lie; infinite where there is none.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Bounds {
+    pub rate: f64,
+    pub stroke: f64,
+    pub force: f64,
+}
+
+/// One axis of a transfer system.
+#[derive(Debug, Clone)]
+pub(super) struct Axis {
+    delay: Delay,
+    dynamics: Dynamics,
+    bounds: Bounds,
+    /// Tick that the dynamics are made for, in s; 0 before the first.
+    dt: f64,
+    primed: bool,
+    committed: State,
+    trial: State,
+    command: [f64; 2],
+    pub disp: f64,
+    pub vel: f64,
+    pub saturated: bool,
+}
+
+impl Axis {
+    /// `stiffness` and `damping` are the specimen's own estimates, for what feels the specimen.
+    pub fn new(
+        delay: Delay,
+        actuator: Option<&ActuatorSpec>,
+        bounds: Bounds,
+        stiffness: f64,
+        damping: f64,
+    ) -> Self {
+        let dynamics = match actuator {
+            None => Dynamics::Direct,
+            Some(ActuatorSpec::FirstOrder(spec)) => Dynamics::First(*spec, still()),
+            Some(ActuatorSpec::SecondOrder(spec)) => Dynamics::Second(*spec, still()),
+            Some(ActuatorSpec::ServoHydraulic(spec)) => Dynamics::Servo(Box::new(Servo {
+                spec: *spec,
+                stiffness,
+                damping,
+                tick: still(),
+            })),
+        };
+        Self {
+            delay,
+            dynamics,
+            bounds,
+            dt: 0.0,
+            primed: false,
+            committed: State::default(),
+            trial: State::default(),
+            command: [0.0; 2],
+            disp: 0.0,
+            vel: 0.0,
+            saturated: false,
+        }
+    }
+
+    /// True if the specimen is part of the actuator's own loop.
+    pub const fn feels_the_specimen(&self) -> bool {
+        matches!(self.dynamics, Dynamics::Servo(_))
+    }
+
+    /// True if a command was committed.
+    pub const fn is_primed(&self) -> bool {
+        self.primed
+    }
+
+    pub const fn force_limit(&self) -> f64 {
+        self.bounds.force
+    }
+
+    /// The actuator stands at rest where `disp` takes it, as if it had always been commanded. `force` is the specimen's at
+    /// the place that [`Axis::rest`] gave.
+    pub fn prime(&mut self, disp: f64, force: f64) {
+        self.delay.prime(disp);
+        let mut state = State {
+            drive: disp,
+            ..State::default()
+        };
+        state.x[DISP] = self.rest(disp, force);
+        if let Dynamics::Servo(servo) = &self.dynamics {
+            state.x[FORCE] = force.clamp(-self.bounds.force, self.bounds.force);
+            state.x[3] = servo.spec.leakage_per_s * state.x[FORCE];
+            state.residual = force - servo.stiffness * state.x[DISP];
+        }
+        self.committed = state;
+    }
+
+    /// Where a command held for ever takes the specimen if it resists with `force` there.
+    pub fn rest(&self, disp: f64, force: f64) -> f64 {
+        let rest = match &self.dynamics {
+            Dynamics::Direct => disp,
+            Dynamics::First(spec, _) => spec.gain * disp,
+            Dynamics::Second(spec, _) => spec.gain * disp,
+            Dynamics::Servo(servo) => {
+                let spec = &servo.spec;
+                let leak = spec.leakage_per_s * spec.valve_stiffness_per_s2 / spec.valve_gain;
+                spec.gain * disp - leak * force
+            }
+        };
+        rest.clamp(-self.bounds.stroke, self.bounds.stroke)
+    }
+
+    /// One tick of `dt` seconds to a command, from the committed state. Real-time: yes; a new `dt` costs an exponential.
+    pub fn go(&mut self, disp: f64, vel: f64, dt: f64) {
+        if dt > 0.0 && dt != self.dt {
+            self.dt = dt;
+            self.dynamics.lay_out(dt);
+        }
+        self.command = [disp, vel];
+        let [drive, drive_vel] = self.delay.trial(self.command, dt);
+        let before = self.committed;
+        let mut now = State { drive, ..before };
+        let (start, end) = ([before.drive], [drive]);
+        self.saturated = false;
+        match &self.dynamics {
+            Dynamics::Direct => {
+                if dt > 0.0 || self.bounds.rate.is_infinite() {
+                    now.x[DISP] = drive;
+                    now.x[VEL] = drive_vel;
+                }
+            }
+            Dynamics::First(spec, tick) => {
+                if dt > 0.0 {
+                    let [x] = tick.step(&[before.x[DISP]], &start, &end);
+                    now.x[DISP] = x;
+                }
+                now.x[VEL] = (spec.gain * drive - now.x[DISP]) / spec.time_constant_s;
+            }
+            Dynamics::Second(_, tick) => {
+                if dt > 0.0 {
+                    let [x, v] = tick.step(&[before.x[DISP], before.x[VEL]], &start, &end);
+                    (now.x[DISP], now.x[VEL]) = (x, v);
+                }
+            }
+            Dynamics::Servo(servo) => {
+                if dt > 0.0 {
+                    let held = before.residual;
+                    now.x = servo
+                        .tick
+                        .step(&before.x, &[before.drive, held], &[drive, held]);
+                }
+            }
+        }
+        self.trial = now;
+        self.limit(dt);
+    }
+
+    /// The specimen resists with `force` where [`Axis::go`] took it: false if that is not what was expected, so that it
+    /// stands elsewhere now. Real-time: yes.
+    pub fn correct(&mut self, force: f64) -> bool {
+        let Dynamics::Servo(servo) = &self.dynamics else {
+            return true;
+        };
+        let linear = servo.stiffness * self.disp + servo.damping * self.vel;
+        let residual = force - linear;
+        let change = residual - self.trial.residual;
+        // The roundoff of both sums is no change.
+        if change.abs() <= 1e-12 * (force.abs() + linear.abs()) || self.dt <= 0.0 {
+            return true;
+        }
+        self.trial.residual = residual;
+        servo.tick.add_to_end(&mut self.trial.x, 1, change);
+        self.limit(self.dt);
+        false
+    }
+
+    fn limit(&mut self, dt: f64) {
+        let Bounds {
+            rate,
+            stroke,
+            force,
+        } = self.bounds;
+        let state = &mut self.trial;
+        if let Dynamics::Servo(servo) = &self.dynamics {
+            let excess = state.x[FORCE] - state.x[FORCE].clamp(-force, force);
+            if excess != 0.0 {
+                // The mass does not feel what the cylinder cannot give.
+                servo.tick.add_to_end(&mut state.x, 1, excess);
+                state.x[FORCE] = force.copysign(excess);
+                self.saturated = true;
+            }
+        } else if dt > 0.0 {
+            let way = state.x[DISP] - self.committed.x[DISP];
+            if way.abs() > rate * dt {
+                state.x[DISP] = self.committed.x[DISP] + (rate * dt).copysign(way);
+                state.x[VEL] = rate.copysign(way);
+            }
+        }
+        if state.x[DISP].abs() > stroke {
+            state.x[DISP] = stroke.copysign(state.x[DISP]);
+            state.x[VEL] = 0.0;
+            self.saturated = true;
+        }
+        self.disp = state.x[DISP];
+        self.vel = state.x[VEL];
+    }
+
+    /// The actuator stalls on its way: it stands where this share of the way ends. Real-time: yes.
+    pub fn stall_at(&mut self, share: f64) {
+        let before = self.committed.x[DISP];
+        self.disp = before + share * (self.trial.x[DISP] - before);
+        self.vel = share * self.trial.x[VEL];
+    }
+
+    /// What the actuator gives, where it is part of the loop.
+    pub fn force(&self) -> Option<f64> {
+        self.feels_the_specimen().then_some(self.trial.x[FORCE])
+    }
+
+    /// Real-time: yes.
+    pub fn commit(&mut self, dt: f64) {
+        self.primed = true;
+        if dt > 0.0 {
+            self.trial.x[DISP] = self.disp;
+            self.trial.x[VEL] = self.vel;
+            self.committed = self.trial;
+        } else if matches!(self.dynamics, Dynamics::Direct) {
+            self.committed.x[DISP] = self.disp;
+            self.committed.drive = self.trial.drive;
+        } else {
+            self.committed.drive = self.trial.drive;
+        }
+        self.delay.commit(self.command, dt);
+    }
+
+    pub fn freeze(&self, out: &mut Vec<f64>) {
+        out.push(f64::from(u8::from(self.primed)));
+        out.push(self.committed.drive);
+        out.push(self.committed.residual);
+        out.extend(self.committed.x);
+        self.delay.freeze(out);
+    }
+
+    pub fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
+        let Some((&[primed, drive, residual, a, b, c, d, e], rest)) = from.split_first_chunk::<8>()
+        else {
+            return from;
+        };
+        self.primed = primed != 0.0;
+        self.committed = State {
+            drive,
+            residual,
+            x: [a, b, c, d, e],
+        };
+        self.delay.thaw(rest)
+    }
+}
+
+/// A tick in which nothing moves, until the true one is known.
+fn still<const N: usize, const M: usize>() -> Ramped<N, M> {
+    // The exponential of zero; D does not matter for zeros as long as the states fit.
+    Ramped::new::<9>(&[[0.0; N]; N], &[[0.0; M]; N], &[1.0; N])
+}
+
+impl Dynamics {
+    fn lay_out(&mut self, dt: f64) {
+        match self {
+            Self::Direct => {}
+            Self::First(spec, tick) => {
+                let per_tick = dt / spec.time_constant_s;
+                *tick = Ramped::new::<3>(&[[-per_tick]], &[[spec.gain * per_tick]], &[1.0]);
+            }
+            Self::Second(spec, tick) => {
+                let omega = 2.0 * std::f64::consts::PI * spec.frequency_hz;
+                let square = omega * omega;
+                let a = [
+                    [0.0, dt],
+                    [-square * dt, -2.0 * spec.damping_ratio * omega * dt],
+                ];
+                *tick = Ramped::new::<4>(&a, &[[0.0], [spec.gain * square * dt]], &[1.0, 1.0 / dt]);
+            }
+            Self::Servo(servo) => servo.lay_out(dt),
+        }
+    }
+}
+
+impl Servo {
+    fn lay_out(&mut self, dt: f64) {
+        self.tick = servo_tick(&self.spec, self.stiffness, self.damping, dt);
+    }
+}
+
+/// One tick of valve, cylinder and a linear specimen: states x, v, f, q, q̇; inputs the command and a further force on the
+/// specimen, against its motion.
+#[must_use]
+pub fn servo_tick(
+    spec: &ServoHydraulicSpec,
+    stiffness: f64,
+    damping: f64,
+    dt: f64,
+) -> Ramped<5, 2> {
+    let mass = spec.mass_kg;
+    let feedback = spec.velocity_feedback_n_per_m;
+    let a = [
+        [0.0, 1.0, 0.0, 0.0, 0.0],
+        [-stiffness / mass, -damping / mass, 1.0 / mass, 0.0, 0.0],
+        [0.0, -feedback, -spec.leakage_per_s, 1.0, 0.0],
+        [0.0, 0.0, 0.0, 0.0, 1.0],
+        [
+            -spec.valve_gain,
+            0.0,
+            0.0,
+            -spec.valve_stiffness_per_s2,
+            -spec.valve_damping_per_s,
+        ],
+    ];
+    let b = [
+        [0.0, 0.0],
+        [0.0, -1.0 / mass],
+        [0.0, 0.0],
+        [0.0, 0.0],
+        [spec.gain * spec.valve_gain, 0.0],
+    ];
+    let force = feedback.max(stiffness).max(mass);
+    let units = [1.0, 1.0 / dt, force, force / dt, force / (dt * dt)];
+    let a = a.map(|row| row.map(|v| v * dt));
+    let b = b.map(|row| row.map(|v| v * dt));
+    Ramped::new::<9>(&a, &b, &units)
+}

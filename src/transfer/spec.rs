@@ -1,0 +1,301 @@
+//! What the test file says of a transfer system: `[specimen.transfer]`.
+
+use nalgebra::Complex;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::exact::is_hurwitz;
+use super::sensor::{DispSensorSpec, ForceSensorSpec};
+use super::{TransferError, delay};
+
+/// What lies between the command and the specimen, and between the specimen and what is measured. In the order of the way:
+/// delay, actuator, limits of rate, stroke and force, sensors. Every axis has one of its own; without any key nothing is
+/// changed. SI units at the specimen.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "snake_case", default)]
+pub struct TransferSpec {
+    /// Pure delay of the command in s, whole ticks or not.
+    pub delay_s: f64,
+    /// How the actuator follows. Default: at once.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub actuator: Option<ActuatorSpec>,
+    /// Greatest speed in m/s; not for `servo_hydraulic`. Default: none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rate_limit_m_per_s: Option<f64>,
+    /// The actuator ends at ± this, in m. Default: no end.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stroke_m: Option<f64>,
+    /// Greatest force in N; beyond it the actuator stalls. Default: none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub force_limit_n: Option<f64>,
+    /// The displacement sensor.
+    pub disp_sensor: DispSensorSpec,
+    /// The load cell.
+    pub force_sensor: ForceSensorSpec,
+    /// Seed of the noise: same seed, same noise.
+    pub seed: u64,
+    /// False: an end of stroke, force or sensor range is not told, and the test goes on with what is measured there.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tell_saturation: Option<bool>,
+}
+
+/// How an actuator follows its command.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "snake_case")]
+pub enum ActuatorSpec {
+    /// T ẋ + x = g u.
+    FirstOrder(FirstOrderSpec),
+    /// ẍ + 2 ζ ω ẋ + ω² x = ω² g u.
+    SecondOrder(SecondOrderSpec),
+    /// Servo-valve and cylinder that feel the specimen.
+    ServoHydraulic(ServoHydraulicSpec),
+}
+
+/// First-order lag.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "snake_case")]
+pub struct FirstOrderSpec {
+    /// T in s.
+    pub time_constant_s: f64,
+    /// g. Default: 1.
+    #[serde(default = "one")]
+    pub gain: f64,
+}
+
+/// Second-order lag.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "snake_case")]
+pub struct SecondOrderSpec {
+    /// ω / 2π in Hz.
+    pub frequency_hz: f64,
+    /// ζ, greater than 0.
+    pub damping_ratio: f64,
+    /// g. Default: 1.
+    #[serde(default = "one")]
+    pub gain: f64,
+}
+
+/// Two poles of the servo-valve, one of the cylinder, and the specimen inside the loop: control–structure interaction.
+///
+/// q̈ + β₁ q̇ + β₂ q = A (g u − x), ḟ + a₃ f = q − a₂ ẋ, m ẍ + R(x, ẋ) = f, where R is the specimen's law and f, inertia
+/// included, is what the load cell feels. The defaults are the plant of the virtual hybrid simulation benchmark.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "snake_case", default)]
+pub struct ServoHydraulicSpec {
+    /// A = a₁β₀, in N/(m s³).
+    pub valve_gain: f64,
+    /// β₁ in 1/s.
+    pub valve_damping_per_s: f64,
+    /// β₂ in 1/s².
+    pub valve_stiffness_per_s2: f64,
+    /// a₂, natural velocity feedback, in N/m.
+    pub velocity_feedback_n_per_m: f64,
+    /// a₃, leakage, in 1/s.
+    pub leakage_per_s: f64,
+    /// g.
+    pub gain: f64,
+    /// m: what the actuator moves and the load cell feels, in kg. It belongs into `mass_in_force_kg` of the specimen, too.
+    pub mass_kg: f64,
+}
+
+impl Default for ServoHydraulicSpec {
+    fn default() -> Self {
+        Self {
+            valve_gain: 2.1283e13,
+            valve_damping_per_s: 425.0,
+            valve_stiffness_per_s2: 9.9976e4,
+            velocity_feedback_n_per_m: 4.2297e6,
+            leakage_per_s: 3.3,
+            gain: 1.0261,
+            mass_kg: 29.13,
+        }
+    }
+}
+
+const fn one() -> f64 {
+    1.0
+}
+
+pub(super) fn positive(name: &'static str, found: f64) -> Result<f64, TransferError> {
+    inside(name, found, found > 0.0, "finite and greater than 0")
+}
+
+pub(super) fn not_negative(name: &'static str, found: f64) -> Result<f64, TransferError> {
+    inside(name, found, found >= 0.0, "finite and not negative")
+}
+
+pub(super) fn finite(name: &'static str, found: f64) -> Result<f64, TransferError> {
+    inside(name, found, true, "finite")
+}
+
+fn inside(
+    name: &'static str,
+    found: f64,
+    is_inside: bool,
+    allowed: &'static str,
+) -> Result<f64, TransferError> {
+    if is_inside && found.is_finite() {
+        Ok(found)
+    } else {
+        Err(TransferError::Parameter {
+            name,
+            found,
+            allowed,
+        })
+    }
+}
+
+impl TransferSpec {
+    /// Every key for itself, and the delay against the longest history. `dt` is the tick in s of test time, if known.
+    ///
+    /// # Errors
+    /// The first key that is wrong.
+    pub fn check(&self, dt: Option<f64>) -> Result<(), TransferError> {
+        not_negative("delay_s", self.delay_s)?;
+        let entries = self.delay_s / dt.unwrap_or(DEFAULT_DT) + 2.0;
+        if entries > delay::LONGEST as f64 {
+            return Err(TransferError::History {
+                delay: self.delay_s,
+                ticks: entries - 2.0,
+                most: delay::LONGEST - 2,
+            });
+        }
+        for (name, value) in [
+            ("rate_limit_m_per_s", self.rate_limit_m_per_s),
+            ("stroke_m", self.stroke_m),
+            ("force_limit_n", self.force_limit_n),
+        ] {
+            if let Some(value) = value {
+                positive(name, value)?;
+            }
+        }
+        self.disp_sensor.build()?;
+        self.force_sensor.build()?;
+        match &self.actuator {
+            None => Ok(()),
+            Some(ActuatorSpec::FirstOrder(spec)) => {
+                positive("time_constant_s", spec.time_constant_s)?;
+                positive("gain", spec.gain).map(|_| ())
+            }
+            Some(ActuatorSpec::SecondOrder(spec)) => {
+                positive("frequency_hz", spec.frequency_hz)?;
+                positive("damping_ratio", spec.damping_ratio)?;
+                positive("gain", spec.gain).map(|_| ())
+            }
+            Some(ActuatorSpec::ServoHydraulic(spec)) => {
+                if self.rate_limit_m_per_s.is_some() {
+                    return Err(TransferError::NotApplicable {
+                        name: "rate_limit_m_per_s",
+                        what: "`servo_hydraulic`, whose valve knows no limit of flow",
+                    });
+                }
+                spec.check()
+            }
+        }
+    }
+
+    /// Entries that the history of commands needs.
+    pub(super) fn entries(&self, dt: Option<f64>) -> usize {
+        match dt {
+            Some(dt) => (self.delay_s / dt).ceil() as usize + 3,
+            None => delay::LONGEST,
+        }
+    }
+
+    /// Measured over commanded displacement at ω in rad/s, without limits and sensors, for a specimen of `stiffness`
+    /// (N/m) and `damping` (N s/m).
+    #[must_use]
+    pub fn response(&self, omega: f64, stiffness: f64, damping: f64) -> Complex<f64> {
+        let s = Complex::new(0.0, omega);
+        let (sine, cosine) = libm::sincos(-omega * self.delay_s);
+        let delayed = Complex::new(cosine, sine);
+        delayed
+            * match &self.actuator {
+                None => Complex::new(1.0, 0.0),
+                Some(ActuatorSpec::FirstOrder(spec)) => {
+                    Complex::new(spec.gain, 0.0) / (s * spec.time_constant_s + 1.0)
+                }
+                Some(ActuatorSpec::SecondOrder(spec)) => {
+                    let natural = 2.0 * std::f64::consts::PI * spec.frequency_hz;
+                    let square = natural * natural;
+                    Complex::new(spec.gain * square, 0.0)
+                        / (s * s + s * (2.0 * spec.damping_ratio * natural) + square)
+                }
+                Some(ActuatorSpec::ServoHydraulic(spec)) => {
+                    let from_high = spec.characteristic(stiffness, damping);
+                    let below = from_high
+                        .iter()
+                        .fold(Complex::new(0.0, 0.0), |sum, c| sum * s + c);
+                    Complex::new(spec.gain * spec.valve_gain, 0.0) / below
+                }
+            }
+    }
+
+    /// Phase lag in s at ω in rad/s.
+    #[must_use]
+    pub fn lag(&self, omega: f64, stiffness: f64, damping: f64) -> f64 {
+        // The delay's own phase may go round more than once; the actuator's phase is taken for itself.
+        let without = Self {
+            delay_s: 0.0,
+            ..self.clone()
+        };
+        let response = without.response(omega, stiffness, damping);
+        self.delay_s - libm::atan2(response.im, response.re) / omega
+    }
+}
+
+/// Tick that histories are sized for where it is not known: that of a fast controller.
+const DEFAULT_DT: f64 = 1.0 / 8000.0;
+
+impl ServoHydraulicSpec {
+    /// Coefficients of the characteristic polynomial of the loop with the specimen inside, from s⁵ down.
+    #[must_use]
+    pub fn characteristic(&self, stiffness: f64, damping: f64) -> [f64; 6] {
+        let (m, a2, a3) = (
+            self.mass_kg,
+            self.velocity_feedback_n_per_m,
+            self.leakage_per_s,
+        );
+        let cylinder = [
+            m,
+            damping + a3 * m,
+            stiffness + a3 * damping + a2,
+            a3 * stiffness,
+        ];
+        let valve = [1.0, self.valve_damping_per_s, self.valve_stiffness_per_s2];
+        let mut all = [0.0; 6];
+        for (i, c) in cylinder.iter().enumerate() {
+            for (entry, v) in all.iter_mut().skip(i).zip(&valve) {
+                *entry += c * v;
+            }
+        }
+        all[5] += self.valve_gain;
+        all
+    }
+
+    fn check(&self) -> Result<(), TransferError> {
+        for (name, value) in [
+            ("valve_gain", self.valve_gain),
+            ("valve_damping_per_s", self.valve_damping_per_s),
+            ("valve_stiffness_per_s2", self.valve_stiffness_per_s2),
+            ("gain", self.gain),
+            ("mass_kg", self.mass_kg),
+        ] {
+            positive(name, value)?;
+        }
+        not_negative("velocity_feedback_n_per_m", self.velocity_feedback_n_per_m)?;
+        not_negative("leakage_per_s", self.leakage_per_s).map(|_| ())
+    }
+
+    /// The loop with a specimen of these properties inside is stable.
+    ///
+    /// # Errors
+    /// It is not.
+    pub fn check_loop(&self, stiffness: f64, damping: f64) -> Result<(), TransferError> {
+        if is_hurwitz(&self.characteristic(stiffness, damping)) {
+            Ok(())
+        } else {
+            Err(TransferError::Unstable { stiffness, damping })
+        }
+    }
+}

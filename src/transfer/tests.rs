@@ -1,0 +1,400 @@
+use super::*;
+use crate::law::{LawSpec, LinearSpec};
+use crate::specimen::SpecimenLaw;
+use std::f64::consts::PI;
+
+const DT: f64 = 1.0 / 4096.0;
+
+fn spec(text: &str) -> TransferSpec {
+    toml::from_str(text).unwrap()
+}
+
+fn spring(stiffness: f64, damping: f64) -> Box<dyn Specimen> {
+    let law = LawSpec::Linear(LinearSpec {
+        stiffness_n_per_m: stiffness,
+        damping_n_s_per_m: damping,
+    });
+    SpecimenLaw::Law(law).build(1).unwrap()
+}
+
+fn behind(text: &str, law: Box<dyn Specimen>) -> Transfer {
+    Transfer::new(&spec(text), law, None).unwrap()
+}
+
+/// Achieved displacement and force at each tick of a commanded motion from rest at its value at 0.
+fn follow(
+    transfer: &mut Transfer,
+    dt: f64,
+    n: usize,
+    command: impl Fn(f64) -> f64,
+) -> Vec<[f64; 2]> {
+    let mut force = [0.0];
+    transfer.trial(&[command(0.0)], &[0.0], 0.0, &mut force);
+    transfer.commit();
+    (1..=n)
+        .map(|k| {
+            let now = command(k as f64 * dt);
+            transfer.trial(&[now], &[0.0], dt, &mut force);
+            transfer.commit();
+            [transfer.achieved()[0], force[0]]
+        })
+        .collect()
+}
+
+#[test]
+fn without_any_key_the_law_answers_with_the_same_bits() {
+    let mut direct = spring(1.19e6, 114.0);
+    let mut through = behind("", spring(1.19e6, 114.0));
+    let (mut a, mut b) = ([0.0], [0.0]);
+    for k in 0..100 {
+        let (disp, vel) = ([libm::sin(0.1 * f64::from(k))], [f64::from(k)]);
+        let dt = if k == 0 { 0.0 } else { DT };
+        direct.trial(&disp, &vel, dt, &mut a);
+        through.trial(&disp, &vel, dt, &mut b);
+        let mut read = disp;
+        through.measured(&mut read);
+        assert_eq!((a, disp), (b, read));
+        direct.commit();
+        through.commit();
+    }
+}
+
+#[test]
+fn lags_follow_ramps_and_steps_as_their_formulas_say() {
+    // A step of one tick's ramp: after it, x = 1 − e^{−(t−δ)/T}·(1 − e^{−δ/T})·T/δ … with δ the tick, exactly.
+    let (lag, rise) = (0.02, DT);
+    let mut first = behind(
+        "actuator.first_order = { time_constant_s = 0.02 }",
+        spring(1.0, 0.0),
+    );
+    let step = follow(&mut first, DT, 400, |t| f64::min(t / rise, 1.0));
+    let ramp_end = 1.0 - lag / rise * (1.0 - libm::exp(-rise / lag));
+    for (k, [x, force]) in step.iter().enumerate() {
+        let t = k as f64 * DT;
+        let wanted = 1.0 - (1.0 - ramp_end) * libm::exp(-t / lag);
+        assert!((x - wanted).abs() < 1e-13 && (force - x).abs() < 1e-15);
+    }
+    // Second order, ramp u = t: x = t − 2ζ/ω + e^{−ζωt}(2ζ/ω cos ω_d t + (2ζ² − 1)/ω_d sin ω_d t).
+    let (zeta, omega) = (0.7, 2.0 * PI * 12.0);
+    let damped = omega * f64::sqrt(1.0 - zeta * zeta);
+    let mut second = behind(
+        "actuator.second_order = { frequency_hz = 12, damping_ratio = 0.7 }",
+        spring(1.0, 0.0),
+    );
+    for (k, [x, _]) in follow(&mut second, DT, 800, |t| t).iter().enumerate() {
+        let t = (k + 1) as f64 * DT;
+        let (s, c) = libm::sincos(damped * t);
+        let swing = 2.0 * zeta / omega * c + (2.0 * zeta * zeta - 1.0) / damped * s;
+        let wanted = t - 2.0 * zeta / omega + libm::exp(-zeta * omega * t) * swing;
+        assert!((x - wanted).abs() < 1e-13, "{k}: {x} {wanted}");
+    }
+}
+
+#[test]
+fn the_benchmark_plant_has_its_published_lags_and_gains() {
+    let plant = spec("actuator.servo_hydraulic = {}");
+    let (k, c) = (1.19e6, 114.22);
+    for (hertz, lag, gain) in [
+        (1.0, 25.0e-3, None),
+        (3.6, 23.7e-3, Some(0.916)),
+        (10.0, 19.0e-3, Some(0.633)),
+    ] {
+        let omega = 2.0 * PI * hertz;
+        let found = plant.lag(omega, k, c);
+        assert!((found - lag).abs() < 0.06e-3, "{hertz} Hz: {found}");
+        if let Some(gain) = gain {
+            assert!((plant.response(omega, k, c).norm() - gain).abs() < 6e-4);
+        }
+    }
+    // Its poles, in 1/s.
+    let [a5, a4, a3, a2, a1, a0] = ServoHydraulicSpec::default().characteristic(k, c);
+    for (re, im) in [(-8.0, 421.8), (-184.0, 229.9), (-48.2, 0.0)] {
+        let s = nalgebra::Complex::new(re, im);
+        let value = ((((s * a5 + a4) * s + a3) * s + a2) * s + a1) * s + a0;
+        let slope = (((s * (5.0 * a5) + 4.0 * a4) * s + 3.0 * a3) * s + 2.0 * a2) * s + a1;
+        let off = (value / slope).norm();
+        assert!(
+            off < 0.08,
+            "a root lies {off} from {s}, which is printed to 0.05"
+        );
+    }
+}
+
+#[test]
+fn the_simulated_plant_answers_a_sine_as_its_transfer_function_says() {
+    let (hertz, k, c) = (3.6, 1.19e6, 114.22);
+    let omega = 2.0 * PI * hertz;
+    let text = "delay_s = 0.0031\nactuator.servo_hydraulic = {}";
+    let mut plant = behind(text, spring(k, c));
+    let n = 40_960;
+    let out = follow(&mut plant, DT, n, |t| 1e-3 * libm::sin(omega * t));
+    let expected = spec(text).response(omega, k, c);
+    // A sine of straight lines is a little smaller: sinc²(ωΔt/2) ≈ 1 − (ωΔt)²/12 = 1 − 2.5e-6, and one that is read between
+    // its corners, 0.7 of a tick late, by 0.7·0.3/2·(ωΔt)² = 3.2e-6 more; times 0.93 mm.
+    for (i, [x, force]) in out.iter().enumerate().skip(n - 1200) {
+        let t = (i + 1) as f64 * DT;
+        let (s, cosine) = libm::sincos(omega * t);
+        let wanted = 1e-3 * (expected.re * s + expected.im * cosine);
+        assert!((x - wanted).abs() < 6e-9, "{x} {wanted}");
+        // The load cell feels spring, dashpot and inertia: the equation of motion of a sine.
+        let dynamic = nalgebra::Complex::new(k - 29.13 * omega * omega, c * omega) * expected;
+        let felt = 1e-3 * (dynamic.re * s + dynamic.im * cosine);
+        assert!((force - felt).abs() < 7e-3, "{force} {felt}");
+    }
+}
+
+#[test]
+fn a_yielding_specimen_inside_the_loop_is_in_equilibrium_with_its_actuator() {
+    // Half the step must give a quarter of the difference: the coupling is of second order.
+    let law = || {
+        let text = "bouc_wen = { stiffness_n_per_m = 1.19e6, yield_force_n = 1190.0, post_yield_ratio = 0.1, \
+                    beta = 0.5, gamma = 0.5, exponent = 2 }";
+        let law: LawSpec = toml::from_str(text).unwrap();
+        SpecimenLaw::Law(law).build(1).unwrap()
+    };
+    let run = |per_second: usize| {
+        let mut plant = behind("actuator.servo_hydraulic = {}", law());
+        let n = per_second / 2;
+        let dt = 1.0 / per_second as f64;
+        follow(&mut plant, dt, n, |t| 4e-3 * libm::sin(12.0 * t))[n - 1][0]
+    };
+    let (coarse, middle, fine) = (run(1024), run(2048), run(4096));
+    let ratio = (coarse - middle) / (middle - fine);
+    assert!((2.5..8.0).contains(&ratio), "{ratio}");
+}
+
+#[test]
+fn limits_of_rate_stroke_and_force_hold_where_they_should() {
+    // A far command: at the rate until the lag would be slower, |u − x| = rate T, then an exponential.
+    let text = "actuator.first_order = { time_constant_s = 0.05 }\nrate_limit_m_per_s = 0.2";
+    let mut slow = behind(text, spring(1.0, 0.0));
+    let out = follow(&mut slow, DT, 2000, |t| if t > 0.0 { 0.04 } else { 0.0 });
+    let (rate, lag) = (0.2, 0.05);
+    let leaves = (0.04 - rate * lag) / rate;
+    for (i, [x, _]) in out.iter().enumerate() {
+        let t = (i + 1) as f64 * DT;
+        let wanted = if t < leaves {
+            rate * t
+        } else {
+            0.04 - rate * lag * libm::exp(-(t - leaves) / lag)
+        };
+        // The limit ends between two ticks, and the step is a ramp of one tick.
+        assert!((x - wanted).abs() < rate * DT, "{t}: {x} {wanted}");
+    }
+    let mut short = behind("stroke_m = 0.01", spring(1e5, 0.0));
+    let out = follow(&mut short, DT, 100, |t| t);
+    assert_eq!(out[99], [0.01, 1000.0]);
+    assert!(short.is_saturated());
+    // Stalls where 1e5 N/m gives 500 N, at 5 mm, to 2⁻¹⁹ of a tick's way.
+    let mut weak = behind("force_limit_n = 500", spring(1e5, 0.0));
+    let out = follow(&mut weak, DT, 100, |t| t);
+    assert!((out[99][0] - 0.005).abs() < DT / 2e5 && out[99][1] <= 500.0);
+    assert!(weak.is_saturated());
+    let mut silent = behind("stroke_m = 0.01\ntell_saturation = false", spring(1e5, 0.0));
+    follow(&mut silent, DT, 100, |t| t);
+    assert!(!silent.is_saturated());
+    // The cylinder gives 8.9 kN and no more, and nothing blows up.
+    let mut plant = behind(
+        "actuator.servo_hydraulic = {}\nforce_limit_n = 8900",
+        spring(1.19e6, 114.0),
+    );
+    let out = follow(&mut plant, DT, 4096, |t| 0.02 * libm::sin(20.0 * t));
+    let peak = out.iter().map(|[_, f]| f.abs()).fold(0.0, f64::max);
+    assert_eq!(peak, 8900.0);
+    assert!(out.iter().all(|[x, _]| x.abs() < 0.02));
+}
+
+#[test]
+fn it_begins_at_rest_where_the_first_command_takes_it() {
+    for text in [
+        "delay_s = 0.01\nactuator.second_order = { frequency_hz = 9, damping_ratio = 0.6 }",
+        "actuator.first_order = { time_constant_s = 0.03 }",
+        "actuator.servo_hydraulic = {}",
+    ] {
+        let mut plant = behind(text, spring(1.19e6, 114.0));
+        let out = follow(&mut plant, DT, 500, |_| 3e-3);
+        let first = out[0][0];
+        assert!((first - 3e-3).abs() < 3e-5, "{first}");
+        for [x, _] in &out {
+            assert!((x - first).abs() < 1e-12, "{text}: {x} {first}");
+        }
+    }
+}
+
+const NOISY: &str = "delay_s = 0.0041\nactuator.servo_hydraulic = {}\nseed = 5\nforce_limit_n = 3000\n\
+                     [disp_sensor]\nnoise_rms_m = 1e-5\ndrift_m_per_s = 1e-4\n[force_sensor]\nnoise_power_n2_s = 1e-3\nquantum_n = 0.5";
+
+#[test]
+fn trials_and_holds_leave_no_trace_and_a_frozen_state_goes_on_with_the_same_bits() {
+    let law = || spring(1.19e6, 114.0);
+    let (mut plain, mut disturbed) = (behind(NOISY, law()), behind(NOISY, law()));
+    let (mut a, mut b) = ([0.0], [0.0]);
+    for k in 0..600 {
+        let disp = [5e-3 * libm::sin(0.02 * f64::from(k))];
+        let dt = if k == 0 { 0.0 } else { DT };
+        plain.trial(&disp, &[0.1], dt, &mut a);
+        plain.commit();
+        disturbed.trial(&[0.02], &[9.0], dt, &mut b);
+        disturbed.revert();
+        disturbed.trial(&disp, &[0.1], dt, &mut b);
+        assert_eq!(a, b);
+        disturbed.commit();
+        if k % 50 == 20 {
+            // A hold: readings are noisy, time stands still, and committing it (as a server does) changes nothing.
+            let mut before = f64::NAN;
+            for _ in 0..3 {
+                disturbed.trial(&disp, &[0.0], 0.0, &mut b);
+                let mut read = disp;
+                disturbed.measured(&mut read);
+                assert_ne!(read[0], before, "noise is read while zeroing");
+                before = read[0];
+            }
+            disturbed.commit();
+        }
+        if k % 100 == 70 {
+            let mut state = vec![];
+            disturbed.freeze(&mut state);
+            let mut fresh = behind(NOISY, law());
+            assert!(fresh.thaw(&state).is_empty());
+            disturbed = fresh;
+        }
+    }
+}
+
+#[test]
+fn a_tick_allocates_nothing() {
+    let law =
+        "bilinear = { stiffness_n_per_m = 1.19e6, yield_force_n = 1190.0, post_yield_ratio = 0.1 }";
+    let law: LawSpec = toml::from_str(law).unwrap();
+    let law = SpecimenLaw::Law(law).build(2).unwrap();
+    let mut plant = Transfer::new(&spec(NOISY), law, None).unwrap();
+    let mut force = [0.0; 2];
+    let count = allocation_counter::measure(|| {
+        for k in 0..400 {
+            let disp = [3e-3 * libm::sin(0.1 * f64::from(k)); 2];
+            let dt = if k % 7 == 0 { 2.0 * DT } else { DT };
+            plant.trial(&disp, &[0.1; 2], dt, &mut force);
+            plant.commit();
+        }
+    });
+    assert_eq!(count.count_total, 0);
+}
+
+#[test]
+fn what_cannot_be_is_refused_by_its_key() {
+    let refuse =
+        |text: &str| Transfer::new(&spec(text), spring(1.19e6, 114.0), Some(DT)).unwrap_err();
+    for (text, key) in [
+        ("delay_s = -0.01", "delay_s"),
+        ("delay_s = nan", "delay_s"),
+        ("delay_s = 3.0", "delay_s"),
+        ("stroke_m = 0", "stroke_m"),
+        (
+            "actuator.first_order = { time_constant_s = 0 }",
+            "time_constant_s",
+        ),
+        (
+            "actuator.second_order = { frequency_hz = 5, damping_ratio = -0.1 }",
+            "damping_ratio",
+        ),
+        (
+            "actuator.servo_hydraulic = {}\nrate_limit_m_per_s = 1",
+            "rate_limit_m_per_s",
+        ),
+        (
+            "actuator.servo_hydraulic = { valve_gain = 1e15 }",
+            "servo_hydraulic",
+        ),
+        ("disp_sensor = { noise_rms_m = -1 }", "noise_rms_m"),
+    ] {
+        assert_eq!(refuse(text).key(), key, "{text}");
+    }
+    let text = refuse("delay_s = 3.0").to_string();
+    assert!(
+        text.contains("12288.0 ticks") && text.contains("8190"),
+        "{text}"
+    );
+}
+
+/// Growth of a freely vibrating mass on a computed spring and dashpot and a specimen behind a transfer system, over 100
+/// periods at the critical state's own frequency.
+fn growth(ratio: f64, share: f64, transfer: &str) -> f64 {
+    let omega = 2.0 * PI;
+    let (k, c) = (omega * omega, 2.0 * ratio * omega);
+    let dt = 1e-3;
+    let mut specimen = behind(transfer, spring(share * k, 0.0));
+    let effective = 1.0 + dt / 2.0 * c + dt * dt / 4.0 * k;
+    let (mut x, mut v, mut force) = (1e-3, 0.0, [0.0]);
+    let mut peaks = [0.0f64; 2];
+    let n = 200_000;
+    for i in 0..n {
+        specimen.trial(&[x], &[v], if i == 0 { 0.0 } else { dt }, &mut force);
+        specimen.commit();
+        v -= dt / effective * (c * v + (1.0 - share) * k * x + force[0]);
+        x += dt * v;
+        let half = usize::from(i >= n / 2);
+        if i % (n / 2) > n / 4 {
+            peaks[half] = peaks[half].max(x.abs());
+        }
+    }
+    peaks[1] / peaks[0]
+}
+
+#[test]
+fn loops_decay_below_the_critical_delay_or_lag_and_grow_above_it() {
+    use crate::spectral::delay::{critical_lag, sdof};
+    let omega = 2.0 * PI;
+    for (ratio, share) in [(0.02, 0.5), (0.05, 0.8), (0.01, 1.0)] {
+        let (k, c) = (omega * omega, 2.0 * ratio * omega);
+        let delay = sdof(ratio, share, omega).unwrap();
+        let lag = critical_lag(1.0, c, (1.0 - share) * k, share * k).unwrap();
+        // Second order: (m s² + c s + k_n)(s² + 2ζω_a s + ω_a²) + k_e ω_a², by bisection on ω_a at ζ = 0.7.
+        let is_stable = |natural: f64| {
+            let (a, b) = (1.4 * natural, natural * natural);
+            let numerical = (1.0 - share) * k;
+            exact::is_hurwitz(&[
+                1.0,
+                a + c,
+                b + a * c + numerical,
+                b * c + a * numerical,
+                b * numerical + b * share * k,
+            ])
+        };
+        let (mut low, mut high) = (1.0, 1e5);
+        for _ in 0..100 {
+            let middle = f64::sqrt(low * high);
+            if is_stable(middle) {
+                high = middle;
+            } else {
+                low = middle;
+            }
+        }
+        for (factor, grows) in [(0.9, false), (1.1, true)] {
+            let transfers = [
+                format!("delay_s = {}", factor * delay),
+                format!(
+                    "actuator.first_order = {{ time_constant_s = {} }}",
+                    factor * lag
+                ),
+                format!(
+                    "actuator.second_order = {{ frequency_hz = {}, damping_ratio = 0.7 }}",
+                    high / (2.0 * PI) / factor
+                ),
+            ];
+            for transfer in transfers {
+                let found = growth(ratio, share, &transfer);
+                // A tenth of the damping is left or missing: e^{∓0.1 ξ ω 100 s} or more.
+                let wanted = libm::exp(0.05 * ratio * omega * 100.0);
+                assert_eq!(
+                    found > 1.0,
+                    grows,
+                    "ξ {ratio}, p {share}, {factor}: {transfer}: {found}"
+                );
+                assert!(
+                    found > wanted || found < 1.0 / wanted,
+                    "{transfer}: {found}"
+                );
+            }
+        }
+    }
+}

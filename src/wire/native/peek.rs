@@ -1,0 +1,154 @@
+//! A look at a frame on its way, and frames that lie: for what stands between the two ends and plays a bad network or a
+//! broken peer.
+//!
+//! Nothing is checked here but the length; a frame of a keyed session that was changed fails its MAC. The two ends use
+//! [`super::Decoder`] and [`super::Encoder`].
+
+use super::layout::{
+    AT_AXES, AT_KIND, AT_LENGTH, AT_SEQUENCE, AT_SESSION, CRC_LEN, HEADER_LEN, at_force, frame_len,
+};
+use super::view::Kind;
+use crate::wire::bytes::{get_f64, get_u16, get_u32, get_u64, put, words};
+
+/// What a frame says of itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Peek {
+    /// Its kind.
+    pub kind: Kind,
+    /// Its session.
+    pub session: u64,
+    /// Number of the command that it belongs to; 0 for a control message.
+    pub sequence: u64,
+}
+
+/// What `frame` says of itself, if it is one whole frame. Real-time: yes.
+#[must_use]
+pub fn peek(frame: &[u8]) -> Option<Peek> {
+    let kind = Kind::from_code(*frame.get(AT_KIND)?).ok()?;
+    let length = get_u32(frame, AT_LENGTH).ok()?;
+    if usize::try_from(length) != Ok(frame.len()) || frame.len() < HEADER_LEN {
+        return None;
+    }
+    let sequence = match kind {
+        Kind::Control => 0,
+        _ => get_u64(frame, AT_SEQUENCE).ok()?,
+    };
+    Some(Peek {
+        kind,
+        session: get_u64(frame, AT_SESSION).ok()?,
+        sequence,
+    })
+}
+
+/// Displacement and velocity of every axis of a command; empty for another frame.
+pub fn commanded(frame: &[u8]) -> impl Iterator<Item = (f64, f64)> + '_ {
+    let is_command = peek(frame).is_some_and(|peek| peek.kind == Kind::Command);
+    let axes = get_u16(frame, AT_AXES).map_or(0, usize::from);
+    let whole = is_command && frame.len() >= frame_len(Kind::Command, axes, false);
+    let at = super::layout::AT_COMMAND_DISP;
+    let values = words(frame, at, if whole { 2 * axes } else { 0 }).unwrap_or_default();
+    let value = |word: &[u8; 8]| f64::from_le_bytes(*word);
+    let (disp, vel) = values.split_at(values.len() / 2);
+    disp.iter().map(value).zip(vel.iter().map(value))
+}
+
+/// Writes another number into a frame, and a checksum that fits.
+pub fn forge_sequence(frame: &mut [u8], sequence: u64) {
+    let _ = put(frame, AT_SEQUENCE, sequence.to_le_bytes());
+    seal(frame);
+}
+
+/// Writes another force into a measurement, and a checksum that fits. Nothing if there is no such axis (from 0).
+pub fn forge_force(frame: &mut [u8], axis: usize, force: f64) {
+    let axes = get_u16(frame, AT_AXES).map_or(0, usize::from);
+    let is_measurement = peek(frame).is_some_and(|peek| peek.kind == Kind::Measurement);
+    let at = at_force(axes) + 8 * axis;
+    if is_measurement && axis < axes && get_f64(frame, at).is_ok() {
+        let _ = put(frame, at, force.to_le_bytes());
+        seal(frame);
+    }
+}
+
+/// Writes another length into the header; the checksum does not know.
+pub fn forge_length(frame: &mut [u8], length: u32) {
+    let _ = put(frame, AT_LENGTH, length.to_le_bytes());
+}
+
+fn seal(frame: &mut [u8]) {
+    let at = frame.len().saturating_sub(CRC_LEN);
+    let crc = crc32fast::hash(frame.get(..at).unwrap_or_default());
+    let _ = put(frame, at, crc.to_le_bytes());
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::substructure::{Command, Measurement};
+    use crate::wire::native::{Decoder, Encoder, Frame, Moment};
+    use crate::wire::{Side, WireError};
+
+    fn measurement() -> Vec<u8> {
+        let measured = Measurement {
+            sequence: 7,
+            force: vec![1.0, 2.0],
+            ..Measurement::zeros(2)
+        };
+        let mut out = vec![0; 1000];
+        let mut encoder = Encoder::new(Side::Specimen, 2, 9, None).unwrap();
+        let length = encoder.measurement(&measured, Moment::default(), &mut out);
+        out.truncate(length.unwrap());
+        out
+    }
+
+    #[test]
+    fn a_forged_frame_passes_its_checks_and_says_what_was_forged() {
+        let mut frame = measurement();
+        forge_sequence(&mut frame, 8);
+        forge_force(&mut frame, 1, -5.0);
+        let seen = peek(&frame).unwrap();
+        assert_eq!((seen.kind, seen.session), (Kind::Measurement, 9));
+        let mut decoder = Decoder::new(Side::Specimen, 2, 9, None).unwrap();
+        let Frame::Measurement(found) = decoder.open(&frame).unwrap().frame else {
+            panic!("a measurement");
+        };
+        let mut into = Measurement::zeros(2);
+        found.read(&mut into).unwrap();
+        assert_eq!((into.sequence, into.force), (8, vec![1.0, -5.0]));
+    }
+
+    #[test]
+    fn a_force_that_is_no_number_fails_only_for_that() {
+        let mut frame = measurement();
+        forge_force(&mut frame, 0, f64::NAN);
+        let mut decoder = Decoder::new(Side::Specimen, 2, 9, None).unwrap();
+        let refused = decoder.open(&frame).map(|_| ()).unwrap_err();
+        assert!(
+            matches!(refused, WireError::NotFinite { .. }),
+            "{refused:?}"
+        );
+        forge_force(&mut frame, 2, 0.0);
+        assert!(decoder.open(&frame).is_err(), "there is no third axis");
+    }
+
+    #[test]
+    fn a_command_is_read_on_its_way_and_nothing_else_is_one() {
+        let mut out = vec![0; 1000];
+        let mut encoder = Encoder::new(Side::Controller, 2, 9, None).unwrap();
+        let command = Command {
+            sequence: 3,
+            time: 0.0,
+            dt: 0.0,
+            disp: &[1.0, 2.0],
+            vel: &[3.0, 4.0],
+        };
+        let length = encoder.command(&command, &mut out).unwrap();
+        out.truncate(length);
+        let found: Vec<_> = commanded(&out).collect();
+        assert_eq!(found, [(1.0, 3.0), (2.0, 4.0)]);
+        assert_eq!(commanded(&measurement()).count(), 0);
+        for cut in 0..length {
+            assert_eq!(commanded(&out[..cut]).count(), 0);
+            assert_eq!(peek(&out[..cut]), None);
+        }
+    }
+}

@@ -1,0 +1,94 @@
+//! Folders that cannot be written: told before anything moves, or at the end, and never by a panic.
+
+use std::fs;
+use std::os::unix::fs::PermissionsExt;
+use std::path::Path;
+use std::process::Command;
+
+use crate::common::{FRAME, Said, write};
+use crate::link_common::Running;
+use crate::note;
+
+/// The program as a user who may write only what everybody may.
+fn as_nobody(arguments: &[&std::ffi::OsStr]) -> Option<Said> {
+    let mut command = Command::new("setpriv");
+    command.args(["--reuid=65534", "--regid=65534", "--clear-groups"]);
+    command.args(["--inh-caps=-all", "--bounding-set=-all"]);
+    command.arg(assert_cmd::cargo::cargo_bin!("gusset"));
+    let said: Said = command.args(arguments).output().ok()?.into();
+    let dropped = !said.stderr.starts_with("setpriv:");
+    dropped.then_some(said)
+}
+
+/// Whoever is not root needs not drop anything.
+fn unprivileged(arguments: &[&std::ffi::OsStr]) -> Said {
+    as_nobody(arguments).unwrap_or_else(|| crate::common::say(arguments.iter().copied()))
+}
+
+#[test]
+fn a_folder_that_is_read_only_is_told_before_anything_moves() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::set_permissions(folder.path(), fs::Permissions::from_mode(0o755)).unwrap();
+    let test = write(folder.path(), "test.toml", FRAME);
+    let closed = folder.path().join("closed");
+    fs::create_dir(&closed).unwrap();
+    fs::set_permissions(&closed, fs::Permissions::from_mode(0o555)).unwrap();
+    for out in [closed.join("new"), closed.clone()] {
+        let said = unprivileged(&[
+            "run".as_ref(),
+            test.as_os_str(),
+            "--out".as_ref(),
+            out.as_os_str(),
+        ]);
+        if said.code == Some(0) {
+            return note("SKIPPED: this user may write everywhere");
+        }
+        assert_eq!(said.code, Some(2), "{}", said.stderr);
+        let words = "the run folder cannot be made";
+        assert!(said.stderr.contains(words), "{}", said.stderr);
+        assert!(said.stderr.contains("Permission denied"), "{}", said.stderr);
+    }
+    assert_eq!(
+        fs::read_dir(&closed).unwrap().count(),
+        0,
+        "nothing is left behind"
+    );
+    // Where not even root can: a file is no folder, and /proc takes none.
+    for out in [test.join("below"), Path::new("/proc/gusset").to_owned()] {
+        let said = crate::common::run(&test, &out, &[]);
+        assert_eq!(said.code, Some(2), "{}", said.stderr);
+        assert!(
+            said.stderr.contains("the run folder cannot be made"),
+            "{}",
+            said.stderr
+        );
+    }
+}
+
+/// A test in real time that nobody waits for.
+fn long() -> String {
+    let text = FRAME
+        .replace("duration_s = 0.5", "duration_s = 600")
+        .replace("\"simulated\"", "\"real\"");
+    format!(
+        "{text}[timing]\npolicy = \"ordinary\"\nmax_total_misses = 1000000\nmax_consecutive_misses = 1000000\n"
+    )
+}
+
+#[test]
+fn a_folder_that_vanishes_in_mid_test_ends_nothing_and_is_told_at_the_end() {
+    let folder = tempfile::tempdir().unwrap();
+    let test = Running::start(folder.path(), "run", &long());
+    test.moves();
+    let out = folder.path().join("run");
+    fs::rename(&out, folder.path().join("elsewhere")).unwrap();
+    let (code, said) = test.interrupt();
+    assert_eq!(code, 130, "{said}");
+    assert!(said.contains("not written: "), "{said}");
+    assert!(said.contains("summary.json"), "{said}");
+    assert!(!said.contains("panicked"), "{said}");
+    // The rows went on into the file that was open.
+    let left = gusset::record::Run::open(&folder.path().join("elsewhere")).unwrap();
+    assert!(left.summary().is_none());
+    assert_eq!(crate::rows(&left).1, gusset::record::End::Clean);
+}

@@ -1,0 +1,202 @@
+//! `gusset run` and `gusset serve` in real time, over UDP and TCP; one of them is killed or stops.
+
+use std::path::Path;
+
+use gusset::record::summary::Status;
+use gusset::record::{End, Run};
+
+use crate::link_common::{
+    ONE_AXIS, ONE_AXIS_LAW, Running, Served, linked, run, summary, test_file,
+};
+use crate::{is_whole, rows};
+
+const STEPS: u32 = 40;
+/// Far longer than anybody waits.
+const LONG: u32 = 3_000_000;
+
+fn specimen(folder: &Path, transport: &str) -> Served {
+    let text = test_file(STEPS, &format!("{ONE_AXIS}{ONE_AXIS_LAW}"));
+    Served::start(folder, &text, &["--transport", transport])
+}
+
+/// In real time, sampled, at 200 Hz: slow enough for any machine. Lateness is forgiven.
+fn in_real_time(steps: u32, address: &str, transport: &str, keys: &str) -> String {
+    linked(
+        steps,
+        address,
+        &format!("transport = \"{transport}\"\nwatchdog_s = 0.2\nprobe = \"none\"\n{keys}"),
+    )
+    .replace("clock = \"simulated\"", "clock = \"real\"\nscale = 5")
+    .replace(
+        "[timing]",
+        "[timing]\npolicy = \"ordinary\"\nmax_consecutive_misses = 100000\nmax_total_misses = 100000",
+    )
+}
+
+/// As soon as the specimen takes one, the next test runs to its end.
+fn the_next_one_completes(folder: &Path, address: &str, transport: &str) {
+    let text = linked(STEPS, address, &format!("transport = \"{transport}\"\n"));
+    for attempt in 0.. {
+        let name = format!("next-{attempt}");
+        let (code, said) = run(folder, &name, &text);
+        if code == 0 {
+            return;
+        }
+        // A UDP server waits half a minute for a controller that says nothing any more: it may come back.
+        assert!(
+            said.contains("another controller") && attempt < 4000,
+            "{said}"
+        );
+        crate::rest(std::time::Duration::from_millis(50));
+    }
+}
+
+#[test]
+fn a_controller_that_is_killed_leaves_a_specimen_that_holds_and_takes_the_next_one() {
+    for transport in ["tcp", "udp"] {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        let served = specimen(folder, transport);
+        let text = in_real_time(LONG, &served.address, transport, "max_stale = 100000");
+        let mut test = Running::start(folder, "killed", &text);
+        served.hears("armed for");
+        test.moves();
+        test.kill();
+        if transport == "udp" {
+            // Nothing closes: silence is all that there is.
+            served.hears("HOLDING: nothing heard for");
+        } else {
+            let over = served.hears("test over");
+            assert!(over.contains("without a goodbye"), "{over}");
+            assert!(over.contains("the specimen stays where it is"), "{over}");
+        }
+        let left = Run::open(&folder.join("killed")).unwrap();
+        assert!(left.summary().is_none());
+        let (rows, end) = rows(&left);
+        assert!(
+            !rows.is_empty() && matches!(end, End::Clean | End::Torn { .. }),
+            "{end}"
+        );
+        the_next_one_completes(folder, &served.address, transport);
+    }
+}
+
+#[test]
+fn a_specimen_that_is_killed_ends_the_test_as_planned() {
+    for transport in ["tcp", "udp"] {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        let mut served = specimen(folder, transport);
+        let text = in_real_time(LONG, &served.address, transport, "max_stale = 400");
+        let test = Running::start(folder, "run", &text);
+        served.hears("armed for");
+        test.moves();
+        served.kill();
+        let (code, said) = test.wait();
+        // UDP: the system may tell that nobody is there, or all is silence.
+        let summary = summary(folder, "run");
+        match code {
+            3 => assert_eq!(summary.status, Status::Failed),
+            1 if transport == "udp" => assert_eq!(summary.status, Status::Stopped),
+            other => panic!("{other}: {said}"),
+        }
+        let reason = &summary.reason;
+        let closed = reason.contains("the peer closed the connection");
+        assert!(
+            closed || reason.contains("no fresh measurement"),
+            "{reason}"
+        );
+        assert_eq!(summary.rows_lost, 0);
+        is_whole(folder, "run", true);
+    }
+}
+
+#[test]
+fn a_controller_that_is_stopped_for_a_while_finds_its_specimen_holding_and_goes_on() {
+    for transport in ["tcp", "udp"] {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        let served = specimen(folder, transport);
+        let text = in_real_time(LONG, &served.address, transport, "max_stale = 100000");
+        let test = Running::start(folder, "run", &text);
+        served.hears("armed for");
+        test.moves();
+        test.signal("STOP");
+        served.hears("HOLDING: nothing heard for");
+        test.signal("CONT");
+        served.hears("commands come again");
+        test.moves();
+        let (code, said) = test.interrupt();
+        assert_eq!(code, 130, "{said}");
+        let over = served.hears("test over");
+        assert!(over.contains("retired"), "{over}");
+        let summary = summary(folder, "run");
+        assert_eq!(summary.status, Status::Interrupted);
+        // The specimen saw slower time; it was 40 ticks of 5 ms at least, and no step was lost.
+        assert!(summary.deadline_misses > 0, "{summary:?}");
+        assert!(summary.stretched_ticks >= 30, "{}", summary.stretched_ticks);
+        is_whole(folder, "run", false);
+        let run = Run::open(&folder.join("run")).unwrap();
+        let steps = run.columns(&["step"]).unwrap().remove(0);
+        assert_eq!(steps.last().copied(), Some(summary.steps as f64));
+        assert!(
+            steps
+                .iter()
+                .enumerate()
+                .all(|(row, step)| *step == row as f64)
+        );
+        the_next_one_completes(folder, &served.address, transport);
+    }
+}
+
+#[test]
+fn a_specimen_that_is_stopped_trips_the_test_at_the_bound_of_stale_ticks() {
+    for transport in ["tcp", "udp"] {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        let served = specimen(folder, transport);
+        let text = in_real_time(LONG, &served.address, transport, "max_stale = 200");
+        let test = Running::start(folder, "run", &text);
+        served.hears("armed for");
+        test.moves();
+        served.send("STOP");
+        let (code, said) = test.wait();
+        assert_eq!(code, 1, "{said}");
+        let summary = summary(folder, "run");
+        assert_eq!(summary.status, Status::Stopped);
+        let reason = &summary.reason;
+        assert!(
+            reason.contains("no fresh measurement for 201 ticks"),
+            "{reason}"
+        );
+        is_whole(folder, "run", true);
+        // It wakes up to a controller that is gone, and takes the next one.
+        served.send("CONT");
+        served.hears("test over");
+        the_next_one_completes(folder, &served.address, transport);
+    }
+}
+
+#[test]
+fn a_specimen_that_stops_for_less_than_that_is_waited_for() {
+    for transport in ["tcp", "udp"] {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        let served = specimen(folder, transport);
+        let text = in_real_time(LONG, &served.address, transport, "max_stale = 100000");
+        let test = Running::start(folder, "run", &text);
+        served.hears("armed for");
+        test.moves();
+        served.send("STOP");
+        // The test goes on by the last force that is known.
+        test.moves();
+        served.send("CONT");
+        test.moves();
+        let (code, said) = test.interrupt();
+        assert_eq!(code, 130, "{said}");
+        let link = summary(folder, "run").link["column"];
+        assert_eq!(link.sent, link.received + link.late + link.lost);
+        assert!(link.received > 0, "{link:?}");
+        is_whole(folder, "run", false);
+    }
+}

@@ -1,0 +1,265 @@
+//! Every way out goes through the same retirement, over real links too, a panic on the loop's thread included.
+
+use std::path::Path;
+
+use gusset::engine::{Control, Ending, Operator};
+use gusset::record::RunFolder;
+use gusset::record::summary::Status;
+use gusset::session::{self, Finish, Watches};
+use gusset::substructure::{Coupling, LinkFault};
+use gusset::time::{Clock, Nanos, SimClock};
+
+use crate::common::engine::{prepare, run_on};
+use crate::common::rig::{Act, Log, Phase, attach, storey, two_floors};
+use crate::link_common::{ONE_AXIS, ONE_AXIS_LAW, Served, linked, test_file, write};
+
+const STEPS: u32 = 60;
+
+/// How a test is ended.
+#[derive(Debug, Clone, Copy)]
+enum Way {
+    LastStep,
+    Operator,
+    Limit,
+    Divergence,
+    OtherLink,
+    Panic,
+    PanicOfLastWords,
+}
+
+/// Runs a test with a specimen behind a real link, and beside it a rig of ours that misbehaves.
+fn leave(
+    folder: &Path,
+    number: usize,
+    address: &str,
+    transport: &str,
+    way: Way,
+) -> session::Finished {
+    let mut text = linked(
+        STEPS,
+        address,
+        &format!("transport = \"{transport}\"\nprobe = \"none\"\n"),
+    );
+    match way {
+        Way::Limit => {
+            text = text.replace(
+                "[specimen.link]",
+                "[specimen.limits]\ncommand_disp_m = { trip = [-1e-4, 1e-4] }\n[specimen.link]",
+            );
+        }
+        Way::Divergence => text = text.replace("[safety]\n", "[safety]\ndivergence_m = 1e-4\n"),
+        _ => {}
+    }
+    let file = write(folder, &format!("{number}.toml"), &text);
+    let loaded = gusset::config::load(&file, &[]).unwrap_or_else(|error| panic!("{error}"));
+    let mut test = gusset::config::build(&loaded).unwrap_or_else(|error| panic!("{error}"));
+    attach(
+        &mut test.experiment,
+        storey(1),
+        Coupling::Lockstep,
+        &Log::default(),
+        move |phase, sequence| match (way, phase) {
+            (Way::OtherLink, Phase::Collect) if sequence == 20 => Act::Fail(LinkFault::Closed),
+            (Way::Panic | Way::PanicOfLastWords, Phase::Collect) if sequence == 20 => {
+                panic!("the bug of command 20")
+            }
+            (Way::PanicOfLastWords, Phase::Retire) => panic!("the bug of the last words"),
+            _ => Act::Serve,
+        },
+    );
+    // The rig comes first on the list of those to be retired, so that its last words are in the way of the others'.
+    test.experiment.ports.reverse();
+    test.facts.specimens.push("rig".into());
+    let (says, requests) = crossbeam_channel::bounded(1);
+    if matches!(way, Way::Operator) {
+        says.send(Operator::Stop).unwrap();
+    }
+    let run = RunFolder::create(&folder.join(format!("run-{number}"))).unwrap();
+    session::run(
+        test,
+        run,
+        Control::from(requests),
+        Watches::default(),
+        &mut |_| {},
+    )
+    .unwrap()
+}
+
+#[test]
+fn every_way_out_says_goodbye_over_every_link() {
+    let ways = [
+        (
+            Way::LastStep,
+            Finish::Completed,
+            Status::Completed,
+            "in an orderly way",
+        ),
+        (
+            Way::Operator,
+            Finish::Interrupted,
+            Status::Interrupted,
+            "in an orderly way",
+        ),
+        (
+            Way::Limit,
+            Finish::Stopped,
+            Status::Stopped,
+            "because the test tripped",
+        ),
+        (
+            Way::Divergence,
+            Finish::Stopped,
+            Status::Stopped,
+            "because the test tripped",
+        ),
+        (
+            Way::OtherLink,
+            Finish::LinkFailed,
+            Status::Failed,
+            "because the test tripped",
+        ),
+        (
+            Way::Panic,
+            Finish::Panicked,
+            Status::Failed,
+            "because the test tripped",
+        ),
+        (
+            Way::PanicOfLastWords,
+            Finish::Panicked,
+            Status::Failed,
+            "because the test tripped",
+        ),
+    ];
+    for transport in ["tcp", "udp"] {
+        let folder = tempfile::tempdir().unwrap();
+        let law = test_file(STEPS, &format!("{ONE_AXIS}{ONE_AXIS_LAW}"));
+        let served = Served::start(folder.path(), &law, &["--transport", transport]);
+        for (number, (way, finish, status, words)) in ways.into_iter().enumerate() {
+            let finished = leave(folder.path(), number, &served.address, transport, way);
+            let reason = &finished.summary.reason;
+            assert_eq!(finished.finish, finish, "{way:?}: {reason}");
+            assert_eq!(finished.summary.status, status, "{way:?}");
+            let over = served.hears("test over");
+            assert!(
+                over.contains(&format!("retired {words}")),
+                "{transport} {way:?}: {over}"
+            );
+            assert!(over.contains("the specimen stays where it is"), "{over}");
+        }
+    }
+}
+
+/// A clock whose every reading may be anywhere: it jumps by up to an hour, forwards and back, while the test waits.
+struct Jumping {
+    clock: SimClock,
+    waits: std::cell::Cell<u64>,
+    offset: std::cell::Cell<i64>,
+}
+
+const SECOND: i64 = 1_000_000_000;
+/// Waits before which it jumps, and by how much. Time is never before the beginning.
+const JUMPS: [(u64, i64); 6] = [
+    (3, 5 * SECOND),
+    (9, -3 * SECOND),
+    (15, 3600 * SECOND),
+    (22, -1800 * SECOND),
+    (23, 1),
+    (30, -1),
+];
+
+impl Jumping {
+    fn shifted(&self, time: u64) -> u64 {
+        time.saturating_add_signed(self.offset.get())
+    }
+}
+
+impl Clock for Jumping {
+    fn now(&self) -> Nanos {
+        let Nanos(now) = self.clock.now();
+        Nanos(self.shifted(now))
+    }
+
+    fn sleep_until(&self, at: Nanos) {
+        let wait = self.waits.get();
+        self.waits.set(wait + 1);
+        for (when, jump) in JUMPS {
+            if when == wait {
+                self.offset.set(self.offset.get() + jump);
+            }
+        }
+        let Nanos(at) = at;
+        let target = at.saturating_add_signed(-self.offset.get());
+        self.clock.sleep_until(Nanos(target));
+    }
+}
+
+#[test]
+fn a_clock_that_jumps_costs_wall_time_and_no_step() {
+    let test = || two_floors(80, "[timing]\nwarmup_ticks = 2\nmax_total_misses = 1000\n");
+    let smooth = run_on(test(), SimClock::new());
+    let clock = Jumping {
+        clock: SimClock::new(),
+        waits: 0.into(),
+        offset: 0.into(),
+    };
+    let jumped = run_on(test(), clock);
+    for run in [&smooth, &jumped] {
+        assert_eq!(run.outcome.ending, Ending::Completed);
+    }
+    for (index, column) in smooth.columns.iter().enumerate() {
+        if !column.timing {
+            let of = |rows: &[Vec<f64>]| {
+                rows.iter()
+                    .map(|row| row[index].to_bits())
+                    .collect::<Vec<_>>()
+            };
+            assert_eq!(of(&smooth.rows), of(&jumped.rows), "{}", column.name);
+        }
+    }
+    // Both jumps forwards are late edges; the way back is waited for.
+    assert!(
+        (2..=4).contains(&jumped.outcome.misses),
+        "{}",
+        jumped.outcome.misses
+    );
+    assert!(
+        jumped.outcome.stretched >= 3_600_000,
+        "{}",
+        jumped.outcome.stretched
+    );
+}
+
+/// What a test needs to be retired is the list of its specimens: the engine's other parts may be as they like.
+#[test]
+fn a_panic_at_any_command_leaves_as_many_rows_as_there_were_steps() {
+    for at in [0, 7, 30] {
+        let mut test = prepare(
+            "timing.warmup_ticks = 0\n[time]\nrate_hz = 1000\nduration_s = 0.05\nclock = \"simulated\"\n\
+             [structure.shear_building]\nmass_kg = [2e3, 2e3]\nstiffness_n_per_m = [3e5, 3e5]\n",
+        );
+        let mut experiment = two_floors(50, "timing.warmup_ticks = 0");
+        attach(
+            &mut experiment,
+            storey(0),
+            Coupling::Lockstep,
+            &Log::default(),
+            move |phase, sequence| {
+                assert!(
+                    (phase, sequence) != (Phase::Issue, at),
+                    "in the middle of a send"
+                );
+                Act::Serve
+            },
+        );
+        test.experiment = experiment;
+        let folder = tempfile::tempdir().unwrap();
+        let run = RunFolder::create(&folder.path().join("run")).unwrap();
+        let requests = crossbeam_channel::never();
+        let finished = session::run(test, run, requests, Watches::default(), &mut |_| {}).unwrap();
+        assert_eq!(finished.finish, Finish::Panicked);
+        assert_eq!(finished.recorded.rows_written, at);
+        assert_eq!(finished.summary.steps, at.saturating_sub(1));
+        assert!(finished.summary.reason.contains("in the middle of a send"));
+    }
+}

@@ -1,0 +1,274 @@
+//! What holds in every test, whatever goes wrong. Each check says what it found.
+
+use gusset::config::Loaded;
+use gusset::control::limits::{AxisLimits, LimitsSpec};
+use gusset::engine::{Ending, Phase, Stop};
+use gusset::link::serve::Tapped;
+use gusset::record::{End, Journal};
+use gusset::wire::native::Kind;
+
+use crate::lab::Played;
+
+/// Roundoff of units: a limit in m is kept on commands in mm.
+const SLACK: f64 = 1.0 + 1e-9;
+
+macro_rules! ensure {
+    ($condition:expr, $($words:tt)*) => {
+        if !$condition {
+            return Err(format!($($words)*));
+        }
+    };
+}
+
+/// All of them.
+pub fn check(loaded: &Loaded, played: &Played) -> Result<(), String> {
+    ends_as_planned(played)?;
+    no_step_is_lost(played)?;
+    log_is_readable(played)?;
+    for (port, tap) in played.taps.iter().enumerate() {
+        let wrong = |text| format!("specimen {}: {text}", port + 1);
+        commands_are_kept_in_order(tap).map_err(wrong)?;
+        commands_respect_their_limits(loaded, port, played).map_err(wrong)?;
+        moves_only_when_meant(loaded, port, played).map_err(wrong)?;
+    }
+    let replay = &played.replay;
+    ensure!(
+        replay.is_exact(),
+        "the replay differs: {:?} {:?}",
+        replay.difference,
+        replay.short
+    );
+    Ok(())
+}
+
+fn ends_as_planned(played: &Played) -> Result<(), String> {
+    let path = played.path();
+    let phases: Vec<Phase> = path
+        .iter()
+        .filter_map(|word| Phase::ALL.into_iter().find(|phase| phase.word() == *word))
+        .collect();
+    ensure!(phases.len() == path.len(), "unknown phases in {path:?}");
+    for pair in phases.windows(2) {
+        ensure!(
+            pair[0].may_become(pair[1]),
+            "{path:?} takes a way that is none"
+        );
+    }
+    ensure!(path.last() == Some(&"safe"), "{path:?} does not end safe");
+    let tripped = path.contains(&"tripped");
+    let (reason, exit) = played.verdict();
+    let orderly = matches!(
+        played.outcome.ending,
+        Ending::Completed | Ending::Stopped(Stop::Operator)
+    );
+    ensure!(tripped != orderly, "{path:?}, but {reason}");
+    ensure!(!reason.is_empty() && exit != 5, "{reason:?}, exit {exit}");
+    let started = path.contains(&"running");
+    ensure!(
+        started || played.outcome.ending != Ending::Completed,
+        "completed without running"
+    );
+    Ok(())
+}
+
+/// Rows in file order, each as a closure over its values would be too clever: state, step and time are enough.
+fn no_step_is_lost(played: &Played) -> Result<(), String> {
+    let outcome = &played.outcome;
+    ensure!(
+        outcome.rows_lost == 0 && outcome.events_lost == 0,
+        "{} rows and {} events lost",
+        outcome.rows_lost,
+        outcome.events_lost
+    );
+    let at = |name: &str| played.layout.index_of(name);
+    let (Some(state), Some(step)) = (at("state"), at("step")) else {
+        return Err("no columns `state` and `step`".to_owned());
+    };
+    let columns = played.columns().len();
+    let mut journal = Journal::new(&played.samples[..], columns);
+    let (mut next, mut rows) = (0.0, 0);
+    while let Some(row) = journal.next_row().map_err(|error| error.to_string())? {
+        ensure!(
+            row.sequence == rows,
+            "row {rows} has the number {}",
+            row.sequence
+        );
+        rows += 1;
+        if row.values[state] == Phase::Running.code() {
+            let found = row.values[step];
+            ensure!(found == next, "step {found} where {next} was due");
+            next += 1.0;
+        }
+    }
+    ensure!(journal.end() == Some(End::Clean), "{:?}", journal.end());
+    ensure!(
+        next == 0.0 && outcome.steps == 0 || next == outcome.steps as f64 + 1.0,
+        "{next} rows of running steps, the last step done is {}",
+        outcome.steps
+    );
+    Ok(())
+}
+
+fn log_is_readable(played: &Played) -> Result<(), String> {
+    let mut count = 0;
+    for line in played.events_jsonl.split(|byte| *byte == b'\n') {
+        if line.is_empty() {
+            continue;
+        }
+        count += 1;
+        let event: serde_json::Value =
+            serde_json::from_slice(line).map_err(|error| error.to_string())?;
+        ensure!(
+            event["event"].is_string(),
+            "an event without a name: {event}"
+        );
+    }
+    let made = played.events.len();
+    ensure!(count == made, "{made} events, {count} lines");
+    Ok(())
+}
+
+/// Every command once and again at most: none is left out, none comes back.
+fn commands_are_kept_in_order(tap: &[Tapped]) -> Result<(), String> {
+    let (mut last, mut armed) = (None::<u64>, false);
+    for tapped in tap {
+        let Tapped::Sent { kind, sequence, .. } = tapped else {
+            continue;
+        };
+        match kind {
+            // The greeting, and then the request to arm.
+            Kind::Control => armed = true,
+            Kind::Command => {
+                ensure!(armed, "command {sequence} before anything was agreed");
+                let due = last.map_or(0, |last| last + 1);
+                ensure!(
+                    *sequence == due || Some(*sequence) == last,
+                    "command {sequence} where {due} was due"
+                );
+                last = Some(*sequence);
+            }
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
+/// Limits of each axis of a specimen, and metres in one unit of its commands.
+fn limits(loaded: &Loaded, port: usize, axes: usize) -> Vec<(AxisLimits, f64)> {
+    let table = &loaded.file.specimen[port];
+    let specs = table.limits_of(axes);
+    let metres = |axis: usize| {
+        table
+            .axis
+            .get(axis)
+            .map_or(1.0, |gear| gear.unit_disp.metres())
+    };
+    let each = specs.iter().map(LimitsSpec::limits).enumerate();
+    each.map(|(axis, limits)| (limits, metres(axis))).collect()
+}
+
+fn commands_respect_their_limits(
+    loaded: &Loaded,
+    port: usize,
+    played: &Played,
+) -> Result<(), String> {
+    let tick = loaded.time.period.value();
+    let mut last: Option<&Vec<f64>> = None;
+    let mut of_axes = None;
+    for tapped in &played.taps[port] {
+        let Tapped::Sent {
+            kind: Kind::Command,
+            sequence,
+            disp,
+            ..
+        } = tapped
+        else {
+            continue;
+        };
+        let limits = of_axes.get_or_insert_with(|| limits(loaded, port, disp.len()));
+        for (axis, ((limits, metres), to)) in limits.iter().zip(disp).enumerate() {
+            let to = to * metres;
+            let [low, high] = limits.command_disp.trip;
+            ensure!(
+                to >= low * SLACK && to <= high * SLACK,
+                "command {sequence}, axis {axis}: {to} m is outside of {low} to {high} m"
+            );
+            let Some(from) = last.and_then(|last| last.get(axis)) else {
+                continue;
+            };
+            let step = (to - from * metres).abs();
+            let allowed = limits.command_step.trip.min(limits.command_vel.trip * tick);
+            ensure!(
+                step <= allowed * SLACK,
+                "command {sequence}, axis {axis}: a step of {step} m, allowed {allowed} m"
+            );
+        }
+        last = Some(disp);
+    }
+    Ok(())
+}
+
+/// Nothing moves before the test is armed, after a trip that freezes, or when all is over; on the way out, slowly.
+fn moves_only_when_meant(loaded: &Loaded, port: usize, played: &Played) -> Result<(), String> {
+    let entered = |word: &str| {
+        played
+            .entries()
+            .find(|(_, to)| *to == word)
+            .map(|(at, _)| at)
+    };
+    let moving = ["probing", "ramping", "settling", "running", "leaving"];
+    let first_motion = moving.iter().filter_map(|word| entered(word)).min();
+    let first_motion = first_motion.unwrap_or(u64::MAX);
+    let still_from = match entered("leaving") {
+        Some(_) => u64::MAX,
+        None => entered("tripped").unwrap_or(u64::MAX),
+    };
+    let leaving = entered("leaving").unwrap_or(u64::MAX);
+    let safe = entered("safe").unwrap_or(0);
+    let speed = loaded
+        .file
+        .safety
+        .exit_speed_m_per_s
+        .unwrap_or(f64::INFINITY);
+    let allowed = speed * loaded.time.period.value() * SLACK;
+    let mut last: Option<(&Vec<f64>, u64)> = None;
+    let mut of_axes = None;
+    for tapped in &played.taps[port] {
+        let Tapped::Sent {
+            at,
+            kind,
+            sequence,
+            disp,
+        } = tapped
+        else {
+            continue;
+        };
+        ensure!(at.0 <= safe, "a {kind:?} at {} ns, safe at {safe} ns", at.0);
+        if *kind != Kind::Command {
+            continue;
+        }
+        let limits = of_axes.get_or_insert_with(|| limits(loaded, port, disp.len()));
+        if let Some((from, number)) = last
+            && *sequence > number
+        {
+            let steps = from.iter().zip(disp).zip(limits.iter());
+            let far = steps.map(|((from, to), (_, metres))| (to - from).abs() * metres);
+            let far = far.fold(0.0, f64::max);
+            ensure!(
+                far == 0.0 || (at.0 >= first_motion && at.0 <= still_from),
+                "command {sequence} moves {far} m while nothing is to move"
+            );
+            ensure!(
+                at.0 <= leaving || far <= allowed,
+                "command {sequence} leaves by {far} m, allowed {allowed} m"
+            );
+        } else if let Some((from, _)) = last {
+            ensure!(
+                from == disp,
+                "command {sequence} was sent again with another place"
+            );
+        }
+        last = Some((disp, *sequence));
+    }
+    Ok(())
+}

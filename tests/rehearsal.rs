@@ -1,0 +1,297 @@
+//! `gusset check` rehearses a test: what it needs of each axis is what the test then does, and a limit that the rehearsal
+//! calls too narrow is one that trips.
+
+mod common;
+
+use std::f64::consts::TAU;
+use std::path::Path;
+use std::time::Duration;
+
+use common::{FRAME, Said, run, say, write};
+use gusset::session::rehearsal::{Curtain, StandIn, rehearse};
+use serde_json::Value;
+
+const LIMITS: &str = "[specimen.limits]\ncommand_disp_m = { trip = [-0.5, 0.5] }\n";
+
+fn check(folder: &Path, text: &str, more: &[&str]) -> Said {
+    let test = write(folder, "test.toml", text);
+    let mut arguments = vec!["check".as_ref(), test.as_os_str()];
+    arguments.extend(more.iter().map(std::ffi::OsStr::new));
+    say(arguments)
+}
+
+/// What the rehearsal found of axis 1 of the only specimen.
+struct Found(Value);
+
+impl Found {
+    fn of(text: &str) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let said = check(folder.path(), text, &["--json"]);
+        assert_eq!(said.code, Some(0), "{}", said.stderr);
+        let found: Value = serde_json::from_str(&said.stdout).unwrap();
+        assert_eq!(found["rehearsal"]["complete"], true, "{found}");
+        Self(found["rehearsal"]["specimens"][0].clone())
+    }
+
+    fn need(&self, quantity: &str) -> Option<[f64; 2]> {
+        let axis = self.0["axes"][0].as_array().unwrap();
+        let need = axis.iter().find(|need| need["quantity"] == quantity)?;
+        Some(["low", "high"].map(|key| need[key].as_f64().unwrap()))
+    }
+
+    fn size(&self, quantity: &str) -> f64 {
+        let [low, high] = self.need(quantity).unwrap();
+        assert_eq!(low, 0.0);
+        high
+    }
+}
+
+fn near(found: f64, wanted: f64) {
+    // Sums of a few thousand terms of double precision at most.
+    assert!(
+        (found - wanted).abs() <= 1e-10 * wanted.abs(),
+        "{found} {wanted}"
+    );
+}
+
+/// d = A cos ωt, reached by a ramp that is slower than all that follows; an axis in mm and kN, mounted the other way round.
+#[test]
+fn a_harmonic_motion_needs_what_the_closed_form_says() {
+    let (amplitude, frequency, rate, stiffness) = (0.02, 2.0, 1000.0, 1e6);
+    let found = Found::of(&format!(
+        "[time]\nrate_hz = {rate}\nduration_s = 1\nclock = \"simulated\"\n\
+         [[excitation.prescribed_displacement]]\nspecimen = \"s\"\n\
+         signal.sine = {{ amplitude = {amplitude}, frequency_hz = {frequency}, phase_rad = {} }}\n\
+         [safety]\nramp_s = 1\n[[specimen]]\nname = \"s\"\nlaw.linear = {{ stiffness_n_per_m = {stiffness} }}\n\
+         limits.command_step_m = {{ trip = 1 }}\n\
+         [[specimen.axis]]\nsign = -1\nunit_disp = \"mm\"\nunit_force = \"kN\"\n",
+        TAU / 4.0
+    ));
+    assert_eq!(found.0["stand_in"], "law");
+    let angle = TAU * frequency / rate;
+    let [low, high] = found.need("command_disp_m").unwrap();
+    near(low, -amplitude);
+    near(high, amplitude);
+    let [low, high] = found.need("measured_force_n").unwrap();
+    near(low, -stiffness * amplitude);
+    near(high, stiffness * amplitude);
+    // cos((k+1)a) − cos(ka) = −2 sin(a/2) sin((k+½)a); half a period is a whole number of ticks, so the largest sine is
+    // that half a tick from the crest.
+    let step = 2.0 * amplitude * (angle / 2.0).sin() * (angle / 2.0).cos();
+    near(found.size("command_step_m"), step);
+    near(found.size("command_vel_m_per_s"), step * rate);
+    // The second difference is −4 sin²(a/2) cos(ka). Differences of numbers of 20 mm lose 1e-16 · 20 mm · 1000² Hz².
+    let accel = 4.0 * amplitude * (angle / 2.0).sin().powi(2) * rate * rate;
+    let off = found.size("command_accel_m_per_s2") - accel;
+    assert!(off.abs() < 1e-7, "{off}");
+}
+
+/// The rehearsal and the limits in the loop agree on every quantity, to a millionth.
+#[test]
+fn a_limit_trips_exactly_where_the_rehearsal_says() {
+    let limits = "limits = { command_step_m = { trip = 1 }, force_step_n = { trip = 1e9 } }\n";
+    let text = FRAME.replace("storey = 1\n", &format!("storey = 1\n{limits}"));
+    let found = Found::of(&text);
+    let ranges = [
+        "command_disp_m",
+        "measured_disp_m",
+        "sensor_force_n",
+        "measured_force_n",
+    ];
+    let sizes = [
+        "command_step_m",
+        "command_vel_m_per_s",
+        "command_accel_m_per_s2",
+        "force_step_n",
+    ];
+    for quantity in ranges.into_iter().chain(sizes) {
+        let known = match quantity {
+            "measured_disp_m" => "command_disp_m",
+            "sensor_force_n" => "measured_force_n",
+            other => other,
+        };
+        let [low, high] = found.need(known).unwrap();
+        assert!(high > low, "{quantity}");
+        for (share, code) in [(1.0 - 1e-6, 2), (1.0 + 1e-6, 0)] {
+            let level = if ranges.contains(&quantity) {
+                format!("[{:e}, {:e}]", low * share, high * share)
+            } else {
+                format!("{:e}", high * share)
+            };
+            let limits = format!("storey = 1\nlimits = {{ {quantity} = {{ trip = {level} }} }}\n");
+            let text = FRAME.replace("storey = 1\n", &limits);
+            let folder = tempfile::tempdir().unwrap();
+            let said = check(folder.path(), &text, &[]);
+            assert_eq!(said.code, Some(code), "{quantity} {}", said.stderr);
+            let out = folder.path().join("out");
+            let ran = run(&folder.path().join("test.toml"), &out, &[]);
+            if code == 0 {
+                assert_eq!(ran.code, Some(0), "{quantity} {}", ran.stderr);
+                continue;
+            }
+            // At its place in the file, with what was found and what is allowed.
+            for words in ["test.toml:", quantity, "and would trip", "of `storey`"] {
+                assert!(said.stderr.contains(words), "{words}: {}", said.stderr);
+            }
+            assert!(said.stdout.contains("NOT POSSIBLE"), "{}", said.stdout);
+            assert!(said.stdout.contains("WOULD TRIP"), "{}", said.stdout);
+            assert_eq!(ran.code, Some(1), "{quantity} {}", ran.stderr);
+            assert!(ran.stderr.contains(", allowed "), "{}", ran.stderr);
+        }
+    }
+}
+
+/// The same frame with its specimen behind a link at which nobody is.
+fn behind_a_link(stand_in: &str) -> String {
+    let (test, _) = FRAME.split_once("[specimen.law").unwrap();
+    format!(
+        "{test}stiffness_n_per_m = 5e5\n{stand_in}[specimen.link]\naddress = \"127.0.0.1:9\"\nprobe = \"none\"\n{LIMITS}"
+    )
+}
+
+#[test]
+fn what_is_declared_stands_for_a_specimen_behind_a_link() {
+    let laws = |key: &str| {
+        let (_, law) = FRAME.split_once("[specimen.law").unwrap();
+        format!("[specimen.{key}{law}")
+    };
+    let (test, _) = FRAME.split_once("[specimen.law").unwrap();
+    let same = |one: &Found, other: &Found| {
+        for quantity in [
+            "command_disp_m",
+            "command_vel_m_per_s",
+            "command_accel_m_per_s2",
+            "measured_force_n",
+        ] {
+            let (one, other) = (one.need(quantity).unwrap(), other.need(quantity).unwrap());
+            near(one[0], other[0]);
+            near(one[1], other[1]);
+        }
+    };
+    let itself = Found::of(&format!(
+        "{test}stiffness_n_per_m = 5e5\n{}{LIMITS}",
+        laws("law")
+    ));
+    let far =
+        Found::of(&behind_a_link("").replace(LIMITS, &format!("{}{LIMITS}", laws("stand_in.law"))));
+    assert_eq!(far.0["stand_in"], "stand_in");
+    same(&itself, &far);
+    let linear = Found::of(&format!(
+        "{test}law.linear = {{ stiffness_n_per_m = 5e5 }}\n{LIMITS}"
+    ));
+    let far = Found::of(&behind_a_link(""));
+    assert_eq!(far.0["stand_in"], "linear");
+    same(&linear, &far);
+    assert!(linear.need("measured_force_n") != itself.need("measured_force_n"));
+}
+
+#[test]
+fn a_specimen_without_a_stand_in_has_no_force_and_check_says_so() {
+    let text = format!(
+        "[time]\nrate_hz = 100\nduration_s = 1\nclock = \"simulated\"\n[[excitation.prescribed_displacement]]\n\
+         specimen = \"s\"\nsignal.sine = {{ amplitude = 0.01, frequency_hz = 1 }}\n[[specimen]]\nname = \"s\"\n\
+         stiffness_n_per_m = 0\n[specimen.link]\naddress = \"127.0.0.1:9\"\nprobe = \"none\"\n{LIMITS}measured_force_n = {{ trip = [-1, 1] }}\n"
+    );
+    let found = Found::of(&text);
+    assert_eq!(found.0["stand_in"], "nothing");
+    assert_eq!(found.need("measured_force_n"), None);
+    near(found.need("command_disp_m").unwrap()[1], 0.01);
+    let folder = tempfile::tempdir().unwrap();
+    let said = check(folder.path(), &text, &[]);
+    assert!(
+        said.stdout.contains("Its force is unknown"),
+        "{}",
+        said.stdout
+    );
+}
+
+#[test]
+fn a_warning_level_warns_and_the_rehearsal_can_be_left_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = FRAME.replace(
+        "storey = 1\n",
+        "storey = 1\nlimits.command_vel_m_per_s = { warn = 1e-3, trip = 10 }\n",
+    );
+    let said = check(folder.path(), &text, &[]);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    assert!(
+        said.stderr
+            .contains("warning: the test needs a commanded velocity"),
+        "{}",
+        said.stderr
+    );
+    // What a `--set` says is found there.
+    let narrow = ["--set", "specimen.0.limits.command_vel_m_per_s.trip=2e-3"];
+    let said = check(folder.path(), &text, &narrow);
+    assert_eq!(said.code, Some(2), "{}", said.stderr);
+    assert!(
+        said.stderr
+            .contains("error: the test needs a commanded velocity"),
+        "{}",
+        said.stderr
+    );
+    let said = check(
+        folder.path(),
+        &text,
+        &[&narrow[..], &["--no-rehearsal", "--json"]].concat(),
+    );
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let found: Value = serde_json::from_str(&said.stdout).unwrap();
+    assert_eq!(
+        (&found["valid"], &found["rehearsal"]),
+        (&true.into(), &Value::Null)
+    );
+}
+
+#[test]
+fn a_test_that_would_stop_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = format!("{FRAME}[safety]\ndivergence_m = 1e-4\n");
+    let said = check(folder.path(), &text, &[]);
+    assert_eq!(said.code, Some(2), "{}", said.stderr);
+    for words in ["divergence_m = 1e-4", "the test would stop at", "diverged"] {
+        assert!(said.stderr.contains(words), "{words}: {}", said.stderr);
+    }
+}
+
+#[test]
+fn a_rehearsal_that_takes_too_long_says_how_far_it_came() {
+    let folder = tempfile::tempdir().unwrap();
+    let test = write(folder.path(), "test.toml", FRAME);
+    let loaded = gusset::config::load(&test, &[]).unwrap();
+    let built = gusset::config::build(&loaded).unwrap();
+    let found = rehearse(&loaded, built.experiment, Duration::ZERO).unwrap();
+    assert_eq!(found.curtain, Curtain::OutOfTime);
+    assert_eq!(found.specimens[0].stand_in, StandIn::Itself);
+    // The clock is looked at every 64 rows; the test has 101.
+    assert!(found.time > 0.0 && found.time < 0.4, "{}", found.time);
+    let findings = found.findings(&loaded);
+    assert!(
+        findings[0].headline.contains("were rehearsed"),
+        "{findings:?}"
+    );
+}
+
+#[test]
+fn a_stand_in_that_cannot_be_is_refused_at_its_place() {
+    let refused = |text: &str, words: &[&str]| {
+        let folder = tempfile::tempdir().unwrap();
+        let said = check(folder.path(), text, &[]);
+        assert_eq!(said.code, Some(2), "{}", said.stderr);
+        for words in words {
+            assert!(said.stderr.contains(words), "{words}: {}", said.stderr);
+        }
+    };
+    refused(
+        &format!("{FRAME}[specimen.stand_in.law.linear]\nstiffness_n_per_m = 1e5\n"),
+        &["stand_in", "only for a specimen behind a link"],
+    );
+    refused(
+        &behind_a_link("stand_in.law.linear = { stiffness_n_per_m = -1e5 }\n"),
+        &["stiffness_n_per_m = -1e5"],
+    );
+    refused(
+        &behind_a_link("stand_in.lore.linear = { stiffness_n_per_m = 1e5 }\n"),
+        &["cannot be `lore`", "`law`, `laws` or `coupled`"],
+    );
+}
