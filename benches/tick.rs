@@ -37,9 +37,31 @@ impl Clock for FreeRunning {
 /// Readings per tick of one port: woke, sent, decoded, ready, pushed.
 const PER_TICK: usize = 5;
 
-fn main() {
-    let loaded = config::load(Path::new("config/frame-bouc-wen.toml"), &[]).expect("a valid study");
-    let test = config::build(&loaded).expect("a study that can be built");
+/// Every limit of the specimen and of the test, none of which is reached.
+const ALL_LIMITS: &[&str] = &[
+    "specimen[0].limits.command_disp_m={warn=[-0.9,0.9],trip=[-1.0,1.0]}",
+    "specimen[0].limits.command_step_m={warn=0.9,trip=1.0}",
+    "specimen[0].limits.command_accel_m_per_s2={warn=1e9,trip=1e10}",
+    "specimen[0].limits.measured_disp_m={warn=[-0.9,0.9],trip=[-1.0,1.0]}",
+    "specimen[0].limits.measured_force_n={warn=[-1e9,1e9],trip=[-1e10,1e10]}",
+    "specimen[0].limits.following_error_m={warn=0.9,trip=1.0}",
+    "specimen[0].limits.force_step_n={warn=1e9,trip=1e10}",
+    "specimen[0].limits.stuck_ticks={warn=1e9,trip=1e10}",
+    "specimen[0].limits.alternating_ticks={warn=1e9,trip=1e10}",
+    "specimen[0].limits.stiffness_ratio={warn=1e9,trip=1e10}",
+    "specimen[0].limits.added_energy_j={warn=1e9,trip=1e10}",
+];
+
+fn study(sets: &[&str]) -> config::Prepared {
+    let sets: Vec<String> = sets.iter().map(|set| (*set).to_owned()).collect();
+    let loaded =
+        config::load(Path::new("config/frame-bouc-wen.toml"), &sets).expect("a valid study");
+    config::build(&loaded).expect("a study that can be built")
+}
+
+/// From the decoded reply to the pushed row, and whole ticks, in ns; and rows that were lost.
+fn ticks(sets: &[&str]) -> (Vec<u64>, Vec<u64>, u64) {
+    let test = study(sets);
     let steps = test.experiment.steps as usize;
     let columns = test.experiment.columns().len();
     let size = RingSize {
@@ -56,34 +78,121 @@ fn main() {
     engine.before_first_tick = Some(Box::new(move || mark.lock().expect("one thread").clear()));
     let outcome = engine.run(&Control::unattended());
     let all = readings.lock().expect("one thread").clone();
-    let mut ticks: Vec<u64> = all
-        .chunks_exact(PER_TICK)
-        .take(steps)
-        .map(|t| t[4].saturating_sub(t[2]))
-        .collect();
-    let mut whole: Vec<u64> = all
-        .chunks_exact(PER_TICK)
-        .take(steps)
-        .map(|t| t[4].saturating_sub(t[0]))
-        .collect();
-    let mut bare = bare_steps(steps);
+    let between = |from: usize| {
+        all.chunks_exact(PER_TICK)
+            .take(steps)
+            .map(|t| t[4].saturating_sub(t[from]))
+            .collect()
+    };
+    (between(2), between(0), outcome.rows_lost)
+}
 
+fn main() {
+    let (mut bare_tick, _, _) = ticks(&[]);
+    let (mut tick, mut whole, lost) = ticks(ALL_LIMITS);
+    let mut bare = bare_steps(tick.len());
     println!(
-        "3 DOFs, Bouc-Wen specimen, {} ticks, {} rows lost\n",
-        ticks.len(),
-        outcome.rows_lost
+        "3 DOFs, Bouc-Wen specimen, {} ticks, {lost} rows lost\n",
+        tick.len()
     );
-    println!("{:<44}{:>9}{:>9}{:>9}", "ns", "p50", "p99", "p99.9");
+    println!("{:<52}{:>9}{:>9}{:>9}", "ns", "p50", "p99", "p99.9");
     let row = |what: &str, of: &mut Vec<u64>| {
         of.sort_unstable();
         let at = |share: f64| of[((of.len() - 1) as f64 * share) as usize];
-        println!("{what:<44}{:>9}{:>9}{:>9}", at(0.5), at(0.99), at(0.999));
+        println!("{what:<52}{:>9}{:>9}{:>9}", at(0.5), at(0.99), at(0.999));
         at(0.5) as f64
     };
-    let tick = row("reply decoded to row pushed (goal 1000, 5000)", &mut ticks);
+    let without = row(
+        "reply decoded to row pushed (goal 1000, 5000)",
+        &mut bare_tick,
+    );
+    let with = row("the same with every limit in the file", &mut tick);
     row("whole tick, with the specimen", &mut whole);
     let arithmetic = row("bare arithmetic of a step", &mut bare);
-    println!("\ntick over bare arithmetic: {:.2} ×", tick / arithmetic);
+    println!("\ntick over bare arithmetic: {:.2} ×", with / arithmetic);
+    println!(
+        "every limit in the file over none: {:.3} ×, {:+.0} ns (a level costs a comparison that is made in any case)",
+        with / without,
+        with - without
+    );
+    watching();
+}
+
+/// Exchanges in one measurement of what watching costs.
+const EXCHANGES: u32 = 200_000;
+
+/// What judging and estimating cost in all, apart from the tick: exchanges with and without them, in turns.
+fn watching() {
+    let test = study(ALL_LIMITS);
+    let mut ports = test.experiment.ports;
+    let port = &mut ports[0];
+    let dofs = test.facts.structure.map_or(0, |structure| structure.dofs);
+    let (mut disp, mut vel) = (vec![0.0; dofs], vec![0.0; dofs]);
+    let mut sequence = 0;
+    // One exchange with so many judgements of the command and of the measurement; ns.
+    let mut exchanges = |clears: u32, judges: u32| {
+        let began = monotonic_ns();
+        for _ in 0..EXCHANGES {
+            let phase = sequence as f64 * 1e-2;
+            disp.fill(0.004 * phase.sin());
+            vel.fill(0.04 * phase.cos());
+            port.aim(&disp, &vel, 0.0, 0.0);
+            for _ in 0..clears {
+                std::hint::black_box(port.clear());
+            }
+            port.issue(sequence, 0.0, 1e-3).expect("in process");
+            port.collect(Nanos(0)).expect("in process");
+            for _ in 0..judges {
+                std::hint::black_box(port.judge());
+            }
+            port.accepted(sequence).expect("in process");
+            sequence += 1;
+        }
+        (monotonic_ns() - began) as f64 / f64::from(EXCHANGES)
+    };
+    let (mut commands, mut measurements) = (Vec::new(), Vec::new());
+    for _ in 0..9 {
+        let (less, more, base) = (exchanges(1, 0), exchanges(2, 0), exchanges(1, 1));
+        commands.push(more - less);
+        measurements.push(base - less);
+    }
+    let median = |values: &mut Vec<f64>| {
+        values.sort_unstable_by(f64::total_cmp);
+        values[values.len() / 2]
+    };
+    let (command, measurement) = (median(&mut commands), median(&mut measurements));
+    let audit = audit_ns();
+    println!(
+        "\nwatching, median of nine: command {command:.0} ns, measurement with its estimates {measurement:.0} ns, audit of the \
+         step {audit:.0} ns;\ntogether {:.0} ns of every tick (goal 300)",
+        command + measurement + audit
+    );
+}
+
+/// The audit of one step of the study's structure.
+fn audit_ns() -> f64 {
+    let Side::Structure(numerical) = study(&[]).experiment.side else {
+        return 0.0;
+    };
+    let Some(mut audit) = numerical.audit().cloned() else {
+        return 0.0;
+    };
+    let n = numerical.state.disp.len();
+    let (mut disp, vel, residual) = (vec![0.0; n], vec![0.1; n], vec![1.0; n]);
+    let mut times: Vec<f64> = (0..9)
+        .map(|_| {
+            let began = monotonic_ns();
+            for k in 0..EXCHANGES {
+                disp[0] = f64::from(k) * 1e-9;
+                audit.before(&disp);
+                audit.after(&disp, &vel, &residual);
+                std::hint::black_box(audit.relative());
+            }
+            (monotonic_ns() - began) as f64 / f64::from(EXCHANGES)
+        })
+        .collect();
+    times.sort_unstable_by(f64::total_cmp);
+    times[times.len() / 2]
 }
 
 /// The same structure, stepped by hand; the specimen's force is left out.

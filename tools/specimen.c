@@ -31,7 +31,8 @@ static struct sockaddr_in peer, sender;
 static uint64_t session, sent, newest_counter, seen;   /* seen: the 64 counters up to the newest, as bits */
 static uint64_t sequence = UINT64_MAX, expected, earlier_sequence[4];
 static double stiffness = 4e5, disp, force, watchdog, earlier_force[4];
-static uint32_t status, missed;
+static double lowest, highest, largest_step;            /* what the controller announced */
+static uint32_t status, missed, tripped;
 static uint8_t in[LARGEST + 1], out[LARGEST], hello[64000];
 static size_t hello_length;
 
@@ -103,6 +104,26 @@ static void heartbeat(void)
     send_frame(HEARTBEAT, put_u32(put_u32(at, status), 0), session, &peer);
 }
 
+/* The limits that the controller keeps, from its only axis; 0 if there is none. */
+static int announced(size_t end)
+{
+    size_t at = 32 + 133;
+    for (int text = 0; text < 2; text++) {
+        if (end - at < 8 || u64(at) > end - at - 8) return 0;
+        at += 8 + u64(at);
+    }
+    if (end - at < 16 || u64(at) != 1 || u64(at + 8) > end - at - 16) return 0;
+    at += 16 + u64(at + 8) + 8;
+    if (at > end || end - at < 32 || !u64(32 + 105)) return 0;
+    lowest = f64(at);
+    highest = f64(at + 8);
+    double slack = isfinite(highest - lowest) ? 1e-9 * (highest - lowest) : 0;
+    lowest -= slack;
+    highest += slack;
+    largest_step = f64(at + 16) * ((double)u64(32 + 113) / (double)u64(32 + 105)) * (1 + 1e-9);
+    return lowest < highest && largest_step > 0;
+}
+
 /* The same hello gets the same welcome again; it begins a new session otherwise. */
 static void welcome(size_t end)
 {
@@ -115,6 +136,7 @@ static void welcome(size_t end)
     if (memcmp(in + 100, LAYOUT, 32)) { refuse(3, "one axis called 'axis 1' in m and N is wanted"); return; }
     if (!(f64(153) > 0 && f64(153) <= 60)) { refuse(6, "a watchdog time up to 60 s is wanted"); return; }
     if (u32(161) != 0) { refuse(7, "sampled when the command comes, not later"); return; }
+    if (!announced(end)) { refuse(12, "one axis with limits that make sense is wanted"); return; }
     if (!again) {
         hello_length = end - 32;
         memcpy(hello, in + 32, hello_length);
@@ -125,7 +147,7 @@ static void welcome(size_t end)
         peer = sender;
         sent = newest_counter = seen = 0;
         sequence = UINT64_MAX;
-        status = missed = 0;
+        status = missed = tripped = 0;
         for (int i = 0; i < 4; i++) { earlier_sequence[i] = UINT64_MAX; earlier_force[i] = 0; }
     }
     size_t at = put_u32(32, WELCOME);
@@ -162,11 +184,13 @@ static void command(double came)
             earlier_sequence[0] = sequence;
             earlier_force[0] = force;
         }
-        if (number > expected) missed += (uint32_t)(number - expected);
+        double gap = number > expected ? (double)(number - expected) : 0, to = f64(56);
+        if (!(to >= lowest && to <= highest) || fabs(to - disp) > largest_step * (gap + 1)) tripped = 1;   /* stay here */
+        if (!tripped) disp = to;
+        missed += (uint32_t)gap;
         expected = number + 1;
         sequence = number;
-        disp = f64(56);
-        status = 0;
+        status = tripped;
         measure();
     }
     answer(came);
@@ -225,7 +249,7 @@ int main(int argc, char **argv)
         ssize_t length = recvfrom(sock, in, sizeof in, 0, (struct sockaddr *)&sender, &sender_size);
         double came = now();
         if (length < 0) {
-            if (armed && !paused) { status = 2; heartbeat(); }         /* holding: stop the rig here */
+            if (armed && !paused) { status = tripped | 2; heartbeat(); }         /* holding: stop the rig here */
             if (armed && came - heard > 30 + 10 * watchdog) { armed = 0; session = 0; hello_length = 0; }   /* it is gone */
             continue;
         }
@@ -247,7 +271,7 @@ int main(int argc, char **argv)
         case CONTROL:
             if (u32(32) == BYE) { armed = 0; session = 0; hello_length = 0; break; }
             if (u32(32) != ARM || length != 72 || u64(36) != session || u64(52) != 1) break;
-            if (!armed) expected = u64(44);
+            if (!armed) { expected = u64(44); disp = f64(60); }
             armed = 1;
             memcpy(out + 32, in + 32, 36);
             send_frame(CONTROL, 68, session, &peer);

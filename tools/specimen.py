@@ -16,7 +16,7 @@ import zlib
 
 COMMAND, MEASUREMENT, HEARTBEAT, HOLD, RETIRE, GOODBYE, CONTROL = 1, 2, 3, 4, 5, 6, 16
 HELLO, WELCOME, REFUSE, ARM, BYE = 0, 1, 2, 3, 4
-FLAG_SPECIMEN, HOLDING, NONE = 2, 2, 2**64 - 1
+FLAG_SPECIMEN, INTERLOCK, HOLDING, NONE = 2, 1, 2, 2**64 - 1
 LENGTHS = {COMMAND: 76, HEARTBEAT: 60, HOLD: 52, RETIRE: 52, GOODBYE: 52}
 LAYOUT = hashlib.sha256(b"gusset frames 1 axes 1 history 4\naxis 1|m|N\n").digest()
 AXIS = struct.pack("<Q6sIIdddd", 6, b"axis 1", 0, 3, -float("inf"), float("inf"), float("inf"), float("inf"))
@@ -30,7 +30,7 @@ class Specimen:
     def __init__(self, connection, stiffness):
         self.connection, self.stiffness = connection, stiffness
         self.session = self.sent = self.heard = 0
-        self.disp, self.status, self.missed = 0.0, 0, 0
+        self.disp, self.status, self.missed, self.tripped = 0.0, 0, 0, 0
         self.sequence, self.history, self.answer = None, [], b""
         self.buffer = b""
 
@@ -91,6 +91,19 @@ class Specimen:
         self.send(CONTROL, struct.pack("<IIHHQ", REFUSE, code, 1, 1, len(text)) + text)
         raise Broken(text.decode())
 
+    def announced(self, hello):
+        """What the controller keeps: smallest and largest displacement, largest step from one command to the next."""
+        at = 133
+        for _ in ("program", "test"):
+            at += 8 + struct.unpack_from("<Q", hello, at)[0]
+        axes, name = struct.unpack_from("<QQ", hello, at)
+        low, high, speed, _force = struct.unpack_from("<dddd", hello, at + 16 + name + 8)
+        if axes != 1 or not (low < high and speed > 0):
+            self.refuse(12, "limits that make no sense")
+        commands, seconds = struct.unpack_from("<QQ", hello, 105)
+        slack = 1e-9 * (high - low) if high - low < float("inf") else 0.0
+        return low - slack, high + slack, speed * seconds / commands * (1 + 1e-9)
+
     def greet(self):
         """Agrees on everything before anything moves."""
         kind, hello = self.receive() or (None, b"")
@@ -108,6 +121,7 @@ class Specimen:
             self.refuse(7, "sampled when the command comes, not later")
         if not 0 < watchdog <= 60:
             self.refuse(6, "a watchdog time up to 60 s is wanted")
+        self.limits = self.announced(hello)
         session = int.from_bytes(os.urandom(8), "little") or 1
         name, program = b"spring", b"specimen.py 1"
         welcome = struct.pack("<I32s32s32sQH?IdI", WELCOME, bytes(32), os.urandom(32), LAYOUT, session, 1, False, 1, watchdog, 0)
@@ -121,7 +135,7 @@ class Specimen:
             raise ConnectionError("the controller said goodbye before arming")
         if kind != CONTROL or len(arm) != 36 or struct.unpack_from("<I", arm)[0] != ARM:
             raise Broken("no arm message")
-        _, session, self.expected, axes, _where = struct.unpack("<IQQQd", arm)
+        _, session, self.expected, axes, self.disp = struct.unpack("<IQQQd", arm)
         if session != self.session or axes != 1:
             self.refuse(12, "an arm message of another session")
         self.send(CONTROL, arm)
@@ -134,8 +148,14 @@ class Specimen:
         if self.sequence is not None and sequence < self.sequence:
             return
         if sequence != self.sequence:
-            self.missed += max(0, sequence - self.expected)
-            self.expected, self.sequence, self.disp, self.status = sequence + 1, sequence, disp, 0
+            gap = max(0, sequence - self.expected)
+            low, high, step = self.limits
+            if not low <= disp <= high or abs(disp - self.disp) > step * (gap + 1):
+                self.tripped = INTERLOCK  # beyond what was announced: a fault; stay, until the next controller
+            if not self.tripped:
+                self.disp = disp
+            self.missed += gap
+            self.expected, self.sequence, self.status = sequence + 1, sequence, self.tripped
             measured, force = self.measure()
             earlier = (self.history + [(NONE, 0.0)] * 4)[:4]
             self.answer = struct.pack("<dd", measured, force) + b"".join(struct.pack("<Qd", *e) for e in earlier)
@@ -152,7 +172,7 @@ class Specimen:
             frame = self.receive()
             if frame is None:
                 if not paused:
-                    self.status = HOLDING  # stop the rig here
+                    self.status = self.tripped | HOLDING  # stop the rig here
                     self.send(HEARTBEAT, struct.pack("<QdII", self.sequence or 0, time.monotonic(), self.status, 0))
                 continue
             kind, body = frame

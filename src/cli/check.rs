@@ -92,6 +92,7 @@ fn as_table(facts: &Facts, spectrum: Option<&Spectrum>, verdict: &str) -> Table 
             &specimens
         },
     );
+    super::limits::tabulate(&facts.limits, &mut table);
     table
 }
 
@@ -235,6 +236,7 @@ fn as_json(
         "structure": structure,
         "specimens": facts.specimens,
         "rehearsal": rehearsed.map(Rehearsed::as_json),
+        "limits": facts.limits,
         "warnings": facts.warnings,
     })
 }

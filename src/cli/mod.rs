@@ -5,12 +5,14 @@
 //! has hung up or the disk under a log is full: that must not end a test.
 
 mod attend;
+mod benchmark;
 mod check;
 mod doctor;
 mod exit;
 mod export;
 mod frontier;
 mod jitter;
+mod limits;
 mod operate;
 mod progress;
 mod rehearsed;
@@ -80,6 +82,9 @@ enum Command {
     Serve(ServeArgs),
     /// Obtain the published tables, equations, figures and examples of the integration family anew, and judge them.
     Verify(VerifyArgs),
+    /// Run a published benchmark of hybrid simulation.
+    #[command(subcommand)]
+    Benchmark(benchmark::Of),
     /// Print the JSON Schema of the test file.
     #[command(
         after_help = "Example:\n  gusset schema > gusset.schema.json\n\nAn editor with a TOML language server completes \
@@ -407,6 +412,7 @@ pub fn main() -> ExitCode {
         Command::Replay(args) => replay::replay(&args),
         Command::Serve(args) => serve::serve(&args),
         Command::Verify(args) => verify::verify(&args),
+        Command::Benchmark(benchmark::Of::Vrths(args)) => benchmark::vrths(&args),
         Command::Schema => schema::schema(),
     };
     match result {

@@ -47,8 +47,8 @@ use thiserror::Error;
 use toml_edit::DocumentMut;
 
 pub use build::{
-    ALL_MODES, Analysis, Dial, Facts, Files, Loop, ModeFacts, Prepared, StructureFacts, build,
-    build_over, build_rehearsal,
+    ALL_MODES, Analysis, Dial, Facts, Files, Limit, LimitFacts, Loop, ModeFacts, Prepared,
+    SpecimenLimits, StructureFacts, build, build_over, build_rehearsal,
 };
 pub use diagnose::{Diagnostic, Diagnostics, Finding, Part, Place, Severity, Source};
 pub use document::{KeyPath, PathError, Segment};

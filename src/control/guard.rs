@@ -1,7 +1,7 @@
 //! The limits of a port: no command leaves that was not judged, and every fresh measurement is.
 
-use super::Port;
 use super::limits::{AxisLimits, Found, Hit, Level, Quantity, Watch};
+use super::{Axis, Port};
 use crate::substructure::Substructure;
 
 /// What a port knows about its limits.
@@ -29,6 +29,28 @@ impl Guard {
 
     fn metres<'a>(units: &'a [(f64, f64)], disp: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
         disp.iter().zip(units).map(|(disp, unit)| disp * unit.0)
+    }
+
+    /// The structure's deformations as the specimen's axes go, in m.
+    fn goals<'a>(
+        units: &'a [(f64, f64)],
+        axes: &'a [Axis],
+        goal: &'a [f64],
+    ) -> impl Iterator<Item = f64> + 'a {
+        let gears = axes.iter().zip(units);
+        gears
+            .zip(goal)
+            .map(|((axis, unit), goal)| axis.disp_gain * unit.0 * goal)
+    }
+
+    /// Steps begin at `goal`.
+    pub fn aims_from(&mut self, axes: &[Axis], goal: &[f64]) {
+        self.watch.aims_from(Self::goals(&self.units, axes, goal));
+    }
+
+    /// The next step goes to `goal`. Real-time: yes.
+    pub fn aims_at(&mut self, axes: &[Axis], goal: &[f64]) {
+        self.watch.aims_at(Self::goals(&self.units, axes, goal));
     }
 
     /// Metres in one unit of an axis.

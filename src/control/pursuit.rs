@@ -101,6 +101,7 @@ impl Port {
         self.pursuit.path.rest(&self.target);
         self.pursuit.waits = self.pursuit.per_step;
         self.pursuit.asked = false;
+        self.guard.aims_from(&self.axes, &self.pursuit.goal);
     }
 
     /// The target of the next step, from the structure's state. Real-time: yes.
@@ -124,6 +125,7 @@ impl Port {
     /// The next target is known from here on, `share` of the step after the last. Real-time: yes.
     pub fn know(&mut self, share: f64) {
         self.pursuit.path.aim(&self.pursuit.goal, share);
+        self.guard.aims_at(&self.axes, &self.pursuit.goal);
         if self.pursuit.per_step {
             self.pursuit.waits = true;
             self.land();

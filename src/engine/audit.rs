@@ -39,15 +39,6 @@ impl StepAudit {
         }
     }
 
-    /// Forgets all steps. Real-time: yes.
-    pub fn restart(&mut self) {
-        self.begun = false;
-        self.energy = 0.0;
-        self.residual = 0.0;
-        self.turnover = 0.0;
-        self.largest = 0.0;
-    }
-
     /// The state that a step is about to be made from. Real-time: yes.
     pub fn before(&mut self, disp: &[f64]) {
         if !self.begun {

@@ -79,6 +79,12 @@ impl TestQuantity {
         }
     }
 
+    /// What is kept, of what belongs to no specimen alone and is judged at every step.
+    #[must_use]
+    pub fn kept(side: &Side, ports: &[Port]) -> Vec<Self> {
+        Self::columns(side, ports).collect()
+    }
+
     /// What of it stands in the row, in order.
     pub(super) fn columns(side: &Side, ports: &[Port]) -> impl Iterator<Item = Self> {
         let kept = Self::RECORDED.into_iter();

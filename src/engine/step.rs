@@ -316,7 +316,8 @@ impl Engine {
                 return Err(Stop::Diverged { dof, value });
             }
         }
-        self.judge_test(tick)?;
-        self.clear_commands()
+        // A command that cannot be sent says more than the audit that it spoils.
+        self.clear_commands()?;
+        self.judge_test(tick)
     }
 }

@@ -463,11 +463,6 @@ impl<S: Store> EventLog<S> {
     pub fn waiting(&self) -> u64 {
         self.lines.waiting_units()
     }
-
-    #[cfg(test)]
-    pub const fn store(&self) -> &S {
-        self.lines.store()
-    }
 }
 
 fn put(line: &mut Map<String, Value>, key: &str, value: impl Into<Value>) {

@@ -152,6 +152,9 @@ pub struct Summary {
     /// What a person should know.
     #[serde(default)]
     pub warnings: Vec<String>,
+    /// Which limits there were, who checked them, and what a trip would have done.
+    #[serde(default)]
+    pub limits: Value,
 }
 
 #[cfg(test)]
@@ -184,6 +187,7 @@ pub(super) mod tests {
             inputs: Vec::new(),
             miss_classes: MissClasses::default(),
             warnings: Vec::new(),
+            limits: Value::Null,
         }
     }
 
@@ -213,7 +217,7 @@ pub(super) mod tests {
             "link",
             "version",
         ];
-        let additions = ["rows_lost", "inputs", "miss_classes", "warnings"];
+        let additions = ["rows_lost", "inputs", "miss_classes", "warnings", "limits"];
         assert_eq!(keys, [&contract[..], &additions[..]].concat());
         assert_eq!(
             (&json["status"], &json["clock"]),

@@ -1,6 +1,6 @@
 //! The loop with no specimen, with or without a structure: the same threads, engine and recording as a test.
 
-use crate::config::{ClockChoice, Diagnostics, Facts, Files, Prepared};
+use crate::config::{ClockChoice, Diagnostics, Facts, Files, LimitFacts, Prepared};
 use crate::engine::{Experiment, Limits, OnMiss, Opening, Pacing, Side, TestLimits};
 use crate::rt::TimingSpec;
 use crate::time::{RateError, Ratio};
@@ -75,6 +75,7 @@ pub fn loop_round(
         queue_s: 4.0,
         announced: Vec::new(),
         confirm: false,
+        limits: LimitFacts::default(),
         warnings: Vec::new(),
     };
     let files = Files {

@@ -303,7 +303,27 @@ pub fn replay(folder: &Path) -> Result<Replay, ReplayError> {
     let experiment = config::build(&loaded)?.experiment;
     let path = folder.join("samples.bin");
     let samples = File::open(&path).map_err(|source| ReplayError::Unreadable { path, source })?;
-    replay_rows(experiment, run.layout(), Box::new(samples))
+    let mut found = replay_rows(experiment, run.layout(), Box::new(samples))?;
+    if found.is_exact() {
+        found.short = missing_end(&run, &found);
+    }
+    Ok(found)
+}
+
+/// What is proven is not all that there was: rows that are whole may be too few.
+fn missing_end(run: &Run, found: &Replay) -> Option<String> {
+    if found.rows == 0 {
+        return Some("there are no rows to be compared".to_owned());
+    }
+    let summary = run.summary()?;
+    let wanted = summary.steps as f64 * summary.dt;
+    let is_there = found.time + 0.5 * summary.dt >= wanted;
+    (!is_there).then(|| {
+        format!(
+            "the summary tells of {} steps, {wanted} s, but the rows end at {} s",
+            summary.steps, found.time
+        )
+    })
 }
 
 /// Runs recorded rows through a loop that is made anew: `experiment` is the test, `samples` are its records in `layout`.

@@ -115,6 +115,7 @@ pub(super) fn summarise(
         inputs: folder.inputs().to_vec(),
         miss_classes: recorded.misses,
         warnings,
+        limits: json!(facts.limits),
     };
     (finish, summary)
 }

@@ -8,6 +8,7 @@ mod analysis;
 mod apart;
 mod excitation;
 mod gear;
+mod limits;
 pub(in crate::config) mod links;
 mod method;
 mod proof;
@@ -21,13 +22,16 @@ use super::{
     ClockChoice, ConfigError, Diagnostics, DofChoice, Finding, Inputs, KeyPath, Loaded, Method,
     TestFile, Time,
 };
-use crate::engine::{Experiment, Limits, Numerical, OnMiss, Pacing, Settling, Side, StepAudit};
+use crate::engine::{
+    Experiment, Limits, Numerical, OnMiss, Pacing, Settling, Side, StepAudit, TestQuantity,
+};
 use crate::integrate::{Lambda, LambdaChoice};
 use crate::linalg::{Spd, SymMatrix};
 use crate::link::{NativeSetup, Transport};
 use crate::rt;
 use crate::rt::TimingSpec;
 pub use analysis::{ALL_MODES, Analysis, Loop, ModeFacts};
+pub use limits::{Limit, LimitFacts, SpecimenLimits};
 use specimens::Specimens;
 
 /// A test that is ready to run.
@@ -72,6 +76,8 @@ pub struct Facts {
     pub announced: Vec<String>,
     /// Whether an operator must confirm what was read before anything moves.
     pub confirm: bool,
+    /// Which limits there are, who checks them, what happens then.
+    pub limits: LimitFacts,
     /// What the user should know although the test may run.
     pub warnings: Vec<String>,
 }
@@ -254,7 +260,10 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
     let found = site.warnings.drain(..);
     let found = found.map(|finding| site.loaded.locator.diagnose(finding));
     let warnings: Vec<_> = site.loaded.warnings.iter().cloned().chain(found).collect();
+    let of_loop = limits(file, &time);
+    let kept = TestQuantity::kept(&side, &ports);
     let facts = Facts {
+        limits: limits::facts(file, &ports, &of_loop, &kept),
         title: file.title.clone(),
         dt: time.step.value(),
         steps: time.steps,
@@ -293,7 +302,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         settling,
         ports,
         record_dofs,
-        limits: limits(file, &time),
+        limits: of_loop,
         pacing: pacing(file, time),
     };
     Ok(Prepared {

@@ -56,6 +56,7 @@ pub(super) fn test_limits(file: &TestFile, time: &Time) -> TestLimits {
     let (safety, timing) = (&file.safety, &file.timing);
     let or =
         |spec: Option<BoundSpec>, usual| spec.map_or(usual, |spec| BoundSpec::bound(Some(spec)));
+    let ticks = time.steps.saturating_mul(u64::from(time.ticks_per_step));
     let half = |warn: Option<u64>, most: u64| warn.unwrap_or(most / 2);
     let window_ticks = timing.window_ticks(time.period.value());
     let most_in_window = timing.window_bound(window_ticks);
@@ -67,7 +68,7 @@ pub(super) fn test_limits(file: &TestFile, time: &Time) -> TestLimits {
                 timing.warn_consecutive_misses,
                 timing.max_consecutive_misses,
             ),
-            warn_in_all: half(timing.warn_total_misses, timing.miss_bound(time.steps)),
+            warn_in_all: half(timing.warn_total_misses, timing.miss_bound(ticks)),
             window_ticks,
             warn_in_window: half(timing.warn_misses_in_window, most_in_window),
             most_in_window,

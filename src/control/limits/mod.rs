@@ -138,6 +138,15 @@ impl Quantity {
         }
     }
 
+    /// Whether our own protocol announces it to the specimen's end.
+    #[must_use]
+    pub const fn is_announced(self) -> bool {
+        matches!(
+            self,
+            Quantity::CommandDisp | Quantity::CommandVel | Quantity::MeasuredForce
+        )
+    }
+
     const fn bit(self) -> u16 {
         1 << self as u16
     }
@@ -312,6 +321,42 @@ impl AxisLimits {
         added_energy: Bound::NONE,
         tangent_step: 0.0,
     };
+}
+
+/// Both levels of one limit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Levels {
+    /// Of a size.
+    Size(Bound),
+    /// Of a value with a sign.
+    Range(Range),
+}
+
+impl AxisLimits {
+    /// All limits with their levels, infinite where there is none.
+    #[must_use]
+    pub fn levels(&self) -> [(Quantity, Levels); 15] {
+        Quantity::ALL.map(|quantity| {
+            let levels = match quantity {
+                Quantity::CommandDisp => Levels::Range(self.command_disp),
+                Quantity::CommandStep => Levels::Size(self.command_step),
+                Quantity::CommandVel => Levels::Size(self.command_vel),
+                Quantity::CommandAccel => Levels::Size(self.command_accel),
+                Quantity::MeasuredDisp => Levels::Range(self.measured_disp),
+                Quantity::MeasuredForce => Levels::Range(self.measured_force),
+                Quantity::FollowingError => Levels::Size(self.following_error),
+                Quantity::ForceStep => Levels::Size(self.force_step),
+                Quantity::StuckSensor => Levels::Size(self.stuck_ticks),
+                Quantity::SensorDisp => Levels::Range(self.sensor_disp),
+                Quantity::SensorForce => Levels::Range(self.sensor_force),
+                Quantity::Alternation => Levels::Size(self.alternating_ticks),
+                Quantity::StiffnessRatio => Levels::Size(self.stiffness_ratio),
+                Quantity::DampingRatio => Levels::Size(self.damping_ratio),
+                Quantity::AddedEnergy => Levels::Size(self.added_energy),
+            };
+            (quantity, levels)
+        })
+    }
 }
 
 /// What one look found: the worst that trips, and a warning that was not given before.

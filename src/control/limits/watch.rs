@@ -16,9 +16,7 @@ struct Past {
     force: f64,
     stuck_ticks: u64,
     stuck_travel: f64,
-    /// Second difference of the last command, and for how long it has alternated and grown.
-    bend: f64,
-    alternating: u64,
+    sawtooth: Sawtooth,
     /// One bit per quantity that is beyond its warning level.
     warned: u16,
     /// What has tripped, and how far it was: no further trip until it gets worse.
@@ -35,6 +33,8 @@ pub struct Watch {
     /// Commands that have left, up to two: a difference needs something to differ from.
     sent: u8,
     measured: bool,
+    /// Whether targets are told apart from commands, which may go on a smooth way between them.
+    aims: bool,
 }
 
 impl Watch {
@@ -47,6 +47,7 @@ impl Watch {
             tick,
             sent: 0,
             measured: false,
+            aims: false,
         }
     }
 
@@ -65,6 +66,7 @@ impl Watch {
     pub fn stands_at(&mut self, disp: impl Iterator<Item = f64>) {
         for (past, disp) in self.past.iter_mut().zip(disp) {
             past.command = [disp; 2];
+            past.sawtooth = Sawtooth::at_rest(disp);
         }
         self.sent = 2;
     }
@@ -76,8 +78,9 @@ impl Watch {
         let axes = self.limits.iter().zip(&mut self.past).zip(disp);
         for (axis, ((limits, past), disp)) in axes.enumerate() {
             let [last, before] = past.command;
-            let bend = disp - 2.0 * last + before;
-            let alternating = past.alternates(bend, limits.alternating_floor) as f64;
+            let sawtooth = past.sawtooth.after(disp, limits.alternating_floor);
+            let sawtooth = if self.aims { past.sawtooth } else { sawtooth };
+            let alternating = sawtooth.ticks as f64;
             let mut look = Look {
                 axis,
                 warned: &mut past.warned,
@@ -92,31 +95,28 @@ impl Watch {
                 look.at(Quantity::CommandVel, vel, limits.command_vel.judge(vel));
             }
             if sent >= 2 {
-                let accel = bend.abs() / (tick * tick);
+                let accel = (disp - 2.0 * last + before).abs() / (tick * tick);
                 look.at(
                     Quantity::CommandAccel,
                     accel,
                     limits.command_accel.judge(accel),
                 );
-                look.at(
-                    Quantity::Alternation,
-                    alternating,
-                    limits.alternating_ticks.judge(alternating),
-                );
             }
+            look.at(
+                Quantity::Alternation,
+                alternating,
+                limits.alternating_ticks.judge(alternating),
+            );
         }
         found
     }
 
     /// Takes note of a command that leaves. Real-time: yes.
     pub fn sent(&mut self, disp: impl Iterator<Item = f64>) {
-        let begun = self.sent >= 2;
         let axes = self.past.iter_mut().zip(&self.limits).zip(disp);
         for ((past, limits), disp) in axes {
-            if begun {
-                let bend = disp - 2.0 * past.command[0] + past.command[1];
-                past.alternating = past.alternates(bend, limits.alternating_floor);
-                past.bend = bend;
+            if !self.aims {
+                past.sawtooth = past.sawtooth.after(disp, limits.alternating_floor);
             }
             past.speed = if self.sent >= 1 {
                 (disp - past.command[0]).abs() / self.tick
@@ -136,12 +136,30 @@ impl Watch {
         }
     }
 
+    /// Targets of steps are told from here on, and stand at `disp`: a sawtooth is looked for in them.
+    pub fn aims_from(&mut self, disp: impl Iterator<Item = f64>) {
+        for (past, disp) in self.past.iter_mut().zip(disp) {
+            past.sawtooth = Sawtooth::at_rest(disp);
+        }
+        self.aims = true;
+    }
+
+    /// The target of the next step, which the next commands approach. Real-time: yes.
+    pub fn aims_at(&mut self, disp: impl Iterator<Item = f64>) {
+        let axes = self.past.iter_mut().zip(&self.limits).zip(disp);
+        for ((past, limits), disp) in axes {
+            past.sawtooth = past.sawtooth.after(disp, limits.alternating_floor);
+        }
+    }
+
     /// Takes note that the last command leaves once more. Real-time: yes.
     pub fn sent_again(&mut self) {
         for past in &mut self.past {
             past.speed = 0.0;
             past.command = [past.command[0]; 2];
-            (past.bend, past.alternating) = (0.0, 0);
+            if !self.aims {
+                past.sawtooth = Sawtooth::at_rest(past.command[0]);
+            }
         }
     }
 
@@ -261,16 +279,44 @@ pub struct Estimated {
     pub added_energy: f64,
 }
 
-impl Past {
-    /// Commands in a row, this one included, whose second difference changes its sign and grows.
-    fn alternates(&self, bend: f64, floor: f64) -> u64 {
-        // By sign and not by product, which underflows.
-        let turns = self.bend != 0.0 && (self.bend > 0.0) != (bend > 0.0);
-        if turns && bend.abs() > floor && bend.abs() > self.bend.abs() {
-            self.alternating + 1
-        } else {
-            0
+/// A sequence of displacements whose second differences may alternate and grow.
+#[derive(Debug, Clone, Copy, Default)]
+struct Sawtooth {
+    /// The last, and the one before; as many as there were, up to two.
+    disp: [f64; 2],
+    seen: u8,
+    /// Their second difference, and for how long it has changed its sign and grown.
+    bend: f64,
+    ticks: u64,
+}
+
+impl Sawtooth {
+    const fn at_rest(disp: f64) -> Self {
+        Self {
+            disp: [disp; 2],
+            seen: 2,
+            bend: 0.0,
+            ticks: 0,
         }
+    }
+
+    /// With one more. Real-time: yes.
+    fn after(&self, disp: f64, floor: f64) -> Self {
+        let [last, before] = self.disp;
+        let mut next = Self {
+            disp: [disp, last],
+            seen: (self.seen + 1).min(2),
+            ..Self::default()
+        };
+        if self.seen == 2 {
+            next.bend = disp - 2.0 * last + before;
+            // By sign and not by product, which underflows.
+            let turns = self.bend != 0.0 && (self.bend > 0.0) != (next.bend > 0.0);
+            if turns && next.bend.abs() > floor && next.bend.abs() > self.bend.abs() {
+                next.ticks = self.ticks + 1;
+            }
+        }
+        next
     }
 }
 

@@ -131,5 +131,6 @@ pub(super) fn summarise(
         inputs: Vec::new(),
         miss_classes: MissClasses::default(),
         warnings,
+        limits: serde_json::Value::Null,
     }
 }

@@ -67,3 +67,86 @@ impl Announced {
         found.trip.map_or(Ok(()), |hit| Err(Trip::Announced(hit)))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::limits::Quantity;
+    use crate::link::rig::{Law, Station};
+    use crate::specimen::SpecimenLaw;
+    use crate::substructure::{Command, Measurement, Status};
+    use crate::wire::handshake::Limits;
+
+    /// A spring of 1 MN/m in mm and kN, which is 1 kN/mm, for a controller that announces 50 mm, 500 mm/s and 30 kN.
+    fn station() -> Station {
+        let law: SpecimenLaw =
+            toml::from_str("law = { linear = { stiffness_n_per_m = 1.0 } }").unwrap();
+        let units = vec![AxisUnits {
+            metres: 1e-3,
+            newtons: 1e3,
+            disp: "mm",
+            force: "kN",
+        }];
+        let rig = Box::new(Law::new(law.build(1).unwrap(), false));
+        let mut station = Station::new("rig".into(), rig, units, vec![1.0], vec![0.0]);
+        let visitor = Visitor {
+            rate: Some((1000, 1)),
+            limits: vec![Limits {
+                disp_min: -50.0,
+                disp_max: 50.0,
+                speed_max: 500.0,
+                force_max: 30.0,
+            }],
+            ..Visitor::unnamed(([127, 0, 0, 1], 1).into())
+        };
+        station.begin(&visitor).unwrap();
+        station
+    }
+
+    /// Sends these commands, (sequence, displacement in mm) each; the trip of the last.
+    fn told(commands: &[(u64, f64)]) -> (Option<Quantity>, Status) {
+        let (mut station, mut into) = (station(), Measurement::zeros(1));
+        let mut trip = None;
+        for &(sequence, disp) in commands {
+            assert_eq!(trip, None, "only the last may trip");
+            let command = Command {
+                sequence,
+                time: 0.0,
+                // Test time runs a hundred times slower than the wall: speeds are the wall's.
+                dt: 1e-5,
+                disp: &[disp],
+                vel: &[0.0],
+            };
+            trip = match station.exchange(&command, 1e-5, &mut into) {
+                Ok(()) => None,
+                Err(Trip::Announced(hit)) => Some(hit.quantity),
+                Err(other) => panic!("{other}"),
+            };
+        }
+        (trip, into.status)
+    }
+
+    #[test]
+    fn a_command_beyond_what_was_announced_holds_the_specimen_and_says_so() {
+        let way: Vec<(u64, f64)> = (0..=100).map(|k| (k, 0.5 * k as f64)).collect();
+        assert_eq!(told(&way[..38]), (None, Status::default()), "18.5 kN");
+        let (trip, status) = told(&[(0, 0.4), (1, 0.90001)]);
+        assert_eq!(trip, Some(Quantity::CommandVel), "500.01 mm/s");
+        assert!(status.has(Status::INTERLOCK));
+        assert_eq!(
+            told(&[(0, 0.4), (3, 1.9)]).0,
+            None,
+            "two were lost on the way"
+        );
+        let back: Vec<(u64, f64)> = (0..=75).map(|k| (k, -0.5 * k as f64)).collect();
+        assert_eq!(
+            told(&back).0,
+            None,
+            "37.5 kN, 1.25 times what was announced"
+        );
+        let farther = [&back[..], &[(76, -37.6)]].concat();
+        assert_eq!(told(&farther).0, Some(Quantity::MeasuredForce));
+        let (trip, _) = told(&[(0, 0.0), (200, 50.1)]);
+        assert_eq!(trip, Some(Quantity::CommandDisp));
+    }
+}

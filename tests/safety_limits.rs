@@ -1,0 +1,384 @@
+//! Which limits exist, who checks them and what happens then: a specimen behind a link needs some, both ends keep them, and
+//! `gusset check` and the run folder say so.
+
+mod common;
+mod link_common;
+
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use common::engine::run_on;
+use gusset::config;
+use gusset::engine::{Ending, Stop, TestQuantity};
+use gusset::record::EventKind;
+use gusset::time::{Clock, Nanos, SimClock};
+use link_common::{
+    ONE_AXIS, ONE_AXIS_LAW, Served, UNLIMITED, finish, gateway, gusset, linked, run, summary,
+    test_file, write,
+};
+
+const LIMITS: &str = "[specimen.limits]\ncommand_disp_m = { trip = [-0.5, 0.5] }\nmeasured_force_n = { trip = [-1e6, 1e6] }\n";
+
+fn complaint(text: &str) -> String {
+    match config::parse(Path::new("test.toml"), text.to_owned(), &[]) {
+        Ok(_) => panic!("accepted"),
+        Err(error) => error.to_string(),
+    }
+}
+
+fn bare(address: &str, keys: &str) -> String {
+    linked(200, address, keys).replace(UNLIMITED, "")
+}
+
+#[test]
+fn a_specimen_behind_a_link_without_limits_is_refused_with_a_table_that_can_be_pasted() {
+    let text = bare("127.0.0.1:1", "");
+    let said = complaint(&text);
+    assert!(
+        said.contains("no trip level of `command_disp_m`, `measured_force_n`"),
+        "{said}"
+    );
+    let table: String = said
+        .lines()
+        .map(str::trim)
+        .filter(|line| line.starts_with("[specimen.limits]") || line.contains(" = { trip = "))
+        .map(|line| format!("{line}\n"))
+        .collect();
+    let pasted = text.replace("[specimen.link]", &format!("{table}[specimen.link]"));
+    assert!(
+        config::parse(Path::new("test.toml"), pasted.clone(), &[]).is_ok(),
+        "{pasted}"
+    );
+    let half = pasted.replace("measured_force_n", "#");
+    assert!(complaint(&half).contains("no trip level of `measured_force_n`"));
+    let warned = pasted.replace("command_disp_m = { trip", "command_disp_m = { warn");
+    assert!(
+        complaint(&warned).contains("no trip level of `command_disp_m`"),
+        "a warning holds nothing"
+    );
+    let silent = text.replace("[safety]", "[safety]\nunlimited = \" \"");
+    assert!(complaint(&silent).contains("gives no reason"));
+    // A gateway, too: OpenSees has no limits of its own.
+    let folder = tempfile::tempdir().unwrap();
+    let between = gateway("127.0.0.1:1", "stiffness_n_per_m = 4e5\n", "").replace(UNLIMITED, "");
+    let path = write(folder.path(), "gateway.toml", &between);
+    let said = config::load_served(&path, None).unwrap_err().to_string();
+    assert!(said.contains("no trip level of"), "{said}");
+}
+
+#[test]
+fn a_reason_to_be_unlimited_is_said_at_the_start_and_stands_in_the_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let local = test_file(200, &format!("{ONE_AXIS}{ONE_AXIS_LAW}"));
+    let served = Served::start(folder, &local, &[]);
+    let text =
+        bare(&served.address, "").replace("[safety]", "[safety]\nunlimited = \"only a formula\"");
+    let (code, said) = run(folder, "run", &text);
+    assert_eq!(code, 0, "{said}");
+    assert!(
+        said.contains("UNLIMITED") && said.contains("only a formula"),
+        "{said}"
+    );
+    let summary = summary(folder, "run");
+    assert!(
+        summary
+            .warnings
+            .iter()
+            .any(|text| text.contains("only a formula"))
+    );
+    assert_eq!(summary.limits["unlimited"], "only a formula");
+    let resolved = std::fs::read_to_string(folder.join("run/resolved.toml")).unwrap();
+    assert!(resolved.contains("unlimited = \"only a formula\""));
+}
+
+#[test]
+fn limits_that_contradict_each_other_are_shown_with_both_places() {
+    let with = |limits: &str, safety: &str, table: &str| {
+        let text = bare("127.0.0.1:1", "").replace("[safety]", &format!("[safety]\n{safety}"));
+        let limits = format!("{table}{LIMITS}{limits}\n[specimen.link]");
+        complaint(&text.replace("[specimen.link]", &limits))
+    };
+    for (limits, safety, table, words) in [
+        (
+            "command_vel_m_per_s = { trip = 0.5 }\ncommand_step_m = { trip = 0.001 }",
+            "",
+            "",
+            &[
+                "less than the 0.001 m that `command_step_m` allows",
+                "trips first, always",
+            ][..],
+        ),
+        (
+            "sensor_force_n = { trip = [-2e6, 9e5] }",
+            "",
+            "",
+            &["`measured_force_n` reaches from -1000000 to 1000000, but the sensor only"],
+        ),
+        (
+            "command_vel_m_per_s = { trip = 0.05 }",
+            "on_trip = \"zero_force\"\nexit_speed_m_per_s = 0.1",
+            "",
+            &["would be left at 0.1 m/s, but 0.05 m/s trip"],
+        ),
+        (
+            "",
+            "",
+            "safe_disp_m = [0.6]\n",
+            &["axis 1 is safe at 0.6 m, which may not be commanded"],
+        ),
+        (
+            "stiffness_ratio = { warn = 1.3, trip = 1.2 }",
+            "",
+            "",
+            &["`stiffness_ratio` warns at 1.3"],
+        ),
+        (
+            "",
+            "step_audit = { trip = 0 }",
+            "",
+            &["`step_audit`", "greater than 0"],
+        ),
+    ] {
+        let said = with(limits, safety, table);
+        for words in words {
+            assert!(said.contains(words), "{words:?} is not in {said}");
+        }
+        assert!(said.contains("--> test.toml:"), "{said}");
+    }
+    // The same bound in other units contradicts nothing.
+    let same =
+        "command_vel_m_per_s = { trip = 1.0 }\ncommand_step_m = { trip = 0.001 }\n[specimen.link]";
+    let text = bare("127.0.0.1:1", "").replace("[specimen.link]", &format!("{LIMITS}{same}"));
+    assert!(config::parse(Path::new("test.toml"), text, &[]).is_ok());
+}
+
+#[test]
+fn both_ends_know_the_limits_of_the_other_before_anything_moves() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let local = test_file(
+        200,
+        &format!(
+            "{ONE_AXIS}[specimen.limits]\ncommand_disp_m = {{ trip = [-0.02, 0.02] }}\n{ONE_AXIS_LAW}"
+        ),
+    );
+    let served = Served::start(folder, &local, &[]);
+    // Wider: refused.
+    let wide =
+        bare(&served.address, "").replace("[specimen.link]", &format!("{LIMITS}[specimen.link]"));
+    let (code, said) = run(folder, "wide", &wide);
+    assert_eq!(code, 3, "{said}");
+    let reason = summary(folder, "wide").reason;
+    assert!(
+        reason.contains("-0.5 m there, beyond -0.02 m here"),
+        "{reason}"
+    );
+    assert!(reason.contains("nothing was moved"), "{reason}");
+    // None: the specimen's end keeps its own, and the test is told.
+    let (_, said) = run(folder, "none", &linked(200, &served.address, ""));
+    let words = "its end keeps limits that the test does not have, axis \"axis 1\": displacement from -0.02 m";
+    assert!(said.contains(words), "{said}");
+    let reason = summary(folder, "none").reason;
+    assert!(
+        reason.contains("command_disp_m"),
+        "its end has tripped: {reason}"
+    );
+    // Within: both keep it, and ours, which is narrower, trips first.
+    let narrow = LIMITS.replace("0.5", "0.004");
+    let narrow =
+        bare(&served.address, "").replace("[specimen.link]", &format!("{narrow}[specimen.link]"));
+    let (code, said) = run(folder, "narrow", &narrow);
+    assert_eq!(code, 1, "{said}");
+    let reason = summary(folder, "narrow").reason;
+    assert!(
+        reason.contains("commanded displacement") && reason.contains("0.004"),
+        "{reason}"
+    );
+    assert!(!reason.contains("interlock"), "{reason}");
+}
+
+#[test]
+fn check_says_which_limits_there_are_who_checks_them_and_what_happens_then() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = bare("127.0.0.1:1", "").replace(
+        "[specimen.link]",
+        &format!("{LIMITS}following_error_m = {{ warn = 0.001, trip = 0.002 }}\n[specimen.link]"),
+    );
+    let file = write(folder.path(), "test.toml", &text);
+    let said = |json: bool| {
+        let mut command = gusset();
+        command.arg("check").arg(&file);
+        if json {
+            command.arg("--json");
+        }
+        String::from_utf8(finish(command).stdout).unwrap()
+    };
+    let table = said(false);
+    for words in [
+        "command_disp_m *",
+        "trips -0.5 to 0.5",
+        "following_error_m",
+        "warns 0.001",
+        "its own end, too",
+        "max_misses_in_window",
+        "step_audit",
+        "stability_used",
+        "an interlock or emergency stop",
+        "every specimen holds its last command",
+    ] {
+        assert!(table.contains(words), "{words:?} is not in {table}");
+    }
+    let facts: serde_json::Value = serde_json::from_str(&said(true)).unwrap();
+    let axis = &facts["limits"]["specimens"][0]["axes"][0];
+    assert_eq!(axis[0]["key"], "command_disp_m");
+    assert_eq!(axis[0]["trip"], serde_json::json!([-0.5, 0.5]));
+    assert_eq!(axis[0]["also_at_the_specimen"], true);
+    assert_eq!(axis[2]["key"], "following_error_m");
+    assert_eq!(axis[2]["also_at_the_specimen"], false);
+}
+
+/// Two floors of 1000 kg at ten steps a second, so that λ has a limit; a spring at the first storey.
+fn at_limit(lambda: f64, limits: &str) -> String {
+    format!(
+        "[time]\nstep_s = 0.1\nduration_s = 200\nclock = \"simulated\"\n[structure.shear_building]\n\
+         mass_kg = [1000, 1000]\nstiffness_n_per_m = [0, 1e5]\n\
+         [excitation.ground_acceleration.signal.sine]\nfrequency_hz = 0.5\namplitude = 3.0\n\
+         [integrator]\nlambda = {lambda}\n[[specimen]]\nname = \"column\"\nstorey = 1\n{limits}\n\
+         [specimen.law.linear]\nstiffness_n_per_m = 4e5\n"
+    )
+}
+
+/// 4Ω²/(Ω² − 4) of the second mode (Gui et al. 2014, equation (33)): ω² from (5e5 − 1e3 ω²)(1e5 − 1e3 ω²) = 1e10.
+fn limit() -> f64 {
+    let half = 300.0f64;
+    let square = (half + (half * half - 4e4).sqrt()) * 0.01;
+    4.0 * square / (square - 4.0)
+}
+
+#[test]
+fn the_sawtooth_of_an_unstable_step_trips_before_it_is_large_and_a_stable_one_does_not() {
+    let limits = "[specimen.limits]\nalternating_ticks = { warn = 6, trip = 12 }";
+    let stable = common::engine::run(&at_limit(0.9 * limit(), limits));
+    assert_eq!(stable.outcome.ending, Ending::Completed);
+    let unstable = common::engine::run(&at_limit(1.2 * limit(), limits));
+    let Ending::Stopped(Stop::Limit { hit, .. }) = unstable.outcome.ending else {
+        panic!("{:?}", unstable.outcome.ending);
+    };
+    assert_eq!(hit.quantity.key(), "alternating_ticks");
+    assert_eq!(hit.value, 13.0);
+    let free = common::engine::run(&at_limit(1.2 * limit(), ""));
+    let largest = |column: &[f64]| column.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+    let (at_trip, at_end) = (largest(&unstable.column("x1")), largest(&free.column("x1")));
+    assert!(1e3 * at_trip < at_end, "{at_trip} {at_end}");
+    // The audit closes all the same: an unstable step is made as it should be.
+    let audit = largest(&free.column("step_audit"));
+    assert!(audit < 1e-11, "{audit}");
+    let tangent = stable.column("kt_1_1");
+    assert!(
+        tangent.iter().all(|k| (k / 4e5 - 1.0).abs() < 1e-6),
+        "a spring"
+    );
+    // The bound is the spring itself: only roundoff of the estimate is beyond it.
+    assert!(largest(&stable.column("stability_used")) < 1e-9);
+}
+
+#[test]
+fn a_specimen_that_is_stiffer_than_declared_is_measured_and_trips() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let stiff = "[specimen.law.linear]\nstiffness_n_per_m = 6e5\n";
+    let served = Served::start(folder, &test_file(200, &format!("{ONE_AXIS}{stiff}")), &[]);
+    let with = |ratio: &str| {
+        let limits =
+            format!("{LIMITS}stiffness_ratio = {{ warn = 1.1, trip = {ratio} }}\n[specimen.link]");
+        bare(&served.address, "").replace("[specimen.link]", &limits)
+    };
+    let (code, said) = run(folder, "trips", &with("1.49"));
+    assert_eq!(code, 1, "{said}");
+    let reason = summary(folder, "trips").reason;
+    assert!(
+        reason.contains("tangent stiffness over its declared bound 1.5"),
+        "{reason}"
+    );
+    let (code, said) = run(folder, "passes", &with("1.51"));
+    assert_eq!(code, 0, "{said}");
+    let events = link_common::events(folder, "passes");
+    assert_eq!(
+        events
+            .iter()
+            .filter(|event| *event == "limit_warning")
+            .count(),
+        1
+    );
+    let run = gusset::record::Run::open(&folder.join("passes")).unwrap();
+    let columns = run.columns(&["kt_1_1", "stability_used", "state"]).unwrap();
+    let (tangent, used) = (columns[0].last().unwrap(), columns[1].last().unwrap());
+    assert!((tangent / 6e5 - 1.0).abs() < 1e-9, "{tangent}");
+    // S = 4 M + (4/λ) Δt² K0 − Δt² K_max with all of K at its bound, by hand: Δt = 1 ms, λ = 11.5.
+    let (c, k1, k2) = ((4.0 / 11.5 - 1.0) * 1e-6, 4e5, 1e5);
+    let s = [[4e3 + c * (k1 + k2), -c * k2], [-c * k2, 4e3 + c * k2]];
+    // Rayleigh damping is the same in C0 and C_max. b = (1, 0).
+    let gain = s[1][1] / (s[0][0] * s[1][1] - s[0][1] * s[1][0]);
+    let expected = 1e-6 * 2e5 * gain;
+    assert!((used / expected - 1.0).abs() < 1e-6, "{used} {expected}");
+}
+
+/// A simulated clock that oversleeps two ticks at every n-th edge.
+struct Late {
+    clock: SimClock,
+    waits: Arc<AtomicU64>,
+    every: u64,
+}
+
+impl Clock for Late {
+    fn now(&self) -> Nanos {
+        self.clock.now()
+    }
+
+    fn sleep_until(&self, at: Nanos) {
+        self.clock.sleep_until(at);
+        if self.waits.fetch_add(1, Ordering::Relaxed) % self.every == self.every - 1 {
+            self.clock.advance(2_100_000);
+        }
+    }
+}
+
+#[test]
+fn misses_in_a_window_end_a_test_that_is_late_too_often() {
+    let late = |every: u64| {
+        let text = test_file(2000, &format!("{ONE_AXIS}{ONE_AXIS_LAW}")).replace(
+            "[timing]",
+            "[timing]\nmax_total_misses = 1000\nmax_misses_in_window = 9\nmiss_window_s = 0.1",
+        );
+        let clock = Late {
+            clock: SimClock::new(),
+            waits: Arc::default(),
+            every,
+        };
+        run_on(common::engine::prepare(&text).experiment, clock)
+    };
+    // Every tenth tick of 1 ms: ten in a window of 100.
+    let often = late(10);
+    let Ending::Stopped(Stop::TestLimit(hit)) = often.outcome.ending else {
+        panic!("{:?}", often.outcome.ending);
+    };
+    assert_eq!(
+        (hit.quantity, hit.value),
+        (TestQuantity::MissesInWindow, 10.0)
+    );
+    let warned = often.events.iter().filter(|event| {
+        matches!(
+            event.kind,
+            EventKind::TestLimit {
+                trip: false,
+                quantity: "max_misses_in_window",
+                ..
+            }
+        )
+    });
+    assert_eq!(warned.count(), 1, "beyond half of it");
+    // Every twelfth: nine at the most.
+    assert_eq!(late(12).outcome.ending, Ending::Completed);
+}
