@@ -40,7 +40,9 @@ pub use units::AxisUnits;
 
 use thiserror::Error;
 
-use crate::substructure::{Command, Freshness, LinkFault, Measurement, Retirement, Substructure};
+use crate::substructure::{
+    Command, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
+};
 use crate::time::Nanos;
 
 /// A port whose parts do not fit together.
@@ -162,6 +164,8 @@ pub struct Port {
     is_recorded: bool,
     /// Number on the link of the command that left last.
     issued: Option<u64>,
+    /// The last command did not leave.
+    unsent: bool,
     /// Exchanges that were none of the test's: by so much the numbers on the link are ahead of the test's.
     ahead: u64,
     /// How it is led from one target to the next.
@@ -261,6 +265,7 @@ impl Port {
             wait: None,
             direction: Direction::Known,
             issued: None,
+            unsent: false,
             ahead: 0,
             pursuit: pursuit::Pursuit::new(n),
             is_recorded: false,
@@ -370,7 +375,17 @@ impl Port {
             disp: &self.command,
             vel: &self.command_vel,
         };
-        self.substructure.issue(&command)
+        let outcome = self.substructure.issue(&command);
+        self.unsent = outcome.is_err();
+        outcome
+    }
+
+    /// The specimen is lost: its status says so in every row from here on.
+    pub fn note_loss(&mut self) {
+        self.raw.status.0 |= Status::LOST.0;
+        if self.unsent {
+            self.raw.status.0 |= Status::UNSENT.0;
+        }
     }
 
     /// Takes the answer and brings it into the structure's units. One that is older than what is known already counts
@@ -391,9 +406,13 @@ impl Port {
         match freshness {
             Freshness::Fresh => {
                 self.link.received += 1;
+                self.raw.status.0 &= !Status::STALE.0;
                 self.compensation_hears();
             }
-            Freshness::Stale => self.link.stale += 1,
+            Freshness::Stale => {
+                self.link.stale += 1;
+                self.raw.status.0 |= Status::STALE.0;
+            }
         }
         for ((axis, measured), raw) in self.axes.iter().zip(&mut self.measured).zip(&self.raw.disp)
         {

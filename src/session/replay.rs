@@ -115,6 +115,9 @@ struct Tape {
     at_time: usize,
     /// Whether the operator wanted a hold before the row that comes.
     holding: bool,
+    /// Number of steps of the test, and state and step of the row before the one that comes.
+    steps: f64,
+    before: Option<(f64, f64)>,
     operator: Sender<Operator>,
     difference: Option<Difference>,
     short: Option<String>,
@@ -145,6 +148,15 @@ impl Tape {
     /// What the operator said before the tick of the row that comes: a wish for a hold stands in it, a confirmation shows in
     /// the row behind it.
     fn request(&mut self) -> Option<Operator> {
+        if self.phase(0) == Some(Phase::Leaving.code())
+            && let Some((state, step)) = self.before
+        {
+            let completed = state == Phase::Running.code() && step >= self.steps;
+            let on_its_way = state == Phase::Leaving.code() || state == Phase::Tripped.code();
+            if !completed && !on_its_way {
+                return Some(Operator::Stop);
+            }
+        }
         let row = self.ahead.front()?;
         let holding = made_at(Some(row), self.hold) > 0.0;
         if holding != self.holding {
@@ -181,6 +193,8 @@ impl Tape {
         }
         self.time = made_at(self.ahead.front(), self.at_time);
         if self.difference.is_none() {
+            let front = self.ahead.front();
+            self.before = Some((made_at(front, self.state), made_at(front, 0)));
             self.row += 1;
             self.ahead.pop_front();
             self.fill();
@@ -236,6 +250,21 @@ struct Recorded {
     issued: u64,
 }
 
+impl Recorded {
+    /// Fails where the row that comes says so: there the specimen was lost.
+    fn is_lost(&self, mark: Status) -> Result<(), LinkFault> {
+        with(&self.tape, |tape| {
+            let row = tape.ahead.front();
+            let status = Status(made_at(row, self.status) as u32);
+            let trips = made_at(row, tape.state) == Phase::Tripped.code();
+            if trips && status.has(mark) {
+                return Err(LinkFault::Closed);
+            }
+            Ok(())
+        })
+    }
+}
+
 impl Substructure for Recorded {
     fn axes(&self) -> usize {
         self.axes.len()
@@ -247,11 +276,12 @@ impl Substructure for Recorded {
 
     fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
         self.issued = command.sequence;
-        Ok(())
+        self.is_lost(Status::UNSENT)
     }
 
     fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
         let issued = self.issued;
+        self.is_lost(Status::LOST)?;
         with(&self.tape, |tape| {
             // The end of the recording ends the replay.
             let row = tape.ahead.front().ok_or(LinkFault::Closed)?;
@@ -264,7 +294,9 @@ impl Substructure for Recorded {
             into.status = Status(at(self.status) as u32);
             // Commands before the one that this row answers leave no row: the ticks of the warm-up.
             into.sequence = recorded.min(issued);
-            Ok(if issued > recorded {
+            // Ticks in which nothing moves share a number: there the row says how old its measurement is.
+            let stale = issued == recorded && into.status.has(Status::STALE);
+            Ok(if issued > recorded || stale {
                 Freshness::Stale
             } else {
                 Freshness::Fresh
@@ -274,6 +306,7 @@ impl Substructure for Recorded {
 
     /// A partner that takes several ticks answers in the row in which it answered.
     fn is_answered(&mut self) -> Result<bool, LinkFault> {
+        self.is_lost(Status::LOST)?;
         with(&self.tape, |tape| {
             let row = tape.ahead.front().ok_or(LinkFault::Closed)?;
             Ok(made_at(Some(row), self.sequence) as u64 >= self.issued)
@@ -349,6 +382,8 @@ pub fn replay_rows(
         ahead: VecDeque::with_capacity(AHEAD),
         row: 0,
         time: f64::NAN,
+        steps: experiment.steps as f64,
+        before: None,
         operator,
         difference: None,
         short: None,
