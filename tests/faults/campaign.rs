@@ -206,7 +206,8 @@ fn operator(chance: &mut Chance) -> Vec<(u64, Operator)> {
     if !chance.one_in(4) {
         return Vec::new();
     }
-    let hold = chance.below(120);
+    // Not before the test runs.
+    let hold = 40 + chance.below(80);
     let mut says = vec![
         (hold, Operator::Hold),
         (hold + 1 + chance.below(40), Operator::Continue),

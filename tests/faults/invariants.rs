@@ -33,12 +33,23 @@ pub fn check(loaded: &Loaded, played: &Played) -> Result<(), String> {
     }
     let replay = &played.replay;
     ensure!(
-        replay.is_exact(),
+        replay.is_exact() || !is_all_in_the_rows(played),
         "the replay differs: {:?} {:?}",
         replay.difference,
         replay.short
     );
     Ok(())
+}
+
+/// Two ends stand in no row, so that the rows of the way out that follow cannot be made again: a stop for lateness, and one
+/// by the operator during the warm-up, which has no rows.
+fn is_all_in_the_rows(played: &Played) -> bool {
+    let path = played.path();
+    let late = matches!(played.outcome.ending, Ending::Stopped(Stop::Late { .. }));
+    let early = played.outcome.ending == Ending::Stopped(Stop::Operator)
+        && path.contains(&"armed")
+        && !path.contains(&"running");
+    !(path.contains(&"leaving") && (late || early))
 }
 
 fn ends_as_planned(played: &Played) -> Result<(), String> {
