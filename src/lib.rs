@@ -36,12 +36,14 @@
 //! | [`report`] | the page a run leaves behind |
 //! | [`verify`] | the published values of the family, obtained anew and judged |
 //! | [`frontier`] | how large a model keeps its deadlines: models of any size, the search, the picture |
+//! | [`benchmark`] | the virtual hybrid simulation benchmark, natively |
 //! | [`session`] | one test from the prepared experiment to the finished run folder: the threads |
 //! | [`cli`] | the commands |
 
 #![deny(unsafe_code)]
 #![warn(missing_docs, missing_debug_implementations)]
 
+pub mod benchmark;
 pub mod cli;
 pub mod compensation;
 pub mod config;

@@ -216,6 +216,169 @@ fn damage_ends_the_proof_and_what_is_foreign_is_refused() {
     let said = gusset(&["replay", text]);
     assert_eq!(said.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&said.stderr).contains("SHA-256"));
-    let empty = gusset(&["replay", home.path().to_str().unwrap()]);
-    assert_eq!(empty.status.code(), Some(2));
+}
+
+/// Copies the run, spoils the copy, and replays it: the exit code, and what was said.
+fn spoilt(run: &Path, spoil: impl FnOnce(&Path)) -> (i32, String) {
+    let home = tempfile::tempdir().unwrap();
+    let copy = home.path().join("copy");
+    common::copy(run, &copy);
+    spoil(&copy);
+    let said = gusset(&["replay", copy.to_str().unwrap()]);
+    let (out, error) = (
+        String::from_utf8(said.stdout).unwrap(),
+        String::from_utf8(said.stderr).unwrap(),
+    );
+    assert!(!error.contains("panicked"), "{error}");
+    (said.status.code().unwrap(), format!("{out}{error}"))
+}
+
+#[test]
+fn rows_that_are_whole_but_too_few_are_no_proof() {
+    let home = tempfile::tempdir().unwrap();
+    let run = record(home.path(), &[]);
+    let layout = Run::open(&run).unwrap().layout().clone();
+    let keep = |rows: usize| {
+        move |copy: &Path| {
+            let path = copy.join("samples.bin");
+            let bytes = std::fs::read(&path).unwrap();
+            std::fs::write(path, &bytes[..rows * layout.stride()]).unwrap();
+        }
+    };
+    let (code, said) = spoilt(&run, keep.clone()(400));
+    assert_eq!(code, 1, "{said}");
+    assert!(
+        said.contains("400 rows") && said.contains("the summary tells of 1536 steps"),
+        "{said}"
+    );
+    let (code, said) = spoilt(&run, keep(0));
+    assert_eq!(code, 1, "{said}");
+    assert!(
+        said.contains("nothing is proven") && said.contains("there are no rows"),
+        "{said}"
+    );
+    // Of a run that was killed nobody knows where it would have ended: it is proven as far as it went.
+    let unfinished = |copy: &Path| std::fs::remove_file(copy.join("summary.json")).unwrap();
+    assert_eq!(spoilt(&run, unfinished).0, 0);
+}
+
+#[test]
+fn a_folder_that_is_foreign_or_half_is_refused_in_words() {
+    let home = tempfile::tempdir().unwrap();
+    let run = record(home.path(), &[]);
+    let remove = |name: &'static str| {
+        move |copy: &Path| {
+            let path = copy.join(name);
+            if path.is_dir() {
+                std::fs::remove_dir_all(path).unwrap();
+            } else {
+                std::fs::remove_file(path).unwrap();
+            }
+        }
+    };
+    let put = |name: &'static str, bytes: &'static [u8]| {
+        move |copy: &Path| std::fs::write(copy.join(name), bytes).unwrap()
+    };
+    let edit = |name: &'static str, from: &'static str, to: &'static str| {
+        move |copy: &Path| {
+            let text = std::fs::read_to_string(copy.join(name)).unwrap();
+            assert!(text.contains(from), "{text}");
+            std::fs::write(copy.join(name), text.replacen(from, to, 1)).unwrap();
+        }
+    };
+    let everything = |copy: &Path| {
+        std::fs::remove_dir_all(copy).unwrap();
+        std::fs::create_dir(copy).unwrap();
+    };
+    let foreign = |copy: &Path| {
+        std::fs::remove_dir_all(copy).unwrap();
+        std::fs::create_dir(copy).unwrap();
+        std::fs::write(copy.join("holiday.jpg"), b"JFIF").unwrap();
+    };
+    type Spoil<'a> = Box<dyn FnOnce(&Path) + 'a>;
+    let cases: Vec<(Spoil<'_>, &[&str])> = vec![
+        (
+            Box::new(|copy: &Path| std::fs::remove_dir_all(copy).unwrap()),
+            &["does not exist"],
+        ),
+        (
+            Box::new(everything),
+            &["is empty: no run was recorded there"],
+        ),
+        (Box::new(foreign), &["is not a run folder"]),
+        (Box::new(remove("samples.json")), &["has no samples.json"]),
+        (
+            Box::new(remove("samples.bin")),
+            &["samples.bin: No such file"],
+        ),
+        (
+            Box::new(remove("resolved.toml")),
+            &["resolved.toml: No such file"],
+        ),
+        (
+            Box::new(remove("inputs")),
+            &["inputs/motion.csv: No such file"],
+        ),
+        (
+            Box::new(put("samples.json", b"{\"a\":")),
+            &["samples.json: not a description of samples"],
+        ),
+        (
+            Box::new(put("summary.json", b"{\"status\": \"comp")),
+            &["summary.json is damaged"],
+        ),
+        (
+            Box::new(put("resolved.toml", b"\xff\xfe")),
+            &["resolved.toml is not UTF-8"],
+        ),
+        (
+            Box::new(put("resolved.toml", b"[time\n")),
+            &["not valid TOML", "resolved.toml:1"],
+        ),
+        (
+            Box::new(edit("samples.json", "\"x1\"", "\"y1\"")),
+            &["have y1", "makes x1", "not of one test"],
+        ),
+        (
+            Box::new(edit("resolved.toml", "[time]", "[time]\nrate = 3")),
+            &["unknown key `rate`", "did you mean"],
+        ),
+        (
+            Box::new(edit("resolved.toml", "storey = 1", "storey = 7")),
+            &["storey = 7", "no such storey"],
+        ),
+    ];
+    for (spoil, words) in cases {
+        let (code, said) = spoilt(&run, spoil);
+        assert_eq!(code, 2, "{words:?}: {said}");
+        assert!(said.starts_with("error: "), "{said}");
+        for word in words {
+            assert!(said.contains(word), "{word}: {said}");
+        }
+    }
+    // The rows of another test of the same shape: whole, in order, and not what comes out.
+    let other = tempfile::tempdir().unwrap();
+    let loaded = gusset::config::load(
+        &test_in(other.path(), ""),
+        &["structure.initial_displacement_m=[0.001,0.001]".to_owned()],
+    );
+    let test = gusset::config::build(&loaded.unwrap_or_else(|e| panic!("{e}"))).unwrap();
+    let path = other.path().join("run");
+    let folder = RunFolder::create(&path).unwrap();
+    let nobody = crossbeam_channel::never();
+    session::run(test, folder, nobody, Watches::default(), &mut |_| {}).unwrap();
+    let (code, said) = spoilt(&run, |copy| {
+        std::fs::copy(path.join("samples.bin"), copy.join("samples.bin")).unwrap();
+    });
+    assert_eq!(code, 1, "{said}");
+    assert!(said.contains("comes out as"), "{said}");
+    // Noise in place of rows.
+    let noise: Vec<u8> = (0..10_000u32)
+        .map(|k| (k.wrapping_mul(2_654_435_761) >> 24) as u8)
+        .collect();
+    let (code, said) = spoilt(&run, |copy| {
+        std::fs::write(copy.join("samples.bin"), &noise).unwrap()
+    });
+    assert_eq!(code, 1, "{said}");
+    assert!(said.contains("row 0 of the samples is damaged"), "{said}");
 }

@@ -5,6 +5,7 @@
 //! has hung up or the disk under a log is full: that must not end a test.
 
 mod attend;
+mod benchmark;
 mod check;
 mod doctor;
 mod exit;
@@ -81,6 +82,9 @@ enum Command {
     Serve(ServeArgs),
     /// Obtain the published tables, equations, figures and examples of the integration family anew, and judge them.
     Verify(VerifyArgs),
+    /// Run a published benchmark of hybrid simulation.
+    #[command(subcommand)]
+    Benchmark(benchmark::Of),
     /// Print the JSON Schema of the test file.
     #[command(
         after_help = "Example:\n  gusset schema > gusset.schema.json\n\nAn editor with a TOML language server completes \
@@ -92,11 +96,17 @@ enum Command {
 #[derive(Debug, Args)]
 #[command(
     after_help = "Example:\n  gusset run config/frame-bouc-wen.toml --out runs/first\n  \
-    gusset run config/frame-bouc-wen.toml --clock simulated --set integrator.lambda=4"
+    gusset run config/frame-bouc-wen.toml --clock simulated --set integrator.lambda=4\n  \
+    gusset run --resume runs/first --out runs/second"
 )]
 struct RunArgs {
     /// The test file.
-    test: PathBuf,
+    #[arg(required_unless_present = "resume")]
+    test: Option<PathBuf>,
+    /// Goes on with an interrupted test where its folder's record ends, into a folder of its own; refused if a specimen does
+    /// not stand where it was left, or a file was changed.
+    #[arg(long, value_name = "RUN_DIR", conflicts_with_all = ["sets", "clock"])]
+    resume: Option<PathBuf>,
     /// Run folder; must not exist yet [default: runs/<title>-<start time>].
     #[arg(long)]
     out: Option<PathBuf>,
@@ -408,6 +418,7 @@ pub fn main() -> ExitCode {
         Command::Replay(args) => replay::replay(&args),
         Command::Serve(args) => serve::serve(&args),
         Command::Verify(args) => verify::verify(&args),
+        Command::Benchmark(benchmark::Of::Vrths(args)) => benchmark::vrths(&args),
         Command::Schema => schema::schema(),
     };
     match result {

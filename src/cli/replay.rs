@@ -10,7 +10,15 @@ use crate::session;
 pub fn replay(args: &ReplayArgs) -> anyhow::Result<Exit> {
     let found = session::replay(&args.run).map_err(|error| match error {
         session::ReplayError::Config(error) => super::run::refused(error),
-        other => WithExit(Exit::Usage, format!("{}: {other}", args.run.display())).into(),
+        columns @ session::ReplayError::Columns { .. } => {
+            let text = format!(
+                "{}: {columns}: resolved.toml and samples.json are not of one test, or of another version of this program",
+                args.run.display()
+            );
+            WithExit(Exit::Usage, text).into()
+        }
+        // All others name the file that they are about.
+        other => WithExit(Exit::Usage, other.to_string()).into(),
     })?;
     if args.json {
         let difference = found.difference.as_ref().map(|difference| {
@@ -31,16 +39,14 @@ pub fn replay(args: &ReplayArgs) -> anyhow::Result<Exit> {
             "short": found.short,
         }))?)?;
     } else {
-        answer(format_args!(
-            "{} rows, {} columns: the same to the last bit{}",
-            found.rows,
-            found.columns,
-            if found.rows > 0 {
-                format!(", up to {} s of test time", found.time)
-            } else {
-                String::new()
-            }
-        ))?;
+        if found.rows == 0 {
+            answer("0 rows: nothing is proven")?;
+        } else {
+            answer(format_args!(
+                "{} rows, {} columns: the same to the last bit, up to {} s of test time",
+                found.rows, found.columns, found.time
+            ))?;
+        }
         if let Some(difference) = &found.difference {
             answer(format_args!(
                 "row {} (step {}, {} s): `{}` was {:e}, comes out as {:e}",

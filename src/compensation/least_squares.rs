@@ -105,8 +105,8 @@ impl Window {
                 if i == j {
                     sum += PULL;
                 }
-                for k in 0..j {
-                    sum -= l[i][k] * l[j][k];
+                for (a, b) in l[i].iter().zip(&l[j]).take(j) {
+                    sum -= a * b;
                 }
                 l[i][j] = if i == j {
                     // Positive but for roundoff: the pull is on the diagonal.

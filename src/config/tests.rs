@@ -142,7 +142,7 @@ error: unknown key `duration` in `time`
 6 | duration = 20
   | ^^^^^^^^ did you mean `duration_s`?
   |
-  = help: the keys here are `step_s`, `rate_hz`, `duration_s`, `clock` and `scale`",
+  = help: the keys here are `step_s`, `rate_hz`, `duration_s`, `ticks_per_step`, `prediction_order`, `clock` and `scale`",
     );
     // That `duration_s` is now missing follows from it and is not said.
     assert_eq!(errors(&text), 1, "{text}");

@@ -72,8 +72,12 @@ impl Engine {
                 if lost || !port.has_begun() {
                     None
                 } else {
-                    port.leave_number(sequence);
-                    port.depart(tripped, period)
+                    let departure = port.depart(tripped, period);
+                    // A specimen that stays where it is hears nothing more but the last words.
+                    if departure.is_some() {
+                        port.leave_number(sequence);
+                    }
+                    departure
                 }
             })
             .collect();

@@ -320,48 +320,45 @@ impl Dynamics {
 }
 
 impl Servo {
-    /// States x, v, f, q, q̇; inputs u and the residual.
     fn lay_out(&mut self, dt: f64) {
-        let spec = &self.spec;
-        let mass = spec.mass_kg;
-        let a = [
-            [0.0, 1.0, 0.0, 0.0, 0.0],
-            [
-                -self.stiffness / mass,
-                -self.damping / mass,
-                1.0 / mass,
-                0.0,
-                0.0,
-            ],
-            [
-                0.0,
-                -spec.velocity_feedback_n_per_m,
-                -spec.leakage_per_s,
-                1.0,
-                0.0,
-            ],
-            [0.0, 0.0, 0.0, 0.0, 1.0],
-            [
-                -spec.valve_gain,
-                0.0,
-                0.0,
-                -spec.valve_stiffness_per_s2,
-                -spec.valve_damping_per_s,
-            ],
-        ];
-        let b = [
-            [0.0, 0.0],
-            [0.0, -1.0 / mass],
-            [0.0, 0.0],
-            [0.0, 0.0],
-            [spec.gain * spec.valve_gain, 0.0],
-        ];
-        let force = spec.velocity_feedback_n_per_m.max(self.stiffness).max(mass);
-        let units = [1.0, 1.0 / dt, force, force / dt, force / (dt * dt)];
-        self.tick = Ramped::new::<9>(
-            &a.map(|row| row.map(|v| v * dt)),
-            &b.map(|row| row.map(|v| v * dt)),
-            &units,
-        );
+        self.tick = servo_tick(&self.spec, self.stiffness, self.damping, dt);
     }
+}
+
+/// One tick of valve, cylinder and a linear specimen: states x, v, f, q, q̇; inputs the command and a further force on the
+/// specimen, against its motion.
+#[must_use]
+pub fn servo_tick(
+    spec: &ServoHydraulicSpec,
+    stiffness: f64,
+    damping: f64,
+    dt: f64,
+) -> Ramped<5, 2> {
+    let mass = spec.mass_kg;
+    let feedback = spec.velocity_feedback_n_per_m;
+    let a = [
+        [0.0, 1.0, 0.0, 0.0, 0.0],
+        [-stiffness / mass, -damping / mass, 1.0 / mass, 0.0, 0.0],
+        [0.0, -feedback, -spec.leakage_per_s, 1.0, 0.0],
+        [0.0, 0.0, 0.0, 0.0, 1.0],
+        [
+            -spec.valve_gain,
+            0.0,
+            0.0,
+            -spec.valve_stiffness_per_s2,
+            -spec.valve_damping_per_s,
+        ],
+    ];
+    let b = [
+        [0.0, 0.0],
+        [0.0, -1.0 / mass],
+        [0.0, 0.0],
+        [0.0, 0.0],
+        [spec.gain * spec.valve_gain, 0.0],
+    ];
+    let force = feedback.max(stiffness).max(mass);
+    let units = [1.0, 1.0 / dt, force, force / dt, force / (dt * dt)];
+    let a = a.map(|row| row.map(|v| v * dt));
+    let b = b.map(|row| row.map(|v| v * dt));
+    Ramped::new::<9>(&a, &b, &units)
 }

@@ -21,6 +21,7 @@ use axis::{Axis, Bounds};
 use delay::Delay;
 use sensor::Sensor;
 
+pub use axis::servo_tick;
 pub use delay::LONGEST;
 pub use spec::{ActuatorSpec, FirstOrderSpec, SecondOrderSpec, ServoHydraulicSpec, TransferSpec};
 

@@ -315,3 +315,86 @@ fn what_cannot_be_is_refused_by_its_key() {
         "{text}"
     );
 }
+
+/// Growth of a freely vibrating mass on a computed spring and dashpot and a specimen behind a transfer system, over 100
+/// periods at the critical state's own frequency.
+fn growth(ratio: f64, share: f64, transfer: &str) -> f64 {
+    let omega = 2.0 * PI;
+    let (k, c) = (omega * omega, 2.0 * ratio * omega);
+    let dt = 1e-3;
+    let mut specimen = behind(transfer, spring(share * k, 0.0));
+    let effective = 1.0 + dt / 2.0 * c + dt * dt / 4.0 * k;
+    let (mut x, mut v, mut force) = (1e-3, 0.0, [0.0]);
+    let mut peaks = [0.0f64; 2];
+    let n = 200_000;
+    for i in 0..n {
+        specimen.trial(&[x], &[v], if i == 0 { 0.0 } else { dt }, &mut force);
+        specimen.commit();
+        v -= dt / effective * (c * v + (1.0 - share) * k * x + force[0]);
+        x += dt * v;
+        let half = usize::from(i >= n / 2);
+        if i % (n / 2) > n / 4 {
+            peaks[half] = peaks[half].max(x.abs());
+        }
+    }
+    peaks[1] / peaks[0]
+}
+
+#[test]
+fn loops_decay_below_the_critical_delay_or_lag_and_grow_above_it() {
+    use crate::spectral::delay::{critical_lag, sdof};
+    let omega = 2.0 * PI;
+    for (ratio, share) in [(0.02, 0.5), (0.05, 0.8), (0.01, 1.0)] {
+        let (k, c) = (omega * omega, 2.0 * ratio * omega);
+        let delay = sdof(ratio, share, omega).unwrap();
+        let lag = critical_lag(1.0, c, (1.0 - share) * k, share * k).unwrap();
+        // Second order: (m s² + c s + k_n)(s² + 2ζω_a s + ω_a²) + k_e ω_a², by bisection on ω_a at ζ = 0.7.
+        let is_stable = |natural: f64| {
+            let (a, b) = (1.4 * natural, natural * natural);
+            let numerical = (1.0 - share) * k;
+            exact::is_hurwitz(&[
+                1.0,
+                a + c,
+                b + a * c + numerical,
+                b * c + a * numerical,
+                b * numerical + b * share * k,
+            ])
+        };
+        let (mut low, mut high) = (1.0, 1e5);
+        for _ in 0..100 {
+            let middle = f64::sqrt(low * high);
+            if is_stable(middle) {
+                high = middle;
+            } else {
+                low = middle;
+            }
+        }
+        for (factor, grows) in [(0.9, false), (1.1, true)] {
+            let transfers = [
+                format!("delay_s = {}", factor * delay),
+                format!(
+                    "actuator.first_order = {{ time_constant_s = {} }}",
+                    factor * lag
+                ),
+                format!(
+                    "actuator.second_order = {{ frequency_hz = {}, damping_ratio = 0.7 }}",
+                    high / (2.0 * PI) / factor
+                ),
+            ];
+            for transfer in transfers {
+                let found = growth(ratio, share, &transfer);
+                // A tenth of the damping is left or missing: e^{∓0.1 ξ ω 100 s} or more.
+                let wanted = libm::exp(0.05 * ratio * omega * 100.0);
+                assert_eq!(
+                    found > 1.0,
+                    grows,
+                    "ξ {ratio}, p {share}, {factor}: {transfer}: {found}"
+                );
+                assert!(
+                    found > wanted || found < 1.0 / wanted,
+                    "{transfer}: {found}"
+                );
+            }
+        }
+    }
+}

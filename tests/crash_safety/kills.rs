@@ -120,7 +120,7 @@ fn judge(folder: &Path, out: &Path, killed_ns: u64, whole: &Whole) -> Left {
     let lines = fs::read_to_string(&csv).unwrap().lines().count();
     assert_eq!(lines, found.len() + 1, "a header and every whole row");
     let said = command("replay");
-    let code = i32::from(end != End::Clean);
+    let code = i32::from(end != End::Clean || found.is_empty());
     assert_eq!(said.code, Some(code), "{}{}", said.stdout, said.stderr);
     assert!(
         said.stdout.contains(&format!("{} rows", found.len())),

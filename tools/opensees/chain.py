@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""OpenSees on the chain of example 4.3 (Gui et al. 2014): ms per step, to stand beside `cargo bench --bench step -- chain`.
+"""OpenSees on the chain of example 4.3 (Gui et al. 2014), ms per step, beside `cargo bench --bench step -- chain`.
 
     tools/opensees/chain                     average acceleration with Newton, n = 500 ... 5000
     tools/opensees/chain --method kr         KRAlphaExplicit, rho = 1: the same as lambda = 4 for linear models; dense inside
@@ -10,6 +10,7 @@ OpenSees. Loads, masses, springs and the start are those of the bench.
 """
 import argparse
 import math
+import pathlib
 import statistics
 import time
 
@@ -74,16 +75,30 @@ def timed(ops, steps):
     return statistics.median(times) * 1e3, min(times) * 1e3, ops.nodeDisp(2, 1)
 
 
+def ours(file):
+    """Steps of the bench in ms by size: the column before `plain`, the widest lanes of this processor."""
+    found, column = {}, None
+    for line in pathlib.Path(file).read_text().splitlines() if file else []:
+        words = line.split()
+        if words[:1] == ["n"] and "plain" in words:
+            column = words.index("plain") - 1
+        elif column and len(words) > column and words[0].isdigit():
+            found[int(words[0])] = float(words[column]) * 1e-3
+    return found
+
+
 def main():
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     p.add_argument("--method", choices=("newton", "kr"), default="newton")
     p.add_argument("--steps", type=int, default=STEPS)
+    p.add_argument("--ours", metavar="FILE", help="what the bench printed")
     p.add_argument("sizes", type=int, nargs="*", help="numbers of masses; default: those of the paper's Table 2")
     a = p.parse_args()
     ops = peer.opensees()
     sizes = a.sizes or SIZES
     print(f"OpenSees {ops.version()}, {a.method}, {a.steps} steps; ms of a step, median")
-    print(f"{'n':>6}{'ms/step':>12}{'least':>12}{'x1 at the end, m':>22}")
+    ours_ms = ours(a.ours)
+    print(f"{'n':>6}{'OpenSees':>12}{'least':>12}{'ours':>12}{'ratio':>9}")
     for n in sizes:
         if a.method == "kr" and n > LARGEST_DENSE and not a.sizes:
             print(f"{n:>6}{'-':>12}   (dense: ask for it by number)")
@@ -91,7 +106,10 @@ def main():
         build(ops, n)
         analyse(ops, a.method)
         p50, least, disp = timed(ops, a.steps)
-        print(f"{n:>6}{p50:>12.3f}{least:>12.3f}{disp:>22.12f}", flush=True)
+        if not math.isfinite(disp) or disp == 0.0:
+            raise SystemExit(f"OpenSees did not move the chain of {n}")
+        beside = f"{ours_ms[n]:>12.5f}{p50 / ours_ms[n]:>8.0f}x" if n in ours_ms else f"{'-':>12}{'-':>9}"
+        print(f"{n:>6}{p50:>12.3f}{least:>12.3f}{beside}", flush=True)
 
 
 if __name__ == "__main__":

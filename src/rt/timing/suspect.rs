@@ -221,7 +221,7 @@ mod tests {
         };
         assert_eq!(typical.judge(&late(T + 50_000), true), Suspect::Ours);
         assert_eq!(typical.judge(&stalled, true), Suspect::TakenAway);
-        assert_eq!(typical.judge(&late(700_000), true), Suspect::TakenAway);
+        assert_eq!(typical.judge(&late(610_000), true), Suspect::TakenAway);
     }
 
     #[test]

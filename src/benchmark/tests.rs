@@ -1,0 +1,217 @@
+use nalgebra::Complex;
+
+use super::*;
+use crate::compensation::CompensationSpec;
+use crate::motion::{Grid, Motion as GroundMotion, Quantity};
+
+const DT: f64 = 1.0 / RATE_HZ;
+
+/// A synthetic earthquake with the peak of El Centro times 0.4.
+fn ground(seconds: f64) -> Vec<f64> {
+    let text = format!(
+        "signal.kanai_tajimi = {{ ground_angular_frequency_rad_per_s = 15.0, ground_damping_ratio = 0.6, \
+         envelope.jennings_housner = {{ rise_s = 2.0, strong_s = 8.0, decay_per_s = 0.2 }}, duration_s = {seconds}, \
+         seed = 3, peak = 1.254 }}"
+    );
+    let motion: GroundMotion = toml::from_str(&text).unwrap();
+    let grid = Grid::new(DT, (seconds * RATE_HZ) as usize).unwrap();
+    let none = |_: &str| Err(std::io::ErrorKind::NotFound.into());
+    motion
+        .evaluate(Quantity::Acceleration, grid, &none)
+        .unwrap()
+        .values
+}
+
+struct Found {
+    criteria: Criteria,
+    saturated: usize,
+    /// Largest first floor over the reference's.
+    growth: f64,
+}
+
+fn find(case: usize, controller: &str, ground: &[f64], change: impl Fn(&mut Setup<'_>)) -> Found {
+    let frame = Frame::case(case).unwrap();
+    let spec: CompensationSpec = toml::from_str(controller).unwrap();
+    let mut controller = spec.build(DT).unwrap();
+    controller.reset(0.0);
+    let mut setup = Setup {
+        frame: &frame,
+        plant: Plant::default(),
+        wiring: Wiring::Benchmark,
+        noise: None,
+        ground,
+        late: 0,
+        force_limit: FORCE_LIMIT_N,
+    };
+    change(&mut setup);
+    let outcome = run(&setup, controller.as_mut());
+    let linear = reference(&frame, ground);
+    let peak = |values: &[f64]| values.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+    Found {
+        criteria: Criteria::of(&outcome.histories, &linear, DT),
+        saturated: outcome.saturated,
+        growth: peak(&outcome.histories.floors[0]) / peak(&linear[0]),
+    }
+}
+
+#[test]
+fn the_frame_has_its_published_frequencies() {
+    let wanted = [
+        [3.612, 15.997, 38.086],
+        [3.444, 15.252, 36.314],
+        [3.168, 14.030, 33.404],
+        [3.612, 15.997, 38.086],
+    ];
+    for (case, wanted) in (1..).zip(wanted) {
+        let frame = Frame::case(case).unwrap();
+        let mut found: Vec<f64> = frame
+            .stiffness
+            .symmetric_eigenvalues()
+            .iter()
+            .map(|k| (k / frame.mass).sqrt() / std::f64::consts::TAU)
+            .collect();
+        found.sort_by(f64::total_cmp);
+        for (found, wanted) in found.iter().zip(wanted) {
+            assert!(
+                (found - wanted).abs() < 6e-4,
+                "case {case}: {found} {wanted}"
+            );
+        }
+    }
+    assert!(Frame::case(0).is_none() && Frame::case(5).is_none());
+}
+
+/// L(iω) = Z_e(iω) [Z_N(iω)⁻¹]₁₁.
+fn loop_gain(frame: &Frame, omega: f64) -> Complex<f64> {
+    let part = frame.numerical();
+    let s = Complex::new(0.0, omega);
+    let numerical = nalgebra::Matrix3::from_fn(|i, j| {
+        let mass = if i == j { part.mass[i] } else { 0.0 };
+        s * s * mass + s * part.damping[(i, j)] + part.stiffness[(i, j)]
+    });
+    let (m, c, k) = SPECIMEN;
+    (s * s * m + s * c + k) * numerical.try_inverse().unwrap()[(0, 0)]
+}
+
+#[test]
+fn the_cases_have_their_published_critical_delays() {
+    let wanted = [(14.64, 3.587), (12.22, 3.429), (9.92, 3.160), (8.73, 3.603)];
+    for (case, (delay, hertz)) in (1..).zip(wanted) {
+        let frame = Frame::case(case).unwrap();
+        let mut best = (f64::INFINITY, 0.0);
+        let mut last = loop_gain(&frame, 1.0).norm() - 1.0;
+        for step in 1..60_000 {
+            let omega = 1.0 + f64::from(step) * 5e-3;
+            let gain = loop_gain(&frame, omega);
+            let now = gain.norm() - 1.0;
+            if now * last < 0.0 {
+                let omega = omega - 5e-3 * now / (now - last);
+                let delay = (std::f64::consts::PI + loop_gain(&frame, omega).arg()) / omega;
+                if delay < best.0 {
+                    best = (delay, omega);
+                }
+            }
+            last = now;
+        }
+        // Printed to 0.01 ms and 0.001 Hz.
+        let found = (best.0 * 1e3, best.1 / std::f64::consts::TAU);
+        assert!((found.0 - delay).abs() < 0.0051, "case {case}: {found:?}");
+        assert!((found.1 - hertz).abs() < 5.1e-4, "case {case}: {found:?}");
+    }
+}
+
+#[test]
+fn without_compensation_every_case_is_unstable() {
+    let ground = ground(20.0);
+    for case in 1..=4 {
+        let limited = find(case, "none = {}", &ground, |_| {});
+        assert!(
+            limited.saturated > 1000,
+            "case {case}: at the limit of force in {} ticks",
+            limited.saturated
+        );
+        let free = find(case, "none = {}", &ground, |setup| {
+            setup.force_limit = f64::INFINITY
+        });
+        assert!(free.growth > 2.0, "case {case}: {}", free.growth);
+    }
+}
+
+#[test]
+fn second_and_third_order_extrapolation_drive_the_second_mode() {
+    let ground = ground(20.0);
+    for case in 1..=4 {
+        for order in [2, 3] {
+            let text = format!("polynomial = {{ order = {order}, delay_s = 0.024 }}");
+            let found = find(case, &text, &ground, |setup| setup.noise = Some(1));
+            assert!(
+                found.saturated > 1000,
+                "case {case}, order {order}: {}",
+                found.saturated
+            );
+        }
+    }
+}
+
+#[test]
+fn what_tracks_is_stable_in_every_case() {
+    let ground = ground(15.0);
+    for case in 1..=4 {
+        for (controller, most) in [
+            ("pi_lead = {}", 20.0),
+            ("inverse = { delay_s = 0.026 }", 30.0),
+            ("ats = { delay_s = 0.024 }", 10.0),
+            ("amb = {}", 10.0),
+        ] {
+            let found = find(case, controller, &ground, |setup| setup.noise = Some(1));
+            assert_eq!(found.saturated, 0, "case {case} {controller}");
+            let [_, j2, ..] = found.criteria.j;
+            assert!(j2 < most, "case {case} {controller}: {:?}", found.criteria);
+        }
+    }
+}
+
+#[test]
+fn with_the_same_tracker_a_tick_of_latency_costs_about_one_per_cent_of_j7() {
+    let ground = ground(20.0);
+    let j7 = |late: usize| {
+        let found = find(1, "amb = {}", &ground, |setup| {
+            setup.wiring = Wiring::InTick;
+            setup.late = late;
+        });
+        found.criteria.j[6]
+    };
+    let by_latency: Vec<f64> = (0..4).map(j7).collect();
+    let per_tick = (by_latency[3] - by_latency[0]) / 3.0;
+    assert!(
+        per_tick.abs() > 0.3 && per_tick.abs() < 3.0,
+        "{by_latency:?}"
+    );
+}
+
+#[test]
+fn drawn_plants_have_the_published_spread_and_come_again() {
+    let n = 2000;
+    let drawn: Vec<Plant> = (1..=n).map(|number| Plant::drawn(9, number)).collect();
+    assert_eq!(Plant::drawn(9, 0), Plant::default());
+    assert_eq!(drawn[4], Plant::drawn(9, 5));
+    let spread = |of: fn(&Plant) -> f64| {
+        let mean = drawn.iter().map(of).sum::<f64>() / n as f64;
+        (drawn
+            .iter()
+            .map(|p| (of(p) - mean) * (of(p) - mean))
+            .sum::<f64>()
+            / n as f64)
+            .sqrt()
+    };
+    // Standard error of a deviation: 1/√(2n) = 1.6 %; five of them. The leakage is cut at zero, 2.5 deviations below.
+    for (found, wanted) in [
+        (spread(|p| p.stiffness), 5e4),
+        (spread(|p| p.servo.valve_damping_per_s), 3.3),
+        (spread(|p| p.servo.valve_stiffness_per_s2), 3.3e3),
+        (spread(|p| p.servo.leakage_per_s), 1.3),
+    ] {
+        assert!((found / wanted - 1.0).abs() < 0.08, "{found} {wanted}");
+    }
+    assert!(drawn.iter().all(|p| p.servo.leakage_per_s >= 0.0));
+}

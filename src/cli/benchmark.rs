@@ -1,0 +1,427 @@
+//! `gusset benchmark`: published benchmarks, obtained natively.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use anyhow::Context;
+use clap::{Args, Subcommand, ValueEnum};
+use serde_json::json;
+
+use super::exit::{Exit, WithExit};
+use super::{answer, tell};
+use crate::benchmark::{
+    Criteria, DURATION_S, FORCE_LIMIT_N, Frame, Plant, RATE_HZ, Setup, Wiring, reference, run,
+};
+use crate::compensation::CompensationSpec;
+use crate::motion::{
+    CloughPenzien, Envelope, FileSignal, Grid, JenningsHousner, KanaiTajimi, Motion, Processing,
+    Quantity, Resample, Signal, Unit,
+};
+use crate::rt::clock::{MonotonicClock, USUAL_SPIN_NS};
+use crate::time::Clock;
+
+#[derive(Debug, Subcommand)]
+pub enum Of {
+    /// The virtual real-time hybrid simulation benchmark of 2020: a servo-hydraulic actuator moves the first storey.
+    Vrths(VrthsArgs),
+}
+
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  gusset benchmark vrths\n  gusset benchmark vrths --case 1 --controller ats --plants 20\n  \
+    gusset benchmark vrths --controller 'inverse = { delay_s = 0.025 }' --record elcentro.AT2\n\n\
+    J1 is a delay, J2 to J9 are errors against the target (J2, J3) and the linear reference (J4 to J9), with the sample \
+    standard deviation (J2, J4, J6, J7) or the peak (J3, J5, J8, J9) of the quantity itself below."
+)]
+pub struct VrthsArgs {
+    /// Case, 1 to 4 [default: all].
+    #[arg(long)]
+    case: Option<usize>,
+    /// A controller by its name in the table, or a table of [specimen.compensation] [default: all].
+    #[arg(long)]
+    controller: Option<String>,
+    /// Ground acceleration from a file: .AT2, .csv, two columns [default: a synthetic motion].
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
+    /// Unit of the record, where the file does not say it.
+    #[arg(long)]
+    unit: Option<String>,
+    /// Step of the record in s, where the file does not say it.
+    #[arg(long, value_name = "S")]
+    record_dt: Option<f64>,
+    /// Factor of the record.
+    #[arg(long, default_value_t = 0.4, allow_negative_numbers = true)]
+    scale: f64,
+    /// Noise of the sensors.
+    #[arg(long, default_value = "on", value_parser = on_or_off, action = clap::ArgAction::Set)]
+    noise: bool,
+    /// How the two sides are joined: as released, or as this program's loop.
+    #[arg(long, value_enum, default_value_t = WiringArg::Benchmark)]
+    wiring: WiringArg,
+    /// So many plants drawn from the published uncertainty: mean and worst; 0: the nominal one.
+    #[arg(long, default_value_t = 0)]
+    plants: u64,
+    /// Further whole ticks by which the force comes late, up to 62.
+    #[arg(long, default_value_t = 0)]
+    late: usize,
+    /// Seed of noise, plants and the synthetic motion.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Print the result as JSON on stdout.
+    #[arg(long)]
+    json: bool,
+}
+
+fn on_or_off(text: &str) -> Result<bool, String> {
+    match text {
+        "on" => Ok(true),
+        "off" => Ok(false),
+        _ => Err("on or off".to_owned()),
+    }
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub enum WiringArg {
+    /// Runge-Kutta, commands held, the force one tick late.
+    Benchmark,
+    /// The family at lambda 4, commands known a tick ahead, the force of the same tick.
+    InTick,
+}
+
+/// Controllers of the table, with what they are tuned to on this plant (lag 24 ms).
+const CONTROLLERS: [(&str, &str); 11] = [
+    ("none", "none = {}"),
+    (
+        "polynomial-1",
+        "polynomial = { order = 1, delay_s = 0.024 }",
+    ),
+    (
+        "polynomial-2",
+        "polynomial = { order = 2, delay_s = 0.024 }",
+    ),
+    (
+        "polynomial-3",
+        "polynomial = { order = 3, delay_s = 0.024 }",
+    ),
+    ("newton", "newton = { delay_s = 0.024 }"),
+    ("inverse", "inverse = { delay_s = 0.026 }"),
+    ("model-inverse", ""),
+    ("pi-lead", "pi_lead = {}"),
+    ("ats", "ats = { delay_s = 0.024 }"),
+    ("amb", "amb = {}"),
+    ("recursive-fir", "recursive_fir = { delay_s = 0.024 }"),
+];
+
+/// One line of the table.
+struct Line {
+    case: usize,
+    controller: String,
+    /// Of the nominal plant, or the mean of the drawn ones.
+    criteria: Criteria,
+    /// The largest of each.
+    worst: Criteria,
+    saturated: usize,
+}
+
+/// The virtual real-time hybrid simulation benchmark.
+pub fn vrths(args: &VrthsArgs) -> anyhow::Result<Exit> {
+    let usage = |text: String| WithExit(Exit::Usage, text);
+    let cases = match args.case {
+        Some(case) if (1..=4).contains(&case) => vec![case],
+        Some(case) => return Err(usage(format!("there is no case {case}, only 1 to 4")).into()),
+        None => vec![1, 2, 3, 4],
+    };
+    let controllers = controllers(args.controller.as_deref()).map_err(usage)?;
+    let ground = ground(args).map_err(|error| WithExit(Exit::Usage, error.to_string()))?;
+    let wiring = match args.wiring {
+        WiringArg::Benchmark => Wiring::Benchmark,
+        WiringArg::InTick => Wiring::InTick,
+    };
+    let clock = MonotonicClock::new(USUAL_SPIN_NS);
+    let begun = clock.now();
+    let mut jobs = Vec::new();
+    for case in cases {
+        let frame = Frame::case(case).context("the cases are 1 to 4")?;
+        let linear = reference(&frame, &ground);
+        for (name, spec) in &controllers {
+            jobs.push((case, frame, linear.clone(), name.clone(), spec.clone()));
+        }
+    }
+    let next = AtomicUsize::new(0);
+    let work = || {
+        let mut done = Vec::new();
+        while let Some((case, frame, linear, name, spec)) =
+            jobs.get(next.fetch_add(1, Ordering::Relaxed))
+        {
+            let line = line(args, wiring, &ground, *case, frame, linear, name, spec)?;
+            done.push(line);
+        }
+        Ok::<_, anyhow::Error>(done)
+    };
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    let mut lines = std::thread::scope(|scope| {
+        let workers: Vec<_> = (0..threads.min(jobs.len()))
+            .map(|_| scope.spawn(work))
+            .collect();
+        let mut lines = Vec::new();
+        for worker in workers {
+            match worker.join() {
+                Ok(found) => lines.extend(found?),
+                Err(_) => anyhow::bail!("internal error in a worker"),
+            }
+        }
+        Ok(lines)
+    })?;
+    let place = |name: &str| controllers.iter().position(|(own, _)| own == name);
+    lines.sort_by_key(|line| (line.case, place(&line.controller)));
+    let wall = clock.now().since(begun) as f64 * 1e-9;
+    let tests = lines.len() as f64 * (args.plants.max(1)) as f64;
+    let seconds = ground.len() as f64 / RATE_HZ;
+    if args.json {
+        let found: Vec<_> = lines.iter().map(as_json).collect();
+        let document = json!({
+            "benchmark": "vrths",
+            "convention": "sample standard deviation; J8, J9 are peaks of floors 2 and 3",
+            "wiring": if wiring == Wiring::Benchmark { "benchmark" } else { "in_tick" },
+            "noise": args.noise,
+            "plants": args.plants,
+            "record_s": seconds,
+            "lines": found,
+        });
+        answer(serde_json::to_string_pretty(&document)?)?;
+    } else {
+        show(&lines, args.plants)?;
+        tell(format_args!(
+            "{tests:.0} tests of {seconds:.1} s in {wall:.3} s: {:.0} times real time",
+            tests * seconds / wall
+        ));
+    }
+    Ok(Exit::Done)
+}
+
+#[allow(clippy::too_many_arguments)]
+fn line(
+    args: &VrthsArgs,
+    wiring: Wiring,
+    ground: &[f64],
+    case: usize,
+    frame: &Frame,
+    linear: &[Vec<f64>; 3],
+    name: &str,
+    spec: &CompensationSpec,
+) -> anyhow::Result<Line> {
+    let plants = if args.plants == 0 {
+        0..1
+    } else {
+        1..args.plants + 1
+    };
+    let mut all = Vec::new();
+    let mut saturated = 0;
+    for number in plants {
+        let mut controller = spec.build(1.0 / RATE_HZ)?;
+        controller.reset(0.0);
+        let setup = Setup {
+            frame,
+            plant: Plant::drawn(args.seed, number),
+            wiring,
+            noise: args.noise.then_some(args.seed + number),
+            ground,
+            late: args.late,
+            force_limit: FORCE_LIMIT_N,
+        };
+        let outcome = run(&setup, controller.as_mut());
+        saturated += outcome.saturated;
+        all.push(Criteria::of(&outcome.histories, linear, 1.0 / RATE_HZ));
+    }
+    let count = all.len() as f64;
+    let mut criteria = Criteria {
+        j: [0.0; 9],
+        delay_ms: 0.0,
+    };
+    let mut worst = criteria;
+    for one in &all {
+        for ((mean, worst), value) in criteria.j.iter_mut().zip(&mut worst.j).zip(one.j) {
+            *mean += value / count;
+            *worst = if value > *worst || value.is_nan() {
+                value
+            } else {
+                *worst
+            };
+        }
+        criteria.delay_ms += one.delay_ms / count;
+        worst.delay_ms = worst.delay_ms.max(one.delay_ms);
+    }
+    Ok(Line {
+        case,
+        controller: name.to_owned(),
+        criteria,
+        worst,
+        saturated,
+    })
+}
+
+/// The controllers that are asked for: one by name, one in the words of `[specimen.compensation]`, or all.
+fn controllers(asked: Option<&str>) -> Result<Vec<(String, CompensationSpec)>, String> {
+    let known = || {
+        CONTROLLERS.iter().map(|(name, text)| {
+            let spec = if text.is_empty() {
+                model_inverse()
+            } else {
+                toml::from_str(text).map_err(|error| error.to_string())?
+            };
+            Ok(((*name).to_owned(), spec))
+        })
+    };
+    let Some(asked) = asked else {
+        return known().collect();
+    };
+    if CONTROLLERS.iter().any(|(name, _)| *name == asked) {
+        return known()
+            .filter(|one: &Result<_, String>| one.as_ref().is_ok_and(|(name, _)| name == asked))
+            .collect();
+    }
+    let spec: CompensationSpec = toml::from_str(asked).map_err(|error| {
+        let names: Vec<_> = CONTROLLERS.iter().map(|(name, _)| *name).collect();
+        format!(
+            "--controller {asked:?} is none of {}, and no table of [specimen.compensation]: {}",
+            names.join(", "),
+            error.message()
+        )
+    })?;
+    spec.build(1.0 / RATE_HZ)
+        .map_err(|error| format!("--controller: {error}"))?;
+    Ok(vec![(asked.to_owned(), spec)])
+}
+
+/// The first four coefficients of the nominal plant's own polynomial, over its gain.
+fn model_inverse() -> CompensationSpec {
+    let plant = Plant::default();
+    let mut rising = plant.servo.characteristic(plant.stiffness, plant.damping);
+    rising.reverse();
+    let gain = plant.servo.gain * plant.servo.valve_gain;
+    let coefficients = rising.iter().take(4).map(|c| c / gain).collect();
+    CompensationSpec::ModelInverse(crate::compensation::ModelInverseSpec { coefficients })
+}
+
+/// The record on the grid of the benchmark.
+fn ground(args: &VrthsArgs) -> anyhow::Result<Vec<f64>> {
+    let grid = Grid::new(1.0 / RATE_HZ, (DURATION_S * RATE_HZ) as usize)?;
+    let motion = match &args.record {
+        Some(path) => {
+            let name = path
+                .to_str()
+                .context("the path of the record is no UTF-8")?;
+            let unit = args.unit.as_deref().map(|unit| {
+                toml::Value::from(unit)
+                    .try_into::<Unit>()
+                    .map_err(|_| anyhow::anyhow!("--unit {unit:?}: use m/s2, cm/s2, g …"))
+            });
+            Motion {
+                signal: Signal::File(FileSignal {
+                    path: name.to_owned(),
+                    format: None,
+                    column: None,
+                    time_column: None,
+                    dt_s: args.record_dt,
+                    unit: unit.transpose()?,
+                    resample: Resample::default(),
+                    start_s: 0.0,
+                }),
+                processing: Processing {
+                    scale_factor: args.scale,
+                    zero_tail: true,
+                    ..Processing::default()
+                },
+            }
+        }
+        None => synthetic(args.seed),
+    };
+    let files = |name: &str| std::fs::read(Path::new(name));
+    let series = motion.evaluate(Quantity::Acceleration, grid, &files)?;
+    for warning in &series.warnings {
+        tell(format_args!("warning: {warning}"));
+    }
+    let peak = series.values.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+    anyhow::ensure!(
+        peak > 0.0,
+        "the record does not move the ground within {DURATION_S} s"
+    );
+    Ok(series.values)
+}
+
+/// Firm soil, 30 s of shaking and a tail; so strong that the actuator is at its limit in no case.
+fn synthetic(seed: u64) -> Motion {
+    Motion {
+        signal: Signal::KanaiTajimi(KanaiTajimi {
+            ground_frequency_hz: None,
+            ground_angular_frequency_rad_per_s: Some(15.0),
+            ground_damping_ratio: 0.6,
+            clough_penzien: Some(CloughPenzien {
+                angular_frequency_rad_per_s: 1.5,
+                damping_ratio: 0.6,
+            }),
+            envelope: Envelope::JenningsHousner(JenningsHousner {
+                rise_s: 3.0,
+                strong_s: 12.0,
+                decay_per_s: 0.2,
+            }),
+            duration_s: 31.0,
+            seed,
+            peak: Some(0.8),
+            unit: None,
+            s0_m2_per_s3: None,
+            cutoff_hz: 50.0,
+            start_s: 0.0,
+        }),
+        processing: Processing {
+            zero_tail: true,
+            ..Processing::default()
+        },
+    }
+}
+
+fn show(lines: &[Line], plants: u64) -> anyhow::Result<()> {
+    let mut text = String::from(
+        "case controller        J1 ms   J2 %   J3 %   J4 %   J5 %   J6 %   J7 %   J8 %   J9 %  delay ms\n",
+    );
+    let mut row = |case: usize, name: &str, found: &Criteria, note: &str| {
+        let numbers: String = found.j.iter().skip(1).map(|j| format!("{j:7.2}")).collect();
+        text.push_str(&format!(
+            "{case:4} {name:16} {:7.3}{numbers} {:9.3}{note}\n",
+            found.j[0], found.delay_ms
+        ));
+    };
+    for line in lines {
+        let note = if line.saturated > 0 {
+            "  unstable or overloaded: at the limit of force"
+        } else {
+            ""
+        };
+        row(line.case, &line.controller, &line.criteria, note);
+        if plants > 0 {
+            row(line.case, "  worst", &line.worst, "");
+        }
+    }
+    answer(text.trim_end())?;
+    Ok(())
+}
+
+fn as_json(line: &Line) -> serde_json::Value {
+    let numbers = |found: &Criteria| {
+        let mut all: serde_json::Map<_, _> = found
+            .j
+            .iter()
+            .enumerate()
+            .map(|(i, j)| (format!("j{}", i + 1), json!(j)))
+            .collect();
+        all.insert("delay_ms".into(), json!(found.delay_ms));
+        all
+    };
+    json!({
+        "case": line.case,
+        "controller": line.controller,
+        "criteria": numbers(&line.criteria),
+        "worst": numbers(&line.worst),
+        "ticks_at_force_limit": line.saturated,
+    })
+}

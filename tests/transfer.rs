@@ -1,0 +1,237 @@
+//! A test whose specimen stands behind an actuator: the loop, the benchmark's own runner and a link give the same numbers.
+
+mod common;
+mod link_common;
+
+use gusset::benchmark::{FORCE_LIMIT_N, Frame, Plant, RATE_HZ, Setup, Wiring, run};
+use gusset::compensation::CompensationSpec;
+use gusset::motion::{Grid, Motion, Quantity};
+use gusset::record::Run;
+use link_common::{ONE_AXIS, ONE_AXIS_LAW, Served, columns, test_file};
+
+/// An actuator with everything that may depend on when and how often it is asked.
+const ACTUATOR: &str = "[specimen.transfer]\ndelay_s = 0.0037\nactuator = { servo_hydraulic = {} }\nseed = 4\n\
+                        disp_sensor = { noise_rms_m = 1e-6, drift_m_per_s = 1e-6 }\n\
+                        force_sensor = { noise_power_n2_s = 1e-5, quantum_n = 0.25 }\n";
+const COMPENSATION: &str = "[specimen.compensation.ats]\ndelay_s = 0.03\nwindow_s = 0.2\n";
+
+#[test]
+fn actuators_sensors_and_adaptation_give_the_same_bits_in_process_and_over_udp() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    // Zeroed on what is read, noise and all, and ramped: the readings of holds are the same on both sides, too.
+    let text = |specimen: &str| {
+        let text = test_file(600, specimen);
+        text.replace("zero_s = 0", "zero_s = 0.02\nramp_s = 0.05")
+    };
+    let seen = format!(
+        "{ONE_AXIS}mass_in_force_kg = 29.13\n[[specimen.axis]]\nunit_disp = \"mm\"\nzero_force = \"relative\"\n"
+    );
+    let local = text(&format!("{seen}{ONE_AXIS_LAW}{ACTUATOR}{COMPENSATION}"));
+    let (code, said) = link_common::run(folder, "local", &local);
+    assert_eq!(code, 0, "{said}");
+    let served = Served::start(folder, &local, &["--transport", "udp"]);
+    let link = format!(
+        "[specimen.link]\naddress = \"{}\"\ntransport = \"udp\"\nwatchdog_s = 20\n",
+        served.address
+    );
+    let (code, said) = link_common::run(
+        folder,
+        "remote",
+        &text(&format!("{seen}{COMPENSATION}{link}")),
+    );
+    assert_eq!(code, 0, "{said}");
+    let (here, there) = (columns(folder, "local", ""), columns(folder, "remote", ""));
+    let names: Vec<_> = here.iter().map(|column| column.0.as_str()).collect();
+    assert!(names.contains(&"comp_a1_1_1"), "{names:?}");
+    for (here, there) in here.iter().zip(&there) {
+        let row = here.1.iter().zip(&there.1).position(|(a, b)| a != b);
+        assert_eq!(row, None, "first row in which {} differs", here.0);
+    }
+    assert_eq!(here.len(), there.len());
+}
+
+#[test]
+fn an_ordinary_test_takes_the_course_of_the_benchmarks_own_runner() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let config = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("config/vrths-case-1.toml");
+    let text = std::fs::read_to_string(config).unwrap();
+    // Eight seconds, perfect sensors.
+    let text: String = text
+        .replace("duration_s = 41", "duration_s = 8")
+        .lines()
+        .filter(|line| !line.contains("_sensor = "))
+        .map(|line| format!("{line}\n"))
+        .collect();
+    let file = common::write(folder, "vrths.toml", &text);
+    common::completed(&file, &folder.join("run"), &["--clock", "simulated"]);
+    let recorded = Run::open(&folder.join("run")).unwrap();
+    let found = recorded
+        .columns(&["state", "x1", "x2", "x3", "meas_1_1", "comp_a1_1_1"])
+        .unwrap();
+    let running: Vec<usize> = (0..found[0].len())
+        .filter(|row| found[0][*row] == 3.0)
+        .collect();
+
+    let test: toml::Table = text.parse().unwrap();
+    let motion: Motion = test["excitation"]["ground_acceleration"]
+        .clone()
+        .try_into()
+        .unwrap();
+    let grid = Grid::new(1.0 / RATE_HZ, 8 * 4096).unwrap();
+    let none = |_: &str| Err(std::io::ErrorKind::NotFound.into());
+    let ground = motion
+        .evaluate(Quantity::Acceleration, grid, &none)
+        .unwrap()
+        .values;
+    let spec: CompensationSpec = test["specimen"][0]["compensation"]
+        .clone()
+        .try_into()
+        .unwrap();
+    let mut controller = spec.build(1.0 / RATE_HZ).unwrap();
+    controller.reset(0.0);
+    let setup = Setup {
+        frame: &Frame::case(1).unwrap(),
+        plant: Plant::default(),
+        wiring: Wiring::InTick,
+        noise: None,
+        ground: &ground,
+        late: 0,
+        force_limit: FORCE_LIMIT_N,
+    };
+    let own = run(&setup, controller.as_mut());
+    assert_eq!(own.saturated, 0);
+    assert_eq!(running.len(), ground.len());
+    let peak = |values: &[f64]| values.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+    let [one, two, three] = &own.histories.floors;
+    for (column, wanted) in [(1, one), (2, two), (3, three), (4, &own.histories.measured)] {
+        let peak = peak(wanted);
+        for (row, wanted) in running.iter().zip(wanted) {
+            // Roundoff, which adaptation amplifies a little.
+            let off = (found[column][*row] - wanted).abs();
+            assert!(
+                off < 1e-6 * peak,
+                "column {column}, row {row}: {off} of {peak}"
+            );
+        }
+    }
+    let learnt = found[5][*running.last().unwrap()];
+    assert!((learnt / controller.parameters()[1] - 1.0).abs() < 1e-4);
+    assert!((learnt - 0.024).abs() > 1e-5, "something was learnt");
+}
+
+#[test]
+fn what_cannot_be_is_refused_with_its_place_before_anything_moves() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let refused = |name: &str, specimen: &str, change: (&str, &str), words: &[&str]| {
+        let text = test_file(100, &format!("{ONE_AXIS}{specimen}")).replace(change.0, change.1);
+        let file = common::write(folder, &format!("{name}.toml"), &text);
+        let said = common::say(["check".as_ref(), file.as_os_str()]);
+        assert_eq!(said.code, Some(2), "{name}: {}", said.stderr);
+        for word in words {
+            assert!(
+                said.stderr.contains(word),
+                "{name}: {word} in {}",
+                said.stderr
+            );
+        }
+    };
+    let law = ONE_AXIS_LAW;
+    let same = ("", "");
+    for (name, specimen, change, words) in [
+        (
+            "late",
+            format!("{law}[specimen.transfer]\ndelay_s = 9\n"),
+            same,
+            ["delay_s", "9000.0 ticks"],
+        ),
+        (
+            "wild",
+            format!(
+                "{law}[specimen.transfer]\nactuator = {{ servo_hydraulic = {{ valve_gain = 1e16 }} }}\n"
+            ),
+            same,
+            ["servo_hydraulic", "unstable"],
+        ),
+        (
+            "typo",
+            format!("{law}[specimen.transfer]\nstroke = 1\n"),
+            same,
+            ["stroke", "stroke_m"],
+        ),
+        (
+            "slow",
+            format!("{law}[specimen.transfer]\ndelay_s = 0.01\n"),
+            ("rate_hz = 1000", "rate_hz = 1000\nscale = 10"),
+            ["transfer", "scale"],
+        ),
+        (
+            "order",
+            format!("{law}[specimen.compensation]\npolynomial = {{ order = 7, delay_s = 0.01 }}\n"),
+            same,
+            ["order", "1, 2, 3 or 4"],
+        ),
+        (
+            "lead",
+            format!("{law}[specimen.compensation]\npolynomial = {{ order = 4, delay_s = 5 }}\n"),
+            same,
+            ["delay_s", "8192"],
+        ),
+        (
+            "inverse",
+            format!(
+                "{law}[specimen.compensation]\nmodel_inverse = {{ coefficients = [1, 1, 1, 1, 1] }}\n"
+            ),
+            same,
+            ["coefficients", "derivatives"],
+        ),
+        (
+            "newton",
+            format!("{law}[specimen.compensation]\nnewton = {{ delay_s = 0.01 }}\n"),
+            ("[timing]", "[integrator]\nmethod = \"kr_alpha\"\n[timing]"),
+            ["newton", "gui"],
+        ),
+        (
+            "link",
+            "[specimen.transfer]\ndelay_s = 0.01\n[specimen.link]\naddress = \"127.0.0.1:9\"\n"
+                .to_owned(),
+            same,
+            ["transfer", "its own actuator"],
+        ),
+    ] {
+        refused(name, &specimen, change, &words);
+    }
+}
+
+#[test]
+fn the_benchmark_command_prints_its_criteria() {
+    let said = common::say([
+        "benchmark",
+        "vrths",
+        "--case",
+        "1",
+        "--controller",
+        "pi-lead",
+        "--json",
+    ]);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let found: serde_json::Value = serde_json::from_str(&said.stdout).unwrap();
+    let line = &found["lines"][0];
+    assert_eq!(line["ticks_at_force_limit"], 0);
+    let j = |name: &str| line["criteria"][name].as_f64().unwrap();
+    // A lag of 4 to 5 ms is what the sample controller leaves, whatever the record.
+    assert!((4.0..5.5).contains(&j("j1")) && (j("delay_ms") - j("j1")).abs() < 0.25);
+    for name in ["j2", "j3", "j4", "j5", "j6", "j7", "j8", "j9"] {
+        assert!((1.0..60.0).contains(&j(name)), "{name}");
+    }
+    let said = common::say(["benchmark", "vrths", "--case", "5"]);
+    assert_eq!(said.code, Some(2));
+    let said = common::say(["benchmark", "vrths", "--controller", "magic"]);
+    assert!(
+        said.code == Some(2) && said.stderr.contains("pi-lead"),
+        "{}",
+        said.stderr
+    );
+}
