@@ -54,7 +54,8 @@ const ALL_LIMITS: &[&str] = &[
 
 fn study(sets: &[&str]) -> config::Prepared {
     let sets: Vec<String> = sets.iter().map(|set| (*set).to_owned()).collect();
-    let loaded = config::load(Path::new("config/frame-bouc-wen.toml"), &sets).expect("a valid study");
+    let loaded =
+        config::load(Path::new("config/frame-bouc-wen.toml"), &sets).expect("a valid study");
     config::build(&loaded).expect("a study that can be built")
 }
 
@@ -101,7 +102,10 @@ fn main() {
         println!("{what:<52}{:>9}{:>9}{:>9}", at(0.5), at(0.99), at(0.999));
         at(0.5) as f64
     };
-    let without = row("reply decoded to row pushed (goal 1000, 5000)", &mut bare_tick);
+    let without = row(
+        "reply decoded to row pushed (goal 1000, 5000)",
+        &mut bare_tick,
+    );
     let with = row("the same with every limit in the file", &mut tick);
     row("whole tick, with the specimen", &mut whole);
     let arithmetic = row("bare arithmetic of a step", &mut bare);

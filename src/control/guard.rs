@@ -1,7 +1,7 @@
 //! The limits of a port: no command leaves that was not judged, and every fresh measurement is.
 
-use super::{Axis, Port};
 use super::limits::{AxisLimits, Found, Hit, Level, Quantity, Watch};
+use super::{Axis, Port};
 use crate::substructure::Substructure;
 
 /// What a port knows about its limits.
@@ -145,6 +145,7 @@ impl Port {
             values.map(|((disp, force), (metres, newtons))| (disp * metres, force * newtons)),
         );
         self.estimate(&mut found);
+        self.track(&mut found);
         found
     }
 }

@@ -49,7 +49,10 @@ fn ends_as_planned(played: &Played) -> Result<(), String> {
         .collect();
     ensure!(phases.len() == path.len(), "unknown phases in {path:?}");
     for pair in phases.windows(2) {
-        ensure!(pair[0].may_become(pair[1]), "{path:?} takes a way that is none");
+        ensure!(
+            pair[0].may_become(pair[1]),
+            "{path:?} takes a way that is none"
+        );
     }
     ensure!(path.last() == Some(&"safe"), "{path:?} does not end safe");
     let tripped = path.contains(&"tripped");
@@ -85,7 +88,11 @@ fn no_step_is_lost(played: &Played) -> Result<(), String> {
     let mut journal = Journal::new(&played.samples[..], columns);
     let (mut next, mut rows) = (0.0, 0);
     while let Some(row) = journal.next_row().map_err(|error| error.to_string())? {
-        ensure!(row.sequence == rows, "row {rows} has the number {}", row.sequence);
+        ensure!(
+            row.sequence == rows,
+            "row {rows} has the number {}",
+            row.sequence
+        );
         rows += 1;
         if row.values[state] == Phase::Running.code() {
             let found = row.values[step];
@@ -111,7 +118,10 @@ fn log_is_readable(played: &Played) -> Result<(), String> {
         count += 1;
         let event: serde_json::Value =
             serde_json::from_slice(line).map_err(|error| error.to_string())?;
-        ensure!(event["event"].is_string(), "an event without a name: {event}");
+        ensure!(
+            event["event"].is_string(),
+            "an event without a name: {event}"
+        );
     }
     let made = played.events.len();
     ensure!(count == made, "{made} events, {count} lines");
@@ -147,7 +157,12 @@ fn commands_are_kept_in_order(tap: &[Tapped]) -> Result<(), String> {
 fn limits(loaded: &Loaded, port: usize, axes: usize) -> Vec<(AxisLimits, f64)> {
     let table = &loaded.file.specimen[port];
     let specs = table.limits_of(axes);
-    let metres = |axis: usize| table.axis.get(axis).map_or(1.0, |gear| gear.unit_disp.metres());
+    let metres = |axis: usize| {
+        table
+            .axis
+            .get(axis)
+            .map_or(1.0, |gear| gear.unit_disp.metres())
+    };
     let each = specs.iter().map(LimitsSpec::limits).enumerate();
     each.map(|(axis, limits)| (limits, metres(axis))).collect()
 }
@@ -195,7 +210,12 @@ fn commands_respect_their_limits(
 
 /// Nothing moves before the test is armed, after a trip that freezes, or when all is over; on the way out, slowly.
 fn moves_only_when_meant(loaded: &Loaded, port: usize, played: &Played) -> Result<(), String> {
-    let entered = |word: &str| played.entries().find(|(_, to)| *to == word).map(|(at, _)| at);
+    let entered = |word: &str| {
+        played
+            .entries()
+            .find(|(_, to)| *to == word)
+            .map(|(at, _)| at)
+    };
     let moving = ["probing", "ramping", "settling", "running", "leaving"];
     let first_motion = moving.iter().filter_map(|word| entered(word)).min();
     let first_motion = first_motion.unwrap_or(u64::MAX);
@@ -205,7 +225,11 @@ fn moves_only_when_meant(loaded: &Loaded, port: usize, played: &Played) -> Resul
     };
     let leaving = entered("leaving").unwrap_or(u64::MAX);
     let safe = entered("safe").unwrap_or(0);
-    let speed = loaded.file.safety.exit_speed_m_per_s.unwrap_or(f64::INFINITY);
+    let speed = loaded
+        .file
+        .safety
+        .exit_speed_m_per_s
+        .unwrap_or(f64::INFINITY);
     let allowed = speed * loaded.time.period.value() * SLACK;
     let mut last: Option<(&Vec<f64>, u64)> = None;
     let mut of_axes = None;
@@ -239,7 +263,10 @@ fn moves_only_when_meant(loaded: &Loaded, port: usize, played: &Played) -> Resul
                 "command {sequence} leaves by {far} m, allowed {allowed} m"
             );
         } else if let Some((from, _)) = last {
-            ensure!(from == disp, "command {sequence} was sent again with another place");
+            ensure!(
+                from == disp,
+                "command {sequence} was sent again with another place"
+            );
         }
         last = Some((disp, *sequence));
     }

@@ -98,7 +98,11 @@ pub fn play(
         let simulated = Simulated::new(host, clock.clone(), delay_ns, stream);
         let tap = Tap::default();
         taps.push(Arc::clone(&tap));
-        Box::new(if bare { simulated } else { simulated.tapped(tap) })
+        Box::new(if bare {
+            simulated
+        } else {
+            simulated.tapped(tap)
+        })
     };
     let prepared = build_over(loaded, &mut dial).map_err(|error| error.to_string())?;
     let mut experiment = prepared.experiment;
@@ -186,10 +190,14 @@ impl Played {
 
     /// What the far ends told, in one text.
     pub fn told(&self) -> String {
-        let told = self.taps.iter().flatten().filter_map(|tapped| match tapped {
-            Tapped::Heard { what, .. } => Some(what.to_string()),
-            Tapped::Sent { .. } => None,
-        });
+        let told = self
+            .taps
+            .iter()
+            .flatten()
+            .filter_map(|tapped| match tapped {
+                Tapped::Heard { what, .. } => Some(what.to_string()),
+                Tapped::Sent { .. } => None,
+            });
         told.collect::<Vec<_>>().join("\n")
     }
 }
