@@ -21,6 +21,7 @@ mod pursuit;
 mod stiffness;
 mod tangent;
 mod tempo;
+mod tracking;
 mod trend;
 mod units;
 
@@ -144,6 +145,9 @@ pub struct Port {
     /// Zero velocities.
     still: Vec<f64>,
     compensation: Option<compensated::Compensation>,
+    tracking: tracking::Tracking,
+    /// The test runs.
+    runs: bool,
     /// How the specimen is left.
     pub exits: Exits,
 }
@@ -242,6 +246,8 @@ impl Port {
             opening: opening::Opening::absolute(n),
             still: vec![0.0; n],
             compensation: None,
+            tracking: tracking::Tracking::new(n),
+            runs: false,
             exits: Exits::default(),
         })
     }
