@@ -71,7 +71,8 @@ fn long() -> String {
         .replace("duration_s = 0.5", "duration_s = 600")
         .replace("\"simulated\"", "\"real\"");
     format!(
-        "{text}[timing]\npolicy = \"ordinary\"\nmax_total_misses = 1000000\nmax_consecutive_misses = 1000000\n"
+        "{text}[timing]\npolicy = \"ordinary\"\nmax_total_misses = 1000000\nmax_consecutive_misses = 1000000\n\
+         max_misses_in_window = 1000000\n"
     )
 }
 

@@ -29,7 +29,8 @@ fn in_real_time(steps: u32, address: &str, transport: &str, keys: &str) -> Strin
     .replace("clock = \"simulated\"", "clock = \"real\"\nscale = 5")
     .replace(
         "[timing]",
-        "[timing]\npolicy = \"ordinary\"\nmax_consecutive_misses = 100000\nmax_total_misses = 100000",
+        "[timing]\npolicy = \"ordinary\"\nmax_consecutive_misses = 100000\nmax_total_misses = 100000\n\
+         max_misses_in_window = 100000",
     )
 }
 
