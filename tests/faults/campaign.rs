@@ -206,13 +206,14 @@ fn operator(chance: &mut Chance) -> Vec<(u64, Operator)> {
     if !chance.one_in(4) {
         return Vec::new();
     }
-    let hold = chance.below(120);
+    // Not before the test runs.
+    let hold = 90 + chance.below(60);
     let mut says = vec![
         (hold, Operator::Hold),
         (hold + 1 + chance.below(40), Operator::Continue),
     ];
     if chance.one_in(2) {
-        says.push((chance.below(160), Operator::Stop));
+        says.push((chance.below(200), Operator::Stop));
     }
     says
 }
@@ -237,8 +238,12 @@ pub fn host(loaded: &Loaded, index: usize, setup: &NativeSetup, limited: bool) -
     host.limited(if limited { vec![own] } else { Vec::new() })
 }
 
-/// The test with this seed, and what happens in it.
-fn one(tests: &[Loaded], seed: u64) -> (Script, &Loaded, Result<Played, String>) {
+/// The test with this seed, and what happens in it. `as_played` changes the test that is played, not the one that is meant.
+fn one_as(
+    tests: &[Loaded],
+    seed: u64,
+    as_played: impl Fn(&Loaded) -> Option<Loaded>,
+) -> (Script, &Loaded, Result<Played, String>) {
     let mut chance = Chance::new(seed);
     let loaded = &tests[chance.below(tests.len() as u64) as usize];
     let limited = chance.one_in(2);
@@ -257,13 +262,18 @@ fn one(tests: &[Loaded], seed: u64) -> (Script, &Loaded, Result<Played, String>)
         operator: operator(&mut chance),
         ..Extra::default()
     };
-    let played = play(loaded, extra, |index, setup| {
+    let other = as_played(loaded);
+    let played = play(other.as_ref().unwrap_or(loaded), extra, |index, setup| {
         let faults = if index == 0 { &script } else { &second };
         host(loaded, index, setup, limited)
             .faulty(faults.clone())
             .unwrap()
     });
     (script, loaded, played)
+}
+
+fn one(tests: &[Loaded], seed: u64) -> (Script, &Loaded, Result<Played, String>) {
+    one_as(tests, seed, |_| None)
 }
 
 fn from_environment(name: &str, usual: u64) -> u64 {
@@ -343,6 +353,25 @@ fn whatever_goes_wrong_what_must_hold_holds() {
         wrong.len(),
         wrong[0].0
     );
+}
+
+#[test]
+fn a_controller_that_forgets_its_limits_is_found_out() {
+    let forgetful = |loaded: &Loaded| {
+        let mut other = loaded.clone();
+        for specimen in &mut other.file.specimen {
+            specimen.limits = None;
+        }
+        Some(other)
+    };
+    let tests = tests();
+    let found = (0..300).filter(|seed| {
+        let (_, loaded, played) = one_as(&tests, *seed, forgetful);
+        let played = played.unwrap();
+        invariants::check(loaded, &played).is_err_and(|text| text.contains("command"))
+    });
+    let found = found.count();
+    assert!(found >= 3, "only {found} of 300");
 }
 
 #[test]
