@@ -31,11 +31,17 @@ impl Clock for FreeRunning {
         Nanos(now)
     }
 
-    fn sleep_until(&self, _: Nanos) {}
+    fn sleep_until(&self, _: Nanos) {
+        if let Ok(mut readings) = self.readings.lock() {
+            readings.push(SLEEP);
+        }
+    }
 }
 
-/// Readings per tick of one port: woke, sent, decoded, ready, pushed.
+/// Readings per tick of one port: woke, sent, decoded, ready, pushed; before the sleep to the edge there may be others.
 const PER_TICK: usize = 5;
+/// Stands among the readings where the loop would sleep.
+const SLEEP: u64 = u64::MAX;
 
 /// Every limit of the specimen and of the test, none of which is reached.
 const ALL_LIMITS: &[&str] = &[
@@ -79,9 +85,10 @@ fn ticks(sets: &[&str]) -> (Vec<u64>, Vec<u64>, u64) {
     let outcome = engine.run(&Control::unattended());
     let all = readings.lock().expect("one thread").clone();
     let between = |from: usize| {
-        all.chunks_exact(PER_TICK)
+        all.split(|reading| *reading == SLEEP)
+            .filter_map(|tick| tick.get(..PER_TICK))
             .take(steps)
-            .map(|t| t[4].saturating_sub(t[from]))
+            .map(|tick| tick[4].saturating_sub(tick[from]))
             .collect()
     };
     (between(2), between(0), outcome.rows_lost)
