@@ -3,6 +3,7 @@
 use serde_json::json;
 
 use super::exit::Exit;
+use super::following::Following;
 use super::rehearsed::Rehearsed;
 use super::run::{load, method_name, refused};
 use super::spectrum::Spectrum;
@@ -41,17 +42,29 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
     } else {
         Some(Rehearsed::of(&loaded, experiment)?)
     };
-    let valid = rehearsed.as_ref().is_none_or(Rehearsed::is_possible);
+    let following = Following::of(&loaded, facts);
+    let followed = following.iter().all(Following::is_possible);
+    let valid = followed && rehearsed.as_ref().is_none_or(Rehearsed::is_possible);
     if args.json {
-        let found = as_json(facts, spectrum.as_ref(), rehearsed.as_ref());
+        let mut found = as_json(facts, spectrum.as_ref(), rehearsed.as_ref());
+        if let (Some(found), false) = (found.as_object_mut(), following.is_empty()) {
+            let each = following.iter().map(Following::as_json).collect();
+            found.insert("following".to_owned(), serde_json::Value::Array(each));
+        }
         answer(serde_json::to_string_pretty(&found)?)?;
     } else {
         let verdict = if valid { "valid" } else { "NOT POSSIBLE" };
         let mut table = as_table(facts, spectrum.as_ref(), verdict);
+        for one in &following {
+            one.tabulate(&mut table);
+        }
         if let Some(rehearsed) = &rehearsed {
             rehearsed.tabulate(&mut table);
         }
         answer(table)?;
+    }
+    if !followed {
+        return Ok(Exit::Stopped);
     }
     match rehearsed {
         Some(rehearsed) => rehearsed.judge(&loaded).map(|()| Exit::Done),

@@ -10,6 +10,7 @@ mod check;
 mod doctor;
 mod exit;
 mod export;
+mod following;
 mod frontier;
 mod jitter;
 mod limits;

@@ -21,6 +21,7 @@ mod pursuit;
 mod stiffness;
 mod tangent;
 mod tempo;
+mod tracking;
 mod trend;
 mod units;
 
@@ -40,7 +41,9 @@ pub use tempo::{HOLD_AT, SLOW_FROM, Stage, Stride, Tempo};
 pub use trend::Trend;
 pub use units::AxisUnits;
 
-use crate::substructure::{Command, Freshness, LinkFault, Measurement, Retirement, Substructure};
+use crate::substructure::{
+    Command, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
+};
 use crate::time::Nanos;
 
 /// One axis of a specimen as the structure sees it: the row of B and the map between the two systems of units.
@@ -129,6 +132,8 @@ pub struct Port {
     is_recorded: bool,
     /// Number on the link of the command that left last.
     issued: Option<u64>,
+    /// The last command did not leave.
+    unsent: bool,
     /// Exchanges that were none of the test's: by so much the numbers on the link are ahead of the test's.
     ahead: u64,
     /// How it is led from one target to the next.
@@ -140,6 +145,9 @@ pub struct Port {
     /// Zero velocities.
     still: Vec<f64>,
     compensation: Option<compensated::Compensation>,
+    tracking: tracking::Tracking,
+    /// The test runs.
+    runs: bool,
     /// How the specimen is left.
     pub exits: Exits,
 }
@@ -228,6 +236,7 @@ impl Port {
             wait: None,
             direction: Direction::Known,
             issued: None,
+            unsent: false,
             ahead: 0,
             pursuit: pursuit::Pursuit::new(n),
             is_recorded: false,
@@ -237,6 +246,8 @@ impl Port {
             opening: opening::Opening::absolute(n),
             still: vec![0.0; n],
             compensation: None,
+            tracking: tracking::Tracking::new(n),
+            runs: false,
             exits: Exits::default(),
         })
     }
@@ -337,7 +348,17 @@ impl Port {
             disp: &self.command,
             vel: &self.command_vel,
         };
-        self.substructure.issue(&command)
+        let outcome = self.substructure.issue(&command);
+        self.unsent = outcome.is_err();
+        outcome
+    }
+
+    /// The specimen is lost: its status says so in every row from here on.
+    pub fn note_loss(&mut self) {
+        self.raw.status.0 |= Status::LOST.0;
+        if self.unsent {
+            self.raw.status.0 |= Status::UNSENT.0;
+        }
     }
 
     /// Takes the answer and brings it into the structure's units. One that is older than what is known already counts
@@ -358,9 +379,13 @@ impl Port {
         match freshness {
             Freshness::Fresh => {
                 self.link.received += 1;
+                self.raw.status.0 &= !Status::STALE.0;
                 self.compensation_hears();
             }
-            Freshness::Stale => self.link.stale += 1,
+            Freshness::Stale => {
+                self.link.stale += 1;
+                self.raw.status.0 |= Status::STALE.0;
+            }
         }
         for ((axis, measured), raw) in self.axes.iter().zip(&mut self.measured).zip(&self.raw.disp)
         {

@@ -126,13 +126,15 @@ impl Port {
         self.link.sent += 1;
         self.compensation_asks(false);
         self.issued = Some(sequence + self.ahead);
-        self.substructure.issue(&Command {
+        let outcome = self.substructure.issue(&Command {
             sequence: self.pursuit.number(sequence, self.ahead),
             time,
             dt: 0.0,
             disp: &self.sent,
             vel: &self.still,
-        })
+        });
+        self.unsent = outcome.is_err();
+        outcome
     }
 
     /// Keeps the measurement last taken for the zero.

@@ -150,6 +150,8 @@ impl Engine {
         for port in &mut self.ports {
             port.begin_test();
         }
+        // What stands in no row does not count: a replay would count otherwise.
+        self.stale.fill(0);
         self.clear_commands()
     }
 }

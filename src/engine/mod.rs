@@ -117,6 +117,8 @@ pub struct Engine {
     ports: Vec<Port>,
     /// Ports that are not commanded any more.
     lost: Vec<bool>,
+    /// The tick that tripped has a row.
+    trip_is_recorded: bool,
     phase: Phase,
     /// Where the phase is left for others to see.
     pub phase_cell: PhaseCell,
@@ -251,6 +253,7 @@ impl Engine {
             asked_at: vec![None; ports.len()],
             opening,
             lost: vec![false; ports.len()],
+            trip_is_recorded: false,
             phase: Phase::Connected,
             phase_cell: PhaseCell::default(),
             hold_wanted: false,

@@ -60,8 +60,12 @@ impl Engine {
     fn record_trip(&mut self, tick: &Tick, stamps: &TickStamps, stop: &Stop) {
         if matches!(
             stop,
-            Stop::Limit { .. } | Stop::Interlock { .. } | Stop::Stale { .. }
+            Stop::Limit { .. }
+                | Stop::Interlock { .. }
+                | Stop::Saturated { .. }
+                | Stop::Stale { .. }
         ) {
+            self.trip_is_recorded = true;
             if tick.step == self.ride.step {
                 self.row
                     .exchange(tick, Phase::Tripped, &self.side, &self.ports);

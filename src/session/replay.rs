@@ -157,10 +157,9 @@ fn follow(
     layout: &Layout,
     recording: Recording,
 ) -> Result<Replay, ReplayError> {
-    let columns = experiment.columns();
-    same_columns(layout.columns(), &columns)?;
+    same_columns(layout.columns(), &experiment.columns())?;
     let (operator, requests) = crossbeam_channel::bounded(4);
-    let tape = Tape::new(recording, layout, columns, operator, None, false);
+    let tape = Tape::new(recording, layout, &experiment, operator, None, false);
     let tape = Arc::new(Mutex::new(tape));
     put_recorded(&mut experiment, &tape, layout, Replaced::All);
     let compared = layout.columns().iter().filter(|c| !c.timing).count();

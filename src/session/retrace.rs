@@ -193,11 +193,10 @@ pub(super) fn retrace(
     replaced: Replaced,
 ) -> Result<Retraced, ReplayError> {
     let mut experiment = prepared(run, replaced, false)?.experiment;
-    let columns = experiment.columns();
-    same_columns(run.layout().columns(), &columns)?;
+    same_columns(run.layout().columns(), &experiment.columns())?;
     let (operator, requests) = crossbeam_channel::bounded(4);
     let recording = Recording::of(run)?;
-    let tape = Tape::new(recording, run.layout(), columns, operator, until, true);
+    let tape = Tape::new(recording, run.layout(), &experiment, operator, until, true);
     let tape = Arc::new(Mutex::new(tape));
     put_recorded(&mut experiment, &tape, run.layout(), replaced);
     let recorder = Box::new(Comparing(Arc::clone(&tape)));

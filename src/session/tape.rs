@@ -71,6 +71,9 @@ pub(super) struct Tape {
     places: [usize; 3],
     /// Whether the operator wanted a hold before the row that comes.
     holding: bool,
+    /// Number of steps of the test, and state and step of the row before the one that comes.
+    steps: u64,
+    before: Option<(f64, f64)>,
     /// Rows after which it is enough.
     until: u64,
     /// Whether the rows from the test's end on are none of this.
@@ -84,11 +87,11 @@ pub(super) struct Tape {
 }
 
 impl Tape {
-    /// The rows of a recording in `layout`, for an experiment with these columns; `operator` is the loop's line.
+    /// The rows of a recording in `layout`, for this experiment; `operator` is the loop's line.
     pub fn new(
         recording: Recording,
         layout: &Layout,
-        columns: Vec<Column>,
+        experiment: &Experiment,
         operator: Sender<Operator>,
         until: Option<u64>,
         only_the_test: bool,
@@ -96,12 +99,14 @@ impl Tape {
         let place = |name: &str| layout.index_of(name).unwrap_or(usize::MAX);
         let mut tape = Self {
             journal: recording.journal,
-            columns,
+            columns: experiment.columns(),
             ahead: VecDeque::with_capacity(AHEAD),
             row: 0,
             time: f64::NAN,
             places: [place("state"), place("hold"), place("time")],
             holding: false,
+            steps: experiment.steps,
+            before: None,
             until: until.unwrap_or(u64::MAX),
             only_the_test,
             checkpoints: recording.checkpoints,
@@ -154,6 +159,15 @@ impl Tape {
     /// What the operator said before the tick of the row that comes: a wish for a hold stands in it, a confirmation shows in
     /// the row behind it.
     fn request(&mut self) -> Option<Operator> {
+        if self.phase(0) == Some(Phase::Leaving.code())
+            && let Some((state, step)) = self.before
+        {
+            let completed = state == Phase::Running.code() && step >= self.steps as f64;
+            let on_its_way = state == Phase::Leaving.code() || state == Phase::Tripped.code();
+            if !completed && !on_its_way {
+                return Some(Operator::Stop);
+            }
+        }
         let row = self.ahead.front()?;
         let holding = at(Some(row), self.places[1]) > 0.0;
         if holding != self.holding {
@@ -201,6 +215,8 @@ impl Tape {
         }
         self.time = at(self.ahead.front(), self.places[2]);
         if self.difference.is_none() {
+            let front = self.ahead.front();
+            self.before = Some((at(front, self.places[0]), at(front, 0)));
             self.row += 1;
             self.ahead.pop_front();
             self.fill();
@@ -287,6 +303,21 @@ struct Recorded {
     issued: u64,
 }
 
+impl Recorded {
+    /// Fails where the row that comes says so: there the specimen was lost.
+    fn is_lost(&self, mark: Status) -> Result<(), LinkFault> {
+        with(&self.tape, |tape| {
+            let row = tape.ahead.front();
+            let status = Status(at(row, self.status) as u32);
+            let trips = at(row, tape.places[0]) == Phase::Tripped.code();
+            if trips && status.has(mark) {
+                return Err(LinkFault::Closed);
+            }
+            Ok(())
+        })
+    }
+}
+
 impl Substructure for Recorded {
     fn axes(&self) -> usize {
         self.axes.len()
@@ -298,11 +329,12 @@ impl Substructure for Recorded {
 
     fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
         self.issued = command.sequence;
-        Ok(())
+        self.is_lost(Status::UNSENT)
     }
 
     fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
         let issued = self.issued;
+        self.is_lost(Status::LOST)?;
         with(&self.tape, |tape| {
             // The end of the recording ends the replay.
             let row = tape.ahead.front().ok_or(LinkFault::Closed)?;
@@ -315,7 +347,9 @@ impl Substructure for Recorded {
             into.status = Status(at(self.status) as u32);
             // Commands before the one that this row answers leave no row: the ticks of the warm-up.
             into.sequence = recorded.min(issued);
-            Ok(if issued > recorded {
+            // Ticks in which nothing moves share a number: there the row says how old its measurement is.
+            let stale = issued == recorded && into.status.has(Status::STALE);
+            Ok(if issued > recorded || stale {
                 Freshness::Stale
             } else {
                 Freshness::Fresh
@@ -325,6 +359,7 @@ impl Substructure for Recorded {
 
     /// A partner that takes several ticks answers in the row in which it answered.
     fn is_answered(&mut self) -> Result<bool, LinkFault> {
+        self.is_lost(Status::LOST)?;
         with(&self.tape, |tape| {
             let row = tape.ahead.front().ok_or(LinkFault::Closed)?;
             Ok(at(Some(row), self.sequence) as u64 >= self.issued)

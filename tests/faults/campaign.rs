@@ -2,11 +2,11 @@
 //!
 //! GUSSET_FAULT_SEEDS is their number, GUSSET_FAULT_SEED the first of them; `tools/faults` sets both.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use gusset::config::{Loaded, parse};
+use gusset::config::{Loaded, load};
 use gusset::control::limits::LimitsSpec;
 use gusset::engine::Operator;
 use gusset::law::LawSpec;
@@ -54,92 +54,14 @@ impl Chance {
     }
 }
 
-const FRAME: &str = "
-[time]
-rate_hz = 100
-duration_s = 1
-[structure.shear_building]
-mass_kg = [20e3, 20e3, 18e3]
-stiffness_n_per_m = [0, 14e6, 11e6]
-[integrator]
-lambda = 2
-[excitation.ground_acceleration.signal.sine]
-amplitude = 1.5
-frequency_hz = 1.5
-[[specimen]]
-name = \"columns\"
-storey = 1
-stiffness_n_per_m = 15e6
-[specimen.limits]
-command_disp_m = { trip = [-0.05, 0.05] }
-command_step_m = { trip = 0.01 }
-command_vel_m_per_s = { trip = 0.9 }
-measured_force_n = { trip = [-300e3, 300e3] }
-following_error_m = { trip = 0.004 }
-force_step_n = { trip = 120e3 }
-stuck_ticks = { trip = 6 }
-stuck_travel_m = 0.0005
-";
-
-/// A second specimen beside the first.
-const SECOND: &str = "
-[[specimen]]
-name = \"brace\"
-storey = 2
-stiffness_n_per_m = 2e6
-[specimen.limits]
-command_disp_m = { trip = [-0.05, 0.05] }
-command_step_m = { trip = 0.008 }
-following_error_m = { trip = 0.005 }
-[specimen.link]
-address = \"rig:2\"
-transport = \"tcp\"
-coupling = \"lockstep\"
-reply_timeout_s = 1
-watchdog_s = 0.2
-";
-
-fn link(rest: &str) -> String {
-    format!(
-        "[specimen.link]\naddress = \"rig:1\"\nconnect_timeout_s = 1\nreply_timeout_s = 1\n{rest}\n"
-    )
-}
-
-/// The tests that are played, with short openings.
+/// The tests that are played, with short openings: those of the folder beside this file, by name.
 pub fn tests() -> Vec<Loaded> {
-    let usual = "timing.warmup_ticks = 3\nsafety = { zero_s = 0.03 }\n";
-    let home = "timing.warmup_ticks = 3\nsafety = { zero_s = 0.03, on_trip = \"zero_displacement\", \
-                at_end = \"zero_displacement\", exit_speed_m_per_s = 0.05 }\n";
-    let force = "timing.warmup_ticks = 2\nsafety = { zero_s = 0, on_trip = \"zero_force\", exit_speed_m_per_s = 0.03 }\n";
-    let stop = "timing = { warmup_ticks = 0, on_miss = \"stop\" }\nsafety = { zero_s = 0.02 }\n";
-    let sampled = link("transport = \"udp\"\non_stale = \"hold\"\nmax_stale = 4");
-    let extrapolates =
-        link("transport = \"udp\"\non_stale = \"extrapolate\"\nmax_stale = 3\nwatchdog_s = 0.1");
-    let probed = link("transport = \"udp\"\nprobe_m = 0.001\nprobe_ramp_s = 0.05");
-    let stream = link("transport = \"tcp\"\ncoupling = \"lockstep\"");
-    let sampled_stream = link("transport = \"tcp\"\nmax_stale = 6");
-    let lockstep = link("transport = \"udp\"\ncoupling = \"lockstep\"\nwatchdog_s = 0.1");
-    let elsewhere = "[structure]\ninitial_displacement_m = [0.01, 0.015, 0.02]\n";
-    let loaded = "[structure]\nstatic_load_n = [20e3, 10e3, 0]\n";
-    let ramped = |text: &str| text.replace("zero_s = 0.03", "zero_s = 0.03, ramp_s = 0.2");
-    let texts = [
-        format!("{usual}{FRAME}{sampled}"),
-        format!("{home}{FRAME}{sampled}"),
-        format!("{usual}{FRAME}{extrapolates}{SECOND}"),
-        format!("{usual}{FRAME}{stream}"),
-        format!("{force}{FRAME}{lockstep}"),
-        format!("{home}{FRAME}{sampled_stream}{SECOND}"),
-        format!("{usual}{FRAME}{probed}"),
-        format!("{stop}{FRAME}{extrapolates}"),
-        format!("{}{FRAME}{sampled}", ramped(usual))
-            .replace("[structure.", &format!("{elsewhere}[structure.")),
-        format!("{}{FRAME}{lockstep}", ramped(home))
-            .replace("[structure.", &format!("{loaded}[structure.")),
-    ];
-    let read = |text: String| {
-        parse(Path::new("campaign.toml"), text, &[]).unwrap_or_else(|error| panic!("{error}"))
-    };
-    texts.into_iter().map(read).collect()
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/faults/campaign");
+    let entries = std::fs::read_dir(folder).unwrap();
+    let mut paths: Vec<_> = entries.map(|entry| entry.unwrap().path()).collect();
+    paths.sort();
+    let read = |path: PathBuf| load(&path, &[]).unwrap_or_else(|error| panic!("{error}"));
+    paths.into_iter().map(read).collect()
 }
 
 /// Frames that fail a check, or arrive in another way than they were sent.
@@ -284,13 +206,14 @@ fn operator(chance: &mut Chance) -> Vec<(u64, Operator)> {
     if !chance.one_in(4) {
         return Vec::new();
     }
-    let hold = chance.below(120);
+    // Not before the test runs.
+    let hold = 90 + chance.below(60);
     let mut says = vec![
         (hold, Operator::Hold),
         (hold + 1 + chance.below(40), Operator::Continue),
     ];
     if chance.one_in(2) {
-        says.push((chance.below(160), Operator::Stop));
+        says.push((chance.below(200), Operator::Stop));
     }
     says
 }
@@ -315,8 +238,12 @@ pub fn host(loaded: &Loaded, index: usize, setup: &NativeSetup, limited: bool) -
     host.limited(if limited { vec![own] } else { Vec::new() })
 }
 
-/// The test with this seed, and what happens in it.
-fn one(tests: &[Loaded], seed: u64) -> (Script, &Loaded, Result<Played, String>) {
+/// The test with this seed, and what happens in it. `as_played` changes the test that is played, not the one that is meant.
+fn one_as(
+    tests: &[Loaded],
+    seed: u64,
+    as_played: impl Fn(&Loaded) -> Option<Loaded>,
+) -> (Script, &Loaded, Result<Played, String>) {
     let mut chance = Chance::new(seed);
     let loaded = &tests[chance.below(tests.len() as u64) as usize];
     let limited = chance.one_in(2);
@@ -335,13 +262,18 @@ fn one(tests: &[Loaded], seed: u64) -> (Script, &Loaded, Result<Played, String>)
         operator: operator(&mut chance),
         ..Extra::default()
     };
-    let played = play(loaded, extra, |index, setup| {
+    let other = as_played(loaded);
+    let played = play(other.as_ref().unwrap_or(loaded), extra, |index, setup| {
         let faults = if index == 0 { &script } else { &second };
         host(loaded, index, setup, limited)
             .faulty(faults.clone())
             .unwrap()
     });
     (script, loaded, played)
+}
+
+fn one(tests: &[Loaded], seed: u64) -> (Script, &Loaded, Result<Played, String>) {
+    one_as(tests, seed, |_| None)
 }
 
 fn from_environment(name: &str, usual: u64) -> u64 {
@@ -421,6 +353,25 @@ fn whatever_goes_wrong_what_must_hold_holds() {
         wrong.len(),
         wrong[0].0
     );
+}
+
+#[test]
+fn a_controller_that_forgets_its_limits_is_found_out() {
+    let forgetful = |loaded: &Loaded| {
+        let mut other = loaded.clone();
+        for specimen in &mut other.file.specimen {
+            specimen.limits = None;
+        }
+        Some(other)
+    };
+    let tests = tests();
+    let found = (0..300).filter(|seed| {
+        let (_, loaded, played) = one_as(&tests, *seed, forgetful);
+        let played = played.unwrap();
+        invariants::check(loaded, &played).is_err_and(|text| text.contains("command"))
+    });
+    let found = found.count();
+    assert!(found >= 3, "only {found} of 300");
 }
 
 #[test]
