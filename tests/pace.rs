@@ -30,6 +30,9 @@ const SPRING: &str =
     "[[specimen]]\nname = \"near\"\nstorey = 1\nlaw.linear = { stiffness_n_per_m = 2e5 }\n";
 const STIFFNESS: f64 = 2e5;
 
+/// Number and test time of every command.
+type Commands = Arc<Mutex<Vec<(u64, f64)>>>;
+
 /// A spring that takes some looks before its answer is there: `late[k % n]` for its command k.
 struct Slow {
     late: Vec<u32>,
@@ -37,11 +40,11 @@ struct Slow {
     sequence: u64,
     told: usize,
     looks: u32,
-    commands: Arc<Mutex<Vec<(u64, f64)>>>,
+    commands: Commands,
 }
 
 impl Slow {
-    fn new(late: &[u32]) -> (Self, Arc<Mutex<Vec<(u64, f64)>>>) {
+    fn new(late: &[u32]) -> (Self, Commands) {
         let commands = Arc::default();
         let slow = Self {
             late: late.to_vec(),
@@ -85,7 +88,7 @@ impl Substructure for Slow {
 }
 
 /// The frame with a spring in each storey, the upper one behind a slow link.
-fn with_slow(ticks: u32, late: &[u32]) -> (Run, Arc<Mutex<Vec<(u64, f64)>>>) {
+fn with_slow(ticks: u32, late: &[u32]) -> (Run, Commands) {
     let mut experiment = prepare(&format!("{}{SPRING}", frame(ticks, ""))).experiment;
     let (slow, commands) = Slow::new(late);
     let axis = Axis::plain(vec![(0, -1.0), (1, 1.0)]);

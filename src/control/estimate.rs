@@ -85,6 +85,21 @@ impl Estimates {
         }
     }
 
+    /// The tangent stiffness of each axis in N/m, between 0 and the larger of k̂ and the declared bound; k̂ where there is no
+    /// number. Real-time: yes.
+    pub fn bounded<'a>(&'a self, stiffness: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
+        self.axes.iter().zip(stiffness).map(|(axis, initial)| {
+            // NaN, where no bound is declared, is passed over.
+            let most = initial.max(axis.declared.stiffness_bound);
+            let tangent = axis.tangent.stiffness();
+            if tangent.is_finite() && most >= 0.0 {
+                tangent.clamp(0.0, most)
+            } else {
+                *initial
+            }
+        })
+    }
+
     /// Changes of at least this size count from now on: as declared, or above the noise of (displacement, force) in m
     /// and N.
     pub fn begin(&mut self, noise: impl Iterator<Item = (f64, f64)>) {

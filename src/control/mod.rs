@@ -403,16 +403,12 @@ impl Port {
         }
     }
 
-    /// Moves a stale force along the estimate k̂ from where it was measured to where the specimen should be by
-    /// now. Real-time: yes.
+    /// Moves a stale force along the tangent, as far as it is known and not beyond its bounds, from where it was measured to
+    /// where the specimen should be by now. Real-time: yes.
     pub fn extrapolate(&mut self) {
-        for (((force, target), measured), stiffness) in self
-            .force
-            .iter_mut()
-            .zip(&self.target)
-            .zip(&self.measured)
-            .zip(&self.stiffness)
-        {
+        let tangents = self.estimates.bounded(&self.stiffness);
+        let axes = self.force.iter_mut().zip(&self.target).zip(&self.measured);
+        for (((force, target), measured), stiffness) in axes.zip(tangents) {
             *force += stiffness * (target - measured);
         }
     }

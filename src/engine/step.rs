@@ -290,7 +290,8 @@ impl Engine {
     pub(super) fn accept(&mut self) -> Result<(), Stop> {
         let ports = self.ports.iter_mut().zip(&self.lost).enumerate();
         for (index, (port, lost)) in ports {
-            if !lost && !(self.riding && port.is_per_step()) {
+            let by_steps = self.riding && port.is_per_step();
+            if !lost && !by_steps {
                 port.accepted(self.sequence)
                     .map_err(|fault| Stop::Link { port: index, fault })?;
             }

@@ -223,7 +223,7 @@ pub enum StaleChoice {
     /// The newest force known is used as it is.
     #[default]
     Hold,
-    /// It is moved along the estimate of the stiffness to where the specimen should be.
+    /// It is moved along the tangent, as it was estimated up to then and within its bounds, to where the specimen should be.
     Extrapolate,
     /// The test stops.
     Stop,
