@@ -206,6 +206,61 @@ fn what_cannot_be_is_refused_with_its_place_before_anything_moves() {
 }
 
 #[test]
+fn check_refuses_a_loop_that_it_can_prove_unstable() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let config = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("config/vrths-case-1.toml");
+    let text = std::fs::read_to_string(config).unwrap();
+    let text = text.replace("duration_s = 41", "duration_s = 2");
+    let (test, _) = text.split_once("[specimen.compensation.ats]").unwrap();
+    for (name, compensation, code, words) in [
+        ("none", "", 1, "UNSTABLE"),
+        (
+            "cubic",
+            "[specimen.compensation.polynomial]\norder = 3\ndelay_s = 0.024\n",
+            1,
+            "UNSTABLE",
+        ),
+        (
+            "inverse",
+            "[specimen.compensation.inverse]\ndelay_s = 0.026\n",
+            0,
+            "\"inverse\": stable",
+        ),
+        (
+            "ats",
+            "[specimen.compensation.ats]\ndelay_s = 0.024\n",
+            0,
+            "not judged",
+        ),
+    ] {
+        let file = common::write(
+            folder,
+            &format!("{name}.toml"),
+            &format!("{test}{compensation}"),
+        );
+        let said = common::say([
+            "check".as_ref(),
+            file.as_os_str(),
+            "--no-rehearsal".as_ref(),
+        ]);
+        assert_eq!(
+            said.code,
+            Some(code),
+            "{name}: {}{}",
+            said.stdout,
+            said.stderr
+        );
+        assert!(said.stdout.contains(words), "{name}: {}", said.stdout);
+        assert!(
+            said.stdout.contains("critical delay 14"),
+            "{name}: {}",
+            said.stdout
+        );
+    }
+}
+
+#[test]
 fn the_benchmark_command_prints_its_criteria() {
     let said = common::say([
         "benchmark",

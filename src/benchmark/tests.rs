@@ -215,3 +215,40 @@ fn drawn_plants_have_the_published_spread_and_come_again() {
     }
     assert!(drawn.iter().all(|p| p.servo.leakage_per_s >= 0.0));
 }
+
+#[test]
+fn the_count_of_unstable_roots_says_the_same_of_the_cases() {
+    use crate::spectral::unstable_roots;
+    use crate::transfer::TransferSpec;
+    let plant: TransferSpec = toml::from_str("actuator.servo_hydraulic = {}").unwrap();
+    let (m, c, k) = SPECIMEN;
+    for case in 1..=4 {
+        let frame = Frame::case(case).unwrap();
+        let felt = |omega: f64| {
+            let s = Complex::new(0.0, omega);
+            let whole = nalgebra::Matrix3::from_fn(|i, j| {
+                let mass = if i == j { frame.mass } else { 0.0 };
+                s * s * mass + s * frame.damping[(i, j)] + frame.stiffness[(i, j)]
+            });
+            (s * s * m + s * c + k) * whole.try_inverse().unwrap()[(0, 0)]
+        };
+        for (controller, is_stable) in [
+            ("none = {}", false),
+            ("polynomial = { order = 2, delay_s = 0.024 }", false),
+            ("polynomial = { order = 3, delay_s = 0.024 }", false),
+            ("inverse = { delay_s = 0.026 }", true),
+        ] {
+            let spec: CompensationSpec = toml::from_str(controller).unwrap();
+            let chain = |omega: f64| {
+                let follows = spec.response(omega, DT)? * plant.response(omega, k, c);
+                Some((follows - 1.0) * felt(omega) + 1.0)
+            };
+            let roots = unstable_roots(chain, 1e-2, 0.9 * std::f64::consts::PI / DT);
+            assert_eq!(
+                roots == Some(0),
+                is_stable,
+                "case {case} {controller}: {roots:?}"
+            );
+        }
+    }
+}

@@ -3,6 +3,7 @@
 use serde_json::json;
 
 use super::exit::Exit;
+use super::following::Following;
 use super::rehearsed::Rehearsed;
 use super::run::{load, method_name, refused};
 use super::spectrum::Spectrum;
@@ -41,17 +42,29 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
     } else {
         Some(Rehearsed::of(&loaded, experiment)?)
     };
-    let valid = rehearsed.as_ref().is_none_or(Rehearsed::is_possible);
+    let following = Following::of(&loaded, facts);
+    let followed = following.iter().all(Following::is_possible);
+    let valid = followed && rehearsed.as_ref().is_none_or(Rehearsed::is_possible);
     if args.json {
-        let found = as_json(facts, spectrum.as_ref(), rehearsed.as_ref());
+        let mut found = as_json(facts, spectrum.as_ref(), rehearsed.as_ref());
+        if let (Some(found), false) = (found.as_object_mut(), following.is_empty()) {
+            let each = following.iter().map(Following::as_json).collect();
+            found.insert("following".to_owned(), serde_json::Value::Array(each));
+        }
         answer(serde_json::to_string_pretty(&found)?)?;
     } else {
         let verdict = if valid { "valid" } else { "NOT POSSIBLE" };
         let mut table = as_table(facts, spectrum.as_ref(), verdict);
+        for one in &following {
+            one.tabulate(&mut table);
+        }
         if let Some(rehearsed) = &rehearsed {
             rehearsed.tabulate(&mut table);
         }
         answer(table)?;
+    }
+    if !followed {
+        return Ok(Exit::Stopped);
     }
     match rehearsed {
         Some(rehearsed) => rehearsed.judge(&loaded).map(|()| Exit::Done),
@@ -75,6 +88,18 @@ fn as_table(facts: &Facts, spectrum: Option<&Spectrum>, verdict: &str) -> Table 
             facts.rate_hz
         ),
     );
+    if facts.ticks_per_step > 1 {
+        let ticks = f64::from(facts.ticks_per_step);
+        table.row(
+            "rates",
+            &format!(
+                "integration {:.6} steps per second of wall time, controller {:.6} ticks per second: {} ticks per step",
+                facts.rate_hz / ticks,
+                facts.rate_hz,
+                facts.ticks_per_step
+            ),
+        );
+    }
     if let Some(structure) = &facts.structure {
         describe(&mut table, facts, structure, spectrum);
     } else {
@@ -233,6 +258,7 @@ fn as_json(
         "steps": facts.steps,
         "dt": facts.dt,
         "rate_hz": facts.rate_hz,
+        "ticks_per_step": facts.ticks_per_step,
         "structure": structure,
         "specimens": facts.specimens,
         "rehearsal": rehearsed.map(Rehearsed::as_json),

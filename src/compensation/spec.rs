@@ -1,9 +1,11 @@
 //! What the test file says of a compensator: `[specimen.compensation]`, one table per kind.
 
+use nalgebra::Complex;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::none::Plain;
+use super::polynomial::{Nodes, horiuchi_weights, lagrange_weights};
 use super::{
     AmbSpec, AtsSpec, CompensationError, Compensator, InverseSpec, ModelInverseSpec, NewtonSpec,
     NoneSpec, Parameter, PiLeadSpec, PolynomialSpec, RecursiveFirSpec,
@@ -57,6 +59,40 @@ impl CompensationSpec {
             Self::RecursiveFir(spec) => Box::new(spec.build(dt)?),
             Self::PiLead(spec) => Box::new(spec.build(dt)?),
         })
+    }
+
+    /// Command over target at ω in rad/s for ticks of `dt` seconds; none for what adapts or feeds back, and for what
+    /// cannot be built.
+    #[must_use]
+    pub fn response(&self, omega: f64, dt: f64) -> Option<Complex<f64>> {
+        let back = |seconds: f64| {
+            let (sine, cosine) = libm::sincos(-omega * seconds);
+            Complex::new(cosine, sine)
+        };
+        let one = Complex::new(1.0, 0.0);
+        let difference = (one - back(dt)) / dt;
+        match self {
+            Self::None(_) => Some(one),
+            Self::Polynomial(spec) => {
+                let (weights, spacing) = match spec.nodes {
+                    Nodes::Delay => (horiuchi_weights(spec.order), spec.delay_s),
+                    Nodes::Step => (lagrange_weights(spec.order, spec.delay_s / dt), dt),
+                };
+                let each = weights.iter().enumerate();
+                Some(each.map(|(j, w)| back(j as f64 * spacing) * *w).sum())
+            }
+            Self::Newton(spec) => {
+                let tau = spec.delay_s;
+                let curve = 0.5 * tau * (tau + dt);
+                Some(one + difference * tau + difference * difference * curve)
+            }
+            Self::Inverse(spec) => Some(one + difference * spec.delay_s),
+            Self::ModelInverse(spec) => {
+                let falling = spec.coefficients.iter().rev();
+                Some(falling.fold(Complex::new(0.0, 0.0), |sum, a| sum * difference + a))
+            }
+            Self::Ats(_) | Self::Amb(_) | Self::RecursiveFir(_) | Self::PiLead(_) => None,
+        }
     }
 
     /// The key of its kind.

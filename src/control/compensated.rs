@@ -49,8 +49,9 @@ impl Port {
         self
     }
 
-    /// The test runs: from the next target on commands are compensated.
+    /// The test runs: from the next target on commands are compensated, and it is seen how they are followed.
     pub fn begin_compensation(&mut self) {
+        self.runs = true;
         if let Some(compensation) = &mut self.compensation {
             compensation.running = true;
         }
@@ -133,6 +134,7 @@ impl Port {
 
     /// A command that was made of a target leaves, or one that only stands still. Real-time: yes.
     pub(super) fn compensation_asks(&mut self, moves: bool) {
+        self.tracking.moves = moves && self.runs;
         if let Some(compensation) = &mut self.compensation {
             compensation.asked = moves;
         }

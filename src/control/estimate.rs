@@ -203,6 +203,7 @@ impl Port {
             })
             .collect();
         self.estimates.begin(noise.into_iter());
+        self.track_above_noise();
     }
 
     /// Takes the measurement last taken, which must be a fresh one, and judges what it shows. Real-time: yes.

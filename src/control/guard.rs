@@ -145,6 +145,7 @@ impl Port {
             values.map(|((disp, force), (metres, newtons))| (disp * metres, force * newtons)),
         );
         self.estimate(&mut found);
+        self.track(&mut found);
         found
     }
 }

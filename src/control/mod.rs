@@ -7,6 +7,7 @@
 mod believed;
 mod compensated;
 mod direction;
+mod error;
 mod estimate;
 mod guard;
 mod leaving;
@@ -20,11 +21,13 @@ mod pursuit;
 mod stiffness;
 mod tangent;
 mod tempo;
+mod tracking;
 mod trend;
 mod units;
 
 pub use believed::Believed;
 pub use direction::Direction;
+pub use error::PortError;
 pub use estimate::Declared;
 pub use leaving::{Departure, Exit, Exits};
 pub use link::{LinkCount, OnStale, WaitRules};
@@ -38,45 +41,10 @@ pub use tempo::{HOLD_AT, SLOW_FROM, Stage, Stride, Tempo};
 pub use trend::Trend;
 pub use units::AxisUnits;
 
-use thiserror::Error;
-
 use crate::substructure::{
     Command, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
 };
 use crate::time::Nanos;
-
-/// A port whose parts do not fit together.
-#[derive(Debug, Clone, PartialEq, Eq, Error)]
-pub enum PortError {
-    /// B and the substructure disagree about the number of axes.
-    #[error("B has {rows} rows, but the specimen has {axes} axes")]
-    Axes {
-        /// Rows of B.
-        rows: usize,
-        /// Axes of the substructure.
-        axes: usize,
-    },
-    /// A row of B names a degree of freedom that does not exist.
-    #[error("row {row} of B names DOF {dof}, but the structure has {dofs}")]
-    Dof {
-        /// Row of B, from 1.
-        row: usize,
-        /// Degree of freedom, from 1.
-        dof: usize,
-        /// Degrees of freedom of the structure.
-        dofs: usize,
-    },
-    /// A gain that is zero or not finite cannot be undone.
-    #[error("axis {axis}: the {what} is {found}, but must be finite and not zero")]
-    Gain {
-        /// Axis, from 1.
-        axis: usize,
-        /// Which gain.
-        what: &'static str,
-        /// What was found, as text so that the error can be compared.
-        found: String,
-    },
-}
 
 /// One axis of a specimen as the structure sees it: the row of B and the map between the two systems of units.
 ///
@@ -177,6 +145,9 @@ pub struct Port {
     /// Zero velocities.
     still: Vec<f64>,
     compensation: Option<compensated::Compensation>,
+    tracking: tracking::Tracking,
+    /// The test runs.
+    runs: bool,
     /// How the specimen is left.
     pub exits: Exits,
 }
@@ -275,6 +246,8 @@ impl Port {
             opening: opening::Opening::absolute(n),
             still: vec![0.0; n],
             compensation: None,
+            tracking: tracking::Tracking::new(n),
+            runs: false,
             exits: Exits::default(),
         })
     }

@@ -193,8 +193,8 @@ impl Row {
                 .zip(&port.measured)
                 .zip(&port.force)
                 .zip(port.raw().disp.iter().zip(&port.raw().force));
-            let width = (slots.len() - 2) / port.axes().max(1);
-            let slots_of_axes = slots.chunks_exact_mut(width.max(1));
+            let width = width_of_axis(port);
+            let slots_of_axes = slots.chunks_exact_mut(width);
             for (slot, (axis, estimates)) in slots_of_axes.zip(axes.zip(port.estimates())) {
                 let ((((target, command), measured), force), (raw_disp, raw_force)) = axis;
                 let (stiffness, damping, energy) = estimates;
@@ -205,9 +205,10 @@ impl Row {
                     *to = from;
                 }
             }
-            let after_axes = slots.iter_mut().skip(6 * port.axes());
-            for (slot, parameter) in after_axes.zip(port.compensation_parameters()) {
-                *slot = parameter;
+            let after_axes = slots.iter_mut().skip(width * port.axes());
+            let further = port.tracking().flatten();
+            for (slot, value) in after_axes.zip(further.chain(port.compensation_parameters())) {
+                *slot = value;
             }
             if let [.., sequence, status] = slots {
                 *sequence = port.raw().sequence as f64;
@@ -274,6 +275,12 @@ fn gather(values: &mut [f64], range: &Range<usize>, dofs: &[usize], from: &[f64]
     }
 }
 
+/// Columns that every axis of a port has side by side: eight, and one more where damping is declared of any.
+fn width_of_axis(port: &Port) -> usize {
+    let damping = port.estimates().any(|(_, damping, _)| damping.is_some());
+    8 + usize::from(damping)
+}
+
 fn port_columns(columns: &mut Vec<Column>, number: usize, port: &Port) -> Range<usize> {
     let start = columns.len();
     let name = &port.name;
@@ -313,6 +320,26 @@ fn port_columns(columns: &mut Vec<Column>, number: usize, port: &Port) -> Range<
         );
         if port.estimates().any(|(_, damping, _)| damping.is_some()) {
             add("ct", "N s/m", "tangent damping, estimated");
+        }
+    }
+    let tracked = if port.tracks() { port.axes() } else { 0 };
+    for axis in 1..=tracked {
+        for (key, unit, meaning) in [
+            ("lag", "s", "lag behind the target, estimated"),
+            (
+                "gain",
+                "1",
+                "measured displacement over the target, estimated",
+            ),
+            ("false_c", "N s/m", "damping that the lag adds"),
+        ] {
+            let meaning = format!("{meaning}, specimen \"{name}\", axis {axis}");
+            columns.push(column(
+                &format!("{key}_{number}_{axis}"),
+                unit,
+                &meaning,
+                false,
+            ));
         }
     }
     for (axis, parameter) in port.compensation_names() {

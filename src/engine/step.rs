@@ -135,8 +135,11 @@ impl Engine {
                 .map_err(|fault| Stop::Link { port: index, fault })?;
             port.answered();
             stamps.decoded = self.clock.now();
+            // A slow partner may have been asked some ticks ago.
+            let asked_at = self.asked_at.get(index).copied().flatten();
+            let asked_at = asked_at.unwrap_or(stamps.sent);
             self.timing
-                .round_trip(index, stamps.decoded.since(stamps.sent));
+                .round_trip(index, stamps.decoded.since(asked_at));
             let status = port.raw().status;
             if status.has(Status::INTERLOCK) {
                 return Err(Stop::Interlock { port: index });

@@ -24,6 +24,7 @@ mod eigen;
 mod locus;
 mod poles;
 mod transfer;
+mod winding;
 
 pub use apparent::{
     Apparent, amplitude_decay, apparent, period_error, undamped_apparent, zero_period_error_lambda,
@@ -36,6 +37,7 @@ pub use eigen::{eigenvalues, spectral_radius};
 pub use locus::Locus;
 pub use poles::{Tabulated, alpha, coefficients, discriminant, poles, quadratic, table_1};
 pub use transfer::{Transfer, amplification};
+pub use winding::unstable_roots;
 
 /// A pole in the z plane.
 pub type Pole = nalgebra::Complex<f64>;

@@ -189,7 +189,7 @@ fn behind_transfer(
     if let Some(finding) = compensation::slower_time(&at.key("transfer"), time) {
         return site.refuse(finding);
     }
-    match Transfer::new(spec, law, Some(time.step.value())) {
+    match Transfer::new(spec, law, Some(compensation::test_time(time))) {
         Ok(transfer) => Ok(Box::new(transfer)),
         Err(error) => site.refuse_key(&at.key("transfer"), error.key(), &error),
     }
@@ -379,7 +379,7 @@ impl Specimens {
                 .map(|i| entry.stiffness[i][i])
                 .collect();
             let declared = entry.declared(gains.get(index));
-            let stiffness = std::mem::take(&mut entry.stiffness);
+            let stiffness = entry.stiffness.clone();
             let link = site.loaded.file.specimen.get(index);
             let direction = match link.and_then(|table| table.link.as_ref()) {
                 Some(link) => entry.direction(link, site.loaded.time.period.value(), settles),
@@ -422,9 +422,14 @@ impl Specimens {
                         .with_pace(per_step, order)
                         .with_references(safety::references(table, axes))
                         .with_declared(&declared, &stiffness, time.step.value());
-                    if let Some(compensators) = compensation::compensators(site, index, axes)? {
-                        let pace = time.step.value() / tick;
+                    let passes = compensation::test_time(time) * f64::from(ticks);
+                    if let Some(compensators) = compensation::compensators(site, index, axes, tick)?
+                    {
+                        let pace = passes / tick;
                         port = port.with_compensation(compensators, metres, tick, pace);
+                    }
+                    if compensation::is_tracked(&site.loaded.file.specimen[index], axes) {
+                        port = port.with_tracking(passes);
                     }
                     port.wait = wait;
                     port.direction = direction;

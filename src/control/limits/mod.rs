@@ -54,11 +54,15 @@ pub enum Quantity {
     DampingRatio,
     /// Energy that the transfer system has added to the structure, J.
     AddedEnergy,
+    /// |Lag| of the measured displacement behind the target, s.
+    Lag,
+    /// |Gain − 1| of the measured displacement over the target.
+    GainError,
 }
 
 impl Quantity {
     /// All of them.
-    pub const ALL: [Quantity; 15] = [
+    pub const ALL: [Quantity; 17] = [
         Quantity::CommandDisp,
         Quantity::CommandStep,
         Quantity::CommandVel,
@@ -74,6 +78,8 @@ impl Quantity {
         Quantity::StiffnessRatio,
         Quantity::DampingRatio,
         Quantity::AddedEnergy,
+        Quantity::Lag,
+        Quantity::GainError,
     ];
 
     /// In words.
@@ -95,6 +101,8 @@ impl Quantity {
             Quantity::StiffnessRatio => "tangent stiffness over its declared bound",
             Quantity::DampingRatio => "tangent damping over its declared bound",
             Quantity::AddedEnergy => "energy added by the transfer system",
+            Quantity::Lag => "lag behind the target",
+            Quantity::GainError => "error of the gain from target to measurement",
         }
     }
 
@@ -117,6 +125,8 @@ impl Quantity {
             Quantity::StiffnessRatio => "stiffness_ratio",
             Quantity::DampingRatio => "damping_ratio",
             Quantity::AddedEnergy => "added_energy_j",
+            Quantity::Lag => "lag_s",
+            Quantity::GainError => "gain_error",
         }
     }
 
@@ -134,6 +144,8 @@ impl Quantity {
             Quantity::MeasuredForce | Quantity::SensorForce | Quantity::ForceStep => "N",
             Quantity::StuckSensor | Quantity::Alternation => "ticks",
             Quantity::StiffnessRatio | Quantity::DampingRatio => "×",
+            Quantity::Lag => "s",
+            Quantity::GainError => "1",
             Quantity::AddedEnergy => "J",
         }
     }
@@ -147,7 +159,7 @@ impl Quantity {
         )
     }
 
-    const fn bit(self) -> u16 {
+    const fn bit(self) -> u32 {
         1 << self as u16
     }
 }
@@ -294,6 +306,10 @@ pub struct AxisLimits {
     pub damping_ratio: Bound,
     /// Of the energy that the transfer system adds, J at the structure.
     pub added_energy: Bound,
+    /// Of the lag behind the target, s.
+    pub lag: Bound,
+    /// Of the error of the gain.
+    pub gain_error: Bound,
     /// Motion in m below which no tangent is taken.
     pub tangent_step: f64,
 }
@@ -319,6 +335,8 @@ impl AxisLimits {
         stiffness_ratio: Bound::NONE,
         damping_ratio: Bound::NONE,
         added_energy: Bound::NONE,
+        lag: Bound::NONE,
+        gain_error: Bound::NONE,
         tangent_step: 0.0,
     };
 }
@@ -335,7 +353,7 @@ pub enum Levels {
 impl AxisLimits {
     /// All limits with their levels, infinite where there is none.
     #[must_use]
-    pub fn levels(&self) -> [(Quantity, Levels); 15] {
+    pub fn levels(&self) -> [(Quantity, Levels); 17] {
         Quantity::ALL.map(|quantity| {
             let levels = match quantity {
                 Quantity::CommandDisp => Levels::Range(self.command_disp),
@@ -353,6 +371,8 @@ impl AxisLimits {
                 Quantity::StiffnessRatio => Levels::Size(self.stiffness_ratio),
                 Quantity::DampingRatio => Levels::Size(self.damping_ratio),
                 Quantity::AddedEnergy => Levels::Size(self.added_energy),
+                Quantity::Lag => Levels::Size(self.lag),
+                Quantity::GainError => Levels::Size(self.gain_error),
             };
             (quantity, levels)
         })

@@ -64,6 +64,13 @@ pub struct LimitsSpec {
     /// Energy in J, at the structure, that the axis adds because it is not where it should be: a delay adds, a lead takes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub added_energy_j: Option<BoundSpec>,
+    /// Lag of the measured displacement behind the target in s, early or late, as estimated over the last seconds of
+    /// motion: it adds the damping −k lag.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lag_s: Option<BoundSpec>,
+    /// |gain − 1| of the measured displacement over the target, estimated likewise.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gain_error: Option<BoundSpec>,
     /// Motion in m below which no tangent is taken from it. 0: ten times the noise that was read while zeroing.
     pub tangent_step_m: f64,
 }
@@ -232,6 +239,8 @@ impl LimitsSpec {
             stiffness_ratio: self.stiffness_ratio.or(all.stiffness_ratio),
             damping_ratio: self.damping_ratio.or(all.damping_ratio),
             added_energy_j: self.added_energy_j.or(all.added_energy_j),
+            lag_s: self.lag_s.or(all.lag_s),
+            gain_error: self.gain_error.or(all.gain_error),
             tangent_step_m: longer(self.tangent_step_m, all.tangent_step_m),
         }
     }
@@ -261,6 +270,8 @@ impl LimitsSpec {
             ("stiffness_ratio", self.stiffness_ratio),
             ("damping_ratio", self.damping_ratio),
             ("added_energy_j", self.added_energy_j),
+            ("lag_s", self.lag_s),
+            ("gain_error", self.gain_error),
         ] {
             spec.map_or(Ok(()), |spec| spec.check(key))?;
         }
@@ -300,6 +311,8 @@ impl LimitsSpec {
             stiffness_ratio: BoundSpec::bound(self.stiffness_ratio),
             damping_ratio: BoundSpec::bound(self.damping_ratio),
             added_energy: BoundSpec::bound(self.added_energy_j),
+            lag: BoundSpec::bound(self.lag_s),
+            gain_error: BoundSpec::bound(self.gain_error),
             tangent_step: self.tangent_step_m,
         }
     }

@@ -18,7 +18,7 @@ struct Past {
     stuck_travel: f64,
     sawtooth: Sawtooth,
     /// One bit per quantity that is beyond its warning level.
-    warned: u16,
+    warned: u32,
     /// What has tripped, and how far it was: no further trip until it gets worse.
     excused: Option<(Quantity, f64)>,
 }
@@ -268,6 +268,30 @@ impl Watch {
     }
 }
 
+impl Watch {
+    /// Judges |lag| in s and |gain − 1| behind the targets, one pair per axis, and adds it to `found`. What is not known is
+    /// not a finite number and is not judged. Real-time: yes.
+    pub fn tracked(&mut self, values: impl Iterator<Item = (f64, f64)>, found: &mut Found) {
+        let axes = self.limits.iter().zip(&mut self.past).zip(values);
+        for (axis, ((limits, past), (lag, gain_error))) in axes.enumerate() {
+            let mut look = Look {
+                axis,
+                warned: &mut past.warned,
+                excused: past.excused,
+                found,
+            };
+            for (quantity, value, bound) in [
+                (Quantity::Lag, lag, limits.lag),
+                (Quantity::GainError, gain_error, limits.gain_error),
+            ] {
+                if value.is_finite() {
+                    look.at(quantity, value, bound.judge(value));
+                }
+            }
+        }
+    }
+}
+
 /// What is estimated of one axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Estimated {
@@ -323,7 +347,7 @@ impl Sawtooth {
 /// The look at one axis.
 struct Look<'a> {
     axis: usize,
-    warned: &'a mut u16,
+    warned: &'a mut u32,
     excused: Option<(Quantity, f64)>,
     found: &'a mut Found,
 }

@@ -3,13 +3,15 @@
 use super::super::{Refused, Site, path};
 use crate::compensation::{CompensationSpec, Compensator};
 use crate::config::steps::Time;
-use crate::config::{Finding, KeyPath, Method};
+use crate::config::{Finding, KeyPath, Method, SpecimenTable};
+use crate::control::limits::LimitsSpec;
 
 /// One compensator per axis, if the table of specimen `index` has any.
 pub(super) fn compensators(
     site: &mut Site<'_>,
     index: usize,
     axes: usize,
+    tick: f64,
 ) -> Result<Option<Vec<Box<dyn Compensator>>>, Refused> {
     let Some(spec) = site
         .loaded
@@ -34,7 +36,6 @@ pub(super) fn compensators(
         .help("`polynomial` with order = 2 and nodes = \"step\" says the same of any targets");
         return site.refuse(finding);
     }
-    let tick = site.loaded.time.period.value();
     let built: Result<Vec<_>, _> = (0..axes).map(|_| spec.build(tick)).collect();
     match built {
         Ok(built) => Ok(Some(built)),
@@ -42,15 +43,29 @@ pub(super) fn compensators(
     }
 }
 
+/// Test time that passes in one tick, in s.
+pub(super) fn test_time(time: Time) -> f64 {
+    time.step.value() / f64::from(time.ticks_per_step)
+}
+
+/// Whether it is seen how the specimen follows: where an actuator is simulated or made up for, or the lag is limited.
+pub(super) fn is_tracked(table: &SpecimenTable, axes: usize) -> bool {
+    let limited = |limits: &LimitsSpec| limits.lag_s.is_some() || limits.gain_error.is_some();
+    table.transfer.is_some()
+        || table.compensation.is_some()
+        || table.limits_of(axes).iter().any(limited)
+}
+
 /// A simulated actuator lives in test time: in a test that runs slower it would be faster than it is.
 pub(super) fn slower_time(at: &KeyPath, time: Time) -> Option<Finding> {
-    let (step, period) = (time.step.value(), time.period.value());
-    (step != period).then(|| {
+    let (step, period) = (test_time(time), time.period.value());
+    // One is a fraction of the other's digits.
+    ((step - period).abs() > 1e-9 * period).then(|| {
         Finding::error(
             at.clone(),
             "a simulated actuator has no time of its own: `time.scale` must be 1",
         )
         .at_key()
-        .label(format!("a tick of {period} s for a step of {step} s"))
+        .label(format!("a tick of {period} s for {step} s of test time"))
     })
 }

@@ -1,0 +1,193 @@
+//! How well a specimen follows its targets, while the test runs: delay, gain, and the damping that they falsify.
+//!
+//! Over a window that forgets, the measured displacement is fitted by the target and its velocity, m ≈ a x + b ẋ; with the
+//! mean frequency ω² = Σẋ²/Σx² of the window, gain = √(a² + ω²b²) and lag = atan2(−ωb, a)/ω, exact for one frequency. A lag τ
+//! on a stiffness k_e is the damping −k_e τ (Horiuchi et al. 1999). Nothing is said before the window holds motion well above
+//! the noise that was read while zeroing. It moves nothing: columns and limits only.
+
+use super::Port;
+use super::limits::Found;
+
+/// Time in which the window forgets, s of test time.
+const WINDOW_S: f64 = 2.0;
+/// The motion's rms over the noise's, from which on something is said.
+const ABOVE_NOISE: f64 = 10.0;
+/// Smallest motion in m that is looked at where no noise is known.
+const LEAST_M: f64 = 1e-7;
+/// 1 − ρ² of target and velocity below which they are one direction.
+const INDEPENDENT: f64 = 1e-3;
+
+/// What is remembered of one axis.
+#[derive(Debug, Clone, Copy, Default)]
+struct Follow {
+    /// Where the test began, and the target's velocity of the tick before.
+    start: Option<(f64, f64)>,
+    last_vel: f64,
+    weight: f64,
+    xx: f64,
+    xv: f64,
+    vv: f64,
+    xm: f64,
+    vm: f64,
+    lag: f64,
+    gain: f64,
+    least: f64,
+}
+
+impl Follow {
+    /// One tick of `dt` s: target, its velocity as the integrator publishes it (of half a tick ago), measured displacement.
+    /// Real-time: yes.
+    fn take(&mut self, target: f64, vel: f64, measured: f64, dt: f64) {
+        let (x0, m0) = *self.start.get_or_insert((target, measured));
+        // Half a tick on along a straight line: the velocity of now.
+        let now = vel + 0.5 * (vel - self.last_vel);
+        self.last_vel = vel;
+        let keep = 1.0 - (dt / WINDOW_S).min(1.0);
+        let (x, m) = (target - x0, measured - m0);
+        self.weight = keep * self.weight + 1.0;
+        self.xx = keep * self.xx + x * x;
+        self.xv = keep * self.xv + x * now;
+        self.vv = keep * self.vv + now * now;
+        self.xm = keep * self.xm + x * m;
+        self.vm = keep * self.vm + now * m;
+        let determinant = self.xx * self.vv - self.xv * self.xv;
+        let moves = self.xx > self.weight * self.least * self.least;
+        // Written so that NaN says nothing.
+        if !(moves && determinant > INDEPENDENT * self.xx * self.vv) {
+            (self.lag, self.gain) = (f64::NAN, f64::NAN);
+            return;
+        }
+        let a = (self.xm * self.vv - self.vm * self.xv) / determinant;
+        let b = (self.vm * self.xx - self.xm * self.xv) / determinant;
+        let omega = (self.vv / self.xx).sqrt();
+        self.gain = (a * a + omega * omega * b * b).sqrt();
+        self.lag = libm::atan2(-omega * b, a) / omega;
+    }
+}
+
+/// Of all axes of a port.
+#[derive(Debug)]
+pub(super) struct Tracking {
+    axes: Vec<Follow>,
+    dt: f64,
+    on: bool,
+    /// A command that moves is in force.
+    pub moves: bool,
+}
+
+impl Tracking {
+    pub fn new(axes: usize) -> Self {
+        let unknown = Follow {
+            lag: f64::NAN,
+            gain: f64::NAN,
+            least: LEAST_M,
+            ..Follow::default()
+        };
+        Self {
+            axes: vec![unknown; axes],
+            dt: 0.0,
+            on: false,
+            moves: false,
+        }
+    }
+}
+
+impl Port {
+    /// True if delay and gain are estimated: columns of their own.
+    #[must_use]
+    pub fn tracks(&self) -> bool {
+        self.tracking.on
+    }
+
+    /// Estimates delay and gain; `dt` is the test time from command to command in s.
+    #[must_use]
+    pub fn with_tracking(mut self, dt: f64) -> Self {
+        (self.tracking.on, self.tracking.dt) = (true, dt);
+        self
+    }
+
+    /// The noise that was read while zeroing is known.
+    pub(super) fn track_above_noise(&mut self) {
+        for index in 0..self.axes.len() {
+            let noise = self.reading(index).disp_noise;
+            let axes = self.tracking.axes.iter_mut().zip(&self.axes);
+            if let Some((follow, axis)) = axes.into_iter().nth(index) {
+                let least = ABOVE_NOISE * (noise / axis.disp_gain).abs();
+                follow.least = LEAST_M.max(least);
+            }
+        }
+    }
+
+    /// Takes the measurement last taken, which must be a fresh one, and judges what it shows. Real-time: yes.
+    pub(super) fn track(&mut self, found: &mut Found) {
+        if !(self.tracking.on && self.tracking.moves) {
+            return;
+        }
+        let dt = self.tracking.dt;
+        let values = self.target.iter().zip(&self.target_vel).zip(&self.measured);
+        for (follow, ((target, vel), measured)) in self.tracking.axes.iter_mut().zip(values) {
+            follow.take(*target, *vel, *measured, dt);
+        }
+        let judged = self.tracking.axes.iter();
+        let judged = judged.map(|follow| (follow.lag.abs(), (follow.gain - 1.0).abs()));
+        self.guard.watch.tracked(judged, found);
+    }
+
+    /// Lag in s, gain, and the damping in N s/m that the lag adds, per axis at the structure; NaN where nothing is known.
+    /// Empty where nothing is estimated. Real-time: yes.
+    pub fn tracking(&self) -> impl Iterator<Item = [f64; 3]> + '_ {
+        let axes = if self.tracking.on {
+            self.tracking.axes.as_slice()
+        } else {
+            &[]
+        };
+        let tangents = self.estimates();
+        axes.iter()
+            .zip(tangents)
+            .map(|(follow, (stiffness, ..))| [follow.lag, follow.gain, -stiffness * follow.lag])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn follow(gain: f64, delay: f64, hertz: f64, dt: f64) -> Follow {
+        let mut follow = Tracking::new(1).axes[0];
+        let omega = std::f64::consts::TAU * hertz;
+        let at = |t: f64| 0.01 * libm::sin(omega * t);
+        for k in 0..(20.0 / dt) as i32 {
+            let t = f64::from(k) * dt;
+            let vel = (at(t) - at(t - dt)) / dt;
+            follow.take(at(t), vel, gain * at(t - delay), dt);
+        }
+        follow
+    }
+
+    #[test]
+    fn delay_and_gain_of_a_sine_are_found() {
+        for (gain, delay, hertz) in [
+            (0.95, 3.1e-3, 2.0),
+            (0.916, 23.7e-3, 3.6),
+            (1.02, -4e-3, 5.0),
+        ] {
+            let found = follow(gain, delay, hertz, 1.0 / 4096.0);
+            // The measured start of a sine is not its own zero, and the window ripples with it.
+            assert!((found.gain - gain).abs() < 0.01 * gain, "{found:?}");
+            assert!(
+                (found.lag - delay).abs() < 0.03 * delay.abs() + 1e-5,
+                "{found:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn nothing_is_said_of_noise_or_of_rest() {
+        let mut quiet = Tracking::new(1).axes[0];
+        quiet.least = 1e-4;
+        for k in 0..10_000 {
+            quiet.take(1e-6 * libm::sin(f64::from(k)), 1e-3, 1e-5, 1e-3);
+        }
+        assert!(quiet.lag.is_nan() && quiet.gain.is_nan());
+    }
+}
