@@ -82,7 +82,7 @@ impl Transport for FarEnd {
 /// Where in its life the far end is.
 enum Far {
     /// Nobody has armed it.
-    Waiting(Waiting),
+    Waiting(Box<Waiting>),
     /// With the time until which it waits.
     Testing(Box<Stand>, Nanos),
     /// Its session is over.
@@ -153,11 +153,11 @@ impl Simulated {
                 heard: heard_in,
             },
             heard,
-            far: Far::Waiting(Waiting {
+            far: Far::Waiting(Box::new(Waiting {
                 line,
                 inbox: Inbox::new(stream),
                 greeted: None,
-            }),
+            })),
             tap: None,
         }
     }
@@ -290,11 +290,11 @@ impl Waiting {
                 let _ = line.send(&frame);
             }
         }
-        Far::Waiting(Self {
+        Far::Waiting(Box::new(Self {
             line,
             inbox,
             greeted,
-        })
+        }))
     }
 }
 
