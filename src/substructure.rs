@@ -35,6 +35,14 @@ impl Status {
     /// A sensor or actuator is at the end of its range.
     pub const SATURATED: Status = Status(4);
 
+    /// The loop's own mark in its rows, never on a link: from here on the specimen is lost.
+    pub const LOST: Status = Status(1 << 16);
+    /// The same, and already the last command did not leave.
+    pub const UNSENT: Status = Status(1 << 17);
+
+    /// The same: the measurement is older than its command.
+    pub const STALE: Status = Status(1 << 18);
+
     /// True if every bit of `flag` is set.
     #[must_use]
     pub const fn has(self, flag: Status) -> bool {

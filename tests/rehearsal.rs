@@ -11,7 +11,7 @@ use common::{FRAME, Said, run, say, write};
 use gusset::session::rehearsal::{Curtain, StandIn, rehearse};
 use serde_json::Value;
 
-const LIMITS: &str = "[specimen.limits]\ncommand_disp_m = { trip = [-0.5, 0.5] }\n";
+const LIMITS: &str = "[specimen.limits]\ncommand_disp_m = { trip = [-0.5, 0.5] }\nmeasured_force_n = { trip = [-1e6, 1e6] }\n";
 
 fn check(folder: &Path, text: &str, more: &[&str]) -> Said {
     let test = write(folder, "test.toml", text);
@@ -190,7 +190,7 @@ fn a_specimen_without_a_stand_in_has_no_force_and_check_says_so() {
     let text = format!(
         "[time]\nrate_hz = 100\nduration_s = 1\nclock = \"simulated\"\n[[excitation.prescribed_displacement]]\n\
          specimen = \"s\"\nsignal.sine = {{ amplitude = 0.01, frequency_hz = 1 }}\n[[specimen]]\nname = \"s\"\n\
-         stiffness_n_per_m = 0\n[specimen.link]\naddress = \"127.0.0.1:9\"\nprobe = \"none\"\n{LIMITS}measured_force_n = {{ trip = [-1, 1] }}\n"
+         stiffness_n_per_m = 0\n[specimen.link]\naddress = \"127.0.0.1:9\"\nprobe = \"none\"\n{LIMITS}"
     );
     let found = Found::of(&text);
     assert_eq!(found.0["stand_in"], "nothing");

@@ -172,7 +172,7 @@ fn both_ends_know_the_limits_of_the_other_before_anything_moves() {
     assert_eq!(code, 3, "{said}");
     let reason = summary(folder, "wide").reason;
     assert!(
-        reason.contains("0.5 m there, beyond 0.02 m here"),
+        reason.contains("-0.5 m there, beyond -0.02 m here"),
         "{reason}"
     );
     assert!(reason.contains("nothing was moved"), "{reason}");
@@ -280,7 +280,8 @@ fn the_sawtooth_of_an_unstable_step_trips_before_it_is_large_and_a_stable_one_do
         tangent.iter().all(|k| (k / 4e5 - 1.0).abs() < 1e-6),
         "a spring"
     );
-    assert_eq!(largest(&stable.column("stability_used")), 0.0);
+    // The bound is the spring itself: only roundoff of the estimate is beyond it.
+    assert!(largest(&stable.column("stability_used")) < 1e-9);
 }
 
 #[test]
@@ -349,7 +350,7 @@ fn misses_in_a_window_end_a_test_that_is_late_too_often() {
     let late = |every: u64| {
         let text = test_file(2000, &format!("{ONE_AXIS}{ONE_AXIS_LAW}")).replace(
             "[timing]",
-            "[timing]\nmax_misses_in_window = 9\nmiss_window_s = 0.1",
+            "[timing]\nmax_total_misses = 1000\nmax_misses_in_window = 9\nmiss_window_s = 0.1",
         );
         let clock = Late {
             clock: SimClock::new(),

@@ -1,13 +1,11 @@
 //! Example 4.3: this crate's own path, [`Structure`] and [`Gui`] as the engine calls them, beside its opponents.
 
 use gusset::integrate::{Gui, Integrator, Lambda, Start, State};
-use gusset::law::{BiviscousSpec, Reach};
-use gusset::linalg::{Aligned, Lanes, SymMatrix};
-use gusset::model::{Base, Element, End, Structure};
+use gusset::linalg::{Aligned, Lanes};
+use gusset::model::{Base, Structure};
+use gusset::verify::chain_of_example_4_3;
 
-use crate::opponents::{
-    DAMPER, DAMPING, DT, LAMBDA, MASS, STIFFNESS, base, dense, newton, plain_sweeps, springs,
-};
+use crate::opponents::{DT, LAMBDA, base, dense, newton, plain_sweeps};
 use crate::{timed, verdict};
 
 /// n, then ms per step as printed: average acceleration, Chang 2002, explicit Newmark, λ = 2, 4, 11.5 (a 2014 PC).
@@ -38,28 +36,7 @@ pub struct Chain {
 
 impl Chain {
     pub fn new(n: usize) -> Self {
-        let law = BiviscousSpec {
-            damping_n_s_per_m: DAMPER.0,
-            post_yield_damping_n_s_per_m: DAMPER.1,
-            yield_velocity_m_per_s: DAMPER.2,
-        };
-        let dampers = (0..n).map(|dof| Element {
-            name: format!("damper {}", dof + 1),
-            from: End::Fixed,
-            to: End::Dof(dof),
-            law: Box::new(law.build().expect("a damper")),
-            reach: Reach::default(),
-            hardening_ratio: None,
-            damping_ratio: None,
-        });
-        let mut structure = Structure::new(
-            SymMatrix::diagonal(&vec![MASS; n]),
-            springs(n, DAMPING),
-            springs(n, STIFFNESS),
-            vec![1.0; n],
-            dampers,
-        )
-        .expect("a chain");
+        let mut structure = chain_of_example_4_3(n).expect("a chain");
         // As the engine does for a method that is explicit.
         structure.forget_tangents();
         let gui = Gui::new(

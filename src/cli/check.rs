@@ -88,6 +88,18 @@ fn as_table(facts: &Facts, spectrum: Option<&Spectrum>, verdict: &str) -> Table 
             facts.rate_hz
         ),
     );
+    if facts.ticks_per_step > 1 {
+        let ticks = f64::from(facts.ticks_per_step);
+        table.row(
+            "rates",
+            &format!(
+                "integration {:.6} steps per second of wall time, controller {:.6} ticks per second: {} ticks per step",
+                facts.rate_hz / ticks,
+                facts.rate_hz,
+                facts.ticks_per_step
+            ),
+        );
+    }
     if let Some(structure) = &facts.structure {
         describe(&mut table, facts, structure, spectrum);
     } else {
@@ -246,6 +258,7 @@ fn as_json(
         "steps": facts.steps,
         "dt": facts.dt,
         "rate_hz": facts.rate_hz,
+        "ticks_per_step": facts.ticks_per_step,
         "structure": structure,
         "specimens": facts.specimens,
         "rehearsal": rehearsed.map(Rehearsed::as_json),

@@ -37,8 +37,8 @@ pub fn tabulate(limits: &LimitFacts, table: &mut Table) {
 fn line(limit: &Limit, table: &mut Table) {
     let level = |values: &[f64]| match values {
         [] => "-".to_owned(),
-        [low, high] => format!("{low} to {high}"),
-        sizes => sizes.iter().map(f64::to_string).collect(),
+        [low, high] => format!("{} to {}", plain(*low), plain(*high)),
+        sizes => sizes.iter().map(|size| plain(*size)).collect(),
     };
     let star = if limit.also_at_the_specimen { " *" } else { "" };
     table.row(
@@ -50,4 +50,13 @@ fn line(limit: &Limit, table: &mut Table) {
             limit.unit
         ),
     );
+}
+
+/// Without rows of zeros.
+fn plain(value: f64) -> String {
+    if value == 0.0 || (1e-3..1e7).contains(&value.abs()) {
+        value.to_string()
+    } else {
+        format!("{value:e}")
+    }
 }

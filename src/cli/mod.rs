@@ -97,11 +97,17 @@ enum Command {
 #[derive(Debug, Args)]
 #[command(
     after_help = "Example:\n  gusset run config/frame-bouc-wen.toml --out runs/first\n  \
-    gusset run config/frame-bouc-wen.toml --clock simulated --set integrator.lambda=4"
+    gusset run config/frame-bouc-wen.toml --clock simulated --set integrator.lambda=4\n  \
+    gusset run --resume runs/first --out runs/second"
 )]
 struct RunArgs {
     /// The test file.
-    test: PathBuf,
+    #[arg(required_unless_present = "resume")]
+    test: Option<PathBuf>,
+    /// Goes on with an interrupted test where its folder's record ends, into a folder of its own; refused if a specimen does
+    /// not stand where it was left, or a file was changed.
+    #[arg(long, value_name = "RUN_DIR", conflicts_with_all = ["sets", "clock"])]
+    resume: Option<PathBuf>,
     /// Run folder; must not exist yet [default: runs/<title>-<start time>].
     #[arg(long)]
     out: Option<PathBuf>,

@@ -10,27 +10,20 @@ use super::exit::{Exit, Mistakes, WithExit};
 use super::progress::ProgressLine;
 use super::table::{Table, duration, quantity};
 use super::{ClockArg, RunArgs, answer, tell, warn};
-use crate::config::{self, ConfigError, Facts, Loaded, Method};
+use crate::config::{self, ConfigError, Facts, Loaded, Method, Prepared};
 use crate::engine::{Control, PhaseCell};
 use crate::record::{Progress, RunFolder};
 use crate::rt::wall::Wall;
-use crate::session::{self, Finish, Finished, Page, SessionError, Signal, Signals, Watches};
+use crate::session::{
+    self, Finish, Finished, Page, ReplayError, ResumeError, SessionError, Signal, Signals, Watches,
+};
 
 /// Notices of the loop that may wait to be read.
 const NOTICES: usize = 1024;
 
 /// Runs one test.
 pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
-    let mut sets = args.sets.clone();
-    if let Some(clock) = args.clock {
-        let clock = match clock {
-            ClockArg::Real => "real",
-            ClockArg::Simulated => "simulated",
-        };
-        sets.push(format!("time.clock=\"{clock}\""));
-    }
-    let loaded = load(&args.test, &sets)?;
-    let test = config::build(&loaded).map_err(refused)?;
+    let test = prepare(args)?;
     warn(&test.warnings);
     for text in &test.facts.announced {
         tell(format_args!("note: {text}"));
@@ -97,6 +90,27 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
         (Finish::LinkFailed, _) => Exit::Link,
         (Finish::Panicked, _) => Exit::Panic,
     })
+}
+
+/// The test that is asked for: a new one, or an interrupted one that goes on.
+fn prepare(args: &RunArgs) -> anyhow::Result<Prepared> {
+    if let Some(folder) = &args.resume {
+        return session::resume(folder, args.test.as_deref()).map_err(|error| match error {
+            ResumeError::Replay(ReplayError::Config(error)) => refused(error),
+            other => WithExit(Exit::Usage, format!("{other}\nnothing was moved")).into(),
+        });
+    }
+    let mut sets = args.sets.clone();
+    if let Some(clock) = args.clock {
+        let clock = match clock {
+            ClockArg::Real => "real",
+            ClockArg::Simulated => "simulated",
+        };
+        sets.push(format!("time.clock=\"{clock}\""));
+    }
+    let test = args.test.as_deref().context("no test file is given")?;
+    let loaded = load(test, &sets)?;
+    config::build(&loaded).map_err(refused)
 }
 
 /// Reads a test file; its mistakes are shown with file, line and caret.

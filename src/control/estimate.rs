@@ -61,6 +61,8 @@ pub(super) struct Estimates {
     /// Whether energy is counted, and whether there is a measurement to count from.
     counts: bool,
     has_last: bool,
+    /// Nothing is estimated for now.
+    rests: bool,
 }
 
 impl Estimates {
@@ -79,6 +81,7 @@ impl Estimates {
             moves: false,
             counts: false,
             has_last: false,
+            rests: false,
         }
     }
 
@@ -172,8 +175,16 @@ impl Port {
         self
     }
 
-    /// Energy counts from the next measurement on.
-    pub fn count_energy(&mut self) {
+    /// The specimen stands, and what is measured stands in no row: nothing is estimated from it.
+    pub fn rest(&mut self) {
+        self.estimates.rests = true;
+    }
+
+    /// The test begins: energy counts from the next measurement on, and what is remembered of the measurements is what stands
+    /// in the rows, so that a replay remembers the same.
+    pub fn begin_test(&mut self) {
+        self.guard.watch.forget_measurements();
+        self.estimates.rests = false;
         self.estimates.counts = true;
         self.estimates.has_last = false;
         for axis in &mut self.estimates.axes {
@@ -197,6 +208,9 @@ impl Port {
 
     /// Takes the measurement last taken, which must be a fresh one, and judges what it shows. Real-time: yes.
     pub(super) fn estimate(&mut self, found: &mut Found) {
+        if self.estimates.rests {
+            return;
+        }
         let Estimates {
             axes,
             coupling,
@@ -364,7 +378,7 @@ mod tests {
             );
             // From where the delay line is full.
             go(&mut port, 500, swing);
-            port.count_energy();
+            port.begin_test();
             go(&mut port, 1001, |k| swing(k + 500));
             port.estimates().next().unwrap().2
         };
@@ -443,7 +457,7 @@ mod tests {
         };
         let tripped = |stiffness, ticks| {
             let mut port = port(spring(stiffness, ticks), declared, limits, DT);
-            port.count_energy();
+            port.begin_test();
             let found = go(&mut port, 1000, swing);
             found.trip.map(|hit| hit.quantity)
         };

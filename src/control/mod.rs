@@ -7,6 +7,7 @@
 mod believed;
 mod compensated;
 mod direction;
+mod error;
 mod estimate;
 mod guard;
 mod leaving;
@@ -26,6 +27,7 @@ mod units;
 
 pub use believed::Believed;
 pub use direction::Direction;
+pub use error::PortError;
 pub use estimate::Declared;
 pub use leaving::{Departure, Exit, Exits};
 pub use link::{LinkCount, OnStale, WaitRules};
@@ -39,43 +41,10 @@ pub use tempo::{HOLD_AT, SLOW_FROM, Stage, Stride, Tempo};
 pub use trend::Trend;
 pub use units::AxisUnits;
 
-use thiserror::Error;
-
-use crate::substructure::{Command, Freshness, LinkFault, Measurement, Retirement, Substructure};
+use crate::substructure::{
+    Command, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
+};
 use crate::time::Nanos;
-
-/// A port whose parts do not fit together.
-#[derive(Debug, Clone, PartialEq, Eq, Error)]
-pub enum PortError {
-    /// B and the substructure disagree about the number of axes.
-    #[error("B has {rows} rows, but the specimen has {axes} axes")]
-    Axes {
-        /// Rows of B.
-        rows: usize,
-        /// Axes of the substructure.
-        axes: usize,
-    },
-    /// A row of B names a degree of freedom that does not exist.
-    #[error("row {row} of B names DOF {dof}, but the structure has {dofs}")]
-    Dof {
-        /// Row of B, from 1.
-        row: usize,
-        /// Degree of freedom, from 1.
-        dof: usize,
-        /// Degrees of freedom of the structure.
-        dofs: usize,
-    },
-    /// A gain that is zero or not finite cannot be undone.
-    #[error("axis {axis}: the {what} is {found}, but must be finite and not zero")]
-    Gain {
-        /// Axis, from 1.
-        axis: usize,
-        /// Which gain.
-        what: &'static str,
-        /// What was found, as text so that the error can be compared.
-        found: String,
-    },
-}
 
 /// One axis of a specimen as the structure sees it: the row of B and the map between the two systems of units.
 ///
@@ -163,6 +132,8 @@ pub struct Port {
     is_recorded: bool,
     /// Number on the link of the command that left last.
     issued: Option<u64>,
+    /// The last command did not leave.
+    unsent: bool,
     /// Exchanges that were none of the test's: by so much the numbers on the link are ahead of the test's.
     ahead: u64,
     /// How it is led from one target to the next.
@@ -265,6 +236,7 @@ impl Port {
             wait: None,
             direction: Direction::Known,
             issued: None,
+            unsent: false,
             ahead: 0,
             pursuit: pursuit::Pursuit::new(n),
             is_recorded: false,
@@ -376,7 +348,17 @@ impl Port {
             disp: &self.command,
             vel: &self.command_vel,
         };
-        self.substructure.issue(&command)
+        let outcome = self.substructure.issue(&command);
+        self.unsent = outcome.is_err();
+        outcome
+    }
+
+    /// The specimen is lost: its status says so in every row from here on.
+    pub fn note_loss(&mut self) {
+        self.raw.status.0 |= Status::LOST.0;
+        if self.unsent {
+            self.raw.status.0 |= Status::UNSENT.0;
+        }
     }
 
     /// Takes the answer and brings it into the structure's units. One that is older than what is known already counts
@@ -397,9 +379,13 @@ impl Port {
         match freshness {
             Freshness::Fresh => {
                 self.link.received += 1;
+                self.raw.status.0 &= !Status::STALE.0;
                 self.compensation_hears();
             }
-            Freshness::Stale => self.link.stale += 1,
+            Freshness::Stale => {
+                self.link.stale += 1;
+                self.raw.status.0 |= Status::STALE.0;
+            }
         }
         for ((axis, measured), raw) in self.axes.iter().zip(&mut self.measured).zip(&self.raw.disp)
         {

@@ -126,13 +126,15 @@ impl Port {
         self.link.sent += 1;
         self.compensation_asks(false);
         self.issued = Some(sequence + self.ahead);
-        self.substructure.issue(&Command {
+        let outcome = self.substructure.issue(&Command {
             sequence: self.pursuit.number(sequence, self.ahead),
             time,
             dt: 0.0,
             disp: &self.sent,
             vel: &self.still,
-        })
+        });
+        self.unsent = outcome.is_err();
+        outcome
     }
 
     /// Keeps the measurement last taken for the zero.
@@ -166,6 +168,41 @@ impl Port {
             }
         }
         self.estimate_above_noise();
+    }
+
+    /// What an axis reads now where it read `disp` and `force` before an interruption: a relative channel takes the difference
+    /// for drift of its zero.
+    pub fn take_drift(&mut self, index: usize, disp: f64, force: f64) {
+        let reading = self.reading(index);
+        let reference = self.opening.references.get(index).copied();
+        let (Some(axis), Some(reference)) = (self.axes.get_mut(index), reference) else {
+            return;
+        };
+        if reference.disp == Zero::Relative {
+            axis.measured_offset += reading.disp - disp;
+        }
+        if reference.force == Zero::Relative {
+            axis.force_offset += reading.force - force;
+        }
+    }
+
+    /// True if it is neither behind a link nor a recording.
+    #[must_use]
+    pub fn is_formula(&self) -> bool {
+        !self.is_recorded && !self.is_remote()
+    }
+
+    /// Where the specimen stands, in its own unit, one value per axis: it was moved there by others than this port.
+    pub fn stands_at(&mut self, disp: &[f64]) {
+        for (sent, disp) in self.sent.iter_mut().zip(disp) {
+            *sent = *disp;
+        }
+    }
+
+    /// Metres in one unit of an axis.
+    #[must_use]
+    pub fn metres_of(&self, axis: usize) -> f64 {
+        self.guard.metres_of(axis)
     }
 
     /// Shortest time in s of wall time for a ramp from the last command to the next: `shortest`, or longer where it would

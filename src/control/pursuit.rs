@@ -16,6 +16,8 @@ pub(super) struct Pursuit {
     goal_vel: Vec<f64>,
     /// Target, measured displacement and force of the tick in which the target was reached.
     kept: [Vec<f64>; 3],
+    /// The last command of an interrupted test.
+    returns: Vec<f64>,
     per_step: bool,
     /// The target has not been sent yet.
     waits: bool,
@@ -36,6 +38,7 @@ impl Pursuit {
             goal: vec![0.0; axes],
             goal_vel: vec![0.0; axes],
             kept: [vec![0.0; axes], vec![0.0; axes], vec![0.0; axes]],
+            returns: Vec::new(),
             per_step: false,
             waits: false,
             asked: false,
@@ -229,6 +232,27 @@ impl Port {
     pub fn ask_again(&mut self) {
         self.pursuit.waits |= self.pursuit.asked;
         self.pursuit.asked = false;
+    }
+
+    /// Makes the last command of the interrupted test again, at rest.
+    pub fn return_to_the_test(&mut self) {
+        if self.pursuit.returns.len() == self.command.len() {
+            self.command.copy_from_slice(&self.pursuit.returns);
+        }
+        self.command_vel.fill(0.0);
+    }
+
+    /// Takes the live substructure of `fresh`, a port of the same test that was never used, in place of a recording; a formula
+    /// stays, with all it remembers. The counts begin anew.
+    pub fn go_live(&mut self, fresh: Port) {
+        if fresh.is_remote() {
+            self.substructure = fresh.substructure;
+            self.is_recorded = false;
+            self.ahead = 0;
+            self.pursuit.skipped = 0;
+        }
+        self.link = super::LinkCount::default();
+        self.pursuit.returns.clone_from(&self.sent);
     }
 
     /// Nothing to command: see [`crate::substructure::Substructure::attend`]. Real-time: yes.

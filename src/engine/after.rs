@@ -72,18 +72,50 @@ impl Engine {
                 if lost || !port.has_begun() {
                     None
                 } else {
-                    port.leave_number(sequence);
-                    port.depart(tripped, period)
+                    let departure = port.depart(tripped, period);
+                    // A specimen that stays where it is hears nothing more but the last words.
+                    if departure.is_some() {
+                        port.leave_number(sequence);
+                    }
+                    departure
                 }
             })
             .collect();
         if departures.iter().all(Option::is_none) {
             return;
         }
+        if tripped && !self.trip_is_recorded {
+            self.record_end(ending);
+        }
         let cause = if tripped { Cause::Stopped } else { Cause::Done };
         self.enter(Phase::Leaving, cause);
         // Whatever ends it, the specimens stand at their last commands.
         let _ = self.all_departures(&mut departures, control);
+    }
+
+    /// What ended the test in no row of its own stands in one, if rows of the way out follow: a replay ends there, too.
+    fn record_end(&mut self, ending: &Ending) {
+        if let Ending::Stopped(Stop::Link { port, .. }) = ending
+            && let Some(port) = self.ports.get_mut(*port)
+        {
+            port.note_loss();
+        }
+        let step = self.steps_done;
+        let tick = Tick {
+            step,
+            sub_tick: 0,
+            time: step as f64 * self.dt,
+            dt: 0.0,
+        };
+        let state = Phase::Tripped.code();
+        self.row.between(&tick, state, &self.side, &self.ports);
+        self.row.no_outputs();
+        let stamps = TickStamps::default();
+        self.row
+            .timing(&stamps, self.first_edge, self.schedule.stretched());
+        if !self.recorder.row(self.row.values()) {
+            self.rows_lost += 1;
+        }
     }
 
     fn all_departures(

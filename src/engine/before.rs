@@ -3,11 +3,10 @@
 //! Zeroing commands every specimen to where it stands and reads; ramping goes from there to where the test begins along
 //! half a cosine, slower than any speed limit. Nothing jumps.
 
-use super::operator::{Control, Notice};
+use super::operator::Control;
 use super::phase::{Cause, Phase};
 use super::tick::Tick;
 use super::{Engine, Side, Stop};
-use crate::record::EventKind;
 use crate::rt::timing::TickStamps;
 
 /// Share of a speed limit that a ramp uses at its fastest.
@@ -39,53 +38,27 @@ impl Engine {
         if ticks == 0 || self.ports.is_empty() {
             return Ok(());
         }
-        self.enter(Phase::Zeroing, Cause::Done);
+        self.read_at_rest(ticks, control)?;
         for port in &mut self.ports {
-            port.stand_still();
+            port.take_zero();
         }
-        self.clear_commands()?;
-        for _ in 0..ticks {
-            self.still_tick(Phase::Zeroing, control)?;
-            for port in &mut self.ports {
-                port.take_reading();
-            }
+        self.tell_readings(control);
+        self.wait_for_confirmation(control)
+    }
+
+    /// A tick in which test time stands still: at t = 0, or where an interrupted test stood.
+    fn tick_at_rest(&self, dt: f64) -> Tick {
+        let step = self.steps_done;
+        Tick {
+            step,
+            time: step as f64 * self.dt,
+            ..Tick::before_start(dt)
         }
-        let mut readings = Vec::new();
-        for (port, behind) in self.ports.iter_mut().enumerate() {
-            behind.take_zero();
-            readings.extend((0..behind.axes()).map(|axis| (port, axis, behind.reading(axis))));
-        }
-        for (port, axis, reading) in readings {
-            self.report_now(EventKind::Zeroed {
-                port: port as u32,
-                axis: axis as u32,
-                values: [
-                    reading.disp,
-                    reading.force,
-                    reading.disp_noise,
-                    reading.force_noise,
-                ],
-            });
-            // Nobody attends, or does not read: the log has it.
-            let _ = control.notices.try_send(Notice::Zeroed {
-                port,
-                axis,
-                reading,
-            });
-        }
-        if self.opening.confirm {
-            let _ = control.notices.try_send(Notice::AwaitingConfirmation);
-            self.confirmed = false;
-            while !self.confirmed {
-                self.still_tick(Phase::Zeroing, control)?;
-            }
-        }
-        Ok(())
     }
 
     /// One tick in which the last command is sent again: nothing moves, everything is read.
-    fn still_tick(&mut self, phase: Phase, control: &Control) -> Result<(), Stop> {
-        let tick = Tick::before_start(0.0);
+    pub(super) fn still_tick(&mut self, phase: Phase, control: &Control) -> Result<(), Stop> {
+        let tick = self.tick_at_rest(0.0);
         let mut stamps = TickStamps::default();
         self.wait_before_start(&mut stamps, control)?;
         self.exchange_again(&tick, &mut stamps)?;
@@ -123,7 +96,7 @@ impl Engine {
                 port.ramp_to(share, seconds);
             }
             self.clear_commands()?;
-            let tick = Tick::before_start(self.dt);
+            let tick = self.tick_at_rest(self.dt);
             let mut stamps = TickStamps::default();
             self.wait_before_start(&mut stamps, control)?;
             self.exchange(&tick, &mut stamps)?;
@@ -149,7 +122,7 @@ impl Engine {
     pub(super) fn warm_up(&mut self, control: &Control) -> Result<(), Stop> {
         self.enter(Phase::Armed, Cause::Done);
         for port in &mut self.ports {
-            port.count_energy();
+            port.rest();
         }
         self.clear_commands()?;
         // A processor that only waited is slow in its first steps: each tick does the work of one.
@@ -158,7 +131,7 @@ impl Engine {
             Side::Prescribed(_) => None,
         };
         for k in 0..self.limits.warmup_ticks {
-            let tick = Tick::before_start(0.0);
+            let tick = self.tick_at_rest(0.0);
             let mut stamps = TickStamps::default();
             self.wait_before_start(&mut stamps, control)?;
             if k == 0 {
@@ -174,6 +147,11 @@ impl Engine {
             stamps.pushed = self.clock.now();
             self.timing.tick(&stamps);
         }
+        for port in &mut self.ports {
+            port.begin_test();
+        }
+        // What stands in no row does not count: a replay would count otherwise.
+        self.stale.fill(0);
         self.clear_commands()
     }
 }

@@ -135,6 +135,7 @@ impl Engine {
             let mut stamps = TickStamps::default();
             self.wait_before_start(&mut stamps, control)?;
             self.exchange_again(&STILL, &mut stamps)?;
+            self.row_before_start(&STILL, Phase::Settling, &stamps);
             for port in &mut self.ports {
                 port.listen_at_rest();
                 port.skip_number();

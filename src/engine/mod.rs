@@ -15,10 +15,12 @@ mod numerical;
 mod operator;
 mod peaks;
 mod phase;
+mod resume;
 mod ride;
 mod run;
 mod settle;
 mod step;
+mod stop;
 mod tick;
 
 pub use audit::StepAudit;
@@ -29,18 +31,15 @@ pub use numerical::{Numerical, Side};
 pub use operator::{Control, Notice, Operator, Watch};
 pub use peaks::Peaks;
 pub use phase::{Cause, Phase, PhaseCell};
+pub use resume::{Place, Resumption};
 pub use ride::Pacing;
 pub use settle::Settling;
+pub use stop::{Ending, Stop};
 pub use tick::Tick;
 
-use thiserror::Error;
-
-use crate::control::limits::Hit;
-use crate::control::{LinkCount, Misfit, Port};
-use crate::integrate::StepError;
+use crate::control::{LinkCount, Port};
 use crate::record::{Column, Recorder};
 use crate::rt::timing::{TickStamps, Timing};
-use crate::substructure::LinkFault;
 use crate::time::{Clock, Nanos, Ratio, Schedule};
 
 /// What to do about a tick that starts, or leaves the next one to start, a period or more late.
@@ -80,112 +79,6 @@ pub struct Limits {
     pub test: TestLimits,
 }
 
-/// Why a test ended before its last step.
-#[derive(Debug, Clone, Copy, PartialEq, Error)]
-pub enum Stop {
-    /// The operator asked for it.
-    #[error("stopped by the operator")]
-    Operator,
-    /// Too many deadlines were missed.
-    #[error("{total} deadlines missed, {in_a_row} of them in a row; the last by {late_ns} ns")]
-    Late {
-        /// In all.
-        total: u64,
-        /// In a row.
-        in_a_row: u64,
-        /// Size of the last one.
-        late_ns: u64,
-    },
-    /// A specimen's measurements stayed away too long.
-    #[error("specimen {}: no fresh measurement for {ticks} ticks", port + 1)]
-    Stale {
-        /// Specimen, from 0.
-        port: usize,
-        /// Ticks in a row.
-        ticks: u64,
-    },
-    /// The interlock or emergency stop at a specimen's end opened. Latched: the test does not go on when it closes.
-    #[error("specimen {}: its interlock or emergency stop is open", port + 1)]
-    Interlock {
-        /// Specimen, from 0.
-        port: usize,
-    },
-    /// A specimen is wired the wrong way round, or does not answer as it must. It is not armed for the test.
-    #[error("specimen {} is not armed: {misfit}", port + 1)]
-    Misfit {
-        /// Specimen, from 0.
-        port: usize,
-        /// What is wrong with it.
-        misfit: Misfit,
-    },
-    /// A specimen says that a sensor or an actuator of its own is at the end of its range: its force is no measurement.
-    #[error(
-        "specimen {}: it reports a sensor or actuator at the end of its range, so its force cannot be trusted",
-        port + 1
-    )]
-    Saturated {
-        /// Specimen, from 0.
-        port: usize,
-    },
-    /// A link failed.
-    #[error("specimen {}: {fault}", port + 1)]
-    Link {
-        /// Specimen, from 0.
-        port: usize,
-        /// Why.
-        fault: LinkFault,
-    },
-    /// The response grew beyond the divergence bound, or ceased to be a number.
-    #[error("the response diverged: displacement of DOF {} is {value:e} m", dof + 1)]
-    Diverged {
-        /// Degree of freedom, from 0.
-        dof: usize,
-        /// Its displacement in m.
-        value: f64,
-    },
-    /// The next command is not a finite number; it was not sent.
-    #[error("specimen {}: the next command is not a finite number; it was not sent", port + 1)]
-    NotFinite {
-        /// Specimen, from 0.
-        port: usize,
-    },
-    /// A limit of a specimen tripped.
-    #[error("specimen {}, {hit}", port + 1)]
-    Limit {
-        /// Specimen, from 0.
-        port: usize,
-        /// Which limit.
-        hit: Hit,
-    },
-    /// A limit of the test as a whole tripped.
-    #[error("{0}")]
-    TestLimit(TestHit),
-    /// A fault of our own, caught at the boundary of the loop's thread.
-    #[error("internal error")]
-    Internal,
-    /// A method that iterates found no equilibrium.
-    #[error(transparent)]
-    Step(StepError),
-    /// The method needs the forces of the step that it is making, which no specimen can give in advance.
-    #[error("the integration method cannot command a specimen; nothing was moved")]
-    CannotCommand,
-    /// The static load found no equilibrium.
-    #[error("the static load found no equilibrium in {exchanges} exchanges")]
-    NotSettled {
-        /// Exchanges made.
-        exchanges: u32,
-    },
-}
-
-/// How a test ended.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Ending {
-    /// At its last step.
-    Completed,
-    /// Before it.
-    Stopped(Stop),
-}
-
 /// Everything a test needs, as plain data.
 #[derive(Debug)]
 pub struct Experiment {
@@ -209,6 +102,8 @@ pub struct Experiment {
     pub limits: Limits,
     /// How steps and ticks belong together.
     pub pacing: Pacing,
+    /// Where an interrupted test stood that this one goes on with.
+    pub resume: Option<Resumption>,
 }
 
 /// The loop with all its buffers.
@@ -222,6 +117,8 @@ pub struct Engine {
     ports: Vec<Port>,
     /// Ports that are not commanded any more.
     lost: Vec<bool>,
+    /// The tick that tripped has a row.
+    trip_is_recorded: bool,
     phase: Phase,
     /// Where the phase is left for others to see.
     pub phase_cell: PhaseCell,
@@ -236,6 +133,7 @@ pub struct Engine {
     timing: Timing,
     peaks: Peaks,
     stale: Vec<u64>,
+    resume: Option<Resumption>,
     /// Where the commands are between two targets.
     ride: ride::Ride,
     /// True from the first tick of the test to its last.
@@ -323,6 +221,7 @@ impl Engine {
             record_dofs,
             limits,
             pacing,
+            resume,
         } = experiment;
         let (row, columns) = columns::Row::new(&record_dofs, &side, &ports);
         let dofs = match &side {
@@ -346,6 +245,7 @@ impl Engine {
             settling,
             timing,
             stale: vec![0; ports.len()],
+            resume,
             ride: ride::Ride::new(pacing),
             riding: false,
             checkpoint_ticks: pacing.checkpoint_ticks,
@@ -353,6 +253,7 @@ impl Engine {
             asked_at: vec![None; ports.len()],
             opening,
             lost: vec![false; ports.len()],
+            trip_is_recorded: false,
             phase: Phase::Connected,
             phase_cell: PhaseCell::default(),
             hold_wanted: false,

@@ -61,13 +61,35 @@ impl Engine {
         }
     }
 
-    fn course(&mut self, control: &Control) -> Result<(), Stop> {
+    pub(super) fn course(&mut self, control: &Control) -> Result<(), Stop> {
         if let Side::Structure(numerical) = &self.side
             && numerical.is_offline()
             && !self.ports.is_empty()
         {
             return Err(Stop::CannotCommand);
         }
+        match self.resume.take() {
+            Some(from) => self.take_up(from, control)?,
+            None => self.open(control)?,
+        }
+        self.enter(Phase::Running, Cause::Done);
+        self.ports.iter_mut().for_each(Port::begin_compensation);
+        self.report_now(EventKind::Started);
+        if let Some(watch) = &mut self.before_first_tick {
+            watch();
+        }
+        let result = self.all_steps(control);
+        if let Some(stamps) = self.unrecorded.take() {
+            self.timing.tick(&stamps);
+        }
+        if let Some(watch) = &mut self.after_last_tick {
+            watch();
+        }
+        result
+    }
+
+    /// From the agreed connection to the tick before the first.
+    fn open(&mut self, control: &Control) -> Result<(), Stop> {
         self.aim_at_start();
         if let Side::Structure(numerical) = &mut self.side
             && let Some(scratch) = numerical.scratch()
@@ -91,21 +113,7 @@ impl Engine {
         self.ramp(control)?;
         self.aim_at_start();
         self.begin_ride();
-        self.warm_up(control)?;
-        self.enter(Phase::Running, Cause::Done);
-        self.ports.iter_mut().for_each(Port::begin_compensation);
-        self.report_now(EventKind::Started);
-        if let Some(watch) = &mut self.before_first_tick {
-            watch();
-        }
-        let result = self.all_steps(control);
-        if let Some(stamps) = self.unrecorded.take() {
-            self.timing.tick(&stamps);
-        }
-        if let Some(watch) = &mut self.after_last_tick {
-            watch();
-        }
-        result
+        self.warm_up(control)
     }
 
     /// Arms all specimens: all are asked before any is waited for, so that they get ready at the same time.

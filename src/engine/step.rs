@@ -60,8 +60,12 @@ impl Engine {
     fn record_trip(&mut self, tick: &Tick, stamps: &TickStamps, stop: &Stop) {
         if matches!(
             stop,
-            Stop::Limit { .. } | Stop::Interlock { .. } | Stop::Stale { .. }
+            Stop::Limit { .. }
+                | Stop::Interlock { .. }
+                | Stop::Saturated { .. }
+                | Stop::Stale { .. }
         ) {
+            self.trip_is_recorded = true;
             if tick.step == self.ride.step {
                 self.row
                     .exchange(tick, Phase::Tripped, &self.side, &self.ports);
@@ -131,8 +135,11 @@ impl Engine {
                 .map_err(|fault| Stop::Link { port: index, fault })?;
             port.answered();
             stamps.decoded = self.clock.now();
+            // A slow partner may have been asked some ticks ago.
+            let asked_at = self.asked_at.get(index).copied().flatten();
+            let asked_at = asked_at.unwrap_or(stamps.sent);
             self.timing
-                .round_trip(index, stamps.decoded.since(stamps.sent));
+                .round_trip(index, stamps.decoded.since(asked_at));
             let status = port.raw().status;
             if status.has(Status::INTERLOCK) {
                 return Err(Stop::Interlock { port: index });
@@ -316,7 +323,8 @@ impl Engine {
                 return Err(Stop::Diverged { dof, value });
             }
         }
-        self.judge_test(tick)?;
-        self.clear_commands()
+        // A command that cannot be sent says more than the audit that it spoils.
+        self.clear_commands()?;
+        self.judge_test(tick)
     }
 }

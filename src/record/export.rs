@@ -149,8 +149,14 @@ fn write_csv(
             continue;
         }
         let at = |row: &[f64], place: usize| row.get(place).copied().unwrap_or(f64::NAN);
+        let same_step = !held.is_empty() && at(&held, plan.step) == at(row.values, plan.step);
+        // Before the test, between two steps and in holds nothing is new but commands and measurements.
+        let is_step = plan.state.is_none_or(|place| {
+            let state = at(row.values, place);
+            state == RUNNING || (state == TRIPPED && !same_step)
+        });
         let begun = at(row.values, plan.time) >= 0.0;
-        if !begun {
+        if !begun || !is_step {
             continue;
         }
         // The row held back is the last of its step once a row of another step is there.
@@ -171,11 +177,17 @@ fn write_csv(
 /// Which column of the row goes where.
 struct Plan {
     step: usize,
+    state: Option<usize>,
     time: usize,
     header: String,
     /// One per CSV column; `None` where the samples have no such column.
     places: Vec<Option<usize>>,
 }
+
+/// State of a row in which a step is made.
+const RUNNING: f64 = 3.0;
+/// State of the row that ends a test, whose step is not made.
+const TRIPPED: f64 = 8.0;
 
 const DOF: [&str; 3] = ["x", "v", "a"];
 const AXIS: [&str; 4] = ["target", "cmd", "meas", "force"];
@@ -210,6 +222,7 @@ impl Plan {
         header.push('\n');
         Ok(Self {
             step,
+            state: layout.index_of("state"),
             time,
             header,
             places,

@@ -149,6 +149,7 @@ impl RunFolder {
             "samples.bin",
             "resolved.toml",
             "test.toml",
+            "resumed.json",
         ];
         let inputs = self.inputs.iter().map(|input| input.path.as_str());
         for name in own.into_iter().chain(inputs) {
@@ -205,6 +206,14 @@ impl RunFolder {
     /// The system refuses.
     pub fn write_resolved(&self, text: &str) -> Result<(), FolderError> {
         self.write("resolved.toml", text.as_bytes())
+    }
+
+    /// A file of this name, for whoever runs the test.
+    ///
+    /// # Errors
+    /// The system refuses.
+    pub fn write_extra(&self, name: &str, bytes: &[u8]) -> Result<(), FolderError> {
+        self.write(name, bytes)
     }
 
     /// A copy under `inputs/` of a file that the test read. The same bytes under the same name are kept once; other

@@ -60,6 +60,7 @@ pub fn loop_round(
             test: TestLimits::default(),
         },
         pacing: Pacing::default(),
+        resume: None,
     };
     let facts = Facts {
         title,
@@ -73,6 +74,7 @@ pub fn loop_round(
         timing,
         record_required: false,
         queue_s: 4.0,
+        resume_within: None,
         announced: Vec::new(),
         confirm: false,
         limits: LimitFacts::default(),
@@ -82,6 +84,7 @@ pub fn loop_round(
         test: text.clone().into_bytes(),
         resolved: text,
         inputs: Vec::new(),
+        origin: None,
     };
     Prepared {
         experiment,

@@ -10,6 +10,7 @@
 //!
 //! No shared mutable state with the loop, no mutex it could meet.
 
+mod archive;
 mod bare;
 mod connect;
 mod desk;
@@ -17,8 +18,11 @@ mod guarded;
 mod page;
 pub mod rehearsal;
 mod replay;
+mod resume;
+mod retrace;
 mod signals;
 mod summary;
+mod tape;
 
 use std::path::PathBuf;
 use std::sync::mpsc::{self, SyncSender};
@@ -32,6 +36,7 @@ pub use bare::{bare_loop, loop_round};
 pub use desk::{Answer, Request, ask};
 pub use page::{Page, PageError, hero, write_report};
 pub use replay::{Difference, Replay, ReplayError, replay, replay_rows};
+pub use resume::{ResumeError, resume};
 pub use signals::{Signal, Signals};
 pub use summary::ending;
 
@@ -184,11 +189,7 @@ fn prepare(
     control: Control,
     watches: Watches,
 ) -> Result<Ready, SessionError> {
-    folder.write_test(&files.test)?;
-    folder.write_resolved(&files.resolved)?;
-    for (path, bytes) in &files.inputs {
-        folder.add_input(path, bytes)?;
-    }
+    archive::keep(files, folder)?;
     let columns = experiment.columns();
     let layout = Layout::new(columns).map_err(|e| SessionError::Recording(e.to_string()))?;
     let samples = folder.open_samples(&layout)?;
@@ -263,6 +264,7 @@ fn prepare(
         None
     };
 
+    writer.note(archive::note(files, folder));
     for warning in &facts.warnings {
         // For the file only: whoever built the test has heard of it, with its place in the test file.
         writer.note(Note::new(NoteLevel::Info, "warning").with("text", warning.as_str()));

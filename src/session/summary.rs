@@ -133,6 +133,7 @@ pub fn ending(outcome: &Outcome) -> (Finish, String) {
                 Stop::Internal => Finish::Panicked,
                 Stop::Interlock { .. }
                 | Stop::Saturated { .. }
+                | Stop::Moved { .. }
                 | Stop::Limit { .. }
                 | Stop::TestLimit(_)
                 | Stop::Late { .. }
@@ -159,7 +160,7 @@ pub fn ending(outcome: &Outcome) -> (Finish, String) {
                 Stop::Stale { .. } => {
                     reason.push_str(
                         ": its answers are late, lost or all to one old command; `link` in the summary counts them, \
-                         `max_stale` is the limit",
+                         `max_stale` and `max_stale_s` are the limits",
                     );
                 }
                 _ => {}

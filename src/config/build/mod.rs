@@ -11,6 +11,7 @@ mod gear;
 mod limits;
 pub(in crate::config) mod links;
 mod method;
+mod pace;
 mod proof;
 mod safety;
 mod specimens;
@@ -20,11 +21,9 @@ use std::path::PathBuf;
 
 use super::{
     ClockChoice, ConfigError, Diagnostics, DofChoice, Finding, Inputs, KeyPath, Loaded, Method,
-    TestFile, Time,
+    TestFile,
 };
-use crate::engine::{
-    Experiment, Limits, Numerical, OnMiss, Pacing, Settling, Side, StepAudit, TestQuantity,
-};
+use crate::engine::{Experiment, Numerical, Settling, Side, StepAudit, TestQuantity};
 use crate::integrate::{Lambda, LambdaChoice};
 use crate::linalg::{Spd, SymMatrix};
 use crate::link::{NativeSetup, Transport};
@@ -72,6 +71,8 @@ pub struct Facts {
     pub record_required: bool,
     /// Seconds of rows that the queue to the writer holds.
     pub queue_s: f64,
+    /// How far from where it was left each axis may stand when an interrupted test goes on, in m; none: as the record says.
+    pub resume_within: Option<f64>,
     /// What is moved before the test, and why.
     pub announced: Vec<String>,
     /// Whether an operator must confirm what was read before anything moves.
@@ -129,6 +130,8 @@ pub struct Files {
     pub resolved: String,
     /// Path and bytes of every file that the test read.
     pub inputs: Vec<(PathBuf, Vec<u8>)>,
+    /// Where a resumed test comes from: the text of `resumed.json`.
+    pub origin: Option<String>,
 }
 
 /// Findings so far, and the files read so far.
@@ -260,7 +263,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
     let found = site.warnings.drain(..);
     let found = found.map(|finding| site.loaded.locator.diagnose(finding));
     let warnings: Vec<_> = site.loaded.warnings.iter().cloned().chain(found).collect();
-    let of_loop = limits(file, &time);
+    let of_loop = pace::limits(file, time);
     let kept = TestQuantity::kept(&side, &ports);
     let facts = Facts {
         limits: limits::facts(file, &ports, &of_loop, &kept),
@@ -275,6 +278,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         timing: file.timing.clone(),
         record_required: file.record.required,
         queue_s: file.record.queue_s,
+        resume_within: file.safety.resume_within_m,
         announced: announced(file),
         confirm: safety::needs_confirmation(file),
         warnings: warnings.iter().map(|w| w.headline.clone()).collect(),
@@ -292,6 +296,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         test: site.loaded.text.clone().into_bytes(),
         resolved,
         inputs,
+        origin: None,
     };
     let experiment = Experiment {
         dt: facts.dt,
@@ -303,7 +308,8 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         ports,
         record_dofs,
         limits: of_loop,
-        pacing: pacing(file, time),
+        pacing: pace::pacing(file, time),
+        resume: None,
     };
     Ok(Prepared {
         experiment,
@@ -324,43 +330,6 @@ fn announced(file: &TestFile) -> Vec<String> {
         ))
     });
     probed.collect()
-}
-
-/// Longest wait for a partner that owes a reply.
-const REPLY_TIMEOUT_NS: u64 = 5_000_000_000;
-/// Stale measurements in a row after which a test stops.
-const STALE_IN_A_ROW: u64 = 10;
-
-/// How steps and ticks of the controller belong together.
-fn pacing(file: &TestFile, time: Time) -> Pacing {
-    let ticks = |seconds: f64| (seconds / time.period.value()).ceil();
-    Pacing {
-        ticks_per_step: time.ticks_per_step,
-        ease_ticks: ticks(file.safety.ease_s) as u32,
-        checkpoint_ticks: ticks(file.record.checkpoint_s).max(1.0) as u64,
-    }
-}
-
-fn limits(file: &TestFile, time: &Time) -> Limits {
-    let timing = &file.timing;
-    let ticks = time.steps.saturating_mul(u64::from(time.ticks_per_step));
-    Limits {
-        on_miss: match timing.on_miss {
-            rt::OnMiss::Stretch => OnMiss::Stretch,
-            rt::OnMiss::CatchUp => OnMiss::CatchUp {
-                at_most: timing.max_catch_up_ticks,
-            },
-            rt::OnMiss::Stop => OnMiss::Stop,
-        },
-        misses_in_a_row: timing.max_consecutive_misses,
-        misses_in_total: timing.miss_bound(ticks),
-        extrapolate_stale: false,
-        stale_in_a_row: STALE_IN_A_ROW,
-        reply_timeout_ns: REPLY_TIMEOUT_NS,
-        warmup_ticks: timing.warmup(time.period.value()),
-        divergence: file.safety.divergence_m.unwrap_or(f64::MAX),
-        test: safety::test_limits(file, time),
-    }
 }
 
 /// The numerical side: structure, loads, integrator, initial state, and the static load before t = 0.

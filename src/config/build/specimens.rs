@@ -379,7 +379,7 @@ impl Specimens {
                 .map(|i| entry.stiffness[i][i])
                 .collect();
             let declared = entry.declared(gains.get(index));
-            let stiffness = std::mem::take(&mut entry.stiffness);
+            let stiffness = entry.stiffness.clone();
             let link = site.loaded.file.specimen.get(index);
             let direction = match link.and_then(|table| table.link.as_ref()) {
                 Some(link) => entry.direction(link, site.loaded.time.period.value(), settles),

@@ -133,7 +133,7 @@ pub(super) fn check_pace(
                 .label("\"every_step\" is for tests with more ticks than steps")
                 .help("`ticks_per_step` in [time] says how many ticks a step has"),
         );
-    } else if link.coupling == LinkCoupling::Sampled {
+    } else if link.protocol == Protocol::Gusset && link.coupling == LinkCoupling::Sampled {
         findings.0.push(
             Finding::error(here, "a sampled specimen is commanded at every tick")
                 .label("\"every_step\" needs `coupling = \"lockstep\"`")

@@ -231,13 +231,12 @@ fn a_sawtooth_that_grows_is_counted_from_its_second_turn_and_one_that_fades_is_n
     // A smooth motion under a sawtooth of period two ticks: the root of an unstable step is beyond -1.
     let tripped = |growth: f64| {
         let mut one = watch(limits);
-        let trips = (0..200).position(|k| {
+        (0..200).position(|k| {
             let smooth = 1e-3 * (0.02 * f64::from(k)).sin();
             command(&mut one, smooth + 1e-6 * (-growth).powi(k))
                 .trip
                 .is_some()
-        });
-        trips
+        })
     };
     // Second differences exist from the third command, k = 2, on; k = 3 is the first turn, k = 9 the seventh.
     assert_eq!(tripped(1.2), Some(9));

@@ -163,6 +163,14 @@ impl Watch {
         }
     }
 
+    /// The next measurement is the first: it can neither jump nor be stuck. Real-time: yes.
+    pub fn forget_measurements(&mut self) {
+        self.measured = false;
+        for past in &mut self.past {
+            (past.stuck_ticks, past.stuck_travel) = (0, 0.0);
+        }
+    }
+
     /// Judges a fresh measurement: (displacement, force) per axis. Real-time: yes.
     pub fn measured(&mut self, values: impl Iterator<Item = (f64, f64)>) -> Found {
         let mut found = Found::default();

@@ -43,6 +43,10 @@ impl Rehearsal {
                     port + 1
                 ),
             )),
+            Curtain::Stopped(Stop::TestLimit(hit)) => Some(Finding::error(
+                root.key("safety").key(hit.quantity.key()),
+                format!("the test would stop at {at} s: {hit}"),
+            )),
             Curtain::Stopped(stop @ Stop::Diverged { .. })
                 if loaded.file.safety.divergence_m.is_some() =>
             {

@@ -202,6 +202,10 @@ impl Substructure for Meter {
         Ok(freshness)
     }
 
+    fn is_answered(&mut self) -> Result<bool, LinkFault> {
+        self.inner.is_answered()
+    }
+
     fn accepted(&mut self, sequence: u64) -> Result<(), LinkFault> {
         self.inner.accepted(sequence)
     }

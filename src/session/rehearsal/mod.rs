@@ -195,6 +195,7 @@ pub fn rehearse(
 pub fn carry_out(mut experiment: Experiment, budget: Duration) -> Rehearsal {
     let began = os::monotonic_ns();
     let (dt, period) = (experiment.dt, experiment.period.value());
+    let per_step = experiment.pacing.ticks_per_step;
     // Nobody is there to confirm what a formula reads.
     experiment.opening.confirm = false;
     experiment.record_dofs.clear();
@@ -202,7 +203,10 @@ pub fn carry_out(mut experiment: Experiment, budget: Duration) -> Rehearsal {
     let ports = experiment.ports.drain(..).map(|port| {
         let book = Arc::new(Mutex::new(Vec::new()));
         books.push((port.name.clone(), port.limits().to_vec(), Arc::clone(&book)));
-        port.rehearsed(|inner, units| Box::new(Meter::new(inner, units, period, book)))
+        // A partner that is told once a step has that long for each command.
+        let ticks = if port.is_per_step() { per_step } else { 1 };
+        let tick = f64::from(ticks) * period;
+        port.rehearsed(|inner, units| Box::new(Meter::new(inner, units, tick, book)))
     });
     experiment.ports = ports.collect();
     let (operator, requests) = crossbeam_channel::bounded(1);

@@ -1,0 +1,193 @@
+//! A test that goes on where an interrupted one stood.
+//!
+//! Nothing of the state is saved while a test runs: what was measured is on record, and the loop makes the same bits of it
+//! again. So the interrupted test is retraced through the same loop ([`Engine::retrace`]), and what the loop then holds
+//! ([`Engine::stand_by`]) is what it held. In the test that goes on the specimens are read where they stand, and must stand
+//! where they were left; relative channels take their drift since then for their zero; and the pace is that after a hold.
+
+use super::operator::{Control, Notice};
+use super::phase::{Cause, Phase};
+use super::{Ending, Engine, Peaks, Side, Stop};
+use crate::control::Port;
+use crate::record::EventKind;
+
+/// Where one axis was left, in its own units.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Place {
+    /// What its displacement sensor reads where it was commanded last.
+    pub disp: f64,
+    /// What its load cell read last.
+    pub force: f64,
+    /// How far from it it may stand.
+    pub within: f64,
+}
+
+/// What is carried over besides the numerical side and the ports.
+#[derive(Debug, Clone)]
+pub struct Resumption {
+    pub(super) ride: super::ride::Ride,
+    pub(super) sequence: u64,
+    pub(super) steps_done: u64,
+    pub(super) peaks: Peaks,
+    /// Where the axes of each specimen were left.
+    pub left: Vec<Vec<Place>>,
+}
+
+impl Resumption {
+    /// The last step that was made.
+    #[must_use]
+    pub const fn step(&self) -> u64 {
+        self.steps_done
+    }
+}
+
+impl Engine {
+    /// Follows a recorded test as far as the recording lets it, and leaves everything as it is then: nobody is retired.
+    pub fn retrace(&mut self, control: &Control) -> Ending {
+        match self.course(control) {
+            Ok(()) => Ending::Completed,
+            Err(stop) => Ending::Stopped(stop),
+        }
+    }
+
+    /// What a retraced test came to; none if it ended before its first step.
+    #[must_use]
+    pub fn stand_by(self) -> Option<(Side, Vec<Port>, Resumption)> {
+        if !matches!(self.phase, Phase::Running | Phase::Holding) || self.ride.step == 0 {
+            return None;
+        }
+        let mut ride = self.ride;
+        // The command that stood ready never left.
+        ride.tempo = ride.before;
+        let resumption = Resumption {
+            ride,
+            sequence: self.sequence,
+            steps_done: self.steps_done,
+            peaks: self.peaks,
+            left: Vec::new(),
+        };
+        Some((self.side, self.ports, resumption))
+    }
+
+    /// From the agreed connection to the tick after the last one of the interrupted test.
+    pub(super) fn take_up(&mut self, from: Resumption, control: &Control) -> Result<(), Stop> {
+        self.sequence = from.sequence;
+        self.steps_done = from.steps_done;
+        self.peaks = from.peaks;
+        self.ride = from.ride;
+        self.ride.tempo.stand();
+        // What moves the specimens before the test goes on teaches no compensator anything.
+        let mut learned = Vec::new();
+        for port in &mut self.ports {
+            port.freeze_compensation(&mut learned);
+            port.stand_still();
+            port.ask_again();
+        }
+        self.arm()?;
+        self.begin_grid();
+        self.read_again(&from.left, control)?;
+        for port in &mut self.ports {
+            port.return_to_the_test();
+        }
+        self.ramp(control)?;
+        for port in &mut self.ports {
+            port.return_to_the_test();
+        }
+        self.warm_up(control)?;
+        let mut learned = learned.as_slice();
+        for port in &mut self.ports {
+            learned = port.thaw_compensation(learned);
+        }
+        self.prepare_next();
+        self.clear_commands()
+    }
+
+    /// Reads every sensor while the specimens hold, and holds that against where they were left.
+    fn read_again(&mut self, left: &[Vec<Place>], control: &Control) -> Result<(), Stop> {
+        if self.ports.is_empty() {
+            return Ok(());
+        }
+        self.read_at_rest(self.opening.zero_ticks.max(1), control)?;
+        let mut moved = None;
+        for (index, (port, places)) in self.ports.iter().zip(left).enumerate() {
+            for (axis, place) in places.iter().enumerate() {
+                let reading = port.reading(axis);
+                let off = (reading.disp - place.disp).abs();
+                let stands_there = off <= place.within;
+                if !stands_there && moved.is_none() {
+                    moved = Some(Stop::Moved {
+                        port: index,
+                        axis,
+                        found: reading.disp,
+                        left: place.disp,
+                        within: place.within,
+                    });
+                }
+            }
+        }
+        self.tell_readings(control);
+        if let Some(stop) = moved {
+            return Err(stop);
+        }
+        for (port, places) in self.ports.iter_mut().zip(left) {
+            for (axis, place) in places.iter().enumerate() {
+                port.take_drift(axis, place.disp, place.force);
+            }
+        }
+        self.wait_for_confirmation(control)
+    }
+
+    /// The readings, for the log and for whoever attends.
+    pub(super) fn tell_readings(&mut self, control: &Control) {
+        let mut readings = Vec::new();
+        for (port, behind) in self.ports.iter().enumerate() {
+            readings.extend((0..behind.axes()).map(|axis| (port, axis, behind.reading(axis))));
+        }
+        for (port, axis, reading) in readings {
+            self.report_now(EventKind::Zeroed {
+                port: port as u32,
+                axis: axis as u32,
+                values: [
+                    reading.disp,
+                    reading.force,
+                    reading.disp_noise,
+                    reading.force_noise,
+                ],
+            });
+            // Nobody attends, or does not read: the log has it.
+            let _ = control.notices.try_send(Notice::Zeroed {
+                port,
+                axis,
+                reading,
+            });
+        }
+    }
+
+    /// Reads every sensor for so many ticks while the specimens hold where they stand.
+    pub(super) fn read_at_rest(&mut self, ticks: u32, control: &Control) -> Result<(), Stop> {
+        self.enter(Phase::Zeroing, Cause::Done);
+        for port in &mut self.ports {
+            port.stand_still();
+        }
+        self.clear_commands()?;
+        for _ in 0..ticks {
+            self.still_tick(Phase::Zeroing, control)?;
+            for port in &mut self.ports {
+                port.take_reading();
+            }
+        }
+        Ok(())
+    }
+
+    /// Waits until the operator has confirmed what was read, if he must.
+    pub(super) fn wait_for_confirmation(&mut self, control: &Control) -> Result<(), Stop> {
+        if self.opening.confirm {
+            let _ = control.notices.try_send(Notice::AwaitingConfirmation);
+            self.confirmed = false;
+            while !self.confirmed {
+                self.still_tick(Phase::Zeroing, control)?;
+            }
+        }
+        Ok(())
+    }
+}

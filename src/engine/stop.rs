@@ -1,0 +1,133 @@
+//! How a test ends, and why before its last step.
+
+use thiserror::Error;
+
+use super::TestHit;
+use crate::control::Misfit;
+use crate::control::limits::Hit;
+use crate::integrate::StepError;
+use crate::substructure::LinkFault;
+
+/// Why a test ended before its last step.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+pub enum Stop {
+    /// The operator asked for it.
+    #[error("stopped by the operator")]
+    Operator,
+    /// Too many deadlines were missed.
+    #[error("{total} deadlines missed, {in_a_row} of them in a row; the last by {late_ns} ns")]
+    Late {
+        /// In all.
+        total: u64,
+        /// In a row.
+        in_a_row: u64,
+        /// Size of the last one.
+        late_ns: u64,
+    },
+    /// A specimen's measurements stayed away too long.
+    #[error("specimen {}: no fresh measurement for {ticks} ticks", port + 1)]
+    Stale {
+        /// Specimen, from 0.
+        port: usize,
+        /// Ticks in a row.
+        ticks: u64,
+    },
+    /// The interlock or emergency stop at a specimen's end opened. Latched: the test does not go on when it closes.
+    #[error("specimen {}: its interlock or emergency stop is open", port + 1)]
+    Interlock {
+        /// Specimen, from 0.
+        port: usize,
+    },
+    /// A specimen is wired the wrong way round, or does not answer as it must. It is not armed for the test.
+    #[error("specimen {} is not armed: {misfit}", port + 1)]
+    Misfit {
+        /// Specimen, from 0.
+        port: usize,
+        /// What is wrong with it.
+        misfit: Misfit,
+    },
+    /// A specimen says that a sensor or an actuator of its own is at the end of its range: its force is no measurement.
+    #[error(
+        "specimen {}: it reports a sensor or actuator at the end of its range, so its force cannot be trusted",
+        port + 1
+    )]
+    Saturated {
+        /// Specimen, from 0.
+        port: usize,
+    },
+    /// A link failed.
+    #[error("specimen {}: {fault}", port + 1)]
+    Link {
+        /// Specimen, from 0.
+        port: usize,
+        /// Why.
+        fault: LinkFault,
+    },
+    /// The response grew beyond the divergence bound, or ceased to be a number.
+    #[error("the response diverged: displacement of DOF {} is {value:e} m", dof + 1)]
+    Diverged {
+        /// Degree of freedom, from 0.
+        dof: usize,
+        /// Its displacement in m.
+        value: f64,
+    },
+    /// The next command is not a finite number; it was not sent.
+    #[error("specimen {}: the next command is not a finite number; it was not sent", port + 1)]
+    NotFinite {
+        /// Specimen, from 0.
+        port: usize,
+    },
+    /// A limit of a specimen tripped.
+    #[error("specimen {}, {hit}", port + 1)]
+    Limit {
+        /// Specimen, from 0.
+        port: usize,
+        /// Which limit.
+        hit: Hit,
+    },
+    /// A limit of the test as a whole tripped.
+    #[error("{0}")]
+    TestLimit(TestHit),
+    /// A specimen does not stand where an interrupted test left it. Nothing was moved.
+    #[error(
+        "specimen {}, axis {}: it reads {found:.6e} but was left at {left:.6e}, and may be off by {within:.3e} (its own unit)",
+        port + 1,
+        axis + 1
+    )]
+    Moved {
+        /// Specimen, from 0.
+        port: usize,
+        /// Axis, from 0.
+        axis: usize,
+        /// What it reads.
+        found: f64,
+        /// What it would read where it was left.
+        left: f64,
+        /// How far it may be off.
+        within: f64,
+    },
+    /// A fault of our own, caught at the boundary of the loop's thread.
+    #[error("internal error")]
+    Internal,
+    /// A method that iterates found no equilibrium.
+    #[error(transparent)]
+    Step(StepError),
+    /// The method needs the forces of the step that it is making, which no specimen can give in advance.
+    #[error("the integration method cannot command a specimen; nothing was moved")]
+    CannotCommand,
+    /// The static load found no equilibrium.
+    #[error("the static load found no equilibrium in {exchanges} exchanges")]
+    NotSettled {
+        /// Exchanges made.
+        exchanges: u32,
+    },
+}
+
+/// How a test ended.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Ending {
+    /// At its last step.
+    Completed,
+    /// Before it.
+    Stopped(Stop),
+}

@@ -1,0 +1,32 @@
+//! What a test is made of, in its run folder, and on record with its digests.
+
+use super::retrace::{ORIGIN, sha256};
+use crate::config::Files;
+use crate::record::{FolderError, Note, NoteLevel, RunFolder};
+
+/// Keeps all of it.
+pub(super) fn keep(files: &Files, folder: &mut RunFolder) -> Result<(), FolderError> {
+    folder.write_test(&files.test)?;
+    folder.write_resolved(&files.resolved)?;
+    for (path, bytes) in &files.inputs {
+        folder.add_input(path, bytes)?;
+    }
+    if let Some(origin) = &files.origin {
+        folder.write_extra(ORIGIN, origin.as_bytes())?;
+    }
+    Ok(())
+}
+
+/// What the test is made of, so that whoever goes on with it can prove that it is the same.
+pub(super) fn note(files: &Files, folder: &RunFolder) -> Note {
+    let mut hashes = serde_json::Map::new();
+    let mut add = |name: &str, hash: String| {
+        hashes.insert(name.to_owned(), hash.into());
+    };
+    add("test.toml", sha256(&files.test));
+    add("resolved.toml", sha256(files.resolved.as_bytes()));
+    for input in folder.inputs() {
+        add(&input.path, input.sha256.clone());
+    }
+    Note::new(NoteLevel::Info, "files").with("sha256", hashes)
+}

@@ -1,0 +1,239 @@
+//! `gusset run --resume`: an interrupted test from its folder to an experiment that goes on with it.
+//!
+//! There is no snapshot of the state to be torn or stale. The record holds what was measured, and the loop makes the same
+//! state of it bit for bit, some hundred times faster than the test ran; digests of the state, written while it ran
+//! (checkpoints), prove that it is the same. Where the record is damaged the last checkpoint that came out again counts.
+//! Files that were changed since are refused. Nothing of the interrupted test is written to.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::Value;
+use thiserror::Error;
+
+use super::desk::{Request, ask};
+use super::replay::ReplayError;
+use super::retrace::{
+    Origin, Retraced, prepared, read, retrace, rows_sha256, same, sha256, take_over,
+};
+use super::tape::Replaced;
+use crate::config::{ConfigError, Prepared};
+use crate::control::Port;
+use crate::engine::Phase;
+use crate::record::summary::Status;
+use crate::record::{FolderError, Run};
+
+/// Why a test cannot go on. Nothing was moved.
+#[derive(Debug, Error)]
+pub enum ResumeError {
+    /// It is no run folder, it was changed, or it does not come out again.
+    #[error(transparent)]
+    Replay(#[from] ReplayError),
+    /// It ended as it should.
+    #[error("{}: this test is complete: there is nothing to go on with", .0.display())]
+    Complete(PathBuf),
+    /// It still runs.
+    #[error("{}: this test is running", .0.display())]
+    Running(PathBuf),
+    /// It ended before t = 0.
+    #[error("{}: this test ended before its first step: run it again from its beginning", .0.display())]
+    NotBegun(PathBuf),
+    /// Nothing says what its files were.
+    #[error("{}: its events do not say which files it was made of, so that nothing proves that they are the same", .0.display())]
+    Unproven(PathBuf),
+    /// Another test than the one that was interrupted.
+    #[error("{} is not the test that was interrupted: its SHA-256 is {found}, but that of {} is {wanted}", given.display(), kept.display())]
+    AnotherTest {
+        /// As given.
+        given: PathBuf,
+        /// The copy in the run folder.
+        kept: PathBuf,
+        /// Of the copy.
+        wanted: String,
+        /// Of the file as given.
+        found: String,
+    },
+    /// The record is damaged before its first checkpoint.
+    #[error("{}: {trouble}, and no checkpoint before it: there is nothing to go on with", folder.display())]
+    Damaged {
+        /// The folder.
+        folder: PathBuf,
+        /// What is wrong.
+        trouble: String,
+    },
+}
+
+impl From<FolderError> for ResumeError {
+    fn from(error: FolderError) -> Self {
+        Self::Replay(error.into())
+    }
+}
+
+impl From<ConfigError> for ResumeError {
+    fn from(error: ConfigError) -> Self {
+        Self::Replay(error.into())
+    }
+}
+
+/// Wall time in s of which the record may be lost.
+const LOST_S: f64 = 0.05;
+/// A specimen may be so many times as far off as it was ever off its command.
+const SHARE: f64 = 1.5;
+/// Relative size of what is nothing.
+const NOTHING: f64 = 1e-9;
+
+/// Prepares the test in `folder` to go on. `test`: the test file, if one was given; it must be the one that was
+/// interrupted.
+///
+/// # Errors
+/// See [`ResumeError`].
+pub fn resume(folder: &Path, test: Option<&Path>) -> Result<Prepared, ResumeError> {
+    let run = Run::open(folder)?;
+    if ask(folder, Request::Phase).is_ok() {
+        return Err(ResumeError::Running(folder.to_owned()));
+    }
+    if run.summary().is_some_and(|s| s.status == Status::Completed) {
+        return Err(ResumeError::Complete(folder.to_owned()));
+    }
+    check_files(&run, test)?;
+    let (traced, note) = trace(&run)?;
+    let Some((side, ports, mut resumption)) = traced.state else {
+        return Err(if traced.completed {
+            ResumeError::Complete(folder.to_owned())
+        } else {
+            ResumeError::NotBegun(folder.to_owned())
+        });
+    };
+    let mut next = prepared(&run, Replaced::Remote, true)?;
+    let step = resumption.step();
+    let time = step as f64 * next.facts.dt;
+    let within = next.facts.resume_within;
+    let left = places(&run, &ports, within, next.facts.rate_hz)?;
+    let absolute = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
+    let origin = Origin {
+        parent: absolute.clone(),
+        parent_absolute: absolute,
+        rows: traced.rows,
+        rows_sha256: rows_sha256(&run, traced.rows)?,
+        resolved_sha256: sha256(&read(&folder.join("resolved.toml"))?),
+        step,
+        time,
+        left,
+    };
+    resumption.left = origin.places();
+    take_over(&mut next.experiment, side, ports);
+    origin.put(&mut next.experiment.ports);
+    next.experiment.resume = Some(resumption);
+    next.files.test = read(&folder.join("test.toml"))?;
+    next.files.resolved = String::from_utf8_lossy(&read(&folder.join("resolved.toml"))?).into();
+    next.files.origin = serde_json::to_string_pretty(&origin).ok();
+    let text = format!(
+        "resumed from {} after step {step} ({time} s): {} rows retraced",
+        folder.display(),
+        traced.rows
+    );
+    next.facts.announced.push(text.clone());
+    next.facts.warnings.push(text);
+    if let Some(note) = note {
+        next.facts.announced.push(note.clone());
+        next.facts.warnings.push(note);
+    }
+    Ok(next)
+}
+
+/// The state after the last good row; where the record is damaged, that of the last checkpoint, and what is to be said of it.
+fn trace(run: &Run) -> Result<(Retraced, Option<String>), ResumeError> {
+    let traced = retrace(run, None, Replaced::Remote)?;
+    let Some(trouble) = traced.trouble.clone() else {
+        return Ok((traced, None));
+    };
+    let folder = run.path().to_owned();
+    let Some(checkpoint) = traced.verified else {
+        return Err(ResumeError::Damaged { folder, trouble });
+    };
+    let again = retrace(run, Some(checkpoint.rows), Replaced::Remote)?;
+    if again.trouble.is_some() || again.state.is_none() {
+        return Err(ResumeError::Damaged { folder, trouble });
+    }
+    let note = format!(
+        "{trouble}: the test goes on after the last checkpoint before that, step {}",
+        checkpoint.step
+    );
+    Ok((again, Some(note)))
+}
+
+/// The files are those that the test was made of, as its first events say.
+fn check_files(run: &Run, test: Option<&Path>) -> Result<(), ResumeError> {
+    let folder = run.path();
+    let events = run.events()?.events;
+    let is_files = |event: &&Value| event.get("event").and_then(Value::as_str) == Some("files");
+    let Some(files) = events.iter().find(is_files) else {
+        return Err(ResumeError::Unproven(folder.to_owned()));
+    };
+    let Some(hashes) = files.get("sha256").and_then(Value::as_object) else {
+        return Err(ResumeError::Unproven(folder.to_owned()));
+    };
+    for (name, wanted) in hashes {
+        same(&folder.join(name), wanted.as_str().unwrap_or_default())?;
+    }
+    if let Some(given) = test {
+        let kept = folder.join("test.toml");
+        let (wanted, found) = (sha256(&read(&kept)?), sha256(&read(given)?));
+        if wanted != found {
+            let given = given.to_owned();
+            return Err(ResumeError::AnotherTest {
+                given,
+                kept,
+                wanted,
+                found,
+            });
+        }
+    }
+    Ok(())
+}
+
+/// Where each axis was left by the last command on record, and how far off it may stand: `within` in m if that is given.
+fn places(
+    run: &Run,
+    ports: &[Port],
+    within: Option<f64>,
+    rate_hz: f64,
+) -> Result<Vec<Vec<[String; 4]>>, ResumeError> {
+    let mut all = Vec::new();
+    for (index, port) in ports.iter().enumerate() {
+        let mut axes = Vec::new();
+        for axis in 0..port.axes() {
+            let name = |kind: &str| format!("{kind}_{}_{}", index + 1, axis + 1);
+            let names = [name("cmd"), name("raw_disp"), name("raw_force")];
+            let mut names: Vec<&str> = names.iter().map(String::as_str).collect();
+            names.push("state");
+            let columns = run.columns(&names)?;
+            let [command, disp, force, state] = columns.as_slice() else {
+                continue;
+            };
+            // What it reads beyond its command, on the average of the test itself: the offset of its sensor.
+            let rows = disp.iter().zip(command).zip(state);
+            let errors: Vec<f64> = rows
+                .filter(|(_, state)| **state == Phase::Running.code())
+                .map(|((disp, command), _)| disp - command)
+                .collect();
+            let beyond = errors.iter().sum::<f64>() / (errors.len().max(1) as f64);
+            let off = errors.iter().map(|error| (error - beyond).abs());
+            let off = off.fold(0.0, f64::max);
+            let steps = command.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+            let fastest = steps.fold(0.0, f64::max) * LOST_S * rate_hz;
+            let last = command.last().copied().unwrap_or(0.0);
+            let own = SHARE * off + fastest + NOTHING * last.abs();
+            let own = within.map_or(own, |metres| metres / port.metres_of(axis));
+            // A formula stands where it is told.
+            let within = if port.is_formula() {
+                f64::INFINITY
+            } else {
+                own
+            };
+            let force = force.last().copied().unwrap_or(0.0);
+            axes.push([last, last + beyond, force, within].map(|value| format!("{value:?}")));
+        }
+        all.push(axes);
+    }
+    Ok(all)
+}

@@ -1,0 +1,267 @@
+//! From a run folder back to the experiment, and to the state that its test had after any of its rows.
+//!
+//! A test that went on after an interruption has its parent's rows before its own: `resumed.json` names the parent, the rows
+//! that count, and their digest. So the state is made of the whole line of ancestors.
+
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex};
+
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+use super::replay::ReplayError;
+use super::tape::{Comparing, Recording, Replaced, Tape, Verified, put_recorded, with};
+use crate::config::{self, Prepared};
+use crate::control::Port;
+use crate::engine::{Control, Ending, Engine, Experiment, Place, Resumption, Side};
+use crate::record::{Column, Run};
+use crate::time::SimClock;
+
+/// Name of the file in the folder of a resumed test.
+pub(super) const ORIGIN: &str = "resumed.json";
+
+/// Where a resumed test comes from: `resumed.json`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(super) struct Origin {
+    /// Folder of the interrupted test, from the folder of this one, or absolute.
+    pub parent: PathBuf,
+    /// The same, absolute, when the test was resumed.
+    pub parent_absolute: PathBuf,
+    /// Rows of it that count.
+    pub rows: u64,
+    /// SHA-256 of their bytes.
+    pub rows_sha256: String,
+    /// SHA-256 of its `resolved.toml`.
+    pub resolved_sha256: String,
+    /// Last step that was made.
+    pub step: u64,
+    /// Test time of it, s.
+    pub time: f64,
+    /// Where the axes of each specimen were left, each in its own unit: the last command, what the sensor reads there, the
+    /// force, and how far off it may stand. In words, since JSON's numbers need not come back to the last bit.
+    pub left: Vec<Vec<[String; 4]>>,
+}
+
+impl Origin {
+    /// That of a run; none if it began at its beginning.
+    pub fn of(folder: &Path) -> Result<Option<Self>, ReplayError> {
+        let path = folder.join(ORIGIN);
+        if !path.exists() {
+            return Ok(None);
+        }
+        let text = read(&path)?;
+        match serde_json::from_slice(&text) {
+            Ok(origin) => Ok(Some(origin)),
+            Err(source) => Err(ReplayError::Origin { path, source }),
+        }
+    }
+
+    /// The parent's folder, wherever both are now.
+    fn found_from(&self, folder: &Path) -> PathBuf {
+        let beside = folder.join(&self.parent);
+        if beside.exists() {
+            beside
+        } else {
+            self.parent_absolute.clone()
+        }
+    }
+
+    /// Specimens behind links stand where they were left, wherever the interrupted test was when it was retraced.
+    pub fn put(&self, ports: &mut [Port]) {
+        for (port, axes) in ports.iter_mut().zip(&self.left) {
+            if port.is_remote() {
+                let commands: Vec<f64> = axes.iter().map(|axis| number(&axis[0])).collect();
+                port.stands_at(&commands);
+            }
+        }
+    }
+
+    /// Where they were left.
+    pub fn places(&self) -> Vec<Vec<Place>> {
+        let place = |[_, disp, force, within]: &[String; 4]| Place {
+            disp: number(disp),
+            force: number(force),
+            within: number(within),
+        };
+        let specimen = |axes: &Vec<[String; 4]>| axes.iter().map(place).collect();
+        self.left.iter().map(specimen).collect()
+    }
+}
+
+/// What is no number is nowhere.
+fn number(text: &str) -> f64 {
+    text.parse().unwrap_or(f64::NAN)
+}
+
+pub(super) fn read(path: &Path) -> Result<Vec<u8>, ReplayError> {
+    std::fs::read(path).map_err(|source| ReplayError::Unreadable {
+        path: path.to_owned(),
+        source,
+    })
+}
+
+pub(super) fn sha256(bytes: &[u8]) -> String {
+    let digest = Sha256::digest(bytes);
+    digest.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// SHA-256 of the first `rows` rows of a run.
+pub(super) fn rows_sha256(run: &Run, rows: u64) -> Result<String, ReplayError> {
+    let bytes = read(&run.path().join("samples.bin"))?;
+    let end = usize::try_from(rows)
+        .unwrap_or(usize::MAX)
+        .saturating_mul(run.layout().stride());
+    Ok(sha256(bytes.get(..end).unwrap_or(&bytes)))
+}
+
+/// The test of a run folder, as it was built, with the state of its ancestors if it has any. Nobody is connected.
+pub(super) fn prepared(run: &Run, replaced: Replaced, keys: bool) -> Result<Prepared, ReplayError> {
+    check_inputs(run)?;
+    let folder = run.path();
+    let mut loaded = config::load(&folder.join("resolved.toml"), &[])?;
+    if !keys {
+        // No specimen is spoken to: what only a link needs is not asked for.
+        for link in loaded
+            .file
+            .specimen
+            .iter_mut()
+            .filter_map(|s| s.link.as_mut())
+        {
+            link.key_file = None;
+        }
+    }
+    let mut test = config::build(&loaded)?;
+    if let Some(origin) = Origin::of(folder)? {
+        let parent = origin.found_from(folder);
+        let before = Run::open(&parent)?;
+        let found = sha256(&read(&parent.join("resolved.toml"))?);
+        if found != origin.resolved_sha256 {
+            return Err(ReplayError::Input {
+                path: parent.join("resolved.toml"),
+                wanted: origin.resolved_sha256,
+                found,
+            });
+        }
+        let found = rows_sha256(&before, origin.rows)?;
+        if found != origin.rows_sha256 {
+            return Err(ReplayError::Input {
+                path: parent.join("samples.bin"),
+                wanted: origin.rows_sha256,
+                found,
+            });
+        }
+        let traced = retrace(&before, Some(origin.rows), replaced)?;
+        let Some(state) = traced.state else {
+            return Err(ReplayError::Parent(parent));
+        };
+        let (side, ports, mut resumption) = state;
+        resumption.left = origin.places();
+        take_over(&mut test.experiment, side, ports);
+        origin.put(&mut test.experiment.ports);
+        test.experiment.resume = Some(resumption);
+    }
+    Ok(test)
+}
+
+/// The retraced side and ports in place of new ones; links stay those of the new ones.
+pub(super) fn take_over(experiment: &mut Experiment, side: Side, ports: Vec<Port>) {
+    experiment.side = side;
+    let fresh = std::mem::replace(&mut experiment.ports, ports);
+    for (port, fresh) in experiment.ports.iter_mut().zip(fresh) {
+        port.go_live(fresh);
+    }
+}
+
+/// What a run came to when it was retraced.
+pub(super) struct Retraced {
+    /// The state after its last good row; none if it ended before its first step, or at its last.
+    pub state: Option<(Side, Vec<Port>, Resumption)>,
+    /// Rows that came out again.
+    pub rows: u64,
+    /// The last checkpoint that did.
+    pub verified: Option<Verified>,
+    /// What ended it before its time.
+    pub trouble: Option<String>,
+    /// True if it came to the last step of the test.
+    pub completed: bool,
+}
+
+/// Follows a run to its end, or through so many rows.
+pub(super) fn retrace(
+    run: &Run,
+    until: Option<u64>,
+    replaced: Replaced,
+) -> Result<Retraced, ReplayError> {
+    let mut experiment = prepared(run, replaced, false)?.experiment;
+    same_columns(run.layout().columns(), &experiment.columns())?;
+    let (operator, requests) = crossbeam_channel::bounded(4);
+    let recording = Recording::of(run)?;
+    let tape = Tape::new(recording, run.layout(), &experiment, operator, until, true);
+    let tape = Arc::new(Mutex::new(tape));
+    put_recorded(&mut experiment, &tape, run.layout(), replaced);
+    let recorder = Box::new(Comparing(Arc::clone(&tape)));
+    let mut engine = Engine::new(experiment, Box::new(SimClock::new()), recorder);
+    let ending = engine.retrace(&Control::from(requests));
+    Ok(with(&tape, |tape| {
+        let damage = tape.end().filter(|end| {
+            use crate::record::End::{Clean, Torn};
+            // A kill ends the file in the middle of a row.
+            !matches!(end, Clean | Torn { .. })
+        });
+        let trouble = match (&tape.difference, &ending) {
+            (Some(difference), _) => Some(format!(
+                "`{}` of row {} (step {}) does not come out again",
+                difference.column, difference.row, difference.step
+            )),
+            _ if tape.short.is_some() => tape.short.take(),
+            _ if damage.is_some() && until.is_none() => damage.map(|end| end.to_string()),
+            (None, Ending::Stopped(stop)) if !tape.is_over() => {
+                Some(format!("the loop stops where the test did not: {stop}"))
+            }
+            _ => None,
+        };
+        Retraced {
+            state: match ending {
+                Ending::Completed => None,
+                Ending::Stopped(_) => engine.stand_by(),
+            },
+            rows: tape.row,
+            verified: tape.verified,
+            trouble,
+            completed: ending == Ending::Completed,
+        }
+    }))
+}
+
+pub(super) fn check_inputs(run: &Run) -> Result<(), ReplayError> {
+    for input in run.summary().map_or(&[][..], |summary| &summary.inputs) {
+        same(&run.path().join(&input.path), &input.sha256)?;
+    }
+    Ok(())
+}
+
+/// A file is what it was.
+pub(super) fn same(path: &Path, wanted: &str) -> Result<(), ReplayError> {
+    let found = sha256(&read(path)?);
+    if found == wanted {
+        return Ok(());
+    }
+    Err(ReplayError::Input {
+        path: path.to_owned(),
+        wanted: wanted.to_owned(),
+        found,
+    })
+}
+
+pub(super) fn same_columns(found: &[Column], wanted: &[Column]) -> Result<(), ReplayError> {
+    let longest = found.len().max(wanted.len());
+    let name = |columns: &[Column], index: usize| columns.get(index).map(|c| c.name.clone());
+    let differs = (0..longest).find(|&index| name(found, index) != name(wanted, index));
+    match differs {
+        None => Ok(()),
+        Some(index) => Err(ReplayError::Columns {
+            found: name(found, index),
+            wanted: name(wanted, index),
+        }),
+    }
+}

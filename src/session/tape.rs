@@ -1,0 +1,408 @@
+//! The recorded rows of a test, fed to the loop in place of its specimens, and compared with what the loop makes of them.
+//!
+//! What was decided while the test ran stands in the rows: when the operator wanted a hold, when a measurement was stale,
+//! when a slow partner answered. So all of it happens again where it happened. Checkpoints are compared as they come.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::fs::File;
+use std::io::Read;
+use std::sync::{Arc, Mutex};
+
+use crossbeam_channel::Sender;
+
+use super::replay::{Difference, ReplayError};
+use crate::engine::{Experiment, Operator, Phase};
+use crate::record::{Column, Event, EventKind, FolderError, Journal, Layout, Recorder, Run};
+use crate::substructure::{
+    Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
+};
+use crate::time::Nanos;
+
+/// Rows to come that must be known: this one, and the one in which a confirmation shows.
+const AHEAD: usize = 2;
+
+/// A checkpoint that came out as it was recorded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Verified {
+    /// Its step.
+    pub step: u64,
+    /// Rows up to it.
+    pub rows: u64,
+}
+
+/// What was recorded: rows, and the digest of each checkpoint by its step.
+pub(super) struct Recording {
+    journal: Journal<Box<dyn Read + Send>>,
+    checkpoints: BTreeMap<u64, String>,
+}
+
+impl Recording {
+    /// Of a run folder.
+    pub fn of(run: &Run) -> Result<Self, ReplayError> {
+        let path = run.path().join("samples.bin");
+        let samples = match File::open(&path) {
+            Ok(samples) => Box::new(samples),
+            Err(source) => return Err(ReplayError::Unreadable { path, source }),
+        };
+        Ok(Self {
+            checkpoints: checkpoints(run)?,
+            ..Self::without_checkpoints(samples, run.layout())
+        })
+    }
+
+    /// Of rows alone.
+    pub fn without_checkpoints(samples: Box<dyn Read + Send>, layout: &Layout) -> Self {
+        Self {
+            journal: Journal::new(samples, layout.columns().len()),
+            checkpoints: BTreeMap::new(),
+        }
+    }
+}
+
+/// The recorded rows, as far as the loop has come.
+pub(super) struct Tape {
+    journal: Journal<Box<dyn Read + Send>>,
+    columns: Vec<Column>,
+    ahead: VecDeque<Vec<f64>>,
+    /// Rows that are the same.
+    pub row: u64,
+    /// Test time of the last of them, s.
+    pub time: f64,
+    places: [usize; 3],
+    /// Whether the operator wanted a hold before the row that comes.
+    holding: bool,
+    /// Number of steps of the test, and state and step of the row before the one that comes.
+    steps: u64,
+    before: Option<(f64, f64)>,
+    /// Rows after which it is enough.
+    until: u64,
+    /// Whether the rows from the test's end on are none of this.
+    only_the_test: bool,
+    checkpoints: BTreeMap<u64, String>,
+    pub verified: Option<Verified>,
+    operator: Sender<Operator>,
+    pub difference: Option<Difference>,
+    /// What ends the rows before the end of the recording.
+    pub short: Option<String>,
+}
+
+impl Tape {
+    /// The rows of a recording in `layout`, for this experiment; `operator` is the loop's line.
+    pub fn new(
+        recording: Recording,
+        layout: &Layout,
+        experiment: &Experiment,
+        operator: Sender<Operator>,
+        until: Option<u64>,
+        only_the_test: bool,
+    ) -> Self {
+        let place = |name: &str| layout.index_of(name).unwrap_or(usize::MAX);
+        let mut tape = Self {
+            journal: recording.journal,
+            columns: experiment.columns(),
+            ahead: VecDeque::with_capacity(AHEAD),
+            row: 0,
+            time: f64::NAN,
+            places: [place("state"), place("hold"), place("time")],
+            holding: false,
+            steps: experiment.steps,
+            before: None,
+            until: until.unwrap_or(u64::MAX),
+            only_the_test,
+            checkpoints: recording.checkpoints,
+            verified: None,
+            operator,
+            difference: None,
+            short: None,
+        };
+        tape.fill();
+        tape.say();
+        tape
+    }
+
+    /// How the recording ends, as far as it was read.
+    pub const fn end(&self) -> Option<crate::record::End> {
+        self.journal.end()
+    }
+
+    /// True if nothing is left to feed.
+    pub fn is_over(&self) -> bool {
+        let Some(next) = self.ahead.front() else {
+            return true;
+        };
+        let state = at(Some(next), self.places[0]);
+        let after = state == Phase::Tripped.code() || state == Phase::Leaving.code();
+        self.row >= self.until || (self.only_the_test && after)
+    }
+
+    fn fill(&mut self) {
+        while self.ahead.len() < AHEAD && self.short.is_none() {
+            match self.journal.next_row() {
+                Ok(Some(row)) => {
+                    let expected = self.row + self.ahead.len() as u64;
+                    if row.sequence == expected {
+                        self.ahead.push_back(row.values.to_vec());
+                    } else {
+                        self.short = Some(format!("row {expected} was lost when it was recorded"));
+                    }
+                }
+                Ok(None) => return,
+                Err(error) => self.short = Some(error.to_string()),
+            }
+        }
+    }
+
+    fn phase(&self, ahead: usize) -> Option<f64> {
+        self.ahead.get(ahead)?.get(self.places[0]).copied()
+    }
+
+    /// What the operator said before the tick of the row that comes: a wish for a hold stands in it, a confirmation shows in
+    /// the row behind it.
+    fn request(&mut self) -> Option<Operator> {
+        if self.phase(0) == Some(Phase::Leaving.code())
+            && let Some((state, step)) = self.before
+        {
+            let completed = state == Phase::Running.code() && step >= self.steps as f64;
+            let on_its_way = state == Phase::Leaving.code() || state == Phase::Tripped.code();
+            if !completed && !on_its_way {
+                return Some(Operator::Stop);
+            }
+        }
+        let row = self.ahead.front()?;
+        let holding = at(Some(row), self.places[1]) > 0.0;
+        if holding != self.holding {
+            self.holding = holding;
+            return Some(if holding {
+                Operator::Hold
+            } else {
+                Operator::Continue
+            });
+        }
+        let (now, next) = (self.phase(0)?, self.phase(1)?);
+        let confirmed = now == Phase::Zeroing.code() && now != next;
+        confirmed.then_some(Operator::Continue)
+    }
+
+    /// Says what the operator said before the row that comes. Nothing left to compare with: the loop may end.
+    fn say(&mut self) {
+        let request = if self.is_over() || self.difference.is_some() {
+            Some(Operator::Stop)
+        } else {
+            self.request()
+        };
+        if let Some(request) = request {
+            let _ = self.operator.try_send(request);
+        }
+    }
+
+    /// Compares the row that was just made, and says what the operator said before the next.
+    fn compare(&mut self, made: &[f64]) {
+        let Some(recorded) = self.ahead.front() else {
+            return;
+        };
+        let pairs = self.columns.iter().zip(recorded).zip(made);
+        for ((column, recorded), made) in pairs {
+            if !column.timing && recorded.to_bits() != made.to_bits() && self.difference.is_none() {
+                self.difference = Some(Difference {
+                    row: self.row,
+                    step: at(self.ahead.front(), 0) as u64,
+                    time: at(self.ahead.front(), self.places[2]),
+                    column: column.name.clone(),
+                    recorded: *recorded,
+                    replayed: *made,
+                });
+            }
+        }
+        self.time = at(self.ahead.front(), self.places[2]);
+        if self.difference.is_none() {
+            let front = self.ahead.front();
+            self.before = Some((at(front, self.places[0]), at(front, 0)));
+            self.row += 1;
+            self.ahead.pop_front();
+            self.fill();
+        }
+        self.say();
+    }
+
+    /// Compares a checkpoint of this step, whose row was the last.
+    fn check(&mut self, step: u64, digest: u64) {
+        let Some(recorded) = self.checkpoints.get(&step) else {
+            return;
+        };
+        if *recorded == format!("{digest:016x}") {
+            self.verified = Some(Verified {
+                step,
+                rows: self.row,
+            });
+        } else if self.difference.is_none() {
+            self.difference = Some(Difference {
+                row: self.row.saturating_sub(1),
+                step,
+                time: self.time,
+                column: "checkpoint".to_owned(),
+                recorded: f64::NAN,
+                replayed: f64::NAN,
+            });
+            self.say();
+        }
+    }
+}
+
+/// Step and digest of every checkpoint.
+fn checkpoints(run: &Run) -> Result<BTreeMap<u64, String>, FolderError> {
+    let events = run.events()?.events;
+    let found = events.iter().filter_map(|event| {
+        let is_one = event.get("event")?.as_str()? == "checkpoint";
+        let step = event.get("tick")?.as_u64()?;
+        let digest = event.get("digest")?.as_str()?.to_owned();
+        is_one.then_some((step, digest))
+    });
+    Ok(found.collect())
+}
+
+fn at(row: Option<&Vec<f64>>, index: usize) -> f64 {
+    row.and_then(|row| row.get(index))
+        .copied()
+        .unwrap_or(f64::NAN)
+}
+
+/// One tape for the recorder and all specimens. The lock is never contended: all are on one thread.
+pub(super) type Shared = Arc<Mutex<Tape>>;
+
+pub(super) fn with<T>(tape: &Shared, act: impl FnOnce(&mut Tape) -> T) -> T {
+    match tape.lock() {
+        Ok(mut tape) => act(&mut tape),
+        Err(poisoned) => act(&mut poisoned.into_inner()),
+    }
+}
+
+/// A recorder that keeps nothing and compares everything.
+pub(super) struct Comparing(pub Shared);
+
+impl Recorder for Comparing {
+    fn row(&mut self, row: &[f64]) -> bool {
+        with(&self.0, |tape| tape.compare(row));
+        true
+    }
+
+    fn event(&mut self, event: Event) -> bool {
+        if let EventKind::Checkpoint { digest } = event.kind {
+            with(&self.0, |tape| tape.check(event.tick, digest));
+        }
+        true
+    }
+}
+
+/// Answers as the recorded specimen did.
+struct Recorded {
+    tape: Shared,
+    /// Places of raw displacement and raw force of each axis, of the sequence number and of the status.
+    axes: Vec<[usize; 2]>,
+    sequence: usize,
+    status: usize,
+    issued: u64,
+}
+
+impl Recorded {
+    /// Fails where the row that comes says so: there the specimen was lost.
+    fn is_lost(&self, mark: Status) -> Result<(), LinkFault> {
+        with(&self.tape, |tape| {
+            let row = tape.ahead.front();
+            let status = Status(at(row, self.status) as u32);
+            let trips = at(row, tape.places[0]) == Phase::Tripped.code();
+            if trips && status.has(mark) {
+                return Err(LinkFault::Closed);
+            }
+            Ok(())
+        })
+    }
+}
+
+impl Substructure for Recorded {
+    fn axes(&self) -> usize {
+        self.axes.len()
+    }
+
+    fn coupling(&self) -> Coupling {
+        Coupling::Lockstep
+    }
+
+    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+        self.issued = command.sequence;
+        self.is_lost(Status::UNSENT)
+    }
+
+    fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+        let issued = self.issued;
+        self.is_lost(Status::LOST)?;
+        with(&self.tape, |tape| {
+            // The end of the recording ends the replay.
+            let row = tape.ahead.front().ok_or(LinkFault::Closed)?;
+            let at = |index: usize| at(Some(row), index);
+            let recorded = at(self.sequence) as u64;
+            let axes = into.disp.iter_mut().zip(&mut into.force);
+            for ((disp, force), [disp_at, force_at]) in axes.zip(&self.axes) {
+                (*disp, *force) = (at(*disp_at), at(*force_at));
+            }
+            into.status = Status(at(self.status) as u32);
+            // Commands before the one that this row answers leave no row: the ticks of the warm-up.
+            into.sequence = recorded.min(issued);
+            // Ticks in which nothing moves share a number: there the row says how old its measurement is.
+            let stale = issued == recorded && into.status.has(Status::STALE);
+            Ok(if issued > recorded || stale {
+                Freshness::Stale
+            } else {
+                Freshness::Fresh
+            })
+        })
+    }
+
+    /// A partner that takes several ticks answers in the row in which it answered.
+    fn is_answered(&mut self) -> Result<bool, LinkFault> {
+        self.is_lost(Status::LOST)?;
+        with(&self.tape, |tape| {
+            let row = tape.ahead.front().ok_or(LinkFault::Closed)?;
+            Ok(at(Some(row), self.sequence) as u64 >= self.issued)
+        })
+    }
+
+    fn retire(&mut self, _: Retirement) {}
+}
+
+/// Whose place the recording takes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Replaced {
+    /// That of every specimen.
+    All,
+    /// That of specimens behind links: formulas go their own way again, and remember it.
+    Remote,
+}
+
+/// Puts the recording in place of the specimens.
+pub(super) fn put_recorded(
+    experiment: &mut Experiment,
+    tape: &Shared,
+    layout: &Layout,
+    replaced: Replaced,
+) {
+    let place = |name: &str| layout.index_of(name).unwrap_or(usize::MAX);
+    for (index, port) in experiment.ports.iter_mut().enumerate() {
+        if replaced == Replaced::Remote && !port.is_remote() {
+            continue;
+        }
+        let s = index + 1;
+        let axis = |j: usize| {
+            [
+                place(&format!("raw_disp_{s}_{j}")),
+                place(&format!("raw_force_{s}_{j}")),
+            ]
+        };
+        port.put_recording(Box::new(Recorded {
+            tape: Arc::clone(tape),
+            axes: (1..=port.axes()).map(axis).collect(),
+            sequence: place(&format!("seq_{s}")),
+            status: place(&format!("status_{s}")),
+            issued: 0,
+        }));
+    }
+}

@@ -1,0 +1,388 @@
+//! Thousands of tests in which anything can go wrong, each determined by its seed: what must always hold, holds.
+//!
+//! GUSSET_FAULT_SEEDS is their number, GUSSET_FAULT_SEED the first of them; `tools/faults` sets both.
+
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use gusset::config::{Loaded, load};
+use gusset::control::limits::LimitsSpec;
+use gusset::engine::Operator;
+use gusset::law::LawSpec;
+use gusset::link::NativeSetup;
+use gusset::link::fault::{Channel, Fault, Kind, Script, Way};
+use gusset::link::serve::Host;
+use gusset::specimen::{Specimen, Uniaxial};
+
+use crate::invariants;
+use crate::lab::{Extra, Played, play};
+
+/// In CI.
+const SEEDS: u64 = 10_000;
+
+/// SplitMix64.
+pub struct Chance(u64);
+
+impl Chance {
+    pub fn new(seed: u64) -> Self {
+        Self(seed.wrapping_mul(0xD134_2543_DE82_EF95))
+    }
+
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        z ^ (z >> 31)
+    }
+
+    fn share(&mut self) -> f64 {
+        (self.next() >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    fn below(&mut self, count: u64) -> u64 {
+        self.next() % count
+    }
+
+    fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.share()
+    }
+
+    fn one_in(&mut self, count: u64) -> bool {
+        self.below(count) == 0
+    }
+}
+
+/// The tests that are played, with short openings: those of the folder beside this file, by name.
+pub fn tests() -> Vec<Loaded> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/faults/campaign");
+    let entries = std::fs::read_dir(folder).unwrap();
+    let mut paths: Vec<_> = entries.map(|entry| entry.unwrap().path()).collect();
+    paths.sort();
+    let read = |path: PathBuf| load(&path, &[]).unwrap_or_else(|error| panic!("{error}"));
+    paths.into_iter().map(read).collect()
+}
+
+/// Frames that fail a check, or arrive in another way than they were sent.
+fn a_frame_fault(chance: &mut Chance) -> Kind {
+    match chance.below(13) {
+        0..=2 => Kind::Lost,
+        3 => Kind::Late {
+            ticks: chance.between(0.1, 3.0),
+        },
+        4 => Kind::Jitter {
+            ticks: chance.between(0.1, 2.5),
+        },
+        5 => Kind::Duplicated {
+            times: 1 + chance.below(3) as u32,
+        },
+        6 => Kind::Reordered,
+        7 => Kind::OldAgain {
+            age: 1 + chance.below(64) as usize,
+        },
+        8 => Kind::Corrupted {
+            bits: 1 + chance.below(8) as u32,
+        },
+        9 => Kind::WrongLength,
+        10 => Kind::Truncated,
+        11 => Kind::Garbage,
+        _ => match chance.below(3) {
+            0 => Kind::NotANumberSent,
+            _ => Kind::AnswersTheFuture {
+                by: 1 + chance.below(5),
+            },
+        },
+    }
+}
+
+fn a_rig_fault(chance: &mut Chance) -> Kind {
+    let channel = match chance.below(3) {
+        0 => Channel::Disp,
+        1 => Channel::Force,
+        _ => Channel::Both,
+    };
+    match chance.below(17) {
+        0 => Kind::Frozen,
+        1 => Kind::Stroke {
+            disp_m: chance.between(0.001, 0.02),
+        },
+        2 => Kind::Rate {
+            vel_m_per_s: chance.between(0.01, 0.3),
+        },
+        3 => Kind::ForceLimit {
+            force_n: chance.between(1e4, 2e5),
+        },
+        4 => Kind::Lag {
+            commands: 1 + chance.below(5) as usize,
+        },
+        5 => Kind::Stuck { channel },
+        6 => Kind::Bias {
+            disp_m: chance.between(-0.01, 0.01),
+            force_n: chance.between(-2e5, 2e5),
+        },
+        7 => Kind::Drift {
+            disp_m: chance.between(-1e-4, 1e-4),
+            force_n: chance.between(-5e3, 5e3),
+        },
+        8 => Kind::Noise {
+            disp_m: chance.between(0.0, 1e-3),
+            force_n: chance.between(0.0, 2e4),
+        },
+        9 => Kind::Dropout { channel },
+        10 => Kind::Reversed { channel },
+        11 => Kind::Gain {
+            factor: chance.between(-3.0, 4.0),
+        },
+        12 => Kind::NotANumber,
+        13 => Kind::Interlock,
+        14 => Kind::Saturated,
+        15 => Kind::Goodbye,
+        _ => Kind::Elsewhere { disp_m: 0.003 },
+    }
+}
+
+fn a_fault(chance: &mut Chance) -> Fault {
+    let (mut on, mut probability) = (None, None);
+    let kind = match chance.below(20) {
+        0..=9 => {
+            on = chance.one_in(3).then_some(Way::Commands);
+            probability = (!chance.one_in(3)).then(|| chance.between(0.01, 0.6));
+            a_frame_fault(chance)
+        }
+        10..=15 => a_rig_fault(chance),
+        16 => Kind::Closed,
+        17 => Kind::Hangs {
+            ticks: chance.between(0.5, 60.0),
+        },
+        18 if chance.one_in(4) => Kind::ArmingUnanswered,
+        18 => Kind::ClockDrift {
+            ppm: chance.between(-1e5, 1e5),
+        },
+        _ => Kind::ControllerStalls {
+            ticks: 1 + chance.below(50),
+        },
+    };
+    if matches!(kind, Kind::NotANumberSent | Kind::AnswersTheFuture { .. }) {
+        on = None;
+    }
+    let timeless = matches!(
+        kind,
+        Kind::ClockDrift { .. } | Kind::ArmingUnanswered | Kind::Elsewhere { .. }
+    );
+    let moment = matches!(
+        kind,
+        Kind::Closed | Kind::Hangs { .. } | Kind::Goodbye | Kind::ControllerStalls { .. }
+    );
+    let lasts = match chance.below(3) {
+        0 => None,
+        1 => Some(1),
+        _ => Some(1 + chance.below(20)),
+    };
+    Fault {
+        at: (!timeless).then(|| chance.below(130)),
+        lasts: lasts.filter(|_| !timeless && !moment),
+        axis: None,
+        on,
+        probability,
+        kind,
+    }
+}
+
+/// What happens in the test with this seed.
+fn script(seed: u64, chance: &mut Chance) -> Script {
+    let faults = chance.below(5);
+    let script = Script {
+        title: format!("seed {seed}"),
+        seed,
+        fault: (0..faults).map(|_| a_fault(chance)).collect(),
+        ..Script::default()
+    };
+    assert_eq!(script.check(Some(1)), Ok(()), "{script:?}");
+    script
+}
+
+fn operator(chance: &mut Chance) -> Vec<(u64, Operator)> {
+    if !chance.one_in(4) {
+        return Vec::new();
+    }
+    // Not before the test runs.
+    let hold = 90 + chance.below(60);
+    let mut says = vec![
+        (hold, Operator::Hold),
+        (hold + 1 + chance.below(40), Operator::Continue),
+    ];
+    if chance.one_in(2) {
+        says.push((chance.below(200), Operator::Stop));
+    }
+    says
+}
+
+/// A far end in the units of the link, with limits of its own in one test out of two.
+pub fn host(loaded: &Loaded, index: usize, setup: &NativeSetup, limited: bool) -> Host {
+    let stiffness = if index == 0 { 15e6 } else { 2e6 };
+    let text = format!(
+        "bouc_wen = {{ stiffness_n_per_m = {stiffness}, yield_force_n = {}, post_yield_ratio = 0.1, beta = 0.5, \
+         gamma = 0.5, exponent = 2 }}",
+        stiffness * 0.008
+    );
+    let spec: LawSpec = toml::from_str(&text).unwrap();
+    let build = move || {
+        let law = spec.build().map_err(|error| error.to_string())?;
+        let specimen = Uniaxial::new(vec![law]).map_err(|error| error.to_string())?;
+        Ok(Box::new(specimen) as Box<dyn Specimen>)
+    };
+    let name = loaded.file.specimen[index].name.clone();
+    let host = Host::new(name, setup.axes.clone(), Box::new(build)).unwrap();
+    let own: LimitsSpec = toml::from_str("command_disp_m = { trip = [-0.03, 0.03] }").unwrap();
+    host.limited(if limited { vec![own] } else { Vec::new() })
+}
+
+/// The test with this seed, and what happens in it. `as_played` changes the test that is played, not the one that is meant.
+fn one_as(
+    tests: &[Loaded],
+    seed: u64,
+    as_played: impl Fn(&Loaded) -> Option<Loaded>,
+) -> (Script, &Loaded, Result<Played, String>) {
+    let mut chance = Chance::new(seed);
+    let loaded = &tests[chance.below(tests.len() as u64) as usize];
+    let limited = chance.one_in(2);
+    let script = script(seed, &mut chance);
+    let second = Script {
+        title: "the second specimen".to_owned(),
+        fault: if chance.one_in(3) {
+            vec![a_fault(&mut chance)]
+        } else {
+            Vec::new()
+        },
+        ..Script::default()
+    };
+    let extra = Extra {
+        script: Some(&script),
+        operator: operator(&mut chance),
+        ..Extra::default()
+    };
+    let other = as_played(loaded);
+    let played = play(other.as_ref().unwrap_or(loaded), extra, |index, setup| {
+        let faults = if index == 0 { &script } else { &second };
+        host(loaded, index, setup, limited)
+            .faulty(faults.clone())
+            .unwrap()
+    });
+    (script, loaded, played)
+}
+
+fn one(tests: &[Loaded], seed: u64) -> (Script, &Loaded, Result<Played, String>) {
+    one_as(tests, seed, |_| None)
+}
+
+fn from_environment(name: &str, usual: u64) -> u64 {
+    match std::env::var(name) {
+        Ok(text) => text
+            .parse()
+            .unwrap_or_else(|_| panic!("{name} is {text:?}, wanted a number")),
+        Err(_) => usual,
+    }
+}
+
+#[test]
+fn whatever_goes_wrong_what_must_hold_holds() {
+    let seeds = from_environment("GUSSET_FAULT_SEEDS", SEEDS);
+    let first = from_environment("GUSSET_FAULT_SEED", 0);
+    let tests = tests();
+    let next = AtomicU64::new(first);
+    let wrong = Mutex::new(Vec::new());
+    let ends = Mutex::new(std::collections::BTreeMap::<String, u64>::new());
+    let steps = AtomicU64::new(0);
+    let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    std::thread::scope(|scope| {
+        for _ in 0..threads {
+            scope.spawn(|| {
+                loop {
+                    let seed = next.fetch_add(1, Ordering::Relaxed);
+                    if seed >= first + seeds || wrong.lock().unwrap().len() >= 5 {
+                        return;
+                    }
+                    let (script, loaded, played) = one(&tests, seed);
+                    let outcome = played.and_then(|played| {
+                        steps.fetch_add(played.outcome.steps, Ordering::Relaxed);
+                        let (reason, exit) = played.verdict();
+                        let sort: String = reason
+                            .chars()
+                            .filter(|c| !c.is_numeric())
+                            .take(48)
+                            .collect();
+                        *ends
+                            .lock()
+                            .unwrap()
+                            .entry(format!("{exit:3} {sort}"))
+                            .or_default() += 1;
+                        invariants::check(loaded, &played).map_err(|text| {
+                            format!(
+                                "{text}\n{:?}, exit {exit}: {reason}\n{}",
+                                played.path(),
+                                played.told()
+                            )
+                        })
+                    });
+                    if let Err(text) = outcome {
+                        wrong.lock().unwrap().push((seed, text, script));
+                    }
+                }
+            });
+        }
+    });
+    for (end, count) in ends.into_inner().unwrap() {
+        println!("{count:7} × {end}");
+    }
+    println!(
+        "{seeds} tests from seed {first}, {} steps",
+        steps.into_inner()
+    );
+    let mut wrong = wrong.into_inner().unwrap();
+    wrong.sort_by_key(|(seed, ..)| *seed);
+    for (seed, text, script) in &wrong {
+        println!(
+            "SEED {seed}: {text}\n{:#?}\nagain: GUSSET_FAULT_SEED={seed} GUSSET_FAULT_SEEDS=1 cargo test --test faults campaign -- --nocapture\n",
+            script.fault
+        );
+    }
+    assert!(
+        wrong.is_empty(),
+        "{} tests went wrong, the first with seed {}",
+        wrong.len(),
+        wrong[0].0
+    );
+}
+
+#[test]
+fn a_controller_that_forgets_its_limits_is_found_out() {
+    let forgetful = |loaded: &Loaded| {
+        let mut other = loaded.clone();
+        for specimen in &mut other.file.specimen {
+            specimen.limits = None;
+        }
+        Some(other)
+    };
+    let tests = tests();
+    let found = (0..300).filter(|seed| {
+        let (_, loaded, played) = one_as(&tests, *seed, forgetful);
+        let played = played.unwrap();
+        invariants::check(loaded, &played).is_err_and(|text| text.contains("command"))
+    });
+    let found = found.count();
+    assert!(found >= 3, "only {found} of 300");
+}
+
+#[test]
+fn two_plays_of_one_seed_are_the_same_to_the_last_bit() {
+    let tests = tests();
+    for seed in [3, 5, 11, 17] {
+        let (_, _, one_play) = one(&tests, seed);
+        let (_, _, other) = one(&tests, seed);
+        let (one_play, other) = (one_play.unwrap(), other.unwrap());
+        assert_eq!(one_play.samples, other.samples, "seed {seed}");
+        assert_eq!(one_play.events_jsonl, other.events_jsonl, "seed {seed}");
+        assert_eq!(one_play.taps, other.taps, "seed {seed}");
+    }
+}

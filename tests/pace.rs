@@ -1,0 +1,395 @@
+//! Steps of many ticks: the command goes from target to target without a corner, a slow partner holds up nobody, and a hold
+//! comes to rest and goes on slowly. Whatever the pace, the response is the same, and a replay finds the same bits.
+
+mod common;
+
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex};
+
+use common::engine::{Run, prepare, run, run_on, run_under};
+use gusset::control::{Axis, HOLD_AT, Order, Port};
+use gusset::engine::{Control, Ending, Operator, Phase};
+use gusset::record::RunFolder;
+use gusset::session::{self, Watches, replay};
+use gusset::substructure::{
+    Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
+};
+use gusset::time::{Nanos, SimClock};
+
+/// Steps of 10 ms, springs of 2e5 N/m on the bottom storey; `ticks` of them.
+fn frame(ticks: u32, more: &str) -> String {
+    format!(
+        "{more}\n[time]\nstep_s = 0.01\nduration_s = 1.5\nclock = \"simulated\"\nticks_per_step = {ticks}\n[integrator]\n\
+         lambda = 2\n[structure.shear_building]\nmass_kg = [2e3, 2e3]\nstiffness_n_per_m = [3e5, 3e5]\n\
+         [excitation.ground_acceleration.signal.sine]\namplitude = 5\nfrequency_hz = 1\nphase_rad = 1\n[timing]\n\
+         warmup_ticks = 3\n"
+    )
+}
+
+const SPRING: &str =
+    "[[specimen]]\nname = \"near\"\nstorey = 1\nlaw.linear = { stiffness_n_per_m = 2e5 }\n";
+const STIFFNESS: f64 = 2e5;
+
+/// A spring that takes some looks before its answer is there: `late[k % n]` for its command k.
+struct Slow {
+    late: Vec<u32>,
+    disp: f64,
+    sequence: u64,
+    told: usize,
+    looks: u32,
+    commands: Arc<Mutex<Vec<(u64, f64)>>>,
+}
+
+impl Slow {
+    fn new(late: &[u32]) -> (Self, Arc<Mutex<Vec<(u64, f64)>>>) {
+        let commands = Arc::default();
+        let slow = Self {
+            late: late.to_vec(),
+            disp: 0.0,
+            sequence: 0,
+            told: 0,
+            looks: 0,
+            commands: Arc::clone(&commands),
+        };
+        (slow, commands)
+    }
+}
+
+impl Substructure for Slow {
+    fn axes(&self) -> usize {
+        1
+    }
+    fn coupling(&self) -> Coupling {
+        Coupling::Lockstep
+    }
+    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+        (self.disp, self.sequence) = (command.disp[0], command.sequence);
+        self.commands
+            .lock()
+            .unwrap()
+            .push((command.sequence, command.time));
+        self.told += 1;
+        self.looks = 0;
+        Ok(())
+    }
+    fn is_answered(&mut self) -> Result<bool, LinkFault> {
+        self.looks += 1;
+        Ok(self.looks > self.late[self.told % self.late.len()])
+    }
+    fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+        into.sequence = self.sequence;
+        (into.disp[0], into.force[0]) = (self.disp, 1e5 * self.disp);
+        Ok(Freshness::Fresh)
+    }
+    fn retire(&mut self, _: Retirement) {}
+}
+
+/// The frame with a spring in each storey, the upper one behind a slow link.
+fn with_slow(ticks: u32, late: &[u32]) -> (Run, Arc<Mutex<Vec<(u64, f64)>>>) {
+    let mut experiment = prepare(&format!("{}{SPRING}", frame(ticks, ""))).experiment;
+    let (slow, commands) = Slow::new(late);
+    let axis = Axis::plain(vec![(0, -1.0), (1, 1.0)]);
+    let port = Port::new("far", vec![axis], Box::new(slow), 2, vec![1e5]).unwrap();
+    experiment
+        .ports
+        .push(port.with_pace(true, Order::Quadratic));
+    (run_on(experiment, SimClock::new()), commands)
+}
+
+/// Largest second difference of a series, over its largest value.
+fn corner(series: &[f64]) -> f64 {
+    let size = series.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+    let turns = series.windows(3).map(|w| (w[2] - 2.0 * w[1] + w[0]).abs());
+    turns.fold(0.0, f64::max) / size
+}
+
+fn count(run: &Run, code: f64) -> usize {
+    run.all("state")
+        .iter()
+        .filter(|state| **state == code)
+        .count()
+}
+
+#[test]
+fn many_ticks_a_step_change_nothing_of_the_response_and_the_command_has_no_corners() {
+    let plain = run(&format!("{}{SPRING}", frame(1, "")));
+    let fine = run(&format!("{}{SPRING}", frame(20, "")));
+    for column in ["x1", "x2", "v2", "a1", "force_1_1", "target_1_1", "time"] {
+        assert_eq!(fine.column(column), plain.column(column), "{column}");
+    }
+    assert_eq!(count(&fine, 11.0), 150 * 19);
+    let command: Vec<f64> = fine.all("cmd_1_1").into_iter().collect();
+    // The response is at most 3.2 Hz (the second mode of the frame): sampled at 2 kHz a smooth way turns by (2π 3.2/2000)²
+    // a tick, 1e-4; four times as much for the cubics between the targets. A ramp with a corner at each target would
+    // turn by a whole step's change of slope at once: 20 times (2π 3.2/100)²/20.
+    let turn = (std::f64::consts::TAU * 3.2 / 2000.0).powi(2);
+    assert!(corner(&command) < 4.0 * turn, "{} {turn}", corner(&command));
+    let time = fine.all("time");
+    assert!(time.windows(2).all(|w| w[1] >= w[0]));
+    // In between, the force is that of the command of that very tick.
+    let (raw, force) = (fine.all("raw_force_1_1"), fine.all("cmd_1_1"));
+    assert!(raw.iter().zip(&force).all(|(f, d)| *f == STIFFNESS * d));
+}
+
+#[test]
+fn a_slow_partner_is_told_once_a_step_and_holds_up_nobody() {
+    let (quick, commands) = with_slow(10, &[0]);
+    // Of 10 ticks a step 9 are between: an answer within 9 looks costs nothing.
+    let (within, _) = with_slow(10, &[9, 4, 0]);
+    // 13: into the prediction; 17, 40: into the slow-down and a hold.
+    let (slow, _) = with_slow(10, &[13, 0, 17, 5, 40, 9, 12]);
+    for run in [&quick, &within, &slow] {
+        assert_eq!(run.outcome.ending, Ending::Completed);
+        assert_eq!(count(run, Phase::Running.code()), 151);
+        for column in [
+            "x1",
+            "x2",
+            "v1",
+            "a2",
+            "force_1_1",
+            "force_2_1",
+            "target_1_1",
+        ] {
+            assert_eq!(run.column(column), quick.column(column), "{column}");
+        }
+    }
+    let commands = commands.lock().unwrap();
+    let running: Vec<_> = commands.iter().skip(3).collect();
+    assert_eq!(
+        running.len(),
+        151,
+        "once a step, after three ticks of warm-up"
+    );
+    assert!(
+        running.windows(2).all(|w| w[1].0 == w[0].0 + 1),
+        "no number is skipped"
+    );
+    // Only to the first target, where the specimens stand already, nobody is on the way: the 4 looks there are predicted, and
+    // are no loss: the way goes on from there.
+    assert_eq!((count(&within, 12.0), count(&within, 13.0)), (3, 0));
+    assert_eq!(within.rows.len(), quick.rows.len());
+    assert!(count(&slow, 12.0) > 100 && count(&slow, 13.0) > 100);
+    // Nobody goes on for more than 0.8 of a step without a target; and what has a corner there would show.
+    let (time, step) = (slow.all("time"), slow.all("step"));
+    let state = slow.all("state");
+    let rows = time.iter().zip(&step).zip(&state);
+    for ((time, step), _) in rows.filter(|(_, state)| **state == 13.0) {
+        assert!(
+            time / 0.01 - (step + 1.0) <= HOLD_AT + 1e-9,
+            "{time} {step}"
+        );
+    }
+    let (smooth, eased) = (corner(&quick.all("cmd_1_1")), corner(&slow.all("cmd_1_1")));
+    // A stop within one tick would turn by the way of a tick, 2π 3.2/1000 = 0.02 of the amplitude; the slow-down is over 2 ticks
+    // here (0.2 N), and what is left of a step after it, a fifth, is made up for in 5 or so.
+    assert!(smooth < 2e-4 && eased < 0.3 * 0.02, "{eased} {smooth}");
+    let pace =
+        |e: &&gusset::record::Event| matches!(e.kind, gusset::record::EventKind::Pace { .. });
+    assert!(slow.events.iter().filter(pace).count() > 20);
+    assert_eq!(within.events.iter().filter(pace).count(), 0);
+}
+
+#[test]
+fn a_slow_partner_that_does_not_answer_at_all_is_lost() {
+    let text = frame(10, "");
+    let mut experiment = prepare(&text).experiment;
+    let (slow, _) = Slow::new(&[u32::MAX]);
+    let axis = Axis::plain(vec![(0, 1.0)]);
+    let port = Port::new("far", vec![axis], Box::new(slow), 2, vec![1e5]).unwrap();
+    experiment.ports.push(port.with_pace(true, Order::Linear));
+    experiment.limits.reply_timeout_ns = 300_000_000;
+    let run = run_on(experiment, SimClock::new());
+    let Ending::Stopped(stop) = run.outcome.ending else {
+        panic!("it goes on");
+    };
+    assert!(stop.to_string().contains("no reply within the time limit"));
+    // 0.3 s are 300 ticks.
+    let waited = run.all("state").iter().filter(|s| **s >= 12.0).count();
+    assert!((300..=303).contains(&waited), "{waited}");
+}
+
+/// Runs a test while an operator says a word at these commands' ticks.
+fn with_words(text: &str, says: Vec<(u64, Operator)>) -> Run {
+    struct Ear {
+        ask: crossbeam_channel::Sender<Operator>,
+        says: Vec<(u64, Operator)>,
+        tick: u64,
+        disp: f64,
+        sequence: u64,
+    }
+    impl Substructure for Ear {
+        fn axes(&self) -> usize {
+            1
+        }
+        fn coupling(&self) -> Coupling {
+            Coupling::Lockstep
+        }
+        fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+            (self.disp, self.sequence) = (command.disp[0], command.sequence);
+            for (_, word) in self.says.iter().filter(|(at, _)| *at == self.tick) {
+                self.ask.send(*word).unwrap();
+            }
+            self.tick += 1;
+            Ok(())
+        }
+        fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+            into.sequence = self.sequence;
+            (into.disp[0], into.force[0]) = (self.disp, STIFFNESS * self.disp);
+            Ok(Freshness::Fresh)
+        }
+        fn retire(&mut self, _: Retirement) {}
+    }
+    let (ask, requests) = crossbeam_channel::bounded(8);
+    let mut experiment = prepare(text).experiment;
+    let axis = Axis::plain(vec![(0, 1.0)]);
+    let ear = Ear {
+        ask,
+        says,
+        tick: 0,
+        disp: 0.0,
+        sequence: 0,
+    };
+    experiment
+        .ports
+        .push(Port::new("ear", vec![axis], Box::new(ear), 2, vec![STIFFNESS]).unwrap());
+    run_under(experiment, SimClock::new(), &Control::from(requests))
+}
+
+#[test]
+fn a_hold_eases_in_and_out_and_leaves_the_response_as_it_was() {
+    for (ticks, ease) in [(1, 0.3), (10, 0.08)] {
+        let eased = frame(ticks, &format!("safety.ease_s = {ease}"));
+        let plain = with_words(&eased, vec![]);
+        let at = u64::from(60 * ticks);
+        let says = vec![(at, Operator::Hold), (at + 200, Operator::Continue)];
+        let held = with_words(&eased, says.clone());
+        assert_eq!(held.outcome.ending, Ending::Completed);
+        for column in ["x1", "x2", "v1", "a2", "force_1_1", "target_1_1", "time"] {
+            assert_eq!(held.column(column), plain.column(column), "{column}");
+        }
+        assert!(count(&held, Phase::Holding.code()) > 100 && count(&held, 13.0) > 5);
+        let sudden = with_words(&frame(ticks, "safety.ease_s = 0"), says);
+        let largest = |run: &Run| corner(&run.all("cmd_1_1"));
+        let (gentle, hard, free) = (largest(&held), largest(&sudden), largest(&plain));
+        // With ten ticks a step the stop shows no more; with one it can only go 1, 1/2, 1/3 … of a step a tick.
+        let bound = if ticks == 1 { 0.75 * hard } else { 0.4 * hard };
+        assert!(
+            gentle <= bound.max(1.1 * free),
+            "{ticks}: {gentle} {hard} {free}"
+        );
+        assert!(hard > 1.2 * free || ticks == 1, "{hard} {free}");
+    }
+}
+
+/// A recorded test of this text, whose slow partner answers as it is told, with these words of an operator, one a tick.
+fn recorded(home: &Path, late: &[u32], words: &[Operator], ticks: u32) -> PathBuf {
+    let text = format!(
+        "{}{SPRING}[[specimen]]\nname = \"far\"\nstorey = 2\nstiffness_n_per_m = 1e5\nlink = {{ address = \"127.0.0.1:9\", \
+         coupling = \"lockstep\", commands = \"every_step\" }}\n",
+        frame(
+            ticks,
+            "safety.ease_s = 0.05\nsafety.unlimited = \"a spring\"\nsafety.zero_s = 0.01"
+        )
+    );
+    let path = home.join("test.toml");
+    std::fs::write(&path, text).unwrap();
+    let loaded = gusset::config::load(&path, &[]).unwrap_or_else(|e| panic!("{e}"));
+    let mut test = gusset::config::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
+    // It is polled as a partner on the real clock would be, which a socket under the simulated clock is not.
+    test.experiment.ports[1].put_recording(Box::new(Slow::new(late).0));
+    let folder = RunFolder::create(&home.join("run")).unwrap();
+    let (says, requests) = crossbeam_channel::bounded(words.len().max(1));
+    for word in words {
+        says.send(*word).unwrap();
+    }
+    session::run(test, folder, requests, Watches::default(), &mut |_| {}).unwrap();
+    home.join("run")
+}
+
+#[test]
+fn predictions_slow_downs_and_holds_are_replayed_to_the_last_bit() {
+    let home = tempfile::tempdir().unwrap();
+    let mut words = vec![Operator::Continue; 400];
+    words.extend([Operator::Hold; 120]);
+    words.push(Operator::Continue);
+    words.extend([Operator::Continue; 30]);
+    words.extend([Operator::Hold; 20]);
+    words.push(Operator::Continue);
+    let run = recorded(home.path(), &[13, 0, 17, 5, 40, 9, 12], &words, 10);
+    let states = gusset::record::Run::open(&run)
+        .unwrap()
+        .columns(&["state"])
+        .unwrap();
+    for code in [11.0, 12.0, 13.0, Phase::Holding.code()] {
+        assert!(states[0].contains(&code), "{code}");
+    }
+    let found = replay(&run).unwrap();
+    assert!(found.is_exact(), "{found:?}");
+    assert_eq!(found.rows, states[0].len() as u64);
+}
+
+#[test]
+fn real_and_simulated_time_give_the_same_bits() {
+    let home = tempfile::tempdir().unwrap();
+    let text = format!("{}{SPRING}", frame(8, "")).replace("duration_s = 1.5", "duration_s = 0.4");
+    let test = common::write(home.path(), "test.toml", &text);
+    let (real, simulated) = (home.path().join("real"), home.path().join("simulated"));
+    let mut more = vec!["--clock", "real", "--set", "timing.policy=\"ordinary\""];
+    more.extend(common::PATIENT);
+    common::completed(&test, &real, &more);
+    common::completed(&test, &simulated, &[]);
+    common::same_physics(&real, &simulated);
+    let said = common::say(["check", test.to_str().unwrap()]);
+    assert!(
+        said.stdout
+            .contains("800.000000 ticks per second: 8 ticks per step"),
+        "{}",
+        said.stdout
+    );
+    let out = home.path().join("out.csv");
+    let said = common::say([
+        "export",
+        real.to_str().unwrap(),
+        "--out",
+        out.to_str().unwrap(),
+    ]);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let lines = std::fs::read_to_string(out).unwrap().lines().count();
+    assert_eq!(lines, 1 + 41, "a header and the steps, not the ticks");
+}
+
+#[test]
+fn a_pace_that_makes_no_sense_is_refused() {
+    let link = "[[specimen]]\nname = \"far\"\nstorey = 2\nstiffness_n_per_m = 1e5\nlink = { address = \"h:9\", commands = \
+                \"every_step\"";
+    for (text, word) in [
+        (frame(0, ""), "must be 1 to 10000"),
+        (frame(20_000, ""), "must be 1 to 10000"),
+        (
+            frame(2, "time.prediction_order = 4")
+                .replace("[time]\n", "[time]\nprediction_order = 4\n")
+                .replace("time.prediction_order = 4", ""),
+            "must be 1, 2 or 3",
+        ),
+        (
+            format!("{}{link} }}\n", frame(1, "safety.unlimited = \"t\"")),
+            "every tick is a step here",
+        ),
+        (
+            format!(
+                "{}{link}, coupling = \"sampled\" }}\n",
+                frame(4, "safety.unlimited = \"t\"")
+            ),
+            "commanded at every tick",
+        ),
+        (frame(1, "safety.ease_s = -1"), "must not be negative"),
+        (
+            frame(1, "record.checkpoint_s = 0"),
+            "must be greater than zero",
+        ),
+    ] {
+        let read = gusset::config::parse(Path::new("test.toml"), text.clone(), &[]);
+        let error = read.expect_err(&text).to_string();
+        assert!(error.contains(word), "{error}");
+    }
+}

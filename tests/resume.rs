@@ -1,0 +1,437 @@
+//! An interrupted test goes on where its record ends: the same bits as if nothing had happened, from its folder alone, into a
+//! folder of its own. What was changed, damaged or moved meanwhile is refused, and nothing of the first run is touched.
+
+mod common;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::Stdio;
+use std::time::{Duration, Instant};
+
+use common::{completed, copy, say, write};
+use gusset::control::{Axis, Port};
+use gusset::record::{Run, RunFolder};
+use gusset::session::{self, Finish, Watches, replay, resume};
+use gusset::substructure::{
+    Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
+};
+use gusset::time::Nanos;
+
+/// A frame whose bottom storey is a Bouc–Wen formula and whose upper storey has a yielding element: both remember.
+fn frame(rate: u32, ticks: u32, seconds: f64, ease: f64) -> String {
+    format!(
+        "title = \"Interrupted\"\n[time]\nrate_hz = {rate}\nduration_s = {seconds}\nclock = \"simulated\"\nticks_per_step = \
+         {ticks}\n[structure]\nstatic_load_n = [500.0, 200.0]\n[structure.shear_building]\nmass_kg = [1000.0, 900.0]\n\
+         stiffness_n_per_m = [0, 2e5]\n[[structure.element]]\nfrom = 1\nto = 2\nlaw.bilinear = {{ stiffness_n_per_m = 2e5, \
+         yield_force_n = 800.0, post_yield_ratio = 0.1 }}\n[excitation.ground_acceleration.signal.file]\npath = \
+         \"motion.csv\"\nunit = \"m/s2\"\n[timing]\nwarmup_ticks = 4\n[safety]\nramp_s = 0.1\nease_s = {ease}\n[record]\n\
+         checkpoint_s = 0.1\n[[specimen]]\nname = \"storey\"\nstorey = 1\n[specimen.law.bouc_wen]\nstiffness_n_per_m = 5e5\n\
+         yield_force_n = 1.5e3\npost_yield_ratio = 0.1\nbeta = 0.5\ngamma = 0.5\nexponent = 1.5\n"
+    )
+}
+
+fn test_in(home: &Path, text: &str) -> PathBuf {
+    let line = |k: i32| {
+        let t = f64::from(k) * 0.005;
+        format!(
+            "{t:.3},{:.6}\n",
+            4.0 * (9.0 * t).sin() + 2.0 * (23.0 * t).cos()
+        )
+    };
+    write(
+        home,
+        "motion.csv",
+        &format!("t,a\n{}", (0..1200).map(line).collect::<String>()),
+    );
+    write(home, "test.toml", text)
+}
+
+/// What a kill leaves of a run: no summary, its rows up to `row` and a torn one, its events up to some earlier time.
+fn killed(run: &Path, to: &Path, row: usize) {
+    copy(run, to);
+    for name in ["summary.json", "report.html", "timing.json"] {
+        let _ = std::fs::remove_file(to.join(name));
+    }
+    let stride = Run::open(run).unwrap().layout().stride();
+    let bytes = std::fs::read(run.join("samples.bin")).unwrap();
+    std::fs::write(to.join("samples.bin"), &bytes[..row * stride + 17]).unwrap();
+}
+
+/// Step → the bits of its row, over runs that follow each other; a step that is there twice is the later one's.
+fn steps(runs: &[&Path]) -> BTreeMap<u64, Vec<u64>> {
+    let names = [
+        "x1",
+        "x2",
+        "v1",
+        "v2",
+        "a1",
+        "a2",
+        "force_1_1",
+        "target_1_1",
+        "cmd_1_1",
+        "ground",
+        "time",
+    ];
+    let mut all = BTreeMap::new();
+    for run in runs {
+        let run = Run::open(run).unwrap();
+        let head = run.columns(&["step", "state"]).unwrap();
+        let columns = run.columns(&names).unwrap();
+        for row in 0..head[0].len() {
+            if head[1][row] == 3.0 {
+                let bits = columns.iter().map(|column| column[row].to_bits()).collect();
+                all.insert(head[0][row] as u64, bits);
+            }
+        }
+    }
+    all
+}
+
+fn go_on(from: &Path, out: &Path) -> common::Said {
+    say([
+        "run",
+        "--resume",
+        from.to_str().unwrap(),
+        "--out",
+        out.to_str().unwrap(),
+    ])
+}
+
+fn bytes(folder: &Path) -> Vec<(String, Vec<u8>)> {
+    let files = common::names(folder)
+        .into_iter()
+        .filter(|name| folder.join(name).is_file());
+    files
+        .map(|name| (name.clone(), std::fs::read(folder.join(name)).unwrap()))
+        .collect()
+}
+
+#[test]
+fn an_interrupted_test_goes_on_with_the_same_bits_again_and_again() {
+    // With one tick a step, and with ticks in between: also in the middle of the way from one target to the next.
+    for (rate, ticks, ease) in [(200, 1, 0.0), (100, 5, 0.0)] {
+        let home = tempfile::tempdir().unwrap();
+        let at = |name: &str| home.path().join(name);
+        let test = test_in(home.path(), &frame(rate, ticks, 3.0, ease));
+        completed(&test, &at("whole"), &[]);
+        let rows = Run::open(&at("whole"))
+            .unwrap()
+            .columns(&["state"])
+            .unwrap()[0]
+            .len();
+        killed(&at("whole"), &at("first"), rows / 2 + 3);
+        let before = bytes(&at("first"));
+        let said = go_on(&at("first"), &at("second"));
+        assert_eq!(said.code, Some(0), "{}", said.stderr);
+        assert!(said.stderr.contains("resumed from"), "{}", said.stderr);
+        assert_eq!(bytes(&at("first")), before, "nothing is written over");
+        assert_eq!(
+            steps(&[&at("first"), &at("second")]),
+            steps(&[&at("whole")])
+        );
+        let second = steps(&[&at("second")]);
+        let first = steps(&[&at("first")]);
+        assert_eq!(
+            second.keys().next().unwrap(),
+            &(first.keys().last().unwrap() + 1)
+        );
+
+        // Its own interruption, and the proof of all three.
+        let rows = Run::open(&at("second"))
+            .unwrap()
+            .columns(&["state"])
+            .unwrap()[0]
+            .len();
+        killed(&at("second"), &at("third"), rows / 2);
+        let said = go_on(&at("third"), &at("fourth"));
+        assert!(!said.stderr.contains("checkpoint"), "{}", said.stderr);
+        assert_eq!(said.code, Some(0), "{}", said.stderr);
+        assert_eq!(
+            steps(&[&at("first"), &at("third"), &at("fourth")]),
+            steps(&[&at("whole")])
+        );
+        for (before, after) in [("first", "second"), ("third", "fourth")] {
+            let command = |name: &str| Run::open(&at(name)).unwrap().columns(&["cmd_1_1"]).unwrap();
+            let (before, after) = (command(before), command(after));
+            assert_eq!(
+                before[0].last(),
+                after[0].first(),
+                "it begins where it was left"
+            );
+        }
+        let (third, fourth) = (steps(&[&at("third")]), steps(&[&at("fourth")]));
+        assert_eq!(
+            fourth.keys().next().unwrap(),
+            &(third.keys().last().unwrap() + 1)
+        );
+        for name in ["first", "second", "fourth"] {
+            let found = replay(&at(name)).unwrap();
+            assert!(found.difference.is_none(), "{name}: {found:?}");
+            assert_eq!(found.is_exact(), name != "first", "{name}: {found:?}");
+        }
+        assert!(at("second/report.html").exists());
+        let csv = at("second.csv");
+        let said = say([
+            "export",
+            at("second").to_str().unwrap(),
+            "--out",
+            csv.to_str().unwrap(),
+        ]);
+        assert_eq!(said.code, Some(0), "{}", said.stderr);
+        assert!(std::fs::read_to_string(csv).unwrap().lines().count() > second.len());
+        let origin = common::json(&at("second"), "resumed.json");
+        assert_eq!(origin["step"], *first.keys().last().unwrap());
+        let warned = common::json(&at("second"), "summary.json")["warnings"].to_string();
+        assert!(warned.contains("resumed from"), "{warned}");
+    }
+}
+
+/// With easing the first steps are made in several ticks: a formula that remembers goes there in smaller parts. This one is
+/// exact whatever the parts, so that only roundoff is different; others differ by their own error of integration.
+#[test]
+fn an_eased_beginning_changes_the_way_and_not_the_response() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let test = test_in(home.path(), &frame(200, 1, 2.0, 0.1));
+    completed(&test, &at("whole"), &[]);
+    killed(&at("whole"), &at("first"), 300);
+    assert_eq!(go_on(&at("first"), &at("second")).code, Some(0));
+    let (one, other) = (
+        steps(&[&at("first"), &at("second")]),
+        steps(&[&at("whole")]),
+    );
+    let x = |bits: &Vec<u64>| f64::from_bits(bits[0]);
+    let size = other.values().map(|b| x(b).abs()).fold(0.0, f64::max);
+    let off = one
+        .values()
+        .zip(other.values())
+        .map(|(a, b)| (x(a) - x(b)).abs())
+        .fold(0.0, f64::max);
+    assert_eq!(one.len(), other.len());
+    assert!(off < 1e-9 * size, "{off} of {size}");
+    let found = replay(&at("second")).unwrap();
+    assert!(found.is_exact(), "{found:?}");
+}
+
+#[test]
+#[expect(clippy::disallowed_methods, reason = "another process is waited for")]
+fn a_killed_test_goes_on() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let test = test_in(home.path(), &frame(200, 1, 3.0, 0.0));
+    completed(&test, &at("whole"), &[]);
+    let mut running = common::gusset()
+        .args([
+            "run",
+            test.to_str().unwrap(),
+            "--out",
+            at("first").to_str().unwrap(),
+            "--clock",
+            "real",
+        ])
+        .args(["--quiet", "--set", "timing.policy=\"ordinary\""])
+        .args(common::PATIENT)
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let began = Instant::now();
+    let enough =
+        |rows: u64| std::fs::metadata(at("first/samples.bin")).is_ok_and(|m| m.len() > rows * 300);
+    while !enough(200) {
+        assert!(
+            began.elapsed() < Duration::from_secs(60),
+            "nothing is recorded"
+        );
+        std::thread::yield_now();
+    }
+    let said = go_on(&at("first"), &at("too-early"));
+    assert_eq!(said.code, Some(2), "it still runs: {}", said.stderr);
+    assert!(
+        said.stderr.contains("this test is running"),
+        "{}",
+        said.stderr
+    );
+    running.kill().unwrap();
+    running.wait().unwrap();
+    assert!(!at("first/summary.json").exists());
+    let said = go_on(&at("first"), &at("second"));
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    assert_eq!(
+        steps(&[&at("first"), &at("second")]),
+        steps(&[&at("whole")])
+    );
+}
+
+fn refused(from: &Path, word: &str, more: &[&str]) {
+    let out = from.with_extension("out");
+    let mut args = vec![
+        "run",
+        "--resume",
+        from.to_str().unwrap(),
+        "--out",
+        out.to_str().unwrap(),
+    ];
+    args.extend(more);
+    let said = say(args);
+    assert_eq!(said.code, Some(2), "{}", said.stderr);
+    assert!(said.stderr.contains(word), "{word}: {}", said.stderr);
+    assert!(!out.exists(), "nothing began");
+}
+
+#[test]
+fn what_was_changed_or_is_complete_is_refused_and_damage_goes_back_to_a_checkpoint() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let test = test_in(home.path(), &frame(200, 1, 2.0, 0.0));
+    completed(&test, &at("whole"), &[]);
+    refused(&at("whole"), "this test is complete", &[]);
+    let fresh = |name: &str| {
+        killed(&at("whole"), &at(name), 300);
+        at(name)
+    };
+    for file in ["test.toml", "resolved.toml", "inputs/motion.csv"] {
+        let run = fresh(&format!("changed-{}", file.len()));
+        let text = std::fs::read_to_string(run.join(file)).unwrap();
+        std::fs::write(run.join(file), format!("{text} ")).unwrap();
+        refused(&run, "was changed", &[]);
+    }
+    let run = fresh("another");
+    let other = write(home.path(), "other.toml", &frame(200, 1, 2.5, 0.0));
+    refused(
+        &run,
+        "is not the test that was interrupted",
+        &[other.to_str().unwrap()],
+    );
+    let run = fresh("nameless");
+    std::fs::write(run.join("events.jsonl"), "").unwrap();
+    refused(&run, "do not say which files", &[]);
+    let run = at("early");
+    killed(&at("whole"), &run, 1);
+    refused(&run, "before its first step", &[]);
+
+    // One bit of row 250 is wrong: everything before it stands, and the last checkpoint before it is where it goes on.
+    let run = fresh("damaged");
+    let stride = Run::open(&run).unwrap().layout().stride();
+    let mut rows = std::fs::read(run.join("samples.bin")).unwrap();
+    rows[250 * stride + 20] ^= 1;
+    std::fs::write(run.join("samples.bin"), &rows).unwrap();
+    let said = go_on(&run, &at("after"));
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    assert!(
+        said.stderr.contains("the last checkpoint before that"),
+        "{}",
+        said.stderr
+    );
+    let mut parts = steps(&[&run]);
+    let after = steps(&[&at("after")]);
+    let begins = *after.keys().next().unwrap();
+    assert!((140..=170).contains(&begins), "{begins}");
+    parts.retain(|step, _| *step < begins);
+    parts.extend(after);
+    assert_eq!(parts, steps(&[&at("whole")]));
+
+    let run = fresh("worse");
+    let mut rows = std::fs::read(run.join("samples.bin")).unwrap();
+    let states = Run::open(&run).unwrap().columns(&["state"]).unwrap();
+    let first = states[0].iter().position(|s| *s == 3.0).unwrap();
+    rows[(first + 3) * stride + 20] ^= 1;
+    std::fs::write(run.join("samples.bin"), &rows).unwrap();
+    refused(&run, "no checkpoint before it", &[]);
+}
+
+/// A spring behind a link of the test's own, whose sensor reads `off` more than where it was told to go.
+struct Far {
+    off: f64,
+    disp: f64,
+    sequence: u64,
+}
+
+impl Substructure for Far {
+    fn axes(&self) -> usize {
+        1
+    }
+    fn coupling(&self) -> Coupling {
+        Coupling::Lockstep
+    }
+    fn is_remote(&self) -> bool {
+        true
+    }
+    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+        (self.disp, self.sequence) = (command.disp[0], command.sequence);
+        Ok(())
+    }
+    fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+        into.sequence = self.sequence;
+        (into.disp[0], into.force[0]) = (self.disp + self.off, 3e5 * self.disp);
+        Ok(Freshness::Fresh)
+    }
+    fn retire(&mut self, _: Retirement) {}
+}
+
+#[test]
+fn a_specimen_that_does_not_stand_where_it_was_left_is_refused_and_nothing_moves() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let law = frame(200, 1, 2.0, 0.0);
+    let linked = law
+        .split("[specimen.law")
+        .next()
+        .unwrap()
+        .replace("[safety]\n", "[safety]\nunlimited = \"a spring\"\n")
+        + "stiffness_n_per_m = 5e5\nlink = { address = \"127.0.0.1:9\", coupling = \"lockstep\" }\n";
+    let test = test_in(home.path(), &linked);
+    let far = |off: f64| -> Port {
+        let far = Far {
+            off,
+            disp: 0.0,
+            sequence: 0,
+        };
+        Port::new(
+            "far",
+            vec![Axis::plain(vec![(0, 1.0)])],
+            Box::new(far),
+            2,
+            vec![5e5],
+        )
+        .unwrap()
+    };
+    let conclude = |mut test: gusset::config::Prepared, off: f64, out: &str| {
+        test.experiment.ports[0].go_live(far(off));
+        let folder = RunFolder::create(&at(out)).unwrap();
+        let nobody = crossbeam_channel::never();
+        session::run(test, folder, nobody, Watches::default(), &mut |_| {}).unwrap()
+    };
+    let loaded = gusset::config::load(&test, &[]).unwrap_or_else(|e| panic!("{e}"));
+    let whole = gusset::config::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(conclude(whole, 0.0, "whole").finish, Finish::Completed);
+    killed(&at("whole"), &at("first"), 400);
+    let again = || resume(&at("first"), None).unwrap_or_else(|e| panic!("{e}"));
+    let ended = conclude(again(), 0.0, "second");
+    assert_eq!(ended.finish, Finish::Completed, "{}", ended.summary.reason);
+    assert_eq!(
+        steps(&[&at("first"), &at("second")]),
+        steps(&[&at("whole")])
+    );
+    let found = replay(&at("second")).unwrap();
+    assert!(found.is_exact(), "{found:?}");
+
+    let ended = conclude(again(), 0.05, "moved");
+    assert_eq!(ended.finish, Finish::Stopped);
+    assert!(
+        ended.summary.reason.contains("was left at"),
+        "{}",
+        ended.summary.reason
+    );
+    let commands = Run::open(&at("moved"))
+        .unwrap()
+        .columns(&["cmd_1_1"])
+        .unwrap();
+    let left = Run::open(&at("first"))
+        .unwrap()
+        .columns(&["cmd_1_1"])
+        .unwrap();
+    assert!(
+        commands[0].iter().all(|c| Some(c) == left[0].last()),
+        "nothing moved"
+    );
+}
