@@ -24,9 +24,8 @@ fn actuators_sensors_and_adaptation_give_the_same_bits_in_process_and_over_udp()
         let text = test_file(600, specimen);
         text.replace("zero_s = 0", "zero_s = 0.02\nramp_s = 0.05")
     };
-    let seen = format!(
-        "{ONE_AXIS}mass_in_force_kg = 29.13\n[[specimen.axis]]\nunit_disp = \"mm\"\nzero_force = \"relative\"\n"
-    );
+    let seen =
+        format!("{ONE_AXIS}mass_in_force_kg = 29.13\n[[specimen.axis]]\nunit_disp = \"mm\"\n");
     let local = text(&format!("{seen}{ONE_AXIS_LAW}{ACTUATOR}{COMPENSATION}"));
     let (code, said) = link_common::run(folder, "local", &local);
     assert_eq!(code, 0, "{said}");
@@ -190,7 +189,10 @@ fn what_cannot_be_is_refused_with_its_place_before_anything_moves() {
         (
             "newton",
             format!("{law}[specimen.compensation]\nnewton = {{ delay_s = 0.01 }}\n"),
-            ("[timing]", "[integrator]\nmethod = \"kr_alpha\"\n[timing]"),
+            (
+                "[timing]",
+                "[integrator]\nmethod = \"kr_alpha\"\nrho_infinity = 0.8\n[timing]",
+            ),
             ["newton", "gui"],
         ),
         (

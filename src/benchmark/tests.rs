@@ -160,7 +160,10 @@ fn what_tracks_is_stable_in_every_case() {
         for (controller, most) in [
             ("pi_lead = {}", 20.0),
             ("inverse = { delay_s = 0.026 }", 30.0),
-            ("ats = { delay_s = 0.024 }", 10.0),
+            (
+                "ats = { delay_s = 0.024, start = [1.0, 0.0249, 1.07e-4] }",
+                10.0,
+            ),
             ("amb = {}", 10.0),
         ] {
             let found = find(case, controller, &ground, |setup| setup.noise = Some(1));

@@ -22,6 +22,10 @@ pub struct AtsSpec {
     /// Gain A that they begin with: a₀ = 1/A, a₁ = τ/A, a₂ = τ²/2A, a₃ = τ³/6A. Default: 1.
     #[serde(default = "one")]
     pub gain: f64,
+    /// Coefficients that it begins with in place of those, from a₀ up: τ²/2 is that of a pure delay, more than an actuator
+    /// of several lags has, and too much of it drives higher modes until something is learnt.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub start: Option<Vec<f64>>,
     /// Length of the window in s. Default: 1.
     #[serde(default = "one")]
     pub window_s: f64,
@@ -76,6 +80,7 @@ impl AtsSpec {
             order: two(),
             delay_s,
             gain: 1.0,
+            start: None,
             window_s: 1.0,
             filter_hz: twenty(),
             least_motion_m: least(),
@@ -96,11 +101,18 @@ impl AtsSpec {
         inside("window_s", self.window_s, enough, "at least a few ticks")?;
         let least = not_negative("least_motion_m", self.least_motion_m)?;
         let start = [1.0, delay, delay * delay / 2.0, delay * delay * delay / 6.0];
-        let start: Vec<f64> = start
-            .iter()
-            .take(self.order as usize + 1)
-            .map(|a| a / gain)
-            .collect();
+        let wanted = self.order as usize + 1;
+        let start: Vec<f64> = match &self.start {
+            None => start.iter().take(wanted).map(|a| a / gain).collect(),
+            Some(given) if given.len() == wanted => given.clone(),
+            Some(given) => {
+                return Err(CompensationError::Length {
+                    name: "start",
+                    found: given.len(),
+                    wanted,
+                });
+            }
+        };
         let defaults = start.iter().enumerate().map(|(j, a)| match j {
             0 => (0.7 * a, 1.4 * a),
             // One that begins at zero may still find the discretisation's own term.
