@@ -6,10 +6,15 @@
 
 use crate::linalg::SymMatrix;
 
+/// Displacement over its size that counts as roundoff: a structure that stands under a load moves by as much.
+const ROUNDOFF: f64 = 64.0 * f64::EPSILON;
+
 /// The audit of one run, begun by its first step.
 #[derive(Debug, Clone)]
 pub struct StepAudit {
     effective_mass: SymMatrix,
+    /// Energy of a motion by roundoff in a step, J per m² of displacement.
+    roundoff: Vec<f64>,
     /// x[i−1] and x[i].
     older: Vec<f64>,
     newer: Vec<f64>,
@@ -23,12 +28,16 @@ pub struct StepAudit {
 }
 
 impl StepAudit {
-    /// For this M_eff = M + (Δt/2) C0 + (Δt²/λ) K0.
+    /// For this M_eff = M + (Δt/2) C0 + (Δt²/λ) K0 and this Δt in s.
     #[must_use]
-    pub fn new(effective_mass: SymMatrix) -> Self {
+    pub fn new(effective_mass: SymMatrix, dt: f64) -> Self {
         let n = effective_mass.n();
+        let per_s = ROUNDOFF / dt;
+        let of_disp = |dof| effective_mass.get(dof, dof) * per_s * per_s;
+        let roundoff = (0..n).map(of_disp).collect();
         Self {
             effective_mass,
+            roundoff,
             older: vec![0.0; n],
             newer: vec![0.0; n],
             begun: false,
@@ -54,7 +63,9 @@ impl StepAudit {
             let ends = disp.iter().zip(&self.older).zip(residual);
             let work: f64 = ends.map(|((new, old), r)| 0.5 * (new - old) * r).sum();
             self.residual += (energy - self.energy) - work;
-            self.turnover += work.abs();
+            let stands = disp.iter().zip(&self.roundoff);
+            let roundoff: f64 = stands.map(|(x, per_m2)| per_m2 * x * x).sum();
+            self.turnover += work.abs() + roundoff;
         }
         self.begun = true;
         self.energy = energy;
@@ -100,7 +111,7 @@ mod tests {
         let effective = mass
             .plus(DT / 2.0, &damping)
             .plus(DT * DT / 4.0, &stiffness);
-        let mut audit = StepAudit::new(effective);
+        let mut audit = StepAudit::new(effective, DT);
         let mut state = State::new(vec![0.01, -0.02], vec![0.3, 0.1]);
         let mut reported = [0.0; 2];
         for step in 0..500 {

@@ -14,7 +14,9 @@ const SLACK: f64 = 1.0 + 1e-9;
 
 macro_rules! ensure {
     ($condition:expr, $($words:tt)*) => {
-        if !$condition {
+        // Not `!$condition`: what cannot be compared is not inside.
+        let holds: bool = $condition;
+        if !holds {
             return Err(format!($($words)*));
         }
     };

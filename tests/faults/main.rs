@@ -1,6 +1,8 @@
 //! The virtual laboratory: the real loop, link, far end, records and replay on simulated time, and everything that goes
 //! wrong in a laboratory, by script and by chance.
 
+#![allow(clippy::disallowed_macros, reason = "a long run tells its counts")]
+
 mod campaign;
 mod invariants;
 mod lab;

@@ -287,7 +287,7 @@ mod tests {
             (1000, 60, 50),
             (4096, 60, 36),
             (10_000, 18, 6),
-            (20_000, 8, 2),
+            (20_000, 7, 2),
         ] {
             let period_ns = 1_000_000_000 / rate_hz;
             let pacer_ns = Throttle::USUAL.fit_spin(60_000, period_ns);

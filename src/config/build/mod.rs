@@ -370,7 +370,8 @@ fn numerical(
                 let (stepper, storage) =
                     method::family(site, &structure, &initial, proof.lambda, apart)?;
                 let audit = safety::audits(&site.loaded.file, n).then(|| {
-                    StepAudit::new(initial.effective_mass(structure.mass(), proof.lambda, apart))
+                    let mass = initial.effective_mass(structure.mass(), proof.lambda, apart);
+                    StepAudit::new(mass, site.loaded.time.step.value())
                 });
                 (Some(proof), stepper, Some(storage), own, audit)
             }
