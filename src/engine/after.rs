@@ -9,6 +9,7 @@ use super::phase::{Cause, Phase};
 use super::tick::Tick;
 use super::{Ending, Engine, Stop};
 use crate::control::Departure;
+use crate::control::limits::Quantity;
 use crate::rt::timing::TickStamps;
 
 impl Engine {
@@ -56,7 +57,9 @@ impl Engine {
         {
             *lost = true;
         }
+        // A displacement that tripped as a command was never gone to: the way out has no excuse to go there.
         if let Ending::Stopped(Stop::Limit { port, hit }) = ending
+            && hit.quantity != Quantity::CommandDisp
             && let Some(port) = self.ports.get_mut(*port)
         {
             port.excuse(hit);
