@@ -11,6 +11,8 @@ fn frame(scale: &str) -> Run {
         rate_hz = 1024
         duration_s = 4
         scale = {scale}
+        [timing]
+        warmup_ticks = 200
         [structure]
         static_load_n = [10e3, 0]
         [structure.shear_building]

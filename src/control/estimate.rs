@@ -195,6 +195,17 @@ impl Port {
         self.estimates.rests = true;
     }
 
+    /// Begins with what is declared again: a trial of the direction is not part of the test.
+    pub fn forget_trial(&mut self) {
+        let axes = self.estimates.axes.iter_mut();
+        for (axis, stiffness) in axes.zip(&self.stiffness) {
+            let with_damping = axis.tangent.with_damping();
+            axis.tangent = Tangent::new(*stiffness, axis.declared.damping, with_damping);
+        }
+        self.estimates
+            .begin(std::iter::repeat_n((0.0, 0.0), self.axes.len()));
+    }
+
     /// The test begins: energy counts from the next measurement on, and what is remembered of the measurements is what stands
     /// in the rows, so that a replay remembers the same.
     pub fn begin_test(&mut self) {

@@ -9,6 +9,9 @@ use crate::linalg::SymMatrix;
 /// Displacement over its size that counts as roundoff: a structure that stands under a load moves by as much.
 const ROUNDOFF: f64 = 64.0 * f64::EPSILON;
 
+/// Roundings of x[i+1] − x[i−1] in parts of x.
+const LAST_BIT: f64 = 4.0 * f64::EPSILON;
+
 /// The audit of one run, begun by its first step.
 #[derive(Debug, Clone)]
 pub struct StepAudit {
@@ -21,6 +24,8 @@ pub struct StepAudit {
     begun: bool,
     /// ½ vᵀ M_eff v after the last step, J.
     energy: f64,
+    /// What roundoff alone leaves over, J.
+    forgiven: f64,
     /// Sum of what is left over, and of the sizes of what was added; largest energy. J.
     residual: f64,
     turnover: f64,
@@ -42,6 +47,7 @@ impl StepAudit {
             newer: vec![0.0; n],
             begun: false,
             energy: 0.0,
+            forgiven: 0.0,
             residual: 0.0,
             turnover: 0.0,
             largest: 0.0,
@@ -66,6 +72,9 @@ impl StepAudit {
             let stands = disp.iter().zip(&self.roundoff);
             let roundoff: f64 = stands.map(|(x, per_m2)| per_m2 * x * x).sum();
             self.turnover += work.abs() + roundoff;
+            // The last bit of a displacement, which a structure near rest does not outrun, does this much work.
+            let ends = disp.iter().zip(residual);
+            self.forgiven += ends.map(|(x, r)| LAST_BIT * (x * r).abs()).sum::<f64>();
         }
         self.begun = true;
         self.energy = energy;
@@ -80,8 +89,11 @@ impl StepAudit {
     #[must_use]
     pub fn relative(&self) -> f64 {
         let scale = self.turnover + self.largest;
-        if scale > 0.0 {
-            self.residual.abs() / scale
+        let beyond = self.residual.abs() - self.forgiven;
+        if scale > 0.0 && beyond <= 0.0 {
+            0.0
+        } else if scale > 0.0 {
+            beyond / scale
         } else {
             // Nothing has moved; NaN stays NaN.
             self.residual.abs()

@@ -42,6 +42,9 @@ impl Engine {
             self.try_direction(index, control)?;
         }
         // They are back to the last bit; what stands ready next is the test's.
+        self.ports
+            .iter_mut()
+            .for_each(crate::control::Port::forget_trial);
         self.aim_at_start();
         self.timing.reset();
         Ok(())
