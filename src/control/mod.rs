@@ -278,6 +278,12 @@ impl Port {
         self.substructure.is_remote()
     }
 
+    /// True if a recording answers in place of the specimen.
+    #[must_use]
+    pub const fn is_recorded(&self) -> bool {
+        self.is_recorded
+    }
+
     /// The raw measurement of the last exchange, in the specimen's units.
     #[must_use]
     pub fn raw(&self) -> &Measurement {

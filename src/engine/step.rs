@@ -135,6 +135,10 @@ impl Engine {
                 .map_err(|fault| Stop::Link { port: index, fault })?;
             port.answered();
             stamps.decoded = self.clock.now();
+            // Warm-up ticks leave no rows: what a recording answers there is that of the first step.
+            if self.phase == Phase::Armed && port.is_recorded() {
+                continue;
+            }
             // A slow partner may have been asked some ticks ago.
             let asked_at = self.asked_at.get(index).copied().flatten();
             let asked_at = asked_at.unwrap_or(stamps.sent);
