@@ -388,7 +388,12 @@ fn show(lines: &[Line], plants: u64) -> anyhow::Result<()> {
         "case controller        J1 ms     J2 %     J3 %     J4 %     J5 %     J6 %     J7 %     J8 %     J9 %  delay ms\n",
     );
     let mut row = |case: usize, name: &str, found: &Criteria, note: &str| {
-        let numbers: String = found.j.iter().skip(1).map(|j| format!(" {j:8.2}")).collect();
+        let numbers: String = found
+            .j
+            .iter()
+            .skip(1)
+            .map(|j| format!(" {j:8.2}"))
+            .collect();
         text.push_str(&format!(
             "{case:4} {name:16} {:7.3}{numbers} {:9.3}{note}\n",
             found.j[0], found.delay_ms

@@ -20,6 +20,8 @@ use crate::lab::{Extra, Played, play};
 
 /// In CI.
 const SEEDS: u64 = 10_000;
+/// Seeds that once showed a mistake: a way out beyond the limit, a replay that ended before its test.
+const AGAIN: [u64; 5] = [1_004_879, 1_021_428, 1_000_923, 1_004_909, 1_020_436];
 
 /// SplitMix64.
 pub struct Chance(u64);
@@ -290,7 +292,8 @@ fn whatever_goes_wrong_what_must_hold_holds() {
     let seeds = from_environment("GUSSET_FAULT_SEEDS", SEEDS);
     let first = from_environment("GUSSET_FAULT_SEED", 0);
     let tests = tests();
-    let next = AtomicU64::new(first);
+    let again: &[u64] = if first == 0 { &AGAIN } else { &[] };
+    let next = AtomicU64::new(0);
     let wrong = Mutex::new(Vec::new());
     let ends = Mutex::new(std::collections::BTreeMap::<String, u64>::new());
     let steps = AtomicU64::new(0);
@@ -299,10 +302,14 @@ fn whatever_goes_wrong_what_must_hold_holds() {
         for _ in 0..threads {
             scope.spawn(|| {
                 loop {
-                    let seed = next.fetch_add(1, Ordering::Relaxed);
-                    if seed >= first + seeds || wrong.lock().unwrap().len() >= 5 {
+                    let number = next.fetch_add(1, Ordering::Relaxed);
+                    if number >= seeds + again.len() as u64 || wrong.lock().unwrap().len() >= 5 {
                         return;
                     }
+                    let seed = match again.get(number as usize) {
+                        Some(seed) => *seed,
+                        None => first + number - again.len() as u64,
+                    };
                     let (script, loaded, played) = one(&tests, seed);
                     let outcome = played.and_then(|played| {
                         steps.fetch_add(played.outcome.steps, Ordering::Relaxed);
