@@ -3,22 +3,11 @@
 use gusset::integrate::{Gui, Integrator, Lambda, Start, State};
 use gusset::linalg::{Aligned, Lanes};
 use gusset::model::{Base, Structure};
-use gusset::verify::chain_of_example_4_3;
+use gusset::verify::{TABLE_2, chain_of_example_4_3};
 
 use crate::opponents::{DT, LAMBDA, base, dense, newton, plain_sweeps};
 use crate::{timed, verdict};
 
-/// n, then ms per step as printed: average acceleration, Chang 2002, explicit Newmark, λ = 2, 4, 11.5 (a 2014 PC).
-const TABLE_2: [(usize, [f64; 6]); 8] = [
-    (500, [5.6, 7.2, 6.5, 0.7, 0.9, 0.9]),
-    (1000, [30.1, 36.8, 34.6, 4.3, 3.9, 3.5]),
-    (1500, [85.8, 100.0, 95.4, 8.2, 7.5, 6.9]),
-    (2000, [177.4, 201.9, 195.6, 12.6, 12.0, 11.4]),
-    (2500, [310.1, 346.4, 338.6, 18.2, 17.5, 17.0]),
-    (3000, [498.3, 553.5, 538.3, 25.3, 24.4, 23.9]),
-    (4000, [1058.0, 1149.6, 1128.7, 43.4, 42.4, 41.9]),
-    (5000, [1871.2, 2018.8, 1992.0, 65.5, 64.8, 64.3]),
-];
 const LARGEST_DENSE: usize = 3000;
 /// p50 at n = 5000 in µs.
 const GOAL: f64 = 10.0;

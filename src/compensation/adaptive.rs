@@ -91,6 +91,15 @@ impl Bounded {
         })
     }
 
+    /// Σ a_j d_j. Real-time: yes.
+    pub fn times(&self, derivatives: [f64; 4]) -> f64 {
+        let mut sum = 0.0;
+        for (a, d) in self.values.iter().zip(derivatives) {
+            sum += a * d;
+        }
+        sum
+    }
+
     /// Goes towards `goal`. What is not a number moves nothing. Real-time: yes.
     pub fn approach(&mut self, goal: &[f64]) {
         if !goal.iter().all(|goal| goal.is_finite()) {

@@ -85,12 +85,7 @@ impl AmbSpec {
 
 impl Compensator for Amb {
     fn predict(&mut self, disp: f64, _: f64, _: f64) -> f64 {
-        let derivatives = self.targets.push(disp);
-        let mut sum = 0.0;
-        for (a, d) in self.a.values.iter().zip(derivatives) {
-            sum += a * d;
-        }
-        sum
+        self.a.times(self.targets.push(disp))
     }
 
     fn observe(&mut self, command: f64, measured: f64) {

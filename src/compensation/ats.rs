@@ -138,12 +138,7 @@ impl AtsSpec {
 
 impl Compensator for Ats {
     fn predict(&mut self, disp: f64, _: f64, _: f64) -> f64 {
-        let derivatives = self.targets.push(disp);
-        let mut sum = 0.0;
-        for (a, d) in self.a.values.iter().zip(derivatives) {
-            sum += a * d;
-        }
-        sum
+        self.a.times(self.targets.push(disp))
     }
 
     fn observe(&mut self, command: f64, measured: f64) {

@@ -31,6 +31,7 @@ use serde::Serialize;
 use thiserror::Error;
 
 pub use chain::chain_of_example_4_3;
+pub use cost::TABLE_2;
 pub use figure::{Figure, Scale, Series};
 pub use page::files;
 

@@ -1,6 +1,6 @@
 //! The look at one specimen, tick by tick: past values, differences, and what was warned of already.
 
-use super::{AxisLimits, Found, Hit, Level, Quantity};
+use super::{AxisLimits, Bound, Found, Hit, Level, Quantity, Range};
 
 /// Beyond so many times the value that tripped, it trips again.
 const WORSE: f64 = 1.05;
@@ -87,25 +87,21 @@ impl Watch {
                 excused: past.excused,
                 found: &mut found,
             };
-            look.at(Quantity::CommandDisp, disp, limits.command_disp.judge(disp));
+            look.at(Quantity::CommandDisp, disp, &limits.command_disp);
             if sent >= 1 {
                 let step = (disp - last).abs();
-                look.at(Quantity::CommandStep, step, limits.command_step.judge(step));
+                look.at(Quantity::CommandStep, step, &limits.command_step);
                 let vel = step / tick;
-                look.at(Quantity::CommandVel, vel, limits.command_vel.judge(vel));
+                look.at(Quantity::CommandVel, vel, &limits.command_vel);
             }
             if sent >= 2 {
                 let accel = (disp - 2.0 * last + before).abs() / (tick * tick);
-                look.at(
-                    Quantity::CommandAccel,
-                    accel,
-                    limits.command_accel.judge(accel),
-                );
+                look.at(Quantity::CommandAccel, accel, &limits.command_accel);
             }
             look.at(
                 Quantity::Alternation,
                 alternating,
-                limits.alternating_ticks.judge(alternating),
+                &limits.alternating_ticks,
             );
         }
         found
@@ -196,34 +192,14 @@ impl Watch {
                 found: &mut found,
             };
             // A sensor at the end of its range comes first: what it reads is not what is.
-            look.at(Quantity::SensorDisp, disp, limits.sensor_disp.judge(disp));
-            look.at(
-                Quantity::SensorForce,
-                force,
-                limits.sensor_force.judge(force),
-            );
-            look.at(
-                Quantity::MeasuredDisp,
-                disp,
-                limits.measured_disp.judge(disp),
-            );
-            look.at(
-                Quantity::MeasuredForce,
-                force,
-                limits.measured_force.judge(force),
-            );
-            look.at(
-                Quantity::FollowingError,
-                error,
-                limits.following_error.judge(error),
-            );
+            look.at(Quantity::SensorDisp, disp, &limits.sensor_disp);
+            look.at(Quantity::SensorForce, force, &limits.sensor_force);
+            look.at(Quantity::MeasuredDisp, disp, &limits.measured_disp);
+            look.at(Quantity::MeasuredForce, force, &limits.measured_force);
+            look.at(Quantity::FollowingError, error, &limits.following_error);
             if seen_before {
-                look.at(Quantity::ForceStep, jump, limits.force_step.judge(jump));
-                look.at(
-                    Quantity::StuckSensor,
-                    stuck,
-                    limits.stuck_ticks.judge(stuck),
-                );
+                look.at(Quantity::ForceStep, jump, &limits.force_step);
+                look.at(Quantity::StuckSensor, stuck, &limits.stuck_ticks);
             }
             past.measured = disp;
             past.force = force;
@@ -235,15 +211,8 @@ impl Watch {
     /// Judges what was estimated from the measurements, one entry per axis, and adds it to `found`. What is not known is not
     /// a finite number and is not judged. Real-time: yes.
     pub fn estimated(&mut self, values: impl Iterator<Item = Estimated>, found: &mut Found) {
-        let axes = self.limits.iter().zip(&mut self.past).zip(values);
-        for (axis, ((limits, past), values)) in axes.enumerate() {
-            let mut look = Look {
-                axis,
-                warned: &mut past.warned,
-                excused: past.excused,
-                found,
-            };
-            for (quantity, value, bound) in [
+        self.known(values, found, |limits, values| {
+            [
                 (
                     Quantity::StiffnessRatio,
                     values.stiffness_ratio,
@@ -259,33 +228,39 @@ impl Watch {
                     values.added_energy,
                     limits.added_energy,
                 ),
-            ] {
-                if value.is_finite() {
-                    look.at(quantity, value, bound.judge(value));
-                }
-            }
-        }
+            ]
+        });
     }
-}
 
-impl Watch {
     /// Judges |lag| in s and |gain − 1| behind the targets, one pair per axis, and adds it to `found`. What is not known is
     /// not a finite number and is not judged. Real-time: yes.
     pub fn tracked(&mut self, values: impl Iterator<Item = (f64, f64)>, found: &mut Found) {
+        self.known(values, found, |limits, (lag, gain_error)| {
+            [
+                (Quantity::Lag, lag, limits.lag),
+                (Quantity::GainError, gain_error, limits.gain_error),
+            ]
+        });
+    }
+
+    /// Judges what is known of the quantities that `of` names, axis by axis.
+    fn known<V, const N: usize>(
+        &mut self,
+        values: impl Iterator<Item = V>,
+        found: &mut Found,
+        of: impl Fn(&AxisLimits, V) -> [(Quantity, f64, Bound); N],
+    ) {
         let axes = self.limits.iter().zip(&mut self.past).zip(values);
-        for (axis, ((limits, past), (lag, gain_error))) in axes.enumerate() {
+        for (axis, ((limits, past), values)) in axes.enumerate() {
             let mut look = Look {
                 axis,
                 warned: &mut past.warned,
                 excused: past.excused,
                 found,
             };
-            for (quantity, value, bound) in [
-                (Quantity::Lag, lag, limits.lag),
-                (Quantity::GainError, gain_error, limits.gain_error),
-            ] {
+            for (quantity, value, bound) in of(limits, values) {
                 if value.is_finite() {
-                    look.at(quantity, value, bound.judge(value));
+                    look.at(quantity, value, &bound);
                 }
             }
         }
@@ -344,6 +319,24 @@ impl Sawtooth {
     }
 }
 
+/// What a value is judged by.
+trait Limit {
+    /// What `value` is beyond, and the bound. Real-time: yes.
+    fn judge(&self, value: f64) -> Option<(Level, f64)>;
+}
+
+impl Limit for Bound {
+    fn judge(&self, value: f64) -> Option<(Level, f64)> {
+        Bound::judge(*self, value)
+    }
+}
+
+impl Limit for Range {
+    fn judge(&self, value: f64) -> Option<(Level, f64)> {
+        Range::judge(self, value)
+    }
+}
+
 /// The look at one axis.
 struct Look<'a> {
     axis: usize,
@@ -358,10 +351,10 @@ impl Look<'_> {
             .is_some_and(|(excused, worst)| excused == quantity && value.abs() <= worst)
     }
 
-    /// Keeps the first trip, and the first warning that is new.
-    fn at(&mut self, quantity: Quantity, value: f64, judged: Option<(Level, f64)>) {
+    /// Judges `value`; keeps the first trip, and the first warning that is new.
+    fn at(&mut self, quantity: Quantity, value: f64, limit: &impl Limit) {
         let bit = quantity.bit();
-        let Some((level, bound)) = judged else {
+        let Some((level, bound)) = limit.judge(value) else {
             *self.warned &= !bit;
             return;
         };
