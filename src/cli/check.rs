@@ -2,13 +2,14 @@
 
 use serde_json::json;
 
+use super::args::CheckArgs;
 use super::exit::Exit;
 use super::following::Following;
 use super::rehearsed::Rehearsed;
 use super::run::{load, method_name, refused};
 use super::spectrum::Spectrum;
 use super::table::{Table, duration, quantity};
-use super::{CheckArgs, answer, tell, warn};
+use super::{answer, tell, warn};
 use crate::config::{self, ClockChoice, Facts, Prepared, StructureFacts};
 
 /// Checks one test.

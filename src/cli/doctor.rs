@@ -1,8 +1,9 @@
 //! `gusset doctor`.
 
+use super::answer;
+use super::args::DoctorArgs;
 use super::exit::Exit;
 use super::table::Table;
-use super::{DoctorArgs, answer};
 use crate::rt::doctor::{Verdict, examine};
 
 /// Says what this machine gives and lacks for real-time work.

@@ -2,8 +2,9 @@
 
 use anyhow::Context;
 
+use super::args::{ExportArgs, FormatArg, RateArg};
 use super::exit::Exit;
-use super::{ExportArgs, FormatArg, RateArg, tell};
+use super::tell;
 use crate::record::Run;
 use crate::record::export::{Rows, export_csv};
 

@@ -6,9 +6,10 @@ use anyhow::Context;
 use serde_json::json;
 use tracing::subscriber::NoSubscriber;
 
+use super::args::{JitterArgs, ModelArg};
 use super::exit::Exit;
 use super::table::Table;
-use super::{JitterArgs, ModelArg, answer, tell};
+use super::{answer, tell};
 use crate::frontier::{Length, Point, Scalable, Search, Trial, csv, largest, svg};
 use crate::record::{Progress, RunFolder, atomic};
 use crate::rt::TimingSpec;

@@ -5,11 +5,12 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use serde_json::json;
 
+use super::args::JitterArgs;
 use super::exit::Exit;
 use super::frontier::frontier;
 use super::progress::ProgressLine;
 use super::table::Table;
-use super::{JitterArgs, answer, tell};
+use super::{answer, tell};
 use crate::record::{Progress, RunFolder};
 use crate::report::{Percentiles, jitter_svg};
 use crate::rt::TimingSpec;

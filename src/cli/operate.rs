@@ -3,8 +3,9 @@
 use std::path::Path;
 use std::time::Duration;
 
+use super::answer;
+use super::args::OperateArgs;
 use super::exit::{Exit, WithExit};
-use super::{OperateArgs, answer};
 use crate::engine::Phase;
 use crate::session::{Request, ask, pause};
 

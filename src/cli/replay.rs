@@ -2,8 +2,9 @@
 
 use serde_json::json;
 
+use super::answer;
+use super::args::ReplayArgs;
 use super::exit::{Exit, WithExit};
-use super::{ReplayArgs, answer};
 use crate::session;
 
 /// Replays one run folder.

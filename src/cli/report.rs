@@ -1,7 +1,8 @@
 //! `gusset report`.
 
+use super::args::ReportArgs;
 use super::exit::Exit;
-use super::{ReportArgs, tell};
+use super::tell;
 use crate::record::Run;
 use crate::record::export::Notice;
 use crate::session;

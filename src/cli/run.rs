@@ -5,11 +5,12 @@ use std::path::Path;
 
 use anyhow::Context;
 
+use super::args::{ClockArg, RunArgs};
 use super::attend;
 use super::exit::{Exit, Mistakes, WithExit};
 use super::progress::ProgressLine;
 use super::table::{Table, duration, quantity};
-use super::{ClockArg, RunArgs, answer, tell, warn};
+use super::{answer, tell, warn};
 use crate::config::{self, ConfigError, Facts, Loaded, Method, Prepared};
 use crate::engine::{Control, PhaseCell};
 use crate::record::{Progress, RunFolder};

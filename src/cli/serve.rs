@@ -9,9 +9,10 @@ use std::path::Path;
 use anyhow::Context;
 use tokio::signal::unix::{SignalKind, signal};
 
+use super::args::{ProtocolArg, ServeArgs, TransportArg};
 use super::exit::{Exit, WithExit};
 use super::run::refused;
-use super::{ProtocolArg, ServeArgs, TransportArg, answer, serve_openfresco, serve_tls, tell};
+use super::{answer, serve_openfresco, serve_tls, tell};
 use crate::config;
 use crate::link::rig::LogSettings;
 use crate::link::secret::read_key;

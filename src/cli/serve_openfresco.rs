@@ -2,7 +2,7 @@
 
 use anyhow::Context;
 
-use super::ServeArgs;
+use super::args::ServeArgs;
 use super::exit::{Exit, WithExit};
 use super::serve::say_ready;
 use super::serve_tls;

@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
+use super::args::{ServeArgs, TlsArgs};
 use super::exit::{Exit, WithExit};
-use super::{ServeArgs, TlsArgs, tell};
+use super::tell;
 use crate::config::Served;
 use crate::link::spec::Carrier;
 use crate::link::tls::{ClientCertificate, TlsServer};

@@ -6,8 +6,9 @@ use std::path::Path;
 use anyhow::Context;
 use serde_json::json;
 
+use super::args::VerifyArgs;
 use super::exit::{Exit, WithExit};
-use super::{VerifyArgs, answer, tell};
+use super::{answer, tell};
 use crate::rt::clock::{MonotonicClock, USUAL_SPIN_NS};
 use crate::verify::{self, Check, Effort, Part, TOPICS, Tabulation, Verdict};
 
