@@ -194,13 +194,14 @@ fn a_second_controller_is_refused_and_the_first_does_not_notice() {
     assert_eq!(test.join().unwrap().0, 0);
 }
 
-#[test]
-fn a_gateway_that_is_told_to_stop_ends_the_test_at_both_ends() {
-    let folder = tempfile::tempdir().unwrap();
-    let folder = folder.path();
+/// A specimen, a gateway that keeps its tests in `kept`, and a test through it that does not end by itself: its exit code and
+/// what it said.
+fn a_long_test_that_is_kept(
+    folder: &Path,
+) -> (Served, Served, std::thread::JoinHandle<(i32, String)>) {
     let out = folder.join("kept");
     let specimen = Served::start(folder, &local(), &[]);
-    let mut between = Served::start(
+    let between = Served::start(
         folder,
         &gateway(&specimen.address, KNOWN, ""),
         &["--out", out.to_str().unwrap()],
@@ -208,11 +209,19 @@ fn a_gateway_that_is_told_to_stop_ends_the_test_at_both_ends() {
     let text = through(1_000_000, &between.address, "");
     let owned = folder.to_owned();
     let test = std::thread::spawn(move || run(&owned, "run", &text));
+    (specimen, between, test)
+}
+
+#[test]
+fn a_gateway_that_is_told_to_stop_ends_the_test_at_both_ends() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let (specimen, mut between, test) = a_long_test_that_is_kept(folder);
     between.hears("armed for");
     assert_eq!(between.signal("TERM"), 143);
     assert_eq!(test.join().unwrap().0, 3);
     specimen.hears("retired");
-    let kept = Run::open(&out.join("test-0001")).unwrap();
+    let kept = Run::open(&folder.join("kept/test-0001")).unwrap();
     assert_eq!(kept.summary().unwrap().status, Ended::Interrupted);
 }
 
@@ -221,17 +230,8 @@ fn a_gateway_that_is_told_to_stop_ends_the_test_at_both_ends() {
 fn the_folder_of_a_killed_gateway_is_read_by_report_and_export() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let out = folder.join("kept");
-    let specimen = Served::start(folder, &local(), &[]);
-    let mut between = Served::start(
-        folder,
-        &gateway(&specimen.address, KNOWN, ""),
-        &["--out", out.to_str().unwrap()],
-    );
-    let text = through(1_000_000, &between.address, "");
-    let owned = folder.to_owned();
-    let test = std::thread::spawn(move || run(&owned, "run", &text));
-    let kept = out.join("test-0001");
+    let (specimen, mut between, test) = a_long_test_that_is_kept(folder);
+    let kept = folder.join("kept/test-0001");
     recording(&kept);
     between.kill();
     assert_eq!(test.join().unwrap().0, 3);

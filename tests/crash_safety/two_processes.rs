@@ -52,16 +52,22 @@ fn the_next_one_completes(folder: &Path, address: &str, transport: &str) {
     }
 }
 
+/// A served specimen, and a long test on it that moves.
+fn in_mid_test(folder: &Path, name: &str, transport: &str, keys: &str) -> (Served, Running) {
+    let served = specimen(folder, transport);
+    let text = in_real_time(LONG, &served.address, transport, keys);
+    let test = Running::start(folder, name, &text);
+    served.hears("armed for");
+    test.moves();
+    (served, test)
+}
+
 #[test]
 fn a_controller_that_is_killed_leaves_a_specimen_that_holds_and_takes_the_next_one() {
     for transport in ["tcp", "udp"] {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
-        let served = specimen(folder, transport);
-        let text = in_real_time(LONG, &served.address, transport, "max_stale = 100000");
-        let mut test = Running::start(folder, "killed", &text);
-        served.hears("armed for");
-        test.moves();
+        let (served, mut test) = in_mid_test(folder, "killed", transport, "max_stale = 100000");
         test.kill();
         if transport == "udp" {
             // Nothing closes: silence is all that there is.
@@ -87,11 +93,7 @@ fn a_specimen_that_is_killed_ends_the_test_as_planned() {
     for transport in ["tcp", "udp"] {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
-        let mut served = specimen(folder, transport);
-        let text = in_real_time(LONG, &served.address, transport, "max_stale = 400");
-        let test = Running::start(folder, "run", &text);
-        served.hears("armed for");
-        test.moves();
+        let (mut served, test) = in_mid_test(folder, "run", transport, "max_stale = 400");
         served.kill();
         let (code, said) = test.wait();
         // UDP: the system may tell that nobody is there, or all is silence.
@@ -117,11 +119,7 @@ fn a_controller_that_is_stopped_for_a_while_finds_its_specimen_holding_and_goes_
     for transport in ["tcp", "udp"] {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
-        let served = specimen(folder, transport);
-        let text = in_real_time(LONG, &served.address, transport, "max_stale = 100000");
-        let test = Running::start(folder, "run", &text);
-        served.hears("armed for");
-        test.moves();
+        let (served, test) = in_mid_test(folder, "run", transport, "max_stale = 100000");
         test.signal("STOP");
         served.hears("HOLDING: nothing heard for");
         test.signal("CONT");
@@ -155,11 +153,7 @@ fn a_specimen_that_is_stopped_trips_the_test_at_the_bound_of_stale_ticks() {
     for transport in ["tcp", "udp"] {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
-        let served = specimen(folder, transport);
-        let text = in_real_time(LONG, &served.address, transport, "max_stale = 200");
-        let test = Running::start(folder, "run", &text);
-        served.hears("armed for");
-        test.moves();
+        let (served, test) = in_mid_test(folder, "run", transport, "max_stale = 200");
         served.send("STOP");
         let (code, said) = test.wait();
         assert_eq!(code, 1, "{said}");
@@ -183,11 +177,7 @@ fn a_specimen_that_stops_for_less_than_that_is_waited_for() {
     for transport in ["tcp", "udp"] {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
-        let served = specimen(folder, transport);
-        let text = in_real_time(LONG, &served.address, transport, "max_stale = 100000");
-        let test = Running::start(folder, "run", &text);
-        served.hears("armed for");
-        test.moves();
+        let (served, test) = in_mid_test(folder, "run", transport, "max_stale = 100000");
         served.send("STOP");
         // The test goes on by the last force that is known.
         test.moves();
