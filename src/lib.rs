@@ -34,6 +34,7 @@
 //! | [`rt`] | what is asked of the operating system; the real clock; timing histograms |
 //! | [`config`] | the test file: schema, diagnostics, and the building of an experiment |
 //! | [`report`] | the page a run leaves behind |
+//! | [`assets`] | the chart script that our pages carry |
 //! | [`verify`] | the published values of the family, obtained anew and judged |
 //! | [`frontier`] | how large a model keeps its deadlines: models of any size, the search, the picture |
 //! | [`benchmark`] | the virtual hybrid simulation benchmark, natively |
@@ -43,6 +44,7 @@
 #![deny(unsafe_code)]
 #![warn(missing_docs, missing_debug_implementations)]
 
+pub mod assets;
 pub mod benchmark;
 pub mod cli;
 pub mod compensation;

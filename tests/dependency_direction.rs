@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 /// Module → what it may name. `cli` may name everything.
 const ALLOWED: &[(&str, &[&str])] = &[
     ("time", &[]),
+    ("assets", &[]),
     ("law", &[]),
     ("linalg", &[]),
     ("substructure", &["time"]),
@@ -35,7 +36,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
         ],
     ),
     ("rt", &["time"]),
-    ("report", &["record"]),
+    ("report", &["assets", "record"]),
     (
         "verify",
         &[
