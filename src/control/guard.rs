@@ -58,6 +58,11 @@ impl Guard {
         self.units.get(axis).map_or(1.0, |unit| unit.0)
     }
 
+    /// The specimen stands at `disp` before the first command.
+    pub fn stands_at(&mut self, disp: &[f64]) {
+        self.watch.stands_at(Self::metres(&self.units, disp));
+    }
+
     /// Takes note of a command that leaves. Real-time: yes.
     pub fn sent(&mut self, disp: &[f64]) {
         self.cleared = false;
