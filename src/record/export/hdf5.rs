@@ -1,8 +1,8 @@
 //! HDF5, as every version of its library since 1.8 and MATLAB, Octave, Python, Julia and R read it.
 //!
 //! `/samples` has a dataset per column that is the same between clocks and repeats, `/timing` those that depend on wall
-//! time, each with the attributes `unit` and `meaning`; `/run` has the texts `summary`, `test` and `resolved`. Datasets
-//! are contiguous and not compressed, so a reader maps them. Written by hand after the "HDF5 File Format Specification
+//! time, each with the attributes `unit` and `meaning`; the file has the attributes `summary`, `test` and `resolved`: the
+//! texts of these files. Datasets are contiguous and not compressed, so a reader maps them. Written by hand after the "HDF5 File Format Specification
 //! Version 3.0", first of its layouts (superblock 0, symbol tables): what is needed of it has been the same since 1998,
 //! and a library that writes columns as they come is longer than the rest of this program.
 
@@ -59,14 +59,20 @@ impl Columnar for Hdf5 {
             .map(|index| SUPERBLOCK + index * size)
             .collect();
         let mut strings = Strings::new(SUPERBLOCK + columns.len() as u64 * size);
-        let texts: Vec<(&str, [u8; 16])> = ["summary.json", "test.toml", "resolved.toml"]
-            .into_iter()
-            .filter(|name| table.run.path().join(name).is_file())
-            .map(|file| {
-                let (name, _) = file.split_once('.').unwrap_or((file, ""));
-                (name, strings.keep(&table.text(file)))
-            })
-            .collect();
+        let mut about = vec![
+            ("format", strings.keep("gusset-run")),
+            (
+                "written_by",
+                strings.keep(concat!("Gusset ", env!("CARGO_PKG_VERSION"))),
+            ),
+        ];
+        for file in ["summary.json", "test.toml", "resolved.toml"] {
+            if let (Some((name, _)), true) =
+                (file.split_once('.'), table.run.path().join(file).is_file())
+            {
+                about.push((name, strings.keep(&table.text(file))));
+            }
+        }
         let described: Vec<[(&str, [u8; 16]); 2]> = columns
             .iter()
             .map(|exposed| {
@@ -77,14 +83,6 @@ impl Columnar for Hdf5 {
                 ]
             })
             .collect();
-        let about = [
-            ("format", strings.keep("gusset-run")),
-            (
-                "written_by",
-                strings.keep(concat!("Gusset ", env!("CARGO_PKG_VERSION"))),
-            ),
-        ];
-
         let heaps_at = strings.begin();
         let heaps = strings.finish();
         let mut tree = Tree::new(heaps_at + heaps.len() as u64, columns.len());
@@ -95,7 +93,7 @@ impl Columnar for Hdf5 {
                 Source::Place(_) | Source::Nothing => &DOUBLE,
             };
             let place = if size == 0 { NONE } else { *place };
-            let made = tree.dataset(kind, Some(table.rows), (place, size), attributes);
+            let made = tree.dataset(kind, table.rows, (place, size), attributes);
             let group = if exposed.column.timing {
                 &mut timing
             } else {
@@ -103,19 +101,11 @@ impl Columnar for Hdf5 {
             };
             group.push((exposed.column.name.as_str(), made));
         }
-        let run: Vec<(&str, u64)> = texts
-            .iter()
-            .map(|(name, text)| {
-                let place = tree.put(text);
-                (*name, tree.dataset(&TEXT, None, (place, 16), &[]))
-            })
-            .collect();
-        let groups = [
-            ("run", tree.group(run, &[])),
+        let groups = vec![
             ("samples", tree.group(samples, &[])),
             ("timing", tree.group(timing, &[])),
         ];
-        let root = tree.group(groups.to_vec(), &about);
+        let root = tree.group(groups, &about);
         let length = tree.end();
         let head = superblock(root, length, tree.leaf);
         let skeleton = Skeleton {
@@ -175,16 +165,16 @@ impl Tree {
         at
     }
 
-    /// The header of a dataset of one dimension, or of a single value.
+    /// The header of a dataset of one dimension.
     fn dataset(
         &mut self,
         kind: &[u8],
-        rows: Option<u64>,
+        rows: u64,
         (place, size): (u64, u64),
         attributes: &[(&str, [u8; 16])],
     ) -> u64 {
-        let mut space = vec![1, u8::from(rows.is_some()), 0, 0, 0, 0, 0, 0];
-        words(&mut space, rows.as_slice());
+        let mut space = vec![1, 1, 0, 0, 0, 0, 0, 0];
+        words(&mut space, &[rows]);
         let mut layout = vec![3, 1];
         words(&mut layout, &[place, size]);
         let mut header = Header::default();

@@ -12,27 +12,33 @@
 //!
 //! `project.json` lists every file with its size and SHA-256. What the run does not have is left out and said.
 
+mod files;
+mod readme;
+mod test;
+
 use std::fs::{self, File};
-use std::io::{self, BufWriter, Read, Write};
+use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
-use sha2::{Digest, Sha256};
+
+use files::{copy, list};
+use readme::{CATEGORIES, readme};
+use test::{Test, is_of_dof, is_of_specimen};
 
 use super::csv::Sheet;
 use super::plan::{Choice, Exposed, Plan};
 use super::{ExportError, Exported};
-use crate::record::folder::slug;
 use crate::record::run::Run;
 
 const READERS: [(&str, &str); 2] = [
     (
         "read_samples.py",
-        include_str!("../../../tools/read_samples.py"),
+        include_str!("../../../../tools/read_samples.py"),
     ),
     (
         "read_samples.m",
-        include_str!("../../../tools/read_samples.m"),
+        include_str!("../../../../tools/read_samples.m"),
     ),
 ];
 
@@ -109,56 +115,6 @@ impl Drop for Staging {
     fn drop(&mut self) {
         let _it_may_have_moved = fs::remove_dir_all(&self.path);
     }
-}
-
-/// What the test file says, if it can be read.
-struct Test {
-    title: String,
-    table: toml::Table,
-    /// One per specimen: its number, its folder, its table.
-    specimens: Vec<(usize, String, toml::Value)>,
-}
-
-impl Test {
-    fn read(run: &Run) -> Self {
-        let text = |name: &str| fs::read_to_string(run.path().join(name)).ok();
-        let table = text("resolved.toml").or_else(|| text("test.toml"));
-        let table: toml::Table = table.and_then(|text| text.parse().ok()).unwrap_or_default();
-        let folder = run.path().file_name().map(|name| name.to_string_lossy());
-        let title = table.get("title").and_then(toml::Value::as_str);
-        let title = title.map_or_else(|| folder.unwrap_or_default().into_owned(), str::to_owned);
-        let listed = table.get("specimen").and_then(toml::Value::as_array);
-        let specimens = listed
-            .into_iter()
-            .flatten()
-            .zip(1..)
-            .map(|(specimen, number)| {
-                let name = specimen.get("name").and_then(toml::Value::as_str);
-                let folder = format!("{number}-{}", slug(name.unwrap_or("specimen")));
-                (number, folder, specimen.clone())
-            });
-        Self {
-            title,
-            specimens: specimens.collect(),
-            table,
-        }
-    }
-}
-
-/// Whether a column belongs to this specimen: `cmd_2_1`, `seq_2`.
-fn is_of_specimen(name: &str, number: usize) -> bool {
-    let whole = format!("_{number}");
-    let counted = |text: &str| !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit());
-    let of_axis = name
-        .rsplit_once('_')
-        .is_some_and(|(head, axis)| counted(axis) && head.ends_with(&whole));
-    let numbers = name.split('_').rev().take_while(|part| counted(part));
-    of_axis || (numbers.count() == 1 && name.ends_with(&whole))
-}
-
-fn is_of_dof(name: &str) -> bool {
-    let rest = name.strip_prefix(['x', 'v', 'a']);
-    rest.is_some_and(|rest| !rest.is_empty() && rest.bytes().all(|b| b.is_ascii_digit()))
 }
 
 /// Which CSV there is, and of which columns.
@@ -310,131 +266,5 @@ impl Project<'_> {
                 "files": files,
             }),
         )
-    }
-}
-
-const CATEGORIES: [(&str, &str, &str); 9] = [
-    (
-        "global_model",
-        "Global Model",
-        "the test file as given (test.toml) and as resolved (resolved.toml), and copies of all files it read; `gusset run resolved.toml` runs the test again",
-    ),
-    (
-        "coordinator",
-        "Coordinator",
-        "which program ran the test, its method, rate, limits and timing, and what the machine granted",
-    ),
-    (
-        "coordinator_output",
-        "Coordinator Output",
-        "the log of every tick (samples.bin, described by samples.json), events, timing and summary, byte for byte; the response history as response.csv",
-    ),
-    (
-        "simulation_substructure",
-        "Simulation Substructure",
-        "what was computed: structure, integration, excitation, time",
-    ),
-    (
-        "simulation_output",
-        "Simulation Output",
-        "displacement, velocity and acceleration of the recorded degrees of freedom (m, m/s, m/s2)",
-    ),
-    (
-        "experimental_substructure",
-        "Experimental Substructure",
-        "one folder per specimen: its table of the test file, its sensors with units and scales",
-    ),
-    (
-        "experimental_output",
-        "Experimental Output",
-        "one folder per specimen: what was asked, sent and measured",
-    ),
-    (
-        "analysis",
-        "Analysis",
-        "every channel with unit and meaning; scripts that read the log in Python and in MATLAB or Octave",
-    ),
-    (
-        "report",
-        "Report",
-        "report.html, one file that needs nothing else",
-    ),
-];
-
-fn readme(title: &str, run: &Run, notes: &[String]) -> String {
-    let mut text = format!("# {title}\n\nA real-time hybrid simulation");
-    if let Some(summary) = run.summary() {
-        let status = serde_json::to_value(summary.status).unwrap_or_default();
-        text.push_str(&format!(
-            ": {} ({}), {} steps of {} s, run with Gusset {}",
-            status.as_str().unwrap_or_default(),
-            summary.reason,
-            summary.steps,
-            summary.dt,
-            summary.version
-        ));
-    }
-    text.push_str(".\n\n| folder | category | holds |\n|---|---|---|\n");
-    for (folder, category, holds) in CATEGORIES {
-        text.push_str(&format!("| `{folder}` | {category} | {holds} |\n"));
-    }
-    text.push_str(
-        "\nSI units throughout: m, s, N, kg, rad; channels in the unit of a sensor say so in `analysis/channels.json`. \
-         In the CSV files one row is one step, from t = 0, unless all ticks were asked for; what does not exist is empty. \
-         `project.json` lists every file with its SHA-256.\n",
-    );
-    if !notes.is_empty() {
-        text.push_str("\nTo be known:\n\n");
-        for note in notes {
-            text.push_str(&format!("- {note}\n"));
-        }
-    }
-    text
-}
-
-/// Copies plain files, and folders with what is in them.
-fn copy(from: &Path, to: &dyn Fn(&str) -> PathBuf) -> io::Result<()> {
-    for entry in fs::read_dir(from)? {
-        let entry = entry?;
-        let name = entry.file_name();
-        let target = to(&name.to_string_lossy());
-        let kind = entry.file_type()?;
-        if kind.is_dir() {
-            copy(&entry.path(), &|name| target.join(name))?;
-        } else if kind.is_file() {
-            if let Some(folder) = target.parent() {
-                fs::create_dir_all(folder)?;
-            }
-            fs::copy(entry.path(), target)?;
-        }
-    }
-    Ok(())
-}
-
-fn list(root: &Path, folder: &Path, files: &mut Vec<Value>) -> io::Result<()> {
-    for entry in fs::read_dir(folder)? {
-        let path = entry?.path();
-        if path.is_dir() {
-            list(root, &path, files)?;
-            continue;
-        }
-        let (sum, bytes) = digest(&path)?;
-        let digest: String = sum.iter().map(|b| format!("{b:02x}")).collect();
-        let path = path.strip_prefix(root).unwrap_or(&path);
-        files.push(json!({"path": path, "bytes": bytes, "sha256": digest}));
-    }
-    Ok(())
-}
-
-fn digest(path: &Path) -> io::Result<(Vec<u8>, u64)> {
-    let (mut file, mut sum, mut bytes) = (File::open(path)?, Sha256::new(), 0);
-    let mut buffer = vec![0; 1 << 18];
-    loop {
-        let count = file.read(&mut buffer)?;
-        if count == 0 {
-            return Ok((sum.finalize().to_vec(), bytes));
-        }
-        bytes += count as u64;
-        sum.update(buffer.get(..count).unwrap_or_default());
     }
 }

@@ -5,16 +5,18 @@
 //! histograms, sleep) until it begins with the next. *Events*: the lines of `events.jsonl`, misses across all lines. The log
 //! has the stamps of the loop's thread only; what others did shows in the evidence that a miss carries.
 //!
-//! An event knows its step and the loop's clock, a row its place on the grid. A miss says how long after its edge it was
-//! seen, so it ties the two to the nanosecond; without a miss the events may stand as much as a tick early.
-//!
 //! Events are in order of time. Only what overlaps is held: a tick's slices wait until an edge has passed them.
 
-use std::collections::{BTreeMap, VecDeque};
-use std::io::{self, BufWriter, Write};
+mod lines;
+mod places;
+
+use std::io::BufWriter;
 use std::path::Path;
 
 use serde_json::{Value, json};
+
+use lines::Lines;
+use places::Places;
 
 use super::plan::{Choice, Plan, Rows};
 use super::{ExportError, Exported, Notice};
@@ -22,8 +24,8 @@ use crate::record::atomic::AtomicFile;
 use crate::record::layout::Layout;
 use crate::record::run::Run;
 
-/// Ticks that are taken without being asked for: 200 MB of text, which a browser still opens.
-const MOST: u64 = 1_000_000;
+/// Ticks that are taken without being asked for: about 150 MB of text, which a browser still opens.
+const MOST: u64 = 200_000;
 
 /// Lines of the picture.
 const GRID: u8 = 1;
@@ -250,188 +252,4 @@ fn slices(sequence: u64, tick: &Stamped, before: &mut Before, period_us: f64) ->
 /// To the nanosecond.
 fn rounded(us: f64) -> f64 {
     (us * 1e3).round() / 1e3
-}
-
-/// Where the steps of the events stand on the grid.
-struct Places {
-    wanted: Vec<usize>,
-    /// Step → first and last edge of it, and how many ticks it had.
-    steps: BTreeMap<u64, (f64, f64, u64)>,
-    /// The edge before, and the shortest way between two.
-    edge: f64,
-    shortest: f64,
-}
-
-impl Places {
-    fn wanted(told: &[Value], choice: &Choice) -> Self {
-        let inside = |event: &Value| match event["time"].as_f64() {
-            Some(time) => choice.holds(time),
-            None => !choice.is_part(),
-        };
-        let wanted = told.iter().enumerate();
-        let wanted: Vec<usize> = wanted
-            .filter(|(_, event)| inside(event))
-            .map(|(index, _)| index)
-            .collect();
-        let step = |index: &usize| told.get(*index)?["tick"].as_u64();
-        let steps = wanted.iter().filter_map(step);
-        Self {
-            steps: steps.map(|step| (step, (f64::NAN, f64::NAN, 0))).collect(),
-            wanted,
-            edge: f64::NAN,
-            shortest: f64::INFINITY,
-        }
-    }
-
-    fn note(&mut self, tick: &Stamped) {
-        if !tick.is_stamped() {
-            return;
-        }
-        let way = tick.release - self.edge;
-        if way > 0.0 {
-            self.shortest = self.shortest.min(way);
-        }
-        self.edge = tick.release;
-        // Steps are counts and exact; what is before the first counts as the first.
-        if let Some((first, last, count)) = self.steps.get_mut(&(tick.step.max(0.0) as u64)) {
-            if first.is_nan() {
-                *first = tick.release;
-            }
-            *last = tick.release;
-            *count += 1;
-        }
-    }
-
-    /// As the summary has it; of an unfinished run the shortest way between two edges.
-    fn period_us(&self, run: &Run) -> f64 {
-        let rate = run.summary().map(|summary| summary.rate_hz);
-        rate.filter(|rate| *rate > 0.0 && rate.is_finite())
-            .map_or(self.shortest, |rate| 1e6 / rate)
-    }
-
-    /// The events of the window in order, each at its place on the grid.
-    fn placed(&self, told: &[Value], period_us: f64) -> VecDeque<(f64, Value)> {
-        let events: Vec<&Value> = self.wanted.iter().filter_map(|i| told.get(*i)).collect();
-        let step = |event: &Value| {
-            let tick = event["tick"].as_u64()?;
-            self.steps.get(&tick).filter(|(_, _, count)| *count > 0)
-        };
-        let late_us = |event: &Value| Some(event["late_ns"].as_u64()? as f64 / 1e3);
-        // Nanoseconds of the loop's clock at the first edge, from every event that says when: exact from a miss in a step
-        // of one tick, else not later than this.
-        let (mut exact, mut bound) = (Vec::new(), f64::INFINITY);
-        for event in &events {
-            if let (Some(clock), Some((first, _, count))) =
-                (event["clock_ns"].as_u64(), step(event))
-            {
-                let clock = clock as f64 / 1e3;
-                match late_us(event) {
-                    Some(late) if *count == 1 && event["event"] == "miss" => {
-                        exact.push(clock - late - period_us - first);
-                    }
-                    _ => bound = bound.min(clock - first),
-                }
-            }
-        }
-        exact.sort_unstable_by(f64::total_cmp);
-        let origin = exact.get(exact.len() / 2).copied().unwrap_or(bound);
-        let mut placed: Vec<(f64, Value)> = events
-            .into_iter()
-            .filter_map(|event| {
-                let of_step = step(event).map(|(_, last, _)| *last);
-                let of_clock = event["clock_ns"]
-                    .as_u64()
-                    .map(|ns| ns as f64 / 1e3 - origin);
-                let at = of_clock.filter(|at| at.is_finite()).or(of_step)?;
-                // Before the first edge there is no time on the grid.
-                Some((at.max(0.0), shown(event, at.max(0.0))))
-            })
-            .collect();
-        placed.sort_by(|(a, _), (b, _)| a.total_cmp(b));
-        placed.into()
-    }
-}
-
-fn shown(event: &Value, at: f64) -> Value {
-    let name = event["event"].as_str().unwrap_or("event");
-    let miss = name == "miss";
-    json!({
-        "name": if miss { "deadline missed" } else { name }, "cat": "event", "ph": "i",
-        "s": if miss { "g" } else { "t" }, "pid": 1, "tid": EVENTS, "ts": rounded(at), "args": event,
-    })
-}
-
-/// The events of the file, put into order.
-struct Lines<W> {
-    out: W,
-    held: Vec<(f64, Value)>,
-    begun: bool,
-}
-
-impl Lines<BufWriter<AtomicFile>> {
-    fn end(mut self) -> io::Result<AtomicFile> {
-        self.pass(f64::INFINITY)?;
-        self.out.write_all(b"\n]}\n")?;
-        self.out
-            .into_inner()
-            .map_err(io::IntoInnerError::into_error)
-    }
-}
-
-impl<W: Write> Lines<W> {
-    const fn new(out: W) -> Self {
-        Self {
-            out,
-            held: Vec::new(),
-            begun: false,
-        }
-    }
-
-    fn begin(&mut self, run: &Run) -> io::Result<()> {
-        let name = run.path().file_name().map(|name| name.to_string_lossy());
-        let about = json!({
-            "run": name,
-            "clock": run.summary().map(|summary| summary.clock),
-            "rate_hz": run.summary().map(|summary| summary.rate_hz),
-            "status": run.summary().map(|summary| summary.status),
-        });
-        write!(
-            self.out,
-            "{{\"displayTimeUnit\":\"ns\",\"otherData\":{about},\"traceEvents\":["
-        )?;
-        let process = format!("gusset {}", name.unwrap_or_default());
-        self.line(&named("process_name", 0, &process))?;
-        for (line, name) in [(GRID, "grid"), (LOOP, "loop"), (EVENTS, "events")] {
-            self.line(&named("thread_name", line, name))?;
-            let order = json!({
-                "name": "thread_sort_index", "ph": "M", "pid": 1, "tid": line, "ts": 0, "args": {"sort_index": line},
-            });
-            self.line(&order)?;
-        }
-        Ok(())
-    }
-
-    fn line(&mut self, event: &Value) -> io::Result<()> {
-        let comma: &[u8] = if self.begun { b",\n" } else { b"\n" };
-        self.begun = true;
-        self.out.write_all(comma)?;
-        serde_json::to_writer(&mut self.out, event).map_err(io::Error::from)
-    }
-
-    fn hold(&mut self, at: f64, event: Value) {
-        self.held.push((at, event));
-    }
-
-    /// Writes what is held from before `now`: nothing that is held later begins there.
-    fn pass(&mut self, now: f64) -> io::Result<()> {
-        // Stable: what begins together stays in the order in which it came, the outer slice first.
-        self.held.sort_by(|(a, _), (b, _)| a.total_cmp(b));
-        let passed = self.held.partition_point(|(at, _)| *at < now);
-        let ready: Vec<(f64, Value)> = self.held.drain(..passed).collect();
-        ready.iter().try_for_each(|(_, event)| self.line(event))
-    }
-}
-
-fn named(what: &str, line: u8, name: &str) -> Value {
-    json!({"name": what, "ph": "M", "pid": 1, "tid": line, "ts": 0, "args": {"name": name}})
 }
