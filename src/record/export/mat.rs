@@ -13,12 +13,12 @@ use super::plan::Source;
 
 /// Types of data elements.
 const INT8: u32 = 1;
-const UINT16: u32 = 4;
 const INT32: u32 = 5;
 const UINT32: u32 = 6;
 const DOUBLE: u32 = 9;
 const INT64: u32 = 12;
 const MATRIX: u32 = 14;
+const UTF16: u32 = 17;
 /// Classes of arrays.
 const STRUCT: u32 = 2;
 const CHAR: u32 = 4;
@@ -138,11 +138,13 @@ fn array(inner: &[u8]) -> Vec<u8> {
 }
 
 fn characters(name: &str, text: &str) -> Vec<u8> {
-    let units: Vec<u16> = text.encode_utf16().collect();
+    // One unit per letter, or readers disagree about the length: what needs two is replaced.
+    let unit = |letter: char| u16::try_from(u32::from(letter)).unwrap_or(0xFFFD);
+    let units: Vec<u16> = text.chars().map(unit).collect();
     let rows = u32::from(!units.is_empty());
     let mut inner = array_head(CHAR, [rows, units.len() as u32], name);
     let bytes: Vec<u8> = units.into_iter().flat_map(u16::to_le_bytes).collect();
-    element(&mut inner, UINT16, &bytes);
+    element(&mut inner, UTF16, &bytes);
     array(&inner)
 }
 

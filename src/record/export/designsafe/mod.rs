@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | `global_model` | global model | the test file as given and as resolved, its inputs: enough to run it again |
 //! | `coordinator` | coordinator | which program ran it, how, and what the machine granted |
-//! | `coordinator_output` | coordinator output | the log, byte for byte, with all that the run left; the response history as CSV |
+//! | `coordinator_output` | coordinator output | in `log` the log, byte for byte, with all that the run left; the response history as CSV |
 //! | `simulation_substructure`, `simulation_output` | the same | what was computed: its tables of the test file; its response |
 //! | `experimental_substructure`, `experimental_output` | the same | one folder per specimen: its table and its channels; what was sent and measured |
 //! | `analysis` | analysis | every channel with unit and meaning; scripts that read the log |
@@ -184,7 +184,7 @@ impl Project<'_> {
             let folder = match name {
                 "test.toml" | "resolved.toml" | "inputs" => "global_model",
                 "report.html" => "report",
-                _ => "coordinator_output",
+                _ => "coordinator_output/log",
             };
             self.root.join(folder).join(name)
         })
