@@ -64,6 +64,7 @@ pub(super) async fn serve(door: Door, site: Site, end: impl Future<Output = ()> 
         .route("/", text("text/html; charset=utf-8", include_str!("page.html")))
         .route("/page.css", text(STYLE, include_str!("page.css")))
         .route("/page.js", text(SCRIPT, include_str!("page.js")))
+        .route("/store.js", text(SCRIPT, include_str!("store.js")))
         .route("/draw.js", text(SCRIPT, include_str!("draw.js")))
         .route("/chart.css", text(STYLE, assets::CHART_STYLE))
         .route("/chart.js", text(SCRIPT, chart))
