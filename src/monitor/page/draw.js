@@ -21,16 +21,18 @@ function scaled(size, unit) {
 /** A number with its unit, three digits; a dash where there is none. */
 function nice(value, unit = "") {
   if (value === null || value === undefined || !Number.isFinite(value)) return "–";
+  if ((unit === "1" || unit === "ticks") && Number.isInteger(value)) return `${value} ${unit === "1" ? "" : unit}`.trim();
+  if (unit === "1" && Math.abs(value) < 1e-3) return value.toExponential(1);
   const [factor, shown] = scaled(Math.abs(value), unit);
   const number = value / factor;
   const size = Math.abs(number);
-  const digits = size >= 100 ? 1 : size >= 10 ? 2 : size === 0 || unit === "ticks" ? 0 : 3;
+  const digits = size >= 100 ? 1 : size >= 10 ? 2 : size === 0 ? 0 : 3;
   return `${number.toFixed(digits)} ${shown}`.trim();
 }
 
 /** One strip chart: every line is a pair of arrays, smallest and largest of each bin, and what lies between. */
 class Strip {
-  /** `lines` are [{label, colour}], `states` draws the shading of what is not running. */
+  /** `lines` are [{label, colour, weight}], `states` draws the shading of what is not running. */
   constructor(place, lines, unit, states) {
     this.place = place;
     this.unit = unit;
@@ -40,16 +42,16 @@ class Strip {
     const axis = { stroke: css("--soft"), font: FONT, grid: { stroke: css("--line"), width: 1 }, ticks: { stroke: css("--line"), width: 1, size: 4 } };
     const series = [{}];
     const bands = [];
-    for (const { colour } of lines) {
+    for (const { colour, weight } of lines) {
       const stroke = css(colour);
-      const line = { stroke, width: 1.5, points: { show: false } };
+      const line = { stroke, width: weight ?? 1.5, points: { show: false } };
       series.push({ ...line }, { ...line });
       bands.push({ series: [series.length - 1, series.length - 2], fill: stroke });
     }
     const number = (value) => String(Number((value / this.factor).toPrecision(6)));
     this.plot = new uPlot({
       ...this.size(),
-      padding: [8, 12, 0, 0],
+      padding: [18, 12, 0, 0],
       legend: { show: false },
       cursor: { show: false },
       scales: { x: { time: false, range: (_, min, max) => [min, max] }, y: { range: (_, min, max) => around(min, max) } },

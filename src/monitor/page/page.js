@@ -92,7 +92,8 @@ function axisCard(specimen, s, a, channels) {
   const head = make("div", "head");
   head.append(make("h2", "", specimen.axes.length > 1 ? `${specimen.name}, axis ${a + 1}` : specimen.name));
   const own = (kind, colour) => ({ ...channels.find((c) => c.kind === kind && c.axis?.[0] === s && c.axis?.[1] === a), colour });
-  const [command, measured, error, force] = [own("command", "--c0"), own("measured", "--c1"), own("error", "--c3"), own("force", "--c2")];
+  // The command is drawn broad, so that it shows behind a measurement that follows it well.
+  const [command, measured, error, force] = [{ ...own("command", "--c0"), weight: 4 }, own("measured", "--c1"), own("error", "--c3"), own("force", "--c2")];
   const key = make("div", "legend");
   legend(key, [command, measured, error, force]);
   head.append(key);
@@ -252,6 +253,11 @@ function showLinks(now) {
   $("recording").textContent = `${now.rows_written} rows written, ${lost ? `${now.rows_lost} ROWS LOST` : "none lost"}, ${now.events} events · ${state.viewers} ${state.viewers === 1 ? "viewer" : "viewers"}`;
 }
 
+function count(id, value, bad) {
+  $(id).firstElementChild.textContent = value === null ? "–" : String(value);
+  $(id).classList.toggle("bad", bad);
+}
+
 function showState() {
   const { now, phase, ended } = state;
   $("phase").textContent = phase;
@@ -259,6 +265,9 @@ function showState() {
   $("time").textContent = now.rows > 0 && now.time !== null ? `${now.time.toFixed(2)} s` : "–";
   const share = test.subject.steps > 0 ? now.time / (test.subject.steps * test.subject.dt) : 0;
   $("progress").style.width = `${100 * Math.min(1, Math.max(0, share || 0))}%`;
+  const total = Object.values(now.misses).reduce((sum, count) => sum + count, 0);
+  count("missed", test.subject.real_clock ? total : null, now.misses.ours > 0);
+  count("lost", now.rows_lost, now.rows_lost > 0);
   showLimits(now);
   showTiming(now);
   showLambda(state.lambda);
