@@ -11,12 +11,12 @@ use super::exit::{Exit, WithExit};
 #[cfg(feature = "monitor")]
 use super::tell;
 use crate::config::{ClockChoice, Facts, Prepared};
-use crate::engine::PhaseCell;
 #[cfg(feature = "monitor")]
 use crate::engine::Operator;
-use crate::monitor::{About, Board, Ended, LambdaUse, Subject, Tap};
+use crate::engine::PhaseCell;
 #[cfg(feature = "monitor")]
 use crate::monitor::page::{LivePage, Serving, Token};
+use crate::monitor::{About, Board, Ended, LambdaUse, Subject, Tap};
 use crate::record::{Note, Onlooker};
 #[cfg(feature = "monitor")]
 use crate::session::Attendance;
@@ -105,7 +105,12 @@ impl Looked {
 
     /// What starts the page when its time has come, and where it is then found.
     #[cfg(feature = "monitor")]
-    pub fn page(&self, asked: Asked, operator: Sender<Operator>, served: &Served) -> Option<Attendance> {
+    pub fn page(
+        &self,
+        asked: Asked,
+        operator: Sender<Operator>,
+        served: &Served,
+    ) -> Option<Attendance> {
         let page = asked.page?;
         announce(&page);
         let (board, notes) = (Arc::clone(&self.board), self.notes.clone());

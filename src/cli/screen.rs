@@ -112,7 +112,9 @@ mod tests {
             }
         }
         assert!(wraps, "the terminal is left as it was");
-        rows.into_iter().map(|line| line.into_iter().collect()).collect()
+        rows.into_iter()
+            .map(|line| line.into_iter().collect())
+            .collect()
     }
 
     fn lines(texts: &[&str]) -> Vec<String> {
@@ -121,13 +123,19 @@ mod tests {
 
     #[test]
     fn lines_are_drawn_over_the_last_ones_and_taken_away_without_a_trace() {
-        let first = over(0, &lines(&["one and something long that is cut", "two", "three"]));
+        let first = over(
+            0,
+            &lines(&["one and something long that is cut", "two", "three"]),
+        );
         let second = over(3, &lines(&["1", "2"]));
         assert_eq!(
             shown(&format!("before\n{first}")),
             ["before", "one and something lo", "two", "three", ""]
         );
-        assert_eq!(shown(&format!("before\n{first}{second}")), ["before", "1", "2", ""]);
+        assert_eq!(
+            shown(&format!("before\n{first}{second}")),
+            ["before", "1", "2", ""]
+        );
         let gone = over(2, &[]);
         assert_eq!(
             shown(&format!("before\n{first}{second}{gone}after\n")),

@@ -96,7 +96,11 @@ impl<'a> Sight<'a> {
 
     fn share(&self) -> f64 {
         let share = self.now.time / self.duration();
-        if share.is_finite() { share.clamp(0.0, 1.0) } else { 0.0 }
+        if share.is_finite() {
+            share.clamp(0.0, 1.0)
+        } else {
+            0.0
+        }
     }
 
     /// The phase; that nothing comes any more is said before everything else.
@@ -119,7 +123,11 @@ impl<'a> Sight<'a> {
                 "none".to_owned()
             }
         };
-        let beyond = if used > margin.limit { "  UNSTABLE" } else { "" };
+        let beyond = if used > margin.limit {
+            "  UNSTABLE"
+        } else {
+            ""
+        };
         Some(format!(
             "lambda {used}, limit {} (lowest {}){beyond}",
             limit(margin.limit),
@@ -158,7 +166,11 @@ impl<'a> Sight<'a> {
         }
         let closest = self.limits().max_by(|a, b| a.4.total_cmp(&b.4));
         if let Some((_, name, mark, _, used)) = closest {
-            parts.push(format!("{name}: {} {:.0} % of trip", mark.key, 100.0 * used));
+            parts.push(format!(
+                "{name}: {} {:.0} % of trip",
+                mark.key,
+                100.0 * used
+            ));
         }
         if let Some(late) = self.now.timing.first().filter(|late| late.count > 0) {
             parts.push(format!("late p99 {}", short(late.p99, "s")));
@@ -193,14 +205,20 @@ impl<'a> Sight<'a> {
             ));
         }
         last.extend(self.lambda());
-        last.push(format!("Ctrl-C stops   gusset hold {}", self.board.subject.run));
+        last.push(format!(
+            "Ctrl-C stops   gusset hold {}",
+            self.board.subject.run
+        ));
         let room = rows.saturating_sub(lines.len() + last.len());
         let axes = self.axes(columns);
         let hidden = axes.len().saturating_sub(room);
         lines.extend(axes.into_iter().take(room));
         if hidden > 0 && room > 0 {
             lines.pop();
-            lines.push(format!("… {} lines more: the terminal is too low", hidden + 1));
+            lines.push(format!(
+                "… {} lines more: the terminal is too low",
+                hidden + 1
+            ));
         }
         lines.extend(last);
         lines.truncate(rows.max(1));
@@ -216,7 +234,11 @@ impl<'a> Sight<'a> {
             misses.preempted,
             misses.taken_away,
             misses.late_reply,
-            if self.now.stretched.is_finite() { self.now.stretched } else { 0.0 },
+            if self.now.stretched.is_finite() {
+                self.now.stretched
+            } else {
+                0.0
+            },
             self.now.rows_lost
         )
     }
@@ -243,7 +265,12 @@ impl<'a> Sight<'a> {
                 lines.push(format!(
                     "  {:<22} {} {:>12}  {:>3.0} % of trip, worst {:.0} %",
                     mark.key,
-                    gauge(mark, value, [low, high], if columns >= 90 { 24 } else { 12 }),
+                    gauge(
+                        mark,
+                        value,
+                        [low, high],
+                        if columns >= 90 { 24 } else { 12 }
+                    ),
                     short(value, mark.unit),
                     100.0 * share,
                     100.0 * worst
@@ -271,12 +298,17 @@ fn gauge(mark: &Mark, value: f64, peaks: [f64; 2], width: usize) -> String {
     let start = if mark.size { 0.0 } else { -end };
     let cell = |at: f64| {
         let share = (at - start) / (end - start);
-        (share.is_finite()).then(|| ((share.clamp(0.0, 1.0) * width as f64) as usize).min(width - 1))
+        (share.is_finite())
+            .then(|| ((share.clamp(0.0, 1.0) * width as f64) as usize).min(width - 1))
     };
     let mut cells = vec![' '; width];
     if let (Some(low), Some(high)) = (cell(peaks[0]), cell(peaks[1])) {
         let low = if mark.size { 0 } else { low };
-        cells.iter_mut().take(high + 1).skip(low).for_each(|c| *c = '·');
+        cells
+            .iter_mut()
+            .take(high + 1)
+            .skip(low)
+            .for_each(|c| *c = '·');
     }
     for (levels, sign) in [(mark.warn, '┊'), (mark.trip, '│')] {
         for level in levels.into_iter().filter(|level| level.is_finite()) {
@@ -294,7 +326,9 @@ fn gauge(mark: &Mark, value: f64, peaks: [f64; 2], width: usize) -> String {
 
 fn bar(share: f64, width: usize) -> String {
     let filled = (share * width as f64).round() as usize;
-    (0..width).map(|i| if i < filled { '█' } else { '·' }).collect()
+    (0..width)
+        .map(|i| if i < filled { '█' } else { '·' })
+        .collect()
 }
 
 /// A number in a few letters; a dash where there is none.

@@ -111,7 +111,10 @@ mod tests {
             let expected = 4.0 * dt * dt * k0 / (dt * dt * k - 4.0 * m - 2.0 * dt * (c0 - c));
             let found = online.limit([(k, Some(c))]).value();
             // The bisection stops at a relative 1e-11.
-            assert!((found / expected - 1.0).abs() < 1e-10, "{k} {c}: {found} {expected}");
+            assert!(
+                (found / expected - 1.0).abs() < 1e-10,
+                "{k} {c}: {found} {expected}"
+            );
         }
         let at_bounds = proof.limit(f64::INFINITY, &[]).unwrap().unwrap();
         let unknown = online.limit([(f64::NAN, None)]).value();
@@ -124,10 +127,7 @@ mod tests {
         // Two storeys; only the first is a specimen. The second alone governs once the first is soft.
         let dt = 0.02;
         let chain = |k1: f64, k2: f64| {
-            SymMatrix::from_triplets(
-                2,
-                [(0, 0, k1 + k2), (0, 1, -k2), (1, 0, -k2), (1, 1, k2)],
-            )
+            SymMatrix::from_triplets(2, [(0, 0, k1 + k2), (0, 1, -k2), (1, 0, -k2), (1, 1, k2)])
         };
         let proof = StabilityProof {
             mass: SymMatrix::diagonal(&[1.0, 1.0]),
@@ -150,7 +150,10 @@ mod tests {
             .into_iter()
             .map(|k| online.limit([(k, None)]).value())
             .collect();
-        assert!(limits.windows(2).all(|pair| pair[0] < pair[1]), "{limits:?}");
+        assert!(
+            limits.windows(2).all(|pair| pair[0] < pair[1]),
+            "{limits:?}"
+        );
         let same = StabilityProof {
             stiffness_bound: chain(1e5, 2e5),
             ..proof

@@ -154,9 +154,16 @@ mod tests {
         let whole: Vec<_> = history.whole().collect();
         assert!(whole.len() <= WHOLE + 1, "{}", whole.len());
         assert!(whole.len() > WHOLE / 4);
-        assert_eq!(whole.iter().map(|b| b.values[0][1]).fold(0.0, f32::max), 9.0);
         assert_eq!(
-            whole.iter().flat_map(|b| b.loops[0]).map(|p| p[1]).fold(0.0, f32::max),
+            whole.iter().map(|b| b.values[0][1]).fold(0.0, f32::max),
+            9.0
+        );
+        assert_eq!(
+            whole
+                .iter()
+                .flat_map(|b| b.loops[0])
+                .map(|p| p[1])
+                .fold(0.0, f32::max),
             90.0,
             "with its force"
         );
@@ -174,7 +181,10 @@ mod tests {
         assert_eq!((first, bins.count()), (100, RECENT));
         let (first, bins) = history.since(history.next() - 2);
         assert_eq!(first, history.next() - 2);
-        assert_eq!(bins.map(|b| b.until as u32).collect::<Vec<_>>(), [3698, 3699]);
+        assert_eq!(
+            bins.map(|b| b.until as u32).collect::<Vec<_>>(),
+            [3698, 3699]
+        );
         assert_eq!(history.since(u64::MAX).1.count(), 0);
     }
 

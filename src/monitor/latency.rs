@@ -12,7 +12,12 @@ pub(super) const COLUMNS: [&str; 4] = [
 ];
 
 /// What they are called elsewhere: the keys of `timing.json`.
-pub const KEYS: [&str; 4] = ["wakeup_lateness", "command_lateness", "round_trip", "compute"];
+pub const KEYS: [&str; 4] = [
+    "wakeup_lateness",
+    "command_lateness",
+    "round_trip",
+    "compute",
+];
 
 /// Upper ends of the buckets in s; the last bucket has none.
 pub const BOUNDS: [f64; 22] = [

@@ -208,7 +208,12 @@ impl Subject {
                 remote: port.is_remote(),
                 status: find(&format!("status_{number}")),
                 axes: (1..)
-                    .zip(port.limits().iter().zip(port.units()).zip(port.tangent_bounds()))
+                    .zip(
+                        port.limits()
+                            .iter()
+                            .zip(port.units())
+                            .zip(port.tangent_bounds()),
+                    )
                     .map(|(axis, ((limits, (metres, newtons)), bounds))| {
                         let place = |kind: &str| find(&format!("{kind}_{number}_{axis}"));
                         WatchedAxis {
@@ -282,7 +287,9 @@ fn some_of(dofs: &[usize]) -> Vec<usize> {
     }
     let last = dofs.len() - 1;
     let spread = (0..MOST_DOFS).map(|k| k * last / (MOST_DOFS - 1));
-    spread.filter_map(|place| dofs.get(place).copied()).collect()
+    spread
+        .filter_map(|place| dofs.get(place).copied())
+        .collect()
 }
 
 fn channels(

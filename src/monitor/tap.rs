@@ -237,8 +237,7 @@ impl Onlooker for Tap {
             self.seen.row_ns = now_ns;
         }
         // Where a test runs faster than in real time, by the wall and by the rows.
-        if self.open.rows >= self.rows_per_bin
-            && now_ns.saturating_sub(self.last_bin_ns) >= BIN_NS
+        if self.open.rows >= self.rows_per_bin && now_ns.saturating_sub(self.last_bin_ns) >= BIN_NS
         {
             self.last_bin_ns = now_ns;
             self.close_bin();

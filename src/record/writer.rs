@@ -205,7 +205,8 @@ impl Writer {
         let period = settings.period;
         let stop_seen = Arc::clone(&stop);
         let mut drain = Drain::new(ring, samples, events, sampler, notes_out, settings);
-        drain.serve(sync, Arc::clone(&progress), onlooker);
+        drain.serve(sync, Arc::clone(&progress));
+        drain.watch(onlooker);
         let work = move || loop {
             // Read before the turn: what the loop left before the stop is then surely seen.
             let last = stop_seen.load(Ordering::Acquire);

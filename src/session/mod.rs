@@ -47,8 +47,8 @@ use crate::config::{ClockChoice, Facts, Files, Prepared};
 use crate::engine::{Control, Engine, Experiment, Watch};
 use crate::record::writer::{Clocks, WriterError};
 use crate::record::{
-    FolderError, Layout, Note, NoteLevel, Onlooker, Progress, Recorded, RingSize, RunFolder, SchedSample,
-    Summary, WhenFull, Writer, WriterSettings, ring,
+    FolderError, Layout, Note, NoteLevel, Onlooker, Progress, Recorded, RingSize, RunFolder,
+    SchedSample, Summary, WhenFull, Writer, WriterSettings, ring,
 };
 use crate::rt::sampler::{Sampler, SchedSample as SamplerReading};
 use crate::rt::wall::Wall;

@@ -205,7 +205,11 @@ impl Gate {
                 rest.is_some_and(|rest| rest.eq_ignore_ascii_case(host))
             }
         };
-        if near && same { Ok(()) } else { Err(OTHER_SITE) }
+        if near && same {
+            Ok(())
+        } else {
+            Err(OTHER_SITE)
+        }
     }
 
     /// Whether the request may look.
@@ -316,7 +320,10 @@ mod tests {
         let (gate, control, _) = gate("127.0.0.1", false);
         let bearer = format!("Bearer {}", control.text());
         let with = |more: &[(&'static str, &str)]| {
-            let mut all = vec![("host", "localhost:4824"), ("authorization", bearer.as_str())];
+            let mut all = vec![
+                ("host", "localhost:4824"),
+                ("authorization", bearer.as_str()),
+            ];
             all.extend(more);
             gate.control(&headers(&all))
         };
@@ -378,9 +385,17 @@ mod tests {
             std::fs::write(&path, text).unwrap();
             Token::read(&path).map_err(|error| error.to_string())
         };
-        assert!(read("a-long-enough-secret-1\n").unwrap().is("a-long-enough-secret-1"));
+        assert!(
+            read("a-long-enough-secret-1\n")
+                .unwrap()
+                .is("a-long-enough-secret-1")
+        );
         assert!(read("short\n").unwrap_err().contains("found 5"));
-        assert!(read("two lines are\nno token at all").unwrap_err().contains("found"));
+        assert!(
+            read("two lines are\nno token at all")
+                .unwrap_err()
+                .contains("found")
+        );
         assert!(read("").unwrap_err().contains("holds no token"));
         let missing = Token::read(&folder.path().join("none")).unwrap_err();
         assert!(missing.to_string().contains("cannot be read"));

@@ -54,7 +54,10 @@ pub enum PageError {
         source: io::Error,
     },
     /// The address is taken, or not ours.
-    #[error("the live page cannot be served at {address}: {source}{}", advice(source))]
+    #[error(
+        "the live page cannot be served at {address}: {source}{}",
+        advice(source)
+    )]
     Bind {
         /// Where.
         address: SocketAddr,
@@ -82,7 +85,9 @@ fn advice(error: &io::Error) -> &'static str {
 /// It is none, in words.
 pub fn parse_address(text: &str) -> Result<String, String> {
     let wanted = || {
-        format!("wanted ADDR:PORT, an address or a port, e.g. 127.0.0.1:{USUAL_PORT} or 0.0.0.0:{USUAL_PORT}; found \"{text}\"")
+        format!(
+            "wanted ADDR:PORT, an address or a port, e.g. 127.0.0.1:{USUAL_PORT} or 0.0.0.0:{USUAL_PORT}; found \"{text}\""
+        )
     };
     if let Ok(port) = text.parse::<u16>() {
         return Ok(format!("127.0.0.1:{port}"));
@@ -315,7 +320,10 @@ mod tests {
         let holder = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = holder.local_addr().unwrap().to_string();
         let said = LivePage::bind(&address, None).unwrap_err().to_string();
-        assert!(said.contains(&address) && said.contains("any free port"), "{said}");
+        assert!(
+            said.contains(&address) && said.contains("any free port"),
+            "{said}"
+        );
         let said = LivePage::bind("no-such-host.invalid:1", None).unwrap_err();
         assert!(matches!(said, PageError::Address { .. }), "{said}");
     }

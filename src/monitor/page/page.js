@@ -341,6 +341,9 @@ function take(message) {
   watch();
 }
 
+/** The stream that is read now. */
+let reading = null;
+
 async function listen() {
   for (;;) {
     try {
@@ -352,13 +355,14 @@ async function listen() {
       }
       if (!answer.ok) throw new Error(String(answer.status));
       $("looking").hidden = true;
-      await read(answer.body.getReader());
+      reading = answer.body.getReader();
+      await read(reading);
     } catch {
       // Whatever it was, the alarm says how long nothing has come.
     }
     watch();
     if (over) return;
-    await new Promise((done) => setTimeout(done, 1000));
+    await new Promise((done) => setTimeout(done, heard === null ? 3000 : 1000));
   }
 }
 

@@ -58,10 +58,17 @@ pub(super) async fn serve(door: Door, site: Site, end: impl Future<Output = ()> 
     };
     const SCRIPT: &str = "text/javascript; charset=utf-8";
     const STYLE: &str = "text/css; charset=utf-8";
-    let licensed = format!("/*!\n{}\n*/\n{}", assets::CHART_LICENCE, assets::CHART_SCRIPT);
+    let licensed = format!(
+        "/*!\n{}\n*/\n{}",
+        assets::CHART_LICENCE,
+        assets::CHART_SCRIPT
+    );
     let chart: &'static str = Box::leak(licensed.into_boxed_str());
     let routes = Router::new()
-        .route("/", text("text/html; charset=utf-8", include_str!("page.html")))
+        .route(
+            "/",
+            text("text/html; charset=utf-8", include_str!("page.html")),
+        )
         .route("/page.css", text(STYLE, include_str!("page.css")))
         .route("/page.js", text(SCRIPT, include_str!("page.js")))
         .route("/store.js", text(SCRIPT, include_str!("store.js")))
@@ -76,9 +83,7 @@ pub(super) async fn serve(door: Door, site: Site, end: impl Future<Output = ()> 
         .layer(from_fn_with_state(Arc::clone(&site), guard))
         .with_state(site);
     let service = routes.into_make_service_with_connect_info::<Peer>();
-    let _never_fails = axum::serve(door, service)
-        .with_graceful_shutdown(end)
-        .await;
+    let _never_fails = axum::serve(door, service).with_graceful_shutdown(end).await;
 }
 
 /// The name by which we were called, before anything else; the heads, after everything else.

@@ -78,14 +78,13 @@ impl<S: Store, E: Store> Drain<S, E> {
         }
     }
 
-    /// Gives it the thread that syncs, the place where others look for progress, and who looks at the rows.
-    pub(super) fn serve(
-        &mut self,
-        sync: SyncThread,
-        progress: Arc<Mutex<Progress>>,
-        onlooker: Option<Box<dyn Onlooker>>,
-    ) {
+    /// Gives it the thread that syncs and the place where others look for progress.
+    pub(super) fn serve(&mut self, sync: SyncThread, progress: Arc<Mutex<Progress>>) {
         (self.sync, self.progress) = (Some(sync), progress);
+    }
+
+    /// Gives it who looks at the rows.
+    pub(super) fn watch(&mut self, onlooker: Option<Box<dyn Onlooker>>) {
         self.onlooker = Watched::by(onlooker);
     }
 
