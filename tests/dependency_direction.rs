@@ -37,6 +37,19 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ),
     ("rt", &["time"]),
     ("report", &["assets", "record"]),
+    // Looks at what passes and sends an operator's requests; decides nothing.
+    (
+        "monitor",
+        &[
+            "assets",
+            "control",
+            "engine",
+            "integrate",
+            "record",
+            "rt",
+            "substructure",
+        ],
+    ),
     (
         "verify",
         &[

@@ -64,6 +64,7 @@ pub(super) enum Command {
 #[command(
     after_help = "Example:\n  gusset run config/frame-bouc-wen.toml --out runs/first\n  \
     gusset run config/frame-bouc-wen.toml --clock simulated --set integrator.lambda=4\n  \
+    gusset run config/frame-bouc-wen.toml --live\n  \
     gusset run --resume runs/first --out runs/second"
 )]
 pub(super) struct RunArgs {
@@ -89,9 +90,44 @@ pub(super) struct RunArgs {
     /// Print the summary as JSON on stdout.
     #[arg(long)]
     pub json: bool,
-    /// Do not print the progress line and the closing summary.
+    /// Do not print the progress and the closing summary.
     #[arg(long)]
     pub quiet: bool,
+    /// What a terminal shows while the test runs.
+    #[arg(long, value_enum, default_value_t = StatusArg::Line, conflicts_with = "quiet")]
+    pub status: StatusArg,
+    #[cfg(feature = "monitor")]
+    #[command(flatten)]
+    pub live: LiveArgs,
+}
+
+/// What a terminal shows while a test runs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum StatusArg {
+    /// One line: phase, time, misses, the axis that is closest to a limit.
+    Line,
+    /// Some lines: every axis against its limits, lateness, the room of lambda.
+    Full,
+    /// Nothing.
+    Off,
+}
+
+#[cfg(feature = "monitor")]
+#[derive(Debug, Args)]
+pub(super) struct LiveArgs {
+    /// Serve a page that shows the running test, and metrics for Prometheus under /metrics: on this machine alone, or at
+    /// ADDR, where looking needs a token [default ADDR: 127.0.0.1:4824]. Operating needs the token that is printed at start.
+    #[arg(
+        long,
+        value_name = "ADDR",
+        num_args = 0..=1,
+        default_missing_value = "127.0.0.1:4824",
+        value_parser = crate::monitor::page::parse_address,
+    )]
+    pub live: Option<String>,
+    /// For --live: the token for looking, in place of a fresh one for every test: one line of 16 letters or more.
+    #[arg(long, value_name = "FILE", requires = "live")]
+    pub live_token: Option<PathBuf>,
 }
 
 #[derive(Debug, Args)]

@@ -15,6 +15,7 @@ mod following;
 mod frontier;
 mod jitter;
 mod limits;
+mod live;
 mod operate;
 mod progress;
 mod rehearsed;
@@ -22,10 +23,12 @@ mod replay;
 mod report;
 mod run;
 mod schema;
+mod screen;
 mod serve;
 mod serve_openfresco;
 mod serve_tls;
 mod spectrum;
+mod status;
 mod table;
 mod verify;
 
@@ -89,8 +92,16 @@ fn in_one_line(error: &anyhow::Error) -> String {
     text
 }
 
+/// Where the log goes: to stderr, below what stands there and changes.
+#[must_use]
+pub fn log() -> io::Stderr {
+    screen::step_aside();
+    io::stderr()
+}
+
 /// A line to whoever reads stderr. If nobody can, nothing is lost but the line.
 fn tell(text: impl Display) {
+    screen::step_aside();
     let _nobody_reads = writeln!(io::stderr(), "{text}");
 }
 

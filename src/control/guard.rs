@@ -97,6 +97,12 @@ impl Port {
         &self.guard.declared
     }
 
+    /// Metres and newtons in one unit of each axis.
+    #[must_use]
+    pub fn units(&self) -> &[(f64, f64)] {
+        &self.guard.units
+    }
+
     /// The same port for a rehearsal: `wrap` puts something round its substructure, and is told the metres and newtons in
     /// one unit of each axis. Limits are known but trip no more, except at what is no number.
     #[must_use]

@@ -24,7 +24,7 @@ use super::{
     TestFile,
 };
 use crate::engine::{Experiment, Numerical, Settling, Side, StepAudit, TestQuantity};
-use crate::integrate::{Lambda, LambdaChoice};
+use crate::integrate::{Lambda, LambdaChoice, OnlineLimit};
 use crate::linalg::{Spd, SymMatrix};
 use crate::link::{NativeSetup, Transport};
 use crate::rt;
@@ -117,6 +117,8 @@ pub struct StructureFacts {
     pub peak_ground_accel: Option<f64>,
     /// What modes and delays can be analysed from, for structures that are not too large.
     pub analysis: Option<Analysis>,
+    /// The limit of λ as the tangents of the specimens change it; none where it takes too long to find.
+    pub online_limit: Option<OnlineLimit>,
     /// b·S⁻¹·bᵀ of every axis of every specimen, at the declared bounds; empty without a proof.
     gains: Vec<Vec<f64>>,
 }
@@ -411,6 +413,7 @@ fn numerical(
             .as_mut()
             .map(|proof| std::mem::take(&mut proof.gains))
             .unwrap_or_default(),
+        online_limit: proof.as_mut().and_then(|proof| proof.online.take()),
         choice: proof.and_then(|proof| proof.choice),
         frequencies,
         analysis,
