@@ -17,6 +17,7 @@
 //! a number that is not finite is refused everywhere but as λ = ∞.
 
 mod build;
+mod certificate;
 mod check;
 mod diagnose;
 mod document;
@@ -50,6 +51,7 @@ pub use build::{
     ALL_MODES, Analysis, Dial, Facts, Files, Limit, LimitFacts, Loop, ModeFacts, Prepared,
     SpecimenLimits, StructureFacts, build, build_over, build_rehearsal,
 };
+pub use certificate::{CapacityTable, CertificateTable, IdentifiedTable, UncertaintyTable};
 pub use diagnose::{Diagnostic, Diagnostics, Finding, Part, Place, Severity, Source};
 pub use document::{KeyPath, PathError, Segment};
 pub use inputs::{INPUTS_FOLDER, Input, InputError, Inputs};

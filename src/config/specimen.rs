@@ -3,6 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::certificate::{CapacityTable, IdentifiedTable};
 use super::safety::ZeroChoice;
 use super::value::MatrixValue;
 use super::variant;
@@ -99,6 +100,16 @@ pub struct SpecimenTable {
     /// specimen of this process, at the specimen's scale. Default: linear, by `stiffness_n_per_m` and `damping_n_s_per_m`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stand_in: Option<SpecimenLaw>,
+    /// Actuator and sensors that the stand-in of a specimen behind a link stands behind when `check` rehearses the test.
+    /// Default: those of `identified`, else none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stand_in_transfer: Option<TransferSpec>,
+    /// What was identified of the specimen, its actuator and its sensors.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub identified: Option<IdentifiedTable>,
+    /// What the rig can give.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub capacity: Option<CapacityTable>,
 }
 
 impl SpecimenTable {
