@@ -4,6 +4,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::document::{KeyPath, Segment};
+use super::{ConfigError, Loaded, parse};
+use crate::transfer::{ActuatorSpec, ProportionalSpec, TransferSpec};
 
 /// What was identified of a specimen with its actuator and sensors; `gusset identify` writes it. A certificate compares the
 /// delay with the critical one, and varies what has a standard deviation. For a specimen behind a link without
@@ -56,6 +58,29 @@ impl IdentifiedTable {
         ]
     }
 
+    /// An actuator and sensors with this delay (`pace`: test time in a second of wall time), gain and noise; none where none of
+    /// them is known.
+    pub(super) fn transfer(&self, pace: f64) -> Option<TransferSpec> {
+        let known = [
+            self.delay_s,
+            self.gain,
+            self.noise_disp_m,
+            self.noise_force_n,
+        ];
+        known.iter().any(Option::is_some).then(|| {
+            let mut spec = TransferSpec {
+                delay_s: self.delay_s.unwrap_or(0.0) * pace,
+                ..TransferSpec::default()
+            };
+            spec.actuator = self
+                .gain
+                .map(|gain| ActuatorSpec::Proportional(ProportionalSpec { gain }));
+            spec.disp_sensor.noise_rms_m = self.noise_disp_m;
+            spec.force_sensor.noise_rms_n = self.noise_force_n;
+            spec
+        })
+    }
+
     /// Standard deviation of the stiffness as a share of it.
     #[must_use]
     pub fn stiffness_share(&self) -> f64 {
@@ -80,7 +105,7 @@ pub struct CapacityTable {
     /// Greatest force either way, in N.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub force_n: Option<f64>,
-    /// Greatest power in W: measured force times velocity of the measured displacement, either sign.
+    /// Greatest power in W: measured force times commanded velocity, either sign.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub power_w: Option<f64>,
 }
@@ -150,6 +175,87 @@ impl Default for CertificateTable {
 impl CertificateTable {
     pub(super) fn is_default(&self) -> bool {
         *self == Self::default()
+    }
+}
+
+/// How far a number may be from what the file has.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Spread {
+    /// Normal, with this standard deviation.
+    Normal(f64),
+    /// Anywhere between these two alike.
+    Uniform(f64, f64),
+}
+
+/// A number of a file that is not known exactly.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Uncertain {
+    /// Its path, as `--set` takes it.
+    pub key: KeyPath,
+    /// What the file has.
+    pub nominal: f64,
+    /// Whether it is a whole number.
+    pub whole: bool,
+    /// How far it may be from that.
+    pub spread: Spread,
+}
+
+impl Uncertain {
+    /// In words.
+    #[must_use]
+    pub fn words(&self) -> String {
+        match self.spread {
+            Spread::Normal(std) => format!("{} = {} ± {std}", self.key, self.nominal),
+            Spread::Uniform(low, high) => format!("{} from {low} to {high}", self.key),
+        }
+    }
+
+    /// True if it is a number of an actuator or of sensors.
+    #[must_use]
+    pub fn is_of_transfer(&self) -> bool {
+        let transfer = |segment: &Segment| matches!(segment, Segment::Key(key) if key == "transfer" || key == "stand_in_transfer");
+        let segments = self.key.segments();
+        matches!(segments.first(), Some(Segment::Key(key)) if key == "specimen")
+            && segments.get(2).is_some_and(transfer)
+    }
+}
+
+impl Loaded {
+    /// Every number that the file calls uncertain; a checked file has them all.
+    #[must_use]
+    pub fn uncertain(&self) -> Vec<Uncertain> {
+        let Ok(complete) = toml::Value::try_from(&self.file) else {
+            return Vec::new();
+        };
+        let each = self.file.uncertainty.iter().filter_map(|one| {
+            let key = KeyPath::parse(&one.key).ok()?;
+            let number = number_at(&complete, &key).ok()?;
+            let nominal = number.value();
+            let spread = match (one.std, one.std_share, one.range) {
+                (Some(std), ..) => Spread::Normal(std),
+                (_, Some(share), _) => Spread::Normal(share * nominal.abs()),
+                (.., Some([low, high])) => Spread::Uniform(low, high),
+                (None, None, None) => return None,
+            };
+            Some(Uncertain {
+                key,
+                nominal,
+                whole: matches!(number, Number::Whole(_)),
+                spread,
+            })
+        });
+        each.collect()
+    }
+
+    /// The same test with further overrides, written as for `--set`; read and checked anew.
+    ///
+    /// # Errors
+    /// As [`parse`].
+    pub fn varied(&self, sets: &[String]) -> Result<Self, ConfigError> {
+        if sets.is_empty() {
+            return Ok(self.clone());
+        }
+        parse(&self.path, self.effective.clone(), sets)
     }
 }
 

@@ -113,6 +113,18 @@ pub struct SpecimenTable {
 }
 
 impl SpecimenTable {
+    /// Actuator and sensors as far as they are known: the specimen's own, those of its stand-in, else what was identified.
+    /// `pace` is the test time in a second of wall time.
+    #[must_use]
+    pub fn believed_transfer(&self, pace: f64) -> Option<TransferSpec> {
+        let own = match &self.link {
+            Some(_) => self.stand_in_transfer.as_ref(),
+            None => return self.transfer.clone(),
+        };
+        let identified = || self.identified?.transfer(pace);
+        own.cloned().or_else(identified)
+    }
+
     /// Number of axes as far as the table alone says it, without a structure to take deformations from.
     #[must_use]
     pub fn axes_by_itself(&self) -> usize {
