@@ -44,7 +44,7 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
     } else {
         Some(Rehearsed::of(&loaded, experiment)?)
     };
-    let following = Following::of(&loaded, facts);
+    let following = Following::of(&loaded, facts, spectrum.as_ref());
     let certificate = if args.rehearse {
         let certificate = Certificate::of(
             &loaded,

@@ -9,6 +9,7 @@ use std::f64::consts::PI;
 use nalgebra::{Complex, DMatrix, DVector};
 use serde_json::json;
 
+use super::spectrum::Spectrum;
 use super::table::{Table, duration};
 use crate::config::{Facts, Loaded};
 use crate::spectral::delay::{Delayed, DiscreteLimit};
@@ -39,9 +40,8 @@ const LESS: f64 = 0.95;
 
 impl Following {
     /// One per specimen of one axis behind a declared actuator.
-    pub fn of(loaded: &Loaded, facts: &Facts) -> Vec<Self> {
+    pub fn of(loaded: &Loaded, facts: &Facts, spectrum: Option<&Spectrum>) -> Vec<Self> {
         let analysis = facts.structure.as_ref().and_then(|s| s.analysis.as_ref());
-        let lambda = facts.lambda().unwrap_or(4.0);
         let loops = analysis.map(|analysis| analysis.loops.as_slice());
         let pairs = loops.unwrap_or_default().iter().zip(&loaded.file.specimen);
         let judged = pairs.filter_map(|(one, table)| {
@@ -69,13 +69,14 @@ impl Following {
                 let chain = lead(omega)? * transfer.response(omega, k, c);
                 Some(-chain.arg() / omega)
             });
+            let marks = system.marks();
             let roots = |share: f64| {
                 let chain = |omega: f64| {
                     let follows = lead(omega)? * transfer.response(omega, k, c);
                     let missing = (follows - 1.0) * share;
-                    felt(system, table.mass_in_force_kg, omega).map(|felt| missing * felt + 1.0)
+                    felt(system, omega).map(|felt| missing * felt + 1.0)
                 };
-                unstable_roots(chain, 1e-2, HIGHEST * PI / tick)
+                unstable_roots(chain, 1e-2, HIGHEST * PI / tick, &marks)
             };
             Some(Self {
                 specimen: one.name.clone(),
@@ -85,9 +86,10 @@ impl Following {
                     .identified
                     .and_then(|known| known.delay_std_s)
                     .unwrap_or(0.0),
-                discrete: one
-                    .discrete(facts.dt, lambda)
-                    .map_err(|error| error.to_string()),
+                discrete: spectrum.map_or_else(
+                    || Err("another method than the family".to_owned()),
+                    |spectrum| spectrum.discrete(&one.name),
+                ),
                 roots: roots(1.0).zip(roots(LESS)),
                 kind: compensation.map_or("none", |spec| spec.kind()),
             })
@@ -209,11 +211,11 @@ impl Following {
 }
 
 /// Z_e bᵀ Z⁻¹ b at iω: what the specimen feels of its own missing motion.
-fn felt(system: &Delayed, mass_in_force: f64, omega: f64) -> Option<Complex<f64>> {
+fn felt(system: &Delayed, omega: f64) -> Option<Complex<f64>> {
     let n = system.mass.nrows();
     let square = omega * omega;
     let specimen = Complex::new(
-        system.specimen_stiffness[(0, 0)] - square * mass_in_force,
+        system.specimen_stiffness[(0, 0)] - square * system.specimen_mass,
         omega * system.specimen_damping[(0, 0)],
     );
     let row = DVector::from_fn(n, |i, _| Complex::new(system.rows[(0, i)], 0.0));

@@ -56,6 +56,7 @@ pub(super) struct Loop<'a> {
     pub rows: Vec<&'a [(usize, f64)]>,
     pub stiffness: &'a [Vec<f64>],
     pub damping: &'a [Vec<f64>],
+    pub mass_in_force: f64,
 }
 
 /// All specimens of a test, in order.
@@ -322,6 +323,7 @@ impl Specimens {
             rows: entry.axes.iter().map(|axis| axis.row.as_slice()).collect(),
             stiffness: &entry.stiffness,
             damping: &entry.damping,
+            mass_in_force: entry.mass_in_force,
         })
     }
 
