@@ -172,6 +172,15 @@ pub(super) struct CheckArgs {
     /// the limits.
     #[arg(long)]
     pub no_rehearsal: bool,
+    /// Certify the test: rehearse it many times over what is uncertain, and say go (exit 0) or no-go (exit 1) with reasons.
+    #[arg(long, conflicts_with = "no_rehearsal")]
+    pub rehearse: bool,
+    /// Rehearsals of the certificate [default: as the file says, else 200].
+    #[arg(long, value_name = "N", requires = "rehearse", value_parser = clap::value_parser!(u64).range(1..))]
+    pub trials: Option<u64>,
+    /// Seed of their draws [default: as the file says, else 1].
+    #[arg(long, value_name = "S", requires = "rehearse")]
+    pub seed: Option<u64>,
     /// Print the findings as JSON on stdout.
     #[arg(long)]
     pub json: bool,

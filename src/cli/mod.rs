@@ -7,6 +7,7 @@
 mod args;
 mod attend;
 mod benchmark;
+mod certificate;
 mod check;
 mod doctor;
 mod exit;

@@ -115,6 +115,16 @@ impl Port {
         self
     }
 
+    /// The same port with something round its substructure that only looks: as [`Port::rehearsed`], limits and all.
+    #[must_use]
+    pub fn watched(
+        mut self,
+        wrap: impl FnOnce(Box<dyn Substructure>, &[(f64, f64)]) -> Box<dyn Substructure>,
+    ) -> Self {
+        self.substructure = wrap(self.substructure, &self.guard.units);
+        self
+    }
+
     /// True if a command has left.
     #[must_use]
     pub const fn has_begun(&self) -> bool {

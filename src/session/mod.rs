@@ -16,6 +16,7 @@ mod connect;
 mod desk;
 mod guarded;
 mod page;
+pub mod certificate;
 pub mod rehearsal;
 mod replay;
 mod resume;
