@@ -20,6 +20,7 @@ mod build;
 mod check;
 mod diagnose;
 mod document;
+mod driven;
 mod edit;
 mod inputs;
 mod locator;
@@ -52,6 +53,7 @@ pub use build::{
 };
 pub use diagnose::{Diagnostic, Diagnostics, Finding, Part, Place, Severity, Source};
 pub use document::{KeyPath, PathError, Segment};
+pub use driven::Drive;
 pub use inputs::{INPUTS_FOLDER, Input, InputError, Inputs};
 pub use locator::Locator;
 pub use overrides::Override;
