@@ -17,6 +17,8 @@ const ITERATIONS: usize = 200;
 const ARRIVED: f64 = 1e-13;
 /// Relative step of the numerical derivatives.
 const STEP: f64 = 1e-6;
+/// Mean square per line, in parts of its noise, up to which a fit leaves nothing but noise.
+const NOISE: f64 = 1.3;
 /// Part of the measured power below which what is left over says nothing: models that leave less are equally right.
 const EXACT: f64 = 1e-14;
 /// A negative delay of a delayed lag is no delay.
@@ -91,11 +93,20 @@ pub(super) fn fit_all(
         .into_iter()
         .filter_map(|model| {
             let starts = starts(model, gain, seen.max(0.1 * lines.dt), coarse, top);
-            let fits = starts
-                .iter()
-                .filter_map(|start| data.descend(model, start))
-                .filter(|(_, cost)| cost.is_finite());
-            let (inner, cost) = fits.min_by(|a, b| a.1.total_cmp(&b.1))?;
+            let mut best: Option<(Vec<f64>, f64)> = None;
+            for start in &starts {
+                let Some((inner, cost)) = data.descend(model, start) else {
+                    continue;
+                };
+                if best.as_ref().is_none_or(|(_, least)| cost < *least) {
+                    best = Some((inner, cost));
+                }
+                // Nothing but noise is left over: no other start finds less.
+                if cost < NOISE * lines.omega.len() as f64 {
+                    break;
+                }
+            }
+            let (inner, cost) = best?;
             data.judge(model, &inner, cost)
         })
         .collect()
@@ -245,7 +256,12 @@ impl Data<'_> {
                 }
             })
             .collect();
-        let sound = found.iter().all(|f| f.value.is_finite() && f.std.is_finite());
+        // What is less certain than its own size is not determined: another model says the same with less.
+        let of_all = parameters.iter().zip(&found);
+        let sound = of_all.fold(true, |sound, (parameter, f)| {
+            let is_known = !parameter.positive || f.std < f.value;
+            sound && f.value.is_finite() && f.std.is_finite() && is_known
+        });
         let delay = found.iter().find(|f| f.name == "delay_s");
         let is_lead = p > 2 && delay.is_some_and(|delay| !(delay.value >= LEAST_DELAY));
         if !sound || is_lead || !(values.first().is_some_and(|gain| *gain > 0.0)) {

@@ -100,6 +100,9 @@ impl Plan {
                     amplitude *= 0.5_f64.powi(halved);
                     reason = format!("{reason}, halved {halved} times for limits of what is measured");
                 }
+                if args.amplitude.is_none() {
+                    amplitude = rounded_down(amplitude);
+                }
                 axes.push(Driven {
                     specimen,
                     place,
@@ -229,6 +232,13 @@ pub(super) fn gear(table: &SpecimenTable, axis: usize) -> (f64, f64, f64) {
     )
 }
 
+/// Two digits of a number, rounded down.
+fn rounded_down(value: f64) -> f64 {
+    let unit = libm::pow(10.0, libm::floor(libm::log10(value)) - 1.0);
+    // A power of ten that is a hair too large must not take a digit away.
+    (value / unit * (1.0 + 1e-12)).floor() * unit
+}
+
 fn levels(spec: Option<BoundSpec>) -> (f64, f64) {
     let spec = spec.unwrap_or_default();
     let level = |level: Option<f64>| level.unwrap_or(f64::INFINITY);
@@ -312,12 +322,11 @@ fn amplitude(
                 .filter(|hz| *hz > band.from_hz)
                 .map_or_else(String::new, |hz| format!(", or a band up to about {hz:.3} Hz"));
             Err(usage(format!(
-                "{place}: an amplitude of {asked} m needs {} of `{}`, allowed is {}; largest amplitude for this motion: {:.6} m{or}",
+                "{place}: an amplitude of {asked} m needs {} of `{}`, allowed is {}; largest amplitude for this motion: {:e} m{or}",
                 quantity(asked * room.need, room.unit),
                 room.key,
                 quantity(room.trip, room.unit),
-                // Not rounded up.
-                (largest * 1e6).floor() * 1e-6,
+                rounded_down(largest),
             )))
         }
         _ => Ok((asked, "as asked for".to_owned())),

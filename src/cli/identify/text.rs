@@ -9,19 +9,30 @@ use crate::identify::{Estimate, Fit, Identification, SpecimenFit};
 /// Rows of the frequency response that are printed.
 const ROWS: usize = 10;
 
-/// A number with its standard error, both in the same unit.
+/// A number with its standard error, both with the same prefix and as many digits as are known.
 pub(super) fn with_error(estimate: Estimate, unit: &str) -> String {
     let Estimate { value, std } = estimate;
-    format!("{} ± {}", plain(value, unit), plain(std, unit))
+    let (factor, prefix) = match unit {
+        "1" => (1.0, ""),
+        _ => prefixed(value.abs().max(std.abs())),
+    };
+    let (value, std) = (value / factor, std / factor);
+    // Two digits of the error, four to nine of the number.
+    let shown = if std > 0.0 && std.is_finite() {
+        (1.0 - libm::floor(libm::log10(std))).clamp(0.0, 8.0) as usize
+    } else {
+        6
+    };
+    let unit = if unit == "1" { "" } else { unit };
+    let text = format!("{value:.shown$} ± {std:.shown$} {prefix}{unit}");
+    text.trim_end().to_owned()
 }
 
-/// A quantity; a bare number has no prefix.
-fn plain(value: f64, unit: &str) -> String {
-    match unit {
-        "1" if value != 0.0 && value.abs() < 1e-3 => format!("{value:.2e}"),
-        "1" => format!("{value:.5}"),
-        _ => quantity(value, unit),
-    }
+/// A factor of a thousand to a power, and its prefix.
+fn prefixed(size: f64) -> (f64, &'static str) {
+    let all = [(1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ")];
+    let fits = all.into_iter().find(|(factor, _)| size >= *factor);
+    fits.unwrap_or(if size > 0.0 { (1e-9, "n") } else { (1.0, "") })
 }
 
 /// The parameters of a model, in one line.

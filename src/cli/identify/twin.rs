@@ -6,12 +6,15 @@
 use toml_edit::{DocumentMut, Item};
 
 use super::super::run::refused;
-use super::outcome::{Axis, Outcome};
 use super::course::Plan;
+use super::outcome::{Axis, Outcome};
 use crate::compensation::{CompensationSpec, ModelInverseSpec};
-use crate::config::{ClockChoice, Loaded, MatrixValue, SpecimenTable, TestFile};
+use crate::config::{
+    ClockChoice, Loaded, MatrixValue, RecordTable, SafetyTable, SimilitudeTable, SpecimenTable, TestFile,
+};
 use crate::identify::{Estimate, Fit, Identification, Model};
 use crate::law::{LawSpec, LinearSpec};
+use crate::rt::TimingSpec;
 use crate::specimen::SpecimenLaw;
 use crate::transfer::{ActuatorSpec, FirstOrderSpec, SecondOrderSpec, TransferSpec};
 
@@ -40,6 +43,7 @@ pub(super) fn text(
         remarks.push(put(table, &known, plan));
     }
     let mut document: DocumentMut = toml::to_string(&file)?.parse()?;
+    without_defaults(&mut document, &file);
     let tables = document.get_mut("specimen");
     if let Some(tables) = tables.and_then(Item::as_array_of_tables_mut) {
         for (table, remark) in tables.iter_mut().zip(remarks) {
@@ -61,6 +65,76 @@ pub(super) fn text(
     // What is written must be what a test file may say.
     crate::config::parse(&driven.path, text.clone(), &[]).map_err(refused)?;
     Ok(Some(text))
+}
+
+/// Leaves out what says nothing.
+fn without_defaults(document: &mut DocumentMut, file: &TestFile) {
+    document.remove("integrator");
+    for (key, says_nothing) in [
+        ("safety", file.safety == SafetyTable::default()),
+        ("timing", file.timing == TimingSpec::default()),
+        ("record", file.record == RecordTable::default()),
+    ] {
+        if says_nothing {
+            document.remove(key);
+        }
+    }
+    if let Some(time) = document.get_mut("time").and_then(Item::as_table_mut) {
+        for key in ["ticks_per_step", "prediction_order", "scale"] {
+            time.remove(key);
+        }
+    }
+    let excitation = document.get_mut("excitation");
+    let motions = excitation.and_then(|table| table.get_mut("prescribed_displacement"));
+    if let Some(motions) = motions.and_then(Item::as_array_of_tables_mut) {
+        for motion in motions.iter_mut() {
+            for key in ["processing", "ease_in_s", "ease_out_s"] {
+                motion.remove(key);
+            }
+        }
+    }
+    let tables = document.get_mut("specimen");
+    let Some(tables) = tables.and_then(Item::as_array_of_tables_mut) else {
+        return;
+    };
+    for (table, spec) in tables.iter_mut().zip(&file.specimen) {
+        if spec.similitude == SimilitudeTable::default() {
+            table.remove("similitude");
+        }
+        if spec.mass_in_force_kg == 0.0 {
+            table.remove("mass_in_force_kg");
+        }
+        for place in ["transfer", "limits"] {
+            without_zeros(table.get_mut(place));
+        }
+        let transfer = table.get_mut("transfer").and_then(Item::as_table_like_mut);
+        if let Some(transfer) = transfer {
+            for sensor in ["disp_sensor", "force_sensor"] {
+                without_zeros(transfer.get_mut(sensor));
+            }
+            let is_empty = |item: &Item| item.as_table_like().is_some_and(|t| t.is_empty());
+            for sensor in ["disp_sensor", "force_sensor"] {
+                if transfer.get(sensor).is_some_and(is_empty) {
+                    transfer.remove(sensor);
+                }
+            }
+        }
+    }
+}
+
+/// Numbers of these tables that are 0 are so by themselves.
+fn without_zeros(item: Option<&mut Item>) {
+    let Some(table) = item.and_then(Item::as_table_like_mut) else {
+        return;
+    };
+    let is_zero = |item: &Item| {
+        item.as_float().is_some_and(|value| value == 0.0) || item.as_integer() == Some(0)
+    };
+    let zeros = table.iter().filter(|(_, item)| is_zero(item));
+    let zeros: Vec<String> = zeros.map(|(key, _)| key.to_owned()).collect();
+    for key in zeros {
+        table.remove(&key);
+    }
 }
 
 /// Puts what was found into a table, and says in a comment how well it is known.
@@ -150,7 +224,15 @@ fn specimen(table: &mut SpecimenTable, known: &[(&Axis, &Identification)]) {
     (table.law, table.laws, table.coupled) = (None, None, None);
     (table.link, table.stand_in) = (None, None);
     table.hardening_bound = None;
-    table.laws = Some(SpecimenLaw::Laws(laws.collect()));
+    let mut laws: Vec<LawSpec> = laws.collect();
+    match (laws.pop(), laws.is_empty()) {
+        (Some(only), true) => table.law = Some(SpecimenLaw::Law(only)),
+        (Some(last), false) => {
+            laws.push(last);
+            table.laws = Some(SpecimenLaw::Laws(laws));
+        }
+        (None, _) => {}
+    }
     let diagonal = |value: &dyn Fn(usize) -> f64| {
         let n = found.len();
         let entry = |i: usize, j: usize| if i == j { value(i) } else { 0.0 };
