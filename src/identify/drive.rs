@@ -29,7 +29,9 @@ pub enum Shape {
 #[derive(Debug, Error)]
 pub enum CourseError {
     /// The band is none.
-    #[error("the band goes from {from_hz} Hz to {to_hz} Hz, but must begin above 0 and end above its beginning")]
+    #[error(
+        "the band goes from {from_hz} Hz to {to_hz} Hz, but must begin above 0 and end above its beginning"
+    )]
     NoBand {
         /// Lower edge.
         from_hz: f64,
@@ -37,7 +39,9 @@ pub enum CourseError {
         to_hz: f64,
     },
     /// The ticks do not carry it.
-    #[error("the band ends at {to_hz} Hz, but {rate_hz:.6} ticks per second carry less than {largest:.6} Hz")]
+    #[error(
+        "the band ends at {to_hz} Hz, but {rate_hz:.6} ticks per second carry less than {largest:.6} Hz"
+    )]
     BeyondNyquist {
         /// Upper edge.
         to_hz: f64,
@@ -47,7 +51,9 @@ pub enum CourseError {
         largest: f64,
     },
     /// Too short for its band.
-    #[error("{duration_s} s is too short for a band from {from_hz} Hz to {to_hz} Hz: at least {shortest:.3} s are needed")]
+    #[error(
+        "{duration_s} s is too short for a band from {from_hz} Hz to {to_hz} Hz: at least {shortest:.3} s are needed"
+    )]
     TooShort {
         /// Duration that was asked for.
         duration_s: f64,
@@ -145,7 +151,8 @@ impl Course {
             .motion(1.0, dt)
             .evaluate(Quantity::Displacement, grid, &none)?;
         let values = &series.values;
-        let largest = |all: &mut dyn Iterator<Item = f64>| all.fold(0.0, |m: f64, v| m.max(v.abs()));
+        let largest =
+            |all: &mut dyn Iterator<Item = f64>| all.fold(0.0, |m: f64, v| m.max(v.abs()));
         let top = largest(&mut values.iter().copied());
         let vel = largest(&mut values.windows(2).map(|w| w[1] - w[0])) / dt;
         let accel = largest(&mut values.windows(3).map(|w| w[2] - 2.0 * w[1] + w[0])) / (dt * dt);

@@ -23,8 +23,6 @@ mod inverse;
 mod lines;
 mod model;
 mod specimen;
-#[cfg(test)]
-mod tests;
 
 use serde::Serialize;
 use thiserror::Error;

@@ -142,7 +142,11 @@ fn pole(p: C64, omega: f64, dt: f64) -> C64 {
     let (one, two) = if h.norm() < 0.02 {
         // Differences of nearly equal numbers: series instead, whose next term is below 1e-13.
         let series = |from: f64| {
-            let (mut term, mut sum, mut k) = (C64::new(1.0 / factorial(from), 0.0), C64::new(0.0, 0.0), from);
+            let (mut term, mut sum, mut k) = (
+                C64::new(1.0 / factorial(from), 0.0),
+                C64::new(0.0, 0.0),
+                from,
+            );
             for _ in 0..7 {
                 sum += term;
                 k += 1.0;

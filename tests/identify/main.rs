@@ -3,6 +3,8 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+#[path = "../link_common/mod.rs"]
+mod link_common;
 
 mod command;
 mod refusals;

@@ -115,7 +115,10 @@ fn honest(model: Model, transfer: &str, truths: &[(&str, f64)]) {
         scores[truths.len()].push((k.value - 1.2e6) / k.std);
         scores[truths.len() + 1].push((c.value - 900.0) / c.std);
         // The best model explains the measurements to their noise: no other is better by more than chance.
-        assert!(found.best().unwrap().residual <= fit.residual * (1.0 + 1e-9) || found.best().unwrap().model == model);
+        assert!(
+            found.best().unwrap().residual <= fit.residual * (1.0 + 1e-9)
+                || found.best().unwrap().model == model
+        );
     }
     let names = truths.iter().map(|(name, _)| *name);
     for (name, scores) in names.chain(["stiffness", "damping"]).zip(scores) {
@@ -147,7 +150,11 @@ fn a_second_order_lag_is_found_with_honest_errors() {
     honest(
         Model::SecondOrder,
         lag,
-        &[("gain", 1.0), ("frequency_hz", 14.0), ("damping_ratio", 0.55)],
+        &[
+            ("gain", 1.0),
+            ("frequency_hz", 14.0),
+            ("damping_ratio", 0.55),
+        ],
     );
 }
 
@@ -199,7 +206,10 @@ fn every_motion_finds_each_model_and_tells_it_from_the_others() {
                 let truth = wanted.response(omega, 0.0, 0.0).norm();
                 // Ramps from tick to tick hold (ωΔt)²/12 less of a sine, 0.5 % at 20 Hz, and what is aliased.
                 let allowed = 6.0 * point.gain_std + 0.01;
-                assert!((point.gain - truth).abs() < allowed, "{shape:?} {point:?} {truth}");
+                assert!(
+                    (point.gain - truth).abs() < allowed,
+                    "{shape:?} {point:?} {truth}"
+                );
             }
         }
     }
@@ -212,17 +222,27 @@ fn a_linear_spring_is_exact_and_a_hysteretic_one_a_secant_with_what_it_does_not_
     let lag = "actuator.first_order = { time_constant_s = 0.01 }";
     let found = RIG.identified(spring, lag);
     let specimen = found.specimen.unwrap();
-    assert!((specimen.stiffness.value / 3.4e6 - 1.0).abs() < 1e-10, "{specimen:?}");
-    assert!(specimen.damping.value.abs() < 1e-6 * 3.4e6 / 100.0, "{specimen:?}");
+    assert!(
+        (specimen.stiffness.value / 3.4e6 - 1.0).abs() < 1e-10,
+        "{specimen:?}"
+    );
+    assert!(
+        specimen.damping.value.abs() < 1e-6 * 3.4e6 / 100.0,
+        "{specimen:?}"
+    );
     assert!(specimen.mass.is_none() && !specimen.is_nonlinear());
     let fit = found.best().unwrap();
     assert_eq!(fit.model, Model::FirstOrder);
     let lag_found = fit.parameter("time_constant_s").unwrap();
     // What is not yet home at the end of the rest: e^{−1/0.01} and less; the taper's ends are.
     assert!((lag_found.value - 0.01).abs() < 1e-8, "{lag_found:?}");
-    assert_eq!((found.noise.disp_m, found.noise.force_n), (0.0, found.noise.force_n));
+    assert_eq!(
+        (found.noise.disp_m, found.noise.force_n),
+        (0.0, found.noise.force_n)
+    );
 
-    let yields = "bilinear = { stiffness_n_per_m = 3.4e6, yield_force_n = 1000.0, post_yield_ratio = 0.1 }";
+    let yields =
+        "bilinear = { stiffness_n_per_m = 3.4e6, yield_force_n = 1000.0, post_yield_ratio = 0.1 }";
     let found = RIG.identified(yields, "");
     let specimen = found.specimen.unwrap();
     // At 1 mm: 1000 N + 0.1 k (1 mm − 0.294 mm) = 1240 N: the secant of its tips, and a fatter loop leans less.
@@ -259,10 +279,17 @@ fn the_plant_of_the_benchmark_lags_as_published_and_feels_its_mass() {
             "{point:?}"
         );
     }
-    assert!((found.delay.value - 0.0245).abs() < 5e-4, "{:?}", found.delay);
+    assert!(
+        (found.delay.value - 0.0245).abs() < 5e-4,
+        "{:?}",
+        found.delay
+    );
     let specimen = found.specimen.unwrap();
     let k = specimen.stiffness;
-    assert!((k.value - 1.19e6).abs() < 5.0 * k.std + 1e-3 * 1.19e6, "{specimen:?}");
+    assert!(
+        (k.value - 1.19e6).abs() < 5.0 * k.std + 1e-3 * 1.19e6,
+        "{specimen:?}"
+    );
 }
 
 #[test]
@@ -271,7 +298,10 @@ fn what_does_not_follow_or_goes_the_other_way_is_said_and_not_fitted() {
     let good = columns.measured.clone();
     columns.measured.iter_mut().for_each(|v| *v = -*v);
     let error = RIG.judge(&columns).unwrap_err();
-    assert!(matches!(error, IdentifyError::Reversed { gain } if (gain + 1.0).abs() < 0.01), "{error}");
+    assert!(
+        matches!(error, IdentifyError::Reversed { gain } if (gain + 1.0).abs() < 0.01),
+        "{error}"
+    );
     columns.measured.fill(0.0125);
     let error = RIG.judge(&columns).unwrap_err();
     assert!(matches!(error, IdentifyError::DoesNotFollow { coherence } if coherence < 0.01));
@@ -279,7 +309,9 @@ fn what_does_not_follow_or_goes_the_other_way_is_said_and_not_fitted() {
     // Noise alone follows nothing either.
     let still = RIG.drive(SPRING, NOISE);
     let noise = still.measured.iter().zip(&still.command);
-    columns.measured = noise.map(|(measured, command)| measured - command).collect();
+    columns.measured = noise
+        .map(|(measured, command)| measured - command)
+        .collect();
     assert!(matches!(
         RIG.judge(&columns),
         Err(IdentifyError::DoesNotFollow { coherence }) if coherence < 0.2
@@ -318,8 +350,16 @@ fn offset_and_drift_of_a_sensor_change_nothing() {
 fn noise_at_rest_is_that_of_the_sensors() {
     let found = RIG.identified(SPRING, &format!("{NOISE}seed = 9"));
     // 768 samples: 1/√1536 = 2.6 %; four of these.
-    assert!((found.noise.disp_m / 5e-6 - 1.0).abs() < 0.11, "{:?}", found.noise);
-    assert!((found.noise.force_n / 20.0 - 1.0).abs() < 0.11, "{:?}", found.noise);
+    assert!(
+        (found.noise.disp_m / 5e-6 - 1.0).abs() < 0.11,
+        "{:?}",
+        found.noise
+    );
+    assert!(
+        (found.noise.force_n / 20.0 - 1.0).abs() < 0.11,
+        "{:?}",
+        found.noise
+    );
 }
 
 #[test]

@@ -98,7 +98,8 @@ impl Plan {
                     amplitude(args.amplitude, table, axis, limits, &course, band, tick)?;
                 if halved > 0 {
                     amplitude *= 0.5_f64.powi(halved);
-                    reason = format!("{reason}, halved {halved} times for limits of what is measured");
+                    reason =
+                        format!("{reason}, halved {halved} times for limits of what is measured");
                 }
                 if args.amplitude.is_none() {
                     amplitude = rounded_down(amplitude);
@@ -274,8 +275,18 @@ fn amplitude(
         unit,
     };
     let rooms = [
-        room("command_disp_m", ways(limits.command_disp_m, zero), 1.0, "m"),
-        room("measured_disp_m", ways(limits.measured_disp_m, zero), 1.0, "m"),
+        room(
+            "command_disp_m",
+            ways(limits.command_disp_m, zero),
+            1.0,
+            "m",
+        ),
+        room(
+            "measured_disp_m",
+            ways(limits.measured_disp_m, zero),
+            1.0,
+            "m",
+        ),
         room(
             "command_vel_m_per_s",
             levels(limits.command_vel_m_per_s),
@@ -320,7 +331,9 @@ fn amplitude(
             let narrower = narrower.map(|share| share * band.to_hz);
             let or = narrower
                 .filter(|hz| *hz > band.from_hz)
-                .map_or_else(String::new, |hz| format!(", or a band up to about {hz:.3} Hz"));
+                .map_or_else(String::new, |hz| {
+                    format!(", or a band up to about {hz:.3} Hz")
+                });
             Err(usage(format!(
                 "{place}: an amplitude of {asked} m needs {} of `{}`, allowed is {}; largest amplitude for this motion: {:e} m{or}",
                 quantity(asked * room.need, room.unit),

@@ -52,10 +52,21 @@ pub(super) struct IdentifyArgs {
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     pub amplitude: Option<f64>,
     /// Frequencies in Hz [default: 0.2 Hz to 10 Hz, or to a fifth of the ticks per second].
-    #[arg(long, value_name = "F1,F2", value_delimiter = ',', num_args = 1, allow_negative_numbers = true)]
+    #[arg(
+        long,
+        value_name = "F1,F2",
+        value_delimiter = ',',
+        num_args = 1,
+        allow_negative_numbers = true
+    )]
     pub band: Option<Vec<f64>>,
     /// Length of the motion of each axis in s.
-    #[arg(long, value_name = "S", default_value_t = 30.0, allow_negative_numbers = true)]
+    #[arg(
+        long,
+        value_name = "S",
+        default_value_t = 30.0,
+        allow_negative_numbers = true
+    )]
     pub duration: f64,
     /// Kind of the motion.
     #[arg(long, value_enum, default_value_t = MotionArg::Sweep)]
@@ -158,7 +169,9 @@ pub fn identify(args: &IdentifyArgs) -> anyhow::Result<Exit> {
     let outcome = Outcome::read(&finished.path, &plan, &driven)?;
     keep(&outcome, &plan, &driven, &finished.path)?;
     if args.json {
-        answer(serde_json::to_string_pretty(&outcome.as_json(&finished.path))?)?;
+        answer(serde_json::to_string_pretty(
+            &outcome.as_json(&finished.path),
+        )?)?;
     } else {
         answer(text::table(&outcome, &finished.path))?;
     }
@@ -240,12 +253,7 @@ fn carry_out(
 const NOTICES: usize = 1024;
 
 /// Writes what was found into the run folder.
-fn keep(
-    outcome: &Outcome,
-    plan: &Plan,
-    driven: &Loaded,
-    folder: &Path,
-) -> anyhow::Result<()> {
+fn keep(outcome: &Outcome, plan: &Plan, driven: &Loaded, folder: &Path) -> anyhow::Result<()> {
     let pictures = folder.join("identification");
     std::fs::create_dir(&pictures).with_context(|| pictures.display().to_string())?;
     let json = serde_json::to_string_pretty(&outcome.as_json(folder))?;
@@ -254,7 +262,10 @@ fn keep(
         files.push((folder.join("identified.toml"), twin));
     }
     let page = page::files(outcome, driven);
-    files.extend(page.into_iter().map(|(name, text)| (pictures.join(name), text)));
+    files.extend(
+        page.into_iter()
+            .map(|(name, text)| (pictures.join(name), text)),
+    );
     for (path, text) in files {
         atomic::write(&path, text.as_bytes()).with_context(|| path.display().to_string())?;
     }

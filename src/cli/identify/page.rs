@@ -110,7 +110,10 @@ fn known(files: &mut Vec<(String, String)>, axis: &Axis, found: &Identification)
             row(&what, &text);
         }
     }
-    let noise = format!("{:.3e} m, {:.3e} N", found.noise.disp_m, found.noise.force_n);
+    let noise = format!(
+        "{:.3e} m, {:.3e} N",
+        found.noise.disp_m, found.noise.force_n
+    );
     row("noise at rest", &noise);
     markup + "</dl>\n"
 }
@@ -199,9 +202,14 @@ fn gain(axis: &Axis, found: &Identification) -> Picture {
         unit: "1",
         range: None,
     };
-    compared("gain", "Gain over frequency", up, found, measured, &|fit, hz| {
-        fit.response(hz, axis.tick).norm()
-    })
+    compared(
+        "gain",
+        "Gain over frequency",
+        up,
+        found,
+        measured,
+        &|fit, hz| fit.response(hz, axis.tick).norm(),
+    )
 }
 
 fn delay(axis: &Axis, found: &Identification) -> Picture {
@@ -215,15 +223,22 @@ fn delay(axis: &Axis, found: &Identification) -> Picture {
         unit: "ms",
         range: None,
     };
-    compared("delay", "Delay over frequency", up, found, measured, &|fit, hz| {
-        use std::f64::consts::TAU;
-        let response = fit.response(hz, axis.tick);
-        // The slow delay says how often the phase went round.
-        let expected = TAU * hz * fit.slow_delay_s;
-        let raw = -libm::atan2(response.im, response.re);
-        let turns = ((expected - raw) / TAU).round();
-        1e3 * (raw + TAU * turns) / (TAU * hz)
-    })
+    compared(
+        "delay",
+        "Delay over frequency",
+        up,
+        found,
+        measured,
+        &|fit, hz| {
+            use std::f64::consts::TAU;
+            let response = fit.response(hz, axis.tick);
+            // The slow delay says how often the phase went round.
+            let expected = TAU * hz * fit.slow_delay_s;
+            let raw = -libm::atan2(response.im, response.re);
+            let turns = ((expected - raw) / TAU).round();
+            1e3 * (raw + TAU * turns) / (TAU * hz)
+        },
+    )
 }
 
 fn coherence(found: &Identification) -> Picture {
@@ -248,7 +263,8 @@ fn coherence(found: &Identification) -> Picture {
         logarithmic: false,
         square: false,
     };
-    let says = "Share of the measured power that the command explains; below 0.8 a point is not trusted.";
+    let says =
+        "Share of the measured power that the command explains; below 0.8 a point is not trusted.";
     picture("coherence", says.to_owned(), &curves)
 }
 

@@ -56,13 +56,19 @@ pub(super) fn parameters(fit: &Fit) -> String {
 }
 
 /// What the specimen is, in lines.
-pub(super) fn of_specimen(specimen: &SpecimenFit, to_structure: (f64, f64)) -> Vec<(String, String)> {
+pub(super) fn of_specimen(
+    specimen: &SpecimenFit,
+    to_structure: (f64, f64),
+) -> Vec<(String, String)> {
     let scaled = |estimate: Estimate, by: f64| Estimate {
         value: estimate.value * by,
         std: estimate.std * by,
     };
     let mut rows = vec![
-        ("stiffness".to_owned(), with_error(specimen.stiffness, "N/m")),
+        (
+            "stiffness".to_owned(),
+            with_error(specimen.stiffness, "N/m"),
+        ),
         ("damping".to_owned(), with_error(specimen.damping, "N s/m")),
     ];
     if to_structure != (1.0, 1.0) {
@@ -116,7 +122,10 @@ pub(super) fn table(outcome: &Outcome, folder: &Path) -> String {
             Ok(found) => of_axis(&mut table, axis, found),
         }
         if axis.stale > 0 {
-            table.row("stale", &format!("{} measurements were not of their tick", axis.stale));
+            table.row(
+                "stale",
+                &format!("{} measurements were not of their tick", axis.stale),
+            );
         }
         text += &table.to_string();
     }
@@ -135,7 +144,10 @@ pub(super) fn table(outcome: &Outcome, folder: &Path) -> String {
 }
 
 fn of_axis(table: &mut Table, axis: &Axis, found: &Identification) {
-    table.row("frequency", "      gain                delay           coherence");
+    table.row(
+        "frequency",
+        "      gain                delay           coherence",
+    );
     let every = found.response.len().div_ceil(ROWS).max(1);
     for point in found.response.iter().skip(every / 2).step_by(every) {
         let mark = if point.trusted { "" } else { "  not trusted" };

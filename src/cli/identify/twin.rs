@@ -10,7 +10,8 @@ use super::course::Plan;
 use super::outcome::{Axis, Outcome};
 use crate::compensation::{CompensationSpec, ModelInverseSpec};
 use crate::config::{
-    ClockChoice, Loaded, MatrixValue, RecordTable, SafetyTable, SimilitudeTable, SpecimenTable, TestFile,
+    ClockChoice, Loaded, MatrixValue, RecordTable, SafetyTable, SimilitudeTable, SpecimenTable,
+    TestFile,
 };
 use crate::identify::{Estimate, Fit, Identification, Model};
 use crate::law::{LawSpec, LinearSpec};
@@ -33,7 +34,10 @@ pub(super) fn text(
     file.time.clock = ClockChoice::Simulated;
     let mut remarks = Vec::new();
     for (place, table) in file.specimen.iter_mut().enumerate() {
-        let axes = outcome.axes.iter().filter(|axis| axis.driven.place == place);
+        let axes = outcome
+            .axes
+            .iter()
+            .filter(|axis| axis.driven.place == place);
         let known: Option<Vec<(&Axis, &Identification)>> = axes
             .map(|axis| Some((axis, axis.found.as_ref().ok()?)))
             .collect();
@@ -196,7 +200,10 @@ fn put(table: &mut SpecimenTable, known: &[(&Axis, &Identification)], plan: &Pla
         }
     }
     if known.len() > 1 {
-        said("`transfer` and `compensation` are those of axis 1; every axis has the same.".to_owned());
+        said(
+            "`transfer` and `compensation` are those of axis 1; every axis has the same."
+                .to_owned(),
+        );
     }
     specimen(table, known);
     actuator(table, known);
@@ -236,7 +243,9 @@ fn specimen(table: &mut SpecimenTable, known: &[(&Axis, &Identification)]) {
     let diagonal = |value: &dyn Fn(usize) -> f64| {
         let n = found.len();
         let entry = |i: usize, j: usize| if i == j { value(i) } else { 0.0 };
-        let rows = (0..n).map(|i| (0..n).map(|j| entry(i, j)).collect()).collect();
+        let rows = (0..n)
+            .map(|i| (0..n).map(|j| entry(i, j)).collect())
+            .collect();
         match found.as_slice() {
             [_] => MatrixValue::Number(value(0)),
             _ => MatrixValue::Rows(rows),
@@ -256,8 +265,8 @@ fn actuator(table: &mut SpecimenTable, known: &[(&Axis, &Identification)]) {
     transfer.disp_sensor.noise_rms_m = some(found.noise.disp_m);
     transfer.force_sensor.noise_rms_n = some(found.noise.force_n);
     table.transfer = Some(transfer);
-    let follows = found.delay.value.abs() < NOTHING * axis.tick
-        && (found.gain.value - 1.0).abs() < UNITY;
+    let follows =
+        found.delay.value.abs() < NOTHING * axis.tick && (found.gain.value - 1.0).abs() < UNITY;
     table.compensation = found.inverse.as_ref().filter(|_| !follows).map(|inverse| {
         CompensationSpec::ModelInverse(ModelInverseSpec {
             coefficients: inverse.coefficients.clone(),
