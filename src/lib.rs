@@ -20,6 +20,7 @@
 //! | [`linalg`] | symmetric matrices and their factors; no allocation in a solve |
 //! | [`model`] | the numerical substructure: M, C, K, nonlinear elements |
 //! | [`motion`] | ground motions and other signals on the step grid |
+//! | [`identify`] | what an actuator and its specimen are, from one recorded motion |
 //! | [`integrate`] | the Gui-λ family and the choice of λ |
 //! | [`spectral`] | what a method does to one mode: poles, period error, bounds, critical delay |
 //! | [`substructure`] | the hinge: command out, measurement back |
@@ -53,6 +54,7 @@ pub mod config;
 pub mod control;
 pub mod engine;
 pub mod frontier;
+pub mod identify;
 pub mod integrate;
 pub mod law;
 pub mod linalg;

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
-use super::benchmark;
+use super::{benchmark, identify};
 
 /// Real-time hybrid simulation: joins a structure that is computed to a specimen that is measured.
 #[derive(Debug, Parser)]
@@ -26,6 +26,8 @@ pub(super) enum Command {
     Run(RunArgs),
     /// Read a test without moving anything: is it valid, what will it do, is λ stable?
     Check(CheckArgs),
+    /// Drive a specimen with a small motion and find out what its actuator and it are.
+    Identify(identify::IdentifyArgs),
     /// Measure the loop's own timing on this machine, with nothing attached.
     Jitter(JitterArgs),
     /// Say what this machine gives and lacks for real-time work, and what to do about it.

@@ -21,6 +21,7 @@ mod certificate;
 mod check;
 mod diagnose;
 mod document;
+mod driven;
 mod edit;
 mod inputs;
 mod locator;
@@ -57,6 +58,7 @@ pub use certificate::{
 };
 pub use diagnose::{Diagnostic, Diagnostics, Finding, Part, Place, Severity, Source};
 pub use document::{KeyPath, PathError, Segment};
+pub use driven::Drive;
 pub use inputs::{INPUTS_FOLDER, Input, InputError, Inputs};
 pub use locator::Locator;
 pub use overrides::Override;
