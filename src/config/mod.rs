@@ -47,8 +47,8 @@ use thiserror::Error;
 use toml_edit::DocumentMut;
 
 pub use build::{
-    ALL_MODES, Analysis, Dial, Facts, Files, Limit, LimitFacts, Loop, ModeFacts, Prepared,
-    SpecimenLimits, StructureFacts, build, build_over, build_rehearsal,
+    ALL_MODES, ActuatorFacts, Analysis, Dial, Facts, Files, Limit, LimitFacts, LoadingFacts, Loop,
+    ModeFacts, Prepared, SpecimenLimits, StructureFacts, build, build_over, build_rehearsal,
 };
 pub use diagnose::{Diagnostic, Diagnostics, Finding, Part, Place, Severity, Source};
 pub use document::{KeyPath, PathError, Segment};

@@ -32,8 +32,8 @@ impl Factor {
                     sum += row[i] * row[j];
                 }
                 let whole = sum;
-                for k in 0..j {
-                    sum -= factor.lower[i][k] * factor.lower[j][k] * pivots[k];
+                for (k, pivot) in pivots.iter().enumerate().take(j) {
+                    sum -= factor.lower[i][k] * factor.lower[j][k] * pivot;
                 }
                 if j < i {
                     factor.lower[i][j] = sum * factor.inverse[j];

@@ -81,10 +81,10 @@ impl SpaceArm {
         let twice = cross(r, once);
         let mut moved = [0.0; 3];
         let mut now = [0.0; 3];
-        for k in 0..3 {
+        for (k, (moved, now)) in moved.iter_mut().zip(&mut now).enumerate() {
             // How far the pin moves: p + (R − I) a.
-            moved[k] = pose[k] + turn.a * once[k] + turn.b * twice[k];
-            now[k] = self.span[k] + moved[k];
+            *moved = pose[k] + turn.a * once[k] + turn.b * twice[k];
+            *now = self.span[k] + *moved;
         }
         let length = dot(now, now).sqrt();
         if length == 0.0 {
@@ -92,8 +92,8 @@ impl SpaceArm {
         }
         // l − l₀ without the cancellation of two lengths.
         let mut square = 0.0;
-        for k in 0..3 {
-            square += moved[k] * (2.0 * self.span[k] + moved[k]);
+        for (moved, span) in moved.iter().zip(&self.span) {
+            square += moved * (2.0 * span + moved);
         }
         let stroke = square / (length + self.length);
         let inverse = 1.0 / length;

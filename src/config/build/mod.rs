@@ -32,6 +32,8 @@ use crate::rt::TimingSpec;
 pub use analysis::{ALL_MODES, Analysis, Loop, ModeFacts};
 pub use limits::{Limit, LimitFacts, SpecimenLimits};
 use specimens::Specimens;
+pub use specimens::loading::{ActuatorFacts, LoadingFacts};
+pub(in crate::config) use specimens::loading::{at_actuators, behind_actuators};
 
 /// A test that is ready to run.
 #[derive(Debug)]

@@ -1,6 +1,7 @@
 //! The specimens of a test file: their rows of B, their laws, and what they add to K0, C0 and their bounds.
 
 mod compensation;
+pub(in crate::config) mod loading;
 mod sums;
 
 use nalgebra::DMatrix;
@@ -17,9 +18,10 @@ use crate::link::NativeLink;
 use crate::link::openfresco::Remote;
 use crate::link::spec::{ProbeChoice, Protocol};
 use crate::model::StructureSpec;
-use crate::specimen::{InProcess, InUnits, Specimen};
+use crate::specimen::{InProcess, InUnits, Specimen, SpecimenLaw};
 use crate::substructure::Substructure;
 use crate::transfer::Transfer;
+use loading::{Loading, at_actuators, behind_actuators, loading};
 
 /// One specimen with everything that is known of it, in the structure's units and at its scale.
 #[derive(Debug)]
@@ -27,6 +29,8 @@ struct Entry {
     name: String,
     stand: Stand,
     axes: Vec<Axis>,
+    /// The loading unit whose actuators the axes are.
+    loading: Option<Loading>,
     units: Vec<(f64, f64)>,
     /// k̂ and ĉ, by rows.
     stiffness: Rows,
@@ -74,12 +78,14 @@ pub(super) fn specimens(site: &mut Site<'_>) -> Result<Specimens, Refused> {
 
 fn entry(site: &mut Site<'_>, at: &KeyPath, table: &SpecimenTable) -> Result<Entry, Refused> {
     let rows = rows(site, at, table)?;
+    let (rows, loading) = loading(site, at, table, rows)?;
     let n = rows.len();
+    let laws = loading.as_ref().map_or(n, |_| table.law_axes());
     let mut law = match (table.sources().into_iter().next(), &table.link) {
-        (Some((key, source)), _) => match source.build(n) {
-            Ok(law) => Some(behind_transfer(site, at, table, law)?),
-            Err(error) => return site.refuse_key(&at.key(key), error.key(), &error),
-        },
+        (Some((key, source)), _) => {
+            let law = built(site, at, table, (key, source), laws)?;
+            Some(behind_transfer(site, at, table, law)?)
+        }
         (None, Some(_)) => None,
         (None, None) => {
             let text = "nothing stands for the specimen";
@@ -109,11 +115,17 @@ fn entry(site: &mut Site<'_>, at: &KeyPath, table: &SpecimenTable) -> Result<Ent
     }
     let scaled = |flat: &[f64], motion: fn(&Axis) -> f64| scaled(flat, &axes, &units, motion);
     let stiffness = match &table.stiffness_n_per_m {
-        Some(given) => estimate(site, &at.key("stiffness_n_per_m"), given, n)?,
+        Some(given) => {
+            let given = estimate(site, &at.key("stiffness_n_per_m"), given, laws)?;
+            seen(table, &loading, given)
+        }
         None => scaled(&k, |axis| axis.disp_gain),
     };
     let damping = match &table.damping_n_s_per_m {
-        Some(given) => estimate(site, &at.key("damping_n_s_per_m"), given, n)?,
+        Some(given) => {
+            let given = estimate(site, &at.key("damping_n_s_per_m"), given, laws)?;
+            seen(table, &loading, given)
+        }
         None => scaled(&c, |axis| axis.vel_gain),
     };
     let mass = scaled(&m, |axis| axis.vel_gain * axis.vel_gain / axis.disp_gain);
@@ -141,10 +153,7 @@ fn entry(site: &mut Site<'_>, at: &KeyPath, table: &SpecimenTable) -> Result<Ent
         }
     };
     let stand_in = match &table.stand_in {
-        Some(source) => match source.build(n) {
-            Ok(law) => Some(law),
-            Err(error) => return site.refuse_key(&at.key("stand_in"), error.key(), &error),
-        },
+        Some(source) => Some(built(site, at, table, ("stand_in", source), laws)?),
         None => None,
     };
     let stand = match (law, &table.link) {
@@ -165,6 +174,7 @@ fn entry(site: &mut Site<'_>, at: &KeyPath, table: &SpecimenTable) -> Result<Ent
         name: table.name.clone(),
         stand,
         axes,
+        loading,
         units,
         stiffness,
         damping,
@@ -173,6 +183,32 @@ fn entry(site: &mut Site<'_>, at: &KeyPath, table: &SpecimenTable) -> Result<Ent
         bounds,
         mass_in_force: table.mass_in_force_kg,
     })
+}
+
+/// A law for so many axes, at the platform of its actuators if it stands there.
+fn built(
+    site: &mut Site<'_>,
+    at: &KeyPath,
+    table: &SpecimenTable,
+    (key, source): (&str, &SpecimenLaw),
+    laws: usize,
+) -> Result<Box<dyn Specimen>, Refused> {
+    let law = match source.build(laws) {
+        Ok(law) => law,
+        Err(error) => return site.refuse_key(&at.key(key), error.key(), &error),
+    };
+    match behind_actuators(table, law) {
+        Ok(law) => Ok(law),
+        Err(error) => site.refuse_key(&at.key("geometry"), error.key(), &error),
+    }
+}
+
+/// An estimate as the axes see it.
+fn seen(table: &SpecimenTable, loading: &Option<Loading>, estimate: Rows) -> Rows {
+    match loading {
+        Some(loading) => at_actuators(table, &loading.geometry, estimate),
+        None => estimate,
+    }
 }
 
 /// The law behind the actuator and the sensors of its table, if there are any.
@@ -304,11 +340,13 @@ impl Specimens {
         self.0.iter().map(|entry| entry.name.clone()).collect()
     }
 
-    /// Name and number of axes, in order.
+    /// Name and number of deformations that can be prescribed, in order: axes, or coordinates of the platform.
     pub(super) fn axes(&self) -> impl Iterator<Item = (&str, usize)> {
-        self.0
-            .iter()
-            .map(|entry| (entry.name.as_str(), entry.axes.len()))
+        self.0.iter().map(|entry| {
+            let loading = entry.loading.as_ref();
+            let driven = loading.map_or(entry.axes.len(), |loading| loading.rows.len());
+            (entry.name.as_str(), driven)
+        })
     }
 
     /// Name, rows of B, k̂ and ĉ of every specimen.
@@ -371,9 +409,13 @@ impl Specimens {
         };
         let mut ports = Vec::with_capacity(self.0.len());
         for (index, mut entry) in self.0.into_iter().enumerate() {
+            let iota = |dof: usize| influence.get(dof).copied().unwrap_or(0.0);
+            let base = |row: &[(usize, f64)]| row.iter().map(|&(dof, b)| b * iota(dof)).sum();
             for axis in &mut entry.axes {
-                let iota = |dof: usize| influence.get(dof).copied().unwrap_or(0.0);
-                axis.base = axis.row.iter().map(|&(dof, b)| b * iota(dof)).sum();
+                axis.base = base(&axis.row);
+            }
+            for row in entry.loading.iter_mut().flat_map(|l| &mut l.rows) {
+                row.base = base(&row.row);
             }
             let diagonal = (0..entry.axes.len())
                 .map(|i| entry.stiffness[i][i])
@@ -430,6 +472,9 @@ impl Specimens {
                     }
                     if compensation::is_tracked(&site.loaded.file.specimen[index], axes) {
                         port = port.with_tracking(passes);
+                    }
+                    if let Some(Loading { geometry, rows }) = entry.loading {
+                        port = port.with_geometry(geometry, rows);
                     }
                     port.wait = wait;
                     port.direction = direction;

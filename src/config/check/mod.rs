@@ -4,6 +4,7 @@
 //! whether a storey exists, whether a matrix is symmetric) is checked where it is built.
 
 mod excitation;
+mod geometry;
 mod limits;
 mod link;
 mod safety;

@@ -20,6 +20,7 @@ pub use meter::{AxisNeed, Extreme};
 use meter::Meter;
 
 use crate::config::{self, ConfigError, Loaded, MatrixValue, SpecimenTable};
+use crate::control::Poses;
 use crate::control::limits::{AxisLimits, Bound, Quantity, Range};
 use crate::engine::{Control, Ending, Engine, Experiment, Operator, Stop};
 use crate::record::{Event, Recorder};
@@ -136,6 +137,8 @@ pub struct Needs {
     pub stand_in: StandIn,
     /// Per axis.
     pub axes: Vec<Vec<Need>>,
+    /// How far its platform went, if the axes are the actuators of one.
+    pub poses: Option<Poses>,
 }
 
 /// Why a rehearsal ended.
@@ -217,13 +220,15 @@ pub fn carry_out(mut experiment: Experiment, budget: Duration) -> Rehearsal {
     };
     let mut engine = Engine::new(experiment, Box::new(SimClock::new()), Box::new(recorder));
     let outcome = engine.run(&Control::from(requests));
-    let specimens = books.into_iter().map(|(name, limits, book)| {
+    let books = books.into_iter().zip(outcome.poses);
+    let specimens = books.map(|((name, limits, book), poses)| {
         let found = book.lock().unwrap_or_else(PoisonError::into_inner);
         let axes = found.iter().zip(&limits);
         Needs {
             name,
             stand_in: StandIn::Itself,
             axes: axes.map(|(need, limits)| compared(need, limits)).collect(),
+            poses,
         }
     });
     Rehearsal {
