@@ -27,6 +27,7 @@
 //! | [`specimen`] | specimens in process |
 //! | [`transfer`] | what lies between a command and a specimen: delay, actuators, limits, sensors |
 //! | [`compensation`] | commands that make up for an actuator |
+//! | [`geometry`] | loading units: from a pose to the strokes of its actuators, and back |
 //! | [`control`] | what stands between the structure's DOFs and a specimen's axes |
 //! | [`engine`] | the loop |
 //! | [`record`] | rows, the run folder, exports |
@@ -54,6 +55,7 @@ pub mod config;
 pub mod control;
 pub mod engine;
 pub mod frontier;
+pub mod geometry;
 pub mod identify;
 pub mod integrate;
 pub mod law;

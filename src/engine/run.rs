@@ -343,6 +343,13 @@ impl Engine {
                     what: misfit.name(),
                 });
             }
+            Ending::Stopped(Stop::Geometry { port, fault }) => {
+                self.report_now(EventKind::Geometry {
+                    port: *port as u32,
+                    actuator: fault.wrong.actuator().map(|actuator| actuator as u32),
+                    what: fault.wrong.word(),
+                });
+            }
             Ending::Stopped(Stop::Saturated { port }) => {
                 self.report_now(EventKind::Saturated { port: *port as u32 });
             }

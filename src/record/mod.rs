@@ -156,6 +156,15 @@ pub enum EventKind {
         /// In one word.
         what: &'static str,
     },
+    /// A pose that the actuators of specimen `port` cannot take, or strokes without a pose.
+    Geometry {
+        /// Specimen, from 0.
+        port: u32,
+        /// Actuator, from 0, where it is one alone.
+        actuator: Option<u32>,
+        /// In one word.
+        what: &'static str,
+    },
     /// The pace of the commands changed between two targets.
     Pace {
         /// From here.
