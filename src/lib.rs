@@ -33,6 +33,7 @@
 //! | [`wire`] | codecs: our own frames and handshake, OpenFresco's dialects; bytes in, values out |
 //! | [`rt`] | what is asked of the operating system; the real clock; timing histograms |
 //! | [`config`] | the test file: schema, diagnostics, and the building of an experiment |
+//! | [`metrics`] | numbers read off recorded histories |
 //! | [`report`] | the page a run leaves behind |
 //! | [`assets`] | the chart script that our pages carry |
 //! | [`verify`] | the published values of the family, obtained anew and judged |
@@ -56,6 +57,7 @@ pub mod integrate;
 pub mod law;
 pub mod linalg;
 pub mod link;
+pub mod metrics;
 pub mod model;
 pub mod motion;
 pub mod record;

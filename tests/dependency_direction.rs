@@ -15,6 +15,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("specimen", &["law", "substructure", "time"]),
     ("transfer", &["law", "specimen"]),
     ("model", &["law", "linalg"]),
+    ("metrics", &[]),
     ("motion", &[]),
     ("spectral", &[]),
     ("integrate", &["linalg", "model"]),
@@ -36,7 +37,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
         ],
     ),
     ("rt", &["time"]),
-    ("report", &["assets", "record"]),
+    ("report", &["assets", "metrics", "record"]),
     (
         "verify",
         &[
@@ -102,6 +103,9 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "config",
             "control",
             "engine",
+            "metrics",
+            "model",
+            "motion",
             "record",
             "report",
             "rt",
@@ -115,6 +119,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
 const PURE: &[&str] = &[
     "law",
     "linalg",
+    "metrics",
     "model",
     "motion",
     "spectral",
