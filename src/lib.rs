@@ -35,6 +35,7 @@
 //! | [`wire`] | codecs: our own frames and handshake, OpenFresco's dialects; bytes in, values out |
 //! | [`rt`] | what is asked of the operating system; the real clock; timing histograms |
 //! | [`config`] | the test file: schema, diagnostics, and the building of an experiment |
+//! | [`metrics`] | numbers read off recorded histories |
 //! | [`report`] | the page a run leaves behind |
 //! | [`monitor`] | a running test as people look at it: live page, terminal, Prometheus |
 //! | [`assets`] | the chart script that our pages carry |
@@ -61,6 +62,7 @@ pub mod integrate;
 pub mod law;
 pub mod linalg;
 pub mod link;
+pub mod metrics;
 pub mod model;
 pub mod monitor;
 pub mod motion;

@@ -16,6 +16,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("specimen", &["geometry", "law", "substructure", "time"]),
     ("transfer", &["law", "specimen"]),
     ("model", &["law", "linalg"]),
+    ("metrics", &[]),
     ("motion", &[]),
     ("spectral", &[]),
     ("integrate", &["linalg", "model"]),
@@ -38,7 +39,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
         ],
     ),
     ("rt", &["time"]),
-    ("report", &["assets", "record"]),
+    ("report", &["assets", "metrics", "record"]),
     // Looks at what passes and sends an operator's requests; decides nothing.
     (
         "monitor",
@@ -119,6 +120,9 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "config",
             "control",
             "engine",
+            "metrics",
+            "model",
+            "motion",
             "record",
             "report",
             "rt",
@@ -134,6 +138,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
 const PURE: &[&str] = &[
     "law",
     "linalg",
+    "metrics",
     "model",
     "motion",
     "spectral",

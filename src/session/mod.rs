@@ -14,6 +14,7 @@ mod archive;
 mod bare;
 mod connect;
 mod desk;
+mod energetics;
 mod guarded;
 mod page;
 pub mod certificate;
@@ -35,7 +36,7 @@ use thiserror::Error;
 
 pub use bare::{bare_loop, loop_round};
 pub use desk::{Answer, Request, ask};
-pub use page::{Page, PageError, hero, write_report};
+pub use page::{Page, PageError, conclude, hero, write_report};
 pub use replay::{Difference, Replay, ReplayError, replay, replay_rows};
 pub use resume::{ResumeError, resume};
 pub use signals::{Signal, Signals};
