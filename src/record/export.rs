@@ -144,6 +144,10 @@ fn write_csv(
     };
     while let Some(row) = journal.next_row().map_err(Trouble::Read)? {
         if rows == Rows::Tick {
+            let state = plan.state.and_then(|place| row.values.get(place));
+            if state == Some(&WARMING_UP) {
+                continue;
+            }
             emit(row.values)?;
             written += 1;
             continue;
@@ -186,6 +190,8 @@ struct Plan {
 
 /// State of a row in which a step is made.
 const RUNNING: f64 = 3.0;
+/// State of a row in which the loop only runs warm.
+const WARMING_UP: f64 = 10.0;
 /// State of the row that ends a test, whose step is not made.
 const TRIPPED: f64 = 8.0;
 
