@@ -63,7 +63,7 @@ pub use inputs::{INPUTS_FOLDER, Input, InputError, Inputs};
 pub use locator::Locator;
 pub use overrides::Override;
 pub use resolve::{ResolveError, resolve};
-pub use safety::{ExitChoice, SafetyTable, ZeroChoice};
+pub use safety::{ExitChoice, SafetyTable, ShareSpec, ZeroChoice};
 pub use schema::{
     ExcitationTable, GravityTable, GroundTable, IntegratorTable, Method, NodalFileTable,
     NodalForceTable, PrescribedTable, RecordTable, Start, StructureTable, TestFile, Weighting,

@@ -470,6 +470,7 @@ fn numerical(
         Some(audit) => numerical.audited(audit),
         None => numerical,
     };
+    let numerical = safety::counted(&site.loaded.file, numerical);
     Ok((numerical, settling, facts))
 }
 
