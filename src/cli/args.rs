@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
-use super::benchmark;
+use super::{benchmark, identify};
 
 /// Real-time hybrid simulation: joins a structure that is computed to a specimen that is measured.
 #[derive(Debug, Parser)]
@@ -26,6 +26,8 @@ pub(super) enum Command {
     Run(RunArgs),
     /// Read a test without moving anything: is it valid, what will it do, is λ stable?
     Check(CheckArgs),
+    /// Drive a specimen with a small motion and find out what its actuator and it are.
+    Identify(identify::IdentifyArgs),
     /// Measure the loop's own timing on this machine, with nothing attached.
     Jitter(JitterArgs),
     /// Say what this machine gives and lacks for real-time work, and what to do about it.
@@ -172,6 +174,15 @@ pub(super) struct CheckArgs {
     /// the limits.
     #[arg(long)]
     pub no_rehearsal: bool,
+    /// Certify the test: rehearse it many times over what is uncertain, and say go (exit 0) or no-go (exit 1) with reasons.
+    #[arg(long, conflicts_with = "no_rehearsal")]
+    pub rehearse: bool,
+    /// Rehearsals of the certificate [default: as the file says, else 200].
+    #[arg(long, value_name = "N", requires = "rehearse", value_parser = clap::value_parser!(u64).range(1..))]
+    pub trials: Option<u64>,
+    /// Seed of their draws [default: as the file says, else 1].
+    #[arg(long, value_name = "S", requires = "rehearse")]
+    pub seed: Option<u64>,
     /// Print the findings as JSON on stdout.
     #[arg(long)]
     pub json: bool,
@@ -251,25 +262,47 @@ pub(super) struct DoctorArgs {
 }
 
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  gusset export runs/first --format csv --out first.csv")]
+#[command(after_help = "Examples:\n  gusset export runs/first --format csv --out first.csv\n  \
+    gusset export runs/first --format mat --out first.mat                        load('first.mat')\n  \
+    gusset export runs/first --format npz --rate tick --out first.npz            numpy.load('first.npz')\n  \
+    gusset export runs/first --format trace --from 2 --to 2.5 --out first.json   opens in ui.perfetto.dev")]
 pub(super) struct ExportArgs {
     /// The run folder, finished or not.
     pub run: PathBuf,
-    /// File format.
+    /// In which form.
     #[arg(long, value_enum, default_value_t = FormatArg::Csv)]
     pub format: FormatArg,
-    /// The file to write; must not exist yet.
+    /// The file to write (designsafe: the folder); must not exist yet.
     #[arg(long)]
     pub out: PathBuf,
-    /// One row per step, or every tick.
+    /// One row per step, or every tick. A trace has every tick.
     #[arg(long, value_enum, default_value_t = RateArg::Step)]
     pub rate: RateArg,
+    /// Only from this test time on, in seconds.
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub from: Option<f64>,
+    /// Only up to this test time, in seconds.
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub to: Option<f64>,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 pub(super) enum FormatArg {
     /// Comma-separated values, 17 significant digits.
     Csv,
+    /// NumPy archive, one array per column.
+    Npz,
+    /// MATLAB file (also Octave, SciPy), one vector per column.
+    Mat,
+    /// HDF5 file, one dataset per column.
+    Hdf5,
+    /// Parquet table.
+    Parquet,
+    /// Timeline of the loop for ui.perfetto.dev or chrome://tracing.
+    Trace,
+    /// Folder in the shape of a DesignSafe hybrid-simulation project.
+    #[value(name = "designsafe")]
+    DesignSafe,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]

@@ -7,12 +7,14 @@
 mod args;
 mod attend;
 mod benchmark;
+mod certificate;
 mod check;
 mod doctor;
 mod exit;
 mod export;
 mod following;
 mod frontier;
+mod identify;
 mod jitter;
 mod limits;
 mod live;
@@ -53,6 +55,7 @@ pub fn main() -> ExitCode {
     let result = match cli.command {
         Command::Run(args) => run::run(&args),
         Command::Check(args) => check::check(&args),
+        Command::Identify(args) => identify::identify(&args),
         Command::Jitter(args) => jitter::jitter(&args),
         Command::Doctor(args) => doctor::doctor(&args),
         Command::Export(args) => export::export(&args),

@@ -1,6 +1,7 @@
 //! The limits of a port: no command leaves that was not judged, and every fresh measurement is.
 
 use super::limits::{AxisLimits, Found, Hit, Level, Quantity, Watch};
+use super::posed::Posed;
 use super::{Axis, Port};
 use crate::substructure::Substructure;
 
@@ -58,6 +59,11 @@ impl Guard {
         self.units.get(axis).map_or(1.0, |unit| unit.0)
     }
 
+    /// The specimen stands at `disp` before the first command.
+    pub fn stands_at(&mut self, disp: &[f64]) {
+        self.watch.stands_at(Self::metres(&self.units, disp));
+    }
+
     /// Takes note of a command that leaves. Real-time: yes.
     pub fn sent(&mut self, disp: &[f64]) {
         self.cleared = false;
@@ -110,6 +116,16 @@ impl Port {
         self
     }
 
+    /// The same port with something round its substructure that only looks: as [`Port::rehearsed`], limits and all.
+    #[must_use]
+    pub fn watched(
+        mut self,
+        wrap: impl FnOnce(Box<dyn Substructure>, &[(f64, f64)]) -> Box<dyn Substructure>,
+    ) -> Self {
+        self.substructure = wrap(self.substructure, &self.guard.units);
+        self
+    }
+
     /// True if a command has left.
     #[must_use]
     pub const fn has_begun(&self) -> bool {
@@ -134,7 +150,9 @@ impl Port {
                 bound: f64::MAX,
             });
         }
-        *cleared = found.trip.is_none();
+        // No stroke belongs to a pose that cannot be.
+        let is_posed = self.posed.as_deref().is_none_or(Posed::is_possible);
+        *cleared = found.trip.is_none() && is_posed;
         found
     }
 
