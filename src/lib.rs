@@ -35,6 +35,7 @@
 //! | [`rt`] | what is asked of the operating system; the real clock; timing histograms |
 //! | [`config`] | the test file: schema, diagnostics, and the building of an experiment |
 //! | [`report`] | the page a run leaves behind |
+//! | [`monitor`] | a running test as people look at it: live page, terminal, Prometheus |
 //! | [`assets`] | the chart script that our pages carry |
 //! | [`verify`] | the published values of the family, obtained anew and judged |
 //! | [`frontier`] | how large a model keeps its deadlines: models of any size, the search, the picture |
@@ -59,6 +60,7 @@ pub mod law;
 pub mod linalg;
 pub mod link;
 pub mod model;
+pub mod monitor;
 pub mod motion;
 pub mod record;
 pub mod report;

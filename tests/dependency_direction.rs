@@ -38,6 +38,19 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ),
     ("rt", &["time"]),
     ("report", &["assets", "record"]),
+    // Looks at what passes and sends an operator's requests; decides nothing.
+    (
+        "monitor",
+        &[
+            "assets",
+            "control",
+            "engine",
+            "integrate",
+            "record",
+            "rt",
+            "substructure",
+        ],
+    ),
     (
         "verify",
         &[
@@ -108,6 +121,8 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "rt",
             "substructure",
             "time",
+            // The same counter gives noise and draws.
+            "transfer",
         ],
     ),
 ];

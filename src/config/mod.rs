@@ -17,6 +17,7 @@
 //! a number that is not finite is refused everywhere but as λ = ∞.
 
 mod build;
+mod certificate;
 mod check;
 mod diagnose;
 mod document;
@@ -48,8 +49,12 @@ use thiserror::Error;
 use toml_edit::DocumentMut;
 
 pub use build::{
-    ALL_MODES, Analysis, Dial, Facts, Files, Limit, LimitFacts, Loop, ModeFacts, Prepared,
-    SpecimenLimits, StructureFacts, build, build_over, build_rehearsal,
+    ALL_MODES, Analysis, Dial, Drawn, Estimate, Facts, Files, Limit, LimitFacts, Loop, ModeFacts,
+    Prepared, SpecimenLimits, StructureFacts, Trial, build, build_over, build_rehearsal,
+    build_trial, estimates,
+};
+pub use certificate::{
+    CapacityTable, CertificateTable, IdentifiedTable, Spread, Uncertain, UncertaintyTable,
 };
 pub use diagnose::{Diagnostic, Diagnostics, Finding, Part, Place, Severity, Source};
 pub use document::{KeyPath, PathError, Segment};

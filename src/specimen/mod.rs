@@ -7,6 +7,7 @@ mod coupled;
 mod in_process;
 mod in_units;
 mod spec;
+mod stiffened;
 mod uniaxial;
 
 pub use coupled::{Coupled, CoupledSpec};
@@ -14,6 +15,7 @@ pub use in_process::InProcess;
 pub(crate) use in_process::status;
 pub use in_units::InUnits;
 pub use spec::SpecimenLaw;
+pub use stiffened::Stiffened;
 pub use uniaxial::Uniaxial;
 
 use crate::law::Reach;

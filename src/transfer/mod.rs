@@ -23,7 +23,10 @@ use sensor::Sensor;
 
 pub use axis::servo_tick;
 pub use delay::LONGEST;
-pub use spec::{ActuatorSpec, FirstOrderSpec, SecondOrderSpec, ServoHydraulicSpec, TransferSpec};
+pub use spec::{
+    ActuatorSpec, FirstOrderSpec, ProportionalSpec, SecondOrderSpec, ServoHydraulicSpec,
+    TransferSpec,
+};
 
 use crate::law::Reach;
 use crate::specimen::Specimen;

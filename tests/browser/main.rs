@@ -6,3 +6,5 @@ mod common;
 mod stage;
 
 mod harness;
+#[cfg(feature = "monitor")]
+mod live;
