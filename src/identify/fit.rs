@@ -75,6 +75,16 @@ impl Fit {
         let omega = 2.0 * std::f64::consts::PI * hz;
         self.model.response(&self.values(), omega, dt)
     }
+
+    /// Phase lag over ω in s at a frequency; the slow delay says how often the phase went round.
+    #[must_use]
+    pub fn delay(&self, hz: f64, dt: f64) -> f64 {
+        use std::f64::consts::TAU;
+        let response = self.response(hz, dt);
+        let raw = -libm::atan2(response.im, response.re);
+        let turns = (hz * self.slow_delay_s - raw / TAU).round();
+        (raw / TAU + turns) / hz
+    }
 }
 
 /// Fits every model; those that fit nowhere are left out.
