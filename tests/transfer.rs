@@ -135,7 +135,7 @@ fn a_test_behind_an_actuator_is_replayed_and_goes_on_with_the_same_bits() {
             600,
             &format!("{ONE_AXIS}{ONE_AXIS_LAW}{ACTUATOR}{compensation}"),
         );
-        let text = text.replace("zero_s = 0", "zero_s = 0.02\nramp_s = 0.05");
+        let text = text.replace("zero_s = 0", "zero_s = 0.02\nramp_s = 0.05\nease_s = 0");
         let test = common::write(home.path(), "test.toml", &text);
         common::completed(&test, &at("whole"), &[]);
         let found = replay(&at("whole")).unwrap();

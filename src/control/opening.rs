@@ -148,6 +148,11 @@ impl Port {
         }
     }
 
+    /// Readings begin anew: those of an earlier opening are of another moment.
+    pub fn forget_readings(&mut self) {
+        self.opening.sums.fill(Sums::default());
+    }
+
     /// What was read of one axis.
     #[must_use]
     pub fn reading(&self, axis: usize) -> Reading {
