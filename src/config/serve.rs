@@ -68,6 +68,10 @@ pub struct ServeTable {
     /// File with the pre-shared key, relative to this file. Beyond loopback our own protocol wants this or TLS.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub key_file: Option<String>,
+    /// A specimen that is computed stays as the last test left it, as a real one does, so that an interrupted test can go on.
+    /// Otherwise each test finds it as new.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub remembers: bool,
     /// For `protocol = "openfresco…"` only.
     pub openfresco: OpenFrescoServeSpec,
 }
@@ -176,6 +180,16 @@ pub fn load_served(path: &Path, name: Option<&str>) -> Result<Served, ConfigErro
         None => host(table, &at).map_err(|f| refuse(*f))?,
     };
     let host = host.limited(table.limits_of(table.axes()));
+    let host = match (serve.remembers, host.is_gateway()) {
+        (false, _) => host,
+        (true, false) => host.remembering(),
+        (true, true) => {
+            let at = KeyPath::root().key("serve").key("remembers");
+            let text =
+                "`remembers` is for a specimen that is computed, but this one is behind a link";
+            return Err(refuse(Finding::error(at, text)));
+        }
+    };
     // A key is never copied into a run folder, so it is named in a way that holds from anywhere.
     let links = file.specimen.iter_mut().filter_map(|s| s.link.as_mut());
     let keys = links.filter_map(|link| link.key_file.as_mut());

@@ -3,6 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::certificate::{CapacityTable, IdentifiedTable};
 use super::safety::ZeroChoice;
 use super::value::MatrixValue;
 use super::variant;
@@ -105,9 +106,31 @@ pub struct SpecimenTable {
     /// specimen of this process, at the specimen's scale. Default: linear, by `stiffness_n_per_m` and `damping_n_s_per_m`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stand_in: Option<SpecimenLaw>,
+    /// Actuator and sensors that the stand-in of a specimen behind a link stands behind when `check` rehearses the test.
+    /// Default: those of `identified`, else none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stand_in_transfer: Option<TransferSpec>,
+    /// What was identified of the specimen, its actuator and its sensors.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub identified: Option<IdentifiedTable>,
+    /// What the rig can give.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub capacity: Option<CapacityTable>,
 }
 
 impl SpecimenTable {
+    /// Actuator and sensors as far as they are known: the specimen's own, those of its stand-in, else what was identified.
+    /// `pace` is the test time in a second of wall time.
+    #[must_use]
+    pub fn believed_transfer(&self, pace: f64) -> Option<TransferSpec> {
+        let own = match &self.link {
+            Some(_) => self.stand_in_transfer.as_ref(),
+            None => return self.transfer.clone(),
+        };
+        let identified = || self.identified?.transfer(pace);
+        own.cloned().or_else(identified)
+    }
+
     /// Number of axes as far as the table alone says it, without a structure to take deformations from.
     #[must_use]
     pub fn axes_by_itself(&self) -> usize {

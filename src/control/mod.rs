@@ -110,6 +110,8 @@ pub struct Port {
     command_vel: Vec<f64>,
     /// What was sent last, in the specimen's unit.
     pub sent: Vec<f64>,
+    /// Where the specimen says that it stands before the test, in its own unit.
+    standing: Option<Vec<f64>>,
     raw: Measurement,
     /// Where the substructure writes, so that an older measurement never replaces a newer one.
     incoming: Measurement,
@@ -226,6 +228,7 @@ impl Port {
             command: vec![0.0; n],
             command_vel: vec![0.0; n],
             sent: stands,
+            standing: None,
             raw: Measurement::zeros(n),
             incoming: Measurement::zeros(n),
             measured: vec![0.0; n],

@@ -14,6 +14,9 @@ use crate::record::Column;
 use crate::rt::timing::TickStamps;
 use crate::time::Nanos;
 
+/// State of the row in which a test was given up for being late: only the clock knows why, so the row must say that.
+pub const GIVEN_UP: f64 = 14.0;
+
 /// The row of the current tick and the place of each number in it.
 #[derive(Debug)]
 pub struct Row {
@@ -36,8 +39,8 @@ const BOOKKEEPING: [(&str, &str, &str); 5] = [
         "state",
         "1",
         "phase: 1 settling under the static load, 2 trying which way round a specimen is wired, 3 running, 4 zeroing, \
-         5 ramping, 6 holding, 7 leaving, 8 tripped; between two steps: 11 towards a known target, 12 along the \
-         prediction, 13 slowing down",
+         5 ramping, 6 holding, 7 leaving, 8 tripped, 10 warming up (kept where it mattered), 14 given up for being late; \
+         between two steps: 11 towards a known target, 12 along the prediction, 13 slowing down",
     ),
     (
         "hold",

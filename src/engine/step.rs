@@ -80,6 +80,7 @@ impl Engine {
                 | Stop::Stale { .. }
         ) {
             self.trip_is_recorded = true;
+            self.keep_warm_up();
             if tick.step == self.ride.step {
                 self.row
                     .exchange(tick, Phase::Tripped, &self.side, &self.ports);
@@ -149,8 +150,7 @@ impl Engine {
                 .map_err(|fault| Stop::Link { port: index, fault })?;
             port.answered();
             stamps.decoded = self.clock.now();
-            // Warm-up ticks leave no rows: what a recording answers there is that of the first step.
-            if self.phase == Phase::Armed && port.is_recorded() {
+            if self.unanswered && port.is_recorded() {
                 continue;
             }
             // A slow partner may have been asked some ticks ago.
@@ -323,6 +323,7 @@ impl Engine {
 
     /// Row to the recorder; a lost row is an event and a count, never a wait.
     fn hand_over(&mut self, tick: &Tick) {
+        self.held_back.clear();
         if !self.recorder.row(self.row.values()) {
             self.rows_lost += 1;
             self.report(tick, EventKind::RowLost);

@@ -132,6 +132,18 @@ pub enum Stop {
     },
 }
 
+impl Ending {
+    /// True if deadlines that were missed ended it: nothing that was measured tells so.
+    #[must_use]
+    pub const fn is_for_being_late(&self) -> bool {
+        match self {
+            Self::Stopped(Stop::Late { .. }) => true,
+            Self::Stopped(Stop::TestLimit(hit)) => hit.quantity.is_of_misses(),
+            _ => false,
+        }
+    }
+}
+
 /// How a test ended.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Ending {

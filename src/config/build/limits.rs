@@ -168,6 +168,10 @@ pub(super) fn facts(
     for (quantity, bound) in [
         (TestQuantity::StabilityUsed, limits.test.stability_used),
         (TestQuantity::StepAudit, limits.test.step_audit),
+        (
+            TestQuantity::AddedEnergyShare,
+            limits.test.added_energy_share,
+        ),
     ] {
         if columns.contains(&quantity) {
             test.push(of_test(quantity, "", bound));

@@ -2,6 +2,7 @@
 
 mod compensation;
 pub(in crate::config) mod loading;
+mod stand_in;
 mod sums;
 
 use nalgebra::DMatrix;
@@ -20,7 +21,6 @@ use crate::link::spec::{ProbeChoice, Protocol};
 use crate::model::StructureSpec;
 use crate::specimen::{InProcess, InUnits, Specimen, SpecimenLaw};
 use crate::substructure::Substructure;
-use crate::transfer::Transfer;
 use loading::{Loading, at_actuators, behind_actuators, loading};
 
 /// One specimen with everything that is known of it, in the structure's units and at its scale.
@@ -60,6 +60,7 @@ pub(super) struct Loop<'a> {
     pub rows: Vec<&'a [(usize, f64)]>,
     pub stiffness: &'a [Vec<f64>],
     pub damping: &'a [Vec<f64>],
+    pub mass_in_force: f64,
 }
 
 /// All specimens of a test, in order.
@@ -71,12 +72,17 @@ pub(super) fn specimens(site: &mut Site<'_>) -> Result<Specimens, Refused> {
     let tables = &site.loaded.file.specimen;
     let mut entries = Vec::with_capacity(tables.len());
     for (index, table) in tables.iter().enumerate() {
-        entries.push(entry(site, &path("specimen").index(index), table)?);
+        entries.push(entry(site, index, table)?);
     }
     Ok(Specimens(entries))
 }
 
-fn entry(site: &mut Site<'_>, at: &KeyPath, table: &SpecimenTable) -> Result<Entry, Refused> {
+fn entry(site: &mut Site<'_>, index: usize, table: &SpecimenTable) -> Result<Entry, Refused> {
+    let at = &path("specimen").index(index);
+    let drawn = site
+        .trial
+        .and_then(|trial| trial.specimens.get(index).copied());
+    let drawn = drawn.unwrap_or_default();
     let rows = rows(site, at, table)?;
     let (rows, loading) = loading(site, at, table, rows)?;
     let n = rows.len();
@@ -84,7 +90,8 @@ fn entry(site: &mut Site<'_>, at: &KeyPath, table: &SpecimenTable) -> Result<Ent
     let mut law = match (table.sources().into_iter().next(), &table.link) {
         (Some((key, source)), _) => {
             let law = built(site, at, table, (key, source), laws)?;
-            Some(behind_transfer(site, at, table, law)?)
+            let (at, spec) = (at.key("transfer"), table.transfer.as_ref());
+            Some(stand_in::behind_transfer(site, &at, spec, law, &drawn)?)
         }
         (None, Some(_)) => None,
         (None, None) => {
@@ -128,7 +135,14 @@ fn entry(site: &mut Site<'_>, at: &KeyPath, table: &SpecimenTable) -> Result<Ent
         }
         None => scaled(&c, |axis| axis.vel_gain),
     };
-    let mass = scaled(&m, |axis| axis.vel_gain * axis.vel_gain / axis.disp_gain);
+    let mut mass = scaled(&m, |axis| axis.vel_gain * axis.vel_gain / axis.disp_gain);
+    let mut mass_in_force = table.mass_in_force_kg;
+    if site.trial.is_some_and(|trial| trial.ideal) {
+        for (axis, row) in mass.iter_mut().enumerate() {
+            row[axis] += mass_in_force;
+        }
+        mass_in_force = 0.0;
+    }
     let stiffness_at_rest = match (&table.stiffness_n_per_m, &mut law) {
         (None, Some(law)) => {
             let (still, mut force) = (vec![0.0; n], vec![0.0; n]);
@@ -158,7 +172,16 @@ fn entry(site: &mut Site<'_>, at: &KeyPath, table: &SpecimenTable) -> Result<Ent
     };
     let stand = match (law, &table.link) {
         (Some(law), _) => Stand::Law(law),
-        (None, Some(_)) if site.rehearsal => stand_in.map_or(Stand::Believed, Stand::Law),
+        (None, Some(_)) if site.trial.is_some() => {
+            let known = stand_in::Known {
+                table,
+                axes: &axes,
+                units: &units,
+                stiffness: &stiffness,
+                damping: &damping,
+            };
+            stand_in::stand_in(site, at, &known, stand_in, &drawn)?
+        }
         (None, Some(link)) if link.protocol == Protocol::Gusset => {
             let (native, rules) = links::native(site, at, table, link, n)?;
             Stand::Native(Box::new(native), rules)
@@ -181,7 +204,7 @@ fn entry(site: &mut Site<'_>, at: &KeyPath, table: &SpecimenTable) -> Result<Ent
         stiffness_at_rest,
         mass,
         bounds,
-        mass_in_force: table.mass_in_force_kg,
+        mass_in_force,
     })
 }
 
@@ -208,26 +231,6 @@ fn seen(table: &SpecimenTable, loading: &Option<Loading>, estimate: Rows) -> Row
     match loading {
         Some(loading) => at_actuators(table, &loading.geometry, estimate),
         None => estimate,
-    }
-}
-
-/// The law behind the actuator and the sensors of its table, if there are any.
-fn behind_transfer(
-    site: &mut Site<'_>,
-    at: &KeyPath,
-    table: &SpecimenTable,
-    law: Box<dyn Specimen>,
-) -> Result<Box<dyn Specimen>, Refused> {
-    let Some(spec) = &table.transfer else {
-        return Ok(law);
-    };
-    let time = site.loaded.time;
-    if let Some(finding) = compensation::slower_time(&at.key("transfer"), time) {
-        return site.refuse(finding);
-    }
-    match Transfer::new(spec, law, Some(compensation::test_time(time))) {
-        Ok(transfer) => Ok(Box::new(transfer)),
-        Err(error) => site.refuse_key(&at.key("transfer"), error.key(), &error),
     }
 }
 
@@ -356,6 +359,7 @@ impl Specimens {
             rows: entry.axes.iter().map(|axis| axis.row.as_slice()).collect(),
             stiffness: &entry.stiffness,
             damping: &entry.damping,
+            mass_in_force: entry.mass_in_force,
         })
     }
 
