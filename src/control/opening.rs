@@ -115,6 +115,7 @@ impl Port {
 
     /// The next command is the last one: nothing moves.
     pub fn stand_still(&mut self) {
+        self.leave_pose();
         self.command.copy_from_slice(&self.sent);
         self.command_vel.fill(0.0);
     }
