@@ -276,10 +276,7 @@ fn over_band(points: &[Point], best: Option<&Fit>, dt: f64) -> (Estimate, Estima
             std: (changes + error).sqrt(),
         }
     };
-    (
-        estimate(means[0], known[0]),
-        estimate(means[1], known[1]),
-    )
+    (estimate(means[0], known[0]), estimate(means[1], known[1]))
 }
 
 /// Root mean square about the mean of each rest; of the last one only the second half, when the actuator has arrived.

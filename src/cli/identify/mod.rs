@@ -216,7 +216,7 @@ fn carry_out(
         None => RunFolder::create_default(Path::new("runs"), &facts.title, Wall::now().0),
     }
     .context("the run folder cannot be made")?;
-    let mut line = ProgressLine::new(facts, !args.quiet);
+    let line = ProgressLine::new(facts, !args.quiet);
     let (notices, heard) = crossbeam_channel::bounded(NOTICES);
     let control = Control {
         requests: signals.requests(),
