@@ -198,7 +198,8 @@ pub fn identify(record: &Record<'_>, band: Band) -> Result<Identification, Ident
     let (coarse, sign) = frequency::coarse_delay(&lines);
     let bins = frequency::bins(&lines, coarse);
     let coherence = frequency::mean_coherence(&bins);
-    if !(coherence >= LEAST_COHERENCE) {
+    let follows = coherence >= LEAST_COHERENCE;
+    if !follows {
         return Err(IdentifyError::DoesNotFollow { coherence });
     }
     if sign < 0.0 {

@@ -49,7 +49,7 @@ fn an_amplitude_beyond_a_limit_is_refused_with_the_largest_one() {
     );
     refused(
         TEST,
-        &["--duration", "8", "--amplitude", "0.06"],
+        &["--duration", "10", "--amplitude", "0.06"],
         &["command_disp_m", "50.0000 mm", "largest amplitude"],
     );
     refused(
@@ -61,7 +61,7 @@ fn an_amplitude_beyond_a_limit_is_refused_with_the_largest_one() {
     let free = TEST.replace("command_disp_m = { trip = [-0.05, 0.05] }\n", "");
     refused(
         &free,
-        &["--duration", "8"],
+        &["--duration", "10"],
         &["storey", "command_disp_m", "--amplitude"],
     );
 }
