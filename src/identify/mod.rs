@@ -198,7 +198,8 @@ pub fn identify(record: &Record<'_>, band: Band) -> Result<Identification, Ident
     let (coarse, sign) = frequency::coarse_delay(&lines);
     let bins = frequency::bins(&lines, coarse);
     let coherence = frequency::mean_coherence(&bins);
-    if !(coherence >= LEAST_COHERENCE) {
+    let follows = coherence >= LEAST_COHERENCE;
+    if !follows {
         return Err(IdentifyError::DoesNotFollow { coherence });
     }
     if sign < 0.0 {
@@ -276,10 +277,7 @@ fn over_band(points: &[Point], best: Option<&Fit>, dt: f64) -> (Estimate, Estima
             std: (changes + error).sqrt(),
         }
     };
-    (
-        estimate(means[0], known[0]),
-        estimate(means[1], known[1]),
-    )
+    (estimate(means[0], known[0]), estimate(means[1], known[1]))
 }
 
 /// Root mean square about the mean of each rest; of the last one only the second half, when the actuator has arrived.
