@@ -8,6 +8,7 @@ use gusset::compensation::CompensationSpec;
 use gusset::engine::{Ending, Stop, TestQuantity};
 use gusset::motion::{Grid, Motion, Quantity};
 use gusset::record::{EventKind, Run};
+use gusset::session::replay;
 use link_common::{ONE_AXIS, ONE_AXIS_LAW, Served, columns, test_file};
 
 /// An actuator with everything that may depend on when and how often it is asked.
@@ -119,6 +120,87 @@ fn an_ordinary_test_takes_the_course_of_the_benchmarks_own_runner() {
     let learnt = found[5][*running.last().unwrap()];
     assert!((learnt / controller.parameters()[1] - 1.0).abs() < 1e-4);
     assert!((learnt - 0.024).abs() > 1e-5, "something was learnt");
+}
+
+#[test]
+fn a_test_behind_an_actuator_is_replayed_and_goes_on_with_the_same_bits() {
+    for (name, compensation) in [
+        ("ats", COMPENSATION),
+        ("amb", "[specimen.compensation.amb]\n"),
+        ("pi", "[specimen.compensation.pi_lead]\n"),
+    ] {
+        let home = tempfile::tempdir().unwrap();
+        let at = |name: &str| home.path().join(name);
+        let text = test_file(
+            600,
+            &format!("{ONE_AXIS}{ONE_AXIS_LAW}{ACTUATOR}{compensation}"),
+        );
+        let text = text.replace("zero_s = 0", "zero_s = 0.02\nramp_s = 0.05\nease_s = 0");
+        let test = common::write(home.path(), "test.toml", &text);
+        common::completed(&test, &at("whole"), &[]);
+        let found = replay(&at("whole")).unwrap();
+        assert!(found.is_exact(), "{name}: {found:?}");
+
+        // What a kill leaves: the rows up to the middle, a torn one, and no summary.
+        common::copy(&at("whole"), &at("first"));
+        for file in ["summary.json", "report.html", "timing.json"] {
+            let _ = std::fs::remove_file(at("first").join(file));
+        }
+        let whole = Run::open(&at("whole")).unwrap();
+        let stride = whole.layout().stride();
+        let count = whole.columns(&["state"]).unwrap()[0].len();
+        let bytes = std::fs::read(at("whole/samples.bin")).unwrap();
+        let torn = &bytes[..(count / 2 + 3) * stride + 17];
+        std::fs::write(at("first/samples.bin"), torn).unwrap();
+        let said = common::say([
+            "run".as_ref(),
+            "--resume".as_ref(),
+            at("first").as_os_str(),
+            "--out".as_ref(),
+            at("second").as_os_str(),
+        ]);
+        assert_eq!(said.code, Some(0), "{name}: {}", said.stderr);
+        let found = replay(&at("second")).unwrap();
+        assert!(found.is_exact(), "{name}: {found:?}");
+
+        let (all, rest) = (
+            columns(home.path(), "whole", ""),
+            columns(home.path(), "second", ""),
+        );
+        let column = |of: &[(String, Vec<u64>)], name: &str| {
+            of.iter().find(|(own, _)| own == name).unwrap().1.clone()
+        };
+        let running = 3.0_f64.to_bits();
+        let steps = |of: &[(String, Vec<u64>)], name: &str| -> Vec<(u64, u64)> {
+            let (state, step) = (column(of, "state"), column(of, "step"));
+            let rows = step.into_iter().zip(column(of, name)).zip(state);
+            rows.filter(|(_, state)| *state == running)
+                .map(|(pair, _)| pair)
+                .collect()
+        };
+        let learns = if name == "pi" {
+            "meas_1_1"
+        } else {
+            "comp_a1_1_1"
+        };
+        for column in [
+            "x1",
+            "x2",
+            "cmd_1_1",
+            "meas_1_1",
+            "force_1_1",
+            "lag_1_1",
+            learns,
+        ] {
+            let (whole, rest) = (steps(&all, column), steps(&rest, column));
+            let begins = whole
+                .iter()
+                .position(|(step, _)| *step == rest[0].0)
+                .unwrap();
+            assert!(begins > 100 && rest.len() > 200, "{name}");
+            assert_eq!(whole[begins..], rest, "{name} {column}");
+        }
+    }
 }
 
 #[test]

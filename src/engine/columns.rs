@@ -210,7 +210,9 @@ impl Row {
             }
             let after_axes = slots.iter_mut().skip(width * port.axes());
             let further = port.tracking().flatten();
-            for (slot, value) in after_axes.zip(further.chain(port.compensation_parameters())) {
+            let further = further.chain(port.compensation_parameters());
+            let poses = port.pose().flat_map(|(_, values)| values);
+            for (slot, value) in after_axes.zip(further.chain(poses)) {
                 *slot = value;
             }
             if let [.., sequence, status] = slots {
@@ -297,14 +299,25 @@ fn port_columns(columns: &mut Vec<Column>, number: usize, port: &Port) -> Range<
                 false,
             ));
         };
-        add("target", "m", "deformation B·x that the structure asks for");
+        let (target, force) = if port.geometry().is_some() {
+            (
+                "stroke of the actuator for the pose B·x",
+                "force of the actuator, at the structure's scale",
+            )
+        } else {
+            (
+                "deformation B·x that the structure asks for",
+                "restoring force that entered equilibrium",
+            )
+        };
+        add("target", "m", target);
         add("cmd", "specimen unit", "displacement that was sent");
         add(
             "meas",
             "m",
             "measured displacement in the structure's units",
         );
-        add("force", "N", "restoring force that entered equilibrium");
+        add("force", "N", force);
         add(
             "raw_disp",
             "specimen unit",
@@ -351,6 +364,22 @@ fn port_columns(columns: &mut Vec<Column>, number: usize, port: &Port) -> Range<
             format!("parameter {key} of the compensation, specimen \"{name}\", axis {axis}");
         let key = format!("comp_{key}_{number}_{axis}");
         columns.push(column(&key, parameter.unit, &meaning, false));
+    }
+    for (index, (coordinate, _)) in port.pose().enumerate() {
+        let (key, unit) = (coordinate.key(), coordinate.unit());
+        for (kind, unit, meaning) in [
+            ("pose", unit, "pose B·x that the structure asks for"),
+            ("pose_meas", unit, "pose that the measured strokes have"),
+            (
+                "pose_force",
+                coordinate.force_unit(),
+                "force that entered equilibrium",
+            ),
+        ] {
+            let meaning = format!("{meaning}, specimen \"{name}\", {key}");
+            let key = format!("{kind}_{number}_{}", index + 1);
+            columns.push(column(&key, unit, &meaning, false));
+        }
     }
     let meaning = format!("newest command in force when specimen \"{name}\" was sampled");
     columns.push(column(&format!("seq_{number}"), "1", &meaning, false));

@@ -40,7 +40,7 @@ pub use settle::Settling;
 pub use stop::{Ending, Stop};
 pub use tick::Tick;
 
-use crate::control::{LinkCount, Port};
+use crate::control::{LinkCount, Port, Poses};
 use crate::record::{Column, Recorder};
 use crate::rt::timing::{TickStamps, Timing};
 use crate::time::{Clock, Nanos, Ratio, Schedule, SimClock};
@@ -201,6 +201,8 @@ pub struct Outcome {
     pub events_lost: u64,
     /// From the first edge of the test to the end of its last tick.
     pub wall_ns: u64,
+    /// How far the platform of each specimen went; none where its axes are no actuators of one.
+    pub poses: Vec<Option<Poses>>,
     /// What the links say about their faults: specimen (from 0) and words.
     pub complaints: Vec<(usize, String)>,
 }
@@ -339,6 +341,7 @@ impl Engine {
             rows_lost: self.rows_lost,
             events_lost: self.events_lost,
             wall_ns: self.clock_now.since(self.first_edge),
+            poses: self.ports.iter().map(Port::poses).collect(),
             complaints: self
                 .ports
                 .iter()

@@ -106,6 +106,7 @@ impl Engine {
                 port.stand_still();
             }
         }
+        self.take_their_word();
         self.arm()?;
         self.begin_grid();
         self.zero(control)?;
@@ -116,6 +117,11 @@ impl Engine {
         self.aim_at_start();
         self.begin_ride();
         self.warm_up(control)
+    }
+
+    /// Specimens that say where they stand are commanded to stay there, whatever the test begins with.
+    pub(super) fn take_their_word(&mut self) {
+        self.ports.iter_mut().for_each(Port::take_its_word);
     }
 
     /// Arms all specimens: all are asked before any is waited for, so that they get ready at the same time.
@@ -346,6 +352,13 @@ impl Engine {
                     port: *port as u32,
                     axis: misfit.axis() as u32,
                     what: misfit.name(),
+                });
+            }
+            Ending::Stopped(Stop::Geometry { port, fault }) => {
+                self.report_now(EventKind::Geometry {
+                    port: *port as u32,
+                    actuator: fault.wrong.actuator().map(|actuator| actuator as u32),
+                    what: fault.wrong.word(),
                 });
             }
             Ending::Stopped(Stop::Saturated { port }) => {

@@ -37,6 +37,10 @@ impl Engine {
     fn close_step(&mut self, tick: &Tick, stamps: &mut TickStamps) -> Result<(), Stop> {
         let stage = self.ride.stride.stage;
         let tick = self.step_of(tick);
+        if let Err(stop) = self.resolve_poses() {
+            self.record_trip(&tick, stamps, &stop);
+            return Err(stop);
+        }
         self.row
             .exchange(&tick, Phase::Running, &self.side, &self.ports);
         let advanced = self.advance_to_next(&tick);
@@ -56,6 +60,15 @@ impl Engine {
         advanced
     }
 
+    /// Where the platforms of loading units are, and which forces act there. Real-time: yes.
+    pub(super) fn resolve_poses(&mut self) -> Result<(), Stop> {
+        for (index, port) in self.ports.iter_mut().enumerate() {
+            let found = port.resolve_pose();
+            found.map_err(|fault| Stop::Geometry { port: index, fault })?;
+        }
+        Ok(())
+    }
+
     /// What was measured in the tick that ends the test is kept, although no step follows from it.
     fn record_trip(&mut self, tick: &Tick, stamps: &TickStamps, stop: &Stop) {
         if matches!(
@@ -63,6 +76,7 @@ impl Engine {
             Stop::Limit { .. }
                 | Stop::Interlock { .. }
                 | Stop::Saturated { .. }
+                | Stop::Geometry { .. }
                 | Stop::Stale { .. }
         ) {
             self.trip_is_recorded = true;
@@ -173,6 +187,9 @@ impl Engine {
                 continue;
             }
             let found = port.clear();
+            if let Some(fault) = port.geometry_fault() {
+                return Err(Stop::Geometry { port: index, fault });
+            }
             let tick = Tick {
                 step,
                 sub_tick: 0,

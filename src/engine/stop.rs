@@ -5,6 +5,7 @@ use thiserror::Error;
 use super::TestHit;
 use crate::control::Misfit;
 use crate::control::limits::Hit;
+use crate::geometry::Fault;
 use crate::integrate::StepError;
 use crate::substructure::LinkFault;
 
@@ -84,6 +85,14 @@ pub enum Stop {
         port: usize,
         /// Which limit.
         hit: Hit,
+    },
+    /// A pose that the actuators of a specimen cannot take, or strokes without a pose.
+    #[error("specimen {}: {fault}", port + 1)]
+    Geometry {
+        /// Specimen, from 0.
+        port: usize,
+        /// What is wrong, and at which pose.
+        fault: Fault,
     },
     /// A limit of the test as a whole tripped.
     #[error("{0}")]

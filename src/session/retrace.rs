@@ -9,6 +9,7 @@ use std::sync::{Arc, Mutex};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
+use super::connect::put_standing;
 use super::replay::ReplayError;
 use super::tape::{Comparing, Recording, Replaced, Tape, Verified, put_recorded, with};
 use crate::config::{self, Prepared};
@@ -159,6 +160,7 @@ pub(super) fn prepared(run: &Run, replaced: Replaced, keys: bool) -> Result<Prep
         origin.put(&mut test.experiment.ports);
         test.experiment.resume = Some(resumption);
     }
+    put_standing(&run.events()?.events, &mut test.experiment.ports);
     Ok(test)
 }
 
