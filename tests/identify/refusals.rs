@@ -49,7 +49,7 @@ fn an_amplitude_beyond_a_limit_is_refused_with_the_largest_one() {
     );
     refused(
         TEST,
-        &["--duration", "10", "--amplitude", "0.06"],
+        &["--duration", "41", "--band", "0.2,1", "--amplitude", "0.06"],
         &["command_disp_m", "50.0000 mm", "largest amplitude"],
     );
     refused(
