@@ -5,7 +5,8 @@
 //! is seen and not only its beginning, and compared afterwards ([`Rehearsal::findings`]). Nothing is spoken to, nothing moves,
 //! and nothing is written.
 //!
-//! What a stand-in cannot show is not judged: lag, noise, sensors that stick, late answers.
+//! What a stand-in cannot show is not judged: sensors that stick, late answers, and lag and noise where neither `identified`
+//! nor `stand_in_transfer` says anything of them.
 
 mod findings;
 mod meter;
