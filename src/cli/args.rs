@@ -262,10 +262,12 @@ pub(super) struct DoctorArgs {
 }
 
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:\n  gusset export runs/first --format csv --out first.csv\n  \
+#[command(
+    after_help = "Examples:\n  gusset export runs/first --format csv --out first.csv\n  \
     gusset export runs/first --format mat --out first.mat                        load('first.mat')\n  \
     gusset export runs/first --format npz --rate tick --out first.npz            numpy.load('first.npz')\n  \
-    gusset export runs/first --format trace --from 2 --to 2.5 --out first.json   opens in ui.perfetto.dev")]
+    gusset export runs/first --format trace --from 2 --to 2.5 --out first.json   opens in ui.perfetto.dev"
+)]
 pub(super) struct ExportArgs {
     /// The run folder, finished or not.
     pub run: PathBuf,

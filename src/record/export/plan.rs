@@ -243,7 +243,10 @@ impl Plan {
             && let Some(row) = journal.next_row().map_err(Trouble::Read)?
         {
             if choice.rows == Rows::Tick {
-                if self.state.is_some_and(|place| at(row.values, place) == WARMING_UP) {
+                if self
+                    .state
+                    .is_some_and(|place| at(row.values, place) == WARMING_UP)
+                {
                     continue;
                 }
                 had = give(row.sequence, row.values)?;
