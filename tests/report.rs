@@ -124,7 +124,7 @@ fn what_cannot_be_compared_row_by_row_is_said_and_the_rest_is_shown() {
     );
 
     let prescribed = "title = \"P\"\n[time]\nrate_hz = 200\nduration_s = 0.5\nclock = \"simulated\"\n\
-        [[excitation.prescribed_displacement]]\nspecimen = \"other\"\nsignal.sine = { amplitude = 0.01, frequency_hz = 2.0 }\n\
+        [[excitation.prescribed_displacement]]\nspecimen = \"other\"\nease_in_s = 0.1\nsignal.cyclic = { amplitudes = [0.002], cycles_per_amplitude = 1, shape = \"sine\", frequency_hz = 2.0 }\n\
         [[specimen]]\nname = \"other\"\nlaw.linear = { stiffness_n_per_m = 1e5 }\n";
     let other = made(folder.path(), "other", prescribed);
     let (said, page) = compare(folder.path(), &first, &other);

@@ -8,7 +8,10 @@ const options = { colorScheme: how === "dark" ? "dark" : "light", javaScriptEnab
 const canvases = (page) =>
   page.$$eval(".plot canvas", (all) =>
     all.map((canvas) => {
-      const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+      // A copy: reading the page's own canvas again and again would be remarked upon in the console.
+      const copy = new OffscreenCanvas(canvas.width, canvas.height).getContext("2d", { willReadFrequently: true });
+      copy.drawImage(canvas, 0, 0);
+      const { data } = copy.getImageData(0, 0, canvas.width, canvas.height);
       let inked = 0;
       let digest = 0;
       for (let at = 0; at < data.length; at += 4) {
