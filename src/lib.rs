@@ -20,12 +20,14 @@
 //! | [`linalg`] | symmetric matrices and their factors; no allocation in a solve |
 //! | [`model`] | the numerical substructure: M, C, K, nonlinear elements |
 //! | [`motion`] | ground motions and other signals on the step grid |
+//! | [`identify`] | what an actuator and its specimen are, from one recorded motion |
 //! | [`integrate`] | the Gui-λ family and the choice of λ |
 //! | [`spectral`] | what a method does to one mode: poles, period error, bounds, critical delay |
 //! | [`substructure`] | the hinge: command out, measurement back |
 //! | [`specimen`] | specimens in process |
 //! | [`transfer`] | what lies between a command and a specimen: delay, actuators, limits, sensors |
 //! | [`compensation`] | commands that make up for an actuator |
+//! | [`geometry`] | loading units: from a pose to the strokes of its actuators, and back |
 //! | [`control`] | what stands between the structure's DOFs and a specimen's axes |
 //! | [`engine`] | the loop |
 //! | [`record`] | rows, the run folder, exports |
@@ -35,6 +37,7 @@
 //! | [`config`] | the test file: schema, diagnostics, and the building of an experiment |
 //! | [`metrics`] | numbers read off recorded histories |
 //! | [`report`] | the page a run leaves behind |
+//! | [`monitor`] | a running test as people look at it: live page, terminal, Prometheus |
 //! | [`assets`] | the chart script that our pages carry |
 //! | [`verify`] | the published values of the family, obtained anew and judged |
 //! | [`frontier`] | how large a model keeps its deadlines: models of any size, the search, the picture |
@@ -53,12 +56,15 @@ pub mod config;
 pub mod control;
 pub mod engine;
 pub mod frontier;
+pub mod geometry;
+pub mod identify;
 pub mod integrate;
 pub mod law;
 pub mod linalg;
 pub mod link;
 pub mod metrics;
 pub mod model;
+pub mod monitor;
 pub mod motion;
 pub mod record;
 pub mod report;

@@ -10,7 +10,7 @@ fn main() -> ExitCode {
     // would complain by a macro that panics, on the thread that writes the rows.
     tracing_subscriber::fmt()
         .with_max_level(LevelFilter::WARN)
-        .with_writer(std::io::stderr)
+        .with_writer(gusset::cli::log)
         .with_ansi(std::io::stderr().is_terminal())
         .log_internal_errors(false)
         .with_target(false)

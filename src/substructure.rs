@@ -180,6 +180,8 @@ pub struct Introduction {
     pub peer: String,
     /// Its own estimate of its initial stiffness in its own units, n × n by columns; empty if it has none.
     pub stiffness: Vec<f64>,
+    /// Where it stands: the command that would not move it, in its own units; empty if it cannot tell.
+    pub standing: Vec<f64>,
     /// What the user should know although the test may run.
     pub warnings: Vec<String>,
     /// It says that it is a formula: nothing breaks.

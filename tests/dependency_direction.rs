@@ -12,7 +12,8 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("law", &[]),
     ("linalg", &[]),
     ("substructure", &["time"]),
-    ("specimen", &["law", "substructure", "time"]),
+    ("geometry", &[]),
+    ("specimen", &["geometry", "law", "substructure", "time"]),
     ("transfer", &["law", "specimen"]),
     ("model", &["law", "linalg"]),
     ("metrics", &[]),
@@ -20,8 +21,9 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("spectral", &[]),
     ("integrate", &["linalg", "model"]),
     ("benchmark", &["compensation", "transfer"]),
+    ("identify", &["motion"]),
     ("compensation", &[]),
-    ("control", &["compensation", "substructure", "time"]),
+    ("control", &["compensation", "geometry", "substructure", "time"]),
     ("record", &["substructure"]),
     ("wire", &["substructure"]),
     (
@@ -38,6 +40,19 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ),
     ("rt", &["time"]),
     ("report", &["assets", "metrics", "record"]),
+    // Looks at what passes and sends an operator's requests; decides nothing.
+    (
+        "monitor",
+        &[
+            "assets",
+            "control",
+            "engine",
+            "integrate",
+            "record",
+            "rt",
+            "substructure",
+        ],
+    ),
     (
         "verify",
         &[
@@ -54,6 +69,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
         "engine",
         &[
             "control",
+            "geometry",
             "integrate",
             "linalg",
             "model",
@@ -82,6 +98,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "compensation",
             "control",
             "engine",
+            "geometry",
             "integrate",
             "law",
             "linalg",
@@ -111,6 +128,8 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "rt",
             "substructure",
             "time",
+            // The same counter gives noise and draws.
+            "transfer",
         ],
     ),
 ];
@@ -127,7 +146,9 @@ const PURE: &[&str] = &[
     "specimen",
     "transfer",
     "compensation",
+    "geometry",
     "benchmark",
+    "identify",
     "control",
     "substructure",
     "wire",

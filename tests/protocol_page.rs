@@ -109,6 +109,7 @@ fn messages() -> Vec<(&'static str, Encoder, Control)> {
                 watchdog_s: 0.05,
                 sampling: Sampling::Reply,
                 stiffness: vec![1.5e6],
+                standing: vec![0.0125],
                 software: "rig 2.3".into(),
                 name: "column".into(),
                 axes,

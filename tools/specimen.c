@@ -79,11 +79,11 @@ static void send_frame(int kind, size_t end, uint64_t of, const struct sockaddr_
     sendto(sock, out, end, 0, (const struct sockaddr *)to, sizeof *to);
 }
 
-static void refuse(uint32_t code, const char *text)
+static void refuse(uint32_t code, const char *text, uint64_t of)
 {
     size_t at = put_u32(32, REFUSE);
     at = put_u16(put_u16(put_u32(at, code), 1), 1);
-    send_frame(CONTROL, put_text(at, text), 0, &sender);
+    send_frame(CONTROL, put_text(at, text), of, &sender);
 }
 
 static void random_bytes(void *to, size_t size)
@@ -130,13 +130,13 @@ static void welcome(size_t end)
     static uint8_t nonce[32];
     static const uint8_t zeros[32];
     int again = hello_length == end - 32 && !memcmp(hello, in + 32, hello_length);
-    if (end < 32 + 149) { refuse(12, "a hello is longer"); return; }
-    if (u16(132) > 1 || u16(134) < 1) { refuse(0, "version 1 is spoken here"); return; }
-    if (in[136]) { refuse(9, "no key is configured here"); return; }
-    if (memcmp(in + 100, LAYOUT, 32)) { refuse(3, "one axis called 'axis 1' in m and N is wanted"); return; }
-    if (!(f64(153) > 0 && f64(153) <= 60)) { refuse(6, "a watchdog time up to 60 s is wanted"); return; }
-    if (u32(161) != 0) { refuse(7, "sampled when the command comes, not later"); return; }
-    if (!announced(end)) { refuse(12, "one axis with limits that make sense is wanted"); return; }
+    if (end < 32 + 149) { refuse(12, "a hello is longer", 0); return; }
+    if (u16(132) > 1 || u16(134) < 1) { refuse(0, "version 1 is spoken here", 0); return; }
+    if (in[136]) { refuse(9, "no key is configured here", 0); return; }
+    if (memcmp(in + 100, LAYOUT, 32)) { refuse(3, "one axis called 'axis 1' in m and N is wanted", 0); return; }
+    if (!(f64(153) > 0 && f64(153) <= 60)) { refuse(6, "a watchdog time up to 60 s is wanted", 0); return; }
+    if (u32(161) != 0) { refuse(7, "sampled when the command comes, not later", 0); return; }
+    if (!announced(end)) { refuse(12, "one axis with limits that make sense is wanted", 0); return; }
     if (!again) {
         hello_length = end - 32;
         memcpy(hello, in + 32, hello_length);
@@ -156,6 +156,7 @@ static void welcome(size_t end)
     out[at++] = 0;
     at = put_u32(put_f64(put_u32(at, 1), watchdog), 0);
     at = put_f64(put_u64(at, 1), stiffness);
+    at = put_f64(put_u64(at, 1), disp);
     at = put_text(put_text(at, "specimen.c 1"), "spring");
     at = put_text(put_u64(at, 1), "axis 1");
     at = put_u32(put_u32(at, 0), 3);
@@ -257,7 +258,7 @@ int main(int argc, char **argv)
         int ours = sender.sin_port == peer.sin_port && sender.sin_addr.s_addr == peer.sin_addr.s_addr;
         if (u64(16) == 0) {
             if (in[5] != CONTROL || u32(32) != HELLO) continue;
-            if (armed) refuse(8, "another controller is connected");
+            if (armed) refuse(8, "another controller is connected", 0);
             else welcome((size_t)length - 4);
             continue;
         }
@@ -271,7 +272,11 @@ int main(int argc, char **argv)
         case CONTROL:
             if (u32(32) == BYE) { armed = 0; session = 0; hello_length = 0; break; }
             if (u32(32) != ARM || length != 72 || u64(36) != session || u64(52) != 1) break;
-            if (!armed) { expected = u64(44); disp = f64(60); }
+            if (!armed && f64(60) != disp) {
+                refuse(11, "the first command is not where the specimen stands", session);
+                break;
+            }
+            if (!armed) expected = u64(44);
             armed = 1;
             memcpy(out + 32, in + 32, 36);
             send_frame(CONTROL, 68, session, &peer);

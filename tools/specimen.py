@@ -125,7 +125,7 @@ class Specimen:
         session = int.from_bytes(os.urandom(8), "little") or 1
         name, program = b"spring", b"specimen.py 1"
         welcome = struct.pack("<I32s32s32sQH?IdI", WELCOME, bytes(32), os.urandom(32), LAYOUT, session, 1, False, 1, watchdog, 0)
-        welcome += struct.pack("<Qd", 1, self.stiffness)
+        welcome += struct.pack("<QdQd", 1, self.stiffness, 1, self.disp)
         welcome += struct.pack("<Q", len(program)) + program + struct.pack("<Q", len(name)) + name
         welcome += struct.pack("<Q", 1) + AXIS
         self.send(CONTROL, welcome)
@@ -135,9 +135,11 @@ class Specimen:
             raise ConnectionError("the controller said goodbye before arming")
         if kind != CONTROL or len(arm) != 36 or struct.unpack_from("<I", arm)[0] != ARM:
             raise Broken("no arm message")
-        _, session, self.expected, axes, self.disp = struct.unpack("<IQQQd", arm)
+        _, session, self.expected, axes, start = struct.unpack("<IQQQd", arm)
         if session != self.session or axes != 1:
             self.refuse(12, "an arm message of another session")
+        if start != self.disp:
+            self.refuse(11, "the first command is not where the specimen stands")
         self.send(CONTROL, arm)
 
     def command(self, body):

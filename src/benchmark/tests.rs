@@ -246,7 +246,7 @@ fn the_count_of_unstable_roots_says_the_same_of_the_cases() {
                 let follows = spec.response(omega, DT)? * plant.response(omega, k, c);
                 Some((follows - 1.0) * felt(omega) + 1.0)
             };
-            let roots = unstable_roots(chain, 1e-2, 0.9 * std::f64::consts::PI / DT);
+            let roots = unstable_roots(chain, 1e-2, 0.9 * std::f64::consts::PI / DT, &[]);
             assert_eq!(
                 roots == Some(0),
                 is_stable,

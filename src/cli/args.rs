@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
-use super::benchmark;
+use super::{benchmark, identify};
 
 /// Real-time hybrid simulation: joins a structure that is computed to a specimen that is measured.
 #[derive(Debug, Parser)]
@@ -26,6 +26,8 @@ pub(super) enum Command {
     Run(RunArgs),
     /// Read a test without moving anything: is it valid, what will it do, is λ stable?
     Check(CheckArgs),
+    /// Drive a specimen with a small motion and find out what its actuator and it are.
+    Identify(identify::IdentifyArgs),
     /// Measure the loop's own timing on this machine, with nothing attached.
     Jitter(JitterArgs),
     /// Say what this machine gives and lacks for real-time work, and what to do about it.
@@ -64,6 +66,7 @@ pub(super) enum Command {
 #[command(
     after_help = "Example:\n  gusset run config/frame-bouc-wen.toml --out runs/first\n  \
     gusset run config/frame-bouc-wen.toml --clock simulated --set integrator.lambda=4\n  \
+    gusset run config/frame-bouc-wen.toml --live\n  \
     gusset run --resume runs/first --out runs/second"
 )]
 pub(super) struct RunArgs {
@@ -89,9 +92,44 @@ pub(super) struct RunArgs {
     /// Print the summary as JSON on stdout.
     #[arg(long)]
     pub json: bool,
-    /// Do not print the progress line and the closing summary.
+    /// Do not print the progress and the closing summary.
     #[arg(long)]
     pub quiet: bool,
+    /// What a terminal shows while the test runs.
+    #[arg(long, value_enum, default_value_t = StatusArg::Line, conflicts_with = "quiet")]
+    pub status: StatusArg,
+    #[cfg(feature = "monitor")]
+    #[command(flatten)]
+    pub live: LiveArgs,
+}
+
+/// What a terminal shows while a test runs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum StatusArg {
+    /// One line: phase, time, misses, the axis that is closest to a limit.
+    Line,
+    /// Some lines: every axis against its limits, lateness, the room of lambda.
+    Full,
+    /// Nothing.
+    Off,
+}
+
+#[cfg(feature = "monitor")]
+#[derive(Debug, Args)]
+pub(super) struct LiveArgs {
+    /// Serve a page that shows the running test, and metrics for Prometheus under /metrics: on this machine alone, or at
+    /// ADDR, where looking needs a token [default ADDR: 127.0.0.1:4824]. Operating needs the token that is printed at start.
+    #[arg(
+        long,
+        value_name = "ADDR",
+        num_args = 0..=1,
+        default_missing_value = "127.0.0.1:4824",
+        value_parser = crate::monitor::page::parse_address,
+    )]
+    pub live: Option<String>,
+    /// For --live: the token for looking, in place of a fresh one for every test: one line of 16 letters or more.
+    #[arg(long, value_name = "FILE", requires = "live")]
+    pub live_token: Option<PathBuf>,
 }
 
 #[derive(Debug, Args)]
@@ -136,6 +174,15 @@ pub(super) struct CheckArgs {
     /// the limits.
     #[arg(long)]
     pub no_rehearsal: bool,
+    /// Certify the test: rehearse it many times over what is uncertain, and say go (exit 0) or no-go (exit 1) with reasons.
+    #[arg(long, conflicts_with = "no_rehearsal")]
+    pub rehearse: bool,
+    /// Rehearsals of the certificate [default: as the file says, else 200].
+    #[arg(long, value_name = "N", requires = "rehearse", value_parser = clap::value_parser!(u64).range(1..))]
+    pub trials: Option<u64>,
+    /// Seed of their draws [default: as the file says, else 1].
+    #[arg(long, value_name = "S", requires = "rehearse")]
+    pub seed: Option<u64>,
     /// Print the findings as JSON on stdout.
     #[arg(long)]
     pub json: bool,
@@ -215,25 +262,47 @@ pub(super) struct DoctorArgs {
 }
 
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  gusset export runs/first --format csv --out first.csv")]
+#[command(after_help = "Examples:\n  gusset export runs/first --format csv --out first.csv\n  \
+    gusset export runs/first --format mat --out first.mat                        load('first.mat')\n  \
+    gusset export runs/first --format npz --rate tick --out first.npz            numpy.load('first.npz')\n  \
+    gusset export runs/first --format trace --from 2 --to 2.5 --out first.json   opens in ui.perfetto.dev")]
 pub(super) struct ExportArgs {
     /// The run folder, finished or not.
     pub run: PathBuf,
-    /// File format.
+    /// In which form.
     #[arg(long, value_enum, default_value_t = FormatArg::Csv)]
     pub format: FormatArg,
-    /// The file to write; must not exist yet.
+    /// The file to write (designsafe: the folder); must not exist yet.
     #[arg(long)]
     pub out: PathBuf,
-    /// One row per step, or every tick.
+    /// One row per step, or every tick. A trace has every tick.
     #[arg(long, value_enum, default_value_t = RateArg::Step)]
     pub rate: RateArg,
+    /// Only from this test time on, in seconds.
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub from: Option<f64>,
+    /// Only up to this test time, in seconds.
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub to: Option<f64>,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 pub(super) enum FormatArg {
     /// Comma-separated values, 17 significant digits.
     Csv,
+    /// NumPy archive, one array per column.
+    Npz,
+    /// MATLAB file (also Octave, SciPy), one vector per column.
+    Mat,
+    /// HDF5 file, one dataset per column.
+    Hdf5,
+    /// Parquet table.
+    Parquet,
+    /// Timeline of the loop for ui.perfetto.dev or chrome://tracing.
+    Trace,
+    /// Folder in the shape of a DesignSafe hybrid-simulation project.
+    #[value(name = "designsafe")]
+    DesignSafe,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]

@@ -3,6 +3,7 @@
 use serde_json::json;
 
 use super::args::CheckArgs;
+use super::certificate::Certificate;
 use super::exit::Exit;
 use super::following::Following;
 use super::rehearsed::Rehearsed;
@@ -43,7 +44,20 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
     } else {
         Some(Rehearsed::of(&loaded, experiment)?)
     };
-    let following = Following::of(&loaded, facts);
+    let following = Following::of(&loaded, facts, spectrum.as_ref());
+    let certificate = if args.rehearse {
+        let certificate = Certificate::of(
+            &loaded,
+            facts,
+            rehearsed.as_ref(),
+            &following,
+            args.trials,
+            args.seed,
+        )?;
+        Some(certificate)
+    } else {
+        None
+    };
     let followed = following.iter().all(Following::is_possible);
     let valid = followed && rehearsed.as_ref().is_none_or(Rehearsed::is_possible);
     if args.json {
@@ -51,6 +65,9 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
         if let (Some(found), false) = (found.as_object_mut(), following.is_empty()) {
             let each = following.iter().map(Following::as_json).collect();
             found.insert("following".to_owned(), serde_json::Value::Array(each));
+        }
+        if let (Some(found), Some(certificate)) = (found.as_object_mut(), &certificate) {
+            found.insert("certificate".to_owned(), certificate.as_json());
         }
         answer(serde_json::to_string_pretty(&found)?)?;
     } else {
@@ -62,7 +79,20 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
         if let Some(rehearsed) = &rehearsed {
             rehearsed.tabulate(&mut table);
         }
+        if let Some(certificate) = &certificate {
+            certificate.tabulate(&mut table);
+        }
         answer(table)?;
+    }
+    if let Some(certificate) = &certificate {
+        if let Some(rehearsed) = &rehearsed {
+            rehearsed.show(&loaded);
+        }
+        return Ok(if certificate.is_go() {
+            Exit::Done
+        } else {
+            Exit::Stopped
+        });
     }
     if !followed {
         return Ok(Exit::Stopped);

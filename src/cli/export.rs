@@ -6,20 +6,31 @@ use super::args::{ExportArgs, FormatArg, RateArg};
 use super::exit::Exit;
 use super::tell;
 use crate::record::Run;
-use crate::record::export::{Rows, export_csv};
+use crate::record::export::{self, Choice, Format, Rows};
 
 /// Writes a run in a form that other programs read.
 pub fn export(args: &ExportArgs) -> anyhow::Result<Exit> {
     let run = Run::open(&args.run)?;
     anyhow::ensure!(!args.out.exists(), "{} exists already", args.out.display());
-    let rows = match args.rate {
-        RateArg::Step => Rows::Step,
-        RateArg::Tick => Rows::Tick,
+    let choice = Choice {
+        rows: match args.rate {
+            RateArg::Step => Rows::Step,
+            RateArg::Tick => Rows::Tick,
+        },
+        from: args.from,
+        to: args.to,
     };
-    let exported = match args.format {
-        FormatArg::Csv => export_csv(&run, rows, &args.out),
-    }
-    .context("the run cannot be exported")?;
+    let format = match args.format {
+        FormatArg::Csv => Format::Csv,
+        FormatArg::Npz => Format::Npz,
+        FormatArg::Mat => Format::Mat,
+        FormatArg::Hdf5 => Format::Hdf5,
+        FormatArg::Parquet => Format::Parquet,
+        FormatArg::Trace => Format::Trace,
+        FormatArg::DesignSafe => Format::DesignSafe,
+    };
+    let exported =
+        export::export(&run, format, &choice, &args.out).context("the run cannot be exported")?;
     for notice in &exported.notices {
         tell(format_args!("warning: {notice}"));
     }

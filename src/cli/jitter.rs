@@ -41,7 +41,7 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<Exit> {
     } else {
         None
     };
-    let mut line = ProgressLine::new(&facts, true);
+    let line = ProgressLine::new(&facts, true);
     let finished = session::run(
         test,
         folder,

@@ -7,14 +7,17 @@
 mod args;
 mod attend;
 mod benchmark;
+mod certificate;
 mod check;
 mod doctor;
 mod exit;
 mod export;
 mod following;
 mod frontier;
+mod identify;
 mod jitter;
 mod limits;
+mod live;
 mod operate;
 mod progress;
 mod rehearsed;
@@ -22,10 +25,12 @@ mod replay;
 mod report;
 mod run;
 mod schema;
+mod screen;
 mod serve;
 mod serve_openfresco;
 mod serve_tls;
 mod spectrum;
+mod status;
 mod table;
 mod verify;
 
@@ -50,6 +55,7 @@ pub fn main() -> ExitCode {
     let result = match cli.command {
         Command::Run(args) => run::run(&args),
         Command::Check(args) => check::check(&args),
+        Command::Identify(args) => identify::identify(&args),
         Command::Jitter(args) => jitter::jitter(&args),
         Command::Doctor(args) => doctor::doctor(&args),
         Command::Export(args) => export::export(&args),
@@ -89,8 +95,16 @@ fn in_one_line(error: &anyhow::Error) -> String {
     text
 }
 
+/// Where the log goes: to stderr, below what stands there and changes.
+#[must_use]
+pub fn log() -> io::Stderr {
+    screen::step_aside();
+    io::stderr()
+}
+
 /// A line to whoever reads stderr. If nobody can, nothing is lost but the line.
 fn tell(text: impl Display) {
+    screen::step_aside();
     let _nobody_reads = writeln!(io::stderr(), "{text}");
 }
 

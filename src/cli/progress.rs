@@ -1,7 +1,6 @@
-//! The progress line: on a terminal, and nowhere else.
+//! The progress line of a measurement of the loop: on a terminal, and nowhere else.
 
-use std::io::{IsTerminal, Write};
-
+use super::screen;
 use crate::config::Facts;
 use crate::record::Progress;
 
@@ -10,24 +9,22 @@ pub struct ProgressLine {
     show: bool,
     duration: f64,
     rate_hz: f64,
-    drawn: bool,
 }
 
 impl ProgressLine {
     /// `wanted` is whether the user wants one; it also takes a terminal.
     pub fn new(facts: &Facts, wanted: bool) -> Self {
-        let show = wanted && std::io::stderr().is_terminal();
+        let show = wanted && screen::is_there();
         let duration = facts.steps as f64 * facts.dt;
         Self {
             show,
             duration,
             rate_hz: facts.rate_hz,
-            drawn: false,
         }
     }
 
     /// Draws the line anew.
-    pub fn show(&mut self, progress: &Progress) {
+    pub fn show(&self, progress: &Progress) {
         if !self.show {
             return;
         }
@@ -43,20 +40,14 @@ impl ProgressLine {
             .map(|i| if i < filled { '█' } else { '·' })
             .collect();
         let misses = progress.misses.total();
-        let mut terminal = std::io::stderr();
-        let _hung_up = write!(
-            terminal,
-            "\r\x1b[2K{bar} {time:7.2} of {:.2} s   {:.0} Hz   misses {misses}   rows lost {}",
+        screen::draw(&[format!(
+            "{bar} {time:7.2} of {:.2} s   {:.0} Hz   misses {misses}   rows lost {}",
             self.duration, self.rate_hz, progress.rows_lost
-        );
-        let _ = terminal.flush();
-        self.drawn = true;
+        )]);
     }
 
     /// Takes the line away.
-    pub fn clear(&mut self) {
-        if self.drawn {
-            let _hung_up = write!(std::io::stderr(), "\r\x1b[2K");
-        }
+    pub fn clear(&self) {
+        screen::step_aside();
     }
 }

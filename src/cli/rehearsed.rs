@@ -8,9 +8,10 @@ use super::run::refused;
 use super::table::{Table, duration, quantity};
 use super::warn;
 use crate::config::{Diagnostics, Finding, Loaded, Severity};
+use crate::control::Poses;
 use crate::control::limits::Quantity;
 use crate::engine::Experiment;
-use crate::session::rehearsal::{self, Curtain, Need, Rehearsal};
+use crate::session::rehearsal::{self, AxisNeed, Curtain, Need, Rehearsal, StandIn};
 
 /// Longest wall time of a rehearsal: whoever checks a test waits for it.
 const BUDGET: Duration = Duration::from_secs(10);
@@ -30,6 +31,25 @@ impl Rehearsed {
             rehearsal,
             findings,
         })
+    }
+
+    /// What the nominal test asks of an axis.
+    pub fn need(&self, specimen: usize, axis: usize) -> Option<&AxisNeed> {
+        self.rehearsal.specimens.get(specimen)?.found.get(axis)
+    }
+
+    /// Every limit that it would meet, in words.
+    pub fn beyond_limits(&self) -> Vec<String> {
+        let errors = self.findings.iter();
+        let errors = errors.filter(|finding| finding.severity == Severity::Error);
+        errors.map(|finding| finding.headline.clone()).collect()
+    }
+
+    /// Shows all that was found; what would trip is no error of the file.
+    pub fn show(&self, loaded: &Loaded) {
+        let all = self.findings.iter().cloned();
+        let all = all.map(|finding| loaded.locator.diagnose(finding));
+        warn(&Diagnostics(all.collect()));
     }
 
     /// True if no limit would trip.
@@ -78,9 +98,23 @@ impl Rehearsed {
                 &needs.name,
                 &format!("stood for it: {}", needs.stand_in.words()),
             );
+            let word = match &needs.poses {
+                Some(poses) => {
+                    table.row("  platform", &platform(poses));
+                    "actuator"
+                }
+                None => "axis",
+            };
             for (axis, all) in needs.axes.iter().enumerate() {
                 let lines: Vec<String> = all.iter().map(line).collect();
-                table.row(&format!("  axis {} needs", axis + 1), &lines.join("\n"));
+                let mut text = lines.join("\n");
+                if let Some(found) = needs.found.get(axis)
+                    && needs.stand_in != StandIn::Nothing
+                {
+                    let power = quantity(found.power.high, "W");
+                    text.push_str(&format!("\npower up to {power}"));
+                }
+                table.row(&format!("  {word} {} needs", axis + 1), &text);
             }
         }
     }
@@ -114,7 +148,16 @@ impl Rehearsed {
                 let axes = needs.axes.iter();
                 let axes: Vec<Vec<Value>> =
                     axes.map(|all| all.iter().map(need).collect()).collect();
-                json!({ "name": needs.name, "stand_in": needs.stand_in.key(), "axes": axes })
+                let mut found = json!({
+                    "name": needs.name,
+                    "stand_in": needs.stand_in.key(),
+                    "axes": axes,
+                    "power_w": needs.found.iter().map(|found| found.power.high).collect::<Vec<_>>(),
+                });
+                if let (Some(found), Some(poses)) = (found.as_object_mut(), &needs.poses) {
+                    found.insert("platform".to_owned(), platform_json(poses));
+                }
+                found
             })
             .collect();
         let findings = self.findings.iter().map(|finding| &finding.headline);
@@ -131,6 +174,37 @@ impl Rehearsed {
             "findings": findings.collect::<Vec<_>>(),
         })
     }
+}
+
+/// How far the platform of a loading unit goes.
+fn platform(poses: &Poses) -> String {
+    let each = poses.range.iter().map(|(coordinate, low, high)| {
+        let value = |value: f64| quantity(value, coordinate.unit());
+        format!("{} {} to {}", coordinate.key(), value(*low), value(*high))
+    });
+    let each: Vec<String> = each.collect();
+    let [at_rest, worst] = poses.condition;
+    let worst = if worst > at_rest {
+        format!("; at worst {worst:.3} at {}", poses.worst)
+    } else {
+        String::new()
+    };
+    format!(
+        "{}\ncondition {at_rest:.3} at the reference pose{worst}",
+        each.join(", ")
+    )
+}
+
+fn platform_json(poses: &Poses) -> Value {
+    let range = poses.range.iter().map(|(coordinate, low, high)| {
+        json!({ "coordinate": coordinate.key(), "unit": coordinate.unit(), "low": low, "high": high })
+    });
+    json!({
+        "range": range.collect::<Vec<_>>(),
+        "condition": poses.condition[0],
+        "worst_condition": poses.condition[1],
+        "worst_pose": poses.worst,
+    })
 }
 
 fn line(need: &Need) -> String {

@@ -8,7 +8,8 @@ use anyhow::Context;
 use super::args::{ClockArg, RunArgs};
 use super::attend;
 use super::exit::{Exit, Mistakes, WithExit};
-use super::progress::ProgressLine;
+use super::live;
+use super::status::Status;
 use super::table::{Table, duration, quantity};
 use super::{answer, tell, warn};
 use crate::config::{self, ConfigError, Facts, Loaded, Method, Prepared};
@@ -30,6 +31,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
         tell(format_args!("note: {text}"));
     }
     attend::can_confirm(&test.facts, args.yes)?;
+    let asked = live::Asked::for_run(args)?;
     // Before there is a folder: from here on an interrupt leaves a whole one.
     let signals = Signals::listen().context("signals cannot be taken over")?;
     let folder = match &args.out {
@@ -38,7 +40,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
     }
     .context("the run folder cannot be made")?;
     let facts = test.facts.clone();
-    let mut line = ProgressLine::new(&facts, !args.quiet);
+    let mut status = Status::new(&facts, args);
     let (notices, heard) = crossbeam_channel::bounded(NOTICES);
     let control = Control {
         requests: signals.requests(),
@@ -47,14 +49,24 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
         desk: Some(signals.operator()),
     };
     attend::attend(facts.specimens.clone(), heard, signals.operator(), args.yes)?;
-    let finished = session::run(
-        test,
-        folder,
-        control,
-        Watches::default(),
-        &mut |progress: &Progress| line.show(progress),
-    );
-    line.clear();
+    // Who is not looked at is not tapped.
+    let mut looked = (asked.is_wanted() || status.is_shown())
+        .then(|| live::Looked::at(&test, folder.path(), control.phase.clone()));
+    let mut watches = Watches::default();
+    #[cfg(feature = "monitor")]
+    let served = live::Served::default();
+    if let Some(looked) = &mut looked {
+        watches.onlooker = looked.onlooker();
+        #[cfg(feature = "monitor")]
+        {
+            watches.when_placed = looked.page(asked, signals.operator(), &served);
+        }
+        status.look_at(&looked.board);
+    }
+    let finished = session::run(test, folder, control, watches, &mut |_: &Progress| {
+        status.show();
+    });
+    status.clear();
     let mut finished = finished.map_err(|error| match error {
         SessionError::NotRealTime { .. } => {
             WithExit(Exit::NoRealTime, format!("{error}\nnothing was moved")).into()
@@ -67,6 +79,11 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
     let report = session::conclude(&mut finished);
     if let Err(error) = &report {
         tell(format_args!("warning: not written: {error}"));
+    }
+    #[cfg(feature = "monitor")]
+    {
+        let page = report.as_ref().ok().map(|page| page.path.as_path());
+        served.end(live::Looked::ended(&finished, page));
     }
     if finished.summary.rows_lost > 0 {
         tell(format_args!(

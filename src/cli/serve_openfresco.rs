@@ -39,7 +39,7 @@ pub fn serve(
     } else {
         Nature::Simulated
     };
-    let remembers = nature == Nature::Physical;
+    let remembers = nature == Nature::Physical || served.host.remembers();
     let station = served.host.station(remembers).map_err(anyhow::Error::msg)?;
     let mut host = Host::of(station, nature, wishes.step_s);
     let bytes = match carrier {

@@ -139,6 +139,16 @@ impl Spectrum {
         }
     }
 
+    /// The critical delay of a specimen by the recursion.
+    pub(super) fn discrete(&self, specimen: &str) -> Result<DiscreteLimit, String> {
+        let mut delays = self.delays.iter();
+        let found = delays.find(|delay| delay.specimen.name == specimen);
+        found.map_or_else(
+            || Err("not analysed".to_owned()),
+            |found| found.discrete.clone(),
+        )
+    }
+
     /// The highest natural frequency in rad/s, if it is known.
     pub(super) fn highest(&self) -> Option<f64> {
         self.highest

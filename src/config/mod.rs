@@ -17,9 +17,11 @@
 //! a number that is not finite is refused everywhere but as λ = ∞.
 
 mod build;
+mod certificate;
 mod check;
 mod diagnose;
 mod document;
+mod driven;
 mod edit;
 mod inputs;
 mod locator;
@@ -47,16 +49,21 @@ use thiserror::Error;
 use toml_edit::DocumentMut;
 
 pub use build::{
-    ALL_MODES, Analysis, Dial, Facts, Files, Limit, LimitFacts, Loop, ModeFacts, Prepared,
-    SpecimenLimits, StructureFacts, build, build_over, build_rehearsal,
+    ALL_MODES, ActuatorFacts, Analysis, Dial, Drawn, Estimate, Facts, Files, Limit, LimitFacts, LoadingFacts, Loop, ModeFacts,
+    Prepared, SpecimenLimits, StructureFacts, Trial, build, build_over, build_rehearsal,
+    build_trial, estimates,
+};
+pub use certificate::{
+    CapacityTable, CertificateTable, IdentifiedTable, Spread, Uncertain, UncertaintyTable,
 };
 pub use diagnose::{Diagnostic, Diagnostics, Finding, Part, Place, Severity, Source};
 pub use document::{KeyPath, PathError, Segment};
+pub use driven::Drive;
 pub use inputs::{INPUTS_FOLDER, Input, InputError, Inputs};
 pub use locator::Locator;
 pub use overrides::Override;
 pub use resolve::{ResolveError, resolve};
-pub use safety::{ExitChoice, SafetyTable, ZeroChoice};
+pub use safety::{ExitChoice, SafetyTable, ShareSpec, ZeroChoice};
 pub use schema::{
     ExcitationTable, GravityTable, GroundTable, IntegratorTable, Method, NodalFileTable,
     NodalForceTable, PrescribedTable, RecordTable, Start, StructureTable, TestFile, Weighting,

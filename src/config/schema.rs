@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::certificate::{CertificateTable, UncertaintyTable};
 use super::safety::SafetyTable;
 use super::specimen::SpecimenTable;
 use super::timetable::TimeTable;
@@ -47,6 +48,12 @@ pub struct TestFile {
     /// What is recorded.
     #[serde(default)]
     pub record: RecordTable,
+    /// What `check --rehearse` runs and allows.
+    #[serde(default, skip_serializing_if = "CertificateTable::is_default")]
+    pub certificate: CertificateTable,
+    /// Numbers of this file that are not known exactly: `check --rehearse` draws them anew for each trial.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub uncertainty: Vec<UncertaintyTable>,
 }
 
 /// The numerical substructure: exactly one of `shear_building`, `matrices` and `chain`, and what stands with it.

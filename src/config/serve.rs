@@ -7,6 +7,7 @@ use std::path::Path;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::build::behind_actuators;
 use super::build::links::{beside, wire_axes};
 use super::document::Node;
 use super::safety::SafetyTable;
@@ -67,6 +68,10 @@ pub struct ServeTable {
     /// File with the pre-shared key, relative to this file. Beyond loopback our own protocol wants this or TLS.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub key_file: Option<String>,
+    /// A specimen that is computed stays as the last test left it, as a real one does, so that an interrupted test can go on.
+    /// Otherwise each test finds it as new.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub remembers: bool,
     /// For `protocol = "openfresco…"` only.
     pub openfresco: OpenFrescoServeSpec,
 }
@@ -175,6 +180,16 @@ pub fn load_served(path: &Path, name: Option<&str>) -> Result<Served, ConfigErro
         None => host(table, &at).map_err(|f| refuse(*f))?,
     };
     let host = host.limited(table.limits_of(table.axes()));
+    let host = match (serve.remembers, host.is_gateway()) {
+        (false, _) => host,
+        (true, false) => host.remembering(),
+        (true, true) => {
+            let at = KeyPath::root().key("serve").key("remembers");
+            let text =
+                "`remembers` is for a specimen that is computed, but this one is behind a link";
+            return Err(refuse(Finding::error(at, text)));
+        }
+    };
     // A key is never copied into a run folder, so it is named in a way that holds from anywhere.
     let links = file.specimen.iter_mut().filter_map(|s| s.link.as_mut());
     let keys = links.filter_map(|link| link.key_file.as_mut());
@@ -236,10 +251,13 @@ fn host(table: &SpecimenTable, at: &KeyPath) -> Result<Host, Box<Finding>> {
     };
     let law = law.clone();
     let transfer = table.transfer.clone();
+    let whole = table.clone();
     check_units(table, at)?;
     let wire = wire_axes(table, axes);
     let build = move || -> Result<Box<dyn Specimen>, String> {
-        let law = law.build(axes).map_err(|error| error.to_string())?;
+        let laws = whole.law_axes();
+        let law = law.build(laws).map_err(|error| error.to_string())?;
+        let law = behind_actuators(&whole, law).map_err(|error| error.to_string())?;
         let law: Box<dyn Specimen> = match &transfer {
             Some(spec) => {
                 let transfer = Transfer::new(spec, law, None);

@@ -3,12 +3,14 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::certificate::{CapacityTable, IdentifiedTable};
 use super::safety::ZeroChoice;
 use super::value::MatrixValue;
 use super::variant;
 use crate::compensation::CompensationSpec;
 use crate::control::AxisUnits;
 use crate::control::limits::LimitsSpec;
+use crate::geometry::{GeometrySpec, LawPlace};
 use crate::link::LinkSpec;
 use crate::specimen::SpecimenLaw;
 use crate::transfer::TransferSpec;
@@ -24,9 +26,14 @@ pub struct SpecimenTable {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1))]
     pub storey: Option<usize>,
-    /// Rows B of the transformation d = B·x: one row per axis, one column per DOF.
+    /// Rows B of the transformation d = B·x: one row per axis (with `geometry` one per coordinate of its platform), one column
+    /// per DOF.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rows: Option<Vec<Vec<f64>>>,
+    /// Loading unit: the axes are the actuators that hold a platform, and `rows` give its pose. Default: none, every axis is
+    /// a deformation by itself.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub geometry: Option<GeometrySpec>,
     /// Estimate of the initial stiffness in N/m at the structure's scale, which enters K0: a number or a matrix. Too
     /// large costs accuracy, too small costs stability. Default: the law's own; behind a link it must be given.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -99,12 +106,37 @@ pub struct SpecimenTable {
     /// specimen of this process, at the specimen's scale. Default: linear, by `stiffness_n_per_m` and `damping_n_s_per_m`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stand_in: Option<SpecimenLaw>,
+    /// Actuator and sensors that the stand-in of a specimen behind a link stands behind when `check` rehearses the test.
+    /// Default: those of `identified`, else none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stand_in_transfer: Option<TransferSpec>,
+    /// What was identified of the specimen, its actuator and its sensors.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub identified: Option<IdentifiedTable>,
+    /// What the rig can give.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub capacity: Option<CapacityTable>,
 }
 
 impl SpecimenTable {
+    /// Actuator and sensors as far as they are known: the specimen's own, those of its stand-in, else what was identified.
+    /// `pace` is the test time in a second of wall time.
+    #[must_use]
+    pub fn believed_transfer(&self, pace: f64) -> Option<TransferSpec> {
+        let own = match &self.link {
+            Some(_) => self.stand_in_transfer.as_ref(),
+            None => return self.transfer.clone(),
+        };
+        let identified = || self.identified?.transfer(pace);
+        own.cloned().or_else(identified)
+    }
+
     /// Number of axes as far as the table alone says it, without a structure to take deformations from.
     #[must_use]
     pub fn axes_by_itself(&self) -> usize {
+        if let Some(geometry) = &self.geometry {
+            return geometry.actuators();
+        }
         let said = match (&self.laws, &self.coupled, &self.link) {
             (Some(SpecimenLaw::Laws(laws)), ..) => laws.len(),
             (_, Some(SpecimenLaw::Coupled(coupled)), _) => coupled.stiffness_n_per_m.len(),
@@ -121,10 +153,19 @@ impl SpecimenTable {
     /// Number of axes as far as the table says it.
     #[must_use]
     pub fn axes(&self) -> usize {
-        match (&self.storey, &self.rows) {
-            (Some(_), _) => 1,
-            (_, Some(rows)) => rows.len(),
+        match (&self.geometry, &self.storey, &self.rows) {
+            (None, Some(_), _) => 1,
+            (None, _, Some(rows)) => rows.len(),
             _ => self.axes_by_itself(),
+        }
+    }
+
+    /// Number of axes of its laws and estimates: those of the specimen, or the coordinates of its platform.
+    #[must_use]
+    pub fn law_axes(&self) -> usize {
+        match &self.geometry {
+            Some(geometry) if geometry.law_at == LawPlace::Platform => geometry.width(),
+            _ => self.axes(),
         }
     }
 

@@ -2,6 +2,8 @@
 
 use super::*;
 
+mod certificate;
+
 const GOOD: &str = r#"# three storeys, the lowest in the laboratory
 title = "three storeys"
 

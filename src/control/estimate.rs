@@ -283,6 +283,13 @@ impl Port {
         })
     }
 
+    /// Declared upper bounds of the tangent stiffness in N/m and of the tangent damping in N s/m, per axis at the structure;
+    /// not a number where there is none.
+    pub fn tangent_bounds(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
+        let axes = self.estimates.axes.iter();
+        axes.map(|axis| (axis.declared.stiffness_bound, axis.declared.damping_bound))
+    }
+
     /// Share of the room for stability that tangents beyond their declared bounds use up: 0 within the bounds; below 1
     /// stable; exactly 1 is the limit of one axis alone. None if there is no proof to start from. Real-time: yes.
     #[must_use]

@@ -1,6 +1,7 @@
 //! The limits of a port: no command leaves that was not judged, and every fresh measurement is.
 
 use super::limits::{AxisLimits, Found, Hit, Level, Quantity, Watch};
+use super::posed::Posed;
 use super::{Axis, Port};
 use crate::substructure::Substructure;
 
@@ -58,6 +59,11 @@ impl Guard {
         self.units.get(axis).map_or(1.0, |unit| unit.0)
     }
 
+    /// The specimen stands at `disp` before the first command.
+    pub fn stands_at(&mut self, disp: &[f64]) {
+        self.watch.stands_at(Self::metres(&self.units, disp));
+    }
+
     /// Takes note of a command that leaves. Real-time: yes.
     pub fn sent(&mut self, disp: &[f64]) {
         self.cleared = false;
@@ -92,6 +98,12 @@ impl Port {
         &self.guard.declared
     }
 
+    /// Metres and newtons in one unit of each axis.
+    #[must_use]
+    pub fn units(&self) -> &[(f64, f64)] {
+        &self.guard.units
+    }
+
     /// The same port for a rehearsal: `wrap` puts something round its substructure, and is told the metres and newtons in
     /// one unit of each axis. Limits are known but trip no more, except at what is no number.
     #[must_use]
@@ -100,6 +112,16 @@ impl Port {
         wrap: impl FnOnce(Box<dyn Substructure>, &[(f64, f64)]) -> Box<dyn Substructure>,
     ) -> Self {
         self.guard.watch = Watch::new(vec![AxisLimits::NONE; self.axes.len()], 1.0);
+        self.substructure = wrap(self.substructure, &self.guard.units);
+        self
+    }
+
+    /// The same port with something round its substructure that only looks: as [`Port::rehearsed`], limits and all.
+    #[must_use]
+    pub fn watched(
+        mut self,
+        wrap: impl FnOnce(Box<dyn Substructure>, &[(f64, f64)]) -> Box<dyn Substructure>,
+    ) -> Self {
         self.substructure = wrap(self.substructure, &self.guard.units);
         self
     }
@@ -128,7 +150,9 @@ impl Port {
                 bound: f64::MAX,
             });
         }
-        *cleared = found.trip.is_none();
+        // No stroke belongs to a pose that cannot be.
+        let is_posed = self.posed.as_deref().is_none_or(Posed::is_possible);
+        *cleared = found.trip.is_none() && is_posed;
         found
     }
 

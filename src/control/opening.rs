@@ -8,6 +8,9 @@ use crate::substructure::{Command, LinkFault};
 /// Displacements whose relative difference is smaller are the same place.
 const SAME: f64 = 1e-9;
 
+/// Time of a ramp in s that nothing else bounds.
+const UNBOUNDED_RAMP_S: f64 = 1.0;
+
 /// Whether a channel keeps its declared zero.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Zero {
@@ -112,6 +115,7 @@ impl Port {
 
     /// The next command is the last one: nothing moves.
     pub fn stand_still(&mut self) {
+        self.leave_pose();
         self.command.copy_from_slice(&self.sent);
         self.command_vel.fill(0.0);
     }
@@ -143,6 +147,11 @@ impl Port {
         for (sums, (disp, force)) in self.opening.sums.iter_mut().zip(values) {
             sums.take([*disp, *force]);
         }
+    }
+
+    /// Readings begin anew: those of an earlier opening are of another moment.
+    pub fn forget_readings(&mut self) {
+        self.opening.sums.fill(Sums::default());
     }
 
     /// What was read of one axis.
@@ -199,6 +208,27 @@ impl Port {
         }
     }
 
+    /// The specimen says where it stands, in its own unit, one value per axis. What is not one value per axis is nothing.
+    pub fn says_it_stands_at(&mut self, disp: &[f64]) {
+        self.standing = (disp.len() == self.axes.len()).then(|| disp.to_vec());
+    }
+
+    /// Where the specimen says that it stands before the test, in its own unit.
+    #[must_use]
+    pub fn standing(&self) -> Option<&[f64]> {
+        self.standing.as_deref()
+    }
+
+    /// Where the specimen says that it stands is where the next command is, and what that is held against. Does nothing if
+    /// it does not say.
+    pub fn take_its_word(&mut self) {
+        if let Some(standing) = &self.standing {
+            self.sent.copy_from_slice(standing);
+            self.guard.stands_at(standing);
+            self.stand_still();
+        }
+    }
+
     /// Metres in one unit of an axis.
     #[must_use]
     pub fn metres_of(&self, axis: usize) -> f64 {
@@ -206,7 +236,8 @@ impl Port {
     }
 
     /// Shortest time in s of wall time for a ramp from the last command to the next: `shortest`, or longer where it would
-    /// be faster than `share` of a speed limit; 0 if they are the same.
+    /// be faster than `share` of a speed limit; 0 if they are the same. Where neither bounds it, a specimen that says where
+    /// it stands is given a second: it does not jump.
     #[must_use]
     pub fn ramp_time(&self, share: f64, shortest: f64) -> f64 {
         let mut time: f64 = 0.0;
@@ -217,6 +248,12 @@ impl Port {
             if (to - from).abs() > SAME * from.abs().max(to.abs()) {
                 // Half a cosine is π/2 times as fast in the middle as on the average.
                 let speed = share * limits.command_vel.warn.min(limits.command_vel.trip);
+                let unbounded = shortest == 0.0 && speed == f64::INFINITY;
+                let shortest = if unbounded && self.standing.is_some() {
+                    UNBOUNDED_RAMP_S
+                } else {
+                    shortest
+                };
                 time = time.max(shortest).max(FRAC_PI_2 * distance / speed);
             }
         }

@@ -36,6 +36,7 @@ impl Engine {
         }
         self.enter(Phase::Probing, Cause::Done);
         self.aim_where_it_stands();
+        self.take_their_word();
         self.arm()?;
         self.begin_grid();
         for index in 0..self.ports.len() {

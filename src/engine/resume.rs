@@ -83,6 +83,7 @@ impl Engine {
             port.stand_still();
             port.ask_again();
         }
+        self.stand_where_left(&from.left)?;
         self.arm()?;
         self.begin_grid();
         self.read_again(&from.left, control)?;
@@ -102,10 +103,35 @@ impl Engine {
         self.clear_commands()
     }
 
+    /// Specimens that say where they stand must stand where they were left; nothing has moved yet.
+    fn stand_where_left(&mut self, left: &[Vec<Place>]) -> Result<(), Stop> {
+        for (index, (port, places)) in self.ports.iter().zip(left).enumerate() {
+            let stands = port.standing().unwrap_or(&port.sent);
+            let axes = stands.iter().zip(&port.sent).zip(places);
+            for (axis, ((found, left), place)) in axes.enumerate() {
+                let stands_there = (found - left).abs() <= place.within;
+                if !stands_there {
+                    return Err(Stop::Moved {
+                        port: index,
+                        axis,
+                        found: *found,
+                        left: *left,
+                        within: place.within,
+                    });
+                }
+            }
+        }
+        self.take_their_word();
+        Ok(())
+    }
+
     /// Reads every sensor while the specimens hold, and holds that against where they were left.
     fn read_again(&mut self, left: &[Vec<Place>], control: &Control) -> Result<(), Stop> {
         if self.ports.is_empty() {
             return Ok(());
+        }
+        for port in &mut self.ports {
+            port.forget_readings();
         }
         self.read_at_rest(self.opening.zero_ticks.max(1), control)?;
         let mut moved = None;

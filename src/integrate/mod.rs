@@ -25,6 +25,7 @@ mod gui;
 mod kr_alpha;
 mod newmark;
 mod offline;
+mod online;
 mod stability;
 
 use std::fmt;
@@ -43,6 +44,7 @@ pub use gui::{Gui, GuiError};
 pub use kr_alpha::{AlphaWeights, KrAlpha, KrAlphaAtState};
 pub use newmark::{Newmark, NewmarkBeta};
 pub use offline::{Forces, Loaded, MethodError, Moment, Offline, StepError, Stepper, Tangents};
+pub use online::{LambdaLimit, OnlineLimit};
 pub use stability::{
     ACCURATE_LAMBDA, GAIN_HYBRID, GAIN_NUMERICAL, Governing, LambdaChoice, Parts, StabilityError,
     StabilityProof,

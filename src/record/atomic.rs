@@ -2,6 +2,7 @@
 
 use std::fs::File;
 use std::io::{self, Write};
+use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 /// A file under way. Dropped without [`AtomicFile::commit`], it leaves nothing.
@@ -34,6 +35,22 @@ impl AtomicFile {
             path: path.to_owned(),
             partial,
         })
+    }
+
+    /// Writes bytes at this place of the file, whatever was written before.
+    ///
+    /// # Errors
+    /// The system refuses, or this is a pipe or a terminal, where there are no places.
+    pub fn write_all_at(&self, bytes: &[u8], offset: u64) -> io::Result<()> {
+        self.file.write_all_at(bytes, offset)
+    }
+
+    /// Makes the file so long; what is not written reads as zeros.
+    ///
+    /// # Errors
+    /// The system refuses, or this is no plain file.
+    pub fn set_len(&self, length: u64) -> io::Result<()> {
+        self.file.set_len(length)
     }
 
     /// Syncs the bytes and moves them to their place.

@@ -7,10 +7,11 @@
 //! |---|---|
 //! | [`mod@ring`], [`memory`], [`image`] | where the loop leaves rows: a wait-free ring, a vector, a folder in memory |
 //! | [`writer`] | the thread that drains the ring: rows to `samples.bin`, events to `events.jsonl` and the log |
+//! | [`onlooker`] | who looks at the rows as they pass through the writer |
 //! | [`layout`], [`journal`], [`append`] | the format of `samples.bin`; its reader; appending that survives a full disk |
 //! | [`events`], [`note`], [`miss`] | lines of `events.jsonl`; events from outside the loop; the class of a miss |
 //! | [`folder`], [`run`], [`summary`] | the run folder, written; read; `summary.json` |
-//! | [`export`] | CSV |
+//! | [`export`] | CSV, NumPy, MATLAB, HDF5, Parquet, a trace of the loop, a project folder |
 //! | [`atomic`], [`utc`] | files that appear whole; calendar text |
 //!
 //! No clock is read here: whoever starts the writer says how ([`writer::Clocks`]).
@@ -26,6 +27,7 @@ pub mod layout;
 pub mod memory;
 pub mod miss;
 pub mod note;
+pub mod onlooker;
 pub mod ring;
 pub mod run;
 pub mod summary;
@@ -39,6 +41,7 @@ pub use layout::Layout;
 pub use memory::MemoryRecorder;
 pub use miss::{MissClasses, SchedSample};
 pub use note::{Note, NoteLevel};
+pub use onlooker::Onlooker;
 pub use ring::{RingReader, RingRecorder, RingSize, WhenFull, ring};
 pub use run::Run;
 pub use summary::Summary;
@@ -153,6 +156,15 @@ pub enum EventKind {
         /// In one word.
         what: &'static str,
     },
+    /// A pose that the actuators of specimen `port` cannot take, or strokes without a pose.
+    Geometry {
+        /// Specimen, from 0.
+        port: u32,
+        /// Actuator, from 0, where it is one alone.
+        actuator: Option<u32>,
+        /// In one word.
+        what: &'static str,
+    },
     /// The pace of the commands changed between two targets.
     Pace {
         /// From here.
@@ -227,6 +239,18 @@ pub enum MissCause {
     Ours,
 }
 
+/// When the rows of the warm-up are handed over. It is no part of a test, and nothing of it is kept as long as nothing
+/// is asked in it and nothing goes wrong.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum WarmUpRows {
+    /// Afterwards, if they matter.
+    IfTheyMatter,
+    /// Tick by tick: they are compared with recorded ones.
+    AsTheyCome,
+    /// Not at all: they are compared with a recording in which they did not matter.
+    Never,
+}
+
 /// Where the loop leaves rows and events. Never blocks under the real clock. Real-time: yes.
 pub trait Recorder: Send {
     /// Takes one row; false if it had to be dropped.
@@ -234,4 +258,9 @@ pub trait Recorder: Send {
 
     /// Takes one event; false if it had to be dropped.
     fn event(&mut self, event: Event) -> bool;
+
+    /// When it wants the rows of the warm-up, which begins now.
+    fn warm_up(&mut self) -> WarmUpRows {
+        WarmUpRows::IfTheyMatter
+    }
 }

@@ -29,6 +29,7 @@ use super::append::Store;
 use super::events::Moment;
 use super::miss::{MissClasses, SchedSample};
 use super::note::Note;
+use super::onlooker::Onlooker;
 use super::ring::RingReader;
 
 /// The clocks that the writer reads.
@@ -173,6 +174,26 @@ impl Writer {
         S: Store + 'static,
         E: Store + 'static,
     {
+        Self::spawn_watched(ring, samples, events, sampler, clocks, settings, None)
+    }
+
+    /// The same with somebody who looks at the rows as they pass.
+    ///
+    /// # Errors
+    /// As [`Writer::spawn`].
+    pub fn spawn_watched<S, E>(
+        ring: RingReader,
+        samples: S,
+        events: E,
+        sampler: Option<Receiver<SchedSample>>,
+        clocks: Clocks,
+        settings: WriterSettings,
+        onlooker: Option<Box<dyn Onlooker>>,
+    ) -> Result<Self, WriterError>
+    where
+        S: Store + 'static,
+        E: Store + 'static,
+    {
         let (notes, notes_out) = crossbeam_channel::bounded(NOTES);
         let stop = Arc::new(AtomicBool::new(false));
         let progress = Arc::new(Mutex::new(Progress::default()));
@@ -185,6 +206,7 @@ impl Writer {
         let stop_seen = Arc::clone(&stop);
         let mut drain = Drain::new(ring, samples, events, sampler, notes_out, settings);
         drain.serve(sync, Arc::clone(&progress));
+        drain.watch(onlooker);
         let work = move || loop {
             // Read before the turn: what the loop left before the stop is then surely seen.
             let last = stop_seen.load(Ordering::Acquire);

@@ -4,10 +4,41 @@
 //! Invariant: nobody is left connected and untold. If one specimen cannot take part, the others are told that nothing
 //! will come, as soon as the last of them has said what it has to say.
 
+use serde_json::Value;
+
 use crate::control::Port;
 use crate::engine::Experiment;
 use crate::record::{Note, NoteLevel, Writer};
 use crate::substructure::{Introduction, LinkFault, Retirement, Unavailable};
+
+/// Where a specimen said that it stands, in the note on its connection: numbers in its own unit, one per axis, in words,
+/// since JSON's numbers need not come back to the last bit.
+const STANDING: &str = "standing";
+
+fn in_words(numbers: &[f64]) -> String {
+    let words: Vec<String> = numbers.iter().map(|number| format!("{number:?}")).collect();
+    words.join(" ")
+}
+
+/// Specimens say again where they stood when a recorded test was connected to them.
+pub(super) fn put_standing(events: &[Value], ports: &mut [Port]) {
+    // What they said to an interrupted test was true then.
+    for port in &mut *ports {
+        port.says_it_stands_at(&[]);
+    }
+    for event in events {
+        let said = event.get(STANDING).and_then(Value::as_str);
+        let number = event.get("specimen").and_then(Value::as_u64);
+        let (Some(said), Some(number)) = (said, number) else {
+            continue;
+        };
+        let standing: Result<Vec<f64>, _> = said.split(' ').map(str::parse).collect();
+        let index = usize::try_from(number).ok().and_then(|n| n.checked_sub(1));
+        if let (Ok(standing), Some(port)) = (standing, index.and_then(|i| ports.get_mut(i))) {
+            port.says_it_stands_at(&standing);
+        }
+    }
+}
 
 /// Connects every specimen and notes what each says of itself: N of them take as long as the slowest. Nothing moves
 /// yet. Returns what the user should know, or who cannot take part.
@@ -31,7 +62,11 @@ pub(super) fn connect(experiment: &mut Experiment, writer: &Writer) -> Result<Ve
                 warnings.extend(introduction.warnings);
                 if port.is_remote() {
                     let note = about(NoteLevel::Info, "connected");
-                    writer.note(note.with("peer", introduction.peer.as_str()));
+                    let note = note.with("peer", introduction.peer.as_str());
+                    writer.note(match port.standing() {
+                        Some(standing) => note.with(STANDING, in_words(standing).as_str()),
+                        None => note,
+                    });
                 }
             }
             Err(error) => {

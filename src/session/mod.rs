@@ -18,6 +18,7 @@ mod desk;
 mod energetics;
 mod guarded;
 mod page;
+pub mod certificate;
 pub mod rehearsal;
 mod replay;
 mod resume;
@@ -25,6 +26,7 @@ mod retrace;
 mod signals;
 mod summary;
 mod tape;
+mod watches;
 
 use std::path::PathBuf;
 use std::sync::mpsc::{self, SyncSender};
@@ -42,12 +44,13 @@ pub use replay::{Difference, Replay, ReplayError, replay, replay_rows};
 pub use resume::{ResumeError, resume};
 pub use signals::{Signal, Signals};
 pub use summary::ending;
+pub use watches::{Attendance, Watches};
 
 use desk::Desk;
 use guarded::{Ended, run_retired};
 
 use crate::config::{ClockChoice, Facts, Files, Prepared};
-use crate::engine::{Control, Engine, Experiment, Watch};
+use crate::engine::{Control, Engine, Experiment};
 use crate::record::writer::{Clocks, WriterError};
 use crate::record::{
     FolderError, Layout, Note, NoteLevel, Progress, Recorded, RingSize, RunFolder, SchedSample,
@@ -73,6 +76,9 @@ pub enum SessionError {
     /// The system gives no thread.
     #[error("cannot start the loop's thread: {0}")]
     Thread(std::io::Error),
+    /// Whoever attends the test cannot.
+    #[error("the live page cannot be served: {0}")]
+    Attendance(std::io::Error),
     /// Real-time conditions are required and were not granted.
     #[error("real-time conditions are required and not granted: {}", missing.join("; "))]
     NotRealTime {
@@ -111,21 +117,6 @@ pub struct Finished {
     pub granted: Option<Granted>,
     /// Files that could not be written, each with its reason.
     pub unwritten: Vec<String>,
-}
-
-/// Guards that a test may put on the loop's own thread, round the ticks.
-#[derive(Default)]
-pub struct Watches {
-    /// Called when the warm-up is over.
-    pub before_first_tick: Option<Watch>,
-    /// Called when the last tick is over.
-    pub after_last_tick: Option<Watch>,
-}
-
-impl std::fmt::Debug for Watches {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str("Watches")
-    }
 }
 
 /// Period of the caller's look at the progress.
@@ -190,7 +181,7 @@ fn prepare(
     files: &Files,
     folder: &mut RunFolder,
     control: Control,
-    watches: Watches,
+    mut watches: Watches,
 ) -> Result<Ready, SessionError> {
     archive::keep(files, folder)?;
     let columns = experiment.columns();
@@ -206,6 +197,8 @@ fn prepare(
 
     // The loop's thread first: it says what it was granted before anything else is set up or moved.
     let plan = real.then(|| RtPlan::new(&facts.timing, period_ns(facts.rate_hz)));
+    let (onlooker, when_placed) = (watches.onlooker.take(), watches.when_placed.take());
+    let (before_first_tick, after_last_tick) = (watches.before_first_tick, watches.after_last_tick);
     let (answer, answered) = mpsc::sync_channel(1);
     let (go, gate) = mpsc::sync_channel::<Experiment>(1);
     let (done_in, done) = mpsc::sync_channel(1);
@@ -226,8 +219,8 @@ fn prepare(
             };
             let mut engine = Engine::new(experiment, clock, Box::new(recorder));
             engine.phase_cell = control.phase.clone();
-            engine.before_first_tick = watches.before_first_tick;
-            engine.after_last_tick = watches.after_last_tick;
+            engine.before_first_tick = before_first_tick;
+            engine.after_last_tick = after_last_tick;
             let _ = done_in.send(run_retired(&mut engine, &control, granted.is_some()));
         })
         .map_err(SessionError::Thread)?;
@@ -247,6 +240,9 @@ fn prepare(
             let _ = pin_away(cpu);
         }
     }
+    if let Some(start) = when_placed {
+        start().map_err(SessionError::Attendance)?;
+    }
 
     let clocks = Clocks {
         monotonic_ns: os::monotonic_ns,
@@ -260,7 +256,15 @@ fn prepare(
         ..WriterSettings::default()
     };
     let sampler_out = real.then_some(sample_out);
-    let writer = Writer::spawn(reader, samples, events, sampler_out, clocks, settings)?;
+    let writer = Writer::spawn_watched(
+        reader,
+        samples,
+        events,
+        sampler_out,
+        clocks,
+        settings,
+        onlooker,
+    )?;
     let sampler = if real {
         spawn_sampler(thread_id, &granted, sample_in)
     } else {

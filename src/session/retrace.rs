@@ -9,13 +9,13 @@ use std::sync::{Arc, Mutex};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
+use super::connect::put_standing;
 use super::replay::ReplayError;
 use super::tape::{Comparing, Recording, Replaced, Tape, Verified, put_recorded, with};
 use crate::config::{self, Prepared};
 use crate::control::Port;
 use crate::engine::{Control, Ending, Engine, Experiment, Place, Resumption, Side};
 use crate::record::{Column, Run};
-use crate::time::SimClock;
 
 /// Name of the file in the folder of a resumed test.
 pub(super) const ORIGIN: &str = "resumed.json";
@@ -160,6 +160,7 @@ pub(super) fn prepared(run: &Run, replaced: Replaced, keys: bool) -> Result<Prep
         origin.put(&mut test.experiment.ports);
         test.experiment.resume = Some(resumption);
     }
+    put_standing(&run.events()?.events, &mut test.experiment.ports);
     Ok(test)
 }
 
@@ -200,7 +201,7 @@ pub(super) fn retrace(
     let tape = Arc::new(Mutex::new(tape));
     put_recorded(&mut experiment, &tape, run.layout(), replaced);
     let recorder = Box::new(Comparing(Arc::clone(&tape)));
-    let mut engine = Engine::new(experiment, Box::new(SimClock::new()), recorder);
+    let mut engine = Engine::for_a_replay(experiment, recorder);
     let ending = engine.retrace(&Control::from(requests));
     Ok(with(&tape, |tape| {
         let damage = tape.end().filter(|end| {

@@ -156,6 +156,7 @@ pub fn ending(outcome: &Outcome) -> (Finish, String) {
                 | Stop::Saturated { .. }
                 | Stop::Moved { .. }
                 | Stop::Limit { .. }
+                | Stop::Geometry { .. }
                 | Stop::TestLimit(_)
                 | Stop::Late { .. }
                 | Stop::Stale { .. }

@@ -6,14 +6,18 @@
 mod coupled;
 mod in_process;
 mod in_units;
+mod platform;
 mod spec;
+mod stiffened;
 mod uniaxial;
 
 pub use coupled::{Coupled, CoupledSpec};
 pub use in_process::InProcess;
 pub(crate) use in_process::status;
 pub use in_units::InUnits;
+pub use platform::{Gear, Platform};
 pub use spec::SpecimenLaw;
+pub use stiffened::Stiffened;
 pub use uniaxial::Uniaxial;
 
 use crate::law::Reach;

@@ -258,6 +258,7 @@ fn one(ratio: f64, share: f64) -> Delayed {
         rows: scalar(1.0),
         specimen_stiffness: scalar(2.0 * TAU * TAU * share),
         specimen_damping: scalar(0.0),
+        specimen_mass: 0.0,
         weighted: None,
     }
 }
@@ -320,6 +321,7 @@ fn at_the_critical_delay_the_characteristic_matrix_of_a_frame_is_singular() {
         rows: DMatrix::from_row_slice(1, 3, &[-1.0, 1.0, 0.0]),
         specimen_stiffness: DMatrix::from_element(1, 1, 1.5e6),
         specimen_damping: DMatrix::from_element(1, 1, 0.0),
+        specimen_mass: 0.0,
         weighted: None,
     };
     let found = continuous(&system).unwrap().unwrap();
@@ -342,6 +344,28 @@ fn at_the_critical_delay_the_characteristic_matrix_of_a_frame_is_singular() {
         |delay: f64| spectral_radius(&recursion(&system, 2e-4, 11.5, delay).unwrap()).unwrap();
     assert!((1..20).all(|k| radius(0.049 * f64::from(k) * stepped) <= 1.0 + 1e-9));
     assert!(radius(1.02 * stepped) > 1.0);
+}
+
+#[test]
+fn inertia_in_the_specimens_force_is_delayed_with_it() {
+    let mut system = one(0.02, 0.5);
+    (system.specimen_mass, system.mass[(0, 0)]) = (0.4, 1.6);
+    let found = continuous(&system).unwrap().unwrap();
+    // −ω²·1.6 + iω c + k_n + (k_e − ω²·0.4) e^{−iωτ} = 0.
+    let (omega, c, k) = (found.omega, 0.08 * TAU, TAU * TAU);
+    let turn = Pole::new(0.0, -omega * found.delay).exp();
+    let sum = Pole::new(k - 1.6 * omega * omega, omega * c) + turn * (k - 0.4 * omega * omega);
+    assert!(sum.norm() < 1e-9 * k, "{sum}");
+    assert!((found.delay / sdof(0.02, 0.5, TAU).unwrap() - 1.0).abs() > 0.01);
+    let stepped = at(discrete(&system, 0.001, 4.0, Some(found.delay)).unwrap());
+    assert!(
+        (stepped / found.delay - 1.0).abs() < 5e-3,
+        "{stepped} {found:?}"
+    );
+    // The recursion with its history of commands says the same.
+    let radius =
+        |delay: f64| spectral_radius(&recursion(&system, 0.001, 4.0, delay).unwrap()).unwrap();
+    assert!(radius(0.999 * stepped) < 1.0 && radius(1.001 * stepped) > 1.0);
 }
 
 #[test]

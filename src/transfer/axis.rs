@@ -24,7 +24,8 @@ struct State {
 
 #[derive(Debug, Clone)]
 enum Dynamics {
-    Direct,
+    /// With a gain.
+    Direct(f64),
     First(FirstOrderSpec, Ramped<1, 1>),
     Second(SecondOrderSpec, Ramped<2, 1>),
     Servo(Box<Servo>),
@@ -74,7 +75,8 @@ impl Axis {
         damping: f64,
     ) -> Self {
         let dynamics = match actuator {
-            None => Dynamics::Direct,
+            None => Dynamics::Direct(1.0),
+            Some(ActuatorSpec::Proportional(spec)) => Dynamics::Direct(spec.gain),
             Some(ActuatorSpec::FirstOrder(spec)) => Dynamics::First(*spec, still()),
             Some(ActuatorSpec::SecondOrder(spec)) => Dynamics::Second(*spec, still()),
             Some(ActuatorSpec::ServoHydraulic(spec)) => Dynamics::Servo(Box::new(Servo {
@@ -133,7 +135,7 @@ impl Axis {
     /// Where a command held for ever takes the specimen if it resists with `force` there.
     pub fn rest(&self, disp: f64, force: f64) -> f64 {
         let rest = match &self.dynamics {
-            Dynamics::Direct => disp,
+            Dynamics::Direct(gain) => gain * disp,
             Dynamics::First(spec, _) => spec.gain * disp,
             Dynamics::Second(spec, _) => spec.gain * disp,
             Dynamics::Servo(servo) => {
@@ -158,10 +160,10 @@ impl Axis {
         let (start, end) = ([before.drive], [drive]);
         self.saturated = false;
         match &self.dynamics {
-            Dynamics::Direct => {
+            Dynamics::Direct(gain) => {
                 if dt > 0.0 || self.bounds.rate.is_infinite() {
-                    now.x[DISP] = drive;
-                    now.x[VEL] = drive_vel;
+                    now.x[DISP] = gain * drive;
+                    now.x[VEL] = gain * drive_vel;
                 }
             }
             Dynamics::First(spec, tick) => {
@@ -259,7 +261,7 @@ impl Axis {
             self.trial.x[DISP] = self.disp;
             self.trial.x[VEL] = self.vel;
             self.committed = self.trial;
-        } else if matches!(self.dynamics, Dynamics::Direct) {
+        } else if matches!(self.dynamics, Dynamics::Direct(_)) {
             self.committed.x[DISP] = self.disp;
             self.committed.drive = self.trial.drive;
         } else {
@@ -300,7 +302,7 @@ fn still<const N: usize, const M: usize>() -> Ramped<N, M> {
 impl Dynamics {
     fn lay_out(&mut self, dt: f64) {
         match self {
-            Self::Direct => {}
+            Self::Direct(_) => {}
             Self::First(spec, tick) => {
                 let per_tick = dt / spec.time_constant_s;
                 *tick = Ramped::new::<3>(&[[-per_tick]], &[[spec.gain * per_tick]], &[1.0]);

@@ -23,7 +23,10 @@ use sensor::Sensor;
 
 pub use axis::servo_tick;
 pub use delay::LONGEST;
-pub use spec::{ActuatorSpec, FirstOrderSpec, SecondOrderSpec, ServoHydraulicSpec, TransferSpec};
+pub use spec::{
+    ActuatorSpec, FirstOrderSpec, ProportionalSpec, SecondOrderSpec, ServoHydraulicSpec,
+    TransferSpec,
+};
 
 use crate::law::Reach;
 use crate::specimen::Specimen;
@@ -155,7 +158,7 @@ impl Transfer {
             if let Some(ActuatorSpec::ServoHydraulic(servo)) = &spec.actuator {
                 servo.check_loop(stiffness, damping)?;
             }
-            let delay = Delay::new(spec.delay_s, spec.entries(dt));
+            let delay = Delay::new(spec.delay_s, spec.entries(dt), dt);
             let actuator = spec.actuator.as_ref();
             axes.push(Axis::new(delay, actuator, bounds, stiffness, damping));
         }

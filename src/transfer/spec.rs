@@ -43,12 +43,22 @@ pub struct TransferSpec {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub enum ActuatorSpec {
+    /// x = g u: at once, but not all the way.
+    Proportional(ProportionalSpec),
     /// T ẋ + x = g u.
     FirstOrder(FirstOrderSpec),
     /// ẍ + 2 ζ ω ẋ + ω² x = ω² g u.
     SecondOrder(SecondOrderSpec),
     /// Servo-valve and cylinder that feel the specimen.
     ServoHydraulic(ServoHydraulicSpec),
+}
+
+/// No lag, only a gain.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "snake_case")]
+pub struct ProportionalSpec {
+    /// g.
+    pub gain: f64,
 }
 
 /// First-order lag.
@@ -173,6 +183,7 @@ impl TransferSpec {
         self.force_sensor.build()?;
         match &self.actuator {
             None => Ok(()),
+            Some(ActuatorSpec::Proportional(spec)) => positive("gain", spec.gain).map(|_| ()),
             Some(ActuatorSpec::FirstOrder(spec)) => {
                 positive("time_constant_s", spec.time_constant_s)?;
                 positive("gain", spec.gain).map(|_| ())
@@ -194,10 +205,23 @@ impl TransferSpec {
         }
     }
 
+    /// True if a sensor is noisy: no two seeds are the same.
+    #[must_use]
+    pub fn is_noisy(&self) -> bool {
+        let (disp, force) = (&self.disp_sensor, &self.force_sensor);
+        let noises = [
+            disp.noise_rms_m,
+            disp.noise_power_m2_s,
+            force.noise_rms_n,
+            force.noise_power_n2_s,
+        ];
+        noises.iter().flatten().any(|noise| *noise > 0.0)
+    }
+
     /// Entries that the history of commands needs.
     pub(super) fn entries(&self, dt: Option<f64>) -> usize {
         match dt {
-            Some(dt) => (self.delay_s / dt).ceil() as usize + 3,
+            Some(dt) => (self.delay_s / dt).ceil() as usize + 4,
             None => delay::LONGEST,
         }
     }
@@ -212,6 +236,7 @@ impl TransferSpec {
         delayed
             * match &self.actuator {
                 None => Complex::new(1.0, 0.0),
+                Some(ActuatorSpec::Proportional(spec)) => Complex::new(spec.gain, 0.0),
                 Some(ActuatorSpec::FirstOrder(spec)) => {
                     Complex::new(spec.gain, 0.0) / (s * spec.time_constant_s + 1.0)
                 }

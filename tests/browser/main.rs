@@ -6,4 +6,6 @@ mod common;
 mod stage;
 
 mod harness;
+#[cfg(feature = "monitor")]
+mod live;
 mod report;

@@ -191,3 +191,97 @@ fn a_specimen_that_stops_for_less_than_that_is_waited_for() {
         is_whole(folder, "run", false);
     }
 }
+
+/// How far in m from where it was left a specimen may be found; more than it moves in the instant that no row tells of.
+const NEAR: f64 = 1e-3;
+
+/// The last command of a test on record, 0 before the first.
+fn last_command(folder: &Path) -> f64 {
+    let Ok(run) = Run::open(&folder.join("killed")) else {
+        return 0.0;
+    };
+    let commands = run.columns(&["cmd_1_1"]).map(|mut all| all.remove(0));
+    commands.unwrap_or_default().last().copied().unwrap_or(0.0)
+}
+
+/// A test on a specimen that stays where it is left, or begins anew with each controller, killed in its midst; and the
+/// command line that goes on with it into `next`.
+fn killed_on(folder: &Path, remembers: bool) -> Served {
+    let text = format!(
+        "[serve]\nremembers = {remembers}\n[[specimen]]\nname = \"column\"\n{ONE_AXIS_LAW}"
+    );
+    let served = Served::start(folder, &text, &["--transport", "tcp"]);
+    let keys = "max_stale = 100000";
+    let text = in_real_time(LONG, &served.address, "tcp", keys);
+    let text = text.replace(
+        "[safety]\n",
+        &format!("[safety]\nresume_within_m = {NEAR}\n"),
+    );
+    assert!(text.contains("resume_within_m"));
+    let mut test = Running::start(folder, "killed", &text);
+    served.hears("armed for");
+    while last_command(folder).abs() < 3.0 * NEAR {
+        test.moves();
+    }
+    test.kill();
+    served.hears("the specimen stays where it is");
+    served
+}
+
+/// Goes on with the killed test; the words that it begins with are told.
+fn go_on(folder: &Path) -> Running {
+    let (killed, next) = (folder.join("killed"), folder.join("next"));
+    Running::with(
+        &[
+            "run".as_ref(),
+            "--resume".as_ref(),
+            killed.as_os_str(),
+            "--out".as_ref(),
+            next.as_os_str(),
+        ],
+        &next,
+    )
+}
+
+fn standing(folder: &Path, name: &str) -> f64 {
+    let events = Run::open(&folder.join(name)).unwrap().events().unwrap();
+    let said = events.events.iter().find_map(|event| event.get("standing"));
+    said.unwrap().as_str().unwrap().parse().unwrap()
+}
+
+#[test]
+fn a_killed_test_goes_on_from_where_its_specimen_says_that_it_stands() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let served = killed_on(folder, true);
+    assert_eq!(standing(folder, "killed"), 0.0);
+    let test = go_on(folder);
+    served.hears("armed for");
+    test.moves();
+    let (code, said) = test.interrupt();
+    assert_eq!(code, 130, "{said}");
+    let stood = standing(folder, "next");
+    assert_ne!(stood, 0.0);
+    let run = Run::open(&folder.join("next")).unwrap();
+    let commands = run.columns(&["cmd_1_1"]).unwrap().remove(0);
+    assert_eq!(commands[0], stood, "the first command moves nothing");
+    is_whole(folder, "next", false);
+}
+
+#[test]
+fn a_killed_test_does_not_go_on_with_a_specimen_that_says_it_stands_elsewhere_and_nothing_moves() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let served = killed_on(folder, false);
+    let (code, said) = go_on(folder).wait();
+    assert_eq!(code, 1, "{said}");
+    let summary = summary(folder, "next");
+    assert!(
+        summary.reason.contains("axis 1: it reads 0"),
+        "{}",
+        summary.reason
+    );
+    let run = Run::open(&folder.join("next")).unwrap();
+    assert!(rows(&run).0.is_empty(), "nothing was sent");
+    drop(served);
+}

@@ -3,6 +3,7 @@
 
 #![allow(clippy::disallowed_macros, reason = "a long run tells its counts")]
 
+mod actuators;
 mod campaign;
 mod invariants;
 mod lab;

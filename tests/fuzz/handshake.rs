@@ -55,6 +55,7 @@ fn seeds(count: usize) -> [Control; 5] {
         watchdog_s: hello.watchdog_s,
         sampling: hello.sampling,
         stiffness: vec![1.0; count * count],
+        standing: vec![0.25; count],
         software: "rig".into(),
         name: "specimen".into(),
         axes: hello.axes.clone(),

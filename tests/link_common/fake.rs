@@ -195,6 +195,7 @@ fn welcome(hello: &Hello, stiffness: f64) -> Welcome {
         watchdog_s: hello.watchdog_s,
         sampling: hello.sampling,
         stiffness: vec![stiffness],
+        standing: vec![],
         software: "a test".into(),
         name: "fake".into(),
         axes: hello.axes.clone(),

@@ -1,5 +1,6 @@
 //! A test in the background.
 
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Stdio};
 use std::sync::mpsc;
@@ -16,11 +17,20 @@ pub struct Running {
 impl Running {
     pub fn start(folder: &Path, name: &str, text: &str) -> Self {
         let file = write(folder, &format!("{name}.toml"), text);
+        let out = folder.join(name);
+        let arguments = [
+            "run".as_ref(),
+            file.as_os_str(),
+            "--out".as_ref(),
+            out.as_os_str(),
+        ];
+        Self::with(&arguments, &out)
+    }
+
+    /// The program with these arguments, which records into `out`.
+    pub fn with(arguments: &[&OsStr], out: &Path) -> Self {
         let child = gusset()
-            .arg("run")
-            .arg(file)
-            .arg("--out")
-            .arg(folder.join(name))
+            .args(arguments)
             .stdin(Stdio::null())
             .stdout(Stdio::null())
             .stderr(Stdio::piped())
@@ -28,7 +38,7 @@ impl Running {
             .unwrap();
         Self {
             child: Some(child),
-            rows: folder.join(name).join("samples.bin"),
+            rows: out.join("samples.bin"),
         }
     }
 

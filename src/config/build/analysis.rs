@@ -129,6 +129,7 @@ impl Analysis {
                             rows,
                             specimen_stiffness: own_stiffness,
                             specimen_damping: own_damping,
+                            specimen_mass: specimen.mass_in_force,
                             weighted: weighted.clone(),
                         },
                     }
@@ -207,6 +208,7 @@ impl Analysis {
                     rows: DMatrix::zeros(1, n),
                     specimen_stiffness: none.clone(),
                     specimen_damping: none,
+                    specimen_mass: 0.0,
                     weighted: Some(self.weighted(lambda).to_dense()),
                 };
                 let step = recursion(&system, dt, lambda.value(), 0.0).ok();

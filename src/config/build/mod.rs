@@ -16,6 +16,7 @@ mod proof;
 mod safety;
 mod specimens;
 mod structure;
+mod trial;
 
 use std::path::PathBuf;
 
@@ -24,14 +25,18 @@ use super::{
     TestFile,
 };
 use crate::engine::{Experiment, Numerical, Settling, Side, StepAudit, TestQuantity};
-use crate::integrate::{Lambda, LambdaChoice};
+use crate::integrate::{Lambda, LambdaChoice, OnlineLimit};
 use crate::linalg::{Spd, SymMatrix};
 use crate::link::{NativeSetup, Transport};
 use crate::rt;
 use crate::rt::TimingSpec;
 pub use analysis::{ALL_MODES, Analysis, Loop, ModeFacts};
+use gear::Rows;
 pub use limits::{Limit, LimitFacts, SpecimenLimits};
 use specimens::Specimens;
+pub use specimens::loading::{ActuatorFacts, LoadingFacts};
+pub(in crate::config) use specimens::loading::{at_actuators, behind_actuators};
+pub use trial::{Drawn, Trial};
 
 /// A test that is ready to run.
 #[derive(Debug)]
@@ -117,6 +122,8 @@ pub struct StructureFacts {
     pub peak_ground_accel: Option<f64>,
     /// What modes and delays can be analysed from, for structures that are not too large.
     pub analysis: Option<Analysis>,
+    /// The limit of λ as the tangents of the specimens change it; none where it takes too long to find.
+    pub online_limit: Option<OnlineLimit>,
     /// b·S⁻¹·bᵀ of every axis of every specimen, at the declared bounds; empty without a proof.
     gains: Vec<Vec<f64>>,
 }
@@ -142,12 +149,25 @@ struct Site<'a> {
     inputs: Inputs,
     errors: Vec<Finding>,
     warnings: Vec<Finding>,
-    /// True if no link is wanted: something stands for every specimen behind one.
-    rehearsal: bool,
+    /// No link is wanted: something stands for every specimen behind one.
+    trial: Option<&'a Trial>,
 }
 
 /// The end of a build whose findings are in the site.
 struct Refused;
+
+impl<'a> Site<'a> {
+    fn new(loaded: &'a Loaded, trial: Option<&'a Trial>, dial: Option<&'a mut Dial<'a>>) -> Self {
+        Self {
+            loaded,
+            dial,
+            inputs: loaded.inputs(),
+            errors: Vec::new(),
+            warnings: Vec::new(),
+            trial,
+        }
+    }
+}
 
 impl Site<'_> {
     fn refuse<T>(&mut self, finding: Finding) -> Result<T, Refused> {
@@ -188,7 +208,7 @@ fn path(key: &str) -> KeyPath {
 /// # Errors
 /// [`ConfigError::Invalid`] with everything that was found wrong before the build had to give up.
 pub fn build(loaded: &Loaded) -> Result<Prepared, ConfigError> {
-    build_as(loaded, false, None)
+    build_as(loaded, None, None)
 }
 
 /// The same experiment without its links: what is declared of a specimen behind one stands in its place. Nothing else is
@@ -197,7 +217,34 @@ pub fn build(loaded: &Loaded) -> Result<Prepared, ConfigError> {
 /// # Errors
 /// As [`build`].
 pub fn build_rehearsal(loaded: &Loaded) -> Result<Prepared, ConfigError> {
-    build_as(loaded, true, None)
+    build_trial(loaded, &trial::NOMINAL)
+}
+
+/// The same with what was drawn for one rehearsal.
+///
+/// # Errors
+/// As [`build`].
+pub fn build_trial(loaded: &Loaded, trial: &Trial) -> Result<Prepared, ConfigError> {
+    build_as(loaded, Some(trial), None)
+}
+
+/// k̂ and ĉ of a specimen by rows, at the structure's scale.
+pub type Estimate = (Vec<Vec<f64>>, Vec<Vec<f64>>);
+
+/// What the controller believes of each specimen.
+///
+/// # Errors
+/// As [`build`].
+pub fn estimates(loaded: &Loaded) -> Result<Vec<Estimate>, ConfigError> {
+    let mut site = Site::new(loaded, Some(&trial::NOMINAL), None);
+    match specimens::specimens(&mut site) {
+        Ok(specimens) => {
+            let each = specimens.loops();
+            let each = each.map(|one| (one.stiffness.to_vec(), one.damping.to_vec()));
+            Ok(each.collect())
+        }
+        Err(Refused) => Err(loaded.refuse(site.errors)),
+    }
 }
 
 /// Makes the transport of a link of our own protocol, in place of a connection.
@@ -208,22 +255,15 @@ pub type Dial<'a> = dyn FnMut(&NativeSetup) -> Box<dyn Transport> + 'a;
 /// # Errors
 /// As [`build`].
 pub fn build_over<'a>(loaded: &'a Loaded, dial: &'a mut Dial<'a>) -> Result<Prepared, ConfigError> {
-    build_as(loaded, false, Some(dial))
+    build_as(loaded, None, Some(dial))
 }
 
 fn build_as<'a>(
     loaded: &'a Loaded,
-    rehearsal: bool,
+    trial: Option<&'a Trial>,
     dial: Option<&'a mut Dial<'a>>,
 ) -> Result<Prepared, ConfigError> {
-    let mut site = Site {
-        loaded,
-        dial,
-        inputs: loaded.inputs(),
-        errors: Vec::new(),
-        warnings: Vec::new(),
-        rehearsal,
-    };
+    let mut site = Site::new(loaded, trial, dial);
     match assemble(&mut site) {
         Ok(prepared) => Ok(prepared),
         Err(Refused) => Err(loaded.refuse(std::mem::take(&mut site.errors))),
@@ -411,6 +451,7 @@ fn numerical(
             .as_mut()
             .map(|proof| std::mem::take(&mut proof.gains))
             .unwrap_or_default(),
+        online_limit: proof.as_mut().and_then(|proof| proof.online.take()),
         choice: proof.and_then(|proof| proof.choice),
         frequencies,
         analysis,
@@ -429,6 +470,7 @@ fn numerical(
         Some(audit) => numerical.audited(audit),
         None => numerical,
     };
+    let numerical = safety::counted(&site.loaded.file, numerical);
     Ok((numerical, settling, facts))
 }
 

@@ -5,8 +5,8 @@ use super::specimens::Specimens;
 use super::{Refused, Site, path};
 use crate::config::{Finding, KeyPath, LambdaValue, Method, Severity};
 use crate::integrate::{
-    ACCURATE_LAMBDA, Apart, GAIN_HYBRID, GAIN_NUMERICAL, Gui, Lambda, LambdaChoice, StabilityProof,
-    Start,
+    ACCURATE_LAMBDA, Apart, GAIN_HYBRID, GAIN_NUMERICAL, Gui, Lambda, LambdaChoice, OnlineLimit,
+    StabilityProof, Start,
 };
 use crate::linalg::{Spd, SymMatrix};
 use crate::model::{ModelError, Part, Structure};
@@ -25,7 +25,12 @@ pub(super) struct Proven {
     pub stiffness_bound: Option<SymMatrix>,
     /// b·S⁻¹·bᵀ of every axis of every specimen, at the declared bounds; empty where S is not definite.
     pub gains: Vec<Vec<f64>>,
+    /// The limit as the tangents of the specimens change it.
+    pub online: Option<OnlineLimit>,
 }
+
+/// Degrees of freedom up to which the limit of λ is found again and again while a test runs: milliseconds each time.
+const MOST_ONLINE: usize = 200;
 
 /// Upper bounds of the tangents and who they come from.
 struct Bounds {
@@ -73,6 +78,7 @@ pub(super) fn choose(
                 gain,
                 stiffness_bound,
                 gains: Vec::new(),
+                online: None,
             });
         }
     };
@@ -106,6 +112,7 @@ pub(super) fn choose(
                 choice: Some(choice),
                 gain,
                 stiffness_bound,
+                online: online(proof, specimens),
             })
         }
         (Err(error), Some(lambda)) => {
@@ -117,6 +124,7 @@ pub(super) fn choose(
                 gain,
                 stiffness_bound,
                 gains: Vec::new(),
+                online: None,
             })
         }
         (Err(error), None) => {
@@ -137,6 +145,13 @@ pub(super) fn choose(
             }))
         }
     }
+}
+
+/// The limit as the tangents of the specimens change it, where it is quick to find.
+fn online(proof: StabilityProof, specimens: &Specimens) -> Option<OnlineLimit> {
+    let parts = specimens.parts();
+    let wanted = !parts.is_empty() && proof.mass.n() <= MOST_ONLINE;
+    wanted.then(|| OnlineLimit::new(proof, parts))
 }
 
 /// How soft S(λ) is along every axis: the room that is left for tangents beyond their bounds.

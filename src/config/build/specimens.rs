@@ -1,6 +1,8 @@
 //! The specimens of a test file: their rows of B, their laws, and what they add to K0, C0 and their bounds.
 
 mod compensation;
+pub(in crate::config) mod loading;
+mod stand_in;
 mod sums;
 
 use nalgebra::DMatrix;
@@ -17,9 +19,9 @@ use crate::link::NativeLink;
 use crate::link::openfresco::Remote;
 use crate::link::spec::{ProbeChoice, Protocol};
 use crate::model::StructureSpec;
-use crate::specimen::{InProcess, InUnits, Specimen};
+use crate::specimen::{InProcess, InUnits, Specimen, SpecimenLaw};
 use crate::substructure::Substructure;
-use crate::transfer::Transfer;
+use loading::{Loading, at_actuators, behind_actuators, loading};
 
 /// One specimen with everything that is known of it, in the structure's units and at its scale.
 #[derive(Debug)]
@@ -27,6 +29,8 @@ struct Entry {
     name: String,
     stand: Stand,
     axes: Vec<Axis>,
+    /// The loading unit whose actuators the axes are.
+    loading: Option<Loading>,
     units: Vec<(f64, f64)>,
     /// k̂ and ĉ, by rows.
     stiffness: Rows,
@@ -56,6 +60,7 @@ pub(super) struct Loop<'a> {
     pub rows: Vec<&'a [(usize, f64)]>,
     pub stiffness: &'a [Vec<f64>],
     pub damping: &'a [Vec<f64>],
+    pub mass_in_force: f64,
 }
 
 /// All specimens of a test, in order.
@@ -67,19 +72,27 @@ pub(super) fn specimens(site: &mut Site<'_>) -> Result<Specimens, Refused> {
     let tables = &site.loaded.file.specimen;
     let mut entries = Vec::with_capacity(tables.len());
     for (index, table) in tables.iter().enumerate() {
-        entries.push(entry(site, &path("specimen").index(index), table)?);
+        entries.push(entry(site, index, table)?);
     }
     Ok(Specimens(entries))
 }
 
-fn entry(site: &mut Site<'_>, at: &KeyPath, table: &SpecimenTable) -> Result<Entry, Refused> {
+fn entry(site: &mut Site<'_>, index: usize, table: &SpecimenTable) -> Result<Entry, Refused> {
+    let at = &path("specimen").index(index);
+    let drawn = site
+        .trial
+        .and_then(|trial| trial.specimens.get(index).copied());
+    let drawn = drawn.unwrap_or_default();
     let rows = rows(site, at, table)?;
+    let (rows, loading) = loading(site, at, table, rows)?;
     let n = rows.len();
+    let laws = loading.as_ref().map_or(n, |_| table.law_axes());
     let mut law = match (table.sources().into_iter().next(), &table.link) {
-        (Some((key, source)), _) => match source.build(n) {
-            Ok(law) => Some(behind_transfer(site, at, table, law)?),
-            Err(error) => return site.refuse_key(&at.key(key), error.key(), &error),
-        },
+        (Some((key, source)), _) => {
+            let law = built(site, at, table, (key, source), laws)?;
+            let (at, spec) = (at.key("transfer"), table.transfer.as_ref());
+            Some(stand_in::behind_transfer(site, &at, spec, law, &drawn)?)
+        }
         (None, Some(_)) => None,
         (None, None) => {
             let text = "nothing stands for the specimen";
@@ -109,14 +122,27 @@ fn entry(site: &mut Site<'_>, at: &KeyPath, table: &SpecimenTable) -> Result<Ent
     }
     let scaled = |flat: &[f64], motion: fn(&Axis) -> f64| scaled(flat, &axes, &units, motion);
     let stiffness = match &table.stiffness_n_per_m {
-        Some(given) => estimate(site, &at.key("stiffness_n_per_m"), given, n)?,
+        Some(given) => {
+            let given = estimate(site, &at.key("stiffness_n_per_m"), given, laws)?;
+            seen(table, &loading, given)
+        }
         None => scaled(&k, |axis| axis.disp_gain),
     };
     let damping = match &table.damping_n_s_per_m {
-        Some(given) => estimate(site, &at.key("damping_n_s_per_m"), given, n)?,
+        Some(given) => {
+            let given = estimate(site, &at.key("damping_n_s_per_m"), given, laws)?;
+            seen(table, &loading, given)
+        }
         None => scaled(&c, |axis| axis.vel_gain),
     };
-    let mass = scaled(&m, |axis| axis.vel_gain * axis.vel_gain / axis.disp_gain);
+    let mut mass = scaled(&m, |axis| axis.vel_gain * axis.vel_gain / axis.disp_gain);
+    let mut mass_in_force = table.mass_in_force_kg;
+    if site.trial.is_some_and(|trial| trial.ideal) {
+        for (axis, row) in mass.iter_mut().enumerate() {
+            row[axis] += mass_in_force;
+        }
+        mass_in_force = 0.0;
+    }
     let stiffness_at_rest = match (&table.stiffness_n_per_m, &mut law) {
         (None, Some(law)) => {
             let (still, mut force) = (vec![0.0; n], vec![0.0; n]);
@@ -141,15 +167,21 @@ fn entry(site: &mut Site<'_>, at: &KeyPath, table: &SpecimenTable) -> Result<Ent
         }
     };
     let stand_in = match &table.stand_in {
-        Some(source) => match source.build(n) {
-            Ok(law) => Some(law),
-            Err(error) => return site.refuse_key(&at.key("stand_in"), error.key(), &error),
-        },
+        Some(source) => Some(built(site, at, table, ("stand_in", source), laws)?),
         None => None,
     };
     let stand = match (law, &table.link) {
         (Some(law), _) => Stand::Law(law),
-        (None, Some(_)) if site.rehearsal => stand_in.map_or(Stand::Believed, Stand::Law),
+        (None, Some(_)) if site.trial.is_some() => {
+            let known = stand_in::Known {
+                table,
+                axes: &axes,
+                units: &units,
+                stiffness: &stiffness,
+                damping: &damping,
+            };
+            stand_in::stand_in(site, at, &known, stand_in, &drawn)?
+        }
         (None, Some(link)) if link.protocol == Protocol::Gusset => {
             let (native, rules) = links::native(site, at, table, link, n)?;
             Stand::Native(Box::new(native), rules)
@@ -165,33 +197,40 @@ fn entry(site: &mut Site<'_>, at: &KeyPath, table: &SpecimenTable) -> Result<Ent
         name: table.name.clone(),
         stand,
         axes,
+        loading,
         units,
         stiffness,
         damping,
         stiffness_at_rest,
         mass,
         bounds,
-        mass_in_force: table.mass_in_force_kg,
+        mass_in_force,
     })
 }
 
-/// The law behind the actuator and the sensors of its table, if there are any.
-fn behind_transfer(
+/// A law for so many axes, at the platform of its actuators if it stands there.
+fn built(
     site: &mut Site<'_>,
     at: &KeyPath,
     table: &SpecimenTable,
-    law: Box<dyn Specimen>,
+    (key, source): (&str, &SpecimenLaw),
+    laws: usize,
 ) -> Result<Box<dyn Specimen>, Refused> {
-    let Some(spec) = &table.transfer else {
-        return Ok(law);
+    let law = match source.build(laws) {
+        Ok(law) => law,
+        Err(error) => return site.refuse_key(&at.key(key), error.key(), &error),
     };
-    let time = site.loaded.time;
-    if let Some(finding) = compensation::slower_time(&at.key("transfer"), time) {
-        return site.refuse(finding);
+    match behind_actuators(table, law) {
+        Ok(law) => Ok(law),
+        Err(error) => site.refuse_key(&at.key("geometry"), error.key(), &error),
     }
-    match Transfer::new(spec, law, Some(compensation::test_time(time))) {
-        Ok(transfer) => Ok(Box::new(transfer)),
-        Err(error) => site.refuse_key(&at.key("transfer"), error.key(), &error),
+}
+
+/// An estimate as the axes see it.
+fn seen(table: &SpecimenTable, loading: &Option<Loading>, estimate: Rows) -> Rows {
+    match loading {
+        Some(loading) => at_actuators(table, &loading.geometry, estimate),
+        None => estimate,
     }
 }
 
@@ -304,11 +343,13 @@ impl Specimens {
         self.0.iter().map(|entry| entry.name.clone()).collect()
     }
 
-    /// Name and number of axes, in order.
+    /// Name and number of deformations that can be prescribed, in order: axes, or coordinates of the platform.
     pub(super) fn axes(&self) -> impl Iterator<Item = (&str, usize)> {
-        self.0
-            .iter()
-            .map(|entry| (entry.name.as_str(), entry.axes.len()))
+        self.0.iter().map(|entry| {
+            let loading = entry.loading.as_ref();
+            let driven = loading.map_or(entry.axes.len(), |loading| loading.rows.len());
+            (entry.name.as_str(), driven)
+        })
     }
 
     /// Name, rows of B, k̂ and ĉ of every specimen.
@@ -318,6 +359,7 @@ impl Specimens {
             rows: entry.axes.iter().map(|axis| axis.row.as_slice()).collect(),
             stiffness: &entry.stiffness,
             damping: &entry.damping,
+            mass_in_force: entry.mass_in_force,
         })
     }
 
@@ -371,9 +413,13 @@ impl Specimens {
         };
         let mut ports = Vec::with_capacity(self.0.len());
         for (index, mut entry) in self.0.into_iter().enumerate() {
+            let iota = |dof: usize| influence.get(dof).copied().unwrap_or(0.0);
+            let base = |row: &[(usize, f64)]| row.iter().map(|&(dof, b)| b * iota(dof)).sum();
             for axis in &mut entry.axes {
-                let iota = |dof: usize| influence.get(dof).copied().unwrap_or(0.0);
-                axis.base = axis.row.iter().map(|&(dof, b)| b * iota(dof)).sum();
+                axis.base = base(&axis.row);
+            }
+            for row in entry.loading.iter_mut().flat_map(|l| &mut l.rows) {
+                row.base = base(&row.row);
             }
             let diagonal = (0..entry.axes.len())
                 .map(|i| entry.stiffness[i][i])
@@ -430,6 +476,9 @@ impl Specimens {
                     }
                     if compensation::is_tracked(&site.loaded.file.specimen[index], axes) {
                         port = port.with_tracking(passes);
+                    }
+                    if let Some(Loading { geometry, rows }) = entry.loading {
+                        port = port.with_geometry(geometry, rows);
                     }
                     port.wait = wait;
                     port.direction = direction;

@@ -3,12 +3,15 @@
 //! Each complaint explains the consequence, not only the rule. What needs the structure itself (how many DOFs it has,
 //! whether a storey exists, whether a matrix is symmetric) is checked where it is built.
 
+mod certificate;
 mod excitation;
+mod geometry;
 mod limits;
 mod link;
 mod safety;
 mod specimen;
 
+use certificate::{check_certificate, check_known};
 use excitation::check_excitation;
 use limits::{check_limits, check_required};
 use specimen::{check_names, check_specimen};
@@ -67,6 +70,7 @@ pub(crate) fn check(file: &TestFile) -> Vec<Finding> {
     for (index, specimen) in file.specimen.iter().enumerate() {
         let at = root.key("specimen").index(index);
         check_specimen(specimen, file.structure.is_some(), &at, &mut findings);
+        check_known(specimen, &at, &mut findings);
         check_limits(specimen, tick_s, Some(&file.safety), &at, &mut findings);
         link::check_pace(specimen, file.time.ticks_per_step, &at, &mut findings);
     }
@@ -89,6 +93,7 @@ pub(crate) fn check(file: &TestFile) -> Vec<Finding> {
         );
     }
     safety::check_safety(file, &mut findings);
+    check_certificate(file, &mut findings);
     let record = root.key("record");
     findings.positive(record.key("queue_s"), Some(file.record.queue_s));
     findings.positive(record.key("checkpoint_s"), Some(file.record.checkpoint_s));
@@ -166,6 +171,7 @@ pub(crate) fn check_served(file: &ServeFile) -> Vec<Finding> {
     for (index, specimen) in file.specimen.iter().enumerate() {
         let at = root.key("specimen").index(index);
         check_specimen(specimen, false, &at, &mut findings);
+        check_known(specimen, &at, &mut findings);
         check_limits(specimen, None, None, &at, &mut findings);
         if specimen.compensation.is_some() {
             findings.0.push(

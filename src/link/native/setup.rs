@@ -264,6 +264,7 @@ impl NativeSetup {
                 welcome.name, self.carrier, welcome.software
             ),
             stiffness: welcome.stiffness,
+            standing: welcome.standing,
             warnings,
             simulated: welcome.capabilities.has(Capabilities::SIMULATED),
         };

@@ -288,6 +288,8 @@ impl Substructure for Remote {
         Ok(Introduction {
             peer: format!("{peer} at {address}, {}", self.settings.carrier_name()),
             stiffness: (0..*axes).flat_map(column).copied().collect(),
+            // None of its messages can tell.
+            standing: Vec::new(),
             warnings: Vec::new(),
             simulated: false,
         })

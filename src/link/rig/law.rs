@@ -1,13 +1,41 @@
 //! A formula behind a server.
 
+use std::sync::{Arc, Mutex, PoisonError};
+
 use super::{Rig, Visitor};
 use crate::specimen::{Specimen, status};
 use crate::substructure::{Command, Introduction, LinkFault, Measurement, Retirement};
 
+/// How the last test left a specimen that is computed: shared by those who make one and those who ask where it stands.
+#[derive(Debug, Clone, Default)]
+pub struct Memory(Arc<Mutex<Option<Left>>>);
+
+#[derive(Debug, Clone)]
+struct Left {
+    state: Vec<f64>,
+    disp: Vec<f64>,
+}
+
+impl Memory {
+    fn recall(&self) -> Option<Left> {
+        let left = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        left.clone()
+    }
+
+    /// Where it stands; none before the first test.
+    #[must_use]
+    pub fn disp(&self) -> Option<Vec<f64>> {
+        self.recall().map(|left| left.disp)
+    }
+}
+
 /// A specimen that is computed.
 pub struct Law {
     specimen: Box<dyn Specimen>,
+    /// The state and the place in which a test finds it.
     virgin: Vec<f64>,
+    stands: Vec<f64>,
+    memory: Option<Memory>,
     /// A test finds it as the last one left it.
     remembers: bool,
     disp: Vec<f64>,
@@ -30,12 +58,27 @@ impl Law {
         specimen.freeze(&mut virgin);
         Self {
             virgin,
+            stands: vec![0.0; axes],
+            memory: None,
             remembers,
             disp: vec![0.0; axes],
             committed: vec![0.0; axes],
             still: vec![0.0; axes],
             specimen,
         }
+    }
+
+    /// The same as the last test left it, and to be kept as this one leaves it.
+    #[must_use]
+    pub fn recalling(mut self, memory: Memory) -> Self {
+        if let Some(left) = memory.recall() {
+            self.specimen.thaw(&left.state);
+            self.virgin = left.state;
+            self.committed.clone_from(&left.disp);
+            self.stands = left.disp;
+        }
+        self.memory = Some(memory);
+        self
     }
 
     /// Initial stiffness and mass, n × n by columns.
@@ -56,13 +99,16 @@ impl Rig for Law {
     }
 
     fn connect(&mut self, _: &Visitor) -> Result<Introduction, String> {
-        Ok(Introduction::default())
+        Ok(Introduction {
+            standing: self.committed.clone(),
+            ..Introduction::default()
+        })
     }
 
     fn arm(&mut self, _: u64, _: &[f64]) -> Result<(), LinkFault> {
         if !self.remembers {
             self.specimen.thaw(&self.virgin);
-            self.committed.fill(0.0);
+            self.committed.copy_from_slice(&self.stands);
         }
         self.specimen.revert();
         Ok(())
@@ -108,5 +154,11 @@ impl Rig for Law {
 
     fn end(&mut self, _: Retirement) {
         self.specimen.revert();
+        if let Some(Memory(memory)) = &self.memory {
+            let mut state = Vec::new();
+            self.specimen.freeze(&mut state);
+            let disp = self.committed.clone();
+            *memory.lock().unwrap_or_else(PoisonError::into_inner) = Some(Left { state, disp });
+        }
     }
 }

@@ -19,7 +19,7 @@ use std::net::SocketAddr;
 use thiserror::Error;
 
 pub use far::{Far, FarBuild};
-pub use law::Law;
+pub use law::{Law, Memory};
 pub use log::LogSettings;
 pub use settings::{Close, ProbeSettings};
 pub use station::Station;
@@ -123,6 +123,24 @@ impl Trip {
             Self::Lost(_) => 70,
         }
     }
+}
+
+/// Positions whose difference is this share of the larger are the same.
+const SAME: f64 = 1e-9;
+
+/// Why a test cannot begin at `start`, if the specimen stands elsewhere. `standing` is empty if that is not known.
+pub(in crate::link) fn elsewhere(standing: &[f64], start: &[f64]) -> Option<String> {
+    let mut axes = (1..).zip(standing.iter().zip(start));
+    axes.find_map(|(number, (stands, first))| {
+        // Written as "is there", so that NaN is elsewhere.
+        let is_there = (stands - first).abs() <= SAME * stands.abs().max(first.abs());
+        (!is_there).then(|| {
+            format!(
+                "axis {number} stands at {stands:?}, but the first command would be at {first:?}: a test begins where the \
+                 specimen stands"
+            )
+        })
+    })
 }
 
 /// Something that answers commands, for one test after another.

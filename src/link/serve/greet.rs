@@ -2,6 +2,7 @@
 
 use super::Desk;
 use crate::link::native::{SOFTWARE, fit};
+use crate::link::rig::elsewhere;
 use crate::link::secret::random;
 use crate::wire::handshake::{
     self, Arm, Control, Hello, Limits, Refuse, RefuseCode, Sampling, TEXT_LIMIT, Terms, Versions,
@@ -27,6 +28,8 @@ pub(super) struct Greeted {
     pub sampling: Sampling,
     /// What the controller announced, per axis.
     pub limits: Vec<Limits>,
+    /// Where the specimen stands, as the welcome says; empty if that is not known.
+    standing: Vec<f64>,
     pub watchdog_ns: u64,
     pub period_ns: u64,
     /// From the arrival of a command to the sampling.
@@ -118,6 +121,7 @@ pub(super) fn judge(desk: &Desk, message: &[u8]) -> Result<Greeted, Refuse> {
 
 fn welcome(desk: &Desk, message: &[u8], hello: &Hello, version: u16) -> Result<Greeted, String> {
     let host = &desk.host;
+    let standing = host.standing();
     let nonce = random::<NONCE_LEN>().map_err(|e| e.to_string())?;
     let session = u64::from_le_bytes(random().map_err(|e| e.to_string())?).max(1);
     let welcome = Welcome {
@@ -131,6 +135,7 @@ fn welcome(desk: &Desk, message: &[u8], hello: &Hello, version: u16) -> Result<G
         watchdog_s: hello.watchdog_s,
         sampling: hello.sampling,
         stiffness: host.stiffness.clone(),
+        standing: standing.clone(),
         software: SOFTWARE.to_owned(),
         name: fit(&host.name),
         axes: host.axes.clone(),
@@ -156,6 +161,7 @@ fn welcome(desk: &Desk, message: &[u8], hello: &Hello, version: u16) -> Result<G
         watchdog_s: hello.watchdog_s,
         sampling: hello.sampling,
         limits: hello.axes.iter().map(|axis| axis.limits).collect(),
+        standing,
         watchdog_ns: (hello.watchdog_s * 1e9) as u64,
         period_ns: (period_s * 1e9) as u64,
         sample_after_ns: match hello.sampling {
@@ -173,7 +179,10 @@ impl Greeted {
     pub(super) fn arming(&self, message: &[u8]) -> Result<Option<Arm>, Refuse> {
         match handshake::decode(message).map_err(nonsense)? {
             Control::Arm(arm) if arm.session == self.session && arm.disp.len() == self.axes => {
-                Ok(Some(arm))
+                match elsewhere(&self.standing, &arm.disp) {
+                    Some(text) => Err(refuse(RefuseCode::Position, &text)),
+                    None => Ok(Some(arm)),
+                }
             }
             Control::Arm(_) => Err(refuse(
                 RefuseCode::Malformed,

@@ -6,7 +6,7 @@ use crate::control::AxisUnits;
 use crate::control::limits::LimitsSpec;
 use crate::link::announce::units_of;
 use crate::link::fault::{Bench, Script, ScriptError};
-use crate::link::rig::{Far, FarBuild, Law, LogSettings, ProbeSettings, Station};
+use crate::link::rig::{Far, FarBuild, Law, LogSettings, Memory, ProbeSettings, Station};
 use crate::specimen::Specimen;
 use crate::wire::handshake::{Axis, Capabilities};
 
@@ -21,6 +21,7 @@ pub struct Host {
     probe: ProbeSettings,
     log: Option<LogSettings>,
     pub(super) faults: Option<Arc<Script>>,
+    memory: Option<Memory>,
 }
 
 /// Makes a specimen in its virgin state, or says why not.
@@ -62,6 +63,7 @@ impl Host {
             probe: ProbeSettings::Needless,
             log: None,
             faults: None,
+            memory: None,
         })
     }
 
@@ -85,6 +87,7 @@ impl Host {
             probe: ProbeSettings::Unchecked { silent: false },
             log: None,
             faults: None,
+            memory: None,
         }
     }
 
@@ -107,6 +110,31 @@ impl Host {
     pub fn recorded(mut self, log: LogSettings) -> Self {
         self.log = Some(log);
         self
+    }
+
+    /// A formula stays as the last test left it, as a real specimen does. Else each test finds it as new.
+    #[must_use]
+    pub fn remembering(mut self) -> Self {
+        self.memory = Some(Memory::default());
+        self
+    }
+
+    /// True if a formula stays as the last test left it.
+    #[must_use]
+    pub const fn remembers(&self) -> bool {
+        self.memory.is_some()
+    }
+
+    /// Where the specimen stands; empty if that is not known before a controller arms it.
+    #[must_use]
+    pub fn standing(&self) -> Vec<f64> {
+        match self.behind {
+            Behind::Far(..) => Vec::new(),
+            Behind::Law(_) => {
+                let left = self.memory.as_ref().and_then(Memory::disp);
+                left.unwrap_or_else(|| vec![0.0; self.axes.len()])
+            }
+        }
     }
 
     /// Every test meets these faults, the same each time.
@@ -149,7 +177,13 @@ impl Host {
     pub fn station(&self, remembers: bool) -> Result<Station, String> {
         let units: Vec<AxisUnits> = self.axes.iter().map(units_of).collect();
         let rig: Box<dyn crate::link::rig::Rig> = match &self.behind {
-            Behind::Law(build) => Box::new(Law::new(build()?, remembers)),
+            Behind::Law(build) => {
+                let law = Law::new(build()?, remembers);
+                Box::new(match &self.memory {
+                    Some(memory) => law.recalling(memory.clone()),
+                    None => law,
+                })
+            }
             Behind::Far(build, reply_limit_ns) => Box::new(Far::new(
                 build.clone(),
                 self.axes.len(),

@@ -12,6 +12,7 @@ use crate::record::events::{EventContext, EventLog, Moment, Position};
 use crate::record::journal::JournalWriter;
 use crate::record::miss::SchedSample;
 use crate::record::note::{Note, NoteLevel};
+use crate::record::onlooker::{Onlooker, Watched};
 use crate::record::ring::RingReader;
 
 /// Bytes of rows that are written without waiting for the time to do so.
@@ -30,6 +31,7 @@ pub(super) struct Drain<S, E> {
     settings: WriterSettings,
     sync: Option<SyncThread>,
     pub(super) progress: Arc<Mutex<Progress>>,
+    onlooker: Watched,
     last_row: Vec<f64>,
     position: Position,
     lost_file: u64,
@@ -64,6 +66,7 @@ impl<S: Store, E: Store> Drain<S, E> {
             settings,
             sync: None,
             progress: Arc::default(),
+            onlooker: Watched::default(),
             last_row: Vec::with_capacity(columns),
             position: Position::default(),
             lost_file: 0,
@@ -78,6 +81,11 @@ impl<S: Store, E: Store> Drain<S, E> {
     /// Gives it the thread that syncs and the place where others look for progress.
     pub(super) fn serve(&mut self, sync: SyncThread, progress: Arc<Mutex<Progress>>) {
         (self.sync, self.progress) = (Some(sync), progress);
+    }
+
+    /// Gives it who looks at the rows.
+    pub(super) fn watch(&mut self, onlooker: Option<Box<dyn Onlooker>>) {
+        self.onlooker = Watched::by(onlooker);
     }
 
     /// Takes what waits and passes it on; true if so much was there that the next turn should follow at once.
@@ -101,6 +109,9 @@ impl<S: Store, E: Store> Drain<S, E> {
         self.heed("events.jsonl", flushed, now);
         self.ask_for_sync(now);
         self.publish();
+        self.show(now, |onlooker, progress| {
+            onlooker.turn(now.monotonic_ns, progress);
+        });
         waiting * 4 >= self.ring.capacity()
     }
 
@@ -111,6 +122,10 @@ impl<S: Store, E: Store> Drain<S, E> {
         self.heed("samples.bin", flushed, now);
         self.lost_file += self.journal.waiting();
         self.shout_losses(now, true);
+        self.publish();
+        self.show(now, |onlooker, progress| {
+            onlooker.finish(now.monotonic_ns, progress);
+        });
         let flushed = self.events.finish(now);
         self.heed("events.jsonl", flushed, now);
         let sync_failures = self.sync.take().map_or(0, SyncThread::finish);
@@ -133,6 +148,9 @@ impl<S: Store, E: Store> Drain<S, E> {
             let Some((sequence, row)) = self.ring.row() else {
                 break;
             };
+            if let Some(note) = self.onlooker.show(|onlooker| onlooker.row(sequence, row)) {
+                self.events.note(note, self.position, now);
+            }
             self.lost_file += u64::from(!self.journal.row(sequence, row));
             self.position.tick = Some(sequence);
             self.last_row.clear();
@@ -196,6 +214,24 @@ impl<S: Store, E: Store> Drain<S, E> {
                 sync.ask();
             }
             (self.synced_ns, self.synced_bytes) = (now.monotonic_ns, bytes);
+        }
+    }
+
+    /// Shows where the run stands to whoever looks, and takes down what they have to say.
+    fn show(&mut self, now: Moment, look: impl FnOnce(&mut dyn Onlooker, &Progress)) {
+        if !self.onlooker.is_watched() {
+            return;
+        }
+        let mut notes = Vec::new();
+        let seen = {
+            let progress = lock(&self.progress);
+            self.onlooker.show(|onlooker| {
+                look(onlooker, &progress);
+                notes.extend(std::iter::from_fn(|| onlooker.note()).take(PER_TURN));
+            })
+        };
+        for note in notes.into_iter().chain(seen) {
+            self.events.note(note, self.position, now);
         }
     }
 

@@ -369,3 +369,68 @@ fn a_note_of_the_set_up_stands_before_the_events_of_a_test_that_is_over_in_the_s
     let kinds: Vec<Value> = lines(&events).iter().map(|l| l["event"].clone()).collect();
     assert_eq!(kinds, ["connected", "ended"]);
 }
+
+/// Keeps what it is shown; panics at one row if it is told to.
+struct Keeper {
+    seen: Arc<Mutex<Vec<u64>>>,
+    panics_at: Option<u64>,
+    notes: usize,
+}
+
+impl crate::record::Onlooker for Keeper {
+    fn row(&mut self, sequence: u64, row: &[f64]) {
+        assert_eq!(row[1], 0.25 * sequence as f64);
+        lock(&self.seen).push(sequence);
+        assert_ne!(self.panics_at, Some(sequence));
+    }
+
+    fn turn(&mut self, _now_ns: u64, _progress: &Progress) {}
+
+    fn note(&mut self) -> Option<Note> {
+        self.notes = self.notes.checked_sub(1)?;
+        Some(Note::new(NoteLevel::Info, "seen"))
+    }
+
+    fn finish(&mut self, _now_ns: u64, progress: &Progress) {
+        lock(&self.seen).push(1000 + progress.rows_written);
+    }
+}
+
+#[test]
+fn an_onlooker_sees_every_row_and_one_that_panics_is_sent_away_without_a_loss() {
+    for panics_at in [None, Some(17)] {
+        let (mut recorder, reader) = small(64);
+        let (samples, events) = (SmallDisk::with_room(1 << 20), SmallDisk::with_room(1 << 20));
+        let (mut drain, _notes) = drain(
+            reader,
+            samples.clone(),
+            events.clone(),
+            WriterSettings::default(),
+        );
+        let seen = Arc::new(Mutex::new(Vec::new()));
+        let keeper = Keeper {
+            seen: Arc::clone(&seen),
+            panics_at,
+            notes: 2,
+        };
+        drain.watch(Some(Box::new(keeper)));
+        assert_eq!(push(&mut recorder, 0..50), 50);
+        drain.turn(at(MS));
+        let recorded = drain.finish(at(2 * MS));
+        assert_eq!((recorded.rows_written, recorded.rows_lost()), (50, 0));
+        assert_eq!(numbers(&samples.bytes()), ((0..50).collect(), End::Clean));
+        let lines = lines(&events);
+        let count = |name: &str| lines.iter().filter(|line| line["event"] == name).count();
+        let seen = lock(&seen).clone();
+        match panics_at {
+            None => {
+                assert_eq!(seen, (0..50).chain([1050]).collect::<Vec<_>>());
+                assert_eq!((count("seen"), count("internal_error")), (2, 0));
+            }
+            Some(last) => {
+                assert_eq!(seen, (0..=last).collect::<Vec<_>>());
+                assert_eq!((count("seen"), count("internal_error")), (0, 1));
+            }
+        }
+    }
+}

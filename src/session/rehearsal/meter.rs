@@ -66,6 +66,8 @@ pub struct AxisNeed {
     pub force: Extreme,
     /// Its change from one measurement to the next, N; a size.
     pub force_step: Extreme,
+    /// Measured force times commanded velocity, W; a size.
+    pub power: Extreme,
 }
 
 /// What is kept of one axis.
@@ -73,8 +75,9 @@ pub struct AxisNeed {
 struct Axis {
     metres: f64,
     newtons: f64,
-    /// The last command and the one before.
+    /// The last command and the one before, and the velocity between them.
     past: [f64; 2],
+    vel: f64,
     force: f64,
     need: AxisNeed,
 }
@@ -102,6 +105,7 @@ impl Meter {
             metres: *metres,
             newtons: *newtons,
             past: [0.0; 2],
+            vel: 0.0,
             force: 0.0,
             need: AxisNeed::default(),
         };
@@ -172,6 +176,7 @@ impl Substructure for Meter {
                 let step = (disp - last).abs();
                 need.step.take(step, at);
                 need.vel.take(step / tick, at);
+                axis.vel = step / tick;
             }
             if self.told >= 2 {
                 let accel = (disp - 2.0 * last + before).abs() / (tick * tick);
@@ -191,6 +196,7 @@ impl Substructure for Meter {
                 let force = force * axis.newtons;
                 axis.need.measured.take(disp * axis.metres, self.time);
                 axis.need.force.take(force, self.time);
+                axis.need.power.take((force * axis.vel).abs(), self.time);
                 if self.answered {
                     let jump = (force - axis.force).abs();
                     axis.need.force_step.take(jump, self.time);

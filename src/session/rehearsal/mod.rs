@@ -20,10 +20,12 @@ pub use meter::{AxisNeed, Extreme};
 use meter::Meter;
 
 use crate::config::{self, ConfigError, Loaded, MatrixValue, SpecimenTable};
+use crate::control::Poses;
 use crate::control::limits::{AxisLimits, Bound, Quantity, Range};
-use crate::engine::{Control, Ending, Engine, Experiment, Operator, Stop};
+use crate::engine::{Control, Ending, Engine, Experiment, Operator, Outcome, Stop};
 use crate::record::{Event, Recorder};
 use crate::rt::os;
+use crate::substructure::Substructure;
 use crate::time::SimClock;
 
 /// What stood for a specimen.
@@ -136,6 +138,10 @@ pub struct Needs {
     pub stand_in: StandIn,
     /// Per axis.
     pub axes: Vec<Vec<Need>>,
+    /// All that was found of each axis, limited or not.
+    pub found: Vec<AxisNeed>,
+    /// How far its platform went, if the axes are the actuators of one.
+    pub poses: Option<Poses>,
 }
 
 /// Why a rehearsal ended.
@@ -190,40 +196,92 @@ pub fn rehearse(
     Ok(rehearsal)
 }
 
+/// What happens to the limits of a test that is rehearsed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Staging {
+    /// They hold.
+    AsItIs,
+    /// They are lifted, so that the whole need is seen.
+    WithoutLimits,
+}
+
+/// Carries an experiment out on the simulated clock, and keeps what it asks of each axis, specimen by specimen. What stands
+/// behind its ports must not be a link.
+#[must_use]
+pub fn staged(
+    experiment: Experiment,
+    recorder: Box<dyn Recorder>,
+    staging: Staging,
+) -> (Outcome, Vec<Vec<AxisNeed>>) {
+    let (_nobody_speaks, requests) = crossbeam_channel::bounded(1);
+    staged_with(experiment, recorder, staging, &Control::from(requests))
+}
+
+fn staged_with(
+    mut experiment: Experiment,
+    recorder: Box<dyn Recorder>,
+    staging: Staging,
+    control: &Control,
+) -> (Outcome, Vec<Vec<AxisNeed>>) {
+    let per_step = experiment.pacing.ticks_per_step;
+    let period = experiment.period.value();
+    let mut books = Vec::with_capacity(experiment.ports.len());
+    let ports = experiment.ports.drain(..).map(|port| {
+        let book = Arc::new(Mutex::new(Vec::new()));
+        books.push(Arc::clone(&book));
+        // A partner that is told once a step has that long for each command.
+        let ticks = if port.is_per_step() { per_step } else { 1 };
+        let tick = f64::from(ticks) * period;
+        let meter = |inner, units: &[(f64, f64)]| -> Box<dyn Substructure> {
+            Box::new(Meter::new(inner, units, tick, book))
+        };
+        match staging {
+            Staging::AsItIs => port.watched(meter),
+            Staging::WithoutLimits => port.rehearsed(meter),
+        }
+    });
+    experiment.ports = ports.collect();
+    let mut engine = Engine::new(experiment, Box::new(SimClock::new()), recorder);
+    let outcome = engine.run(control);
+    let taken = |book: &Arc<Mutex<Vec<AxisNeed>>>| {
+        std::mem::take(&mut *book.lock().unwrap_or_else(PoisonError::into_inner))
+    };
+    (outcome, books.iter().map(taken).collect())
+}
+
 /// Rehearses an experiment as it is; what stands behind its ports must not be a link.
 #[must_use]
 pub fn carry_out(mut experiment: Experiment, budget: Duration) -> Rehearsal {
     let began = os::monotonic_ns();
-    let (dt, period) = (experiment.dt, experiment.period.value());
-    let per_step = experiment.pacing.ticks_per_step;
+    let dt = experiment.dt;
     // Nobody is there to confirm what a formula reads.
     experiment.opening.confirm = false;
     experiment.record_dofs.clear();
-    let mut books = Vec::with_capacity(experiment.ports.len());
-    let ports = experiment.ports.drain(..).map(|port| {
-        let book = Arc::new(Mutex::new(Vec::new()));
-        books.push((port.name.clone(), port.limits().to_vec(), Arc::clone(&book)));
-        // A partner that is told once a step has that long for each command.
-        let ticks = if port.is_per_step() { per_step } else { 1 };
-        let tick = f64::from(ticks) * period;
-        port.rehearsed(|inner, units| Box::new(Meter::new(inner, units, tick, book)))
-    });
-    experiment.ports = ports.collect();
+    let ports = experiment.ports.iter();
+    let known: Vec<_> = ports
+        .map(|port| (port.name.clone(), port.limits().to_vec()))
+        .collect();
     let (operator, requests) = crossbeam_channel::bounded(1);
     let recorder = Prompter {
         until_ns: began.saturating_add(u64::try_from(budget.as_nanos()).unwrap_or(u64::MAX)),
         rows: 0,
         operator,
     };
-    let mut engine = Engine::new(experiment, Box::new(SimClock::new()), Box::new(recorder));
-    let outcome = engine.run(&Control::from(requests));
-    let specimens = books.into_iter().map(|(name, limits, book)| {
-        let found = book.lock().unwrap_or_else(PoisonError::into_inner);
+    let (outcome, needs) = staged_with(
+        experiment,
+        Box::new(recorder),
+        Staging::WithoutLimits,
+        &Control::from(requests),
+    );
+    let seen = needs.into_iter().zip(outcome.poses);
+    let specimens = known.into_iter().zip(seen).map(|((name, limits), (found, poses))| {
         let axes = found.iter().zip(&limits);
         Needs {
             name,
             stand_in: StandIn::Itself,
             axes: axes.map(|(need, limits)| compared(need, limits)).collect(),
+            found,
+            poses,
         }
     });
     Rehearsal {

@@ -1,7 +1,8 @@
 //! In continuous time: the frequencies at which the loop gain |L(iω)| is one.
 //!
-//! L(s) = (k_e + c_e s) bᵀ (s² M + s C + K_n)⁻¹ b. With a realisation (A, B, C) of L, |L(iω)| = 1 exactly where iω is an
-//! eigenvalue of [[A, B Bᵀ], [−Cᵀ C, −Aᵀ]], so that no narrow resonance can slip through a grid of frequencies.
+//! L(s) = (k_e + c_e s + m_e s²) bᵀ (s² M + s C + K_n)⁻¹ b. With a realisation (A, B, C, D) of L and R = 1 − D²,
+//! |L(iω)| = 1 exactly where iω is an eigenvalue of [[A', B Bᵀ/R], [−Cᵀ C/R, −A'ᵀ]], A' = A + B D C/R, so that no narrow
+//! resonance can slip through a grid of frequencies.
 
 use std::f64::consts::PI;
 
@@ -52,8 +53,10 @@ pub fn continuous(system: &Delayed) -> Result<Option<Critical>, DelayError> {
         system.specimen_stiffness[(0, 0)],
         system.specimen_damping[(0, 0)],
     );
+    let inertia = system.specimen_mass * scale * scale;
     // Input and output carry the square root of the gain each, so that the two blocks have one size.
-    let gain = stiffness.abs().max(damping.abs() * scale).sqrt() / scale;
+    let gain = stiffness.abs().max(damping.abs() * scale);
+    let gain = gain.max(inertia).sqrt() / scale;
     if gain == 0.0 {
         return Ok(None);
     }
@@ -67,15 +70,23 @@ pub fn continuous(system: &Delayed) -> Result<Option<Critical>, DelayError> {
     output
         .rows_mut(n, n)
         .copy_from(&(&row * (damping * scale * per_gain)));
+    let mut through = 0.0;
+    if inertia != 0.0 {
+        // Acceleration is the lower half of A z + B u.
+        output += a.rows(n, n).transpose() * &row * (inertia * per_gain);
+        through = inertia * per_gain * row.dot(&input.rows(n, n));
+    }
+    let rest = 1.0 - through * through;
+    a += &input * output.transpose() * (through / rest);
 
     let mut hamiltonian = DMatrix::zeros(4 * n, 4 * n);
     hamiltonian.view_mut((0, 0), (2 * n, 2 * n)).copy_from(&a);
     hamiltonian
         .view_mut((0, 2 * n), (2 * n, 2 * n))
-        .copy_from(&(&input * input.transpose()));
+        .copy_from(&(&input * input.transpose() / rest));
     hamiltonian
         .view_mut((2 * n, 0), (2 * n, 2 * n))
-        .copy_from(&(-&output * output.transpose()));
+        .copy_from(&(-&output * output.transpose() / rest));
     hamiltonian
         .view_mut((2 * n, 2 * n), (2 * n, 2 * n))
         .copy_from(&(-a.transpose()));
@@ -117,7 +128,7 @@ fn loop_gain(system: &Delayed, omega: f64) -> Option<Complex<f64>> {
     let row = DVector::from_fn(n, |i, _| Complex::new(system.rows[(0, i)], 0.0));
     let moved = dynamic.lu().solve(&row)?;
     let specimen = Complex::new(
-        system.specimen_stiffness[(0, 0)],
+        system.specimen_stiffness[(0, 0)] - omega * omega * system.specimen_mass,
         omega * system.specimen_damping[(0, 0)],
     );
     Some(specimen * row.dot(&moved))

@@ -3,9 +3,13 @@
 //! The achieved displacement is d\[i − q\] and d\[i − q − 1\], weighed by linear interpolation, with τ = (q + φ) Δt. α is made
 //! of the total stiffness and damping, specimen included, as in a test.
 
-use nalgebra::DMatrix;
+use std::cell::RefCell;
+use std::collections::HashMap;
+use std::f64::consts::PI;
 
-use super::super::spectral_radius;
+use nalgebra::{Complex, DMatrix, DVector};
+
+use super::super::{spectral_radius, unstable_roots};
 use super::{DelayError, Delayed};
 
 /// Longest delay that is looked at, in steps.
@@ -41,8 +45,9 @@ pub fn recursion(
     let steps = delay / dt;
     let whole = steps.floor();
     let (whole, share) = (whole as usize, steps - whole);
-    // The oldest command is needed with a weight unless the delay is a whole number of steps.
-    let past = whole + usize::from(share > 0.0);
+    // The oldest command is needed with a weight unless the delay is a whole number of steps; inertia is a second difference.
+    let weighs = system.specimen_mass != 0.0;
+    let past = whole + usize::from(share > 0.0) + if weighs { 2 } else { 0 };
     let damps = system.specimen_damping.iter().any(|c| *c != 0.0);
     let kinds = if damps { 2 } else { 1 };
     let size = 2 * n + kinds * axes * past;
@@ -66,24 +71,32 @@ pub fn recursion(
         .view_mut((0, n), (n, n))
         .copy_from(&(&system.damping * -dt));
     let of_specimen = |matrix: &DMatrix<f64>, by: f64| system.rows.transpose() * matrix * -by;
-    let parts = [
-        (of_specimen(&system.specimen_stiffness, dt * dt), 0),
-        (of_specimen(&system.specimen_damping, dt), 1),
-    ];
-    for (force_of_axes, kind) in parts.into_iter().take(kinds) {
-        for (back, weight) in [(whole, 1.0 - share), (whole + 1, share)] {
-            if weight == 0.0 {
-                continue;
-            }
-            if back == 0 {
-                let now = &force_of_axes * &system.rows * weight;
-                let mut block = force.view_mut((0, kind * n), (n, n));
-                block += now;
-            } else {
-                let at = 2 * n + kind * axes * past + (back - 1) * axes;
-                let mut block = force.view_mut((0, at), (n, axes));
-                block += &force_of_axes * weight;
-            }
+    let inertia = DMatrix::identity(axes, axes) * system.specimen_mass;
+    // Kind of the history, steps back, and the force by what was commanded then.
+    let mut parts = Vec::new();
+    for (back, weight) in [(whole, 1.0 - share), (whole + 1, share)] {
+        parts.push((
+            0,
+            back,
+            of_specimen(&system.specimen_stiffness, weight * dt * dt),
+        ));
+        parts.push((1, back, of_specimen(&system.specimen_damping, weight * dt)));
+        for (further, second) in [(0, 1.0), (1, -2.0), (2, 1.0)] {
+            parts.push((0, back + further, of_specimen(&inertia, weight * second)));
+        }
+    }
+    for (kind, back, force_of_axes) in parts {
+        if kind >= kinds || force_of_axes.iter().all(|entry| *entry == 0.0) {
+            continue;
+        }
+        if back == 0 {
+            let now = &force_of_axes * &system.rows;
+            let mut block = force.view_mut((0, kind * n), (n, n));
+            block += now;
+        } else {
+            let at = 2 * n + kind * axes * past + (back - 1) * axes;
+            let mut block = force.view_mut((0, at), (n, axes));
+            block += &force_of_axes;
         }
     }
     let gained = factor.solve(&force);
@@ -111,6 +124,89 @@ pub fn recursion(
     Ok(step)
 }
 
+/// The loop of a specimen of one axis on the unit circle.
+struct Circle<'a> {
+    system: &'a Delayed,
+    effective: DMatrix<f64>,
+    dt: f64,
+    /// bᵀ D⁻¹ b by the bits of the angle: it does not depend on the delay.
+    known: RefCell<HashMap<u64, Option<Complex<f64>>>>,
+    marks: Vec<(f64, f64)>,
+}
+
+/// Smallest angle that is looked at, in rad.
+const SMALLEST: f64 = 1e-6;
+
+impl<'a> Circle<'a> {
+    fn new(system: &'a Delayed, dt: f64, lambda: f64) -> Self {
+        let total = |own: &DMatrix<f64>, of_specimen: &DMatrix<f64>| {
+            own + system.rows.transpose() * of_specimen * &system.rows
+        };
+        let effective = &system.mass
+            + total(&system.damping, &system.specimen_damping) * (dt / 2.0)
+            + match &system.weighted {
+                Some(weighted) => weighted * (dt * dt),
+                None => total(&system.stiffness, &system.specimen_stiffness) * (dt * dt / lambda),
+            };
+        let marks = system.marks().into_iter();
+        Self {
+            system,
+            effective,
+            dt,
+            known: RefCell::default(),
+            marks: marks.map(|(at, width)| (at * dt, width * dt)).collect(),
+        }
+    }
+
+    /// bᵀ D⁻¹ b, D = M_eff (z − 1)²/(z Δt²) + C (1 − 1/z)/Δt + K, at the angle θ.
+    fn felt(&self, theta: f64) -> Option<Complex<f64>> {
+        let make = || {
+            let (sine, cosine) = libm::sincos(theta);
+            let z = Complex::new(cosine, sine);
+            let one = Complex::new(1.0, 0.0);
+            // Of 1 − cos θ nothing is lost.
+            let half = libm::sin(0.5 * theta);
+            let difference = Complex::new(2.0 * half * half, sine);
+            let second = Complex::new(-4.0 * half * half, 0.0) / (self.dt * self.dt);
+            debug_assert!((difference - (one - z.conj())).norm() < 1e-12);
+            let n = self.system.mass.nrows();
+            let matrix = DMatrix::from_fn(n, n, |i, j| {
+                second * self.effective[(i, j)]
+                    + difference * (self.system.damping[(i, j)] / self.dt)
+                    + self.system.stiffness[(i, j)]
+            });
+            let row = DVector::from_fn(n, |i, _| Complex::new(self.system.rows[(0, i)], 0.0));
+            Some(row.dot(&matrix.lu().solve(&row)?))
+        };
+        let mut known = self.known.borrow_mut();
+        *known.entry(theta.to_bits()).or_insert_with(make)
+    }
+
+    /// True if a root lies outside the unit circle: 1 + g(z) z^−τ/Δt bᵀ D⁻¹ b, over the same without delay, goes round zero.
+    /// None where that cannot be followed.
+    fn is_unstable(&self, delay: f64) -> Option<bool> {
+        let steps = delay / self.dt;
+        let (whole, share) = (steps.floor(), steps - steps.floor());
+        let specimen = (
+            self.system.specimen_stiffness[(0, 0)],
+            self.system.specimen_damping[(0, 0)] / self.dt,
+            self.system.specimen_mass / (self.dt * self.dt),
+        );
+        let ratio = |theta: f64| {
+            let half = libm::sin(0.5 * theta);
+            let difference = Complex::new(2.0 * half * half, libm::sin(theta));
+            let back = Complex::new(1.0, 0.0) - difference;
+            let force = difference * difference * specimen.2 + difference * specimen.1 + specimen.0;
+            let (sine, cosine) = libm::sincos(-theta * whole);
+            let late = Complex::new(cosine, sine) * (back * share + (1.0 - share));
+            let felt = force * self.felt(theta)?;
+            Some((late * felt + 1.0) / (felt + 1.0))
+        };
+        let roots = unstable_roots(ratio, SMALLEST, PI, &self.marks)?;
+        Some(roots > 0)
+    }
+}
+
 /// The smallest delay at which the spectral radius exceeds one. `hint` is a delay near which it is expected; the search
 /// is finest up to there.
 ///
@@ -131,6 +227,14 @@ pub fn discrete(
         return Err(DelayError::Unstable { radius: at_rest });
     }
     let bound = 1.0 + ROUNDOFF.max(4.0 * (at_rest - 1.0));
+    let circle = (system.rows.nrows() == 1).then(|| Circle::new(system, dt, lambda));
+    let is_unstable = |delay: f64| {
+        let on_circle = circle.as_ref().and_then(|circle| circle.is_unstable(delay));
+        match on_circle {
+            Some(found) => Ok::<_, DelayError>(found),
+            None => Ok(radius(delay)? > bound),
+        }
+    };
     let longest = LONGEST_STEPS as f64 * dt;
     let fine = hint
         .map_or(8.0 * dt, |hint| (1.25 * hint).max(dt))
@@ -145,7 +249,7 @@ pub fn discrete(
             step *= 1.25;
         }
         delay = (delay + step).min(longest);
-        if radius(delay)? > bound {
+        if is_unstable(delay)? {
             break;
         }
         low = delay;
@@ -154,7 +258,7 @@ pub fn discrete(
     // Without damping there is no stable delay at all: the search for it ends a millionth of a step above zero.
     while high - low > 1e-7 * high && high > 1e-6 * dt {
         let middle = (low + high) / 2.0;
-        if radius(middle)? > bound {
+        if is_unstable(middle)? {
             high = middle;
         } else {
             low = middle;

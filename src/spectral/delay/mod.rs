@@ -30,8 +30,44 @@ pub struct Delayed {
     pub specimen_stiffness: DMatrix<f64>,
     /// Damping of the specimen, r × r.
     pub specimen_damping: DMatrix<f64>,
+    /// Mass in kg that moves with each axis and whose inertia is in the specimen's force: as late as the rest of it, and not
+    /// part of M.
+    pub specimen_mass: f64,
     /// K̃ of M_eff = M + (Δt/2) C0 + Δt² K̃, n × n, where it is not K0/λ.
     pub weighted: Option<DMatrix<f64>>,
+}
+
+impl Delayed {
+    /// Places and widths in rad/s of the poles of the whole, nothing delayed, for [`super::unstable_roots`]; none where the
+    /// mass has no inverse.
+    #[must_use]
+    pub fn marks(&self) -> Vec<(f64, f64)> {
+        let n = self.mass.nrows();
+        let square = self.rows.transpose() * &self.rows;
+        let Some(mass) = (&self.mass + square * self.specimen_mass).cholesky() else {
+            return Vec::new();
+        };
+        let whole = |own: &DMatrix<f64>, of_specimen: &DMatrix<f64>| {
+            mass.solve(&(own + self.rows.transpose() * of_specimen * &self.rows))
+        };
+        let stiffness = whole(&self.stiffness, &self.specimen_stiffness);
+        // Time in units in which displacement and velocity are of one size.
+        let scale = (stiffness.trace().abs() / n as f64).sqrt();
+        if !(scale > 0.0 && scale.is_finite()) {
+            return Vec::new();
+        }
+        let damping = whole(&self.damping, &self.specimen_damping) / -scale;
+        let mut state = DMatrix::zeros(2 * n, 2 * n);
+        state.view_mut((0, n), (n, n)).fill_with_identity();
+        let stiffness = stiffness / (-scale * scale);
+        state.view_mut((n, 0), (n, n)).copy_from(&stiffness);
+        state.view_mut((n, n), (n, n)).copy_from(&damping);
+        let poles = super::eigenvalues(&state).unwrap_or_default();
+        let above = poles.iter().filter(|pole| pole.im > 0.0);
+        above
+            .map(|pole| (scale * pole.im, scale * pole.re.abs()))
+            .collect()
+    }
 }
 
 /// Why no critical delay is known.

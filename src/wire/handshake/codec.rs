@@ -207,7 +207,12 @@ fn check_welcome_content(welcome: &Welcome) -> Result<(), WireError> {
         let n = welcome.axes.len();
         same_length("entries of the stiffness", n * n, welcome.stiffness.len())?;
     }
-    finite("stiffness", &welcome.stiffness)
+    finite("stiffness", &welcome.stiffness)?;
+    if !welcome.standing.is_empty() {
+        let n = welcome.axes.len();
+        same_length("axes of where it stands", n, welcome.standing.len())?;
+    }
+    finite("where it stands", &welcome.standing)
 }
 
 fn check_axes(axes: &[Axis]) -> Result<(), WireError> {

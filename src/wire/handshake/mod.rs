@@ -4,7 +4,7 @@
 //! controller                                   specimen
 //!   Hello   versions, axes, units, limits,  →
 //!           rate, watchdog, sampling, nonce
-//!                                            ←   Welcome  what it is, k̂, session number, nonce
+//!                                            ←   Welcome  what it is, k̂, where it stands, session number, nonce
 //!                                                 or Refuse  why not
 //!   Arm     last look: from here it moves   →
 //!                                            ←   Arm      the same, repeated: armed
@@ -129,6 +129,8 @@ pub struct Welcome {
     /// Estimate k̂ of the initial stiffness, n×n, column by column, agreed force unit per displacement unit.
     /// Empty if it has none.
     pub stiffness: Vec<f64>,
+    /// Where it stands: the command that would not move it, one entry per axis, agreed unit. Empty if it cannot tell.
+    pub standing: Vec<f64>,
     /// The program and its version.
     pub software: String,
     /// Name of the specimen.

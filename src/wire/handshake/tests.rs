@@ -50,6 +50,7 @@ fn welcome(hello: &Hello) -> Welcome {
         watchdog_s: hello.watchdog_s,
         sampling: hello.sampling,
         stiffness: vec![1.0, 2.0, 3.0, 4.0],
+        standing: vec![0.5, -0.25],
         software: "rig".into(),
         name: "s".into(),
         axes: hello.axes.clone(),
@@ -181,6 +182,7 @@ fn the_largest_welcome_that_may_be_fits_the_limit() {
     big.layout = layout_hash(&axes);
     big.axes = axes;
     big.stiffness = vec![1.0; MAX_AXES * MAX_AXES];
+    big.standing = vec![1.0; MAX_AXES];
     big.software = "s".repeat(TEXT_LIMIT);
     big.name = "n".repeat(TEXT_LIMIT);
     let bytes = encode(&Control::Welcome(big.clone())).unwrap();
@@ -289,6 +291,19 @@ fn nonsense_is_refused_when_it_leaves_and_when_it_comes() {
             found: 3
         })
     ));
+    let mut one_short = welcome(&hello());
+    one_short.standing.pop();
+    assert!(matches!(
+        encode(&Control::Welcome(one_short)),
+        Err(WireError::Count {
+            field: "axes of where it stands",
+            expected: 2,
+            found: 1
+        })
+    ));
+    let mut nowhere = welcome(&hello());
+    nowhere.standing[1] = f64::NAN;
+    assert!(encode(&Control::Welcome(nowhere)).is_err());
 }
 
 #[test]
@@ -577,6 +592,7 @@ proptest! {
         let mut welcome = welcome(&hello);
         welcome.session = session;
         welcome.stiffness = vec![numbers[2]; hello.axes.len() * hello.axes.len()];
+        welcome.standing = vec![numbers[3]; hello.axes.len()];
         for message in [Control::Hello(hello), Control::Welcome(welcome)] {
             prop_assert_eq!(decode(&encode(&message).unwrap()), Ok(message));
         }

@@ -3,9 +3,9 @@
 use super::{Station, USUAL_TICK_S, metres, not_finite};
 use crate::control::limits::Watch;
 use crate::control::{AxisUnits, Opinion, Pace, Probe, compare_stiffness};
-use crate::link::rig::Visitor;
 use crate::link::rig::log::Exchange;
 use crate::link::rig::settings::ProbeSettings;
+use crate::link::rig::{Visitor, elsewhere};
 use crate::record::NoteLevel;
 use crate::rt::os;
 use crate::substructure::{Command, Introduction, Measurement};
@@ -24,6 +24,9 @@ impl Station {
         }
         for warning in self.doubts(&introduction)? {
             self.note(NoteLevel::Warning, "warning", &warning);
+        }
+        if let Some(text) = elsewhere(&introduction.standing, &visitor.start) {
+            return Err(text);
         }
         let mut start = visitor.start.clone();
         start.resize(self.units.len(), 0.0);

@@ -1,0 +1,419 @@
+//! `gusset check --rehearse`: go or no-go, with its reasons.
+//!
+//! Each line is a judgement of its own: go, no-go, or not known. It is a no-go if any line is; what is not known does not
+//! forbid, but is said.
+
+use std::io::{IsTerminal, Write};
+use std::sync::Mutex;
+
+use serde_json::{Value, json};
+
+use super::following::Following;
+use super::rehearsed::Rehearsed;
+use super::run::refused;
+use super::table::{Table, duration, quantity};
+use crate::config::{Facts, Loaded, SpecimenTable};
+use crate::session::certificate::{Band, Plan, Trials, carry_out, interval};
+use crate::session::rehearsal::AxisNeed;
+
+/// One judgement.
+struct Line {
+    /// None: not known.
+    go: Option<bool>,
+    about: String,
+    text: String,
+}
+
+/// The certificate of a test.
+pub struct Certificate {
+    lines: Vec<Line>,
+    varied: Vec<String>,
+    trials: Trials,
+    seed: u64,
+}
+
+/// A column of a need, by key and unit, and the most of it in one trial.
+type Most = (&'static str, &'static str, fn(&AxisNeed) -> f64);
+
+/// What a capacity is compared with.
+const NEEDS: [Most; 4] = [
+    ("stroke_m", "m", |need| {
+        need.command.low.abs().max(need.command.high.abs())
+    }),
+    ("velocity_m_per_s", "m/s", |need| need.vel.high),
+    ("force_n", "N", |need| {
+        need.force.low.abs().max(need.force.high.abs())
+    }),
+    ("power_w", "W", |need| need.power.high),
+];
+
+impl Certificate {
+    /// Rehearses a test that is built. `rehearsed` is the nominal rehearsal, `following` what is proven of its actuators.
+    pub fn of(
+        loaded: &Loaded,
+        facts: &Facts,
+        rehearsed: Option<&Rehearsed>,
+        following: &[Following],
+        trials: Option<u64>,
+        seed: Option<u64>,
+    ) -> anyhow::Result<Self> {
+        let allowed = &loaded.file.certificate;
+        let seed = seed.unwrap_or(allowed.seed);
+        let asked = trials.unwrap_or_else(|| u64::from(allowed.trials));
+        let plan = Plan::of(loaded, seed);
+        // Trials that are all the same show no more than one.
+        let count = if plan.is_certain() { 1 } else { asked };
+        let bar = Bar::new(count);
+        let trials = carry_out(loaded, &plan, facts.lambda(), count, &|done| bar.show(done));
+        bar.clear();
+        let trials = trials.map_err(refused)?;
+        let mut lines = vec![of_lambda(facts)];
+        lines.extend(following.iter().flat_map(|one| {
+            [one.of_delay(), one.of_stability()].map(|(go, about, text)| Line { go, about, text })
+        }));
+        if let Some(rehearsed) = rehearsed {
+            let words = rehearsed.beyond_limits();
+            lines.push(Line {
+                go: Some(words.is_empty()),
+                about: "limits, nominal test".to_owned(),
+                text: if words.is_empty() {
+                    "none is met".to_owned()
+                } else {
+                    words.join(";\n")
+                },
+            });
+        }
+        for (index, table) in loaded.file.specimen.iter().enumerate() {
+            lines.extend(of_capacity(index, table, rehearsed, &trials));
+        }
+        lines.push(of_trips(
+            &trials,
+            allowed.trip_probability,
+            plan.is_certain(),
+        ));
+        lines.extend(of_errors(loaded, facts, &trials));
+        Ok(Self {
+            lines,
+            varied: plan.words(loaded),
+            trials,
+            seed,
+        })
+    }
+
+    /// True if nothing forbids the test.
+    pub fn is_go(&self) -> bool {
+        self.lines.iter().all(|line| line.go != Some(false))
+    }
+
+    /// Its lines, and the verdict.
+    pub fn tabulate(&self, table: &mut Table) {
+        let Trials {
+            all,
+            wall_s,
+            threads,
+        } = &self.trials;
+        table.row(
+            "trials",
+            &format!(
+                "{} of the whole test with seed {}, in {} on {threads} threads",
+                all.len(),
+                self.seed,
+                duration(*wall_s),
+            ),
+        );
+        let varied = if self.varied.is_empty() {
+            "nothing: no noise, no `[[uncertainty]]`, nothing identified has a spread".to_owned()
+        } else {
+            self.varied.join(",\n")
+        };
+        table.row("what varies", &varied);
+        for Line { go, about, text } in &self.lines {
+            let word = match go {
+                Some(true) => "go",
+                Some(false) => "NO-GO",
+                None => "not known",
+            };
+            table.row(about, &format!("{word}: {text}"));
+        }
+        let against = self.lines.iter().filter(|line| line.go == Some(false));
+        let against: Vec<&str> = against.map(|line| line.about.as_str()).collect();
+        let verdict = if against.is_empty() {
+            "GO".to_owned()
+        } else {
+            format!("NO-GO, for {}", against.join("; "))
+        };
+        table.row("certificate", &verdict);
+    }
+
+    /// The same as JSON.
+    pub fn as_json(&self) -> Value {
+        let band = |band: Option<Band>| {
+            band.map(|b| json!({ "p5": b.low, "p50": b.middle, "p95": b.high, "max": b.worst }))
+        };
+        let count = self.trials.all.len() as u64;
+        let (low, high) = interval(self.trials.trips(), count);
+        let axes = self.trials.all.first();
+        let axes = axes.map_or(0, |one| one.errors.tracking.len());
+        let tracking = (0..axes).map(|axis| {
+            band(
+                self.trials
+                    .band(|one| one.errors.tracking.get(axis).copied()),
+            )
+        });
+        let lines = self.lines.iter().map(|line| {
+            json!({
+                "about": line.about,
+                "verdict": match line.go {
+                    Some(true) => "go",
+                    Some(false) => "no-go",
+                    None => "not known",
+                },
+                "text": line.text,
+            })
+        });
+        json!({
+            "go": self.is_go(),
+            "trials": count,
+            "seed": self.seed,
+            "wall_s": self.trials.wall_s,
+            "threads": self.trials.threads,
+            "varied": self.varied,
+            "trips": self.trials.trips(),
+            "trip_probability_95": [low, high],
+            "trip_reasons": self.trials.reasons(),
+            "tracking_error": tracking.collect::<Vec<_>>(),
+            "response_error": band(self.trials.band(|one| one.errors.response)),
+            "lines": lines.collect::<Vec<_>>(),
+        })
+    }
+}
+
+fn of_lambda(facts: &Facts) -> Line {
+    let choice = facts.structure.as_ref().map(|s| (s.lambda, &s.choice));
+    let (go, text) = match choice {
+        None => (Some(true), "no structure is integrated".to_owned()),
+        Some((None, _)) => (
+            None,
+            "the method is not of the family with λ, and nothing is proven of it".to_owned(),
+        ),
+        Some((Some(lambda), None)) => (
+            None,
+            format!("λ = {lambda}, without a proof: a tangent has no declared bound"),
+        ),
+        Some((Some(lambda), Some(choice))) => {
+            let margin = if choice.margin.is_finite() {
+                format!(", margin {:.4}", choice.margin)
+            } else {
+                String::new()
+            };
+            let limit = match choice.limit {
+                Some(limit) => format!("stable up to {limit:.4}"),
+                None => "every λ is stable".to_owned(),
+            };
+            (
+                Some(choice.is_stable()),
+                format!("λ = {lambda}, {limit}{margin}"),
+            )
+        }
+    };
+    Line {
+        go,
+        about: "integration".to_owned(),
+        text,
+    }
+}
+
+/// Stroke, velocity, force and power against what the rig can give: in the nominal test without limits, and in 95 % of the
+/// trials.
+fn of_capacity(
+    index: usize,
+    table: &SpecimenTable,
+    rehearsed: Option<&Rehearsed>,
+    trials: &Trials,
+) -> Vec<Line> {
+    let own = table.capacity.unwrap_or_default();
+    let transfer = table.believed_transfer(1.0).unwrap_or_default();
+    let axes = trials.all.first();
+    let axes = axes
+        .and_then(|one| one.needs.get(index))
+        .map_or(0, Vec::len);
+    let mut lines = Vec::new();
+    for axis in 0..axes {
+        for ((key, unit, most), (_, _, declared)) in NEEDS.into_iter().zip(own.entries()) {
+            let of_transfer = match key {
+                "stroke_m" => transfer.stroke_m,
+                "force_n" => transfer.force_limit_n,
+                "velocity_m_per_s" => transfer.rate_limit_m_per_s,
+                _ => None,
+            };
+            let allowed = declared.or(of_transfer);
+            let need = |one: &AxisNeed| most(one);
+            let nominal = rehearsed.and_then(|nominal| Some(need(nominal.need(index, axis)?)));
+            let all = trials.all.iter();
+            let found = all.filter_map(|one| Some(need(one.needs.get(index)?.get(axis)?)));
+            let band = Band::of(found.collect());
+            let needed = [nominal, band.map(|band| band.high)];
+            let needed = needed.into_iter().flatten().fold(0.0, f64::max);
+            let shown = |value: Option<f64>| {
+                value.map_or_else(|| "not known".to_owned(), |value| quantity(value, unit))
+            };
+            let text = format!(
+                "{} in the nominal test, {} in 95 % of the trials, {}",
+                shown(nominal),
+                shown(band.map(|band| band.high)),
+                match allowed {
+                    Some(allowed) => format!(
+                        "{} can be had: {:.0} % used",
+                        quantity(allowed, unit),
+                        100.0 * needed / allowed
+                    ),
+                    None => format!("no `capacity.{key}` is declared"),
+                }
+            );
+            let word = key.split('_').next().unwrap_or(key);
+            lines.push(Line {
+                go: allowed.map(|allowed| needed <= allowed),
+                about: format!("{word}, {} axis {}", table.name, axis + 1),
+                text,
+            });
+        }
+    }
+    lines
+}
+
+fn of_trips(trials: &Trials, allowed: f64, certain: bool) -> Line {
+    let (trips, count) = (trials.trips(), trials.all.len() as u64);
+    let mut text = if certain {
+        let all = "nothing is uncertain, so that one trial is all of them";
+        let end = if trips == 0 {
+            "it came to its end"
+        } else {
+            "it tripped"
+        };
+        format!("{all}: {end}")
+    } else {
+        let (low, high) = interval(trips, count);
+        let text = format!(
+            "{trips} of {count} trials; with 95 % confidence the probability is {:.1} to {:.1} %, {:.1} % allowed",
+            100.0 * low,
+            100.0 * high,
+            100.0 * allowed
+        );
+        if trips == 0 && high > allowed {
+            // (1 − p)ⁿ = 0.025.
+            let needed = (libm::log(0.025) / libm::log1p(-allowed)).ceil();
+            format!("{text};\nthat is too few trials to tell: {needed:.0} without a trip would do")
+        } else {
+            text
+        }
+    };
+    let go = if certain {
+        trips == 0
+    } else {
+        interval(trips, count).1 <= allowed
+    };
+    for (reason, times) in trials.reasons() {
+        text.push_str(&format!(";\n{times} × {reason}"));
+    }
+    Line {
+        go: Some(go),
+        about: "probability of a trip".to_owned(),
+        text,
+    }
+}
+
+fn of_errors(loaded: &Loaded, facts: &Facts, trials: &Trials) -> Vec<Line> {
+    let allowed = &loaded.file.certificate;
+    let percent = |value: f64| format!("{:.2} %", 100.0 * value);
+    let line = |about: String, band: Option<Band>, allowed: f64, none: &str| {
+        let Some(band) = band else {
+            return Line {
+                go: None,
+                about,
+                text: none.to_owned(),
+            };
+        };
+        let text = format!(
+            "{} to {} in 5 to 95 % of the trials, {} in half of them; {} allowed",
+            percent(band.low),
+            percent(band.high),
+            percent(band.middle),
+            percent(allowed)
+        );
+        Line {
+            go: Some(band.high <= allowed),
+            about,
+            text,
+        }
+    };
+    const NONE: &str = "no trial came to its end";
+    let mut lines = Vec::new();
+    let mut place = 0;
+    let first = trials.all.first();
+    for (index, table) in loaded.file.specimen.iter().enumerate() {
+        let axes = first
+            .and_then(|one| one.needs.get(index))
+            .map_or(0, Vec::len);
+        for axis in 1..=axes {
+            let band = trials.band(|one| one.errors.tracking.get(place).copied());
+            let about = format!("tracking error, {} axis {axis}", table.name);
+            lines.push(line(about, band, allowed.tracking_error, NONE));
+            place += 1;
+        }
+    }
+    if facts.structure.is_some() {
+        let worst = |one: &crate::session::certificate::Rehearsed| one.errors.response;
+        let band = trials.band(worst);
+        let dof = trials.all.iter().max_by(|a, b| {
+            let of = |one: &&crate::session::certificate::Rehearsed| worst(one).unwrap_or(0.0);
+            of(a).total_cmp(&of(b))
+        });
+        let dof = dof.map_or(0, |one| one.errors.dof);
+        let about = format!("response error, worst at DOF {}", dof + 1);
+        lines.push(line(about, band, allowed.response_error, NONE));
+    }
+    lines
+}
+
+/// How many trials are done: on a terminal, and nowhere else.
+struct Bar {
+    of: u64,
+    show: bool,
+    drawn: Mutex<u64>,
+}
+
+impl Bar {
+    fn new(of: u64) -> Self {
+        Self {
+            of,
+            show: std::io::stderr().is_terminal(),
+            drawn: Mutex::new(0),
+        }
+    }
+
+    /// Workers finish in any order: the line never goes back.
+    fn show(&self, done: u64) {
+        if !self.show {
+            return;
+        }
+        let Ok(mut drawn) = self.drawn.lock() else {
+            return;
+        };
+        if done > *drawn {
+            *drawn = done;
+            let filled = (done * 30 / self.of.max(1)) as usize;
+            let bar: String = (0..30)
+                .map(|i| if i < filled { '█' } else { '·' })
+                .collect();
+            let mut terminal = std::io::stderr();
+            let _hung_up = write!(terminal, "\r\x1b[2K{bar} trial {done} of {}", self.of);
+            let _ = terminal.flush();
+        }
+    }
+
+    fn clear(&self) {
+        if self.show {
+            let _hung_up = write!(std::io::stderr(), "\r\x1b[2K");
+        }
+    }
+}

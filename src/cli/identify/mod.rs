@@ -1,0 +1,273 @@
+//! `gusset identify`: drives the specimens of a test file with a small motion, and says what they and their actuators are.
+//!
+//! The run is an ordinary one, with the loop, the limits, the record and the retirement of `gusset run`, into a run folder
+//! that `report`, `export` and `replay` read. What was identified is added to the folder afterwards.
+
+mod course;
+mod outcome;
+mod page;
+mod text;
+mod twin;
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use clap::{Args, ValueEnum};
+
+use super::args::ClockArg;
+use super::attend;
+use super::exit::{Exit, WithExit};
+use super::progress::ProgressLine;
+use super::rehearsed::Rehearsed;
+use super::run::{load, refused};
+use super::{answer, tell, warn};
+use crate::config::{self, Facts, Loaded, Prepared};
+use crate::engine::{Control, PhaseCell};
+use crate::identify::Shape;
+use crate::record::{Progress, RunFolder, atomic};
+use crate::rt::wall::Wall;
+use crate::session::{self, Finish, Finished, SessionError, Signal, Signals, Watches};
+
+use course::Plan;
+use outcome::Outcome;
+
+/// What `gusset identify` takes.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  gusset identify config/vrths-case-1.toml --amplitude 0.002 --out runs/floor-1\n  \
+    gusset check runs/floor-1/identified.toml\n\n\
+    The motion begins and ends with a rest of one second. Limits of the test file hold; what they do not allow is refused \
+    before anything moves. Several axes are driven one after the other while the others are held. The folder is an ordinary \
+    run folder; identified.toml in it is a virtual twin of the specimen with all that was found.\n\n\
+    Exits with 1 if the motion was stopped or a measured displacement does not follow the command."
+)]
+pub(super) struct IdentifyArgs {
+    /// The test file.
+    pub test: PathBuf,
+    /// The specimen; the others are left out, neither connected nor moved [default: all, one after the other].
+    #[arg(long, value_name = "NAME")]
+    pub specimen: Option<String>,
+    /// Largest displacement either way in m, at the specimen [default: 5 % of what `command_disp_m` leaves, less where
+    /// velocity, acceleration or force would be more than half of what is allowed].
+    #[arg(long, value_name = "M", allow_negative_numbers = true)]
+    pub amplitude: Option<f64>,
+    /// Frequencies in Hz [default: 0.2 Hz to 10 Hz, or to a fifth of the ticks per second].
+    #[arg(
+        long,
+        value_name = "F1,F2",
+        value_delimiter = ',',
+        num_args = 1,
+        allow_negative_numbers = true
+    )]
+    pub band: Option<Vec<f64>>,
+    /// Length of the motion of each axis in s.
+    #[arg(
+        long,
+        value_name = "S",
+        default_value_t = 30.0,
+        allow_negative_numbers = true
+    )]
+    pub duration: f64,
+    /// Kind of the motion.
+    #[arg(long, value_enum, default_value_t = MotionArg::Sweep)]
+    pub motion: MotionArg,
+    /// Seed of the noise and of the levels of the steps.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Run folder; must not exist yet [default: runs/<title>-<start time>].
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+    /// Overrides the clock of the test file.
+    #[arg(long, value_enum)]
+    pub clock: Option<ClockArg>,
+    /// Overrides any key by its dotted path.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub sets: Vec<String>,
+    /// Confirm what the sensors read before the test, unseen.
+    #[arg(long)]
+    pub yes: bool,
+    /// Print what was found as JSON on stdout.
+    #[arg(long)]
+    pub json: bool,
+    /// Do not print the progress line.
+    #[arg(long)]
+    pub quiet: bool,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub(super) enum MotionArg {
+    /// A sine whose frequency goes evenly through the band.
+    Sweep,
+    /// Noise within the band.
+    Noise,
+    /// Steps between changing levels.
+    Steps,
+}
+
+impl From<MotionArg> for Shape {
+    fn from(arg: MotionArg) -> Self {
+        match arg {
+            MotionArg::Sweep => Self::Sweep,
+            MotionArg::Noise => Self::Noise,
+            MotionArg::Steps => Self::Steps,
+        }
+    }
+}
+
+/// A refusal before anything moves.
+fn usage(text: String) -> anyhow::Error {
+    WithExit(Exit::Usage, format!("{text}\nnothing was moved")).into()
+}
+
+/// Identifies.
+pub fn identify(args: &IdentifyArgs) -> anyhow::Result<Exit> {
+    let mut sets = args.sets.clone();
+    if let Some(clock) = args.clock {
+        let clock = match clock {
+            ClockArg::Real => "real",
+            ClockArg::Simulated => "simulated",
+        };
+        sets.push(format!("time.clock=\"{clock}\""));
+    }
+    let loaded = load(&args.test, &sets)?;
+    let (plan, driven) = allowed(args, &loaded)?;
+    for line in plan.announced(&loaded) {
+        tell(line);
+    }
+    let test = config::build(&driven).map_err(refused)?;
+    warn(&test.warnings);
+    for text in &test.facts.announced {
+        tell(format_args!("note: {text}"));
+    }
+    attend::can_confirm(&test.facts, args.yes)?;
+    let facts = test.facts.clone();
+    let (finished, interrupted) = carry_out(args, test, &facts)?;
+    let report = session::write_report(&finished.path);
+    if let Err(error) = &report {
+        tell(format_args!("warning: not written: {error}"));
+    }
+    match finished.finish {
+        Finish::Completed => {}
+        Finish::Stopped => {
+            let text = format!(
+                "the motion was stopped, and nothing is identified: {}",
+                finished.summary.reason
+            );
+            return Err(WithExit(Exit::Stopped, text).into());
+        }
+        Finish::Interrupted => return Ok(interrupted),
+        Finish::LinkFailed | Finish::Panicked => {
+            let exit = if finished.finish == Finish::Panicked {
+                Exit::Panic
+            } else {
+                Exit::Link
+            };
+            let text = format!("nothing is identified: {}", finished.summary.reason);
+            return Err(WithExit(exit, text).into());
+        }
+    }
+    let outcome = Outcome::read(&finished.path, &plan, &driven)?;
+    keep(&outcome, &plan, &driven, &finished.path)?;
+    if args.json {
+        answer(serde_json::to_string_pretty(
+            &outcome.as_json(&finished.path),
+        )?)?;
+    } else {
+        answer(text::table(&outcome, &finished.path))?;
+    }
+    match outcome.first_error() {
+        None => Ok(Exit::Done),
+        Some(text) => Err(WithExit(Exit::Stopped, text).into()),
+    }
+}
+
+/// The motion, and the test that makes it: no limit of the file would trip in it. An amplitude that was not asked for is halved
+/// until that is so.
+fn allowed(args: &IdentifyArgs, loaded: &Loaded) -> anyhow::Result<(Plan, Loaded)> {
+    let mut halved = 0;
+    loop {
+        let plan = Plan::of(args, loaded, halved)?;
+        let driven = loaded
+            .beside(&plan.said(args), &plan.file)
+            .map_err(refused)?;
+        // What a stand-in shows of forces, and of limits that are not the command's own.
+        let rehearsal = config::build_rehearsal(&driven).map_err(refused)?;
+        let rehearsed = Rehearsed::of(&driven, rehearsal.experiment)?;
+        if rehearsed.is_possible() || args.amplitude.is_some() || halved == MOST_HALVED {
+            rehearsed.judge(&driven)?;
+            return Ok((plan, driven));
+        }
+        halved += 1;
+    }
+}
+
+/// How often an amplitude is halved.
+const MOST_HALVED: i32 = 6;
+
+/// Runs the motion into a folder; the exit code is for an interruption.
+fn carry_out(
+    args: &IdentifyArgs,
+    test: Prepared,
+    facts: &Facts,
+) -> anyhow::Result<(Finished, Exit)> {
+    let signals = Signals::listen().context("signals cannot be taken over")?;
+    let folder = match &args.out {
+        Some(path) => RunFolder::create(path),
+        None => RunFolder::create_default(Path::new("runs"), &facts.title, Wall::now().0),
+    }
+    .context("the run folder cannot be made")?;
+    let line = ProgressLine::new(facts, !args.quiet);
+    let (notices, heard) = crossbeam_channel::bounded(NOTICES);
+    let control = Control {
+        requests: signals.requests(),
+        notices,
+        phase: PhaseCell::default(),
+        desk: Some(signals.operator()),
+    };
+    attend::attend(facts.specimens.clone(), heard, signals.operator(), args.yes)?;
+    let finished = session::run(
+        test,
+        folder,
+        control,
+        Watches::default(),
+        &mut |progress: &Progress| line.show(progress),
+    );
+    line.clear();
+    let finished = finished.map_err(|error| match error {
+        SessionError::NotRealTime { .. } => {
+            WithExit(Exit::NoRealTime, format!("{error}\nnothing was moved")).into()
+        }
+        other => anyhow::Error::new(other),
+    })?;
+    for text in &finished.unwritten {
+        tell(format_args!("warning: not written: {text}"));
+    }
+    let exit = match signals.seen() {
+        Some(Signal::Terminate) => Exit::Terminated,
+        _ => Exit::Interrupted,
+    };
+    Ok((finished, exit))
+}
+
+/// Notices of the loop that may wait to be read.
+const NOTICES: usize = 1024;
+
+/// Writes what was found into the run folder.
+fn keep(outcome: &Outcome, plan: &Plan, driven: &Loaded, folder: &Path) -> anyhow::Result<()> {
+    let pictures = folder.join("identification");
+    std::fs::create_dir(&pictures).with_context(|| pictures.display().to_string())?;
+    let json = serde_json::to_string_pretty(&outcome.as_json(folder))?;
+    let mut files = vec![(folder.join("identification.json"), json)];
+    if let Some(twin) = twin::text(outcome, plan, driven)? {
+        files.push((folder.join("identified.toml"), twin));
+    }
+    let page = page::files(outcome, driven);
+    files.extend(
+        page.into_iter()
+            .map(|(name, text)| (pictures.join(name), text)),
+    );
+    for (path, text) in files {
+        atomic::write(&path, text.as_bytes()).with_context(|| path.display().to_string())?;
+    }
+    Ok(())
+}

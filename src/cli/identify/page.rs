@@ -1,0 +1,319 @@
+//! The pictures of what was identified, and the page that holds them.
+
+use super::outcome::{Axis, Outcome};
+use super::text::{of_specimen, parameters, with_error};
+use crate::config::Loaded;
+use crate::identify::Identification;
+use crate::report::{Curve, Curves, Scale, escape, frame, note};
+
+/// Points of a fitted curve.
+const POINTS: usize = 300;
+/// A delay is drawn where it is known to this part of itself, or of a tick.
+const KNOWN: f64 = 0.25;
+/// Width and height of a picture.
+const SIZE: (f64, f64) = (560.0, 330.0);
+
+/// Names and contents.
+pub(super) fn files(outcome: &Outcome, driven: &Loaded) -> Vec<(String, String)> {
+    let mut files = Vec::new();
+    let mut body = format!(
+        "<header>\n<p class=\"brand\">gusset {} · identification</p>\n<h1>{}</h1>\n",
+        env!("CARGO_PKG_VERSION"),
+        escape(&driven.file.title)
+    );
+    body += &note(
+        "The response is the ratio of the whole transforms of what was measured and what was commanded, each point over some \
+         neighbouring lines of the spectrum; the coherence is the share of the measured power that the command explains. Lines \
+         are models, fitted to all lines of the spectrum in the band, weighted by their noise. Standard errors follow ±.",
+    );
+    body += "<p><a href=\"../report.html\">Report of the run</a>, <a href=\"../identification.json\">all numbers</a>, \
+             <a href=\"../identified.toml\">virtual twin</a>.</p>\n</header>\n<main>\n";
+    for axis in &outcome.axes {
+        body += &format!(
+            "<section>\n<h2>{}, axis {}</h2>\n",
+            escape(&axis.driven.name),
+            axis.driven.axis + 1
+        );
+        match &axis.found {
+            Err(error) => {
+                body += &format!(
+                    "<div class=\"verdict bad\"><p class=\"headline\">Not identified</p><p>{}</p></div>\n",
+                    escape(&error.to_string())
+                );
+                body += &grid(&mut files, axis, vec![walk(axis, None)]);
+            }
+            Ok(found) => body += &known(&mut files, axis, found),
+        }
+        body += "</section>\n";
+    }
+    body += "</main>\n";
+    files.push(("index.html".to_owned(), frame(&driven.file.title, &body)));
+    files
+}
+
+/// One picture.
+struct Picture {
+    name: &'static str,
+    says: String,
+    inline: String,
+    alone: String,
+}
+
+fn grid(files: &mut Vec<(String, String)>, axis: &Axis, pictures: Vec<Picture>) -> String {
+    let mut markup = String::from("<div class=\"grid\">\n");
+    for picture in pictures {
+        let name = format!(
+            "{}-{}-{}.svg",
+            picture.name,
+            axis.driven.place + 1,
+            axis.driven.axis + 1
+        );
+        markup += &format!(
+            "<figure>{}<figcaption>{} <a href=\"{name}\">Picture</a>.</figcaption></figure>\n",
+            picture.inline,
+            escape(&picture.says)
+        );
+        files.push((name, picture.alone));
+    }
+    markup + "</div>\n"
+}
+
+fn known(files: &mut Vec<(String, String)>, axis: &Axis, found: &Identification) -> String {
+    let pictures = vec![
+        gain(axis, found),
+        delay(axis, found),
+        coherence(found),
+        walk(axis, Some(found)),
+    ];
+    let mut markup = grid(files, axis, pictures);
+    markup += "<div class=\"wide\"><table>\n<thead><tr><th>model</th><th>parameters</th><th>left over</th>\
+               <th>slow delay</th></tr></thead>\n<tbody>\n";
+    for (place, fit) in found.models.iter().enumerate() {
+        let best = if place == 0 { " (best)" } else { "" };
+        markup += &format!(
+            "<tr><td>{}{best}</td><td>{}</td><td>{:.3} %</td><td>{:.4} ms</td></tr>\n",
+            fit.model.words(),
+            escape(&parameters(fit)),
+            100.0 * fit.residual,
+            1e3 * fit.slow_delay_s
+        );
+    }
+    markup += "</tbody></table></div>\n<dl>\n";
+    let mut row = |what: &str, text: &str| {
+        markup += &format!("<dt>{}</dt><dd>{}</dd>\n", escape(what), escape(text));
+    };
+    row("delay over the band", &with_error(found.delay, "s"));
+    row("gain over the band", &with_error(found.gain, "1"));
+    row("mean coherence", &format!("{:.4}", found.coherence));
+    if let Some(specimen) = &found.specimen {
+        for (what, text) in of_specimen(specimen, axis.to_structure) {
+            row(&what, &text);
+        }
+    }
+    let noise = format!(
+        "{:.3e} m, {:.3e} N",
+        found.noise.disp_m, found.noise.force_n
+    );
+    row("noise at rest", &noise);
+    markup + "</dl>\n"
+}
+
+/// Both skins of a picture.
+fn picture(name: &'static str, says: String, curves: &Curves<'_>) -> Picture {
+    Picture {
+        name,
+        says,
+        inline: curves.svg(SIZE.0, SIZE.1, true),
+        alone: curves.svg(SIZE.0, SIZE.1, false),
+    }
+}
+
+fn frequencies(found: &Identification) -> Vec<f64> {
+    let (from, to) = (found.band.from_hz, found.band.to_hz);
+    let at = |i: usize| from + (to - from) * i as f64 / (POINTS - 1) as f64;
+    (0..POINTS).map(at).collect()
+}
+
+const ACROSS: Scale<'static> = Scale {
+    words: "frequency",
+    unit: "Hz",
+    range: None,
+};
+
+/// Measured points over the fitted models: `measured` (hz, value), and what a model says at a frequency.
+fn compared(
+    name: &'static str,
+    title: &'static str,
+    up: Scale<'_>,
+    found: &Identification,
+    measured: (Vec<f64>, Vec<f64>),
+    of_model: &dyn Fn(&crate::identify::Fit, f64) -> f64,
+) -> Picture {
+    let at = frequencies(found);
+    let models: Vec<(String, Vec<f64>)> = found
+        .models
+        .iter()
+        .map(|fit| {
+            let values = at.iter().map(|hz| of_model(fit, *hz)).collect();
+            (fit.model.words().to_owned(), values)
+        })
+        .collect();
+    let mut curves: Vec<Curve<'_>> = models
+        .iter()
+        .enumerate()
+        .map(|(place, (name, values))| Curve {
+            name,
+            x: &at,
+            y: values,
+            dots: false,
+            reference: place == 0,
+        })
+        .collect();
+    // What explains nothing anyone would draw hides what does.
+    curves.retain(|curve| curve.y.iter().all(|value| value.is_finite()));
+    curves.truncate(3);
+    curves.push(Curve {
+        name: "measured",
+        x: &measured.0,
+        y: &measured.1,
+        dots: true,
+        reference: false,
+    });
+    let says = format!(
+        "{title}: measured, and the best models; the best one, {}, is dashed.",
+        found.best().map_or("none", |fit| fit.model.words())
+    );
+    let curves = Curves {
+        title,
+        across: ACROSS,
+        up,
+        curves: &curves,
+        logarithmic: false,
+        square: false,
+    };
+    picture(name, says, &curves)
+}
+
+fn gain(axis: &Axis, found: &Identification) -> Picture {
+    let points = found.response.iter().filter(|point| point.trusted);
+    let measured = points.map(|point| (point.hz, point.gain)).unzip();
+    let up = Scale {
+        words: "gain",
+        unit: "1",
+        range: None,
+    };
+    compared(
+        "gain",
+        "Gain over frequency",
+        up,
+        found,
+        measured,
+        &|fit, hz| fit.response(hz, axis.tick).norm(),
+    )
+}
+
+fn delay(axis: &Axis, found: &Identification) -> Picture {
+    let is_known = |point: &&crate::identify::Point| {
+        point.trusted && point.delay_std_s < KNOWN * point.delay_s.abs().max(axis.tick)
+    };
+    let points = found.response.iter().filter(is_known);
+    let measured = points.map(|point| (point.hz, 1e3 * point.delay_s)).unzip();
+    let up = Scale {
+        words: "delay",
+        unit: "ms",
+        range: None,
+    };
+    compared(
+        "delay",
+        "Delay over frequency",
+        up,
+        found,
+        measured,
+        &|fit, hz| {
+            use std::f64::consts::TAU;
+            let response = fit.response(hz, axis.tick);
+            // The slow delay says how often the phase went round.
+            let expected = TAU * hz * fit.slow_delay_s;
+            let raw = -libm::atan2(response.im, response.re);
+            let turns = ((expected - raw) / TAU).round();
+            1e3 * (raw + TAU * turns) / (TAU * hz)
+        },
+    )
+}
+
+fn coherence(found: &Identification) -> Picture {
+    let x: Vec<f64> = found.response.iter().map(|point| point.hz).collect();
+    let y: Vec<f64> = found.response.iter().map(|point| point.coherence).collect();
+    let curves = [Curve {
+        name: "",
+        x: &x,
+        y: &y,
+        dots: true,
+        reference: false,
+    }];
+    let curves = Curves {
+        title: "Coherence of command and measured displacement",
+        across: ACROSS,
+        up: Scale {
+            words: "coherence",
+            unit: "1",
+            range: Some((0.0, 1.05)),
+        },
+        curves: &curves,
+        logarithmic: false,
+        square: false,
+    };
+    let says =
+        "Share of the measured power that the command explains; below 0.8 a point is not trusted.";
+    picture("coherence", says.to_owned(), &curves)
+}
+
+fn walk(axis: &Axis, found: Option<&Identification>) -> Picture {
+    let (disp, force) = &axis.walk;
+    let millimetres: Vec<f64> = disp.iter().map(|d| 1e3 * d).collect();
+    let middle = |values: &[f64]| values.first().copied().unwrap_or(0.0);
+    let (x0, f0) = (middle(disp), middle(force));
+    let specimen = found.and_then(|found| found.specimen);
+    let (low, high) = disp
+        .iter()
+        .fold((x0, x0), |(low, high), d| (low.min(*d), high.max(*d)));
+    let ends = [1e3 * low, 1e3 * high];
+    let line = specimen.map(|specimen| {
+        let k = specimen.stiffness.value;
+        [f0 + k * (low - x0), f0 + k * (high - x0)]
+    });
+    let mut curves = vec![Curve {
+        name: "measured",
+        x: &millimetres,
+        y: force,
+        dots: false,
+        reference: false,
+    }];
+    if let Some(line) = &line {
+        curves.push(Curve {
+            name: "stiffness",
+            x: &ends,
+            y: line,
+            dots: false,
+            reference: true,
+        });
+    }
+    let curves = Curves {
+        title: "Force over measured displacement",
+        across: Scale {
+            words: "measured displacement",
+            unit: "mm",
+            range: None,
+        },
+        up: Scale {
+            words: "force",
+            unit: "N",
+            range: None,
+        },
+        curves: &curves,
+        logarithmic: false,
+        square: false,
+    };
+    let says = "Force over measured displacement, and the stiffness found.";
+    picture("loop", says.to_owned(), &curves)
+}

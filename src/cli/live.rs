@@ -1,0 +1,185 @@
+//! Who looks at a running test, and from where: the board, the live page, the status on the terminal.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use crossbeam_channel::{Sender, bounded};
+
+use super::args::RunArgs;
+#[cfg(feature = "monitor")]
+use super::exit::{Exit, WithExit};
+#[cfg(feature = "monitor")]
+use super::tell;
+use crate::config::{ClockChoice, Facts, Prepared};
+#[cfg(feature = "monitor")]
+use crate::engine::Operator;
+use crate::engine::PhaseCell;
+#[cfg(feature = "monitor")]
+use crate::monitor::page::{LivePage, Serving, Token};
+use crate::monitor::{About, Board, Ended, LambdaUse, Subject, Tap};
+use crate::record::{Note, Onlooker};
+#[cfg(feature = "monitor")]
+use crate::session::Attendance;
+use crate::session::Finished;
+
+/// Notes of viewers that may wait to be written.
+const NOTES: usize = 64;
+
+/// The page, before the test has a folder; nothing where none is wanted.
+pub struct Asked {
+    #[cfg(feature = "monitor")]
+    page: Option<LivePage>,
+}
+
+impl Asked {
+    /// Takes the port: who cannot have it hears so before anything is made or moved.
+    #[cfg(feature = "monitor")]
+    pub fn for_run(args: &RunArgs) -> anyhow::Result<Self> {
+        let Some(address) = &args.live.live else {
+            return Ok(Self { page: None });
+        };
+        let usage = |text: String| WithExit(Exit::Usage, format!("{text}\nnothing was moved"));
+        let view = args.live.live_token.as_deref().map(Token::read);
+        let view = view.transpose().map_err(|error| usage(error.to_string()))?;
+        let page = LivePage::bind(address, view).map_err(|error| usage(error.to_string()))?;
+        Ok(Self { page: Some(page) })
+    }
+
+    /// Without the feature there is none.
+    #[cfg(not(feature = "monitor"))]
+    #[expect(clippy::unnecessary_wraps, reason = "the same as with the feature")]
+    pub fn for_run(_args: &RunArgs) -> anyhow::Result<Self> {
+        Ok(Self {})
+    }
+
+    /// Whether there is one.
+    pub const fn is_wanted(&self) -> bool {
+        #[cfg(feature = "monitor")]
+        {
+            self.page.is_some()
+        }
+        #[cfg(not(feature = "monitor"))]
+        {
+            false
+        }
+    }
+}
+
+/// A test that is looked at.
+pub struct Looked {
+    /// Where it stands.
+    pub board: Arc<Board>,
+    notes: Sender<Note>,
+    tap: Option<Tap>,
+}
+
+impl Looked {
+    /// The board of a test that is about to run into `folder`.
+    pub fn at(test: &Prepared, folder: &Path, phase: PhaseCell) -> Self {
+        let facts = &test.facts;
+        let about = About {
+            title: facts.title.clone(),
+            run: folder.display().to_string(),
+            real_clock: facts.clock == ClockChoice::Real,
+            lambda: lambda(facts),
+        };
+        let online = facts
+            .structure
+            .as_ref()
+            .and_then(|structure| structure.online_limit.clone());
+        let subject = Subject::new(&test.experiment, about);
+        let board = Arc::new(Board::new(subject, phase, online));
+        let (notes, written) = bounded(NOTES);
+        Self {
+            tap: Some(Tap::new(Arc::clone(&board), written)),
+            board,
+            notes,
+        }
+    }
+
+    /// Who looks at the rows, once.
+    pub fn onlooker(&mut self) -> Option<Box<dyn Onlooker>> {
+        let tap = self.tap.take()?;
+        Some(Box::new(tap))
+    }
+
+    /// What starts the page when its time has come, and where it is then found.
+    #[cfg(feature = "monitor")]
+    pub fn page(
+        &self,
+        asked: Asked,
+        operator: Sender<Operator>,
+        served: &Served,
+    ) -> Option<Attendance> {
+        let page = asked.page?;
+        announce(&page);
+        let (board, notes) = (Arc::clone(&self.board), self.notes.clone());
+        let place = Arc::clone(&served.0);
+        Some(Box::new(move || {
+            let serving = page.serve(board, operator, notes)?;
+            // Nobody else holds it.
+            if let Ok(mut place) = place.lock() {
+                *place = Some(serving);
+            }
+            Ok(())
+        }))
+    }
+
+    /// How the test ended, for whoever looks.
+    pub fn ended(finished: &Finished, report: Option<&Path>) -> Ended {
+        let status = match serde_json::to_value(finished.summary.status) {
+            Ok(serde_json::Value::String(word)) => word,
+            _ => String::new(),
+        };
+        Ended {
+            status,
+            reason: finished.summary.reason.clone(),
+            report: report.map(|path| path.display().to_string()),
+            data: finished.path.display().to_string(),
+        }
+    }
+}
+
+/// The page that is served, from its start to the end of the test.
+#[cfg(feature = "monitor")]
+#[derive(Default)]
+pub struct Served(Arc<std::sync::Mutex<Option<Serving>>>);
+
+#[cfg(feature = "monitor")]
+impl Served {
+    /// Tells the viewers how the test ended and closes when they know.
+    pub fn end(&self, ended: Ended) {
+        let serving = self.0.lock().ok().and_then(|mut place| place.take());
+        if let Some(serving) = serving {
+            serving.end(ended);
+        }
+    }
+}
+
+/// Where the page is and what operating takes; to stderr, since stdout belongs to the result.
+#[cfg(feature = "monitor")]
+fn announce(page: &LivePage) {
+    tell(format_args!("live page: {}", page.link()));
+    tell(format_args!(
+        "control token (HOLD, CONTINUE, STOP on the page): {}",
+        page.control_token().text()
+    ));
+    if !page.is_open() {
+        tell(
+            "the live page is open to the network, without encryption: whoever has the address above may look, whoever has \
+             the control token may operate",
+        );
+    }
+}
+
+fn lambda(facts: &Facts) -> Option<LambdaUse> {
+    let structure = facts.structure.as_ref()?;
+    let choice = structure.choice.as_ref();
+    Some(LambdaUse {
+        used: structure.lambda?.value(),
+        declared_limit: choice
+            .and_then(|choice| choice.limit)
+            .unwrap_or(f64::INFINITY),
+        proven: choice.is_some(),
+    })
+}

@@ -1,0 +1,145 @@
+//! The lines that a terminal shows while something runs: drawn over themselves, and out of the way of everything else.
+//!
+//! Plain ANSI, on stderr, and nothing at all where that is no terminal. Whoever prints (`tell`, the log) first takes the lines
+//! away with [`step_aside`]; the next drawing puts them below. Lines that are too long are cut by the terminal and never
+//! wrap, so that as many lines can be taken away as were drawn.
+
+use std::io::{self, IsTerminal, Write};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// Lines that stand on the terminal now.
+static DRAWN: Mutex<usize> = Mutex::new(0);
+
+fn drawn() -> MutexGuard<'static, usize> {
+    DRAWN.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Whether there is a terminal to draw on.
+pub fn is_there() -> bool {
+    io::stderr().is_terminal()
+}
+
+/// Columns and rows of the terminal; those of old if it does not say.
+pub fn size() -> (usize, usize) {
+    match rustix::termios::tcgetwinsize(io::stderr()) {
+        Ok(size) if size.ws_col > 0 && size.ws_row > 0 => {
+            (usize::from(size.ws_col), usize::from(size.ws_row))
+        }
+        _ => (80, 24),
+    }
+}
+
+/// Draws `lines` where the last ones were.
+pub fn draw(lines: &[String]) {
+    let mut drawn = drawn();
+    let text = over(*drawn, lines);
+    *drawn = lines.len();
+    let mut terminal = io::stderr().lock();
+    let _hung_up = terminal.write_all(text.as_bytes());
+    let _ = terminal.flush();
+}
+
+/// Takes the lines away: something else is to be printed, or it is over.
+pub fn step_aside() {
+    let mut drawn = drawn();
+    if *drawn > 0 {
+        let _hung_up = io::stderr().lock().write_all(over(*drawn, &[]).as_bytes());
+        *drawn = 0;
+    }
+}
+
+/// What draws `lines` over `before` lines that stand above the cursor.
+fn over(before: usize, lines: &[String]) -> String {
+    let mut text = String::new();
+    if before > 0 {
+        text.push_str(&format!("\r\x1b[{before}A"));
+    }
+    // No wrapping while we draw; what was there is wiped line by line, which flickers less than all at once.
+    text.push_str("\x1b[?7l");
+    for line in lines {
+        text.push_str(&format!("\r{line}\x1b[0m\x1b[K\n"));
+    }
+    text.push_str("\x1b[J\x1b[?7h");
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What a terminal of 20 columns shows after `text`: enough of one for what we send.
+    fn shown(text: &str) -> Vec<String> {
+        let (mut rows, mut row, mut column, mut wraps) = (vec![Vec::new()], 0, 0, true);
+        let mut chars = text.chars().peekable();
+        while let Some(c) = chars.next() {
+            match c {
+                '\r' => column = 0,
+                '\n' => {
+                    row += 1;
+                    if row == rows.len() {
+                        rows.push(Vec::new());
+                    }
+                }
+                '\x1b' => {
+                    assert_eq!(chars.next(), Some('['));
+                    let mut code = String::new();
+                    while let Some(c) = chars.next_if(|c| !c.is_ascii_alphabetic()) {
+                        code.push(c);
+                    }
+                    match (code.as_str(), chars.next().unwrap()) {
+                        (n, 'A') => row -= n.parse::<usize>().unwrap(),
+                        ("", 'K') => rows[row].truncate(column),
+                        ("", 'J') => {
+                            rows[row].truncate(column);
+                            rows.truncate(row + 1);
+                        }
+                        ("?7", 'l') => wraps = false,
+                        ("?7", 'h') => wraps = true,
+                        (_, 'm') => {}
+                        other => panic!("{other:?}"),
+                    }
+                }
+                c => {
+                    if column == 20 {
+                        assert!(!wraps, "a line wrapped");
+                        continue;
+                    }
+                    let line: &mut Vec<char> = &mut rows[row];
+                    line.resize(line.len().max(column + 1), ' ');
+                    line[column] = c;
+                    column += 1;
+                }
+            }
+        }
+        assert!(wraps, "the terminal is left as it was");
+        rows.into_iter()
+            .map(|line| line.into_iter().collect())
+            .collect()
+    }
+
+    fn lines(texts: &[&str]) -> Vec<String> {
+        texts.iter().map(|text| (*text).to_owned()).collect()
+    }
+
+    #[test]
+    fn lines_are_drawn_over_the_last_ones_and_taken_away_without_a_trace() {
+        let first = over(
+            0,
+            &lines(&["one and something long that is cut", "two", "three"]),
+        );
+        let second = over(3, &lines(&["1", "2"]));
+        assert_eq!(
+            shown(&format!("before\n{first}")),
+            ["before", "one and something lo", "two", "three", ""]
+        );
+        assert_eq!(
+            shown(&format!("before\n{first}{second}")),
+            ["before", "1", "2", ""]
+        );
+        let gone = over(2, &[]);
+        assert_eq!(
+            shown(&format!("before\n{first}{second}{gone}after\n")),
+            ["before", "after", ""]
+        );
+    }
+}

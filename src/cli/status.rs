@@ -1,0 +1,358 @@
+//! What a terminal shows while a test runs: one line, or some; the same numbers as the live page.
+//!
+//! Words and bars only: keys are not read. A program that reads its terminal is stopped by the system as soon as it is put
+//! into the background, and the loop with it; `gusset hold RUN_DIR` from another terminal does what a key would do.
+
+use std::sync::Arc;
+
+use super::args::{RunArgs, StatusArg};
+use super::screen;
+use super::table::quantity;
+use crate::config::Facts;
+use crate::monitor::{Board, Margin, Mark, Snapshot};
+use crate::rt::os::monotonic_ns;
+
+/// Limits of one axis that are shown at most.
+const MOST_LIMITS: usize = 4;
+
+/// The status of a running test on a terminal.
+pub struct Status {
+    mode: StatusArg,
+    rate_hz: f64,
+    board: Option<Arc<Board>>,
+}
+
+impl Status {
+    /// As the user wants it; it also takes a terminal.
+    pub fn new(facts: &Facts, args: &RunArgs) -> Self {
+        let shown = !args.quiet && screen::is_there();
+        Self {
+            mode: if shown { args.status } else { StatusArg::Off },
+            rate_hz: facts.rate_hz,
+            board: None,
+        }
+    }
+
+    /// Whether anything is shown.
+    pub fn is_shown(&self) -> bool {
+        self.mode != StatusArg::Off
+    }
+
+    /// What is shown from here on.
+    pub fn look_at(&mut self, board: &Arc<Board>) {
+        self.board = Some(Arc::clone(board));
+    }
+
+    /// Draws it anew.
+    pub fn show(&self) {
+        let Some(board) = self.board.as_ref().filter(|_| self.is_shown()) else {
+            return;
+        };
+        let (columns, rows) = screen::size();
+        let sight = Sight::of(board, self.rate_hz);
+        let lines = match self.mode {
+            StatusArg::Full => sight.block(columns, rows.saturating_sub(1)),
+            _ => vec![sight.line(columns)],
+        };
+        screen::draw(&lines);
+    }
+
+    /// Takes it away.
+    pub fn clear(&self) {
+        screen::step_aside();
+    }
+}
+
+/// Everything that is shown, at one moment.
+struct Sight<'a> {
+    board: &'a Board,
+    now: Arc<Snapshot>,
+    margin: Option<Margin>,
+    rate_hz: f64,
+    age_s: f64,
+}
+
+impl<'a> Sight<'a> {
+    fn of(board: &'a Board, rate_hz: f64) -> Self {
+        let now = board.latest();
+        let at = monotonic_ns();
+        let age_s = if now.row_ns == 0 {
+            0.0
+        } else {
+            at.saturating_sub(now.row_ns) as f64 * 1e-9
+        };
+        Self {
+            margin: board.margin(at),
+            board,
+            now,
+            rate_hz,
+            age_s,
+        }
+    }
+
+    fn duration(&self) -> f64 {
+        self.board.subject.steps as f64 * self.board.subject.dt
+    }
+
+    fn share(&self) -> f64 {
+        let share = self.now.time / self.duration();
+        if share.is_finite() {
+            share.clamp(0.0, 1.0)
+        } else {
+            0.0
+        }
+    }
+
+    /// The phase; that nothing comes any more is said before everything else.
+    fn phase(&self) -> String {
+        let phase = self.board.phase();
+        // The slowest tests make a row in some seconds; then the period says what is long.
+        if self.age_s > 2.0_f64.max(3.0 * self.board.subject.tick_s) {
+            return format!("NO ROWS SINCE {:.0} s ({})", self.age_s, phase.word());
+        }
+        phase.word().to_uppercase()
+    }
+
+    fn lambda(&self) -> Option<String> {
+        let used = self.board.subject.lambda?.used;
+        let margin = self.margin?;
+        let limit = |value: f64| {
+            if value.is_finite() {
+                format!("{value:.3}")
+            } else {
+                "none".to_owned()
+            }
+        };
+        let beyond = if used > margin.limit {
+            "  UNSTABLE"
+        } else {
+            ""
+        };
+        Some(format!(
+            "lambda {used}, limit {} (lowest {}){beyond}",
+            limit(margin.limit),
+            limit(margin.lowest)
+        ))
+    }
+
+    /// Every limit that has a level and a value: whose, its mark, [value, low, high], share of the level that is used.
+    fn limits(&self) -> impl Iterator<Item = (usize, String, &Mark, [f64; 3], f64)> {
+        let axes = self.board.subject.axes().zip(&self.now.axes).enumerate();
+        axes.flat_map(|(place, ((specimen, index, axis), view))| {
+            let name = if specimen.axes.len() > 1 {
+                format!("{} axis {}", specimen.name, index + 1)
+            } else {
+                specimen.name.clone()
+            };
+            let marks = axis.marks.iter().zip(&view.limits);
+            marks.filter_map(move |(mark, values)| {
+                let used = used(mark, values[0]);
+                used.is_finite()
+                    .then(|| (place, name.clone(), mark, *values, used))
+            })
+        })
+    }
+
+    /// All in one line, the most important first: a narrow terminal cuts the rest.
+    fn line(&self, columns: usize) -> String {
+        let mut parts = vec![self.phase()];
+        parts.push(format!("{:.2} of {:.2} s", self.now.time, self.duration()));
+        if columns >= 60 {
+            parts.push(bar(self.share(), if columns >= 100 { 20 } else { 10 }));
+        }
+        parts.push(format!("misses {}", self.now.misses.total()));
+        if self.now.rows_lost > 0 {
+            parts.push(format!("ROWS LOST {}", self.now.rows_lost));
+        }
+        let closest = self.limits().max_by(|a, b| a.4.total_cmp(&b.4));
+        if let Some((_, name, mark, _, used)) = closest {
+            parts.push(format!(
+                "{name}: {} {:.0} % of trip",
+                mark.key,
+                100.0 * used
+            ));
+        }
+        if let Some(late) = self.now.timing.first().filter(|late| late.count > 0) {
+            parts.push(format!("late p99 {}", short(late.p99, "s")));
+        }
+        parts.extend(self.lambda());
+        parts.push(format!("{:.0} Hz", self.rate_hz));
+        cut(&parts.join("  "), columns)
+    }
+
+    fn block(&self, columns: usize, rows: usize) -> Vec<String> {
+        let now = &self.now;
+        let mut lines = vec![
+            format!(
+                "{}  test time {:.3} of {:.3} s  step {}  {:.0} Hz",
+                self.phase(),
+                now.time,
+                self.duration(),
+                now.steps,
+                self.rate_hz
+            ),
+            bar(self.share(), columns.saturating_sub(1).min(78)),
+        ];
+        let mut last = vec![self.losses()];
+        for late in now.timing.iter().filter(|late| late.count > 0) {
+            last.push(format!(
+                "{:<17}  p50 {}  p99 {}  p99.9 {}  max {}",
+                late.key,
+                short(late.p50, "s"),
+                short(late.p99, "s"),
+                short(late.p99_9, "s"),
+                short(late.max, "s")
+            ));
+        }
+        last.extend(self.lambda());
+        last.push(format!(
+            "Ctrl-C stops   gusset hold {}",
+            self.board.subject.run
+        ));
+        let room = rows.saturating_sub(lines.len() + last.len());
+        let axes = self.axes(columns);
+        let hidden = axes.len().saturating_sub(room);
+        lines.extend(axes.into_iter().take(room));
+        if hidden > 0 && room > 0 {
+            lines.pop();
+            lines.push(format!(
+                "… {} lines more: the terminal is too low",
+                hidden + 1
+            ));
+        }
+        lines.extend(last);
+        lines.truncate(rows.max(1));
+        lines.iter().map(|line| cut(line, columns)).collect()
+    }
+
+    fn losses(&self) -> String {
+        let misses = self.now.misses;
+        format!(
+            "misses {} (ours {}, preempted {}, taken away {}, late reply {})  stretched {}  rows lost {}",
+            misses.total(),
+            misses.ours,
+            misses.preempted,
+            misses.taken_away,
+            misses.late_reply,
+            if self.now.stretched.is_finite() {
+                self.now.stretched
+            } else {
+                0.0
+            },
+            self.now.rows_lost
+        )
+    }
+
+    /// Every axis: its values, and below them the limits that are closest.
+    fn axes(&self, columns: usize) -> Vec<String> {
+        let mut lines = Vec::new();
+        let axes = self.board.subject.axes().zip(&self.now.axes).enumerate();
+        for (place, ((specimen, index, _), view)) in axes {
+            let name = match specimen.axes.len() {
+                1 => specimen.name.clone(),
+                _ => format!("{} axis {}", specimen.name, index + 1),
+            };
+            lines.push(format!(
+                "{name}  command {}  measured {}  force {}",
+                short(view.command, "m"),
+                short(view.measured, "m"),
+                short(view.force, "N")
+            ));
+            let mut limits: Vec<_> = self.limits().filter(|limit| limit.0 == place).collect();
+            limits.sort_by(|a, b| b.4.total_cmp(&a.4));
+            for (_, _, mark, [value, low, high], share) in limits.into_iter().take(MOST_LIMITS) {
+                let worst = used(mark, low).max(used(mark, high));
+                lines.push(format!(
+                    "  {:<22} {} {:>12}  {:>3.0} % of trip, worst {:.0} %",
+                    mark.key,
+                    gauge(
+                        mark,
+                        value,
+                        [low, high],
+                        if columns >= 90 { 24 } else { 12 }
+                    ),
+                    short(value, mark.unit),
+                    100.0 * share,
+                    100.0 * worst
+                ));
+            }
+        }
+        lines
+    }
+}
+
+/// Share of the level at which a limit trips, on the side of the value; of the warning level where it never trips.
+fn used(mark: &Mark, value: f64) -> f64 {
+    let side = usize::from(value >= 0.0 || mark.size);
+    let level = [mark.trip[side], mark.warn[side]]
+        .into_iter()
+        .find(|level| level.is_finite() && *level != 0.0);
+    level.map_or(f64::NAN, |level| value / level)
+}
+
+/// A value between its levels: `│` where it trips, `┊` where it warns, `·` where it has been, `●` where it is.
+fn gauge(mark: &Mark, value: f64, peaks: [f64; 2], width: usize) -> String {
+    let both = mark.trip.into_iter().chain(mark.warn);
+    let farthest = both.filter(|level| level.is_finite()).map(f64::abs);
+    let end = 1.1 * farthest.fold(0.0, f64::max);
+    let start = if mark.size { 0.0 } else { -end };
+    let cell = |at: f64| {
+        let share = (at - start) / (end - start);
+        (share.is_finite())
+            .then(|| ((share.clamp(0.0, 1.0) * width as f64) as usize).min(width - 1))
+    };
+    let mut cells = vec![' '; width];
+    if let (Some(low), Some(high)) = (cell(peaks[0]), cell(peaks[1])) {
+        let low = if mark.size { 0 } else { low };
+        cells
+            .iter_mut()
+            .take(high + 1)
+            .skip(low)
+            .for_each(|c| *c = '·');
+    }
+    for (levels, sign) in [(mark.warn, '┊'), (mark.trip, '│')] {
+        for level in levels.into_iter().filter(|level| level.is_finite()) {
+            if let Some(place) = cell(level).and_then(|place| cells.get_mut(place)) {
+                *place = sign;
+            }
+        }
+    }
+    if let Some(place) = cell(value).and_then(|place| cells.get_mut(place)) {
+        *place = '●';
+    }
+    let inside: String = cells.into_iter().collect();
+    format!("[{inside}]")
+}
+
+fn bar(share: f64, width: usize) -> String {
+    let filled = (share * width as f64).round() as usize;
+    (0..width)
+        .map(|i| if i < filled { '█' } else { '·' })
+        .collect()
+}
+
+/// A number in a few letters; a dash where there is none.
+fn short(value: f64, unit: &str) -> String {
+    if value.is_nan() {
+        return "-".to_owned();
+    }
+    if matches!(unit, "ticks" | "×" | "1") {
+        return format!("{value:.3} {unit}");
+    }
+    let text = quantity(value, unit);
+    let Some((number, unit)) = text.split_once(' ') else {
+        return text;
+    };
+    match number.parse::<f64>() {
+        Ok(number) => format!("{number:.2} {unit}"),
+        Err(_) => text.clone(),
+    }
+}
+
+fn cut(text: &str, columns: usize) -> String {
+    text.chars().take(columns).collect()
+}
+
+#[cfg(test)]
+#[path = "status_tests.rs"]
+mod tests;

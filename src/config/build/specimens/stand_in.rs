@@ -1,0 +1,117 @@
+//! What stands for a specimen when its test is rehearsed, and laws behind simulated actuators.
+
+use super::super::trial::Drawn;
+use super::super::{Refused, Rows, Site};
+use super::{Stand, compensation};
+use crate::config::{KeyPath, SpecimenTable};
+use crate::control::Axis;
+use crate::specimen::{CoupledSpec, Specimen, Stiffened};
+use crate::transfer::{ActuatorSpec, ProportionalSpec, Transfer, TransferSpec};
+
+/// The law as it was drawn, behind the actuator and the sensors of its table, if there are any.
+pub(super) fn behind_transfer(
+    site: &mut Site<'_>,
+    at: &KeyPath,
+    spec: Option<&TransferSpec>,
+    law: Box<dyn Specimen>,
+    drawn: &Drawn,
+) -> Result<Box<dyn Specimen>, Refused> {
+    let law = if drawn.stiffness == 1.0 {
+        law
+    } else {
+        Box::new(Stiffened::new(law, drawn.stiffness))
+    };
+    let Some(spec) = spec else {
+        return Ok(law);
+    };
+    let time = site.loaded.time;
+    if let Some(finding) = compensation::slower_time(at, time) {
+        return site.refuse(finding);
+    }
+    let spec = drawn_transfer(spec, drawn);
+    match Transfer::new(&spec, law, Some(compensation::test_time(time))) {
+        Ok(transfer) => Ok(Box::new(transfer)),
+        Err(error) => site.refuse_key(at, error.key(), &error),
+    }
+}
+
+fn drawn_transfer(spec: &TransferSpec, drawn: &Drawn) -> TransferSpec {
+    let mut spec = spec.clone();
+    spec.delay_s = (spec.delay_s + drawn.delay_s).max(0.0);
+    spec.seed = drawn.seed.unwrap_or(spec.seed);
+    match &mut spec.actuator {
+        None if drawn.gain == 1.0 => {}
+        None => {
+            let gain = drawn.gain;
+            spec.actuator = Some(ActuatorSpec::Proportional(ProportionalSpec { gain }));
+        }
+        Some(ActuatorSpec::Proportional(own)) => own.gain *= drawn.gain,
+        Some(ActuatorSpec::FirstOrder(own)) => own.gain *= drawn.gain,
+        Some(ActuatorSpec::SecondOrder(own)) => own.gain *= drawn.gain,
+        Some(ActuatorSpec::ServoHydraulic(own)) => own.gain *= drawn.gain,
+    }
+    spec
+}
+
+/// What is known of a specimen behind a link.
+pub(super) struct Known<'a> {
+    pub table: &'a SpecimenTable,
+    pub axes: &'a [Axis],
+    pub units: &'a [(f64, f64)],
+    pub stiffness: &'a Rows,
+    pub damping: &'a Rows,
+}
+
+/// In the place of a specimen behind a link: `law`, its declared stand-in, else a linear one; behind its believed actuator.
+pub(super) fn stand_in(
+    site: &mut Site<'_>,
+    at: &KeyPath,
+    known: &Known<'_>,
+    law: Option<Box<dyn Specimen>>,
+    drawn: &Drawn,
+) -> Result<Stand, Refused> {
+    let time = site.loaded.time;
+    // What was identified is wall time; a slower test sees less of it.
+    let pace = compensation::test_time(time) / time.period.value();
+    let transfer = known.table.believed_transfer(pace);
+    if law.is_none() && transfer.is_none() && drawn.stiffness == 1.0 {
+        return Ok(Stand::Believed);
+    }
+    let law = match law {
+        Some(law) => law,
+        None => {
+            let n = known.axes.len();
+            let linear = CoupledSpec {
+                stiffness_n_per_m: unscaled(known, known.stiffness, |axis| axis.disp_gain),
+                damping_n_s_per_m: Some(unscaled(known, known.damping, |axis| axis.vel_gain)),
+                mass_kg: None,
+            };
+            match linear.build(n) {
+                Ok(linear) => Box::new(linear) as Box<dyn Specimen>,
+                Err(error) => return site.refuse_key(at, error.key(), &error),
+            }
+        }
+    };
+    let key = if known.table.stand_in_transfer.is_some() {
+        "stand_in_transfer"
+    } else {
+        "identified"
+    };
+    let spec = transfer.as_ref();
+    behind_transfer(site, &at.key(key), spec, law, drawn).map(Stand::Law)
+}
+
+/// A matrix of the structure's side as the law sees it, the inverse of `scaled`.
+fn unscaled(known: &Known<'_>, rows: &Rows, motion: fn(&Axis) -> f64) -> Rows {
+    let n = known.axes.len();
+    let value = |i: usize, j: usize| {
+        let (force, moved) = (
+            known.axes[i].force_gain / known.units[i].1,
+            motion(&known.axes[j]) * known.units[j].0,
+        );
+        rows[i][j] / (force * moved)
+    };
+    (0..n)
+        .map(|i| (0..n).map(|j| value(i, j)).collect())
+        .collect()
+}

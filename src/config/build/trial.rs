@@ -1,0 +1,40 @@
+//! One rehearsal among many: what is drawn for it.
+
+/// What a rehearsal draws.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Trial {
+    /// One per specimen; what is missing is nominal.
+    pub specimens: Vec<Drawn>,
+    /// The masses whose inertia is inside measured forces are counted in M instead: for ideal actuators, which have none.
+    pub ideal: bool,
+}
+
+/// What is drawn for one specimen.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Drawn {
+    /// Its stiffness over that of its law.
+    pub stiffness: f64,
+    /// Further delay of its actuator in s; in all never less than none.
+    pub delay_s: f64,
+    /// Gain of its actuator over the declared one.
+    pub gain: f64,
+    /// Seed of its noise; none: as in the file.
+    pub seed: Option<u64>,
+}
+
+impl Default for Drawn {
+    fn default() -> Self {
+        Self {
+            stiffness: 1.0,
+            delay_s: 0.0,
+            gain: 1.0,
+            seed: None,
+        }
+    }
+}
+
+/// Nothing is drawn.
+pub(super) static NOMINAL: Trial = Trial {
+    specimens: Vec::new(),
+    ideal: false,
+};

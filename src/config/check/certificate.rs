@@ -1,0 +1,152 @@
+//! What a certificate goes by: ranges, and numbers that are not there.
+
+use super::Findings;
+use crate::config::certificate::number_at;
+use crate::config::diagnose::Finding;
+use crate::config::document::{KeyPath, Segment};
+use crate::config::schema::TestFile;
+use crate::config::specimen::SpecimenTable;
+use crate::config::suggest::nearest;
+
+/// Tables whose numbers may be uncertain.
+const UNCERTAIN: [&str; 3] = ["structure", "excitation", "specimen"];
+
+/// `identified`, `capacity` and `stand_in_transfer` of one specimen.
+pub(super) fn check_known(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
+    if let Some(identified) = &specimen.identified {
+        let at = at.key("identified");
+        let entries = identified.entries();
+        for (key, value, of) in entries {
+            let Some(found) = value else { continue };
+            if of.is_none() && matches!(key, "gain" | "stiffness_n_per_m") {
+                findings.positive(at.key(key), Some(found));
+            } else if found < 0.0 {
+                let headline = format!("`{}` is {found}, but must be 0 or greater", at.key(key));
+                findings
+                    .0
+                    .push(Finding::error(at.key(key), headline).label("negative"));
+            }
+            let missing = |of: &&str| {
+                let mut others = entries.iter();
+                others.any(|(other, value, _)| other == of && value.is_none())
+            };
+            if let Some(of) = of.filter(missing) {
+                let headline = format!("`{key}` is the spread of `{of}`, which is not given");
+                let finding = Finding::error(at.key(key), headline).at_key();
+                findings.0.push(finding.label("of what?"));
+            }
+        }
+    }
+    if let Some(capacity) = &specimen.capacity {
+        for (key, _, value) in capacity.entries() {
+            findings.positive(at.key("capacity").key(key), value);
+        }
+    }
+    if specimen.stand_in_transfer.is_some() && specimen.link.is_none() {
+        let text = "a law stands behind its own `transfer`";
+        let finding = Finding::error(at.key("stand_in_transfer"), text).at_key();
+        findings
+            .0
+            .push(finding.label("only for a specimen behind a link"));
+    }
+}
+
+/// `[certificate]` and `[[uncertainty]]`.
+pub(super) fn check_certificate(file: &TestFile, findings: &mut Findings) {
+    let at = KeyPath::root().key("certificate");
+    let table = &file.certificate;
+    if table.trials == 0 {
+        let finding = Finding::error(
+            at.key("trials"),
+            "`certificate.trials` must be 1 or greater",
+        );
+        findings.0.push(finding.label("found 0"));
+    }
+    let probability = table.trip_probability;
+    if probability.is_finite() && !(probability > 0.0 && probability <= 1.0) {
+        let headline = format!(
+            "`certificate.trip_probability` is {probability}, but must be greater than 0 and at most 1"
+        );
+        let finding = Finding::error(at.key("trip_probability"), headline).label("a probability");
+        findings
+            .0
+            .push(finding.help("no number of trials shows a probability of 0"));
+    }
+    findings.positive(at.key("tracking_error"), Some(table.tracking_error));
+    findings.positive(at.key("response_error"), Some(table.response_error));
+    if file.uncertainty.is_empty() {
+        return;
+    }
+    let complete = toml::Value::try_from(file).ok();
+    for (index, one) in file.uncertainty.iter().enumerate() {
+        let at = KeyPath::root().key("uncertainty").index(index);
+        let given: Vec<_> = [
+            ("std", one.std.is_some()),
+            ("std_share", one.std_share.is_some()),
+            ("range", one.range.is_some()),
+        ]
+        .into_iter()
+        .filter_map(|(key, given)| given.then_some(key))
+        .collect();
+        let why = "it says how far the number may be from what the file has";
+        findings.exactly_one(&at, &given, &["std", "std_share", "range"], why);
+        findings.positive(at.key("std"), one.std);
+        findings.positive(at.key("std_share"), one.std_share);
+        if let Some([low, high]) = one.range
+            && low.is_finite()
+            && high.is_finite()
+            && low >= high
+        {
+            let headline = format!("`range` is from {low} to {high}");
+            let finding = Finding::error(at.key("range"), headline);
+            findings
+                .0
+                .push(finding.label("the smaller one comes first"));
+        }
+        let at = at.key("key");
+        let path = match KeyPath::parse(&one.key) {
+            Ok(path) => path,
+            Err(error) => {
+                let headline = format!("{:?} is no dotted path: {}", one.key, error.message);
+                findings.0.push(Finding::error(at, headline));
+                continue;
+            }
+        };
+        let root = match path.segments().first() {
+            Some(Segment::Key(key)) => key.as_str(),
+            _ => "",
+        };
+        if !UNCERTAIN.contains(&root) {
+            let headline = format!("`{path}` is not uncertain");
+            let finding = Finding::error(at, headline);
+            findings.0.push(finding.label(
+                "what begins with structure, excitation or specimen may be; all else is a decision",
+            ));
+            continue;
+        }
+        let Some(complete) = &complete else { continue };
+        if let Err((known, keys)) = number_at(complete, &path) {
+            let is_there = known == path;
+            let headline = if is_there {
+                format!("`{path}` is not a number")
+            } else {
+                format!("`{path}` is not in this test")
+            };
+            let finding = Finding::error(at, headline).label(if is_there {
+                "only one number varies".to_owned()
+            } else {
+                format!("`{known}` has it not")
+            });
+            let missing = path.segments().get(known.segments().len());
+            let meant = match missing {
+                Some(Segment::Key(key)) => nearest(key, &keys),
+                _ => None,
+            };
+            findings.0.push(match meant {
+                Some(meant) => finding.help(format!("did you mean `{}`?", known.key(meant))),
+                None if is_there => finding,
+                None => finding.help("a default that is not written down has no number to vary"),
+            });
+        }
+    }
+}

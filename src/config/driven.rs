@@ -1,0 +1,129 @@
+//! A test in which nothing is computed: the specimens of a file, driven with a motion of their own, at the ticks at which the
+//! file's test would drive them.
+//!
+//! What judges a hybrid test and not a specimen is left out: the structure and what loads it, compensation, and limits of
+//! lag, gain, added energy and tangents. What protects a specimen stays.
+
+use super::document::KeyPath;
+use super::value::RateValue;
+use super::{
+    AxisTable, CertificateTable, ConfigError, ExcitationTable, Finding, IntegratorTable, Loaded,
+    PrescribedTable, TestFile, Time, TimeTable, parse,
+};
+use crate::compensation::CompensationSpec;
+use crate::control::limits::LimitsSpec;
+use crate::motion::Motion;
+use crate::time::Ratio;
+
+/// The motion of one axis.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Drive {
+    /// Specimen, from 0, in the order of the file.
+    pub specimen: usize,
+    /// Axis, from 0.
+    pub axis: usize,
+    /// Deformation in m, at the structure's scale.
+    pub motion: Motion,
+}
+
+impl Loaded {
+    /// This test's specimens, as many as `drives` names, driven for `ticks` ticks of the controller; all others are left out,
+    /// and so is every compensation.
+    #[must_use]
+    pub fn driven(&self, title: &str, drives: &[Drive], ticks: u64) -> TestFile {
+        let rate = self.time.period.inverse();
+        let of = |index: usize| drives.iter().any(|drive| drive.specimen == index);
+        let all = self.file.specimen.iter().enumerate();
+        let named = |drive: &Drive| {
+            let table = self.file.specimen.get(drive.specimen);
+            table.map_or_else(String::new, |table| table.name.clone())
+        };
+        let mut file = self.file.clone();
+        file.title = title.to_owned();
+        file.time = TimeTable {
+            step_s: None,
+            rate_hz: Some(RateValue(rate)),
+            duration_s: ticks as f64 * self.time.period.value(),
+            ticks_per_step: 1,
+            clock: self.time.clock,
+            scale: RateValue(Ratio::ONE),
+            ..self.file.time.clone()
+        };
+        file.structure = None;
+        file.integrator = IntegratorTable::default();
+        file.excitation = ExcitationTable {
+            prescribed_displacement: drives
+                .iter()
+                .map(|drive| PrescribedTable {
+                    specimen: named(drive),
+                    axis: drive.axis + 1,
+                    signal: drive.motion.signal.clone(),
+                    processing: drive.motion.processing.clone(),
+                    ease_in_s: 0.0,
+                    ease_out_s: 0.0,
+                })
+                .collect(),
+            ..ExcitationTable::default()
+        };
+        file.specimen = all
+            .filter(|(index, _)| of(*index))
+            .map(|(_, table)| {
+                let mut table = table.clone();
+                let axes = table.axes();
+                (table.storey, table.rows) = (None, None);
+                // Nothing else says how many there are.
+                if table.axes() < axes {
+                    table.axis.resize(axes, AxisTable::default());
+                }
+                table.compensation = None::<CompensationSpec>;
+                let axis = table.axis.iter_mut().map(|axis| &mut axis.limits);
+                for limits in axis.chain([&mut table.limits]).flatten() {
+                    *limits = protecting(limits);
+                }
+                table
+            })
+            .collect();
+        file.certificate = CertificateTable::default();
+        file.uncertainty = Vec::new();
+        file.safety.divergence_m = None;
+        file.safety.stability_used = None;
+        file.safety.step_audit = None;
+        file.record.dofs = None;
+        file
+    }
+
+    /// A test file made from this one, read as if it stood beside it; `said` is its first line.
+    ///
+    /// # Errors
+    /// [`ConfigError`], as for any other test file.
+    pub fn beside(&self, said: &str, file: &TestFile) -> Result<Loaded, ConfigError> {
+        match toml::to_string(file) {
+            Ok(text) => parse(&self.path, format!("# {said}\n\n{text}"), &[]),
+            Err(error) => {
+                let text = format!("the configuration cannot be written as TOML: {error}");
+                Err(self.refuse([Finding::error(KeyPath::root(), text)]))
+            }
+        }
+    }
+}
+
+/// The bounds that a specimen needs, whatever the test.
+fn protecting(limits: &LimitsSpec) -> LimitsSpec {
+    LimitsSpec {
+        lag_s: None,
+        gain_error: None,
+        added_energy_j: None,
+        stiffness_ratio: None,
+        damping_ratio: None,
+        alternating_ticks: None,
+        ..*limits
+    }
+}
+
+impl Time {
+    /// Seconds from one tick to the next.
+    #[must_use]
+    pub fn tick(&self) -> f64 {
+        self.period.value()
+    }
+}

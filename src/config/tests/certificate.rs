@@ -1,0 +1,124 @@
+//! What a certificate goes by, as the file says it.
+
+use super::*;
+
+const KNOWN: &str = "identified = { delay_s = 0.024, delay_std_s = 0.001, gain = 0.98, gain_std = 0.01, \
+                     stiffness_n_per_m = 1e6, stiffness_std_n_per_m = 4e4, noise_disp_m = 1e-5, noise_force_n = 2 }\n\
+                     capacity = { stroke_m = 0.1, velocity_m_per_s = 0.5, force_n = 9e3, power_w = 4e3 }\n";
+
+fn with(more: &str) -> String {
+    GOOD.replace("storey = 1\n", &format!("storey = 1\n{more}"))
+}
+
+#[test]
+fn what_a_certificate_goes_by_is_read_and_written() {
+    let text = format!(
+        "{}[certificate]\ntrials = 50\nresponse_error = 0.2\n\
+         [[uncertainty]]\nkey = \"specimen.0.law.bilinear.yield_force_n\"\nstd_share = 0.1\n\
+         [[uncertainty]]\nkey = \"excitation.ground_acceleration.processing.scale_factor\"\nrange = [0.9, 1.1]\n",
+        with(KNOWN)
+    );
+    let loaded = accepted(&text, &[]);
+    let specimen = &loaded.file.specimen[0];
+    let identified = specimen.identified.unwrap();
+    assert_eq!(identified.delay_s, Some(0.024));
+    assert!((identified.stiffness_share() - 0.04).abs() < 1e-15);
+    assert_eq!(specimen.capacity.unwrap().power_w, Some(4e3));
+    assert_eq!(
+        (loaded.file.certificate.trials, loaded.file.certificate.seed),
+        (50, 1)
+    );
+    let again = resolve(&loaded.file, None, &loaded.inputs()).unwrap();
+    assert_eq!(accepted(&again, &[]).file, loaded.file, "{again}");
+    // A file that says nothing of it stays as it was.
+    let plain = accepted(GOOD, &[]);
+    let plain = resolve(&plain.file, None, &plain.inputs()).unwrap();
+    assert!(
+        !plain.contains("certificate") && !plain.contains("uncertain"),
+        "{plain}"
+    );
+}
+
+#[test]
+fn what_was_identified_has_its_ranges() {
+    for (change, to, words) in [
+        ("delay_s = 0.024", "delay_s = -1", "must be 0 or greater"),
+        (
+            "gain = 0.98, ",
+            "gain = 0, ",
+            "`specimen[0].identified.gain` must be greater than zero",
+        ),
+        (
+            "gain = 0.98, ",
+            "",
+            "`gain_std` is the spread of `gain`, which is not given",
+        ),
+        (
+            "noise_force_n = 2",
+            "noise_force_n = -2",
+            "must be 0 or greater",
+        ),
+        (
+            "delay_s = 0.024",
+            "delay_ms = 24",
+            "did you mean `delay_s`?",
+        ),
+        (
+            "power_w = 4e3",
+            "power_w = 0",
+            "`specimen[0].capacity.power_w` must be greater than zero",
+        ),
+        ("power_w = 4e3", "power_kw = 4", "did you mean `power_w`?"),
+        (
+            "capacity",
+            "stand_in_transfer.delay_s = 0.01\ncapacity",
+            "only for a specimen behind a link",
+        ),
+    ] {
+        shows(&complaint_of(&with(KNOWN), change, to), words);
+    }
+}
+
+#[test]
+fn what_is_uncertain_is_a_number_of_the_test() {
+    let text = format!(
+        "{GOOD}[[uncertainty]]\nkey = \"specimen.0.law.bilinear.yield_force_n\"\nstd = 100\n"
+    );
+    accepted(&text, &[]);
+    let key = "specimen.0.law.bilinear.yield_force_n";
+    for (change, to, words) in [
+        (
+            key,
+            "specimen.0.law.bilinear.yield_forse_n",
+            "did you mean `specimen[0].law.bilinear.yield_force_n`?",
+        ),
+        (
+            key,
+            "specimen.1.name",
+            "`specimen[1].name` is not in this test",
+        ),
+        (key, "specimen.0.name", "is not a number"),
+        (key, "time.duration_s", "all else is a decision"),
+        (key, "specimen..law", "is no dotted path"),
+        ("std = 100", "std = -1", "must be greater than zero"),
+        (
+            "std = 100",
+            "",
+            "must have exactly one of `std`, `std_share` and `range`",
+        ),
+        ("std = 100", "std = 100\nrange = [1, 2]", "and so is `std`"),
+        ("std = 100", "range = [2, 1]", "the smaller one comes first"),
+    ] {
+        shows(&complaint_of(&text, change, to), words);
+    }
+    for (set, words) in [
+        ("certificate.trials=0", "must be 1 or greater"),
+        (
+            "certificate.trip_probability=0",
+            "no number of trials shows a probability of 0",
+        ),
+        ("certificate.response_error=-1", "must be greater than zero"),
+    ] {
+        shows(&complaint_about_set(&[set]), words);
+    }
+}

@@ -1,0 +1,164 @@
+//! The largest stable λ with the tangents that a running test shows, in place of their declared bounds.
+//!
+//! The numerical side stays at its declared bounds; every axis of a specimen takes the tangent that is estimated of it:
+//! K_t = K_max + Σ (k_t − k_max) bᵀb, C_t likewise, and [`StabilityProof::limit`] answers. Some forty factorisations: for a
+//! thread that has time, not for the loop.
+
+use super::StabilityProof;
+use crate::linalg::SymMatrix;
+use crate::model::Part;
+
+/// What the answer follows from.
+#[derive(Debug, Clone)]
+pub struct OnlineLimit {
+    proof: StabilityProof,
+    axes: Vec<Part>,
+}
+
+/// Largest λ that is stable.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum LambdaLimit {
+    /// Up to this one.
+    Finite(f64),
+    /// Every λ is.
+    Every,
+    /// None is.
+    None,
+}
+
+impl LambdaLimit {
+    /// As a number: infinite if every λ is stable, 0 if none is.
+    #[must_use]
+    pub const fn value(self) -> f64 {
+        match self {
+            Self::Finite(limit) => limit,
+            Self::Every => f64::INFINITY,
+            Self::None => 0.0,
+        }
+    }
+}
+
+impl OnlineLimit {
+    /// From the proof at the declared bounds; `axes` are those of the specimens, whose bounds are in it.
+    #[must_use]
+    pub fn new(proof: StabilityProof, axes: Vec<Part>) -> Self {
+        Self { proof, axes }
+    }
+
+    /// The limit with tangent stiffness in N/m and tangent damping in N s/m of every axis, in order; where there is no
+    /// finite number the declared bound stands.
+    #[must_use]
+    pub fn limit(&self, tangents: impl IntoIterator<Item = (f64, Option<f64>)>) -> LambdaLimit {
+        let n = self.proof.mass.n();
+        let (mut stiffness, mut damping) = (Vec::new(), Vec::new());
+        for (axis, (k, c)) in self.axes.iter().zip(tangents) {
+            if k.is_finite() {
+                outer(&axis.row, k - axis.stiffness_bound, &mut stiffness);
+            }
+            if let Some(c) = c.filter(|c| c.is_finite()) {
+                outer(&axis.row, c - axis.damping_bound, &mut damping);
+            }
+        }
+        let mut proof = self.proof.clone();
+        let more = SymMatrix::from_triplets(n, stiffness);
+        proof.stiffness_bound = proof.stiffness_bound.plus(1.0, &more);
+        let more = SymMatrix::from_triplets(n, damping);
+        proof.damping_bound = proof.damping_bound.plus(1.0, &more);
+        match proof.limit(f64::INFINITY, &self.axes) {
+            Ok(Some(limit)) => LambdaLimit::Finite(limit),
+            Ok(None) => LambdaLimit::Every,
+            Err(_) => LambdaLimit::None,
+        }
+    }
+}
+
+/// `value`·bᵀb.
+fn outer(row: &[(usize, f64)], value: f64, into: &mut Vec<(usize, usize, f64)>) {
+    for (i, a) in row {
+        into.extend(row.iter().map(|(j, b)| (*i, *j, value * a * b)));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// One mass m on a storey whose bound is k_max, tested as a specimen: equation (41) has the limit in closed form,
+    /// λ = 4 Δt² k0 / (Δt² k_t − 4 m − 2 Δt (c0 − c_t)).
+    #[test]
+    fn one_degree_of_freedom_has_the_limit_of_the_closed_form_at_every_tangent() {
+        let (m, k0, c0, dt) = (2.0, 5e5, 300.0, 0.01);
+        let (k_max, c_max) = (8e5, 500.0);
+        let one = |value| SymMatrix::diagonal(&[value]);
+        let proof = StabilityProof {
+            mass: one(m),
+            damping: one(c0),
+            stiffness: one(k0),
+            damping_bound: one(c_max),
+            stiffness_bound: one(k_max),
+            dt,
+            apart: None,
+        };
+        let axis = Part {
+            name: "specimen".into(),
+            row: vec![(0, 1.0)],
+            stiffness_bound: k_max,
+            damping: c0,
+            damping_bound: c_max,
+        };
+        let online = OnlineLimit::new(proof.clone(), vec![axis]);
+        for (k, c) in [(k_max, c_max), (3e5, 100.0), (2e6, 900.0), (4e5, 0.0)] {
+            let expected = 4.0 * dt * dt * k0 / (dt * dt * k - 4.0 * m - 2.0 * dt * (c0 - c));
+            let found = online.limit([(k, Some(c))]).value();
+            // The bisection stops at a relative 1e-11.
+            assert!(
+                (found / expected - 1.0).abs() < 1e-10,
+                "{k} {c}: {found} {expected}"
+            );
+        }
+        let at_bounds = proof.limit(f64::INFINITY, &[]).unwrap().unwrap();
+        let unknown = online.limit([(f64::NAN, None)]).value();
+        assert!((unknown / at_bounds - 1.0).abs() < 1e-10);
+        assert_eq!(online.limit([(1e4, None)]), LambdaLimit::Every);
+    }
+
+    #[test]
+    fn a_softer_specimen_leaves_more_room_and_what_it_does_not_touch_leaves_none() {
+        // Two storeys; only the first is a specimen. The second alone governs once the first is soft.
+        let dt = 0.02;
+        let chain = |k1: f64, k2: f64| {
+            SymMatrix::from_triplets(2, [(0, 0, k1 + k2), (0, 1, -k2), (1, 0, -k2), (1, 1, k2)])
+        };
+        let proof = StabilityProof {
+            mass: SymMatrix::diagonal(&[1.0, 1.0]),
+            damping: SymMatrix::zeros(2),
+            stiffness: chain(3e5, 2e5),
+            damping_bound: SymMatrix::zeros(2),
+            stiffness_bound: chain(6e5, 2e5),
+            dt,
+            apart: None,
+        };
+        let axis = Part {
+            name: "one".into(),
+            row: vec![(0, 1.0)],
+            stiffness_bound: 6e5,
+            damping: 0.0,
+            damping_bound: 0.0,
+        };
+        let online = OnlineLimit::new(proof.clone(), vec![axis]);
+        let limits: Vec<f64> = [9e5, 6e5, 3e5, 1e5]
+            .into_iter()
+            .map(|k| online.limit([(k, None)]).value())
+            .collect();
+        assert!(
+            limits.windows(2).all(|pair| pair[0] < pair[1]),
+            "{limits:?}"
+        );
+        let same = StabilityProof {
+            stiffness_bound: chain(1e5, 2e5),
+            ..proof
+        };
+        let expected = same.limit(f64::INFINITY, &[]).unwrap().unwrap();
+        assert!((limits[3] / expected - 1.0).abs() < 1e-10);
+    }
+}

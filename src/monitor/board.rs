@@ -1,0 +1,225 @@
+//! The board between the writer, who puts up what he sees, and whoever looks at it. Nobody waits at it: the writer
+//! tries and comes again in two milliseconds, and lookers hold it only to copy.
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
+
+use serde::Serialize;
+
+use super::history::{Bin, History};
+use super::latency::LatencyView;
+use super::subject::Subject;
+use crate::engine::{Phase, PhaseCell};
+use crate::integrate::OnlineLimit;
+use crate::record::MissClasses;
+
+/// Time between two looks for the limit of λ, in ns.
+const MARGIN_EVERY_NS: u64 = 500_000_000;
+
+/// Where a test stands, as far as rows tell.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct Snapshot {
+    /// Monotonic clock when it was made, ns.
+    #[serde(skip)]
+    pub now_ns: u64,
+    /// Monotonic clock when the last row came, ns; 0 before the first.
+    #[serde(skip)]
+    pub row_ns: u64,
+    /// Rows seen; rows that were lost on the way here are not in it.
+    pub rows: u64,
+    /// Step of the last row.
+    pub step: f64,
+    /// Steps that were closed.
+    pub steps: u64,
+    /// Test time in s.
+    pub time: f64,
+    /// Wall time of the grid since the first row, s.
+    pub elapsed: f64,
+    /// The column `state`.
+    pub state: f64,
+    /// Whether the operator asked for a hold.
+    pub hold: bool,
+    /// Whole ticks by which the grid was moved.
+    pub stretched: f64,
+    /// Rows in the file.
+    pub rows_written: u64,
+    /// Rows lost.
+    pub rows_lost: u64,
+    /// Events.
+    pub events: u64,
+    /// Deadline misses by class.
+    pub misses: MissClasses,
+    /// How late and how long; empty on the simulated clock.
+    pub timing: Vec<LatencyView>,
+    /// Every axis of every specimen, in order.
+    pub axes: Vec<AxisView>,
+    /// Every specimen.
+    pub specimens: Vec<SpecimenView>,
+    /// The limits of the test as a whole, in order: present value and largest.
+    pub test: Vec<[f64; 2]>,
+}
+
+/// One axis, SI at the specimen's own scale; not a number where there is none.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct AxisView {
+    /// Displacement that was sent.
+    pub command: f64,
+    /// Displacement that was measured.
+    pub measured: f64,
+    /// Force that was measured.
+    pub force: f64,
+    /// Measured − commanded.
+    pub error: f64,
+    /// Tangent stiffness as estimated, at the structure.
+    pub stiffness: f64,
+    /// The largest of the last while.
+    #[serde(skip)]
+    pub stiffest: f64,
+    /// Largest tangent damping of the last while.
+    #[serde(skip)]
+    pub damping: f64,
+    /// Energy that the transfer system has added, J.
+    pub added: f64,
+    /// Per limit: present value, smallest and largest so far.
+    pub limits: Vec<[f64; 3]>,
+}
+
+/// One specimen's link, as far as rows tell.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct SpecimenView {
+    /// Ticks in which it was commanded.
+    pub exchanges: u64,
+    /// Of these, without a fresh answer in time.
+    pub stale: u64,
+    /// Status flags of the last row; the README of the run folder names them.
+    pub status: u32,
+}
+
+/// λ in use against its limit.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Margin {
+    /// Largest stable λ with the tangents of the last while; infinite if every one is.
+    pub limit: f64,
+    /// The smallest of these so far.
+    pub lowest: f64,
+}
+
+/// How a test ended.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Ended {
+    /// As in summary.json.
+    pub status: String,
+    /// In words.
+    pub reason: String,
+    /// The report, if it could be written.
+    pub report: Option<String>,
+    /// The run folder.
+    pub data: String,
+}
+
+/// The board.
+#[derive(Debug)]
+pub struct Board {
+    /// What is watched.
+    pub subject: Subject,
+    phase: PhaseCell,
+    latest: Mutex<Arc<Snapshot>>,
+    history: Mutex<History>,
+    ended: Mutex<Option<Ended>>,
+    online: Option<OnlineLimit>,
+    margin: Mutex<(u64, Option<Margin>)>,
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn try_lock<T>(mutex: &Mutex<T>) -> Option<MutexGuard<'_, T>> {
+    match mutex.try_lock() {
+        Ok(guard) => Some(guard),
+        Err(TryLockError::Poisoned(poisoned)) => Some(poisoned.into_inner()),
+        Err(TryLockError::WouldBlock) => None,
+    }
+}
+
+impl Board {
+    /// An empty board for a test whose phase stands in `phase`.
+    #[must_use]
+    pub fn new(subject: Subject, phase: PhaseCell, online: Option<OnlineLimit>) -> Self {
+        Self {
+            subject,
+            phase,
+            latest: Mutex::default(),
+            history: Mutex::default(),
+            ended: Mutex::default(),
+            online,
+            margin: Mutex::new((0, None)),
+        }
+    }
+
+    /// Where the test stands; shared, not copied.
+    #[must_use]
+    pub fn latest(&self) -> Arc<Snapshot> {
+        Arc::clone(&lock(&self.latest))
+    }
+
+    /// The phase of the test's life, which is known without a row.
+    #[must_use]
+    pub fn phase(&self) -> Phase {
+        self.phase.get()
+    }
+
+    /// How it ended, once it has.
+    #[must_use]
+    pub fn ended(&self) -> Option<Ended> {
+        lock(&self.ended).clone()
+    }
+
+    /// Tells how it ended.
+    pub fn end(&self, ended: Ended) {
+        *lock(&self.ended) = Some(ended);
+    }
+
+    /// Copies what is wanted of the history.
+    pub fn look_back<T>(&self, look: impl FnOnce(&History) -> T) -> T {
+        look(&lock(&self.history))
+    }
+
+    /// Puts bins up if nobody is just looking; they are taken out of `bins` then.
+    pub(super) fn try_append(&self, bins: &mut Vec<Bin>) {
+        if let Some(mut history) = try_lock(&self.history) {
+            bins.drain(..).for_each(|bin| history.push(bin));
+        }
+    }
+
+    /// Puts up where the test stands if nobody is just looking.
+    pub(super) fn try_show(&self, snapshot: Snapshot) -> bool {
+        match try_lock(&self.latest) {
+            Some(mut latest) => {
+                *latest = Arc::new(snapshot);
+                true
+            }
+            None => false,
+        }
+    }
+
+    /// The room that λ has with the tangents of the last while; none without a proof. Found anew at most twice a second, on
+    /// the caller's thread.
+    pub fn margin(&self, now_ns: u64) -> Option<Margin> {
+        let online = self.online.as_ref()?;
+        let mut guard = lock(&self.margin);
+        let (at, known) = &mut *guard;
+        if known.is_none() || now_ns.saturating_sub(*at) >= MARGIN_EVERY_NS {
+            let latest = self.latest();
+            if latest.rows == 0 {
+                return None;
+            }
+            let axes = latest.axes.iter();
+            let limit = online
+                .limit(axes.map(|axis| (axis.stiffest, Some(axis.damping))))
+                .value();
+            let lowest = known.map_or(limit, |margin| margin.lowest.min(limit));
+            (*at, *known) = (now_ns, Some(Margin { limit, lowest }));
+        }
+        *known
+    }
+}

@@ -1,0 +1,201 @@
+//! The course of a test, thinned: the last minute finely, the whole of it coarsely. Both are bounded.
+//!
+//! A bin holds smallest and largest of every channel, so that no peak is lost by thinning. A hysteresis loop is thinned to the
+//! points of smallest and largest displacement of the bin, in the order in which they came.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+/// Bins of the last while: a minute at sixty bins a second.
+pub const RECENT: usize = 3600;
+/// Bins of the whole test; reached, two become one.
+pub const WHOLE: usize = 2048;
+
+/// Some rows in a row.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Bin {
+    /// Wall time of the grid at its last row, in s since the first row.
+    pub until: f64,
+    /// Test time of its last row.
+    pub time: f64,
+    /// The column `state` of its last row.
+    pub state: f64,
+    /// Smallest and largest of every channel; not a number where there was none.
+    pub values: Vec<[f32; 2]>,
+    /// Displacement and force of every axis at two moments.
+    pub loops: Vec<[[f32; 2]; 2]>,
+}
+
+impl Bin {
+    /// Both as one; `later` follows.
+    fn join(&mut self, later: &Bin) {
+        (self.until, self.time, self.state) = (later.until, later.time, later.state);
+        for (mine, other) in self.values.iter_mut().zip(&later.values) {
+            // A number wins against none.
+            *mine = [mine[0].min(other[0]), mine[1].max(other[1])];
+        }
+        for (mine, other) in self.loops.iter_mut().zip(&later.loops) {
+            *mine = extremes([mine[0], mine[1], other[0], other[1]]);
+        }
+    }
+}
+
+/// The points of smallest and largest displacement, in order.
+fn extremes(points: [[f32; 2]; 4]) -> [[f32; 2]; 2] {
+    let mut low = (0, points[0]);
+    let mut high = (0, points[0]);
+    for (place, point) in points.into_iter().enumerate() {
+        // What is no number gives way to any.
+        if point[0] < low.1[0] || low.1[0].is_nan() {
+            low = (place, point);
+        }
+        if point[0] > high.1[0] || high.1[0].is_nan() {
+            high = (place, point);
+        }
+    }
+    if low.0 <= high.0 {
+        [low.1, high.1]
+    } else {
+        [high.1, low.1]
+    }
+}
+
+/// What was, finely and coarsely.
+#[derive(Debug, Default)]
+pub struct History {
+    recent: VecDeque<Arc<Bin>>,
+    /// Number of the bin after the last.
+    next: u64,
+    whole: Vec<Bin>,
+    /// Fine bins in one coarse one.
+    stride: u64,
+    open: Option<(u64, Bin)>,
+}
+
+impl History {
+    /// One more bin.
+    pub fn push(&mut self, bin: Bin) {
+        let stride = self.stride.max(1);
+        match &mut self.open {
+            Some((count, open)) => {
+                open.join(&bin);
+                *count += 1;
+            }
+            None => self.open = Some((1, bin.clone())),
+        }
+        if let Some((_, full)) = self.open.take_if(|(count, _)| *count >= stride) {
+            self.whole.push(full);
+        }
+        if self.whole.len() >= WHOLE {
+            self.whole = halved(&self.whole);
+            self.stride = 2 * stride;
+        }
+        if self.recent.len() == RECENT {
+            self.recent.pop_front();
+        }
+        self.recent.push_back(Arc::new(bin));
+        self.next += 1;
+    }
+
+    /// Number of the bin that comes next.
+    #[must_use]
+    pub const fn next(&self) -> u64 {
+        self.next
+    }
+
+    /// The bins from number `from` on, as far as they are kept, and the number of the first of them.
+    pub fn since(&self, from: u64) -> (u64, impl Iterator<Item = &Arc<Bin>>) {
+        let first = self.next - self.recent.len() as u64;
+        let from = from.clamp(first, self.next);
+        let skipped = usize::try_from(from - first).unwrap_or(usize::MAX);
+        (from, self.recent.iter().skip(skipped))
+    }
+
+    /// The whole test, coarsely.
+    pub fn whole(&self) -> impl Iterator<Item = &Bin> {
+        self.whole
+            .iter()
+            .chain(self.open.iter().map(|(_, open)| open))
+    }
+}
+
+fn halved(bins: &[Bin]) -> Vec<Bin> {
+    bins.chunks(2)
+        .filter_map(|pair| {
+            let (first, rest) = pair.split_first()?;
+            let mut joined = first.clone();
+            rest.iter().for_each(|later| joined.join(later));
+            Some(joined)
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bin(k: u32, value: f32) -> Bin {
+        Bin {
+            until: f64::from(k),
+            time: f64::from(k) / 2.0,
+            state: 3.0,
+            values: vec![[value, value]],
+            loops: vec![[[value, 10.0 * value], [value, 10.0 * value]]],
+        }
+    }
+
+    #[test]
+    fn a_peak_of_one_bin_stays_in_the_whole_test_however_long_it_gets() {
+        let mut history = History::default();
+        let n = 5 * WHOLE as u32 + 3;
+        for k in 0..n {
+            history.push(bin(k, if k == 1234 { 9.0 } else { (k % 7) as f32 * 0.1 }));
+        }
+        let whole: Vec<_> = history.whole().collect();
+        assert!(whole.len() <= WHOLE + 1, "{}", whole.len());
+        assert!(whole.len() > WHOLE / 4);
+        assert_eq!(
+            whole.iter().map(|b| b.values[0][1]).fold(0.0, f32::max),
+            9.0
+        );
+        assert_eq!(
+            whole
+                .iter()
+                .flat_map(|b| b.loops[0])
+                .map(|p| p[1])
+                .fold(0.0, f32::max),
+            90.0,
+            "with its force"
+        );
+        assert_eq!(whole.last().unwrap().until, f64::from(n - 1));
+        assert!(whole.windows(2).all(|pair| pair[0].until < pair[1].until));
+    }
+
+    #[test]
+    fn what_is_recent_is_bounded_and_a_viewer_who_was_away_goes_on_with_the_oldest_that_is_kept() {
+        let mut history = History::default();
+        for k in 0..RECENT as u32 + 100 {
+            history.push(bin(k, 1.0));
+        }
+        let (first, bins) = history.since(3);
+        assert_eq!((first, bins.count()), (100, RECENT));
+        let (first, bins) = history.since(history.next() - 2);
+        assert_eq!(first, history.next() - 2);
+        assert_eq!(
+            bins.map(|b| b.until as u32).collect::<Vec<_>>(),
+            [3698, 3699]
+        );
+        assert_eq!(history.since(u64::MAX).1.count(), 0);
+    }
+
+    #[test]
+    fn a_loop_keeps_its_ends_in_the_order_in_which_they_came() {
+        let points = [[0.0, 1.0], [3.0, 2.0], [-1.0, 3.0], [1.0, 4.0]];
+        assert_eq!(extremes(points), [[3.0, 2.0], [-1.0, 3.0]]);
+        let nan = f32::NAN;
+        assert_eq!(
+            extremes([[nan, nan], [1.0, 2.0], [nan, nan], [4.0, 0.0]]),
+            [[1.0, 2.0], [4.0, 0.0]]
+        );
+    }
+}

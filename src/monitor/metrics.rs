@@ -1,0 +1,371 @@
+//! What Prometheus scrapes: the text exposition format 0.0.4.
+//!
+//! Base units, counters that end in `_total`, one HELP and one TYPE per family. What is not known yet is left out, not 0.
+//! Made from the board alone.
+
+use std::fmt::Write;
+
+use super::board::{Board, Snapshot};
+use super::latency::{BOUNDS, LatencyView};
+use super::subject::Mark;
+use crate::engine::Phase;
+use crate::substructure::Status;
+
+/// A text that grows family by family.
+struct Text(String);
+
+impl Text {
+    fn family(&mut self, name: &str, kind: &str, help: &str) {
+        // Writing to a string cannot fail.
+        let _ = writeln!(self.0, "# HELP {name} {help}\n# TYPE {name} {kind}");
+    }
+
+    /// One sample; one that is no number is left out.
+    fn sample(&mut self, name: &str, labels: &[(&str, &str)], value: impl Into<f64>) {
+        let value = value.into();
+        if value.is_nan() {
+            return;
+        }
+        let _ = write!(self.0, "{name}");
+        for (place, (key, text)) in labels.iter().enumerate() {
+            let open = if place == 0 { '{' } else { ',' };
+            let _ = write!(self.0, "{open}{key}=\"{}\"", escaped(text));
+        }
+        let close = if labels.is_empty() { "" } else { "}" };
+        let _ = writeln!(self.0, "{close} {}", number(value));
+    }
+
+    fn one(&mut self, name: &str, kind: &str, help: &str, value: impl Into<f64>) {
+        self.family(name, kind, help);
+        self.sample(name, &[], value);
+    }
+
+    fn histogram(&mut self, name: &str, help: &str, view: &LatencyView) {
+        self.family(name, "histogram", help);
+        let bucket = format!("{name}_bucket");
+        let mut sum = 0;
+        let ends = BOUNDS.iter().map(|bound| number(*bound));
+        for (count, end) in view.buckets.iter().zip(ends.chain(["+Inf".to_owned()])) {
+            sum += count;
+            self.sample(&bucket, &[("le", &end)], sum as f64);
+        }
+        self.sample(&format!("{name}_sum"), &[], view.sum);
+        self.sample(&format!("{name}_count"), &[], view.count as f64);
+    }
+}
+
+fn number(value: f64) -> String {
+    if value == f64::INFINITY {
+        "+Inf".to_owned()
+    } else if value == f64::NEG_INFINITY {
+        "-Inf".to_owned()
+    } else {
+        format!("{value:?}")
+    }
+}
+
+fn escaped(text: &str) -> String {
+    text.replace('\\', "\\\\")
+        .replace('"', "\\\"")
+        .replace('\n', "\\n")
+}
+
+/// All of it, as it stands at `now_ns` on the monotonic clock; `viewers` are looking.
+#[must_use]
+pub fn metrics(board: &Board, now_ns: u64, viewers: usize) -> String {
+    let latest = board.latest();
+    let mut text = Text(String::with_capacity(16 << 10));
+    test(&mut text, board, &latest, now_ns, viewers);
+    timing(&mut text, &latest);
+    specimens(&mut text, board, &latest);
+    links(&mut text, board, &latest);
+    lambda(&mut text, board, now_ns);
+    text.0
+}
+
+fn test(text: &mut Text, board: &Board, latest: &Snapshot, now_ns: u64, viewers: usize) {
+    let subject = &board.subject;
+    text.family("gusset_info", "gauge", "The test that runs.");
+    let clock = if subject.real_clock {
+        "real"
+    } else {
+        "simulated"
+    };
+    let version = env!("CARGO_PKG_VERSION");
+    text.sample(
+        "gusset_info",
+        &[
+            ("title", &subject.title),
+            ("clock", clock),
+            ("version", version),
+        ],
+        1.0,
+    );
+    let now = board.phase();
+    let name = "gusset_phase";
+    text.family(
+        name,
+        "gauge",
+        "1 for the phase of the test's life, 0 for all others.",
+    );
+    for phase in Phase::ALL {
+        let here = f64::from(u8::from(phase == now));
+        text.sample(name, &[("phase", phase.word())], here);
+    }
+    if let Some(ended) = board.ended() {
+        let name = "gusset_outcome";
+        text.family(name, "gauge", "How the test has ended; absent before.");
+        text.sample(name, &[("status", &ended.status)], 1.0);
+    }
+    let gauge = "gauge";
+    let hold = f64::from(u8::from(latest.hold));
+    text.one(
+        "gusset_hold_requested",
+        gauge,
+        "1 while the operator wants a hold.",
+        hold,
+    );
+    text.one("gusset_test_time_seconds", gauge, "Test time.", latest.time);
+    let duration = subject.steps as f64 * subject.dt;
+    let help = "Test time at which the test is over.";
+    text.one("gusset_test_duration_seconds", gauge, help, duration);
+    text.one(
+        "gusset_step_seconds",
+        gauge,
+        "Step of the integration.",
+        subject.dt,
+    );
+    let help = "Period of the controller in wall time.";
+    text.one("gusset_tick_period_seconds", gauge, help, subject.tick_s);
+    if latest.row_ns > 0 {
+        let age = now_ns.saturating_sub(latest.row_ns) as f64 * 1e-9;
+        let help = "Wall time since the last row came from the loop.";
+        text.one("gusset_last_row_age_seconds", gauge, help, age);
+    }
+    text.one(
+        "gusset_viewers",
+        gauge,
+        "Viewers of the live page.",
+        viewers as f64,
+    );
+    for (name, help, value) in [
+        (
+            "gusset_ticks_total",
+            "Rows of the loop, one per tick.",
+            latest.rows,
+        ),
+        (
+            "gusset_steps_total",
+            "Steps of the integration that were made.",
+            latest.steps,
+        ),
+        (
+            "gusset_rows_written_total",
+            "Rows in the file.",
+            latest.rows_written,
+        ),
+        (
+            "gusset_rows_lost_total",
+            "Rows lost to a full queue or disk.",
+            latest.rows_lost,
+        ),
+        (
+            "gusset_events_total",
+            "Lines of the event log.",
+            latest.events,
+        ),
+    ] {
+        text.one(name, "counter", help, value as f64);
+    }
+}
+
+fn timing(text: &mut Text, latest: &Snapshot) {
+    let name = "gusset_deadline_misses_total";
+    text.family(name, "counter", "Deadlines missed, by class.");
+    let misses = latest.misses;
+    for (class, count) in [
+        ("ours", misses.ours),
+        ("preempted", misses.preempted),
+        ("taken_away", misses.taken_away),
+        ("late_reply", misses.late_reply),
+    ] {
+        text.sample(name, &[("class", class)], count as f64);
+    }
+    let help = "Whole ticks by which the grid was moved.";
+    text.one(
+        "gusset_stretched_ticks_total",
+        "counter",
+        help,
+        latest.stretched,
+    );
+    let helps = [
+        "From the edge to the first instruction after the wait.",
+        "From the edge to the end of the last send.",
+        "From the last send to the last decoded reply.",
+        "From the last decoded reply to the next command ready.",
+    ];
+    for (view, help) in latest.timing.iter().zip(helps) {
+        text.histogram(&format!("gusset_{}_seconds", view.key), help, view);
+    }
+}
+
+fn specimens(text: &mut Text, board: &Board, latest: &Snapshot) {
+    let subject = &board.subject;
+    let mut family = |name: &str, help: &str, value: &dyn Fn(&super::AxisView) -> f64| {
+        text.family(name, "gauge", help);
+        for ((specimen, index, _), view) in subject.axes().zip(&latest.axes) {
+            let axis = (index + 1).to_string();
+            let labels = [
+                ("specimen", specimen.name.as_str()),
+                ("axis", axis.as_str()),
+            ];
+            text.sample(name, &labels, value(view));
+        }
+    };
+    let (cmd, meas) = (
+        "gusset_command_displacement_meters",
+        "gusset_measured_displacement_meters",
+    );
+    family(
+        cmd,
+        "Displacement that was sent, at the specimen.",
+        &|view| view.command,
+    );
+    family(
+        meas,
+        "Displacement that was measured, at the specimen.",
+        &|view| view.measured,
+    );
+    let help = "Force that was measured, at the specimen.";
+    family("gusset_measured_force_newtons", help, &|view| view.force);
+    let help = "Measured minus sent displacement, at the specimen.";
+    family("gusset_following_error_meters", help, &|view| view.error);
+    let help = "Tangent stiffness as estimated, at the structure.";
+    family(
+        "gusset_tangent_stiffness_newtons_per_meter",
+        help,
+        &|view| view.stiffness,
+    );
+    let help = "Energy that the transfer system has added.";
+    family("gusset_added_energy_joules", help, &|view| view.added);
+    let used = "gusset_limit_used_ratio";
+    let worst = "gusset_limit_used_worst_ratio";
+    for (name, help, peak) in [
+        (
+            used,
+            "Present value over the level at which the limit trips.",
+            false,
+        ),
+        (worst, "The same of the worst value so far.", true),
+    ] {
+        text.family(name, "gauge", help);
+        for ((specimen, index, axis), view) in subject.axes().zip(&latest.axes) {
+            let number = (index + 1).to_string();
+            for (mark, [value, low, high]) in axis.marks.iter().zip(&view.limits) {
+                let labels = [
+                    ("specimen", specimen.name.as_str()),
+                    ("axis", number.as_str()),
+                    ("limit", mark.key),
+                ];
+                let share = if peak {
+                    share(mark, *low).max(share(mark, *high))
+                } else {
+                    share(mark, *value)
+                };
+                text.sample(name, &labels, share);
+            }
+        }
+    }
+}
+
+/// A value over the level at which its limit trips, on its side; not a number without such a level.
+fn share(mark: &Mark, value: f64) -> f64 {
+    let level = if value < 0.0 {
+        mark.trip[0]
+    } else {
+        mark.trip[1]
+    };
+    if level.is_finite() && level != 0.0 {
+        value / level
+    } else {
+        f64::NAN
+    }
+}
+
+fn links(text: &mut Text, board: &Board, latest: &Snapshot) {
+    let specimens = || board.subject.specimens.iter().zip(&latest.specimens);
+    let total =
+        |text: &mut Text, name: &str, help: &str, count: &dyn Fn(&super::SpecimenView) -> u64| {
+            text.family(name, "counter", help);
+            for (specimen, view) in specimens() {
+                text.sample(name, &[("specimen", &specimen.name)], count(view) as f64);
+            }
+        };
+    let (exchanges, stale) = (
+        "gusset_specimen_exchanges_total",
+        "gusset_specimen_stale_total",
+    );
+    total(
+        text,
+        exchanges,
+        "Ticks in which the specimen was commanded.",
+        &|view| view.exchanges,
+    );
+    total(
+        text,
+        stale,
+        "Of these, without a fresh answer in time.",
+        &|view| view.stale,
+    );
+    let name = "gusset_specimen_flag";
+    text.family(
+        name,
+        "gauge",
+        "1 while the flag is set in the specimen's status.",
+    );
+    for (specimen, view) in specimens() {
+        for (flag, word) in FLAGS {
+            let set = f64::from(u8::from(Status(view.status).has(flag)));
+            text.sample(name, &[("specimen", &specimen.name), ("flag", word)], set);
+        }
+    }
+}
+
+/// Status flags and their words.
+pub(super) const FLAGS: [(Status, &str); 6] = [
+    (Status::INTERLOCK, "interlock"),
+    (Status::HOLDING, "holding"),
+    (Status::SATURATED, "saturated"),
+    (Status::LOST, "lost"),
+    (Status::UNSENT, "unsent"),
+    (Status::STALE, "stale"),
+];
+
+fn lambda(text: &mut Text, board: &Board, now_ns: u64) {
+    let Some(lambda) = board.subject.lambda else {
+        return;
+    };
+    let gauge = "gauge";
+    text.one(
+        "gusset_lambda",
+        gauge,
+        "Parameter of the integration in use.",
+        lambda.used,
+    );
+    if lambda.proven {
+        let help = "Largest stable lambda at the declared bounds; +Inf if every one is.";
+        text.one(
+            "gusset_lambda_limit_declared",
+            gauge,
+            help,
+            lambda.declared_limit,
+        );
+    }
+    if let Some(margin) = board.margin(now_ns) {
+        let help =
+            "Largest stable lambda with the tangents of the last while; +Inf if every one is.";
+        text.one("gusset_lambda_limit", gauge, help, margin.limit);
+        let help = "The smallest of these so far.";
+        text.one("gusset_lambda_limit_lowest", gauge, help, margin.lowest);
+    }
+}

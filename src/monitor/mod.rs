@@ -1,0 +1,41 @@
+//! A running test as people and programs look at it: the live page, the status on a terminal, the text for Prometheus.
+//!
+//! ```text
+//! loop → ring → writer ─ Tap (present values, peaks, 60 bins a second) → Board ← page, terminal, metrics
+//! ```
+//!
+//! Invariants. The loop does not know that it is watched: rows are looked at where they leave the ring for the file anyway.
+//! The writer never waits for a looker: the [`Board`] is tried, not waited for. Every looker takes what it can and
+//! skips the rest; nothing queues without bound. Requests of an operator go the same way as those of
+//! `gusset hold RUN_DIR`: through the bounded channel that the loop polls once a tick.
+//!
+//! What it does not do: judge. Limits are kept by the loop; here their levels and the present values are only shown.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `subject` | what is watched: names, units, limits, places in a row |
+//! | `tap`, `axis`, `latency` | the look at the rows: one row, one axis, the timing columns |
+//! | `history` | the course of the test, thinned without losing a peak |
+//! | `board` | where the writer puts up what he sees |
+//! | `metrics` | the text for Prometheus |
+//! | `page` (feature `monitor`) | the live page: server, viewers, operators |
+
+mod axis;
+mod board;
+mod history;
+mod latency;
+mod metrics;
+#[cfg(feature = "monitor")]
+pub mod page;
+mod subject;
+mod tap;
+
+pub use board::{AxisView, Board, Ended, Margin, Snapshot, SpecimenView};
+pub use history::{Bin, History};
+pub use latency::{BOUNDS as LATENCY_BOUNDS, LatencyView};
+pub use metrics::metrics;
+pub use subject::{
+    About, Channel, ChannelKind, LambdaUse, Mark, Places, Subject, TestMark, WatchedAxis,
+    WatchedSpecimen,
+};
+pub use tap::Tap;

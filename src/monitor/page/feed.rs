@@ -1,0 +1,262 @@
+//! What viewers are sent: server-sent events, made once and handed to each of them.
+//!
+//! Every viewer has a place in the history and takes from there what has come since, thirty times a second and as long as its
+//! connection takes bytes. A slow one is asked less often, gets more at a time, and skips what is no longer kept. Nothing
+//! is queued for it but what its connection has taken.
+
+use std::collections::VecDeque;
+use std::convert::Infallible;
+use std::fmt::Write;
+use std::pin::Pin;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::task::{Context, Poll, ready};
+use std::time::Duration;
+
+use axum::body::Bytes;
+use futures_core::Stream;
+use serde_json::{Value, json};
+use tokio::time::{Interval, MissedTickBehavior};
+
+use crate::engine::Phase;
+use crate::monitor::board::Board;
+use crate::monitor::history::{Bin, RECENT};
+use crate::monitor::latency::BOUNDS;
+use crate::monitor::metrics::FLAGS;
+use crate::rt::os::monotonic_ns;
+
+/// Time between two events for one viewer.
+const PACE: Duration = Duration::from_millis(33);
+/// Time between two looks at the board, ns: a little less.
+const LOOK_NS: u64 = 30_000_000;
+/// Time between two states, ns.
+const STATE_NS: u64 = 95_000_000;
+/// Bins in one event at most.
+const MOST_BINS: usize = 1200;
+
+/// What all viewers share.
+#[derive(Debug)]
+pub(super) struct Feed {
+    pub board: Arc<Board>,
+    made: Mutex<Made>,
+    viewers: AtomicUsize,
+}
+
+/// What has been made of the board so far.
+#[derive(Debug, Default)]
+struct Made {
+    looked_ns: u64,
+    /// Recent bins as text, and the number of the bin after the last.
+    bins: VecDeque<Box<str>>,
+    next: u64,
+    state: Arc<str>,
+    /// Counts the states.
+    version: u64,
+    state_ns: u64,
+    phase: Option<Phase>,
+    ended: bool,
+}
+
+impl Feed {
+    pub fn new(board: Arc<Board>) -> Self {
+        Self {
+            board,
+            made: Mutex::default(),
+            viewers: AtomicUsize::new(0),
+        }
+    }
+
+    pub fn viewers(&self) -> usize {
+        self.viewers.load(Ordering::Relaxed)
+    }
+
+    fn made(&self) -> MutexGuard<'_, Made> {
+        self.made.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Brings up to date what was made, if it is old enough.
+    fn refreshed(&self) -> MutexGuard<'_, Made> {
+        let mut made = self.made();
+        let now = monotonic_ns();
+        let ended = self.board.ended();
+        let news = ended.is_some() != made.ended;
+        if !news && now.saturating_sub(made.looked_ns) < LOOK_NS {
+            return made;
+        }
+        made.looked_ns = now;
+        let (first, bins): (u64, Vec<Arc<Bin>>) = self.board.look_back(|history| {
+            let (first, bins) = history.since(made.next);
+            (first, bins.cloned().collect())
+        });
+        if first > made.next {
+            made.bins.clear();
+        }
+        made.next = first + bins.len() as u64;
+        made.bins.extend(bins.iter().map(|bin| text_of(bin)));
+        let over = made.bins.len().saturating_sub(RECENT);
+        made.bins.drain(..over);
+        let phase = Some(self.board.phase());
+        if news || phase != made.phase || now.saturating_sub(made.state_ns) >= STATE_NS {
+            (made.state_ns, made.phase, made.ended) = (now, phase, ended.is_some());
+            made.state = self.state(now).to_string().into();
+            made.version += 1;
+        }
+        made
+    }
+
+    fn state(&self, now: u64) -> Value {
+        let board = &self.board;
+        let latest = board.latest();
+        let age = |at: u64| now.saturating_sub(at) as f64 * 1e-9;
+        json!({
+            "phase": board.phase().word(),
+            "sent": now as f64 * 1e-9,
+            "age": (latest.row_ns > 0).then(|| age(latest.row_ns)),
+            "viewers": self.viewers(),
+            "lambda": board.margin(now),
+            "ended": board.ended(),
+            "now": &*latest,
+        })
+    }
+
+    /// What a viewer is told first.
+    fn hello(&self) -> (u64, String) {
+        let whole: Vec<Bin> = self
+            .board
+            .look_back(|history| history.whole().cloned().collect());
+        let made = self.refreshed();
+        let phases: Vec<(f64, &str)> = Phase::ALL
+            .into_iter()
+            .map(|phase| (phase.code(), phase.word()))
+            .collect();
+        let flags: Vec<(u32, &str)> = FLAGS.iter().map(|(flag, word)| (flag.0, *word)).collect();
+        let mut text = String::with_capacity(64 << 10);
+        let head = json!({
+            "subject": &self.board.subject,
+            "buckets": BOUNDS,
+            "phases": phases,
+            "flags": flags,
+            "version": env!("CARGO_PKG_VERSION"),
+        });
+        let _ = write!(text, "data: {{\"hello\":{head},\"whole\":[");
+        push_all(&mut text, whole.iter().map(text_of));
+        text.push_str("],\"bins\":[");
+        push_all(&mut text, made.bins.iter());
+        let _ = write!(text, "],\"state\":{}}}\n\n", made.state);
+        (made.next, text)
+    }
+}
+
+fn push_all(text: &mut String, parts: impl Iterator<Item = impl AsRef<str>>) {
+    for (place, part) in parts.enumerate() {
+        if place > 0 {
+            text.push(',');
+        }
+        text.push_str(part.as_ref());
+    }
+}
+
+/// One bin: when, test time, state, then two numbers of each channel, then four of each loop.
+fn text_of(bin: &Bin) -> Box<str> {
+    let mut text = String::with_capacity(16 * bin.values.len() + 64);
+    text.push('[');
+    for value in [bin.until, bin.time, bin.state] {
+        let _ = if value.is_finite() {
+            write!(text, "{value},")
+        } else {
+            write!(text, "null,")
+        };
+    }
+    let loops = bin.loops.iter().flatten().flatten();
+    for value in bin.values.iter().flatten().chain(loops) {
+        // Four digits more than a screen shows; shortest form.
+        let _ = if value.is_finite() {
+            write!(text, "{value:e},")
+        } else {
+            write!(text, "null,")
+        };
+    }
+    text.pop();
+    text.push(']');
+    text.into()
+}
+
+/// One viewer: a stream of events that ends with the test.
+#[derive(Debug)]
+pub(super) struct Viewer {
+    feed: Arc<Feed>,
+    pace: Interval,
+    /// Number of the next bin to send; none before the greeting.
+    next: Option<u64>,
+    version: u64,
+    done: bool,
+}
+
+impl Viewer {
+    pub fn new(feed: Arc<Feed>) -> Self {
+        feed.viewers.fetch_add(1, Ordering::Relaxed);
+        let mut pace = tokio::time::interval(PACE);
+        pace.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        Self {
+            feed,
+            pace,
+            next: None,
+            version: 0,
+            done: false,
+        }
+    }
+
+    /// What has come since the last event; nothing if that is nothing.
+    fn event(&mut self) -> Option<String> {
+        let Some(next) = self.next else {
+            let (next, text) = self.feed.hello();
+            self.next = Some(next);
+            return Some(text);
+        };
+        let made = self.feed.refreshed();
+        let fresh_state = made.version != self.version;
+        if next == made.next && !fresh_state {
+            return None;
+        }
+        let kept = made.bins.len() as u64;
+        let wanted = made.next.saturating_sub(next).min(kept);
+        let behind = usize::try_from(wanted).unwrap_or(usize::MAX);
+        let count = behind.min(MOST_BINS);
+        let skipped = made.next.saturating_sub(next) - count as u64;
+        let from = made.bins.len() - count;
+        let mut text = String::with_capacity(8 << 10);
+        text.push_str("data: {\"bins\":[");
+        push_all(&mut text, made.bins.iter().skip(from));
+        let _ = write!(text, "],\"skipped\":{skipped}");
+        if fresh_state {
+            let _ = write!(text, ",\"state\":{}", made.state);
+            self.version = made.version;
+            self.done = made.ended;
+        }
+        text.push_str("}\n\n");
+        self.next = Some(made.next);
+        Some(text)
+    }
+}
+
+impl Stream for Viewer {
+    type Item = Result<Bytes, Infallible>;
+
+    fn poll_next(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<Option<Self::Item>> {
+        loop {
+            if self.done {
+                return Poll::Ready(None);
+            }
+            ready!(self.pace.poll_tick(cx));
+            if let Some(text) = self.event() {
+                return Poll::Ready(Some(Ok(text.into())));
+            }
+        }
+    }
+}
+
+impl Drop for Viewer {
+    fn drop(&mut self) {
+        self.feed.viewers.fetch_sub(1, Ordering::Relaxed);
+    }
+}

@@ -1,0 +1,403 @@
+//! Who may look and who may operate: tokens, and the names under which this server answers.
+//!
+//! A browser can be made to send requests here by any other page that it has open. Three things keep such a page out: it
+//! can read nothing (no CORS header is ever sent), it cannot name this server (the `Host` must be an address, `localhost`
+//! or this machine, so that no name of an attacker's that resolves to us is answered), and it cannot operate (the control
+//! token is wanted in a header of its own, which no form can send; `Origin` and `Sec-Fetch-Site` must be ours).
+
+use std::fs::File;
+use std::io::{self, Read};
+use std::net::IpAddr;
+use std::path::Path;
+
+use axum::http::{HeaderMap, StatusCode, header};
+use thiserror::Error;
+
+/// Letters of a token, none of which looks like another.
+const LETTERS: &[u8; 32] = b"abcdefghjkmnpqrstuvwxyz123456789";
+/// Letters of a token that is made here: 100 bits.
+const LENGTH: usize = 20;
+/// Least letters of a token that is given.
+const SHORTEST: usize = 16;
+/// Most of them.
+const LONGEST: usize = 256;
+
+/// A secret that is compared in constant time. It is shown once, where the test was started.
+#[derive(Clone)]
+pub struct Token {
+    text: String,
+    digest: blake3::Hash,
+}
+
+impl std::fmt::Debug for Token {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Token")
+    }
+}
+
+/// Why a file holds no token.
+#[derive(Debug, Error)]
+pub enum TokenError {
+    /// It cannot be read.
+    #[error("the token file {path} cannot be read: {source}")]
+    Unreadable {
+        /// Which.
+        path: String,
+        /// The system's word.
+        source: io::Error,
+    },
+    /// It holds something else.
+    #[error(
+        "the token file {path} holds no token: wanted {SHORTEST} to {LONGEST} letters, digits or any of -._~+/= on one \
+         line, found {found}"
+    )]
+    Unusable {
+        /// Which.
+        path: String,
+        /// What.
+        found: String,
+    },
+}
+
+/// How tokens that are typed are meant: without regard to case and dashes.
+fn plain(text: &str) -> String {
+    let letters = text.trim().chars().filter(|c| *c != '-');
+    letters.flat_map(char::to_lowercase).collect()
+}
+
+impl Token {
+    /// A fresh one.
+    ///
+    /// # Errors
+    /// The system has no random numbers.
+    pub fn random() -> io::Result<Self> {
+        let mut bytes = [0; LENGTH];
+        File::open("/dev/urandom")?.read_exact(&mut bytes)?;
+        let mut text = String::new();
+        for (place, byte) in bytes.iter().enumerate() {
+            if place > 0 && place % 4 == 0 {
+                text.push('-');
+            }
+            // 32 letters: every one is as likely as any other.
+            text.extend(LETTERS.get(usize::from(byte % 32)).map(|c| char::from(*c)));
+        }
+        Ok(Self::of(text))
+    }
+
+    /// The one in a file: its only line.
+    ///
+    /// # Errors
+    /// See [`TokenError`].
+    pub fn read(path: &Path) -> Result<Self, TokenError> {
+        let name = || path.display().to_string();
+        let mut text = String::new();
+        File::open(path)
+            .and_then(|file| file.take(4096).read_to_string(&mut text))
+            .map_err(|source| TokenError::Unreadable {
+                path: name(),
+                source,
+            })?;
+        let text = text.trim();
+        let allowed = |c: char| c.is_ascii_alphanumeric() || "-._~+/=".contains(c);
+        let found = if let Some(strange) = text.chars().find(|c| !allowed(*c)) {
+            format!("{strange:?}")
+        } else if !(SHORTEST..=LONGEST).contains(&plain(text).len()) {
+            format!("{}", text.len())
+        } else {
+            return Ok(Self::of(text.to_owned()));
+        };
+        Err(TokenError::Unusable {
+            path: name(),
+            found,
+        })
+    }
+
+    fn of(text: String) -> Self {
+        Self {
+            digest: blake3::hash(plain(&text).as_bytes()),
+            text,
+        }
+    }
+
+    /// As it is told to a person.
+    #[must_use]
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
+    /// Whether `found` is it. The digests are compared in constant time.
+    #[must_use]
+    pub fn is(&self, found: &str) -> bool {
+        blake3::hash(plain(found).as_bytes()) == self.digest
+    }
+}
+
+/// Why a request is turned away.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Refusal(pub StatusCode, pub &'static str);
+
+/// The rules.
+#[derive(Debug)]
+pub(super) struct Gate {
+    loopback: bool,
+    names: Vec<String>,
+    control: Token,
+    view: Option<Token>,
+}
+
+const STRANGE_HOST: Refusal = Refusal(
+    StatusCode::MISDIRECTED_REQUEST,
+    "this server does not answer under that name: use its address, localhost, or the machine's own name",
+);
+const OTHER_SITE: Refusal = Refusal(
+    StatusCode::FORBIDDEN,
+    "requests of another site are refused",
+);
+const NO_VIEW: Refusal = Refusal(
+    StatusCode::UNAUTHORIZED,
+    "the viewing token is missing or wrong",
+);
+const NO_CONTROL: Refusal = Refusal(
+    StatusCode::UNAUTHORIZED,
+    "the control token is missing or wrong",
+);
+
+impl Gate {
+    pub fn new(bound: IpAddr, name: Option<String>, control: Token, view: Option<Token>) -> Self {
+        let own = rustix::system::uname();
+        let own = own.nodename().to_string_lossy().into_owned();
+        let names = ["localhost".to_owned(), own].into_iter().chain(name);
+        Self {
+            loopback: super::is_loopback(bound),
+            names: names.filter(|name| !name.is_empty()).collect(),
+            control,
+            view,
+        }
+    }
+
+    /// Whether the name by which it was called is one of ours.
+    pub fn host(&self, headers: &HeaderMap) -> Result<(), Refusal> {
+        let host = text(headers, header::HOST).ok_or(STRANGE_HOST)?;
+        let name = without_port(host).ok_or(STRANGE_HOST)?;
+        let ours = match name.parse::<IpAddr>() {
+            // A name server has no say over addresses.
+            Ok(ip) => !self.loopback || super::is_loopback(ip),
+            Err(_) => {
+                let name = name.strip_suffix('.').unwrap_or(name);
+                self.names.iter().any(|own| own.eq_ignore_ascii_case(name))
+            }
+        };
+        if ours { Ok(()) } else { Err(STRANGE_HOST) }
+    }
+
+    /// Whether the request comes from this page, or from no page at all.
+    pub fn origin(&self, headers: &HeaderMap) -> Result<(), Refusal> {
+        let site = headers.get("sec-fetch-site");
+        let near = site.is_none_or(|site| site == "same-origin" || site == "none");
+        let host = text(headers, header::HOST).unwrap_or_default();
+        let same = match headers.get(header::ORIGIN) {
+            None => true,
+            Some(origin) => {
+                let origin = origin.to_str().unwrap_or_default();
+                let rest = origin
+                    .strip_prefix("http://")
+                    .or_else(|| origin.strip_prefix("https://"));
+                rest.is_some_and(|rest| rest.eq_ignore_ascii_case(host))
+            }
+        };
+        if near && same {
+            Ok(())
+        } else {
+            Err(OTHER_SITE)
+        }
+    }
+
+    /// Whether the request may look.
+    pub fn view(&self, headers: &HeaderMap) -> Result<(), Refusal> {
+        self.origin(headers)?;
+        let Some(view) = &self.view else {
+            return Ok(());
+        };
+        // Who may operate may look.
+        match bearer(headers) {
+            Some(found) if view.is(found) || self.control.is(found) => Ok(()),
+            _ => Err(NO_VIEW),
+        }
+    }
+
+    /// Whether the request may operate the test.
+    pub fn control(&self, headers: &HeaderMap) -> Result<(), Refusal> {
+        self.origin(headers)?;
+        match bearer(headers) {
+            Some(found) if self.control.is(found) => Ok(()),
+            _ => Err(NO_CONTROL),
+        }
+    }
+}
+
+fn text(headers: &HeaderMap, name: header::HeaderName) -> Option<&str> {
+    let mut values = headers.get_all(name).iter();
+    let only = values.next()?;
+    // Two of them mean different things to different readers.
+    if values.next().is_some() {
+        return None;
+    }
+    only.to_str().ok()
+}
+
+fn bearer(headers: &HeaderMap) -> Option<&str> {
+    let value = text(headers, header::AUTHORIZATION)?;
+    let (scheme, token) = value.split_once(' ')?;
+    scheme.eq_ignore_ascii_case("bearer").then_some(token)
+}
+
+fn without_port(host: &str) -> Option<&str> {
+    if let Some(rest) = host.strip_prefix('[') {
+        let (name, after) = rest.split_once(']')?;
+        let port = after.strip_prefix(':');
+        return (after.is_empty() || port.is_some_and(is_port)).then_some(name);
+    }
+    match host.rsplit_once(':') {
+        Some((name, port)) => (is_port(port) && !name.contains(':')).then_some(name),
+        None => Some(host),
+    }
+}
+
+fn is_port(text: &str) -> bool {
+    text.parse::<u16>().is_ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn gate(bound: &str, view: bool) -> (Gate, Token, Token) {
+        let (control, looking) = (Token::random().unwrap(), Token::random().unwrap());
+        let view = view.then(|| looking.clone());
+        let name = Some("lab-pc".to_owned());
+        let gate = Gate::new(bound.parse().unwrap(), name, control.clone(), view);
+        (gate, control, looking)
+    }
+
+    fn headers(all: &[(&'static str, &str)]) -> HeaderMap {
+        let mut map = HeaderMap::new();
+        for (name, value) in all {
+            map.append(*name, value.parse().unwrap());
+        }
+        map
+    }
+
+    #[test]
+    fn only_addresses_and_own_names_are_answered_so_that_a_rebound_name_is_not() {
+        let (near, ..) = gate("127.0.0.1", false);
+        let (far, ..) = gate("0.0.0.0", true);
+        for (host, at_loopback, beyond) in [
+            ("127.0.0.1:4824", true, true),
+            ("localhost:9000", true, true),
+            ("LOCALHOST.", true, true),
+            ("[::1]:4824", true, true),
+            ("lab-pc:1", true, true),
+            ("192.168.1.7:4824", false, true),
+            ("evil.example:4824", false, false),
+            ("localhost.evil.example", false, false),
+            ("127.0.0.1.evil.example", false, false),
+            ("[::1", false, false),
+            ("[::1]x", false, false),
+            ("localhost:port", false, false),
+            ("", false, false),
+        ] {
+            let asked = headers(&[("host", host)]);
+            assert_eq!(near.host(&asked).is_ok(), at_loopback, "{host}");
+            assert_eq!(far.host(&asked).is_ok(), beyond, "{host}");
+        }
+        assert!(near.host(&headers(&[])).is_err(), "no name at all");
+        let two = headers(&[("host", "localhost"), ("host", "evil.example")]);
+        assert!(near.host(&two).is_err());
+    }
+
+    #[test]
+    fn another_site_can_neither_look_nor_operate_even_with_the_token() {
+        let (gate, control, _) = gate("127.0.0.1", false);
+        let bearer = format!("Bearer {}", control.text());
+        let with = |more: &[(&'static str, &str)]| {
+            let mut all = vec![
+                ("host", "localhost:4824"),
+                ("authorization", bearer.as_str()),
+            ];
+            all.extend(more);
+            gate.control(&headers(&all))
+        };
+        assert_eq!(with(&[]), Ok(()), "a program that is no browser");
+        assert_eq!(with(&[("origin", "http://localhost:4824")]), Ok(()));
+        assert_eq!(with(&[("sec-fetch-site", "same-origin")]), Ok(()));
+        for strange in [
+            ("origin", "http://evil.example"),
+            ("origin", "null"),
+            ("origin", "http://localhost:9999"),
+            ("origin", "http://localhost:4824.evil.example"),
+            ("sec-fetch-site", "cross-site"),
+            ("sec-fetch-site", "same-site"),
+        ] {
+            assert_eq!(with(&[strange]), Err(OTHER_SITE), "{strange:?}");
+        }
+    }
+
+    #[test]
+    fn looking_beyond_loopback_and_operating_anywhere_need_their_tokens() {
+        let (near, control, _) = gate("127.0.0.1", false);
+        let (far, far_control, view) = gate("10.0.0.5", true);
+        let asked = |token: Option<&str>| match token {
+            Some(token) => headers(&[
+                ("host", "localhost"),
+                ("authorization", &format!("bearer {token}")),
+            ]),
+            None => headers(&[("host", "localhost")]),
+        };
+        assert_eq!(near.view(&asked(None)), Ok(()));
+        assert_eq!(near.control(&asked(None)), Err(NO_CONTROL));
+        assert_eq!(near.control(&asked(Some("wrong"))), Err(NO_CONTROL));
+        assert_eq!(near.control(&asked(Some(""))), Err(NO_CONTROL));
+        assert_eq!(near.control(&asked(Some(control.text()))), Ok(()));
+        assert_eq!(far.view(&asked(None)), Err(NO_VIEW));
+        assert_eq!(far.view(&asked(Some(view.text()))), Ok(()));
+        assert_eq!(far.view(&asked(Some(far_control.text()))), Ok(()));
+        assert_eq!(far.control(&asked(Some(view.text()))), Err(NO_CONTROL));
+        assert_eq!(far.control(&asked(Some(control.text()))), Err(NO_CONTROL));
+    }
+
+    #[test]
+    fn a_token_may_be_typed_without_its_dashes_and_in_capitals() {
+        let token = Token::random().unwrap();
+        let text = token.text();
+        assert_eq!(text.len(), LENGTH + 4);
+        assert!(token.is(text) && token.is(&text.replace('-', "").to_uppercase()));
+        assert!(token.is(&format!(" {text} ")));
+        assert!(!token.is(&text[..text.len() - 1]));
+        assert_ne!(text, Token::random().unwrap().text());
+        assert!(!format!("{token:?}").contains(text));
+    }
+
+    #[test]
+    fn a_token_file_is_one_line_of_at_least_sixteen_letters() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("token");
+        let read = |text: &str| {
+            std::fs::write(&path, text).unwrap();
+            Token::read(&path).map_err(|error| error.to_string())
+        };
+        assert!(
+            read("a-long-enough-secret-1\n")
+                .unwrap()
+                .is("a-long-enough-secret-1")
+        );
+        assert!(read("short\n").unwrap_err().contains("found 5"));
+        assert!(
+            read("two lines are\nno token at all")
+                .unwrap_err()
+                .contains("found")
+        );
+        assert!(read("").unwrap_err().contains("holds no token"));
+        let missing = Token::read(&folder.path().join("none")).unwrap_err();
+        assert!(missing.to_string().contains("cannot be read"));
+    }
+}

@@ -1,0 +1,341 @@
+//! The live page: one server on a thread of its own, off the loop's processor.
+//!
+//! Bound before anything moves, so that a port in use is a mistake of usage; served from the moment at which the other threads
+//! have been put on their processors; open until every viewer has got the last picture, two seconds at most.
+//!
+//! | who | may |
+//! |---|---|
+//! | anyone on this machine, if bound to loopback | look |
+//! | who has the viewing token, if bound to anything else | look |
+//! | who has the control token, wherever he is | HOLD, CONTINUE, STOP |
+//!
+//! Tokens travel in a header, never in an address. There is no encryption: across a network that is not trusted the page
+//! belongs into a tunnel (`ssh -L`).
+
+mod door;
+mod feed;
+mod gate;
+mod routes;
+
+use std::io;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener, ToSocketAddrs};
+use std::sync::Arc;
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use crossbeam_channel::Sender;
+use thiserror::Error;
+use tokio::sync::Notify;
+
+pub use gate::{Token, TokenError};
+
+use super::board::{Board, Ended};
+use crate::engine::Operator;
+use crate::record::{Note, NoteLevel};
+use door::Door;
+use feed::Feed;
+use gate::Gate;
+use routes::Site;
+
+/// Where the page is if nobody says otherwise.
+pub const USUAL_PORT: u16 = 4824;
+/// How long the server stays for viewers who have not got the last picture.
+const GRACE: Duration = Duration::from_secs(2);
+
+/// Why there is no live page. Nothing was moved.
+#[derive(Debug, Error)]
+pub enum PageError {
+    /// The address means nothing.
+    #[error("the live page cannot be served at \"{address}\": {source}")]
+    Address {
+        /// As it was given.
+        address: String,
+        /// The system's word.
+        source: io::Error,
+    },
+    /// The address is taken, or not ours.
+    #[error(
+        "the live page cannot be served at {address}: {source}{}",
+        advice(source)
+    )]
+    Bind {
+        /// Where.
+        address: SocketAddr,
+        /// The system's word.
+        source: io::Error,
+    },
+    /// No random numbers for a token.
+    #[error("no token for the live page: {0}")]
+    Random(io::Error),
+}
+
+fn advice(error: &io::Error) -> &'static str {
+    match error.kind() {
+        io::ErrorKind::AddrInUse => {
+            "; another test may be running there: `--live 127.0.0.1:0` takes any free port"
+        }
+        io::ErrorKind::AddrNotAvailable => "; this machine has no such address",
+        _ => "",
+    }
+}
+
+/// An address as it is given: `ADDR:PORT`, or one of the two.
+///
+/// # Errors
+/// It is none, in words.
+pub fn parse_address(text: &str) -> Result<String, String> {
+    let wanted = || {
+        format!(
+            "wanted ADDR:PORT, an address or a port, e.g. 127.0.0.1:{USUAL_PORT} or 0.0.0.0:{USUAL_PORT}; found \"{text}\""
+        )
+    };
+    if let Ok(port) = text.parse::<u16>() {
+        return Ok(format!("127.0.0.1:{port}"));
+    }
+    if let Ok(ip) = text.parse::<IpAddr>() {
+        return Ok(SocketAddr::new(ip, USUAL_PORT).to_string());
+    }
+    if text.parse::<SocketAddr>().is_ok() {
+        return Ok(text.to_owned());
+    }
+    if std::path::Path::new(text).exists() || text.contains('/') {
+        return Err(format!("{}; put the test file before `--live`", wanted()));
+    }
+    let (host, port) = match text.rsplit_once(':') {
+        Some((host, port)) => (host, port.parse::<u16>().map_err(|_| wanted())?),
+        None => (text, USUAL_PORT),
+    };
+    let is_name = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '.';
+    if host.is_empty() || !host.chars().all(is_name) {
+        return Err(wanted());
+    }
+    Ok(format!("{host}:{port}"))
+}
+
+/// A page that is bound and not served yet.
+#[derive(Debug)]
+pub struct LivePage {
+    listener: TcpListener,
+    address: SocketAddr,
+    name: Option<String>,
+    control: Token,
+    view: Option<Token>,
+}
+
+impl LivePage {
+    /// Takes the port. `address` is what [`parse_address`] made; `view` is the token for looking beyond loopback, a
+    /// fresh one if none is given.
+    ///
+    /// # Errors
+    /// See [`PageError`].
+    pub fn bind(address: &str, view: Option<Token>) -> Result<Self, PageError> {
+        let wrong = |source| PageError::Address {
+            address: address.to_owned(),
+            source,
+        };
+        let mut found = address.to_socket_addrs().map_err(wrong)?;
+        let first = found
+            .next()
+            .ok_or_else(|| wrong(io::Error::other("no address has this name")))?;
+        let bind = |source| PageError::Bind {
+            address: first,
+            source,
+        };
+        let listener = TcpListener::bind(first).map_err(bind)?;
+        listener.set_nonblocking(true).map_err(bind)?;
+        let local = listener.local_addr().map_err(bind)?;
+        let control = Token::random().map_err(PageError::Random)?;
+        let view = match (view, is_loopback(local.ip())) {
+            (Some(view), _) => Some(view),
+            (None, true) => None,
+            (None, false) => Some(Token::random().map_err(PageError::Random)?),
+        };
+        let (host, _) = address.rsplit_once(':').unwrap_or((address, ""));
+        let name = host.parse::<IpAddr>().is_err().then(|| host.to_owned());
+        Ok(Self {
+            listener,
+            address: local,
+            name,
+            control,
+            view,
+        })
+    }
+
+    /// Where it is.
+    #[must_use]
+    pub const fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// For a browser; with the viewing token behind the `#`, which no browser sends, where one is needed.
+    #[must_use]
+    pub fn link(&self) -> String {
+        let mut shown = self.address;
+        if shown.ip().is_unspecified() {
+            // Every address of this machine; whoever reads this sits at it.
+            shown.set_ip(IpAddr::V4(Ipv4Addr::LOCALHOST));
+        }
+        match &self.view {
+            Some(view) => format!("http://{shown}/#view={}", view.text()),
+            None => format!("http://{shown}/"),
+        }
+    }
+
+    /// What operating the test takes.
+    #[must_use]
+    pub const fn control_token(&self) -> &Token {
+        &self.control
+    }
+
+    /// Whether anyone who reaches the address may look.
+    #[must_use]
+    pub const fn is_open(&self) -> bool {
+        self.view.is_none()
+    }
+
+    /// Starts to serve, on a thread that inherits the processors of the caller's.
+    ///
+    /// # Errors
+    /// The system gives no thread or no event queue.
+    pub fn serve(
+        self,
+        board: Arc<Board>,
+        operator: Sender<Operator>,
+        notes: Sender<Note>,
+    ) -> io::Result<Serving> {
+        let note = Note::new(NoteLevel::Info, "live_page");
+        let _full = notes.try_send(note.with("address", self.address.to_string()));
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_io()
+            .enable_time()
+            .build()?;
+        let listener = {
+            let _inside = runtime.enter();
+            tokio::net::TcpListener::from_std(self.listener)?
+        };
+        let stop = Arc::new(Notify::new());
+        let site = Site {
+            feed: Arc::new(Feed::new(Arc::clone(&board))),
+            gate: Gate::new(self.address.ip(), self.name, self.control, self.view),
+            operator,
+            notes,
+        };
+        let asked = Arc::clone(&stop);
+        let thread = std::thread::Builder::new()
+            .name("gusset-page".into())
+            .spawn(move || {
+                // Behind the writer, with whom it may share a processor.
+                let _refused = rustix::process::setpriority_process(None, 10);
+                runtime.block_on(serve(Door::new(listener), site, asked));
+            })?;
+        Ok(Serving {
+            board,
+            stop,
+            thread: Some(thread),
+        })
+    }
+}
+
+async fn serve(door: Door, site: Site, stop: Arc<Notify>) {
+    let (ended, mut overdue) = tokio::sync::watch::channel(false);
+    let shutdown = async move {
+        stop.notified().await;
+        let _nobody = ended.send(true);
+        // Held until the server is done: a closed channel would look like an end.
+        ended.closed().await;
+    };
+    let mut seen = overdue.clone();
+    let server = routes::serve(door, site, async move {
+        let _gone = seen.wait_for(|ended| *ended).await;
+    });
+    let patience = async {
+        let _gone = overdue.wait_for(|ended| *ended).await;
+        tokio::time::sleep(GRACE).await;
+    };
+    tokio::select! {
+        // A listener that fails is tried again inside; the server ends only when it was asked to.
+        () = server => {}
+        () = patience => {}
+        () = shutdown => {}
+    }
+}
+
+/// A page that is served. Dropping it ends it at once.
+#[derive(Debug)]
+pub struct Serving {
+    board: Arc<Board>,
+    stop: Arc<Notify>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Serving {
+    /// Tells every viewer how the test ended, and closes when they have heard it, within two seconds.
+    pub fn end(mut self, ended: Ended) {
+        self.board.end(ended);
+        self.stop.notify_one();
+        if let Some(thread) = self.thread.take() {
+            let _its_panic_is_not_ours = thread.join();
+        }
+    }
+}
+
+impl Drop for Serving {
+    fn drop(&mut self) {
+        self.stop.notify_one();
+    }
+}
+
+/// Loopback, also in the dress of IPv6.
+fn is_loopback(ip: IpAddr) -> bool {
+    ip.to_canonical().is_loopback()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_address_may_be_a_port_an_address_or_both_and_a_test_file_is_none() {
+        for (given, made) in [
+            ("8080", "127.0.0.1:8080"),
+            ("0.0.0.0", "0.0.0.0:4824"),
+            ("::1", "[::1]:4824"),
+            ("[::1]:7", "[::1]:7"),
+            ("10.0.0.5:9", "10.0.0.5:9"),
+            ("localhost", "localhost:4824"),
+            ("lab-pc.local:81", "lab-pc.local:81"),
+        ] {
+            assert_eq!(parse_address(given).as_deref(), Ok(made));
+        }
+        for wrong in ["", ":80", "a b:1", "host:99999", "host:", "1.2.3.4:x"] {
+            let said = parse_address(wrong).unwrap_err();
+            assert!(said.contains("wanted ADDR:PORT"), "{wrong}: {said}");
+        }
+        let said = parse_address("config/frame-bouc-wen.toml").unwrap_err();
+        assert!(said.contains("before `--live`"), "{said}");
+    }
+
+    #[test]
+    fn a_taken_port_is_told_with_what_to_do() {
+        let holder = TcpListener::bind("127.0.0.1:0").unwrap();
+        let address = holder.local_addr().unwrap().to_string();
+        let said = LivePage::bind(&address, None).unwrap_err().to_string();
+        assert!(
+            said.contains(&address) && said.contains("any free port"),
+            "{said}"
+        );
+        let said = LivePage::bind("no-such-host.invalid:1", None).unwrap_err();
+        assert!(matches!(said, PageError::Address { .. }), "{said}");
+    }
+
+    #[test]
+    fn loopback_is_open_and_everything_else_is_not() {
+        let near = LivePage::bind("127.0.0.1:0", None).unwrap();
+        assert!(near.is_open() && near.link().ends_with('/'));
+        let far = LivePage::bind("0.0.0.0:0", None).unwrap();
+        assert!(!far.is_open());
+        assert!(far.link().starts_with("http://127.0.0.1:") && far.link().contains("/#view="));
+        assert_ne!(far.control.text(), far.view.as_ref().unwrap().text());
+        assert_ne!(near.control.text(), far.control.text());
+    }
+}

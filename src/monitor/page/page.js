@@ -1,0 +1,499 @@
+"use strict";
+// The live page: what it shows of the test that the server tells it of, and the operator's buttons.
+
+const $ = (id) => document.getElementById(id);
+const make = (kind, classes = "", text = "") => {
+  const element = document.createElement(kind);
+  if (classes) element.className = classes;
+  if (text) element.textContent = text;
+  return element;
+};
+
+/** What the server said first, and what follows from it. */
+let test = null;
+/** The latest state. */
+let state = null;
+let recent = null;
+let whole = null;
+let strips = [];
+let loops = [];
+let bars = [];
+let span = 60;
+let stale = true;
+
+// What is shown ------------------------------------------------------------------------------------------------------
+
+function greet({ hello, whole: past, bins }) {
+  test = hello;
+  const { subject } = hello;
+  const channels = subject.channels.length;
+  const axes = subject.specimens.reduce((sum, specimen) => sum + specimen.axes.length, 0);
+  recent = new Store(channels, axes, 4000, false);
+  whole = new Store(channels, axes, 4096, true);
+  for (const bin of past) whole.push(bin, running);
+  for (const bin of bins) {
+    recent.push(bin, running);
+    whole.push(bin, running);
+  }
+  document.title = `${subject.title} · Gusset`;
+  $("title").textContent = subject.title;
+  $("title").title = subject.title;
+  const facts = [`${nice(1 / subject.tick_s, "Hz")}`, `Δt ${nice(subject.dt, "s")}`, `${subject.real_clock ? "real" : "simulated"} clock`, subject.run];
+  $("facts").textContent = facts.join(" · ");
+  $("facts").title = subject.run;
+  $("duration").textContent = `of ${(subject.steps * subject.dt).toFixed(2)} s`;
+  $("outcome").hidden = true;
+  build();
+}
+
+/** Whether a bin belongs to the test itself: running, or between two steps. */
+function running(code) {
+  return code === 3 || code > 10.5;
+}
+
+function build() {
+  strips.forEach((strip) => strip.chart.remove());
+  strips = [];
+  loops = [];
+  bars = [];
+  const { subject } = test;
+  const channels = subject.channels.map((channel, place) => ({ ...channel, place }));
+  const dofs = channels.filter((channel) => channel.kind === "dof");
+  const lines = dofs.map((channel, at) => ({ ...channel, colour: `--c${at % 8}` }));
+  strip($("response-chart"), lines, "m");
+  legend($("response-legend"), lines);
+  $("response-chart").hidden = dofs.length === 0;
+  const ground = channels.filter((channel) => channel.kind === "ground");
+  $("ground-chart").hidden = ground.length === 0;
+  if (ground.length > 0) strip($("ground-chart"), [{ ...ground[0], colour: "--c7" }], ground[0].unit);
+  $("axes").replaceChildren();
+  subject.specimens.forEach((specimen, s) => specimen.axes.forEach((_, a) => axisCard(specimen, s, a, channels)));
+  buildLimits();
+  buildTiming();
+  $("stability").hidden = !subject.lambda;
+}
+
+function strip(place, lines, unit) {
+  const shown = () => (span > 0 ? recent : whole);
+  const chart = new Strip(place, lines, unit, () => [shown().x, shown().runs]);
+  strips.push({ chart, places: lines.map((line) => line.place) });
+}
+
+function legend(place, lines) {
+  place.replaceChildren(...lines.map(({ label, colour }) => {
+    const entry = make("span", "", label);
+    entry.style.color = css(colour);
+    return entry;
+  }));
+}
+
+function axisCard(specimen, s, a, channels) {
+  const card = make("section", "card axis-card");
+  const head = make("div", "head");
+  head.append(make("h2", "", specimen.axes.length > 1 ? `${specimen.name}, axis ${a + 1}` : specimen.name));
+  const own = (kind, colour) => ({ ...channels.find((c) => c.kind === kind && c.axis?.[0] === s && c.axis?.[1] === a), colour });
+  // The command is drawn broad, so that it shows behind a measurement that follows it well.
+  const [command, measured, error, force] = [{ ...own("command", "--c0"), weight: 4 }, own("measured", "--c1"), own("error", "--c3"), own("force", "--c2")];
+  const key = make("div", "legend");
+  legend(key, [command, measured, error, force]);
+  head.append(key);
+  const plots = make("div", "plots");
+  const [first, second, third] = [make("div"), make("div"), make("div", "loop-box")];
+  const [disp, following, pull] = [make("div", "chart"), make("div", "chart low"), make("div", "chart tall")];
+  first.append(disp, following);
+  second.append(pull);
+  const canvas = make("canvas", "loop");
+  canvas.setAttribute("role", "img");
+  canvas.setAttribute("aria-label", `hysteresis of ${specimen.name}, axis ${a + 1}`);
+  third.append(canvas);
+  plots.append(first, second, third);
+  card.append(head, plots);
+  $("axes").append(card);
+  strip(disp, [command, measured], "m");
+  strip(following, [error], "m");
+  strip(pull, [force], "N");
+  loops.push(canvas);
+}
+
+function buildLimits() {
+  const all = [];
+  const finite = (level) => level !== null && Number.isFinite(level);
+  const row = (name, key, unit, warn, trip, size, values) => {
+    const element = make("div", "bar");
+    const label = make("span", "name", name);
+    label.title = key;
+    const value = make("span", "value", "–");
+    const track = make("div", "track");
+    const levels = [...warn, ...trip].filter(finite).map(Math.abs);
+    const end = 1.12 * Math.max(...levels, 1e-300);
+    const start = size ? 0 : -end;
+    const at = (x) => `${100 * Math.min(1, Math.max(0, (x - start) / (end - start)))}%`;
+    const mark = (kind, x) => {
+      const line = make("div", kind);
+      line.style.left = at(x);
+      track.append(line);
+      return line;
+    };
+    const soFar = make("div", "so-far");
+    track.append(soFar);
+    if (!size) mark("zero", 0);
+    warn.filter(finite).forEach((x) => mark("mark-warn", x));
+    trip.filter(finite).forEach((x) => mark("mark-trip", x));
+    const present = mark("present", size ? 0 : (start + end) / 2);
+    element.append(label, value, track);
+    bars.push({ element, value, soFar, present, at, unit, warn, trip, size, values });
+    return element;
+  };
+  let axis = 0;
+  for (const specimen of test.subject.specimens) {
+    specimen.axes.forEach(({ marks }, a) => {
+      const heading = make("h3", "", specimen.axes.length > 1 ? `${specimen.name}, axis ${a + 1}` : specimen.name);
+      all.push(heading);
+      if (marks.length === 0) all.push(make("p", "silent", "no limits"));
+      const own = axis;
+      marks.forEach((m, place) => all.push(row(m.words, m.key, m.unit, m.warn, m.trip, m.size, (now) => now.axes[own]?.limits[place])));
+      axis += 1;
+    });
+  }
+  const whole = test.subject.test.filter((m) => finite(m.warn) || finite(m.trip));
+  if (whole.length > 0) all.push(make("h3", "", "the test as a whole"));
+  test.subject.test.forEach((m, place) => {
+    if (!finite(m.warn) && !finite(m.trip)) return;
+    all.push(row(m.words, m.key, "1", [null, m.warn], [null, m.trip], true, (now) => {
+      const [value, most] = now.test[place] ?? [null, null];
+      return [value, 0, most];
+    }));
+  });
+  $("bars").replaceChildren(...all);
+}
+
+function showLimits(now) {
+  for (const bar of bars) {
+    const [value, low, high] = bar.values(now) ?? [null, null, null];
+    bar.value.textContent = nice(value, bar.unit);
+    bar.present.hidden = value === null;
+    if (value === null) continue;
+    bar.present.style.left = bar.at(value);
+    const from = bar.size ? 0 : low;
+    bar.soFar.style.left = bar.at(from);
+    bar.soFar.style.width = `calc(${bar.at(high)} - ${bar.at(from)})`;
+    const beyond = (levels) => (levels[1] !== null && high > levels[1]) || (levels[0] !== null && !bar.size && low < levels[0]);
+    bar.element.classList.toggle("tripped", beyond(bar.trip));
+    bar.element.classList.toggle("warned", beyond(bar.warn) && !beyond(bar.trip));
+  }
+}
+
+const NAMES = { wakeup_lateness: "wake-up lateness", command_lateness: "command lateness", round_trip: "round trip", compute: "compute" };
+
+function buildTiming() {
+  const real = test.subject.real_clock;
+  for (const id of ["histogram", "percentiles", "quantity"]) $(id).hidden = !real;
+  $("untimed").hidden = real;
+  const chosen = $("quantity").value;
+  $("quantity").replaceChildren(...Object.entries(NAMES).map(([key, name]) => {
+    const option = make("option", "", name);
+    option.value = key;
+    return option;
+  }));
+  if (chosen) $("quantity").value = chosen;
+}
+
+function showTiming(now) {
+  const { misses } = now;
+  const total = misses.ours + misses.preempted + misses.taken_away + misses.late_reply;
+  const count = make("b", "", String(total));
+  const classes = make("span", "", ` missed: `);
+  const ours = make("span", misses.ours > 0 ? "ours" : "", `ours ${misses.ours}`);
+  const rest = make("span", "", ` · preempted ${misses.preempted} · taken away ${misses.taken_away} · late reply ${misses.late_reply} · grid moved by ${now.stretched ?? 0} ticks`);
+  $("misses").replaceChildren(count, classes, ours, rest);
+  const body = $("percentiles").tBodies[0];
+  body.replaceChildren(...now.timing.map((view) => {
+    const row = make("tr");
+    row.append(make("td", "", NAMES[view.key] ?? view.key), ...["p50", "p99", "p99_9", "max"].map((key) => make("td", "", nice(view[key], "s"))));
+    return row;
+  }));
+}
+
+function showLambda(lambda) {
+  const { lambda: known } = test.subject;
+  if (!known) return;
+  const place = $("lambda");
+  const number = (value, else_) => (value === null || value === undefined ? else_ : Number(value.toPrecision(4)).toString());
+  const used = number(known.used, "∞");
+  const declared = known.proven ? `limit at the declared bounds: ${number(known.declared_limit, "none, every λ is stable")}` : "no proof: a tangent has no declared bound";
+  const lines = [];
+  place.classList.remove("bad");
+  if (lambda) {
+    const margin = known.used === null || lambda.limit === null ? null : lambda.limit / known.used;
+    place.classList.toggle("bad", (margin !== null && margin < 1) || (known.used === null && lambda.limit !== null));
+    lines.push(make("p", "big", lambda.limit === null ? `λ ${used}: every λ is stable` : `λ ${used} of ${number(lambda.limit)} (${margin === null ? "no room" : `${margin.toFixed(2)} ×`})`));
+    lines.push(make("p", "", `largest stable λ with the tangents of the last second; the smallest so far: ${number(lambda.lowest, "none, every λ was stable")}`));
+  } else {
+    lines.push(make("p", "big", `λ ${used}`));
+  }
+  lines.push(make("p", "", declared));
+  place.replaceChildren(...lines);
+}
+
+function showLinks(now) {
+  const rows = test.subject.specimens.map((specimen, s) => {
+    const view = now.specimens[s];
+    const row = make("div", "link-row");
+    row.append(make("b", "", specimen.name), make("span", "", specimen.remote ? "behind a link" : "in this process"));
+    if (!view) return row;
+    row.append(make("span", "", `${view.exchanges} exchanges, ${view.stale} stale`));
+    for (const [flag, word] of test.flags) {
+      if (view.status & flag) row.append(make("span", ["holding", "stale", "unsent"].includes(word) ? "flag mild" : "flag", word));
+    }
+    return row;
+  });
+  $("link-rows").replaceChildren(...rows);
+  const lost = now.rows_lost > 0;
+  $("recording").classList.toggle("bad", lost);
+  $("recording").textContent = `${now.rows_written} rows written, ${lost ? `${now.rows_lost} ROWS LOST` : "none lost"}, ${now.events} events · ${state.viewers} ${state.viewers === 1 ? "viewer" : "viewers"}`;
+}
+
+function count(id, value, bad) {
+  $(id).firstElementChild.textContent = value === null ? "–" : String(value);
+  $(id).classList.toggle("bad", bad);
+}
+
+function showState() {
+  const { now, phase, ended } = state;
+  $("phase").textContent = phase;
+  $("phase").className = phase;
+  $("time").textContent = now.rows > 0 && now.time !== null ? `${now.time.toFixed(2)} s` : "–";
+  const share = test.subject.steps > 0 ? now.time / (test.subject.steps * test.subject.dt) : 0;
+  $("progress").style.width = `${100 * Math.min(1, Math.max(0, share || 0))}%`;
+  const total = Object.values(now.misses).reduce((sum, count) => sum + count, 0);
+  count("missed", test.subject.real_clock ? total : null, now.misses.ours > 0);
+  count("lost", now.rows_lost, now.rows_lost > 0);
+  showLimits(now);
+  showTiming(now);
+  showLambda(state.lambda);
+  showLinks(now);
+  const over = Boolean(ended) || phase === "safe";
+  const holds = now.hold || phase === "holding";
+  $("hold").disabled = over || holds;
+  $("continue").disabled = over || !(holds || phase === "zeroing");
+  $("stop").disabled = over;
+  if (ended) {
+    $("outcome").className = ended.status;
+    $("verdict").textContent = ended.status.toUpperCase();
+    $("reason").textContent = ended.reason;
+    $("where").textContent = ended.report ? `report: ${ended.report}` : `data: ${ended.data}`;
+    $("outcome").hidden = false;
+  }
+}
+
+function drawAll() {
+  if (!stale || !recent || document.hidden) return;
+  stale = false;
+  const shown = span > 0 ? recent : whole;
+  const to = shown.x.length > 0 ? shown.x[shown.x.length - 1] : 1;
+  const from = span > 0 ? Math.max(0, to - span) : 0;
+  for (const { chart, places } of strips) chart.draw(shown.columns(places), from, Math.max(to, from + 0.5));
+  loops.forEach((canvas, index) => drawLoop(canvas, whole.loop(index, 0), recent.loop(index, to - 5)));
+  const chosen = $("quantity").value;
+  drawHistogram($("histogram"), test.buckets, state?.now.timing.find((view) => view.key === chosen));
+}
+
+// The connection -----------------------------------------------------------------------------------------------------
+
+/** Time in s at which the last word came, on this machine's clock; the least way from there to here. */
+let heard = null;
+let nearest = Infinity;
+let over = false;
+let viewToken = secret("view");
+
+/** A token from behind the `#` or from this tab's memory; it does not stay in the address. */
+function secret(name) {
+  const given = new URLSearchParams(location.hash.slice(1));
+  const found = given.get(name);
+  if (found) {
+    sessionStorage.setItem(name, found);
+    given.delete(name);
+    history.replaceState(null, "", given.size > 0 ? `#${given}` : location.pathname);
+  }
+  return sessionStorage.getItem(name) ?? "";
+}
+
+function take(message) {
+  heard = performance.now() / 1000;
+  if (message.hello) {
+    nearest = Infinity;
+    greet(message);
+  } else if (test) {
+    for (const bin of message.bins) {
+      recent.push(bin, running);
+      whole.push(bin, running);
+    }
+  } else {
+    return;
+  }
+  if (message.state) {
+    state = message.state;
+    nearest = Math.min(nearest, heard - state.sent);
+    over = Boolean(state.ended);
+    showState();
+  }
+  stale = true;
+  watch();
+}
+
+/** The stream that is read now. */
+let reading = null;
+
+async function listen() {
+  for (;;) {
+    try {
+      const headers = viewToken ? { Authorization: `Bearer ${viewToken}` } : {};
+      const answer = await fetch("/stream", { headers, cache: "no-store" });
+      if (answer.status === 401) {
+        await ask(viewToken !== "");
+        continue;
+      }
+      if (!answer.ok) throw new Error(String(answer.status));
+      $("looking").hidden = true;
+      reading = answer.body.getReader();
+      await read(reading);
+    } catch {
+      // Whatever it was, the alarm says how long nothing has come.
+    }
+    watch();
+    if (over) return;
+    await new Promise((done) => setTimeout(done, heard === null ? 3000 : 1000));
+  }
+}
+
+async function read(reader) {
+  const decoder = new TextDecoder();
+  let rest = "";
+  for (;;) {
+    const { value, done } = await reader.read();
+    if (done) return;
+    rest += decoder.decode(value, { stream: true });
+    const events = rest.split("\n\n");
+    rest = events.pop();
+    for (const event of events) {
+      if (event.startsWith("data: ")) take(JSON.parse(event.slice(6)));
+    }
+  }
+}
+
+/** Waits until somebody has typed a viewing token. */
+function ask(wrong) {
+  $("looking").hidden = false;
+  $("refused").textContent = wrong ? "This token is not the right one." : "";
+  return new Promise((done) => {
+    $("looking").onsubmit = (event) => {
+      event.preventDefault();
+      viewToken = $("view").value.trim();
+      sessionStorage.setItem("view", viewToken);
+      done();
+    };
+  });
+}
+
+/** A picture that stands still must not look alive: says what is wrong with it. */
+function watch() {
+  const alarm = (text, mild) => {
+    $("alarm").hidden = !text;
+    $("alarm").textContent = text;
+    $("alarm").classList.toggle("mild", Boolean(mild));
+  };
+  const dead = (is) => {
+    document.body.classList.toggle("dead", is);
+    if (is) $("phase").className = "dead";
+    else if (state) $("phase").className = state.phase;
+  };
+  document.body.classList.toggle("waiting", !state);
+  if (over) {
+    dead(false);
+    return alarm("");
+  }
+  const now = performance.now() / 1000;
+  if (heard === null) return alarm(now > 2 && $("looking").hidden ? "No connection to the test yet; trying again." : "");
+  const quiet = now - heard;
+  if (quiet > 1.5) {
+    const since = new Date(Date.now() - 1000 * quiet).toLocaleTimeString();
+    dead(true);
+    return alarm(`NO DATA SINCE ${since} (${Math.round(quiet)} s): the connection is lost, what you see is old`);
+  }
+  const tick = test?.subject.tick_s ?? 0;
+  if (state && state.age !== null && state.age > Math.max(2, 3 * tick) && state.phase !== "safe") {
+    dead(true);
+    return alarm(`NO ROWS FROM THE LOOP FOR ${Math.round(state.age)} s: what you see is old`);
+  }
+  dead(false);
+  const behind = state ? heard - state.sent - nearest : 0;
+  if (behind > 1.5) return alarm(`This picture is ${behind.toFixed(1)} s behind: the connection is slow`, true);
+  return alarm("");
+}
+
+// The operator -------------------------------------------------------------------------------------------------------
+
+async function order(what) {
+  const token = $("token").value.trim();
+  const say = (text, bad) => {
+    $("answer").textContent = text;
+    $("answer").classList.toggle("bad", Boolean(bad));
+  };
+  if (!token) {
+    $("token").focus();
+    return say(`${what.toUpperCase()} needs the control token that was printed where the test was started.`, true);
+  }
+  say(`${what.toUpperCase()} …`);
+  try {
+    const headers = { Authorization: `Bearer ${token}` };
+    const answer = await fetch(`/control/${what}`, { method: "POST", headers, cache: "no-store" });
+    if (answer.status === 202) {
+      sessionStorage.setItem("control", token);
+      return say(`${what.toUpperCase()} accepted ${new Date().toLocaleTimeString()}`);
+    }
+    const text = answer.status === 503 ? "the queue of requests is full; try again" : (await answer.text()).trim();
+    return say(`${what.toUpperCase()} REFUSED: ${text}`, true);
+  } catch {
+    return say(`${what.toUpperCase()} NOT SENT: no connection. Use \`gusset ${what} ${test?.subject.run ?? "RUN_DIR"}\` where the test runs.`, true);
+  }
+}
+
+$("token").value = secret("control");
+$("operate").addEventListener("submit", (event) => event.preventDefault());
+$("hold").addEventListener("click", () => order("hold"));
+$("continue").addEventListener("click", () => order("continue"));
+$("stop").addEventListener("click", () => $("sure").showModal());
+$("sure").addEventListener("close", () => {
+  if ($("sure").returnValue === "yes") order("stop");
+  $("sure").returnValue = "";
+});
+$("quantity").addEventListener("change", () => { stale = true; });
+for (const button of document.querySelectorAll("[data-window]")) {
+  button.addEventListener("click", () => {
+    span = Number(button.dataset.window);
+    document.querySelectorAll("[data-window]").forEach((other) => other.setAttribute("aria-pressed", String(other === button)));
+    stale = true;
+  });
+}
+window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
+  if (!test) return;
+  build();
+  if (state) showState();
+  stale = true;
+});
+document.addEventListener("visibilitychange", () => { stale = true; });
+window.addEventListener("resize", () => { stale = true; });
+
+// As often as the screen wants, but never more than half of the time.
+let rest = 0;
+function frame(at) {
+  if (at >= rest) {
+    const began = performance.now();
+    drawAll();
+    rest = performance.now() + (performance.now() - began);
+  }
+  requestAnimationFrame(frame);
+}
+requestAnimationFrame(frame);
+setInterval(watch, 250);
+listen();

@@ -1,0 +1,174 @@
+//! What is served under which path, and what stands in the head of every answer.
+
+use std::future::Future;
+use std::sync::Arc;
+
+use axum::Router;
+use axum::body::Body;
+use axum::extract::{ConnectInfo, Path, Request, State};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::middleware::{Next, from_fn_with_state};
+use axum::response::{IntoResponse, Response};
+use axum::routing::{get, post};
+use crossbeam_channel::Sender;
+use serde_json::json;
+
+use super::door::{Door, Peer};
+use super::feed::{Feed, Viewer};
+use super::gate::{Gate, Refusal};
+use crate::assets;
+use crate::engine::Operator;
+use crate::monitor::metrics::metrics;
+use crate::record::{Note, NoteLevel};
+use crate::rt::os::monotonic_ns;
+
+/// Everything that answers.
+#[derive(Debug)]
+pub(super) struct Site {
+    pub feed: Arc<Feed>,
+    pub gate: Gate,
+    pub operator: Sender<Operator>,
+    pub notes: Sender<Note>,
+}
+
+type Shared = State<Arc<Site>>;
+
+/// Scripts and styles from here and nowhere else; nothing inline; nothing in a frame.
+const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src 'self'; \
+                      base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+
+const HEADERS: [(&str, &str); 7] = [
+    ("content-security-policy", POLICY),
+    ("x-content-type-options", "nosniff"),
+    ("x-frame-options", "DENY"),
+    ("referrer-policy", "no-referrer"),
+    ("cross-origin-resource-policy", "same-origin"),
+    ("cross-origin-opener-policy", "same-origin"),
+    ("cache-control", "no-store"),
+];
+
+const ICON: &str = "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 16 16\"><path d=\"M2 14V2l12 12z\" \
+                    fill=\"#2a6fb0\"/></svg>";
+
+/// Serves until `end`, and then until the last connection is done.
+pub(super) async fn serve(door: Door, site: Site, end: impl Future<Output = ()> + Send + 'static) {
+    let site = Arc::new(site);
+    let text = |kind: &'static str, body: &'static str| {
+        get(move || async move { ([(header::CONTENT_TYPE, kind)], body) })
+    };
+    const SCRIPT: &str = "text/javascript; charset=utf-8";
+    const STYLE: &str = "text/css; charset=utf-8";
+    let licensed = format!(
+        "/*!\n{}\n*/\n{}",
+        assets::CHART_LICENCE,
+        assets::CHART_SCRIPT
+    );
+    let chart: &'static str = Box::leak(licensed.into_boxed_str());
+    let routes = Router::new()
+        .route(
+            "/",
+            text("text/html; charset=utf-8", include_str!("page.html")),
+        )
+        .route("/page.css", text(STYLE, include_str!("page.css")))
+        .route("/page.js", text(SCRIPT, include_str!("page.js")))
+        .route("/store.js", text(SCRIPT, include_str!("store.js")))
+        .route("/draw.js", text(SCRIPT, include_str!("draw.js")))
+        .route("/chart.css", text(STYLE, assets::CHART_STYLE))
+        .route("/chart.js", text(SCRIPT, chart))
+        .route("/icon.svg", text("image/svg+xml", ICON))
+        .route("/stream", get(stream))
+        .route("/metrics", get(scrape))
+        .route("/control/{what}", post(operate))
+        .fallback(|| async { (StatusCode::NOT_FOUND, "there is nothing here\n") })
+        .layer(from_fn_with_state(Arc::clone(&site), guard))
+        .with_state(site);
+    let service = routes.into_make_service_with_connect_info::<Peer>();
+    let _never_fails = axum::serve(door, service).with_graceful_shutdown(end).await;
+}
+
+/// The name by which we were called, before anything else; the heads, after everything else.
+async fn guard(State(site): Shared, request: Request, next: Next) -> Response {
+    let mut response = match site.gate.host(request.headers()) {
+        Ok(()) => next.run(request).await,
+        Err(refusal) => refusal.into_response(),
+    };
+    let headers = response.headers_mut();
+    for (name, value) in HEADERS {
+        headers.insert(name, HeaderValue::from_static(value));
+    }
+    response
+}
+
+async fn stream(State(site): Shared, headers: HeaderMap) -> Result<Response, Refusal> {
+    site.gate.view(&headers)?;
+    let viewer = Viewer::new(Arc::clone(&site.feed));
+    let kind = [(header::CONTENT_TYPE, "text/event-stream")];
+    Ok((kind, Body::from_stream(viewer)).into_response())
+}
+
+async fn scrape(State(site): Shared, headers: HeaderMap) -> Result<Response, Refusal> {
+    site.gate.view(&headers)?;
+    let text = metrics(&site.feed.board, monotonic_ns(), site.feed.viewers());
+    let kind = [(
+        header::CONTENT_TYPE,
+        "text/plain; version=0.0.4; charset=utf-8",
+    )];
+    Ok((kind, text).into_response())
+}
+
+async fn operate(
+    State(site): Shared,
+    ConnectInfo(Peer(peer)): ConnectInfo<Peer>,
+    Path(what): Path<String>,
+    headers: HeaderMap,
+) -> Result<Response, Refusal> {
+    let (request, word) = match what.as_str() {
+        "hold" => (Operator::Hold, "hold"),
+        "continue" => (Operator::Continue, "continue"),
+        "stop" => (Operator::Stop, "stop"),
+        // Also what may be here if the token is right is only said to those who have it.
+        _ => {
+            site.gate.control(&headers)?;
+            let text = "wanted hold, continue or stop";
+            return Err(Refusal(StatusCode::NOT_FOUND, text));
+        }
+    };
+    let note = |level, event: &str| {
+        let note = Note::new(level, event).with("request", word);
+        note.with("from", peer.to_string())
+    };
+    if let Err(refusal) = site.gate.control(&headers) {
+        // A full queue is enough of a warning.
+        let refused = note(NoteLevel::Warning, "control_refused").with("why", refusal.1);
+        let _full = site.notes.try_send(refused);
+        return Err(refusal);
+    }
+    if site.feed.board.ended().is_some() {
+        return Err(Refusal(StatusCode::CONFLICT, "the test is over"));
+    }
+    let accepted = site.operator.try_send(request).is_ok();
+    let _full = site
+        .notes
+        .try_send(note(NoteLevel::Info, "control_request").with("accepted", accepted));
+    let status = if accepted {
+        StatusCode::ACCEPTED
+    } else {
+        StatusCode::SERVICE_UNAVAILABLE
+    };
+    let phase = site.feed.board.phase().word();
+    let kind = [(header::CONTENT_TYPE, "application/json")];
+    let answer = json!({ "accepted": accepted, "phase": phase }).to_string();
+    Ok((status, kind, answer).into_response())
+}
+
+impl IntoResponse for Refusal {
+    fn into_response(self) -> Response {
+        let Refusal(status, text) = self;
+        let mut response = (status, format!("{text}\n")).into_response();
+        if status == StatusCode::UNAUTHORIZED {
+            let headers = response.headers_mut();
+            headers.insert(header::WWW_AUTHENTICATE, HeaderValue::from_static("Bearer"));
+        }
+        response
+    }
+}

@@ -1,0 +1,395 @@
+//! What is watched of a test, known before it runs: names, units, limits, and where each number stands in a row.
+
+use serde::Serialize;
+
+use crate::control::limits::{Levels, Quantity};
+use crate::engine::{Experiment, TestQuantity};
+use crate::record::Column;
+
+/// Degrees of freedom that are drawn at most.
+const MOST_DOFS: usize = 8;
+
+/// What is known of a test and is not in its experiment.
+#[derive(Debug, Clone)]
+pub struct About {
+    /// Its title.
+    pub title: String,
+    /// The run folder, as the user knows it.
+    pub run: String,
+    /// Whether it runs on the real clock.
+    pub real_clock: bool,
+    /// λ, if the method has one.
+    pub lambda: Option<LambdaUse>,
+}
+
+/// λ in use and what is known of its limit before the test.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct LambdaUse {
+    /// In use; null for infinite.
+    pub used: f64,
+    /// Largest stable one at the declared bounds: null if every λ is.
+    pub declared_limit: f64,
+    /// Whether there is a proof at all.
+    pub proven: bool,
+}
+
+/// A test that is watched.
+#[derive(Debug, Clone, Serialize)]
+pub struct Subject {
+    /// Its title.
+    pub title: String,
+    /// The run folder.
+    pub run: String,
+    /// Whether it runs on the real clock.
+    pub real_clock: bool,
+    /// Steps, and Δt in s.
+    pub steps: u64,
+    /// Δt in s.
+    pub dt: f64,
+    /// Period of the controller in s of wall time.
+    pub tick_s: f64,
+    /// Its specimens.
+    pub specimens: Vec<WatchedSpecimen>,
+    /// Limits that belong to no specimen alone.
+    pub test: Vec<TestMark>,
+    /// λ.
+    pub lambda: Option<LambdaUse>,
+    /// What every bin of the history holds, in order: two numbers each.
+    pub channels: Vec<Channel>,
+    /// Where the rest stands in a row.
+    #[serde(skip)]
+    pub places: Places,
+}
+
+/// A specimen that is watched.
+#[derive(Debug, Clone, Serialize)]
+pub struct WatchedSpecimen {
+    /// Its name.
+    pub name: String,
+    /// Whether it is behind a link.
+    pub remote: bool,
+    /// Its axes.
+    pub axes: Vec<WatchedAxis>,
+    #[serde(skip)]
+    pub(super) status: Option<usize>,
+}
+
+/// An axis that is watched, SI at the specimen's own scale.
+#[derive(Debug, Clone, Serialize)]
+pub struct WatchedAxis {
+    /// Its limits.
+    pub marks: Vec<Mark>,
+    #[serde(skip)]
+    pub(super) metres: f64,
+    #[serde(skip)]
+    pub(super) newtons: f64,
+    #[serde(skip)]
+    pub(super) following_time: f64,
+    #[serde(skip)]
+    pub(super) stuck_travel: f64,
+    #[serde(skip)]
+    pub(super) stiffness_bound: f64,
+    #[serde(skip)]
+    pub(super) damping_bound: f64,
+    #[serde(skip)]
+    pub(super) places: AxisPlaces,
+}
+
+/// One limit with its levels, SI.
+#[derive(Debug, Clone, Serialize)]
+pub struct Mark {
+    /// Key of the test file.
+    pub key: &'static str,
+    /// In words.
+    pub words: &'static str,
+    /// Unit.
+    pub unit: &'static str,
+    /// Warned of outside of these two; null where there is none.
+    pub warn: [f64; 2],
+    /// Trips outside of these two.
+    pub trip: [f64; 2],
+    /// Whether it is a size, from 0 up.
+    pub size: bool,
+    #[serde(skip)]
+    pub(super) quantity: Quantity,
+}
+
+/// A limit of the test as a whole.
+#[derive(Debug, Clone, Serialize)]
+pub struct TestMark {
+    /// Key of the test file.
+    pub key: &'static str,
+    /// In words.
+    pub words: &'static str,
+    /// Warned of beyond; null: never.
+    pub warn: f64,
+    /// Trips beyond; null: never.
+    pub trip: f64,
+    #[serde(skip)]
+    pub(super) quantity: TestQuantity,
+    #[serde(skip)]
+    pub(super) place: Option<usize>,
+}
+
+/// Something that is drawn over time.
+#[derive(Debug, Clone, Serialize)]
+pub struct Channel {
+    /// What it is.
+    pub kind: ChannelKind,
+    /// What a person calls it.
+    pub label: String,
+    /// SI unit.
+    pub unit: String,
+    /// Specimen and axis, from 0, where it is one of theirs.
+    pub axis: Option<[usize; 2]>,
+}
+
+/// What a channel shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ChannelKind {
+    /// Displacement of a degree of freedom.
+    Dof,
+    /// The ground.
+    Ground,
+    /// Command at the specimen's scale.
+    Command,
+    /// Measured displacement at the specimen's scale.
+    Measured,
+    /// Measured − commanded.
+    Error,
+    /// Measured force at the specimen's scale.
+    Force,
+    /// How late the loop woke.
+    Lateness,
+}
+
+/// Places in a row of what belongs to no specimen.
+#[derive(Debug, Clone, Default)]
+#[expect(missing_docs, reason = "each is the place of the column of that name")]
+pub struct Places {
+    pub step: Option<usize>,
+    pub state: Option<usize>,
+    pub hold: Option<usize>,
+    pub time: Option<usize>,
+    pub ground: Option<usize>,
+    pub release: Option<usize>,
+    pub stretched: Option<usize>,
+    pub dofs: Vec<usize>,
+    /// Wake-up lateness, command lateness, round trip, compute.
+    pub timing: [Option<usize>; 4],
+}
+
+/// Places in a row of one axis.
+#[derive(Debug, Clone, Default)]
+pub(super) struct AxisPlaces {
+    pub command: Option<usize>,
+    pub measured: Option<usize>,
+    pub force: Option<usize>,
+    pub raw_disp: Option<usize>,
+    pub raw_force: Option<usize>,
+    pub stiffness: Option<usize>,
+    pub damping: Option<usize>,
+    pub added: Option<usize>,
+    pub lag: Option<usize>,
+    pub gain: Option<usize>,
+}
+
+impl Subject {
+    /// What is to be watched of `experiment`.
+    #[must_use]
+    pub fn new(experiment: &Experiment, about: About) -> Self {
+        let columns = experiment.columns();
+        let find = |name: &str| columns.iter().position(|column| column.name == name);
+        let specimens: Vec<_> = (1..)
+            .zip(&experiment.ports)
+            .map(|(number, port)| WatchedSpecimen {
+                name: port.name.clone(),
+                remote: port.is_remote(),
+                status: find(&format!("status_{number}")),
+                axes: (1..)
+                    .zip(
+                        port.limits()
+                            .iter()
+                            .zip(port.units())
+                            .zip(port.tangent_bounds()),
+                    )
+                    .map(|(axis, ((limits, (metres, newtons)), bounds))| {
+                        let place = |kind: &str| find(&format!("{kind}_{number}_{axis}"));
+                        WatchedAxis {
+                            marks: limits.levels().into_iter().filter_map(mark).collect(),
+                            metres: *metres,
+                            newtons: *newtons,
+                            following_time: limits.following_time,
+                            stuck_travel: limits.stuck_travel,
+                            stiffness_bound: bounds.0,
+                            damping_bound: bounds.1,
+                            places: AxisPlaces {
+                                command: place("cmd"),
+                                measured: place("meas"),
+                                force: place("force"),
+                                raw_disp: place("raw_disp"),
+                                raw_force: place("raw_force"),
+                                stiffness: place("kt"),
+                                damping: place("ct"),
+                                added: place("added"),
+                                lag: place("lag"),
+                                gain: place("gain"),
+                            },
+                        }
+                    })
+                    .collect(),
+            })
+            .collect();
+        let dofs = some_of(&experiment.record_dofs);
+        let places = Places {
+            step: find("step"),
+            state: find("state"),
+            hold: find("hold"),
+            time: find("time"),
+            ground: find("ground"),
+            release: find("release_s"),
+            stretched: find("stretched"),
+            dofs: dofs
+                .iter()
+                .filter_map(|dof| find(&format!("x{}", dof + 1)))
+                .collect(),
+            timing: super::latency::COLUMNS.map(find),
+        };
+        Self {
+            channels: channels(&dofs, &places, &columns, &specimens),
+            title: about.title,
+            run: about.run,
+            real_clock: about.real_clock,
+            steps: experiment.steps,
+            dt: experiment.dt,
+            tick_s: experiment.period.value(),
+            test: test_marks(experiment, &columns),
+            specimens,
+            lambda: about.lambda,
+            places,
+        }
+    }
+
+    /// Specimen, number of the axis and the axis, in the order of the test.
+    pub fn axes(&self) -> impl Iterator<Item = (&WatchedSpecimen, usize, &WatchedAxis)> {
+        self.specimens.iter().flat_map(|specimen| {
+            let axes = specimen.axes.iter().enumerate();
+            axes.map(move |(index, axis)| (specimen, index, axis))
+        })
+    }
+}
+
+/// A few of all DOFs (from 0), the ends among them.
+fn some_of(dofs: &[usize]) -> Vec<usize> {
+    if dofs.len() <= MOST_DOFS {
+        return dofs.to_vec();
+    }
+    let last = dofs.len() - 1;
+    let spread = (0..MOST_DOFS).map(|k| k * last / (MOST_DOFS - 1));
+    spread
+        .filter_map(|place| dofs.get(place).copied())
+        .collect()
+}
+
+fn channels(
+    dofs: &[usize],
+    places: &Places,
+    columns: &[Column],
+    specimens: &[WatchedSpecimen],
+) -> Vec<Channel> {
+    let channel = |kind, label: String, unit: &str, axis| Channel {
+        kind,
+        label,
+        unit: unit.to_owned(),
+        axis,
+    };
+    let mut all: Vec<_> = dofs
+        .iter()
+        .map(|dof| channel(ChannelKind::Dof, format!("DOF {}", dof + 1), "m", None))
+        .collect();
+    let unit = places.ground.and_then(|place| columns.get(place));
+    let unit = unit.map_or("", |column| column.unit.as_str());
+    all.push(channel(ChannelKind::Ground, "ground".into(), unit, None));
+    all.push(channel(
+        ChannelKind::Lateness,
+        "wake-up lateness".into(),
+        "s",
+        None,
+    ));
+    for (s, specimen) in specimens.iter().enumerate() {
+        for a in 0..specimen.axes.len() {
+            for (kind, label, unit) in [
+                (ChannelKind::Command, "command", "m"),
+                (ChannelKind::Measured, "measured", "m"),
+                (ChannelKind::Error, "measured − command", "m"),
+                (ChannelKind::Force, "force", "N"),
+            ] {
+                all.push(channel(kind, label.to_owned(), unit, Some([s, a])));
+            }
+        }
+    }
+    all
+}
+
+fn mark((quantity, levels): (Quantity, Levels)) -> Option<Mark> {
+    let (warn, trip, size) = match levels {
+        Levels::Size(bound) => (
+            [f64::NEG_INFINITY, bound.warn],
+            [f64::NEG_INFINITY, bound.trip],
+            true,
+        ),
+        Levels::Range(range) => (range.warn, range.trip, false),
+    };
+    let limited = warn.iter().chain(&trip).any(|level| level.is_finite());
+    limited.then(|| Mark {
+        key: quantity.key(),
+        words: quantity.words(),
+        unit: quantity.unit(),
+        warn,
+        trip,
+        size,
+        quantity,
+    })
+}
+
+fn test_marks(experiment: &Experiment, columns: &[Column]) -> Vec<TestMark> {
+    let limits = &experiment.limits;
+    let levels = [
+        (
+            TestQuantity::StabilityUsed,
+            limits.test.stability_used.warn,
+            limits.test.stability_used.trip,
+        ),
+        (
+            TestQuantity::StepAudit,
+            limits.test.step_audit.warn,
+            limits.test.step_audit.trip,
+        ),
+        (
+            TestQuantity::Misses,
+            of_count(limits.test.misses.warn_in_all),
+            of_count(limits.misses_in_total),
+        ),
+    ];
+    let marks = levels.into_iter().map(|(quantity, warn, trip)| TestMark {
+        key: quantity.key(),
+        words: quantity.words(),
+        warn,
+        trip,
+        quantity,
+        place: columns.iter().position(|c| c.name == quantity.key()),
+    });
+    marks
+        .filter(|mark| mark.place.is_some() || mark.quantity == TestQuantity::Misses)
+        .collect()
+}
+
+/// Where no count is too many there is no level.
+fn of_count(count: u64) -> f64 {
+    if count == u64::MAX {
+        f64::INFINITY
+    } else {
+        count as f64
+    }
+}

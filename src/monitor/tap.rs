@@ -1,0 +1,274 @@
+//! The look at the rows, on the writer's thread: present values, peaks, counts, and the thinned history.
+//!
+//! It allocates sixty times a second and never waits: what the board does not take now it takes at the next turn.
+
+use std::sync::Arc;
+
+use crossbeam_channel::Receiver;
+
+use super::axis::AxisTap;
+use super::board::{Board, Snapshot, SpecimenView};
+use super::history::Bin;
+use super::latency::{KEYS, Latency};
+use super::subject::ChannelKind;
+use crate::engine::{Phase, TestQuantity};
+use crate::record::{Note, Onlooker, Progress};
+use crate::substructure::Status;
+
+/// Bins a second of wall time at most, on the real clock.
+const BINS_HZ: f64 = 60.0;
+/// Least wall time of a bin where rows come faster than in real time, ns.
+const BIN_NS: u64 = 1_000_000;
+/// Time between two snapshots, ns.
+const SNAPSHOT_NS: u64 = 50_000_000;
+/// Bins that may wait for the board.
+const WAITING: usize = 512;
+/// Time over which the stiffest tangent is kept: once to twice this, ns.
+const WINDOW_NS: u64 = 500_000_000;
+
+/// Looks at every row of a test and keeps a [`Board`] up to date.
+#[derive(Debug)]
+pub struct Tap {
+    board: Arc<Board>,
+    notes: Receiver<Note>,
+    rows_per_bin: u64,
+    open: Open,
+    waiting: Vec<Bin>,
+    axes: Vec<AxisTap>,
+    specimens: Vec<SpecimenView>,
+    test: Vec<[f64; 2]>,
+    timing: Vec<Latency>,
+    seen: Seen,
+    last_snapshot_ns: u64,
+    last_bin_ns: u64,
+    window_ns: u64,
+}
+
+/// What the last row said.
+#[derive(Debug, Clone, Copy, Default)]
+struct Seen {
+    rows: u64,
+    first: Option<u64>,
+    elapsed: f64,
+    step: f64,
+    time: f64,
+    state: f64,
+    hold: bool,
+    stretched: f64,
+    /// A row came since the last turn.
+    fresh: bool,
+    row_ns: u64,
+}
+
+/// The bin that is being filled.
+#[derive(Debug, Default)]
+struct Open {
+    rows: u64,
+    values: Vec<[f32; 2]>,
+}
+
+impl Tap {
+    /// For the test of `board`; `notes` are written among its events.
+    #[must_use]
+    pub fn new(board: Arc<Board>, notes: Receiver<Note>) -> Self {
+        let subject = &board.subject;
+        let per_bin = (1.0 / (BINS_HZ * subject.tick_s)).ceil();
+        Self {
+            rows_per_bin: (per_bin as u64).max(1),
+            open: Open {
+                rows: 0,
+                values: vec![[f32::NAN; 2]; subject.channels.len()],
+            },
+            waiting: Vec::new(),
+            axes: subject
+                .axes()
+                .map(|(_, _, axis)| AxisTap::new(axis, subject.tick_s))
+                .collect(),
+            specimens: vec![SpecimenView::default(); subject.specimens.len()],
+            test: vec![[f64::NAN; 2]; subject.test.len()],
+            timing: if subject.real_clock {
+                KEYS.map(|_| Latency::new()).into()
+            } else {
+                Vec::new()
+            },
+            seen: Seen::default(),
+            last_snapshot_ns: 0,
+            last_bin_ns: 0,
+            window_ns: 0,
+            board,
+            notes,
+        }
+    }
+
+    fn close_bin(&mut self) {
+        if self.open.rows == 0 {
+            return;
+        }
+        self.open.rows = 0;
+        let fresh = vec![[f32::NAN; 2]; self.open.values.len()];
+        let bin = Bin {
+            until: self.seen.elapsed,
+            time: self.seen.time,
+            state: self.seen.state,
+            values: std::mem::replace(&mut self.open.values, fresh),
+            loops: self.axes.iter_mut().map(AxisTap::take_loop).collect(),
+        };
+        if self.waiting.len() < WAITING {
+            self.waiting.push(bin);
+        }
+    }
+
+    fn snapshot(&self, now_ns: u64, progress: &Progress) -> Snapshot {
+        let seen = self.seen;
+        let views = KEYS.into_iter().zip(&self.timing);
+        Snapshot {
+            now_ns,
+            row_ns: seen.row_ns,
+            rows: seen.rows,
+            step: seen.step,
+            steps: seen.step.max(0.0) as u64,
+            time: seen.time,
+            elapsed: seen.elapsed,
+            state: seen.state,
+            hold: seen.hold,
+            stretched: seen.stretched,
+            rows_written: progress.rows_written,
+            rows_lost: progress.rows_lost,
+            events: progress.events,
+            misses: progress.misses,
+            timing: views.map(|(key, latency)| latency.view(key)).collect(),
+            axes: self.axes.iter().map(AxisTap::view).collect(),
+            specimens: self.specimens.clone(),
+            test: self.test_values(progress),
+        }
+    }
+
+    fn test_values(&self, progress: &Progress) -> Vec<[f64; 2]> {
+        let misses = progress.misses.total() as f64;
+        let marks = self.board.subject.test.iter().zip(&self.test);
+        marks
+            .map(|(mark, values)| match mark.quantity {
+                TestQuantity::Misses => [misses; 2],
+                _ => *values,
+            })
+            .collect()
+    }
+
+    fn count_timing(&mut self, row: &[f64]) {
+        // While the specimens are led to where the test begins nobody is promised a deadline.
+        let running = self.seen.state == Phase::Running.code() || self.seen.state > 10.0;
+        if !running {
+            return;
+        }
+        let places = self.board.subject.places.timing;
+        for (latency, place) in self.timing.iter_mut().zip(places) {
+            latency.count(at(row, place));
+        }
+    }
+}
+
+/// The number at a place; not a number where there is none.
+pub(super) fn at(row: &[f64], place: Option<usize>) -> f64 {
+    let value = place.and_then(|place| row.get(place));
+    value.copied().unwrap_or(f64::NAN)
+}
+
+impl Onlooker for Tap {
+    fn row(&mut self, sequence: u64, row: &[f64]) {
+        let board = Arc::clone(&self.board);
+        let subject = &board.subject;
+        let places = &subject.places;
+        let first = *self.seen.first.get_or_insert(sequence);
+        self.seen = Seen {
+            rows: self.seen.rows + 1,
+            first: Some(first),
+            elapsed: sequence.saturating_sub(first) as f64 * subject.tick_s,
+            step: at(row, places.step),
+            time: at(row, places.time),
+            state: at(row, places.state),
+            hold: at(row, places.hold) > 0.0,
+            stretched: at(row, places.stretched),
+            fresh: true,
+            row_ns: self.seen.row_ns,
+        };
+        for (view, specimen) in self.specimens.iter_mut().zip(&subject.specimens) {
+            let status = at(row, specimen.status);
+            // Flags below 2²⁴ are whole numbers in every float.
+            view.status = if status >= 0.0 { status as u32 } else { 0 };
+            view.exchanges += 1;
+            view.stale += u64::from(Status(view.status).has(Status::STALE));
+        }
+        for (tap, (_, _, axis)) in self.axes.iter_mut().zip(subject.axes()) {
+            tap.row(sequence, row, axis);
+        }
+        for (mark, kept) in subject.test.iter().zip(&mut self.test) {
+            let value = at(row, mark.place);
+            *kept = [value, kept[1].max(value)];
+        }
+        self.count_timing(row);
+        let mut dofs = places.dofs.iter();
+        let mut axes = self.axes.iter();
+        let mut axis = None;
+        for (slot, channel) in self.open.values.iter_mut().zip(&subject.channels) {
+            let value = match channel.kind {
+                ChannelKind::Dof => at(row, dofs.next().copied()),
+                ChannelKind::Ground => at(row, places.ground),
+                ChannelKind::Lateness => at(row, places.timing[0]),
+                ChannelKind::Command => {
+                    // The first of an axis' channels.
+                    axis = axes.next();
+                    axis.map_or(f64::NAN, |axis| axis.now.command)
+                }
+                ChannelKind::Measured => axis.map_or(f64::NAN, |axis| axis.now.measured),
+                ChannelKind::Error => axis.map_or(f64::NAN, |axis| axis.now.error),
+                ChannelKind::Force => axis.map_or(f64::NAN, |axis| axis.now.force),
+            };
+            let value = value as f32;
+            *slot = [slot[0].min(value), slot[1].max(value)];
+        }
+        self.open.rows += 1;
+        if self.open.rows >= self.rows_per_bin && self.board.subject.real_clock {
+            self.close_bin();
+        }
+    }
+
+    fn turn(&mut self, now_ns: u64, progress: &Progress) {
+        if std::mem::take(&mut self.seen.fresh) {
+            self.seen.row_ns = now_ns;
+        }
+        // Where a test runs faster than in real time, by the wall and by the rows.
+        if self.open.rows >= self.rows_per_bin && now_ns.saturating_sub(self.last_bin_ns) >= BIN_NS
+        {
+            self.last_bin_ns = now_ns;
+            self.close_bin();
+        }
+        if !self.waiting.is_empty() {
+            self.board.try_append(&mut self.waiting);
+        }
+        if now_ns.saturating_sub(self.window_ns) >= WINDOW_NS {
+            self.window_ns = now_ns;
+            self.axes.iter_mut().for_each(AxisTap::next_window);
+        }
+        if now_ns.saturating_sub(self.last_snapshot_ns) >= SNAPSHOT_NS
+            && self.board.try_show(self.snapshot(now_ns, progress))
+        {
+            self.last_snapshot_ns = now_ns;
+        }
+    }
+
+    fn note(&mut self) -> Option<Note> {
+        self.notes.try_recv().ok()
+    }
+
+    fn finish(&mut self, now_ns: u64, progress: &Progress) {
+        self.close_bin();
+        // Nobody holds the board for longer than it takes to copy; the loop has ended, and so there is time.
+        while !self.waiting.is_empty() {
+            self.board.try_append(&mut self.waiting);
+            std::thread::yield_now();
+        }
+        while !self.board.try_show(self.snapshot(now_ns, progress)) {
+            std::thread::yield_now();
+        }
+    }
+}

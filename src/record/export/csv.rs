@@ -1,0 +1,95 @@
+//! The response history as CSV: a header, then one line per row.
+//!
+//! 17 significant digits, so that every double reads back to the same bits; what does not exist is empty. Pure data:
+//! no comment lines, no units.
+
+use std::io::{self, BufWriter, Write};
+use std::path::Path;
+
+use super::plan::{Choice, Exposed, Plan, Source, Trouble};
+use super::{ExportError, Exported};
+use crate::record::atomic::AtomicFile;
+use crate::record::journal::Journal;
+use crate::record::run::Run;
+
+/// Writes the columns of the contract.
+pub(super) fn export(run: &Run, choice: &Choice, out: &Path) -> Result<Exported, ExportError> {
+    let plan = Plan::new(run.layout())?;
+    let sheet = Sheet::of(plan.contract());
+    let failed = ExportError::write(out);
+    let mut journal = run.journal()?;
+    let mut file = BufWriter::with_capacity(1 << 17, AtomicFile::create(out).map_err(failed)?);
+    let rows = write(&plan, &sheet, &mut journal, choice, &mut file)
+        .map_err(|trouble| trouble.told(failed))?;
+    let file = file
+        .into_inner()
+        .map_err(|error| failed(error.into_error()))?;
+    file.commit().map_err(failed)?;
+    Ok(Exported::new(run, rows, &journal))
+}
+
+pub(super) fn write(
+    plan: &Plan,
+    sheet: &Sheet,
+    journal: &mut Journal<impl io::Read>,
+    choice: &Choice,
+    out: &mut impl Write,
+) -> Result<u64, Trouble> {
+    let mut line = Vec::with_capacity(26 * sheet.places.len());
+    sheet.head(out).map_err(Trouble::Write)?;
+    plan.walk(journal, choice, u64::MAX, |_, row| {
+        sheet.line(row, &mut line)?;
+        out.write_all(&line)
+    })
+}
+
+/// Which column of the row goes where.
+pub(super) struct Sheet {
+    header: String,
+    /// One per column of the CSV; `None` where the samples have no such column.
+    places: Vec<Option<usize>>,
+}
+
+impl Sheet {
+    pub fn of<'a>(columns: impl IntoIterator<Item = &'a Exposed>) -> Self {
+        let (mut header, mut places) = (String::new(), Vec::new());
+        for exposed in columns {
+            header.push_str(&exposed.column.name);
+            header.push(',');
+            places.push(match exposed.source {
+                Source::Place(place) => Some(place),
+                Source::Sequence | Source::Nothing => None,
+            });
+        }
+        header.pop();
+        header.push('\n');
+        Self { header, places }
+    }
+
+    /// Writes the line of names.
+    pub fn head(&self, out: &mut impl Write) -> io::Result<()> {
+        out.write_all(self.header.as_bytes())
+    }
+
+    /// The line of a row, without allocating once `line` has its size.
+    pub fn line(&self, row: &[f64], line: &mut Vec<u8>) -> io::Result<()> {
+        line.clear();
+        for place in &self.places {
+            let value = place.and_then(|place| row.get(place));
+            if let Some(value) = value.filter(|value| !value.is_nan()) {
+                write!(line, "{value:.16e}")?;
+            }
+            line.push(b',');
+        }
+        // Never empty: `time` is always there.
+        if let Some(last) = line.last_mut() {
+            *last = b'\n';
+        }
+        Ok(())
+    }
+
+    #[cfg(test)]
+    pub fn width(&self) -> usize {
+        self.places.len()
+    }
+}

@@ -1,0 +1,56 @@
+//! What the test file of a run says of its parts, and which columns are whose.
+
+use std::fs;
+
+use crate::record::folder::slug;
+use crate::record::run::Run;
+
+/// What the test file says, if it can be read.
+pub(super) struct Test {
+    pub title: String,
+    pub table: toml::Table,
+    /// One per specimen: its number, its folder, its table.
+    pub specimens: Vec<(usize, String, toml::Value)>,
+}
+
+impl Test {
+    pub fn read(run: &Run) -> Self {
+        let text = |name: &str| fs::read_to_string(run.path().join(name)).ok();
+        let table = text("resolved.toml").or_else(|| text("test.toml"));
+        let table: toml::Table = table.and_then(|text| text.parse().ok()).unwrap_or_default();
+        let folder = run.path().file_name().map(|name| name.to_string_lossy());
+        let title = table.get("title").and_then(toml::Value::as_str);
+        let title = title.map_or_else(|| folder.unwrap_or_default().into_owned(), str::to_owned);
+        let listed = table.get("specimen").and_then(toml::Value::as_array);
+        let specimens = listed
+            .into_iter()
+            .flatten()
+            .zip(1..)
+            .map(|(specimen, number)| {
+                let name = specimen.get("name").and_then(toml::Value::as_str);
+                let folder = format!("{number}-{}", slug(name.unwrap_or("specimen")));
+                (number, folder, specimen.clone())
+            });
+        Self {
+            title,
+            specimens: specimens.collect(),
+            table,
+        }
+    }
+}
+
+/// Whether a column belongs to this specimen: `cmd_2_1`, `seq_2`.
+pub(super) fn is_of_specimen(name: &str, number: usize) -> bool {
+    let whole = format!("_{number}");
+    let counted = |text: &str| !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit());
+    let of_axis = name
+        .rsplit_once('_')
+        .is_some_and(|(head, axis)| counted(axis) && head.ends_with(&whole));
+    let numbers = name.split('_').rev().take_while(|part| counted(part));
+    of_axis || (numbers.count() == 1 && name.ends_with(&whole))
+}
+
+pub(super) fn is_of_dof(name: &str) -> bool {
+    let rest = name.strip_prefix(['x', 'v', 'a']);
+    rest.is_some_and(|rest| !rest.is_empty() && rest.bytes().all(|b| b.is_ascii_digit()))
+}

@@ -1,0 +1,222 @@
+//! A run in the forms that other programs read.
+//!
+//! | format | rows | columns | holds |
+//! |---|---|---|---|
+//! | [`Format::Csv`] | steps, or all ticks | those of the contract | text, 17 significant digits |
+//! | [`Format::Npz`], [`Format::Mat`], [`Format::Hdf5`], [`Format::Parquet`] | the same | the same, then all others of the log | the bits of the log, units and meanings beside them |
+//! | [`Format::Trace`] | all ticks | those of the timing | what the loop did when |
+//! | [`Format::DesignSafe`] | the same, and the log as it is | those of the contract, and all | a folder in the shape of a hybrid-simulation project |
+//!
+//! Which rows and which columns stands in one place ([`plan`]); each format is one small writer. An export appears
+//! whole or not at all, takes memory that does not grow with the run, and takes of an unfinished or damaged run
+//! what is sound. What a reader should know beside it comes back as [`Notice`]s for the caller to say. The log
+//! itself is never touched.
+
+mod block;
+mod csv;
+mod designsafe;
+mod hdf5;
+mod heap;
+mod mat;
+mod npz;
+mod parquet;
+mod plan;
+mod thrift;
+mod trace;
+mod zip;
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use thiserror::Error;
+
+use super::folder::FolderError;
+use super::journal::{End, Journal};
+use super::run::Run;
+
+pub use plan::{Choice, Rows};
+
+/// A form that other programs read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Format {
+    /// Comma-separated values.
+    Csv,
+    /// A NumPy archive of one array per column.
+    Npz,
+    /// A MATLAB file (level 5) of one vector per column.
+    Mat,
+    /// An HDF5 file of one dataset per column.
+    Hdf5,
+    /// A Parquet table.
+    Parquet,
+    /// The timeline of the loop in the trace-event format.
+    Trace,
+    /// A folder in the shape of a DesignSafe hybrid-simulation project.
+    DesignSafe,
+}
+
+/// Why there is no export.
+#[derive(Debug, Error)]
+pub enum ExportError {
+    /// The samples have no such column.
+    #[error("the samples have no column {0:?}, which an export needs")]
+    NoColumn(&'static str),
+    /// The run folder cannot be read.
+    #[error(transparent)]
+    Folder(#[from] FolderError),
+    /// The samples cannot be read.
+    #[error("cannot read the samples: {0}")]
+    Read(io::Error),
+    /// The file cannot be written.
+    #[error("cannot write {}: {source}", .path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// There is something where the folder is to be.
+    #[error("{} exists already", .0.display())]
+    Occupied(PathBuf),
+    /// The window of time is none.
+    #[error(
+        "the window from {from} s to {to} s is none: wanted two numbers, the second not below the first"
+    )]
+    Window {
+        /// Its begin in s of test time.
+        from: f64,
+        /// Its end in s of test time.
+        to: f64,
+    },
+    /// A column is longer than the format can hold.
+    #[error(
+        "{rows} rows are more than a {format} can hold in one column, which are {limit}: choose a window of time, or another format"
+    )]
+    TooLong {
+        /// What kind of file.
+        format: &'static str,
+        /// Rows that there are.
+        rows: u64,
+        /// Rows that it can hold.
+        limit: u64,
+    },
+    /// More columns than the format can hold.
+    #[error("{columns} columns are more than a {format} can hold, which are {limit}")]
+    TooWide {
+        /// What kind of file.
+        format: &'static str,
+        /// Columns that there are.
+        columns: usize,
+        /// Columns that it can hold.
+        limit: usize,
+    },
+    /// A whole run is too much for a trace.
+    #[error(
+        "{ticks} ticks are too many for a trace without a window, which takes {limit}: the samples reach from {first} s to {last} s of test time, choose a part of it"
+    )]
+    LongTrace {
+        /// Ticks that there are.
+        ticks: u64,
+        /// Ticks that are taken unasked.
+        limit: u64,
+        /// Test time of the first row in s.
+        first: f64,
+        /// Test time of the last row in s.
+        last: f64,
+    },
+}
+
+impl ExportError {
+    fn write(path: &Path) -> impl Fn(io::Error) -> Self + Copy + '_ {
+        |source| Self::Write {
+            path: path.to_owned(),
+            source,
+        }
+    }
+}
+
+/// What a reader of the export should know.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Notice {
+    /// The run has no summary: it is still running or was killed.
+    Unfinished,
+    /// So many rows never reached the file.
+    RowsLost(u64),
+    /// The samples end in the middle of a row or in damage.
+    Ended(End),
+    /// Nothing was recorded, or nothing of it is in the window.
+    Empty,
+}
+
+impl std::fmt::Display for Notice {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Unfinished => write!(
+                f,
+                "the run is unfinished (no summary.json): it is still running or was killed"
+            ),
+            Self::RowsLost(rows) => {
+                write!(f, "{rows} rows were lost while recording and are missing")
+            }
+            Self::Ended(end) => write!(f, "{end}"),
+            Self::Empty => write!(f, "there is no row to export: the file has columns only"),
+        }
+    }
+}
+
+/// What an export came to.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Exported {
+    /// Rows written, the header not counted.
+    pub rows: u64,
+    /// What a reader should know.
+    pub notices: Vec<Notice>,
+}
+
+impl Exported {
+    /// After `journal` has been read to its end, or to the last row that was wanted.
+    fn new(run: &Run, rows: u64, journal: &Journal<impl io::Read>) -> Self {
+        let unfinished = run.summary().is_none().then_some(Notice::Unfinished);
+        // Rows lost at the very end leave no gap in the file; the summary knows of them.
+        let lost = run.summary().map_or(0, |s| s.rows_lost).max(journal.lost());
+        let lost = (lost > 0).then_some(Notice::RowsLost(lost));
+        let ended = journal
+            .end()
+            .filter(|end| *end != End::Clean)
+            .map(Notice::Ended);
+        let empty = (rows == 0).then_some(Notice::Empty);
+        Self {
+            rows,
+            notices: [unfinished, lost, ended, empty]
+                .into_iter()
+                .flatten()
+                .collect(),
+        }
+    }
+}
+
+/// Writes a run to `out`, replacing a file that is there; a folder ([`Format::DesignSafe`]) must be new. A trace has all
+/// ticks of the window, whatever rows are chosen.
+///
+/// # Errors
+/// [`ExportError`]; `out` is then as it was.
+pub fn export(
+    run: &Run,
+    format: Format,
+    choice: &Choice,
+    out: &Path,
+) -> Result<Exported, ExportError> {
+    choice.check()?;
+    match format {
+        Format::Csv => csv::export(run, choice, out),
+        Format::Npz => block::export::<npz::Npz>(run, choice, out),
+        Format::Mat => block::export::<mat::Mat>(run, choice, out),
+        Format::Hdf5 => block::export::<hdf5::Hdf5>(run, choice, out),
+        Format::Parquet => parquet::export(run, choice, out),
+        Format::Trace => trace::export(run, choice, out),
+        Format::DesignSafe => designsafe::export(run, choice, out),
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,306 @@
+//! Which rows and which columns an export has, whatever its format.
+//!
+//! Rows: from t = 0 the last tick of each step, or every tick. Columns: `time`; `x<dof>` of all recorded DOFs, then
+//! `v<dof>`, then `a<dof>`; then for each specimen s and axis j `target_s_j`, `cmd_s_j`, `meas_s_j`, `force_s_j`; a
+//! format that holds numbers as they are goes on with all other columns of the log and the sequence numbers of the
+//! rows. The columns are found by name in `samples.json`.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::io;
+
+use super::ExportError;
+use crate::record::Column;
+use crate::record::journal::Journal;
+use crate::record::layout::Layout;
+
+/// Which rows are exported.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Rows {
+    /// From t = 0 the last tick of each step.
+    Step,
+    /// Every tick, also those before t = 0.
+    Tick,
+}
+
+/// Which part of a run is exported.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Choice {
+    /// Which rows.
+    pub rows: Rows,
+    /// Only from this test time on, s.
+    pub from: Option<f64>,
+    /// Only up to this test time, s.
+    pub to: Option<f64>,
+}
+
+impl Choice {
+    /// All rows of this kind.
+    #[must_use]
+    pub const fn all(rows: Rows) -> Self {
+        Self {
+            rows,
+            from: None,
+            to: None,
+        }
+    }
+
+    pub(super) fn check(&self) -> Result<(), ExportError> {
+        let (from, to) = self.window();
+        if from <= to {
+            Ok(())
+        } else {
+            Err(ExportError::Window { from, to })
+        }
+    }
+
+    /// Whether a part was asked for.
+    pub(super) const fn is_part(&self) -> bool {
+        self.from.is_some() || self.to.is_some()
+    }
+
+    /// Whether a row of this test time belongs to it.
+    pub(super) fn holds(&self, time: f64) -> bool {
+        let (from, to) = self.window();
+        !self.is_part() || (from <= time && time <= to)
+    }
+
+    fn window(&self) -> (f64, f64) {
+        (
+            self.from.unwrap_or(f64::NEG_INFINITY),
+            self.to.unwrap_or(f64::INFINITY),
+        )
+    }
+}
+
+/// Where the values of an exported column come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Source {
+    /// This place of the row.
+    Place(usize),
+    /// The number of the row.
+    Sequence,
+    /// Nowhere: it was not recorded.
+    Nothing,
+}
+
+/// A column as it is exported.
+#[derive(Debug, Clone)]
+pub(super) struct Exposed {
+    pub column: Column,
+    pub source: Source,
+}
+
+/// What an export takes of a row.
+#[derive(Debug)]
+pub(super) struct Plan {
+    step: usize,
+    state: Option<usize>,
+    pub time: usize,
+    /// How many columns the CSV has.
+    csv: usize,
+    columns: Vec<Exposed>,
+}
+
+/// State of a row in which a step is made.
+const RUNNING: f64 = 3.0;
+/// State of a row in which the loop only runs warm: nothing of the test is in it.
+const WARMING_UP: f64 = 10.0;
+/// State of the row that ends a test, whose step is not made.
+const TRIPPED: f64 = 8.0;
+
+const DOF: [(&str, &str); 3] = [("x", "m"), ("v", "m/s"), ("a", "m/s2")];
+const AXIS: [(&str, &str); 4] = [
+    ("target", "m"),
+    ("cmd", "specimen unit"),
+    ("meas", "m"),
+    ("force", "N"),
+];
+
+/// Why a walk ended early.
+pub(super) enum Trouble {
+    Read(io::Error),
+    Write(io::Error),
+}
+
+impl Trouble {
+    pub fn told(self, write: impl Fn(io::Error) -> ExportError) -> ExportError {
+        match self {
+            Self::Read(source) => ExportError::Read(source),
+            Self::Write(source) => write(source),
+        }
+    }
+}
+
+impl Plan {
+    pub fn new(layout: &Layout) -> Result<Self, ExportError> {
+        let need = |name| layout.index_of(name).ok_or(ExportError::NoColumn(name));
+        let (step, time) = (need("step")?, need("time")?);
+        let mut dofs: BTreeMap<u32, [Option<usize>; 3]> = BTreeMap::new();
+        let mut axes: BTreeMap<(u32, u32), [Option<usize>; 4]> = BTreeMap::new();
+        for (place, column) in layout.columns().iter().enumerate() {
+            if let Some((kind, dof)) = dof_column(&column.name) {
+                dofs.entry(dof).or_default()[kind] = Some(place);
+            } else if let Some((kind, axis)) = axis_column(&column.name) {
+                axes.entry(axis).or_default()[kind] = Some(place);
+            }
+        }
+        let mut wanted = vec![("time".to_owned(), "s", Some(time))];
+        for (kind, (letter, unit)) in DOF.iter().enumerate() {
+            for (dof, found) in &dofs {
+                wanted.push((format!("{letter}{dof}"), unit, found[kind]));
+            }
+        }
+        for ((specimen, axis), found) in &axes {
+            for ((word, unit), place) in AXIS.iter().zip(found) {
+                wanted.push((format!("{word}_{specimen}_{axis}"), unit, *place));
+            }
+        }
+        let csv = wanted.len();
+        let taken: BTreeSet<usize> = wanted.iter().filter_map(|(_, _, place)| *place).collect();
+        let contract = wanted.into_iter().map(|(name, unit, place)| {
+            match place.and_then(|p| layout.columns().get(p)) {
+                Some(column) => (column.clone(), place.map_or(Source::Nothing, Source::Place)),
+                None => {
+                    let meaning = "was not recorded";
+                    (column(name, unit, meaning), Source::Nothing)
+                }
+            }
+        });
+        let others = layout.columns().iter().enumerate();
+        let others = others
+            .filter(|(place, _)| !taken.contains(place))
+            .map(|(place, column)| (column.clone(), Source::Place(place)));
+        let sequence = column(
+            "sequence".to_owned(),
+            "1",
+            "number of the row as the loop counted; a gap is rows that were lost",
+        );
+        let columns = contract
+            .chain(others)
+            .chain([(sequence, Source::Sequence)])
+            .map(|(column, source)| Exposed { column, source })
+            .collect();
+        Ok(Self {
+            step,
+            state: layout.index_of("state"),
+            time,
+            csv,
+            columns,
+        })
+    }
+
+    /// The columns of the contract.
+    pub fn contract(&self) -> &[Exposed] {
+        self.columns.get(..self.csv).unwrap_or_default()
+    }
+
+    /// All columns.
+    pub fn columns(&self) -> &[Exposed] {
+        &self.columns
+    }
+
+    /// The names of all columns, so that none is among `reserved`: those get an underscore behind them.
+    pub fn names(&self, reserved: &[&str]) -> Vec<String> {
+        let known: BTreeSet<&str> = self
+            .columns
+            .iter()
+            .map(|c| c.column.name.as_str())
+            .collect();
+        let fit = |name: &str| {
+            let mut name = name.to_owned();
+            while reserved.contains(&name.as_str()) {
+                name.push('_');
+                while known.contains(name.as_str()) {
+                    name.push('_');
+                }
+            }
+            name
+        };
+        self.columns.iter().map(|c| fit(&c.column.name)).collect()
+    }
+
+    /// Gives the chosen rows to `emit`, at most `limit` of them, and says how many there were.
+    pub fn walk(
+        &self,
+        journal: &mut Journal<impl io::Read>,
+        choice: &Choice,
+        limit: u64,
+        mut emit: impl FnMut(u64, &[f64]) -> io::Result<()>,
+    ) -> Result<u64, Trouble> {
+        let at = |row: &[f64], place: usize| row.get(place).copied().unwrap_or(f64::NAN);
+        let mut given = 0;
+        let mut give = |sequence: u64, row: &[f64]| {
+            if !choice.holds(at(row, self.time)) {
+                return Ok(given);
+            }
+            given += 1;
+            emit(sequence, row).map_err(Trouble::Write).map(|()| given)
+        };
+        let mut held: Vec<f64> = Vec::new();
+        let mut held_sequence = 0;
+        let mut had = 0;
+        while had < limit
+            && let Some(row) = journal.next_row().map_err(Trouble::Read)?
+        {
+            if choice.rows == Rows::Tick {
+                if self.state.is_some_and(|place| at(row.values, place) == WARMING_UP) {
+                    continue;
+                }
+                had = give(row.sequence, row.values)?;
+                continue;
+            }
+            let same_step = !held.is_empty() && at(&held, self.step) == at(row.values, self.step);
+            // Before the test, between two steps and in holds nothing is new but commands and measurements.
+            let is_step = self.state.is_none_or(|place| {
+                let state = at(row.values, place);
+                state == RUNNING || (state == TRIPPED && !same_step)
+            });
+            let begun = at(row.values, self.time) >= 0.0;
+            if !begun || !is_step {
+                continue;
+            }
+            // The row held back is the last of its step once a row of another step is there.
+            if !held.is_empty() && !same_step {
+                had = give(held_sequence, &held)?;
+            }
+            held.clear();
+            held.extend_from_slice(row.values);
+            held_sequence = row.sequence;
+        }
+        if !held.is_empty() && had < limit {
+            give(held_sequence, &held)?;
+        }
+        Ok(given)
+    }
+}
+
+fn column(name: String, unit: &str, meaning: &str) -> Column {
+    Column {
+        name,
+        unit: unit.to_owned(),
+        meaning: meaning.to_owned(),
+        timing: false,
+    }
+}
+
+/// `x3` → (0, 3).
+fn dof_column(name: &str) -> Option<(usize, u32)> {
+    let kind = DOF
+        .iter()
+        .position(|(letter, _)| name.starts_with(letter))?;
+    Some((kind, number(name.get(1..)?)?))
+}
+
+/// `cmd_2_1` → (1, (2, 1)).
+fn axis_column(name: &str) -> Option<(usize, (u32, u32))> {
+    let (word, rest) = name.split_once('_')?;
+    let kind = AXIS.iter().position(|(known, _)| *known == word)?;
+    let (specimen, axis) = rest.split_once('_')?;
+    Some((kind, (number(specimen)?, number(axis)?)))
+}
+
+/// A number from 1 as we write it: no sign, no leading zero.
+fn number(text: &str) -> Option<u32> {
+    let plain = text.bytes().all(|b| b.is_ascii_digit()) && !text.starts_with('0');
+    plain.then(|| text.parse().ok()).flatten()
+}

@@ -1,0 +1,52 @@
+//! Whoever looks at the rows as they pass from the ring to the file: a live page, a status line.
+//!
+//! The writer shows and goes on. An onlooker has no way to hold it up but to be slow, so it must not wait for anybody: it
+//! takes what it needs and leaves the rest to a thread of its own. One that panics is sent away, and the recording goes on
+//! without it. The loop knows nothing of it.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use super::note::{Note, NoteLevel};
+use super::writer::Progress;
+
+/// Looks at the rows of a running test, on the writer's thread. Nothing here may wait.
+pub trait Onlooker: Send {
+    /// One row that is about to be written; `sequence` counts the lost ones, too.
+    fn row(&mut self, sequence: u64, row: &[f64]);
+
+    /// The end of a turn of the writer, every few milliseconds; `now_ns` is its monotonic clock.
+    fn turn(&mut self, now_ns: u64, progress: &Progress);
+
+    /// What it wants to stand among the events: the next such note.
+    fn note(&mut self) -> Option<Note> {
+        None
+    }
+
+    /// Nothing follows.
+    fn finish(&mut self, now_ns: u64, progress: &Progress);
+}
+
+/// An onlooker, or nobody: nobody is left after a panic.
+#[derive(Default)]
+pub(super) struct Watched(Option<Box<dyn Onlooker>>);
+
+impl Watched {
+    pub fn by(onlooker: Option<Box<dyn Onlooker>>) -> Self {
+        Self(onlooker)
+    }
+
+    pub const fn is_watched(&self) -> bool {
+        self.0.is_some()
+    }
+
+    /// Lets it look; a note if that was the last time.
+    pub fn show(&mut self, look: impl FnOnce(&mut dyn Onlooker)) -> Option<Note> {
+        let onlooker = self.0.as_deref_mut()?;
+        if catch_unwind(AssertUnwindSafe(|| look(onlooker))).is_ok() {
+            return None;
+        }
+        self.0 = None;
+        let text = "internal error: what shows the running test has failed; the test and its recording go on";
+        Some(Note::new(NoteLevel::Error, "internal_error").with("text", text))
+    }
+}

@@ -1,0 +1,311 @@
+//! Whether a test may be carried out: many rehearsals of it, each with other draws of what is uncertain.
+//!
+//! Every trial is the whole test on the simulated clock with the limits that will hold, and beside it the same structure with
+//! ideal actuators and sensors, which is what its response is compared with. Controller's estimates (k̂, ĉ, λ) stay those of
+//! the file: what is drawn is the truth, which the controller does not know. Nothing is spoken to, nothing moves, and nothing
+//! is written. What is in no draw is not judged.
+
+mod course;
+mod draw;
+mod proportion;
+
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
+
+pub use course::Errors;
+pub use draw::Plan;
+pub use proportion::interval;
+
+use course::{Course, Reference};
+
+use super::rehearsal::{AxisNeed, Staging, staged};
+use crate::config::{self, ConfigError, Finding, KeyPath, LambdaValue, Loaded, MatrixValue, Trial};
+use crate::engine::{Ending, Experiment, Stop, TestLimits};
+use crate::rt::os;
+
+/// Draws of one trial that the file could not be with, before that is an error.
+const MOST_ATTEMPTS: u64 = 50;
+
+/// What one trial came to.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rehearsed {
+    /// From 1.
+    pub number: u64,
+    /// Where it ended before its last step, in s of test time, and why.
+    pub stopped: Option<(f64, Stop)>,
+    /// What it asked of each axis, specimen by specimen.
+    pub needs: Vec<Vec<AxisNeed>>,
+    /// Its errors as far as it came.
+    pub errors: Errors,
+}
+
+/// All trials of a test.
+#[derive(Debug, Clone)]
+pub struct Trials {
+    /// In the order of their numbers.
+    pub all: Vec<Rehearsed>,
+    /// Wall time, s.
+    pub wall_s: f64,
+    /// Threads.
+    pub threads: usize,
+}
+
+/// Values of 5 %, 50 % and 95 % of the trials, and the largest.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Band {
+    /// 5 %.
+    pub low: f64,
+    /// Half of them.
+    pub middle: f64,
+    /// 95 %.
+    pub high: f64,
+    /// The largest.
+    pub worst: f64,
+}
+
+impl Band {
+    /// Of these; none of none. Linear between neighbours, so that 95 % of twenty is below the largest.
+    #[must_use]
+    pub fn of(mut values: Vec<f64>) -> Option<Self> {
+        values.sort_by(f64::total_cmp);
+        let last = values.len().checked_sub(1)?;
+        let at = |share: f64| {
+            let place = share * last as f64;
+            let (low, high) = (place.floor() as usize, place.ceil() as usize);
+            values[low] + (place - place.floor()) * (values[high] - values[low])
+        };
+        Some(Self {
+            low: at(0.05),
+            middle: at(0.5),
+            high: at(0.95),
+            worst: values[last],
+        })
+    }
+}
+
+impl Trials {
+    /// Trials that ended before their last step.
+    #[must_use]
+    pub fn trips(&self) -> u64 {
+        let stopped = self.all.iter().filter(|one| one.stopped.is_some());
+        stopped.count() as u64
+    }
+
+    /// The same by reason, with how often.
+    #[must_use]
+    pub fn reasons(&self) -> BTreeMap<String, u64> {
+        let mut reasons = BTreeMap::new();
+        for (_, stop) in self.all.iter().filter_map(|one| one.stopped.as_ref()) {
+            *reasons.entry(reason(stop)).or_default() += 1;
+        }
+        reasons
+    }
+
+    /// Band of a value over the trials that came to their end.
+    #[must_use]
+    pub fn band(&self, of: impl Fn(&Rehearsed) -> Option<f64>) -> Option<Band> {
+        let whole = self.all.iter().filter(|one| one.stopped.is_none());
+        Band::of(whole.filter_map(of).collect())
+    }
+}
+
+/// Without the numbers, which differ from trial to trial.
+fn reason(stop: &Stop) -> String {
+    match stop {
+        Stop::Limit { port, hit } => {
+            let what = hit.quantity.words();
+            format!("specimen {}, {what} beyond its limit", port + 1)
+        }
+        Stop::TestLimit(hit) => format!("{} beyond its limit", hit.quantity.words()),
+        Stop::Diverged { .. } => "the response diverged".to_owned(),
+        Stop::Saturated { port } => {
+            format!(
+                "specimen {}: actuator or sensor at the end of its range",
+                port + 1
+            )
+        }
+        other => other.to_string(),
+    }
+}
+
+/// Runs `trials` rehearsals of a test on all processors; `lambda` is the one that it will run with. `progress` is told after
+/// each how many are done.
+///
+/// # Errors
+/// The test cannot be built, or not with what is drawn.
+pub fn carry_out(
+    loaded: &Loaded,
+    plan: &Plan,
+    lambda: Option<f64>,
+    trials: u64,
+    progress: &(dyn Fn(u64) + Sync),
+) -> Result<Trials, ConfigError> {
+    let began = os::monotonic_ns();
+    let fixed = Fixed {
+        loaded,
+        estimates: config::estimates(loaded)?,
+        lambda,
+    };
+    let shared = if plan.has_one_reference() {
+        Some(reference(&fixed.with(&[])?, &Trial::default())?)
+    } else {
+        None
+    };
+    let (next, done, failed) = (AtomicU64::new(1), AtomicU64::new(0), AtomicBool::new(false));
+    let all = Mutex::new(Vec::new());
+    let error = Mutex::new(None);
+    let work = || {
+        while !failed.load(Ordering::Relaxed) {
+            let number = next.fetch_add(1, Ordering::Relaxed);
+            if number > trials {
+                return;
+            }
+            match trial(&fixed, plan, number, shared.as_ref()) {
+                Ok(found) => {
+                    if let Ok(mut all) = all.lock() {
+                        all.push(found);
+                    }
+                    progress(done.fetch_add(1, Ordering::Relaxed) + 1);
+                }
+                Err(found) => {
+                    failed.store(true, Ordering::Relaxed);
+                    if let Ok(mut error) = error.lock() {
+                        error.get_or_insert(found);
+                    }
+                }
+            }
+        }
+    };
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    let threads = threads.min(usize::try_from(trials).unwrap_or(usize::MAX));
+    std::thread::scope(|scope| {
+        for _ in 0..threads {
+            scope.spawn(work);
+        }
+    });
+    if let Some(error) = error.into_inner().unwrap_or_default() {
+        return Err(error);
+    }
+    let mut all = all.into_inner().unwrap_or_default();
+    all.sort_by_key(|one: &Rehearsed| one.number);
+    Ok(Trials {
+        all,
+        wall_s: os::monotonic_ns().saturating_sub(began) as f64 * 1e-9,
+        threads,
+    })
+}
+
+/// The test, and what the controller knows: no draw changes that.
+struct Fixed<'a> {
+    loaded: &'a Loaded,
+    /// k̂ and ĉ of every specimen.
+    estimates: Vec<config::Estimate>,
+    lambda: Option<f64>,
+}
+
+impl Fixed<'_> {
+    /// The test with other numbers.
+    fn with(&self, sets: &[String]) -> Result<Loaded, ConfigError> {
+        let mut drawn = self.loaded.varied(sets)?;
+        for (table, (stiffness, damping)) in drawn.file.specimen.iter_mut().zip(&self.estimates) {
+            let rows = |rows: &Vec<Vec<f64>>| MatrixValue::Rows(rows.clone());
+            table.stiffness_n_per_m = Some(rows(stiffness));
+            table.damping_n_s_per_m = Some(rows(damping));
+        }
+        if let Some(lambda) = self.lambda {
+            drawn.file.integrator.lambda = if lambda == f64::INFINITY {
+                LambdaValue::Infinite
+            } else {
+                LambdaValue::Number(lambda)
+            };
+            // Whether it is stable is another line of the certificate.
+            drawn.file.integrator.allow_unstable_lambda = true;
+        }
+        Ok(drawn)
+    }
+}
+
+/// One trial: the test as it was drawn, and its reference if not all have the same.
+fn trial(
+    fixed: &Fixed<'_>,
+    plan: &Plan,
+    number: u64,
+    shared: Option<&Arc<Reference>>,
+) -> Result<Rehearsed, ConfigError> {
+    let mut attempt = 0;
+    let (drawn, trial, prepared) = loop {
+        let (sets, trial) = plan.draw(number, attempt);
+        let made = fixed.with(&sets).and_then(|drawn| {
+            let prepared = config::build_trial(&drawn, &trial)?;
+            Ok((drawn, prepared))
+        });
+        attempt += 1;
+        match made {
+            Ok((drawn, prepared)) => break (drawn, trial, prepared),
+            Err(error) if attempt == MOST_ATTEMPTS || plan.numbers.is_empty() => {
+                let text = format!("trial {number} cannot be drawn: {error}");
+                let finding = Finding::error(KeyPath::root().key("uncertainty"), text);
+                return Err(fixed.loaded.refuse([finding]));
+            }
+            Err(_) => {}
+        }
+    };
+    let reference = match shared {
+        Some(shared) => Arc::clone(shared),
+        None => reference(&drawn, &trial)?,
+    };
+    let mut experiment = prepared.experiment;
+    experiment.opening.confirm = false;
+    let dofs = experiment.record_dofs.clone();
+    let course = Course::of(&experiment, Some(reference), false);
+    let (outcome, needs) = staged(experiment, Box::new(course.clone()), Staging::AsItIs);
+    Ok(Rehearsed {
+        number,
+        stopped: match outcome.ending {
+            Ending::Completed => None,
+            Ending::Stopped(stop) => Some((outcome.steps as f64 * drawn.time.step.value(), stop)),
+        },
+        needs,
+        errors: course.errors(&dofs),
+    })
+}
+
+/// The same test with actuators and sensors that are ideal, and without limits.
+fn reference(drawn: &Loaded, trial: &Trial) -> Result<Arc<Reference>, ConfigError> {
+    let mut ideal = drawn.clone();
+    for table in &mut ideal.file.specimen {
+        table.transfer = None;
+        table.stand_in_transfer = None;
+        table.identified = None;
+        table.compensation = None;
+    }
+    let trial = Trial {
+        ideal: true,
+        ..trial.clone()
+    };
+    let mut experiment: Experiment = config::build_trial(&ideal, &trial)?.experiment;
+    experiment.opening.confirm = false;
+    experiment.limits.divergence = f64::MAX;
+    experiment.limits.test = TestLimits::default();
+    let course = Course::of(&experiment, None, true);
+    let _its_needs = staged(experiment, Box::new(course.clone()), Staging::WithoutLimits);
+    Ok(Arc::new(course.kept().unwrap_or_default()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_band_is_that_of_its_trials() {
+        let band = Band::of((0..=100).map(f64::from).collect()).unwrap();
+        assert_eq!(
+            (band.low, band.middle, band.high, band.worst),
+            (5.0, 50.0, 95.0, 100.0)
+        );
+        let one = Band::of(vec![3.0]).unwrap();
+        assert_eq!((one.low, one.high), (3.0, 3.0));
+        assert!(Band::of(Vec::new()).is_none());
+    }
+}

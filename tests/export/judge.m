@@ -1,0 +1,23 @@
+% Opens the exports of a run in Octave and compares them with what tools/read_samples.m reads. TOOLS, RUN_DIR and EXPORTS
+% come from the environment; the exports have every tick.
+addpath(getenv('TOOLS'));
+log = read_samples(getenv('RUN_DIR'));
+m = load(fullfile(getenv('EXPORTS'), 'run.mat'));
+h = load('-hdf5', fullfile(getenv('EXPORTS'), 'run.hdf5'));
+names = fieldnames(log.units);
+bits = @(values) typecast(values(:), 'uint64');
+for k = 1:numel(names)
+    name = names{k};
+    assert(iscolumn(m.(name)) || isempty(m.(name)));
+    assert(isequal(bits(m.(name)), bits(log.(name))), name);
+    assert(strcmp(m.units.(name), log.units.(name)), name);
+    if isfield(h.timing, name)
+        assert(isequal(bits(h.timing.(name)), bits(log.(name))), name);
+    else
+        assert(isequal(bits(h.samples.(name)), bits(log.(name))), name);
+    end
+end
+assert(isequal(m.sequence, int64(log.sequence)));
+summary = jsondecode(m.summary);
+assert(strcmp(summary.status, 'completed'));
+printf('judged %d columns, %d rows\n', numel(names), numel(log.sequence));

@@ -1,0 +1,150 @@
+//! What is not possible is said before anything moves, with what would be.
+
+use std::path::Path;
+
+use super::command::{SHORT, TEST, identify};
+use super::common::{Said, write};
+
+/// Refused with exit code 2, with these words and without a run folder.
+fn refused(text: &str, arguments: &[&str], words: &[&str]) {
+    let said = attempt(text, arguments, |out| {
+        assert!(!out.exists(), "nothing was to be moved")
+    });
+    assert_eq!(said.code, Some(2), "{}", said.stderr);
+    for word in words {
+        assert!(said.stderr.contains(word), "{word:?}: {}", said.stderr);
+    }
+}
+
+fn attempt(text: &str, arguments: &[&str], look: impl FnOnce(&Path)) -> Said {
+    let folder = tempfile::tempdir().unwrap();
+    let test = write(folder.path(), "test.toml", text);
+    let out = folder.path().join("out");
+    let said = identify(&test, &out, arguments);
+    look(&out);
+    said
+}
+
+#[test]
+fn an_amplitude_beyond_a_limit_is_refused_with_the_largest_one() {
+    // A sweep to 15 Hz that leaves as it gets there: a little less than 2π · 15 /s, 5 mm would need 0.45 m/s.
+    refused(
+        TEST,
+        &[
+            "--duration",
+            "8",
+            "--band",
+            "0.5,15",
+            "--amplitude",
+            "0.005",
+        ],
+        &[
+            "storey",
+            "command_vel_m_per_s",
+            "400.0000 mm/s",
+            "largest amplitude",
+            "4.4e-3 m",
+            "or a band up to about 13.4",
+        ],
+    );
+    refused(
+        TEST,
+        &["--duration", "10", "--amplitude", "0.06"],
+        &["command_disp_m", "50.0000 mm", "largest amplitude"],
+    );
+    refused(
+        TEST,
+        &["--amplitude", "-0.001"],
+        &["--amplitude is -0.001", "greater than 0"],
+    );
+    refused(TEST, &["--amplitude", "nan"], &["--amplitude is NaN"]);
+    let free = TEST.replace("command_disp_m = { trip = [-0.05, 0.05] }\n", "");
+    refused(
+        &free,
+        &["--duration", "10"],
+        &["storey", "command_disp_m", "--amplitude"],
+    );
+}
+
+#[test]
+fn a_force_that_would_trip_is_seen_in_the_rehearsal_and_a_free_amplitude_gives_way() {
+    // 1.2e6 N/m · 2 mm = 2400 N.
+    let weak = TEST.replace(
+        "lag_s = { trip = 0.004 }\n",
+        "measured_force_n = { trip = [-1000, 1000] }\n",
+    );
+    refused(&weak, &SHORT, &["measured_force_n", "measured force"]);
+    let said = attempt(&weak, &["--duration", "8", "--band", "0.5,10"], |out| {
+        assert!(out.exists())
+    });
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    assert!(said.stderr.contains("halved"), "{}", said.stderr);
+}
+
+#[test]
+fn bands_durations_and_specimens_that_cannot_be_are_refused() {
+    refused(
+        TEST,
+        &["--band", "1,256"],
+        &["256 Hz", "512", "carry less than"],
+    );
+    refused(TEST, &["--band", "5,2"], &["from 5 Hz to 2 Hz"]);
+    refused(TEST, &["--band", "0,2"], &["from 0 Hz to 2 Hz"]);
+    refused(TEST, &["--band", "3"], &["--band takes two frequencies"]);
+    refused(
+        TEST,
+        &["--duration", "0.5"],
+        &["0.5 s is too short", "at least"],
+    );
+    refused(TEST, &["--duration", "inf"], &["too short"]);
+    refused(
+        TEST,
+        &["--specimen", "story"],
+        &["no specimen \"story\"", "did you mean \"storey\"?"],
+    );
+    let none = TEST.split("[[specimen]]").next().unwrap();
+    let none = none.replace("[0, 4e5]", "[4e5, 4e5]");
+    refused(&none, &[], &["no specimen", "nothing to identify"]);
+}
+
+#[test]
+fn a_dead_sensor_and_one_that_counts_backwards_end_with_1_and_say_why() {
+    // A stroke of nothing: the actuator does not move, only its sensor's noise is left.
+    let dead = TEST.replace(
+        "actuator.first_order = { time_constant_s = 0.0123 }",
+        "stroke_m = 1e-9\ntell_saturation = false",
+    );
+    let said = attempt(&dead, &SHORT, |out| {
+        assert!(out.join("samples.bin").exists() && out.join("report.html").exists());
+        assert!(out.join("identification/index.html").exists());
+        assert!(!out.join("identified.toml").exists());
+    });
+    assert_eq!(said.code, Some(1), "{}", said.stderr);
+    assert!(
+        said.stderr
+            .contains("the measured displacement does not follow the command"),
+        "{}",
+        said.stderr
+    );
+    assert!(said.stdout.contains("does not follow"), "{}", said.stdout);
+}
+
+#[test]
+fn a_motion_that_a_limit_stops_identifies_nothing_and_ends_with_1() {
+    // The actuator lags by 12 ms, which no rehearsal of a stand-in sees behind a link; here it is the following error.
+    let strict = TEST.replace(
+        "lag_s = { trip = 0.004 }\n",
+        "following_error_m = { trip = 0.0003 }\n",
+    );
+    let said = attempt(&strict, &SHORT, |out| {
+        assert!(out.join("summary.json").exists());
+        assert!(!out.join("identified.toml").exists());
+    });
+    assert_eq!(said.code, Some(1), "{}", said.stderr);
+    assert!(
+        said.stderr.contains("nothing is identified"),
+        "{}",
+        said.stderr
+    );
+    assert!(said.stderr.contains("following error"), "{}", said.stderr);
+}
