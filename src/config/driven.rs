@@ -7,8 +7,8 @@
 use super::document::KeyPath;
 use super::value::RateValue;
 use super::{
-    AxisTable, ConfigError, ExcitationTable, Finding, IntegratorTable, Loaded, PrescribedTable,
-    TestFile, Time, TimeTable, parse,
+    AxisTable, CertificateTable, ConfigError, ExcitationTable, Finding, IntegratorTable, Loaded,
+    PrescribedTable, TestFile, Time, TimeTable, parse,
 };
 use crate::compensation::CompensationSpec;
 use crate::control::limits::LimitsSpec;
@@ -83,6 +83,8 @@ impl Loaded {
                 table
             })
             .collect();
+        file.certificate = CertificateTable::default();
+        file.uncertainty = Vec::new();
         file.safety.divergence_m = None;
         file.safety.stability_used = None;
         file.safety.step_audit = None;

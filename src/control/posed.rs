@@ -180,6 +180,13 @@ impl Port {
         self.posed.as_deref().and_then(|posed| posed.fault)
     }
 
+    /// The next commands are strokes from where the actuators are, whatever pose was sought.
+    pub(super) fn leave_pose(&mut self) {
+        if let Some(posed) = &mut self.posed {
+            posed.fault = None;
+        }
+    }
+
     /// Takes the pose and the forces of its coordinates from what was measured for the step that is closed. Does nothing
     /// where there is no loading unit. Real-time: yes.
     ///
@@ -224,7 +231,7 @@ impl Port {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::Axis;
+    use crate::control::{Axis, Exit, Exits};
     use crate::geometry::{GeometrySpec, PlanePins};
     use crate::substructure::{
         Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
@@ -365,9 +372,19 @@ mod tests {
             assert_eq!(port.issue(1, 0.0, 0.0), Err(LinkFault::Refused));
             assert!(fault.to_string().contains("ux = "), "{fault}");
         }
-        port.aim(&[0.0, 0.2, 0.0], &[0.0; 3], 0.0, 0.0);
+        // The way out is none of the pose's.
+        port.exits = Exits {
+            on_trip: Exit::ZeroDisp,
+            at_end: Exit::Freeze,
+            speed: 0.1,
+        };
+        let mut way = port.depart(true, 0.01).unwrap();
+        assert!(port.go_on(&mut way));
         port.clear();
         assert_eq!(port.issue(1, 0.0, 0.0), Ok(()));
+        port.aim(&[0.0, 0.2, 0.0], &[0.0; 3], 0.0, 0.0);
+        port.clear();
+        assert_eq!(port.issue(2, 0.0, 0.0), Ok(()));
         let poses = port.poses().unwrap();
         assert_eq!(poses.range[1], (Coordinate::Uy, 0.0, 0.2));
         assert!((poses.condition[0] - 1.0).abs() < 1e-14 && poses.condition[1] > 1.01);

@@ -130,6 +130,9 @@ impl Engine {
         if self.ports.is_empty() {
             return Ok(());
         }
+        for port in &mut self.ports {
+            port.forget_readings();
+        }
         self.read_at_rest(self.opening.zero_ticks.max(1), control)?;
         let mut moved = None;
         for (index, (port, places)) in self.ports.iter().zip(left).enumerate() {

@@ -34,14 +34,17 @@
 //! assert!(found.is_ok());
 //! ```
 
+mod error;
 mod fault;
 mod normal;
 mod plane;
 mod space;
 mod spec;
+mod transform;
 
+pub use error::GeometryError;
 pub use fault::{Fault, Wrong};
-pub use spec::{GeometryError, GeometrySpec, LawPlace, PlanePins, SpacePins};
+pub use spec::{GeometrySpec, LawPlace, PlanePins, SpacePins};
 
 use plane::PlaneArm;
 use serde::{Deserialize, Serialize};
@@ -52,16 +55,6 @@ pub const MOST: usize = 6;
 
 /// One number for each actuator or coordinate; those that are not there are zero.
 type Six = [f64; MOST];
-
-/// Newton's steps; a pose that is not found after so many is none. From a pose a fifth of an actuator's length away it takes
-/// five or six.
-const MOST_STEPS: usize = 30;
-/// Largest step, in shortest actuators and radians: beyond it the Jacobian says nothing.
-const LONGEST_STEP: f64 = 0.3;
-/// After a Newton step of this size the error, its square, is below roundoff.
-const SQUARED_AWAY: f64 = 1e-9;
-/// Gauss–Newton steps get shorter by a factor each: this is roundoff.
-const ROUNDOFF: f64 = 4.0 * f64::EPSILON;
 
 /// A coordinate of a platform.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -153,6 +146,8 @@ pub struct Geometry {
     /// Length in m by which translations are measured, and by which rotations are brought to metres.
     shortest: f64,
     arm: f64,
+    /// 1 for a translation, 1/arm² for a rotation.
+    weights: Six,
     reference: Placed,
 }
 
@@ -169,6 +164,42 @@ pub struct Placed {
 }
 
 impl Geometry {
+    /// Everything but the reference pose.
+    fn begun(
+        form: Form,
+        coordinates: Vec<Coordinate>,
+        actuators: usize,
+        lengths: Six,
+        strokes: [[f64; 2]; MOST],
+        arm: f64,
+    ) -> Self {
+        let shortest = lengths.iter().take(actuators).copied();
+        let shortest = shortest.fold(f64::INFINITY, f64::min);
+        let arm = if arm > 0.0 { arm } else { 1.0 };
+        let mut weights = [1.0; MOST];
+        for (weight, coordinate) in weights.iter_mut().zip(&coordinates) {
+            if coordinate.is_rotation() {
+                *weight = 1.0 / (arm * arm);
+            }
+        }
+        Self {
+            form,
+            actuators,
+            coordinates,
+            lengths,
+            strokes,
+            shortest: if shortest.is_finite() { shortest } else { 1.0 },
+            arm,
+            weights,
+            reference: Placed {
+                pose: [0.0; MOST],
+                strokes: [0.0; MOST],
+                jacobian: [[0.0; MOST]; MOST],
+                factor: normal::Factor::default(),
+            },
+        }
+    }
+
     /// Puts the parts together and looks at the reference pose.
     fn new(
         form: Form,
@@ -178,25 +209,8 @@ impl Geometry {
         strokes: [[f64; 2]; MOST],
         arm: f64,
     ) -> Result<Self, Fault> {
-        let shortest = lengths.iter().take(actuators).copied();
-        let shortest = shortest.fold(f64::INFINITY, f64::min);
-        let reference = Placed {
-            pose: [0.0; MOST],
-            strokes: [0.0; MOST],
-            jacobian: [[0.0; MOST]; MOST],
-            factor: normal::Factor::default(),
-        };
-        let mut geometry = Self {
-            form,
-            actuators,
-            coordinates,
-            lengths,
-            strokes,
-            shortest: if shortest.is_finite() { shortest } else { 1.0 },
-            arm: if arm > 0.0 { arm } else { 1.0 },
-            reference,
-        };
-        let mut placed = reference;
+        let mut geometry = Self::begun(form, coordinates, actuators, lengths, strokes, arm);
+        let mut placed = geometry.reference;
         geometry.place(&[0.0; MOST], &mut placed)?;
         geometry.reference = placed;
         Ok(geometry)
@@ -211,30 +225,11 @@ impl Geometry {
         arm: f64,
     ) -> Result<Self, Fault> {
         let actuators = rows.len();
-        let mut geometry = Self {
-            form: Form::Linear,
-            actuators,
-            lengths,
-            strokes,
-            shortest: 1.0,
-            arm: if arm > 0.0 { arm } else { 1.0 },
-            reference: Placed {
-                pose: [0.0; MOST],
-                strokes: [0.0; MOST],
-                jacobian: [[0.0; MOST]; MOST],
-                factor: normal::Factor::default(),
-            },
-            coordinates,
-        };
-        let shortest = lengths.iter().take(actuators).copied();
-        let shortest = shortest.fold(f64::INFINITY, f64::min);
-        if shortest.is_finite() {
-            geometry.shortest = shortest;
-        }
-        for (to, from) in geometry.reference.jacobian.iter_mut().zip(rows) {
+        let mut geometry = Self::begun(Form::Linear, coordinates, actuators, lengths, strokes, arm);
+        let mut placed = geometry.reference;
+        for (to, from) in placed.jacobian.iter_mut().zip(rows) {
             *to = *from;
         }
-        let mut placed = geometry.reference;
         geometry.factor(&mut placed)?;
         geometry.reference = placed;
         Ok(geometry)
@@ -292,201 +287,6 @@ impl Geometry {
         self.reference
     }
 
-    /// Moves `placed` to a pose: driven coordinates in their order. After an error it stands anywhere. Real-time: yes.
-    ///
-    /// # Errors
-    /// Two pins meet, the Jacobian loses rank, or something is not a finite number. Strokes are not judged: see
-    /// [`Geometry::within_reach`].
-    pub fn place(&self, pose: &[f64], placed: &mut Placed) -> Result<(), Fault> {
-        for (to, from) in placed.pose.iter_mut().zip(pose) {
-            *to = *from;
-        }
-        match &self.form {
-            Form::Linear => {
-                let rows = self.reference.jacobian.iter().zip(&mut placed.strokes);
-                for (row, stroke) in rows.take(self.actuators) {
-                    *stroke = dot(row, &placed.pose);
-                }
-                if placed.strokes.iter().all(|stroke| stroke.is_finite()) {
-                    return Ok(());
-                }
-                return Err(self.fault(Wrong::NotFinite, placed));
-            }
-            Form::Plane(arms) => {
-                let full = self.full(placed);
-                let turn = plane::Turn::new(full[Coordinate::Rz.index()]);
-                let rows = placed.strokes.iter_mut().zip(&mut placed.jacobian);
-                for (index, (arm, (stroke, row))) in arms.iter().zip(rows).enumerate() {
-                    let Some((change, by_all)) = arm.at(&full, &turn) else {
-                        return Err(self.fault(Wrong::PinsMeet { actuator: index }, placed));
-                    };
-                    *stroke = change;
-                    pick(&self.coordinates, &by_all, row);
-                }
-            }
-            Form::Space(arms) => {
-                let full = self.full(placed);
-                let turn = space::Turn::new([full[3], full[4], full[5]]);
-                let rows = placed.strokes.iter_mut().zip(&mut placed.jacobian);
-                for (index, (arm, (stroke, row))) in arms.iter().zip(rows).enumerate() {
-                    let Some((change, by_all)) = arm.at(&full, &turn) else {
-                        return Err(self.fault(Wrong::PinsMeet { actuator: index }, placed));
-                    };
-                    *stroke = change;
-                    pick(&self.coordinates, &by_all, row);
-                }
-            }
-        }
-        self.factor(placed)
-    }
-
-    fn factor(&self, placed: &mut Placed) -> Result<(), Fault> {
-        let rows = &placed.jacobian[..self.actuators];
-        match normal::Factor::of(rows, self.coordinates.len()) {
-            Some(factor) => {
-                placed.factor = factor;
-                Ok(())
-            }
-            None if placed.jacobian.iter().flatten().all(|v| v.is_finite()) => {
-                Err(self.fault(Wrong::Singular, placed))
-            }
-            None => Err(self.fault(Wrong::NotFinite, placed)),
-        }
-    }
-
-    /// Whether the actuators can be as long as that. Real-time: yes.
-    ///
-    /// # Errors
-    /// The first actuator whose `length_m` does not allow it.
-    pub fn within_reach(&self, placed: &Placed) -> Result<(), Fault> {
-        let all = placed
-            .strokes
-            .iter()
-            .zip(&self.strokes)
-            .take(self.actuators);
-        for (actuator, (stroke, [least, most])) in all.enumerate() {
-            if !(stroke >= least && stroke <= most) {
-                let bound = if stroke > most { *most } else { *least };
-                let wrong = Wrong::OutOfReach {
-                    actuator,
-                    stroke: *stroke,
-                    bound,
-                };
-                return Err(self.fault(wrong, placed));
-            }
-        }
-        Ok(())
-    }
-
-    /// Moves `placed` to the pose in which the actuators have these strokes, from where it stands; with more actuators than
-    /// coordinates, to the pose that fits them best. Real-time: yes, at most [`MOST_STEPS`] steps.
-    ///
-    /// # Errors
-    /// There is no such pose near, or the way leads through one that is none.
-    pub fn find(&self, strokes: &[f64], placed: &mut Placed) -> Result<(), Fault> {
-        let roundoff = if self.actuators > self.coordinates.len() {
-            ROUNDOFF
-        } else {
-            SQUARED_AWAY
-        };
-        let (mut last, mut pose) = (f64::INFINITY, placed.pose);
-        for _ in 0..MOST_STEPS {
-            let mut left = [0.0; MOST];
-            let both = strokes.iter().zip(&placed.strokes).take(self.actuators);
-            for (left, (wanted, found)) in left.iter_mut().zip(both) {
-                *left = wanted - found;
-            }
-            let step = self.motion(placed, &left);
-            let mut size = 0.0f64;
-            for (coordinate, step) in self.coordinates.iter().zip(&step) {
-                let scale = if coordinate.is_rotation() {
-                    1.0
-                } else {
-                    self.shortest
-                };
-                size = size.max(step.abs() / scale);
-                // A NaN is passed over by `max`.
-                if !step.is_finite() {
-                    return Err(self.fault(Wrong::NotFinite, placed));
-                }
-            }
-            let share = if size > LONGEST_STEP && self.is_exact() {
-                LONGEST_STEP / size
-            } else {
-                1.0
-            };
-            for (pose, step) in pose.iter_mut().zip(&step) {
-                *pose += share * step;
-            }
-            self.place(&pose, placed)?;
-            if size <= roundoff || !self.is_exact() {
-                return Ok(());
-            }
-            // Least squares come to rest where roundoff goes to and fro.
-            if size <= SQUARED_AWAY && size >= last {
-                return Ok(());
-            }
-            last = size;
-        }
-        Err(self.fault(Wrong::NotFound, placed))
-    }
-
-    /// q̇ from the actuators' velocities: J⁺ ṡ. Real-time: yes.
-    fn motion(&self, placed: &Placed, strokes: &Six) -> Six {
-        let mut sums = [0.0; MOST];
-        for (row, stroke) in placed.jacobian.iter().zip(strokes).take(self.actuators) {
-            for (sum, entry) in sums.iter_mut().zip(row) {
-                *sum += entry * stroke;
-            }
-        }
-        placed.factor.solve(&mut sums, self.coordinates.len());
-        sums
-    }
-
-    /// Velocities of the coordinates from those of the actuators, J⁺ ṡ. Real-time: yes.
-    pub fn pose_rates(&self, placed: &Placed, strokes: &[f64], rates: &mut [f64]) {
-        let mut given = [0.0; MOST];
-        for (to, from) in given.iter_mut().zip(strokes) {
-            *to = *from;
-        }
-        for (to, from) in rates.iter_mut().zip(self.motion(placed, &given)) {
-            *to = from;
-        }
-    }
-
-    /// Velocities of the actuators, J q̇. Real-time: yes.
-    pub fn stroke_rates(&self, placed: &Placed, rates: &[f64], strokes: &mut [f64]) {
-        for (to, row) in strokes.iter_mut().zip(&placed.jacobian) {
-            *to = dot(row, rates);
-        }
-    }
-
-    /// Forces of the coordinates in N and N m from those of the actuators, Jᵀ f. Real-time: yes.
-    pub fn pose_forces(&self, placed: &Placed, actuators: &[f64], forces: &mut [f64]) {
-        for (column, force) in forces.iter_mut().enumerate() {
-            let mut sum = 0.0;
-            for (row, actuator) in placed.jacobian.iter().zip(actuators) {
-                if let Some(entry) = row.get(column) {
-                    sum += entry * actuator;
-                }
-            }
-            *force = sum;
-        }
-    }
-
-    /// Forces of the actuators that are in balance with those of the coordinates, the smallest ones where there are more
-    /// actuators than coordinates: J (JᵀJ)⁻¹ F. Real-time: yes.
-    pub fn stroke_forces(&self, placed: &Placed, forces: &[f64], actuators: &mut [f64]) {
-        let mut sums = [0.0; MOST];
-        for (to, from) in sums.iter_mut().zip(forces) {
-            *to = *from;
-        }
-        placed.factor.solve(&mut sums, self.coordinates.len());
-        for (to, row) in actuators.iter_mut().zip(&placed.jacobian) {
-            *to = dot(row, &sums);
-        }
-    }
-
     /// A pose in words: "ux = 0.012 m, uy = 0 m, rz = -0.003 rad".
     #[must_use]
     pub fn words(&self, placed: &Placed) -> String {
@@ -504,18 +304,6 @@ impl Geometry {
         });
         let values = scaled.singular_values();
         values.max() / values.min()
-    }
-
-    fn full(&self, placed: &Placed) -> Six {
-        let mut full = [0.0; MOST];
-        for (coordinate, value) in self.coordinates.iter().zip(&placed.pose) {
-            full[coordinate.index()] = *value;
-        }
-        full
-    }
-
-    fn fault(&self, wrong: Wrong, placed: &Placed) -> Fault {
-        Fault::new(wrong, &self.coordinates, &placed.pose)
     }
 }
 
@@ -541,27 +329,11 @@ impl Placed {
             .unwrap_or(0.0)
     }
 
-    /// How far the Jacobian is from losing rank: sine of the angle between what a coordinate does to the actuators and what
-    /// the ones before it can do; 1 where they do not know of each other, 0 at a singular pose.
+    /// How far the Jacobian is from losing rank: what the actuators feel of the coordinate that they hold worst over what they
+    /// feel of the best held one. 0 at a singular pose, about one over [`Geometry::condition`] near it.
     #[must_use]
     pub fn independence(&self) -> f64 {
         self.factor.least().sqrt()
-    }
-}
-
-/// Real-time: yes.
-fn dot(row: &Six, values: &[f64]) -> f64 {
-    let mut sum = 0.0;
-    for (a, b) in row.iter().zip(values) {
-        sum += a * b;
-    }
-    sum
-}
-
-/// The columns of driven coordinates. Real-time: yes.
-fn pick(coordinates: &[Coordinate], all: &Six, row: &mut Six) {
-    for (to, coordinate) in row.iter_mut().zip(coordinates) {
-        *to = all[coordinate.index()];
     }
 }
 

@@ -1,12 +1,12 @@
 //! The normal equations JᵀJ x = b of up to six unknowns, by LDLᵀ without square roots.
 //!
-//! Columns may have different units: pivots are judged by their share of the diagonal, which does not know of units. With
-//! two independent directions as close as [`LEAST`] allows, a solution is good to six digits: enough for Newton, whose
-//! residual is exact, and that is where it is used; the forces of a platform's law stand in their own balance.
+//! Columns may have different units: weights bring them to one. The smallest pivot over the largest diagonal is, but for a
+//! factor of a few, the square of the smallest singular value of J over the largest. As near to a singular pose as [`LEAST`]
+//! allows, a solution is good to eight digits: enough for Newton, whose residual is exact.
 
 use super::{MOST, Six};
 
-/// A pivot below this share of its diagonal is none: what this column does, others do, to within an angle of 1e-4.
+/// A pivot below this share of the largest diagonal is none: a condition number of about 1e4.
 const LEAST: f64 = 1e-8;
 
 /// LDLᵀ of JᵀJ: unit lower triangle and the inverse pivots.
@@ -18,12 +18,11 @@ pub(super) struct Factor {
 }
 
 impl Factor {
-    /// Of the first `columns` columns of `rows`; none if they are not independent, or not numbers. Real-time: yes.
-    pub fn of(rows: &[Six], columns: usize) -> Option<Self> {
-        let mut factor = Self {
-            least: 1.0,
-            ..Self::default()
-        };
+    /// Of the first `columns` columns of `rows`, whose squares are weighed by `weights` where they are compared; none if they
+    /// are not independent, or not numbers. Real-time: yes.
+    pub fn of(rows: &[Six], columns: usize, weights: &Six) -> Option<Self> {
+        let mut factor = Self::default();
+        let (mut least, mut largest) = (f64::INFINITY, 0.0f64);
         let mut pivots = [0.0; MOST];
         for i in 0..columns.min(MOST) {
             for j in 0..=i {
@@ -38,21 +37,22 @@ impl Factor {
                 if j < i {
                     factor.lower[i][j] = sum * factor.inverse[j];
                 } else {
-                    let share = sum / whole;
-                    // Written so that NaN, of 0/0 too, is no pivot.
-                    if !(share >= LEAST && whole.is_finite()) {
+                    // Written so that NaN is no pivot.
+                    if !(sum > 0.0 && whole.is_finite()) {
                         return None;
                     }
-                    factor.least = factor.least.min(share);
+                    least = least.min(weights[i] * sum);
+                    largest = largest.max(weights[i] * whole);
                     pivots[i] = sum;
                     factor.inverse[i] = 1.0 / sum;
                 }
             }
         }
-        Some(factor)
+        factor.least = least / largest;
+        (factor.least >= LEAST).then_some(factor)
     }
 
-    /// Smallest share of a pivot in its diagonal.
+    /// Smallest pivot over the largest diagonal.
     pub const fn least(&self) -> f64 {
         self.least
     }

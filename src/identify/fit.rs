@@ -75,6 +75,16 @@ impl Fit {
         let omega = 2.0 * std::f64::consts::PI * hz;
         self.model.response(&self.values(), omega, dt)
     }
+
+    /// Phase lag over ω in s at a frequency; the slow delay says how often the phase went round.
+    #[must_use]
+    pub fn delay(&self, hz: f64, dt: f64) -> f64 {
+        use std::f64::consts::TAU;
+        let response = self.response(hz, dt);
+        let raw = -libm::atan2(response.im, response.re);
+        let turns = (hz * self.slow_delay_s - raw / TAU).round();
+        (raw / TAU + turns) / hz
+    }
 }
 
 /// Fits every model; those that fit nowhere are left out.
@@ -256,15 +266,18 @@ impl Data<'_> {
                 }
             })
             .collect();
-        // What is less certain than its own size is not determined: another model says the same with less.
+        // What is less certain than its own size is not determined, and what is faster than the ticks is not seen: another
+        // model says the same with less.
         let of_all = parameters.iter().zip(&found);
         let sound = of_all.fold(true, |sound, (parameter, f)| {
             let is_known = !parameter.positive || f.std < f.value;
-            sound && f.value.is_finite() && f.std.is_finite() && is_known
+            let is_seen = parameter.unit != "Hz" || f.value < 0.5 / self.lines.dt;
+            sound && f.value.is_finite() && f.std.is_finite() && is_known && is_seen
         });
         let delay = found.iter().find(|f| f.name == "delay_s");
-        let is_lead = p > 2 && delay.is_some_and(|delay| !(delay.value >= LEAST_DELAY));
-        if !sound || is_lead || !(values.first().is_some_and(|gain| *gain > 0.0)) {
+        let is_lag = p == 2 || delay.is_none_or(|delay| delay.value >= LEAST_DELAY);
+        let is_forward = values.first().is_some_and(|gain| *gain > 0.0);
+        if !(sound && is_lag && is_forward) {
             return None;
         }
         let pairs = self.lines.measured.iter().zip(self.deviations);

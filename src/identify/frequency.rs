@@ -118,7 +118,8 @@ fn in_bin(lines: &Lines, lead: &[C64], range: std::ops::Range<usize>) -> Option<
         .zip(omega)
         .map(|(u, w)| u.norm_sqr() * w)
         .sum();
-    if !(weights > 0.0) {
+    let is_driven = weights > 0.0;
+    if !is_driven {
         return None;
     }
     let middle = moment / weights;

@@ -10,6 +10,8 @@ pub(super) type C64 = Complex<f64>;
 
 /// Fewest lines that say something.
 const FEWEST: usize = 24;
+/// Share of the commanded power that is not measured but computed.
+const ROUNDOFF: f64 = 1e-20;
 /// A drift between the two rests counts beyond this many standard errors.
 const DRIFT: f64 = 4.0;
 
@@ -95,6 +97,13 @@ impl Lines {
             all_command,
             all_force,
         })
+    }
+
+    /// True if what is measured is no more than the roundoff of a constant.
+    pub fn is_dead(&self) -> bool {
+        let power = |lines: &[C64]| lines.iter().map(C64::norm_sqr).sum::<f64>();
+        let is_alive = power(&self.measured) > ROUNDOFF * power(&self.command);
+        !is_alive
     }
 
     /// ω of line `index` of all, from 0 for the first one.

@@ -164,7 +164,7 @@ pub struct Identification {
     pub coherence: f64,
     /// All models that could be fitted, the best first.
     pub models: Vec<Fit>,
-    /// Delay in s that fits the whole band best; its spread holds both the error and how much the delay changes in the band.
+    /// Delay in s over the band, every octave alike; its spread holds both the error and how much the delay changes in the band.
     pub delay: Estimate,
     /// Gain, likewise.
     pub gain: Estimate,
@@ -192,10 +192,14 @@ impl Identification {
 pub fn identify(record: &Record<'_>, band: Band) -> Result<Identification, IdentifyError> {
     let lines = Lines::of(record, band)?;
     let noise = noise(record);
+    if lines.is_dead() {
+        return Err(IdentifyError::DoesNotFollow { coherence: 0.0 });
+    }
     let (coarse, sign) = frequency::coarse_delay(&lines);
     let bins = frequency::bins(&lines, coarse);
     let coherence = frequency::mean_coherence(&bins);
-    if !(coherence >= LEAST_COHERENCE) {
+    let follows = coherence >= LEAST_COHERENCE;
+    if !follows {
         return Err(IdentifyError::DoesNotFollow { coherence });
     }
     if sign < 0.0 {
@@ -205,9 +209,10 @@ pub fn identify(record: &Record<'_>, band: Band) -> Result<Identification, Ident
     let points = frequency::points(&bins, coarse);
     let deviations = frequency::deviations(&bins, lines.command.len());
     let mut models = fit::fit_all(&lines, &deviations, &points, coarse);
-    let (delay, gain) = over_band(&points, &models, coarse);
     let inverse = inverse::invert(&points, record.dt);
     models.sort_by(|a, b| a.criterion.total_cmp(&b.criterion));
+    prefer_the_simplest(&mut models);
+    let (delay, gain) = over_band(&points, models.first(), record.dt);
     let specimen = specimen::fit(&lines, models.first(), noise.force_n)?;
     Ok(Identification {
         band,
@@ -223,42 +228,56 @@ pub fn identify(record: &Record<'_>, band: Band) -> Result<Identification, Ident
     })
 }
 
-/// Delay and gain of the whole band, with the error of the fit and what changes within the band.
-fn over_band(points: &[Point], models: &[Fit], coarse: f64) -> (Estimate, Estimate) {
-    let pure = models.iter().find(|fit| fit.model == Model::Delay);
-    let read = |name: &str, otherwise: f64| {
-        pure.and_then(|fit| fit.parameter(name))
-            .unwrap_or(Estimate {
-                value: otherwise,
-                std: 0.0,
-            })
-    };
-    let (delay, gain) = (read("delay_s", coarse), read("gain", 1.0));
-    let mut sums = [0.0; 4];
-    for point in points.iter().filter(|point| point.trusted) {
-        let weight = point.hz * point.hz;
-        let off = point.delay_s - delay.value;
-        sums[0] += weight;
-        sums[1] += weight * (off * off - point.delay_std_s * point.delay_std_s);
-        let off = point.gain - gain.value;
-        sums[2] += 1.0;
-        sums[3] += off * off - point.gain_std * point.gain_std;
+/// Difference of the criterion from which on a further parameter counts as proven (Kass & Raftery 1995: strong evidence).
+const STRONG: f64 = 6.0;
+
+/// Puts the model with the fewest parameters first that nothing else is proven to be better than.
+fn prefer_the_simplest(models: &mut [Fit]) {
+    let least = models.first().map_or(0.0, |best| best.criterion);
+    let as_good = models
+        .iter()
+        .enumerate()
+        .filter(|(_, fit)| fit.criterion - least < STRONG);
+    let simplest = as_good.min_by_key(|(_, fit)| fit.parameters.len());
+    if let Some((place, _)) = simplest {
+        models[..=place].rotate_right(1);
     }
-    let spread = |estimate: Estimate, sum: f64, weights: f64| {
-        let changes = if weights > 0.0 {
-            (sum / weights).max(0.0)
-        } else {
-            0.0
+}
+
+/// Delay and gain of the whole band, every octave alike, as the best model has them at the points that are trusted: a structure
+/// moves most where it is slow. The spread holds the error and what changes within the band.
+fn over_band(points: &[Point], best: Option<&Fit>, dt: f64) -> (Estimate, Estimate) {
+    let mut means = [(0.0, 0.0); 2];
+    let mut weights = 0.0;
+    let mut known = [0.0; 2];
+    for point in points.iter().filter(|point| point.trusted) {
+        let weight = 1.0 / point.hz;
+        let pair = match best {
+            Some(fit) => [fit.delay(point.hz, dt), fit.response(point.hz, dt).norm()],
+            None => [point.delay_s, point.gain],
         };
+        weights += weight;
+        for ((mean, value), (known, std)) in means
+            .iter_mut()
+            .zip(pair)
+            .zip(known.iter_mut().zip([point.delay_std_s, point.gain_std]))
+        {
+            // West 1979: mean and sum of squares in one pass.
+            let off = value - mean.0;
+            mean.0 += off * weight / weights;
+            mean.1 += weight * off * (value - mean.0);
+            *known += 1.0 / (std * std);
+        }
+    }
+    let estimate = |(value, square): (f64, f64), known: f64| {
+        let changes = if weights > 0.0 { square / weights } else { 0.0 };
+        let error = if known > 0.0 { 1.0 / known } else { 0.0 };
         Estimate {
-            value: estimate.value,
-            std: (estimate.std * estimate.std + changes).sqrt(),
+            value,
+            std: (changes + error).sqrt(),
         }
     };
-    (
-        spread(delay, sums[1], sums[0]),
-        spread(gain, sums[3], sums[2]),
-    )
+    (estimate(means[0], known[0]), estimate(means[1], known[1]))
 }
 
 /// Root mean square about the mean of each rest; of the last one only the second half, when the actuator has arrived.

@@ -61,7 +61,8 @@ pub(super) fn fit(
         return Ok(None);
     };
     // A load cell that reads nothing but noise knows no specimen.
-    if !(power > 0.0) || plain.left > 0.95 * power {
+    let is_felt = plain.left <= 0.95 * power && power > 0.0;
+    if !is_felt {
         return Ok(None);
     }
     let count = 2.0 * lines.omega.len() as f64;

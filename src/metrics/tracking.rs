@@ -127,7 +127,8 @@ pub struct Tracking {
     pub tracking_indicator_m2: Judged,
     /// Slope of the synchronisation subspace: measured against target by least squares; 1 is perfect.
     pub slope: Judged,
-    /// Energy error of Mosqueda, Stojadinović and Mahin, ∫ f d(measured − target); negative: the test gained energy.
+    /// Energy error of Mosqueda, Stojadinović and Mahin, ∫ f d(measured − target); positive: the
+    /// transfer system has added energy to the test, as a lag does.
     pub energy_error_j: Judged,
     /// What the floors come from; null if the test did not zero its sensors.
     pub noise: Option<Noise>,

@@ -71,7 +71,10 @@ pub(super) fn table_of(name: &str, axis: &AxisDigest, disp_unit: &str, force_uni
     );
     row("energy error", Some(t.energy_error_j), &joule);
     let at = t.fei.map_or_else(String::new, |f| {
-        format!(" FEI belongs to {}.", quantity(f.frequency_hz, "Hz"))
+        format!(
+            " FEI belongs to {}.",
+            format!("{}\u{a0}Hz", number(f.frequency_hz, 3))
+        )
     });
     let damping = t
         .fei
@@ -125,6 +128,6 @@ pub(super) fn legend() -> String {
          noise's share taken off in squares; the others as they are where they exceed twice their scatter, else what a perfect \
          specimen shows. Delays are positive where the measured displacement is behind. FEI: frequency evaluation index of Guo et al. \
          (2014), l = 2. TI: Mercan and Ricles (2007), it falls while the measured displacement lags. Energy error: ∫ f d(measured − target), Mosqueda et al. \
-         (2007), negative where the test gains energy. Delay by cross-correlation: refined by a parabola; of a test of more than 100 000 samples, around its largest target.",
+         (2007), positive where the transfer system adds energy to the test. Delay by cross-correlation: refined by a parabola; of a test of more than 100 000 samples, around its largest target.",
     )
 }

@@ -5,7 +5,7 @@ use serde_json::Value;
 use super::RunData;
 use super::html::{beside, note, paragraph, table};
 use super::outcome;
-use super::text::{NOTHING, escape, number, quantity};
+use super::text::{NOTHING, escape, exact, number, quantity};
 
 /// The limits of the run, as markup; nothing where the summary has none.
 pub(super) fn limits(run: &RunData) -> String {
@@ -91,7 +91,7 @@ fn row(who: &str, limit: &Value) -> Vec<String> {
             .unwrap_or_default();
         let write = |v: f64| match unit {
             "" => number(v, 3),
-            words if words.starts_with("in ") => format!("{} {words}", number(v, 4)),
+            words if words.starts_with("in ") => format!("{} {words}", exact(v, "1").trim()),
             unit => quantity(v, unit),
         };
         match values[..] {

@@ -12,8 +12,8 @@
 //! |---|---|
 //! | `page`, `html`, `page.css`, `script.js` | the order of the page; its pieces; its looks; what makes histories zoomable |
 //! | `outcome`, `tested`, `sketch`, `limits` | the verdict in words; what was tested; a picture of it; what would have ended it |
-//! | `ground`, `response`, `specimens`, `judged`, `balance`, `loops`, `timeline` | sections |
-//! | `compare` | the page of two runs |
+//! | `ground`, `response`, `specimens`, `identified`, `judged`, `balance`, `loops`, `timeline` | sections |
+//! | `compare`, `matched` | the page of two runs; their rows, number against number |
 //! | `source`, `digest`, `first`, `axes`, `shaking`, `worst`, `table` | rows read in blocks, and what is kept of them |
 //! | `pictures` | the pictures that stand alone |
 //! | `plots`, `charts`, `lines`, `bars` | histories that can be zoomed; the frame of every picture; histories and loops; histograms |
@@ -27,16 +27,19 @@ mod balance;
 mod bars;
 mod canvas;
 mod charts;
+mod compare;
 mod curves;
 mod digest;
 mod first;
 mod ground;
 mod histogram;
 mod html;
+mod identified;
 mod judged;
 mod limits;
 mod lines;
 mod loops;
+mod matched;
 mod outcome;
 mod page;
 mod pictures;
@@ -58,15 +61,17 @@ mod thin;
 mod timeline;
 mod worst;
 
+pub use compare::{compare, verdict};
 pub(crate) use curves::{Curve, Curves, Scale};
 pub use digest::{Difference, Digest};
 pub use histogram::Percentiles;
 pub(crate) use html::note;
+pub use identified::{IdentifiedAxis, identified, tracking_metrics};
+pub use matched::{FirstDifference, Matched, Matcher, Next};
 pub(crate) use page::frame;
 pub use page::render;
 pub use pictures::{hero_svg, jitter_svg};
 pub use source::{BLOCK, Source};
-pub use specimens::{IdentifiedAxis, identified, tracking_metrics};
 pub use tested::drifts;
 pub(crate) use text::escape;
 

@@ -7,6 +7,7 @@ use super::balance::balance;
 use super::digest::Digest;
 use super::ground::ground;
 use super::html::{beside, definitions, note, section};
+use super::identified;
 use super::limits::limits;
 use super::outcome::{self, Tone, verdict};
 use super::plots::base64;
@@ -67,7 +68,7 @@ fn page(run: &RunData, digest: &Digest) -> String {
     );
     body += HINT;
     let parts = [
-        specimens::identification(&rows, &axes),
+        identified::identification(&rows, &axes),
         ground(&rows),
         response::response(&rows),
         specimens::specimens(run, &rows, &axes),

@@ -68,7 +68,7 @@
     });
     const options = {
       width: Math.max(260, box.clientWidth),
-      height: data.height - 40,
+      height: data.height + 16,
       cursor: { sync: { key: cursor.key }, drag: { x: true, y: false }, points: { size: 5 } },
       legend: { live: true },
       scales: {
@@ -136,6 +136,6 @@
   addEventListener("resize", () => {
     if (innerWidth === width) return;
     width = innerWidth;
-    for (const p of plots) p.uplot.setSize({ width: Math.max(260, p.box.clientWidth), height: p.data.height - 40 });
+    for (const p of plots) p.uplot.setSize({ width: Math.max(260, p.box.clientWidth), height: p.data.height + 16 });
   });
 })();

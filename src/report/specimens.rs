@@ -1,10 +1,9 @@
-//! Sections on the measured side: hysteresis, how well the specimen followed its command, and, in a test of prescribed
-//! displacement, what stiffness and lag it showed.
+//! Sections on the measured side: hysteresis, and how well the specimen followed its target.
 
 use serde_json::Value;
 
 use super::RunData;
-use super::axes::{AxisDigest, FIRST_LOADING};
+use super::axes::AxisDigest;
 use super::canvas::Ink;
 use super::charts::Quantity;
 use super::curves::{Curves, Scale};
@@ -16,7 +15,7 @@ use super::plots::history;
 use super::response::{curve, decades};
 use super::rows::Rows;
 use super::tested::axis_name;
-use super::text::{NOTHING, count, number, plural, quantity};
+use super::text::{NOTHING, count, number, quantity};
 
 /// Kind of the column of measured − target.
 pub(super) const ERROR: &str = "error";
@@ -26,9 +25,9 @@ const MOST_DRAWN: usize = 8;
 /// Everything the page says about one axis.
 pub(super) struct Tracked<'a> {
     pub name: String,
-    disp_unit: &'a str,
-    force_unit: &'a str,
-    digest: &'a AxisDigest,
+    pub disp_unit: &'a str,
+    pub force_unit: &'a str,
+    pub digest: &'a AxisDigest,
 }
 
 impl<'a> Tracked<'a> {
@@ -147,23 +146,13 @@ fn drawn(rows: &Rows<'_>, time: &[f64], axis: &Tracked<'_>) -> String {
         &label("target and measured displacement over test time"),
         &of("Target and measured", disp("displacement"), &lines),
     );
-    let error = rows.get(&digest.axis.column(ERROR)).unwrap_or_default();
-    let lines = [line("measured − target", time, &error, 4, 1.1)];
-    markup += &history(
-        180.0,
-        &label("tracking error over test time"),
-        &of("Tracking error", disp("measured − target"), &lines),
-    );
+    markup += &error(rows, time, axis);
     let [near_time, near_target, near_meas] = &digest.close_up;
     let lines = [
         line("target", near_time, near_target, 0, 2.2),
         line("measured", near_time, near_meas, 1, 1.3),
     ];
-    let zoom = of(
-        "Target and measured around the largest target",
-        disp("displacement"),
-        &lines,
-    );
+    let zoom = of("Around the largest target", disp("displacement"), &lines);
     let figures = figure(
         510.0,
         290.0,
@@ -173,6 +162,36 @@ fn drawn(rows: &Rows<'_>, time: &[f64], axis: &Tracked<'_>) -> String {
     markup += &beside("pair", &figures);
     markup += &estimates(rows, time, axis);
     markup + &table_of(&axis.name, digest, axis.disp_unit, axis.force_unit)
+}
+
+/// Measured less target.
+fn error(rows: &Rows<'_>, time: &[f64], axis: &Tracked<'_>) -> String {
+    let error = rows
+        .get(&axis.digest.axis.column(ERROR))
+        .unwrap_or_default();
+    if crate::metrics::peak(&error).is_some_and(|peak| peak.value == 0.0) {
+        return note("No tracking error: the measured displacement is the target to the last bit.");
+    }
+    let lines = [Line {
+        name: "measured − target",
+        x: time,
+        y: &error,
+        ink: Ink::Series(4),
+        width: 1.1,
+    }];
+    let chart = TimeChart {
+        title: "Tracking error: measured − target",
+        up: Quantity {
+            words: "error",
+            unit: axis.disp_unit,
+        },
+        lines: &lines,
+        marks: &[],
+        reduce: Reduce::Extremes,
+        named_time: true,
+    };
+    let label = format!("{}: tracking error over test time", axis.name);
+    history(180.0, &label, &chart)
 }
 
 /// Frequency content of target, measured and their difference.
@@ -326,118 +345,12 @@ fn traffic(run: &RunData) -> String {
     )
 }
 
-/// A share in percent; below what matters it is only said to be small.
-fn small_percent(share: f64) -> String {
-    if share < 1e-4 {
-        "below 0.01".to_owned()
-    } else {
-        number(100.0 * share, 2)
-    }
-}
-
-fn lag_words(lag: f64) -> String {
+/// A lag in words.
+pub(super) fn lag_words(lag: f64) -> String {
     // A nanosecond is far below what a parabola through samples can tell from zero.
     if lag.abs() < 1e-9 {
         "0\u{a0}s".to_owned()
     } else {
         quantity(lag, "s")
     }
-}
-
-/// What a test of prescribed displacement says of one axis, in words.
-#[derive(Debug, Clone, PartialEq)]
-pub struct IdentifiedAxis {
-    /// Name of the specimen, and the axis where there are several.
-    pub name: String,
-    /// k̂ of the first loading, N/m: what belongs into K0.
-    pub stiffness: Option<f64>,
-    /// ĉ of the whole test, N s/m.
-    pub damping: Option<f64>,
-    /// Lag of the measured behind the target displacement, s.
-    pub lag: Option<f64>,
-}
-
-/// Every axis of a test of prescribed displacement, identified; none for a test with a structure.
-#[must_use]
-pub fn identified(run: &RunData) -> Vec<IdentifiedAxis> {
-    let digest = run.digested();
-    let rows = Rows::new(&digest);
-    if !rows.dofs().is_empty() {
-        return Vec::new();
-    }
-    let configuration = super::tested::configuration(run);
-    let axes = tracking(&rows, configuration.as_ref());
-    axes.into_iter()
-        .map(|axis| {
-            let (whole, initial) = (axis.digest.whole, axis.digest.initial);
-            IdentifiedAxis {
-                stiffness: initial.or(whole).map(|found| found.stiffness),
-                damping: whole.and_then(|found| found.damping),
-                lag: axis.lag(),
-                name: axis.name,
-            }
-        })
-        .collect()
-}
-
-/// Tracking metrics by specimen, one entry per axis in order, null where nothing moved: for `summary.json`.
-#[must_use]
-pub fn tracking_metrics(run: &RunData) -> Value {
-    let digest = run.digested();
-    let configuration = super::tested::configuration(run);
-    let mut all = serde_json::Map::new();
-    for axis in &digest.axes {
-        let name = super::tested::specimen_name(configuration.as_ref(), axis.axis.specimen);
-        let entry = all.entry(name).or_insert_with(|| Value::Array(Vec::new()));
-        if let Value::Array(list) = entry {
-            list.push(serde_json::to_value(axis.tracking).unwrap_or_default());
-        }
-    }
-    Value::Object(all)
-}
-
-/// For a test of prescribed displacement: identified stiffness, damping and lag of each axis.
-pub(super) fn identification(rows: &Rows<'_>, axes: &[Tracked<'_>]) -> Option<String> {
-    if axes.is_empty() || !rows.dofs().is_empty() {
-        return None;
-    }
-    let mut lines = Vec::new();
-    for axis in axes {
-        let (whole, initial) = (axis.digest.whole, axis.digest.initial);
-        let per = |unit: &str| format!("{}/{}", axis.force_unit, unit);
-        let stiffness = |k: f64| quantity(k, &per(axis.disp_unit));
-        let or_dash = |text: Option<String>| text.unwrap_or_else(|| NOTHING.to_owned());
-        lines.push(vec![
-            axis.name.clone(),
-            or_dash(initial.map(|i| stiffness(i.stiffness))),
-            or_dash(whole.map(|i| stiffness(i.stiffness))),
-            or_dash(
-                whole
-                    .and_then(|i| i.damping)
-                    .map(|c| quantity(c, &format!("{} s/{}", axis.force_unit, axis.disp_unit))),
-            ),
-            or_dash(whole.map(|i| format!("{} %", small_percent(i.unexplained)))),
-            or_dash(axis.lag().map(lag_words)),
-        ]);
-    }
-    let markup = table(
-        &[
-            "",
-            "k̂, first loading",
-            "k̂, whole test",
-            "ĉ, whole test",
-            "not explained",
-            "lag",
-        ],
-        &lines,
-    );
-    let how = format!(
-        "Least squares of force on measured displacement and its velocity, {}. First loading: until {:.0} % of the largest \
-         displacement is passed; for a specimen that yields, k̂ of the whole test is a secant. Not explained: share of the \
-         force's variance that the line misses. This is the test before a hybrid test: k̂ and ĉ go into the specimen's \
-         estimate, the lag into its compensator.",
-        plural(axes.len() as u64, "axis by itself", "axes each by itself"),
-        100.0 * FIRST_LOADING
-    );
-    Some(section("Identified specimen", &(markup + &note(&how))))
 }

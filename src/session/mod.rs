@@ -12,6 +12,7 @@
 
 mod archive;
 mod bare;
+mod compare;
 mod connect;
 mod desk;
 mod energetics;
@@ -36,6 +37,7 @@ use crossbeam_channel::Sender;
 use thiserror::Error;
 
 pub use bare::{bare_loop, loop_round};
+pub use compare::{Compared, compare, compared_name};
 pub use desk::{Answer, Request, ask};
 pub use page::{Page, PageError, conclude, hero, write_report};
 pub use replay::{Difference, Replay, ReplayError, replay, replay_rows};

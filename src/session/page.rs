@@ -130,7 +130,7 @@ pub fn hero(folder: &Path, path: &Path) -> Result<PathBuf, PageError> {
     write(path, &hero_svg(&read(folder)?))
 }
 
-fn write(path: &Path, text: &str) -> Result<PathBuf, PageError> {
+pub(super) fn write(path: &Path, text: &str) -> Result<PathBuf, PageError> {
     match atomic::write(path, text.as_bytes()) {
         Ok(()) => Ok(path.to_owned()),
         Err(source) => Err(PageError::File {
@@ -140,7 +140,8 @@ fn write(path: &Path, text: &str) -> Result<PathBuf, PageError> {
     }
 }
 
-fn read(folder: &Path) -> Result<RunData, PageError> {
+/// What the page of the run in `folder` is made of.
+pub(super) fn read(folder: &Path) -> Result<RunData, PageError> {
     let run = Run::open(folder)?;
     let at = |name: &str| folder.join(name);
     let json = |name: &str| {

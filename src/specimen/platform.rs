@@ -64,11 +64,13 @@ impl<S: Specimen> Platform<S> {
         }
         for j in 0..m {
             for i in 0..m {
+                // One half of the symmetric whole, mirrored.
+                let (low, high) = (i.min(j), i.max(j));
                 let mut sum = 0.0;
-                for b in 0..n {
-                    for a in 0..n {
+                for a in 0..n {
+                    for b in 0..n {
                         let entry = inner.get(b * n + a).copied().unwrap_or(0.0);
-                        sum += by_axis[i][a] * entry * by_axis[j][b];
+                        sum += by_axis[low][a] * entry * by_axis[high][b];
                     }
                 }
                 if let Some(to) = outer.get_mut(j * m + i) {

@@ -251,6 +251,8 @@ law.linear.stiffness_n_per_m = 1e5
             "table",
             "--duration",
             "6",
+            "--band",
+            "0.5,12",
             "--motion",
             "noise",
         ],

@@ -45,8 +45,8 @@ impl Outcome {
     /// Reads a run folder and identifies.
     pub fn read(folder: &Path, plan: &Plan, driven: &Loaded) -> anyhow::Result<Self> {
         let run = Run::open(folder)?;
-        let book = run.columns(&["state", "stretched"])?;
-        let [state, stretched] = book.as_slice() else {
+        let book = run.columns(&["state", "step", "stretched"])?;
+        let [state, step, stretched] = book.as_slice() else {
             anyhow::bail!("the record lacks its own columns");
         };
         let first = state.iter().position(|s| *s == RUNNING);
@@ -56,6 +56,10 @@ impl Outcome {
         };
         if state[first..=last].iter().any(|s| *s != RUNNING) {
             return Err(broken("the motion was held on its way"));
+        }
+        let steps = step.get(first..=last).unwrap_or_default();
+        if steps.windows(2).any(|pair| pair[1] != pair[0] + 1.0) {
+            return Err(broken("rows of the motion were lost"));
         }
         let axes = plan.axes.iter().map(|one| {
             axis(&run, plan, driven, one, first..last + 1)

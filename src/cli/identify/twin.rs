@@ -10,14 +10,16 @@ use super::course::Plan;
 use super::outcome::{Axis, Outcome};
 use crate::compensation::{CompensationSpec, ModelInverseSpec};
 use crate::config::{
-    ClockChoice, Loaded, MatrixValue, RecordTable, SafetyTable, SimilitudeTable, SpecimenTable,
-    TestFile,
+    ClockChoice, IdentifiedTable, Loaded, MatrixValue, RecordTable, SafetyTable, SimilitudeTable,
+    SpecimenTable, TestFile,
 };
 use crate::identify::{Estimate, Fit, Identification, Model};
 use crate::law::{LawSpec, LinearSpec};
 use crate::rt::TimingSpec;
 use crate::specimen::SpecimenLaw;
-use crate::transfer::{ActuatorSpec, FirstOrderSpec, SecondOrderSpec, TransferSpec};
+use crate::transfer::{
+    ActuatorSpec, FirstOrderSpec, ProportionalSpec, SecondOrderSpec, TransferSpec,
+};
 
 /// Share of a tick, and of the gain, below which there is nothing to make up for.
 const NOTHING: f64 = 0.05;
@@ -229,7 +231,7 @@ fn specimen(table: &mut SpecimenTable, known: &[(&Axis, &Identification)]) {
         })
     });
     (table.law, table.laws, table.coupled) = (None, None, None);
-    (table.link, table.stand_in) = (None, None);
+    (table.link, table.stand_in, table.stand_in_transfer) = (None, None, None);
     table.hardening_bound = None;
     let mut laws: Vec<LawSpec> = laws.collect();
     match (laws.pop(), laws.is_empty()) {
@@ -281,17 +283,7 @@ fn transfer(fit: &Fit) -> TransferSpec {
     TransferSpec {
         delay_s: value("delay_s").max(0.0),
         actuator: Some(match fit.model {
-            // There is no gain without an actuator: one so fast that only its gain is left.
-            Model::Delay if (gain - 1.0).abs() < UNITY => {
-                return TransferSpec {
-                    delay_s: value("delay_s").max(0.0),
-                    ..TransferSpec::default()
-                };
-            }
-            Model::Delay => ActuatorSpec::FirstOrder(FirstOrderSpec {
-                time_constant_s: FAST,
-                gain,
-            }),
+            Model::Delay => ActuatorSpec::Proportional(ProportionalSpec { gain }),
             Model::FirstOrder | Model::DelayedFirstOrder => {
                 ActuatorSpec::FirstOrder(FirstOrderSpec {
                     time_constant_s: value("time_constant_s"),
@@ -310,9 +302,39 @@ fn transfer(fit: &Fit) -> TransferSpec {
     }
 }
 
-/// Time constant in s of a lag that is none.
-const FAST: f64 = 1e-7;
-
+/// What is declared as known of all axes alike: means, and spreads that hold what differs between them.
 fn identified(table: &mut SpecimenTable, known: &[(&Axis, &Identification)]) {
-    let _ = (table, known);
+    let all = |pick: fn(&Identification) -> Estimate| {
+        let estimates = known.iter().map(|(_, found)| pick(found));
+        let estimates: Vec<Estimate> = estimates.collect();
+        let n = estimates.len() as f64;
+        let mean = estimates.iter().map(|e| e.value).sum::<f64>() / n;
+        let square = |e: &Estimate| e.std * e.std + (e.value - mean) * (e.value - mean);
+        let square = estimates.iter().map(square).sum::<f64>() / n;
+        (mean, square.sqrt())
+    };
+    let noise = |pick: fn(&Identification) -> f64| {
+        let largest = known.iter().map(|(_, found)| pick(found));
+        Some(largest.fold(0.0, f64::max))
+    };
+    let (delay, gain) = (all(|found| found.delay), all(|found| found.gain));
+    let stiffness = known.first().and_then(|(axis, found)| {
+        let value = axis.to_structure.0 * found.specimen.as_ref()?.stiffness.value;
+        let shares = known.iter().filter_map(|(_, found)| {
+            let stiffness = found.specimen.as_ref()?.stiffness;
+            Some((stiffness.std / stiffness.value).abs())
+        });
+        (value > 0.0).then(|| (value, value * shares.fold(0.0, f64::max)))
+    });
+    table.identified = Some(IdentifiedTable {
+        // A sensor that is a hair early has no delay.
+        delay_s: Some(delay.0.max(0.0)),
+        delay_std_s: Some(delay.1),
+        gain: Some(gain.0),
+        gain_std: Some(gain.1),
+        stiffness_n_per_m: stiffness.map(|pair| pair.0),
+        stiffness_std_n_per_m: stiffness.map(|pair| pair.1),
+        noise_disp_m: noise(|found| found.noise.disp_m),
+        noise_force_n: noise(|found| found.noise.force_n),
+    });
 }
