@@ -46,7 +46,7 @@ impl Substructure for Far {
     }
     fn is_answered(&mut self) -> Result<bool, LinkFault> {
         self.looks += 1;
-        let is_slow = self.told.lock().unwrap().len() % 5 == 0;
+        let is_slow = self.told.lock().unwrap().len().is_multiple_of(5);
         Ok(!is_slow || self.looks > self.late)
     }
     fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
