@@ -18,7 +18,7 @@ use crate::record::layout::Layout;
 pub enum Rows {
     /// From t = 0 the last tick of each step.
     Step,
-    /// Every tick, also those before t = 0.
+    /// Every tick, also those before t = 0; not those in which the loop only runs warm.
     Tick,
 }
 
