@@ -242,10 +242,10 @@ fn more_actuators_than_coordinates_agree_in_the_mean() {
     assert!((found.pose()[0] - 0.012).abs() < 1e-16);
     let mut forces = [0.0; 2];
     geometry.stroke_forces(&found, &[500.0], &mut forces);
-    assert_eq!(forces, [250.0, 250.0]);
+    assert!(forces.iter().all(|force| (force - 250.0).abs() < 1e-12));
     let mut whole = [0.0];
     geometry.pose_forces(&found, &[300.0, 100.0], &mut whole);
-    assert_eq!(whole, [400.0]);
+    assert!((whole[0] - 400.0).abs() < 1e-12);
 }
 
 #[test]
