@@ -248,6 +248,28 @@ fn more_actuators_than_coordinates_agree_in_the_mean() {
     assert!((whole[0] - 400.0).abs() < 1e-12);
 }
 
+/// From anywhere near, the strokes of the pose that is found are those that were measured, to roundoff of a length: also where
+/// the last step was just small enough to be the last.
+#[test]
+fn a_pose_is_found_to_roundoff_from_wherever_it_is_sought() {
+    let geometry = plane(&THREE, &[Ux, Uy, Rz]).build(1.0).unwrap();
+    let pose = [0.03, -0.02, 0.05];
+    let wanted = *placed(&geometry, &pose).strokes();
+    for k in 0..200 {
+        let off = 1e-5 * libm::pow(1.04, f64::from(k));
+        let mut found = placed(&geometry, &pose.map(|value| value + off));
+        geometry.find_for_forces(&wanted, &mut found).unwrap();
+        let there = placed(&geometry, &found.pose()[..3]);
+        for (stroke, wanted) in there.strokes().iter().zip(&wanted) {
+            assert!(
+                (stroke - wanted).abs() < 4e-16,
+                "{off:e}: {:e}",
+                stroke - wanted
+            );
+        }
+    }
+}
+
 #[test]
 fn small_displacements_are_the_limit_of_large_ones() {
     for exact in all() {
@@ -427,14 +449,14 @@ proptest! {
         let mut back = geometry.reference();
         geometry.find(there.strokes(), &mut back).unwrap();
         let bound = EXACT * geometry.condition(&there) * 10.0;
-        for k in 0..n {
-            prop_assert!((back.pose()[k] - pose[k]).abs() < bound, "{:?} {bound}", back.pose());
+        for (found, given) in back.pose()[..n].iter().zip(&pose) {
+            prop_assert!((found - given).abs() < bound, "{:?} {bound}", back.pose());
         }
         // From where the measurement is expected it is the same pose to the last digits, and its strokes are those given.
         let mut near = placed(&geometry, &pose.map(|v| v + 1e-4)[..n]);
         geometry.find(there.strokes(), &mut near).unwrap();
-        for k in 0..n {
-            prop_assert!((near.pose()[k] - pose[k]).abs() < bound);
+        for (found, given) in near.pose()[..n].iter().zip(&pose) {
+            prop_assert!((found - given).abs() < bound);
         }
     }
 
