@@ -126,7 +126,7 @@ impl Posed {
     /// Takes the measured pose and the forces of its coordinates from the actuators. Real-time: yes.
     fn resolve(&mut self, measured: &[f64], force: &[f64]) -> Result<(), Fault> {
         self.found = self.aim;
-        self.geometry.find(measured, &mut self.found)?;
+        self.geometry.find_for_forces(measured, &mut self.found)?;
         let n = self.rows.len();
         if let Some(forces) = self.force.get_mut(..n) {
             self.geometry.pose_forces(&self.found, force, forces);
