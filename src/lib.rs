@@ -27,6 +27,7 @@
 //! | [`specimen`] | specimens in process |
 //! | [`transfer`] | what lies between a command and a specimen: delay, actuators, limits, sensors |
 //! | [`compensation`] | commands that make up for an actuator |
+//! | [`geometry`] | loading units: from a pose to the strokes of its actuators, and back |
 //! | [`control`] | what stands between the structure's DOFs and a specimen's axes |
 //! | [`engine`] | the loop |
 //! | [`record`] | rows, the run folder, exports |
@@ -34,6 +35,7 @@
 //! | [`wire`] | codecs: our own frames and handshake, OpenFresco's dialects; bytes in, values out |
 //! | [`rt`] | what is asked of the operating system; the real clock; timing histograms |
 //! | [`config`] | the test file: schema, diagnostics, and the building of an experiment |
+//! | [`metrics`] | numbers read off recorded histories |
 //! | [`report`] | the page a run leaves behind |
 //! | [`monitor`] | a running test as people look at it: live page, terminal, Prometheus |
 //! | [`assets`] | the chart script that our pages carry |
@@ -54,11 +56,13 @@ pub mod config;
 pub mod control;
 pub mod engine;
 pub mod frontier;
+pub mod geometry;
 pub mod identify;
 pub mod integrate;
 pub mod law;
 pub mod linalg;
 pub mod link;
+pub mod metrics;
 pub mod model;
 pub mod monitor;
 pub mod motion;

@@ -185,16 +185,28 @@ fn gcd(mut a: u128, mut b: u128) -> u128 {
 pub struct Schedule {
     start: Nanos,
     period: Ratio,
+    /// Rounded down.
+    period_ns: u64,
     stretched: u64,
 }
+
+/// Nanoseconds in a second.
+const SECOND: u64 = 1_000_000_000;
 
 impl Schedule {
     /// A grid that starts at `start` with one tick every `period` seconds.
     #[must_use]
     pub const fn new(start: Nanos, period: Ratio) -> Self {
+        let (numerator, denominator) = period.terms();
+        let ns = numerator as u128 * SECOND as u128 / denominator as u128;
         Self {
             start,
             period,
+            period_ns: if ns > u64::MAX as u128 {
+                u64::MAX
+            } else {
+                ns as u64
+            },
             stretched: 0,
         }
     }
@@ -203,22 +215,26 @@ impl Schedule {
     #[must_use]
     pub fn tick(&self, k: u64) -> Nanos {
         let (numerator, denominator) = self.period.terms();
+        // Half a year at 1024 Hz goes into one word, which is divided several times as fast as two.
+        let short = k.checked_add(self.stretched);
+        let short = short.and_then(|cell| cell.checked_mul(numerator));
+        if let Some(ns) = short.and_then(|cells| cells.checked_mul(SECOND)) {
+            return self.start.plus(ns / denominator);
+        }
         let cell = u128::from(k) + u128::from(self.stretched);
         // cell < 2^65, numerator and 10^9 < 2^40 and 2^30: the product may reach 2^135 only after
         // 10^12-second periods; saturate there rather than wrap.
         let ns = cell
             .saturating_mul(u128::from(numerator))
-            .saturating_mul(1_000_000_000)
+            .saturating_mul(u128::from(SECOND))
             / u128::from(denominator);
         self.start.plus(u64::try_from(ns).unwrap_or(u64::MAX))
     }
 
     /// The period in nanoseconds, rounded down.
     #[must_use]
-    pub fn period_ns(&self) -> u64 {
-        let (numerator, denominator) = self.period.terms();
-        let ns = u128::from(numerator) * 1_000_000_000 / u128::from(denominator);
-        u64::try_from(ns).unwrap_or(u64::MAX)
+    pub const fn period_ns(&self) -> u64 {
+        self.period_ns
     }
 
     /// Moves every tick from now on by `ticks` whole periods: the specimen sees slower time. Real-time: yes.
@@ -313,6 +329,22 @@ mod tests {
         assert_eq!(schedule.tick(day), Nanos(7 + 86_400 * 1_000_000_000));
         assert_eq!(schedule.tick(1), Nanos(7 + 976_562));
         assert_eq!(schedule.tick(2), Nanos(7 + 1_953_125));
+    }
+
+    #[test]
+    fn far_ticks_are_those_of_exact_arithmetic_on_both_sides_of_a_word() {
+        let schedule = Schedule::new(Nanos(0), Ratio::new(3, 4096).unwrap());
+        // 3 · 10⁹ k passes 2⁶⁴ at k = 6 148 914 691.2.
+        for k in [
+            6_148_914_690u64,
+            6_148_914_691,
+            6_148_914_692,
+            9_000_000_000,
+        ] {
+            let exact = u128::from(k) * 3 * 1_000_000_000 / 4096;
+            assert_eq!(u128::from(schedule.tick(k).0), exact);
+        }
+        assert_eq!(schedule.period_ns(), 732_421);
     }
 
     #[test]

@@ -4,6 +4,7 @@
 mod common;
 
 use std::fs;
+use std::path::Path;
 
 use common::refusal::{MATRICES, peer, pictured, plain, refused, with_record, wrong_line};
 use common::{FRAME, completed, names, run, say, write};
@@ -356,4 +357,43 @@ fn an_output_folder_that_holds_anything_is_left_as_it_is() {
     // An empty folder is nobody's run.
     fs::remove_file(out.join("precious.txt")).unwrap();
     completed(&test, &out, &[]);
+}
+
+#[test]
+fn a_share_of_energy_that_means_nothing_is_refused_with_its_place() {
+    let refused = |safety: &str, words: &[&str]| {
+        let text = format!("{}\n[safety]\n{safety}\n", FRAME);
+        let path = Path::new("test.toml");
+        let said = gusset::config::parse(path, text, &[])
+            .map(|_| ())
+            .unwrap_err();
+        for words in words {
+            assert!(
+                said.to_string().contains(words),
+                "{words:?} is not in {said}"
+            );
+        }
+    };
+    refused(
+        "added_energy_share = { trip = 0.1 }",
+        &["floor_j", "test.toml:"],
+    );
+    refused(
+        "added_energy_share = { trip = 0.1, floor_j = 0 }",
+        &["floor_j", "greater than zero"],
+    );
+    refused(
+        "added_energy_share = { warn = 0.2, trip = 0.1, floor_j = 1 }",
+        &["`added_energy_share` warns at 0.2"],
+    );
+    refused(
+        "added_energy_share = { floor_j = 1 }",
+        &["added_energy_share"],
+    );
+    let prescribed = "[time]\nrate_hz = 100\nduration_s = 1\n[[specimen]]\nname = \"a\"\n[specimen.law.linear]\n\
+                      stiffness_n_per_m = 1e5\n[safety]\nadded_energy_share = { trip = 0.1, floor_j = 1 }\n";
+    let path = Path::new("test.toml");
+    let said = gusset::config::parse(path, prescribed.to_owned(), &[]).map(|_| ());
+    let said = said.unwrap_err().to_string();
+    assert!(said.contains("no structure takes in energy here"), "{said}");
 }

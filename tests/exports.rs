@@ -238,7 +238,7 @@ fn a_trace_shows_every_phase_every_event_and_every_miss_where_it_was() {
         }
     }
     // Slices of one line never overlap.
-    let on_loop = slices.iter().filter(|event| event["tid"] == 2);
+    let on_loop = slices.iter().filter(|event| event["tid"] == 3);
     let mut until = 0.0;
     for slice in on_loop {
         let (at, length) = (
@@ -255,7 +255,7 @@ fn a_trace_shows_every_phase_every_event_and_every_miss_where_it_was() {
     };
     let expected = [
         ("limit", "t", 2500.0),
-        ("deadline missed", "g", 7250.0),
+        ("deadline missed", "t", 7250.0),
         ("note", "t", 9000.0),
     ];
     let expected = expected.map(|(name, scope, at)| (name.to_owned(), scope.to_owned(), at));

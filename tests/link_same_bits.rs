@@ -3,6 +3,10 @@
 
 mod link_common;
 
+use std::path::Path;
+
+use gusset::engine::Phase;
+use gusset::record::Run;
 use link_common::relay::{Fates, Relay};
 use link_common::{
     ONE_AXIS, ONE_AXIS_LAW, Served, TWO_AXES, TWO_AXES_LAW, columns, run, summary, test_file,
@@ -124,4 +128,62 @@ fn a_bad_network_changes_no_number_of_a_lockstep_test() {
     let link = summary(folder, "remote").link["column"];
     assert_eq!(link.received, link.sent);
     assert!(link.corrupt > 0 && link.duplicates > 0, "{link:?}");
+}
+
+/// Columns of the steps of a run, and the number of its rows between two steps.
+fn steps_of(folder: &Path, name: &str) -> (Vec<Vec<f64>>, usize) {
+    let wanted = ["state", "x1", "x2", "v1", "a2", "target_1_1", "force_1_1"];
+    let run = Run::open(&folder.join(name)).unwrap();
+    let columns = run.columns(&wanted).unwrap();
+    let state = &columns[0];
+    let steps = columns.iter().map(|column| {
+        let rows = column.iter().zip(state);
+        let running = rows.filter(|(_, state)| **state == Phase::Running.code());
+        running.map(|(value, _)| *value).collect()
+    });
+    (steps.collect(), state.iter().filter(|s| **s > 10.0).count())
+}
+
+/// Real sockets, real time: the course does not depend on when an answer comes.
+#[test]
+fn a_partner_that_is_commanded_once_a_step_takes_the_same_course_in_real_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let paced = |ticks: u32, clock: &str, specimen: &str| {
+        test_file(1000, specimen)
+            .replace(
+                "rate_hz = 1000",
+                &format!("rate_hz = 100\nticks_per_step = {ticks}"),
+            )
+            .replace("clock = \"simulated\"", &format!("clock = \"{clock}\""))
+            .replace(
+                "[timing]",
+                "[timing]\npolicy = \"ordinary\"\nmax_total_misses = 1000000\nmax_consecutive_misses = 1000000\n\
+                 max_misses_in_window = 1000000",
+            )
+    };
+    let local = paced(1, "simulated", &format!("{ONE_AXIS}{ONE_AXIS_LAW}"));
+    let (code, said) = run(folder, "local", &local);
+    assert_eq!(code, 0, "{said}");
+    let (expected, none) = steps_of(folder, "local");
+    assert_eq!((expected[0].len(), none), (101, 0));
+    for transport in ["tcp", "udp"] {
+        let served = Served::start(folder, &local, &["--transport", transport]);
+        let link = format!(
+            "{ONE_AXIS}[specimen.link]\naddress = \"{}\"\ntransport = \"{transport}\"\ncoupling = \"lockstep\"\n\
+             commands = \"every_step\"\nwatchdog_s = 20\n",
+            served.address
+        );
+        let (code, said) = run(folder, transport, &paced(5, "real", &link));
+        assert_eq!(code, 0, "{said}");
+        let (found, between) = steps_of(folder, transport);
+        assert_eq!(found, expected, "{transport}");
+        assert!(
+            between >= 4 * 100,
+            "four ticks between two steps: {between}"
+        );
+        // Once a step, and in the warm-up; a datagram that was lost on the way is asked for again and not counted.
+        let sent = summary(folder, transport).link["column"].sent;
+        assert_eq!(sent, 101 + 5, "{transport}");
+    }
 }

@@ -70,7 +70,7 @@ const PRESCRIBED: &str = r#"
 "#;
 
 /// Masses that are coupled, and a chain whose links leap far: the factors that the frame does not use.
-fn others() -> [(&'static str, String); 3] {
+fn others() -> [(&'static str, String); 4] {
     // Every mass coupled to every other, every spring to every other: 1/(1 + |i − j|), and more on the diagonal.
     let full = |unit: f64| {
         let entry = |i: usize, j: usize| match i.abs_diff(j) {
@@ -105,8 +105,16 @@ fn others() -> [(&'static str, String); 3] {
             })
         })
         .collect();
+    let unit = "[time]\nrate_hz = 1000\nduration_s = 2.1\n[structure.matrices]\n\
+        mass = [[2e3, 0, 0], [0, 2e3, 0], [0, 0, 300]]\nstiffness = [[3e5, 0, 1e5], [0, 8e5, 0], [1e5, 0, 4e5]]\n\
+        influence = [1, 0, 0]\n[excitation.ground_acceleration.signal.sine]\namplitude = 2\nfrequency_hz = 1.5\n\
+        [[specimen]]\nname = \"column\"\nrows = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]\n\
+        law.bilinear = { stiffness_n_per_m = 4e5, yield_force_n = 1e3, post_yield_ratio = 0.1 }\n\
+        geometry.plane = [ { base_m = [-1.6, 0.1], joint_m = [-0.4, 0.15] }, { base_m = [-0.5, -1.2], joint_m = [-0.5, -0.1] }, \
+        { base_m = [0.6, -1.3], joint_m = [0.5, -0.1] } ]\n";
     [
         ("dense", matrices),
+        ("dense", unit.to_owned()),
         ("tridiagonal, in segments", chain("")),
         ("sparse", chain(&leaps)),
     ]

@@ -5,8 +5,9 @@ mod link_common;
 
 use gusset::benchmark::{FORCE_LIMIT_N, Frame, Plant, RATE_HZ, Setup, Wiring, run};
 use gusset::compensation::CompensationSpec;
+use gusset::engine::{Ending, Stop, TestQuantity};
 use gusset::motion::{Grid, Motion, Quantity};
-use gusset::record::Run;
+use gusset::record::{EventKind, Run};
 use gusset::session::replay;
 use link_common::{ONE_AXIS, ONE_AXIS_LAW, Served, columns, test_file};
 
@@ -134,7 +135,7 @@ fn a_test_behind_an_actuator_is_replayed_and_goes_on_with_the_same_bits() {
             600,
             &format!("{ONE_AXIS}{ONE_AXIS_LAW}{ACTUATOR}{compensation}"),
         );
-        let text = text.replace("zero_s = 0", "zero_s = 0.02\nramp_s = 0.05");
+        let text = text.replace("zero_s = 0", "zero_s = 0.02\nramp_s = 0.05\nease_s = 0");
         let test = common::write(home.path(), "test.toml", &text);
         common::completed(&test, &at("whole"), &[]);
         let found = replay(&at("whole")).unwrap();
@@ -342,6 +343,88 @@ fn check_refuses_a_loop_that_it_can_prove_unstable() {
             said.stdout
         );
     }
+}
+
+/// The frame with an actuator that comes three ticks late.
+fn late(safety: &str) -> common::engine::Run {
+    let transfer = "[specimen.transfer]\ndelay_s = 0.015\n";
+    common::engine::run(&format!(
+        "{}\n{transfer}[safety]\n{safety}\n",
+        common::FRAME
+    ))
+}
+
+#[test]
+fn a_late_actuator_that_adds_too_large_a_share_of_the_input_energy_ends_the_test() {
+    let free = late("added_energy_share = { trip = 1e9, floor_j = 1.0 }");
+    assert_eq!(free.outcome.ending, Ending::Completed);
+    let share = free.column("added_energy_share");
+    // The same from what stands in the rows: −m a_g over the way of each floor, and ½ m v².
+    let column = |name: &str| free.column(name);
+    let (ground, added) = (column("ground"), column("added_1_1"));
+    let floors = [(1000.0, "1"), (900.0, "2")].map(|(mass, dof)| {
+        let (x, v) = (column(&format!("x{dof}")), column(&format!("v{dof}")));
+        (mass, x, v)
+    });
+    let (mut work, mut most_work, mut most_motion) = (0.0, 0.0f64, 0.0f64);
+    for k in 1..share.len() {
+        for (mass, x, _) in &floors {
+            work -= 0.5 * mass * (ground[k] + ground[k - 1]) * (x[k] - x[k - 1]);
+        }
+        most_work = most_work.max(work);
+        let motion: f64 = floors
+            .iter()
+            .map(|(mass, _, v)| 0.5 * mass * v[k] * v[k])
+            .sum();
+        most_motion = most_motion.max(motion);
+        let expected = added[k] / (most_work + most_motion).max(1.0);
+        // The velocities of the rows are those of the steps, those of the account half a step older: it shows until the
+        // motion has passed its first peak.
+        let off = (share[k] - expected).abs();
+        assert!(k < 40 || off < 0.05 * expected.abs() + 1e-3, "{k}: {off}");
+    }
+    let last = *share.last().unwrap();
+    assert!(last > 0.02, "a late actuator adds energy: {last}");
+
+    let (warn, trip) = (0.25 * last, 0.5 * last);
+    let bounded = late(&format!(
+        "added_energy_share = {{ warn = {warn}, trip = {trip}, floor_j = 1.0 }}"
+    ));
+    let Ending::Stopped(Stop::TestLimit(hit)) = bounded.outcome.ending else {
+        panic!("{:?}", bounded.outcome.ending);
+    };
+    assert_eq!(hit.quantity, TestQuantity::AddedEnergyShare);
+    let first = share.iter().position(|share| *share > trip).unwrap();
+    assert_eq!((hit.value, hit.bound), (share[first], trip));
+    assert_eq!(bounded.column("x1").len(), first + 1);
+    let warned = |event: &&gusset::record::Event| {
+        matches!(event.kind, EventKind::TestLimit { trip: false, .. })
+    };
+    assert_eq!(bounded.events.iter().filter(warned).count(), 1);
+    // Against more than will ever be taken in, the same energy is nothing.
+    let floor = 1e3 * added.last().unwrap() / trip;
+    let held_down = late(&format!(
+        "added_energy_share = {{ trip = {trip}, floor_j = {floor} }}"
+    ));
+    assert_eq!(held_down.outcome.ending, Ending::Completed);
+}
+
+#[test]
+fn the_benchmarks_test_without_its_compensator_ends_before_it_is_seen_to_be_unstable() {
+    let config = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("config/vrths-case-1.toml");
+    let text = std::fs::read_to_string(config).unwrap();
+    let (bare, _) = text.split_once("[specimen.compensation").unwrap();
+    let run = common::engine::run(bare);
+    let Ending::Stopped(Stop::TestLimit(hit)) = run.outcome.ending else {
+        panic!("{:?}", run.outcome.ending);
+    };
+    assert_eq!(hit.quantity, TestQuantity::AddedEnergyShare);
+    // With its compensator the third floor moves by 5 mm.
+    let largest = run
+        .column("x3")
+        .iter()
+        .fold(0.0, |m: f64, x| m.max(x.abs()));
+    assert!(largest < 1e-3, "{largest}");
 }
 
 #[test]

@@ -34,7 +34,7 @@ pub(super) enum Command {
     Doctor(DoctorArgs),
     /// Write a run's whole response history in a form that other programs read.
     Export(ExportArgs),
-    /// Write a run's report.html again.
+    /// Write a run's report.html again, or a page that compares two runs.
     Report(ReportArgs),
     /// End a running test in an orderly way.
     #[command(after_help = "Example:\n  gusset stop runs/first")]
@@ -262,10 +262,12 @@ pub(super) struct DoctorArgs {
 }
 
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:\n  gusset export runs/first --format csv --out first.csv\n  \
+#[command(
+    after_help = "Examples:\n  gusset export runs/first --format csv --out first.csv\n  \
     gusset export runs/first --format mat --out first.mat                        load('first.mat')\n  \
     gusset export runs/first --format npz --rate tick --out first.npz            numpy.load('first.npz')\n  \
-    gusset export runs/first --format trace --from 2 --to 2.5 --out first.json   opens in ui.perfetto.dev")]
+    gusset export runs/first --format trace --from 2 --to 2.5 --out first.json   opens in ui.perfetto.dev"
+)]
 pub(super) struct ExportArgs {
     /// The run folder, finished or not.
     pub run: PathBuf,
@@ -314,12 +316,19 @@ pub(super) enum RateArg {
 }
 
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  gusset report runs/first")]
+#[command(
+    after_help = "Example:\n  gusset report runs/first\n  gusset report runs/rehearsal runs/test --out comparison.html"
+)]
 pub(super) struct ReportArgs {
     /// The run folder, finished or not.
     pub run: PathBuf,
+    /// A second run: compare the two, row by row where their steps are of one length.
+    pub against: Option<PathBuf>,
+    /// Where the comparison goes, replacing what is there [default: FIRST-against-SECOND.html in the working directory].
+    #[arg(long, value_name = "FILE", requires = "against")]
+    pub out: Option<PathBuf>,
     /// Also draw one wide picture of the run (SVG) here; must not exist yet.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", conflicts_with = "against")]
     pub picture: Option<PathBuf>,
 }
 

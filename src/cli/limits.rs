@@ -1,7 +1,8 @@
 //! Limits as `gusset check` shows them: what is allowed, who checks it, what happens then.
 
 use super::table::Table;
-use crate::config::{Limit, LimitFacts};
+use crate::config::{Limit, LimitFacts, LoadingFacts};
+use crate::geometry::LawPlace;
 
 /// Adds them to the table of a test.
 pub fn tabulate(limits: &LimitFacts, table: &mut Table) {
@@ -9,13 +10,21 @@ pub fn tabulate(limits: &LimitFacts, table: &mut Table) {
         table.row("UNLIMITED", reason);
     }
     for specimen in &limits.specimens {
+        if let Some(loading) = &specimen.geometry {
+            loading_unit(&specimen.name, loading, table);
+        }
         let what = format!("limits, {}", specimen.name);
         table.row(&what, &format!("checked by {}", specimen.checked_by));
         let several = specimen.axes.len() > 1;
         for (index, axis) in specimen.axes.iter().enumerate() {
             if several {
                 let of = if axis.is_empty() { ": none" } else { "" };
-                table.row(&format!("  axis {}{of}", index + 1), "");
+                let word = if specimen.geometry.is_some() {
+                    "actuator"
+                } else {
+                    "axis"
+                };
+                table.row(&format!("  {word} {}{of}", index + 1), "");
             } else if axis.is_empty() {
                 table.row("  none", "only what is not a number trips");
             }
@@ -32,6 +41,56 @@ pub fn tabulate(limits: &LimitFacts, table: &mut Table) {
     table.row("  always", &limits.always.join(";\n"));
     table.row("a warning", "is an event in the log; the test goes on");
     table.row("a trip", &limits.on_trip);
+}
+
+/// The actuators of a specimen, and what they hold.
+fn loading_unit(name: &str, loading: &LoadingFacts, table: &mut Table) {
+    let LoadingFacts {
+        form,
+        exact,
+        law_at,
+        coordinates,
+        condition,
+        actuators,
+    } = loading;
+    let place = match *form {
+        "plane" => "in the plane",
+        "space" => "in space",
+        _ => "by a matrix",
+    };
+    let strokes = if *exact {
+        "exact"
+    } else {
+        "for small displacements"
+    };
+    let at = match law_at {
+        LawPlace::Platform => "the platform's coordinates",
+        LawPlace::Actuators => "the actuators",
+    };
+    table.row(
+        &format!("actuators, {name}"),
+        &format!(
+            "{} {place} hold {}, strokes {strokes};\nlaw and estimates are of {at}; condition {condition:.3} at the reference \
+             pose, where K0 is taken",
+            actuators.len(),
+            coordinates.join(", ")
+        ),
+    );
+    for (index, actuator) in actuators.iter().enumerate() {
+        let mut text = match actuator.length_m {
+            Some(length) => format!("{length:.6} m from pin to pin; "),
+            None => String::new(),
+        };
+        let slopes = coordinates.iter().zip(&actuator.slope);
+        let slopes: Vec<String> = slopes
+            .map(|(key, slope)| format!("{slope:+.4} {key}"))
+            .collect();
+        text.push_str(&format!("stroke {}", slopes.join(" ")));
+        if let [least, most] = actuator.stroke_m[..] {
+            text.push_str(&format!("; {least:.6} to {most:.6} m allowed"));
+        }
+        table.row(&format!("  actuator {}", index + 1), &text);
+    }
 }
 
 fn line(limit: &Limit, table: &mut Table) {

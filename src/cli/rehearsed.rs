@@ -8,6 +8,7 @@ use super::run::refused;
 use super::table::{Table, duration, quantity};
 use super::warn;
 use crate::config::{Diagnostics, Finding, Loaded, Severity};
+use crate::control::Poses;
 use crate::control::limits::Quantity;
 use crate::engine::Experiment;
 use crate::session::rehearsal::{self, AxisNeed, Curtain, Need, Rehearsal, StandIn};
@@ -97,6 +98,13 @@ impl Rehearsed {
                 &needs.name,
                 &format!("stood for it: {}", needs.stand_in.words()),
             );
+            let word = match &needs.poses {
+                Some(poses) => {
+                    table.row("  platform", &platform(poses));
+                    "actuator"
+                }
+                None => "axis",
+            };
             for (axis, all) in needs.axes.iter().enumerate() {
                 let lines: Vec<String> = all.iter().map(line).collect();
                 let mut text = lines.join("\n");
@@ -106,7 +114,7 @@ impl Rehearsed {
                     let power = quantity(found.power.high, "W");
                     text.push_str(&format!("\npower up to {power}"));
                 }
-                table.row(&format!("  axis {} needs", axis + 1), &text);
+                table.row(&format!("  {word} {} needs", axis + 1), &text);
             }
         }
     }
@@ -140,12 +148,16 @@ impl Rehearsed {
                 let axes = needs.axes.iter();
                 let axes: Vec<Vec<Value>> =
                     axes.map(|all| all.iter().map(need).collect()).collect();
-                json!({
+                let mut found = json!({
                     "name": needs.name,
                     "stand_in": needs.stand_in.key(),
                     "axes": axes,
                     "power_w": needs.found.iter().map(|found| found.power.high).collect::<Vec<_>>(),
-                })
+                });
+                if let (Some(found), Some(poses)) = (found.as_object_mut(), &needs.poses) {
+                    found.insert("platform".to_owned(), platform_json(poses));
+                }
+                found
             })
             .collect();
         let findings = self.findings.iter().map(|finding| &finding.headline);
@@ -162,6 +174,37 @@ impl Rehearsed {
             "findings": findings.collect::<Vec<_>>(),
         })
     }
+}
+
+/// How far the platform of a loading unit goes.
+fn platform(poses: &Poses) -> String {
+    let each = poses.range.iter().map(|(coordinate, low, high)| {
+        let value = |value: f64| quantity(value, coordinate.unit());
+        format!("{} {} to {}", coordinate.key(), value(*low), value(*high))
+    });
+    let each: Vec<String> = each.collect();
+    let [at_rest, worst] = poses.condition;
+    let worst = if worst > at_rest {
+        format!("; at worst {worst:.3} at {}", poses.worst)
+    } else {
+        String::new()
+    };
+    format!(
+        "{}\ncondition {at_rest:.3} at the reference pose{worst}",
+        each.join(", ")
+    )
+}
+
+fn platform_json(poses: &Poses) -> Value {
+    let range = poses.range.iter().map(|(coordinate, low, high)| {
+        json!({ "coordinate": coordinate.key(), "unit": coordinate.unit(), "low": low, "high": high })
+    });
+    json!({
+        "range": range.collect::<Vec<_>>(),
+        "condition": poses.condition[0],
+        "worst_condition": poses.condition[1],
+        "worst_pose": poses.worst,
+    })
 }
 
 fn line(need: &Need) -> String {

@@ -67,7 +67,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
         status.show();
     });
     status.clear();
-    let finished = finished.map_err(|error| match error {
+    let mut finished = finished.map_err(|error| match error {
         SessionError::NotRealTime { .. } => {
             WithExit(Exit::NoRealTime, format!("{error}\nnothing was moved")).into()
         }
@@ -76,7 +76,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
     for text in &finished.unwritten {
         tell(format_args!("warning: not written: {text}"));
     }
-    let report = session::write_report(&finished.path);
+    let report = session::conclude(&mut finished);
     if let Err(error) = &report {
         tell(format_args!("warning: not written: {error}"));
     }

@@ -49,7 +49,7 @@ use thiserror::Error;
 use toml_edit::DocumentMut;
 
 pub use build::{
-    ALL_MODES, Analysis, Dial, Drawn, Estimate, Facts, Files, Limit, LimitFacts, Loop, ModeFacts,
+    ALL_MODES, ActuatorFacts, Analysis, Dial, Drawn, Estimate, Facts, Files, Limit, LimitFacts, LoadingFacts, Loop, ModeFacts,
     Prepared, SpecimenLimits, StructureFacts, Trial, build, build_over, build_rehearsal,
     build_trial, estimates,
 };
@@ -63,7 +63,7 @@ pub use inputs::{INPUTS_FOLDER, Input, InputError, Inputs};
 pub use locator::Locator;
 pub use overrides::Override;
 pub use resolve::{ResolveError, resolve};
-pub use safety::{ExitChoice, SafetyTable, ZeroChoice};
+pub use safety::{ExitChoice, SafetyTable, ShareSpec, ZeroChoice};
 pub use schema::{
     ExcitationTable, GravityTable, GroundTable, IntegratorTable, Method, NodalFileTable,
     NodalForceTable, PrescribedTable, RecordTable, Start, StructureTable, TestFile, Weighting,

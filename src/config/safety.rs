@@ -44,6 +44,11 @@ pub struct SafetyTable {
     /// fault. Absent: warned of beyond 1e-9, and the test stops beyond 1e-6, for structures of up to 64 DOFs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub step_audit: Option<BoundSpec>,
+    /// Energy that the transfer systems of all specimens have added because they are not where they should be, in parts of the
+    /// energy that the test has taken in so far: the work of loads and base, and the largest kinetic energy. Absent: not
+    /// bounded. `added_energy_j` at a specimen's limits bounds one axis in J.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub added_energy_share: Option<ShareSpec>,
     /// Why a specimen behind a link may be without a trip level of `command_disp_m` and `measured_force_n`; without a reason
     /// such a test is refused. Limits that are given hold all the same.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -64,6 +69,7 @@ impl Default for SafetyTable {
             exit_speed_m_per_s: None,
             stability_used: None,
             step_audit: None,
+            added_energy_share: None,
             unlimited: None,
         }
     }
@@ -78,6 +84,31 @@ impl SafetyTable {
             ..self.clone()
         };
         rest != Self::default()
+    }
+}
+
+/// Levels of a share of energy; at least one of them is given.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ShareSpec {
+    /// Beyond this share an event is written.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub warn: Option<f64>,
+    /// Beyond this share the test ends.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub trip: Option<f64>,
+    /// J that count as taken in from the start: a test that has hardly begun must not trip over a trifle.
+    pub floor_j: f64,
+}
+
+impl ShareSpec {
+    /// The levels alone.
+    #[must_use]
+    pub const fn levels(self) -> BoundSpec {
+        BoundSpec {
+            warn: self.warn,
+            trip: self.trip,
+        }
     }
 }
 

@@ -7,6 +7,7 @@ use std::path::Path;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::build::behind_actuators;
 use super::build::links::{beside, wire_axes};
 use super::document::Node;
 use super::safety::SafetyTable;
@@ -250,10 +251,13 @@ fn host(table: &SpecimenTable, at: &KeyPath) -> Result<Host, Box<Finding>> {
     };
     let law = law.clone();
     let transfer = table.transfer.clone();
+    let whole = table.clone();
     check_units(table, at)?;
     let wire = wire_axes(table, axes);
     let build = move || -> Result<Box<dyn Specimen>, String> {
-        let law = law.build(axes).map_err(|error| error.to_string())?;
+        let laws = whole.law_axes();
+        let law = law.build(laws).map_err(|error| error.to_string())?;
+        let law = behind_actuators(&whole, law).map_err(|error| error.to_string())?;
         let law: Box<dyn Specimen> = match &transfer {
             Some(spec) => {
                 let transfer = Transfer::new(spec, law, None);

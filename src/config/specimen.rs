@@ -10,6 +10,7 @@ use super::variant;
 use crate::compensation::CompensationSpec;
 use crate::control::AxisUnits;
 use crate::control::limits::LimitsSpec;
+use crate::geometry::{GeometrySpec, LawPlace};
 use crate::link::LinkSpec;
 use crate::specimen::SpecimenLaw;
 use crate::transfer::TransferSpec;
@@ -25,9 +26,14 @@ pub struct SpecimenTable {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1))]
     pub storey: Option<usize>,
-    /// Rows B of the transformation d = B·x: one row per axis, one column per DOF.
+    /// Rows B of the transformation d = B·x: one row per axis (with `geometry` one per coordinate of its platform), one column
+    /// per DOF.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rows: Option<Vec<Vec<f64>>>,
+    /// Loading unit: the axes are the actuators that hold a platform, and `rows` give its pose. Default: none, every axis is
+    /// a deformation by itself.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub geometry: Option<GeometrySpec>,
     /// Estimate of the initial stiffness in N/m at the structure's scale, which enters K0: a number or a matrix. Too
     /// large costs accuracy, too small costs stability. Default: the law's own; behind a link it must be given.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -128,6 +134,9 @@ impl SpecimenTable {
     /// Number of axes as far as the table alone says it, without a structure to take deformations from.
     #[must_use]
     pub fn axes_by_itself(&self) -> usize {
+        if let Some(geometry) = &self.geometry {
+            return geometry.actuators();
+        }
         let said = match (&self.laws, &self.coupled, &self.link) {
             (Some(SpecimenLaw::Laws(laws)), ..) => laws.len(),
             (_, Some(SpecimenLaw::Coupled(coupled)), _) => coupled.stiffness_n_per_m.len(),
@@ -144,10 +153,19 @@ impl SpecimenTable {
     /// Number of axes as far as the table says it.
     #[must_use]
     pub fn axes(&self) -> usize {
-        match (&self.storey, &self.rows) {
-            (Some(_), _) => 1,
-            (_, Some(rows)) => rows.len(),
+        match (&self.geometry, &self.storey, &self.rows) {
+            (None, Some(_), _) => 1,
+            (None, _, Some(rows)) => rows.len(),
             _ => self.axes_by_itself(),
+        }
+    }
+
+    /// Number of axes of its laws and estimates: those of the specimen, or the coordinates of its platform.
+    #[must_use]
+    pub fn law_axes(&self) -> usize {
+        match &self.geometry {
+            Some(geometry) if geometry.law_at == LawPlace::Platform => geometry.width(),
+            _ => self.axes(),
         }
     }
 

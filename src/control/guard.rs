@@ -1,6 +1,7 @@
 //! The limits of a port: no command leaves that was not judged, and every fresh measurement is.
 
 use super::limits::{AxisLimits, Found, Hit, Level, Quantity, Watch};
+use super::posed::Posed;
 use super::{Axis, Port};
 use crate::substructure::Substructure;
 
@@ -149,7 +150,9 @@ impl Port {
                 bound: f64::MAX,
             });
         }
-        *cleared = found.trip.is_none();
+        // No stroke belongs to a pose that cannot be.
+        let is_posed = self.posed.as_deref().is_none_or(Posed::is_possible);
+        *cleared = found.trip.is_none() && is_posed;
         found
     }
 

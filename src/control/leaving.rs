@@ -71,6 +71,7 @@ impl Port {
             speed,
         } = self.exits.clone();
         let exit = if tripped { on_trip } else { at_end };
+        self.leave_pose();
         let goal = match exit {
             Exit::Freeze => return None,
             Exit::ZeroForce => {

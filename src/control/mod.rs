@@ -16,6 +16,7 @@ mod link;
 mod misfit;
 mod opening;
 mod path;
+mod posed;
 mod probe;
 mod pursuit;
 mod stiffness;
@@ -34,6 +35,7 @@ pub use link::{LinkCount, OnStale, WaitRules};
 pub use misfit::{Channel, Misfit};
 pub use opening::{Reading, Reference, Zero};
 pub use path::{Order, Path, Point};
+pub use posed::{PoseRow, Poses};
 pub use probe::{Found, Pace, Probe};
 pub use stiffness::{Opinion, compare_stiffness};
 pub use tangent::{Point as TangentPoint, Tangent};
@@ -52,7 +54,8 @@ use crate::time::Nanos;
 /// sign, scale, similitude and unit; for a specimen in SI units and full scale they are 1 and the offsets 0.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Axis {
-    /// Nonzero entries of the row of B: degree of freedom (from 0) and coefficient.
+    /// Nonzero entries of the row of B: degree of freedom (from 0) and coefficient. Of an actuator: what the stroke is of
+    /// small displacements.
     pub row: Vec<(usize, f64)>,
     /// b·ι: the part of a base displacement that this deformation does not see.
     pub base: f64,
@@ -88,13 +91,7 @@ impl Axis {
 
     /// b·x, relative to the base. Real-time: yes.
     fn dot(&self, x: &[f64], base: f64) -> f64 {
-        let mut sum = 0.0;
-        for &(dof, coefficient) in &self.row {
-            if let Some(value) = x.get(dof) {
-                sum += coefficient * value;
-            }
-        }
-        sum - self.base * base
+        posed::dot(&self.row, self.base, x, base)
     }
 }
 
@@ -104,7 +101,7 @@ pub struct Port {
     pub name: String,
     axes: Vec<Axis>,
     substructure: Box<dyn Substructure>,
-    /// Deformation that the structure asks for: B·x, in m.
+    /// Deformation that the structure asks for: B·x, in m; of an actuator the stroke for the pose B·x.
     pub target: Vec<f64>,
     /// Velocity of the target in m/s (it belongs to t − Δt/2 with the published start).
     pub target_vel: Vec<f64>,
@@ -142,6 +139,8 @@ pub struct Port {
     pursuit: pursuit::Pursuit,
     stiffness: Vec<f64>,
     guard: guard::Guard,
+    /// The loading unit whose actuators the axes are.
+    posed: Option<Box<posed::Posed>>,
     estimates: estimate::Estimates,
     opening: opening::Opening,
     /// Zero velocities.
@@ -246,6 +245,7 @@ impl Port {
             estimates: estimate::Estimates::new(&stiffness),
             stiffness,
             guard: guard::Guard::open(n),
+            posed: None,
             opening: opening::Opening::absolute(n),
             still: vec![0.0; n],
             compensation: None,
@@ -295,26 +295,30 @@ impl Port {
 
     /// Makes the next command from the structure's state. Real-time: yes.
     pub fn aim(&mut self, disp: &[f64], vel: &[f64], base_disp: f64, base_vel: f64) {
-        for ((axis, target), target_vel) in self
-            .axes
-            .iter()
-            .zip(&mut self.target)
-            .zip(&mut self.target_vel)
-        {
-            *target = axis.dot(disp, base_disp);
-            *target_vel = axis.dot(vel, base_vel);
+        let (target, target_vel) = (&mut self.target, &mut self.target_vel);
+        if let Some(posed) = &mut self.posed {
+            posed.seek([disp, vel], base_disp, base_vel, target, target_vel);
+        } else {
+            for ((axis, target), target_vel) in self.axes.iter().zip(target).zip(target_vel) {
+                *target = axis.dot(disp, base_disp);
+                *target_vel = axis.dot(vel, base_vel);
+            }
         }
         self.prepare_command();
     }
 
-    /// Makes the next command from prescribed deformations: takes displacement and velocity of one axis after the
-    /// other from `along`. Real-time: yes.
+    /// Makes the next command from prescribed deformations: takes displacement and velocity of one axis (or of one coordinate
+    /// of the loading unit) after the other from `along`. Real-time: yes.
     pub fn aim_at(&mut self, along: &mut impl Iterator<Item = (f64, f64)>) {
-        for ((target, target_vel), (disp, vel)) in
-            self.target.iter_mut().zip(&mut self.target_vel).zip(along)
-        {
-            *target = disp;
-            *target_vel = vel;
+        let (target, target_vel) = (&mut self.target, &mut self.target_vel);
+        if let Some(posed) = &mut self.posed {
+            posed.seek_at(along, target, target_vel);
+        } else {
+            for ((target, target_vel), (disp, vel)) in target.iter_mut().zip(target_vel).zip(along)
+            {
+                *target = disp;
+                *target_vel = vel;
+            }
         }
         self.prepare_command();
     }
@@ -424,6 +428,10 @@ impl Port {
 
     /// residual −= Bᵀ·force, and the peak is noted. Real-time: yes.
     pub fn subtract_force(&mut self, residual: &mut [f64]) {
+        if let Some(posed) = &self.posed {
+            posed.subtract_force(residual);
+            return;
+        }
         for (axis, force) in self.axes.iter().zip(&self.force) {
             for &(dof, coefficient) in &axis.row {
                 if let Some(entry) = residual.get_mut(dof) {

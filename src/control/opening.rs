@@ -115,6 +115,7 @@ impl Port {
 
     /// The next command is the last one: nothing moves.
     pub fn stand_still(&mut self) {
+        self.leave_pose();
         self.command.copy_from_slice(&self.sent);
         self.command_vel.fill(0.0);
     }
@@ -146,6 +147,11 @@ impl Port {
         for (sums, (disp, force)) in self.opening.sums.iter_mut().zip(values) {
             sums.take([*disp, *force]);
         }
+    }
+
+    /// Readings begin anew: those of an earlier opening are of another moment.
+    pub fn forget_readings(&mut self) {
+        self.opening.sums.fill(Sums::default());
     }
 
     /// What was read of one axis.

@@ -109,7 +109,12 @@ impl Port {
 
     /// The target of the next step, from the structure's state. Real-time: yes.
     pub fn seek(&mut self, disp: &[f64], vel: &[f64], base_disp: f64, base_vel: f64) {
-        let goals = self.pursuit.goal.iter_mut().zip(&mut self.pursuit.goal_vel);
+        let (goal, goal_vel) = (&mut self.pursuit.goal, &mut self.pursuit.goal_vel);
+        if let Some(posed) = &mut self.posed {
+            posed.seek([disp, vel], base_disp, base_vel, goal, goal_vel);
+            return;
+        }
+        let goals = goal.iter_mut().zip(goal_vel);
         for (axis, (goal, goal_vel)) in self.axes.iter().zip(goals) {
             *goal = axis.dot(disp, base_disp);
             *goal_vel = axis.dot(vel, base_vel);
@@ -118,7 +123,12 @@ impl Port {
 
     /// The same from prescribed deformations. Real-time: yes.
     pub fn seek_at(&mut self, along: &mut impl Iterator<Item = (f64, f64)>) {
-        let goals = self.pursuit.goal.iter_mut().zip(&mut self.pursuit.goal_vel);
+        let (goal, goal_vel) = (&mut self.pursuit.goal, &mut self.pursuit.goal_vel);
+        if let Some(posed) = &mut self.posed {
+            posed.seek_at(along, goal, goal_vel);
+            return;
+        }
+        let goals = goal.iter_mut().zip(goal_vel);
         for ((goal, goal_vel), (disp, vel)) in goals.zip(along) {
             *goal = disp;
             *goal_vel = vel;

@@ -4,6 +4,7 @@
 //! specimen is moved to where the test file wants it left; after a panic nothing is moved any more. A specimen whose link is
 //! lost or whose interlock is open is not commanded: its own watchdog holds it.
 
+use super::columns::GIVEN_UP;
 use super::operator::Control;
 use super::phase::{Cause, Phase};
 use super::tick::Tick;
@@ -84,6 +85,7 @@ impl Engine {
                 }
             })
             .collect();
+        self.keep_warm_up();
         if departures.iter().all(Option::is_none) {
             return;
         }
@@ -110,7 +112,11 @@ impl Engine {
             time: step as f64 * self.dt,
             dt: 0.0,
         };
-        let state = Phase::Tripped.code();
+        let state = if ending.is_for_being_late() {
+            GIVEN_UP
+        } else {
+            Phase::Tripped.code()
+        };
         self.row.between(&tick, state, &self.side, &self.ports);
         self.row.no_outputs();
         let stamps = TickStamps::default();

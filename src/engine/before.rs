@@ -7,10 +7,13 @@ use super::operator::Control;
 use super::phase::{Cause, Phase};
 use super::tick::Tick;
 use super::{Engine, Side, Stop};
+use crate::record::WarmUpRows;
 use crate::rt::timing::TickStamps;
 
 /// Share of a speed limit that a ramp uses at its fastest.
 const SHARE_OF_SPEED: f64 = 0.5;
+/// Ticks of a warm-up whose rows are held back until it is known whether they matter.
+const MOST_HELD_BACK: u64 = 10_000;
 
 /// How a test begins.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -118,9 +121,62 @@ impl Engine {
         }
     }
 
+    /// The row of a tick of the warm-up. x, v and a stay what they were: what follows is the same with these rows and without.
+    fn warm_up_row(&mut self, rows: WarmUpRows, tick: &Tick, stamps: &TickStamps) {
+        if rows == WarmUpRows::Never {
+            return;
+        }
+        let state = Phase::Armed.code();
+        self.row.between(tick, state, &self.side, &self.ports);
+        self.row
+            .timing(stamps, self.first_edge, self.schedule.stretched());
+        if rows == WarmUpRows::IfTheyMatter {
+            // Within its capacity.
+            self.held_back.extend_from_slice(self.row.values());
+        } else if !self.recorder.row(self.row.values()) {
+            self.rows_lost += 1;
+        }
+    }
+
     /// Warm-up ticks: the loop lives, the specimens hold the first command, nothing is counted as a miss.
     pub(super) fn warm_up(&mut self, control: &Control) -> Result<(), Stop> {
         self.enter(Phase::Armed, Cause::Done);
+        let rows = match self.recorder.warm_up() {
+            // Too many to be held back.
+            WarmUpRows::IfTheyMatter if self.limits.warmup_ticks > MOST_HELD_BACK => {
+                WarmUpRows::AsTheyCome
+            }
+            rows => rows,
+        };
+        // In a replay without these rows nobody asks for anything, and nobody answers.
+        let nobody = Control::unattended();
+        self.unanswered = rows == WarmUpRows::Never;
+        let control = if self.unanswered { &nobody } else { control };
+        if rows == WarmUpRows::IfTheyMatter {
+            let ticks = usize::try_from(self.limits.warmup_ticks).unwrap_or(0);
+            self.held_back = Vec::with_capacity(ticks * self.columns.len());
+        }
+        let held_before = self.hold_wanted;
+        let outcome = self.warm_up_ticks(rows, control);
+        self.unanswered = false;
+        if self.hold_wanted != held_before {
+            self.keep_warm_up();
+        }
+        outcome
+    }
+
+    /// The rows of the warm-up matter: something was asked in it, or the test ends before its first row. Real-time: yes.
+    pub(super) fn keep_warm_up(&mut self) {
+        let columns = self.columns.len().max(1);
+        for row in self.held_back.chunks_exact(columns) {
+            if !self.recorder.row(row) {
+                self.rows_lost += 1;
+            }
+        }
+        self.held_back.clear();
+    }
+
+    fn warm_up_ticks(&mut self, rows: WarmUpRows, control: &Control) -> Result<(), Stop> {
         for port in &mut self.ports {
             port.rest();
         }
@@ -139,6 +195,7 @@ impl Engine {
             } else {
                 self.exchange_again(&tick, &mut stamps)?;
             }
+            self.warm_up_row(rows, &tick, &stamps);
             self.sequence += 1;
             if let (Side::Structure(numerical), Some(scratch)) = (&mut self.side, &scratch) {
                 numerical.rehearse(scratch, &mut self.ports);
@@ -150,7 +207,7 @@ impl Engine {
         for port in &mut self.ports {
             port.begin_test();
         }
-        // What stands in no row does not count: a replay would count otherwise.
+        // Warm-up ticks do not count.
         self.stale.fill(0);
         self.clear_commands()
     }

@@ -16,6 +16,8 @@ pub enum TestQuantity {
     StabilityUsed,
     /// What the exact audit of the steps leaves over, in parts of the energy that was turned over.
     StepAudit,
+    /// Energy that the transfer systems have added, in parts of what the test has taken in.
+    AddedEnergyShare,
     /// Deadline misses in a row.
     MissesInARow,
     /// Deadline misses in a stretch of time.
@@ -26,7 +28,7 @@ pub enum TestQuantity {
 
 impl TestQuantity {
     /// Those that stand in the row.
-    const RECORDED: [Self; 2] = [Self::StabilityUsed, Self::StepAudit];
+    const RECORDED: [Self; 3] = [Self::StabilityUsed, Self::StepAudit, Self::AddedEnergyShare];
 
     /// In words.
     #[must_use]
@@ -36,6 +38,9 @@ impl TestQuantity {
                 "share of the room for stability that tangents beyond their declared bounds use up"
             }
             Self::StepAudit => "energy that the exact audit of the steps leaves over, relative",
+            Self::AddedEnergyShare => {
+                "energy that the transfer systems have added, in parts of what the test has taken in"
+            }
             Self::MissesInARow => "deadlines missed in a row",
             Self::MissesInWindow => "deadlines missed in the last while",
             Self::Misses => "deadlines missed",
@@ -48,10 +53,19 @@ impl TestQuantity {
         match self {
             Self::StabilityUsed => "stability_used",
             Self::StepAudit => "step_audit",
+            Self::AddedEnergyShare => "added_energy_share",
             Self::MissesInARow => "max_consecutive_misses",
             Self::MissesInWindow => "max_misses_in_window",
             Self::Misses => "max_total_misses",
         }
+    }
+
+    /// Whether it counts deadlines that were missed.
+    pub(super) const fn is_of_misses(self) -> bool {
+        matches!(
+            self,
+            Self::MissesInARow | Self::MissesInWindow | Self::Misses
+        )
     }
 
     /// Whether it is kept in such a test.
@@ -61,6 +75,9 @@ impl TestQuantity {
                 !ports.is_empty() && ports.iter().all(Port::knows_stability)
             }
             (Self::StepAudit, Side::Structure(numerical)) => numerical.audit().is_some(),
+            (Self::AddedEnergyShare, Side::Structure(numerical)) => {
+                numerical.intake().is_some() && !ports.is_empty()
+            }
             _ => false,
         }
     }
@@ -75,6 +92,12 @@ impl TestQuantity {
             (Self::StepAudit, Side::Structure(numerical)) => numerical
                 .audit()
                 .map_or(f64::NAN, super::audit::StepAudit::relative),
+            (Self::AddedEnergyShare, Side::Structure(numerical)) => {
+                let axes = ports.iter().flat_map(Port::estimates);
+                let added = axes.map(|(_, _, energy)| energy).sum();
+                let intake = numerical.intake();
+                intake.map_or(f64::NAN, |intake| intake.share(added))
+            }
             _ => f64::NAN,
         }
     }
@@ -104,6 +127,8 @@ pub struct TestLimits {
     pub stability_used: Bound,
     /// Of [`TestQuantity::StepAudit`].
     pub step_audit: Bound,
+    /// Of [`TestQuantity::AddedEnergyShare`].
+    pub added_energy_share: Bound,
     /// Of misses, beside those that [`super::Limits`] has.
     pub misses: MissLevels,
 }
@@ -113,6 +138,7 @@ impl Default for TestLimits {
         Self {
             stability_used: Bound::NONE,
             step_audit: Bound::NONE,
+            added_energy_share: Bound::NONE,
             misses: MissLevels::NONE,
         }
     }
@@ -138,7 +164,9 @@ impl std::fmt::Display for TestHit {
         } = self;
         let (words, key) = (quantity.words(), quantity.key());
         match quantity {
-            TestQuantity::StabilityUsed | TestQuantity::StepAudit => {
+            TestQuantity::StabilityUsed
+            | TestQuantity::StepAudit
+            | TestQuantity::AddedEnergyShare => {
                 write!(f, "{words}: {value:.3e}, allowed {bound:.3e} ({key})")
             }
             _ => write!(f, "{words}: {value}, allowed {bound} ({key})"),
@@ -155,6 +183,7 @@ impl Engine {
             }
             let bound = match quantity {
                 TestQuantity::StabilityUsed => self.limits.test.stability_used,
+                TestQuantity::AddedEnergyShare => self.limits.test.added_energy_share,
                 _ => self.limits.test.step_audit,
             };
             let value = quantity.value(&self.side, &self.ports);

@@ -14,6 +14,9 @@ use crate::record::Column;
 use crate::rt::timing::TickStamps;
 use crate::time::Nanos;
 
+/// State of the row in which a test was given up for being late: only the clock knows why, so the row must say that.
+pub const GIVEN_UP: f64 = 14.0;
+
 /// The row of the current tick and the place of each number in it.
 #[derive(Debug)]
 pub struct Row {
@@ -36,8 +39,8 @@ const BOOKKEEPING: [(&str, &str, &str); 5] = [
         "state",
         "1",
         "phase: 1 settling under the static load, 2 trying which way round a specimen is wired, 3 running, 4 zeroing, \
-         5 ramping, 6 holding, 7 leaving, 8 tripped; between two steps: 11 towards a known target, 12 along the \
-         prediction, 13 slowing down",
+         5 ramping, 6 holding, 7 leaving, 8 tripped, 10 warming up (kept where it mattered), 14 given up for being late; \
+         between two steps: 11 towards a known target, 12 along the prediction, 13 slowing down",
     ),
     (
         "hold",
@@ -207,7 +210,9 @@ impl Row {
             }
             let after_axes = slots.iter_mut().skip(width * port.axes());
             let further = port.tracking().flatten();
-            for (slot, value) in after_axes.zip(further.chain(port.compensation_parameters())) {
+            let further = further.chain(port.compensation_parameters());
+            let poses = port.pose().flat_map(|(_, values)| values);
+            for (slot, value) in after_axes.zip(further.chain(poses)) {
                 *slot = value;
             }
             if let [.., sequence, status] = slots {
@@ -294,14 +299,25 @@ fn port_columns(columns: &mut Vec<Column>, number: usize, port: &Port) -> Range<
                 false,
             ));
         };
-        add("target", "m", "deformation B·x that the structure asks for");
+        let (target, force) = if port.geometry().is_some() {
+            (
+                "stroke of the actuator for the pose B·x",
+                "force of the actuator, at the structure's scale",
+            )
+        } else {
+            (
+                "deformation B·x that the structure asks for",
+                "restoring force that entered equilibrium",
+            )
+        };
+        add("target", "m", target);
         add("cmd", "specimen unit", "displacement that was sent");
         add(
             "meas",
             "m",
             "measured displacement in the structure's units",
         );
-        add("force", "N", "restoring force that entered equilibrium");
+        add("force", "N", force);
         add(
             "raw_disp",
             "specimen unit",
@@ -348,6 +364,22 @@ fn port_columns(columns: &mut Vec<Column>, number: usize, port: &Port) -> Range<
             format!("parameter {key} of the compensation, specimen \"{name}\", axis {axis}");
         let key = format!("comp_{key}_{number}_{axis}");
         columns.push(column(&key, parameter.unit, &meaning, false));
+    }
+    for (index, (coordinate, _)) in port.pose().enumerate() {
+        let (key, unit) = (coordinate.key(), coordinate.unit());
+        for (kind, unit, meaning) in [
+            ("pose", unit, "pose B·x that the structure asks for"),
+            ("pose_meas", unit, "pose that the measured strokes have"),
+            (
+                "pose_force",
+                coordinate.force_unit(),
+                "force that entered equilibrium",
+            ),
+        ] {
+            let meaning = format!("{meaning}, specimen \"{name}\", {key}");
+            let key = format!("{kind}_{number}_{}", index + 1);
+            columns.push(column(&key, unit, &meaning, false));
+        }
     }
     let meaning = format!("newest command in force when specimen \"{name}\" was sampled");
     columns.push(column(&format!("seq_{number}"), "1", &meaning, false));

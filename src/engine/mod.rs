@@ -10,6 +10,7 @@ mod before;
 mod checks;
 mod columns;
 mod direction;
+mod intake;
 mod misses;
 mod numerical;
 mod operator;
@@ -26,6 +27,8 @@ mod tick;
 pub use audit::StepAudit;
 pub use before::Opening;
 pub use checks::{TestHit, TestLimits, TestQuantity};
+pub use columns::GIVEN_UP;
+pub use intake::Intake;
 pub use misses::MissLevels;
 pub use numerical::{Numerical, Side};
 pub use operator::{Control, Notice, Operator, Watch};
@@ -37,10 +40,10 @@ pub use settle::Settling;
 pub use stop::{Ending, Stop};
 pub use tick::Tick;
 
-use crate::control::{LinkCount, Port};
+use crate::control::{LinkCount, Port, Poses};
 use crate::record::{Column, Recorder};
 use crate::rt::timing::{TickStamps, Timing};
-use crate::time::{Clock, Nanos, Ratio, Schedule};
+use crate::time::{Clock, Nanos, Ratio, Schedule, SimClock};
 
 /// What to do about a tick that starts, or leaves the next one to start, a period or more late.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -124,6 +127,10 @@ pub struct Engine {
     pub phase_cell: PhaseCell,
     hold_wanted: bool,
     confirmed: bool,
+    /// Rows of the warm-up, until the first of the test is made.
+    held_back: Vec<f64>,
+    /// Recordings say nothing: they have no row of the warm-up.
+    unanswered: bool,
     limits: Limits,
     clock: Box<dyn Clock>,
     recorder: Box<dyn Recorder>,
@@ -194,6 +201,8 @@ pub struct Outcome {
     pub events_lost: u64,
     /// From the first edge of the test to the end of its last tick.
     pub wall_ns: u64,
+    /// How far the platform of each specimen went; none where its axes are no actuators of one.
+    pub poses: Vec<Option<Poses>>,
     /// What the links say about their faults: specimen (from 0) and words.
     pub complaints: Vec<(usize, String)>,
 }
@@ -210,6 +219,26 @@ impl Engine {
     /// Allocates everything that the loop will ever need.
     #[must_use]
     pub fn new(experiment: Experiment, clock: Box<dyn Clock>, recorder: Box<dyn Recorder>) -> Self {
+        let ports = &experiment.ports;
+        let names: Vec<&str> = ports.iter().map(|port| port.name.as_str()).collect();
+        let remote = ports.iter().any(Port::is_remote);
+        let timing = Timing::new(&names, remote, experiment.limits.warmup_ticks);
+        Self::timed_by(timing, experiment, clock, recorder)
+    }
+
+    /// The same for what has happened already: its histograms stay empty.
+    #[must_use]
+    pub fn for_a_replay(experiment: Experiment, recorder: Box<dyn Recorder>) -> Self {
+        let clock = Box::new(SimClock::new());
+        Self::timed_by(Timing::counting(), experiment, clock, recorder)
+    }
+
+    fn timed_by(
+        timing: Timing,
+        experiment: Experiment,
+        clock: Box<dyn Clock>,
+        recorder: Box<dyn Recorder>,
+    ) -> Self {
         let Experiment {
             dt,
             period,
@@ -234,9 +263,6 @@ impl Engine {
             numerical.structure.freeze(&mut memory);
         }
         let schedule = Schedule::new(Nanos(0), period);
-        let names: Vec<&str> = ports.iter().map(|port| port.name.as_str()).collect();
-        let remote = ports.iter().any(Port::is_remote);
-        let timing = Timing::new(&names, remote, limits.warmup_ticks);
         Self {
             dt,
             period,
@@ -258,6 +284,8 @@ impl Engine {
             phase_cell: PhaseCell::default(),
             hold_wanted: false,
             confirmed: false,
+            held_back: Vec::new(),
+            unanswered: false,
             ports,
             miss_window: misses::MissWindow::new(&limits.test.misses),
             test_warned: 0,
@@ -306,12 +334,14 @@ impl Engine {
                     )
                 })
                 .collect(),
-            timing: self.timing.clone(),
+            // Megabytes, and nobody asks for them twice.
+            timing: std::mem::replace(&mut self.timing, Timing::counting()),
             misses: self.misses,
             stretched: self.schedule.stretched(),
             rows_lost: self.rows_lost,
             events_lost: self.events_lost,
             wall_ns: self.clock_now.since(self.first_edge),
+            poses: self.ports.iter().map(Port::poses).collect(),
             complaints: self
                 .ports
                 .iter()

@@ -1,6 +1,7 @@
 //! The numerical side of a test: a structure that is integrated, or a deformation that is prescribed.
 
 use super::audit::StepAudit;
+use super::intake::{Closed, Intake};
 use crate::control::Port;
 use crate::integrate::{Loaded, State, StepError, Stepper};
 use crate::linalg::Aligned;
@@ -27,6 +28,7 @@ pub struct Numerical {
     acceleration: Acceleration,
     stepper: Stepper,
     audit: Option<StepAudit>,
+    intake: Option<Intake>,
     /// x and v of the step that is about to be closed.
     pub state: State,
     /// r = F − R_d(v) − R_s(x) − Bᵀf of the step last closed.
@@ -85,6 +87,7 @@ impl Numerical {
             excitation,
             stepper,
             audit: None,
+            intake: None,
             state,
             inertia: Aligned::zeros(n),
             next_inertia: Aligned::zeros(n),
@@ -98,6 +101,19 @@ impl Numerical {
     pub fn audited(mut self, audit: StepAudit) -> Self {
         self.audit = Some(audit);
         self
+    }
+
+    /// The same with an account of the energy that it takes in.
+    #[must_use]
+    pub fn counted(mut self, intake: Intake) -> Self {
+        self.intake = Some(intake);
+        self
+    }
+
+    /// The energy taken in so far, if it is counted.
+    #[must_use]
+    pub const fn intake(&self) -> Option<&Intake> {
+        self.intake.as_ref()
     }
 
     /// The audit of the steps made so far.
@@ -139,6 +155,16 @@ impl Numerical {
         );
         for port in ports {
             port.subtract_force(&mut self.inertia);
+        }
+        if let Some(intake) = &mut self.intake {
+            let excitation = &self.excitation;
+            let closed = Closed {
+                disp: &self.state.disp,
+                residual: &self.inertia,
+                base,
+                kinetic: 0.5 * self.structure.mass().quadratic(&self.state.vel),
+            };
+            intake.note(|load| excitation.load_into(index(step), load), &closed);
         }
         if let Stepper::Offline(method) = &mut self.stepper {
             method.begin(&self.state, &self.inertia);
@@ -201,15 +227,15 @@ impl Numerical {
     /// Runs the whole numerical path once and leaves no trace, so that the processor, its caches and branch predictors
     /// are warm at the first tick. Real-time: yes.
     pub fn rehearse(&mut self, scratch: &Scratch, ports: &mut [Port]) {
-        // What the audit has seen of the test stays as it is.
-        let audit = self.audit.take();
+        // What the audit and the account of energy have seen of the test stays as it is.
+        let (audit, intake) = (self.audit.take(), self.intake.take());
         self.close(0, 0.0, ports);
         // An integrator does not fail.
         let _ = self.advance(0);
         self.output_accel();
         self.state.copy_from(&scratch.state);
         self.structure.thaw(&scratch.memory);
-        self.audit = audit;
+        (self.audit, self.intake) = (audit, intake);
         for output in [&mut self.inertia, &mut self.reported_vel, &mut self.accel] {
             output.fill(0.0);
         }

@@ -13,6 +13,8 @@ pub enum Operator {
     Hold,
     /// Go on after a hold; confirm the offsets.
     Continue,
+    /// Give the test up as being late. No operator asks for it: a replay does, whose clock is never late.
+    GiveUp,
 }
 
 /// What the loop tells whoever attends it, besides rows and events. Never waited on.

@@ -231,6 +231,7 @@ impl Engine {
         self.row
             .timing(stamps, self.first_edge, self.schedule.stretched());
         self.ride.unchecked += 1;
+        self.held_back.clear();
         if !self.recorder.row(self.row.values()) {
             self.rows_lost += 1;
             self.report(&tick, EventKind::RowLost);

@@ -92,6 +92,8 @@ impl Engine {
     fn open(&mut self, control: &Control) -> Result<(), Stop> {
         self.aim_at_start();
         if let Side::Structure(numerical) = &mut self.side
+            // On simulated time nothing need be warm.
+            && !self.clock.is_simulated()
             && let Some(scratch) = numerical.scratch()
         {
             for _ in 0..REHEARSALS {
@@ -177,6 +179,15 @@ impl Engine {
     fn hear(&mut self, control: &Control) -> Result<(), Stop> {
         match control.requests.try_recv() {
             Ok(Operator::Stop) => return Err(Stop::Operator),
+            Ok(Operator::GiveUp) => {
+                return Err(Stop::Late {
+                    total: self.misses,
+                    in_a_row: self.misses_in_a_row,
+                    late_ns: 0,
+                });
+            }
+            // The way out is neither held nor confirmed.
+            Ok(_) if self.phase == Phase::Leaving => {}
             Ok(Operator::Hold) => self.hold_wanted = true,
             Ok(Operator::Continue) => {
                 self.hold_wanted = false;
@@ -341,6 +352,13 @@ impl Engine {
                     port: *port as u32,
                     axis: misfit.axis() as u32,
                     what: misfit.name(),
+                });
+            }
+            Ending::Stopped(Stop::Geometry { port, fault }) => {
+                self.report_now(EventKind::Geometry {
+                    port: *port as u32,
+                    actuator: fault.wrong.actuator().map(|actuator| actuator as u32),
+                    what: fault.wrong.word(),
                 });
             }
             Ending::Stopped(Stop::Saturated { port }) => {

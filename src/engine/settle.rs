@@ -104,6 +104,7 @@ impl Engine {
         self.wait_before_start(&mut stamps, control)?;
         self.exchange(&tick, &mut stamps)?;
         self.listen()?;
+        self.resolve_poses()?;
         self.row
             .exchange(&tick, Phase::Settling, &self.side, &self.ports);
         let Side::Structure(numerical) = &mut self.side else {

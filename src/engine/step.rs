@@ -37,6 +37,10 @@ impl Engine {
     fn close_step(&mut self, tick: &Tick, stamps: &mut TickStamps) -> Result<(), Stop> {
         let stage = self.ride.stride.stage;
         let tick = self.step_of(tick);
+        if let Err(stop) = self.resolve_poses() {
+            self.record_trip(&tick, stamps, &stop);
+            return Err(stop);
+        }
         self.row
             .exchange(&tick, Phase::Running, &self.side, &self.ports);
         let advanced = self.advance_to_next(&tick);
@@ -56,6 +60,15 @@ impl Engine {
         advanced
     }
 
+    /// Where the platforms of loading units are, and which forces act there. Real-time: yes.
+    pub(super) fn resolve_poses(&mut self) -> Result<(), Stop> {
+        for (index, port) in self.ports.iter_mut().enumerate() {
+            let found = port.resolve_pose();
+            found.map_err(|fault| Stop::Geometry { port: index, fault })?;
+        }
+        Ok(())
+    }
+
     /// What was measured in the tick that ends the test is kept, although no step follows from it.
     fn record_trip(&mut self, tick: &Tick, stamps: &TickStamps, stop: &Stop) {
         if matches!(
@@ -63,9 +76,11 @@ impl Engine {
             Stop::Limit { .. }
                 | Stop::Interlock { .. }
                 | Stop::Saturated { .. }
+                | Stop::Geometry { .. }
                 | Stop::Stale { .. }
         ) {
             self.trip_is_recorded = true;
+            self.keep_warm_up();
             if tick.step == self.ride.step {
                 self.row
                     .exchange(tick, Phase::Tripped, &self.side, &self.ports);
@@ -135,8 +150,7 @@ impl Engine {
                 .map_err(|fault| Stop::Link { port: index, fault })?;
             port.answered();
             stamps.decoded = self.clock.now();
-            // Warm-up ticks leave no rows: what a recording answers there is that of the first step.
-            if self.phase == Phase::Armed && port.is_recorded() {
+            if self.unanswered && port.is_recorded() {
                 continue;
             }
             // A slow partner may have been asked some ticks ago.
@@ -173,6 +187,9 @@ impl Engine {
                 continue;
             }
             let found = port.clear();
+            if let Some(fault) = port.geometry_fault() {
+                return Err(Stop::Geometry { port: index, fault });
+            }
             let tick = Tick {
                 step,
                 sub_tick: 0,
@@ -306,6 +323,7 @@ impl Engine {
 
     /// Row to the recorder; a lost row is an event and a count, never a wait.
     fn hand_over(&mut self, tick: &Tick) {
+        self.held_back.clear();
         if !self.recorder.row(self.row.values()) {
             self.rows_lost += 1;
             self.report(tick, EventKind::RowLost);

@@ -5,6 +5,7 @@ use thiserror::Error;
 use super::TestHit;
 use crate::control::Misfit;
 use crate::control::limits::Hit;
+use crate::geometry::Fault;
 use crate::integrate::StepError;
 use crate::substructure::LinkFault;
 
@@ -85,6 +86,14 @@ pub enum Stop {
         /// Which limit.
         hit: Hit,
     },
+    /// A pose that the actuators of a specimen cannot take, or strokes without a pose.
+    #[error("specimen {}: {fault}", port + 1)]
+    Geometry {
+        /// Specimen, from 0.
+        port: usize,
+        /// What is wrong, and at which pose.
+        fault: Fault,
+    },
     /// A limit of the test as a whole tripped.
     #[error("{0}")]
     TestLimit(TestHit),
@@ -121,6 +130,18 @@ pub enum Stop {
         /// Exchanges made.
         exchanges: u32,
     },
+}
+
+impl Ending {
+    /// True if deadlines that were missed ended it: nothing that was measured tells so.
+    #[must_use]
+    pub const fn is_for_being_late(&self) -> bool {
+        match self {
+            Self::Stopped(Stop::Late { .. }) => true,
+            Self::Stopped(Stop::TestLimit(hit)) => hit.quantity.is_of_misses(),
+            _ => false,
+        }
+    }
 }
 
 /// How a test ended.

@@ -84,7 +84,7 @@ impl AxisTap {
         let before = self.now;
         let follows = self.sequence.is_some_and(|last| last + 1 == sequence);
         self.sequence = Some(sequence);
-        let change = follows.then(|| command - before.command);
+        let change = follows.then_some(command - before.command);
         self.accel = match (change, self.change) {
             (Some(now), Some(before)) => (now - before).abs() / (self.tick_s * self.tick_s),
             _ => f64::NAN,

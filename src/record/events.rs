@@ -336,6 +336,23 @@ impl<S: Store> EventLog<S> {
                 put(line, "what", what);
                 tracing::error!(specimen = port + 1, axis = axis + 1, "not armed: {what}");
             }
+            EventKind::Geometry {
+                port,
+                actuator,
+                what,
+            } => {
+                self.specimen(line, port);
+                if let Some(actuator) = actuator {
+                    put(line, "axis", actuator + 1);
+                }
+                put(line, "what", what);
+                tracing::error!(
+                    tick = event.tick,
+                    time = event.time,
+                    specimen = port + 1,
+                    "geometry: {what}"
+                );
+            }
             EventKind::Saturated { port } => {
                 self.specimen(line, port);
                 tracing::error!(
@@ -508,6 +525,7 @@ const fn kind_name(kind: &EventKind) -> &'static str {
         EventKind::Direction { .. } => "direction",
         EventKind::DirectionUnknown { .. } => "direction_unknown",
         EventKind::Misfit { .. } => "misfit",
+        EventKind::Geometry { .. } => "geometry",
         EventKind::Phase { .. } => "phase",
         EventKind::Pace { .. } => "pace",
         EventKind::Checkpoint { .. } => "checkpoint",

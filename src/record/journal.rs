@@ -14,8 +14,11 @@ use super::layout::{HEAD, MARKER, TAIL, stride};
 pub fn encode(sequence: u64, values: &[f64], out: &mut Vec<u8>) {
     let start = out.len();
     out.extend_from_slice(&sequence.to_le_bytes());
-    for value in values {
-        out.extend_from_slice(&value.to_le_bytes());
+    let first = out.len();
+    out.resize(first + size_of_val(values), 0);
+    let places = out.get_mut(first..).unwrap_or_default();
+    for (place, value) in places.as_chunks_mut::<8>().0.iter_mut().zip(values) {
+        *place = value.to_le_bytes();
     }
     let crc = crc32fast::hash(out.get(start..).unwrap_or_default());
     out.extend_from_slice(&crc.to_le_bytes());

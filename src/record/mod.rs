@@ -156,6 +156,15 @@ pub enum EventKind {
         /// In one word.
         what: &'static str,
     },
+    /// A pose that the actuators of specimen `port` cannot take, or strokes without a pose.
+    Geometry {
+        /// Specimen, from 0.
+        port: u32,
+        /// Actuator, from 0, where it is one alone.
+        actuator: Option<u32>,
+        /// In one word.
+        what: &'static str,
+    },
     /// The pace of the commands changed between two targets.
     Pace {
         /// From here.
@@ -230,6 +239,18 @@ pub enum MissCause {
     Ours,
 }
 
+/// When the rows of the warm-up are handed over. It is no part of a test, and nothing of it is kept as long as nothing
+/// is asked in it and nothing goes wrong.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum WarmUpRows {
+    /// Afterwards, if they matter.
+    IfTheyMatter,
+    /// Tick by tick: they are compared with recorded ones.
+    AsTheyCome,
+    /// Not at all: they are compared with a recording in which they did not matter.
+    Never,
+}
+
 /// Where the loop leaves rows and events. Never blocks under the real clock. Real-time: yes.
 pub trait Recorder: Send {
     /// Takes one row; false if it had to be dropped.
@@ -237,4 +258,9 @@ pub trait Recorder: Send {
 
     /// Takes one event; false if it had to be dropped.
     fn event(&mut self, event: Event) -> bool;
+
+    /// When it wants the rows of the warm-up, which begins now.
+    fn warm_up(&mut self) -> WarmUpRows {
+        WarmUpRows::IfTheyMatter
+    }
 }

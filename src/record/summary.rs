@@ -155,6 +155,12 @@ pub struct Summary {
     /// Which limits there were, who checked them, and what a trip would have done.
     #[serde(default)]
     pub limits: Value,
+    /// The machine that the test ran on: what its own files say.
+    #[serde(default)]
+    pub machine: Value,
+    /// Tracking metrics by specimen, one entry per axis, each with its noise floor; null before they are known.
+    #[serde(default)]
+    pub metrics: Value,
 }
 
 #[cfg(test)]
@@ -188,6 +194,8 @@ pub(super) mod tests {
             miss_classes: MissClasses::default(),
             warnings: Vec::new(),
             limits: Value::Null,
+            machine: Value::Null,
+            metrics: Value::Null,
         }
     }
 
@@ -217,7 +225,15 @@ pub(super) mod tests {
             "link",
             "version",
         ];
-        let additions = ["rows_lost", "inputs", "miss_classes", "warnings", "limits"];
+        let additions = [
+            "rows_lost",
+            "inputs",
+            "miss_classes",
+            "warnings",
+            "limits",
+            "machine",
+            "metrics",
+        ];
         assert_eq!(keys, [&contract[..], &additions[..]].concat());
         assert_eq!(
             (&json["status"], &json["clock"]),

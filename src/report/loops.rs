@@ -10,8 +10,10 @@ use super::histogram::{self, Timing, words};
 use super::html::{beside, figure, note, paragraph, section, table};
 use super::lines::{Line, Reduce, TimeChart};
 use super::outcome;
+use super::plots::history;
 use super::rows::Rows;
 use super::text::{NOTHING, count, micros, plural, quantity, shortened};
+use super::timeline::SILENT;
 
 /// Events that are listed one by one.
 const MOST_EVENTS: usize = 200;
@@ -64,7 +66,99 @@ pub(super) fn timing(run: &RunData, rows: &Rows<'_>, timings: &[Timing]) -> Stri
             markup += &beside("grid", &figures);
         }
     }
-    section(heading, &(markup + &over_time(run, rows)))
+    section(
+        heading,
+        &(markup + &over_time(run, rows) + &worst(run, rows)),
+    )
+}
+
+/// The ticks that took longest, with what is known of each.
+fn worst(run: &RunData, rows: &Rows<'_>) -> String {
+    let miss_at = |step: f64| {
+        let near = run.events.iter().filter(|e| outcome::is_miss(e));
+        near.filter_map(|e| Some((e.get("tick")?.as_f64()? - step, e)))
+            .find(|(apart, _)| apart.abs() <= 1.0)
+    };
+    let show = |s: f64| {
+        if s.is_finite() {
+            micros(s * 1e6)
+        } else {
+            NOTHING.to_owned()
+        }
+    };
+    let listed = rows.digest().worst.iter().map(|tick| {
+        let miss = miss_at(tick.step).map(|(_, miss)| miss);
+        let word = |key: &str| {
+            miss.and_then(|m| m.get(key)?.as_str())
+                .map(|w| w.replace('_', " "))
+        };
+        let number = |key: &str| miss.and_then(|m| m.get(key)?.as_u64());
+        let mut context = Vec::new();
+        if miss.is_some() {
+            context.push(format!(
+                "missed: {}",
+                word("class").unwrap_or_else(|| "class not known".to_owned())
+            ));
+        }
+        if let Some(steal) = number("steal_ms").filter(|n| *n > 0) {
+            context.push(format!("{steal} ms of steal around it"));
+        }
+        if let Some(switches) = number("involuntary_switches").filter(|n| *n > 0) {
+            context.push(plural(
+                switches,
+                "involuntary switch",
+                "involuntary switches",
+            ));
+        }
+        if let Some(faults) = number("minor_faults").filter(|n| *n > 0) {
+            context.push(plural(faults, "page fault", "page faults"));
+        }
+        if tick.stretched > 0.0 {
+            context.push(format!(
+                "grid moved by {} so far",
+                plural(tick.stretched as u64, "tick", "ticks")
+            ));
+        }
+        vec![
+            count(tick.step as u64),
+            format!("{:.4}\u{a0}s", tick.time),
+            show(tick.total),
+            show(tick.wakeup),
+            show(tick.sent - tick.wakeup),
+            show(tick.round_trip),
+            show(tick.compute),
+            context.join(", "),
+        ]
+    });
+    let listed: Vec<_> = listed.collect();
+    if listed.is_empty() {
+        return String::new();
+    }
+    let heading = [
+        "step",
+        "test time",
+        "edge to next command ready",
+        "wake-up",
+        "send",
+        "round trip",
+        "compute",
+        "context",
+    ];
+    let steal = run
+        .events
+        .iter()
+        .filter(|e| outcome::is_miss(e))
+        .filter_map(|e| e.get("steal_ms")?.as_u64());
+    let steal: u64 = steal.sum();
+    let steal = match (run.events.iter().any(outcome::is_miss), steal) {
+        (false, _) => "No deadline was missed, so no steal was counted around one.".to_owned(),
+        (true, ms) => format!(
+            "Steal counted around misses, time that the hypervisor withheld: {ms} ms in all."
+        ),
+    };
+    format!("<h3>The {} ticks that took longest</h3>\n", listed.len())
+        + &beside("worst", &table(&heading, &listed))
+        + &note(&steal)
 }
 
 fn period_us(run: &RunData) -> Option<f64> {
@@ -176,9 +270,7 @@ fn over_time(run: &RunData, rows: &Rows<'_>) -> String {
         reduce: Reduce::Highest,
         named_time: true,
     };
-    let mut markup = figure(1040.0, 280.0, "Lateness over test time", |canvas, area| {
-        chart.draw(canvas, area)
-    });
+    let mut markup = history(280.0, "Lateness over test time", &chart);
     if !marks.is_empty() {
         markup += &note("Red strokes at the top mark deadline misses.");
     }
@@ -186,23 +278,31 @@ fn over_time(run: &RunData, rows: &Rows<'_>) -> String {
 }
 
 /// The table of events.
-pub(super) fn events(run: &RunData) -> String {
+pub(super) fn events(run: &RunData, timeline: &str) -> String {
     let heading = "Events";
-    if run.events.is_empty() {
+    let told: Vec<&Value> = run.events.iter().filter(|e| !is_silent(e)).collect();
+    if told.is_empty() {
         return section(heading, &paragraph("No events were recorded."));
     }
-    let rows: Vec<_> = run.events.iter().take(MOST_EVENTS).map(event).collect();
-    let mut markup = table(
+    let rows: Vec<_> = told.iter().take(MOST_EVENTS).map(|e| event(e)).collect();
+    let mut markup = timeline.to_owned();
+    markup += &table(
         &["event", "tick", "test time", "wall time (UTC)", "details"],
         &rows,
     );
-    if let Some(more) = run.events.len().checked_sub(MOST_EVENTS).filter(|&n| n > 0) {
+    if let Some(more) = told.len().checked_sub(MOST_EVENTS).filter(|&n| n > 0) {
         markup += &note(&format!(
             "{} stand in events.jsonl; the first {MOST_EVENTS} are listed.",
             plural(more as u64, "further event", "further events")
         ));
     }
     section(heading, &beside("events", &markup))
+}
+
+/// Digests of checkpoints and of files are for programs; they stand in events.jsonl.
+fn is_silent(event: &Value) -> bool {
+    let name = event.get("event").and_then(Value::as_str);
+    name.is_some_and(|name| SILENT.contains(&name))
 }
 
 fn event(event: &Value) -> Vec<String> {

@@ -10,48 +10,75 @@
 //!
 //! | file | holds |
 //! |---|---|
-//! | `page`, `html`, `page.css` | the order of the page; its pieces; its looks |
-//! | `outcome`, `tested` | the verdict in words; what was tested |
-//! | `response`, `specimens`, `loops` | sections: computed side, measured side, the loop's timing and events |
+//! | `page`, `html`, `page.css`, `script.js` | the order of the page; its pieces; its looks; what makes histories zoomable |
+//! | `outcome`, `tested`, `sketch`, `limits` | the verdict in words; what was tested; a picture of it; what would have ended it |
+//! | `ground`, `response`, `specimens`, `identified`, `judged`, `balance`, `loops`, `timeline` | sections |
+//! | `compare`, `overlays`, `matched` | the page of two runs; their rows, number against number |
+//! | `source`, `digest`, `first`, `axes`, `shaking`, `worst`, `table` | rows read in blocks, and what is kept of them |
 //! | `pictures` | the pictures that stand alone |
-//! | `charts`, `lines`, `bars` | the frame of every picture; histories and loops; histograms |
-//! | `curves` | several curves over one pair of axes, for other pages than a run's |
+//! | `plots`, `charts`, `lines`, `bars` | histories that can be zoomed; the frame of every picture; histories and loops; histograms |
+//! | `curves` | several curves over one pair of axes |
 //! | `axis`, `thin`, `canvas` | ranges and ticks; fewer points; SVG |
 //! | `rows`, `histogram`, `text` | columns by name; timing counts; numbers as text |
 
+mod axes;
 mod axis;
+mod balance;
 mod bars;
 mod canvas;
 mod charts;
+mod compare;
 mod curves;
+mod digest;
+mod first;
+mod ground;
 mod histogram;
 mod html;
+mod identified;
+mod judged;
+mod limits;
 mod lines;
 mod loops;
-pub mod metrics;
+mod matched;
 mod outcome;
+mod overlays;
 mod page;
 mod pictures;
+mod plots;
 mod response;
 mod rows;
+mod shaking;
+mod sketch;
+mod source;
 mod specimens;
 #[cfg(test)]
 mod synthetic;
+mod table;
 mod tested;
 #[cfg(test)]
 mod tests;
 mod text;
 mod thin;
+mod timeline;
+mod worst;
 
+pub use compare::{compare, verdict};
 pub(crate) use curves::{Curve, Curves, Scale};
+pub use digest::{Difference, Digest};
 pub use histogram::Percentiles;
 pub(crate) use html::note;
+pub use identified::{IdentifiedAxis, identified, tracking_metrics};
+pub use matched::{FirstDifference, Matched, Matcher, Next};
 pub(crate) use page::frame;
 pub use page::render;
 pub use pictures::{hero_svg, jitter_svg};
-pub use specimens::{IdentifiedAxis, identified};
+pub use source::{BLOCK, Source};
+pub use tested::drifts;
 pub(crate) use text::escape;
 
+use std::borrow::Cow;
+
+pub use crate::metrics;
 use crate::record::Column;
 
 /// Everything a report is made from: what a run folder holds, already read.
@@ -61,8 +88,12 @@ pub struct RunData {
     pub title: String,
     /// The columns of the rows.
     pub columns: Vec<Column>,
-    /// One vector per column, all rows in order; what does not exist is NaN.
+    /// One vector per column, all rows in order; what does not exist is NaN. Empty where `digest` is given.
     pub data: Vec<Vec<f64>>,
+    /// What a page needs of rows that are not held in memory.
+    pub digest: Option<Digest>,
+    /// Why there is no energy balance, if something is in its way.
+    pub no_balance: Option<String>,
     /// `summary.json`, if there is one.
     pub summary: Option<serde_json::Value>,
     /// `timing.json`, if there is one.
@@ -73,4 +104,20 @@ pub struct RunData {
     pub unfinished: Option<String>,
     /// Text of `resolved.toml`.
     pub resolved: String,
+}
+
+impl RunData {
+    /// The digest: the one that is given, or that of the rows in memory.
+    fn digested(&self) -> Cow<'_, Digest> {
+        if let Some(digest) = &self.digest {
+            return Cow::Borrowed(digest);
+        }
+        let memory = source::Memory {
+            columns: &self.columns,
+            data: &self.data,
+            step_s: outcome::number(self, "dt"),
+        };
+        // Reading memory does not fail.
+        Cow::Owned(Digest::of(&memory, &drifts(&self.resolved), None).unwrap_or_default())
+    }
 }

@@ -1,21 +1,42 @@
 //! The page a run leaves behind: one self-contained HTML file, verdict first, configuration last.
 
+use sha2::{Digest as _, Sha256};
+
 use super::RunData;
-use super::html::{definitions, note, section};
+use super::balance::balance;
+use super::digest::Digest;
+use super::ground::ground;
+use super::html::{beside, definitions, note, section};
+use super::identified;
+use super::limits::limits;
 use super::outcome::{self, Tone, verdict};
+use super::plots::base64;
 use super::response;
 use super::rows::Rows;
+use super::sketch::sketch;
 use super::specimens;
 use super::tested;
 use super::text::{NOTHING, count, escape, micros, quantity};
+use super::timeline::timeline;
 use super::{histogram, loops};
+use crate::assets::{CHART_LICENCE, CHART_SCRIPT, CHART_STYLE};
 
 const STYLE: &str = include_str!("page.css");
+const SCRIPT: &str = include_str!("script.js");
+/// What only a reader with a script can do.
+const HINT: &str = "<p class=\"hint\">Drag across a history to zoom all of them in time; a double click, or the button that \
+    then appears, shows the whole test again.</p>\n<noscript><p class=\"note\">Scripts are off: the pictures cannot be zoomed, but \
+    nothing is missing.</p></noscript>\n";
 
 /// The whole page for `run`. Never fails: what is missing is said to be missing.
 #[must_use]
 pub fn render(run: &RunData) -> String {
-    let rows = Rows::new(run);
+    let digest = run.digested();
+    page(run, &digest)
+}
+
+fn page(run: &RunData, digest: &Digest) -> String {
+    let rows = Rows::new(digest);
     let configuration = tested::configuration(run);
     let axes = specimens::tracking(&rows, configuration.as_ref());
     let timings = loops::timings(run);
@@ -37,31 +58,55 @@ pub fn render(run: &RunData) -> String {
         Some(false) => "; STEPS ARE MISSING between the first and the last",
         None => "",
     };
-    let (all, running) = (count(rows.recorded() as u64), count(rows.running() as u64));
+    let (all, running) = (count(rows.recorded()), count(rows.running()));
     let recorded = format!("{all} rows, {running} of them while the test was running{whole}");
     let facts = [facts, vec![("Recorded".to_owned(), recorded)]].concat();
-    body += &section("What was tested", &definitions(&facts));
+    let drawn = beside("sketch", &sketch(configuration.as_ref()));
+    body += &section(
+        "What was tested",
+        &(definitions(&facts) + &drawn + &limits(run)),
+    );
+    body += HINT;
     let parts = [
-        specimens::identification(&rows, &axes),
+        identified::identification(&rows, &axes),
+        ground(&rows),
         response::response(&rows),
-        response::ground(&rows),
         specimens::specimens(run, &rows, &axes),
+        balance(&rows, run.no_balance.as_deref()),
     ];
     body.extend(parts.into_iter().flatten());
     body += &loops::timing(run, &rows, &timings);
-    body += &loops::events(run);
+    body += &loops::events(run, &timeline(run));
     body += &configuration_section(run);
     body += "</main>\n";
-    frame(title, &body)
+    zoomable(title, &body)
+}
+
+/// A whole page with histories that can be zoomed. Nothing but our own script is executed and nothing is fetched: the page
+/// itself forbids it, by the script's digest.
+pub(super) fn zoomable(title: &str, markup: &str) -> String {
+    let script = format!("{CHART_SCRIPT}\n{SCRIPT}");
+    let digest = base64(&Sha256::digest(script.as_bytes()));
+    let policy = format!(
+        "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'; \
+         script-src 'sha256-{digest}'\">\n"
+    );
+    let licence = CHART_LICENCE.trim().replace("--", "- -");
+    let scripts = format!("<!--\nCharts: uPlot\n{licence}\n-->\n<script>{script}</script>\n");
+    whole(title, &policy, CHART_STYLE, markup, &scripts)
 }
 
 /// A whole page round `markup`: self-contained, with the style sheet of all our pages.
 pub(crate) fn frame(title: &str, markup: &str) -> String {
+    whole(title, "", "", markup, "")
+}
+
+fn whole(title: &str, head: &str, style: &str, markup: &str, tail: &str) -> String {
     format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n{head}\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <meta name=\"color-scheme\" content=\"light dark\">\n<title>{}</title>\n<style>\n{STYLE}</style>\n</head>\n\
-         <body>\n{markup}</body>\n</html>\n",
+         <meta name=\"color-scheme\" content=\"light dark\">\n<title>{}</title>\n<style>\n{style}{STYLE}</style>\n</head>\n\
+         <body>\n{markup}{tail}</body>\n</html>\n",
         escape(title)
     )
 }
@@ -88,7 +133,7 @@ fn banner(run: &RunData) -> String {
 fn tiles(
     run: &RunData,
     rows: &Rows<'_>,
-    axes: &[specimens::Tracking<'_>],
+    axes: &[specimens::Tracked<'_>],
     timings: &[histogram::Timing],
 ) -> String {
     let mut tiles: Vec<(String, String)> = Vec::new();
@@ -107,7 +152,7 @@ fn tiles(
             format!("largest force, {}", axis.name),
         ));
     }
-    if let Some((axis, lag)) = axes.iter().find_map(|axis| Some((axis, axis.lag?))) {
+    if let Some((axis, lag)) = axes.iter().find_map(|axis| Some((axis, axis.lag()?))) {
         let lag = if lag.abs() < 1e-9 {
             "0\u{a0}ms".to_owned()
         } else {

@@ -14,15 +14,17 @@ use super::tested;
 /// One wide SVG: ground motion and top displacement, the first specimen's hysteresis, wake-up lateness.
 #[must_use]
 pub fn hero_svg(run: &RunData) -> String {
-    let rows = Rows::new(run);
+    let digest = run.digested();
+    let rows = Rows::new(&digest);
     let time = rows.get("time").unwrap_or_default();
     let ground = rows.filled("ground").unwrap_or_default();
     let top = rows
         .dofs()
-        .into_iter()
+        .iter()
+        .copied()
         .rev()
         .find_map(|dof| Some((dof, rows.filled(&format!("x{dof}"))?)));
-    let axis = rows.axes().into_iter().next();
+    let axis = rows.axes().first().copied();
     let side = |kind: &str| {
         axis.and_then(|a| rows.filled(&a.column(kind)))
             .unwrap_or_default()

@@ -1,4 +1,4 @@
-//! Sections on the computed side: ground motion and the response of the recorded DOFs.
+//! The computed side: histories, drifts, spectra and peaks of the recorded DOFs.
 
 use std::borrow::Cow;
 
@@ -7,85 +7,20 @@ use serde_json::Value;
 use super::RunData;
 use super::canvas::Ink;
 use super::charts::Quantity;
-use super::html::{figure, note, paragraph, section, table};
+use super::curves::{Curve, Curves, Scale};
+use super::digest::{MOST_DOFS, spread};
+use super::html::{note, paragraph, section, table};
 use super::lines::{Line, Reduce, TimeChart};
 use super::metrics;
 use super::outcome;
+use super::plots::{history, note_on_extremes};
 use super::rows::Rows;
 use super::text::{NOTHING, quantity};
 
 /// Lines that one picture can carry and still be read.
 const MOST_LINES: usize = 4;
-/// Rows of the table of peaks.
-const MOST_ROWS: usize = 24;
 /// Share of the test at its end over which the residual displacement is averaged.
 const TAIL: usize = 50;
-
-/// Ground motion, if there was one.
-pub(super) fn ground(rows: &Rows<'_>) -> Option<String> {
-    let time = rows.get("time")?;
-    let ground = rows.filled("ground")?;
-    let peak = metrics::peak(&ground).filter(|p| p.value != 0.0)?;
-    let unit = match rows.unit("ground") {
-        "1" => "m/s^2",
-        unit => unit,
-    };
-    let name = if unit == "m" {
-        "Largest base displacement"
-    } else {
-        "Peak ground acceleration"
-    };
-    let up = Quantity {
-        words: if unit == "m" {
-            "displacement"
-        } else {
-            "acceleration"
-        },
-        unit,
-    };
-    let lines = [Line {
-        name: "",
-        x: &time,
-        y: &ground,
-        ink: Ink::Series(3),
-        width: 1.1,
-    }];
-    let chart = TimeChart {
-        title: "Ground motion",
-        up,
-        lines: &lines,
-        marks: &[],
-        reduce: Reduce::Extremes,
-        named_time: true,
-    };
-    let markup = figure(
-        1040.0,
-        220.0,
-        "Ground motion over test time",
-        |canvas, area| chart.draw(canvas, area),
-    );
-    let when = time
-        .get(peak.index)
-        .map_or_else(String::new, |t| format!(" at {}", quantity(*t, "s")));
-    Some(section(
-        "Ground motion",
-        &(markup
-            + &note(&format!(
-                "{name}: {}{when}.",
-                quantity(peak.value.abs(), unit)
-            ))),
-    ))
-}
-
-/// `most` entries of `list`, spread evenly, first and last among them.
-fn spread(list: &[u32], most: usize) -> Vec<u32> {
-    if list.len() <= most {
-        return list.to_vec();
-    }
-    (0..most)
-        .filter_map(|i| list.get(i * (list.len() - 1) / (most - 1)).copied())
-        .collect()
-}
 
 /// Response histories and peaks; none for a test without a structure.
 pub(super) fn response(rows: &Rows<'_>) -> Option<String> {
@@ -107,7 +42,7 @@ pub(super) fn response(rows: &Rows<'_>) -> Option<String> {
             &paragraph("The rows have no time column, so no history can be drawn."),
         ));
     };
-    let shown = spread(&dofs, MOST_LINES);
+    let shown = spread(dofs, MOST_LINES);
     let mut markup = String::new();
     for (letter, title, words) in [
         ("x", "Displacement", "displacement"),
@@ -152,13 +87,9 @@ pub(super) fn response(rows: &Rows<'_>) -> Option<String> {
             reduce: Reduce::Extremes,
             named_time: true,
         };
-        markup += &figure(
-            1040.0,
-            240.0,
-            &format!("{title} over test time"),
-            |canvas, area| chart.draw(canvas, area),
-        );
+        markup += &history(240.0, &format!("{title} over test time"), &chart);
     }
+    markup += &drifts(rows, &time);
     if shown.len() < dofs.len() {
         markup += &note(&format!(
             "The pictures show {} of {} recorded DOFs; the samples hold them all.",
@@ -168,12 +99,127 @@ pub(super) fn response(rows: &Rows<'_>) -> Option<String> {
     }
     Some(section(
         "Response of the structure",
-        &(markup + &peaks(rows, &dofs, &time)),
+        &(markup
+            + &note_on_extremes(rows.digest().every)
+            + &spectra(rows)
+            + &peaks(rows, dofs, &time)),
     ))
 }
 
+/// Name of the column of a storey's drift, from 1.
+pub(super) fn drift(storey: usize) -> String {
+    format!("drift{storey}")
+}
+
+/// Storey drifts, where storeys are known.
+fn drifts(rows: &Rows<'_>, time: &[f64]) -> String {
+    let all: Vec<u32> = (1..)
+        .take_while(|&storey| rows.get(&drift(storey)).is_some())
+        .map(|storey| storey as u32)
+        .collect();
+    let series: Vec<_> = spread(&all, MOST_LINES)
+        .into_iter()
+        .filter_map(|storey| {
+            Some((
+                format!("storey {storey}"),
+                rows.filled(&drift(storey as usize))?,
+            ))
+        })
+        .collect();
+    let lines: Vec<_> = series
+        .iter()
+        .enumerate()
+        .map(|(i, (name, y))| Line {
+            name,
+            x: time,
+            y,
+            ink: Ink::Series(i as u8),
+            width: 1.2,
+        })
+        .collect();
+    if lines.is_empty() {
+        return String::new();
+    }
+    let chart = TimeChart {
+        title: "Storey drift: displacement against the storey below",
+        up: Quantity {
+            words: "drift",
+            unit: "m",
+        },
+        lines: &lines,
+        marks: &[],
+        reduce: Reduce::Extremes,
+        named_time: true,
+    };
+    let peaks = all.iter().filter_map(|&storey| {
+        let values = rows.get(&drift(storey as usize))?;
+        Some(format!(
+            "storey {storey} {}",
+            quantity(metrics::peak(&values)?.value, "m")
+        ))
+    });
+    let peaks: Vec<_> = peaks.take(MOST_DOFS).collect();
+    history(240.0, "Storey drifts over test time", &chart)
+        + &note(&format!("Largest drifts: {}.", peaks.join(", ")))
+}
+
+/// Fourier amplitudes of the displacements.
+fn spectra(rows: &Rows<'_>) -> String {
+    let split: Vec<(String, Vec<f64>, Vec<f64>)> = rows
+        .digest()
+        .spectra
+        .iter()
+        .map(|(dof, points)| {
+            let (x, y) = points.iter().copied().unzip();
+            (format!("DOF {dof}"), x, y)
+        })
+        .collect();
+    let curves: Vec<_> = split.iter().map(|(name, x, y)| curve(name, x, y)).collect();
+    if curves.is_empty() {
+        return String::new();
+    }
+    let picture = Curves {
+        title: "Frequency content of the displacements: Fourier amplitude",
+        across: Scale {
+            words: "frequency",
+            unit: "Hz",
+            range: None,
+        },
+        up: Scale {
+            words: "amplitude",
+            unit: "m s",
+            range: decades(curves.iter().map(|c| c.y)),
+        },
+        curves: &curves,
+        logarithmic: true,
+        square: false,
+    };
+    format!("<figure>{}</figure>\n", picture.svg(1040.0, 300.0, true))
+}
+
+/// A curve by name.
+pub(super) const fn curve<'a>(name: &'a str, x: &'a [f64], y: &'a [f64]) -> Curve<'a> {
+    Curve {
+        name,
+        x,
+        y,
+        dots: false,
+        reference: false,
+    }
+}
+
+/// Six decades below the largest amplitude: what lies lower is roundoff.
+pub(super) fn decades<'a>(amplitudes: impl Iterator<Item = &'a [f64]>) -> Option<(f64, f64)> {
+    let top = amplitudes
+        .flatten()
+        .copied()
+        .filter(|v| v.is_finite())
+        .fold(0.0, f64::max);
+    (top > 1e-280 && top < 1e280).then(|| (top * 1e-6, top * 2.0))
+}
+
 fn peaks(rows: &Rows<'_>, dofs: &[u32], time: &[f64]) -> String {
-    let listed = spread(dofs, MOST_ROWS);
+    let listed = spread(dofs, MOST_DOFS);
     let mut lines = Vec::new();
     for dof in &listed {
         let mut line = vec![format!("DOF {dof}")];
@@ -225,7 +271,8 @@ fn peaks(rows: &Rows<'_>, dofs: &[u32], time: &[f64]) -> String {
 pub(super) fn largest_displacement(run: &RunData, rows: &Rows<'_>) -> Option<(u32, f64)> {
     let recorded = rows
         .dofs()
-        .into_iter()
+        .iter()
+        .copied()
         .filter_map(|dof| Some((dof, metrics::peak(&rows.get(&format!("x{dof}"))?)?.value)));
     let listed = outcome::at(run, "peak.displacement")
         .and_then(Value::as_array)
@@ -240,16 +287,4 @@ pub(super) fn largest_displacement(run: &RunData, rows: &Rows<'_>) -> Option<(u3
             Some(best) if best.1.abs() >= now.1.abs() => Some(best),
             _ => Some(now),
         })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_spread_has_both_ends() {
-        let list: Vec<u32> = (1..=100).collect();
-        assert_eq!(spread(&list, 4), [1, 34, 67, 100]);
-        assert_eq!(spread(&list[..3], 4), [1, 2, 3]);
-    }
 }

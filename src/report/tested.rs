@@ -5,7 +5,9 @@
 use serde_json::Value;
 
 use super::RunData;
+use super::digest::Difference;
 use super::outcome;
+use super::response::drift;
 use super::rows::SpecimenAxis;
 use super::text::{exact, plural, shortened};
 
@@ -22,6 +24,26 @@ pub(super) fn specimen_name(configuration: Option<&Value>, specimen: u32) -> Str
         .and_then(|s| s.get("name")?.as_str())
         .filter(|name| !name.trim().is_empty());
     name.map_or_else(|| format!("specimen {specimen}"), str::to_owned)
+}
+
+/// The drift of every storey of a shear building, from the ground up.
+#[must_use]
+pub fn drifts(resolved: &str) -> Vec<Difference> {
+    let tree: Option<Value> = toml::from_str(resolved).ok();
+    let masses = tree.as_ref().and_then(|t| {
+        t.get("structure")?
+            .get("shear_building")?
+            .get("mass_kg")?
+            .as_array()
+    });
+    let storeys = masses.map_or(0, Vec::len);
+    let of_storey = |storey: usize| Difference {
+        name: drift(storey),
+        meaning: format!("drift of storey {storey}"),
+        of: format!("x{storey}"),
+        less: (storey > 1).then(|| format!("x{}", storey - 1)),
+    };
+    (1..=storeys).map(of_storey).collect()
 }
 
 /// Name of one axis: the specimen's, and the axis where it has several.
@@ -85,7 +107,35 @@ pub(super) fn facts(run: &RunData, configuration: Option<&Value>) -> Vec<(String
         "Program",
         outcome::text(run, "version").map(|v| format!("gusset {v}")),
     );
+    let machine = outcome::at(run, "machine").and_then(Value::as_object);
+    let machine = machine.map(|m| {
+        m.iter()
+            .map(|(topic, found)| format!("{topic}: {}", plain(found)))
+            .collect::<Vec<_>>()
+            .join("; ")
+    });
+    say("Machine", machine);
+    say("Real-time features", realtime(run));
     facts
+}
+
+/// What was asked of the operating system, each with what came of it.
+fn realtime(run: &RunData) -> Option<String> {
+    let features = outcome::at(run, "realtime.features").and_then(Value::as_array)?;
+    let describe = |feature: &Value| {
+        let asked = feature
+            .get("asked")
+            .or_else(|| feature.get("want"))
+            .and_then(Value::as_str)?;
+        let is_granted = feature.get("granted").and_then(Value::as_bool) == Some(true);
+        Some(format!(
+            "{asked}: {}",
+            if is_granted { "granted" } else { "REFUSED" }
+        ))
+    };
+    let cpu = outcome::number(run, "realtime.cpu").map(|cpu| format!("loop on processor {cpu}"));
+    let list = cpu.into_iter().chain(features.iter().filter_map(describe));
+    Some(list.collect::<Vec<_>>().join("; "))
 }
 
 /// A value without quotes.

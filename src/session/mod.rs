@@ -12,8 +12,10 @@
 
 mod archive;
 mod bare;
+mod compare;
 mod connect;
 mod desk;
+mod energetics;
 mod guarded;
 mod page;
 pub mod certificate;
@@ -24,6 +26,7 @@ mod retrace;
 mod signals;
 mod summary;
 mod tape;
+mod watches;
 
 use std::path::PathBuf;
 use std::sync::mpsc::{self, SyncSender};
@@ -34,22 +37,24 @@ use crossbeam_channel::Sender;
 use thiserror::Error;
 
 pub use bare::{bare_loop, loop_round};
+pub use compare::{Compared, compare, compared_name};
 pub use desk::{Answer, Request, ask};
-pub use page::{Page, PageError, hero, write_report};
+pub use page::{Page, PageError, conclude, hero, write_report};
 pub use replay::{Difference, Replay, ReplayError, replay, replay_rows};
 pub use resume::{ResumeError, resume};
 pub use signals::{Signal, Signals};
 pub use summary::ending;
+pub use watches::{Attendance, Watches};
 
 use desk::Desk;
 use guarded::{Ended, run_retired};
 
 use crate::config::{ClockChoice, Facts, Files, Prepared};
-use crate::engine::{Control, Engine, Experiment, Watch};
+use crate::engine::{Control, Engine, Experiment};
 use crate::record::writer::{Clocks, WriterError};
 use crate::record::{
-    FolderError, Layout, Note, NoteLevel, Onlooker, Progress, Recorded, RingSize, RunFolder,
-    SchedSample, Summary, WhenFull, Writer, WriterSettings, ring,
+    FolderError, Layout, Note, NoteLevel, Progress, Recorded, RingSize, RunFolder, SchedSample,
+    Summary, WhenFull, Writer, WriterSettings, ring,
 };
 use crate::rt::sampler::{Sampler, SchedSample as SamplerReading};
 use crate::rt::wall::Wall;
@@ -112,29 +117,6 @@ pub struct Finished {
     pub granted: Option<Granted>,
     /// Files that could not be written, each with its reason.
     pub unwritten: Vec<String>,
-}
-
-/// What a caller may put round the ticks, on the loop's own thread and on the others.
-#[derive(Default)]
-pub struct Watches {
-    /// Called when the warm-up is over.
-    pub before_first_tick: Option<Watch>,
-    /// Called when the last tick is over.
-    pub after_last_tick: Option<Watch>,
-    /// Looks at the rows on the writer's thread.
-    pub onlooker: Option<Box<dyn Onlooker>>,
-    /// Called when the caller's thread has been put off the loop's processor and before anything moves: a thread that is
-    /// started here stays off it, too.
-    pub when_placed: Option<Attendance>,
-}
-
-/// Starts whoever attends a test.
-pub type Attendance = Box<dyn FnOnce() -> std::io::Result<()>>;
-
-impl std::fmt::Debug for Watches {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str("Watches")
-    }
 }
 
 /// Period of the caller's look at the progress.

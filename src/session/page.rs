@@ -1,11 +1,19 @@
 //! report.html: made from the run folder and nothing else, now or years later.
 
+use std::cell::Cell;
+use std::io;
 use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
-use crate::record::{End, FolderError, Run, atomic};
-use crate::report::{IdentifiedAxis, RunData, hero_svg, identified, render};
+use super::Finished;
+use super::energetics::{Without, energetics};
+use crate::metrics::energy::Model;
+use crate::record::{Column, End, FolderError, Run, atomic};
+use crate::report::{
+    BLOCK, Digest, IdentifiedAxis, RunData, Source, drifts, hero_svg, identified, render,
+    tracking_metrics,
+};
 
 /// Why there is no report.
 #[derive(Debug, Error)]
@@ -23,7 +31,7 @@ pub enum PageError {
     },
 }
 
-/// What a run folder's page was written from, and says.
+/// What a run folder's page says.
 #[derive(Debug)]
 pub struct Page {
     /// The file.
@@ -38,11 +46,81 @@ pub struct Page {
 /// [`PageError`].
 pub fn write_report(folder: &Path) -> Result<Page, PageError> {
     let run = read(folder)?;
-    let path = write(&folder.join("report.html"), &render(&run))?;
+    page(folder, &run)
+}
+
+/// Writes report.html into the folder of a run that has just ended, and the tracking metrics into its summary, which is
+/// written again.
+///
+/// # Errors
+/// [`PageError`]; the summary is then the one that was written before.
+pub fn conclude(finished: &mut Finished) -> Result<Page, PageError> {
+    let mut run = read(&finished.path)?;
+    finished.summary.metrics = tracking_metrics(&run);
+    let path = finished.path.join("summary.json");
+    let text =
+        serde_json::to_string_pretty(&finished.summary).map_err(|source| PageError::File {
+            path: path.clone(),
+            source: source.into(),
+        })?;
+    write(&path, &(text.clone() + "\n"))?;
+    // As whoever writes the report again will read it.
+    run.summary = serde_json::from_str(&text).ok();
+    page(&finished.path, &run)
+}
+
+fn page(folder: &Path, run: &RunData) -> Result<Page, PageError> {
+    let path = write(&folder.join("report.html"), &render(run))?;
     Ok(Page {
         path,
-        identified: identified(&run),
+        identified: identified(run),
     })
+}
+
+/// The rows of a run folder, read from the file as often as they are needed.
+struct OnDisk<'a> {
+    run: &'a Run,
+    path: PathBuf,
+    step_s: Option<f64>,
+    /// Why the rows ended where they ended.
+    end: Cell<Option<End>>,
+}
+
+impl Source for OnDisk<'_> {
+    fn columns(&self) -> &[Column] {
+        self.run.layout().columns()
+    }
+
+    fn rows(&self) -> u64 {
+        let bytes = std::fs::metadata(&self.path).map_or(0, |file| file.len());
+        bytes / self.run.layout().stride() as u64
+    }
+
+    fn step_s(&self) -> Option<f64> {
+        self.step_s
+    }
+
+    fn read(&self, wanted: &[usize], take: &mut dyn FnMut(&[Vec<f64>])) -> io::Result<()> {
+        let mut journal = self.run.journal().map_err(io::Error::other)?;
+        let mut block: Vec<Vec<f64>> = vec![Vec::with_capacity(BLOCK); wanted.len()];
+        let mut filled = 0;
+        while let Some(row) = journal.next_row()? {
+            for (column, &place) in block.iter_mut().zip(wanted) {
+                column.push(row.values.get(place).copied().unwrap_or(f64::NAN));
+            }
+            filled += 1;
+            if filled == BLOCK {
+                take(&block);
+                block.iter_mut().for_each(Vec::clear);
+                filled = 0;
+            }
+        }
+        if filled > 0 {
+            take(&block);
+        }
+        self.end.set(journal.end());
+        Ok(())
+    }
 }
 
 /// Writes the wide picture of a run to `path`.
@@ -53,7 +131,7 @@ pub fn hero(folder: &Path, path: &Path) -> Result<PathBuf, PageError> {
     write(path, &hero_svg(&read(folder)?))
 }
 
-fn write(path: &Path, text: &str) -> Result<PathBuf, PageError> {
+pub(super) fn write(path: &Path, text: &str) -> Result<PathBuf, PageError> {
     match atomic::write(path, text.as_bytes()) {
         Ok(()) => Ok(path.to_owned()),
         Err(source) => Err(PageError::File {
@@ -63,21 +141,10 @@ fn write(path: &Path, text: &str) -> Result<PathBuf, PageError> {
     }
 }
 
-fn read(folder: &Path) -> Result<RunData, PageError> {
+/// What the page of the run in `folder` is made of.
+pub(super) fn read(folder: &Path) -> Result<RunData, PageError> {
     let run = Run::open(folder)?;
     let at = |name: &str| folder.join(name);
-    let columns = run.layout().columns().to_vec();
-    let mut journal = run.journal()?;
-    let all: Vec<usize> = (0..columns.len()).collect();
-    let data = journal.columns(&all).map_err(|source| PageError::File {
-        path: at("samples.bin"),
-        source,
-    })?;
-    let unfinished = match (run.summary(), journal.end()) {
-        (None, _) => Some("the run has no summary.json: it is still running or was killed".into()),
-        (Some(_), Some(end)) if end != End::Clean => Some(end.to_string()),
-        (Some(_), _) => None,
-    };
     let json = |name: &str| {
         let bytes = std::fs::read(at(name)).ok()?;
         serde_json::from_slice(&bytes).ok()
@@ -91,14 +158,62 @@ fn read(folder: &Path) -> Result<RunData, PageError> {
             .file_name()
             .map(|name| name.to_string_lossy().into_owned())
     };
+    let summary: Option<serde_json::Value> = json("summary.json");
+    let configured = || table_step(&resolved);
+    let recorded = summary
+        .as_ref()
+        .and_then(|summary| summary.get("dt")?.as_f64());
+    let (mut model, no_balance) = match energetics(folder, &resolved, run.layout().columns()) {
+        Ok(model) => (Some(model), None),
+        Err(Without::Structure) => (None, None),
+        Err(Without::Because(why)) => (None, Some(why)),
+    };
+    let on_disk = OnDisk {
+        path: at("samples.bin"),
+        step_s: recorded.or_else(configured),
+        end: Cell::new(None),
+        run: &run,
+    };
+    let model = model.as_mut().map(|model| model as &mut dyn Model);
+    let digest = Digest::of(&on_disk, &drifts(&resolved), model);
+    let digest = digest.map_err(|source| PageError::File {
+        path: at("samples.bin"),
+        source,
+    })?;
+    let unfinished = match (run.summary(), on_disk.end.get()) {
+        (None, _) => Some("the run has no summary.json: it is still running or was killed".into()),
+        (Some(_), Some(end)) if end != End::Clean => Some(end.to_string()),
+        (Some(_), _) => None,
+    };
     Ok(RunData {
         title: title.or_else(name).unwrap_or_else(|| "run".to_owned()),
-        columns,
-        data,
-        summary: json("summary.json"),
+        columns: run.layout().columns().to_vec(),
+        data: Vec::new(),
+        digest: Some(digest),
+        no_balance,
+        summary,
         timing: json("timing.json"),
         events: run.events()?.events,
         unfinished,
         resolved,
     })
+}
+
+/// Δt in s as `resolved.toml` has it.
+fn table_step(resolved: &str) -> Option<f64> {
+    let table: toml::Table = resolved.parse().ok()?;
+    let time = table.get("time")?;
+    let number = |key: &str| {
+        let value = time.get(key)?;
+        value
+            .as_float()
+            .or_else(|| value.as_integer().map(|v| v as f64))
+    };
+    let rate = || {
+        let (a, b) = time.get("rate_hz")?.as_str()?.split_once('/')?;
+        Some(b.trim().parse::<f64>().ok()? / a.trim().parse::<f64>().ok()?)
+    };
+    number("step_s")
+        .or_else(|| Some(1.0 / number("rate_hz")?))
+        .or_else(rate)
 }

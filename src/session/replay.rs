@@ -15,7 +15,6 @@ use super::tape::{Comparing, Recording, Replaced, Tape, put_recorded, with};
 use crate::config::ConfigError;
 use crate::engine::{Control, Ending, Engine, Experiment};
 use crate::record::{End, FolderError, Layout, Run};
-use crate::time::SimClock;
 
 /// Why a folder cannot be replayed.
 #[derive(Debug, Error)]
@@ -164,7 +163,7 @@ fn follow(
     put_recorded(&mut experiment, &tape, layout, Replaced::All);
     let compared = layout.columns().iter().filter(|c| !c.timing).count();
     let recorder = Box::new(Comparing(Arc::clone(&tape)));
-    let mut engine = Engine::new(experiment, Box::new(SimClock::new()), recorder);
+    let mut engine = Engine::for_a_replay(experiment, recorder);
     let outcome = engine.run(&Control::from(requests));
     Ok(with(&tape, |tape| {
         let left = !tape.is_over() && tape.difference.is_none();

@@ -16,7 +16,6 @@ use crate::config::{self, Prepared};
 use crate::control::Port;
 use crate::engine::{Control, Ending, Engine, Experiment, Place, Resumption, Side};
 use crate::record::{Column, Run};
-use crate::time::SimClock;
 
 /// Name of the file in the folder of a resumed test.
 pub(super) const ORIGIN: &str = "resumed.json";
@@ -202,7 +201,7 @@ pub(super) fn retrace(
     let tape = Arc::new(Mutex::new(tape));
     put_recorded(&mut experiment, &tape, run.layout(), replaced);
     let recorder = Box::new(Comparing(Arc::clone(&tape)));
-    let mut engine = Engine::new(experiment, Box::new(SimClock::new()), recorder);
+    let mut engine = Engine::for_a_replay(experiment, recorder);
     let ending = engine.retrace(&Control::from(requests));
     Ok(with(&tape, |tape| {
         let damage = tape.end().filter(|end| {

@@ -116,8 +116,29 @@ pub(super) fn summarise(
         miss_classes: recorded.misses,
         warnings,
         limits: json!(facts.limits),
+        machine: machine(),
+        metrics: Value::Null,
     };
     (finish, summary)
+}
+
+/// Topics of the machine that a reader of a report wants to know.
+const MACHINE: [&str; 5] = [
+    "kernel",
+    "processors",
+    "hypervisor",
+    "clock source",
+    "isolated processors",
+];
+
+/// What this machine's own files say of it, by topic.
+fn machine() -> Value {
+    let found = crate::rt::doctor::read();
+    let told = found
+        .into_iter()
+        .filter(|finding| MACHINE.contains(&finding.topic));
+    told.map(|finding| (finding.topic.to_owned(), Value::from(finding.found)))
+        .collect()
 }
 
 /// How a test ended, and why in words.
@@ -135,6 +156,7 @@ pub fn ending(outcome: &Outcome) -> (Finish, String) {
                 | Stop::Saturated { .. }
                 | Stop::Moved { .. }
                 | Stop::Limit { .. }
+                | Stop::Geometry { .. }
                 | Stop::TestLimit(_)
                 | Stop::Late { .. }
                 | Stop::Stale { .. }

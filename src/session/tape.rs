@@ -11,8 +11,11 @@ use std::sync::{Arc, Mutex};
 use crossbeam_channel::Sender;
 
 use super::replay::{Difference, ReplayError};
-use crate::engine::{Experiment, Operator, Phase};
-use crate::record::{Column, Event, EventKind, FolderError, Journal, Layout, Recorder, Run};
+use crate::control::Stage;
+use crate::engine::{Experiment, GIVEN_UP, Operator, Phase};
+use crate::record::{
+    Column, Event, EventKind, FolderError, Journal, Layout, Recorder, Run, WarmUpRows,
+};
 use crate::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
 };
@@ -64,6 +67,8 @@ pub(super) struct Tape {
     journal: Journal<Box<dyn Read + Send>>,
     columns: Vec<Column>,
     ahead: VecDeque<Vec<f64>>,
+    /// Rows that are done with: their memory is used again.
+    spare: Vec<Vec<f64>>,
     /// Rows that are the same.
     pub row: u64,
     /// Test time of the last of them, s.
@@ -101,6 +106,7 @@ impl Tape {
             journal: recording.journal,
             columns: experiment.columns(),
             ahead: VecDeque::with_capacity(AHEAD),
+            spare: Vec::new(),
             row: 0,
             time: f64::NAN,
             places: [place("state"), place("hold"), place("time")],
@@ -131,7 +137,7 @@ impl Tape {
             return true;
         };
         let state = at(Some(next), self.places[0]);
-        let after = state == Phase::Tripped.code() || state == Phase::Leaving.code();
+        let after = is_a_trip(state) || state == Phase::Leaving.code();
         self.row >= self.until || (self.only_the_test && after)
     }
 
@@ -141,7 +147,10 @@ impl Tape {
                 Ok(Some(row)) => {
                     let expected = self.row + self.ahead.len() as u64;
                     if row.sequence == expected {
-                        self.ahead.push_back(row.values.to_vec());
+                        let mut kept = self.spare.pop().unwrap_or_default();
+                        kept.clear();
+                        kept.extend_from_slice(row.values);
+                        self.ahead.push_back(kept);
                     } else {
                         self.short = Some(format!("row {expected} was lost when it was recorded"));
                     }
@@ -157,16 +166,17 @@ impl Tape {
     }
 
     /// What the operator said before the tick of the row that comes: a wish for a hold stands in it, a confirmation shows in
-    /// the row behind it.
+    /// the row behind it. He is heard once a tick, so that is all.
     fn request(&mut self) -> Option<Operator> {
-        if self.phase(0) == Some(Phase::Leaving.code())
-            && let Some((state, step)) = self.before
-        {
-            let completed = state == Phase::Running.code() && step >= self.steps as f64;
-            let on_its_way = state == Phase::Leaving.code() || state == Phase::Tripped.code();
-            if !completed && !on_its_way {
-                return Some(Operator::Stop);
-            }
+        let state = self.phase(0)?;
+        if state == GIVEN_UP {
+            return Some(Operator::GiveUp);
+        }
+        if state == Phase::Leaving.code() {
+            let (before, step) = self.before?;
+            let completed = before == Phase::Running.code() && step >= self.steps as f64;
+            let on_its_way = before == state || is_a_trip(before);
+            return (!completed && !on_its_way).then_some(Operator::Stop);
         }
         let row = self.ahead.front()?;
         let holding = at(Some(row), self.places[1]) > 0.0;
@@ -179,7 +189,7 @@ impl Tape {
             });
         }
         let (now, next) = (self.phase(0)?, self.phase(1)?);
-        let confirmed = now == Phase::Zeroing.code() && now != next;
+        let confirmed = now == Phase::Zeroing.code() && now != next && !holding;
         confirmed.then_some(Operator::Continue)
     }
 
@@ -218,7 +228,7 @@ impl Tape {
             let front = self.ahead.front();
             self.before = Some((at(front, self.places[0]), at(front, 0)));
             self.row += 1;
-            self.ahead.pop_front();
+            self.spare.extend(self.ahead.pop_front());
             self.fill();
         }
         self.say();
@@ -260,6 +270,20 @@ fn checkpoints(run: &Run) -> Result<BTreeMap<u64, String>, FolderError> {
     Ok(found.collect())
 }
 
+/// True of a row of the running test.
+fn is_under_way(state: f64) -> bool {
+    let between = [Stage::Correct, Stage::Predict, Stage::SlowDown];
+    [Phase::Running, Phase::Holding]
+        .into_iter()
+        .any(|phase| state == phase.code())
+        || between.into_iter().any(|stage| state == stage.code())
+}
+
+/// True of the row that ended a test before its time.
+fn is_a_trip(state: f64) -> bool {
+    state == Phase::Tripped.code() || state == GIVEN_UP
+}
+
 fn at(row: Option<&Vec<f64>>, index: usize) -> f64 {
     row.and_then(|row| row.get(index))
         .copied()
@@ -280,6 +304,14 @@ pub(super) fn with<T>(tape: &Shared, act: impl FnOnce(&mut Tape) -> T) -> T {
 pub(super) struct Comparing(pub Shared);
 
 impl Recorder for Comparing {
+    /// Where the rows of the test come next, nothing of the warm-up was kept.
+    fn warm_up(&mut self) -> WarmUpRows {
+        with(&self.0, |tape| match tape.phase(0) {
+            Some(state) if is_under_way(state) => WarmUpRows::Never,
+            _ => WarmUpRows::AsTheyCome,
+        })
+    }
+
     fn row(&mut self, row: &[f64]) -> bool {
         with(&self.0, |tape| tape.compare(row));
         true
@@ -345,8 +377,7 @@ impl Substructure for Recorded {
                 (*disp, *force) = (at(*disp_at), at(*force_at));
             }
             into.status = Status(at(self.status) as u32);
-            // Commands before the one that this row answers leave no row: the ticks of the warm-up.
-            into.sequence = recorded.min(issued);
+            into.sequence = recorded;
             // Ticks in which nothing moves share a number: there the row says how old its measurement is.
             let stale = issued == recorded && into.status.has(Status::STALE);
             Ok(if issued > recorded || stale {

@@ -6,6 +6,7 @@
 mod coupled;
 mod in_process;
 mod in_units;
+mod platform;
 mod spec;
 mod stiffened;
 mod uniaxial;
@@ -14,6 +15,7 @@ pub use coupled::{Coupled, CoupledSpec};
 pub use in_process::InProcess;
 pub(crate) use in_process::status;
 pub use in_units::InUnits;
+pub use platform::{Gear, Platform};
 pub use spec::SpecimenLaw;
 pub use stiffened::Stiffened;
 pub use uniaxial::Uniaxial;

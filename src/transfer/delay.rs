@@ -1,8 +1,9 @@
 //! A pure delay of any length: commands that ramp from tick to tick, read a while ago.
 //!
 //! The command between two ticks is a straight line, so that a delay of a fraction of a tick is a weighted mean of two
-//! commands, exactly at each tick; what follows sees a straight line between two ticks again. The history stands on a grid of one tick; a step of several ticks (commands were lost on the way)
-//! fills it in, another tick lays it out anew.
+//! commands, exactly at each tick; what follows sees a straight line between two ticks again. The history stands on a grid of
+//! one tick. A step of several ticks (commands were lost on the way) fills it in; one of a part of a tick (a test that eases
+//! into motion) goes on from where the last one ended.
 
 /// Longest history in ticks.
 pub const LONGEST: usize = 8192;
@@ -22,23 +23,30 @@ pub(super) struct Delay {
     whole: usize,
     share: f64,
     ring: Vec<Motion>,
-    spare: Vec<Motion>,
     newest: usize,
+    /// The command last committed, and how far it is beyond the newest entry: ticks of the grid, less than one.
+    head: Motion,
+    beyond: f64,
 }
 
 impl Delay {
-    /// A delay of `seconds` with a history of `entries` commands.
-    pub fn new(seconds: f64, entries: usize) -> Self {
-        let entries = if seconds > 0.0 { entries.max(2) } else { 0 };
-        Self {
+    /// A delay of `seconds` with a history of `entries` commands, one per tick of `dt` s if that is known.
+    pub fn new(seconds: f64, entries: usize, dt: Option<f64>) -> Self {
+        let entries = if seconds > 0.0 { entries.max(4) } else { 0 };
+        let mut delay = Self {
             seconds,
             grid: 0.0,
             whole: 0,
             share: 0.0,
             ring: vec![[0.0; 2]; entries],
-            spare: vec![[0.0; 2]; entries],
             newest: 0,
+            head: [0.0; 2],
+            beyond: 0.0,
+        };
+        if let Some(dt) = dt {
+            delay.lay_out(dt);
         }
+        delay
     }
 
     /// True if commands pass unchanged.
@@ -49,9 +57,11 @@ impl Delay {
     /// The specimen has always stood at `disp`.
     pub fn prime(&mut self, disp: f64) {
         self.ring.fill([disp, 0.0]);
+        self.head = [disp, 0.0];
+        self.beyond = 0.0;
     }
 
-    /// Entry `back` ticks before the newest committed one.
+    /// Entry `back` ticks before the newest one.
     fn past(&self, back: usize) -> Motion {
         let n = self.ring.len();
         if back >= n {
@@ -62,23 +72,28 @@ impl Delay {
     }
 
     /// What arrives now, `dt` after the last committed command, if `motion` is the newest command. Not a number where the
-    /// history does not reach. Real-time: yes; a new `dt` costs one pass over the history.
+    /// history does not reach. Real-time: yes.
     pub fn trial(&mut self, motion: Motion, dt: f64) -> Motion {
         if self.is_none() {
             return motion;
         }
         if dt <= 0.0 {
-            return mix(self.past(self.whole), self.past(self.whole + 1), self.share);
+            if self.beyond == 0.0 {
+                return mix(self.past(self.whole), self.past(self.whole + 1), self.share);
+            }
+            return self.between(self.beyond, self.head);
         }
-        let ticks = self.ticks(dt);
-        mix(
-            self.at(self.whole, motion, ticks),
-            self.at(self.whole + 1, motion, ticks),
-            self.share,
-        )
+        match self.ticks(dt) {
+            Some(ticks) => mix(
+                self.at(self.whole, motion, ticks),
+                self.at(self.whole + 1, motion, ticks),
+                self.share,
+            ),
+            None => self.between(self.beyond + dt / self.grid, motion),
+        }
     }
 
-    /// Entry `back` ticks before `motion`, which is `ticks` after the newest committed one.
+    /// Entry `back` ticks before `motion`, which is `ticks` after the newest entry.
     fn at(&self, back: usize, motion: Motion, ticks: usize) -> Motion {
         match back.checked_sub(ticks) {
             Some(back) => self.past(back),
@@ -86,43 +101,43 @@ impl Delay {
         }
     }
 
-    /// `dt` in ticks of the grid.
-    fn ticks(&mut self, dt: f64) -> usize {
-        if self.grid > 0.0 {
-            let ratio = dt / self.grid;
-            let whole = ratio.round();
-            if (1.0..=LONGEST as f64).contains(&whole) && (ratio - whole).abs() < SAME * whole {
-                return whole as usize;
-            }
+    /// What arrives at the moment `end`, in ticks beyond the newest entry, if `motion` is the command of that moment.
+    fn between(&self, end: f64, motion: Motion) -> Motion {
+        let at = end - (self.whole as f64 + self.share);
+        if at <= 0.0 {
+            let whole = (-at).floor();
+            return mix(
+                self.past(whole as usize),
+                self.past(whole as usize + 1),
+                -at - whole,
+            );
         }
-        self.lay_out(dt);
-        1
+        if at <= self.beyond {
+            return mix(self.past(0), self.head, at / self.beyond);
+        }
+        mix(self.head, motion, (at - self.beyond) / (end - self.beyond))
     }
 
-    /// The grid becomes `dt`.
-    fn lay_out(&mut self, dt: f64) {
-        if self.grid > 0.0 {
-            let ratio = dt / self.grid;
-            let last = self.ring.len().saturating_sub(1);
-            let fresh: usize = self.spare.len();
-            for back in 0..fresh {
-                let place = back as f64 * ratio;
-                let whole = (place.floor() as usize).min(last);
-                let share = if whole == last {
-                    0.0
-                } else {
-                    place - place.floor()
-                };
-                let value = mix(self.past(whole), self.past((whole + 1).min(last)), share);
-                if let Some(entry) = self.spare.get_mut(fresh - 1 - back) {
-                    *entry = value;
-                }
-            }
-            std::mem::swap(&mut self.ring, &mut self.spare);
-            self.newest = self.ring.len() - 1;
+    /// `dt` in whole ticks of the grid, if it goes from entry to entry.
+    fn ticks(&mut self, dt: f64) -> Option<usize> {
+        if self.grid == 0.0 {
+            self.lay_out(dt);
         }
-        self.grid = dt;
-        let ticks = self.seconds / dt;
+        let ratio = dt / self.grid;
+        let whole = ratio.round();
+        let fits = self.beyond == 0.0
+            && (1.0..=LONGEST as f64).contains(&whole)
+            && (ratio - whole).abs() < SAME * whole;
+        fits.then_some(whole as usize)
+    }
+
+    /// The grid becomes `dt`, or as much more as the history needs to reach back.
+    fn lay_out(&mut self, dt: f64) {
+        self.grid = match self.ring.len() {
+            0 => dt,
+            entries => dt.max(self.seconds / (entries - 3) as f64),
+        };
+        let ticks = self.seconds / self.grid;
         // A whole number of ticks, but for roundoff, is a whole number of ticks.
         let near = ticks.round();
         let ticks = if (ticks - near).abs() < SAME * near.max(1.0) {
@@ -134,33 +149,56 @@ impl Delay {
         self.share = ticks - ticks.floor();
     }
 
+    fn push(&mut self, value: Motion) {
+        self.newest = (self.newest + 1) % self.ring.len();
+        if let Some(entry) = self.ring.get_mut(self.newest) {
+            *entry = value;
+        }
+    }
+
     /// The command `motion`, `dt` after the last, is committed. Real-time: yes.
     pub fn commit(&mut self, motion: Motion, dt: f64) {
         if self.is_none() {
             return;
         }
+        let last = std::mem::replace(&mut self.head, motion);
         if dt <= 0.0 {
             // A jump while test time stands still.
-            if let Some(entry) = self.ring.get_mut(self.newest) {
+            if self.beyond == 0.0
+                && let Some(entry) = self.ring.get_mut(self.newest)
+            {
                 *entry = motion;
             }
             return;
         }
-        let ticks = self.ticks(dt);
-        let last = self.past(0);
-        for k in 1..=ticks.min(self.ring.len()) {
-            let value = mix(last, motion, k as f64 / ticks as f64);
-            self.newest = (self.newest + 1) % self.ring.len();
-            if let Some(entry) = self.ring.get_mut(self.newest) {
-                *entry = value;
+        if let Some(ticks) = self.ticks(dt) {
+            let last = self.past(0);
+            for k in 1..=ticks.min(self.ring.len()) {
+                self.push(mix(last, motion, k as f64 / ticks as f64));
             }
+            return;
+        }
+        // Part of a tick: entries that are passed stand on the line from the last command to this one.
+        let steps = dt / self.grid;
+        let end = self.beyond + steps;
+        let count = (end + SAME).floor();
+        let oldest = (count - self.ring.len() as f64).max(0.0);
+        let mut k = oldest + 1.0;
+        while k <= count {
+            self.push(mix(last, motion, ((k - self.beyond) / steps).min(1.0)));
+            k += 1.0;
+        }
+        self.beyond = (end - count).max(0.0);
+        if self.beyond < SAME {
+            self.beyond = 0.0;
         }
     }
 
     /// Appends the history.
     pub fn freeze(&self, out: &mut Vec<f64>) {
         if !self.is_none() {
-            out.push(self.grid);
+            out.extend([self.grid, self.beyond]);
+            out.extend(self.head);
             for back in 0..self.ring.len() {
                 out.extend(self.past(back));
             }
@@ -173,17 +211,17 @@ impl Delay {
             return from;
         }
         let n = self.ring.len();
-        let Some(((grid, history), rest)) = from
-            .split_first()
-            .and_then(|(grid, rest)| Some((rest.split_at_checked(2 * n)?, grid)))
-            .map(|((history, rest), grid)| ((grid, history), rest))
-        else {
+        let Some((&[grid, beyond, disp, vel], rest)) = from.split_first_chunk::<4>() else {
+            return from;
+        };
+        let Some((history, rest)) = rest.split_at_checked(2 * n) else {
             return from;
         };
         self.grid = 0.0;
-        if *grid > 0.0 {
-            self.lay_out(*grid);
+        if grid > 0.0 {
+            self.lay_out(grid);
         }
+        (self.head, self.beyond) = ([disp, vel], beyond);
         self.newest = n - 1;
         for (back, pair) in history.chunks_exact(2).enumerate() {
             if let (Some(entry), [disp, vel]) = (self.ring.get_mut(n - 1 - back), pair) {
@@ -207,7 +245,7 @@ mod tests {
     use super::*;
 
     fn run(seconds: f64, dt: f64, n: usize, command: impl Fn(f64) -> f64) -> Vec<f64> {
-        let mut delay = Delay::new(seconds, 64);
+        let mut delay = Delay::new(seconds, 64, None);
         delay.prime(command(0.0));
         let mut out = vec![];
         for k in 1..=n {
@@ -239,7 +277,7 @@ mod tests {
 
     #[test]
     fn a_ramp_is_delayed_exactly_over_lost_ticks_and_another_grid() {
-        let mut delay = Delay::new(0.0105, 64);
+        let mut delay = Delay::new(0.0105, 64, None);
         delay.prime(0.0);
         let mut t = 0.0;
         for k in 0..60 {
@@ -260,8 +298,34 @@ mod tests {
     }
 
     #[test]
+    fn a_test_that_eases_into_motion_is_delayed_by_as_much() {
+        // A history for the nominal tick alone, and steps of any part of it down to a thousandth.
+        let dt = 1e-3;
+        let mut delay = Delay::new(3.7e-3, 7, Some(dt));
+        delay.prime(0.0);
+        let mut t = 0.0;
+        for k in 0..400 {
+            let part = if k % 50 < 40 {
+                1e-3 + 0.02 * f64::from(k % 50)
+            } else {
+                1.0
+            };
+            t += part * dt;
+            let found = delay.trial([t, 1.0], part * dt)[0];
+            delay.commit([t, 1.0], part * dt);
+            let wanted = (t - 3.7e-3).max(0.0);
+            // The corner at t = 0 is on the grid.
+            assert!((found - wanted).abs() < 1e-12, "{k} {t}: {found} {wanted}");
+            // Time stands still.
+            let still = delay.trial([t, 0.0], 0.0)[0];
+            delay.commit([t, 1.0], 0.0);
+            assert!((still - wanted).abs() < 1e-12, "{k} {t}: {still} {wanted}");
+        }
+    }
+
+    #[test]
     fn a_frozen_history_goes_on_with_the_same_bits() {
-        let (mut one, mut two) = (Delay::new(0.0123, 40), Delay::new(0.0123, 40));
+        let (mut one, mut two) = (Delay::new(0.0123, 40, None), Delay::new(0.0123, 40, None));
         one.prime(0.5);
         for k in 0..70 {
             one.commit([f64::from(k).sin(), 1.0], 1e-3);

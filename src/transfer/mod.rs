@@ -158,7 +158,7 @@ impl Transfer {
             if let Some(ActuatorSpec::ServoHydraulic(servo)) = &spec.actuator {
                 servo.check_loop(stiffness, damping)?;
             }
-            let delay = Delay::new(spec.delay_s, spec.entries(dt));
+            let delay = Delay::new(spec.delay_s, spec.entries(dt), dt);
             let actuator = spec.actuator.as_ref();
             axes.push(Axis::new(delay, actuator, bounds, stiffness, damping));
         }

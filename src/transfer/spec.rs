@@ -221,7 +221,7 @@ impl TransferSpec {
     /// Entries that the history of commands needs.
     pub(super) fn entries(&self, dt: Option<f64>) -> usize {
         match dt {
-            Some(dt) => (self.delay_s / dt).ceil() as usize + 3,
+            Some(dt) => (self.delay_s / dt).ceil() as usize + 4,
             None => delay::LONGEST,
         }
     }

@@ -47,7 +47,7 @@ fn test(compensation: &str, rig: Option<&str>) -> Loaded {
         "title = \"Behind a wire\"\n[time]\nrate_hz = 1000\nduration_s = 0.6\nclock = \"simulated\"\n\
          [structure.shear_building]\nmass_kg = [1000.0, 900.0]\nstiffness_n_per_m = [0, 4e5]\n\
          [structure.damping.rayleigh_ratio]\nratio = 0.1\nmodes = [1, 2]\n[integrator]\nlambda = 4\n\
-         [excitation.ground_acceleration.signal.sine]\namplitude = 2.0\nfrequency_hz = 3.0\n[timing]\nwarmup_ticks = 5\n\
+         [excitation.ground_acceleration.signal.sine]\namplitude = 2.0\nfrequency_hz = 3.0\n[timing]\nwarmup_ticks = 5\nmax_total_misses = 1000000\nmax_consecutive_misses = 1000000\nmax_misses_in_window = 1000000\n\
          [safety]\nzero_s = 0.02\nramp_s = 0.01\n[[specimen]]\nname = \"column\"\nstorey = 1\nstiffness_n_per_m = 6e5\n\
          damping_n_s_per_m = 0\nlimits = {{ command_disp_m = {{ trip = [-0.5, 0.5] }}, measured_force_n = {{ trip = [-1e5, 1e5] }} }}\n\
          compensation = {{ {compensation} }}\n{behind}"
@@ -151,7 +151,7 @@ fn what_goes_wrong_at_a_rig_with_an_actuator_goes_wrong_the_same_way_each_time()
         "[[fault]]\nat = 200\nkind = \"frozen\"\n",
         "[[fault]]\nat = 100\nkind = { rate = { vel_m_per_s = 0.01 } }\n",
         "[[fault]]\nat = 150\nfor = 50\nkind = { noise = { disp_m = 1e-3, force_n = 50 } }\n",
-        "[[fault]]\nat = 300\nkind = \"hangs\"\n",
+        "[[fault]]\nat = 300\nkind = { hangs = { ticks = 60.0 } }\n",
         "[[fault]]\nat = 300\nkind = \"saturated\"\n",
     ];
     for ((rig, compensation), fault) in RIGS.into_iter().zip(COMPENSATIONS).cycle().zip(faults) {

@@ -302,7 +302,11 @@ pub(super) fn prescribed(
             return site.refuse(Finding::error(at.key("specimen"), text));
         };
         if !(1..=*axes).contains(&table.axis) {
-            let text = format!("specimen \"{}\" has {axes} axes", table.specimen);
+            let of = site.loaded.file.specimen.iter();
+            let of = of.filter(|one| one.name == table.specimen);
+            let loaded = of.into_iter().any(|one| one.geometry.is_some());
+            let what = if loaded { "coordinates" } else { "axes" };
+            let text = format!("specimen \"{}\" has {axes} {what}", table.specimen);
             return site.refuse(Finding::error(at.key("axis"), text));
         }
         let spec = PrescribedSpec {

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use super::specimens::loading::{self, LoadingFacts};
 use crate::config::{ExitChoice, SpecimenTable, TestFile};
 use crate::control::Port;
 use crate::control::limits::{Bound, Levels};
@@ -29,6 +30,9 @@ pub struct LimitFacts {
 pub struct SpecimenLimits {
     /// Its name.
     pub name: String,
+    /// The loading unit whose actuators the axes are.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub geometry: Option<LoadingFacts>,
     /// Who keeps them.
     pub checked_by: String,
     /// One list per axis; what is not in it is not limited.
@@ -124,6 +128,7 @@ fn of_specimen(table: &SpecimenTable, port: &Port) -> SpecimenLimits {
     };
     SpecimenLimits {
         name: port.name.clone(),
+        geometry: loading::facts(table),
         checked_by,
         axes: axes.collect(),
         stale,
@@ -163,6 +168,10 @@ pub(super) fn facts(
     for (quantity, bound) in [
         (TestQuantity::StabilityUsed, limits.test.stability_used),
         (TestQuantity::StepAudit, limits.test.step_audit),
+        (
+            TestQuantity::AddedEnergyShare,
+            limits.test.added_energy_share,
+        ),
     ] {
         if columns.contains(&quantity) {
             test.push(of_test(quantity, "", bound));

@@ -34,6 +34,8 @@ pub use analysis::{ALL_MODES, Analysis, Loop, ModeFacts};
 use gear::Rows;
 pub use limits::{Limit, LimitFacts, SpecimenLimits};
 use specimens::Specimens;
+pub use specimens::loading::{ActuatorFacts, LoadingFacts};
+pub(in crate::config) use specimens::loading::{at_actuators, behind_actuators};
 pub use trial::{Drawn, Trial};
 
 /// A test that is ready to run.
@@ -468,6 +470,7 @@ fn numerical(
         Some(audit) => numerical.audited(audit),
         None => numerical,
     };
+    let numerical = safety::counted(&site.loaded.file, numerical);
     Ok((numerical, settling, facts))
 }
 

@@ -1,10 +1,12 @@
 //! From `[safety]` to how the loop begins and leaves.
 
 use super::{Refused, Site, path};
-use crate::config::{AxisTable, ExitChoice, Finding, SpecimenTable, TestFile, Time, ZeroChoice};
+use crate::config::{
+    AxisTable, ExitChoice, Finding, ShareSpec, SpecimenTable, TestFile, Time, ZeroChoice,
+};
 use crate::control::limits::{Bound, BoundSpec};
 use crate::control::{Exit, Exits, Reference, Zero};
-use crate::engine::{MissLevels, Opening, TestLimits};
+use crate::engine::{Intake, MissLevels, Numerical, Opening, TestLimits};
 
 /// Wall time in s over which sensors are averaged, unless the file says otherwise.
 const ZERO_S: f64 = 0.2;
@@ -63,6 +65,10 @@ pub(super) fn test_limits(file: &TestFile, time: &Time) -> TestLimits {
     TestLimits {
         stability_used: or(safety.stability_used, STABILITY_USED),
         step_audit: or(safety.step_audit, AUDIT),
+        added_energy_share: or(
+            safety.added_energy_share.map(ShareSpec::levels),
+            Bound::NONE,
+        ),
         misses: MissLevels {
             warn_in_a_row: half(
                 timing.warn_consecutive_misses,
@@ -79,6 +85,21 @@ pub(super) fn test_limits(file: &TestFile, time: &Time) -> TestLimits {
 /// Whether the steps of a structure of `dofs` degrees of freedom are audited.
 pub(super) fn audits(file: &TestFile, dofs: usize) -> bool {
     file.safety.step_audit.is_some() || dofs <= AUDITED_DOFS
+}
+
+/// The structure with an account of the energy that it takes in, if the test bounds what is added to it.
+pub(super) fn counted(file: &TestFile, numerical: Numerical) -> Numerical {
+    let Some(share) = file.safety.added_energy_share else {
+        return numerical;
+    };
+    let structure = &numerical.structure;
+    let influence = if numerical.excitation.has_base() {
+        structure.influence().to_vec()
+    } else {
+        Vec::new()
+    };
+    let intake = Intake::new(structure.dofs(), influence, share.floor_j);
+    numerical.counted(intake)
 }
 
 /// Which channels take their zero from what is read.

@@ -1,6 +1,7 @@
 //! The specimens of a test file: their rows of B, their laws, and what they add to K0, C0 and their bounds.
 
 mod compensation;
+pub(in crate::config) mod loading;
 mod stand_in;
 mod sums;
 
@@ -18,8 +19,9 @@ use crate::link::NativeLink;
 use crate::link::openfresco::Remote;
 use crate::link::spec::{ProbeChoice, Protocol};
 use crate::model::StructureSpec;
-use crate::specimen::{InProcess, InUnits, Specimen};
+use crate::specimen::{InProcess, InUnits, Specimen, SpecimenLaw};
 use crate::substructure::Substructure;
+use loading::{Loading, at_actuators, behind_actuators, loading};
 
 /// One specimen with everything that is known of it, in the structure's units and at its scale.
 #[derive(Debug)]
@@ -27,6 +29,8 @@ struct Entry {
     name: String,
     stand: Stand,
     axes: Vec<Axis>,
+    /// The loading unit whose actuators the axes are.
+    loading: Option<Loading>,
     units: Vec<(f64, f64)>,
     /// k̂ and ĉ, by rows.
     stiffness: Rows,
@@ -80,15 +84,15 @@ fn entry(site: &mut Site<'_>, index: usize, table: &SpecimenTable) -> Result<Ent
         .and_then(|trial| trial.specimens.get(index).copied());
     let drawn = drawn.unwrap_or_default();
     let rows = rows(site, at, table)?;
+    let (rows, loading) = loading(site, at, table, rows)?;
     let n = rows.len();
+    let laws = loading.as_ref().map_or(n, |_| table.law_axes());
     let mut law = match (table.sources().into_iter().next(), &table.link) {
-        (Some((key, source)), _) => match source.build(n) {
-            Ok(law) => {
-                let (at, spec) = (at.key("transfer"), table.transfer.as_ref());
-                Some(stand_in::behind_transfer(site, &at, spec, law, &drawn)?)
-            }
-            Err(error) => return site.refuse_key(&at.key(key), error.key(), &error),
-        },
+        (Some((key, source)), _) => {
+            let law = built(site, at, table, (key, source), laws)?;
+            let (at, spec) = (at.key("transfer"), table.transfer.as_ref());
+            Some(stand_in::behind_transfer(site, &at, spec, law, &drawn)?)
+        }
         (None, Some(_)) => None,
         (None, None) => {
             let text = "nothing stands for the specimen";
@@ -118,11 +122,17 @@ fn entry(site: &mut Site<'_>, index: usize, table: &SpecimenTable) -> Result<Ent
     }
     let scaled = |flat: &[f64], motion: fn(&Axis) -> f64| scaled(flat, &axes, &units, motion);
     let stiffness = match &table.stiffness_n_per_m {
-        Some(given) => estimate(site, &at.key("stiffness_n_per_m"), given, n)?,
+        Some(given) => {
+            let given = estimate(site, &at.key("stiffness_n_per_m"), given, laws)?;
+            seen(table, &loading, given)
+        }
         None => scaled(&k, |axis| axis.disp_gain),
     };
     let damping = match &table.damping_n_s_per_m {
-        Some(given) => estimate(site, &at.key("damping_n_s_per_m"), given, n)?,
+        Some(given) => {
+            let given = estimate(site, &at.key("damping_n_s_per_m"), given, laws)?;
+            seen(table, &loading, given)
+        }
         None => scaled(&c, |axis| axis.vel_gain),
     };
     let mut mass = scaled(&m, |axis| axis.vel_gain * axis.vel_gain / axis.disp_gain);
@@ -157,10 +167,7 @@ fn entry(site: &mut Site<'_>, index: usize, table: &SpecimenTable) -> Result<Ent
         }
     };
     let stand_in = match &table.stand_in {
-        Some(source) => match source.build(n) {
-            Ok(law) => Some(law),
-            Err(error) => return site.refuse_key(&at.key("stand_in"), error.key(), &error),
-        },
+        Some(source) => Some(built(site, at, table, ("stand_in", source), laws)?),
         None => None,
     };
     let stand = match (law, &table.link) {
@@ -190,6 +197,7 @@ fn entry(site: &mut Site<'_>, index: usize, table: &SpecimenTable) -> Result<Ent
         name: table.name.clone(),
         stand,
         axes,
+        loading,
         units,
         stiffness,
         damping,
@@ -198,6 +206,32 @@ fn entry(site: &mut Site<'_>, index: usize, table: &SpecimenTable) -> Result<Ent
         bounds,
         mass_in_force,
     })
+}
+
+/// A law for so many axes, at the platform of its actuators if it stands there.
+fn built(
+    site: &mut Site<'_>,
+    at: &KeyPath,
+    table: &SpecimenTable,
+    (key, source): (&str, &SpecimenLaw),
+    laws: usize,
+) -> Result<Box<dyn Specimen>, Refused> {
+    let law = match source.build(laws) {
+        Ok(law) => law,
+        Err(error) => return site.refuse_key(&at.key(key), error.key(), &error),
+    };
+    match behind_actuators(table, law) {
+        Ok(law) => Ok(law),
+        Err(error) => site.refuse_key(&at.key("geometry"), error.key(), &error),
+    }
+}
+
+/// An estimate as the axes see it.
+fn seen(table: &SpecimenTable, loading: &Option<Loading>, estimate: Rows) -> Rows {
+    match loading {
+        Some(loading) => at_actuators(table, &loading.geometry, estimate),
+        None => estimate,
+    }
 }
 
 /// Rows of B: of a storey, given, or one without any entry for a test without a structure.
@@ -309,11 +343,13 @@ impl Specimens {
         self.0.iter().map(|entry| entry.name.clone()).collect()
     }
 
-    /// Name and number of axes, in order.
+    /// Name and number of deformations that can be prescribed, in order: axes, or coordinates of the platform.
     pub(super) fn axes(&self) -> impl Iterator<Item = (&str, usize)> {
-        self.0
-            .iter()
-            .map(|entry| (entry.name.as_str(), entry.axes.len()))
+        self.0.iter().map(|entry| {
+            let loading = entry.loading.as_ref();
+            let driven = loading.map_or(entry.axes.len(), |loading| loading.rows.len());
+            (entry.name.as_str(), driven)
+        })
     }
 
     /// Name, rows of B, k̂ and ĉ of every specimen.
@@ -377,9 +413,13 @@ impl Specimens {
         };
         let mut ports = Vec::with_capacity(self.0.len());
         for (index, mut entry) in self.0.into_iter().enumerate() {
+            let iota = |dof: usize| influence.get(dof).copied().unwrap_or(0.0);
+            let base = |row: &[(usize, f64)]| row.iter().map(|&(dof, b)| b * iota(dof)).sum();
             for axis in &mut entry.axes {
-                let iota = |dof: usize| influence.get(dof).copied().unwrap_or(0.0);
-                axis.base = axis.row.iter().map(|&(dof, b)| b * iota(dof)).sum();
+                axis.base = base(&axis.row);
+            }
+            for row in entry.loading.iter_mut().flat_map(|l| &mut l.rows) {
+                row.base = base(&row.row);
             }
             let diagonal = (0..entry.axes.len())
                 .map(|i| entry.stiffness[i][i])
@@ -436,6 +476,9 @@ impl Specimens {
                     }
                     if compensation::is_tracked(&site.loaded.file.specimen[index], axes) {
                         port = port.with_tracking(passes);
+                    }
+                    if let Some(Loading { geometry, rows }) = entry.loading {
+                        port = port.with_geometry(geometry, rows);
                     }
                     port.wait = wait;
                     port.direction = direction;

@@ -208,11 +208,7 @@ fn check_openfresco(link: &LinkSpec, at: &KeyPath, findings: &mut Findings) {
 }
 
 fn check_names(names: &[String], specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
-    let axes = match (&specimen.storey, &specimen.rows) {
-        (Some(_), _) => 1,
-        (_, Some(rows)) => rows.len(),
-        _ => specimen.axes_by_itself(),
-    };
+    let axes = specimen.axes();
     if names.len() != axes {
         let text = format!("{} names for {axes} axes", names.len());
         findings

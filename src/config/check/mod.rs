@@ -5,6 +5,7 @@
 
 mod certificate;
 mod excitation;
+mod geometry;
 mod limits;
 mod link;
 mod safety;

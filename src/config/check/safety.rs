@@ -1,7 +1,7 @@
 //! `[safety]`, and what belongs to it at the specimens.
 
 use super::{Finding, Findings, KeyPath, TestFile};
-use crate::config::{ExitChoice, ZeroChoice};
+use crate::config::{ExitChoice, ShareSpec, ZeroChoice};
 
 pub(super) fn check_safety(file: &TestFile, findings: &mut Findings) {
     let safety = &file.safety;
@@ -12,11 +12,26 @@ pub(super) fn check_safety(file: &TestFile, findings: &mut Findings) {
     for (key, bound) in [
         ("stability_used", safety.stability_used),
         ("step_audit", safety.step_audit),
+        (
+            "added_energy_share",
+            safety.added_energy_share.map(ShareSpec::levels),
+        ),
     ] {
         if let Some(Err(error)) = bound.map(|bound| bound.check(key)) {
             findings
                 .0
                 .push(Finding::error(at.key(key), error.to_string()));
+        }
+    }
+    if let Some(share) = safety.added_energy_share {
+        let place = at.key("added_energy_share");
+        findings.positive(place.key("floor_j"), Some(share.floor_j));
+        if file.structure.is_none() {
+            findings.0.push(
+                Finding::error(place, "no structure takes in energy here")
+                    .label("a share of what?")
+                    .help("`added_energy_j` at the limits of a specimen bounds one axis in J"),
+            );
         }
     }
     for (key, value) in [

@@ -1,6 +1,7 @@
 //! `[[specimen]]`: what it sees, what is believed of it, and its name.
 
 use super::Findings;
+use super::geometry::check_geometry;
 use super::link::check_link;
 use crate::config::diagnose::Finding;
 use crate::config::document::KeyPath;
@@ -90,12 +91,16 @@ pub(super) fn check_specimen(
         }
         _ => None,
     };
+    check_geometry(specimen, axes, at, findings);
+    let loaded = specimen.geometry.as_ref();
+    let laws = loaded.map_or(axes, |_| Some(specimen.law_axes()).filter(|n| *n > 0));
+    let axes = loaded.map_or(axes, |_| Some(specimen.axes()));
     for (key, estimate) in [
         ("stiffness_n_per_m", &specimen.stiffness_n_per_m),
         ("damping_n_s_per_m", &specimen.damping_n_s_per_m),
     ] {
         if let Some(matrix) = estimate {
-            check_estimate(matrix, axes, &at.key(key), findings);
+            check_estimate(matrix, laws, &at.key(key), findings);
         }
     }
     findings.positive(at.key("reach_disp_m"), specimen.reach_disp_m);

@@ -8,6 +8,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use super::check_units;
+use crate::config::build::at_actuators;
 use crate::config::build::links::{beside, folder, native_setup, tls_client, wire_axes};
 use crate::config::{Finding, KeyPath, SpecimenTable};
 use crate::control::Pace;
@@ -44,6 +45,15 @@ pub(super) fn host(
     let units = table.units_of(n);
     let estimate = table.stiffness_n_per_m.as_ref();
     let rows = estimate.map(|matrix| matrix.rows()).unwrap_or_default();
+    let rows = match &table.geometry {
+        Some(spec) if rows.len() == table.law_axes() => {
+            let geometry = spec.build(table.similitude.length);
+            let geometry = geometry
+                .map_err(|error| Box::new(Finding::error(at.key("geometry"), error.to_string())))?;
+            at_actuators(table, &geometry, rows)
+        }
+        _ => rows,
+    };
     if rows.len() != n || rows.iter().any(|row| row.len() != n) {
         let text = format!("the estimate is not {n} × {n}, one row and column per axis");
         let at = at.key("stiffness_n_per_m");
@@ -88,6 +98,9 @@ fn check_gear(table: &SpecimenTable, at: &KeyPath) -> Result<(), Box<Finding>> {
     };
     if table.similitude != Default::default() {
         return refuse(at.key("similitude"));
+    }
+    if table.geometry.is_some() {
+        return refuse(at.key("geometry"));
     }
     if table.compensation.is_some() {
         return refuse(at.key("compensation"));

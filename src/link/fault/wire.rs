@@ -26,6 +26,8 @@ struct OneWay {
     /// Waits for the next frame, to follow it.
     behind: Option<Vec<u8>>,
     past: VecDeque<Vec<u8>>,
+    /// Whether some fault sends old frames again.
+    remembers: bool,
 }
 
 /// A transport on which a script is played.
@@ -49,6 +51,7 @@ pub struct FaultyWire<T> {
     /// Seconds of the specimen's clock per second, less one.
     drift: f64,
     scratch: Vec<u8>,
+    heard_frame: Vec<u8>,
 }
 
 impl<T: Transport> FaultyWire<T> {
@@ -69,23 +72,32 @@ impl<T: Transport> FaultyWire<T> {
             }
             _ => true,
         });
+        let frames = script.faults_at(Place::Frames);
+        let one_way = |way: Way| OneWay {
+            remembers: frames.iter().any(|fault| {
+                fault.on.unwrap_or_default() == way && matches!(fault.kind, Kind::OldAgain { .. })
+            }),
+            ..OneWay::default()
+        };
+        let (replies, commands) = (one_way(Way::Replies), one_way(Way::Commands));
         Self {
             origin: inner.now(),
             inner,
-            frames: script.faults_at(Place::Frames),
+            frames,
             events,
             dice: Dice::new(script.seed, STREAM),
             tick_ns: tick_ns as f64,
             first: 0,
             newest: 0,
             heard: false,
-            replies: OneWay::default(),
-            commands: OneWay::default(),
+            replies,
+            commands,
             deaf_until: Nanos(0),
             answers_arming,
             closed: false,
             drift,
             scratch: Vec::new(),
+            heard_frame: Vec::new(),
         }
     }
 
@@ -111,13 +123,14 @@ impl<T: Transport> FaultyWire<T> {
 
     fn concerns(&self, way: Way, number: u64) -> bool {
         let here = |fault: &Fault| fault.on.unwrap_or_default() == way;
-        let waits = match way {
-            Way::Replies => self.replies.behind.is_some(),
-            Way::Commands => self.commands.behind.is_some(),
+        let one_way = match way {
+            Way::Replies => &self.replies,
+            Way::Commands => &self.commands,
         };
-        let remembers = |fault: &Fault| matches!(fault.kind, Kind::OldAgain { .. });
         let mut frames = self.frames.iter();
-        waits || frames.any(|fault| here(fault) && (fault.concerns(number) || remembers(fault)))
+        one_way.behind.is_some()
+            || one_way.remembers
+            || frames.any(|fault| here(fault) && fault.concerns(number))
     }
 
     /// What becomes of a frame of command `number`: it waits, once or several times, for its time to come.
@@ -197,10 +210,13 @@ impl<T: Transport> FaultyWire<T> {
         {
             one_way.later.push(at, old);
         }
-        if one_way.past.len() >= MEMORY {
-            one_way.past.pop_front();
+        if one_way.remembers {
+            let oldest = (one_way.past.len() >= MEMORY).then(|| one_way.past.pop_front());
+            let mut copy = oldest.flatten().unwrap_or_default();
+            copy.clear();
+            copy.extend_from_slice(frame);
+            one_way.past.push_back(copy);
         }
-        one_way.past.push_back(frame.to_vec());
         self.scratch = bytes;
     }
 
@@ -303,8 +319,12 @@ impl<T: Transport> Transport for FaultyWire<T> {
             if !self.hears(number)? {
                 self.commands.later.push(self.deaf_until, frame);
             } else if self.concerns(Way::Commands, number) {
-                let frame = frame.to_vec();
-                self.play(Way::Commands, number, &frame);
+                // It cannot be lent from the buffer that the next frame is to fill.
+                let mut copy = take(&mut self.heard_frame);
+                copy.clear();
+                copy.extend_from_slice(frame);
+                self.play(Way::Commands, number, &copy);
+                self.heard_frame = copy;
             } else {
                 return Ok(Some(count));
             }

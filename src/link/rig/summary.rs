@@ -132,5 +132,7 @@ pub(super) fn summarise(
         miss_classes: MissClasses::default(),
         warnings,
         limits: serde_json::Value::Null,
+        machine: serde_json::Value::Null,
+        metrics: serde_json::Value::Null,
     }
 }

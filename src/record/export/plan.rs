@@ -103,6 +103,8 @@ pub(super) struct Plan {
 
 /// State of a row in which a step is made.
 const RUNNING: f64 = 3.0;
+/// State of a row in which the loop only runs warm: nothing of the test is in it.
+const WARMING_UP: f64 = 10.0;
 /// State of the row that ends a test, whose step is not made.
 const TRIPPED: f64 = 8.0;
 
@@ -241,6 +243,12 @@ impl Plan {
             && let Some(row) = journal.next_row().map_err(Trouble::Read)?
         {
             if choice.rows == Rows::Tick {
+                if self
+                    .state
+                    .is_some_and(|place| at(row.values, place) == WARMING_UP)
+                {
+                    continue;
+                }
                 had = give(row.sequence, row.values)?;
                 continue;
             }

@@ -2,6 +2,7 @@
 
 use super::{Curtain, Need, Needs, Rehearsal};
 use crate::config::{Finding, KeyPath, Loaded};
+use crate::control::Poses;
 use crate::control::limits::Quantity;
 use crate::engine::Stop;
 
@@ -18,6 +19,7 @@ impl Rehearsal {
                     .filter_map(|need| finding(need, needs, axis, place(need)));
                 findings.extend(found);
             }
+            findings.extend(nearly_singular(needs, index));
         }
         findings.extend(self.end(loaded));
         findings
@@ -43,6 +45,15 @@ impl Rehearsal {
                     port + 1
                 ),
             )),
+            Curtain::Stopped(stop @ Stop::Geometry { port, .. }) => Some(
+                Finding::error(
+                    root.key("specimen").index(port).key("geometry"),
+                    format!("the test would stop at {at} s: {stop}"),
+                )
+                .at_key()
+                .label("these actuators")
+                .help("found on the simulated clock: a smaller motion, longer actuators, or other pins"),
+            ),
             Curtain::Stopped(Stop::TestLimit(hit)) => Some(Finding::error(
                 root.key("safety").key(hit.quantity.key()),
                 format!("the test would stop at {at} s: {hit}"),
@@ -61,6 +72,32 @@ impl Rehearsal {
             )),
         }
     }
+}
+
+/// Beyond this condition number the actuators hold their platform badly: what they do wrong shows twenty times as large in its
+/// weakest direction as in its strongest.
+const WEAK: f64 = 20.0;
+
+/// A warning where the platform comes near to where its actuators cannot hold it.
+fn nearly_singular(needs: &Needs, specimen: usize) -> Option<Finding> {
+    let Poses {
+        condition: [at_rest, worst],
+        worst: pose,
+        ..
+    } = needs.poses.as_ref()?;
+    (*worst > WEAK).then(|| {
+        let at = KeyPath::root().key("specimen").index(specimen);
+        Finding::warning(
+            at.key("geometry"),
+            format!(
+                "`{}` comes near a singular pose: condition {worst:.1} at {pose}, {at_rest:.1} at the reference pose",
+                needs.name
+            ),
+        )
+        .at_key()
+        .label("1 would be best")
+        .help("there small errors of the actuators are large ones of the platform")
+    })
 }
 
 /// A need that is beyond a level, in words.

@@ -5,7 +5,8 @@
 //! is seen and not only its beginning, and compared afterwards ([`Rehearsal::findings`]). Nothing is spoken to, nothing moves,
 //! and nothing is written.
 //!
-//! What a stand-in cannot show is not judged: lag, noise, sensors that stick, late answers.
+//! What a stand-in cannot show is not judged: sensors that stick, late answers, and lag and noise where neither `identified`
+//! nor `stand_in_transfer` says anything of them.
 
 mod findings;
 mod meter;
@@ -20,6 +21,7 @@ pub use meter::{AxisNeed, Extreme};
 use meter::Meter;
 
 use crate::config::{self, ConfigError, Loaded, MatrixValue, SpecimenTable};
+use crate::control::Poses;
 use crate::control::limits::{AxisLimits, Bound, Quantity, Range};
 use crate::engine::{Control, Ending, Engine, Experiment, Operator, Outcome, Stop};
 use crate::record::{Event, Recorder};
@@ -139,6 +141,8 @@ pub struct Needs {
     pub axes: Vec<Vec<Need>>,
     /// All that was found of each axis, limited or not.
     pub found: Vec<AxisNeed>,
+    /// How far its platform went, if the axes are the actuators of one.
+    pub poses: Option<Poses>,
 }
 
 /// Why a rehearsal ended.
@@ -270,13 +274,15 @@ pub fn carry_out(mut experiment: Experiment, budget: Duration) -> Rehearsal {
         Staging::WithoutLimits,
         &Control::from(requests),
     );
-    let specimens = known.into_iter().zip(needs).map(|((name, limits), found)| {
+    let seen = needs.into_iter().zip(outcome.poses);
+    let specimens = known.into_iter().zip(seen).map(|((name, limits), (found, poses))| {
         let axes = found.iter().zip(&limits);
         Needs {
             name,
             stand_in: StandIn::Itself,
             axes: axes.map(|(need, limits)| compared(need, limits)).collect(),
             found,
+            poses,
         }
     });
     Rehearsal {

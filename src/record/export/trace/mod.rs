@@ -2,7 +2,7 @@
 //!
 //! Three lines, in µs of wall time from the first edge. *Grid*: the edges, one slice per tick as long as a period. *Loop*:
 //! the phases of each tick that the log has: late wake-up, send, wait for the replies, compute, then what is left (row,
-//! histograms, sleep) until it begins with the next. *Events*: the lines of `events.jsonl`, misses across all lines. The log
+//! histograms, sleep) until it begins with the next. *Events*: the lines of `events.jsonl`, misses among them. The log
 //! has the stamps of the loop's thread only; what others did shows in the evidence that a miss carries.
 //!
 //! Events are in order of time. Only what overlaps is held: a tick's slices wait until an edge has passed them.
@@ -27,10 +27,10 @@ use crate::record::run::Run;
 /// Ticks that are taken without being asked for: about 150 MB of text, which a browser still opens.
 const MOST: u64 = 200_000;
 
-/// Lines of the picture.
-const GRID: u8 = 1;
-const LOOP: u8 = 2;
-const EVENTS: u8 = 3;
+/// Lines of the picture. One would be taken for the process itself.
+const GRID: u8 = 2;
+const LOOP: u8 = 3;
+const EVENTS: u8 = 4;
 
 /// Writes the ticks of the window.
 pub(super) fn export(run: &Run, choice: &Choice, out: &Path) -> Result<Exported, ExportError> {

@@ -113,9 +113,12 @@ impl Places {
 
 fn shown(event: &Value, at: f64) -> Value {
     let name = event["event"].as_str().unwrap_or("event");
-    let miss = name == "miss";
+    let name = if name == "miss" {
+        "deadline missed"
+    } else {
+        name
+    };
     json!({
-        "name": if miss { "deadline missed" } else { name }, "cat": "event", "ph": "i",
-        "s": if miss { "g" } else { "t" }, "pid": 1, "tid": EVENTS, "ts": rounded(at), "args": event,
+        "name": name, "cat": "event", "ph": "i", "s": "t", "pid": 1, "tid": EVENTS, "ts": rounded(at), "args": event,
     })
 }

@@ -1,0 +1,185 @@
+//! The loading unit of a specimen: its actuators in place of the coordinates of its platform.
+//!
+//! From here on the axes of the specimen are actuators. Their rows are those of small displacements, J·B at the reference
+//! pose, so that K0, C0 and their proof follow as for any other specimen; the port itself goes by the whole geometry.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use super::super::gear::Rows;
+use super::super::{Refused, Site};
+use crate::config::{AxisTable, KeyPath, SpecimenTable};
+use crate::control::PoseRow;
+use crate::geometry::{Geometry, GeometryError, GeometrySpec, LawPlace, MOST};
+use crate::specimen::{Gear, Platform, Specimen};
+
+/// A geometry at the structure's scale, and what its coordinates are of the structure.
+#[derive(Debug)]
+pub(super) struct Loading {
+    pub geometry: Geometry,
+    pub rows: Vec<PoseRow>,
+}
+
+type Sparse = Vec<(usize, f64)>;
+
+/// The rows of the axes, and the loading unit if the axes are its actuators; `rows` are those of B.
+pub(super) fn loading(
+    site: &mut Site<'_>,
+    at: &KeyPath,
+    table: &SpecimenTable,
+    rows: Vec<Sparse>,
+) -> Result<(Vec<Sparse>, Option<Loading>), Refused> {
+    let Some(spec) = &table.geometry else {
+        return Ok((rows, None));
+    };
+    let geometry = match spec.build(table.similitude.length) {
+        Ok(geometry) => geometry,
+        Err(error) => return site.refuse_key(&at.key("geometry"), error.key(), &error),
+    };
+    let coordinates = geometry.coordinates().len();
+    // Without a structure there is nothing to take a coordinate from: it is prescribed. Their number was checked.
+    let rows = (0..coordinates).map(|index| PoseRow {
+        row: rows.get(index).cloned().unwrap_or_default(),
+        base: 0.0,
+    });
+    let rows: Vec<PoseRow> = rows.collect();
+    let reference = geometry.reference();
+    let axes = (0..geometry.actuators()).map(|actuator| {
+        let mut sums: BTreeMap<usize, f64> = BTreeMap::new();
+        for (column, row) in rows.iter().enumerate() {
+            for &(dof, coefficient) in &row.row {
+                *sums.entry(dof).or_default() += reference.slope(actuator, column) * coefficient;
+            }
+        }
+        sums.into_iter().filter(|(_, sum)| *sum != 0.0).collect()
+    });
+    Ok((axes.collect(), Some(Loading { geometry, rows })))
+}
+
+/// The law behind its actuators, if it stands at their platform.
+pub(in crate::config) fn behind_actuators(
+    table: &SpecimenTable,
+    law: Box<dyn Specimen>,
+) -> Result<Box<dyn Specimen>, GeometryError> {
+    let Some(spec) = of_platform(table) else {
+        return Ok(law);
+    };
+    let geometry = spec.build(1.0)?;
+    let gears = (0..geometry.actuators()).map(|index| {
+        let axis = table.axis.get(index).cloned().unwrap_or_default();
+        let AxisTable {
+            scale,
+            sign,
+            offset_m,
+            ..
+        } = axis;
+        Gear {
+            ratio: f64::from(sign) * scale,
+            offset: offset_m,
+        }
+    });
+    let gears: Vec<Gear> = gears.collect();
+    Ok(Box::new(Platform::new(law, geometry, &gears)))
+}
+
+/// An estimate as the actuators see it, one row each: Pᵀ K P with P = J⁺ at the reference pose; `geometry` is at the scale of
+/// the estimate.
+pub(in crate::config) fn at_actuators(
+    table: &SpecimenTable,
+    geometry: &Geometry,
+    estimate: Rows,
+) -> Rows {
+    if of_platform(table).is_none() {
+        return estimate;
+    }
+    let (n, m) = (geometry.coordinates().len(), geometry.actuators());
+    let reference = geometry.reference();
+    let motions = (0..m).map(|actuator| {
+        let (mut unit, mut motion) = ([0.0; MOST], vec![0.0; n]);
+        unit[actuator] = 1.0;
+        geometry.pose_rates(&reference, &unit, &mut motion);
+        motion
+    });
+    let motions: Vec<Vec<f64>> = motions.collect();
+    let entry = |i: usize, j: usize| {
+        let mut sum = 0.0;
+        for (row, a) in estimate.iter().zip(&motions[i]) {
+            for (entry, b) in row.iter().zip(&motions[j]) {
+                sum += a * entry * b;
+            }
+        }
+        sum
+    };
+    // One half of the symmetric whole, mirrored.
+    let row = |i: usize| (0..m).map(|j| entry(i.min(j), i.max(j))).collect();
+    (0..m).map(row).collect()
+}
+
+fn of_platform(table: &SpecimenTable) -> Option<&GeometrySpec> {
+    let spec = table.geometry.as_ref()?;
+    (spec.law_at == LawPlace::Platform).then_some(spec)
+}
+
+/// A loading unit, for whoever looks over a test.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct LoadingFacts {
+    /// "plane", "space" or "matrix".
+    pub form: &'static str,
+    /// Whether strokes are exact, or those of small displacements.
+    pub exact: bool,
+    /// What the law and the estimates are of.
+    pub law_at: LawPlace,
+    /// Driven coordinates of the platform.
+    pub coordinates: Vec<&'static str>,
+    /// Condition number of the Jacobian at the reference pose, rotations measured at the farthest joint.
+    pub condition: f64,
+    /// One entry per actuator.
+    pub actuators: Vec<ActuatorFacts>,
+}
+
+/// An actuator at the reference pose, at the specimen's scale.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ActuatorFacts {
+    /// Pin to pin, m; a matrix has none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub length_m: Option<f64>,
+    /// Shortest and longest stroke, m; empty where there is no bound.
+    pub stroke_m: Vec<f64>,
+    /// Stroke in m per m or rad of each coordinate.
+    pub slope: Vec<f64>,
+}
+
+/// The loading unit of a specimen.
+pub(in crate::config::build) fn facts(table: &SpecimenTable) -> Option<LoadingFacts> {
+    let spec = table.geometry.as_ref()?;
+    let geometry = spec.build(1.0).ok()?;
+    let reference = geometry.reference();
+    let coordinates = geometry.coordinates();
+    let actuators = (0..geometry.actuators()).map(|actuator| {
+        let range = geometry.stroke_range(actuator);
+        ActuatorFacts {
+            length_m: geometry.length(actuator),
+            stroke_m: if range.iter().all(|stroke| stroke.is_finite()) {
+                range.to_vec()
+            } else {
+                Vec::new()
+            },
+            slope: (0..coordinates.len())
+                .map(|column| reference.slope(actuator, column))
+                .collect(),
+        }
+    });
+    Some(LoadingFacts {
+        form: match (&spec.plane, &spec.space) {
+            (Some(_), _) => "plane",
+            (_, Some(_)) => "space",
+            _ => "matrix",
+        },
+        exact: geometry.is_exact(),
+        law_at: spec.law_at,
+        coordinates: coordinates.iter().map(|one| one.key()).collect(),
+        condition: geometry.condition(&reference),
+        actuators: actuators.collect(),
+    })
+}

@@ -1,0 +1,112 @@
+//! `[specimen.geometry]`: a geometry that is one, and that fits what the specimen sees.
+
+use super::Findings;
+use crate::config::diagnose::Finding;
+use crate::config::document::KeyPath;
+use crate::config::specimen::SpecimenTable;
+use crate::geometry::{Geometry, GeometryError};
+
+/// The loading unit of one specimen; `seen` is the number of rows of B, if they are given.
+pub(super) fn check_geometry(
+    specimen: &SpecimenTable,
+    seen: Option<usize>,
+    at: &KeyPath,
+    findings: &mut Findings,
+) {
+    let Some(spec) = &specimen.geometry else {
+        return;
+    };
+    let here = at.key("geometry");
+    let geometry = match spec.build(1.0) {
+        Ok(geometry) => geometry,
+        Err(error) => {
+            let form = if spec.matrix.is_some() {
+                "matrix"
+            } else if spec.plane.is_some() {
+                "plane"
+            } else {
+                "space"
+            };
+            findings.0.push(refusal(&error, form, &here));
+            return;
+        }
+    };
+    if let Some(seen) = seen
+        && seen != geometry.coordinates().len()
+    {
+        let keys: Vec<&str> = geometry.coordinates().iter().map(|c| c.key()).collect();
+        let rows = if specimen.storey.is_some() {
+            "storey"
+        } else {
+            "rows"
+        };
+        findings.0.push(
+            Finding::error(
+                at.key(rows),
+                format!(
+                    "the platform has {} driven coordinates ({}), but `{rows}` gives {seen}",
+                    keys.len(),
+                    keys.join(", ")
+                ),
+            )
+            .at_key()
+            .label("one row of B per coordinate")
+            .help("`coordinates` in [specimen.geometry] says which coordinates the rows are; all others stay at zero"),
+        );
+    }
+    if specimen.mass_in_force_kg != 0.0 {
+        findings.0.push(
+            Finding::error(
+                at.key("mass_in_force_kg"),
+                "the measured forces of a loading unit hold the inertia of its platform in a way that no number says",
+            )
+            .at_key()
+            .label("not with `geometry`"),
+        );
+    }
+    let probe = specimen.link.as_ref().and_then(|link| link.probe_m);
+    if probe.is_some() && is_redundant(&geometry) {
+        findings.0.push(
+            Finding::error(
+                at.key("link").key("probe_m"),
+                "an actuator cannot be moved by itself where there are more of them than coordinates",
+            )
+            .at_key()
+            .label("it would work against the others"),
+        );
+    }
+}
+
+fn is_redundant(geometry: &Geometry) -> bool {
+    geometry.actuators() > geometry.coordinates().len()
+}
+
+/// A geometry that is none, at its place.
+fn refusal(error: &GeometryError, form: &str, here: &KeyPath) -> Finding {
+    let text = error.to_string();
+    match error {
+        GeometryError::Forms { .. } => Finding::error(here.clone(), text)
+            .help("`plane` and `space` list the pins of the actuators; `matrix` is a transformation of your own"),
+        GeometryError::Fault(_) => Finding::error(here.key(form), text)
+            .at_key()
+            .label("the actuators cannot hold the platform")
+            .help("no line of action may be given by the others: move a pin, or drive fewer `coordinates`"),
+        GeometryError::Unsaid { key, .. } => Finding::error(here.key(key), text)
+            .at_key()
+            .label("`coordinates` is missing")
+            .help("for example coordinates = [\"ux\", \"rz\"]"),
+        GeometryError::Row { row, .. } => {
+            Finding::error(here.key("matrix").index(row.saturating_sub(1)), text)
+                .label("one number per coordinate")
+        }
+        GeometryError::NoLength { actuator }
+        | GeometryError::Length { actuator, .. }
+        | GeometryError::NotFinite { actuator, .. } => {
+            let pins = here.key(form).index(actuator.saturating_sub(1));
+            Finding::error(pins.key(error.key()), text)
+        }
+        GeometryError::Count { .. }
+        | GeometryError::Coordinates { .. }
+        | GeometryError::ExactMatrix => Finding::error(here.key(error.key()), text),
+    }
+}

@@ -1,0 +1,393 @@
+//! The loading unit of a port: with it the port's axes are actuators, and its targets are the strokes that the pose B·x of
+//! their platform asks for.
+//!
+//! ```text
+//! out    pose q = B·x  →  target = s(q), target_vel = J(q) B·v  →  gear, compensation, limits, all per actuator
+//! back   measured strokes  →  measured pose q_m, by Newton from q  →  B ᵀ J(q_m)ᵀ f enters equilibrium
+//! ```
+//!
+//! The measured pose is that of the step that is closed and depends on nothing but its target and its measurement: a replay
+//! finds the same one. Forces act where the actuators are, not where they should be. A pose that cannot be is kept as a
+//! fault; no command leaves while there is one.
+
+use super::Port;
+use crate::geometry::{Coordinate, Fault, Geometry, MOST, Placed};
+
+/// One row of B: what a coordinate is of the structure's displacements.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct PoseRow {
+    /// Nonzero entries: degree of freedom (from 0) and coefficient.
+    pub row: Vec<(usize, f64)>,
+    /// b·ι: the part of a base displacement that this coordinate does not see.
+    pub base: f64,
+}
+
+/// b·x, relative to the base. Real-time: yes.
+pub(super) fn dot(row: &[(usize, f64)], base_part: f64, x: &[f64], base: f64) -> f64 {
+    let mut sum = 0.0;
+    for &(dof, coefficient) in row {
+        if let Some(value) = x.get(dof) {
+            sum += coefficient * value;
+        }
+    }
+    sum - base_part * base
+}
+
+/// How far a platform went, and how near it came to where its actuators cannot hold it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Poses {
+    /// Smallest and largest value of each coordinate, in m or rad.
+    pub range: Vec<(Coordinate, f64, f64)>,
+    /// Condition number of the Jacobian at the reference pose, and at the worst of all poses.
+    pub condition: [f64; 2],
+    /// The worst pose in words.
+    pub worst: String,
+}
+
+/// A loading unit and everything of the current step.
+#[derive(Debug)]
+pub(super) struct Posed {
+    geometry: Geometry,
+    rows: Vec<PoseRow>,
+    /// The pose last sought, and its velocity.
+    aim: Placed,
+    rates: [f64; MOST],
+    /// The pose last measured, and the forces of its coordinates.
+    found: Placed,
+    force: [f64; MOST],
+    /// Of the pose last sought.
+    fault: Option<Fault>,
+    range: [[f64; 2]; MOST],
+    worst: Placed,
+}
+
+impl Posed {
+    /// Goes to `pose` with `rates`, and leaves strokes and their velocities in `target` and `target_vel`. Real-time: yes.
+    fn go(&mut self, pose: &[f64; MOST], target: &mut [f64], target_vel: &mut [f64]) {
+        let placed = self.geometry.place(pose, &mut self.aim);
+        self.fault = placed
+            .and_then(|()| self.geometry.within_reach(&self.aim))
+            .err();
+        if self.fault.is_some() {
+            return;
+        }
+        for (to, from) in target.iter_mut().zip(self.aim.strokes()) {
+            *to = *from;
+        }
+        self.geometry
+            .stroke_rates(&self.aim, &self.rates, target_vel);
+        for ([low, high], value) in self.range.iter_mut().zip(self.aim.pose()) {
+            *low = low.min(*value);
+            *high = high.max(*value);
+        }
+        if self.aim.independence() < self.worst.independence() {
+            self.worst = self.aim;
+        }
+    }
+
+    /// Goes where the structure is. Real-time: yes.
+    pub fn seek(
+        &mut self,
+        [disp, vel]: [&[f64]; 2],
+        base_disp: f64,
+        base_vel: f64,
+        target: &mut [f64],
+        target_vel: &mut [f64],
+    ) {
+        let mut pose = [0.0; MOST];
+        let each = pose.iter_mut().zip(&mut self.rates);
+        for (row, (value, rate)) in self.rows.iter().zip(each) {
+            *value = dot(&row.row, row.base, disp, base_disp);
+            *rate = dot(&row.row, row.base, vel, base_vel);
+        }
+        self.go(&pose, target, target_vel);
+    }
+
+    /// Goes along prescribed coordinates. Real-time: yes.
+    pub fn seek_at(
+        &mut self,
+        along: &mut impl Iterator<Item = (f64, f64)>,
+        target: &mut [f64],
+        target_vel: &mut [f64],
+    ) {
+        let mut pose = [0.0; MOST];
+        let each = pose.iter_mut().zip(&mut self.rates);
+        for ((value, rate), (disp, vel)) in each.take(self.rows.len()).zip(along) {
+            (*value, *rate) = (disp, vel);
+        }
+        self.go(&pose, target, target_vel);
+    }
+
+    /// True if the pose last sought can be. Real-time: yes.
+    pub const fn is_possible(&self) -> bool {
+        self.fault.is_none()
+    }
+
+    /// Takes the measured pose and the forces of its coordinates from the actuators. Real-time: yes.
+    fn resolve(&mut self, measured: &[f64], force: &[f64]) -> Result<(), Fault> {
+        self.found = self.aim;
+        self.geometry.find(measured, &mut self.found)?;
+        let n = self.rows.len();
+        if let Some(forces) = self.force.get_mut(..n) {
+            self.geometry.pose_forces(&self.found, force, forces);
+        }
+        Ok(())
+    }
+
+    /// residual −= Bᵀ·force. Real-time: yes.
+    pub fn subtract_force(&self, residual: &mut [f64]) {
+        for (row, force) in self.rows.iter().zip(&self.force) {
+            for &(dof, coefficient) in &row.row {
+                if let Some(entry) = residual.get_mut(dof) {
+                    *entry -= coefficient * force;
+                }
+            }
+        }
+    }
+}
+
+impl Port {
+    /// Makes the axes the actuators of a loading unit, at the structure's scale; `rows` are those of B, one per coordinate.
+    /// Without as many actuators as axes and rows as coordinates nothing changes.
+    #[must_use]
+    pub fn with_geometry(mut self, geometry: Geometry, rows: Vec<PoseRow>) -> Self {
+        if geometry.actuators() == self.axes.len() && geometry.coordinates().len() == rows.len() {
+            let reference = geometry.reference();
+            self.posed = Some(Box::new(Posed {
+                geometry,
+                rows,
+                aim: reference,
+                rates: [0.0; MOST],
+                found: reference,
+                force: [0.0; MOST],
+                fault: None,
+                range: [[0.0; 2]; MOST],
+                worst: reference,
+            }));
+        }
+        self
+    }
+
+    /// The loading unit, if its axes are actuators of one.
+    #[must_use]
+    pub fn geometry(&self) -> Option<&Geometry> {
+        self.posed.as_deref().map(|posed| &posed.geometry)
+    }
+
+    /// Why the next command cannot be made. Real-time: yes.
+    #[must_use]
+    pub fn geometry_fault(&self) -> Option<Fault> {
+        self.posed.as_deref().and_then(|posed| posed.fault)
+    }
+
+    /// The next commands are strokes from where the actuators are, whatever pose was sought.
+    pub(super) fn leave_pose(&mut self) {
+        if let Some(posed) = &mut self.posed {
+            posed.fault = None;
+        }
+    }
+
+    /// Takes the pose and the forces of its coordinates from what was measured for the step that is closed. Does nothing
+    /// where there is no loading unit. Real-time: yes.
+    ///
+    /// # Errors
+    /// The actuators cannot have these strokes.
+    pub fn resolve_pose(&mut self) -> Result<(), Fault> {
+        match &mut self.posed {
+            Some(posed) => posed.resolve(&self.measured, &self.force),
+            None => Ok(()),
+        }
+    }
+
+    /// Each coordinate: pose that the structure asks for, measured pose, force. Empty without a loading unit. Real-time: yes.
+    pub fn pose(&self) -> impl Iterator<Item = (Coordinate, [f64; 3])> + '_ {
+        let posed = self.posed.as_deref();
+        posed.into_iter().flat_map(|posed| {
+            let values = posed.aim.pose().iter().zip(posed.found.pose());
+            let values = values.zip(&posed.force);
+            let named = posed.geometry.coordinates().iter().zip(values);
+            named.map(|(coordinate, ((aim, found), force))| (*coordinate, [*aim, *found, *force]))
+        })
+    }
+
+    /// How far the platform went. Allocates.
+    #[must_use]
+    pub fn poses(&self) -> Option<Poses> {
+        let Posed {
+            geometry,
+            range,
+            worst,
+            ..
+        } = self.posed.as_deref()?;
+        let named = geometry.coordinates().iter().zip(range);
+        Some(Poses {
+            range: named.map(|(c, [low, high])| (*c, *low, *high)).collect(),
+            condition: [&geometry.reference(), worst].map(|at| geometry.condition(at)),
+            worst: geometry.words(worst),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::{Axis, Exit, Exits};
+    use crate::geometry::{GeometrySpec, PlanePins};
+    use crate::substructure::{
+        Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
+    };
+    use crate::time::Nanos;
+
+    /// Two springs of 1 kN/m that follow to 1 mm.
+    #[derive(Debug, Default)]
+    struct Springs {
+        disp: [f64; 2],
+        lag: f64,
+    }
+
+    impl Substructure for Springs {
+        fn axes(&self) -> usize {
+            2
+        }
+        fn coupling(&self) -> Coupling {
+            Coupling::Lockstep
+        }
+        fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+            self.disp.copy_from_slice(command.disp);
+            Ok(())
+        }
+        fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+            for (index, disp) in self.disp.iter().enumerate() {
+                into.disp[index] = disp - self.lag;
+                into.force[index] = 1000.0 * (disp - self.lag);
+            }
+            Ok(Freshness::Fresh)
+        }
+        fn retire(&mut self, _: Retirement) {}
+    }
+
+    fn port(lag: f64, length_m: Option<[f64; 2]>) -> Port {
+        let pins = |base_m| PlanePins {
+            base_m,
+            joint_m: [0.0; 2],
+            length_m,
+        };
+        let spec = GeometrySpec {
+            coordinates: Some(vec![Coordinate::Ux, Coordinate::Uy]),
+            plane: Some(vec![pins([-4.0, 0.0]), pins([0.0, -3.0])]),
+            ..GeometrySpec::default()
+        };
+        let axes = vec![
+            Axis::plain(vec![(0, 1.0), (2, -1.0)]),
+            Axis::plain(vec![(1, 1.0)]),
+        ];
+        let rows = vec![
+            PoseRow {
+                row: vec![(0, 1.0), (2, -1.0)],
+                base: 1.0,
+            },
+            PoseRow {
+                row: vec![(1, 1.0)],
+                base: 0.0,
+            },
+        ];
+        let springs = Springs {
+            lag,
+            ..Springs::default()
+        };
+        Port::new("rig", axes, Box::new(springs), 3, vec![1000.0; 2])
+            .unwrap()
+            .with_geometry(spec.build(1.0).unwrap(), rows)
+    }
+
+    #[test]
+    fn targets_are_strokes_and_forces_come_back_where_the_actuators_are() {
+        let mut port = port(0.0, None);
+        // x₀ − x₂ − base = 0, x₁ = 3: the first actuator is 5 m long and inclined.
+        port.aim(&[0.7, 3.0, 0.5], &[0.0, 2.0, 0.0], 0.2, 0.0);
+        assert!((port.target[0] - 1.0).abs() < 1e-15 && (port.target[1] - 3.0).abs() < 1e-15);
+        assert!((port.target_vel[0] - 1.2).abs() < 1e-15, "3/5 of 2 m/s");
+        assert_eq!(port.clear().trip, None);
+        port.issue(0, 0.0, 0.0).unwrap();
+        port.collect(Nanos(0)).unwrap();
+        port.resolve_pose().unwrap();
+        let mut residual = [0.0; 3];
+        port.subtract_force(&mut residual);
+        // 1 kN along (4, 3)/5 and 3 kN along y.
+        for (found, exact) in residual.iter().zip([-800.0, -3600.0, 800.0]) {
+            assert!((found - exact).abs() < 1e-10, "{residual:?}");
+        }
+        let pose: Vec<_> = port.pose().collect();
+        assert_eq!(pose[1].0, Coordinate::Uy);
+        assert!((pose[1].1[0] - 3.0).abs() < 1e-15 && (pose[1].1[1] - 3.0).abs() < 1e-14);
+    }
+
+    /// The force of an actuator that lags acts where it is: at the measured pose, which is not that of the target.
+    #[test]
+    fn a_lagging_actuator_pulls_along_its_own_direction() {
+        let mut port = port(0.5, None);
+        port.aim(&[0.0, 3.0, 0.0], &[0.0; 3], 0.0, 0.0);
+        assert_eq!(port.clear().trip, None);
+        port.issue(0, 0.0, 0.0).unwrap();
+        port.collect(Nanos(0)).unwrap();
+        port.resolve_pose().unwrap();
+        let measured: Vec<f64> = port.pose().map(|(_, [_, found, _])| found).collect();
+        // Circles of 4.5 m about (−4, 0) and 5.5 m about (0, −3).
+        let [x, y] = [measured[0], measured[1]];
+        assert!((f64::hypot(4.0 + x, y) - 4.5).abs() < 1e-14);
+        assert!((f64::hypot(x, 3.0 + y) - 5.5).abs() < 1e-14);
+        let mut residual = [0.0; 3];
+        port.subtract_force(&mut residual);
+        let along_x = 500.0 * (4.0 + x) / 4.5 + 2500.0 * x / 5.5;
+        assert!((residual[0] + along_x).abs() < 1e-10);
+    }
+
+    /// Sensors that no pose belongs to: circles that do not meet.
+    #[test]
+    fn strokes_without_a_pose_are_a_fault_and_not_a_number() {
+        for lag in [3.9, f64::NAN, 1e30] {
+            let mut port = port(lag, None);
+            port.aim(&[0.0, 0.0, 0.0], &[0.0; 3], 0.0, 0.0);
+            port.clear();
+            port.issue(0, 0.0, 0.0).unwrap();
+            let _ = port.collect(Nanos(0));
+            assert!(port.resolve_pose().is_err(), "{lag}");
+            let mut residual = [0.0; 3];
+            port.subtract_force(&mut residual);
+            assert_eq!(residual, [0.0; 3]);
+        }
+    }
+
+    #[test]
+    fn beyond_reach_or_at_a_singular_pose_no_command_leaves() {
+        let mut port = port(0.0, Some([2.0, 4.5]));
+        port.aim(&[0.0, 0.1, 0.0], &[0.0; 3], 0.0, 0.0);
+        assert_eq!(port.geometry_fault(), None);
+        port.clear();
+        assert_eq!(port.issue(0, 0.0, 0.0), Ok(()));
+        for x in [[0.9, 0.0, 0.0], [-4.0, 0.0, 0.0], [f64::NAN, 0.0, 0.0]] {
+            port.aim(&x, &[0.0; 3], 0.0, 0.0);
+            let fault = port.geometry_fault().unwrap();
+            port.clear();
+            assert_eq!(port.issue(1, 0.0, 0.0), Err(LinkFault::Refused));
+            assert!(fault.to_string().contains("ux = "), "{fault}");
+        }
+        // The way out is none of the pose's.
+        port.exits = Exits {
+            on_trip: Exit::ZeroDisp,
+            at_end: Exit::Freeze,
+            speed: 0.1,
+        };
+        let mut way = port.depart(true, 0.01).unwrap();
+        assert!(port.go_on(&mut way));
+        port.clear();
+        assert_eq!(port.issue(1, 0.0, 0.0), Ok(()));
+        port.aim(&[0.0, 0.2, 0.0], &[0.0; 3], 0.0, 0.0);
+        port.clear();
+        assert_eq!(port.issue(2, 0.0, 0.0), Ok(()));
+        let poses = port.poses().unwrap();
+        assert_eq!(poses.range[1], (Coordinate::Uy, 0.0, 0.2));
+        assert!((poses.condition[0] - 1.0).abs() < 1e-14 && poses.condition[1] > 1.01);
+        assert_eq!(poses.worst, "ux = 0 m, uy = 0.2 m");
+    }
+}

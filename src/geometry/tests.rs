@@ -1,0 +1,520 @@
+use nalgebra::{Rotation3, Vector3};
+use proptest::prelude::*;
+
+use super::*;
+use Coordinate::{Rx, Ry, Rz, Ux, Uy, Uz};
+
+/// Of strokes: a length of about 2 m is known to a few ε of itself.
+const EXACT: f64 = 4e-15;
+
+fn plane(pins: &[([f64; 2], [f64; 2])], coordinates: &[Coordinate]) -> GeometrySpec {
+    let pins = pins.iter().map(|(base_m, joint_m)| PlanePins {
+        base_m: *base_m,
+        joint_m: *joint_m,
+        length_m: None,
+    });
+    GeometrySpec {
+        coordinates: Some(coordinates.to_vec()),
+        plane: Some(pins.collect()),
+        ..GeometrySpec::default()
+    }
+}
+
+fn space(pins: &[([f64; 3], [f64; 3])], coordinates: &[Coordinate]) -> GeometrySpec {
+    let pins = pins.iter().map(|(base_m, joint_m)| SpacePins {
+        base_m: *base_m,
+        joint_m: *joint_m,
+        length_m: None,
+    });
+    GeometrySpec {
+        coordinates: Some(coordinates.to_vec()),
+        space: Some(pins.collect()),
+        ..GeometrySpec::default()
+    }
+}
+
+/// One horizontal and two vertical actuators on a beam, with joint offsets.
+const THREE: [([f64; 2], [f64; 2]); 3] = [
+    ([-1.6, 0.1], [-0.4, 0.15]),
+    ([-0.5, -1.2], [-0.5, -0.1]),
+    ([0.6, -1.3], [0.5, -0.1]),
+];
+
+/// Two along x above each other, two along y above each other.
+const FOUR: [([f64; 3], [f64; 3]); 4] = [
+    ([-1.5, 0.1, 0.0], [-0.3, 0.0, 0.0]),
+    ([0.0, -1.6, 0.05], [0.1, -0.3, 0.0]),
+    ([-1.4, 0.0, 0.7], [-0.25, 0.1, 0.7]),
+    ([0.1, -1.5, 0.7], [0.0, -0.3, 0.75]),
+];
+
+/// A hexapod.
+fn six() -> Vec<([f64; 3], [f64; 3])> {
+    (0..6)
+        .map(|leg| {
+            let turn = std::f64::consts::PI / 3.0;
+            let side = if leg % 2 == 0 { -0.2 } else { 0.2 };
+            let foot = f64::from(leg / 2 * 2) * turn;
+            let head = f64::from((leg + 1) / 2 * 2) * turn - turn;
+            let at = |angle: f64, radius: f64, height: f64| {
+                [radius * angle.cos(), radius * angle.sin(), height]
+            };
+            (at(foot + side, 1.0, -1.1), at(head - 0.5 * side, 0.6, 0.0))
+        })
+        .collect()
+}
+
+/// Every form that moves its Jacobian.
+fn all() -> Vec<Geometry> {
+    [
+        plane(&[([-2.0, -0.7], [0.1, 0.2])], &[Ux]),
+        plane(&THREE[..2], &[Ux, Uy]),
+        plane(&THREE[..2], &[Ux, Rz]),
+        plane(&THREE, &[Ux, Uy, Rz]),
+        plane(&THREE, &[Uy, Rz]),
+        space(&FOUR, &[Ux, Uy, Rx, Ry]),
+        space(&FOUR, &[Ux, Uy, Ry]),
+        space(&six(), &[Ux, Uy, Uz, Rx, Ry, Rz]),
+    ]
+    .iter()
+    .map(|spec| spec.build(1.0).unwrap())
+    .collect()
+}
+
+fn placed(geometry: &Geometry, pose: &[f64]) -> Placed {
+    let mut placed = geometry.reference();
+    geometry.place(pose, &mut placed).unwrap();
+    placed
+}
+
+#[test]
+fn one_actuator_is_a_square_root() {
+    let geometry = plane(&[([-3.0, -4.0], [0.0, 0.0])], &[Ux, Uy]);
+    assert!(geometry.build(1.0).is_err(), "one cannot hold two");
+    let geometry = plane(&[([-3.0, -4.0], [0.0, 0.0])], &[Ux])
+        .build(1.0)
+        .unwrap();
+    for u in [-0.7, -1e-9, 0.0, 1e-12, 0.3, 2.0f64] {
+        let found = placed(&geometry, &[u]);
+        let exact = ((3.0 + u) * (3.0 + u) + 16.0).sqrt() - 5.0;
+        assert!((found.strokes()[0] - exact).abs() < 1e-15 * 8.0);
+        assert!((found.slope(0, 0) - (3.0 + u) / (5.0 + exact)).abs() < 1e-15);
+    }
+    // Where √ − 5 has lost every digit: 0.6 u of a displacement far below ε·5.
+    let tiny = placed(&geometry, &[1e-18]);
+    assert!((tiny.strokes()[0] / 6e-19 - 1.0).abs() < 1e-15);
+}
+
+#[test]
+fn two_actuators_meet_where_two_circles_do() {
+    let (a, b) = ([-3.0, 0.0], [1.0, -2.0]);
+    let geometry = plane(&[(a, [0.0; 2]), (b, [0.0; 2])], &[Ux, Uy]);
+    let geometry = geometry.build(1.0).unwrap();
+    for (s, t) in [(0.2, -0.3), (-0.5, 0.1), (0.0, 0.0), (1e-7, 1e-9)] {
+        let mut found = geometry.reference();
+        geometry.find(&[s, t], &mut found).unwrap();
+        // Circles of radius r about a and q about b, the intersection on the side of the origin.
+        let (r, q) = (3.0 + s, 5.0f64.sqrt() + t);
+        let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
+        let d = (dx * dx + dy * dy).sqrt();
+        let along = (r * r - q * q + d * d) / (2.0 * d);
+        let aside = (r * r - along * along).sqrt();
+        let x = a[0] + (along * dx - aside * dy) / d;
+        let y = a[1] + (along * dy + aside * dx) / d;
+        // The circles' own rounding, a few ε of 10 m².
+        assert!(
+            (found.pose()[0] - x).abs() < 2e-14,
+            "{} {x}",
+            found.pose()[0]
+        );
+        assert!((found.pose()[1] - y).abs() < 2e-14);
+    }
+}
+
+#[test]
+fn three_actuators_are_as_long_as_complex_numbers_say() {
+    let geometry = plane(&THREE, &[Ux, Uy, Rz]).build(1.0).unwrap();
+    for pose in [[0.1, -0.05, 0.2], [-0.3, 0.2, -0.4], [1e-3, 1e-3, 1e-3f64]] {
+        let found = placed(&geometry, &pose);
+        for (index, (base, joint)) in THREE.iter().enumerate() {
+            // |p + e^{iθ} a − b| − |a − b|
+            let (s, c) = pose[2].sin_cos();
+            let x = pose[0] + c * joint[0] - s * joint[1] - base[0];
+            let y = pose[1] + s * joint[0] + c * joint[1] - base[1];
+            let rest = f64::hypot(joint[0] - base[0], joint[1] - base[1]);
+            assert!((found.strokes()[index] - (f64::hypot(x, y) - rest)).abs() < EXACT);
+            assert!((geometry.length(index).unwrap() - rest).abs() < EXACT);
+        }
+    }
+}
+
+#[test]
+fn in_space_the_platform_turns_about_its_rotation_vector() {
+    let geometry = space(&six(), &[Ux, Uy, Uz, Rx, Ry, Rz]).build(1.0).unwrap();
+    // On both sides of where the series end (θ² = 1e-3), and at right angles.
+    for turn in [
+        [0.0, 0.0, 0.0],
+        [0.01, -0.02, 0.015],
+        [0.018, 0.018, -0.018],
+        [0.019, 0.019, -0.019],
+        [0.3, -0.2, 0.5],
+        [std::f64::consts::FRAC_PI_2, 0.0, 0.0],
+    ] {
+        let pose = [0.02, -0.03, 0.05, turn[0], turn[1], turn[2]];
+        let found = placed(&geometry, &pose);
+        let rotation = Rotation3::new(Vector3::from(turn));
+        for (index, (base, joint)) in six().iter().enumerate() {
+            let (base, joint) = (Vector3::from(*base), Vector3::from(*joint));
+            let arm = rotation * joint + Vector3::new(0.02, -0.03, 0.05) - base;
+            let exact = arm.norm() - (joint - base).norm();
+            assert!((found.strokes()[index] - exact).abs() < EXACT, "{turn:?}");
+        }
+    }
+}
+
+#[test]
+fn the_plane_is_a_plane_of_space() {
+    let flat = plane(&THREE, &[Ux, Uy, Rz]).build(1.0).unwrap();
+    let lifted = THREE.map(|(b, j)| ([b[0], b[1], 0.0], [j[0], j[1], 0.0]));
+    let solid = space(&lifted, &[Ux, Uy, Rz]).build(1.0).unwrap();
+    for pose in [[0.1, -0.05, 0.2], [-0.2, 0.1, 1e-2], [0.0, 0.0, -1.0]] {
+        let (flat, solid) = (placed(&flat, &pose), placed(&solid, &pose));
+        for actuator in 0..3 {
+            assert!((flat.strokes()[actuator] - solid.strokes()[actuator]).abs() < EXACT);
+            for column in 0..3 {
+                let both = (flat.slope(actuator, column), solid.slope(actuator, column));
+                assert!((both.0 - both.1).abs() < EXACT, "{both:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn forces_of_the_plane_are_the_resultant_and_its_moment() {
+    let geometry = plane(&THREE, &[Ux, Uy, Rz]).build(1.0).unwrap();
+    let pose = [0.1, -0.2, 0.3f64];
+    let placed = placed(&geometry, &pose);
+    let given = [1000.0, -700.0, 350.0];
+    let mut found = [0.0; 3];
+    geometry.pose_forces(&placed, &given, &mut found);
+    let mut resultant = [0.0; 3];
+    for ((base, joint), force) in THREE.iter().zip(given) {
+        let (s, c) = pose[2].sin_cos();
+        let arm = [c * joint[0] - s * joint[1], s * joint[0] + c * joint[1]];
+        let way = [pose[0] + arm[0] - base[0], pose[1] + arm[1] - base[1]];
+        let length = f64::hypot(way[0], way[1]);
+        let pull = [force * way[0] / length, force * way[1] / length];
+        resultant[0] += pull[0];
+        resultant[1] += pull[1];
+        resultant[2] += arm[0] * pull[1] - arm[1] * pull[0];
+    }
+    for (found, exact) in found.iter().zip(resultant) {
+        // Products of 1e3 and three terms.
+        assert!((found - exact).abs() < 1e-11, "{found} {exact}");
+    }
+}
+
+#[test]
+fn at_rest_the_moments_of_space_are_arms_times_forces() {
+    let coordinates = [Ux, Uy, Rx, Ry];
+    let geometry = space(&FOUR, &coordinates).build(1.0).unwrap();
+    let placed = geometry.reference();
+    for (index, (base, joint)) in FOUR.iter().enumerate() {
+        let joint = Vector3::from(*joint);
+        let e = (joint - Vector3::from(*base)).normalize();
+        let moment = joint.cross(&e);
+        for (column, exact) in [e.x, e.y, moment.x, moment.y].into_iter().enumerate() {
+            assert!((placed.slope(index, column) - exact).abs() < EXACT);
+        }
+    }
+}
+
+#[test]
+fn more_actuators_than_coordinates_agree_in_the_mean() {
+    // Two side by side push one storey: what they do not agree about is split.
+    let pair = plane(
+        &[([-2.0, 0.5], [0.0, 0.5]), ([-2.0, -0.5], [0.0, -0.5])],
+        &[Ux],
+    );
+    let geometry = pair.build(1.0).unwrap();
+    let mut found = geometry.reference();
+    geometry.find(&[0.013, 0.011], &mut found).unwrap();
+    assert!((found.pose()[0] - 0.012).abs() < 1e-16);
+    let mut forces = [0.0; 2];
+    geometry.stroke_forces(&found, &[500.0], &mut forces);
+    assert_eq!(forces, [250.0, 250.0]);
+    let mut whole = [0.0];
+    geometry.pose_forces(&found, &[300.0, 100.0], &mut whole);
+    assert_eq!(whole, [400.0]);
+}
+
+#[test]
+fn small_displacements_are_the_limit_of_large_ones() {
+    for exact in all() {
+        let small = exact.small().unwrap();
+        assert!(!small.is_exact() && exact.is_exact());
+        let n = exact.coordinates().len();
+        let mut before = f64::NAN;
+        for d in [1e-2, 5e-3, 2.5e-3, 1.25e-3] {
+            let pose: Vec<f64> = (0..n).map(|k| d * (1.0 - 0.3 * k as f64)).collect();
+            let (one, other) = (placed(&exact, &pose), placed(&small, &pose));
+            let error = one.strokes().iter().zip(other.strokes());
+            let error = error.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            // Second order: half the displacement, a quarter of the difference, up to the third order's share.
+            let ratio = before / error;
+            assert!(before.is_nan() || (ratio - 4.0).abs() < 0.12, "{ratio}");
+            before = error;
+        }
+    }
+}
+
+#[test]
+fn a_larger_model_has_longer_strokes_and_the_same_angles() {
+    let (one, ten) = (
+        plane(&THREE, &[Ux, Uy, Rz]).build(1.0).unwrap(),
+        plane(&THREE, &[Ux, Uy, Rz]).build(10.0).unwrap(),
+    );
+    let small = placed(&one, &[0.01, -0.02, 0.1]);
+    let large = placed(&ten, &[0.1, -0.2, 0.1]);
+    for (a, b) in small.strokes().iter().zip(large.strokes()) {
+        assert!((10.0 * a - b).abs() < 10.0 * EXACT);
+    }
+    let matrix = |scale| {
+        let spec = GeometrySpec {
+            coordinates: Some(vec![Ux, Rz]),
+            matrix: Some(vec![vec![1.0, 0.5], vec![1.0, -0.5]]),
+            ..GeometrySpec::default()
+        };
+        spec.build(scale).unwrap()
+    };
+    let moved = placed(&matrix(10.0), &[0.1, 0.02]);
+    assert_eq!(moved.strokes()[..2], [0.1 + 0.1, 0.1 - 0.1]);
+}
+
+#[test]
+fn a_pose_where_the_actuators_are_in_line_is_singular_and_named() {
+    let pair = plane(
+        &[([-1.0, 0.0], [0.0; 2]), ([0.0, -1.0], [0.0; 2])],
+        &[Ux, Uy],
+    );
+    let geometry = pair.build(1.0).unwrap();
+    let mut placed = geometry.reference();
+    let fault = geometry.place(&[-0.5, -0.5], &mut placed).unwrap_err();
+    assert_eq!(fault.wrong, Wrong::Singular);
+    let text = fault.to_string();
+    assert!(text.contains("ux = -0.5 m, uy = -0.5 m"), "{text}");
+    geometry.place(&[-0.49, -0.5], &mut placed).unwrap();
+    assert!(placed.independence() < 0.05 && geometry.condition(&placed) > 20.0);
+    let fault = geometry.place(&[-1.0, 0.0], &mut placed).unwrap_err();
+    assert_eq!(fault.wrong, Wrong::PinsMeet { actuator: 0 });
+    // Three lines through one point hold no moment about it.
+    let star = [[-1.0, 0.0], [0.5, 0.8], [0.5, -0.8]].map(|base| (base, base.map(|v| 0.3 * v)));
+    let refused = plane(&star, &[Ux, Uy, Rz]).build(1.0).unwrap_err();
+    let text = refused.to_string();
+    assert!(
+        text.contains("singular at the pose ux = 0 m, uy = 0 m, rz = 0 rad"),
+        "{text}"
+    );
+}
+
+#[test]
+fn an_actuator_that_is_too_short_is_named_with_the_pose() {
+    let mut spec = plane(&THREE, &[Ux, Uy, Rz]);
+    for pins in spec.plane.as_mut().unwrap() {
+        pins.length_m = Some([1.0, 1.3]);
+    }
+    let geometry = spec.build(1.0).unwrap();
+    let reach = |pose: &[f64]| geometry.within_reach(&placed(&geometry, pose));
+    assert_eq!(reach(&[0.05, 0.0, 0.0]), Ok(()));
+    let fault = reach(&[0.2, 0.0, 0.0]).unwrap_err();
+    let text = fault.to_string();
+    assert!(
+        text.starts_with("actuator 1 would need a stroke of 0.19")
+            && text.ends_with("at the pose ux = 0.2 m, uy = 0 m, rz = 0 rad"),
+        "{text}"
+    );
+    assert!(reach(&[f64::INFINITY, 0.0, 0.0].map(|v: f64| v.min(1e6))).is_err());
+    spec.plane.as_mut().unwrap()[1].length_m = Some([1.2, 1.3]);
+    let refused = spec.build(1.0).unwrap_err();
+    assert!(
+        matches!(refused, GeometryError::Length { actuator: 2, .. }),
+        "{refused}"
+    );
+}
+
+#[test]
+fn what_is_no_geometry_is_refused() {
+    let text = |spec: &GeometrySpec| spec.build(1.0).unwrap_err().to_string();
+    assert!(text(&GeometrySpec::default()).contains("0 of `plane`, `space` and `matrix`"));
+    let mut both = plane(&THREE, &[Ux]);
+    both.matrix = Some(vec![vec![1.0]]);
+    assert!(text(&both).contains("2 of `plane`"));
+    assert!(text(&plane(&[], &[Ux])).contains("`plane` has 0 actuators"));
+    assert!(text(&plane(&THREE, &[Ux, Ux])).contains("\"ux\" twice"));
+    assert!(text(&plane(&THREE, &[Uz])).contains("\"uz\", but the plane has"));
+    assert!(text(&plane(&THREE[..1], &[Ux, Uy])).contains("1 actuators can hold 1 to 1"));
+    let same = plane(&[([0.1, 0.2], [0.1, 0.2])], &[Ux]);
+    assert!(text(&same).contains("actuator 1: both pins"));
+    let mut unsaid = plane(&THREE[..2], &[]);
+    unsaid.coordinates = None;
+    assert!(text(&unsaid).contains("`coordinates` must say"));
+    let mut matrix = GeometrySpec {
+        coordinates: Some(vec![Ux, Rz]),
+        matrix: Some(vec![vec![1.0, 0.5], vec![1.0]]),
+        ..GeometrySpec::default()
+    };
+    assert!(text(&matrix).contains("row 2 of `matrix` has 1 numbers, but there are 2"));
+    matrix.matrix = Some(vec![vec![1.0, 0.5], vec![2.0, 1.0]]);
+    assert!(text(&matrix).contains("singular at the pose ux = 0 m, rz = 0 rad"));
+    matrix.exact = Some(true);
+    assert!(text(&matrix).contains("`exact` needs the pins"));
+    let across = plane(&[([-3.0, 0.0], [0.0; 2])], &[Uy]);
+    assert!(
+        text(&across).contains("singular"),
+        "it cannot push across itself"
+    );
+}
+
+#[test]
+fn nonsense_ends_in_a_fault_and_never_in_a_loop_or_a_panic() {
+    for geometry in all() {
+        let mut at = geometry.reference();
+        for bad in [f64::NAN, f64::INFINITY, 1e300, -1e300, -50.0] {
+            let strokes = [bad; MOST];
+            at = geometry.reference();
+            assert!(geometry.find(&strokes, &mut at).is_err(), "{bad}");
+        }
+        assert!(geometry.place(&[f64::NAN; MOST], &mut at).is_err());
+    }
+}
+
+#[test]
+fn nothing_is_allocated_after_construction() {
+    let geometries = all();
+    let count = allocation_counter::measure(|| {
+        for geometry in &geometries {
+            let mut at = geometry.reference();
+            for k in 0..100 {
+                let pose = [1e-3 * f64::from(k); MOST];
+                let n = geometry.coordinates().len();
+                geometry.place(&pose[..n], &mut at).unwrap();
+                let _ = geometry.within_reach(&at);
+                let strokes = *at.strokes();
+                let mut found = geometry.reference();
+                geometry.find(&strokes, &mut found).unwrap();
+                let mut out = [0.0; MOST];
+                geometry.pose_forces(&found, &strokes, &mut out[..n]);
+                geometry.stroke_forces(&found, &strokes[..n], &mut out);
+                geometry.stroke_rates(&found, &strokes[..n], &mut out);
+                geometry.pose_rates(&found, &strokes, &mut out);
+            }
+        }
+    });
+    assert_eq!(count.count_total, 0);
+}
+
+/// A pose well inside of what every geometry of [`all`] can do.
+fn pose() -> impl Strategy<Value = Six> {
+    proptest::array::uniform6(-0.15f64..0.15)
+}
+
+proptest! {
+    /// s(q) = s has the q that it was made of, from the reference pose, to the roundoff of lengths through J⁻¹.
+    #[test]
+    fn the_pose_of_the_strokes_of_a_pose_is_that_pose(pose in pose(), which in 0usize..8) {
+        let geometry = all().swap_remove(which);
+        let n = geometry.coordinates().len();
+        let there = placed(&geometry, &pose[..n]);
+        let mut back = geometry.reference();
+        geometry.find(there.strokes(), &mut back).unwrap();
+        let bound = EXACT * geometry.condition(&there) * 10.0;
+        for k in 0..n {
+            prop_assert!((back.pose()[k] - pose[k]).abs() < bound, "{:?} {bound}", back.pose());
+        }
+        // From where the measurement is expected it is the same pose to the last digits, and its strokes are those given.
+        let mut near = placed(&geometry, &pose.map(|v| v + 1e-4)[..n]);
+        geometry.find(there.strokes(), &mut near).unwrap();
+        for k in 0..n {
+            prop_assert!((near.pose()[k] - pose[k]).abs() < bound);
+        }
+    }
+
+    /// Central differences have an error of h²/6 times a third derivative below 100 /m², and ε·2 m/h.
+    #[test]
+    fn the_jacobian_is_that_of_central_differences(pose in pose(), which in 0usize..8) {
+        let geometry = all().swap_remove(which);
+        let n = geometry.coordinates().len();
+        let here = placed(&geometry, &pose[..n]);
+        let h = 1e-5;
+        for column in 0..n {
+            let moved = |by: f64| {
+                let mut pose = pose;
+                pose[column] += by;
+                placed(&geometry, &pose[..n])
+            };
+            let (ahead, behind) = (moved(h), moved(-h));
+            for actuator in 0..geometry.actuators() {
+                let slope = (ahead.strokes()[actuator] - behind.strokes()[actuator]) / (2.0 * h);
+                let error = (here.slope(actuator, column) - slope).abs();
+                prop_assert!(error < 3e-9, "{error} of {actuator}, {column}");
+            }
+        }
+    }
+
+    /// The work of the actuators along any small motion is that of the platform: f·δs = F·δq, with δs from the strokes
+    /// themselves; and with the velocities of both sides exactly.
+    #[test]
+    fn the_work_is_the_same_on_both_sides(
+        pose in pose(), way in pose(), forces in proptest::array::uniform6(-1e4f64..1e4), which in 0usize..8,
+    ) {
+        let geometry = all().swap_remove(which);
+        let (n, m) = (geometry.coordinates().len(), geometry.actuators());
+        let here = placed(&geometry, &pose[..n]);
+        let mut of_pose = [0.0; MOST];
+        geometry.pose_forces(&here, &forces[..m], &mut of_pose[..n]);
+        let mut speeds = [0.0; MOST];
+        geometry.stroke_rates(&here, &way[..n], &mut speeds[..m]);
+        let work = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let (far, near) = (work(&forces[..m], &speeds[..m]), work(&of_pose[..n], &way[..n]));
+        let scale = 1e4 * 0.15 * (n * m) as f64;
+        prop_assert!((far - near).abs() <= 8.0 * f64::EPSILON * scale, "{far} {near}");
+        let h = 1e-5;
+        let moved = |by: f64| {
+            let mut pose = pose;
+            for (pose, way) in pose.iter_mut().zip(way) {
+                *pose += by * way;
+            }
+            placed(&geometry, &pose[..n])
+        };
+        let (ahead, behind) = (moved(h), moved(-h));
+        let strokes: Vec<f64> = (0..m)
+            .map(|i| (ahead.strokes()[i] - behind.strokes()[i]) / (2.0 * h))
+            .collect();
+        let along = work(&forces[..m], &strokes);
+        prop_assert!((along - near).abs() < 3e-9 * 1e4 * m as f64, "{along} {near}");
+    }
+
+    /// Actuator forces in balance with the platform's give the platform's back, and velocities go there and back.
+    #[test]
+    fn forces_and_velocities_go_there_and_back(
+        pose in pose(), rates in pose(), forces in proptest::array::uniform6(-1e4f64..1e4), which in 0usize..8,
+    ) {
+        let geometry = all().swap_remove(which);
+        let (n, m) = (geometry.coordinates().len(), geometry.actuators());
+        let here = placed(&geometry, &pose[..n]);
+        let worse = geometry.condition(&here);
+        let (mut there, mut back) = ([0.0; MOST], [0.0; MOST]);
+        geometry.stroke_forces(&here, &forces[..n], &mut there[..m]);
+        geometry.pose_forces(&here, &there[..m], &mut back[..n]);
+        for k in 0..n {
+            // Normal equations: the square of the condition.
+            prop_assert!((back[k] - forces[k]).abs() < 1e4 * worse * worse * 1e-14, "{worse}");
+        }
+        let (mut there, mut back) = ([0.0; MOST], [0.0; MOST]);
+        geometry.stroke_rates(&here, &rates[..n], &mut there[..m]);
+        geometry.pose_rates(&here, &there[..m], &mut back[..n]);
+        for k in 0..n {
+            prop_assert!((back[k] - rates[k]).abs() < 0.15 * worse * worse * 1e-14);
+        }
+    }
+}

@@ -1,0 +1,238 @@
+//! From a pose to strokes, from strokes to a pose, and what velocities and forces make of it. All of it is on the real-time path.
+
+use super::{Coordinate, Fault, Form, Geometry, MOST, Placed, Six, Wrong, normal, plane, space};
+
+/// Newton's steps; a pose that is not found after so many is none. From a pose a fifth of an actuator's length away it takes
+/// five or six.
+const MOST_STEPS: usize = 30;
+/// Largest step, in shortest actuators and radians: beyond it the Jacobian says nothing.
+const LONGEST_STEP: f64 = 0.3;
+/// After a Newton step of this size the error, its square, is below roundoff.
+const SQUARED_AWAY: f64 = 1e-9;
+/// Gauss–Newton steps get shorter by a factor each: this is roundoff.
+const ROUNDOFF: f64 = 4.0 * f64::EPSILON;
+
+impl Geometry {
+    /// Moves `placed` to a pose: driven coordinates in their order. After an error it stands anywhere. Real-time: yes.
+    ///
+    /// # Errors
+    /// Two pins meet, the Jacobian loses rank, or something is not a finite number. Strokes are not judged: see
+    /// [`Geometry::within_reach`].
+    pub fn place(&self, pose: &[f64], placed: &mut Placed) -> Result<(), Fault> {
+        for (to, from) in placed.pose.iter_mut().zip(pose) {
+            *to = *from;
+        }
+        match &self.form {
+            Form::Linear => {
+                let rows = self.reference.jacobian.iter().zip(&mut placed.strokes);
+                for (row, stroke) in rows.take(self.actuators) {
+                    *stroke = dot(row, &placed.pose);
+                }
+                if placed.strokes.iter().all(|stroke| stroke.is_finite()) {
+                    return Ok(());
+                }
+                return Err(self.fault(Wrong::NotFinite, placed));
+            }
+            Form::Plane(arms) => {
+                let full = self.full(placed);
+                let turn = plane::Turn::new(full[Coordinate::Rz.index()]);
+                let rows = placed.strokes.iter_mut().zip(&mut placed.jacobian);
+                for (index, (arm, (stroke, row))) in arms.iter().zip(rows).enumerate() {
+                    let Some((change, by_all)) = arm.at(&full, &turn) else {
+                        return Err(self.fault(Wrong::PinsMeet { actuator: index }, placed));
+                    };
+                    *stroke = change;
+                    pick(&self.coordinates, &by_all, row);
+                }
+            }
+            Form::Space(arms) => {
+                let full = self.full(placed);
+                let turn = space::Turn::new([full[3], full[4], full[5]]);
+                let rows = placed.strokes.iter_mut().zip(&mut placed.jacobian);
+                for (index, (arm, (stroke, row))) in arms.iter().zip(rows).enumerate() {
+                    let Some((change, by_all)) = arm.at(&full, &turn) else {
+                        return Err(self.fault(Wrong::PinsMeet { actuator: index }, placed));
+                    };
+                    *stroke = change;
+                    pick(&self.coordinates, &by_all, row);
+                }
+            }
+        }
+        self.factor(placed)
+    }
+
+    pub(super) fn factor(&self, placed: &mut Placed) -> Result<(), Fault> {
+        let rows = &placed.jacobian[..self.actuators];
+        match normal::Factor::of(rows, self.coordinates.len(), &self.weights) {
+            Some(factor) => {
+                placed.factor = factor;
+                Ok(())
+            }
+            None if placed.jacobian.iter().flatten().all(|v| v.is_finite()) => {
+                Err(self.fault(Wrong::Singular, placed))
+            }
+            None => Err(self.fault(Wrong::NotFinite, placed)),
+        }
+    }
+
+    /// Whether the actuators can be as long as that. Real-time: yes.
+    ///
+    /// # Errors
+    /// The first actuator whose `length_m` does not allow it.
+    pub fn within_reach(&self, placed: &Placed) -> Result<(), Fault> {
+        let all = placed
+            .strokes
+            .iter()
+            .zip(&self.strokes)
+            .take(self.actuators);
+        for (actuator, (stroke, [least, most])) in all.enumerate() {
+            if !(stroke >= least && stroke <= most) {
+                let bound = if stroke > most { *most } else { *least };
+                let wrong = Wrong::OutOfReach {
+                    actuator,
+                    stroke: *stroke,
+                    bound,
+                };
+                return Err(self.fault(wrong, placed));
+            }
+        }
+        Ok(())
+    }
+
+    /// Moves `placed` to the pose in which the actuators have these strokes, from where it stands; with more actuators than
+    /// coordinates, to the pose that fits them best. Real-time: yes, at most [`MOST_STEPS`] steps.
+    ///
+    /// # Errors
+    /// There is no such pose near, or the way leads through one that is none.
+    pub fn find(&self, strokes: &[f64], placed: &mut Placed) -> Result<(), Fault> {
+        let roundoff = if self.actuators > self.coordinates.len() {
+            ROUNDOFF
+        } else {
+            SQUARED_AWAY
+        };
+        let (mut last, mut pose) = (f64::INFINITY, placed.pose);
+        for _ in 0..MOST_STEPS {
+            let mut left = [0.0; MOST];
+            let both = strokes.iter().zip(&placed.strokes).take(self.actuators);
+            for (left, (wanted, found)) in left.iter_mut().zip(both) {
+                *left = wanted - found;
+            }
+            let step = self.motion(placed, &left);
+            let mut size = 0.0f64;
+            for (coordinate, step) in self.coordinates.iter().zip(&step) {
+                let scale = if coordinate.is_rotation() {
+                    1.0
+                } else {
+                    self.shortest
+                };
+                size = size.max(step.abs() / scale);
+                // A NaN is passed over by `max`.
+                if !step.is_finite() {
+                    return Err(self.fault(Wrong::NotFinite, placed));
+                }
+            }
+            let share = if size > LONGEST_STEP && self.is_exact() {
+                LONGEST_STEP / size
+            } else {
+                1.0
+            };
+            for (pose, step) in pose.iter_mut().zip(&step) {
+                *pose += share * step;
+            }
+            self.place(&pose, placed)?;
+            if size <= roundoff || !self.is_exact() {
+                return Ok(());
+            }
+            // Least squares come to rest where roundoff goes to and fro.
+            if size <= SQUARED_AWAY && size >= last {
+                return Ok(());
+            }
+            last = size;
+        }
+        Err(self.fault(Wrong::NotFound, placed))
+    }
+
+    /// q̇ from the actuators' velocities: J⁺ ṡ. Real-time: yes.
+    fn motion(&self, placed: &Placed, strokes: &Six) -> Six {
+        let mut sums = [0.0; MOST];
+        for (row, stroke) in placed.jacobian.iter().zip(strokes).take(self.actuators) {
+            for (sum, entry) in sums.iter_mut().zip(row) {
+                *sum += entry * stroke;
+            }
+        }
+        placed.factor.solve(&mut sums, self.coordinates.len());
+        sums
+    }
+
+    /// Velocities of the coordinates from those of the actuators, J⁺ ṡ. Real-time: yes.
+    pub fn pose_rates(&self, placed: &Placed, strokes: &[f64], rates: &mut [f64]) {
+        let mut given = [0.0; MOST];
+        for (to, from) in given.iter_mut().zip(strokes) {
+            *to = *from;
+        }
+        for (to, from) in rates.iter_mut().zip(self.motion(placed, &given)) {
+            *to = from;
+        }
+    }
+
+    /// Velocities of the actuators, J q̇. Real-time: yes.
+    pub fn stroke_rates(&self, placed: &Placed, rates: &[f64], strokes: &mut [f64]) {
+        for (to, row) in strokes.iter_mut().zip(&placed.jacobian) {
+            *to = dot(row, rates);
+        }
+    }
+
+    /// Forces of the coordinates in N and N m from those of the actuators, Jᵀ f. Real-time: yes.
+    pub fn pose_forces(&self, placed: &Placed, actuators: &[f64], forces: &mut [f64]) {
+        for (column, force) in forces.iter_mut().enumerate() {
+            let mut sum = 0.0;
+            for (row, actuator) in placed.jacobian.iter().zip(actuators) {
+                if let Some(entry) = row.get(column) {
+                    sum += entry * actuator;
+                }
+            }
+            *force = sum;
+        }
+    }
+
+    /// Forces of the actuators that are in balance with those of the coordinates, the smallest ones where there are more
+    /// actuators than coordinates: J (JᵀJ)⁻¹ F. Real-time: yes.
+    pub fn stroke_forces(&self, placed: &Placed, forces: &[f64], actuators: &mut [f64]) {
+        let mut sums = [0.0; MOST];
+        for (to, from) in sums.iter_mut().zip(forces) {
+            *to = *from;
+        }
+        placed.factor.solve(&mut sums, self.coordinates.len());
+        for (to, row) in actuators.iter_mut().zip(&placed.jacobian) {
+            *to = dot(row, &sums);
+        }
+    }
+
+    fn full(&self, placed: &Placed) -> Six {
+        let mut full = [0.0; MOST];
+        for (coordinate, value) in self.coordinates.iter().zip(&placed.pose) {
+            full[coordinate.index()] = *value;
+        }
+        full
+    }
+
+    fn fault(&self, wrong: Wrong, placed: &Placed) -> Fault {
+        Fault::new(wrong, &self.coordinates, &placed.pose)
+    }
+}
+
+/// Real-time: yes.
+fn dot(row: &Six, values: &[f64]) -> f64 {
+    let mut sum = 0.0;
+    for (a, b) in row.iter().zip(values) {
+        sum += a * b;
+    }
+    sum
+}
+
+/// The columns of driven coordinates. Real-time: yes.
+fn pick(coordinates: &[Coordinate], all: &Six, row: &mut Six) {
+    for (to, coordinate) in row.iter_mut().zip(coordinates) {
+        *to = all[coordinate.index()];
+    }
+}

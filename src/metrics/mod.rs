@@ -1,0 +1,25 @@
+//! Numbers read off recorded histories: what a structure did, how well a specimen followed, what shook the ground.
+//!
+//! Pure functions: slices in, numbers out. A longer slice is cut to the shorter; a NaN is a missing sample and takes no
+//! part. Where a number does not exist (no data, no motion) the answer is `None` and never a NaN. Nothing here knows of
+//! files, column names or pictures.
+//!
+//! | file | holds |
+//! |---|---|
+//! | [`response`] | peaks, residuals, absorbed energy, stiffness and damping by least squares, lag by correlation |
+//! | [`tracking`] | how well a measured displacement follows its target, each number with its noise floor |
+//! | [`fourier`] | amplitude spectra; the frequency evaluation index |
+//! | [`ground`] | response spectra (Nigam and Jennings), Arias intensity, significant duration |
+//! | [`energy`] | the energy balance of a structure and its specimens, step by step |
+
+pub mod energy;
+pub mod fourier;
+pub mod ground;
+pub mod response;
+pub mod tracking;
+
+pub use response::{
+    Denominator, Identified, Peak, absorbed_energy, identify, lag, largest_error, loading, nrmse,
+    peak, residual,
+};
+pub use tracking::{Judged, Noise, Tracking};

@@ -1,0 +1,117 @@
+//! What a test of prescribed displacement shows of its specimens: stiffness, damping and lag; and tracking metrics as data.
+
+use serde_json::Value;
+
+use super::RunData;
+use super::axes::FIRST_LOADING;
+use super::html::{note, section, table};
+use super::rows::Rows;
+use super::specimens::{Tracked, lag_words, tracking};
+use super::text::{NOTHING, number, plural, quantity};
+
+/// A share in percent; below what matters it is only said to be small.
+fn small_percent(share: f64) -> String {
+    if share < 1e-4 {
+        "below 0.01".to_owned()
+    } else {
+        number(100.0 * share, 2)
+    }
+}
+
+/// What a test of prescribed displacement says of one axis, in words.
+#[derive(Debug, Clone, PartialEq)]
+pub struct IdentifiedAxis {
+    /// Name of the specimen, and the axis where there are several.
+    pub name: String,
+    /// k̂ of the first loading, N/m: what belongs into K0.
+    pub stiffness: Option<f64>,
+    /// ĉ of the whole test, N s/m.
+    pub damping: Option<f64>,
+    /// Lag of the measured behind the target displacement, s.
+    pub lag: Option<f64>,
+}
+
+/// Every axis of a test of prescribed displacement, identified; none for a test with a structure.
+#[must_use]
+pub fn identified(run: &RunData) -> Vec<IdentifiedAxis> {
+    let digest = run.digested();
+    let rows = Rows::new(&digest);
+    if !rows.dofs().is_empty() {
+        return Vec::new();
+    }
+    let configuration = super::tested::configuration(run);
+    let axes = tracking(&rows, configuration.as_ref());
+    axes.into_iter()
+        .map(|axis| {
+            let (whole, initial) = (axis.digest.whole, axis.digest.initial);
+            IdentifiedAxis {
+                stiffness: initial.or(whole).map(|found| found.stiffness),
+                damping: whole.and_then(|found| found.damping),
+                lag: axis.lag(),
+                name: axis.name,
+            }
+        })
+        .collect()
+}
+
+/// Tracking metrics by specimen, one entry per axis in order, null where nothing moved: for `summary.json`.
+#[must_use]
+pub fn tracking_metrics(run: &RunData) -> Value {
+    let digest = run.digested();
+    let configuration = super::tested::configuration(run);
+    let mut all = serde_json::Map::new();
+    for axis in &digest.axes {
+        let name = super::tested::specimen_name(configuration.as_ref(), axis.axis.specimen);
+        let entry = all.entry(name).or_insert_with(|| Value::Array(Vec::new()));
+        if let Value::Array(list) = entry {
+            list.push(serde_json::to_value(axis.tracking).unwrap_or_default());
+        }
+    }
+    Value::Object(all)
+}
+
+/// For a test of prescribed displacement: identified stiffness, damping and lag of each axis.
+pub(super) fn identification(rows: &Rows<'_>, axes: &[Tracked<'_>]) -> Option<String> {
+    if axes.is_empty() || !rows.dofs().is_empty() {
+        return None;
+    }
+    let mut lines = Vec::new();
+    for axis in axes {
+        let (whole, initial) = (axis.digest.whole, axis.digest.initial);
+        let per = |unit: &str| format!("{}/{}", axis.force_unit, unit);
+        let stiffness = |k: f64| quantity(k, &per(axis.disp_unit));
+        let or_dash = |text: Option<String>| text.unwrap_or_else(|| NOTHING.to_owned());
+        lines.push(vec![
+            axis.name.clone(),
+            or_dash(initial.map(|i| stiffness(i.stiffness))),
+            or_dash(whole.map(|i| stiffness(i.stiffness))),
+            or_dash(
+                whole
+                    .and_then(|i| i.damping)
+                    .map(|c| quantity(c, &format!("{} s/{}", axis.force_unit, axis.disp_unit))),
+            ),
+            or_dash(whole.map(|i| format!("{} %", small_percent(i.unexplained)))),
+            or_dash(axis.lag().map(lag_words)),
+        ]);
+    }
+    let markup = table(
+        &[
+            "",
+            "k̂, first loading",
+            "k̂, whole test",
+            "ĉ, whole test",
+            "not explained",
+            "lag",
+        ],
+        &lines,
+    );
+    let how = format!(
+        "Least squares of force on measured displacement and its velocity, {}. First loading: until {:.0} % of the largest \
+         displacement is passed; for a specimen that yields, k̂ of the whole test is a secant. Not explained: share of the \
+         force's variance that the line misses. This is the test before a hybrid test: k̂ and ĉ go into the specimen's \
+         estimate, the lag into its compensator.",
+        plural(axes.len() as u64, "axis by itself", "axes each by itself"),
+        100.0 * FIRST_LOADING
+    );
+    Some(section("Identified specimen", &(markup + &note(&how))))
+}

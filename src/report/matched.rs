@@ -1,0 +1,358 @@
+//! Two recordings row by row: the same step in both, number against number.
+//!
+//! Invariant: rows are told in the order of their steps; what depends on wall time is never compared. Two missing values are
+//! equal, and so are no others but those of the same bits.
+
+use super::table::{Table, Thinner};
+use crate::record::Column;
+
+/// Rows that are handed on together.
+const BLOCK: usize = 1024;
+/// Columns of which pictures are made.
+const MOST_DRAWN: usize = 60;
+
+/// The first number that is not the same.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FirstDifference {
+    /// Step of the integration.
+    pub step: u64,
+    /// Test time in s.
+    pub time: f64,
+    /// Name of the column.
+    pub column: String,
+    /// Its value in the one and in the other run.
+    pub values: (f64, f64),
+}
+
+/// How far one column is apart.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Apart {
+    pub column: Column,
+    /// Largest |difference|, and its time.
+    pub largest: f64,
+    pub at: f64,
+    /// Root mean square of the difference, and largest |value| of the first run.
+    pub rms: f64,
+    pub size: f64,
+    /// Step from which on it differs.
+    pub first: Option<u64>,
+}
+
+/// What came of a comparison.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Matched {
+    /// Rows of steps that both have.
+    pub rows: u64,
+    /// Rows of steps that only the one or only the other has.
+    pub alone: (u64, u64),
+    /// Columns that were compared.
+    pub columns: usize,
+    /// The first difference; none if all is the same.
+    pub first: Option<FirstDifference>,
+    pub(super) apart: Vec<Apart>,
+    /// `time`, and for some columns `a:<name>`, `b:<name>`, `d:<name>`, of rows that both have.
+    pub(super) table: Table,
+}
+
+#[derive(Debug, Clone)]
+struct Pair {
+    places: (usize, usize),
+    sum: f64,
+    count: f64,
+    apart: Apart,
+}
+
+/// Compares rows as they are told.
+#[derive(Debug)]
+pub struct Matcher {
+    key: [(usize, usize); 3],
+    time: (usize, usize),
+    pairs: Vec<Pair>,
+    drawn: Vec<usize>,
+    block: Vec<Vec<f64>>,
+    thinner: Thinner,
+    rows: u64,
+    alone: (u64, u64),
+    first: Option<FirstDifference>,
+}
+
+/// Which row comes first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Next {
+    /// Both are of one tick and were compared.
+    Both,
+    /// The first run's row has no counterpart.
+    First,
+    /// The second run's row has no counterpart.
+    Second,
+}
+
+impl Matcher {
+    /// For rows of these columns; `rows` is about how many there are. None if the runs have no columns of step, sub-tick, state
+    /// and time, or nothing else, in common.
+    #[must_use]
+    pub fn new(first: &[Column], second: &[Column], rows: u64) -> Option<Self> {
+        let at = |name: &str| {
+            let place = |columns: &[Column]| columns.iter().position(|c| c.name == name);
+            Some((place(first)?, place(second)?))
+        };
+        let key = [at("step")?, at("sub_tick")?, at("state")?];
+        let time = at("time")?;
+        let pairs = first.iter().enumerate().filter_map(|(i, column)| {
+            let other = second.iter().position(|c| c.name == column.name)?;
+            let is_compared = !column.timing && column.unit == second.get(other)?.unit;
+            let apart = Apart {
+                column: column.clone(),
+                largest: 0.0,
+                at: f64::NAN,
+                rms: 0.0,
+                size: 0.0,
+                first: None,
+            };
+            is_compared.then_some(Pair {
+                places: (i, other),
+                sum: 0.0,
+                count: 0.0,
+                apart,
+            })
+        });
+        let pairs: Vec<Pair> = pairs.collect();
+        let bookkeeping = ["step", "sub_tick", "state", "hold", "time"];
+        let is_physics = |pair: &Pair| !bookkeeping.contains(&pair.apart.column.name.as_str());
+        if !pairs.iter().any(is_physics) {
+            return None;
+        }
+        let is_drawn = |pair: &Pair| {
+            let name = pair.apart.column.name.as_str();
+            let of_dof = name
+                .strip_prefix('x')
+                .is_some_and(|rest| rest.parse::<u32>().is_ok());
+            of_dof
+                || name == "ground"
+                || ["target_", "meas_", "force_"]
+                    .iter()
+                    .any(|kind| name.starts_with(kind))
+        };
+        let drawn: Vec<usize> = (0..pairs.len())
+            .filter(|&i| is_drawn(&pairs[i]))
+            .take(MOST_DRAWN)
+            .collect();
+        let width = 1 + 3 * drawn.len();
+        Some(Self {
+            key,
+            time,
+            block: vec![Vec::with_capacity(BLOCK); width],
+            thinner: Thinner::new(rows, width, Some(0)),
+            pairs,
+            drawn,
+            rows: 0,
+            alone: (0, 0),
+            first: None,
+        })
+    }
+
+    /// True if the test was running in this row of the first (or, with `second`, the second) run.
+    #[must_use]
+    pub fn is_running(&self, row: &[f64], second: bool) -> bool {
+        let (a, b) = self.key[2];
+        row.get(if second { b } else { a }) == Some(&super::digest::RUNNING)
+    }
+
+    /// Compares a row of each run, if they are of one tick; says which of them to go on from.
+    pub fn take(&mut self, first: &[f64], second: &[f64]) -> Next {
+        for (a, b) in &self.key[..2] {
+            let (a, b) = (first[*a], second[*b]);
+            if a < b {
+                self.alone.0 += 1;
+                return Next::First;
+            }
+            if b < a {
+                self.alone.1 += 1;
+                return Next::Second;
+            }
+        }
+        self.rows += 1;
+        let step = first[self.key[0].0] as u64;
+        let time = first[self.time.0];
+        for pair in &mut self.pairs {
+            let (a, b) = (first[pair.places.0], second[pair.places.1]);
+            pair.take(a, b, step, time, &mut self.first);
+        }
+        let values = self.drawn.iter().flat_map(|&i| {
+            let (a, b) = self.pairs[i].places;
+            [first[a], second[b], second[b] - first[a]]
+        });
+        for (column, value) in self
+            .block
+            .iter_mut()
+            .zip(std::iter::once(time).chain(values))
+        {
+            column.push(value);
+        }
+        if self.block[0].len() == BLOCK {
+            self.hand_on();
+        }
+        Next::Both
+    }
+
+    fn hand_on(&mut self) {
+        let slices: Vec<&[f64]> = self.block.iter().map(Vec::as_slice).collect();
+        self.thinner.take(&slices);
+        self.block.iter_mut().for_each(Vec::clear);
+    }
+
+    /// The result, with rows that only one of the runs has left at its end.
+    #[must_use]
+    pub fn finish(mut self, left: (u64, u64)) -> Matched {
+        self.hand_on();
+        let column = |name: String, from: &Column| Column {
+            name,
+            ..from.clone()
+        };
+        let mut columns = vec![Column {
+            name: "time".to_owned(),
+            unit: "s".to_owned(),
+            meaning: String::new(),
+            timing: false,
+        }];
+        for &i in &self.drawn {
+            let from = &self.pairs[i].apart.column;
+            columns
+                .extend(["a", "b", "d"].map(|side| column(format!("{side}:{}", from.name), from)));
+        }
+        let apart: Vec<Apart> = self.pairs.into_iter().map(Pair::finish).collect();
+        Matched {
+            rows: self.rows,
+            alone: (self.alone.0 + left.0, self.alone.1 + left.1),
+            columns: apart.len(),
+            first: self.first,
+            apart,
+            table: Table::new(columns.into_iter().zip(self.thinner.finish()).collect()),
+        }
+    }
+}
+
+impl Pair {
+    fn take(&mut self, a: f64, b: f64, step: u64, time: f64, first: &mut Option<FirstDifference>) {
+        if a.is_finite() {
+            self.apart.size = self.apart.size.max(a.abs());
+        }
+        if a.to_bits() == b.to_bits() || (a.is_nan() && b.is_nan()) {
+            self.count += 1.0;
+            return;
+        }
+        if self.apart.first.is_none() {
+            self.apart.first = Some(step);
+        }
+        if first.is_none() {
+            *first = Some(FirstDifference {
+                step,
+                time,
+                column: self.apart.column.name.clone(),
+                values: (a, b),
+            });
+        }
+        let apart = (b - a).abs();
+        if apart.is_finite() {
+            self.count += 1.0;
+            self.sum += apart * apart;
+            if apart > self.apart.largest {
+                (self.apart.largest, self.apart.at) = (apart, time);
+            }
+        }
+    }
+
+    fn finish(self) -> Apart {
+        let rms = (self.sum / self.count.max(1.0)).sqrt();
+        Apart { rms, ..self.apart }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::synthetic::columns;
+    use super::*;
+
+    const NAMES: [&str; 6] = ["step", "sub_tick", "state", "time", "x1", "compute_s"];
+
+    fn row(step: f64, x: f64, compute: f64) -> [f64; 6] {
+        [step, 0.0, 3.0, step * 0.01, x, compute]
+    }
+
+    fn matcher() -> Matcher {
+        Matcher::new(&columns(&NAMES), &columns(&NAMES), 100).unwrap()
+    }
+
+    #[test]
+    fn the_first_number_that_differs_is_named_and_timing_never_is() {
+        let mut m = matcher();
+        for k in 0..50 {
+            let x = f64::from(k);
+            let other = if k < 30 { x } else { x + 0.5 };
+            assert_eq!(m.take(&row(x, x, 1.0), &row(x, other, 2.0)), Next::Both);
+        }
+        let found = m.finish((0, 0));
+        let first = found.first.unwrap();
+        assert_eq!(
+            (first.step, first.column.as_str(), first.values),
+            (30, "x1", (30.0, 30.5))
+        );
+        let apart = found.apart.iter().find(|a| a.column.name == "x1").unwrap();
+        assert_eq!(
+            (apart.largest, apart.first, apart.size),
+            (0.5, Some(30), 49.0)
+        );
+        // Twenty of fifty are 0.5 apart.
+        assert!((apart.rms - f64::sqrt(0.25 * 20.0 / 50.0)).abs() < 1e-15);
+        assert!(found.apart.iter().all(|a| a.column.name != "compute_s"));
+        assert_eq!(found.table.get("d:x1").unwrap()[49], 0.5);
+    }
+
+    #[test]
+    fn one_bit_is_a_difference_and_two_gaps_are_none() {
+        let mut m = matcher();
+        m.take(&row(0.0, f64::NAN, 0.0), &row(0.0, -f64::NAN, 0.0));
+        assert!(m.first.is_none());
+        m.take(
+            &row(1.0, 1.0, 0.0),
+            &row(1.0, f64::from_bits(1.0f64.to_bits() + 1), 0.0),
+        );
+        assert_eq!(m.first.as_ref().unwrap().step, 1);
+        let mut m = matcher();
+        m.take(&row(0.0, 1.0, 0.0), &row(0.0, f64::NAN, 0.0));
+        assert_eq!(
+            m.first.as_ref().unwrap().column,
+            "x1",
+            "a gap against a number is a difference"
+        );
+    }
+
+    #[test]
+    fn steps_that_one_run_lacks_are_passed_over() {
+        let mut m = matcher();
+        assert_eq!(
+            m.take(&row(3.0, 0.0, 0.0), &row(5.0, 0.0, 0.0)),
+            Next::First
+        );
+        assert_eq!(
+            m.take(&row(5.0, 0.0, 0.0), &row(4.0, 0.0, 0.0)),
+            Next::Second
+        );
+        assert_eq!(m.take(&row(5.0, 0.0, 0.0), &row(5.0, 0.0, 0.0)), Next::Both);
+        let found = m.finish((2, 0));
+        assert_eq!((found.rows, found.alone), (1, (3, 1)));
+    }
+
+    #[test]
+    fn runs_without_anything_in_common_are_not_matched() {
+        assert!(
+            Matcher::new(
+                &columns(&NAMES),
+                &columns(&["step", "sub_tick", "state", "time", "x2"]),
+                9
+            )
+            .is_none()
+        );
+        assert!(Matcher::new(&columns(&NAMES), &columns(&["time", "x1"]), 9).is_none());
+    }
+}

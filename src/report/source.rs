@@ -1,0 +1,62 @@
+//! Where the rows come from: read in blocks, as often as they are needed, never all at once.
+
+use std::io;
+
+use crate::record::Column;
+
+/// Recorded rows that can be read from the first to the last, more than once.
+pub trait Source {
+    /// The columns of a row.
+    fn columns(&self) -> &[Column];
+
+    /// About how many rows there are.
+    fn rows(&self) -> u64;
+
+    /// Test time from step to step in s, if it is known.
+    fn step_s(&self) -> Option<f64>;
+
+    /// Reads the columns at the places `wanted` from the first row to the last, in blocks of one vector per wanted column, all
+    /// of one length.
+    ///
+    /// # Errors
+    /// The rows cannot be read.
+    fn read(&self, wanted: &[usize], take: &mut dyn FnMut(&[Vec<f64>])) -> io::Result<()>;
+}
+
+/// Rows of a block.
+pub const BLOCK: usize = 2048;
+
+/// Rows in memory: one vector per column. What is longer than the shortest is left out.
+pub(super) struct Memory<'a> {
+    pub columns: &'a [Column],
+    pub data: &'a [Vec<f64>],
+    pub step_s: Option<f64>,
+}
+
+impl Source for Memory<'_> {
+    fn columns(&self) -> &[Column] {
+        &self.columns[..self.columns.len().min(self.data.len())]
+    }
+
+    fn rows(&self) -> u64 {
+        let named = self.data.iter().take(self.columns.len());
+        named.map(Vec::len).min().unwrap_or(0) as u64
+    }
+
+    fn step_s(&self) -> Option<f64> {
+        self.step_s
+    }
+
+    fn read(&self, wanted: &[usize], take: &mut dyn FnMut(&[Vec<f64>])) -> io::Result<()> {
+        let rows = self.rows() as usize;
+        for from in (0..rows).step_by(BLOCK) {
+            let to = (from + BLOCK).min(rows);
+            let block: Vec<Vec<f64>> = wanted
+                .iter()
+                .map(|&place| self.data[place][from..to].to_vec())
+                .collect();
+            take(&block);
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,220 @@
+//! Columns that have become short enough for a page: the smallest and the largest value of every few rows.
+//!
+//! Invariant: every value stood in the rows, no finite extreme is lost, and all columns have one length. Of `every` rows two
+//! are left, in the order in which the extremes came; of a test short enough `every` is one and all rows are there.
+
+use std::collections::HashMap;
+
+use crate::record::Column;
+
+/// Entries of a column at most, give or take one pair.
+pub(super) const MOST: usize = 24_576;
+
+/// One column on its way.
+#[derive(Debug, Clone)]
+struct Thinning {
+    lo: (usize, f64),
+    hi: (usize, f64),
+    out: Vec<f64>,
+}
+
+/// Columns that are thinned side by side.
+#[derive(Debug, Clone)]
+pub(super) struct Thinner {
+    every: usize,
+    filled: usize,
+    columns: Vec<Thinning>,
+    /// Which of them is time: first and middle of a bucket in place of extremes.
+    time: Option<usize>,
+}
+
+impl Thinner {
+    /// For `rows` rows of `columns` columns; `time` is the place of a column that only rises.
+    pub fn new(rows: u64, columns: usize, time: Option<usize>) -> Self {
+        let every = if rows <= MOST as u64 {
+            1
+        } else {
+            rows.div_ceil(MOST as u64 / 2) as usize
+        };
+        let fresh = Thinning {
+            lo: (0, f64::NAN),
+            hi: (0, f64::NAN),
+            out: Vec::new(),
+        };
+        Self {
+            every,
+            filled: 0,
+            columns: vec![fresh; columns],
+            time,
+        }
+    }
+
+    /// Rows that become two entries; one means that every row stays.
+    pub const fn every(&self) -> usize {
+        self.every
+    }
+
+    /// Takes rows: one slice per column, all of one length.
+    pub fn take(&mut self, block: &[&[f64]]) {
+        let rows = block.first().map_or(0, |column| column.len());
+        if self.every == 1 {
+            for (column, values) in self.columns.iter_mut().zip(block) {
+                column.out.extend_from_slice(values);
+            }
+            return;
+        }
+        let mut from = 0;
+        while from < rows {
+            let to = (from + self.every - self.filled).min(rows);
+            for (place, (column, values)) in self.columns.iter_mut().zip(block).enumerate() {
+                let part = &values[from..to];
+                if self.time == Some(place) {
+                    column.time(part, self.filled, self.every / 2);
+                } else {
+                    column.extremes(part, self.filled);
+                }
+            }
+            self.filled += to - from;
+            from = to;
+            if self.filled == self.every {
+                self.close();
+            }
+        }
+    }
+
+    fn close(&mut self) {
+        for column in &mut self.columns {
+            let (first, second) = if column.lo.0 <= column.hi.0 {
+                (column.lo.1, column.hi.1)
+            } else {
+                (column.hi.1, column.lo.1)
+            };
+            column.out.extend([first, second]);
+            (column.lo, column.hi) = ((0, f64::NAN), (0, f64::NAN));
+        }
+        self.filled = 0;
+    }
+
+    /// The columns.
+    pub fn finish(mut self) -> Vec<Vec<f64>> {
+        if self.filled > 0 {
+            self.close();
+        }
+        self.columns.into_iter().map(|column| column.out).collect()
+    }
+}
+
+impl Thinning {
+    fn extremes(&mut self, values: &[f64], filled: usize) {
+        for (i, &value) in values.iter().enumerate() {
+            if !value.is_finite() {
+                continue;
+            }
+            if !(value >= self.lo.1) {
+                self.lo = (filled + i, value);
+            }
+            if !(value <= self.hi.1) {
+                self.hi = (filled + i, value);
+            }
+        }
+    }
+
+    fn time(&mut self, values: &[f64], filled: usize, middle: usize) {
+        if filled == 0
+            && let Some(first) = values.first()
+        {
+            (self.lo, self.hi) = ((0, *first), (1, *first));
+        }
+        if let Some(value) = middle.checked_sub(filled).and_then(|at| values.get(at)) {
+            self.hi = (1, *value);
+        }
+    }
+}
+
+/// Columns by name, all of one length; some that were recorded are not among them.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(super) struct Table {
+    columns: Vec<(Column, Vec<f64>)>,
+    places: HashMap<String, usize>,
+}
+
+impl Table {
+    /// Of these columns.
+    pub fn new(columns: Vec<(Column, Vec<f64>)>) -> Self {
+        let names = columns.iter().enumerate().rev();
+        let places = names
+            .map(|(i, (column, _))| (column.name.clone(), i))
+            .collect();
+        Self { columns, places }
+    }
+
+    /// A column.
+    pub fn get(&self, name: &str) -> Option<&[f64]> {
+        Some(&self.columns.get(*self.places.get(name)?)?.1)
+    }
+
+    /// Unit of a column; "1" of one that is not there.
+    pub fn unit(&self, name: &str) -> &str {
+        let place = self.places.get(name);
+        let column = place.and_then(|place| self.columns.get(*place));
+        column.map_or("1", |(column, _)| column.unit.as_str())
+    }
+
+    /// Names of the columns, in order.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.columns.iter().map(|(column, _)| column.name.as_str())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn no_extreme_is_lost_whatever_the_blocks(
+            values in prop::collection::vec(prop_oneof![9 => -1e3f64..1e3, 1 => Just(f64::NAN)], 1..300),
+            every in 1usize..40, block in 1usize..70,
+        ) {
+            let time: Vec<f64> = (0..values.len()).map(|i| i as f64).collect();
+            let mut thinner = Thinner { every, ..Thinner::new(0, 2, Some(0)) };
+            for (t, v) in time.chunks(block).zip(values.chunks(block)) {
+                thinner.take(&[t, v]);
+            }
+            let out = thinner.finish();
+            prop_assert_eq!(out[0].len(), out[1].len());
+            if every == 1 {
+                prop_assert_eq!(&out[0], &time);
+                return Ok(());
+            }
+            prop_assert!(out[0].windows(2).all(|w| w[0] <= w[1]));
+            for (i, bucket) in values.chunks(every).enumerate() {
+                let finite = || bucket.iter().copied().filter(|v| v.is_finite());
+                let pair = &out[1][2 * i..2 * i + 2];
+                if finite().next().is_none() {
+                    prop_assert!(pair.iter().all(|v| v.is_nan()));
+                    continue;
+                }
+                let (lo, hi) = (finite().fold(f64::INFINITY, f64::min), finite().fold(f64::NEG_INFINITY, f64::max));
+                prop_assert_eq!((pair[0].min(pair[1]), pair[0].max(pair[1])), (lo, hi));
+                let at = |wanted: f64| bucket.iter().position(|v| *v == wanted);
+                prop_assert_eq!(pair[0] <= pair[1], at(lo) <= at(hi));
+                prop_assert_eq!(out[0][2 * i], (i * every) as f64);
+            }
+        }
+    }
+
+    #[test]
+    fn a_long_test_becomes_as_short_as_a_page_needs_and_a_short_one_stays() {
+        assert_eq!(Thinner::new(MOST as u64, 1, None).every(), 1);
+        let rows = 5_000_000u64;
+        let mut thinner = Thinner::new(rows, 1, None);
+        let block = vec![1.0; 10_000];
+        for _ in 0..rows / 10_000 {
+            thinner.take(&[&block]);
+        }
+        let length = thinner.finish()[0].len();
+        assert!((MOST / 2..=MOST + 2).contains(&length), "{length}");
+    }
+}

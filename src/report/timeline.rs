@@ -1,0 +1,228 @@
+//! Events as a timeline: what state the test was in, and what happened when.
+
+use serde_json::Value;
+
+use super::RunData;
+use super::axis::Axis;
+use super::canvas::{Anchor, Ink, Lettering, fitted};
+use super::charts::{Area, LABEL, Quantity, linear, title};
+use super::html::figure;
+use super::outcome;
+
+/// Rows of the timeline: words, names of the events in it, colour.
+const KINDS: [(&str, &[&str], Ink); 5] = [
+    ("deadline misses", &["miss"], Ink::Alarm),
+    (
+        "stale, late or lost answers",
+        &["stale", "link", "interlock", "saturated"],
+        Ink::Series(1),
+    ),
+    (
+        "limits and warnings",
+        &[
+            "warning",
+            "limit_warning",
+            "trip",
+            "limit_trip",
+            "diverged",
+            "row_lost",
+            "rows_lost",
+            "not_granted",
+            "misfit",
+        ],
+        Ink::Series(4),
+    ),
+    (
+        "operator",
+        &[
+            "stop_requested",
+            "hold",
+            "continue",
+            "hold_requested",
+            "confirmed",
+        ],
+        Ink::Series(0),
+    ),
+    ("other", &[], Ink::Series(5)),
+];
+/// Events that say nothing to a reader of a timeline.
+pub(super) const SILENT: [&str; 2] = ["checkpoint", "files"];
+
+/// Nanoseconds of an RFC 3339 time since midnight of the day in it, days counted by their number: enough for differences.
+fn wall_seconds(text: &str) -> Option<f64> {
+    let (date, time) = text.trim_end_matches('Z').split_once('T')?;
+    let mut parts = time.split(':');
+    let hours: f64 = parts.next()?.parse().ok()?;
+    let minutes: f64 = parts.next()?.parse().ok()?;
+    let seconds: f64 = parts.next()?.parse().ok()?;
+    let day: f64 = date.rsplit('-').next()?.parse().ok()?;
+    Some(((day * 24.0 + hours) * 60.0 + minutes) * 60.0 + seconds)
+}
+
+fn name(event: &Value) -> &str {
+    event
+        .get("event")
+        .or_else(|| event.get("kind"))
+        .and_then(Value::as_str)
+        .unwrap_or("")
+}
+
+/// The timeline; nothing where fewer than two events have a time.
+pub(super) fn timeline(run: &RunData) -> String {
+    let is_simulated = outcome::text(run, "clock") == Some("simulated");
+    let first = run
+        .events
+        .iter()
+        .find_map(|e| wall_seconds(e.get("wall")?.as_str()?));
+    let when = |event: &Value| -> Option<f64> {
+        if is_simulated {
+            event.get("time")?.as_f64()
+        } else {
+            Some(wall_seconds(event.get("wall")?.as_str()?)? - first?)
+        }
+    };
+    let placed: Vec<(f64, &Value)> = run
+        .events
+        .iter()
+        .filter(|event| !SILENT.contains(&name(event)))
+        .filter_map(|event| Some((when(event).filter(|t| t.is_finite())?, event)))
+        .collect();
+    let end = run.events.iter().filter_map(when).fold(0.0, f64::max);
+    let start = placed.iter().map(|p| p.0).fold(0.0, f64::min);
+    if placed.len() < 2 || end <= start {
+        return String::new();
+    }
+    let Some(axis) = Axis::exactly(start, end) else {
+        return String::new();
+    };
+    let phases: Vec<(f64, &str)> = placed
+        .iter()
+        .filter(|(_, event)| name(event) == "phase")
+        .filter_map(|(t, event)| Some((*t, event.get("to")?.as_str()?)))
+        .collect();
+    let of_kind = |i: usize, event: &Value| {
+        let at = KINDS
+            .iter()
+            .position(|(_, names, _)| names.contains(&name(event)));
+        at.unwrap_or(KINDS.len() - 1) == i && name(event) != "phase"
+    };
+    let used: Vec<usize> = (0..KINDS.len())
+        .filter(|&i| placed.iter().any(|(_, event)| of_kind(i, event)))
+        .collect();
+    let height = 92.0 + 24.0 * used.len() as f64;
+    let words = if is_simulated {
+        "test time"
+    } else {
+        "wall time since the first event"
+    };
+    figure(1040.0, height, "Timeline of events", |canvas, area| {
+        title(canvas, area, "Timeline", area.w);
+        let left = 190.0;
+        let inner = Area {
+            x: left,
+            y: 30.0,
+            w: area.w - left - 14.0,
+            h: height - 30.0 - 40.0,
+        };
+        let across = |t: f64| inner.x + inner.w * axis.place(t);
+        let scaled = linear(&axis, Quantity { words, unit: "s" }, 9, false);
+        let soft = Lettering::new(LABEL, Ink::Soft);
+        let bottom = inner.y + inner.h;
+        for tick in &scaled.ticks {
+            let at = across(tick.at);
+            canvas.line((at, inner.y), (at, bottom), Ink::Grid, 1.0);
+            canvas.text(
+                &tick.label,
+                (at, bottom + 13.0),
+                soft.anchored(Anchor::Middle),
+            );
+        }
+        canvas.line(
+            (inner.x, bottom),
+            (inner.x + inner.w, bottom),
+            Ink::Frame,
+            1.0,
+        );
+        canvas.text(
+            &scaled.name,
+            (inner.x + inner.w / 2.0, bottom + 30.0),
+            soft.anchored(Anchor::Middle),
+        );
+        canvas.text(
+            "state",
+            (left - 10.0, inner.y + 11.0),
+            soft.anchored(Anchor::Right),
+        );
+        for (i, (from, phase)) in phases.iter().enumerate() {
+            let to = phases.get(i + 1).map_or(end, |next| next.0);
+            let (x0, x1) = (across(*from), across(to));
+            let ink = match *phase {
+                "running" => Ink::Series(2),
+                "holding" => Ink::Series(1),
+                "tripped" => Ink::Alarm,
+                _ => Ink::Series(5),
+            };
+            canvas.block(
+                (x0, inner.y + 2.0),
+                (x1.max(x0 + 1.5), inner.y + 20.0),
+                ink,
+                0.35,
+            );
+            let room = fitted(phase, LABEL, x1 - x0 - 6.0);
+            if room.chars().count() > 2 && x1 - x0 > 20.0 {
+                canvas.text(
+                    &room,
+                    (x0 + 4.0, inner.y + 11.0),
+                    Lettering::new(LABEL, Ink::Text),
+                );
+            }
+        }
+        for (row, &i) in used.iter().enumerate() {
+            let y = inner.y + 34.0 + 24.0 * row as f64;
+            let (words, _, ink) = KINDS[i];
+            canvas.text(words, (left - 10.0, y), soft.anchored(Anchor::Right));
+            let mut last = f64::NEG_INFINITY;
+            for (t, _) in placed.iter().filter(|(_, event)| of_kind(i, event)) {
+                let x = across(*t);
+                if x - last >= 0.7 {
+                    canvas.line((x, y - 8.0), (x, y + 8.0), ink, 1.6);
+                    last = x;
+                }
+            }
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn wall_times_become_differences() {
+        let at = |text: &str| wall_seconds(text).unwrap();
+        assert_eq!(
+            at("2025-03-04T09:12:19.5Z") - at("2025-03-04T09:12:07.25Z"),
+            12.25
+        );
+        assert_eq!(at("2025-03-05T00:00:01Z") - at("2025-03-04T23:59:59Z"), 2.0);
+        assert_eq!(wall_seconds("soon"), None);
+    }
+
+    #[test]
+    fn states_and_misses_stand_in_the_timeline_and_one_event_is_none() {
+        let mut run = RunData {
+            summary: Some(json!({"clock": "simulated"})),
+            events: vec![json!({"event": "phase", "to": "running", "time": 0.0})],
+            ..RunData::default()
+        };
+        assert!(timeline(&run).is_empty());
+        run.events.push(json!({"event": "miss", "time": 3.0}));
+        run.events.push(json!({"event": "ended", "time": 10.0}));
+        let drawn = timeline(&run);
+        for part in ["running", "deadline misses", "other", "test time (s)"] {
+            assert!(drawn.contains(part), "{part}");
+        }
+        assert!(!drawn.contains("operator"));
+    }
+}

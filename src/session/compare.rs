@@ -1,0 +1,135 @@
+//! Two run folders on one page.
+
+use std::path::{Path, PathBuf};
+
+use super::page::{PageError, read, write};
+use crate::record::{FolderError, Journal, Run};
+use crate::report::{self, Matched, Matcher, Next, RunData};
+
+/// A page that was written, and what it says in a sentence.
+#[derive(Debug)]
+pub struct Compared {
+    /// The file.
+    pub path: PathBuf,
+    /// What came of the comparison.
+    pub verdict: String,
+}
+
+/// Writes the page that compares the runs in two folders to `out`, replacing what is there. Runs that cannot be compared row by
+/// row are compared as far as they can be, and the page says why.
+///
+/// # Errors
+/// [`PageError`]; `out` is then as it was.
+pub fn compare(first: &Path, second: &Path, out: &Path) -> Result<Compared, PageError> {
+    let (a, b) = (read(first)?, read(second)?);
+    let matched = matched((first, &a), (second, &b))?;
+    let names = name(first).zip(name(second));
+    let names = names.unwrap_or_else(|| ("first run".to_owned(), "second run".to_owned()));
+    let page = report::compare(&a, &b, (&names.0, &names.1), &matched);
+    Ok(Compared {
+        path: write(out, &page)?,
+        verdict: report::verdict(&matched),
+    })
+}
+
+/// Where the page goes unless it is said otherwise: into the working directory, named after both.
+#[must_use]
+pub fn compared_name(first: &Path, second: &Path) -> PathBuf {
+    let of = |path: &Path| name(path).unwrap_or_else(|| "run".to_owned());
+    PathBuf::from(format!("{}-against-{}.html", of(first), of(second)))
+}
+
+fn name(folder: &Path) -> Option<String> {
+    let whole = folder.canonicalize().ok()?;
+    Some(whole.file_name()?.to_string_lossy().into_owned())
+}
+
+fn matched(
+    (first, a): (&Path, &RunData),
+    (second, b): (&Path, &RunData),
+) -> Result<Result<Matched, String>, PageError> {
+    let dt = |run: &RunData| run.summary.as_ref()?.get("dt")?.as_f64();
+    if let (Some(x), Some(y)) = (dt(a), dt(b))
+        && (x / y - 1.0).abs() > 1e-9
+    {
+        return Ok(Err(format!(
+            "their steps are {x} s and {y} s long, so that no row of the one belongs to a row of the other; histories, loops and \
+             metrics stand side by side"
+        )));
+    }
+    let (one, two) = (Run::open(first)?, Run::open(second)?);
+    let bytes =
+        |path: &Path| std::fs::metadata(path.join("samples.bin")).map_or(0, |file| file.len());
+    let rows = bytes(first) / one.layout().stride() as u64;
+    let rows = rows.max(bytes(second) / two.layout().stride() as u64);
+    let Some(mut matcher) = Matcher::new(one.layout().columns(), two.layout().columns(), rows)
+    else {
+        return Ok(Err(
+            "they have no column of a structure or a specimen in common, or no steps to be matched by".to_owned(),
+        ));
+    };
+    let (mut one, mut two) = (Rows::of(&one, first)?, Rows::of(&two, second)?);
+    let is_running = |matcher: &Matcher, row: &[f64], second: bool| matcher.is_running(row, second);
+    one.next(|row| is_running(&matcher, row, false))?;
+    two.next(|row| is_running(&matcher, row, true))?;
+    while let (true, true) = (one.is_there, two.is_there) {
+        let next = matcher.take(&one.row, &two.row);
+        if next != Next::Second {
+            one.next(|row| matcher.is_running(row, false))?;
+        }
+        if next != Next::First {
+            two.next(|row| matcher.is_running(row, true))?;
+        }
+    }
+    let left = (
+        one.left(|row| matcher.is_running(row, false))?,
+        two.left(|row| matcher.is_running(row, true))?,
+    );
+    Ok(Ok(matcher.finish(left)))
+}
+
+/// The rows of a run in which its test was running, one after the other.
+struct Rows {
+    journal: Journal<std::fs::File>,
+    path: PathBuf,
+    row: Vec<f64>,
+    is_there: bool,
+}
+
+impl Rows {
+    fn of(run: &Run, folder: &Path) -> Result<Self, FolderError> {
+        Ok(Self {
+            journal: run.journal()?,
+            path: folder.join("samples.bin"),
+            row: Vec::new(),
+            is_there: false,
+        })
+    }
+
+    fn next(&mut self, is_running: impl Fn(&[f64]) -> bool) -> Result<(), PageError> {
+        self.is_there = false;
+        loop {
+            let row = self.journal.next_row().map_err(|source| PageError::File {
+                path: self.path.clone(),
+                source,
+            })?;
+            let Some(row) = row else { return Ok(()) };
+            if is_running(row.values) {
+                self.row.clear();
+                self.row.extend_from_slice(row.values);
+                self.is_there = true;
+                return Ok(());
+            }
+        }
+    }
+
+    /// Rows from this one to the end.
+    fn left(&mut self, is_running: impl Fn(&[f64]) -> bool) -> Result<u64, PageError> {
+        let mut count = 0;
+        while self.is_there {
+            count += 1;
+            self.next(&is_running)?;
+        }
+        Ok(count)
+    }
+}

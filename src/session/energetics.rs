@@ -1,0 +1,120 @@
+//! The equation of motion of a recorded test, for the energy balance of its report: made again of the folder's own configuration.
+
+use std::path::Path;
+
+use crate::config;
+use crate::engine::Side;
+use crate::metrics::energy::Model;
+use crate::model::{Base, Structure};
+use crate::motion::Excitation;
+use crate::record::Column;
+
+/// The numerical side of a test without its integrator.
+pub(super) struct Energetics {
+    structure: Structure,
+    excitation: Excitation,
+    steps: usize,
+}
+
+/// Why a test has no energy balance.
+pub(super) enum Without {
+    /// It has no structure.
+    Structure,
+    /// Something is in the way, in words.
+    Because(String),
+}
+
+/// Degrees of freedom of a chain; it is the one structure that is too large to be built for a picture that it cannot have.
+fn chain(resolved: &str) -> Option<usize> {
+    let table: toml::Table = resolved.parse().ok()?;
+    let dofs = table.get("structure")?.get("chain")?.get("dofs")?;
+    usize::try_from(dofs.as_integer()?).ok()
+}
+
+/// The equation of motion of the run in `folder`, with this `resolved.toml` and these columns.
+pub(super) fn energetics(
+    folder: &Path,
+    resolved: &str,
+    columns: &[Column],
+) -> Result<Energetics, Without> {
+    let because = |text: String| Without::Because(text);
+    let is_disp = |c: &&Column| {
+        c.name
+            .strip_prefix('x')
+            .is_some_and(|n| n.parse::<u32>().is_ok())
+    };
+    let recorded = columns.iter().filter(is_disp).count();
+    if recorded == 0 {
+        return Err(Without::Structure);
+    }
+    if chain(resolved).is_some_and(|dofs| dofs > recorded) {
+        return Err(because("not every DOF is recorded".to_owned()));
+    }
+    let path = folder.join("resolved.toml");
+    if !path.exists() {
+        return Err(because("resolved.toml is missing".to_owned()));
+    }
+    let first_line = |text: String| {
+        text.lines()
+            .find(|line| !line.trim().is_empty())
+            .unwrap_or_default()
+            .trim()
+            .to_owned()
+    };
+    let loaded = config::load(&path, &[]).map_err(|e| {
+        because(format!(
+            "resolved.toml cannot be read again ({})",
+            first_line(e.to_string())
+        ))
+    })?;
+    let prepared = config::build_rehearsal(&loaded).map_err(|e| {
+        because(format!(
+            "the test cannot be made again of resolved.toml ({})",
+            first_line(e.to_string())
+        ))
+    })?;
+    let Side::Structure(numerical) = prepared.experiment.side else {
+        return Err(Without::Structure);
+    };
+    if numerical.excitation.has_base() {
+        return Err(because(
+            "the base is displaced, and the force that does it is not recorded".to_owned(),
+        ));
+    }
+    Ok(Energetics {
+        structure: numerical.structure,
+        excitation: numerical.excitation,
+        steps: prepared.experiment.steps as usize,
+    })
+}
+
+impl Model for Energetics {
+    fn dofs(&self) -> usize {
+        self.structure.dofs()
+    }
+
+    fn load(&self, step: u64, out: &mut [f64]) {
+        let step = usize::try_from(step).unwrap_or(usize::MAX).min(self.steps);
+        self.excitation.load_into(step, out);
+    }
+
+    fn damping(&self, vel: &[f64], out: &mut [f64]) {
+        out.fill(0.0);
+        self.structure.damping().subtract_product(vel, out);
+        out.iter_mut().for_each(|force| *force = -*force);
+    }
+
+    fn restoring(&mut self, disp: &[f64], vel: &[f64], dt: f64, out: &mut [f64]) {
+        out.fill(0.0);
+        let still = Base {
+            disp: 0.0,
+            vel: 0.0,
+        };
+        self.structure.subtract_internal(disp, vel, still, dt, out);
+        out.iter_mut().for_each(|force| *force = -*force);
+    }
+
+    fn kinetic(&self, vel: &[f64]) -> f64 {
+        0.5 * self.structure.mass().quadratic(vel)
+    }
+}

@@ -1,0 +1,27 @@
+//! What a caller adds to a session: guards round the ticks, who looks at the rows, who attends the test.
+
+use crate::engine::Watch;
+use crate::record::Onlooker;
+
+/// What a caller may put round the ticks, on the loop's own thread and on the others.
+#[derive(Default)]
+pub struct Watches {
+    /// Called when the warm-up is over.
+    pub before_first_tick: Option<Watch>,
+    /// Called when the last tick is over.
+    pub after_last_tick: Option<Watch>,
+    /// Looks at the rows on the writer's thread.
+    pub onlooker: Option<Box<dyn Onlooker>>,
+    /// Called when the caller's thread has been put off the loop's processor and before anything moves: a thread that is
+    /// started here stays off it, too.
+    pub when_placed: Option<Attendance>,
+}
+
+/// Starts whoever attends a test.
+pub type Attendance = Box<dyn FnOnce() -> std::io::Result<()>>;
+
+impl std::fmt::Debug for Watches {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Watches")
+    }
+}

@@ -1,0 +1,366 @@
+//! A law at a platform that actuators hold: strokes in, forces of the actuators out.
+//!
+//! The strokes have a pose, the law answers it, and its forces are shared by the actuators so that the work is the same on
+//! both sides. The pose is sought from the reference pose every time: it depends on the strokes alone, not on the way there. With the controller's own geometry on the other side nothing of this is seen; with another one (small
+//! displacements there, exact pins here) it shows what that costs.
+
+use super::Specimen;
+use crate::geometry::{Geometry, MOST, Placed};
+use crate::law::Reach;
+
+/// What lies between an actuator's stroke and the number that its axis is told.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gear {
+    /// Of the axis per stroke; not zero.
+    pub ratio: f64,
+    /// Of the axis at a stroke of zero, m.
+    pub offset: f64,
+}
+
+/// A specimen with one axis per coordinate, behind the actuators of a geometry.
+#[derive(Debug)]
+pub struct Platform<S: Specimen> {
+    specimen: S,
+    geometry: Geometry,
+    gears: Vec<Gear>,
+    /// Where the last trial was.
+    trial: Placed,
+}
+
+/// Room for the largest matrix.
+type Square = [f64; MOST * MOST];
+
+impl<S: Specimen> Platform<S> {
+    /// `specimen` must have as many axes as the geometry has coordinates; a gear that is missing is none.
+    #[must_use]
+    pub fn new(specimen: S, geometry: Geometry, gears: &[Gear]) -> Self {
+        let none = Gear {
+            ratio: 1.0,
+            offset: 0.0,
+        };
+        let mut gears = gears.to_vec();
+        gears.resize(geometry.actuators(), none);
+        let reference = geometry.reference();
+        Self {
+            specimen,
+            geometry,
+            gears,
+            trial: reference,
+        }
+    }
+
+    fn coordinates(&self) -> usize {
+        self.geometry.coordinates().len()
+    }
+
+    /// Pᵀ M P with P = ∂ pose / ∂ axes at `placed`; `inner` and `outer` by columns. Real-time: yes.
+    fn to_actuators(&self, placed: &Placed, inner: &Square, outer: &mut [f64]) {
+        let (n, m) = (self.coordinates(), self.geometry.actuators());
+        let mut by_axis = [[0.0; MOST]; MOST];
+        for (axis, (motion, gear)) in by_axis.iter_mut().zip(&self.gears).enumerate() {
+            let mut unit = [0.0; MOST];
+            unit[axis] = 1.0 / gear.ratio;
+            self.geometry.pose_rates(placed, &unit, &mut motion[..]);
+        }
+        for j in 0..m {
+            for i in 0..m {
+                // One half of the symmetric whole, mirrored.
+                let (low, high) = (i.min(j), i.max(j));
+                let mut sum = 0.0;
+                for a in 0..n {
+                    for b in 0..n {
+                        let entry = inner.get(b * n + a).copied().unwrap_or(0.0);
+                        sum += by_axis[low][a] * entry * by_axis[high][b];
+                    }
+                }
+                if let Some(to) = outer.get_mut(j * m + i) {
+                    *to = sum;
+                }
+            }
+        }
+    }
+}
+
+impl<S: Specimen> Specimen for Platform<S> {
+    fn axes(&self) -> usize {
+        self.geometry.actuators()
+    }
+
+    fn trial(&mut self, disp: &[f64], vel: &[f64], dt: f64, force: &mut [f64]) {
+        let n = self.coordinates();
+        let (mut strokes, mut rates) = ([0.0; MOST], [0.0; MOST]);
+        let told = disp.iter().zip(vel).zip(&self.gears);
+        for (((disp, vel), gear), (stroke, rate)) in told.zip(strokes.iter_mut().zip(&mut rates)) {
+            *stroke = (disp - gear.offset) / gear.ratio;
+            *rate = vel / gear.ratio;
+        }
+        self.trial = self.geometry.reference();
+        if self.geometry.find(&strokes, &mut self.trial).is_err() {
+            // No pose, no force: whoever asked is told that it is not a number.
+            self.trial = self.geometry.reference();
+            force.fill(f64::NAN);
+            return;
+        }
+        let (mut moving, mut felt, mut shared) = ([0.0; MOST], [0.0; MOST], [0.0; MOST]);
+        self.geometry.pose_rates(&self.trial, &rates, &mut moving);
+        let pose = self.trial.pose();
+        self.specimen
+            .trial(&pose[..n], &moving[..n], dt, &mut felt[..n]);
+        self.geometry
+            .stroke_forces(&self.trial, &felt[..n], &mut shared);
+        for ((force, shared), gear) in force.iter_mut().zip(&shared).zip(&self.gears) {
+            *force = shared / gear.ratio;
+        }
+    }
+
+    fn is_saturated(&self) -> bool {
+        self.specimen.is_saturated()
+    }
+
+    fn commit(&mut self) {
+        self.specimen.commit();
+    }
+
+    fn revert(&mut self) {
+        self.specimen.revert();
+    }
+
+    /// At the reference pose.
+    fn reference(&self, stiffness: &mut [f64], damping: &mut [f64], mass: &mut [f64]) {
+        let size = self.coordinates() * self.coordinates();
+        let [mut k, mut c, mut m] = [[0.0; MOST * MOST]; 3];
+        self.specimen
+            .reference(&mut k[..size], &mut c[..size], &mut m[..size]);
+        let at = self.geometry.reference();
+        self.to_actuators(&at, &k, stiffness);
+        self.to_actuators(&at, &c, damping);
+        self.to_actuators(&at, &m, mass);
+    }
+
+    /// Of the law; what its force does while the actuators turn is not in it.
+    fn tangent(&self, stiffness: &mut [f64]) {
+        let size = self.coordinates() * self.coordinates();
+        let mut k = [0.0; MOST * MOST];
+        self.specimen.tangent(&mut k[..size]);
+        self.to_actuators(&self.trial, &k, stiffness);
+    }
+
+    /// At the reference pose. Every coordinate reaches as far as the farthest actuator: m, or rad for an angle.
+    fn bound(
+        &self,
+        reach: &[Reach],
+        stiffness: &mut [f64],
+        damping: &mut [f64],
+    ) -> Result<(), usize> {
+        let farthest = |of: fn(&Reach) -> Option<f64>| {
+            let each = reach.iter().zip(&self.gears);
+            let each = each.filter_map(|(reach, gear)| Some(of(reach)? / gear.ratio.abs()));
+            each.reduce(f64::max)
+        };
+        let all = Reach {
+            disp: farthest(|reach| reach.disp),
+            vel: farthest(|reach| reach.vel),
+        };
+        let n = self.coordinates();
+        let [mut k, mut c] = [[0.0; MOST * MOST]; 2];
+        let reach = vec![all; n];
+        self.specimen
+            .bound(&reach, &mut k[..n * n], &mut c[..n * n])?;
+        let at = self.geometry.reference();
+        for (inner, outer) in [(k, stiffness), (c, damping)] {
+            if inner[..n * n].iter().all(|entry| entry.is_finite()) {
+                self.to_actuators(&at, &inner, outer);
+                continue;
+            }
+            outer.fill(0.0);
+            for entry in outer.iter_mut().step_by(self.geometry.actuators() + 1) {
+                *entry = f64::INFINITY;
+            }
+        }
+        Ok(())
+    }
+
+    fn freeze(&self, out: &mut Vec<f64>) {
+        self.specimen.freeze(out);
+    }
+
+    fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
+        self.specimen.thaw(from)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{Coordinate, GeometrySpec, PlanePins};
+    use crate::law::LawSpec;
+    use crate::specimen::SpecimenLaw;
+
+    fn geometry() -> Geometry {
+        let pins = [
+            ([-1.6, 0.1], [-0.4, 0.15]),
+            ([-0.5, -1.2], [-0.5, -0.1]),
+            ([0.6, -1.3], [0.5, -0.1]),
+        ];
+        let spec = GeometrySpec {
+            coordinates: Some(vec![Coordinate::Ux, Coordinate::Uy, Coordinate::Rz]),
+            plane: Some(
+                pins.map(|(base_m, joint_m)| PlanePins {
+                    base_m,
+                    joint_m,
+                    length_m: None,
+                })
+                .to_vec(),
+            ),
+            ..GeometrySpec::default()
+        };
+        spec.build(1.0).unwrap()
+    }
+
+    fn column() -> Box<dyn Specimen> {
+        let text = "coupled = { stiffness_n_per_m = [[1.2e6, 0.0, 0.9e6], [0.0, 8e7, 0.0], [0.9e6, 0.0, 9e5]], \
+                    damping_n_s_per_m = [[2e3, 0.0, 0.0], [0.0, 5e3, 0.0], [0.0, 0.0, 1e3]] }";
+        let law: SpecimenLaw = toml::from_str(text).unwrap();
+        law.build(3).unwrap()
+    }
+
+    /// A pose is told as strokes; what the actuators feel, brought back, is what the law says of the pose itself.
+    #[test]
+    fn the_actuators_feel_what_the_law_says_of_the_pose() {
+        let geometry = geometry();
+        let gears = [
+            Gear {
+                ratio: -2.0,
+                offset: 0.3,
+            },
+            Gear {
+                ratio: 1.0,
+                offset: 0.0,
+            },
+            Gear {
+                ratio: 0.5,
+                offset: -0.1,
+            },
+        ];
+        let mut platform = Platform::new(column(), geometry.clone(), &gears);
+        let mut law = column();
+        let mut at = geometry.reference();
+        for k in 1..=20 {
+            let share = f64::from(k) / 20.0;
+            let pose = [0.08 * share, -0.03 * share, 0.1 * share];
+            let rates = [0.5, -0.2, 0.3];
+            geometry.place(&pose, &mut at).unwrap();
+            let mut speeds = [0.0; 3];
+            geometry.stroke_rates(&at, &rates, &mut speeds);
+            let disp = [0, 1, 2].map(|i| at.strokes()[i] * gears[i].ratio + gears[i].offset);
+            let vel = [0, 1, 2].map(|i| speeds[i] * gears[i].ratio);
+            let (mut force, mut exact) = ([0.0; 3], [0.0; 3]);
+            platform.trial(&disp, &vel, 0.01, &mut force);
+            platform.commit();
+            law.trial(&pose, &rates, 0.01, &mut exact);
+            let felt = [0, 1, 2].map(|i| force[i] * gears[i].ratio);
+            let mut found = [0.0; 3];
+            geometry.pose_forces(&at, &felt, &mut found);
+            for (found, exact) in found.iter().zip(exact) {
+                // 8e7 N/m on poses that are known to 1e-15.
+                assert!((found - exact).abs() < 1e-6, "{found} {exact}");
+            }
+        }
+    }
+
+    /// Pᵀ K P with P = J⁻¹: brought back by J it is K again, gears included.
+    #[test]
+    fn matrices_of_the_law_come_to_the_actuators_and_back() {
+        let geometry = geometry();
+        let gears = [Gear {
+            ratio: -2.0,
+            offset: 0.3,
+        }];
+        let platform = Platform::new(column(), geometry.clone(), &gears);
+        let (mut k, mut c, mut m) = ([0.0; 9], [0.0; 9], [1.0; 9]);
+        platform.reference(&mut k, &mut c, &mut m);
+        assert_eq!(m, [0.0; 9]);
+        let (mut exact, mut other, mut none) = ([0.0; 9], [0.0; 9], [0.0; 9]);
+        column().reference(&mut exact, &mut other, &mut none);
+        let at = geometry.reference();
+        let ratio = [-2.0, 1.0, 1.0];
+        for a in 0..3 {
+            for b in 0..3 {
+                let mut sum = 0.0;
+                for i in 0..3 {
+                    for j in 0..3 {
+                        let geared = k[j * 3 + i] * ratio[i] * ratio[j];
+                        sum += at.slope(i, a) * geared * at.slope(j, b);
+                    }
+                }
+                assert!((sum - exact[b * 3 + a]).abs() < 1e-6, "{sum}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_frozen_platform_goes_on_to_the_last_bit_and_allocates_nothing() {
+        let law = "bouc_wen = { stiffness_n_per_m = 1e6, yield_force_n = 1e3, post_yield_ratio = 0.1, beta = 0.5, \
+                   gamma = 0.5, exponent = 1.5 }";
+        let law: LawSpec = toml::from_str(law).unwrap();
+        let build = || {
+            let inner = SpecimenLaw::Law(law.clone()).build(3).unwrap();
+            Platform::new(inner, geometry(), &[])
+        };
+        let (mut one, mut other) = (build(), build());
+        let drive = |platform: &mut Platform<Box<dyn Specimen>>, from: i32, to: i32| {
+            let mut force = [0.0; 3];
+            for k in from..to {
+                let t = 0.05 * f64::from(k);
+                let disp = [
+                    0.02 * t.sin(),
+                    0.01 * (1.3 * t).sin(),
+                    0.015 * (0.7 * t).sin(),
+                ];
+                platform.trial(&disp, &[0.1, 0.0, -0.1], 0.01, &mut force);
+                platform.commit();
+            }
+            force
+        };
+        drive(&mut one, 0, 100);
+        let mut frozen = Vec::new();
+        one.freeze(&mut frozen);
+        assert!(other.thaw(&frozen).is_empty());
+        let mut forces = [[0.0; 3]; 2];
+        let count = allocation_counter::measure(|| {
+            forces = [drive(&mut one, 100, 200), drive(&mut other, 100, 200)];
+        });
+        assert_eq!(forces[0].map(f64::to_bits), forces[1].map(f64::to_bits));
+        assert_eq!(count.count_total, 0);
+    }
+
+    /// A hold, or a test that goes on after an interruption, asks for the same strokes again: not a bit may change.
+    #[test]
+    fn the_same_strokes_have_the_same_force_whatever_came_before() {
+        let ask = |platform: &mut Platform<Box<dyn Specimen>>, disp: [f64; 3]| {
+            let mut force = [0.0; 3];
+            platform.trial(&disp, &[0.0; 3], 0.0, &mut force);
+            platform.commit();
+            force.map(f64::to_bits)
+        };
+        let (mut one, mut other) = (
+            Platform::new(column(), geometry(), &[]),
+            Platform::new(column(), geometry(), &[]),
+        );
+        let there = [0.031, -0.007, 0.012];
+        let once = ask(&mut one, there);
+        assert_eq!(ask(&mut one, there), once);
+        ask(&mut other, [-0.05, 0.02, 0.0]);
+        assert_eq!(ask(&mut other, there), once);
+    }
+
+    #[test]
+    fn strokes_without_a_pose_have_no_force() {
+        let mut platform = Platform::new(column(), geometry(), &[]);
+        let mut force = [0.0; 3];
+        platform.trial(&[-5.0, 0.0, 0.0], &[0.0; 3], 0.01, &mut force);
+        assert!(force.iter().all(|force| force.is_nan()));
+        platform.trial(&[0.0; 3], &[0.0; 3], 0.01, &mut force);
+        assert_eq!(force, [0.0; 3]);
+    }
+}
