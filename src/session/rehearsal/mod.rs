@@ -275,16 +275,19 @@ pub fn carry_out(mut experiment: Experiment, budget: Duration) -> Rehearsal {
         &Control::from(requests),
     );
     let seen = needs.into_iter().zip(outcome.poses);
-    let specimens = known.into_iter().zip(seen).map(|((name, limits), (found, poses))| {
-        let axes = found.iter().zip(&limits);
-        Needs {
-            name,
-            stand_in: StandIn::Itself,
-            axes: axes.map(|(need, limits)| compared(need, limits)).collect(),
-            found,
-            poses,
-        }
-    });
+    let specimens = known
+        .into_iter()
+        .zip(seen)
+        .map(|((name, limits), (found, poses))| {
+            let axes = found.iter().zip(&limits);
+            Needs {
+                name,
+                stand_in: StandIn::Itself,
+                axes: axes.map(|(need, limits)| compared(need, limits)).collect(),
+                found,
+                poses,
+            }
+        });
     Rehearsal {
         time: outcome.steps as f64 * dt,
         curtain: match outcome.ending {
