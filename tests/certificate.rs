@@ -105,7 +105,6 @@ fn it_is_right_about_the_benchmark() {
             let go = found["go"] == true;
             // The trials by themselves, without any proof.
             let carried = found["trips"] == 0;
-            println!("{case} {controller}: {truth} {go} {carried}");
             if go != truth || carried != truth || code != Some(if truth { 0 } else { 1 }) {
                 wrong.push(format!("{case} {controller}: {truth}, but {found:#}"));
             }

@@ -16,6 +16,14 @@ const MOST_READINGS: usize = 1 << 20;
 /// Products that an energy balance may cost; a larger structure has none.
 const MOST_WORK: f64 = 2e10;
 
+/// An axis at rest: where its measured displacement and force stand in a block, and what was read of them.
+struct Read {
+    axis: SpecimenAxis,
+    places: [usize; 2],
+    disp: Vec<f64>,
+    force: Vec<f64>,
+}
+
 /// The first pass: everything that needs every row once, and the first batch of whole columns.
 pub(super) struct First<'a> {
     /// Places of the columns that it wants.
@@ -33,7 +41,7 @@ pub(super) struct First<'a> {
     energy: Option<EnergyPass<'a>>,
     energy_thinner: Thinner,
     worst: Worst,
-    readings: Vec<(SpecimenAxis, usize, usize, Vec<f64>, Vec<f64>)>,
+    readings: Vec<Read>,
     recorded: u64,
     running: u64,
     ends: Option<(f64, f64)>,
@@ -145,13 +153,12 @@ impl<'a> First<'a> {
         held_places.sort_unstable();
         held_places.dedup();
         let readings = drawn.iter().filter_map(|a| {
-            Some((
-                *a,
-                at(&a.column("meas"))?,
-                at(&a.column("force"))?,
-                Vec::new(),
-                Vec::new(),
-            ))
+            Some(Read {
+                axis: *a,
+                places: [at(&a.column("meas"))?, at(&a.column("force"))?],
+                disp: Vec::new(),
+                force: Vec::new(),
+            })
         });
         Self {
             state: at("state"),
@@ -181,10 +188,11 @@ impl<'a> First<'a> {
         self.recorded += rows as u64;
         let state = |row: usize| self.state.map_or(RUNNING, |at| block[at][row]);
         for row in (0..rows).filter(|&row| state(row) == ZEROING) {
-            for (_, meas, force, disps, forces) in &mut self.readings {
-                if disps.len() < MOST_READINGS {
-                    disps.push(block[*meas][row]);
-                    forces.push(block[*force][row]);
+            for read in &mut self.readings {
+                if read.disp.len() < MOST_READINGS {
+                    let [disp, force] = read.places;
+                    read.disp.push(block[disp][row]);
+                    read.force.push(block[force][row]);
                 }
             }
         }
@@ -242,14 +250,14 @@ impl<'a> First<'a> {
         self.worst.take(block);
         if let (Some(energy), Some(step), Some(time)) = (&mut self.energy, self.step, self.time) {
             let mut found: [Vec<f64>; 7] = Default::default();
-            for row in 0..rows {
+            for (row, (step, time)) in block[step].iter().zip(block[time]).enumerate() {
                 let disp = energy.disp.iter().map(|&at| block[at][row]);
                 let axes = energy
                     .axes
                     .iter()
                     .map(|&(d, f)| (block[d][row], block[f][row]));
-                if let Some(now) = energy.balance.take(block[step][row] as u64, disp, axes) {
-                    let values = energies(block[time][row], &now);
+                if let Some(now) = energy.balance.take(*step as u64, disp, axes) {
+                    let values = energies(*time, &now);
                     found
                         .iter_mut()
                         .zip(values)
@@ -264,7 +272,7 @@ impl<'a> First<'a> {
     pub fn noise(&self) -> Vec<(SpecimenAxis, Option<Noise>)> {
         let readings = self.readings.iter();
         readings
-            .map(|(axis, _, _, disp, force)| (*axis, Noise::of(disp, force)))
+            .map(|read| (read.axis, Noise::of(&read.disp, &read.force)))
             .collect()
     }
 

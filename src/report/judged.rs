@@ -73,7 +73,7 @@ pub(super) fn table_of(name: &str, axis: &AxisDigest, disp_unit: &str, force_uni
     let at = t.fei.map_or_else(String::new, |f| {
         format!(
             " FEI belongs to {}.",
-            format!("{}\u{a0}Hz", number(f.frequency_hz, 3))
+            format_args!("{}\u{a0}Hz", number(f.frequency_hz, 3))
         )
     });
     let damping = t

@@ -133,9 +133,10 @@ pub(super) fn note_on_extremes(every: usize) -> String {
     let mut out = String::new();
     if every > 1 {
         // Writing to a string does not fail.
-        let _ = write!(
+        let _ = writeln!(
             out,
-            "<p class=\"note\">The histories show the smallest and the largest of every {every} rows: no peak is missing. The samples hold them all.</p>\n"
+            "<p class=\"note\">The histories show the smallest and the largest of every {every} rows: no peak is missing. The \
+             samples hold them all.</p>"
         );
     }
     out

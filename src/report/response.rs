@@ -215,7 +215,7 @@ pub(super) fn decades<'a>(amplitudes: impl Iterator<Item = &'a [f64]>) -> Option
         .copied()
         .filter(|v| v.is_finite())
         .fold(0.0, f64::max);
-    (top > 1e-280 && top < 1e280).then(|| (top * 1e-6, top * 2.0))
+    (top > 1e-280 && top < 1e280).then_some((top * 1e-6, top * 2.0))
 }
 
 fn peaks(rows: &Rows<'_>, dofs: &[u32], time: &[f64]) -> String {
