@@ -214,7 +214,8 @@ pub fn staged(
     staging: Staging,
 ) -> (Outcome, Vec<Vec<AxisNeed>>) {
     let (_nobody_speaks, requests) = crossbeam_channel::bounded(1);
-    staged_with(experiment, recorder, staging, &Control::from(requests))
+    let (outcome, needs, _) = staged_with(experiment, recorder, staging, &Control::from(requests));
+    (outcome, needs)
 }
 
 fn staged_with(
@@ -222,7 +223,7 @@ fn staged_with(
     recorder: Box<dyn Recorder>,
     staging: Staging,
     control: &Control,
-) -> (Outcome, Vec<Vec<AxisNeed>>) {
+) -> (Outcome, Vec<Vec<AxisNeed>>, Vec<Option<Poses>>) {
     let per_step = experiment.pacing.ticks_per_step;
     let period = experiment.period.value();
     let mut books = Vec::with_capacity(experiment.ports.len());
@@ -246,7 +247,7 @@ fn staged_with(
     let taken = |book: &Arc<Mutex<Vec<AxisNeed>>>| {
         std::mem::take(&mut *book.lock().unwrap_or_else(PoisonError::into_inner))
     };
-    (outcome, books.iter().map(taken).collect())
+    (outcome, books.iter().map(taken).collect(), engine.poses())
 }
 
 /// Rehearses an experiment as it is; what stands behind its ports must not be a link.
@@ -267,23 +268,26 @@ pub fn carry_out(mut experiment: Experiment, budget: Duration) -> Rehearsal {
         rows: 0,
         operator,
     };
-    let (outcome, needs) = staged_with(
+    let (outcome, needs, poses) = staged_with(
         experiment,
         Box::new(recorder),
         Staging::WithoutLimits,
         &Control::from(requests),
     );
-    let seen = needs.into_iter().zip(outcome.poses);
-    let specimens = known.into_iter().zip(seen).map(|((name, limits), (found, poses))| {
-        let axes = found.iter().zip(&limits);
-        Needs {
-            name,
-            stand_in: StandIn::Itself,
-            axes: axes.map(|(need, limits)| compared(need, limits)).collect(),
-            found,
-            poses,
-        }
-    });
+    let seen = needs.into_iter().zip(poses);
+    let specimens = known
+        .into_iter()
+        .zip(seen)
+        .map(|((name, limits), (found, poses))| {
+            let axes = found.iter().zip(&limits);
+            Needs {
+                name,
+                stand_in: StandIn::Itself,
+                axes: axes.map(|(need, limits)| compared(need, limits)).collect(),
+                found,
+                poses,
+            }
+        });
     Rehearsal {
         time: outcome.steps as f64 * dt,
         curtain: match outcome.ending {
