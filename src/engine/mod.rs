@@ -201,8 +201,6 @@ pub struct Outcome {
     pub events_lost: u64,
     /// From the first edge of the test to the end of its last tick.
     pub wall_ns: u64,
-    /// How far the platform of each specimen went; none where its axes are no actuators of one.
-    pub poses: Vec<Option<Poses>>,
     /// What the links say about their faults: specimen (from 0) and words.
     pub complaints: Vec<(usize, String)>,
 }
@@ -312,6 +310,12 @@ impl Engine {
         }
     }
 
+    /// How far the platform of each specimen went; none where its axes are no actuators of one.
+    #[must_use]
+    pub fn poses(&self) -> Vec<Option<Poses>> {
+        self.ports.iter().map(Port::poses).collect()
+    }
+
     /// Names, units and meanings of the columns of the rows.
     #[must_use]
     pub fn columns(&self) -> &[Column] {
@@ -341,7 +345,6 @@ impl Engine {
             rows_lost: self.rows_lost,
             events_lost: self.events_lost,
             wall_ns: self.clock_now.since(self.first_edge),
-            poses: self.ports.iter().map(Port::poses).collect(),
             complaints: self
                 .ports
                 .iter()

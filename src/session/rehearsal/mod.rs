@@ -215,7 +215,8 @@ pub fn staged(
     staging: Staging,
 ) -> (Outcome, Vec<Vec<AxisNeed>>) {
     let (_nobody_speaks, requests) = crossbeam_channel::bounded(1);
-    staged_with(experiment, recorder, staging, &Control::from(requests))
+    let (outcome, needs, _) = staged_with(experiment, recorder, staging, &Control::from(requests));
+    (outcome, needs)
 }
 
 fn staged_with(
@@ -223,7 +224,7 @@ fn staged_with(
     recorder: Box<dyn Recorder>,
     staging: Staging,
     control: &Control,
-) -> (Outcome, Vec<Vec<AxisNeed>>) {
+) -> (Outcome, Vec<Vec<AxisNeed>>, Vec<Option<Poses>>) {
     let per_step = experiment.pacing.ticks_per_step;
     let period = experiment.period.value();
     let mut books = Vec::with_capacity(experiment.ports.len());
@@ -247,7 +248,7 @@ fn staged_with(
     let taken = |book: &Arc<Mutex<Vec<AxisNeed>>>| {
         std::mem::take(&mut *book.lock().unwrap_or_else(PoisonError::into_inner))
     };
-    (outcome, books.iter().map(taken).collect())
+    (outcome, books.iter().map(taken).collect(), engine.poses())
 }
 
 /// Rehearses an experiment as it is; what stands behind its ports must not be a link.
@@ -268,13 +269,13 @@ pub fn carry_out(mut experiment: Experiment, budget: Duration) -> Rehearsal {
         rows: 0,
         operator,
     };
-    let (outcome, needs) = staged_with(
+    let (outcome, needs, poses) = staged_with(
         experiment,
         Box::new(recorder),
         Staging::WithoutLimits,
         &Control::from(requests),
     );
-    let seen = needs.into_iter().zip(outcome.poses);
+    let seen = needs.into_iter().zip(poses);
     let specimens = known
         .into_iter()
         .zip(seen)
