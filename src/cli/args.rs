@@ -262,10 +262,12 @@ pub(super) struct DoctorArgs {
 }
 
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:\n  gusset export runs/first --format csv --out first.csv\n  \
+#[command(
+    after_help = "Examples:\n  gusset export runs/first --format csv --out first.csv\n  \
     gusset export runs/first --format mat --out first.mat                        load('first.mat')\n  \
     gusset export runs/first --format npz --rate tick --out first.npz            numpy.load('first.npz')\n  \
-    gusset export runs/first --format trace --from 2 --to 2.5 --out first.json   opens in ui.perfetto.dev")]
+    gusset export runs/first --format trace --from 2 --to 2.5 --out first.json   opens in ui.perfetto.dev"
+)]
 pub(super) struct ExportArgs {
     /// The run folder, finished or not.
     pub run: PathBuf,
@@ -292,12 +294,10 @@ pub(super) enum FormatArg {
     Csv,
     /// NumPy archive, one array per column.
     Npz,
-    /// MATLAB file (also Octave, SciPy), one vector per column.
+    /// MATLAB 7.3 file (also h5py, Octave), one vector per column.
     Mat,
     /// HDF5 file, one dataset per column.
     Hdf5,
-    /// Parquet table.
-    Parquet,
     /// Timeline of the loop for ui.perfetto.dev or chrome://tracing.
     Trace,
     /// Folder in the shape of a DesignSafe hybrid-simulation project.
