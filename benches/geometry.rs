@@ -74,7 +74,10 @@ fn ticks(bencher: Bencher<'_, '_>, geometry: &Geometry) {
         geometry.stroke_rates(&aim, &pose, &mut rates);
         let lagging = aim.strokes().map(|stroke| 0.99 * stroke);
         found = aim;
-        if geometry.find(black_box(&lagging), &mut found).is_ok() {
+        if geometry
+            .find_for_forces(black_box(&lagging), &mut found)
+            .is_ok()
+        {
             geometry.pose_forces(&found, &lagging, &mut forces[..n]);
         }
         black_box(forces)

@@ -23,7 +23,10 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("benchmark", &["compensation", "transfer"]),
     ("identify", &["motion"]),
     ("compensation", &[]),
-    ("control", &["compensation", "geometry", "substructure", "time"]),
+    (
+        "control",
+        &["compensation", "geometry", "substructure", "time"],
+    ),
     ("record", &["substructure"]),
     ("wire", &["substructure"]),
     (

@@ -94,13 +94,9 @@ fn monolith(amplitude: f64) -> String {
         let row = [e[0], e[1], joint[0] * e[1] - joint[1] * e[0]];
         for (i, a) in row.iter().enumerate() {
             for (j, b) in row.iter().enumerate() {
-                whole[i][j] += a * SPRING * b;
+                // The same to the last bit on both sides of the diagonal.
+                whole[i][j] += SPRING * (a * b);
             }
-        }
-    }
-    for i in 0..4 {
-        for j in 0..i {
-            whole[i][j] = whole[j][i];
         }
     }
     structure(&whole, amplitude, "")

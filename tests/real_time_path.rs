@@ -114,7 +114,7 @@ fn others() -> [(&'static str, String); 4] {
         { base_m = [0.6, -1.3], joint_m = [0.5, -0.1] } ]\n";
     [
         ("dense", matrices),
-        ("dense", unit.to_owned()),
+        ("banded", unit.to_owned()),
         ("tridiagonal, in segments", chain("")),
         ("sparse", chain(&leaps)),
     ]

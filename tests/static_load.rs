@@ -124,6 +124,23 @@ fn a_yielding_specimen_is_never_driven_backwards() {
     );
 }
 
+/// On a spring of known stiffness each part of the load is one way, and the next begins where it has led: twenty equal ones.
+#[test]
+fn the_load_comes_on_in_twenty_equal_parts() {
+    let run = test(
+        LOAD,
+        "stiffness_n_per_m = [0, 14e6, 11e6]\n\
+         [[specimen]]\nname = \"s\"\nstorey = 1\nlaw = { linear = { stiffness_n_per_m = 15e6 } }\n",
+    );
+    let command = run.all("cmd_1_1");
+    let part = 120e3 / 15e6 / 20.0;
+    let ways: Vec<f64> = command.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let long = ways.iter().filter(|way| (**way / part - 1.0).abs() < 1e-9);
+    assert_eq!(long.count(), 20);
+    let rest = ways.iter().filter(|way| (**way / part - 1.0).abs() >= 1e-9);
+    assert!(rest.into_iter().all(|way| way.abs() < 1e-9 * part));
+}
+
 /// The base may move already at t = 0: while the load is brought on nothing moves, and no damper pushes.
 #[test]
 fn a_base_that_starts_with_a_velocity_does_not_push_before_t_0() {

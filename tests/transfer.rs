@@ -450,6 +450,9 @@ fn the_benchmark_command_prints_its_criteria() {
     }
     let said = common::say(["benchmark", "vrths", "--case", "5"]);
     assert_eq!(said.code, Some(2));
+    let said = common::say(["benchmark", "vrths", "--case", "1", "--late", "63"]);
+    assert_eq!(said.code, Some(2));
+    assert!(said.stderr.contains("from 0 to 62"), "{}", said.stderr);
     let said = common::say(["benchmark", "vrths", "--controller", "magic"]);
     assert!(
         said.code == Some(2) && said.stderr.contains("pi-lead"),

@@ -62,7 +62,7 @@ pub struct VrthsArgs {
     #[arg(long, default_value_t = 0)]
     plants: u64,
     /// Further whole ticks by which the force comes late, up to 62.
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = up_to_62)]
     late: usize,
     /// Seed of noise, plants and the synthetic motion.
     #[arg(long, default_value_t = 1)]
@@ -78,6 +78,11 @@ fn on_or_off(text: &str) -> Result<bool, String> {
         "off" => Ok(false),
         _ => Err("on or off".to_owned()),
     }
+}
+
+fn up_to_62(text: &str) -> Result<usize, String> {
+    let late = text.parse().ok().filter(|late| *late <= 62);
+    late.ok_or_else(|| "a whole number from 0 to 62".to_owned())
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]

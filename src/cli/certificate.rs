@@ -3,17 +3,15 @@
 //! Each line is a judgement of its own: go, no-go, or not known. It is a no-go if any line is; what is not known does not
 //! forbid, but is said.
 
-use std::io::{IsTerminal, Write};
-use std::sync::Mutex;
-
 use serde_json::{Value, json};
 
 use super::following::Following;
+use super::progress::TrialsLine;
 use super::rehearsed::Rehearsed;
 use super::run::refused;
 use super::table::{Table, duration, quantity};
 use crate::config::{Facts, Loaded, SpecimenTable};
-use crate::session::certificate::{Band, Plan, Trials, carry_out, interval};
+use crate::session::certificate::{Band, Plan, Rehearsed as Trial, Trials, carry_out, interval};
 use crate::session::rehearsal::AxisNeed;
 
 /// One judgement.
@@ -63,7 +61,7 @@ impl Certificate {
         let plan = Plan::of(loaded, seed);
         // Trials that are all the same show no more than one.
         let count = if plan.is_certain() { 1 } else { asked };
-        let bar = Bar::new(count);
+        let bar = TrialsLine::new(count);
         let trials = carry_out(loaded, &plan, facts.lambda(), count, &|done| bar.show(done));
         bar.clear();
         let trials = trials.map_err(refused)?;
@@ -362,10 +360,10 @@ fn of_errors(loaded: &Loaded, facts: &Facts, trials: &Trials) -> Vec<Line> {
         }
     }
     if facts.structure.is_some() {
-        let worst = |one: &crate::session::certificate::Rehearsed| one.errors.response;
+        let worst = |one: &Trial| one.errors.response;
         let band = trials.band(worst);
         let dof = trials.all.iter().max_by(|a, b| {
-            let of = |one: &&crate::session::certificate::Rehearsed| worst(one).unwrap_or(0.0);
+            let of = |one: &&Trial| worst(one).unwrap_or(0.0);
             of(a).total_cmp(&of(b))
         });
         let dof = dof.map_or(0, |one| one.errors.dof);
@@ -373,47 +371,4 @@ fn of_errors(loaded: &Loaded, facts: &Facts, trials: &Trials) -> Vec<Line> {
         lines.push(line(about, band, allowed.response_error, NONE));
     }
     lines
-}
-
-/// How many trials are done: on a terminal, and nowhere else.
-struct Bar {
-    of: u64,
-    show: bool,
-    drawn: Mutex<u64>,
-}
-
-impl Bar {
-    fn new(of: u64) -> Self {
-        Self {
-            of,
-            show: std::io::stderr().is_terminal(),
-            drawn: Mutex::new(0),
-        }
-    }
-
-    /// Workers finish in any order: the line never goes back.
-    fn show(&self, done: u64) {
-        if !self.show {
-            return;
-        }
-        let Ok(mut drawn) = self.drawn.lock() else {
-            return;
-        };
-        if done > *drawn {
-            *drawn = done;
-            let filled = (done * 30 / self.of.max(1)) as usize;
-            let bar: String = (0..30)
-                .map(|i| if i < filled { '█' } else { '·' })
-                .collect();
-            let mut terminal = std::io::stderr();
-            let _hung_up = write!(terminal, "\r\x1b[2K{bar} trial {done} of {}", self.of);
-            let _ = terminal.flush();
-        }
-    }
-
-    fn clear(&self) {
-        if self.show {
-            let _hung_up = write!(std::io::stderr(), "\r\x1b[2K");
-        }
-    }
 }

@@ -3,7 +3,9 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use crossbeam_channel::{Sender, bounded};
+#[cfg(feature = "monitor")]
+use crossbeam_channel::Sender;
+use crossbeam_channel::bounded;
 
 use super::args::RunArgs;
 #[cfg(feature = "monitor")]
@@ -15,11 +17,16 @@ use crate::config::{ClockChoice, Facts, Prepared};
 use crate::engine::Operator;
 use crate::engine::PhaseCell;
 #[cfg(feature = "monitor")]
+use crate::monitor::Ended;
+#[cfg(feature = "monitor")]
 use crate::monitor::page::{LivePage, Serving, Token};
-use crate::monitor::{About, Board, Ended, LambdaUse, Subject, Tap};
-use crate::record::{Note, Onlooker};
+use crate::monitor::{About, Board, LambdaUse, Subject, Tap};
+#[cfg(feature = "monitor")]
+use crate::record::Note;
+use crate::record::Onlooker;
 #[cfg(feature = "monitor")]
 use crate::session::Attendance;
+#[cfg(feature = "monitor")]
 use crate::session::Finished;
 
 /// Notes of viewers that may wait to be written.
@@ -47,7 +54,6 @@ impl Asked {
 
     /// Without the feature there is none.
     #[cfg(not(feature = "monitor"))]
-    #[expect(clippy::unnecessary_wraps, reason = "the same as with the feature")]
     pub fn for_run(_args: &RunArgs) -> anyhow::Result<Self> {
         Ok(Self {})
     }
@@ -69,6 +75,7 @@ impl Asked {
 pub struct Looked {
     /// Where it stands.
     pub board: Arc<Board>,
+    #[cfg(feature = "monitor")]
     notes: Sender<Note>,
     tap: Option<Tap>,
 }
@@ -89,11 +96,15 @@ impl Looked {
             .and_then(|structure| structure.online_limit.clone());
         let subject = Subject::new(&test.experiment, about);
         let board = Arc::new(Board::new(subject, phase, online));
-        let (notes, written) = bounded(NOTES);
+        let (sender, written) = bounded(NOTES);
+        // Without a page nobody leaves notes.
+        #[cfg(not(feature = "monitor"))]
+        drop(sender);
         Self {
             tap: Some(Tap::new(Arc::clone(&board), written)),
             board,
-            notes,
+            #[cfg(feature = "monitor")]
+            notes: sender,
         }
     }
 
@@ -126,6 +137,7 @@ impl Looked {
     }
 
     /// How the test ended, for whoever looks.
+    #[cfg(feature = "monitor")]
     pub fn ended(finished: &Finished, report: Option<&Path>) -> Ended {
         let status = match serde_json::to_value(finished.summary.status) {
             Ok(serde_json::Value::String(word)) => word,

@@ -1,4 +1,7 @@
-//! The progress line of a measurement of the loop: on a terminal, and nowhere else.
+//! Progress lines: on a terminal, and nowhere else.
+
+use std::io::{IsTerminal, Write};
+use std::sync::Mutex;
 
 use super::screen;
 use crate::config::Facts;
@@ -49,5 +52,50 @@ impl ProgressLine {
     /// Takes the line away.
     pub fn clear(&self) {
         screen::step_aside();
+    }
+}
+
+/// How many trials are done: on a terminal, and nowhere else.
+pub struct TrialsLine {
+    of: u64,
+    show: bool,
+    drawn: Mutex<u64>,
+}
+
+impl TrialsLine {
+    /// Of so many trials.
+    pub fn new(of: u64) -> Self {
+        Self {
+            of,
+            show: std::io::stderr().is_terminal(),
+            drawn: Mutex::new(0),
+        }
+    }
+
+    /// Workers finish in any order: the line never goes back.
+    pub fn show(&self, done: u64) {
+        if !self.show {
+            return;
+        }
+        let Ok(mut drawn) = self.drawn.lock() else {
+            return;
+        };
+        if done > *drawn {
+            *drawn = done;
+            let filled = (done * 30 / self.of.max(1)) as usize;
+            let bar: String = (0..30)
+                .map(|i| if i < filled { '█' } else { '·' })
+                .collect();
+            let mut terminal = std::io::stderr();
+            let _hung_up = write!(terminal, "\r\x1b[2K{bar} trial {done} of {}", self.of);
+            let _ = terminal.flush();
+        }
+    }
+
+    /// Takes the line away.
+    pub fn clear(&self) {
+        if self.show {
+            let _hung_up = write!(std::io::stderr(), "\r\x1b[2K");
+        }
     }
 }

@@ -59,7 +59,7 @@ fn over(before: usize, lines: &[String]) -> String {
     for line in lines {
         text.push_str(&format!("\r{line}\x1b[0m\x1b[K\n"));
     }
-    text.push_str("\x1b[J\x1b[?7h");
+    text.push_str("\r\x1b[J\x1b[?7h");
     text
 }
 

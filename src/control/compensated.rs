@@ -21,6 +21,18 @@ pub(super) struct Compensation {
     /// A command that was made of a target is in force, and its measurement is still to come.
     asked: bool,
     vel: Vec<f64>,
+    /// The state before the command that stands ready was made, where a record is followed to be gone on with.
+    before: Option<Vec<f64>>,
+}
+
+impl Compensation {
+    fn freeze(&self, out: &mut Vec<f64>) {
+        out.push(f64::from(u8::from(self.running)));
+        out.extend(&self.vel);
+        for one in &self.of {
+            one.freeze(out);
+        }
+    }
 }
 
 impl Port {
@@ -44,6 +56,7 @@ impl Port {
                 running: false,
                 asked: false,
                 vel: vec![0.0; n],
+                before: None,
             });
         }
         self
@@ -70,14 +83,32 @@ impl Port {
         of.flat_map(|one| one.parameters().iter().copied())
     }
 
-    /// The compensators' states, for a test that is to go on later.
-    pub fn freeze_compensation(&self, out: &mut Vec<f64>) {
-        if let Some(compensation) = &self.compensation {
-            out.push(f64::from(u8::from(compensation.running)));
-            out.extend(&compensation.vel);
-            for one in &compensation.of {
-                one.freeze(out);
-            }
+    /// From here on the state before each command is kept, too: the last one never leaves, and is made again.
+    pub fn follow_compensation(&mut self) {
+        if let Some(compensation) = &mut self.compensation {
+            compensation.before = Some(Vec::new());
+        }
+    }
+
+    /// What moves the specimen from here on is none of the test's: nothing is seen of how it follows.
+    pub fn pause_following(&mut self) {
+        self.runs = false;
+    }
+
+    /// The test goes on.
+    pub fn go_on_following(&mut self) {
+        self.runs = true;
+    }
+
+    /// The compensators' states, for a test that is to go on later: before the command that stands ready, where the record
+    /// was followed.
+    pub fn freeze_compensation(&mut self, out: &mut Vec<f64>) {
+        let Some(compensation) = &mut self.compensation else {
+            return;
+        };
+        match compensation.before.take() {
+            Some(before) if !before.is_empty() => out.extend(before),
+            _ => compensation.freeze(out),
         }
     }
 
@@ -105,6 +136,13 @@ impl Port {
 
     /// Makes the command of the target's. Real-time: yes.
     pub(super) fn compensate(&mut self) {
+        if let Some(compensation) = &mut self.compensation
+            && let Some(mut before) = compensation.before.take()
+        {
+            before.clear();
+            compensation.freeze(&mut before);
+            compensation.before = Some(before);
+        }
         let Some(Compensation {
             of,
             metres,

@@ -126,7 +126,7 @@ impl Posed {
     /// Takes the measured pose and the forces of its coordinates from the actuators. Real-time: yes.
     fn resolve(&mut self, measured: &[f64], force: &[f64]) -> Result<(), Fault> {
         self.found = self.aim;
-        self.geometry.find(measured, &mut self.found)?;
+        self.geometry.find_for_forces(measured, &mut self.found)?;
         let n = self.rows.len();
         if let Some(forces) = self.force.get_mut(..n) {
             self.geometry.pose_forces(&self.found, force, forces);
@@ -220,10 +220,19 @@ impl Port {
             ..
         } = self.posed.as_deref()?;
         let named = geometry.coordinates().iter().zip(range);
+        let reference = geometry.reference();
+        let at_rest = geometry.condition(&reference);
+        // What is kept tick by tick is near the condition, not the same.
+        let far = geometry.condition(worst);
+        let (condition, worst) = if far >= at_rest {
+            ([at_rest, far], geometry.words(worst))
+        } else {
+            ([at_rest; 2], geometry.words(&reference))
+        };
         Some(Poses {
             range: named.map(|(c, [low, high])| (*c, *low, *high)).collect(),
-            condition: [&geometry.reference(), worst].map(|at| geometry.condition(at)),
-            worst: geometry.words(worst),
+            condition,
+            worst,
         })
     }
 }

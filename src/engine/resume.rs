@@ -44,6 +44,9 @@ impl Resumption {
 impl Engine {
     /// Follows a recorded test as far as the recording lets it, and leaves everything as it is then: nobody is retired.
     pub fn retrace(&mut self, control: &Control) -> Ending {
+        for port in &mut self.ports {
+            port.follow_compensation();
+        }
         match self.course(control) {
             Ok(()) => Ending::Completed,
             Err(stop) => Ending::Stopped(stop),
@@ -80,6 +83,7 @@ impl Engine {
         let mut learned = Vec::new();
         for port in &mut self.ports {
             port.freeze_compensation(&mut learned);
+            port.pause_following();
             port.stand_still();
             port.ask_again();
         }
@@ -98,6 +102,7 @@ impl Engine {
         let mut learned = learned.as_slice();
         for port in &mut self.ports {
             learned = port.thaw_compensation(learned);
+            port.go_on_following();
         }
         self.prepare_next();
         self.clear_commands()

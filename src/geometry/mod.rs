@@ -29,7 +29,8 @@
 //! let geometry = spec.build(1.0).unwrap();
 //! let mut placed = geometry.reference();
 //! geometry.place(&[0.0, 3.0], &mut placed).unwrap();
-//! assert_eq!(placed.strokes()[..2], [1.0, 3.0], "the first is 5 m long now, the second 6 m");
+//! let [first, second, ..] = *placed.strokes();
+//! assert!((first - 1.0).abs() < 1e-15 && (second - 3.0).abs() < 1e-15, "5 m and 6 m long now");
 //! let found = { geometry.find(&[1.0, 3.0], &mut geometry.reference()) };
 //! assert!(found.is_ok());
 //! ```

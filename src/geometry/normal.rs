@@ -18,10 +18,9 @@ pub(super) struct Factor {
 }
 
 impl Factor {
-    /// Of the first `columns` columns of `rows`, whose squares are weighed by `weights` where they are compared; none if they
-    /// are not independent, or not numbers. Real-time: yes.
-    pub fn of(rows: &[Six], columns: usize, weights: &Six) -> Option<Self> {
-        let mut factor = Self::default();
+    /// Becomes that of the first `columns` columns of `rows`, whose squares are weighed by `weights` where they are compared;
+    /// false if they are not independent, or not numbers. Real-time: yes.
+    pub fn remake(&mut self, rows: &[Six], columns: usize, weights: &Six) -> bool {
         let (mut least, mut largest) = (f64::INFINITY, 0.0f64);
         let mut pivots = [0.0; MOST];
         for i in 0..columns.min(MOST) {
@@ -32,24 +31,24 @@ impl Factor {
                 }
                 let whole = sum;
                 for (k, pivot) in pivots.iter().enumerate().take(j) {
-                    sum -= factor.lower[i][k] * factor.lower[j][k] * pivot;
+                    sum -= self.lower[i][k] * self.lower[j][k] * pivot;
                 }
                 if j < i {
-                    factor.lower[i][j] = sum * factor.inverse[j];
+                    self.lower[i][j] = sum * self.inverse[j];
                 } else {
                     // Written so that NaN is no pivot.
                     if !(sum > 0.0 && whole.is_finite()) {
-                        return None;
+                        return false;
                     }
                     least = least.min(weights[i] * sum);
                     largest = largest.max(weights[i] * whole);
                     pivots[i] = sum;
-                    factor.inverse[i] = 1.0 / sum;
+                    self.inverse[i] = 1.0 / sum;
                 }
             }
         }
-        factor.least = least / largest;
-        (factor.least >= LEAST).then_some(factor)
+        self.least = least / largest;
+        self.least >= LEAST
     }
 
     /// Smallest pivot over the largest diagonal.

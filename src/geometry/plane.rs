@@ -60,8 +60,11 @@ impl PlaneArm {
             return None;
         }
         // l − l₀ without the cancellation of two lengths.
-        let stroke = (dx * (2.0 * sx + dx) + dy * (2.0 * sy + dy)) / (now + self.length);
-        let inverse = 1.0 / now;
+        let both = now + self.length;
+        // One division for 1/l and 1/(l + l₀).
+        let once = 1.0 / (now * both);
+        let stroke = (dx * (2.0 * sx + dx) + dy * (2.0 * sy + dy)) * (now * once);
+        let inverse = both * once;
         let (ex, ey) = (x * inverse, y * inverse);
         // e · ∂(R a)/∂θ, with the arm where it is now.
         let (rx, ry) = (ax - versine * ax - sine * ay, ay + sine * ax - versine * ay);

@@ -95,8 +95,11 @@ impl SpaceArm {
         for (moved, span) in moved.iter().zip(&self.span) {
             square += moved * (2.0 * span + moved);
         }
-        let stroke = square / (length + self.length);
-        let inverse = 1.0 / length;
+        let both = length + self.length;
+        // One division for 1/l and 1/(l + l₀).
+        let once_over = 1.0 / (length * both);
+        let stroke = square * (length * once_over);
+        let inverse = both * once_over;
         let e = now.map(|value| value * inverse);
         let along = turn.c * dot(e, once) + turn.d * dot(e, twice);
         let (ae, se) = (cross(self.joint, e), cross(once, e));

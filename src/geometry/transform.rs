@@ -1,14 +1,14 @@
 //! From a pose to strokes, from strokes to a pose, and what velocities and forces make of it. All of it is on the real-time path.
 
-use super::{Coordinate, Fault, Form, Geometry, MOST, Placed, Six, Wrong, normal, plane, space};
+use super::{Coordinate, Fault, Form, Geometry, MOST, Placed, Six, Wrong, plane, space};
 
 /// Newton's steps; a pose that is not found after so many is none. From a pose a fifth of an actuator's length away it takes
 /// five or six.
 const MOST_STEPS: usize = 30;
 /// Largest step, in shortest actuators and radians: beyond it the Jacobian says nothing.
 const LONGEST_STEP: f64 = 0.3;
-/// After a Newton step of this size the error, its square, is below roundoff.
-const SQUARED_AWAY: f64 = 1e-9;
+/// After a Newton step of this size the error is about its square; what is left one more step with the old Jacobian takes.
+const SQUARED_AWAY: f64 = 1e-7;
 /// Gauss–Newton steps get shorter by a factor each: this is roundoff.
 const ROUNDOFF: f64 = 4.0 * f64::EPSILON;
 
@@ -19,6 +19,16 @@ impl Geometry {
     /// Two pins meet, the Jacobian loses rank, or something is not a finite number. Strokes are not judged: see
     /// [`Geometry::within_reach`].
     pub fn place(&self, pose: &[f64], placed: &mut Placed) -> Result<(), Fault> {
+        self.measure(pose, placed)?;
+        if self.is_exact() {
+            self.factor(placed)?;
+        }
+        Ok(())
+    }
+
+    /// The same without what [`Geometry::stroke_forces`] and [`Geometry::pose_rates`] need. Real-time: yes.
+    fn measure(&self, pose: &[f64], placed: &mut Placed) -> Result<(), Fault> {
+        let n = self.coordinates.len();
         for (to, from) in placed.pose.iter_mut().zip(pose) {
             *to = *from;
         }
@@ -26,12 +36,12 @@ impl Geometry {
             Form::Linear => {
                 let rows = self.reference.jacobian.iter().zip(&mut placed.strokes);
                 for (row, stroke) in rows.take(self.actuators) {
-                    *stroke = dot(row, &placed.pose);
+                    *stroke = dot(row, &placed.pose[..n]);
                 }
                 if placed.strokes.iter().all(|stroke| stroke.is_finite()) {
                     return Ok(());
                 }
-                return Err(self.fault(Wrong::NotFinite, placed));
+                Err(self.fault(Wrong::NotFinite, placed))
             }
             Form::Plane(arms) => {
                 let full = self.full(placed);
@@ -44,6 +54,7 @@ impl Geometry {
                     *stroke = change;
                     pick(&self.coordinates, &by_all, row);
                 }
+                Ok(())
             }
             Form::Space(arms) => {
                 let full = self.full(placed);
@@ -56,22 +67,20 @@ impl Geometry {
                     *stroke = change;
                     pick(&self.coordinates, &by_all, row);
                 }
+                Ok(())
             }
         }
-        self.factor(placed)
     }
 
     pub(super) fn factor(&self, placed: &mut Placed) -> Result<(), Fault> {
         let rows = &placed.jacobian[..self.actuators];
-        match normal::Factor::of(rows, self.coordinates.len(), &self.weights) {
-            Some(factor) => {
-                placed.factor = factor;
-                Ok(())
-            }
-            None if placed.jacobian.iter().flatten().all(|v| v.is_finite()) => {
-                Err(self.fault(Wrong::Singular, placed))
-            }
-            None => Err(self.fault(Wrong::NotFinite, placed)),
+        let columns = self.coordinates.len();
+        if placed.factor.remake(rows, columns, &self.weights) {
+            Ok(())
+        } else if rows.iter().flatten().all(|entry| entry.is_finite()) {
+            Err(self.fault(Wrong::Singular, placed))
+        } else {
+            Err(self.fault(Wrong::NotFinite, placed))
         }
     }
 
@@ -105,31 +114,26 @@ impl Geometry {
     /// # Errors
     /// There is no such pose near, or the way leads through one that is none.
     pub fn find(&self, strokes: &[f64], placed: &mut Placed) -> Result<(), Fault> {
-        let roundoff = if self.actuators > self.coordinates.len() {
-            ROUNDOFF
-        } else {
-            SQUARED_AWAY
-        };
+        self.find_for_forces(strokes, placed)?;
+        if self.is_exact() {
+            self.factor(placed)?;
+        }
+        Ok(())
+    }
+
+    /// The same where only [`Geometry::pose_forces`] and [`Geometry::stroke_rates`] are wanted afterwards: quicker.
+    /// Real-time: yes.
+    ///
+    /// # Errors
+    /// As [`Geometry::find`].
+    pub fn find_for_forces(&self, strokes: &[f64], placed: &mut Placed) -> Result<(), Fault> {
+        let redundant = self.actuators > self.coordinates.len();
         let (mut last, mut pose) = (f64::INFINITY, placed.pose);
         for _ in 0..MOST_STEPS {
-            let mut left = [0.0; MOST];
-            let both = strokes.iter().zip(&placed.strokes).take(self.actuators);
-            for (left, (wanted, found)) in left.iter_mut().zip(both) {
-                *left = wanted - found;
-            }
-            let step = self.motion(placed, &left);
-            let mut size = 0.0f64;
-            for (coordinate, step) in self.coordinates.iter().zip(&step) {
-                let scale = if coordinate.is_rotation() {
-                    1.0
-                } else {
-                    self.shortest
-                };
-                size = size.max(step.abs() / scale);
-                // A NaN is passed over by `max`.
-                if !step.is_finite() {
-                    return Err(self.fault(Wrong::NotFinite, placed));
-                }
+            let step = self.motion(placed, &self.left(strokes, placed));
+            let size = self.size(&step);
+            if !size.is_finite() {
+                return Err(self.fault(Wrong::NotFinite, placed));
             }
             let share = if size > LONGEST_STEP && self.is_exact() {
                 LONGEST_STEP / size
@@ -139,28 +143,66 @@ impl Geometry {
             for (pose, step) in pose.iter_mut().zip(&step) {
                 *pose += share * step;
             }
-            self.place(&pose, placed)?;
-            if size <= roundoff || !self.is_exact() {
+            self.measure(&pose, placed)?;
+            if !self.is_exact() {
+                return Ok(());
+            }
+            if size <= SQUARED_AWAY && !redundant {
+                // The error is a few roundoffs at most; the Jacobian of here is that of the pose to as many digits.
+                let rest = self.motion(placed, &self.left(strokes, placed));
+                for (pose, rest) in placed.pose.iter_mut().zip(&rest) {
+                    *pose += rest;
+                }
                 return Ok(());
             }
             // Least squares come to rest where roundoff goes to and fro.
-            if size <= SQUARED_AWAY && size >= last {
+            if redundant && (size <= ROUNDOFF || (size <= SQUARED_AWAY && size >= last)) {
                 return Ok(());
             }
             last = size;
+            self.factor(placed)?;
         }
         Err(self.fault(Wrong::NotFound, placed))
     }
 
+    /// What is left of the strokes. Real-time: yes.
+    fn left(&self, strokes: &[f64], placed: &Placed) -> Six {
+        let mut left = [0.0; MOST];
+        let both = strokes.iter().zip(&placed.strokes).take(self.actuators);
+        for (left, (wanted, found)) in left.iter_mut().zip(both) {
+            *left = wanted - found;
+        }
+        left
+    }
+
+    /// Of a step in shortest actuators and radians; infinite if it is no number. Real-time: yes.
+    fn size(&self, step: &Six) -> f64 {
+        let mut size = 0.0f64;
+        for (coordinate, step) in self.coordinates.iter().zip(step) {
+            let step = if coordinate.is_rotation() {
+                step.abs()
+            } else {
+                step.abs() / self.shortest
+            };
+            // A NaN is passed over by `max`.
+            size = if step <= size { size } else { step };
+            if step.is_nan() {
+                return f64::INFINITY;
+            }
+        }
+        size
+    }
+
     /// q̇ from the actuators' velocities: J⁺ ṡ. Real-time: yes.
     fn motion(&self, placed: &Placed, strokes: &Six) -> Six {
+        let n = self.coordinates.len();
         let mut sums = [0.0; MOST];
         for (row, stroke) in placed.jacobian.iter().zip(strokes).take(self.actuators) {
-            for (sum, entry) in sums.iter_mut().zip(row) {
+            for (sum, entry) in sums.iter_mut().zip(row).take(n) {
                 *sum += entry * stroke;
             }
         }
-        placed.factor.solve(&mut sums, self.coordinates.len());
+        placed.factor.solve(&mut sums, n);
         sums
     }
 
@@ -177,6 +219,7 @@ impl Geometry {
 
     /// Velocities of the actuators, J q̇. Real-time: yes.
     pub fn stroke_rates(&self, placed: &Placed, rates: &[f64], strokes: &mut [f64]) {
+        let rates = rates.get(..self.coordinates.len()).unwrap_or(rates);
         for (to, row) in strokes.iter_mut().zip(&placed.jacobian) {
             *to = dot(row, rates);
         }

@@ -72,10 +72,15 @@ impl OnlineLimit {
     }
 }
 
-/// `value`·bᵀb.
+/// `value`·bᵀb, every entry beside the diagonal once, as [`SymMatrix::from_triplets`] wants it.
 fn outer(row: &[(usize, f64)], value: f64, into: &mut Vec<(usize, usize, f64)>) {
-    for (i, a) in row {
-        into.extend(row.iter().map(|(j, b)| (*i, *j, value * a * b)));
+    for (place, (i, a)) in row.iter().enumerate() {
+        into.push((*i, *i, value * a * a));
+        for (j, b) in row.iter().skip(place + 1) {
+            // A row may name a degree of freedom twice: on the diagonal nothing is mirrored.
+            let both = if i == j { 2.0 } else { 1.0 };
+            into.push((*i, *j, both * value * a * b));
+        }
     }
 }
 
@@ -127,7 +132,7 @@ mod tests {
         // Two storeys; only the first is a specimen. The second alone governs once the first is soft.
         let dt = 0.02;
         let chain = |k1: f64, k2: f64| {
-            SymMatrix::from_triplets(2, [(0, 0, k1 + k2), (0, 1, -k2), (1, 0, -k2), (1, 1, k2)])
+            SymMatrix::from_triplets(2, [(0, 0, k1 + k2), (0, 1, -k2), (1, 1, k2)])
         };
         let proof = StabilityProof {
             mass: SymMatrix::diagonal(&[1.0, 1.0]),
@@ -156,9 +161,28 @@ mod tests {
         );
         let same = StabilityProof {
             stiffness_bound: chain(1e5, 2e5),
-            ..proof
+            ..proof.clone()
         };
         let expected = same.limit(f64::INFINITY, &[]).unwrap().unwrap();
         assert!((limits[3] / expected - 1.0).abs() < 1e-10);
+        // The second storey as a specimen: a row with two entries, one of them given in two parts.
+        let between = |k: f64| {
+            let axis = Part {
+                name: "two".into(),
+                row: vec![(0, -1.0), (1, 0.25), (1, 0.75)],
+                stiffness_bound: 2e5,
+                damping: 0.0,
+                damping_bound: 0.0,
+            };
+            OnlineLimit::new(proof.clone(), vec![axis]).limit([(k, None)])
+        };
+        for k in [1e5, 2e5, 7e5] {
+            let same = StabilityProof {
+                stiffness_bound: chain(6e5, k),
+                ..proof.clone()
+            };
+            let expected = same.limit(f64::INFINITY, &[]).unwrap().unwrap();
+            assert!((between(k).value() / expected - 1.0).abs() < 1e-10, "{k}");
+        }
     }
 }

@@ -164,19 +164,21 @@ impl<'a> Balance<'a> {
             .sum();
         let kinetic = self.model.kinetic(&self.vel);
         // The work of a step lies half before and half after its middle, where the kinetic energy is taken.
+        // A missing sample leaves its work out.
+        let half = |work: f64| if work.is_finite() { 0.5 * work } else { 0.0 };
         let now = Energies {
-            input: 0.5 * input,
+            input: half(input),
             kinetic: 0.0,
-            damping: 0.5 * damping,
-            springs: 0.5 * (restoring - damping),
-            specimens: 0.5 * specimens,
+            damping: half(damping),
+            springs: half(restoring - damping),
+            specimens: half(specimens),
         };
         if self.begun {
             self.so_far = self.so_far.plus(&self.pending).plus(&now);
         } else {
             // The first step that is seen is where the count begins.
             self.begun = true;
-            self.so_far.input = kinetic;
+            self.so_far.input = if kinetic.is_finite() { kinetic } else { 0.0 };
         }
         self.pending = now;
         self.so_far.kinetic = kinetic;

@@ -13,7 +13,7 @@
 //! | `page`, `html`, `page.css`, `script.js` | the order of the page; its pieces; its looks; what makes histories zoomable |
 //! | `outcome`, `tested`, `sketch`, `limits` | the verdict in words; what was tested; a picture of it; what would have ended it |
 //! | `ground`, `response`, `specimens`, `identified`, `judged`, `balance`, `loops`, `timeline` | sections |
-//! | `compare`, `matched` | the page of two runs; their rows, number against number |
+//! | `compare`, `overlays`, `matched` | the page of two runs; their rows, number against number |
 //! | `source`, `digest`, `first`, `axes`, `shaking`, `worst`, `table` | rows read in blocks, and what is kept of them |
 //! | `pictures` | the pictures that stand alone |
 //! | `plots`, `charts`, `lines`, `bars` | histories that can be zoomed; the frame of every picture; histories and loops; histograms |
@@ -41,6 +41,7 @@ mod lines;
 mod loops;
 mod matched;
 mod outcome;
+mod overlays;
 mod page;
 mod pictures;
 mod plots;

@@ -204,6 +204,8 @@ pub(super) fn hybrid(seconds: f64, delay: usize) -> RunData {
         title: "Three storeys on a Bouc–Wen column".to_owned(),
         columns: columns(&NAMES),
         data,
+        digest: None,
+        no_balance: None,
         summary: Some(json!({
             "status": "completed", "reason": "", "steps": steps, "dt": dt, "lambda": 11.5, "clock": "real", "wall_seconds": seconds,
             "link": {"bottom column": {"sent": steps, "received": steps, "late": 0, "lost": 0, "corrupt": 0}}, "rate_hz": RATE, "deadline_misses": misses, "stretched_ticks": 0, "version": "0.1.0",

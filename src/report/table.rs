@@ -110,10 +110,10 @@ impl Thinning {
             if !value.is_finite() {
                 continue;
             }
-            if !(value >= self.lo.1) {
+            if self.lo.1.is_nan() || value < self.lo.1 {
                 self.lo = (filled + i, value);
             }
-            if !(value <= self.hi.1) {
+            if self.hi.1.is_nan() || value > self.hi.1 {
                 self.hi = (filled + i, value);
             }
         }

@@ -69,10 +69,9 @@ fn matched(
         ));
     };
     let (mut one, mut two) = (Rows::of(&one, first)?, Rows::of(&two, second)?);
-    let is_running = |matcher: &Matcher, row: &[f64], second: bool| matcher.is_running(row, second);
-    one.next(|row| is_running(&matcher, row, false))?;
-    two.next(|row| is_running(&matcher, row, true))?;
-    while let (true, true) = (one.is_there, two.is_there) {
+    one.next(|row| matcher.is_running(row, false))?;
+    two.next(|row| matcher.is_running(row, true))?;
+    while one.is_there && two.is_there {
         let next = matcher.take(&one.row, &two.row);
         if next != Next::Second {
             one.next(|row| matcher.is_running(row, false))?;

@@ -7,6 +7,7 @@ use crate::engine::Side;
 use crate::metrics::energy::Model;
 use crate::model::{Base, Structure};
 use crate::motion::Excitation;
+use crate::record::Column;
 
 /// The numerical side of a test without its integrator.
 pub(super) struct Energetics {
@@ -23,9 +24,32 @@ pub(super) enum Without {
     Because(String),
 }
 
-/// The equation of motion of the run in `folder`.
-pub(super) fn energetics(folder: &Path) -> Result<Energetics, Without> {
+/// Degrees of freedom of a chain; it is the one structure that is too large to be built for a picture that it cannot have.
+fn chain(resolved: &str) -> Option<usize> {
+    let table: toml::Table = resolved.parse().ok()?;
+    let dofs = table.get("structure")?.get("chain")?.get("dofs")?;
+    usize::try_from(dofs.as_integer()?).ok()
+}
+
+/// The equation of motion of the run in `folder`, with this `resolved.toml` and these columns.
+pub(super) fn energetics(
+    folder: &Path,
+    resolved: &str,
+    columns: &[Column],
+) -> Result<Energetics, Without> {
     let because = |text: String| Without::Because(text);
+    let is_disp = |c: &&Column| {
+        c.name
+            .strip_prefix('x')
+            .is_some_and(|n| n.parse::<u32>().is_ok())
+    };
+    let recorded = columns.iter().filter(is_disp).count();
+    if recorded == 0 {
+        return Err(Without::Structure);
+    }
+    if chain(resolved).is_some_and(|dofs| dofs > recorded) {
+        return Err(because("not every DOF is recorded".to_owned()));
+    }
     let path = folder.join("resolved.toml");
     if !path.exists() {
         return Err(because("resolved.toml is missing".to_owned()));

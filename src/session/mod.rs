@@ -12,13 +12,13 @@
 
 mod archive;
 mod bare;
+pub mod certificate;
 mod compare;
 mod connect;
 mod desk;
 mod energetics;
 mod guarded;
 mod page;
-pub mod certificate;
 pub mod rehearsal;
 mod replay;
 mod resume;

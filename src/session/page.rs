@@ -63,8 +63,9 @@ pub fn conclude(finished: &mut Finished) -> Result<Page, PageError> {
             path: path.clone(),
             source: source.into(),
         })?;
-    write(&path, &(text + "\n"))?;
-    run.summary = serde_json::to_value(&finished.summary).ok();
+    write(&path, &(text.clone() + "\n"))?;
+    // As whoever writes the report again will read it.
+    run.summary = serde_json::from_str(&text).ok();
     page(&finished.path, &run)
 }
 
@@ -162,7 +163,7 @@ pub(super) fn read(folder: &Path) -> Result<RunData, PageError> {
     let recorded = summary
         .as_ref()
         .and_then(|summary| summary.get("dt")?.as_f64());
-    let (mut model, no_balance) = match energetics(folder) {
+    let (mut model, no_balance) = match energetics(folder, &resolved, run.layout().columns()) {
         Ok(model) => (Some(model), None),
         Err(Without::Structure) => (None, None),
         Err(Without::Because(why)) => (None, Some(why)),

@@ -8,3 +8,4 @@ mod stage;
 mod harness;
 #[cfg(feature = "monitor")]
 mod live;
+mod report;

@@ -5,22 +5,23 @@ log = read_samples(getenv('RUN_DIR'));
 m = load(fullfile(getenv('EXPORTS'), 'run.mat'));
 h = load('-hdf5', fullfile(getenv('EXPORTS'), 'run.hdf5'));
 names = fieldnames(log.units);
+kept = log.state != 10;                            % rows in which the loop only runs warm are in no export
 bits = @(values) typecast(values(:), 'uint64');
 for k = 1:numel(names)
     name = names{k};
     assert(iscolumn(m.(name)) || isempty(m.(name)));
-    assert(isequal(bits(m.(name)), bits(log.(name))), name);
+    assert(isequal(bits(m.(name)), bits(log.(name)(kept))), name);
     % What MATLAB gives as text, Octave gives as codes, and a text without letters as its dimensions.
     if !isempty(log.units.(name))
         assert(strcmp(char(m.units.(name)), log.units.(name)), name);
     end
     if isfield(h.timing, name)
-        assert(isequal(bits(h.timing.(name)), bits(log.(name))), name);
+        assert(isequal(bits(h.timing.(name)), bits(log.(name)(kept))), name);
     else
-        assert(isequal(bits(h.samples.(name)), bits(log.(name))), name);
+        assert(isequal(bits(h.samples.(name)), bits(log.(name)(kept))), name);
     end
 end
-assert(isequal(m.sequence, int64(log.sequence)));
+assert(isequal(m.sequence, int64(log.sequence(kept))));
 summary = jsondecode(char(m.summary));
 assert(strcmp(summary.status, 'completed'));
-printf('judged %d columns, %d rows\n', numel(names), numel(log.sequence));
+printf('judged %d columns, %d rows\n', numel(names), sum(kept));

@@ -17,7 +17,8 @@ summary = open(summary, encoding="utf-8").read() if os.path.exists(summary) else
 described = {c["name"]: (c["unit"], c["meaning"]) for c in layout["columns"]}
 
 # The rows, picked in another way than the exporter does: of each step from t = 0 the last tick in which it runs.
-rows = numpy.arange(len(log["time"]))
+# Rows in which the loop only runs warm (state 10) are in no export.
+rows = numpy.flatnonzero(numpy.asarray(log["state"]) != 10)
 if rate == "step" and len(rows):
     running = rows[(numpy.asarray(log["time"]) >= 0) & (numpy.asarray(log["state"]) == 3)]
     steps = numpy.asarray(log["step"])[running]

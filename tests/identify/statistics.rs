@@ -173,9 +173,8 @@ fn a_fractional_delay_is_found_with_honest_errors_far_below_a_tick() {
         &[("gain", 1.0), ("delay_s", delay)],
     );
     let found = RIG.identified(SPRING, &format!("{NOISE}delay_s = {delay}"));
-    let pure = found.best().unwrap();
-    assert_eq!(pure.model, Model::Delay);
-    let found = pure.parameter("delay_s").unwrap();
+    assert_eq!(found.best().unwrap().model, Model::Delay);
+    let found = found.best().unwrap().parameter("delay_s").unwrap();
     assert!(found.std < 0.02 / RATE && (found.value - delay).abs() < 0.05 / RATE);
 }
 

@@ -126,6 +126,11 @@ fn hold_holds_continue_goes_on_and_stop_stops_for_who_has_the_token_alone() {
     let reply = running.order("hold");
     assert_eq!(reply.status, 202, "{reply:?}");
     running.until_phase("holding");
+    // The phase is known at once; what rows tell is up to a twentieth of a second behind.
+    let ticks = running.metric("gusset_ticks_total");
+    until("rows of the hold", || {
+        running.metric("gusset_ticks_total") > ticks + 40.0
+    });
     let steps = running.metric("gusset_steps_total");
     let ticks = running.metric("gusset_ticks_total");
     let command = "gusset_command_displacement_meters{specimen=\"storey\",axis=\"1\"}";

@@ -91,7 +91,7 @@ fn known(files: &mut Vec<(String, String)>, axis: &Axis, found: &Identification)
     for (place, fit) in found.models.iter().enumerate() {
         let best = if place == 0 { " (best)" } else { "" };
         markup += &format!(
-            "<tr><td>{}{best}</td><td>{}</td><td>{:.3} %</td><td>{:.4} ms</td></tr>\n",
+            "<tr><td style=\"white-space:nowrap\">{}{best}</td><td style=\"white-space:normal\">{}</td><td>{:.3} %</td><td>{:.4} ms</td></tr>\n",
             fit.model.words(),
             escape(&parameters(fit)),
             100.0 * fit.residual,

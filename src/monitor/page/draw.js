@@ -251,8 +251,8 @@ function drawHistogram(canvas, bounds, view) {
   ctx.textAlign = "center";
   ctx.textBaseline = "top";
   bounds.forEach((bound, place) => {
-    // One label a decade: 1 µs, 10 µs, …
-    if (place % 3 !== 0) return;
+    // One label a decade: 1 µs, 10 µs, …; where it is narrow, every second.
+    if (place % (width < 420 ? 6 : 3) !== 0) return;
     const at = box.left + (place + 1) * wide;
     ctx.fillText(nice(bound, "s").replace(/\.0+(?= )/, ""), Math.min(at, box.right - 14), box.bottom + 5);
   });

@@ -406,6 +406,7 @@ function watch() {
     document.body.classList.toggle("dead", is);
     if (is) $("phase").className = "dead";
     else if (state) $("phase").className = state.phase;
+    if (state) $("phase").textContent = is ? "no data" : state.phase;
   };
   document.body.classList.toggle("waiting", !state);
   if (over) {

@@ -18,7 +18,7 @@ use crate::record::layout::Layout;
 pub enum Rows {
     /// From t = 0 the last tick of each step.
     Step,
-    /// Every tick, also those before t = 0.
+    /// Every tick, also those before t = 0; not those in which the loop only runs warm.
     Tick,
 }
 
@@ -243,7 +243,10 @@ impl Plan {
             && let Some(row) = journal.next_row().map_err(Trouble::Read)?
         {
             if choice.rows == Rows::Tick {
-                if self.state.is_some_and(|place| at(row.values, place) == WARMING_UP) {
+                if self
+                    .state
+                    .is_some_and(|place| at(row.values, place) == WARMING_UP)
+                {
                     continue;
                 }
                 had = give(row.sequence, row.values)?;

@@ -5,7 +5,8 @@
 //! is seen and not only its beginning, and compared afterwards ([`Rehearsal::findings`]). Nothing is spoken to, nothing moves,
 //! and nothing is written.
 //!
-//! What a stand-in cannot show is not judged: lag, noise, sensors that stick, late answers.
+//! What a stand-in cannot show is not judged: sensors that stick, late answers, and lag and noise where neither `identified`
+//! nor `stand_in_transfer` says anything of them.
 
 mod findings;
 mod meter;
@@ -274,16 +275,19 @@ pub fn carry_out(mut experiment: Experiment, budget: Duration) -> Rehearsal {
         &Control::from(requests),
     );
     let seen = needs.into_iter().zip(outcome.poses);
-    let specimens = known.into_iter().zip(seen).map(|((name, limits), (found, poses))| {
-        let axes = found.iter().zip(&limits);
-        Needs {
-            name,
-            stand_in: StandIn::Itself,
-            axes: axes.map(|(need, limits)| compared(need, limits)).collect(),
-            found,
-            poses,
-        }
-    });
+    let specimens = known
+        .into_iter()
+        .zip(seen)
+        .map(|((name, limits), (found, poses))| {
+            let axes = found.iter().zip(&limits);
+            Needs {
+                name,
+                stand_in: StandIn::Itself,
+                axes: axes.map(|(need, limits)| compared(need, limits)).collect(),
+                found,
+                poses,
+            }
+        });
     Rehearsal {
         time: outcome.steps as f64 * dt,
         curtain: match outcome.ending {

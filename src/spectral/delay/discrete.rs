@@ -158,6 +158,12 @@ impl<'a> Circle<'a> {
         }
     }
 
+    /// True if every pole is known to be inside the circle.
+    fn is_damped(&self) -> bool {
+        let inside = |(at, width): &(f64, f64)| *width > 1e-7 * at;
+        !self.marks.is_empty() && self.marks.iter().all(inside)
+    }
+
     /// bᵀ D⁻¹ b, D = M_eff (z − 1)²/(z Δt²) + C (1 − 1/z)/Δt + K, at the angle θ.
     fn felt(&self, theta: f64) -> Option<Complex<f64>> {
         let make = || {
@@ -227,7 +233,9 @@ pub fn discrete(
         return Err(DelayError::Unstable { radius: at_rest });
     }
     let bound = 1.0 + ROUNDOFF.max(4.0 * (at_rest - 1.0));
+    // Without damping there are poles on the circle itself, and the eigenvalues have to say it.
     let circle = (system.rows.nrows() == 1).then(|| Circle::new(system, dt, lambda));
+    let circle = circle.filter(Circle::is_damped);
     let is_unstable = |delay: f64| {
         let on_circle = circle.as_ref().and_then(|circle| circle.is_unstable(delay));
         match on_circle {

@@ -1,0 +1,252 @@
+//! The report command: two runs on one page, tracking metrics with their noise floors, and folders that are not what they
+//! should be.
+
+mod common;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use common::{FRAME, Said, completed, json, say, write};
+use gusset::record::{Run, journal::encode};
+
+/// Runs the frame, with a changed text, into a folder of its own.
+fn made(folder: &Path, name: &str, text: &str) -> PathBuf {
+    let test = write(folder, &format!("{name}.toml"), text);
+    let out = folder.join(name);
+    completed(&test, &out, &[]);
+    out
+}
+
+fn compare(folder: &Path, first: &Path, second: &Path) -> (Said, String) {
+    let out = folder.join("compared.html");
+    let said = say([
+        "report".as_ref(),
+        first.as_os_str(),
+        second.as_os_str(),
+        "--out".as_ref(),
+        out.as_os_str(),
+    ]);
+    (said, fs::read_to_string(&out).unwrap_or_default())
+}
+
+/// The rows of a run, changed: (row, place, value).
+fn changed(out: &Path, change: &[(usize, usize, f64)]) {
+    let run = Run::open(out).unwrap();
+    let mut journal = run.journal().unwrap();
+    let mut bytes = Vec::new();
+    let mut at = 0;
+    while let Some(row) = journal.next_row().unwrap() {
+        let mut values = row.values.to_vec();
+        for (_, place, value) in change.iter().filter(|(row, ..)| *row == at) {
+            values[*place] = *value;
+        }
+        encode(row.sequence, &values, &mut bytes);
+        at += 1;
+    }
+    fs::write(out.join("samples.bin"), bytes).unwrap();
+}
+
+fn place(out: &Path, column: &str) -> usize {
+    Run::open(out).unwrap().layout().index_of(column).unwrap()
+}
+
+#[test]
+fn two_runs_of_one_test_are_the_same_to_the_last_bit_and_one_changed_bit_is_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let first = made(folder.path(), "first", FRAME);
+    let second = made(folder.path(), "second", FRAME);
+    let (said, page) = compare(folder.path(), &first, &second);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    assert!(
+        said.stderr
+            .contains("the same to the last bit: 101\u{a0}rows"),
+        "{}",
+        said.stderr
+    );
+    assert!(page.contains("The same to the last bit") && page.contains("configurations are alike"));
+
+    let x2 = place(&second, "x2");
+    let old = Run::open(&second).unwrap().columns(&["x2"]).unwrap()[0][40];
+    changed(&second, &[(40, x2, f64::from_bits(old.to_bits() ^ 1))]);
+    let (said, page) = compare(folder.path(), &first, &second);
+    assert!(
+        said.stderr
+            .contains("they differ first at step 40, 0.2 s, in x2:"),
+        "{}",
+        said.stderr
+    );
+    assert!(page.contains("Differences by column") && page.contains("The runs differ"));
+}
+
+#[test]
+fn another_test_shows_its_settings_differences_and_metrics_beside_the_first() {
+    let folder = tempfile::tempdir().unwrap();
+    let first = made(folder.path(), "first", FRAME);
+    let stronger = FRAME.replace("amplitude = 3.0", "amplitude = 4.0");
+    let second = made(folder.path(), "second", &stronger);
+    let (said, page) = compare(folder.path(), &first, &second);
+    // The sine begins at zero, so the first step is the same.
+    assert!(
+        said.stderr
+            .contains("they differ first at step 1, 0.005 s, in ground: "),
+        "{}",
+        said.stderr
+    );
+    for part in [
+        "excitation.ground_acceleration.signal.sine.amplitude",
+        "<td>3.0</td><td>4.0</td>",
+        "second − first",
+        "Hysteresis of storey",
+        "storey: FEI amplitude",
+    ] {
+        assert!(page.contains(part), "{part}");
+    }
+}
+
+#[test]
+fn what_cannot_be_compared_row_by_row_is_said_and_the_rest_is_shown() {
+    let folder = tempfile::tempdir().unwrap();
+    let first = made(folder.path(), "first", FRAME);
+    let finer = made(
+        folder.path(),
+        "finer",
+        &FRAME.replace("rate_hz = 200", "rate_hz = 400"),
+    );
+    let (said, page) = compare(folder.path(), &first, &finer);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    assert!(
+        said.stderr.contains("0.005 s and 0.0025 s"),
+        "{}",
+        said.stderr
+    );
+    assert!(
+        page.contains("Displacement of DOF 2") && page.contains("cannot be compared row by row")
+    );
+
+    let prescribed = "title = \"P\"\n[time]\nrate_hz = 200\nduration_s = 0.5\nclock = \"simulated\"\n\
+        [[excitation.prescribed_displacement]]\nspecimen = \"other\"\nease_in_s = 0.1\nsignal.cyclic = { amplitudes = [0.002], cycles_per_amplitude = 1, shape = \"sine\", frequency_hz = 2.0 }\n\
+        [[specimen]]\nname = \"other\"\nlaw.linear = { stiffness_n_per_m = 1e5 }\n";
+    let other = made(folder.path(), "other", prescribed);
+    let (said, page) = compare(folder.path(), &first, &other);
+    // The one has DOFs that the other lacks; the specimen's columns are in both.
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    assert!(
+        page.contains("Measured displacement, specimen 1, axis 1")
+            && !page.contains("Displacement of DOF")
+    );
+}
+
+#[test]
+fn metrics_stand_in_the_summary_with_the_noise_that_was_read_while_zeroing() {
+    let folder = tempfile::tempdir().unwrap();
+    // A rig that follows perfectly but for the noise of its sensors: 0.2 mm and 10 N rms.
+    let text = format!(
+        "{}\n[specimen.transfer]\nseed = 3\ndisp_sensor = {{ noise_rms_m = 2e-4 }}\nforce_sensor = {{ noise_rms_n = 10.0 }}\n[safety]\nzero_s = 5.0\n",
+        FRAME
+            .replace("duration_s = 0.5", "duration_s = 5.0")
+            .replace("amplitude = 3.0", "amplitude = 6.0")
+    );
+    let out = made(folder.path(), "noisy", &text);
+    let metrics = &json(&out, "summary.json")["metrics"]["storey"][0];
+    let number = |path: &str| {
+        metrics
+            .pointer(path)
+            .and_then(serde_json::Value::as_f64)
+            .unwrap_or(f64::NAN)
+    };
+    assert_eq!(number("/noise/count"), 1000.0, "{metrics:#}");
+    // A standard deviation of 1000 readings is known to 1/√2000 = 2.2 %.
+    assert!(
+        (number("/noise/disp_std_m") / 2e-4 - 1.0).abs() < 0.1,
+        "{metrics:#}"
+    );
+    assert!((number("/noise/force_std_n") / 10.0 - 1.0).abs() < 0.1);
+    let (value, floor) = (number("/nrmse/value"), number("/nrmse/floor"));
+    assert!(
+        floor > 0.0 && (value / floor - 1.0).abs() < 0.1,
+        "{metrics:#}"
+    );
+    assert!(number("/nrmse/corrected") < 0.5 * value);
+    assert!(number("/samples") == 1001.0);
+    let page = fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(page.contains("noise floor") && page.contains("1000\u{a0}readings while zeroing"));
+
+    // Without zeroing nothing is made up.
+    let plain = made(folder.path(), "plain", FRAME);
+    let metrics = &json(&plain, "summary.json")["metrics"]["storey"][0];
+    assert_eq!(
+        (&metrics["noise"], &metrics["nrmse"]["floor"]),
+        (&serde_json::Value::Null, &serde_json::Value::Null)
+    );
+    assert_eq!(metrics["nrmse"]["value"], 0.0);
+}
+
+#[test]
+fn missing_numbers_are_gaps_and_a_torn_file_gives_a_page_that_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = made(folder.path(), "gaps", FRAME);
+    let places =
+        ["x1", "v1", "meas_1_1", "force_1_1", "ground", "compute_s"].map(|name| place(&out, name));
+    let holes: Vec<_> = (20..30)
+        .flat_map(|row| places.map(|at| (row, at, f64::NAN)))
+        .collect();
+    changed(&out, &holes);
+    let said = say(["report".as_ref(), out.as_os_str()]);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let page = fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(!page.contains("NaN<") && page.contains("Energy balance"));
+
+    let samples = fs::read(out.join("samples.bin")).unwrap();
+    fs::write(out.join("samples.bin"), &samples[..samples.len() / 2 + 3]).unwrap();
+    assert_eq!(say(["report".as_ref(), out.as_os_str()]).code, Some(0));
+    let page = fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(page.contains("Unfinished") && page.contains("in the middle of a row"));
+
+    // Not one row.
+    fs::write(out.join("samples.bin"), b"").unwrap();
+    assert_eq!(say(["report".as_ref(), out.as_os_str()]).code, Some(0));
+    let page = fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(page.contains("No row was recorded while the test was running"));
+}
+
+#[test]
+fn a_folder_that_is_no_run_is_told_apart_from_one_that_is_damaged() {
+    let folder = tempfile::tempdir().unwrap();
+    let first = made(folder.path(), "first", FRAME);
+    let empty = folder.path().join("empty");
+    fs::create_dir(&empty).unwrap();
+    let foreign = folder.path().join("foreign");
+    fs::create_dir(&foreign).unwrap();
+    fs::write(foreign.join("notes.txt"), "nothing of ours").unwrap();
+    let damaged = made(folder.path(), "damaged", FRAME);
+    fs::write(damaged.join("summary.json"), "{ \"status\": ").unwrap();
+    for (bad, word) in [
+        (&empty, "empty"),
+        (&foreign, "foreign"),
+        (&damaged, "summary.json"),
+    ] {
+        for arguments in [vec![bad.as_path()], vec![first.as_path(), bad.as_path()]] {
+            let mut line = vec!["report".as_ref()];
+            line.extend(arguments.iter().map(|path| path.as_os_str()));
+            let said = say(line);
+            assert!(
+                said.code.is_some_and(|code| code != 0 && code != 5),
+                "{}",
+                said.stderr
+            );
+            assert!(
+                said.stderr.starts_with("error: ") && said.stderr.contains(word),
+                "{}",
+                said.stderr
+            );
+        }
+        assert!(!bad.join("report.html").exists() || *bad == damaged);
+    }
+    let said = say([
+        "report".as_ref(),
+        first.as_os_str(),
+        "--out".as_ref(),
+        "x.html".as_ref(),
+    ]);
+    assert_eq!(said.code, Some(2), "--out is for a comparison");
+}
