@@ -61,7 +61,7 @@ fn wrong_usage_ends_with_2_and_says_what_is_allowed() {
         ),
         (
             &["export", ".", "--format", "xls", "--out", "a"],
-            "[possible values: csv, npz, mat, hdf5, parquet, trace, designsafe]",
+            "[possible values: csv, npz, mat, hdf5, trace, designsafe]",
         ),
         (&["jitter", "--rate", "0"], "--rate \"0\""),
         (&["jitter", "--rate", "fast"], "--rate \"fast\""),

@@ -294,12 +294,10 @@ pub(super) enum FormatArg {
     Csv,
     /// NumPy archive, one array per column.
     Npz,
-    /// MATLAB file (also Octave, SciPy), one vector per column.
+    /// MATLAB 7.3 file (also h5py, Octave), one vector per column.
     Mat,
     /// HDF5 file, one dataset per column.
     Hdf5,
-    /// Parquet table.
-    Parquet,
     /// Timeline of the loop for ui.perfetto.dev or chrome://tracing.
     Trace,
     /// Folder in the shape of a DesignSafe hybrid-simulation project.

@@ -25,7 +25,6 @@ pub fn export(args: &ExportArgs) -> anyhow::Result<Exit> {
         FormatArg::Npz => Format::Npz,
         FormatArg::Mat => Format::Mat,
         FormatArg::Hdf5 => Format::Hdf5,
-        FormatArg::Parquet => Format::Parquet,
         FormatArg::Trace => Format::Trace,
         FormatArg::DesignSafe => Format::DesignSafe,
     };

@@ -1,8 +1,7 @@
 //! A file that appears whole or not at all: written beside its place, then moved there.
 
 use std::fs::File;
-use std::io::{self, Write};
-use std::os::unix::fs::FileExt;
+use std::io::{self, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 /// A file under way. Dropped without [`AtomicFile::commit`], it leaves nothing.
@@ -37,20 +36,10 @@ impl AtomicFile {
         })
     }
 
-    /// Writes bytes at this place of the file, whatever was written before.
-    ///
-    /// # Errors
-    /// The system refuses, or this is a pipe or a terminal, where there are no places.
-    pub fn write_all_at(&self, bytes: &[u8], offset: u64) -> io::Result<()> {
-        self.file.write_all_at(bytes, offset)
-    }
-
-    /// Makes the file so long; what is not written reads as zeros.
-    ///
-    /// # Errors
-    /// The system refuses, or this is no plain file.
-    pub fn set_len(&self, length: u64) -> io::Result<()> {
-        self.file.set_len(length)
+    /// Where the bytes go until then.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        self.partial.as_deref().unwrap_or(&self.path)
     }
 
     /// Syncs the bytes and moves them to their place.
@@ -78,6 +67,12 @@ impl Write for AtomicFile {
 
     fn flush(&mut self) -> io::Result<()> {
         self.file.flush()
+    }
+}
+
+impl Seek for AtomicFile {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.file.seek(to)
     }
 }
 

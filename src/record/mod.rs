@@ -11,7 +11,7 @@
 //! | [`layout`], [`journal`], [`append`] | the format of `samples.bin`; its reader; appending that survives a full disk |
 //! | [`events`], [`note`], [`miss`] | lines of `events.jsonl`; events from outside the loop; the class of a miss |
 //! | [`folder`], [`run`], [`summary`] | the run folder, written; read; `summary.json` |
-//! | [`export`] | CSV, NumPy, MATLAB, HDF5, Parquet, a trace of the loop, a project folder |
+//! | [`export`] | CSV, NumPy, MATLAB, HDF5, a trace of the loop, a project folder |
 //! | [`atomic`], [`utc`] | files that appear whole; calendar text |
 //!
 //! No clock is read here: whoever starts the writer says how ([`writer::Clocks`]).

@@ -12,7 +12,7 @@ use super::layout::Layout;
 use super::summary::Summary;
 
 /// A recorded run, finished or not.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Run {
     path: PathBuf,
     layout: Layout,

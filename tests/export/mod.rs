@@ -10,15 +10,15 @@ use gusset::record::{Column, Layout};
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
 /// All forms of the same numbers.
-pub const TABLES: [&str; 5] = ["csv", "npz", "mat", "hdf5", "parquet"];
+pub const TABLES: [&str; 4] = ["csv", "npz", "mat", "hdf5"];
 
-/// Python with numpy, scipy, h5py and pyarrow. Without it a test says SKIPPED, and fails where CI=true.
+/// Python with numpy and h5py. Without it a test says SKIPPED, and fails where CI=true.
 pub fn python() -> Option<PathBuf> {
     let made = Path::new(ROOT).join("target/export-venv/bin/python");
     let python = std::env::var_os("GUSSET_EXPORT_PYTHON").map_or(made, PathBuf::from);
     found(
         python,
-        "numpy, scipy, h5py and pyarrow are not installed; `tools/test` installs them",
+        "numpy and h5py are not installed; `tools/test` installs them",
     )
 }
 

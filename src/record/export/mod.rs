@@ -3,27 +3,26 @@
 //! | format | rows | columns | holds |
 //! |---|---|---|---|
 //! | [`Format::Csv`] | steps, or all ticks | those of the contract | text, 17 significant digits |
-//! | [`Format::Npz`], [`Format::Mat`], [`Format::Hdf5`], [`Format::Parquet`] | the same | the same, then all others of the log | the bits of the log, units and meanings beside them |
+//! | [`Format::Npz`], [`Format::Mat`], [`Format::Hdf5`] | the same | the same, then all others of the log | the bits of the log, units and meanings beside them |
 //! | [`Format::Trace`] | all ticks | those of the timing | what the loop did when |
 //! | [`Format::DesignSafe`] | the same, and the log as it is | those of the contract, and all | a folder in the shape of a hybrid-simulation project |
 //!
 //! Which rows and which columns stands in one place ([`plan`]); each format is one small writer. An export appears
-//! whole or not at all, takes memory that does not grow with the run, and takes of an unfinished or damaged run
-//! what is sound. What a reader should know beside it comes back as [`Notice`]s for the caller to say. The log
+//! whole or not at all, takes of an unfinished or damaged run what is sound, and memory that does not grow with the run
+//! (but for one column of it, where a format has columns). The last two of the second line are written by a library and need the
+//! feature `hdf5`. What a reader should know beside it comes back as [`Notice`]s for the caller to say. The log
 //! itself is never touched.
 
-mod block;
+mod columns;
 mod csv;
 mod designsafe;
+#[cfg(feature = "hdf5")]
 mod hdf5;
-mod heap;
+#[cfg(feature = "hdf5")]
 mod mat;
 mod npz;
-mod parquet;
 mod plan;
-mod thrift;
 mod trace;
-mod zip;
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -43,12 +42,10 @@ pub enum Format {
     Csv,
     /// A NumPy archive of one array per column.
     Npz,
-    /// A MATLAB file (level 5) of one vector per column.
+    /// A MATLAB file (version 7.3) of one vector per column.
     Mat,
     /// An HDF5 file of one dataset per column.
     Hdf5,
-    /// A Parquet table.
-    Parquet,
     /// The timeline of the loop in the trace-event format.
     Trace,
     /// A folder in the shape of a DesignSafe hybrid-simulation project.
@@ -88,27 +85,23 @@ pub enum ExportError {
         /// Its end in s of test time.
         to: f64,
     },
-    /// A column is longer than the format can hold.
+    /// One column does not fit into memory.
     #[error(
-        "{rows} rows are more than a {format} can hold in one column, which are {limit}: choose a window of time, or another format"
+        "one column takes {bytes} bytes, which is more memory than there is: choose a window of time, or csv, which takes a row at a time"
     )]
-    TooLong {
-        /// What kind of file.
-        format: &'static str,
-        /// Rows that there are.
-        rows: u64,
-        /// Rows that it can hold.
-        limit: u64,
+    Memory {
+        /// Bytes of every column.
+        bytes: u64,
     },
-    /// More columns than the format can hold.
-    #[error("{columns} columns are more than a {format} can hold, which are {limit}")]
-    TooWide {
-        /// What kind of file.
+    /// The program was built without what writes the format.
+    #[error(
+        "this program was built without the feature {feature:?}, which writes {format}: choose csv or npz, or build it with `--features {feature}`"
+    )]
+    Feature {
+        /// The format.
         format: &'static str,
-        /// Columns that there are.
-        columns: usize,
-        /// Columns that it can hold.
-        limit: usize,
+        /// The feature that writes it.
+        feature: &'static str,
     },
     /// A whole run is too much for a trace.
     #[error(
@@ -209,13 +202,24 @@ pub fn export(
     choice.check()?;
     match format {
         Format::Csv => csv::export(run, choice, out),
-        Format::Npz => block::export::<npz::Npz>(run, choice, out),
-        Format::Mat => block::export::<mat::Mat>(run, choice, out),
-        Format::Hdf5 => block::export::<hdf5::Hdf5>(run, choice, out),
-        Format::Parquet => parquet::export(run, choice, out),
+        Format::Npz => npz::export(run, choice, out),
+        #[cfg(feature = "hdf5")]
+        Format::Mat => mat::export(run, choice, out),
+        #[cfg(feature = "hdf5")]
+        Format::Hdf5 => hdf5::export(run, choice, out),
+        #[cfg(not(feature = "hdf5"))]
+        Format::Mat => Err(without_hdf5(".mat")),
+        #[cfg(not(feature = "hdf5"))]
+        Format::Hdf5 => Err(without_hdf5("HDF5")),
         Format::Trace => trace::export(run, choice, out),
         Format::DesignSafe => designsafe::export(run, choice, out),
     }
+}
+
+#[cfg(not(feature = "hdf5"))]
+const fn without_hdf5(format: &'static str) -> ExportError {
+    let feature = "hdf5";
+    ExportError::Feature { format, feature }
 }
 
 #[cfg(test)]

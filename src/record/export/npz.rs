@@ -1,73 +1,75 @@
 //! NumPy's archive: `d = numpy.load("run.npz")`, then `d["x1"]`. No pickle, nothing compressed.
 //!
 //! One array per column, doubles but for `sequence`; beside them the arrays of text `columns`, `units` and `meanings`, in
-//! the order of the columns, and `summary`, the text of summary.json. Layout after NumPy's format version 1.0.
+//! the order of the columns, and `summary`, the text of summary.json. Layout of an array after NumPy's format version 1.0;
+//! the archive is the `zip` crate's. The same run gives the same bytes.
 
-use crc32fast::Hasher;
+use std::io::{self, Seek, Write};
+use std::path::Path;
 
-use super::ExportError;
-use super::block::{Columnar, Piece, Skeleton, Table};
-use super::plan::Source;
-use super::zip::Archive;
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, ZipWriter};
+
+use super::columns::Columns;
+use super::plan::{Choice, Source};
+use super::{ExportError, Exported};
+use crate::record::atomic::AtomicFile;
+use crate::record::run::Run;
 
 const TEXTS: [&str; 4] = ["columns", "units", "meanings", "summary"];
 
-/// The archive, whose first entries are the columns.
-pub(super) struct Npz(Archive);
-
-impl Columnar for Npz {
-    fn lay_out(table: &Table<'_>) -> Result<(Self, Skeleton), ExportError> {
-        let mut archive = Archive::default();
-        let (mut pieces, mut places, mut checksums) = (Vec::new(), Vec::new(), Vec::new());
-        let names = table.plan.names(&TEXTS);
-        for (name, exposed) in names.iter().zip(table.columns()) {
-            let kind = match exposed.source {
-                Source::Sequence => "<i8",
-                Source::Place(_) | Source::Nothing => "<f8",
-            };
-            let head = header(kind, &format!("({},)", table.rows));
-            let mut sum = Hasher::new();
-            sum.update(&head);
-            checksums.push(sum);
-            let size = head.len() as u64 + 8 * table.rows;
-            let (local, place) = archive.add(&format!("{name}.npy"), size, 0);
-            places.push(place + head.len() as u64);
-            pieces.extend([local, (place, head)]);
-        }
-        let mut text = |name: &str, bytes: Vec<u8>| {
-            let sum = crc32fast::hash(&bytes);
-            let (local, place) = archive.add(&format!("{name}.npy"), bytes.len() as u64, sum);
-            pieces.extend([local, (place, bytes)]);
+/// Writes all columns.
+pub(super) fn export(run: &Run, choice: &Choice, out: &Path) -> Result<Exported, ExportError> {
+    let failed = ExportError::write(out);
+    let (mut columns, exported) = Columns::new(run, choice)?;
+    let mut archive = ZipWriter::new(AtomicFile::create(out).map_err(failed)?);
+    let names = columns.plan().names(&TEXTS);
+    let shape = format!("({},)", columns.rows());
+    for (index, name) in names.iter().enumerate() {
+        let source = columns.plan().columns().get(index).map(|c| c.source);
+        let kind = match source {
+            Some(Source::Sequence) => "<i8",
+            _ => "<f8",
         };
-        let columns = table.columns().iter().map(|exposed| &exposed.column);
-        let units: Vec<&str> = columns.clone().map(|c| c.unit.as_str()).collect();
-        let meanings: Vec<&str> = columns.map(|c| c.meaning.as_str()).collect();
-        let names: Vec<&str> = names.iter().map(String::as_str).collect();
-        let listed = format!("({},)", names.len());
-        let [of_names, of_units, of_meanings, of_summary] = TEXTS;
-        text(of_names, array(&names, &listed));
-        text(of_units, array(&units, &listed));
-        text(of_meanings, array(&meanings, &listed));
-        text(of_summary, array(&[&table.text("summary.json")], "()"));
-        let (end, directory) = archive.directory();
-        let skeleton = Skeleton {
-            pieces,
-            places,
-            length: end + directory,
-            checksums,
-        };
-        Ok((Self(archive), skeleton))
+        let values = columns.take(index)?;
+        entry(&mut archive, name, &header(kind, &shape), &values).map_err(failed)?;
     }
+    let described = columns.plan().columns().iter().map(|c| &c.column);
+    let units: Vec<&str> = described.clone().map(|c| c.unit.as_str()).collect();
+    let meanings: Vec<&str> = described.map(|c| c.meaning.as_str()).collect();
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let summary = columns.text("summary.json");
+    let listed = format!("({},)", names.len());
+    let [of_names, of_units, of_meanings, of_summary] = TEXTS;
+    for (name, texts, shape) in [
+        (of_names, names.as_slice(), listed.as_str()),
+        (of_units, &units, &listed),
+        (of_meanings, &meanings, &listed),
+        (of_summary, &[summary.as_str()], "()"),
+    ] {
+        let (head, letters) = array(texts, shape);
+        entry(&mut archive, name, &head, &letters).map_err(failed)?;
+    }
+    let file = archive.finish().map_err(|error| failed(error.into()))?;
+    file.commit().map_err(failed)?;
+    Ok(exported)
+}
 
-    fn close(mut self, checksums: &[u32]) -> Vec<Piece> {
-        let mut pieces: Vec<Piece> = (0..)
-            .zip(checksums)
-            .filter_map(|(index, sum)| self.0.amend(index, *sum))
-            .collect();
-        let (end, _) = self.0.directory();
-        pieces.push((end, self.0.closing()));
-        pieces
-    }
+/// Adds an array to the archive.
+fn entry(
+    archive: &mut ZipWriter<impl Write + Seek>,
+    name: &str,
+    head: &[u8],
+    values: &[u8],
+) -> io::Result<()> {
+    let size = (head.len() + values.len()) as u64;
+    let options = SimpleFileOptions::default()
+        .compression_method(CompressionMethod::Stored)
+        // From 4 GiB on its sizes need fields of 64 bits.
+        .large_file(size >= u64::from(u32::MAX));
+    archive.start_file(format!("{name}.npy"), options)?;
+    archive.write_all(head)?;
+    archive.write_all(values)
 }
 
 /// What stands before the values of an array.
@@ -86,13 +88,13 @@ fn header(kind: &str, shape: &str) -> Vec<u8> {
 }
 
 /// An array of text: every character four bytes, every text as long as the longest.
-fn array(texts: &[&str], shape: &str) -> Vec<u8> {
+fn array(texts: &[&str], shape: &str) -> (Vec<u8>, Vec<u8>) {
     let width = texts.iter().map(|text| text.chars().count()).max();
     let width = width.unwrap_or(0).max(1);
-    let mut out = header(&format!("<U{width}"), shape);
+    let mut letters = Vec::new();
     for text in texts {
         let padded = text.chars().map(u32::from).chain(std::iter::repeat(0));
-        out.extend(padded.take(width).flat_map(u32::to_le_bytes));
+        letters.extend(padded.take(width).flat_map(u32::to_le_bytes));
     }
-    out
+    (header(&format!("<U{width}"), shape), letters)
 }

@@ -3,11 +3,8 @@
 use std::io::{self, Write};
 use std::path::Path;
 
-use super::block::{Columnar, Skeleton, Table};
+use super::columns::Columns;
 use super::csv::{self, Sheet};
-use super::hdf5::Hdf5;
-use super::mat::Mat;
-use super::npz::Npz;
 use super::plan::{Plan, Trouble};
 use super::*;
 use crate::record::folder::tests::recorded;
@@ -167,90 +164,57 @@ fn an_export_that_fails_leaves_what_was_there() {
     assert!(matches!(result, Err(Trouble::Write(_))));
 }
 
-fn laid_out<F: Columnar>(rows: u64) -> Result<(F, Skeleton), ExportError> {
+/// 40,000 rows of 15 columns and the sequence: four blocks, and with 700,000 bytes of memory two columns at a time.
+#[test]
+fn columns_are_those_of_the_rows_however_few_fit_into_memory() {
+    let temp = tempfile::tempdir().unwrap();
+    let path = temp.path().join("run");
+    let rows: Vec<Vec<f64>> = (0..40_000)
+        .map(|k| row(f64::from(k), 0.0, f64::from(k) * 1e-3, -f64::from(k)))
+        .collect();
+    let slices: Vec<&[f64]> = rows.iter().map(Vec::as_slice).collect();
+    recorded(&path, &NAMES, &slices);
+    let run = Run::open(&path).unwrap();
+    let choice = Choice {
+        rows: Rows::Tick,
+        from: Some(1.0),
+        to: None,
+    };
+    for memory in [0, 700_000, 1 << 30] {
+        let (mut columns, exported) = Columns::within(&run, &choice, memory).unwrap();
+        assert_eq!((columns.rows(), exported.rows), (39_000, 39_000));
+        let exposed: Vec<_> = columns.plan().columns().to_vec();
+        assert_eq!(exposed.len(), 16);
+        for (index, exposed) in exposed.iter().enumerate() {
+            let values = columns.take(index).unwrap();
+            let place = NAMES.iter().position(|name| *name == exposed.column.name);
+            // Sequence numbers begin at zero.
+            let wanted = rows.iter().enumerate().skip(1000).flat_map(|(k, row)| {
+                let bits = place.map_or(k as u64, |place| row[place].to_bits());
+                bits.to_le_bytes()
+            });
+            assert!(
+                wanted.eq(values),
+                "{} with {memory} bytes",
+                exposed.column.name
+            );
+        }
+    }
+}
+
+#[cfg(not(feature = "hdf5"))]
+#[test]
+fn without_the_feature_it_is_named_and_nothing_is_written() {
     let temp = tempfile::tempdir().unwrap();
     let path = temp.path().join("run");
     recorded(&path, &NAMES, &[]);
     let run = Run::open(&path).unwrap();
-    let plan = Plan::new(run.layout()).unwrap();
-    F::lay_out(&Table {
-        run: &run,
-        plan: &plan,
-        rows,
-    })
-}
-
-/// Every byte of the file has one owner; only up to seven bytes before a multiple of eight may have none.
-fn nothing_overlaps<F: Columnar>(rows: u64) {
-    let (format, skeleton) = laid_out::<F>(rows).unwrap();
-    let sums = vec![7; skeleton.checksums.len()];
-    let mut parts: Vec<(u64, u64)> = skeleton.places.iter().map(|p| (*p, 8 * rows)).collect();
-    let pieces = skeleton.pieces.iter();
-    parts.extend(pieces.map(|(place, bytes)| (*place, bytes.len() as u64)));
-    // Checksums are written over the head that they belong to.
-    let closing = format.close(&sums);
-    let closing = closing.iter().filter(|(_, bytes)| bytes.len() > 4);
-    parts.extend(closing.map(|(place, bytes)| (*place, bytes.len() as u64)));
-    parts.sort_unstable();
-    let mut end = 0;
-    for (place, length) in parts {
-        assert!(place >= end && place < end + 8, "{place} follows {end}");
-        end = place + length;
+    let out = temp.path().join("out");
+    for format in [Format::Mat, Format::Hdf5] {
+        let refused = export(&run, format, &Choice::all(Rows::Step), &out).unwrap_err();
+        assert!(refused.to_string().contains("--features hdf5"), "{refused}");
+        assert!(!out.exists());
     }
-    assert_eq!(end, skeleton.length);
-}
-
-#[test]
-fn what_a_format_lays_out_covers_its_file_and_nothing_twice() {
-    for rows in [0, 1, 3, 1000, 200_000_000] {
-        nothing_overlaps::<Npz>(rows);
-        nothing_overlaps::<Hdf5>(rows);
-        nothing_overlaps::<Mat>(rows);
-    }
-    nothing_overlaps::<Npz>(1 << 33);
-    nothing_overlaps::<Hdf5>(1 << 33);
-}
-
-#[test]
-fn a_column_that_matlab_does_not_read_is_refused() {
-    // 2^31 − 1 bytes, less what stands around the values.
-    let limit = (2_147_483_647 - 256) / 8;
-    assert!(laid_out::<Mat>(limit).is_ok());
-    let refused = laid_out::<Mat>(limit + 1).err().unwrap().to_string();
-    assert!(
-        refused.contains("268435424 rows are more than a MATLAB file can hold"),
-        "{refused}"
-    );
-}
-
-/// A sparse file of 120 GiB: its last entries are found and read where they stand.
-#[test]
-fn an_archive_beyond_4_gib_is_read_by_another_program() {
-    let rows = 1 << 30;
-    let (format, skeleton) = laid_out::<Npz>(rows).unwrap();
-    let temp = tempfile::tempdir().unwrap();
-    let path = temp.path().join("large.npz");
-    let file = crate::record::atomic::AtomicFile::create(&path).unwrap();
-    if file.set_len(skeleton.length).is_err() {
-        return; // A file system without large files.
-    }
-    let sums = vec![0; skeleton.checksums.len()];
-    for (place, bytes) in skeleton.pieces.iter().chain(&format.close(&sums)) {
-        file.write_all_at(bytes, *place).unwrap();
-    }
-    file.commit().unwrap();
-    let code = "import sys, zipfile\nz = zipfile.ZipFile(sys.argv[1])\n\
-        print(z.getinfo('x2.npy').file_size, z.getinfo('sequence.npy').header_offset > 2**36, len(z.read('units.npy')) > 64)";
-    let Ok(output) = std::process::Command::new("python3")
-        .args(["-c", code])
-        .arg(&path)
-        .output()
-    else {
-        return; // No Python here; the layout is held by the test above.
-    };
-    let said = String::from_utf8_lossy(&output.stdout);
-    let errors = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(said.trim(), "8589934720 True True", "{errors}");
 }
 
 #[test]
