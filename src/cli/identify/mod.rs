@@ -224,12 +224,17 @@ fn carry_out(
         phase: PhaseCell::default(),
         desk: Some(signals.operator()),
     };
-    attend::attend(facts.specimens.clone(), heard, signals.operator(), args.yes)?;
+    let (names, roll) = (facts.specimens.clone(), signals.roll());
+    attend::attend(names, heard, signals.operator(), args.yes, &roll)?;
+    let watches = Watches {
+        roll: Some(roll),
+        ..Watches::default()
+    };
     let finished = session::run(
         test,
         folder,
         control,
-        Watches::default(),
+        watches,
         &mut |progress: &Progress| line.show(progress),
     );
     line.clear();
