@@ -7,21 +7,17 @@ use anyhow::Context;
 
 use super::args::{ClockArg, RunArgs};
 use super::attend;
+use super::conduct;
 use super::exit::{Exit, Mistakes, WithExit};
 use super::live;
 use super::status::Status;
 use super::table::{Table, duration, quantity};
 use super::{answer, tell, warn};
 use crate::config::{self, ConfigError, Facts, Loaded, Method, Prepared};
-use crate::engine::{Control, PhaseCell};
-use crate::record::{Progress, RunFolder};
-use crate::rt::wall::Wall;
+use crate::record::Progress;
 use crate::session::{
-    self, Finish, Finished, Page, ReplayError, ResumeError, SessionError, Signal, Signals, Watches,
+    self, Finish, Finished, Page, ReplayError, ResumeError, Signal, Signals, Watches,
 };
-
-/// Notices of the loop that may wait to be read.
-const NOTICES: usize = 1024;
 
 /// Runs one test.
 pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
@@ -34,27 +30,15 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
     let asked = live::Asked::for_run(args)?;
     // Before there is a folder: from here on an interrupt leaves a whole one.
     let signals = Signals::listen().context("signals cannot be taken over")?;
-    let folder = match &args.out {
-        Some(path) => RunFolder::create(path),
-        None => RunFolder::create_default(Path::new("runs"), &test.facts.title, Wall::now().0),
-    }
-    .context("the run folder cannot be made")?;
+    let folder = conduct::folder(args.out.as_deref(), &test.facts.title)?;
     let facts = test.facts.clone();
     let mut status = Status::new(&facts, args);
-    let (notices, heard) = crossbeam_channel::bounded(NOTICES);
-    let control = Control {
-        requests: signals.requests(),
-        notices,
-        phase: PhaseCell::default(),
-        desk: Some(signals.operator()),
-    };
-    let (names, roll) = (facts.specimens.clone(), signals.roll());
-    attend::attend(names, heard, signals.operator(), args.yes, &roll)?;
+    let control = conduct::attended(&signals, &facts, args.yes)?;
     // Who is not looked at is not tapped.
     let mut looked = (asked.is_wanted() || status.is_shown())
         .then(|| live::Looked::at(&test, folder.path(), control.phase.clone()));
     let mut watches = Watches {
-        roll: Some(roll.clone()),
+        roll: Some(signals.roll()),
         ..Watches::default()
     };
     #[cfg(feature = "monitor")]
@@ -63,7 +47,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
         watches.onlooker = looked.onlooker();
         #[cfg(feature = "monitor")]
         {
-            watches.when_placed = looked.page(asked, signals.operator(), &served, roll);
+            watches.when_placed = looked.page(asked, signals.operator(), &served, signals.roll());
         }
         status.look_at(&looked.board);
     }
@@ -71,15 +55,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
         status.show();
     });
     status.clear();
-    let mut finished = finished.map_err(|error| match error {
-        SessionError::NotRealTime { .. } => {
-            WithExit(Exit::NoRealTime, format!("{error}\nnothing was moved")).into()
-        }
-        other => anyhow::Error::new(other),
-    })?;
-    for text in &finished.unwritten {
-        tell(format_args!("warning: not written: {text}"));
-    }
+    let mut finished = conduct::finished(finished)?;
     let report = session::conclude(&mut finished);
     if let Err(error) = &report {
         tell(format_args!("warning: not written: {error}"));

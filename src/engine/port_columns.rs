@@ -1,13 +1,62 @@
-//! The columns that a specimen has in a row, and their description.
+//! The columns that a specimen has in a row: their description, and their numbers.
 //!
-//! Which number stands where is decided here; [`super::columns::Row`] fills them in this order.
+//! Which number stands where is decided here, twice in the same order; [`super::columns::Row`] knows where the specimen's
+//! part of a row begins.
 
 use std::ops::Range;
 
 use crate::control::Port;
 use crate::record::Column;
 
-/// Columns that every axis of a port has side by side: eight, and one more where damping is declared of any.
+/// The numbers of a port, in the order of its columns. Real-time: yes.
+pub(super) fn port_values(slots: &mut [f64], width: usize, port: &Port) {
+    let raw = port.raw();
+    if let [.., sequence, status] = &mut *slots {
+        *sequence = raw.sequence as f64;
+        *status = f64::from(raw.status.0);
+    }
+    let Some((axes, further)) = slots.split_at_mut_checked(width * port.axes()) else {
+        return;
+    };
+    let at = |values: &[f64], axis: usize| values.get(axis).copied().unwrap_or(f64::NAN);
+    let slots_of_axes = axes.chunks_exact_mut(width).enumerate();
+    for ((axis, slot), (stiffness, damping, energy)) in slots_of_axes.zip(port.estimates()) {
+        let [
+            target,
+            command,
+            measured,
+            force,
+            raw_disp,
+            raw_force,
+            kt,
+            added,
+            rest @ ..,
+        ] = slot
+        else {
+            return;
+        };
+        *target = at(&port.target, axis);
+        *command = at(&port.sent, axis);
+        *measured = at(&port.measured, axis);
+        *force = at(&port.force, axis);
+        *raw_disp = at(&raw.disp, axis);
+        *raw_force = at(&raw.force, axis);
+        *kt = stiffness;
+        *added = energy;
+        if let (Some(ct), Some(damping)) = (rest.first_mut(), damping) {
+            *ct = damping;
+        }
+    }
+    // The last two are written already: nothing has as many further numbers.
+    let tracking = port.tracking().flatten();
+    let poses = port.pose().flat_map(|(_, values)| values);
+    let all = tracking.chain(port.compensation_parameters()).chain(poses);
+    for (slot, value) in further.iter_mut().zip(all) {
+        *slot = value;
+    }
+}
+
+/// Columns that every axis of a port has side by side.
 pub(super) fn width_of_axis(port: &Port) -> usize {
     let damping = port.estimates().any(|(_, damping, _)| damping.is_some());
     8 + usize::from(damping)

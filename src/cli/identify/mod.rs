@@ -16,17 +16,16 @@ use clap::{Args, ValueEnum};
 
 use super::args::ClockArg;
 use super::attend;
+use super::conduct;
 use super::exit::{Exit, WithExit};
 use super::progress::ProgressLine;
 use super::rehearsed::Rehearsed;
 use super::run::{load, refused};
 use super::{answer, tell, warn};
 use crate::config::{self, Facts, Loaded, Prepared};
-use crate::engine::{Control, PhaseCell};
 use crate::identify::Shape;
-use crate::record::{Progress, RunFolder, atomic};
-use crate::rt::wall::Wall;
-use crate::session::{self, Finish, Finished, SessionError, Signal, Signals, Watches};
+use crate::record::{Progress, atomic};
+use crate::session::{self, Finish, Finished, Signal, Signals, Watches};
 
 use course::Plan;
 use outcome::Outcome;
@@ -211,23 +210,11 @@ fn carry_out(
     facts: &Facts,
 ) -> anyhow::Result<(Finished, Exit)> {
     let signals = Signals::listen().context("signals cannot be taken over")?;
-    let folder = match &args.out {
-        Some(path) => RunFolder::create(path),
-        None => RunFolder::create_default(Path::new("runs"), &facts.title, Wall::now().0),
-    }
-    .context("the run folder cannot be made")?;
+    let folder = conduct::folder(args.out.as_deref(), &facts.title)?;
     let line = ProgressLine::new(facts, !args.quiet);
-    let (notices, heard) = crossbeam_channel::bounded(NOTICES);
-    let control = Control {
-        requests: signals.requests(),
-        notices,
-        phase: PhaseCell::default(),
-        desk: Some(signals.operator()),
-    };
-    let (names, roll) = (facts.specimens.clone(), signals.roll());
-    attend::attend(names, heard, signals.operator(), args.yes, &roll)?;
+    let control = conduct::attended(&signals, facts, args.yes)?;
     let watches = Watches {
-        roll: Some(roll),
+        roll: Some(signals.roll()),
         ..Watches::default()
     };
     let finished = session::run(
@@ -238,24 +225,13 @@ fn carry_out(
         &mut |progress: &Progress| line.show(progress),
     );
     line.clear();
-    let finished = finished.map_err(|error| match error {
-        SessionError::NotRealTime { .. } => {
-            WithExit(Exit::NoRealTime, format!("{error}\nnothing was moved")).into()
-        }
-        other => anyhow::Error::new(other),
-    })?;
-    for text in &finished.unwritten {
-        tell(format_args!("warning: not written: {text}"));
-    }
+    let finished = conduct::finished(finished)?;
     let exit = match signals.seen() {
         Some(Signal::Terminate) => Exit::Terminated,
         _ => Exit::Interrupted,
     };
     Ok((finished, exit))
 }
-
-/// Notices of the loop that may wait to be read.
-const NOTICES: usize = 1024;
 
 /// Writes what was found into the run folder.
 fn keep(outcome: &Outcome, plan: &Plan, driven: &Loaded, folder: &Path) -> anyhow::Result<()> {
