@@ -273,3 +273,36 @@ pub(super) fn same_columns(found: &[Column], wanted: &[Column]) -> Result<(), Re
         }),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn columns(names: &[&str]) -> Vec<Column> {
+        let column = |name: &&str| Column {
+            name: (*name).to_owned(),
+            unit: "s".to_owned(),
+            meaning: String::new(),
+            timing: name.ends_with("_s"),
+        };
+        names.iter().map(column).collect()
+    }
+
+    #[test]
+    fn an_older_recording_may_lack_the_last_columns_that_depend_on_wall_time_and_no_other() {
+        let now = columns(&["step", "x1", "release_s", "record_before_s"]);
+        let same = |names: &[&str]| same_columns(&columns(names), &now).is_ok();
+        assert!(same(&["step", "x1", "release_s", "record_before_s"]));
+        assert!(same(&["step", "x1", "release_s"]));
+        assert!(same(&["step", "x1"]));
+        assert!(!same(&["step"]));
+        assert!(!same(&["step", "x1", "record_before_s"]));
+        assert!(!same(&[
+            "step",
+            "x1",
+            "release_s",
+            "record_before_s",
+            "more_s"
+        ]));
+    }
+}

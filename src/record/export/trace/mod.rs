@@ -39,7 +39,7 @@ use super::{ExportError, Exported, Notice};
 use crate::record::atomic::AtomicFile;
 use crate::record::run::Run;
 
-/// Ticks that are taken without being asked for: about 200 MB of text, which a browser still opens.
+/// Ticks that are taken without being asked for: about 160 MB of text, which a browser still opens.
 const MOST: u64 = 200_000;
 
 /// Lines of the picture. One would be taken for the process itself.
