@@ -308,12 +308,17 @@ fn port_values(slots: &mut [f64], width: usize, port: &Port) {
             *ct = damping;
         }
     }
-    // The last two are written already: nothing has as many further numbers.
-    let tracking = port.tracking().flatten();
-    let poses = port.pose().flat_map(|(_, values)| values);
-    let all = tracking.chain(port.compensation_parameters()).chain(poses);
-    for (slot, value) in further.iter_mut().zip(all) {
-        *slot = value;
+    // The last two are written already.
+    let Some((further, _)) = further.split_last_chunk_mut::<2>() else {
+        return;
+    };
+    if !further.is_empty() {
+        let tracking = port.tracking().flatten();
+        let poses = port.pose().flat_map(|(_, values)| values);
+        let all = tracking.chain(port.compensation_parameters()).chain(poses);
+        for (slot, value) in further.iter_mut().zip(all) {
+            *slot = value;
+        }
     }
 }
 
