@@ -29,7 +29,8 @@ pub(super) fn folder(out: Option<&Path>, title: &str) -> anyhow::Result<RunFolde
 /// The loop hears the signals and the desk; its notices are attended to from now on.
 pub(super) fn attended(signals: &Signals, facts: &Facts, yes: bool) -> anyhow::Result<Control> {
     let (notices, heard) = crossbeam_channel::bounded(NOTICES);
-    attend::attend(facts.specimens.clone(), heard, signals.operator(), yes)?;
+    let names = facts.specimens.clone();
+    attend::attend(names, heard, signals.operator(), yes, &signals.roll())?;
     Ok(Control {
         requests: signals.requests(),
         notices,

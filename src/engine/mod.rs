@@ -16,6 +16,7 @@ mod numerical;
 mod operator;
 mod peaks;
 mod phase;
+mod port_columns;
 mod resume;
 mod ride;
 mod run;

@@ -213,11 +213,15 @@ fn carry_out(
     let folder = conduct::folder(args.out.as_deref(), &facts.title)?;
     let line = ProgressLine::new(facts, !args.quiet);
     let control = conduct::attended(&signals, facts, args.yes)?;
+    let watches = Watches {
+        roll: Some(signals.roll()),
+        ..Watches::default()
+    };
     let finished = session::run(
         test,
         folder,
         control,
-        Watches::default(),
+        watches,
         &mut |progress: &Progress| line.show(progress),
     );
     line.clear();
