@@ -141,8 +141,8 @@ pub fn identify(args: &IdentifyArgs) -> anyhow::Result<Exit> {
     }
     attend::can_confirm(&test.facts, args.yes)?;
     let facts = test.facts.clone();
-    let (finished, interrupted) = carry_out(args, test, &facts)?;
-    let report = session::write_report(&finished.path);
+    let (mut finished, interrupted) = carry_out(args, test, &facts)?;
+    let report = session::conclude(&mut finished);
     if let Err(error) = &report {
         tell(format_args!("warning: not written: {error}"));
     }
