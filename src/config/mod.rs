@@ -66,7 +66,7 @@ pub use resolve::{ResolveError, resolve};
 pub use safety::{ExitChoice, SafetyTable, ShareSpec, ZeroChoice};
 pub use schema::{
     ExcitationTable, GravityTable, GroundTable, IntegratorTable, Method, NodalFileTable,
-    NodalForceTable, PrescribedTable, RecordTable, Start, StructureTable, TestFile, Weighting,
+    NodalForceTable, PrescribedPlace, PrescribedTable, RecordTable, Start, StructureTable, TestFile, Weighting,
 };
 pub use script::{load_script, parse_script};
 pub use serve::{ServeFile, ServeTable, Served, load_served};

@@ -3,7 +3,9 @@
 //! The run is an ordinary one, with the loop, the limits, the record and the retirement of `gusset run`, into a run folder
 //! that `report`, `export` and `replay` read. What was identified is added to the folder afterwards.
 
+mod amplitude;
 mod course;
+mod matrices;
 mod outcome;
 mod page;
 mod text;
@@ -37,8 +39,9 @@ use outcome::Outcome;
     after_help = "Example:\n  gusset identify config/vrths-case-1.toml --amplitude 0.002 --out runs/floor-1\n  \
     gusset check runs/floor-1/identified.toml\n\n\
     The motion begins and ends with a rest of one second. Limits of the test file hold; what they do not allow is refused \
-    before anything moves. Several axes are driven one after the other while the others are held. The folder is an ordinary \
-    run folder; identified.toml in it is a virtual twin of the specimen with all that was found.\n\n\
+    before anything moves. Several axes are driven one after the other while the others are held; what those feel is said, too. \
+    With a `geometry` the axes are the actuators, one stroke after the other. The folder is an ordinary run folder; \
+    identified.toml in it is a virtual twin of the specimen with all that was found.\n\n\
     Exits with 1 if the motion was stopped or a measured displacement does not follow the command."
 )]
 pub(super) struct IdentifyArgs {

@@ -12,6 +12,7 @@ mod limits;
 pub(in crate::config) mod links;
 mod method;
 mod pace;
+mod prescribed;
 mod proof;
 mod safety;
 mod specimens;
@@ -285,7 +286,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
             (Side::Structure(Box::new(numerical)), settling, Some(facts))
         }
         None => (
-            Side::Prescribed(excitation::prescribed(site, &specimens)?),
+            Side::Prescribed(prescribed::prescribed(site, &specimens)?),
             None,
             None,
         ),

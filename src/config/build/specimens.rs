@@ -12,6 +12,7 @@ use super::{Refused, Site, links, path, safety};
 use crate::config::{Finding, KeyPath, MatrixValue, SpecimenTable};
 use crate::control::limits::LimitsSpec;
 use crate::control::{Axis, Believed, Declared, Direction, Order, Pace, Port, Trend, WaitRules};
+use crate::geometry::Geometry;
 use crate::law::Reach;
 use crate::linalg::SymMatrix;
 use crate::link::LinkSpec;
@@ -350,6 +351,12 @@ impl Specimens {
             let driven = loading.map_or(entry.axes.len(), |loading| loading.rows.len());
             (entry.name.as_str(), driven)
         })
+    }
+
+    /// The loading unit of each specimen, in order.
+    pub(super) fn geometries(&self) -> impl Iterator<Item = Option<&Geometry>> {
+        let loading = self.0.iter().map(|entry| entry.loading.as_ref());
+        loading.map(|loading| Some(&loading?.geometry))
     }
 
     /// Name, rows of B, k̂ and ĉ of every specimen.
