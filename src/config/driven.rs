@@ -84,6 +84,7 @@ impl Loaded {
                     table.axis.resize(axes, AxisTable::default());
                 }
                 table.compensation = None::<CompensationSpec>;
+                table.drill = None;
                 let axis = table.axis.iter_mut().map(|axis| &mut axis.limits);
                 for limits in axis.chain([&mut table.limits]).flatten() {
                     *limits = protecting(limits);

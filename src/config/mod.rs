@@ -70,7 +70,9 @@ pub use schema::{
 };
 pub use script::{load_script, parse_script};
 pub use serve::{ServeFile, ServeTable, Served, load_served};
-pub use specimen::{AxisTable, DispUnit, ForceUnit, SimilitudeTable, SpecimenTable};
+pub use specimen::{
+    AxisTable, DispUnit, DrillTable, ForceUnit, SimilitudeTable, SpecimenTable,
+};
 pub use steps::Time;
 pub use suggest::nearest;
 pub use timetable::{ClockChoice, TimeTable};

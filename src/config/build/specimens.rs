@@ -227,6 +227,25 @@ fn built(
     }
 }
 
+/// When the code of a specimen is to break down; never in a rehearsal.
+fn drill(site: &mut Site<'_>, index: usize) -> Result<Option<f64>, Refused> {
+    let table = site.loaded.file.specimen.get(index);
+    let (Some(drill), None) = (table.and_then(|table| table.drill), site.trial) else {
+        return Ok(None);
+    };
+    let at = path("specimen").index(index).key("drill");
+    let (time, end) = (drill.panic_at_s, site.loaded.file.time.duration_s);
+    let comes = time <= end;
+    if !comes {
+        let text = format!("the drill is at {time} s, but the test ends at {end} s");
+        let at = at.key("panic_at_s");
+        return site.refuse(Finding::error(at, text).label("it would never come"));
+    }
+    let text = format!("a drill: at {time} s the code of this specimen breaks down on purpose");
+    site.warnings.push(Finding::warning(at, text).at_key());
+    Ok(Some(time))
+}
+
 /// An estimate as the axes see it.
 fn seen(table: &SpecimenTable, loading: &Option<Loading>, estimate: Rows) -> Rows {
     match loading {
@@ -439,10 +458,13 @@ impl Specimens {
                 None => Direction::Known,
             };
             let (substructure, wait): (Box<dyn Substructure>, _) = match entry.stand {
-                Stand::Law(law) => (
-                    Box::new(InProcess::new(InUnits::new(law, &entry.units))),
-                    None,
-                ),
+                Stand::Law(law) => {
+                    let computed = InProcess::new(InUnits::new(law, &entry.units));
+                    match drill(site, index)? {
+                        Some(time) => (Box::new(computed.breaking_at(time)), None),
+                        None => (Box::new(computed), None),
+                    }
+                }
                 Stand::Native(native, rules) => (native, Some(rules)),
                 Stand::OpenFresco(remote, rules) => (remote, Some(rules)),
                 Stand::Believed => {
