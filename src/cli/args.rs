@@ -1,10 +1,15 @@
 //! What the command line takes.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+use anyhow::Context;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+use super::run::load;
 use super::{benchmark, identify};
+use crate::config::Loaded;
+use crate::record::RunFolder;
+use crate::rt::wall::Wall;
 
 /// Real-time hybrid simulation: joins a structure that is computed to a specimen that is measured.
 #[derive(Debug, Parser)]
@@ -77,18 +82,8 @@ pub(super) struct RunArgs {
     /// not stand where it was left, or a file was changed.
     #[arg(long, value_name = "RUN_DIR", conflicts_with_all = ["sets", "clock"])]
     pub resume: Option<PathBuf>,
-    /// Run folder; must not exist yet [default: runs/<title>-<start time>].
-    #[arg(long)]
-    pub out: Option<PathBuf>,
-    /// Overrides the clock of the test file.
-    #[arg(long, value_enum)]
-    pub clock: Option<ClockArg>,
-    /// Overrides any key by its dotted path, e.g. --set integrator.lambda=4 --set specimen.0.storey=2.
-    #[arg(long = "set", value_name = "KEY=VALUE")]
-    pub sets: Vec<String>,
-    /// Confirm what the sensors read before the test, unseen.
-    #[arg(long)]
-    pub yes: bool,
+    #[command(flatten)]
+    pub test_run: TestRunArgs,
     /// Print the summary as JSON on stdout.
     #[arg(long)]
     pub json: bool,
@@ -101,6 +96,47 @@ pub(super) struct RunArgs {
     #[cfg(feature = "monitor")]
     #[command(flatten)]
     pub live: LiveArgs,
+}
+
+/// What every command takes that moves specimens into a run folder.
+#[derive(Debug, Args)]
+pub(super) struct TestRunArgs {
+    /// Run folder; must not exist yet [default: runs/<title>-<start time>].
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+    /// Overrides the clock of the test file.
+    #[arg(long, value_enum)]
+    pub clock: Option<ClockArg>,
+    /// Overrides any key by its dotted path, e.g. --set integrator.lambda=4 --set specimen.0.storey=2.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub sets: Vec<String>,
+    /// Confirm what the sensors read before the test, unseen.
+    #[arg(long)]
+    pub yes: bool,
+}
+
+impl TestRunArgs {
+    /// The test file with everything that overrides it.
+    pub fn load(&self, test: &Path) -> anyhow::Result<Loaded> {
+        let mut sets = self.sets.clone();
+        if let Some(clock) = self.clock {
+            let clock = match clock {
+                ClockArg::Real => "real",
+                ClockArg::Simulated => "simulated",
+            };
+            sets.push(format!("time.clock=\"{clock}\""));
+        }
+        load(test, &sets)
+    }
+
+    /// The run folder of a test with this title.
+    pub fn folder(&self, title: &str) -> anyhow::Result<RunFolder> {
+        let folder = match &self.out {
+            Some(path) => RunFolder::create(path),
+            None => RunFolder::create_default(Path::new("runs"), title, Wall::now().0),
+        };
+        folder.context("the run folder cannot be made")
+    }
 }
 
 /// What a terminal shows while a test runs.

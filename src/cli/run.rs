@@ -5,7 +5,7 @@ use std::path::Path;
 
 use anyhow::Context;
 
-use super::args::{ClockArg, RunArgs};
+use super::args::RunArgs;
 use super::attend;
 use super::exit::{Exit, Mistakes, WithExit};
 use super::live;
@@ -14,8 +14,7 @@ use super::table::{Table, duration, quantity};
 use super::{answer, tell, warn};
 use crate::config::{self, ConfigError, Facts, Loaded, Method, Prepared};
 use crate::engine::{Control, PhaseCell};
-use crate::record::{Progress, RunFolder};
-use crate::rt::wall::Wall;
+use crate::record::Progress;
 use crate::session::{
     self, Finish, Finished, Page, ReplayError, ResumeError, SessionError, Signal, Signals, Watches,
 };
@@ -26,19 +25,16 @@ const NOTICES: usize = 1024;
 /// Runs one test.
 pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
     let test = prepare(args)?;
+    let yes = args.test_run.yes;
     warn(&test.warnings);
     for text in &test.facts.announced {
         tell(format_args!("note: {text}"));
     }
-    attend::can_confirm(&test.facts, args.yes)?;
+    attend::can_confirm(&test.facts, yes)?;
     let asked = live::Asked::for_run(args)?;
     // Before there is a folder: from here on an interrupt leaves a whole one.
     let signals = Signals::listen().context("signals cannot be taken over")?;
-    let folder = match &args.out {
-        Some(path) => RunFolder::create(path),
-        None => RunFolder::create_default(Path::new("runs"), &test.facts.title, Wall::now().0),
-    }
-    .context("the run folder cannot be made")?;
+    let folder = args.test_run.folder(&test.facts.title)?;
     let facts = test.facts.clone();
     let mut status = Status::new(&facts, args);
     let (notices, heard) = crossbeam_channel::bounded(NOTICES);
@@ -48,7 +44,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
         phase: PhaseCell::default(),
         desk: Some(signals.operator()),
     };
-    attend::attend(facts.specimens.clone(), heard, signals.operator(), args.yes)?;
+    attend::attend(facts.specimens.clone(), heard, signals.operator(), yes)?;
     // Who is not looked at is not tapped.
     let mut looked = (asked.is_wanted() || status.is_shown())
         .then(|| live::Looked::at(&test, folder.path(), control.phase.clone()));
@@ -118,16 +114,8 @@ fn prepare(args: &RunArgs) -> anyhow::Result<Prepared> {
             other => WithExit(Exit::Usage, format!("{other}\nnothing was moved")).into(),
         });
     }
-    let mut sets = args.sets.clone();
-    if let Some(clock) = args.clock {
-        let clock = match clock {
-            ClockArg::Real => "real",
-            ClockArg::Simulated => "simulated",
-        };
-        sets.push(format!("time.clock=\"{clock}\""));
-    }
     let test = args.test.as_deref().context("no test file is given")?;
-    let loaded = load(test, &sets)?;
+    let loaded = args.test_run.load(test)?;
     config::build(&loaded).map_err(refused)
 }
 

@@ -16,18 +16,17 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use clap::{Args, ValueEnum};
 
-use super::args::ClockArg;
+use super::args::TestRunArgs;
 use super::attend;
 use super::exit::{Exit, WithExit};
 use super::progress::ProgressLine;
 use super::rehearsed::Rehearsed;
-use super::run::{load, refused};
+use super::run::refused;
 use super::{answer, tell, warn};
 use crate::config::{self, Facts, Loaded, Prepared};
 use crate::engine::{Control, PhaseCell};
 use crate::identify::Shape;
-use crate::record::{Progress, RunFolder, atomic};
-use crate::rt::wall::Wall;
+use crate::record::{Progress, atomic};
 use crate::session::{self, Finish, Finished, SessionError, Signal, Signals, Watches};
 
 use course::Plan;
@@ -77,18 +76,8 @@ pub(super) struct IdentifyArgs {
     /// Seed of the noise and of the levels of the steps.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Run folder; must not exist yet [default: runs/<title>-<start time>].
-    #[arg(long)]
-    pub out: Option<PathBuf>,
-    /// Overrides the clock of the test file.
-    #[arg(long, value_enum)]
-    pub clock: Option<ClockArg>,
-    /// Overrides any key by its dotted path.
-    #[arg(long = "set", value_name = "KEY=VALUE")]
-    pub sets: Vec<String>,
-    /// Confirm what the sensors read before the test, unseen.
-    #[arg(long)]
-    pub yes: bool,
+    #[command(flatten)]
+    pub test_run: TestRunArgs,
     /// Print what was found as JSON on stdout.
     #[arg(long)]
     pub json: bool,
@@ -124,15 +113,7 @@ fn usage(text: String) -> anyhow::Error {
 
 /// Identifies.
 pub fn identify(args: &IdentifyArgs) -> anyhow::Result<Exit> {
-    let mut sets = args.sets.clone();
-    if let Some(clock) = args.clock {
-        let clock = match clock {
-            ClockArg::Real => "real",
-            ClockArg::Simulated => "simulated",
-        };
-        sets.push(format!("time.clock=\"{clock}\""));
-    }
-    let loaded = load(&args.test, &sets)?;
+    let loaded = args.test_run.load(&args.test)?;
     let (plan, driven) = allowed(args, &loaded)?;
     for line in plan.announced(&loaded) {
         tell(line);
@@ -142,7 +123,7 @@ pub fn identify(args: &IdentifyArgs) -> anyhow::Result<Exit> {
     for text in &test.facts.announced {
         tell(format_args!("note: {text}"));
     }
-    attend::can_confirm(&test.facts, args.yes)?;
+    attend::can_confirm(&test.facts, args.test_run.yes)?;
     let facts = test.facts.clone();
     let (mut finished, interrupted) = carry_out(args, test, &facts)?;
     let report = session::conclude(&mut finished);
@@ -214,11 +195,7 @@ fn carry_out(
     facts: &Facts,
 ) -> anyhow::Result<(Finished, Exit)> {
     let signals = Signals::listen().context("signals cannot be taken over")?;
-    let folder = match &args.out {
-        Some(path) => RunFolder::create(path),
-        None => RunFolder::create_default(Path::new("runs"), &facts.title, Wall::now().0),
-    }
-    .context("the run folder cannot be made")?;
+    let folder = args.test_run.folder(&facts.title)?;
     let line = ProgressLine::new(facts, !args.quiet);
     let (notices, heard) = crossbeam_channel::bounded(NOTICES);
     let control = Control {
@@ -227,7 +204,12 @@ fn carry_out(
         phase: PhaseCell::default(),
         desk: Some(signals.operator()),
     };
-    attend::attend(facts.specimens.clone(), heard, signals.operator(), args.yes)?;
+    attend::attend(
+        facts.specimens.clone(),
+        heard,
+        signals.operator(),
+        args.test_run.yes,
+    )?;
     let finished = session::run(
         test,
         folder,
