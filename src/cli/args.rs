@@ -2,14 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use super::run::load;
 use super::{benchmark, identify};
 use crate::config::Loaded;
-use crate::record::RunFolder;
-use crate::rt::wall::Wall;
 
 /// Real-time hybrid simulation: joins a structure that is computed to a specimen that is measured.
 #[derive(Debug, Parser)]
@@ -127,15 +124,6 @@ impl TestRunArgs {
             sets.push(format!("time.clock=\"{clock}\""));
         }
         load(test, &sets)
-    }
-
-    /// The run folder of a test with this title.
-    pub fn folder(&self, title: &str) -> anyhow::Result<RunFolder> {
-        let folder = match &self.out {
-            Some(path) => RunFolder::create(path),
-            None => RunFolder::create_default(Path::new("runs"), title, Wall::now().0),
-        };
-        folder.context("the run folder cannot be made")
     }
 }
 

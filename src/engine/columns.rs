@@ -27,9 +27,18 @@ pub struct Row {
     disp: Range<usize>,
     vel: Range<usize>,
     accel: Range<usize>,
-    ports: Vec<Range<usize>>,
+    ports: Vec<PortPlace>,
     checks: Range<usize>,
+    kept: Vec<TestQuantity>,
     timing: Range<usize>,
+}
+
+/// Where the numbers of a port stand.
+#[derive(Debug)]
+struct PortPlace {
+    range: Range<usize>,
+    /// Columns that every axis has side by side: eight, and one more where damping is declared of any.
+    width: usize,
 }
 
 const BOOKKEEPING: [(&str, &str, &str); 5] = [
@@ -116,10 +125,14 @@ impl Row {
         let ports = ports
             .iter()
             .enumerate()
-            .map(|(index, port)| port_columns(&mut columns, index + 1, port))
+            .map(|(index, port)| PortPlace {
+                range: port_columns(&mut columns, index + 1, port),
+                width: width_of_axis(port),
+            })
             .collect();
         let start = columns.len();
-        for quantity in TestQuantity::columns(side, ports_given) {
+        let kept = TestQuantity::kept(side, ports_given);
+        for quantity in &kept {
             columns.push(column(quantity.key(), "1", quantity.words(), false));
         }
         let checks = start..columns.len();
@@ -140,10 +153,16 @@ impl Row {
                 accel,
                 ports,
                 checks,
+                kept,
                 timing,
             },
             columns,
         )
+    }
+
+    /// Whether a quantity of the test as a whole is kept. Real-time: yes.
+    pub(super) fn keeps(&self, quantity: TestQuantity) -> bool {
+        self.kept.contains(&quantity)
     }
 
     /// The finished row.
@@ -185,44 +204,14 @@ impl Row {
         for (to, from) in self.values.iter_mut().zip(head) {
             *to = from;
         }
-        for (range, port) in self.ports.iter().zip(ports) {
-            let Some(slots) = self.values.get_mut(range.clone()) else {
-                continue;
-            };
-            let axes = port
-                .target
-                .iter()
-                .zip(&port.sent)
-                .zip(&port.measured)
-                .zip(&port.force)
-                .zip(port.raw().disp.iter().zip(&port.raw().force));
-            let width = width_of_axis(port);
-            let slots_of_axes = slots.chunks_exact_mut(width);
-            for (slot, (axis, estimates)) in slots_of_axes.zip(axes.zip(port.estimates())) {
-                let ((((target, command), measured), force), (raw_disp, raw_force)) = axis;
-                let (stiffness, damping, energy) = estimates;
-                let values = [
-                    *target, *command, *measured, *force, *raw_disp, *raw_force, stiffness, energy,
-                ];
-                for (to, from) in slot.iter_mut().zip(values.into_iter().chain(damping)) {
-                    *to = from;
-                }
-            }
-            let after_axes = slots.iter_mut().skip(width * port.axes());
-            let further = port.tracking().flatten();
-            let further = further.chain(port.compensation_parameters());
-            let poses = port.pose().flat_map(|(_, values)| values);
-            for (slot, value) in after_axes.zip(further.chain(poses)) {
-                *slot = value;
-            }
-            if let [.., sequence, status] = slots {
-                *sequence = port.raw().sequence as f64;
-                *status = f64::from(port.raw().status.0);
+        for (place, port) in self.ports.iter().zip(ports) {
+            if let Some(slots) = self.values.get_mut(place.range.clone()) {
+                port_values(slots, place.width, port);
             }
         }
         if let Some(slots) = self.values.get_mut(self.checks.clone()) {
-            for (to, from) in slots.iter_mut().zip(TestQuantity::values(side, ports)) {
-                *to = from;
+            for (to, quantity) in slots.iter_mut().zip(&self.kept) {
+                *to = quantity.value(side, ports);
             }
         }
     }
@@ -280,7 +269,55 @@ fn gather(values: &mut [f64], range: &Range<usize>, dofs: &[usize], from: &[f64]
     }
 }
 
-/// Columns that every axis of a port has side by side: eight, and one more where damping is declared of any.
+/// The numbers of a port, in the order of its columns. Real-time: yes.
+fn port_values(slots: &mut [f64], width: usize, port: &Port) {
+    let raw = port.raw();
+    if let [.., sequence, status] = &mut *slots {
+        *sequence = raw.sequence as f64;
+        *status = f64::from(raw.status.0);
+    }
+    let Some((axes, further)) = slots.split_at_mut_checked(width * port.axes()) else {
+        return;
+    };
+    let at = |values: &[f64], axis: usize| values.get(axis).copied().unwrap_or(f64::NAN);
+    let slots_of_axes = axes.chunks_exact_mut(width).enumerate();
+    for ((axis, slot), (stiffness, damping, energy)) in slots_of_axes.zip(port.estimates()) {
+        let [
+            target,
+            command,
+            measured,
+            force,
+            raw_disp,
+            raw_force,
+            kt,
+            added,
+            rest @ ..,
+        ] = slot
+        else {
+            return;
+        };
+        *target = at(&port.target, axis);
+        *command = at(&port.sent, axis);
+        *measured = at(&port.measured, axis);
+        *force = at(&port.force, axis);
+        *raw_disp = at(&raw.disp, axis);
+        *raw_force = at(&raw.force, axis);
+        *kt = stiffness;
+        *added = energy;
+        if let (Some(ct), Some(damping)) = (rest.first_mut(), damping) {
+            *ct = damping;
+        }
+    }
+    // The last two are written already: nothing has as many further numbers.
+    let tracking = port.tracking().flatten();
+    let poses = port.pose().flat_map(|(_, values)| values);
+    let all = tracking.chain(port.compensation_parameters()).chain(poses);
+    for (slot, value) in further.iter_mut().zip(all) {
+        *slot = value;
+    }
+}
+
+/// Columns that every axis of a port has side by side.
 fn width_of_axis(port: &Port) -> usize {
     let damping = port.estimates().any(|(_, damping, _)| damping.is_some());
     8 + usize::from(damping)

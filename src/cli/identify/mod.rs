@@ -18,16 +18,16 @@ use clap::{Args, ValueEnum};
 
 use super::args::TestRunArgs;
 use super::attend;
+use super::conduct;
 use super::exit::{Exit, WithExit};
 use super::progress::ProgressLine;
 use super::rehearsed::Rehearsed;
 use super::run::refused;
 use super::{answer, tell, warn};
 use crate::config::{self, Facts, Loaded, Prepared};
-use crate::engine::{Control, PhaseCell};
 use crate::identify::Shape;
 use crate::record::{Progress, atomic};
-use crate::session::{self, Finish, Finished, SessionError, Signal, Signals, Watches};
+use crate::session::{self, Finish, Finished, Signal, Signals, Watches};
 
 use course::Plan;
 use outcome::Outcome;
@@ -195,21 +195,9 @@ fn carry_out(
     facts: &Facts,
 ) -> anyhow::Result<(Finished, Exit)> {
     let signals = Signals::listen().context("signals cannot be taken over")?;
-    let folder = args.test_run.folder(&facts.title)?;
+    let folder = conduct::folder(args.test_run.out.as_deref(), &facts.title)?;
     let line = ProgressLine::new(facts, !args.quiet);
-    let (notices, heard) = crossbeam_channel::bounded(NOTICES);
-    let control = Control {
-        requests: signals.requests(),
-        notices,
-        phase: PhaseCell::default(),
-        desk: Some(signals.operator()),
-    };
-    attend::attend(
-        facts.specimens.clone(),
-        heard,
-        signals.operator(),
-        args.test_run.yes,
-    )?;
+    let control = conduct::attended(&signals, facts, args.test_run.yes)?;
     let finished = session::run(
         test,
         folder,
@@ -218,24 +206,13 @@ fn carry_out(
         &mut |progress: &Progress| line.show(progress),
     );
     line.clear();
-    let finished = finished.map_err(|error| match error {
-        SessionError::NotRealTime { .. } => {
-            WithExit(Exit::NoRealTime, format!("{error}\nnothing was moved")).into()
-        }
-        other => anyhow::Error::new(other),
-    })?;
-    for text in &finished.unwritten {
-        tell(format_args!("warning: not written: {text}"));
-    }
+    let finished = conduct::finished(finished)?;
     let exit = match signals.seen() {
         Some(Signal::Terminate) => Exit::Terminated,
         _ => Exit::Interrupted,
     };
     Ok((finished, exit))
 }
-
-/// Notices of the loop that may wait to be read.
-const NOTICES: usize = 1024;
 
 /// Writes what was found into the run folder.
 fn keep(outcome: &Outcome, plan: &Plan, driven: &Loaded, folder: &Path) -> anyhow::Result<()> {
