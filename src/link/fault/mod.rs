@@ -6,6 +6,7 @@
 //! begins with its seed. What a controller should make of it is not decided here.
 
 mod bench;
+mod check;
 mod dice;
 mod queue;
 mod spec;
@@ -14,6 +15,7 @@ mod wire;
 
 pub use bench::Bench;
 pub(in crate::link) use queue::Queue;
-pub use spec::{Channel, Expect, Fault, Kind, Script, ScriptError, Way};
+pub use check::ScriptError;
+pub use spec::{Channel, Expect, Fault, Kind, Script, Way};
 pub use stall::StallingClock;
 pub use wire::FaultyWire;
