@@ -30,7 +30,7 @@ use crate::linalg::{Spd, SymMatrix};
 use crate::link::{NativeSetup, Transport};
 use crate::rt;
 use crate::rt::TimingSpec;
-pub use analysis::{ALL_MODES, Analysis, Loop, ModeFacts};
+pub use analysis::{ALL_MODES, Analysis, DelayedMode, Loop, ModeFacts};
 use gear::Rows;
 pub use limits::{Limit, LimitFacts, SpecimenLimits};
 use specimens::Specimens;
