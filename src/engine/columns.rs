@@ -210,6 +210,8 @@ impl Row {
             }
             let after_axes = slots.iter_mut().skip(width * port.axes());
             let further = port.tracking().flatten();
+            let margins = port.knows_margin().then(|| port.delay_margins());
+            let further = further.chain(margins.into_iter().flatten());
             let further = further.chain(port.compensation_parameters());
             let poses = port.pose().flat_map(|(_, values)| values);
             for (slot, value) in after_axes.zip(further.chain(poses)) {
@@ -347,7 +349,12 @@ fn port_columns(columns: &mut Vec<Column>, number: usize, port: &Port) -> Range<
                 "1",
                 "measured displacement over the target, estimated",
             ),
-            ("false_c", "N s/m", "damping that the lag adds"),
+            (
+                "stiffness",
+                "N/m",
+                "stiffness as fitted over the last seconds of motion",
+            ),
+            ("false_c", "N s/m", "damping that the lag adds to it"),
         ] {
             let meaning = format!("{meaning}, specimen \"{name}\", axis {axis}");
             columns.push(column(
@@ -357,6 +364,15 @@ fn port_columns(columns: &mut Vec<Column>, number: usize, port: &Port) -> Range<
                 false,
             ));
         }
+    }
+    let margins = if port.knows_margin() { port.axes() } else { 0 };
+    for axis in 1..=margins {
+        let meaning = format!(
+            "critical delay at the stiffness of the last seconds less their lag: below 0 the test grows; inf where every delay is \
+             stable, specimen \"{name}\", axis {axis}"
+        );
+        let key = format!("margin_{number}_{axis}");
+        columns.push(column(&key, "s", &meaning, false));
     }
     for (axis, parameter) in port.compensation_names() {
         let (key, axis) = (parameter.name, axis + 1);

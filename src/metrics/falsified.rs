@@ -107,6 +107,22 @@ pub fn together(errors: &[Judged]) -> Option<Judged> {
     (!errors.is_empty()).then(|| Judged::scattered(value, floor, 0.0))
 }
 
+/// The smallest margin of an axis to its critical delay, as it was estimated while the test ran.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Margin {
+    /// Name of the specimen.
+    pub specimen: String,
+    /// Its axis, from 1.
+    pub axis: u32,
+    /// Critical delay at the stiffness of the last seconds less their lag, s of test time; negative where the test was expected to grow, null
+    /// where every delay was stable or nothing was known.
+    pub smallest_s: Option<f64>,
+    /// Test time of it in s.
+    pub at_s: Option<f64>,
+    /// What noise scatters it by, s: that of the lag, which is fitted over the last while.
+    pub floor_s: Option<f64>,
+}
+
 /// All that was falsified of a test with a structure.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
 pub struct Falsified {
@@ -118,6 +134,8 @@ pub struct Falsified {
     pub energy_scale: Option<Scale>,
     /// Damping of each mode; empty where the modes are not known.
     pub modes: Vec<FalseDamping>,
+    /// Margins to the critical delay, one per axis that was watched.
+    pub delay_margins: Vec<Margin>,
     /// Why something above is null or empty, in words.
     pub missing: Vec<String>,
 }

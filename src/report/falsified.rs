@@ -6,13 +6,45 @@ use super::RunData;
 use super::digest::Digest;
 use super::html::{note, section, table};
 use super::rows::Rows;
-use super::specimens::Tracked;
+use super::specimens::{MARGIN, Tracked};
 use super::text::{NOTHING, number, plural, quantity};
-use crate::metrics::falsified::{Falsified, together};
+use crate::metrics::falsified::{Falsified, Margin, together};
 use crate::metrics::tracking::Judged;
 
 /// Modes that are listed; the summary has them all.
 const MOST_MODES: usize = 12;
+
+/// Time in which the loop's estimate of a lag forgets, s of test time (see the columns `lag`).
+const FORGETS_S: f64 = 2.0;
+
+/// The smallest margin of every axis that has a column of it. Thinning has kept it.
+fn margins(run: &RunData, digest: &Digest) -> Vec<Margin> {
+    let configuration = super::tested::configuration(run);
+    let rows = Rows::new(digest);
+    let time = rows.get("time").unwrap_or_default();
+    let watched = digest.axes.iter().filter_map(|axis| {
+        let values = rows.get(&axis.axis.column(MARGIN))?;
+        let known = values.iter().zip(time.iter());
+        let known = known.filter(|(margin, _)| margin.is_finite());
+        let smallest = known.min_by(|a, b| a.0.total_cmp(b.0));
+        // Of a fit over the whole test; weights that fade as e^(−t/T) count 2 T of samples.
+        let whole = axis
+            .tracking
+            .as_ref()
+            .and_then(|t| Some((t.samples, t.delay()?.floor?)));
+        let floor = whole.zip(digest.interval).map(|((samples, floor), dt)| {
+            floor * (samples as f64 * dt / (2.0 * FORGETS_S)).max(1.0).sqrt()
+        });
+        Some(Margin {
+            specimen: super::tested::specimen_name(configuration.as_ref(), axis.axis.specimen),
+            axis: axis.axis.axis,
+            smallest_s: smallest.map(|(margin, _)| *margin),
+            at_s: smallest.map(|(_, time)| *time),
+            floor_s: floor,
+        })
+    });
+    watched.collect()
+}
 
 /// What was falsified of a test with a structure and specimens that moved; none otherwise.
 fn found(run: &RunData, digest: &Digest) -> Option<Falsified> {
@@ -53,7 +85,14 @@ fn found(run: &RunData, digest: &Digest) -> Option<Falsified> {
         let why = why.unwrap_or("no delay is known");
         missing.push(format!("modes: {why}"));
     }
+    let delay_margins = margins(run, digest);
+    if delay_margins.is_empty() {
+        let why = run.no_margin.as_deref();
+        let why = why.unwrap_or("it was not recorded");
+        missing.push(format!("delay_margins: {why}"));
+    }
     Some(Falsified {
+        delay_margins,
         energy_error_j: error,
         energy_error_share: error
             .zip(scale)
@@ -133,6 +172,34 @@ pub(super) fn falsified_section(
             );
         }
         markup += &note(&words);
+    }
+    if !found.delay_margins.is_empty() {
+        let rows: Vec<Vec<String>> = found
+            .delay_margins
+            .iter()
+            .map(|margin| {
+                let name = if margin.axis == 1 {
+                    margin.specimen.clone()
+                } else {
+                    format!("{}, axis {}", margin.specimen, margin.axis)
+                };
+                let second = |v: f64| quantity(v, "s");
+                vec![
+                    name,
+                    or_dash(margin.smallest_s, &second),
+                    or_dash(margin.at_s, &second),
+                    or_dash(margin.floor_s, &second),
+                ]
+            })
+            .collect();
+        let heading = ["", "smallest delay margin", "at", "noise floor"];
+        markup += &table(&heading, &rows);
+        markup += &note(
+            "Delay margin: the critical delay at the specimen's stiffness less its lag, both as fitted over the last seconds of motion \
+             while the test ran; below zero the test grows. The critical delay is tabulated before the test over the stiffness of one \
+             axis at a time, all others on time and at their initial stiffness, linear and in continuous time. A dash: every delay \
+             was stable, or nothing moved enough to say.",
+        );
     }
     let mut rows: Vec<Vec<String>> = Vec::new();
     let joule = |v: f64| quantity(v, "J");

@@ -101,6 +101,8 @@ pub struct RunData {
     pub modes: Vec<Mode>,
     /// Why they are not known, if something is in the way.
     pub no_modes: Option<String>,
+    /// Why no margin to a critical delay was watched, if none was.
+    pub no_margin: Option<String>,
     /// `summary.json`, if there is one.
     pub summary: Option<serde_json::Value>,
     /// `timing.json`, if there is one.

@@ -40,6 +40,8 @@ pub(super) struct Known {
     pub balance: Result<Energetics, Without>,
     /// Its modes, or why they are not known.
     pub modes: Result<Vec<Mode>, String>,
+    /// Why no margin to a critical delay was watched, if none was.
+    pub no_margin: Option<String>,
 }
 
 /// The structure of the run in `folder`, with this `resolved.toml` and these columns.
@@ -49,10 +51,11 @@ pub(super) fn known(folder: &Path, resolved: &str, columns: &[Column]) -> Known 
             Without::Structure => Ok(Vec::new()),
             Without::Because(why) => Err(why.clone()),
         },
+        no_margin: None,
         balance: Err(balance),
     };
     match structure(folder, resolved, columns) {
-        Ok((energetics, has_base)) => {
+        Ok((energetics, has_base, no_margin)) => {
             let modes = energetics.modes();
             let base = "the base is displaced, and the force that does it is not recorded";
             Known {
@@ -62,18 +65,19 @@ pub(super) fn known(folder: &Path, resolved: &str, columns: &[Column]) -> Known 
                     Ok(energetics)
                 },
                 modes,
+                no_margin,
             }
         }
         Err(why) => without(why),
     }
 }
 
-/// The structure, and whether its base is displaced.
+/// The structure, whether its base is displaced, and why no margin to a critical delay was watched.
 fn structure(
     folder: &Path,
     resolved: &str,
     columns: &[Column],
-) -> Result<(Energetics, bool), Without> {
+) -> Result<(Energetics, bool, Option<String>), Without> {
     let because = |text: String| Without::Because(text);
     let is_disp = |c: &&Column| {
         c.name
@@ -113,7 +117,9 @@ fn structure(
     let Side::Structure(numerical) = prepared.experiment.side else {
         return Err(Without::Structure);
     };
-    let analysis = prepared.facts.structure.and_then(|facts| facts.analysis);
+    let facts = prepared.facts.structure;
+    let (analysis, no_margin) =
+        facts.map_or((None, None), |facts| (facts.analysis, facts.no_margin));
     let Some(analysis) = analysis else {
         return Err(because("the structure is too large".to_owned()));
     };
@@ -124,7 +130,7 @@ fn structure(
         analysis,
         steps: prepared.experiment.steps as usize,
     };
-    Ok((energetics, has_base))
+    Ok((energetics, has_base, no_margin))
 }
 
 impl Energetics {

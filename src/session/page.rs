@@ -193,6 +193,7 @@ pub(super) fn read(folder: &Path) -> Result<RunData, PageError> {
         data: Vec::new(),
         digest: Some(digest),
         no_balance,
+        no_margin: known.no_margin,
         no_modes: known.modes.as_ref().err().cloned(),
         modes: known.modes.unwrap_or_default(),
         summary,

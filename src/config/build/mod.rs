@@ -6,6 +6,7 @@
 
 mod analysis;
 mod apart;
+mod critical;
 mod excitation;
 mod gear;
 mod limits;
@@ -122,6 +123,8 @@ pub struct StructureFacts {
     pub peak_ground_accel: Option<f64>,
     /// What modes and delays can be analysed from, for structures that are not too large.
     pub analysis: Option<Analysis>,
+    /// Why no margin to a critical delay is watched; none where one is.
+    pub no_margin: Option<String>,
     /// The limit of λ as the tangents of the specimens change it; none where it takes too long to find.
     pub online_limit: Option<OnlineLimit>,
     /// b·S⁻¹·bᵀ of every axis of every specimen, at the declared bounds; empty without a proof.
@@ -299,6 +302,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         .as_mut()
         .map(|facts| std::mem::take(&mut facts.gains));
     let ports = specimens.into_ports(site, dofs, settling.is_some(), gains.unwrap_or_default())?;
+    let ports = critical::watched(site, structure.as_mut(), ports)?;
     let time = site.loaded.time;
     let found = site.warnings.drain(..);
     let found = found.map(|finding| site.loaded.locator.diagnose(finding));
@@ -455,6 +459,7 @@ fn numerical(
         choice: proof.and_then(|proof| proof.choice),
         frequencies,
         analysis,
+        no_margin: None,
         peak_ground_accel: ground.map(|a| a.iter().fold(0.0, |m: f64, v| m.max(v.abs()))),
     };
     let accel = match crate::model::Acceleration::new(structure.mass()) {
