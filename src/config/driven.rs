@@ -96,6 +96,7 @@ impl Loaded {
         file.uncertainty = Vec::new();
         file.safety.divergence_m = None;
         file.safety.stability_used = None;
+        file.safety.delay_used = None;
         file.safety.step_audit = None;
         file.safety.added_energy_share = None;
         file.record.dofs = None;

@@ -49,7 +49,7 @@ use thiserror::Error;
 use toml_edit::DocumentMut;
 
 pub use build::{
-    ALL_MODES, ActuatorFacts, Analysis, Dial, Drawn, Estimate, Facts, Files, Limit, LimitFacts,
+    ALL_MODES, ActuatorFacts, Analysis, DelayedMode, Dial, Drawn, Estimate, Facts, Files, Limit, LimitFacts,
     LoadingFacts, Loop, ModeFacts, Prepared, SpecimenLimits, StructureFacts, Trial, build,
     build_over, build_rehearsal, build_trial, estimates,
 };

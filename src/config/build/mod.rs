@@ -6,6 +6,7 @@
 
 mod analysis;
 mod apart;
+mod critical;
 mod excitation;
 mod gear;
 mod limits;
@@ -33,7 +34,7 @@ use crate::integrate::{Lambda, LambdaChoice, OnlineLimit};
 use crate::link::{NativeSetup, Transport};
 use crate::rt;
 use crate::rt::TimingSpec;
-pub use analysis::{ALL_MODES, Analysis, Loop, ModeFacts};
+pub use analysis::{ALL_MODES, Analysis, DelayedMode, Loop, ModeFacts};
 use gear::Rows;
 use recorded::record_dofs;
 use settle::settle;
@@ -128,6 +129,8 @@ pub struct StructureFacts {
     pub peak_ground_accel: Option<f64>,
     /// What modes and delays can be analysed from, for structures that are not too large.
     pub analysis: Option<Analysis>,
+    /// Why no margin to a critical delay is watched; none where one is.
+    pub no_margin: Option<String>,
     /// The limit of λ as the tangents of the specimens change it; none where it takes too long to find.
     pub online_limit: Option<OnlineLimit>,
     /// b·S⁻¹·bᵀ of every axis of every specimen, at the declared bounds; empty without a proof.
@@ -243,6 +246,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         .as_mut()
         .map(|facts| std::mem::take(&mut facts.gains));
     let ports = specimens.into_ports(site, dofs, settling.is_some(), gains.unwrap_or_default())?;
+    let ports = critical::watched(site, structure.as_mut(), ports)?;
     let time = site.loaded.time;
     let found = site.warnings.drain(..);
     let found = found.map(|finding| site.loaded.locator.diagnose(finding));
@@ -399,6 +403,7 @@ fn numerical(
         choice: proof.and_then(|proof| proof.choice),
         frequencies,
         analysis,
+        no_margin: None,
         peak_ground_accel: ground.map(|a| a.iter().fold(0.0, |m: f64, v| m.max(v.abs()))),
     };
     let accel = match crate::model::Acceleration::new(structure.mass()) {

@@ -289,7 +289,7 @@ impl Specimens {
                         let pace = passes / tick;
                         port = port.with_compensation(compensators, metres, tick, pace);
                     }
-                    if compensation::is_tracked(&site.loaded.file.specimen[index], axes) {
+                    if compensation::is_tracked(&site.loaded.file, table, axes) {
                         port = port.with_tracking(passes);
                     }
                     if let Some(Loading { geometry, rows }) = entry.loading {
