@@ -25,10 +25,7 @@ mod trial;
 
 use std::path::PathBuf;
 
-use super::{
-    ClockChoice, ConfigError, Diagnostics, Finding, KeyPath, Loaded, Method,
-    TestFile,
-};
+use super::{ClockChoice, ConfigError, Diagnostics, Finding, KeyPath, Loaded, Method, TestFile};
 use crate::engine::{Experiment, Numerical, Settling, Side, StepAudit, TestQuantity};
 use crate::integrate::{Lambda, LambdaChoice, OnlineLimit};
 use crate::link::{NativeSetup, Transport};
@@ -36,10 +33,10 @@ use crate::rt;
 use crate::rt::TimingSpec;
 pub use analysis::{ALL_MODES, Analysis, DelayedMode, Loop, ModeFacts};
 use gear::Rows;
+pub use limits::{Limit, LimitFacts, SpecimenLimits};
 use recorded::record_dofs;
 use settle::settle;
 use site::{Refused, Site, path};
-pub use limits::{Limit, LimitFacts, SpecimenLimits};
 use specimens::Specimens;
 pub use specimens::loading::{ActuatorFacts, LoadingFacts};
 pub(in crate::config) use specimens::loading::{at_actuators, behind_actuators};

@@ -14,8 +14,8 @@ mod stall;
 mod wire;
 
 pub use bench::Bench;
-pub(in crate::link) use queue::Queue;
 pub use check::ScriptError;
+pub(in crate::link) use queue::Queue;
 pub use spec::{Channel, Expect, Fault, Kind, Script, Way};
 pub use stall::StallingClock;
 pub use wire::FaultyWire;
