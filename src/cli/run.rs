@@ -5,7 +5,7 @@ use std::path::Path;
 
 use anyhow::Context;
 
-use super::args::{ClockArg, RunArgs};
+use super::args::RunArgs;
 use super::attend;
 use super::conduct;
 use super::exit::{Exit, Mistakes, WithExit};
@@ -26,14 +26,14 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
     for text in &test.facts.announced {
         tell(format_args!("note: {text}"));
     }
-    attend::can_confirm(&test.facts, args.yes)?;
+    attend::can_confirm(&test.facts, args.test_run.yes)?;
     let asked = live::Asked::for_run(args)?;
     // Before there is a folder: from here on an interrupt leaves a whole one.
     let signals = Signals::listen().context("signals cannot be taken over")?;
-    let folder = conduct::folder(args.out.as_deref(), &test.facts.title)?;
+    let folder = conduct::folder(args.test_run.out.as_deref(), &test.facts.title)?;
     let facts = test.facts.clone();
     let mut status = Status::new(&facts, args);
-    let control = conduct::attended(&signals, &facts, args.yes)?;
+    let control = conduct::attended(&signals, &facts, args.test_run.yes)?;
     // Who is not looked at is not tapped.
     let mut looked = (asked.is_wanted() || status.is_shown())
         .then(|| live::Looked::at(&test, folder.path(), control.phase.clone()));
@@ -98,16 +98,8 @@ fn prepare(args: &RunArgs) -> anyhow::Result<Prepared> {
             other => WithExit(Exit::Usage, format!("{other}\nnothing was moved")).into(),
         });
     }
-    let mut sets = args.sets.clone();
-    if let Some(clock) = args.clock {
-        let clock = match clock {
-            ClockArg::Real => "real",
-            ClockArg::Simulated => "simulated",
-        };
-        sets.push(format!("time.clock=\"{clock}\""));
-    }
     let test = args.test.as_deref().context("no test file is given")?;
-    let loaded = load(test, &sets)?;
+    let loaded = args.test_run.load(test)?;
     config::build(&loaded).map_err(refused)
 }
 

@@ -135,6 +135,31 @@ impl<'a> Sight<'a> {
         ))
     }
 
+    /// The smallest margin of a specimen to its critical delay: now, and so far.
+    fn delays(&self) -> Option<String> {
+        let axes = self.board.subject.axes().zip(&self.now.axes);
+        let known = axes.filter(|((_, _, axis), _)| axis.has_margin);
+        let smallest = known
+            .map(|((specimen, ..), view)| (view.margin, &specimen.name))
+            // What is not known yet is not the smallest.
+            .filter(|(margin, _)| !margin[1].is_nan())
+            .min_by(|(a, _), (b, _)| a[1].total_cmp(&b[1]));
+        let ([now, lowest], name) = smallest?;
+        let room = |value: f64| {
+            if value == f64::INFINITY {
+                "none, every delay is stable".to_owned()
+            } else {
+                short(value, "s")
+            }
+        };
+        let beyond = if now < 0.0 { "  UNSTABLE" } else { "" };
+        Some(format!(
+            "delay margin of {name} {} (lowest {}){beyond}",
+            room(now),
+            room(lowest)
+        ))
+    }
+
     /// Every limit that has a level and a value: whose, its mark, [value, low, high], share of the level that is used.
     fn limits(&self) -> impl Iterator<Item = (usize, String, &Mark, [f64; 3], f64)> {
         let axes = self.board.subject.axes().zip(&self.now.axes).enumerate();
@@ -175,6 +200,7 @@ impl<'a> Sight<'a> {
         if let Some(late) = self.now.timing.first().filter(|late| late.count > 0) {
             parts.push(format!("late p99 {}", short(late.p99, "s")));
         }
+        parts.extend(self.delays());
         parts.extend(self.lambda());
         parts.push(format!("{:.0} Hz", self.rate_hz));
         cut(&parts.join("  "), columns)
@@ -204,6 +230,7 @@ impl<'a> Sight<'a> {
                 short(late.max, "s")
             ));
         }
+        last.extend(self.delays());
         last.extend(self.lambda());
         last.push(format!(
             "Ctrl-C stops   gusset hold {}",

@@ -40,6 +40,12 @@ pub struct SafetyTable {
     /// below 1 the integration is stable. Absent: warned of beyond 1. Known where the proof of stability is.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stability_used: Option<BoundSpec>,
+    /// Lag of a specimen in parts of the critical delay at its stiffness, both as fitted over the last seconds of motion: the worst
+    /// of all axes; at 1 the margin is used up and the test grows. The critical delay is that of a linear structure with one
+    /// axis late at a time, in continuous time. Absent: warned of beyond 1. Known of specimens with a `transfer`, a
+    /// `compensation` or a bound of their lag, of all if it is given, in structures that are small enough to tabulate it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub delay_used: Option<BoundSpec>,
     /// What the exact audit of the steps leaves over, in parts of the energy turned over: roundoff unless the program is at
     /// fault. Absent: warned of beyond 1e-9, and the test stops beyond 1e-6, for structures of up to 64 DOFs.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -68,6 +74,7 @@ impl Default for SafetyTable {
             resume_within_m: None,
             exit_speed_m_per_s: None,
             stability_used: None,
+            delay_used: None,
             step_audit: None,
             added_energy_share: None,
             unlimited: None,

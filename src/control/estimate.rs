@@ -100,6 +100,14 @@ impl Estimates {
         })
     }
 
+    /// Force on an axis that the others make, as declared. Real-time: yes.
+    pub fn of_others(&self, index: usize, measured: &[f64]) -> f64 {
+        let n = self.axes.len();
+        let row = self.coupling.get(index * n..(index + 1) * n);
+        let others = row.unwrap_or_default().iter().zip(measured);
+        others.map(|(stiffness, disp)| stiffness * disp).sum()
+    }
+
     /// Changes of at least this size count from now on: as declared, or above the noise of (displacement, force) in m
     /// and N.
     pub fn begin(&mut self, noise: impl Iterator<Item = (f64, f64)>) {

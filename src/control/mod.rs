@@ -6,6 +6,7 @@
 
 mod believed;
 mod compensated;
+mod critical;
 mod direction;
 mod error;
 mod estimate;
@@ -27,6 +28,7 @@ mod trend;
 mod units;
 
 pub use believed::Believed;
+pub use critical::CriticalDelay;
 pub use direction::Direction;
 pub use error::PortError;
 pub use estimate::Declared;
@@ -147,6 +149,8 @@ pub struct Port {
     still: Vec<f64>,
     compensation: Option<compensated::Compensation>,
     tracking: tracking::Tracking,
+    /// One per axis, or none at all.
+    critical: Vec<CriticalDelay>,
     /// The test runs.
     runs: bool,
     /// How the specimen is left.
@@ -250,6 +254,7 @@ impl Port {
             still: vec![0.0; n],
             compensation: None,
             tracking: tracking::Tracking::new(n),
+            critical: Vec::new(),
             runs: false,
             exits: Exits::default(),
         })

@@ -2,7 +2,8 @@
 //!
 //! Over a window that forgets, the measured displacement is fitted by the target and its velocity, m ≈ a x + b ẋ; with the
 //! mean frequency ω² = Σẋ²/Σx² of the window, gain = √(a² + ω²b²) and lag = atan2(−ωb, a)/ω, exact for one frequency. A lag τ
-//! on a stiffness k_e is the damping −k_e τ (Horiuchi et al. 1999). Nothing is said before the window holds motion well above
+//! on a stiffness k_e is the damping −k_e τ (Horiuchi et al. 1999); k_e is fitted likewise, f ≈ a' x + b' ẋ, as the real part of
+//! (a' + iωb')/(a + iωb): sensors' noise is in neither x nor ẋ, and does not bias it. Nothing is said before the window holds motion well above
 //! the noise that was read while zeroing. It moves nothing: columns and limits only.
 
 use super::Port;
@@ -20,8 +21,8 @@ const INDEPENDENT: f64 = 1e-3;
 /// What is remembered of one axis.
 #[derive(Debug, Clone, Copy, Default)]
 struct Follow {
-    /// Where the test began, and the target's velocity of the tick before.
-    start: Option<(f64, f64)>,
+    /// Target, measured displacement and force where the test began, and the target's velocity of the tick before.
+    start: Option<(f64, f64, f64)>,
     last_vel: f64,
     weight: f64,
     xx: f64,
@@ -29,32 +30,37 @@ struct Follow {
     vv: f64,
     xm: f64,
     vm: f64,
+    xf: f64,
+    vf: f64,
     lag: f64,
     gain: f64,
+    stiffness: f64,
     least: f64,
 }
 
 impl Follow {
-    /// One tick of `dt` s: target, its velocity as the integrator publishes it (of half a tick ago), measured displacement.
-    /// Real-time: yes.
-    fn take(&mut self, target: f64, vel: f64, measured: f64, dt: f64) {
-        let (x0, m0) = *self.start.get_or_insert((target, measured));
+    /// One tick of `dt` s: target, its velocity as the integrator publishes it (of half a tick ago), measured displacement and
+    /// force. Real-time: yes.
+    fn take(&mut self, target: f64, vel: f64, (measured, force): (f64, f64), dt: f64) {
+        let (x0, m0, f0) = *self.start.get_or_insert((target, measured, force));
         // Half a tick on along a straight line: the velocity of now.
         let now = vel + 0.5 * (vel - self.last_vel);
         self.last_vel = vel;
         let keep = 1.0 - (dt / WINDOW_S).min(1.0);
-        let (x, m) = (target - x0, measured - m0);
+        let (x, m, f) = (target - x0, measured - m0, force - f0);
         self.weight = keep * self.weight + 1.0;
         self.xx = keep * self.xx + x * x;
         self.xv = keep * self.xv + x * now;
         self.vv = keep * self.vv + now * now;
         self.xm = keep * self.xm + x * m;
         self.vm = keep * self.vm + now * m;
+        self.xf = keep * self.xf + x * f;
+        self.vf = keep * self.vf + now * f;
         let determinant = self.xx * self.vv - self.xv * self.xv;
         let moves = self.xx > self.weight * self.least * self.least;
         // Written so that NaN says nothing.
         if !(moves && determinant > INDEPENDENT * self.xx * self.vv) {
-            (self.lag, self.gain) = (f64::NAN, f64::NAN);
+            (self.lag, self.gain, self.stiffness) = (f64::NAN, f64::NAN, f64::NAN);
             return;
         }
         let a = (self.xm * self.vv - self.vm * self.xv) / determinant;
@@ -62,6 +68,9 @@ impl Follow {
         let omega = (self.vv / self.xx).sqrt();
         self.gain = (a * a + omega * omega * b * b).sqrt();
         self.lag = libm::atan2(-omega * b, a) / omega;
+        let a_f = (self.xf * self.vv - self.vf * self.xv) / determinant;
+        let b_f = (self.vf * self.xx - self.xf * self.xv) / determinant;
+        self.stiffness = (a_f * a + omega * omega * b_f * b) / (self.gain * self.gain);
     }
 }
 
@@ -80,6 +89,7 @@ impl Tracking {
         let unknown = Follow {
             lag: f64::NAN,
             gain: f64::NAN,
+            stiffness: f64::NAN,
             least: LEAST_M,
             ..Follow::default()
         };
@@ -124,27 +134,35 @@ impl Port {
             return;
         }
         let dt = self.tracking.dt;
-        let values = self.target.iter().zip(&self.target_vel).zip(&self.measured);
-        for (follow, ((target, vel), measured)) in self.tracking.axes.iter_mut().zip(values) {
-            follow.take(*target, *vel, *measured, dt);
+        let targets = self.target.iter().zip(&self.target_vel);
+        let values = targets.zip(&self.measured).zip(&self.force).enumerate();
+        let axes = self.tracking.axes.iter_mut().zip(values);
+        for (follow, (index, (((target, vel), measured), force))) in axes {
+            let own = force - self.estimates.of_others(index, &self.measured);
+            follow.take(*target, *vel, (*measured, own), dt);
         }
         let judged = self.tracking.axes.iter();
         let judged = judged.map(|follow| (follow.lag.abs(), (follow.gain - 1.0).abs()));
         self.guard.watch.tracked(judged, found);
     }
 
-    /// Lag in s, gain, and the damping in N s/m that the lag adds, per axis at the structure; NaN where nothing is known.
-    /// Empty where nothing is estimated. Real-time: yes.
-    pub fn tracking(&self) -> impl Iterator<Item = [f64; 3]> + '_ {
+    /// Lag in s, gain, stiffness in N/m, and the damping in N s/m that the lag adds to it, per axis at the structure; NaN where
+    /// nothing is known. Empty where nothing is estimated. Real-time: yes.
+    pub fn tracking(&self) -> impl Iterator<Item = [f64; 4]> + '_ {
         let axes = if self.tracking.on {
             self.tracking.axes.as_slice()
         } else {
             &[]
         };
-        let tangents = self.estimates();
-        axes.iter()
-            .zip(tangents)
-            .map(|(follow, (stiffness, ..))| [follow.lag, follow.gain, -stiffness * follow.lag])
+        axes.iter().map(|follow| {
+            let Follow {
+                lag,
+                gain,
+                stiffness,
+                ..
+            } = *follow;
+            [lag, gain, stiffness, -stiffness * lag]
+        })
     }
 }
 
@@ -160,7 +178,10 @@ mod tests {
         for k in 0..(20.0 / dt) as i32 {
             let t = f64::from(k) * dt;
             let vel = (at(t) - at(t - dt)) / dt;
-            follow.take(at(t), vel, gain * at(t - delay), dt);
+            let measured = gain * at(t - delay);
+            // A spring whose noise is in no regressor, so that only its scatter is left.
+            let noise = 0.2e-3 * libm::sin(1e5 * f64::from(k));
+            follow.take(at(t), vel, (measured + noise, 3e5 * measured), dt);
         }
         follow
     }
@@ -173,6 +194,7 @@ mod tests {
             (1.02, -4e-3, 5.0),
         ] {
             let found = follow(gain, delay, hertz, 1.0 / 4096.0);
+            assert!((found.stiffness / 3e5 - 1.0).abs() < 0.01, "{found:?}");
             // The window ripples with the sine, and forgets unevenly.
             assert!((found.gain - gain).abs() < 0.01 * gain, "{found:?}");
             assert!(
@@ -187,8 +209,8 @@ mod tests {
         let mut quiet = Tracking::new(1).axes[0];
         quiet.least = 1e-4;
         for k in 0..10_000 {
-            quiet.take(1e-6 * libm::sin(f64::from(k)), 1e-3, 1e-5, 1e-3);
+            quiet.take(1e-6 * libm::sin(f64::from(k)), 1e-3, (1e-5, 1.0), 1e-3);
         }
-        assert!(quiet.lag.is_nan() && quiet.gain.is_nan());
+        assert!(quiet.lag.is_nan() && quiet.gain.is_nan() && quiet.stiffness.is_nan());
     }
 }

@@ -14,6 +14,8 @@ use crate::record::EventKind;
 pub enum TestQuantity {
     /// Share of the room for stability that tangents beyond their declared bounds use up.
     StabilityUsed,
+    /// The largest share of its critical delay that the lag of a specimen uses up.
+    DelayUsed,
     /// What the exact audit of the steps leaves over, in parts of the energy that was turned over.
     StepAudit,
     /// Energy that the transfer systems have added, in parts of what the test has taken in.
@@ -28,7 +30,12 @@ pub enum TestQuantity {
 
 impl TestQuantity {
     /// Those that stand in the row.
-    const RECORDED: [Self; 3] = [Self::StabilityUsed, Self::StepAudit, Self::AddedEnergyShare];
+    const RECORDED: [Self; 4] = [
+        Self::StabilityUsed,
+        Self::DelayUsed,
+        Self::StepAudit,
+        Self::AddedEnergyShare,
+    ];
 
     /// In words.
     #[must_use]
@@ -36,6 +43,9 @@ impl TestQuantity {
         match self {
             Self::StabilityUsed => {
                 "share of the room for stability that tangents beyond their declared bounds use up"
+            }
+            Self::DelayUsed => {
+                "lag in parts of the critical delay at the stiffness of the last seconds"
             }
             Self::StepAudit => "energy that the exact audit of the steps leaves over, relative",
             Self::AddedEnergyShare => {
@@ -52,6 +62,7 @@ impl TestQuantity {
     pub const fn key(self) -> &'static str {
         match self {
             Self::StabilityUsed => "stability_used",
+            Self::DelayUsed => "delay_used",
             Self::StepAudit => "step_audit",
             Self::AddedEnergyShare => "added_energy_share",
             Self::MissesInARow => "max_consecutive_misses",
@@ -74,6 +85,7 @@ impl TestQuantity {
             (Self::StabilityUsed, Side::Structure(_)) => {
                 !ports.is_empty() && ports.iter().all(Port::knows_stability)
             }
+            (Self::DelayUsed, Side::Structure(_)) => ports.iter().any(Port::knows_margin),
             (Self::StepAudit, Side::Structure(numerical)) => numerical.audit().is_some(),
             (Self::AddedEnergyShare, Side::Structure(numerical)) => {
                 numerical.intake().is_some() && !ports.is_empty()
@@ -88,6 +100,11 @@ impl TestQuantity {
             (Self::StabilityUsed, _) => {
                 let ports = ports.iter().map(|port| port.stability_used());
                 ports.map(|used| used.unwrap_or(f64::NAN)).sum()
+            }
+            (Self::DelayUsed, _) => {
+                let ports = ports.iter().map(Port::delay_used);
+                // A number wins against none.
+                ports.fold(f64::NAN, f64::max)
             }
             (Self::StepAudit, Side::Structure(numerical)) => numerical
                 .audit()
@@ -116,6 +133,8 @@ impl TestQuantity {
 pub struct TestLimits {
     /// Of [`TestQuantity::StabilityUsed`].
     pub stability_used: Bound,
+    /// Of [`TestQuantity::DelayUsed`].
+    pub delay_used: Bound,
     /// Of [`TestQuantity::StepAudit`].
     pub step_audit: Bound,
     /// Of [`TestQuantity::AddedEnergyShare`].
@@ -128,6 +147,7 @@ impl Default for TestLimits {
     fn default() -> Self {
         Self {
             stability_used: Bound::NONE,
+            delay_used: Bound::NONE,
             step_audit: Bound::NONE,
             added_energy_share: Bound::NONE,
             misses: MissLevels::NONE,
@@ -156,6 +176,7 @@ impl std::fmt::Display for TestHit {
         let (words, key) = (quantity.words(), quantity.key());
         match quantity {
             TestQuantity::StabilityUsed
+            | TestQuantity::DelayUsed
             | TestQuantity::StepAudit
             | TestQuantity::AddedEnergyShare => {
                 write!(f, "{words}: {value:.3e}, allowed {bound:.3e} ({key})")
@@ -174,12 +195,17 @@ impl Engine {
             }
             let bound = match quantity {
                 TestQuantity::StabilityUsed => self.limits.test.stability_used,
+                TestQuantity::DelayUsed => self.limits.test.delay_used,
                 TestQuantity::AddedEnergyShare => self.limits.test.added_energy_share,
                 _ => self.limits.test.step_audit,
             };
             let value = quantity.value(&self.side, &self.ports);
             // What cannot be estimated is no finding; a step that leaves no number is one.
-            let judged = if value.is_nan() && quantity == TestQuantity::StabilityUsed {
+            let is_estimate = matches!(
+                quantity,
+                TestQuantity::StabilityUsed | TestQuantity::DelayUsed
+            );
+            let judged = if value.is_nan() && is_estimate {
                 None
             } else {
                 bound.judge(value)

@@ -47,12 +47,22 @@ pub(super) fn port_values(slots: &mut [f64], width: usize, port: &Port) {
             *ct = damping;
         }
     }
-    // The last two are written already: nothing has as many further numbers.
-    let tracking = port.tracking().flatten();
-    let poses = port.pose().flat_map(|(_, values)| values);
-    let all = tracking.chain(port.compensation_parameters()).chain(poses);
-    for (slot, value) in further.iter_mut().zip(all) {
-        *slot = value;
+    // The last two are written already.
+    let Some((further, _)) = further.split_last_chunk_mut::<2>() else {
+        return;
+    };
+    if !further.is_empty() {
+        let tracking = port.tracking().flatten();
+        let poses = port.pose().flat_map(|(_, values)| values);
+        let margins = port.knows_margin().then(|| port.delay_margins());
+        let margins = margins.into_iter().flatten();
+        let all = tracking
+            .chain(margins)
+            .chain(port.compensation_parameters())
+            .chain(poses);
+        for (slot, value) in further.iter_mut().zip(all) {
+            *slot = value;
+        }
     }
 }
 
@@ -123,7 +133,12 @@ pub(super) fn port_columns(columns: &mut Vec<Column>, number: usize, port: &Port
                 "1",
                 "measured displacement over the target, estimated",
             ),
-            ("false_c", "N s/m", "damping that the lag adds"),
+            (
+                "stiffness",
+                "N/m",
+                "stiffness as fitted over the last seconds of motion",
+            ),
+            ("false_c", "N s/m", "damping that the lag adds to it"),
         ] {
             let meaning = format!("{meaning}, specimen \"{name}\", axis {axis}");
             columns.push(column(
@@ -133,6 +148,15 @@ pub(super) fn port_columns(columns: &mut Vec<Column>, number: usize, port: &Port
                 false,
             ));
         }
+    }
+    let margins = if port.knows_margin() { port.axes() } else { 0 };
+    for axis in 1..=margins {
+        let meaning = format!(
+            "critical delay at the stiffness of the last seconds less their lag: below 0 the test grows; inf where every delay is \
+             stable, specimen \"{name}\", axis {axis}"
+        );
+        let key = format!("margin_{number}_{axis}");
+        columns.push(column(&key, "s", &meaning, false));
     }
     for (axis, parameter) in port.compensation_names() {
         let (key, axis) = (parameter.name, axis + 1);

@@ -5,6 +5,8 @@
 //! alone, so that what is left over is of order Δt²: a picture. The exact audit is the program's own (column
 //! `step_audit`).
 
+use super::falsified::Scale;
+
 /// The equation of motion: what is needed of a structure.
 pub trait Model {
     /// Number of degrees of freedom.
@@ -17,6 +19,8 @@ pub trait Model {
     fn restoring(&mut self, disp: &[f64], vel: &[f64], dt: f64, out: &mut [f64]);
     /// ½ vᵀ M v in J.
     fn kinetic(&self, vel: &[f64]) -> f64;
+    /// ½ xᵀ K0 x in J, K0 the initial stiffness of the structure and its specimens.
+    fn strain(&self, disp: &[f64]) -> f64;
 }
 
 /// Energies at one step in J, counted from the beginning of the record; work done on each part is positive.
@@ -67,6 +71,7 @@ pub struct Balance<'a> {
     rows: [Row; 3],
     known: usize,
     so_far: Energies,
+    scale: Scale,
     pending: Energies,
     begun: bool,
     vel: Vec<f64>,
@@ -99,6 +104,7 @@ impl<'a> Balance<'a> {
             rows: [row.clone(), row.clone(), row],
             known: 0,
             so_far: Energies::default(),
+            scale: Scale::default(),
             pending: Energies::default(),
             begun: false,
             vel: vec![0.0; n],
@@ -134,7 +140,21 @@ impl<'a> Balance<'a> {
             .iter_mut()
             .zip(axes)
             .for_each(|(to, from)| *to = from);
-        (self.known == 3).then(|| self.close())
+        // A missing sample is passed over.
+        let strain = self.model.strain(&newest.disp);
+        self.scale.strain_energy_j = self.scale.strain_energy_j.max(strain);
+        if self.known < 3 {
+            return None;
+        }
+        let now = self.close();
+        self.scale.input_energy_j = self.scale.input_energy_j.max(now.input);
+        Some(now)
+    }
+
+    /// What energy errors are measured by, of the steps so far.
+    #[must_use]
+    pub const fn scale(&self) -> Scale {
+        self.scale
     }
 
     fn close(&mut self) -> Energies {
@@ -219,6 +239,9 @@ mod tests {
         fn kinetic(&self, vel: &[f64]) -> f64 {
             0.5 * self.mass * vel[0] * vel[0]
         }
+        fn strain(&self, disp: &[f64]) -> f64 {
+            0.5 * (self.stiffness + 2e3) * disp[0] * disp[0]
+        }
     }
 
     /// Central differences of the oscillator with a specimen of stiffness `k`: x and the specimen's force.
@@ -264,6 +287,15 @@ mod tests {
         assert!(largest < 2e-4 * last.input, "{largest} {last:?}");
         // A spring keeps ½ k x², counted from the beginning: of both in proportion.
         assert!((last.springs / last.specimens - 1.5).abs() < 1e-9);
+        // The scale of errors: the most that went in, and ½ k x² of both springs where x is largest.
+        let most = rows
+            .iter()
+            .fold(0.0, |most: f64, row| most.max(row.0.abs()));
+        let scale = balance.scale();
+        assert!((scale.strain_energy_j / (2.5e3 * most * most) - 1.0).abs() < 1e-12);
+        // Input starts at nothing here, and what is left over of it is what the damping took and what still moves.
+        let input = last.damping + last.kinetic + last.springs + last.specimens;
+        assert!(scale.input_energy_j >= last.input && last.input > 0.99 * input);
     }
 
     #[test]

@@ -10,9 +10,11 @@
 //! | [`tracking`] | how well a measured displacement follows its target, each number with its noise floor |
 //! | [`fourier`] | amplitude spectra; the frequency evaluation index |
 //! | [`ground`] | response spectra (Nigam and Jennings), Arias intensity, significant duration |
+//! | [`falsified`] | the damping and the energy that late specimens falsify of a test as a whole |
 //! | [`energy`] | the energy balance of a structure and its specimens, step by step |
 
 pub mod energy;
+pub mod falsified;
 pub mod fourier;
 pub mod ground;
 pub mod response;

@@ -84,7 +84,7 @@ impl Judged {
     }
 
     /// A number that noise scatters about `perfect`.
-    fn scattered(value: f64, floor: Option<f64>, perfect: f64) -> Self {
+    pub(super) fn scattered(value: f64, floor: Option<f64>, perfect: f64) -> Self {
         let is_seen = |floor: f64| (value - perfect).abs() > SEEN * floor;
         let corrected = floor.map(|floor| if is_seen(floor) { value } else { perfect });
         Self {
@@ -130,6 +130,9 @@ pub struct Tracking {
     /// Energy error of Mosqueda, Stojadinović and Mahin, ∫ f d(measured − target); positive: the
     /// transfer system has added energy to the test, as a lag does.
     pub energy_error_j: Judged,
+    /// The same over the input energy and the largest elastic strain energy of the test ([`super::falsified::Scale`]); null
+    /// where there is no energy balance.
+    pub energy_error_share: Option<Judged>,
     /// What the floors come from; null if the test did not zero its sensors.
     pub noise: Option<Noise>,
 }
@@ -263,6 +266,7 @@ impl Tracking {
             tracking_indicator_m2: Judged::scattered(s.indicator, of_indicator, 0.0),
             slope: Judged::scattered(s.cm / s.cc, of_slope, 1.0),
             energy_error_j: Judged::scattered(s.energy, of_energy, 0.0),
+            energy_error_share: None,
             noise,
         })
     }

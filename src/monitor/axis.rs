@@ -39,6 +39,8 @@ pub(super) struct AxisTap {
     damping: [f64; 2],
     lag: f64,
     gain_error: f64,
+    /// Present and smallest so far.
+    margin: [f64; 2],
     limits: Vec<[f64; 3]>,
     /// Points of smallest and of largest displacement of the open bin, each with the order in which it came.
     ends: Option<[(u64, [f32; 2]); 2]>,
@@ -70,6 +72,7 @@ impl AxisTap {
             damping: [none; 2],
             lag: none,
             gain_error: none,
+            margin: [none; 2],
             limits: vec![[none; 3]; axis.marks.len()],
             ends: None,
             points: 0,
@@ -118,6 +121,8 @@ impl AxisTap {
         self.added = at(row, places.added);
         self.lag = at(row, places.lag).abs();
         self.gain_error = (at(row, places.gain) - 1.0).abs();
+        let margin = at(row, places.margin);
+        self.margin = [margin, self.margin[1].min(margin)];
         for place in 0..self.limits.len() {
             let mark = axis.marks.get(place).map(|mark| mark.quantity);
             let value = mark.map_or(f64::NAN, |quantity| self.value(quantity, axis));
@@ -191,6 +196,7 @@ impl AxisTap {
             stiffest: self.stiffest[0].max(self.stiffest[1]),
             damping: self.damping[0].max(self.damping[1]),
             added: self.added,
+            margin: self.margin,
             limits: self.limits.clone(),
         }
     }

@@ -79,6 +79,9 @@ pub struct AxisView {
     pub damping: f64,
     /// Energy that the transfer system has added, J.
     pub added: f64,
+    /// Critical delay at the stiffness of the last seconds less their lag, s of test time: present and smallest so far. Infinite
+    /// where every delay is stable.
+    pub margin: [f64; 2],
     /// Per limit: present value, smallest and largest so far.
     pub limits: Vec<[f64; 3]>,
 }

@@ -248,6 +248,14 @@ fn specimens(text: &mut Text, board: &Board, latest: &Snapshot) {
     );
     let help = "Energy that the transfer system has added.";
     family("gusset_added_energy_joules", help, &|view| view.added);
+    if subject.axes().any(|(_, _, axis)| axis.has_margin) {
+        let help = "Critical delay at the stiffness of the last seconds less their lag; +Inf if every delay is stable.";
+        family("gusset_delay_margin_seconds", help, &|view| view.margin[0]);
+        let help = "The smallest of these so far.";
+        family("gusset_delay_margin_lowest_seconds", help, &|view| {
+            view.margin[1]
+        });
+    }
     let used = "gusset_limit_used_ratio";
     let worst = "gusset_limit_used_worst_ratio";
     for (name, help, peak) in [

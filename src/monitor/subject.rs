@@ -79,6 +79,8 @@ pub struct WatchedSpecimen {
 pub struct WatchedAxis {
     /// Its limits.
     pub marks: Vec<Mark>,
+    /// Whether its margin to the critical delay is estimated.
+    pub has_margin: bool,
     #[serde(skip)]
     pub(super) metres: f64,
     #[serde(skip)]
@@ -193,6 +195,7 @@ pub(super) struct AxisPlaces {
     pub added: Option<usize>,
     pub lag: Option<usize>,
     pub gain: Option<usize>,
+    pub margin: Option<usize>,
 }
 
 impl Subject {
@@ -218,6 +221,7 @@ impl Subject {
                         let place = |kind: &str| find(&format!("{kind}_{number}_{axis}"));
                         WatchedAxis {
                             marks: limits.levels().into_iter().filter_map(mark).collect(),
+                            has_margin: place("margin").is_some(),
                             metres: *metres,
                             newtons: *newtons,
                             following_time: limits.following_time,
@@ -235,6 +239,7 @@ impl Subject {
                                 added: place("added"),
                                 lag: place("lag"),
                                 gain: place("gain"),
+                                margin: place("margin"),
                             },
                         }
                     })
@@ -360,6 +365,11 @@ fn test_marks(experiment: &Experiment, columns: &[Column]) -> Vec<TestMark> {
             TestQuantity::StabilityUsed,
             limits.test.stability_used.warn,
             limits.test.stability_used.trip,
+        ),
+        (
+            TestQuantity::DelayUsed,
+            limits.test.delay_used.warn,
+            limits.test.delay_used.trip,
         ),
         (
             TestQuantity::StepAudit,

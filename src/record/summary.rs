@@ -161,6 +161,11 @@ pub struct Summary {
     /// Tracking metrics by specimen, one entry per axis, each with its noise floor; null before they are known.
     #[serde(default)]
     pub metrics: Value,
+    /// What the transfer systems falsified of the test as a whole, each number with its noise floor: energy error in J and as a
+    /// share, and per mode its frequency, damping ratio and the damping that the delays added; null in a test
+    /// without a structure.
+    #[serde(default)]
+    pub falsified: Value,
 }
 
 #[cfg(test)]
@@ -196,6 +201,7 @@ pub(super) mod tests {
             limits: Value::Null,
             machine: Value::Null,
             metrics: Value::Null,
+            falsified: Value::Null,
         }
     }
 
@@ -233,6 +239,7 @@ pub(super) mod tests {
             "limits",
             "machine",
             "metrics",
+            "falsified",
         ];
         assert_eq!(keys, [&contract[..], &additions[..]].concat());
         assert_eq!(

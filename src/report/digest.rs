@@ -13,6 +13,7 @@ use super::source::Source;
 use super::table::Table;
 use super::worst::WorstTick;
 use crate::metrics::energy::Model;
+use crate::metrics::falsified::Scale;
 use crate::metrics::tracking::Noise;
 use crate::record::Column;
 
@@ -78,6 +79,8 @@ pub struct Digest {
     pub(super) spectra: Vec<(u32, Vec<(f64, f64)>)>,
     /// Energies over time; empty where there is no model.
     pub(super) energy: Vec<(Column, Vec<f64>)>,
+    /// What energy errors are measured by; none where there is no model.
+    pub(super) scale: Option<Scale>,
     pub(super) worst: Vec<WorstTick>,
 }
 
@@ -214,8 +217,11 @@ impl Digest {
                     .iter()
                     .find(|(a, _)| *a == axis)
                     .and_then(|(_, noise)| *noise);
-                self.axes
-                    .push(AxisDigest::of(axis, held, time, self.interval, noise));
+                let mut digest = AxisDigest::of(axis, held, time, self.interval, noise);
+                if let (Some(tracking), Some(scale)) = (&mut digest.tracking, self.scale) {
+                    tracking.energy_error_share = scale.share(tracking.energy_error_j);
+                }
+                self.axes.push(digest);
             }
         }
     }

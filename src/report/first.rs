@@ -122,7 +122,7 @@ impl<'a> First<'a> {
         });
         let made: Vec<_> = made.chain(errors).collect();
         let rows = source.rows();
-        let work = |n: usize| 3.0 * (n * n) as f64 * rows as f64;
+        let work = |n: usize| 4.0 * (n * n) as f64 * rows as f64;
         let model = model
             .filter(|model| model.dofs() == digest.dofs.len() && work(model.dofs()) <= MOST_WORK);
         let axis_places = || {
@@ -296,7 +296,8 @@ impl<'a> First<'a> {
         let made = self.made.into_iter().map(|(column, _, _)| column);
         let columns = self.columns.into_iter().chain(made);
         digest.table = Table::new(columns.zip(self.thinner.finish()).collect());
-        if self.energy.is_some() {
+        if let Some(energy) = &self.energy {
+            digest.scale = Some(energy.balance.scale());
             let values = self.energy_thinner.finish();
             digest.energy = energy_columns().into_iter().zip(values).collect();
         }

@@ -70,6 +70,11 @@ pub(super) fn table_of(name: &str, axis: &AxisDigest, disp_unit: &str, force_uni
         &square,
     );
     row("energy error", Some(t.energy_error_j), &joule);
+    row(
+        "energy error over input and strain energy",
+        t.energy_error_share,
+        &percent,
+    );
     let at = t.fei.map_or_else(String::new, |f| {
         format!(
             " FEI belongs to {}.",
@@ -128,6 +133,7 @@ pub(super) fn legend() -> String {
          noise's share taken off in squares; the others as they are where they exceed twice their scatter, else what a perfect \
          specimen shows. Delays are positive where the measured displacement is behind. FEI: frequency evaluation index of Guo et al. \
          (2014), l = 2. TI: Mercan and Ricles (2007), it falls while the measured displacement lags. Energy error: ∫ f d(measured − target), Mosqueda et al. \
-         (2007), positive where the transfer system adds energy to the test. Delay by cross-correlation: refined by a parabola; of a test of more than 100 000 samples, around its largest target.",
+         (2007), positive where the transfer system adds energy to the test; over the largest input energy and the largest elastic strain \
+         energy of the whole test together. Delay by cross-correlation: refined by a parabola; of a test of more than 100 000 samples, around its largest target.",
     )
 }

@@ -12,7 +12,7 @@
 //! |---|---|
 //! | `page`, `html`, `page.css`, `script.js` | the order of the page; its pieces; its looks; what makes histories zoomable |
 //! | `outcome`, `tested`, `sketch`, `limits` | the verdict in words; what was tested; a picture of it; what would have ended it |
-//! | `ground`, `response`, `specimens`, `identified`, `judged`, `balance`, `loops`, `timeline` | sections |
+//! | `ground`, `response`, `specimens`, `identified`, `judged`, `falsified`, `balance`, `loops`, `timeline` | sections |
 //! | `compare`, `overlays`, `matched` | the page of two runs; their rows, number against number |
 //! | `source`, `digest`, `first`, `axes`, `shaking`, `worst`, `table` | rows read in blocks, and what is kept of them |
 //! | `pictures` | the pictures that stand alone |
@@ -30,6 +30,7 @@ mod charts;
 mod compare;
 mod curves;
 mod digest;
+mod falsified;
 mod first;
 mod ground;
 mod histogram;
@@ -65,6 +66,7 @@ mod worst;
 pub use compare::{compare, verdict};
 pub(crate) use curves::{Curve, Curves, Scale};
 pub use digest::{Difference, Digest};
+pub use falsified::falsified;
 pub use histogram::Percentiles;
 pub(crate) use html::note;
 pub use identified::{IdentifiedAxis, identified, tracking_metrics};
@@ -79,6 +81,7 @@ pub(crate) use text::escape;
 use std::borrow::Cow;
 
 pub use crate::metrics;
+use crate::metrics::falsified::Mode;
 use crate::record::Column;
 
 /// Everything a report is made from: what a run folder holds, already read.
@@ -94,6 +97,12 @@ pub struct RunData {
     pub digest: Option<Digest>,
     /// Why there is no energy balance, if something is in its way.
     pub no_balance: Option<String>,
+    /// Modes of the structure with what delays do to their damping; none without a structure.
+    pub modes: Vec<Mode>,
+    /// Why they are not known, if something is in the way.
+    pub no_modes: Option<String>,
+    /// Why no margin to a critical delay was watched, if none was.
+    pub no_margin: Option<String>,
     /// `summary.json`, if there is one.
     pub summary: Option<serde_json::Value>,
     /// `timing.json`, if there is one.

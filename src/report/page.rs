@@ -5,6 +5,7 @@ use sha2::{Digest as _, Sha256};
 use super::RunData;
 use super::balance::balance;
 use super::digest::Digest;
+use super::falsified::falsified_section;
 use super::ground::ground;
 use super::html::{beside, definitions, note, section};
 use super::identified;
@@ -72,6 +73,7 @@ fn page(run: &RunData, digest: &Digest) -> String {
         ground(&rows),
         response::response(&rows),
         specimens::specimens(run, &rows, &axes),
+        falsified_section(run, &rows, &axes),
         balance(&rows, run.no_balance.as_deref()),
     ];
     body.extend(parts.into_iter().flatten());

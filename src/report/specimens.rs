@@ -18,6 +18,8 @@ use super::text::{NOTHING, count, number, quantity};
 
 /// Kind of the column of measured − target.
 pub(super) const ERROR: &str = "error";
+/// Kind of the column of the margin to the critical delay.
+pub(super) const MARGIN: &str = "margin";
 /// Axes that are drawn; a table lists more.
 const MOST_DRAWN: usize = 8;
 
@@ -208,6 +210,7 @@ fn estimates(rows: &Rows<'_>, time: &[f64], axis: &Tracked<'_>) -> String {
     let (Some(lag), Some(gain)) = (column("lag"), column("gain")) else {
         return String::new();
     };
+    let margin = column(MARGIN);
     let mut markup = String::new();
     for (title, words, unit, values, ink) in [
         (
@@ -224,7 +227,12 @@ fn estimates(rows: &Rows<'_>, time: &[f64], axis: &Tracked<'_>) -> String {
             &gain,
             3,
         ),
-    ] {
+    ]
+    .into_iter()
+    .chain(margin.as_ref().map(|margin| {
+        let title = "Margin as estimated while the test ran: critical delay at the stiffness of the last seconds less their delay";
+        (title, "margin", "s", margin, 7)
+    })) {
         let lines = [Line {
             name: "",
             x: time,

@@ -206,6 +206,9 @@ pub(super) fn hybrid(seconds: f64, delay: usize) -> RunData {
         data,
         digest: None,
         no_balance: None,
+        modes: Vec::new(),
+        no_modes: None,
+        no_margin: None,
         summary: Some(json!({
             "status": "completed", "reason": "", "steps": steps, "dt": dt, "lambda": 11.5, "clock": "real", "wall_seconds": seconds,
             "link": {"bottom column": {"sent": steps, "received": steps, "late": 0, "lost": 0, "corrupt": 0}}, "rate_hz": RATE, "deadline_misses": misses, "stretched_ticks": 0, "version": "0.1.0",

@@ -1,10 +1,12 @@
-//! The equation of motion of a recorded test, for the energy balance of its report: made again of the folder's own configuration.
+//! The equation of motion of a recorded test, for the energy balance and the falsified damping of its report: made again of the
+//! folder's own configuration.
 
 use std::path::Path;
 
-use crate::config;
+use crate::config::{self, Analysis};
 use crate::engine::Side;
 use crate::metrics::energy::Model;
+use crate::metrics::falsified::Mode;
 use crate::model::{Base, Structure};
 use crate::motion::Excitation;
 use crate::record::Column;
@@ -13,6 +15,7 @@ use crate::record::Column;
 pub(super) struct Energetics {
     structure: Structure,
     excitation: Excitation,
+    analysis: Analysis,
     steps: usize,
 }
 
@@ -31,12 +34,50 @@ fn chain(resolved: &str) -> Option<usize> {
     usize::try_from(dofs.as_integer()?).ok()
 }
 
-/// The equation of motion of the run in `folder`, with this `resolved.toml` and these columns.
-pub(super) fn energetics(
+/// What is known of a structure for its report.
+pub(super) struct Known {
+    /// For the energy balance, or why there is none.
+    pub balance: Result<Energetics, Without>,
+    /// Its modes, or why they are not known.
+    pub modes: Result<Vec<Mode>, String>,
+    /// Why no margin to a critical delay was watched, if none was.
+    pub no_margin: Option<String>,
+}
+
+/// The structure of the run in `folder`, with this `resolved.toml` and these columns.
+pub(super) fn known(folder: &Path, resolved: &str, columns: &[Column]) -> Known {
+    let without = |balance| Known {
+        modes: match &balance {
+            Without::Structure => Ok(Vec::new()),
+            Without::Because(why) => Err(why.clone()),
+        },
+        no_margin: None,
+        balance: Err(balance),
+    };
+    match structure(folder, resolved, columns) {
+        Ok((energetics, has_base, no_margin)) => {
+            let modes = energetics.modes();
+            let base = "the base is displaced, and the force that does it is not recorded";
+            Known {
+                balance: if has_base {
+                    Err(Without::Because(base.to_owned()))
+                } else {
+                    Ok(energetics)
+                },
+                modes,
+                no_margin,
+            }
+        }
+        Err(why) => without(why),
+    }
+}
+
+/// The structure, whether its base is displaced, and why no margin to a critical delay was watched.
+fn structure(
     folder: &Path,
     resolved: &str,
     columns: &[Column],
-) -> Result<Energetics, Without> {
+) -> Result<(Energetics, bool, Option<String>), Without> {
     let because = |text: String| Without::Because(text);
     let is_disp = |c: &&Column| {
         c.name
@@ -76,16 +117,40 @@ pub(super) fn energetics(
     let Side::Structure(numerical) = prepared.experiment.side else {
         return Err(Without::Structure);
     };
-    if numerical.excitation.has_base() {
-        return Err(because(
-            "the base is displaced, and the force that does it is not recorded".to_owned(),
-        ));
-    }
-    Ok(Energetics {
+    let facts = prepared.facts.structure;
+    let (analysis, no_margin) =
+        facts.map_or((None, None), |facts| (facts.analysis, facts.no_margin));
+    let Some(analysis) = analysis else {
+        return Err(because("the structure is too large".to_owned()));
+    };
+    let has_base = numerical.excitation.has_base();
+    let energetics = Energetics {
         structure: numerical.structure,
         excitation: numerical.excitation,
+        analysis,
         steps: prepared.experiment.steps as usize,
-    })
+    };
+    Ok((energetics, has_base, no_margin))
+}
+
+impl Energetics {
+    /// The modes at the initial stiffness, and what delays of the specimens add to their damping.
+    fn modes(&self) -> Result<Vec<Mode>, String> {
+        let modes: Vec<Mode> = self
+            .analysis
+            .delayed_modes()
+            .into_iter()
+            .map(|mode| Mode {
+                frequency_hz: mode.frequency / std::f64::consts::TAU,
+                damping_ratio: mode.ratio,
+                per_second: mode.per_second,
+            })
+            .collect();
+        if modes.is_empty() {
+            return Err("the structure has no real modes at its initial stiffness".to_owned());
+        }
+        Ok(modes)
+    }
 }
 
 impl Model for Energetics {
@@ -116,5 +181,9 @@ impl Model for Energetics {
 
     fn kinetic(&self, vel: &[f64]) -> f64 {
         0.5 * self.structure.mass().quadratic(vel)
+    }
+
+    fn strain(&self, disp: &[f64]) -> f64 {
+        self.analysis.strain_energy(disp)
     }
 }

@@ -7,12 +7,12 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 use super::Finished;
-use super::energetics::{Without, energetics};
+use super::energetics::{Without, known};
 use crate::metrics::energy::Model;
 use crate::record::{Column, End, FolderError, Run, atomic};
 use crate::report::{
-    BLOCK, Digest, IdentifiedAxis, RunData, Source, drifts, hero_svg, identified, render,
-    tracking_metrics,
+    BLOCK, Digest, IdentifiedAxis, RunData, Source, drifts, falsified, hero_svg, identified,
+    render, tracking_metrics,
 };
 
 /// Why there is no report.
@@ -57,6 +57,7 @@ pub fn write_report(folder: &Path) -> Result<Page, PageError> {
 pub fn conclude(finished: &mut Finished) -> Result<Page, PageError> {
     let mut run = read(&finished.path)?;
     finished.summary.metrics = tracking_metrics(&run);
+    finished.summary.falsified = falsified(&run);
     let path = finished.path.join("summary.json");
     let text =
         serde_json::to_string_pretty(&finished.summary).map_err(|source| PageError::File {
@@ -163,7 +164,8 @@ pub(super) fn read(folder: &Path) -> Result<RunData, PageError> {
     let recorded = summary
         .as_ref()
         .and_then(|summary| summary.get("dt")?.as_f64());
-    let (mut model, no_balance) = match energetics(folder, &resolved, run.layout().columns()) {
+    let known = known(folder, &resolved, run.layout().columns());
+    let (mut model, no_balance) = match known.balance {
         Ok(model) => (Some(model), None),
         Err(Without::Structure) => (None, None),
         Err(Without::Because(why)) => (None, Some(why)),
@@ -191,6 +193,9 @@ pub(super) fn read(folder: &Path) -> Result<RunData, PageError> {
         data: Vec::new(),
         digest: Some(digest),
         no_balance,
+        no_margin: known.no_margin,
+        no_modes: known.modes.as_ref().err().cloned(),
+        modes: known.modes.unwrap_or_default(),
         summary,
         timing: json("timing.json"),
         events: run.events()?.events,

@@ -118,6 +118,7 @@ pub(super) fn summarise(
         limits: json!(facts.limits),
         machine: machine(),
         metrics: Value::Null,
+        falsified: Value::Null,
     };
     (finish, summary)
 }

@@ -23,16 +23,38 @@ const LARGEST_DELAYED: usize = 40;
 /// Matrices of a structure with its specimens, at the start.
 #[derive(Debug, Clone)]
 pub struct Analysis {
-    mass: SymMatrix,
+    pub(super) mass: SymMatrix,
     /// Tangent stiffness at rest.
     at_rest: SymMatrix,
     /// K0 and C0, as in M_eff.
-    stiffness: SymMatrix,
-    damping: SymMatrix,
+    pub(super) stiffness: SymMatrix,
+    pub(super) damping: SymMatrix,
     /// What has a λ of its own.
     apart: Option<Apart>,
     /// One per specimen; empty where the structure is too large.
     pub loops: Vec<Loop>,
+    pub(super) specimens: Vec<Attached>,
+}
+
+/// How a specimen hangs in the structure.
+#[derive(Debug, Clone)]
+pub(super) struct Attached {
+    pub rows: Vec<Vec<(usize, f64)>>,
+    pub stiffness: Vec<Vec<f64>>,
+    pub damping: Vec<Vec<f64>>,
+    pub mass_in_force: f64,
+}
+
+/// A mode of the whole at its initial stiffness, and what delays do to it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DelayedMode {
+    /// Natural frequency in rad/s.
+    pub frequency: f64,
+    /// Damping ratio φᵀ C0 φ/(2 ω) without delay.
+    pub ratio: f64,
+    /// Change of the damping ratio per second of delay of each axis of each specimen, −φ_a Σ (k̂ − ω² m)_ab φ_b/(2 ω), to the
+    /// first order: m is mass whose inertia is in the specimen's force and as late as the rest of it.
+    pub per_second: Vec<Vec<f64>>,
 }
 
 /// One mode at λ.
@@ -68,6 +90,26 @@ pub struct Loop {
     pub name: String,
     /// The structure with this specimen's motion delayed, all others on time.
     pub system: Delayed,
+}
+
+impl Attached {
+    /// Change of the damping ratio of a mode per second of delay of each axis.
+    fn per_second(&self, frequency: f64, shape: &[f64]) -> Vec<f64> {
+        let dot =
+            |row: &Vec<(usize, f64)>| -> f64 { row.iter().map(|(dof, b)| b * shape[*dof]).sum() };
+        let moved: Vec<f64> = self.rows.iter().map(dot).collect();
+        let inertia = frequency * frequency * self.mass_in_force;
+        let of_axis = |(axis, own): (usize, &f64)| {
+            // The delay of an axis is in every force that its motion makes.
+            let force: f64 = moved
+                .iter()
+                .zip(&self.stiffness)
+                .map(|(moved, row)| moved * row[axis])
+                .sum();
+            -own * (force - inertia * own) / (2.0 * frequency)
+        };
+        moved.iter().enumerate().map(of_axis).collect()
+    }
 }
 
 impl Loop {
@@ -138,7 +180,14 @@ impl Analysis {
         } else {
             Vec::new()
         };
+        let specimens = specimens.loops().map(|specimen| Attached {
+            rows: specimen.rows.iter().map(|row| row.to_vec()).collect(),
+            stiffness: specimen.stiffness.to_vec(),
+            damping: specimen.damping.to_vec(),
+            mass_in_force: specimen.mass_in_force,
+        });
         Some(Self {
+            specimens: specimens.collect(),
             mass: mass.clone(),
             at_rest: at_rest.clone(),
             stiffness: stiffness.clone(),
@@ -216,6 +265,52 @@ impl Analysis {
             }
             _ => Vec::new(),
         }
+    }
+
+    /// ½ xᵀ K0 x in J, K0 the initial stiffness of the structure and its specimens.
+    #[must_use]
+    pub fn strain_energy(&self, disp: &[f64]) -> f64 {
+        0.5 * self.stiffness.quadratic(disp)
+    }
+
+    /// Modes of the whole at its initial stiffness, ascending, with what delays of its specimens add to their damping. All of
+    /// a small structure, the lowest of a large one; empty if there are no real modes.
+    #[must_use]
+    pub fn delayed_modes(&self) -> Vec<DelayedMode> {
+        let n = self.mass.n();
+        let moving = self.specimens.iter().flat_map(|specimen| {
+            let mass = specimen.mass_in_force;
+            let squares = specimen.rows.iter().flat_map(move |row| {
+                let each = row
+                    .iter()
+                    .flat_map(move |a| row.iter().map(move |b| (a, b)));
+                each.map(move |(a, b)| (a.0, b.0, mass * a.1 * b.1))
+            });
+            // One triangle says it all.
+            squares.filter(move |(i, j, mass)| *mass != 0.0 && i >= j)
+        });
+        let mass = self.mass.plus(1.0, &SymMatrix::from_triplets(n, moving));
+        let modes = if n <= ALL_MODES {
+            linalg::modes(&self.stiffness, &mass)
+        } else {
+            linalg::lowest_modes(&self.stiffness, &mass, LOWEST)
+        };
+        let Ok(modes) = modes else {
+            return Vec::new();
+        };
+        let each = modes.frequencies.iter().zip(modes.shapes.column_iter());
+        // A body that moves freely has no damping ratio.
+        let each = each.filter(|(frequency, _)| **frequency > 0.0);
+        each.map(|(&frequency, shape)| DelayedMode {
+            frequency,
+            ratio: self.damping.quadratic(shape.as_slice()) / (2.0 * frequency),
+            per_second: self
+                .specimens
+                .iter()
+                .map(|specimen| specimen.per_second(frequency, shape.as_slice()))
+                .collect(),
+        })
+        .collect()
     }
 
     /// The highest natural frequency at rest in rad/s; none if a massless degree of freedom leaves it without a bound.

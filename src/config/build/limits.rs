@@ -167,6 +167,7 @@ pub(super) fn facts(
     let mut test = Vec::new();
     for (quantity, bound) in [
         (TestQuantity::StabilityUsed, limits.test.stability_used),
+        (TestQuantity::DelayUsed, limits.test.delay_used),
         (TestQuantity::StepAudit, limits.test.step_audit),
         (
             TestQuantity::AddedEnergyShare,

@@ -53,6 +53,12 @@ const STABILITY_USED: Bound = Bound {
     trip: f64::INFINITY,
 };
 
+/// Beyond its critical delay a test grows.
+const DELAY_USED: Bound = Bound {
+    warn: 1.0,
+    trip: f64::INFINITY,
+};
+
 /// Levels of what belongs to no specimen alone.
 pub(super) fn test_limits(file: &TestFile, time: &Time) -> TestLimits {
     let (safety, timing) = (&file.safety, &file.timing);
@@ -65,6 +71,7 @@ pub(super) fn test_limits(file: &TestFile, time: &Time) -> TestLimits {
     TestLimits {
         stability_used: or(safety.stability_used, STABILITY_USED),
         step_audit: or(safety.step_audit, AUDIT),
+        delay_used: or(safety.delay_used, DELAY_USED),
         added_energy_share: or(
             safety.added_energy_share.map(ShareSpec::levels),
             Bound::NONE,

@@ -11,6 +11,7 @@ pub(super) fn check_safety(file: &TestFile, findings: &mut Findings) {
     findings.positive(at.key("resume_within_m"), safety.resume_within_m);
     for (key, bound) in [
         ("stability_used", safety.stability_used),
+        ("delay_used", safety.delay_used),
         ("step_audit", safety.step_audit),
         (
             "added_energy_share",

@@ -134,5 +134,6 @@ pub(super) fn summarise(
         limits: serde_json::Value::Null,
         machine: serde_json::Value::Null,
         metrics: serde_json::Value::Null,
+        falsified: serde_json::Value::Null,
     }
 }

@@ -71,6 +71,7 @@ function build() {
   buildLimits();
   buildTiming();
   $("stability").hidden = !subject.lambda;
+  $("delays").hidden = !subject.specimens.some((specimen) => specimen.axes.some((axis) => axis.has_margin));
 }
 
 function strip(place, lines, unit) {
@@ -235,6 +236,28 @@ function showLambda(lambda) {
   place.replaceChildren(...lines);
 }
 
+function showMargins(now) {
+  if ($("delays").hidden) return;
+  const lines = [];
+  let axis = 0;
+  let bad = false;
+  for (const specimen of test.subject.specimens) {
+    specimen.axes.forEach(({ has_margin }, a) => {
+      const [present, lowest] = now.axes[axis]?.margin ?? [null, null];
+      axis += 1;
+      if (!has_margin) return;
+      bad = bad || (present !== null && present < 0);
+      const name = specimen.axes.length > 1 ? `${specimen.name}, axis ${a + 1}` : specimen.name;
+      const words = present === null ? "none: every delay is stable, or nothing is known yet" : nice(present, "s");
+      lines.push(make("p", "big", `${name}: ${words}`));
+      lines.push(make("p", "", `the smallest so far: ${lowest === null ? "–" : nice(lowest, "s")}`));
+    });
+  }
+  lines.push(make("p", "", "critical delay at the stiffness of the last seconds less their lag; below zero the test grows"));
+  $("margins").classList.toggle("bad", bad);
+  $("margins").replaceChildren(...lines);
+}
+
 function showLinks(now) {
   const rows = test.subject.specimens.map((specimen, s) => {
     const view = now.specimens[s];
@@ -271,6 +294,7 @@ function showState() {
   showLimits(now);
   showTiming(now);
   showLambda(state.lambda);
+  showMargins(now);
   showLinks(now);
   const over = Boolean(ended) || phase === "safe";
   const holds = now.hold || phase === "holding";

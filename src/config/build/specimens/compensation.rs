@@ -3,7 +3,7 @@
 use super::super::{Refused, Site, path};
 use crate::compensation::{CompensationSpec, Compensator};
 use crate::config::steps::Time;
-use crate::config::{Finding, KeyPath, Method, SpecimenTable};
+use crate::config::{Finding, KeyPath, Method, SpecimenTable, TestFile};
 use crate::control::limits::LimitsSpec;
 
 /// One compensator per axis, if the table of specimen `index` has any.
@@ -49,9 +49,10 @@ pub(super) fn test_time(time: Time) -> f64 {
 }
 
 /// Whether it is seen how the specimen follows: where an actuator is simulated or made up for, or the lag is limited.
-pub(super) fn is_tracked(table: &SpecimenTable, axes: usize) -> bool {
+pub(super) fn is_tracked(file: &TestFile, table: &SpecimenTable, axes: usize) -> bool {
     let limited = |limits: &LimitsSpec| limits.lag_s.is_some() || limits.gain_error.is_some();
-    table.transfer.is_some()
+    file.safety.delay_used.is_some()
+        || table.transfer.is_some()
         || table.compensation.is_some()
         || table.limits_of(axes).iter().any(limited)
 }

@@ -1,0 +1,246 @@
+//! The critical delay of every axis over its stiffness, for the margin that is watched while the test runs.
+//!
+//! One axis is late at a time; all others, and what the axes of one specimen do to each other, are on time and at their
+//! initial stiffness.
+
+use nalgebra::DMatrix;
+
+use super::analysis::{Analysis, Attached};
+use super::{Refused, Site, StructureFacts, path};
+use crate::config::Finding;
+use crate::control::{CriticalDelay, Port};
+use crate::spectral::delay::{DelayError, Delayed, continuous};
+
+/// Entries of a table.
+const ENTRIES: usize = 33;
+/// The last of them, in parts of the initial stiffness or of its declared bound.
+const REACH: f64 = 2.0;
+/// Axes times (4 DOFs)³ of all tables together: an entry needs the eigenvalues of four times as many rows, and all of them
+/// about 0.4 ms per thousand, so that a test begins within 50 ms. One axis in a structure of 12 DOFs, two in one of 9.
+const MOST_WORK: usize = 120_000;
+
+impl Analysis {
+    /// Tables for the axes of the specimens that are `wanted`, empty for the others; the largest tangents that are declared
+    /// stand in `bounds`, not a number where there is none. In continuous time, one axis late at a time.
+    ///
+    /// # Errors
+    /// Why there are none, in words.
+    pub(super) fn critical_delays(
+        &self,
+        wanted: &[bool],
+        bounds: &[Vec<f64>],
+    ) -> Result<Vec<Vec<CriticalDelay>>, String> {
+        let n = self.mass.n();
+        let specimens = || self.specimens.iter().zip(wanted).zip(bounds);
+        let axes: usize = specimens()
+            .filter(|((_, wanted), _)| **wanted)
+            .map(|((specimen, _), _)| specimen.rows.len())
+            .sum();
+        let rows = 4 * n;
+        let work = rows.saturating_mul(rows).saturating_mul(rows);
+        if work.saturating_mul(axes) > MOST_WORK {
+            return Err(format!(
+                "critical delays of {axes} axes in a structure of {n} DOFs take too long to tabulate"
+            ));
+        }
+        let tables = specimens().map(|((specimen, wanted), bounds)| {
+            if *wanted {
+                self.tables(specimen, bounds)
+            } else {
+                Ok(Vec::new())
+            }
+        });
+        tables.collect()
+    }
+
+    fn tables(&self, specimen: &Attached, bounds: &[f64]) -> Result<Vec<CriticalDelay>, String> {
+        let axes = specimen.rows.iter().enumerate().zip(bounds);
+        let tables = axes.map(|((axis, row), bound)| {
+            let (stiffness, damping) =
+                (specimen.stiffness[axis][axis], specimen.damping[axis][axis]);
+            // NaN is passed over.
+            let stiffest = REACH * stiffness.max(*bound);
+            let n = self.mass.n();
+            let mut rows = DMatrix::zeros(1, n);
+            for &(dof, b) in row {
+                rows[(0, dof)] += b;
+            }
+            let square = rows.transpose() * &rows;
+            let mut mass = self.mass.to_dense();
+            // The inertia in the forces of the other axes, which are on time.
+            for other in &self.specimens {
+                for (index, row) in other.rows.iter().enumerate() {
+                    if !(std::ptr::eq(other, specimen) && index == axis) {
+                        for (a, x) in row {
+                            for (b, y) in row {
+                                mass[(*a, *b)] += other.mass_in_force * x * y;
+                            }
+                        }
+                    }
+                }
+            }
+            let mut system = Delayed {
+                mass,
+                damping: self.damping.to_dense() - &square * damping,
+                stiffness: self.stiffness.to_dense() - &square * stiffness,
+                rows,
+                specimen_stiffness: DMatrix::zeros(1, 1),
+                specimen_damping: DMatrix::from_element(1, 1, damping),
+                specimen_mass: specimen.mass_in_force,
+                weighted: None,
+            };
+            let delay = |entry: usize| -> Result<f64, DelayError> {
+                let share = entry as f64 / (ENTRIES - 1) as f64;
+                system.specimen_stiffness[(0, 0)] = share * stiffest;
+                let found = continuous(&system)?;
+                Ok(found.map_or(f64::INFINITY, |found| found.delay))
+            };
+            let delays: Result<Vec<f64>, _> = (0..ENTRIES).map(delay).collect();
+            let delays = delays.map_err(|error| error.to_string())?;
+            CriticalDelay::new(stiffest, &delays).ok_or_else(|| {
+                "an axis has no stiffness, or no damping stands against a delay".to_owned()
+            })
+        });
+        tables.collect()
+    }
+}
+
+/// The specimens with their tables, as far as their lag is estimated; why there are none stands in the facts of the structure, and is
+/// refused where the test asks for them.
+pub(super) fn watched(
+    site: &mut Site<'_>,
+    structure: Option<&mut StructureFacts>,
+    ports: Vec<Port>,
+) -> Result<Vec<Port>, Refused> {
+    let asked = site.loaded.file.safety.delay_used.is_some();
+    let at = || path("safety").key("delay_used");
+    let Some(structure) = structure else {
+        if asked {
+            let finding = Finding::error(
+                at(),
+                "no structure is here that a delay could make unstable",
+            );
+            return site.refuse(finding.label("a share of what?"));
+        }
+        return Ok(ports);
+    };
+    let wanted: Vec<bool> = ports.iter().map(Port::tracks).collect();
+    let tables = match &structure.analysis {
+        _ if !wanted.contains(&true) => Err("no specimen's lag is estimated".to_owned()),
+        None => Err("the structure is too large".to_owned()),
+        Some(analysis) => {
+            let bounds = ports
+                .iter()
+                .map(|port| port.tangent_bounds().map(|bound| bound.0));
+            let bounds: Vec<Vec<f64>> = bounds.map(Iterator::collect).collect();
+            analysis.critical_delays(&wanted, &bounds)
+        }
+    };
+    match tables {
+        Ok(tables) => {
+            let both = ports.into_iter().zip(tables);
+            Ok(both
+                .map(|(port, tables)| port.with_critical_delays(tables))
+                .collect())
+        }
+        Err(why) if asked => {
+            let finding = Finding::error(at(), format!("no critical delay is known: {why}"));
+            site.refuse(finding.help("`lag_s` at the limits of a specimen bounds its lag in s"))
+        }
+        Err(why) => {
+            structure.no_margin = Some(why);
+            Ok(ports)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::spectral::delay::sdof;
+
+    fn analysis(text: &str) -> Analysis {
+        let loaded = crate::config::parse(Path::new("test.toml"), text.to_owned(), &[]).unwrap();
+        let prepared = crate::config::build(&loaded).unwrap();
+        prepared.facts.structure.unwrap().analysis.unwrap()
+    }
+
+    const TIME: &str = "[time]\nrate_hz = 1000\nduration_s = 1\n[integrator]\nlambda = 4\n\
+        [excitation.ground_acceleration.signal.sine]\namplitude = 1.0\nfrequency_hz = 1.0\n";
+
+    #[test]
+    fn a_table_of_one_degree_of_freedom_is_the_closed_form() {
+        // 1000 kg, 1e5 N/m of the numerical side, 2e5 N/m of the specimen; 400 N s/m.
+        let analysis = analysis(&format!(
+            "{TIME}[structure.matrices]\nmass = [[1000]]\nstiffness = [[1e5]]\ndamping = [[400]]\n\
+             [[specimen]]\nname = \"it\"\nrows = [[1]]\nlaw.linear = {{ stiffness_n_per_m = 2e5 }}\n"
+        ));
+        let tables = analysis.critical_delays(&[true], &[vec![3e5]]).unwrap();
+        let table = &tables[0][0];
+        for entry in 0..ENTRIES {
+            // Reaches twice the bound.
+            let stiffness = 6e5 * entry as f64 / (ENTRIES - 1) as f64;
+            let total = 1e5 + stiffness;
+            let omega = (total / 1000.0).sqrt();
+            let exact = sdof(400.0 / (2.0 * 1000.0 * omega), stiffness / total, omega);
+            let (found, exact) = (table.at(stiffness), exact.unwrap_or(f64::INFINITY));
+            let same = found == exact || (found / exact - 1.0).abs() < 1e-6;
+            assert!(same, "{stiffness}: {found} and not {exact}");
+        }
+    }
+
+    #[test]
+    fn between_its_entries_a_table_is_what_is_computed_directly() {
+        let analysis = analysis(&format!(
+            "{TIME}[structure.shear_building]\nmass_kg = [1000, 900, 800]\nstiffness_n_per_m = [0, 4e5, 3e5]\n\
+             [structure.damping.rayleigh_ratio]\nratio = 0.03\nmodes = [1, 2]\n\
+             [[specimen]]\nname = \"it\"\nstorey = 1\nmass_in_force_kg = 30\n\
+             law.linear = {{ stiffness_n_per_m = 5e5, damping_n_s_per_m = 200 }}\n"
+        ));
+        let tables = analysis
+            .critical_delays(&[true], &[vec![f64::NAN]])
+            .unwrap();
+        let table = &tables[0][0];
+        let mut system = analysis.loops[0].system.clone();
+        for tenth in 1..=20 {
+            // No bound is declared: it reaches twice k̂. Off the entries, which are k̂/16 apart.
+            let stiffness = 5e5 * (f64::from(tenth) / 10.0 - 0.011);
+            system.specimen_stiffness[(0, 0)] = stiffness;
+            let direct = continuous(&system).unwrap().unwrap().delay;
+            // 1/τ bends by less than a hundredth over an interval, and below a tenth of k̂ it turns up from its threshold.
+            let within = if tenth <= 2 { 0.1 } else { 0.01 };
+            let found = table.at(stiffness);
+            assert!(
+                (found / direct - 1.0).abs() < within,
+                "{stiffness}: {found} and not {direct}"
+            );
+        }
+    }
+
+    #[test]
+    fn what_takes_too_long_or_has_no_damping_is_refused_with_its_reason() {
+        let chain = |dofs: usize| {
+            analysis(&format!(
+                "{TIME}[structure.chain]\ndofs = {dofs}\nmass_kg = 1000\nstiffness_n_per_m = 4e5\ndamping_n_s_per_m = 300\n\
+                 [[specimen]]\nname = \"it\"\nrows = [[{}1]]\nlaw.linear = {{ stiffness_n_per_m = 2e5 }}\n",
+                "0, ".repeat(dofs - 1)
+            ))
+        };
+        let none = [vec![f64::NAN]];
+        assert!(chain(12).critical_delays(&[true], &none).is_ok());
+        let why = chain(13).critical_delays(&[true], &none).unwrap_err();
+        assert!(why.contains("1 axes in a structure of 13 DOFs"), "{why}");
+        assert_eq!(
+            chain(13).critical_delays(&[false], &none),
+            Ok(vec![Vec::new()])
+        );
+        let undamped = analysis(&format!(
+            "{TIME}[structure.matrices]\nmass = [[1000]]\nstiffness = [[1e5]]\n\
+             [[specimen]]\nname = \"it\"\nrows = [[1]]\nlaw.linear = {{ stiffness_n_per_m = 2e5 }}\n"
+        ));
+        let why = undamped.critical_delays(&[true], &none).unwrap_err();
+        assert!(why.contains("no damping stands against a delay"), "{why}");
+    }
+}

@@ -1,0 +1,127 @@
+//! How much later each axis could be before the test is unstable: the critical delay at its present stiffness, less its lag.
+//!
+//! The critical delays are tabulated before the test, one axis at a time: the others on time, with their initial stiffness.
+//! The loop looks them up by the stiffness that is fitted over the same last seconds as the lag: a tangent from tick to tick
+//! drowns in the noise of real sensors, and would make the margin look larger than it is. 1/τ is interpolated along a straight line; where one end of an
+//! interval is stable at every delay the other end counts, beyond the last stiffness 1/τ grows in proportion, and one
+//! below zero counts as none. It moves nothing: columns and a limit only.
+
+use super::Port;
+
+/// Critical delays of one axis over its stiffness.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CriticalDelay {
+    /// Stiffness from entry to entry, N/m.
+    step: f64,
+    /// 1/τ in 1/s at 0, step, 2 step …; 0: every delay is stable.
+    inverse: Vec<f64>,
+}
+
+impl CriticalDelay {
+    /// Of `delays` in s at equal steps of stiffness from 0 to `stiffest` (N/m); infinite where every delay is stable. None of fewer
+    /// than two delays, of one that is not a positive number, or without stiffness.
+    #[must_use]
+    pub fn new(stiffest: f64, delays: &[f64]) -> Option<Self> {
+        let step = stiffest / (delays.len().checked_sub(1)? as f64);
+        let is_known = step > 0.0 && step.is_finite() && delays.iter().all(|delay| *delay > 0.0);
+        is_known.then(|| Self {
+            step,
+            inverse: delays.iter().map(|delay| 1.0 / delay).collect(),
+        })
+    }
+
+    /// The critical delay in s at a stiffness in N/m; infinite if every delay is stable, not a number for what is none.
+    /// Real-time: yes.
+    #[must_use]
+    pub fn at(&self, stiffness: f64) -> f64 {
+        let place = stiffness.max(0.0) / self.step;
+        // Written so that NaN is passed on; a cast is saturating.
+        if stiffness.is_nan() {
+            return f64::NAN;
+        }
+        let left = place as usize;
+        let right = left.saturating_add(1);
+        let pair = self.inverse.get(left).zip(self.inverse.get(right));
+        let inverse = match pair {
+            Some((a, b)) if *a > 0.0 && *b > 0.0 => a + (place - left as f64) * (b - a),
+            Some((a, b)) => a.max(*b),
+            None => {
+                let last = self.inverse.last().copied().unwrap_or(f64::NAN);
+                let most = self.inverse.len().saturating_sub(1).max(1);
+                last * (place / most as f64)
+            }
+        };
+        1.0 / inverse
+    }
+}
+
+impl Port {
+    /// Knows the critical delays of its axes, one table per axis.
+    #[must_use]
+    pub fn with_critical_delays(mut self, tables: Vec<CriticalDelay>) -> Self {
+        if tables.len() == self.axes() {
+            self.critical = tables;
+        }
+        self
+    }
+
+    /// True if [`Port::delay_margins`] are known as soon as the lag is. Real-time: yes.
+    #[must_use]
+    pub fn knows_margin(&self) -> bool {
+        self.tracks() && !self.critical.is_empty()
+    }
+
+    /// Lag and critical delay in s of test time, per axis; not a number where it is not known. Empty without tables.
+    fn lags(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
+        let axes = self.critical.iter().zip(self.tracking());
+        axes.map(|(table, [lag, _, stiffness, _])| (lag, table.at(stiffness)))
+    }
+
+    /// Critical delay at the stiffness of the last seconds less their lag, s of test time, per axis: negative where the test is expected to
+    /// grow, infinite where every delay is stable, not a number where nothing is known yet. Real-time: yes.
+    pub fn delay_margins(&self) -> impl Iterator<Item = f64> + '_ {
+        self.lags().map(|(lag, critical)| critical - lag)
+    }
+
+    /// The largest share of its critical delay that an axis uses up; not a number while nothing is known. Real-time: yes.
+    #[must_use]
+    pub fn delay_used(&self) -> f64 {
+        let used = self
+            .lags()
+            .map(|(lag, critical)| lag.max(0.0) / critical + 0.0 * lag);
+        // A number wins against none.
+        used.fold(f64::NAN, f64::max)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_table_is_exact_at_its_entries_linear_in_one_over_tau_between_and_cautious_at_its_edge() {
+        let table =
+            CriticalDelay::new(40.0, &[f64::INFINITY, f64::INFINITY, 0.5, 0.25, 0.2]).unwrap();
+        for (stiffness, delay) in [
+            (-5.0, f64::INFINITY),
+            (0.0, f64::INFINITY),
+            (9.9, f64::INFINITY),
+            // Between every delay and half a second: half a second.
+            (10.1, 0.5),
+            (20.0, 0.5),
+            (30.0, 0.25),
+            (25.0, 1.0 / 3.0),
+            (40.0, 0.2),
+            (80.0, 0.1),
+        ] {
+            let found = table.at(stiffness);
+            let same = found == delay || (found / delay - 1.0).abs() < 1e-12;
+            assert!(same, "{stiffness}: {found} and not {delay}");
+        }
+        assert!(table.at(f64::NAN).is_nan());
+        assert_eq!(table.at(f64::INFINITY), 0.0);
+        assert_eq!(CriticalDelay::new(40.0, &[1.0]), None);
+        assert_eq!(CriticalDelay::new(40.0, &[1.0, f64::NAN]), None);
+        assert_eq!(CriticalDelay::new(0.0, &[1.0, 1.0]), None);
+    }
+}

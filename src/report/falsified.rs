@@ -1,0 +1,241 @@
+//! What the transfer systems falsified of a test as a whole: the damping of its modes, and its energy.
+
+use serde_json::Value;
+
+use super::RunData;
+use super::digest::Digest;
+use super::html::{note, section, table};
+use super::rows::Rows;
+use super::specimens::{MARGIN, Tracked};
+use super::text::{NOTHING, number, plural, quantity};
+use crate::metrics::falsified::{Falsified, Margin, together};
+use crate::metrics::tracking::Judged;
+
+/// Modes that are listed; the summary has them all.
+const MOST_MODES: usize = 12;
+
+/// Time in which the loop's estimate of a lag forgets, s of test time (see the columns `lag`).
+const FORGETS_S: f64 = 2.0;
+
+/// The smallest margin of every axis that has a column of it. Thinning has kept it.
+fn margins(run: &RunData, digest: &Digest) -> Vec<Margin> {
+    let configuration = super::tested::configuration(run);
+    let rows = Rows::new(digest);
+    let time = rows.get("time").unwrap_or_default();
+    let watched = digest.axes.iter().filter_map(|axis| {
+        let values = rows.get(&axis.axis.column(MARGIN))?;
+        let known = values.iter().zip(time.iter());
+        let known = known.filter(|(margin, _)| margin.is_finite());
+        let smallest = known.min_by(|a, b| a.0.total_cmp(b.0));
+        // Of a fit over the whole test; weights that fade as e^(−t/T) count 2 T of samples.
+        let whole = axis
+            .tracking
+            .as_ref()
+            .and_then(|t| Some((t.samples, t.delay()?.floor?)));
+        let floor = whole.zip(digest.interval).map(|((samples, floor), dt)| {
+            floor * (samples as f64 * dt / (2.0 * FORGETS_S)).max(1.0).sqrt()
+        });
+        Some(Margin {
+            specimen: super::tested::specimen_name(configuration.as_ref(), axis.axis.specimen),
+            axis: axis.axis.axis,
+            smallest_s: smallest.map(|(margin, _)| *margin),
+            at_s: smallest.map(|(_, time)| *time),
+            floor_s: floor,
+        })
+    });
+    watched.collect()
+}
+
+/// What was falsified of a test with a structure and specimens that moved; none otherwise.
+fn found(run: &RunData, digest: &Digest) -> Option<Falsified> {
+    let tracked = || {
+        let axes = digest.axes.iter();
+        axes.filter_map(|axis| Some((axis.axis, axis.tracking.as_ref()?)))
+    };
+    if digest.dofs.is_empty() || tracked().next().is_none() {
+        return None;
+    }
+    let errors: Vec<Judged> = tracked().map(|(_, t)| t.energy_error_j).collect();
+    let delays: Vec<_> = tracked()
+        .filter_map(|(axis, t)| Some((axis.specimen, axis.axis, t.delay()?)))
+        .collect();
+    let error = together(&errors);
+    let scale = digest.scale;
+    let modes: Vec<_> = run
+        .modes
+        .iter()
+        .filter_map(|mode| mode.falsified(&delays))
+        .collect();
+    let mut missing = Vec::new();
+    if digest.all_axes.len() > tracked().count() {
+        let rest = digest.all_axes.len() - tracked().count();
+        missing.push(format!(
+            "{} that did not move or {} not judged",
+            plural(rest as u64, "axis", "axes"),
+            if rest == 1 { "is" } else { "are" }
+        ));
+    }
+    if scale.is_none() {
+        let why = run.no_balance.as_deref();
+        let why = why.unwrap_or("not every DOF and axis is recorded");
+        missing.push(format!("energy_error_share: no energy balance, {why}"));
+    }
+    if modes.is_empty() {
+        let why = run.no_modes.as_deref();
+        let why = why.unwrap_or("no delay is known");
+        missing.push(format!("modes: {why}"));
+    }
+    let delay_margins = margins(run, digest);
+    if delay_margins.is_empty() {
+        let why = run.no_margin.as_deref();
+        let why = why.unwrap_or("it was not recorded");
+        missing.push(format!("delay_margins: {why}"));
+    }
+    Some(Falsified {
+        delay_margins,
+        energy_error_j: error,
+        energy_error_share: error
+            .zip(scale)
+            .and_then(|(error, scale)| scale.share(error)),
+        energy_scale: scale,
+        modes,
+        missing,
+    })
+}
+
+/// What was falsified of the test as a whole, for `summary.json`; null for a test without a structure.
+#[must_use]
+pub fn falsified(run: &RunData) -> Value {
+    let digest = run.digested();
+    found(run, &digest).map_or(Value::Null, |found| {
+        serde_json::to_value(found).unwrap_or_default()
+    })
+}
+
+/// The section; none for a test without a structure or specimens.
+pub(super) fn falsified_section(
+    run: &RunData,
+    rows: &Rows<'_>,
+    axes: &[Tracked<'_>],
+) -> Option<String> {
+    let found = found(run, rows.digest())?;
+    let or_dash = |value: Option<f64>, write: &dyn Fn(f64) -> String| {
+        value.map_or_else(|| NOTHING.to_owned(), write)
+    };
+    let percent = |v: f64| format!("{}\u{a0}%", number(100.0 * v, 3));
+    let cells = |judged: &Judged, write: &dyn Fn(f64) -> String| {
+        [
+            write(judged.value),
+            or_dash(judged.floor, write),
+            or_dash(judged.corrected, write),
+        ]
+    };
+    let mut markup = String::new();
+    if !found.modes.is_empty() {
+        let listed = found.modes.iter().take(MOST_MODES).enumerate();
+        let rows: Vec<Vec<String>> = listed
+            .map(|(index, mode)| {
+                let head = [
+                    format!("mode {}", index + 1),
+                    quantity(mode.frequency_hz, "Hz"),
+                    percent(mode.damping_ratio),
+                ];
+                let error = cells(&mode.damping_error, &percent);
+                head.into_iter().chain(error).collect()
+            })
+            .collect();
+        let heading = [
+            "",
+            "frequency",
+            "damping ratio",
+            "added by the delays",
+            "noise floor",
+            "corrected",
+        ];
+        markup += &table(&heading, &rows);
+        let delays = axes.iter().filter_map(|axis| {
+            let delay = axis.digest.tracking.as_ref()?.delay()?;
+            Some(format!("{} {}", axis.name, quantity(delay.value, "s")))
+        });
+        let delays: Vec<_> = delays.take(8).collect();
+        let mut words = format!(
+            "Δζ ≈ −k φ² τ/(2 ω), summed over all axes: modes of the structure with its specimens at their initial stiffness, φ \
+             mass-normalised and taken at the axis, k the specimen's initial stiffness, τ the delay by FEI, else by \
+             cross-correlation ({}). Negative: the test was damped too little. First order of a small delay; a mode that is \
+             damped below zero grows.",
+            delays.join(", ")
+        );
+        if found.modes.len() > MOST_MODES {
+            words += &format!(
+                " {MOST_MODES} of {} modes are listed; summary.json has them all.",
+                found.modes.len()
+            );
+        }
+        markup += &note(&words);
+    }
+    if !found.delay_margins.is_empty() {
+        let rows: Vec<Vec<String>> = found
+            .delay_margins
+            .iter()
+            .map(|margin| {
+                let name = if margin.axis == 1 {
+                    margin.specimen.clone()
+                } else {
+                    format!("{}, axis {}", margin.specimen, margin.axis)
+                };
+                let second = |v: f64| quantity(v, "s");
+                vec![
+                    name,
+                    or_dash(margin.smallest_s, &second),
+                    or_dash(margin.at_s, &second),
+                    or_dash(margin.floor_s, &second),
+                ]
+            })
+            .collect();
+        let heading = ["", "smallest delay margin", "at", "noise floor"];
+        markup += &table(&heading, &rows);
+        markup += &note(
+            "Delay margin: the critical delay at the specimen's stiffness less its lag, both as fitted over the last seconds of motion \
+             while the test ran; below zero the test grows. The critical delay is tabulated before the test over the stiffness of one \
+             axis at a time, all others on time and at their initial stiffness, linear and in continuous time. A dash: every delay \
+             was stable, or nothing moved enough to say.",
+        );
+    }
+    let mut rows: Vec<Vec<String>> = Vec::new();
+    let joule = |v: f64| quantity(v, "J");
+    for (name, judged, write) in [
+        (
+            "energy error of all axes",
+            found.energy_error_j,
+            &joule as &dyn Fn(f64) -> String,
+        ),
+        (
+            "over input and largest strain energy",
+            found.energy_error_share,
+            &percent,
+        ),
+    ] {
+        if let Some(judged) = judged {
+            let name = std::iter::once(name.to_owned());
+            rows.push(name.chain(cells(&judged, write)).collect());
+        }
+    }
+    if !rows.is_empty() {
+        markup += &table(&["", "value", "noise floor", "corrected"], &rows);
+        let scale = found.energy_scale.map_or_else(String::new, |scale| {
+            format!(
+                " Largest input energy {}; largest strain energy ½ xᵀK0x {}, K0 the initial stiffness of the structure and its specimens.",
+                joule(scale.input_energy_j),
+                joule(scale.strain_energy_j)
+            )
+        });
+        markup += &note(&format!(
+            "Energy error: ∫ f d(measured − target), positive where the transfer systems added energy (Mosqueda et al. 2007).{scale}"
+        ));
+    }
+    if !found.missing.is_empty() {
+        let words = format!("Not known: {}.", found.missing.join("; "));
+        markup += &note(&words);
+    }
+    Some(section("What the transfer systems falsified", &markup))
+}
