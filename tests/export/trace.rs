@@ -308,10 +308,11 @@ fn a_kill_leaves_a_readable_beginning_of_what_threads_did() {
         .stderr(Stdio::null())
         .spawn()
         .unwrap();
-    // Two hundred records, and then in mid-life.
+    // Two hundred records and a third of a second of the test: then it is in mid-life.
     let patience = monotonic_ns() + 60_000_000_000;
-    let length = || fs::metadata(run.join("threads.bin")).map_or(0, |file| file.len());
-    while length() < 200 * 24 && monotonic_ns() < patience {
+    let length = |name: &str| fs::metadata(run.join(name)).map_or(0, |file| file.len());
+    let lives = || length("threads.bin") >= 200 * 24 && length("samples.bin") >= 20_000;
+    while !lives() && monotonic_ns() < patience {
         yield_now();
     }
     child.kill().unwrap();
