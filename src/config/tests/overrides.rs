@@ -1,0 +1,263 @@
+//! Overrides, later layers, the file itself, what is resolved, and the schema.
+
+use super::*;
+
+#[test]
+fn an_override_changes_the_test_and_leaves_the_comments() {
+    let loaded = accepted(GOOD, &["time.rate_hz=512", "specimen[0].storey=2"]);
+    assert_eq!(loaded.time.steps, 20 * 512);
+    assert_eq!(loaded.file.specimen[0].storey, Some(2));
+    let expected = GOOD
+        .replace("1024", "512")
+        .replace("storey = 1", "storey = 2");
+    assert_eq!(loaded.effective, expected);
+    assert_eq!(loaded.text, GOOD);
+}
+
+#[test]
+fn an_override_of_an_unknown_key_is_shown_in_the_argument() {
+    let text = complaint_about_set(&["time.duration=3"]);
+    shows(
+        &text,
+        "\
+error: unknown key `duration` in `time`
+ --> command line:1:12
+  |
+1 | --set time.duration=3
+  |            ^^^^^^^^ did you mean `duration_s`?",
+    );
+    shows(
+        &complaint_about_set(&["timng.cpu=1"]),
+        "--set timng.cpu=1\n  |       ^^^^^ did you mean `timing`?",
+    );
+}
+
+#[test]
+fn an_override_of_the_wrong_type_is_shown_in_the_argument() {
+    let text = complaint_about_set(&["time.duration_s=2o"]);
+    shows(
+        &text,
+        "--set time.duration_s=2o\n  |                       ^^ found the text \"2o\"",
+    );
+    let text = complaint_about_set(&["specimen.0.law={linear={stiffness_n_per_m=\"x\"}}"]);
+    shows(
+        &text,
+        "`specimen[0].law.linear.stiffness_n_per_m` must be a number\n --> command line:1:49",
+    );
+}
+
+#[test]
+fn a_contradiction_between_file_and_override_shows_both() {
+    let text = complaint_about_set(&["time.step_s=0.5"]);
+    shows(
+        &text,
+        "5 | rate_hz = 1024      # as the controller\n  | ^^^^^^^ one of them must go",
+    );
+    shows(&text, "::: command line:1:19");
+}
+
+#[test]
+fn the_last_of_two_overrides_counts_and_is_blamed() {
+    assert_eq!(
+        accepted(GOOD, &["time.duration_s=1", "time.duration_s=2"])
+            .time
+            .steps,
+        2048
+    );
+    shows(
+        &complaint_about_set(&["time.duration_s=1", "time.duration_s=-2"]),
+        "--set time.duration_s=-2",
+    );
+}
+
+// --- places for later layers --------------------------------------------------------------------
+
+#[test]
+fn a_later_layer_points_by_path_even_where_the_entry_is_absent() {
+    let loaded = accepted(GOOD, &["specimen[0].storey=3"]);
+    let path = |text: &str| KeyPath::parse(text).unwrap();
+    let line = |text: &str| {
+        let place = loaded.locator.locate(&path(text), Part::Value);
+        place.span.map(|span| place.source.text[span].to_owned())
+    };
+    assert_eq!(line("structure.shear_building.mass_kg[2]").unwrap(), "1000");
+    assert_eq!(line("specimen[0].storey").unwrap(), "3");
+    assert_eq!(line("specimen[0].reach_disp_m").unwrap(), "[[specimen]]");
+    assert_eq!(line("integrator.lambda"), None);
+    let parameter = loaded
+        .locator
+        .beneath(&path("specimen[0].law"), "yield_force_n");
+    assert_eq!(
+        parameter.to_string(),
+        "specimen[0].law.bilinear.yield_force_n"
+    );
+    let error = loaded.refuse([
+        Finding::error(path("specimen[0].storey"), "there is no storey 3")
+            .label("the building has 2"),
+    ]);
+    shows(
+        &error.to_string(),
+        "--set specimen[0].storey=3\n  |                          ^ the building has 2",
+    );
+}
+
+// --- the file itself ----------------------------------------------------------------------------
+
+#[test]
+fn a_file_that_is_missing_or_no_text_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("absent.toml");
+    shows(
+        &load(&path, &[]).unwrap_err().to_string(),
+        "cannot read the test file",
+    );
+    std::fs::write(&path, b"title = 'x'\n# \xff\n").unwrap();
+    shows(
+        &load(&path, &[]).unwrap_err().to_string(),
+        "byte 14 on line 2",
+    );
+    std::fs::write(&path, GOOD).unwrap();
+    assert_eq!(load(&path, &[]).unwrap().file, accepted(GOOD, &[]).file);
+}
+
+// --- resolved.toml and the schema ---------------------------------------------------------------
+
+#[test]
+fn the_resolved_file_is_the_same_test() {
+    let everything = format!(
+        "{GOOD}mass_in_force_kg = 12\nreach_disp_m = 0.1\nstiffness_n_per_m = 2e6\naxis = [{{ sign = -1, unit_disp = \"mm\" }}]\n\
+         [[specimen]]\nname = \"two\"\nrows = [[1, 0, 0], [0, 1, 0]]\ndamping_n_s_per_m = [[1, 0], [0, 1]]\n\
+         laws = [{{ linear = {{ stiffness_n_per_m = 1 }} }}, {{ linear = {{ stiffness_n_per_m = 2 }} }}]\n\
+         [[specimen]]\nname = \"three\"\nstorey = 2\ncoupled = {{ stiffness_n_per_m = [[1]] }}\n\
+         [[excitation.nodal_force]]\ndofs = [2]\nsignal = {{ sine = {{ amplitude = 1, frequency_hz = 2 }} }}\n\
+         [[structure.element]]\nfrom = 1\nto = 2\nlaw = {{ linear = {{ stiffness_n_per_m = 1 }} }}\n\
+         [structure.gravity]\ninfluence = [0, 0, 1]\n[record]\ndofs = \"all\"\n"
+    );
+    for sets in [
+        &[][..],
+        &[
+            "time.rate_hz=\"4096/3\"",
+            "time.duration_s=3",
+            "integrator.lambda=inf",
+            "integrator.start=second-order",
+        ],
+    ] {
+        let loaded = accepted(&everything, sets);
+        let text = resolve(&loaded.file, None, &loaded.inputs()).unwrap();
+        let again = accepted(&text, &[]);
+        assert_eq!(again.file, loaded.file, "{text}");
+        assert_eq!(again.time, loaded.time);
+        assert_eq!(resolve(&again.file, None, &again.inputs()).unwrap(), text);
+    }
+}
+
+#[test]
+fn defaults_and_overrides_stand_in_the_resolved_file() {
+    let loaded = accepted(GOOD, &["time.scale=2"]);
+    let text = resolve(&loaded.file, None, &loaded.inputs()).unwrap();
+    for line in [
+        "clock = \"real\"",
+        "scale = 2",
+        "method = \"gui\"",
+        "start = \"published\"",
+        "queue_s = 4.0",
+        "require_realtime = false",
+    ] {
+        shows(&text, line);
+    }
+}
+
+#[test]
+fn an_automatic_lambda_stands_as_its_number_beside_the_request() {
+    let loaded = accepted(GOOD, &[]);
+    let lambda = 3.987_654_321_012_345;
+    let text = resolve(&loaded.file, Some(lambda), &loaded.inputs()).unwrap();
+    shows(&text, "lambda = 3.987654321012345 # requested \"auto\"\n");
+    assert_eq!(
+        accepted(&text, &[]).file.integrator.lambda,
+        LambdaValue::Number(lambda)
+    );
+    let asked = accepted(GOOD, &["integrator.lambda=2"]);
+    let text = resolve(&asked.file, Some(2.0), &asked.inputs()).unwrap();
+    shows(&text, "lambda = 2.0\n");
+}
+
+#[test]
+fn inputs_of_the_resolved_file_lie_in_the_run_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir(folder.path().join("records")).unwrap();
+    std::fs::write(folder.path().join("records/a.at2"), "1").unwrap();
+    let path = folder.path().join("t.toml");
+    std::fs::write(
+        &path,
+        GOOD.replace(
+            "{ sine = { amplitude = 2.0, frequency_hz = 1.5 } }",
+            "{ file = { path = \"records/a.at2\" } }",
+        ),
+    )
+    .unwrap();
+    let loaded = load(&path, &[]).unwrap();
+    let mut inputs = loaded.inputs();
+    inputs.read("records/a.at2").unwrap();
+    let text = resolve(&loaded.file, None, &inputs).unwrap();
+    shows(&text, "path = \"inputs/a.at2\"");
+    let mut stray = loaded.inputs();
+    stray.read("t.toml").unwrap();
+    let error = resolve(&loaded.file, None, &stray).unwrap_err();
+    assert!(matches!(error, ResolveError::Unplaced { .. }), "{error}");
+}
+
+#[test]
+fn the_schema_is_json_and_describes_every_table() {
+    let schema: serde_json::Value = serde_json::from_str(&json_schema()).unwrap();
+    let properties = schema["properties"].as_object().unwrap();
+    for table in [
+        "title",
+        "time",
+        "structure",
+        "integrator",
+        "excitation",
+        "specimen",
+        "safety",
+        "timing",
+        "record",
+    ] {
+        assert!(properties[table]["description"].is_string(), "{table}");
+    }
+    assert_eq!(schema["additionalProperties"], false);
+    assert_eq!(
+        schema["$defs"]["IntegratorTable"]["properties"]["lambda"]["default"],
+        "auto"
+    );
+    let structure = &schema["$defs"]["StructureTable"]["properties"];
+    assert_eq!(
+        structure["shear_building"]["$ref"],
+        "#/$defs/ShearBuildingSpec"
+    );
+    assert!(schema["$defs"]["ShearBuildingSpec"]["properties"]["mass_kg"].is_object());
+    assert!(!json_schema().contains("\"null\""));
+}
+
+#[test]
+fn every_key_of_the_schema_is_described() {
+    fn walk(value: &serde_json::Value, path: &str) {
+        if let Some(properties) = value.get("properties").and_then(|p| p.as_object()) {
+            for (key, schema) in properties {
+                // The key of a variant is described by the variant.
+                let one_of = path.contains("oneOf");
+                assert!(
+                    one_of || schema.get("description").is_some(),
+                    "{path}.{key} has no description"
+                );
+            }
+        }
+        match value {
+            serde_json::Value::Object(object) => object
+                .iter()
+                .for_each(|(k, v)| walk(v, &format!("{path}.{k}"))),
+            serde_json::Value::Array(items) => items.iter().for_each(|v| walk(v, path)),
+            _ => {}
+        }
+    }
+    walk(&serde_json::from_str(&json_schema()).unwrap(), "");
+}

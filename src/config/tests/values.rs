@@ -1,0 +1,319 @@
+//! Values out of range, and values that contradict each other.
+
+use super::*;
+
+#[test]
+fn lambda_must_be_positive() {
+    for value in ["0", "-4.0", "nan", "-inf"] {
+        let text = complaint(
+            "[structure]",
+            &format!("[integrator]\nlambda = {value}\n[structure]"),
+        );
+        shows(
+            &text,
+            "`integrator.lambda` must be a number greater than zero, `inf` or \"auto\"",
+        );
+        shows(&text, &format!("lambda = {value}\n  |          ^"));
+        assert_eq!(errors(&text), 1, "{text}");
+    }
+    let loaded = accepted(GOOD, &["integrator.lambda=inf"]);
+    assert_eq!(loaded.file.integrator.lambda, LambdaValue::Infinite);
+}
+
+#[test]
+fn step_and_rate_must_be_positive() {
+    for (key, value) in [
+        ("step_s", "0"),
+        ("step_s", "-0.01"),
+        ("rate_hz", "nan"),
+        ("rate_hz", "inf"),
+        ("rate_hz", "\"1/0\""),
+    ] {
+        let text = complaint("rate_hz = 1024", &format!("{key} = {value}"));
+        shows(
+            &text,
+            &format!("`time.{key}` must be a finite number greater than zero"),
+        );
+        assert_eq!(errors(&text), 1, "{text}");
+    }
+}
+
+#[test]
+fn numbers_that_are_not_finite_are_refused_everywhere() {
+    let text = complaint("1e6, yield_force_n = 5e3", "nan, yield_force_n = inf");
+    shows(
+        &text,
+        "`specimen[0].law.bilinear.stiffness_n_per_m` must be a finite number",
+    );
+    shows(
+        &text,
+        "`specimen[0].law.bilinear.yield_force_n` must be a finite number",
+    );
+    shows(&text, "^^^ found nan");
+    shows(
+        &complaint("duration_s = 20", "duration_s = inf"),
+        "`time.duration_s` must be a finite number",
+    );
+    shows(
+        &complaint("amplitude = 2.0", "amplitude = 1e999"),
+        "floating-point number overflowed",
+    );
+}
+
+#[test]
+fn a_duration_that_is_no_whole_number_of_steps_is_refused_with_the_nearest_that_are() {
+    let text = complaint("duration_s = 20", "duration_s = 20.0003");
+    shows(
+        &text,
+        "\
+error: the duration is not a whole number of steps
+ --> test.toml:6:14
+  |
+6 | duration_s = 20.0003
+  |              ^^^^^^^ 20.0003 s are 20480.3072 steps of 0.0009765625 s
+  |
+  = help: the nearest durations that fit are 20 s (20480 steps) and 20.0009765625 s (20481 steps)",
+    );
+    let text = complaint("duration_s = 20", "duration_s = 0.0001");
+    shows(
+        &text,
+        "the shortest duration that fits is 0.0009765625 s (1 step)",
+    );
+    shows(
+        &complaint("duration_s = 20", "duration_s = -1"),
+        "must be greater than zero",
+    );
+    shows(
+        &complaint("duration_s = 20", "duration_s = 1e30"),
+        "at most 2^53 steps",
+    );
+}
+
+#[test]
+fn a_duration_counts_as_whole_within_a_billionth() {
+    // 20 s at 1024 Hz are 20480 steps; the bound is 1e-9 of that, 2.0e-5 steps or 2.0e-8 s.
+    assert_eq!(
+        accepted(GOOD, &["time.duration_s=20.000000019"]).time.steps,
+        20480
+    );
+    assert!(read(GOOD, &["time.duration_s=20.000000021"]).is_err());
+    // Not representable in binary, whole in decimals.
+    assert_eq!(
+        accepted(PRESCRIBED, &["time.duration_s=0.07"]).time.steps,
+        7
+    );
+}
+
+// --- contradictions -----------------------------------------------------------------------------
+
+#[test]
+fn step_and_rate_together_are_refused_and_so_is_neither() {
+    let text = complaint("duration_s = 20", "duration_s = 20\nstep_s = 0.01");
+    shows(
+        &text,
+        "\
+error: both `step_s` and `rate_hz` are given
+ --> test.toml:5:1
+  |
+5 | rate_hz = 1024      # as the controller
+  | ^^^^^^^ one of them must go
+6 | duration_s = 20
+7 | step_s = 0.01
+  |          ---- the step is given here
+  |
+  = help: they say the same thing twice: a step of 0.01 s is 100 Hz",
+    );
+    let text = complaint("rate_hz = 1024", "");
+    shows(&text, "neither `step_s` nor `rate_hz` is given");
+}
+
+#[test]
+fn a_structure_is_of_exactly_one_kind() {
+    let text = complaint(
+        "[excitation.g",
+        "[structure.chain]\ndofs = 3\nmass_kg = 1.0\nstiffness_n_per_m = 1.0\n[excitation.g",
+    );
+    shows(
+        &text,
+        "`structure` must have exactly one of `shear_building`, `matrices` and `chain`",
+    );
+    shows(&text, "two of them would be two structures");
+    let text = complaint(
+        "[structure.shear_building]\nmass_kg = [1000, 1000, 1000]\nstiffness_n_per_m = [1e6, 1e6, 1e6]",
+        "",
+    );
+    shows(&text, "has none of them");
+}
+
+#[test]
+fn a_specimen_sees_one_deformation_through_one_law() {
+    shows(
+        &complaint("storey = 1", "storey = 1\nrows = [[1, 0, 0]]"),
+        "exactly one of `storey` and `rows`",
+    );
+    shows(
+        &complaint("storey = 1", ""),
+        "exactly one of `storey` and `rows`",
+    );
+    shows(
+        &complaint("law = {", "# law = {"),
+        "exactly one of `law`, `laws`, `coupled` and `link`",
+    );
+    shows(
+        &complaint("storey = 1", "storey = 0"),
+        "storeys are counted from 1",
+    );
+    shows(
+        &complaint("law = {", "law = { linear = { stiffness_n_per_m = 1 },"),
+        "must hold exactly one of",
+    );
+}
+
+#[test]
+fn names_of_specimens_are_unique_and_fit_for_files() {
+    let second = "\n[[specimen]]\nname = \"Bottom\"\nstorey = 2\nlaw = { linear = { stiffness_n_per_m = 1 } }\n";
+    let text = read(&format!("{GOOD}{second}"), &[])
+        .unwrap_err()
+        .to_string();
+    shows(&text, "two specimens are called `Bottom`");
+    shows(&text, "first here");
+    for name in ["a/b", "", ".hidden", "é"] {
+        let text = complaint("\"bottom\"", &format!("\"{name}\""));
+        shows(&text, "cannot name a specimen");
+    }
+}
+
+#[test]
+fn estimates_and_axes_fit_the_specimen() {
+    let with = |more: &str| complaint("storey = 1", &format!("storey = 1\n{more}"));
+    shows(
+        &with("stiffness_n_per_m = [[1, 2], [2, 1]]"),
+        "has 1 axis, but its estimate is for 2",
+    );
+    shows(&with("stiffness_n_per_m = -1"), "must not be negative");
+    shows(
+        &with("axis = [{}, {}]"),
+        "has 1 axis, but 2 `axis` tables are given",
+    );
+    shows(
+        &with("axis = [{ sign = 2 }]"),
+        "`sign` is 2, but must be 1 or -1",
+    );
+    shows(
+        &with("axis = [{ unit_force = \"kn\" }]"),
+        "did you mean `kN`?",
+    );
+    shows(
+        &with("similitude = { length = 0 }"),
+        "`specimen[0].similitude.length` must be greater than zero",
+    );
+    shows(&with("mass_in_force_kg = -3"), "a mass is not negative");
+    let rows = |more: &str| {
+        complaint(
+            "storey = 1",
+            &format!("rows = [[1, 0, 0], [-1, 1, 0]]\n{more}"),
+        )
+    };
+    shows(
+        &rows("damping_n_s_per_m = [[1, 2], [2.5, 1]]"),
+        "the matrix is not symmetric",
+    );
+    shows(
+        &rows("damping_n_s_per_m = [[1, 2], [2]]"),
+        "the matrix is not square",
+    );
+    shows(
+        &complaint("storey = 1", "rows = [[1, 0, 0], [1, 0]]"),
+        "row 2 has 2 numbers, but row 1 has 3",
+    );
+    shows(
+        &complaint("storey = 1", "rows = [[0, 0, 0]]"),
+        "row 1 is all zero",
+    );
+}
+
+#[test]
+fn a_prescribed_test_is_contradicted_by_a_structure_or_its_loads() {
+    let prescribed = "[[excitation.prescribed_displacement]]\nspecimen = \"bottom\"\nsignal = { file = { path = 'x' } }\n";
+    let text = read(&format!("{GOOD}{prescribed}"), &[])
+        .unwrap_err()
+        .to_string();
+    shows(&text, "the specimen can follow only one of them");
+    let load = "[excitation.ground_acceleration]\nsignal = { file = { path = 'x' } }\n";
+    let text = read(&format!("{PRESCRIBED}{load}"), &[])
+        .unwrap_err()
+        .to_string();
+    shows(
+        &text,
+        "`excitation.ground_acceleration` loads a structure, and there is none",
+    );
+    shows(
+        &complaint_of(
+            PRESCRIBED,
+            "name = \"damper\"",
+            "name = \"damper\"\nstorey = 1",
+        ),
+        "there is none",
+    );
+    shows(
+        &complaint_of(PRESCRIBED, "specimen = \"damper\"", "specimen = \"dampr\""),
+        "did you mean `damper`?",
+    );
+    shows(
+        &complaint_of(
+            PRESCRIBED,
+            "specimen = \"damper\"",
+            "specimen = \"damper\"\naxis = 0",
+        ),
+        "axes are counted from 1",
+    );
+    shows(
+        &complaint_of(
+            PRESCRIBED,
+            "specimen = \"damper\"",
+            "specimen = \"damper\"\nease_in_s = 3",
+        ),
+        "`ease_in_s` must be inside the test, from 0 to 1 s",
+    );
+    let twice = "[[excitation.prescribed_displacement]]\nspecimen = \"damper\"\nsignal = { file = { path = 'x' } }\n";
+    let text = read(&format!("{PRESCRIBED}{twice}"), &[])
+        .unwrap_err()
+        .to_string();
+    shows(&text, "axis 1 of specimen `damper` is prescribed twice");
+}
+
+#[test]
+fn relative_and_absolute_coordinates_do_not_mix() {
+    let base = "[excitation.base_displacement]\nsignal = { file = { path = 'x' } }\n";
+    let text = read(&format!("{GOOD}{base}"), &[]).unwrap_err().to_string();
+    shows(&text, "displacements would mean nothing");
+}
+
+#[test]
+fn dofs_are_counted_from_one_and_named_once() {
+    let force = |dofs: &str| {
+        format!(
+            "{GOOD}[[excitation.nodal_force]]\n{dofs}\nsignal = {{ file = {{ path = 'x' }} }}\n"
+        )
+    };
+    let complaint = |dofs: &str| read(&force(dofs), &[]).unwrap_err().to_string();
+    shows(&complaint("dofs = [0]"), "DOFs are counted from 1");
+    shows(&complaint("dofs = [1, 3, 1]"), "DOF 1 is listed twice");
+    shows(
+        &complaint("dofs = [1]\npattern = [1, 0, 0]"),
+        "exactly one of `dofs` and `pattern`",
+    );
+    let text = read(GOOD, &["record.dofs=[]"]).unwrap_err().to_string();
+    shows(&text, "at least one DOF is needed");
+}
+
+#[test]
+fn a_structure_that_nothing_moves_is_a_warning() {
+    let text = GOOD.replace("[excitation.ground_acceleration]\nsignal", "# signal");
+    let warnings = accepted(&text, &[]).warnings;
+    shows(
+        &warnings[0].render(false),
+        "warning: nothing sets the structure in motion",
+    );
+    accepted(&text, &["structure.initial_displacement_m=[0.1, 0, 0]"]);
+}

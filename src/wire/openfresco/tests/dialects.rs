@@ -1,0 +1,165 @@
+//! Dialects that differ from it, and what UDP adds.
+
+use super::*;
+
+#[test]
+fn generic_tcp_commits_by_moving_on() {
+    let mut server = Server::new(ServerDialect::Controller, Carrier::Stream, ONE);
+    server
+        .feed(&sizes_bytes([1, 0, 0, 0, 0, 1, 0, 0, 1, 0, 4]))
+        .unwrap();
+    let mut send = |values: &[f64]| server.feed(&vector(4, values)).unwrap().1;
+    assert_eq!(send(&[3.0, 0.0]), Event::Trial(Course::First));
+    assert_eq!(send(&[6.0]), Event::Read(Reading::All));
+    assert_eq!(send(&[3.0, 0.0]), Event::Trial(Course::Repeat));
+    for disp in [0.1, 0.2, 0.1, 0.0, 0.1] {
+        assert_eq!(send(&[3.0, disp]), Event::Trial(Course::Step));
+    }
+    assert_eq!(send(&[99.0]), Event::Finished);
+}
+
+#[test]
+fn lines_of_an_init_file_are_passed_over_and_kept_for_the_log() {
+    let mut line = vec![0xEE; 16_385];
+    line[0] = 2;
+    line[1..14].copy_from_slice(b"gain=1.25 mm\0");
+    let mut stream = sizes_bytes([1, 0, 0, 0, 0, 1, 0, 0, 1, 0, 4]);
+    stream.extend(&line);
+    stream.extend(&line);
+    stream.extend(vector(4, &[3.0, 0.5]));
+    for piece in [1, 1000, 16_385, 100_000] {
+        let mut server = Server::new(ServerDialect::Controller, Carrier::Stream, ONE);
+        let mut events = Vec::new();
+        for chunk in stream.chunks(piece) {
+            let mut rest = chunk;
+            while !rest.is_empty() {
+                let (used, event) = server.feed(rest).unwrap();
+                rest = &rest[used..];
+                if event == Event::InitLine {
+                    assert_eq!(server.init_line(), b"gain=1.25 mm");
+                }
+                if !matches!(event, Event::NeedMore | Event::Ready(_)) {
+                    events.push(event);
+                }
+            }
+        }
+        assert_eq!(
+            events,
+            [
+                Event::InitLine,
+                Event::InitLine,
+                Event::Trial(Course::First)
+            ]
+        );
+    }
+}
+
+#[test]
+fn simulink_polls_are_told_apart_by_the_exact_double() {
+    let mut machine = Simulink::new(Carrier::Stream, ONE);
+    let sizes = sizes_bytes([1, 0, 0, 0, 0, 1, 0, 0, 1, 0, 4]);
+    assert!(matches!(
+        machine.feed(&sizes),
+        Ok((44, SimulinkEvent::Ready(_)))
+    ));
+    let send = |machine: &mut Simulink, values: &[f64]| machine.feed(&vector(4, values)).unwrap().1;
+    assert_eq!(send(&mut machine, &[6.0]), SimulinkEvent::AtTarget);
+    assert_eq!(
+        doubles(machine.answer_signals(true, &[0.5, 1.4]).unwrap()),
+        [1.0, 0.5, 1.4, 0.0]
+    );
+    assert_eq!(send(&mut machine, &[3.0, 0.25]), SimulinkEvent::Target);
+    assert_eq!(machine.signals(), [0.25]);
+    assert_eq!(send(&mut machine, &[4.0]), SimulinkEvent::Execute);
+    assert_eq!(send(&mut machine, &[4.1]), SimulinkEvent::TargetTaken);
+    assert_eq!(
+        doubles(machine.answer_switch(true).unwrap()),
+        [1.0, 0.0, 0.0, 0.0]
+    );
+    assert_eq!(send(&mut machine, &[4.2]), SimulinkEvent::TargetDone);
+    assert!(machine.answer_switch(true).is_err());
+    assert_eq!(send(&mut machine, &[4.3]), SimulinkEvent::SwitchedBack);
+    assert!(machine.answer_signals(true, &[0.0, 0.0]).is_err());
+    assert_eq!(doubles(machine.answer_switch(false).unwrap()), [0.0; 4]);
+    assert_eq!(send(&mut machine, &[5.0]), SimulinkEvent::Commit);
+    assert_eq!(send(&mut machine, &[10.0]), SimulinkEvent::Ignored(10.0));
+    assert_eq!(send(&mut machine, &[99.0]), SimulinkEvent::Finished);
+    assert_eq!(send(&mut machine, &[99.0]), SimulinkEvent::NeedMore);
+    // N must leave room for the flag.
+    let mut tight = Simulink::new(Carrier::Stream, ONE);
+    assert!(
+        tight
+            .feed(&sizes_bytes([1, 0, 0, 0, 0, 1, 0, 0, 1, 0, 2]))
+            .is_err()
+    );
+}
+
+// ---- UDP -------------------------------------------------------------------------------------------
+
+#[test]
+fn a_server_recognises_the_hello_and_does_without_it() {
+    let sizes = sizes_bytes([1, 1, 1, 0, 1, 0, 0, 0, 1, 0, 8]);
+    let mut with = Server::new(ServerDialect::Application, Carrier::Datagrams, ONE);
+    for _ in 0..2 {
+        assert_eq!(with.feed(b"a"), Ok((1, Event::Greeted)));
+        assert_eq!(with.reply(), b"b");
+    }
+    assert!(matches!(with.feed(&sizes), Ok((44, Event::Ready(_)))));
+    assert!(with.reply().is_empty());
+    assert!(matches!(with.feed(b"a"), Ok((1, Event::Ignored(_)))));
+    let mut without = Server::new(ServerDialect::Application, Carrier::Datagrams, ONE);
+    assert!(matches!(without.feed(&sizes), Ok((44, Event::Ready(_)))));
+}
+
+#[test]
+fn pieces_are_added_up_and_answers_go_in_the_same_pieces() {
+    let mut server = Server::new(ServerDialect::Application, Carrier::Datagrams, ONE);
+    server
+        .feed(&sizes_bytes([1, 0, 0, 0, 0, 0, 0, 0, 1, 0, 256]))
+        .unwrap();
+    assert_eq!(server.piece(), DATAGRAM_LIMIT);
+    let command = vector(256, &[3.0, 0.5]);
+    let mut events = Vec::new();
+    for piece in datagrams(&command, 2048, 512) {
+        events.push(server.feed(piece).unwrap());
+    }
+    assert_eq!(events.len(), 4);
+    assert_eq!(events[2], (512, Event::NeedMore));
+    assert_eq!(events[3], (512, Event::Trial(Course::First)));
+    assert_eq!(server.piece(), 512);
+    // A datagram that holds more than the message misses is not of this protocol.
+    assert!(matches!(
+        server.feed(&vector(257, &[3.0])),
+        Err(WireError::Count {
+            field: "bytes of a datagram",
+            expected: 2048,
+            found: 2056
+        })
+    ));
+    let lengths = |bytes: usize, message, piece| {
+        datagrams(&vec![0; bytes], message, piece)
+            .map(<[u8]>::len)
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(lengths(16_000, 16_000, 9126), [9126, 6874]);
+    assert_eq!(lengths(4096, 2048, 9126), [2048, 2048]);
+}
+
+#[test]
+fn the_table_of_udp_greetings() {
+    let greeting = UdpGreeting::expected_by;
+    let hello = UdpGreeting {
+        hello: true,
+        endian: false,
+    };
+    let both = UdpGreeting {
+        hello: true,
+        endian: true,
+    };
+    assert_eq!(greeting(Peer::OpenSees), hello);
+    assert_eq!(greeting(Peer::OpenFrescoServer), UdpGreeting::NONE);
+    assert_eq!(greeting(Peer::OpenFrescoSite), hello);
+    assert_eq!(greeting(Peer::OldOpenFrescoServer), hello);
+    assert_eq!(greeting(Peer::OldOpenFrescoSite), both);
+    assert_eq!(greeting(Peer::CLibrary), UdpGreeting::NONE);
+}

@@ -1,0 +1,261 @@
+//! A server of one degree of freedom, message by message (section 5.7 of the protocol notes).
+
+use super::*;
+
+#[test]
+fn several_trials_between_two_commits_are_iterations_of_one_step() {
+    let mut server = generic();
+    assert_eq!(trial(&mut server, 0.0, 0.0), Course::First);
+    assert_eq!(message(&mut server, &[15.0]), Event::Matrix(Matrix::Mass));
+    assert_eq!(trial(&mut server, 0.0, 0.02), Course::Step);
+    assert_eq!(server.dt(), Some(0.02));
+    assert_eq!(trial(&mut server, 0.1, 0.02), Course::Iteration);
+    assert_eq!(trial(&mut server, 0.11, 0.02), Course::Iteration);
+    assert_eq!(trial(&mut server, 0.11, 0.02), Course::Repeat);
+    assert_eq!(commit(&mut server, 0.02), 5);
+    assert_eq!(trial(&mut server, 0.11, 0.04), Course::Step);
+    assert_eq!(server.dt(), Some(0.04 - 0.02));
+    assert_eq!(commit(&mut server, 0.04), 1);
+    assert_eq!(message(&mut server, &[99.0]), Event::Finished);
+}
+
+#[test]
+fn a_request_may_come_before_the_first_command_and_any_number_of_times() {
+    let mut server = generic();
+    assert_eq!(
+        message(&mut server, &[10.0, 9.9]),
+        Event::Read(Reading::Force)
+    );
+    assert_eq!(server.trial().unwrap().disp, [0.0]);
+    let response = Response {
+        force: &[2.5],
+        ..Response::default()
+    };
+    assert_eq!(doubles(server.answer(&response).unwrap())[..2], [2.5, 0.0]);
+    trial(&mut server, 0.5, 0.01);
+    for _ in 0..3 {
+        assert_eq!(
+            message(&mut server, &[10.0, 9.9]),
+            Event::Read(Reading::Force)
+        );
+        // The stale doubles of a request are not looked at.
+        assert_eq!(server.trial().unwrap().disp, [0.5]);
+        server.answer(&response).unwrap();
+    }
+    commit(&mut server, 0.01);
+    assert_eq!(message(&mut server, &[10.0]), Event::Read(Reading::Force));
+    assert_eq!(server.trial().unwrap().disp, [0.5]);
+}
+
+#[test]
+fn a_commit_without_a_new_command_moves_time_on() {
+    let mut server = generic();
+    trial(&mut server, 0.1, 0.01);
+    assert_eq!(commit(&mut server, 0.01), 1);
+    assert_eq!(commit(&mut server, 0.02), 0);
+    assert_eq!(trial(&mut server, 0.2, 0.03), Course::Step);
+    assert!((server.dt().unwrap() - 0.01).abs() < 1e-15);
+    // A command and its commit without a request in between.
+    assert_eq!(commit(&mut server, 0.03), 1);
+}
+
+#[test]
+fn a_step_that_is_taken_back_is_told_apart() {
+    let mut server = generic();
+    trial(&mut server, 0.0, 0.0);
+    trial(&mut server, 0.1, 0.02);
+    commit(&mut server, 0.02);
+    assert_eq!(trial(&mut server, 0.3, 0.04), Course::Step);
+    assert_eq!(trial(&mut server, 9.0, 0.04), Course::Iteration);
+    // Old displacement and old time, no commit: then on with another step length.
+    assert_eq!(trial(&mut server, 0.1, 0.02), Course::TakenBack);
+    assert_eq!(server.dt(), Some(0.0));
+    assert_eq!(trial(&mut server, 0.15, 0.025), Course::Step);
+    assert!((server.dt().unwrap() - 0.005).abs() < 1e-15);
+    assert_eq!(trial(&mut server, 0.16, 0.025), Course::Iteration);
+    assert_eq!(trial(&mut server, 0.1, 0.02), Course::TakenBack);
+    assert_eq!(trial(&mut server, 0.11, 0.021), Course::Step);
+    assert_eq!(commit(&mut server, 0.021), 7);
+    // The first step of a test, taken back to the beginning.
+    let mut server = generic();
+    trial(&mut server, 0.0, 0.0);
+    trial(&mut server, 0.1, 0.02);
+    assert_eq!(trial(&mut server, 0.0, 0.0), Course::TakenBack);
+}
+
+#[test]
+fn time_that_begins_anew_after_a_commit_is_no_step_back() {
+    let mut server = generic();
+    trial(&mut server, 0.1, 1.0);
+    commit(&mut server, 1.0);
+    // loadConst -time 0.0, then a transient analysis.
+    assert_eq!(trial(&mut server, 0.1, 0.01), Course::NewOrigin);
+    assert_eq!(server.dt(), None);
+    assert_eq!(trial(&mut server, 0.12, 0.01), Course::Iteration);
+    assert_eq!(trial(&mut server, 0.1, 0.0), Course::TakenBack);
+    assert_eq!(trial(&mut server, 0.12, 0.01), Course::Step);
+    commit(&mut server, 0.01);
+    assert_eq!(trial(&mut server, 0.2, 0.02), Course::Step);
+    assert_eq!(server.dt(), Some(0.01));
+    // In the middle of a step it is nothing that can be followed.
+    assert_eq!(trial(&mut server, 0.0, 0.005), Course::Reversed);
+    assert!(server.dt().unwrap() < 0.0);
+}
+
+#[test]
+fn without_a_time_a_step_back_shows_in_the_displacement() {
+    let mut server = Server::new(ServerDialect::Application, Carrier::Stream, ONE);
+    server
+        .feed(&sizes_bytes([1, 0, 0, 0, 0, 0, 0, 0, 1, 0, 2]))
+        .unwrap();
+    let mut trial = |disp: f64| match server.feed(&vector(2, &[3.0, disp])).unwrap().1 {
+        Event::Trial(course) => course,
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(trial(0.1), Course::First);
+    assert_eq!(trial(0.2), Course::Iteration);
+    assert_eq!(trial(0.0), Course::TakenBack);
+    assert_eq!(trial(0.05), Course::Step);
+    server.feed(&vector(2, &[5.0])).unwrap();
+    assert_eq!(server.dt(), None);
+    let mut trial = |disp: f64| match server.feed(&vector(2, &[3.0, disp])).unwrap().1 {
+        Event::Trial(course) => course,
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(trial(0.05), Course::Repeat);
+    assert_eq!(trial(0.07), Course::Iteration);
+    assert_eq!(trial(0.05), Course::TakenBack);
+}
+
+#[test]
+fn an_answer_holds_the_complete_layout_whatever_was_asked() {
+    let mut server = Server::new(ServerDialect::Application, Carrier::Stream, ONE);
+    let sizes = sizes_bytes([1, 1, 1, 0, 1, 1, 1, 1, 1, 1, 6]);
+    server.feed(&sizes).unwrap();
+    let response = Response {
+        disp: &[0.1],
+        vel: &[0.2],
+        accel: &[0.3],
+        force: &[0.4],
+        time: 0.5,
+    };
+    for code in 6..=11 {
+        let (_, event) = server.feed(&vector(6, &[f64::from(code)])).unwrap();
+        assert!(matches!(event, Event::Read(_)));
+        let answer = doubles(server.answer(&response).unwrap());
+        assert_eq!(answer, [0.1, 0.2, 0.3, 0.4, 0.5, 0.0]);
+    }
+    // One request, one answer; and only of the kind that was asked for.
+    assert!(matches!(
+        server.answer(&response),
+        Err(WireError::Order { .. })
+    ));
+    server.feed(&vector(6, &[12.0])).unwrap();
+    assert!(matches!(
+        server.answer(&response),
+        Err(WireError::Order { .. })
+    ));
+    let answer = doubles(server.answer_matrix(&[2.8]).unwrap());
+    assert_eq!(answer, [2.8, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    server.feed(&vector(6, &[6.0])).unwrap();
+    let nan = Response {
+        force: &[f64::NAN],
+        ..response
+    };
+    assert_eq!(
+        server.answer(&nan),
+        Err(WireError::NotFinite {
+            field: "forces",
+            index: 0
+        })
+    );
+}
+
+#[test]
+fn a_matrix_that_does_not_fit_into_n_ends_the_connection() {
+    let mut server = Server::new(
+        ServerDialect::Application,
+        Carrier::Stream,
+        Interface::of_axes(4),
+    );
+    server
+        .feed(&sizes_bytes([4, 0, 0, 0, 0, 0, 0, 0, 4, 0, 15]))
+        .unwrap();
+    assert!(matches!(
+        server.feed(&vector(15, &[12.0])),
+        Err(WireError::Bounds {
+            field: "data size N",
+            lowest: 16,
+            found: 15,
+            ..
+        })
+    ));
+}
+
+#[test]
+fn unknown_actions_are_reported_and_not_answered_and_nonsense_ends_the_connection() {
+    let mut server = generic();
+    for code in [1.0, 2.0, 4.0, 4.1, 16.0, 50.0, 98.0] {
+        assert_eq!(message(&mut server, &[code]), Event::Ignored(code));
+        assert!(server.reply().is_empty());
+    }
+    assert_eq!(message(&mut server, &[10.9]), Event::Read(Reading::Force));
+    assert!(matches!(
+        server.feed(&vector(8, &[0.0])),
+        Err(WireError::Action { found: 0.0 })
+    ));
+    assert_eq!(server.feed(&vector(8, &[10.0])), Err(WireError::Failed));
+}
+
+#[test]
+fn a_command_that_is_not_a_number_never_reaches_the_specimen() {
+    let mut server = generic();
+    trial(&mut server, 0.25, 0.01);
+    assert_eq!(
+        server.feed(&vector(8, &[3.0, f64::NAN, 0.0, 0.0, 0.02])),
+        Err(WireError::NotFinite {
+            field: "trial response",
+            index: 0
+        })
+    );
+    assert_eq!(server.trial().unwrap().disp, [0.25]);
+}
+
+#[test]
+fn after_the_end_nothing_is_understood_any_more() {
+    let mut server = generic();
+    assert_eq!(message(&mut server, &[99.0]), Event::Finished);
+    assert_eq!(server.feed(&vector(8, &[99.0])), Ok((64, Event::NeedMore)));
+    assert_eq!(server.feed(&vector(3, &[3.0])), Ok((24, Event::NeedMore)));
+}
+
+#[test]
+fn messages_may_be_cut_and_joined_anywhere_on_a_stream() {
+    let mut stream = sizes_bytes([1, 1, 1, 0, 1, 0, 0, 0, 1, 0, 8]);
+    for values in [
+        [3.0, 0.5, 0.0, 0.0, 0.1],
+        [10.0, 0.0, 0.0, 0.0, 0.0],
+        [5.0, 0.0, 0.0, 0.0, 0.1],
+    ] {
+        stream.extend(vector(8, &values));
+    }
+    let mut courses = Vec::new();
+    for piece in [1, 2, 7, 44, 63, 64, 65, 1000] {
+        let mut server = Server::new(ServerDialect::Application, Carrier::Stream, ONE);
+        let mut events = Vec::new();
+        for chunk in stream.chunks(piece) {
+            let mut rest = chunk;
+            while !rest.is_empty() {
+                let (used, event) = server.feed(rest).unwrap();
+                assert!(used > 0);
+                rest = &rest[used..];
+                if event != Event::NeedMore {
+                    events.push(event);
+                }
+            }
+        }
+        courses.push(events);
+    }
+    assert_eq!(courses[0].len(), 4);
+    assert!(courses.iter().all(|events| *events == courses[0]));
+}
