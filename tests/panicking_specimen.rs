@@ -239,3 +239,36 @@ fn a_drill_is_refused_where_it_could_not_come() {
         &["panic_at_s"],
     );
 }
+
+/// What was drilled goes on from its last row as if nothing had been: the same bits at the end as without the drill. At full
+/// pace at once: easing would split the way of a spring that yields, which rounds otherwise.
+#[test]
+fn a_test_goes_on_after_its_drill() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let plain = format!("{FRAME}\n[safety]\nease_s = 0\n");
+    let drilled = plain.replace("storey = 1\n", "storey = 1\ndrill.panic_at_s = 0.2499\n");
+    let test = write(folder, "test.toml", &drilled);
+    let broken = folder.join("broken");
+    assert_eq!(common::run(&test, &broken, &[]).code, Some(5));
+    let next = folder.join("next");
+    let said = say([
+        "run".as_ref(),
+        "--resume".as_ref(),
+        broken.as_os_str(),
+        "--out".as_ref(),
+        next.as_os_str(),
+    ]);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let whole = folder.join("whole");
+    common::completed(&write(folder, "whole.toml", &plain), &whole, &[]);
+    let last = |folder: &Path| {
+        let names = ["step", "x1", "x2", "v1", "v2", "force_1_1", "cmd_1_1"];
+        let columns = Run::open(folder).unwrap().columns(&names).unwrap();
+        let last = columns
+            .iter()
+            .map(|column| column.last().unwrap().to_bits());
+        last.collect::<Vec<_>>()
+    };
+    assert_eq!(last(&next), last(&whole));
+}

@@ -111,7 +111,8 @@ pub struct SpecimenTable {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stand_in_transfer: Option<TransferSpec>,
     /// A drill: the code of this specimen breaks down on purpose, to see the test end as it would with a bug. Only for a
-    /// specimen that is computed by `gusset run`; rehearsals, replays and identifications are without it. Default: none.
+    /// specimen that is computed by `gusset run`; rehearsals, replays, identifications and a test that goes on after it are
+    /// without it. Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub drill: Option<DrillTable>,
     /// What was identified of the specimen, its actuator and its sensors.

@@ -5,17 +5,18 @@
 //! columns. A miss carries its `class` and the evidence for it ([`super::miss`]); it waits for the next sample of
 //! the scheduler's counters, at most 0.2 s, and what comes after it waits too, so that order is kept.
 
+mod lines;
+
 use std::collections::VecDeque;
 
 use crossbeam_channel::Receiver;
-use serde_json::{Map, Value};
+use serde_json::Map;
 
 use super::append::{Appender, Flushed, Store, Unit};
-use super::miss::{Evidence, MissClasses, SampleWindow, SchedSample, classify};
+use super::miss::{MissClasses, SampleWindow, SchedSample};
 use super::note::Note;
-use super::utc::rfc3339;
 use super::{Event, EventKind};
-use crate::substructure::LinkFault;
+use lines::head;
 
 /// One moment as the writer's two clocks show it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -41,8 +42,6 @@ const BOUND: usize = 1 << 20;
 const QUEUE: usize = 16_384;
 /// Longest wait of a miss for the sample after it.
 const HOLD_NS: u64 = 200_000_000;
-/// Log lines of one kind before they move to the debug level; the file has them all.
-const LOUD: u64 = 5;
 
 enum Entry {
     Loop(Event),
@@ -209,257 +208,6 @@ impl<S: Store> EventLog<S> {
         true
     }
 
-    fn describe(&mut self, event: &Event, wall_ns: u64, line: &mut Map<String, Value>) {
-        let name = kind_name(&event.kind);
-        head(
-            line,
-            Some(event.tick),
-            Some(event.time),
-            wall_ns,
-            Some(event.clock_ns),
-            name,
-        );
-        match event.kind {
-            EventKind::Started | EventKind::Ended | EventKind::StopRequested => {
-                tracing::info!(tick = event.tick, time = event.time, "{name}");
-            }
-            EventKind::Grid { of, first_edge_ns } => {
-                put(line, "of", of.word());
-                put(line, "first_edge_ns", first_edge_ns);
-            }
-            EventKind::Miss {
-                late_ns,
-                stretched,
-                cause,
-            } => {
-                // The miss began at the latest one tick before its deadline: in the tick that ended late.
-                let from = event
-                    .clock_ns
-                    .saturating_sub(late_ns.saturating_add(self.tick_ns));
-                let evidence = self.window.evidence(from, event.clock_ns);
-                let class = classify(cause, evidence);
-                self.classes.count(class);
-                put(
-                    line,
-                    "class",
-                    serde_json::to_value(class).unwrap_or_default(),
-                );
-                put(line, "late_ns", late_ns);
-                put(line, "stretched", stretched);
-                if let Some(Evidence {
-                    involuntary_switches,
-                    minor_faults,
-                    steal_ms,
-                }) = evidence
-                {
-                    put(line, "steal_ms", steal_ms);
-                    put(line, "involuntary_switches", involuntary_switches);
-                    put(line, "minor_faults", minor_faults);
-                }
-                if loud(&mut self.logged[0]) {
-                    tracing::warn!(
-                        tick = event.tick,
-                        time = event.time,
-                        late_us = late_ns as f64 / 1e3,
-                        ?class,
-                        "deadline missed"
-                    );
-                }
-            }
-            EventKind::Stale { port, age } => {
-                self.specimen(line, port);
-                put(line, "age", age);
-                if loud(&mut self.logged[1]) {
-                    tracing::warn!(
-                        tick = event.tick,
-                        time = event.time,
-                        specimen = port + 1,
-                        age,
-                        "stale measurement"
-                    );
-                }
-            }
-            EventKind::Link { port, fault } => {
-                self.specimen(line, port);
-                put(line, "fault", fault_name(fault));
-                put(line, "message", fault.to_string());
-                tracing::error!(
-                    tick = event.tick,
-                    time = event.time,
-                    specimen = port + 1,
-                    "link lost: {fault}"
-                );
-            }
-            EventKind::Interlock { port } => {
-                self.specimen(line, port);
-                tracing::error!(
-                    tick = event.tick,
-                    time = event.time,
-                    specimen = port + 1,
-                    "interlock open"
-                );
-            }
-            EventKind::Probing { port } => {
-                self.specimen(line, port);
-                // Loud: it moves.
-                tracing::warn!(
-                    specimen = port + 1,
-                    "the specimen is moved a little and back, to see which way round it is wired"
-                );
-            }
-            EventKind::Direction {
-                port,
-                axis,
-                disp,
-                force,
-            } => {
-                self.specimen(line, port);
-                put(line, "axis", axis + 1);
-                put(line, "disp", disp);
-                put(line, "force", force);
-                tracing::info!(
-                    specimen = port + 1,
-                    axis = axis + 1,
-                    disp,
-                    force,
-                    "direction"
-                );
-            }
-            EventKind::DirectionUnknown { port, axis } => {
-                self.specimen(line, port);
-                put(line, "axis", axis + 1);
-                tracing::warn!(
-                    specimen = port + 1,
-                    axis = axis + 1,
-                    "the static load does not show which way round it is wired"
-                );
-            }
-            EventKind::Misfit { port, axis, what } => {
-                self.specimen(line, port);
-                put(line, "axis", axis + 1);
-                put(line, "what", what);
-                tracing::error!(specimen = port + 1, axis = axis + 1, "not armed: {what}");
-            }
-            EventKind::Geometry {
-                port,
-                actuator,
-                what,
-            } => {
-                self.specimen(line, port);
-                if let Some(actuator) = actuator {
-                    put(line, "axis", actuator + 1);
-                }
-                put(line, "what", what);
-                tracing::error!(
-                    tick = event.tick,
-                    time = event.time,
-                    specimen = port + 1,
-                    "geometry: {what}"
-                );
-            }
-            EventKind::Saturated { port } => {
-                self.specimen(line, port);
-                tracing::error!(
-                    tick = event.tick,
-                    time = event.time,
-                    specimen = port + 1,
-                    "a sensor or actuator is at the end of its range"
-                );
-            }
-            EventKind::Pace { from, to, share } => {
-                put(line, "from", from);
-                put(line, "to", to);
-                put(line, "share", share);
-                if loud(&mut self.logged[4]) {
-                    tracing::info!(tick = event.tick, time = event.time, "{from} → {to}");
-                }
-            }
-            EventKind::Checkpoint { digest } => put(line, "digest", format!("{digest:016x}")),
-            EventKind::Phase { from, to, cause } => {
-                put(line, "from", from);
-                put(line, "to", to);
-                put(line, "cause", cause);
-                tracing::info!(tick = event.tick, time = event.time, cause, "{from} → {to}");
-            }
-            EventKind::Limit {
-                port,
-                axis,
-                quantity,
-                trip,
-                value,
-                bound,
-            } => {
-                self.specimen(line, port);
-                put(line, "axis", u64::from(axis) + 1);
-                put(line, "limit", quantity);
-                put(line, "value", value);
-                put(line, "bound", bound);
-                if trip || loud(&mut self.logged[3]) {
-                    let level = if trip { "trips" } else { "warning" };
-                    tracing::warn!(
-                        tick = event.tick,
-                        time = event.time,
-                        specimen = port + 1,
-                        axis = axis + 1,
-                        value,
-                        bound,
-                        "{quantity} {level}"
-                    );
-                }
-            }
-            EventKind::TestLimit {
-                quantity,
-                trip,
-                value,
-                bound,
-            } => {
-                put(line, "limit", quantity);
-                put(line, "value", value);
-                put(line, "bound", bound);
-                if trip || loud(&mut self.logged[3]) {
-                    let level = if trip { "trips" } else { "warning" };
-                    let (tick, time) = (event.tick, event.time);
-                    tracing::warn!(tick, time, value, bound, "{quantity} {level}");
-                }
-            }
-            EventKind::Zeroed { port, axis, values } => {
-                self.specimen(line, port);
-                put(line, "axis", u64::from(axis) + 1);
-                let [disp, force, disp_noise, force_noise] = values;
-                put(line, "disp", disp);
-                put(line, "force", force);
-                put(line, "disp_noise_rms", disp_noise);
-                put(line, "force_noise_rms", force_noise);
-                tracing::info!(specimen = port + 1, axis = axis + 1, disp, force, "zeroed");
-            }
-            EventKind::RowLost => {
-                if loud(&mut self.logged[2]) {
-                    tracing::error!(
-                        tick = event.tick,
-                        time = event.time,
-                        "row lost: the queue to the writer is full"
-                    );
-                }
-            }
-            EventKind::Diverged { dof } => {
-                put(line, "dof", u64::from(dof) + 1);
-                tracing::error!(
-                    tick = event.tick,
-                    time = event.time,
-                    dof = dof + 1,
-                    "diverged"
-                );
-            }
-        }
-    }
-
-    fn specimen(&self, line: &mut Map<String, Value>, port: u32) {
-        put(line, "specimen", u64::from(port) + 1);
-        if let Some(name) = self.specimens.get(port as usize) {
-            put(line, "name", name.as_str());
-        }
-    }
-
     /// Deadline misses so far by class.
     pub const fn classes(&self) -> MissClasses {
         self.classes
@@ -486,79 +234,12 @@ impl<S: Store> EventLog<S> {
     }
 }
 
-fn put(line: &mut Map<String, Value>, key: &str, value: impl Into<Value>) {
-    line.insert(key.to_owned(), value.into());
-}
-
-fn head(
-    line: &mut Map<String, Value>,
-    tick: Option<u64>,
-    time: Option<f64>,
-    wall_ns: u64,
-    clock_ns: Option<u64>,
-    event: &str,
-) {
-    put(line, "tick", tick);
-    put(line, "time", time);
-    put(line, "wall", rfc3339(wall_ns));
-    put(line, "clock_ns", clock_ns);
-    put(line, "event", event);
-}
-
-fn loud(count: &mut u64) -> bool {
-    *count += 1;
-    if *count == LOUD + 1 {
-        tracing::warn!("further events of this kind are in events.jsonl only");
-    }
-    *count <= LOUD
-}
-
-const fn kind_name(kind: &EventKind) -> &'static str {
-    match kind {
-        EventKind::Started => "started",
-        EventKind::Grid { .. } => "grid",
-        EventKind::Ended => "ended",
-        EventKind::Miss { .. } => "miss",
-        EventKind::Stale { .. } => "stale",
-        EventKind::Link { .. } => "link",
-        EventKind::Interlock { .. } => "interlock",
-        EventKind::Saturated { .. } => "saturated",
-        EventKind::RowLost => "row_lost",
-        EventKind::Diverged { .. } => "diverged",
-        EventKind::StopRequested => "stop_requested",
-        EventKind::Probing { .. } => "probing",
-        EventKind::Direction { .. } => "direction",
-        EventKind::DirectionUnknown { .. } => "direction_unknown",
-        EventKind::Misfit { .. } => "misfit",
-        EventKind::Geometry { .. } => "geometry",
-        EventKind::Phase { .. } => "phase",
-        EventKind::Pace { .. } => "pace",
-        EventKind::Checkpoint { .. } => "checkpoint",
-        EventKind::Limit { trip: true, .. } | EventKind::TestLimit { trip: true, .. } => {
-            "limit_trip"
-        }
-        EventKind::Limit { .. } | EventKind::TestLimit { .. } => "limit_warning",
-        EventKind::Zeroed { .. } => "zeroed",
-    }
-}
-
-const fn fault_name(fault: LinkFault) -> &'static str {
-    match fault {
-        LinkFault::Closed => "closed",
-        LinkFault::Timeout => "timeout",
-        LinkFault::Malformed => "malformed",
-        LinkFault::Refused => "refused",
-        LinkFault::Version => "version",
-        LinkFault::Auth => "auth",
-        LinkFault::Backpressure => "backpressure",
-        LinkFault::NotFinite => "not_finite",
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::record::{MissCause, NoteLevel};
+    use crate::substructure::LinkFault;
+    use serde_json::Value;
 
     const SECOND: u64 = 1_000_000_000;
 

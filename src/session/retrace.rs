@@ -119,6 +119,10 @@ pub(super) fn prepared(run: &Run, replaced: Replaced, keys: bool) -> Result<Prep
     check_inputs(run)?;
     let folder = run.path();
     let mut loaded = config::load(&folder.join("resolved.toml"), &[])?;
+    for specimen in &mut loaded.file.specimen {
+        // It came, and is over: a test that goes on is without it.
+        specimen.drill = None;
+    }
     if !keys {
         // No specimen is spoken to: what only a link needs is not asked for.
         for link in loaded
