@@ -5,12 +5,10 @@ mod common;
 use std::sync::{Arc, Mutex};
 
 use common::engine::{Run, prepare, run_under};
+use common::spring::Spring;
 use gusset::control::{Axis, Order, Port, Stage};
 use gusset::engine::{Control, Operator, Phase};
-use gusset::substructure::{
-    Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
-};
-use gusset::time::{Nanos, SimClock};
+use gusset::time::SimClock;
 
 const DT: f64 = 0.01;
 const TICKS: u32 = 8;
@@ -20,84 +18,14 @@ const STIFFNESS: f64 = 2e5;
 /// Test time, Δt, displacement and velocity of every command.
 type Heard = Arc<Mutex<Vec<[f64; 4]>>>;
 
-/// A spring that takes `late` looks before its answer to every fifth command is there, and notes how many commands the near
-/// one had heard when it was told its own.
-struct Far {
-    looks: u32,
-    late: u32,
-    disp: f64,
-    sequence: u64,
-    near: Heard,
-    told: Arc<Mutex<Vec<usize>>>,
-}
-
-impl Substructure for Far {
-    fn axes(&self) -> usize {
-        1
-    }
-    fn coupling(&self) -> Coupling {
-        Coupling::Lockstep
-    }
-    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
-        (self.disp, self.sequence, self.looks) = (command.disp[0], command.sequence, 0);
-        let near = self.near.lock().unwrap().len();
-        self.told.lock().unwrap().push(near);
-        Ok(())
-    }
-    fn is_answered(&mut self) -> Result<bool, LinkFault> {
-        self.looks += 1;
-        let is_slow = self.told.lock().unwrap().len().is_multiple_of(5);
-        Ok(!is_slow || self.looks > self.late)
-    }
-    fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
-        into.sequence = self.sequence;
-        (into.disp[0], into.force[0]) = (self.disp, 1e5 * self.disp);
-        Ok(Freshness::Fresh)
-    }
-    fn retire(&mut self, _: Retirement) {}
-}
-
-/// A spring that keeps what it was told, and at whose commands an operator speaks.
-struct Spring {
-    heard: Heard,
-    ask: crossbeam_channel::Sender<Operator>,
-    says: Vec<(usize, Operator)>,
-    disp: f64,
-    sequence: u64,
-}
-
-impl Substructure for Spring {
-    fn axes(&self) -> usize {
-        1
-    }
-    fn coupling(&self) -> Coupling {
-        Coupling::Lockstep
-    }
-    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
-        (self.disp, self.sequence) = (command.disp[0], command.sequence);
-        let mut heard = self.heard.lock().unwrap();
-        for (_, word) in self.says.iter().filter(|(at, _)| *at == heard.len()) {
-            self.ask.send(*word).unwrap();
-        }
-        heard.push([command.time, command.dt, command.disp[0], command.vel[0]]);
-        Ok(())
-    }
-    fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
-        into.sequence = self.sequence;
-        (into.disp[0], into.force[0]) = (self.disp, STIFFNESS * self.disp);
-        Ok(Freshness::Fresh)
-    }
-    fn retire(&mut self, _: Retirement) {}
-}
-
 /// A frame on the near spring, `steps` steps of 10 ms with 8 ticks each.
 fn frame(steps: u32, says: &[(usize, Operator)]) -> (Run, Vec<[f64; 4]>) {
     let (run, commands, _) = frame_with(steps, says, None);
     (run, commands)
 }
 
-/// The same with a far spring in the upper storey that is `late`, and how many commands the near one had heard when the far
-/// one was told each of its own.
+/// The same with a far spring in the upper storey that takes `late` looks before its answer to every fifth command is there,
+/// and how many commands the near one had heard when the far one was told each of its own.
 fn frame_with(
     steps: u32,
     says: &[(usize, Operator)],
@@ -113,26 +41,24 @@ fn frame_with(
     let mut experiment = prepare(&text).experiment;
     let (ask, requests) = crossbeam_channel::bounded(8);
     let heard = Heard::default();
-    let spring = Spring {
-        heard: Arc::clone(&heard),
-        ask,
-        says: says.to_vec(),
-        disp: 0.0,
-        sequence: 0,
-    };
+    let (says, near) = (says.to_vec(), Arc::clone(&heard));
+    let spring = Spring::new(STIFFNESS, move |command| {
+        let mut heard = near.lock().unwrap();
+        for (_, word) in says.iter().filter(|(at, _)| *at == heard.len()) {
+            ask.send(*word).unwrap();
+        }
+        heard.push([command.time, command.dt, command.disp[0], command.vel[0]]);
+    });
     let axis = Axis::plain(vec![(0, 1.0)]);
     let port = Port::new("spring", vec![axis], Box::new(spring), 2, vec![STIFFNESS]);
     experiment.ports.push(port.unwrap());
-    let told = Arc::default();
+    let told: Arc<Mutex<Vec<usize>>> = Arc::default();
     if let Some(late) = late {
-        let far = Far {
-            looks: 0,
-            late,
-            disp: 0.0,
-            sequence: 0,
-            near: Arc::clone(&heard),
-            told: Arc::clone(&told),
-        };
+        let (near, told) = (Arc::clone(&heard), Arc::clone(&told));
+        let far = Spring::new(1e5, move |_| {
+            told.lock().unwrap().push(near.lock().unwrap().len());
+        });
+        let far = far.answering(move |looks, told| !told.is_multiple_of(5) || looks > late);
         let axis = Axis::plain(vec![(0, -1.0), (1, 1.0)]);
         let port = Port::new("far", vec![axis], Box::new(far), 2, vec![1e5]);
         let port = port.unwrap().with_pace(true, Order::Quadratic);

@@ -2,6 +2,8 @@
 
 mod common;
 mod export;
+#[path = "export/trace.rs"]
+mod trace;
 
 use std::fs;
 use std::path::Path;
@@ -9,7 +11,6 @@ use std::path::Path;
 use common::{FRAME, Said, completed, copy, json, names, say, write};
 use export::{TABLES, by_hand, judge, judge_in_octave, row};
 use gusset::record::Run;
-use serde_json::Value;
 use sha2::{Digest, Sha256};
 
 fn export(run: &Path, format: &str, out: &Path, more: &[&str]) -> Said {
@@ -133,7 +134,7 @@ fn a_torn_run_gives_what_is_sound_and_an_empty_one_gives_columns() {
     );
     let said = export(&run, "trace", &out.join("trace.json"), &[]);
     assert_eq!(said.code, Some(0), "{}", said.stderr);
-    assert_eq!(phases(&json(&out, "trace.json")).len(), 0);
+    assert_eq!(trace::phases(&json(&out, "trace.json")).len(), 0);
 }
 
 #[test]
@@ -158,115 +159,6 @@ fn a_window_of_test_time_is_the_same_in_every_format() {
     let part = fs::read_to_string(out.join("run.csv")).unwrap();
     assert_eq!(part.lines().skip(1).collect::<Vec<_>>(), wanted);
     assert!(wanted.len() > 20);
-}
-
-fn phases(trace: &Value) -> Vec<&Value> {
-    let events = trace["traceEvents"].as_array().unwrap();
-    events.iter().filter(|event| event["ph"] == "X").collect()
-}
-
-/// Every number of the trace follows from the columns of `row`, and the moment of the miss from the event alone.
-#[test]
-fn a_trace_shows_every_phase_every_event_and_every_miss_where_it_was() {
-    let temp = tempfile::tempdir().unwrap();
-    let run = temp.path().join("run");
-    // Tick 5 computes 1.9 ms: the edges of ticks 6 and 7 pass meanwhile.
-    by_hand(
-        &run,
-        (0..10).map(|k| {
-            let mut row = row(k);
-            if k == 5 {
-                row[10] = 1.9e-3;
-            }
-            row
-        }),
-    );
-    // The loop's clock stood at 7 s at the first edge. The miss was seen 1.25 ms behind its deadline, 6 ms after it.
-    let events = [
-        r#"{"tick":2,"time":0.002,"wall":"","clock_ns":7002500000,"event":"limit","specimen":1}"#,
-        r#"{"tick":5,"time":0.005,"wall":"","clock_ns":7007250000,"event":"miss","class":"ours","late_ns":1250000}"#,
-        r#"{"tick":9,"time":0.009,"wall":"","clock_ns":null,"event":"note"}"#,
-        r#"{"tick":9,"time":"#,
-    ];
-    fs::write(run.join("events.jsonl"), events.join("\n")).unwrap();
-    let said = export(&run, "trace", &temp.path().join("trace.json"), &[]);
-    assert_eq!(said.code, Some(0), "{}", said.stderr);
-    let trace = json(temp.path(), "trace.json");
-    let all = trace["traceEvents"].as_array().unwrap();
-    let mut last = 0.0;
-    for event in all {
-        let at = event["ts"].as_f64().unwrap();
-        assert!(at >= last, "{event} after {last}");
-        assert_eq!(event["pid"], 1);
-        last = at;
-    }
-    let named = |event: &&&Value| event["ph"] == "M" && event["name"] == "thread_name";
-    let threads: Vec<&Value> = all
-        .iter()
-        .filter(|e| named(&e))
-        .map(|e| &e["args"]["name"])
-        .collect();
-    assert_eq!(threads, ["grid", "loop", "events"]);
-
-    let slices = phases(&trace);
-    let of = |name: &str| -> Vec<(f64, f64)> {
-        let number = |event: &Value, key: &str| event[key].as_f64().unwrap();
-        let found = slices.iter().filter(|event| event["name"] == name);
-        found
-            .map(|event| (number(event, "ts"), number(event, "dur")))
-            .collect()
-    };
-    let close =
-        |(a, b): (f64, f64), (c, d): (f64, f64)| (a - c).abs() < 1e-6 && (b - d).abs() < 1e-6;
-    for k in 0..10_u32 {
-        let (edge, index) = (f64::from(k) * 1e3, k as usize);
-        assert!(close(of(&format!("step {k}"))[0], (edge, 1000.0)), "{k}");
-        // Ticks 6 and 7 were due before the loop was done with tick 5 at 7215 µs.
-        let begin = if k == 6 || k == 7 { continue } else { edge };
-        let compute = if k == 5 { 1900.0 } else { 100.0 };
-        for (name, at, length) in [
-            ("wake up", 0.0, 10.0),
-            ("send", 10.0, 5.0),
-            ("wait for replies", 15.0, 300.0),
-            ("compute", 315.0, compute),
-        ] {
-            let found = of(name)[index];
-            assert!(
-                close(found, (begin + at, length)),
-                "{name} of {k}: {found:?}"
-            );
-        }
-    }
-    // Slices of one line never overlap.
-    let on_loop = slices.iter().filter(|event| event["tid"] == 3);
-    let mut until = 0.0;
-    for slice in on_loop {
-        let (at, length) = (
-            slice["ts"].as_f64().unwrap(),
-            slice["dur"].as_f64().unwrap(),
-        );
-        assert!(at >= until - 1e-3, "{slice} begins before {until}");
-        until = at + length;
-    }
-    let instants: Vec<&Value> = all.iter().filter(|event| event["ph"] == "i").collect();
-    let shown = |event: &Value| {
-        let text = |key: &str| event[key].as_str().unwrap().to_owned();
-        (text("name"), text("s"), event["ts"].as_f64().unwrap())
-    };
-    let expected = [
-        ("limit", "t", 2500.0),
-        ("deadline missed", "t", 7250.0),
-        ("note", "t", 9000.0),
-    ];
-    let expected = expected.map(|(name, scope, at)| (name.to_owned(), scope.to_owned(), at));
-    assert_eq!(
-        instants
-            .iter()
-            .map(|event| shown(event))
-            .collect::<Vec<_>>(),
-        expected
-    );
-    assert_eq!(instants[1]["args"]["class"], "ours");
 }
 
 #[test]

@@ -328,3 +328,38 @@ fn a_stall_in_the_warm_up_is_neither_a_miss_nor_a_burst() {
         }
     }
 }
+
+/// A clock that goes on by a microsecond whenever it is read, and only then.
+struct Reluctant(SimClock);
+
+impl Clock for Reluctant {
+    fn now(&self) -> Nanos {
+        self.0.advance(1_000);
+        self.0.now()
+    }
+
+    fn sleep_until(&self, at: Nanos) {
+        self.0.sleep_until(at);
+    }
+}
+
+/// Between the ready command and the row handed over the clock is read once: that is what the next row tells.
+#[test]
+fn the_row_behind_tells_how_long_a_tick_took_to_be_recorded() {
+    let clock = SimClock::new();
+    let run = run_on(
+        two_floors(STEPS, "timing.warmup_ticks = 3"),
+        Reluctant(clock),
+    );
+    let record = run.column("record_before_s");
+    assert_eq!(record.len(), STEPS as usize + 1);
+    assert!(record[0].is_nan());
+    for (k, seconds) in record.iter().enumerate().skip(1) {
+        assert!((seconds - 1e-6).abs() < 1e-12, "row {k}: {seconds}");
+    }
+    let last = run.columns.last().unwrap();
+    assert_eq!(
+        (last.name.as_str(), last.unit.as_str(), last.timing),
+        ("record_before_s", "s", true)
+    );
+}

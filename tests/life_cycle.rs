@@ -6,51 +6,16 @@ mod common;
 use std::sync::{Arc, Mutex};
 
 use common::engine::{Run, prepare, run_on, run_under};
+use common::spring::Spring;
 use gusset::control::limits::{AxisLimits, Bound, Quantity, Range};
 use gusset::control::{Axis, Exit, Exits, Port, Reference, Zero};
 use gusset::engine::{Control, Ending, Experiment, Operator, Phase, Stop};
 use gusset::record::EventKind;
-use gusset::substructure::{
-    Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
-};
-use gusset::time::{Nanos, SimClock};
+use gusset::time::SimClock;
 
 /// 1 kHz in wall and test time; one storey of 2 t on 3e5 N/m, beside the specimen.
 const PERIOD: f64 = 1e-3;
 const STIFFNESS: f64 = 2e5;
-
-/// A spring that stands at `place`, read by sensors that do not read zero there, and writes down where it was sent.
-struct Spring {
-    place: f64,
-    disp: f64,
-    sequence: u64,
-    /// What the displacement sensor reads beyond the position, and the load cell without a force.
-    bias: [f64; 2],
-    way: Arc<Mutex<Vec<f64>>>,
-    at: Box<dyn FnMut(u64) + Send>,
-}
-
-impl Substructure for Spring {
-    fn axes(&self) -> usize {
-        1
-    }
-    fn coupling(&self) -> Coupling {
-        Coupling::Lockstep
-    }
-    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
-        (self.disp, self.sequence) = (command.disp[0], command.sequence);
-        self.way.lock().unwrap().push(self.disp);
-        (self.at)(self.sequence);
-        Ok(())
-    }
-    fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
-        into.sequence = self.sequence;
-        into.disp[0] = self.disp + self.bias[0];
-        into.force[0] = STIFFNESS * (self.disp - self.place) + self.bias[1];
-        Ok(Freshness::Fresh)
-    }
-    fn retire(&mut self, _: Retirement) {}
-}
 
 /// A test with one spring.
 struct Lab {
@@ -82,15 +47,13 @@ impl Lab {
 
     fn experiment(self) -> (Experiment, Arc<Mutex<Vec<f64>>>) {
         let mut experiment = prepare(&self.text).experiment;
-        let way = Arc::default();
-        let spring = Spring {
-            place: self.offset,
-            disp: 0.0,
-            sequence: 0,
-            bias: self.bias,
-            way: Arc::clone(&way),
-            at: self.at,
-        };
+        let way: Arc<Mutex<Vec<f64>>> = Arc::default();
+        let (went, mut at) = (Arc::clone(&way), self.at);
+        let mut spring = Spring::new(STIFFNESS, move |command| {
+            went.lock().unwrap().push(command.disp[0]);
+            at(command.sequence);
+        });
+        (spring.place, spring.bias) = (self.offset, self.bias);
         let mut axis = Axis::plain(vec![(0, 1.0)]);
         axis.disp_offset = self.offset;
         let port = Port::new("rig", vec![axis], Box::new(spring), 1, vec![STIFFNESS]).unwrap();

@@ -7,14 +7,12 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
 use common::engine::{Run, prepare, run, run_on, run_under};
+use common::spring::Spring;
 use gusset::control::{Axis, HOLD_AT, Order, Port};
 use gusset::engine::{Control, Ending, Operator, Phase};
 use gusset::record::RunFolder;
 use gusset::session::{self, Watches, replay};
-use gusset::substructure::{
-    Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
-};
-use gusset::time::{Nanos, SimClock};
+use gusset::time::SimClock;
 
 /// Steps of 10 ms, springs of 2e5 N/m on the bottom storey; `ticks` of them.
 fn frame(ticks: u32, more: &str) -> String {
@@ -33,64 +31,22 @@ const STIFFNESS: f64 = 2e5;
 /// Number and test time of every command.
 type Commands = Arc<Mutex<Vec<(u64, f64)>>>;
 
-/// A spring that takes some looks before its answer is there: `late[k % n]` for its command k.
-struct Slow {
-    late: Vec<u32>,
-    disp: f64,
-    sequence: u64,
-    told: usize,
-    looks: u32,
-    commands: Commands,
-}
-
-impl Slow {
-    fn new(late: &[u32]) -> (Self, Commands) {
-        let commands = Arc::default();
-        let slow = Self {
-            late: late.to_vec(),
-            disp: 0.0,
-            sequence: 0,
-            told: 0,
-            looks: 0,
-            commands: Arc::clone(&commands),
-        };
-        (slow, commands)
-    }
-}
-
-impl Substructure for Slow {
-    fn axes(&self) -> usize {
-        1
-    }
-    fn coupling(&self) -> Coupling {
-        Coupling::Lockstep
-    }
-    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
-        (self.disp, self.sequence) = (command.disp[0], command.sequence);
-        self.commands
-            .lock()
-            .unwrap()
-            .push((command.sequence, command.time));
-        self.told += 1;
-        self.looks = 0;
-        Ok(())
-    }
-    fn is_answered(&mut self) -> Result<bool, LinkFault> {
-        self.looks += 1;
-        Ok(self.looks > self.late[self.told % self.late.len()])
-    }
-    fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
-        into.sequence = self.sequence;
-        (into.disp[0], into.force[0]) = (self.disp, 1e5 * self.disp);
-        Ok(Freshness::Fresh)
-    }
-    fn retire(&mut self, _: Retirement) {}
+/// A spring that takes some looks before its answer is there: `late[k % n]` for its command k, from 1.
+fn slow(late: &[u32]) -> (Spring, Commands) {
+    let (late, commands) = (late.to_vec(), Commands::default());
+    let heard = Arc::clone(&commands);
+    let spring = Spring::new(1e5, move |command| {
+        let mut heard = heard.lock().unwrap();
+        heard.push((command.sequence, command.time));
+    });
+    let slow = spring.answering(move |looks, told| looks > late[told % late.len()]);
+    (slow, commands)
 }
 
 /// The frame with a spring in each storey, the upper one behind a slow link.
 fn with_slow(ticks: u32, late: &[u32]) -> (Run, Commands) {
     let mut experiment = prepare(&format!("{}{SPRING}", frame(ticks, ""))).experiment;
-    let (slow, commands) = Slow::new(late);
+    let (slow, commands) = slow(late);
     let axis = Axis::plain(vec![(0, -1.0), (1, 1.0)]);
     let port = Port::new("far", vec![axis], Box::new(slow), 2, vec![1e5]).unwrap();
     experiment
@@ -196,7 +152,7 @@ fn a_slow_partner_is_told_once_a_step_and_holds_up_nobody() {
 fn a_slow_partner_that_does_not_answer_at_all_is_lost() {
     let text = frame(10, "");
     let mut experiment = prepare(&text).experiment;
-    let (slow, _) = Slow::new(&[u32::MAX]);
+    let (slow, _) = slow(&[u32::MAX]);
     let axis = Axis::plain(vec![(0, 1.0)]);
     let port = Port::new("far", vec![axis], Box::new(slow), 2, vec![1e5]).unwrap();
     experiment.ports.push(port.with_pace(true, Order::Linear));
@@ -213,48 +169,18 @@ fn a_slow_partner_that_does_not_answer_at_all_is_lost() {
 
 /// Runs a test while an operator says a word at these commands' ticks.
 fn with_words(text: &str, says: Vec<(u64, Operator)>) -> Run {
-    struct Ear {
-        ask: crossbeam_channel::Sender<Operator>,
-        says: Vec<(u64, Operator)>,
-        tick: u64,
-        disp: f64,
-        sequence: u64,
-    }
-    impl Substructure for Ear {
-        fn axes(&self) -> usize {
-            1
-        }
-        fn coupling(&self) -> Coupling {
-            Coupling::Lockstep
-        }
-        fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
-            (self.disp, self.sequence) = (command.disp[0], command.sequence);
-            for (_, word) in self.says.iter().filter(|(at, _)| *at == self.tick) {
-                self.ask.send(*word).unwrap();
-            }
-            self.tick += 1;
-            Ok(())
-        }
-        fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
-            into.sequence = self.sequence;
-            (into.disp[0], into.force[0]) = (self.disp, STIFFNESS * self.disp);
-            Ok(Freshness::Fresh)
-        }
-        fn retire(&mut self, _: Retirement) {}
-    }
     let (ask, requests) = crossbeam_channel::bounded(8);
     let mut experiment = prepare(text).experiment;
     let axis = Axis::plain(vec![(0, 1.0)]);
-    let ear = Ear {
-        ask,
-        says,
-        tick: 0,
-        disp: 0.0,
-        sequence: 0,
-    };
-    experiment
-        .ports
-        .push(Port::new("ear", vec![axis], Box::new(ear), 2, vec![STIFFNESS]).unwrap());
+    let mut tick = 0;
+    let ear = Spring::new(STIFFNESS, move |_| {
+        for (_, word) in says.iter().filter(|(at, _)| *at == tick) {
+            ask.send(*word).unwrap();
+        }
+        tick += 1;
+    });
+    let port = Port::new("ear", vec![axis], Box::new(ear), 2, vec![STIFFNESS]);
+    experiment.ports.push(port.unwrap());
     run_under(experiment, SimClock::new(), &Control::from(requests))
 }
 
@@ -299,7 +225,7 @@ fn recorded(home: &Path, late: &[u32], words: &[Operator], ticks: u32) -> PathBu
     let loaded = gusset::config::load(&path, &[]).unwrap_or_else(|e| panic!("{e}"));
     let mut test = gusset::config::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
     // It is polled as a partner on the real clock would be, which a socket under the simulated clock is not.
-    test.experiment.ports[1].put_recording(Box::new(Slow::new(late).0));
+    test.experiment.ports[1].put_recording(Box::new(slow(late).0));
     let folder = RunFolder::create(&home.join("run")).unwrap();
     let (says, requests) = crossbeam_channel::bounded(words.len().max(1));
     for word in words {

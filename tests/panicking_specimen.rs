@@ -2,13 +2,14 @@
 //! folder tells how far the test came.
 
 mod common;
+mod link_common;
 
 use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use common::{FRAME, json};
+use common::{FRAME, PATIENT, json, say, write};
 use gusset::config::{self, Prepared};
 use gusset::control::{Axis, Port};
 use gusset::record::summary::Status;
@@ -18,6 +19,7 @@ use gusset::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
 };
 use gusset::time::Nanos;
+use link_common::Served;
 
 /// A spring whose code has a bug that shows at a given time, and perhaps another in its last words.
 #[derive(Debug)]
@@ -142,5 +144,98 @@ fn last_words_that_panic_too_do_not_cost_the_next_specimen_its_own() {
     assert!(
         reason.contains("the bug of step 50") && reason.contains("the bug of the last words"),
         "{reason}"
+    );
+}
+
+/// Through the program itself, on both clocks: a specimen that is computed breaks down at 0.25 s, another one stands behind a
+/// link. It hears that the test tripped, and the folder is whole.
+#[test]
+fn a_drill_exits_with_5_and_the_specimen_behind_the_link_is_retired() {
+    for clock in ["simulated", "real"] {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        let far = "[[specimen]]\nname = \"far\"\nlaw.linear.stiffness_n_per_m = 2e5\n\
+                   limits = { command_disp_m = { trip = [-0.1, 0.1] }, measured_force_n = { trip = [-1e5, 1e5] } }\n";
+        let served = Served::start(folder, far, &["--transport", "udp"]);
+        let text = format!(
+            "{FRAME}drill_\n{}storey = 2\nstiffness_n_per_m = 2e5\nlink = {{ address = \"{}\", transport = \"udp\", coupling = \"lockstep\" }}\n",
+            far.replace("law.linear.stiffness_n_per_m = 2e5\n", ""),
+            served.address
+        );
+        let text = text
+            .replace("storey = 1\n", "storey = 1\ndrill.panic_at_s = 0.2499\n")
+            .replace("drill_\n", "");
+        let test = write(folder, "test.toml", &text);
+        let out = folder.join("out");
+        let mut arguments = vec![
+            "run".as_ref(),
+            test.as_os_str(),
+            "--out".as_ref(),
+            out.as_os_str(),
+        ];
+        arguments.extend(["--clock", clock].map(std::ffi::OsStr::new));
+        arguments.extend(PATIENT.map(std::ffi::OsStr::new));
+        let said = say(arguments);
+        assert_eq!(said.code, Some(5), "{}", said.stderr);
+        assert!(
+            said.stderr.contains("a drill: at 0.2499 s"),
+            "{}",
+            said.stderr
+        );
+        assert!(
+            said.stderr.contains("FAILED: internal error"),
+            "{}",
+            said.stderr
+        );
+        served.hears("retired because the test tripped");
+
+        let summary = json(&out, "summary.json");
+        assert_eq!(summary["status"], "failed");
+        let reason = summary["reason"].as_str().unwrap();
+        assert!(
+            reason
+                .starts_with("internal error: a drill: the specimen's code breaks down at 0.25 s"),
+            "{reason}"
+        );
+        // Step 50 of 200 Hz was never closed, and every row before it is there.
+        assert_eq!(
+            (&summary["steps"], &summary["rows_lost"]),
+            (&49.into(), &0.into())
+        );
+        let run = Run::open(&out).unwrap();
+        let columns = run.columns(&["step", "state", "cmd_2_1"]).unwrap();
+        let test = columns[0]
+            .iter()
+            .zip(&columns[1])
+            .filter(|(_, state)| **state == 3.0);
+        let steps: Vec<f64> = test.map(|(step, _)| *step).collect();
+        assert_eq!(steps, (0..50).map(f64::from).collect::<Vec<_>>());
+        assert!(
+            columns[2].iter().any(|disp| disp.abs() > 1e-6),
+            "it had moved"
+        );
+        let report = fs::read_to_string(out.join("report.html")).unwrap();
+        assert!(report.contains("breaks down"));
+        let events = fs::read_to_string(out.join("events.jsonl")).unwrap();
+        assert!(events.contains("\"internal_error\""), "{events}");
+        // What was recorded is replayed up to there, without a drill.
+        let said = say(["replay".as_ref(), out.as_os_str()]);
+        assert_eq!(said.code, Some(0), "{}{}", said.stdout, said.stderr);
+    }
+}
+
+#[test]
+fn a_drill_is_refused_where_it_could_not_come() {
+    let line = "drill = { panic_at_s = 3 }";
+    let text = FRAME.replace("storey = 1\n", &format!("storey = 1\n{line}\n"));
+    let words = ["the drill is at 3 s, but the test ends at 0.5 s"];
+    common::refusal::refused(&text, &[], line, "3", &words);
+    let text = FRAME.replace("storey = 1\n", "storey = 1\ndrill = { panic_at_s = -1 }\n");
+    common::refusal::refused(
+        &text,
+        &[],
+        "drill = { panic_at_s = -1 }",
+        "-1",
+        &["panic_at_s"],
     );
 }

@@ -136,3 +136,68 @@ fn stiffness_and_damping_of_a_damped_spring_are_read_off() {
     );
     assert!(found.unexplained < 1e-12 && found.offset.abs() < 1e-9 * K * 0.005);
 }
+
+/// Actuators of 4 m along x and of 3 m along y hold a point: two circles, whose point is known.
+const TWO: &str = "[time]\nrate_hz = 512\nduration_s = 1\n[[specimen]]\nname = \"point\"\n\
+                   geometry = { coordinates = [\"ux\", \"uy\"], plane = [{ base_m = [-4, 0] }, { base_m = [0, -3] }] }\n\
+                   law.linear = { stiffness_n_per_m = 1e5, damping_n_s_per_m = 1e4 }\n";
+
+fn stroke(axis: usize, at: &str, amplitude: f64) -> String {
+    format!(
+        "[[excitation.prescribed_displacement]]\nspecimen = \"point\"\naxis = {axis}\n{at}\n\
+         signal.sine = {{ amplitude = {amplitude}, frequency_hz = 2 }}\n"
+    )
+}
+
+#[test]
+fn one_actuator_goes_along_its_stroke_while_the_other_keeps_its_length() {
+    let alone = TWO.replace("geometry = {", "geometry = { law_at = \"actuators\",");
+    let run = run(&(alone + &stroke(2, "at = \"actuators\"", 0.3)));
+    let [x, y] = [run.column("pose_1_1"), run.column("pose_1_2")];
+    let [one, other] = [run.column("target_1_1"), run.column("target_1_2")];
+    let [still, force] = [run.column("force_1_1"), run.column("force_1_2")];
+    for (i, time) in run.column("time").iter().enumerate() {
+        let wanted = 0.3 * libm::sin(2.0 * TAU * time);
+        // A few roundoffs of 4 m, and the same at 1e5 N/m.
+        assert!(one[i].abs() < 1e-14 && still[i].abs() < 1e-8, "{i}");
+        assert!((other[i] - wanted).abs() < 1e-13, "{} {wanted}", other[i]);
+        assert!((f64::hypot(x[i] + 4.0, y[i]) - 4.0).abs() < 1e-14);
+        assert!((f64::hypot(x[i], y[i] + 3.0) - 3.0 - wanted).abs() < 1e-13);
+        // Its damper knows the velocity; at the first tick it comes out of rest.
+        let rate = 0.3 * 2.0 * TAU * libm::cos(2.0 * TAU * time);
+        let felt = (force[i] - 1e5 * other[i]) / 1e4;
+        assert!(
+            (felt - rate).abs() < 1e-3 * 0.6 * TAU || i == 0,
+            "{i}: {felt} {rate}"
+        );
+    }
+    assert!(x.iter().any(|x| *x < -1e-3), "the point goes round");
+}
+
+#[test]
+fn strokes_that_cannot_be_are_refused_at_their_place() {
+    let here = "at = \"actuators\"";
+    let mixed = TWO.to_owned() + &stroke(1, "", 0.1) + &stroke(2, here, 0.1);
+    let text = refused(&mixed);
+    assert!(
+        text.contains("coordinates and actuators of specimen `point` are both prescribed"),
+        "{text}"
+    );
+    let three = TWO.replace(
+        "{ base_m = [0, -3] }",
+        "{ base_m = [0, -3] }, { base_m = [3, 1] }",
+    );
+    let text = refused(&(three + &stroke(1, here, 0.1)));
+    assert!(text.contains("3 actuators hold 2 coordinates"), "{text}");
+    let text = refused(&(TWO.to_owned() + &stroke(3, here, 0.1)));
+    assert!(text.contains("has 2 actuators"), "{text}");
+    // Both circles meet no more.
+    let text = refused(&(TWO.to_owned() + &stroke(2, here, 6.0)));
+    assert!(text.contains("the strokes lead there"), "{text}");
+}
+
+fn refused(text: &str) -> String {
+    let read = gusset::config::parse(std::path::Path::new("test.toml"), text.to_owned(), &[]);
+    let built = read.and_then(|loaded| gusset::config::build(&loaded));
+    built.map(|_| ()).unwrap_err().to_string()
+}

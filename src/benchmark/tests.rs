@@ -174,22 +174,91 @@ fn what_tracks_is_stable_in_every_case() {
     }
 }
 
+/// What a force that comes a tick late makes of the third floor, in per cent of its deviation, to first order in the lateness:
+/// the whole frame, linear and without any loop, under the difference of its own specimen's force of now and a tick ago.
+fn cost_of_a_tick(frame: &Frame, ground: &[f64], linear: &[f64]) -> f64 {
+    let whole = frame.whole();
+    let (m, c, k) = SPECIMEN;
+    let (mut motion, mut late) = (Motion::REST, Motion::REST);
+    let (mut before, mut third) = (0.0, Vec::new());
+    for (tick, accel) in ground.iter().enumerate() {
+        third.push(late.disp[2]);
+        let pull = whole.load * *accel - whole.damping * motion.vel - whole.stiffness * motion.disp;
+        let force = m * pull[0] / whole.mass[0] + c * motion.vel[0] + k * motion.disp[0];
+        late = whole.runge_kutta(late, DT, [0.0; 2], before - force);
+        before = force;
+        let next = ground.get(tick + 1).copied().unwrap_or(*accel);
+        motion = whole.runge_kutta(motion, DT, [*accel, next], 0.0);
+    }
+    100.0 * deviation(&third) / deviation(linear)
+}
+
+/// Sample standard deviation.
+fn deviation(values: &[f64]) -> f64 {
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    let squares: f64 = values.iter().map(|v| (v - mean) * (v - mean)).sum();
+    (squares / (n - 1.0)).sqrt()
+}
+
+/// d(n) is how far the third floor of a run n ticks late is from the same run in time, per tick. It is d + d' n + …, for the
+/// delay acts on a response that it has already changed, by 1.3 % to 2.2 % a tick here: 2 d(1) − d(2) is d but for the square of
+/// that, 5e-4. And it acts on the response that the tracker leaves, which is off by J7 of the run in time: that is the tolerance,
+/// 0.7 %. J7 itself is a norm, so that it is n d(n) up to what it is in time.
 #[test]
-fn with_the_same_tracker_a_tick_of_latency_costs_about_one_per_cent_of_j7() {
+fn with_the_same_tracker_a_tick_of_latency_costs_what_the_delayed_frame_says() {
     let ground = ground(20.0);
-    let j7 = |late: usize| {
-        let found = find(1, "amb = {}", &ground, |setup| {
-            setup.wiring = Wiring::InTick;
-            setup.late = late;
-        });
-        found.criteria.j[6]
-    };
-    let by_latency: Vec<f64> = (0..4).map(j7).collect();
-    let per_tick = (by_latency[3] - by_latency[0]) / 3.0;
-    assert!(
-        per_tick.abs() > 0.3 && per_tick.abs() < 3.0,
-        "{by_latency:?}"
-    );
+    for case in 1..=4 {
+        let frame = Frame::case(case).unwrap();
+        let linear = reference(&frame, &ground);
+        let cost = cost_of_a_tick(&frame, &ground, &linear[2]);
+        for controller in [
+            "amb = {}",
+            "ats = { delay_s = 0.024, start = [1.0, 0.0249, 1.07e-4] }",
+        ] {
+            let late = |late: usize| {
+                let spec: CompensationSpec = toml::from_str(controller).unwrap();
+                let mut controller = spec.build(DT).unwrap();
+                controller.reset(0.0);
+                let setup = Setup {
+                    frame: &frame,
+                    plant: Plant::default(),
+                    wiring: Wiring::InTick,
+                    noise: None,
+                    ground: &ground,
+                    late,
+                    force_limit: FORCE_LIMIT_N,
+                };
+                let histories = run(&setup, controller.as_mut()).histories;
+                let j7 = Criteria::of(&histories, &linear, DT).j[6];
+                (j7, histories.floors)
+            };
+            let (in_time, [_, _, third]) = late(0);
+            assert!(in_time < 0.7, "case {case} {controller}: {in_time}");
+            let mut per_tick = Vec::new();
+            for n in 1..=3 {
+                let (j7, [_, _, floor]) = late(n);
+                let apart: Vec<f64> = floor.iter().zip(&third).map(|(a, b)| a - b).collect();
+                let all = 100.0 * deviation(&apart) / deviation(&linear[2]);
+                // A hair for the sums' order.
+                let room = in_time * (1.0 + 1e-9);
+                assert!(
+                    (j7 - all).abs() <= room,
+                    "case {case} {controller}: {j7} {all}"
+                );
+                per_tick.push(all / n as f64);
+            }
+            let found = 2.0 * per_tick[0] - per_tick[1];
+            assert!(
+                (found / cost - 1.0).abs() < 0.007,
+                "case {case} {controller}: {found} {cost}"
+            );
+        }
+        if case == 1 {
+            // "About 1.1 %" of the benchmark's first case, whatever the record: a share, not a size.
+            assert!((cost - 1.1).abs() < 0.05, "{cost}");
+        }
+    }
 }
 
 #[test]

@@ -8,6 +8,7 @@ use super::exit::{Exit, WithExit};
 use super::tell;
 use crate::config::Facts;
 use crate::engine::{Notice, Operator};
+use crate::record::{Roll, What};
 
 /// Refuses a test that needs a confirmation nobody can give.
 pub fn can_confirm(facts: &Facts, yes: bool) -> anyhow::Result<()> {
@@ -25,11 +26,15 @@ pub fn attend(
     notices: Receiver<Notice>,
     operator: Sender<Operator>,
     yes: bool,
+    roll: &Roll,
 ) -> std::io::Result<()> {
+    let roll = roll.clone();
     std::thread::Builder::new()
         .name("gusset-attend".into())
         .spawn(move || {
+            let stamper = roll.enter();
             for notice in notices {
+                let began_ns = stamper.now();
                 match notice {
                     Notice::Zeroed {
                         port,
@@ -59,6 +64,7 @@ pub fn attend(
                         let _ = operator.try_send(Operator::Continue);
                     }
                 }
+                stamper.since(What::Tell, began_ns, 0);
             }
         })
         .map(drop)

@@ -11,7 +11,7 @@ use super::frontier::frontier;
 use super::progress::ProgressLine;
 use super::table::Table;
 use super::{answer, tell};
-use crate::record::{Progress, RunFolder};
+use crate::record::{Progress, RunFolder, What};
 use crate::report::{Percentiles, jitter_svg};
 use crate::rt::TimingSpec;
 use crate::rt::load::{Load, USUAL_BYTES};
@@ -37,16 +37,26 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<Exit> {
         .or_else(|| crate::rt::os::process_cpus().last().copied())
         .unwrap_or(0);
     let load = if args.load {
-        Some(Load::start(cpu, USUAL_BYTES).context("the load cannot be started")?)
+        let (roll, mut stamper) = (signals.roll(), None);
+        let passed = move |began_ns, bytes| {
+            let stamper = stamper.get_or_insert_with(|| roll.enter());
+            stamper.since(What::Load, began_ns, bytes);
+        };
+        let load = Load::start_told(cpu, USUAL_BYTES, passed);
+        Some(load.context("the load cannot be started")?)
     } else {
         None
     };
     let line = ProgressLine::new(&facts, true);
+    let watches = Watches {
+        roll: Some(signals.roll()),
+        ..Watches::default()
+    };
     let finished = session::run(
         test,
         folder,
         signals.requests(),
-        Watches::default(),
+        watches,
         &mut |progress: &Progress| line.show(progress),
     );
     line.clear();

@@ -9,6 +9,7 @@ mod attend;
 mod benchmark;
 mod certificate;
 mod check;
+mod conduct;
 mod doctor;
 mod exit;
 mod export;

@@ -5,23 +5,19 @@ use std::path::Path;
 
 use anyhow::Context;
 
-use super::args::{ClockArg, RunArgs};
+use super::args::RunArgs;
 use super::attend;
+use super::conduct;
 use super::exit::{Exit, Mistakes, WithExit};
 use super::live;
 use super::status::Status;
 use super::table::{Table, duration, quantity};
 use super::{answer, tell, warn};
 use crate::config::{self, ConfigError, Facts, Loaded, Method, Prepared};
-use crate::engine::{Control, PhaseCell};
-use crate::record::{Progress, RunFolder};
-use crate::rt::wall::Wall;
+use crate::record::Progress;
 use crate::session::{
-    self, Finish, Finished, Page, ReplayError, ResumeError, SessionError, Signal, Signals, Watches,
+    self, Finish, Finished, Page, ReplayError, ResumeError, Signal, Signals, Watches,
 };
-
-/// Notices of the loop that may wait to be read.
-const NOTICES: usize = 1024;
 
 /// Runs one test.
 pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
@@ -30,36 +26,28 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
     for text in &test.facts.announced {
         tell(format_args!("note: {text}"));
     }
-    attend::can_confirm(&test.facts, args.yes)?;
+    attend::can_confirm(&test.facts, args.test_run.yes)?;
     let asked = live::Asked::for_run(args)?;
     // Before there is a folder: from here on an interrupt leaves a whole one.
     let signals = Signals::listen().context("signals cannot be taken over")?;
-    let folder = match &args.out {
-        Some(path) => RunFolder::create(path),
-        None => RunFolder::create_default(Path::new("runs"), &test.facts.title, Wall::now().0),
-    }
-    .context("the run folder cannot be made")?;
+    let folder = conduct::folder(args.test_run.out.as_deref(), &test.facts.title)?;
     let facts = test.facts.clone();
     let mut status = Status::new(&facts, args);
-    let (notices, heard) = crossbeam_channel::bounded(NOTICES);
-    let control = Control {
-        requests: signals.requests(),
-        notices,
-        phase: PhaseCell::default(),
-        desk: Some(signals.operator()),
-    };
-    attend::attend(facts.specimens.clone(), heard, signals.operator(), args.yes)?;
+    let control = conduct::attended(&signals, &facts, args.test_run.yes)?;
     // Who is not looked at is not tapped.
     let mut looked = (asked.is_wanted() || status.is_shown())
         .then(|| live::Looked::at(&test, folder.path(), control.phase.clone()));
-    let mut watches = Watches::default();
+    let mut watches = Watches {
+        roll: Some(signals.roll()),
+        ..Watches::default()
+    };
     #[cfg(feature = "monitor")]
     let served = live::Served::default();
     if let Some(looked) = &mut looked {
         watches.onlooker = looked.onlooker();
         #[cfg(feature = "monitor")]
         {
-            watches.when_placed = looked.page(asked, signals.operator(), &served);
+            watches.when_placed = looked.page(asked, signals.operator(), &served, signals.roll());
         }
         status.look_at(&looked.board);
     }
@@ -67,15 +55,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
         status.show();
     });
     status.clear();
-    let mut finished = finished.map_err(|error| match error {
-        SessionError::NotRealTime { .. } => {
-            WithExit(Exit::NoRealTime, format!("{error}\nnothing was moved")).into()
-        }
-        other => anyhow::Error::new(other),
-    })?;
-    for text in &finished.unwritten {
-        tell(format_args!("warning: not written: {text}"));
-    }
+    let mut finished = conduct::finished(finished)?;
     let report = session::conclude(&mut finished);
     if let Err(error) = &report {
         tell(format_args!("warning: not written: {error}"));
@@ -118,16 +98,8 @@ fn prepare(args: &RunArgs) -> anyhow::Result<Prepared> {
             other => WithExit(Exit::Usage, format!("{other}\nnothing was moved")).into(),
         });
     }
-    let mut sets = args.sets.clone();
-    if let Some(clock) = args.clock {
-        let clock = match clock {
-            ClockArg::Real => "real",
-            ClockArg::Simulated => "simulated",
-        };
-        sets.push(format!("time.clock=\"{clock}\""));
-    }
     let test = args.test.as_deref().context("no test file is given")?;
-    let loaded = load(test, &sets)?;
+    let loaded = args.test_run.load(test)?;
     config::build(&loaded).map_err(refused)
 }
 

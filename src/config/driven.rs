@@ -8,7 +8,7 @@ use super::document::KeyPath;
 use super::value::RateValue;
 use super::{
     AxisTable, CertificateTable, ConfigError, ExcitationTable, Finding, IntegratorTable, Loaded,
-    PrescribedTable, TestFile, Time, TimeTable, parse,
+    PrescribedPlace, PrescribedTable, TestFile, Time, TimeTable, parse,
 };
 use crate::compensation::CompensationSpec;
 use crate::control::limits::LimitsSpec;
@@ -20,9 +20,9 @@ use crate::time::Ratio;
 pub struct Drive {
     /// Specimen, from 0, in the order of the file.
     pub specimen: usize,
-    /// Axis, from 0.
+    /// Axis, from 0: an actuator where the specimen has a loading unit.
     pub axis: usize,
-    /// Deformation in m, at the structure's scale.
+    /// Deformation or stroke in m, at the structure's scale.
     pub motion: Motion,
 }
 
@@ -37,6 +37,13 @@ impl Loaded {
         let named = |drive: &Drive| {
             let table = self.file.specimen.get(drive.specimen);
             table.map_or_else(String::new, |table| table.name.clone())
+        };
+        let place = |drive: &Drive| {
+            let table = self.file.specimen.get(drive.specimen);
+            match table.and_then(|table| table.geometry.as_ref()) {
+                Some(_) => PrescribedPlace::Actuators,
+                None => PrescribedPlace::Platform,
+            }
         };
         let mut file = self.file.clone();
         file.title = title.to_owned();
@@ -57,6 +64,7 @@ impl Loaded {
                 .map(|drive| PrescribedTable {
                     specimen: named(drive),
                     axis: drive.axis + 1,
+                    at: place(drive),
                     signal: drive.motion.signal.clone(),
                     processing: drive.motion.processing.clone(),
                     ease_in_s: 0.0,
@@ -76,6 +84,7 @@ impl Loaded {
                     table.axis.resize(axes, AxisTable::default());
                 }
                 table.compensation = None::<CompensationSpec>;
+                table.drill = None;
                 let axis = table.axis.iter_mut().map(|axis| &mut axis.limits);
                 for limits in axis.chain([&mut table.limits]).flatten() {
                     *limits = protecting(limits);

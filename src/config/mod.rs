@@ -49,9 +49,9 @@ use thiserror::Error;
 use toml_edit::DocumentMut;
 
 pub use build::{
-    ALL_MODES, ActuatorFacts, Analysis, DelayedMode, Dial, Drawn, Estimate, Facts, Files, Limit, LimitFacts,
-    LoadingFacts, Loop, ModeFacts, Prepared, SpecimenLimits, StructureFacts, Trial, build,
-    build_over, build_rehearsal, build_trial, estimates,
+    ALL_MODES, ActuatorFacts, Analysis, DelayedMode, Dial, Drawn, Estimate, Facts, Files, Limit,
+    LimitFacts, LoadingFacts, Loop, ModeFacts, Prepared, SpecimenLimits, StructureFacts, Trial,
+    build, build_over, build_rehearsal, build_trial, estimates,
 };
 pub use certificate::{
     CapacityTable, CertificateTable, IdentifiedTable, Spread, Uncertain, UncertaintyTable,
@@ -66,11 +66,12 @@ pub use resolve::{ResolveError, resolve};
 pub use safety::{ExitChoice, SafetyTable, ShareSpec, ZeroChoice};
 pub use schema::{
     ExcitationTable, GravityTable, GroundTable, IntegratorTable, Method, NodalFileTable,
-    NodalForceTable, PrescribedTable, RecordTable, Start, StructureTable, TestFile, Weighting,
+    NodalForceTable, PrescribedPlace, PrescribedTable, RecordTable, Start, StructureTable,
+    TestFile, Weighting,
 };
 pub use script::{load_script, parse_script};
 pub use serve::{ServeFile, ServeTable, Served, load_served};
-pub use specimen::{AxisTable, DispUnit, ForceUnit, SimilitudeTable, SpecimenTable};
+pub use specimen::{AxisTable, DispUnit, DrillTable, ForceUnit, SimilitudeTable, SpecimenTable};
 pub use steps::Time;
 pub use suggest::nearest;
 pub use timetable::{ClockChoice, TimeTable};

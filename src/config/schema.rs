@@ -328,7 +328,10 @@ pub struct PrescribedTable {
     #[serde(default = "first")]
     #[schemars(range(min = 1))]
     pub axis: usize,
-    /// The history, in m.
+    /// What `axis` counts where the specimen has a `geometry`: coordinates of its platform, or its actuators.
+    #[serde(default, skip_serializing_if = "PrescribedPlace::is_platform")]
+    pub at: PrescribedPlace,
+    /// The history, in m; in rad for a coordinate that is an angle.
     pub signal: Signal,
     /// What is done to it before the test.
     #[serde(default)]
@@ -339,6 +342,24 @@ pub struct PrescribedTable {
     /// Time in s over which the motion returns to zero before the end of the test.
     #[serde(default)]
     pub ease_out_s: f64,
+}
+
+/// What of a loading unit is prescribed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum PrescribedPlace {
+    /// A coordinate of the platform: all actuators move as it needs.
+    #[default]
+    Platform,
+    /// The stroke of an actuator, positive as it gets longer: every other one keeps its length unless it is prescribed
+    /// likewise, and the platform moves as that needs. Only where there are no more actuators than coordinates.
+    Actuators,
+}
+
+impl PrescribedPlace {
+    fn is_platform(&self) -> bool {
+        *self == Self::Platform
+    }
 }
 
 /// What is recorded.

@@ -110,12 +110,25 @@ pub struct SpecimenTable {
     /// Default: those of `identified`, else none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stand_in_transfer: Option<TransferSpec>,
+    /// A drill: the code of this specimen breaks down on purpose, to see the test end as it would with a bug. Only for a
+    /// specimen that is computed by `gusset run`; rehearsals, replays and identifications are without it. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub drill: Option<DrillTable>,
     /// What was identified of the specimen, its actuator and its sensors.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub identified: Option<IdentifiedTable>,
     /// What the rig can give.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub capacity: Option<CapacityTable>,
+}
+
+/// A failure that is meant.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DrillTable {
+    /// Test time in s from which on the specimen answers with a panic of the program: every specimen is retired with its last
+    /// command, the rows are kept, and `gusset run` exits with 5.
+    pub panic_at_s: f64,
 }
 
 impl SpecimenTable {

@@ -66,15 +66,17 @@ impl StepAudit {
     pub fn after(&mut self, disp: &[f64], vel: &[f64], residual: &[f64]) {
         let energy = 0.5 * self.effective_mass.quadratic(vel);
         if self.begun {
+            let (mut work, mut roundoff, mut forgiven) = (0.0, 0.0, 0.0);
             let ends = disp.iter().zip(&self.older).zip(residual);
-            let work: f64 = ends.map(|((new, old), r)| 0.5 * (new - old) * r).sum();
+            for (((x, old), r), per_m2) in ends.zip(&self.roundoff) {
+                work += 0.5 * (x - old) * r;
+                roundoff += per_m2 * x * x;
+                // The last bit of a displacement, which a structure near rest does not outrun, does this much work.
+                forgiven += LAST_BIT * (x * r).abs();
+            }
             self.residual += (energy - self.energy) - work;
-            let stands = disp.iter().zip(&self.roundoff);
-            let roundoff: f64 = stands.map(|(x, per_m2)| per_m2 * x * x).sum();
-            self.turnover += work.abs() + roundoff;
-            // The last bit of a displacement, which a structure near rest does not outrun, does this much work.
-            let ends = disp.iter().zip(residual);
-            self.forgiven += ends.map(|(x, r)| LAST_BIT * (x * r).abs()).sum::<f64>();
+            self.turnover += f64::abs(work) + roundoff;
+            self.forgiven += forgiven;
         }
         self.begun = true;
         self.energy = energy;

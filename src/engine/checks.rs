@@ -95,7 +95,7 @@ impl TestQuantity {
     }
 
     /// Its value. Real-time: yes.
-    fn value(self, side: &Side, ports: &[Port]) -> f64 {
+    pub(super) fn value(self, side: &Side, ports: &[Port]) -> f64 {
         match (self, side) {
             (Self::StabilityUsed, _) => {
                 let ports = ports.iter().map(|port| port.stability_used());
@@ -119,21 +119,12 @@ impl TestQuantity {
         }
     }
 
-    /// What is kept, of what belongs to no specimen alone and is judged at every step.
+    /// What is kept, of what belongs to no specimen alone and is judged at every step: it stands in the row, in this order.
     #[must_use]
     pub fn kept(side: &Side, ports: &[Port]) -> Vec<Self> {
-        Self::columns(side, ports).collect()
-    }
-
-    /// What of it stands in the row, in order.
-    pub(super) fn columns(side: &Side, ports: &[Port]) -> impl Iterator<Item = Self> {
-        let kept = Self::RECORDED.into_iter();
-        kept.filter(|quantity| quantity.is_kept(side, ports))
-    }
-
-    /// The values of these columns. Real-time: yes.
-    pub(super) fn values(side: &Side, ports: &[Port]) -> impl Iterator<Item = f64> {
-        Self::columns(side, ports).map(|quantity| quantity.value(side, ports))
+        let mut kept = Self::RECORDED.to_vec();
+        kept.retain(|quantity| quantity.is_kept(side, ports));
+        kept
     }
 }
 
@@ -199,7 +190,7 @@ impl Engine {
     /// Judges the test as a whole. Real-time: yes.
     pub(super) fn judge_test(&mut self, tick: &Tick) -> Result<(), Stop> {
         for quantity in TestQuantity::RECORDED {
-            if !quantity.is_kept(&self.side, &self.ports) {
+            if !self.row.keeps(quantity) {
                 continue;
             }
             let bound = match quantity {

@@ -8,6 +8,7 @@ use std::ops::Range;
 use super::checks::TestQuantity;
 use super::numerical::Side;
 use super::phase::Phase;
+use super::port_columns::{column, port_columns, port_values, width_of_axis};
 use super::tick::Tick;
 use crate::control::Port;
 use crate::record::Column;
@@ -22,14 +23,26 @@ pub const GIVEN_UP: f64 = 14.0;
 pub struct Row {
     /// Whether the operator wants a hold.
     pub hold: bool,
+    /// From the ready command of the tick before to its pushed row, in s; known when that row is gone. Not a number where
+    /// it was not measured.
+    pub record_before: f64,
     values: Vec<f64>,
     dofs: Vec<usize>,
     disp: Range<usize>,
     vel: Range<usize>,
     accel: Range<usize>,
-    ports: Vec<Range<usize>>,
+    ports: Vec<PortPlace>,
     checks: Range<usize>,
+    kept: Vec<TestQuantity>,
     timing: Range<usize>,
+}
+
+/// Where the numbers of a port stand.
+#[derive(Debug)]
+struct PortPlace {
+    range: Range<usize>,
+    /// Columns that every axis has side by side: eight, and one more where damping is declared of any.
+    width: usize,
 }
 
 const BOOKKEEPING: [(&str, &str, &str); 5] = [
@@ -50,7 +63,7 @@ const BOOKKEEPING: [(&str, &str, &str); 5] = [
     ("time", "s", "test time"),
 ];
 
-const TIMING: [(&str, &str); 6] = [
+const TIMING: [(&str, &str); 7] = [
     (
         "release_s",
         "wall time from the first edge to the edge of this tick",
@@ -74,6 +87,12 @@ const TIMING: [(&str, &str); 6] = [
     (
         "stretched",
         "whole ticks by which the grid has been moved so far",
+    ),
+    // The last column: recordings from before it was there are replayed without it.
+    (
+        "record_before_s",
+        "of the tick whose row is the one before: from the next command ready to the row handed over; none in the first row, \
+         and where it was not measured",
     ),
 ];
 
@@ -116,10 +135,14 @@ impl Row {
         let ports = ports
             .iter()
             .enumerate()
-            .map(|(index, port)| port_columns(&mut columns, index + 1, port))
+            .map(|(index, port)| PortPlace {
+                range: port_columns(&mut columns, index + 1, port),
+                width: width_of_axis(port),
+            })
             .collect();
         let start = columns.len();
-        for quantity in TestQuantity::columns(side, ports_given) {
+        let kept = TestQuantity::kept(side, ports_given);
+        for quantity in &kept {
             columns.push(column(quantity.key(), "1", quantity.words(), false));
         }
         let checks = start..columns.len();
@@ -133,6 +156,7 @@ impl Row {
         (
             Self {
                 hold: false,
+                record_before: f64::NAN,
                 values,
                 dofs: dofs.to_vec(),
                 disp,
@@ -140,10 +164,16 @@ impl Row {
                 accel,
                 ports,
                 checks,
+                kept,
                 timing,
             },
             columns,
         )
+    }
+
+    /// Whether a quantity of the test as a whole is kept. Real-time: yes.
+    pub(super) fn keeps(&self, quantity: TestQuantity) -> bool {
+        self.kept.contains(&quantity)
     }
 
     /// The finished row.
@@ -185,46 +215,14 @@ impl Row {
         for (to, from) in self.values.iter_mut().zip(head) {
             *to = from;
         }
-        for (range, port) in self.ports.iter().zip(ports) {
-            let Some(slots) = self.values.get_mut(range.clone()) else {
-                continue;
-            };
-            let axes = port
-                .target
-                .iter()
-                .zip(&port.sent)
-                .zip(&port.measured)
-                .zip(&port.force)
-                .zip(port.raw().disp.iter().zip(&port.raw().force));
-            let width = width_of_axis(port);
-            let slots_of_axes = slots.chunks_exact_mut(width);
-            for (slot, (axis, estimates)) in slots_of_axes.zip(axes.zip(port.estimates())) {
-                let ((((target, command), measured), force), (raw_disp, raw_force)) = axis;
-                let (stiffness, damping, energy) = estimates;
-                let values = [
-                    *target, *command, *measured, *force, *raw_disp, *raw_force, stiffness, energy,
-                ];
-                for (to, from) in slot.iter_mut().zip(values.into_iter().chain(damping)) {
-                    *to = from;
-                }
-            }
-            let after_axes = slots.iter_mut().skip(width * port.axes());
-            let further = port.tracking().flatten();
-            let margins = port.knows_margin().then(|| port.delay_margins());
-            let further = further.chain(margins.into_iter().flatten());
-            let further = further.chain(port.compensation_parameters());
-            let poses = port.pose().flat_map(|(_, values)| values);
-            for (slot, value) in after_axes.zip(further.chain(poses)) {
-                *slot = value;
-            }
-            if let [.., sequence, status] = slots {
-                *sequence = port.raw().sequence as f64;
-                *status = f64::from(port.raw().status.0);
+        for (place, port) in self.ports.iter().zip(ports) {
+            if let Some(slots) = self.values.get_mut(place.range.clone()) {
+                port_values(slots, place.width, port);
             }
         }
         if let Some(slots) = self.values.get_mut(self.checks.clone()) {
-            for (to, from) in slots.iter_mut().zip(TestQuantity::values(side, ports)) {
-                *to = from;
+            for (to, quantity) in slots.iter_mut().zip(&self.kept) {
+                *to = quantity.value(side, ports);
             }
         }
     }
@@ -251,7 +249,7 @@ impl Row {
         }
     }
 
-    /// The columns that depend on wall time. Real-time: yes.
+    /// The columns that depend on wall time. What was measured of the tick before is told once. Real-time: yes.
     pub fn timing(&mut self, stamps: &TickStamps, first_edge: Nanos, stretched: u64) {
         let seconds = |from: Nanos, to: Nanos| to.since(from) as f64 * 1e-9;
         let values = [
@@ -261,6 +259,7 @@ impl Row {
             seconds(stamps.sent, stamps.decoded),
             seconds(stamps.decoded, stamps.ready),
             stretched as f64,
+            std::mem::replace(&mut self.record_before, f64::NAN),
         ];
         if let Some(slots) = self.values.get_mut(self.timing.clone()) {
             for (to, from) in slots.iter_mut().zip(values) {
@@ -279,139 +278,5 @@ fn gather(values: &mut [f64], range: &Range<usize>, dofs: &[usize], from: &[f64]
         for (slot, dof) in slots.iter_mut().zip(dofs) {
             *slot = from.get(*dof).copied().unwrap_or(f64::NAN);
         }
-    }
-}
-
-/// Columns that every axis of a port has side by side: eight, and one more where damping is declared of any.
-fn width_of_axis(port: &Port) -> usize {
-    let damping = port.estimates().any(|(_, damping, _)| damping.is_some());
-    8 + usize::from(damping)
-}
-
-fn port_columns(columns: &mut Vec<Column>, number: usize, port: &Port) -> Range<usize> {
-    let start = columns.len();
-    let name = &port.name;
-    for axis in 1..=port.axes() {
-        let mut add = |kind: &str, unit: &str, meaning: &str| {
-            let meaning = format!("{meaning}, specimen \"{name}\", axis {axis}");
-            columns.push(column(
-                &format!("{kind}_{number}_{axis}"),
-                unit,
-                &meaning,
-                false,
-            ));
-        };
-        let (target, force) = if port.geometry().is_some() {
-            (
-                "stroke of the actuator for the pose B·x",
-                "force of the actuator, at the structure's scale",
-            )
-        } else {
-            (
-                "deformation B·x that the structure asks for",
-                "restoring force that entered equilibrium",
-            )
-        };
-        add("target", "m", target);
-        add("cmd", "specimen unit", "displacement that was sent");
-        add(
-            "meas",
-            "m",
-            "measured displacement in the structure's units",
-        );
-        add("force", "N", force);
-        add(
-            "raw_disp",
-            "specimen unit",
-            "measured displacement as it came",
-        );
-        add("raw_force", "specimen unit", "measured force as it came");
-        add(
-            "kt",
-            "N/m",
-            "tangent stiffness, estimated; the declared one until the axis has moved",
-        );
-        add(
-            "added",
-            "J",
-            "energy that the transfer system has added, negative if it has taken some",
-        );
-        if port.estimates().any(|(_, damping, _)| damping.is_some()) {
-            add("ct", "N s/m", "tangent damping, estimated");
-        }
-    }
-    let tracked = if port.tracks() { port.axes() } else { 0 };
-    for axis in 1..=tracked {
-        for (key, unit, meaning) in [
-            ("lag", "s", "lag behind the target, estimated"),
-            (
-                "gain",
-                "1",
-                "measured displacement over the target, estimated",
-            ),
-            (
-                "stiffness",
-                "N/m",
-                "stiffness as fitted over the last seconds of motion",
-            ),
-            ("false_c", "N s/m", "damping that the lag adds to it"),
-        ] {
-            let meaning = format!("{meaning}, specimen \"{name}\", axis {axis}");
-            columns.push(column(
-                &format!("{key}_{number}_{axis}"),
-                unit,
-                &meaning,
-                false,
-            ));
-        }
-    }
-    let margins = if port.knows_margin() { port.axes() } else { 0 };
-    for axis in 1..=margins {
-        let meaning = format!(
-            "critical delay at the stiffness of the last seconds less their lag: below 0 the test grows; inf where every delay is \
-             stable, specimen \"{name}\", axis {axis}"
-        );
-        let key = format!("margin_{number}_{axis}");
-        columns.push(column(&key, "s", &meaning, false));
-    }
-    for (axis, parameter) in port.compensation_names() {
-        let (key, axis) = (parameter.name, axis + 1);
-        let meaning =
-            format!("parameter {key} of the compensation, specimen \"{name}\", axis {axis}");
-        let key = format!("comp_{key}_{number}_{axis}");
-        columns.push(column(&key, parameter.unit, &meaning, false));
-    }
-    for (index, (coordinate, _)) in port.pose().enumerate() {
-        let (key, unit) = (coordinate.key(), coordinate.unit());
-        for (kind, unit, meaning) in [
-            ("pose", unit, "pose B·x that the structure asks for"),
-            ("pose_meas", unit, "pose that the measured strokes have"),
-            (
-                "pose_force",
-                coordinate.force_unit(),
-                "force that entered equilibrium",
-            ),
-        ] {
-            let meaning = format!("{meaning}, specimen \"{name}\", {key}");
-            let key = format!("{kind}_{number}_{}", index + 1);
-            columns.push(column(&key, unit, &meaning, false));
-        }
-    }
-    let meaning = format!("newest command in force when specimen \"{name}\" was sampled");
-    columns.push(column(&format!("seq_{number}"), "1", &meaning, false));
-    let meaning = format!(
-        "status flags of specimen \"{name}\": 1 interlock, 2 holding, 4 saturated; of the loop: 65536 lost, 131072 before its \
-         last command left, 262144 stale"
-    );
-    columns.push(column(&format!("status_{number}"), "1", &meaning, false));
-    start..columns.len()
-}
-
-fn column(name: &str, unit: &str, meaning: &str, timing: bool) -> Column {
-    Column {
-        name: name.into(),
-        unit: unit.into(),
-        meaning: meaning.into(),
-        timing,
     }
 }

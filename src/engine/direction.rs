@@ -9,7 +9,7 @@ use super::phase::{Cause, Phase};
 use super::tick::Tick;
 use super::{Engine, Side, Stop};
 use crate::integrate::State;
-use crate::record::EventKind;
+use crate::record::{EventKind, GridOf};
 use crate::rt::timing::TickStamps;
 use crate::time::Schedule;
 
@@ -38,7 +38,7 @@ impl Engine {
         self.aim_where_it_stands();
         self.take_their_word();
         self.arm()?;
-        self.begin_grid();
+        self.begin_grid(GridOf::Directions);
         for index in 0..self.ports.len() {
             self.try_direction(index, control)?;
         }
@@ -123,10 +123,11 @@ impl Engine {
     }
 
     /// A grid that begins shortly after now.
-    pub(super) fn begin_grid(&mut self) {
+    pub(super) fn begin_grid(&mut self, of: GridOf) {
         self.edge = 0;
         self.schedule = Schedule::new(self.clock.now().plus(super::run::LEAD_NS), self.period);
         self.first_edge = self.schedule.tick(0);
+        self.report_grid(of);
     }
 
     /// Reads the specimens that are listened to while they stand, before the static load comes on.

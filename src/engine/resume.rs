@@ -9,7 +9,7 @@ use super::operator::{Control, Notice};
 use super::phase::{Cause, Phase};
 use super::{Ending, Engine, Peaks, Side, Stop};
 use crate::control::Port;
-use crate::record::EventKind;
+use crate::record::{EventKind, GridOf};
 
 /// Where one axis was left, in its own units.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -89,7 +89,7 @@ impl Engine {
         }
         self.stand_where_left(&from.left)?;
         self.arm()?;
-        self.begin_grid();
+        self.begin_grid(GridOf::Opening);
         self.read_again(&from.left, control)?;
         for port in &mut self.ports {
             port.return_to_the_test();

@@ -10,7 +10,7 @@ use super::operator::Control;
 use super::tick::Tick;
 use super::{Engine, Stop};
 use crate::control::{Port, Stage, Stride, Tempo};
-use crate::record::EventKind;
+use crate::record::{EventKind, GridOf};
 use crate::rt::timing::TickStamps;
 use crate::substructure::LinkFault;
 use crate::time::Nanos;
@@ -128,6 +128,7 @@ impl Engine {
         // The first edge of the test is one that can be met, whatever came before.
         self.skip_edges_before(self.clock.now());
         self.first_edge = self.schedule.tick(self.edge);
+        self.report_grid(GridOf::Test);
         self.riding = true;
         let result = self.ride_on(control);
         self.riding = false;

@@ -7,7 +7,7 @@ use super::tick::Tick;
 use super::{Ending, Engine, OnMiss, Outcome, Stop};
 use crate::control::Port;
 use crate::integrate::StepError;
-use crate::record::{Event, EventKind, MissCause};
+use crate::record::{Event, EventKind, GridOf, MissCause};
 use crate::rt::timing::{Suspect, TickStamps};
 use crate::substructure::Retirement;
 use crate::time::Nanos;
@@ -108,7 +108,7 @@ impl Engine {
         }
         self.take_their_word();
         self.arm()?;
-        self.begin_grid();
+        self.begin_grid(GridOf::Opening);
         self.zero(control)?;
         self.aim_at_start();
         self.settle(control)?;
@@ -243,6 +243,7 @@ impl Engine {
         }
         stamps.pushed = self.clock.now();
         self.clock_now = stamps.pushed;
+        self.row.record_before = stamps.pushed.since(stamps.ready) as f64 * 1e-9;
         if stamps.pushed <= stamps.deadline {
             self.unrecorded = Some(stamps);
             self.misses_in_a_row = 0;
@@ -323,16 +324,27 @@ impl Engine {
         }
     }
 
+    /// When the grid began, from which rows count their wall time; the clock is not read for it. Real-time: yes.
+    pub(super) fn report_grid(&mut self, of: GridOf) {
+        let Nanos(first_edge_ns) = self.first_edge;
+        let tick = self.tick_of_report();
+        self.report(&tick, EventKind::Grid { of, first_edge_ns });
+    }
+
     pub(super) fn report_now(&mut self, kind: EventKind) {
         self.clock_now = self.clock.now();
+        let tick = self.tick_of_report();
+        self.report(&tick, kind);
+    }
+
+    fn tick_of_report(&self) -> Tick {
         let step = self.steps_done;
-        let tick = Tick {
+        Tick {
             step,
             sub_tick: 0,
             time: step as f64 * self.dt,
             dt: 0.0,
-        };
-        self.report(&tick, kind);
+        }
     }
 
     fn note_ending(&mut self, ending: &Ending) {

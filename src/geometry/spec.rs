@@ -226,25 +226,43 @@ impl GeometrySpec {
 
 const OPEN: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
 
+/// Actuators between `pins`, each made an arm of the `form`.
+fn between<A, const N: usize>(
+    pins: impl Iterator<Item = Result<Pins<N>, GeometryError>>,
+    coordinates: Vec<Coordinate>,
+    arm: impl Fn([f64; N], [f64; N]) -> A,
+    length: impl Fn(&A) -> f64,
+    form: impl FnOnce(Vec<A>) -> Form,
+) -> Result<Geometry, GeometryError> {
+    let (mut arms, mut lengths, mut strokes) = (Vec::new(), [f64::INFINITY; MOST], [OPEN; MOST]);
+    let mut radius = 0.0f64;
+    for (index, pins) in pins.enumerate() {
+        let pins = pins?;
+        let arm = arm(pins.base, pins.joint);
+        lengths[index] = length(&arm);
+        strokes[index] = pins.strokes(index, length(&arm))?;
+        radius = radius.max(pins.arm());
+        arms.push(arm);
+    }
+    let actuators = arms.len();
+    Geometry::new(form(arms), coordinates, actuators, lengths, strokes, radius)
+        .map_err(GeometryError::Fault)
+}
+
 fn in_plane(
     given: &[PlanePins],
     coordinates: Vec<Coordinate>,
     scale: f64,
 ) -> Result<Geometry, GeometryError> {
-    let (mut arms, mut lengths, mut strokes) = (Vec::new(), [f64::INFINITY; MOST], [OPEN; MOST]);
-    let mut radius = 0.0f64;
-    for (index, pins) in given.iter().enumerate() {
-        let pins = Pins::new(index, scale, pins.base_m, pins.joint_m, pins.length_m)?;
-        let arm = PlaneArm::new(pins.base, pins.joint);
-        lengths[index] = arm.length();
-        strokes[index] = pins.strokes(index, arm.length())?;
-        radius = radius.max(pins.arm());
-        arms.push(arm);
-    }
-    let actuators = arms.len();
-    let form = Form::Plane(arms);
-    Geometry::new(form, coordinates, actuators, lengths, strokes, radius)
-        .map_err(GeometryError::Fault)
+    let pins = given.iter().enumerate();
+    let pins = pins.map(|(i, p)| Pins::new(i, scale, p.base_m, p.joint_m, p.length_m));
+    between(
+        pins,
+        coordinates,
+        PlaneArm::new,
+        PlaneArm::length,
+        Form::Plane,
+    )
 }
 
 fn in_space(
@@ -252,20 +270,15 @@ fn in_space(
     coordinates: Vec<Coordinate>,
     scale: f64,
 ) -> Result<Geometry, GeometryError> {
-    let (mut arms, mut lengths, mut strokes) = (Vec::new(), [f64::INFINITY; MOST], [OPEN; MOST]);
-    let mut radius = 0.0f64;
-    for (index, pins) in given.iter().enumerate() {
-        let pins = Pins::new(index, scale, pins.base_m, pins.joint_m, pins.length_m)?;
-        let arm = SpaceArm::new(pins.base, pins.joint);
-        lengths[index] = arm.length();
-        strokes[index] = pins.strokes(index, arm.length())?;
-        radius = radius.max(pins.arm());
-        arms.push(arm);
-    }
-    let actuators = arms.len();
-    let form = Form::Space(arms);
-    Geometry::new(form, coordinates, actuators, lengths, strokes, radius)
-        .map_err(GeometryError::Fault)
+    let pins = given.iter().enumerate();
+    let pins = pins.map(|(i, p)| Pins::new(i, scale, p.base_m, p.joint_m, p.length_m));
+    between(
+        pins,
+        coordinates,
+        SpaceArm::new,
+        SpaceArm::length,
+        Form::Space,
+    )
 }
 
 fn by_matrix(

@@ -46,30 +46,31 @@ impl Geometry {
             Form::Plane(arms) => {
                 let full = self.full(placed);
                 let turn = plane::Turn::new(full[Coordinate::Rz.index()]);
-                let rows = placed.strokes.iter_mut().zip(&mut placed.jacobian);
-                for (index, (arm, (stroke, row))) in arms.iter().zip(rows).enumerate() {
-                    let Some((change, by_all)) = arm.at(&full, &turn) else {
-                        return Err(self.fault(Wrong::PinsMeet { actuator: index }, placed));
-                    };
-                    *stroke = change;
-                    pick(&self.coordinates, &by_all, row);
-                }
-                Ok(())
+                self.lay(arms.iter().map(|arm| arm.at(&full, &turn)), placed)
             }
             Form::Space(arms) => {
                 let full = self.full(placed);
                 let turn = space::Turn::new([full[3], full[4], full[5]]);
-                let rows = placed.strokes.iter_mut().zip(&mut placed.jacobian);
-                for (index, (arm, (stroke, row))) in arms.iter().zip(rows).enumerate() {
-                    let Some((change, by_all)) = arm.at(&full, &turn) else {
-                        return Err(self.fault(Wrong::PinsMeet { actuator: index }, placed));
-                    };
-                    *stroke = change;
-                    pick(&self.coordinates, &by_all, row);
-                }
-                Ok(())
+                self.lay(arms.iter().map(|arm| arm.at(&full, &turn)), placed)
             }
         }
+    }
+
+    /// Strokes and their derivatives, actuator after actuator; none where its pins meet. Real-time: yes.
+    fn lay(
+        &self,
+        arms: impl Iterator<Item = Option<(f64, Six)>>,
+        placed: &mut Placed,
+    ) -> Result<(), Fault> {
+        let rows = placed.strokes.iter_mut().zip(&mut placed.jacobian);
+        for (index, (found, (stroke, row))) in arms.zip(rows).enumerate() {
+            let Some((change, by_all)) = found else {
+                return Err(self.fault(Wrong::PinsMeet { actuator: index }, placed));
+            };
+            *stroke = change;
+            pick(&self.coordinates, &by_all, row);
+        }
+        Ok(())
     }
 
     pub(super) fn factor(&self, placed: &mut Placed) -> Result<(), Fault> {

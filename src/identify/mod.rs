@@ -10,7 +10,7 @@
 //! | `frequency` | gain and delay over frequency with their coherence; the coarse delay and the sign |
 //! | `model`, `fit` | delay, first and second order as [`crate::transfer`] samples them; their least squares |
 //! | `inverse` | what a compensator begins with |
-//! | `specimen` | stiffness and damping from force and displacement |
+//! | `specimen` | stiffness and damping from force and displacement, and what axes feel of each other |
 //! | `drive` | the motion, and how far it may go |
 //!
 //! Invariant: every range check is written so that a number that is not finite fails it; nothing here panics or guesses where
@@ -32,7 +32,7 @@ pub use fit::{Fit, Found};
 pub use frequency::Point;
 pub use inverse::Inverse;
 pub use model::{Model, Parameter};
-pub use specimen::SpecimenFit;
+pub use specimen::{Felt, SpecimenFit};
 
 use lines::Lines;
 
@@ -226,6 +226,20 @@ pub fn identify(record: &Record<'_>, band: Band) -> Result<Identification, Ident
         specimen,
         noise,
     })
+}
+
+/// What another axis, which is held, feels of the motion of this one: `record` is that of the axis that moves, with the force
+/// of the held one in place of its own, and `found` what the former is. None if there is nothing beyond noise.
+///
+/// # Errors
+/// [`IdentifyError`], as for the axis that moves.
+pub fn felt(
+    record: &Record<'_>,
+    band: Band,
+    found: &Identification,
+) -> Result<Option<Felt>, IdentifyError> {
+    let lines = Lines::of(record, band)?;
+    Ok(specimen::felt(&lines, found.best()))
 }
 
 /// Difference of the criterion from which on a further parameter counts as proven (Kass & Raftery 1995: strong evidence).

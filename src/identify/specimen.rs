@@ -4,6 +4,8 @@
 //! towards zero. So the displacement that the actuator's model makes of the command, which knows no noise, serves as the
 //! instrument (two-stage least squares). What the line does not explain of the whole record stays beside it: of a specimen
 //! that yields, k is a secant.
+//!
+//! What the other axes feel while they are held is found in the same way, without a mass and of either sign.
 
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
@@ -16,6 +18,10 @@ use super::{Estimate, IdentifyError};
 const EXACT: f64 = 1e-14;
 /// A mass counts beyond this many standard errors.
 const CERTAIN: f64 = 3.0;
+/// Share of the force's power that is left over when there is nothing but noise.
+const NOISE: f64 = 0.95;
+/// Share of a stiffness that is none.
+const NEGLIGIBLE: f64 = 1e-6;
 
 /// What resists the actuator.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -42,6 +48,56 @@ impl SpecimenFit {
     }
 }
 
+/// What an axis that is held feels of the one that moves.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Felt {
+    /// N per m of the axis that moves, at the specimen's scale.
+    pub stiffness: Estimate,
+    /// N s per m of it.
+    pub damping: Estimate,
+}
+
+impl Estimate {
+    /// True if it is more than its own uncertainty, and more than a roundoff of `scale`.
+    #[must_use]
+    pub fn counts_beside(&self, scale: f64) -> bool {
+        self.value.abs() > CERTAIN * self.std && self.value.abs() > NEGLIGIBLE * scale.abs()
+    }
+}
+
+/// Fits what a held axis feels; none if that is no more than noise.
+pub(super) fn felt(lines: &Lines, actuator: Option<&Fit>) -> Option<Felt> {
+    let power: f64 = lines.force.iter().map(C64::norm_sqr).sum();
+    let found = solve(lines, &expected(lines, actuator), 2)?;
+    let is_felt = found.left <= NOISE * power && power > 0.0;
+    let (&[stiffness, damping], &[of_stiffness, of_damping]) =
+        (found.values.as_slice(), found.errors.as_slice())
+    else {
+        return None;
+    };
+    is_felt.then_some(Felt {
+        stiffness: Estimate {
+            value: stiffness,
+            std: of_stiffness,
+        },
+        damping: Estimate {
+            value: damping,
+            std: of_damping,
+        },
+    })
+}
+
+/// What the actuator makes of the command, on the lines of the band; without a model of it the command itself.
+fn expected(lines: &Lines, actuator: Option<&Fit>) -> Vec<C64> {
+    let pairs = lines.omega.iter().zip(&lines.command);
+    match actuator.map(|fit| (fit.model, fit.values())) {
+        Some((model, values)) => pairs
+            .map(|(omega, u)| model.response(&values, *omega, lines.dt) * u)
+            .collect(),
+        None => lines.command.clone(),
+    }
+}
+
 /// Fits the specimen; none if there is no force.
 pub(super) fn fit(
     lines: &Lines,
@@ -55,13 +111,12 @@ pub(super) fn fit(
         Some((model, values)) => model.response(values, omega, lines.dt),
         None => C64::new(1.0, 0.0),
     };
-    let pairs = lines.omega.iter().zip(&lines.command);
-    let expected: Vec<C64> = pairs.map(|(omega, u)| response(*omega) * u).collect();
+    let expected = expected(lines, actuator);
     let Some(plain) = solve(lines, &expected, 2) else {
         return Ok(None);
     };
     // A load cell that reads nothing but noise knows no specimen.
-    let is_felt = plain.left <= 0.95 * power && power > 0.0;
+    let is_felt = plain.left <= NOISE * power && power > 0.0;
     if !is_felt {
         return Ok(None);
     }

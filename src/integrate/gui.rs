@@ -131,7 +131,7 @@ impl Gui {
             start,
             effective_mass,
             correction,
-            lanes: Lanes::best(),
+            lanes: Lanes::best_for(mass.n()),
         })
     }
 

@@ -35,6 +35,12 @@ impl Lanes {
         Self::available().last().unwrap_or(Lanes::Portable)
     }
 
+    /// The best for vectors of `n` entries: the widest, unless they fill no wide register.
+    #[must_use]
+    pub fn best_for(n: usize) -> Self {
+        if n < 8 { Lanes::Portable } else { Self::best() }
+    }
+
     /// All that this processor has, the narrowest first.
     pub fn available() -> impl Iterator<Item = Self> {
         [Lanes::Portable, Lanes::Avx2, Lanes::Avx512]

@@ -342,9 +342,22 @@ impl SymMatrix {
         }
     }
 
-    /// xᵀ A x; `x` has n entries.
+    /// xᵀ A x; `x` has n entries. Rows are added in their order, and the entries of a row. Real-time: yes.
     #[must_use]
     pub fn quadratic(&self, x: &[f64]) -> f64 {
+        if let Shape::Tridiagonal {
+            diagonal, beside, ..
+        } = &self.shape
+        {
+            let ahead = x.iter().skip(1).chain([&0.0]);
+            let ahead = beside.iter().chain([&0.0]).zip(ahead);
+            let (mut total, mut above) = (0.0, 0.0);
+            for ((d, x), (e, next)) in diagonal.iter().zip(x).zip(ahead) {
+                total += x * (above + d * x + e * next);
+                above = e * x;
+            }
+            return total;
+        }
         (0..self.n)
             .zip(x)
             .map(|(i, xi)| xi * self.row(i).map(|(j, value)| value * x[j]).sum::<f64>())

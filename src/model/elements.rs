@@ -65,7 +65,7 @@ impl Elements {
     ) -> Result<Self, ModelError> {
         let mut all = Self {
             groups: Vec::new(),
-            lanes: Lanes::best(),
+            lanes: Lanes::best_for(n),
             keeps_tangents: true,
         };
         // Elements that may yet become a run.

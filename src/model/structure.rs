@@ -74,7 +74,7 @@ impl Structure {
             influence,
             tied_to_base,
             elements: Elements::new(elements, n)?,
-            lanes: Lanes::best(),
+            lanes: Lanes::best_for(n),
             storeys: ("", Vec::new()),
         })
     }

@@ -141,6 +141,24 @@ fn rough_ends(place: &str, disp: &[f64], vel: &[f64], dt: f64) -> Vec<String> {
 }
 
 impl Prescribed {
+    /// One axis with these displacements (m) and velocities (m/s), one of each for every step from 0 on: as many as the
+    /// shorter has.
+    #[must_use]
+    pub fn of_axis(mut disp: Vec<f64>, mut vel: Vec<f64>) -> Self {
+        let points = disp.len().min(vel.len());
+        disp.truncate(points);
+        vel.truncate(points);
+        disp.push(disp.last().copied().unwrap_or(0.0));
+        vel.push(0.0);
+        Self {
+            axes: 1,
+            steps: points.saturating_sub(1),
+            disp,
+            vel,
+            warnings: Vec::new(),
+        }
+    }
+
     /// Number of axes.
     #[must_use]
     pub const fn axes(&self) -> usize {

@@ -43,6 +43,16 @@ impl Store for File {
     }
 }
 
+impl Store for Box<dyn Store> {
+    fn cut(&mut self, length: u64) -> io::Result<()> {
+        (**self).cut(length)
+    }
+
+    fn syncer(&self) -> io::Result<Syncer> {
+        (**self).syncer()
+    }
+}
+
 impl Store for Vec<u8> {
     fn cut(&mut self, length: u64) -> io::Result<()> {
         self.truncate(usize::try_from(length).unwrap_or(usize::MAX));

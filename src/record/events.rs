@@ -223,6 +223,10 @@ impl<S: Store> EventLog<S> {
             EventKind::Started | EventKind::Ended | EventKind::StopRequested => {
                 tracing::info!(tick = event.tick, time = event.time, "{name}");
             }
+            EventKind::Grid { of, first_edge_ns } => {
+                put(line, "of", of.word());
+                put(line, "first_edge_ns", first_edge_ns);
+            }
             EventKind::Miss {
                 late_ns,
                 stretched,
@@ -512,6 +516,7 @@ fn loud(count: &mut u64) -> bool {
 const fn kind_name(kind: &EventKind) -> &'static str {
     match kind {
         EventKind::Started => "started",
+        EventKind::Grid { .. } => "grid",
         EventKind::Ended => "ended",
         EventKind::Miss { .. } => "miss",
         EventKind::Stale { .. } => "stale",

@@ -14,6 +14,7 @@ use thiserror::Error;
 use super::atomic;
 use super::layout::{Layout, LayoutError};
 use super::summary::{InputFile, Summary};
+use super::threads;
 use super::utc::stamp;
 
 /// Why a run folder cannot be written or read.
@@ -147,6 +148,7 @@ impl RunFolder {
             "events.jsonl",
             "samples.json",
             "samples.bin",
+            threads::FILE,
             "resolved.toml",
             "test.toml",
             "resumed.json",
@@ -259,6 +261,17 @@ impl RunFolder {
     pub fn open_samples(&self, layout: &Layout) -> Result<File, FolderError> {
         self.write("samples.json", layout.to_json().as_bytes())?;
         let path = self.path.join("samples.bin");
+        let mut options = OpenOptions::new();
+        options.append(true).create_new(true);
+        options.open(&path).map_err(at(&path))
+    }
+
+    /// The empty `threads.bin` for the writer.
+    ///
+    /// # Errors
+    /// The system refuses.
+    pub fn open_threads(&self) -> Result<File, FolderError> {
+        let path = self.path.join(threads::FILE);
         let mut options = OpenOptions::new();
         options.append(true).create_new(true);
         options.open(&path).map_err(at(&path))

@@ -1,17 +1,14 @@
 //! A run folder's samples and events in memory, byte for byte as they would stand in the files: for tests by the
 //! thousand.
 
-use super::append::Flushed;
 use super::events::{EventContext, EventLog, Moment};
-use super::journal::JournalWriter;
+use super::journal::encode;
 use super::{Event, Recorder};
-
-/// Bytes of rows that may wait; they are handed on at once.
-const WAITING: usize = 64 << 10;
 
 /// The contents of `samples.bin` and `events.jsonl`.
 pub struct FolderImage {
-    samples: JournalWriter<Vec<u8>>,
+    columns: usize,
+    samples: Vec<u8>,
     events: EventLog<Vec<u8>>,
     rows: u64,
 }
@@ -28,12 +25,20 @@ impl FolderImage {
     /// For rows of `columns` values of a test of these specimens.
     #[must_use]
     pub fn new(columns: usize, specimens: Vec<String>) -> Self {
+        Self::into_memory(Vec::new(), columns, specimens)
+    }
+
+    /// The same in memory that held another test: what was in it is gone, but not the memory.
+    #[must_use]
+    pub fn into_memory(mut samples: Vec<u8>, columns: usize, specimens: Vec<String>) -> Self {
+        samples.clear();
         let context = EventContext {
             specimens,
             ..EventContext::default()
         };
         Self {
-            samples: JournalWriter::new(Vec::new(), columns, WAITING),
+            columns,
+            samples,
             events: EventLog::new(Vec::new(), context),
             rows: 0,
         }
@@ -42,7 +47,13 @@ impl FolderImage {
     /// The bytes of `samples.bin`.
     #[must_use]
     pub fn samples(&self) -> &[u8] {
-        self.samples.store()
+        &self.samples
+    }
+
+    /// The same for good, to be used again.
+    #[must_use]
+    pub fn into_samples(self) -> Vec<u8> {
+        self.samples
     }
 
     /// Writes the events that wait; the bytes of `events.jsonl`.
@@ -54,9 +65,12 @@ impl FolderImage {
 
 impl Recorder for FolderImage {
     fn row(&mut self, row: &[f64]) -> bool {
-        let taken = self.samples.row(self.rows, row);
+        let fits = row.len() == self.columns;
+        if fits {
+            encode(self.rows, row, &mut self.samples);
+        }
         self.rows += 1;
-        taken && matches!(self.samples.flush(0), Flushed::Clean)
+        fits
     }
 
     fn event(&mut self, event: Event) -> bool {

@@ -10,6 +10,7 @@
 //! | [`onlooker`] | who looks at the rows as they pass through the writer |
 //! | [`layout`], [`journal`], [`append`] | the format of `samples.bin`; its reader; appending that survives a full disk |
 //! | [`events`], [`note`], [`miss`] | lines of `events.jsonl`; events from outside the loop; the class of a miss |
+//! | [`threads`] | `threads.bin`: what the other threads did, and when |
 //! | [`folder`], [`run`], [`summary`] | the run folder, written; read; `summary.json` |
 //! | [`export`] | CSV, NumPy, MATLAB, HDF5, a trace of the loop, a project folder |
 //! | [`atomic`], [`utc`] | files that appear whole; calendar text |
@@ -31,6 +32,7 @@ pub mod onlooker;
 pub mod ring;
 pub mod run;
 pub mod summary;
+pub mod threads;
 pub mod utc;
 pub mod writer;
 
@@ -45,7 +47,8 @@ pub use onlooker::Onlooker;
 pub use ring::{RingReader, RingRecorder, RingSize, WhenFull, ring};
 pub use run::Run;
 pub use summary::Summary;
-pub use writer::{Progress, Recorded, Writer, WriterSettings};
+pub use threads::{Roll, Stamper, ThreadLog, What};
+pub use writer::{Beside, Progress, Recorded, Writer, WriterSettings};
 
 use serde::{Deserialize, Serialize};
 
@@ -80,6 +83,13 @@ pub struct Event {
 pub enum EventKind {
     /// The first command is about to leave.
     Started,
+    /// The grid of ticks begins: rows count their wall time (`release_s`) from this edge on.
+    Grid {
+        /// What happens on it.
+        of: GridOf,
+        /// Its first edge, ns of the loop's clock.
+        first_edge_ns: u64,
+    },
     /// The loop has ended and every specimen is retired.
     Ended,
     /// A deadline was missed by this many nanoseconds; the grid was moved by `stretched` ticks.
@@ -223,6 +233,29 @@ pub enum EventKind {
         /// Mean displacement, mean force, and their noise (rms), in the axis' own units.
         values: [f64; 4],
     },
+}
+
+/// What happens on a grid of ticks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum GridOf {
+    /// It is tried which way round the specimens are wired.
+    Directions,
+    /// Everything else before t = 0, or before an interrupted test goes on.
+    Opening,
+    /// The test.
+    Test,
+}
+
+impl GridOf {
+    /// As `events.jsonl` has it.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Directions => "directions",
+            Self::Opening => "opening",
+            Self::Test => "test",
+        }
+    }
 }
 
 /// Class of a deadline miss.

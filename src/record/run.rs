@@ -10,6 +10,7 @@ use super::folder::{FolderError, at};
 use super::journal::Journal;
 use super::layout::Layout;
 use super::summary::Summary;
+use super::threads::{self, ThreadReader};
 
 /// A recorded run, finished or not.
 #[derive(Debug, Clone)]
@@ -114,6 +115,20 @@ impl Run {
         let places = names.iter().map(find).collect::<Result<Vec<_>, _>>()?;
         let path = self.path.join("samples.bin");
         self.journal()?.columns(&places).map_err(at(&path))
+    }
+
+    /// A reader of what its other threads did; `None` where that was not recorded: on the simulated clock, and by earlier
+    /// versions.
+    ///
+    /// # Errors
+    /// The system refuses.
+    pub fn threads(&self) -> Result<Option<ThreadReader<File>>, FolderError> {
+        let path = self.path.join(threads::FILE);
+        match File::open(&path) {
+            Ok(file) => Ok(Some(ThreadReader::new(file))),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+            Err(error) => Err(at(&path)(error)),
+        }
     }
 
     /// Its events; none if there is no file of them.

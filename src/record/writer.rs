@@ -8,10 +8,14 @@
 //! * A file that refuses (disk full) ends nothing: rows wait in bounded memory, are offered again every 100 ms, and
 //!   what finds no room is counted and shouted. The file holds whole rows at all times.
 //!
+//! What it and the other threads do, and when, it writes to `threads.bin` ([`super::threads`]), behind the rows in
+//! everything.
+//!
 //! It does not pin itself: a thread inherits the processors of the one that spawns it. It reads no clock but the
 //! two that it is given, and none of its decisions touches the loop.
 
 mod drain;
+mod stamps;
 mod sync;
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -31,6 +35,7 @@ use super::miss::{MissClasses, SchedSample};
 use super::note::Note;
 use super::onlooker::Onlooker;
 use super::ring::RingReader;
+use super::threads::ThreadLog;
 
 /// The clocks that the writer reads.
 #[derive(Debug, Clone, Copy)]
@@ -116,6 +121,8 @@ pub struct Recorded {
     pub events_lost: u64,
     /// Deadline misses by class, as far as their events arrived.
     pub misses: MissClasses,
+    /// Stamps of threads lost to a full queue or a file that refused; no row, no event.
+    pub stamps_lost: u64,
     /// Syncs to disk that failed.
     pub sync_failures: u64,
     /// The first error of a file, if there was one.
@@ -142,6 +149,23 @@ pub enum WriterError {
     /// The thread died; the rows up to its last flush are in the file.
     #[error("the writer's thread died")]
     Died,
+}
+
+/// What a writer may have beside rows and events.
+#[derive(Default)]
+pub struct Beside {
+    /// Looks at the rows as they pass.
+    pub onlooker: Option<Box<dyn Onlooker>>,
+    /// Takes the stamps of threads.
+    pub threads: Option<ThreadLog>,
+}
+
+impl std::fmt::Debug for Beside {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Beside")
+            .field("threads", &self.threads)
+            .finish_non_exhaustive()
+    }
 }
 
 /// Notes that may wait for the writer.
@@ -174,21 +198,22 @@ impl Writer {
         S: Store + 'static,
         E: Store + 'static,
     {
-        Self::spawn_watched(ring, samples, events, sampler, clocks, settings, None)
+        let alone = Beside::default();
+        Self::spawn_beside(ring, samples, events, sampler, clocks, settings, alone)
     }
 
-    /// The same with somebody who looks at the rows as they pass.
+    /// The same with somebody who looks at the rows as they pass, and with the stamps of threads.
     ///
     /// # Errors
     /// As [`Writer::spawn`].
-    pub fn spawn_watched<S, E>(
+    pub fn spawn_beside<S, E>(
         ring: RingReader,
         samples: S,
         events: E,
         sampler: Option<Receiver<SchedSample>>,
         clocks: Clocks,
         settings: WriterSettings,
-        onlooker: Option<Box<dyn Onlooker>>,
+        beside: Beside,
     ) -> Result<Self, WriterError>
     where
         S: Store + 'static,
@@ -197,25 +222,31 @@ impl Writer {
         let (notes, notes_out) = crossbeam_channel::bounded(NOTES);
         let stop = Arc::new(AtomicBool::new(false));
         let progress = Arc::new(Mutex::new(Progress::default()));
-        let syncers = [samples.syncer(), events.syncer()]
-            .into_iter()
-            .collect::<Result<Vec<_>, _>>()
-            .map_err(WriterError::Sync)?;
-        let sync = SyncThread::spawn(syncers).map_err(WriterError::Spawn)?;
+        let syncers = [
+            samples.syncer().map_err(WriterError::Sync)?,
+            events.syncer().map_err(WriterError::Sync)?,
+        ];
+        let Beside { onlooker, threads } = beside;
+        let roll = threads.as_ref().map(|threads| threads.roll().clone());
+        let sync = SyncThread::spawn(syncers, roll).map_err(WriterError::Spawn)?;
         let period = settings.period;
         let stop_seen = Arc::clone(&stop);
         let mut drain = Drain::new(ring, samples, events, sampler, notes_out, settings);
         drain.serve(sync, Arc::clone(&progress));
         drain.watch(onlooker);
-        let work = move || loop {
-            // Read before the turn: what the loop left before the stop is then surely seen.
-            let last = stop_seen.load(Ordering::Acquire);
-            let busy = drain.turn(clocks.now());
-            if last {
-                return drain.finish(clocks.now());
-            }
-            if !busy {
-                std::thread::park_timeout(period);
+        let work = move || {
+            // On its own thread: it stands on the roll, too.
+            drain.stamp(threads);
+            loop {
+                // Read before the turn: what the loop left before the stop is then surely seen.
+                let last = stop_seen.load(Ordering::Acquire);
+                let busy = drain.turn(clocks.now());
+                if last {
+                    return drain.finish(clocks.now());
+                }
+                if !busy {
+                    std::thread::park_timeout(period);
+                }
             }
         };
         // Whoever listens where this is called hears the writer too.

@@ -4,7 +4,7 @@ use super::canvas::Ink;
 use super::charts::Quantity;
 use super::digest::Digest;
 use super::html::{note, paragraph, section, table};
-use super::lines::{Line, Reduce, TimeChart};
+use super::lines::{Line, TimeChart};
 use super::metrics;
 use super::plots::history;
 use super::rows::Rows;
@@ -80,17 +80,14 @@ pub(super) fn balance(rows: &Rows<'_>, why: Option<&str>) -> Option<String> {
             })
         })
         .collect();
-    let chart = TimeChart {
-        title: "Energy balance",
-        up: Quantity {
+    let chart = TimeChart::history(
+        "Energy balance",
+        Quantity {
             words: "energy",
             unit: "J",
         },
-        lines: &lines,
-        marks: &[],
-        reduce: Reduce::Extremes,
-        named_time: true,
-    };
+        &lines,
+    );
     let last = |key: &str| {
         column(digest, key).and_then(|v| v.iter().rev().copied().find(|v| v.is_finite()))
     };

@@ -2,7 +2,7 @@
 
 use super::canvas::Ink;
 use super::charts::Quantity;
-use super::lines::{Line, Reduce, TimeChart};
+use super::lines::{Line, TimeChart};
 use super::plots::history;
 use super::rows::Rows;
 use super::specimens::Tracked;
@@ -41,14 +41,7 @@ pub(super) fn errors(axis: &Tracked<'_>) -> String {
             line("PAEI", &found.paei[place], 0, 1.8),
             line("FDB", &found.fdb[place], 1, 1.1),
         ];
-        let chart = TimeChart {
-            title,
-            up: Quantity { words, unit },
-            lines: &lines,
-            marks: &[],
-            reduce: Reduce::Extremes,
-            named_time: true,
-        };
+        let chart = TimeChart::history(title, Quantity { words, unit }, &lines);
         markup += &history(150.0, &format!("{}: {title}", axis.name), &chart);
     }
     markup
@@ -91,14 +84,7 @@ pub(super) fn estimates(rows: &Rows<'_>, time: &[f64], axis: &Tracked<'_>) -> St
             width: 1.2,
         }];
         let up = Quantity { words, unit };
-        let chart = TimeChart {
-            title,
-            up,
-            lines: &lines,
-            marks: &[],
-            reduce: Reduce::Extremes,
-            named_time: true,
-        };
+        let chart = TimeChart::history(title, up, &lines);
         markup += &history(160.0, &format!("{}: {title}", axis.name), &chart);
     }
     markup

@@ -4,10 +4,10 @@ use super::canvas::Ink;
 use super::charts::Quantity;
 use super::curves::{Curves, Scale};
 use super::html::{beside, definitions, note, section};
-use super::lines::{Line, Reduce, TimeChart};
+use super::lines::{Line, TimeChart};
 use super::metrics;
 use super::plots::history;
-use super::response::{curve, decades};
+use super::response::{amplitudes, curve};
 use super::rows::Rows;
 use super::shaking::{RATIO, Shaking};
 use super::text::{number, quantity};
@@ -30,14 +30,7 @@ pub(super) fn ground(rows: &Rows<'_>) -> Option<String> {
         ink: Ink::Series(3),
         width: 1.1,
     }];
-    let chart = TimeChart {
-        title: "Ground motion",
-        up: Quantity { words, unit },
-        lines: &lines,
-        marks: &[],
-        reduce: Reduce::Extremes,
-        named_time: true,
-    };
+    let chart = TimeChart::history("Ground motion", Quantity { words, unit }, &lines);
     let mut markup = history(220.0, "Ground motion over test time", &chart);
     let when = time
         .get(peak.index)
@@ -109,18 +102,8 @@ fn pictures(shaking: &Shaking) -> String {
         "m s"
     };
     if !x.is_empty() {
-        let picture = Curves {
-            title: "Fourier amplitude",
-            across: across("frequency", "Hz"),
-            up: Scale {
-                words: "amplitude",
-                unit,
-                range: decades(std::iter::once(y.as_slice())),
-            },
-            curves: &[curve("", &x, &y)],
-            logarithmic: true,
-            square: false,
-        };
+        let curves = [curve("", &x, &y)];
+        let picture = amplitudes("Fourier amplitude", "amplitude", unit, &curves);
         figures += &format!("<figure>{}</figure>\n", picture.svg(510.0, 320.0, true));
     }
     beside("pair", &figures)

@@ -37,6 +37,20 @@ pub(super) struct TimeChart<'a> {
     pub named_time: bool,
 }
 
+impl<'a> TimeChart<'a> {
+    /// Values over test time, unmarked: no peak is lost.
+    pub const fn history(title: &'a str, up: Quantity<'a>, lines: &'a [Line<'a>]) -> Self {
+        Self {
+            title,
+            up,
+            lines,
+            marks: &[],
+            reduce: Reduce::Extremes,
+            named_time: true,
+        }
+    }
+}
+
 impl TimeChart<'_> {
     /// Draws the chart into `area`.
     pub fn draw(&self, canvas: &mut Canvas<'_>, area: Area) {

@@ -299,7 +299,7 @@ pub(super) fn events(run: &RunData, timeline: &str) -> String {
     section(heading, &beside("events", &markup))
 }
 
-/// Digests of checkpoints and of files are for programs; they stand in events.jsonl.
+/// Digests of checkpoints and of files, and the edge of a grid, are for programs; they stand in events.jsonl.
 fn is_silent(event: &Value) -> bool {
     let name = event.get("event").and_then(Value::as_str);
     name.is_some_and(|name| SILENT.contains(&name))

@@ -5,7 +5,7 @@ use super::canvas::Ink;
 use super::charts::Quantity;
 use super::curves::{Curves, Scale};
 use super::html::{beside, note, paragraph, section, table};
-use super::lines::{Line, Reduce, TimeChart};
+use super::lines::{Line, TimeChart};
 use super::matched::Matched;
 use super::metrics;
 use super::plots::history;
@@ -84,19 +84,11 @@ pub(super) fn overlaid(matched: &Matched) -> String {
             ink: Ink::Series(ink),
             width,
         };
-        let chart = |title, up, lines| TimeChart {
-            title,
-            up,
-            lines,
-            marks: &[],
-            reduce: Reduce::Extremes,
-            named_time: true,
-        };
         let lines = [line("first", a, 0, 1.6), line("second", b, 1, 1.0)];
         markup += &history(
             220.0,
             &format!("{title} of both runs"),
-            &chart(title.as_str(), up(words), &lines),
+            &TimeChart::history(&title, up(words), &lines),
         );
         if metrics::peak(d).is_some_and(|peak| peak.value != 0.0) {
             let lines = [line("second − first", d, 4, 1.1)];
@@ -104,7 +96,7 @@ pub(super) fn overlaid(matched: &Matched) -> String {
             markup += &history(
                 150.0,
                 &title,
-                &chart(title.as_str(), up("difference"), &lines),
+                &TimeChart::history(&title, up("difference"), &lines),
             );
         } else {
             markup += &note(&format!("{title}: no difference."));
@@ -152,14 +144,7 @@ pub(super) fn side_by_side(a: &Rows<'_>, b: &Rows<'_>) -> String {
             words,
             unit: a.unit(&name),
         };
-        let chart = TimeChart {
-            title: &title,
-            up,
-            lines: &lines,
-            marks: &[],
-            reduce: Reduce::Extremes,
-            named_time: true,
-        };
+        let chart = TimeChart::history(&title, up, &lines);
         markup += &history(220.0, &format!("{title} of both runs"), &chart);
     }
     if markup.is_empty() {

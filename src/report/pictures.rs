@@ -7,7 +7,7 @@ use super::bars::HistogramChart;
 use super::canvas::{Canvas, Ink, Skin, picture};
 use super::charts::{Area, Quantity, sentence};
 use super::histogram::{self, Percentiles};
-use super::lines::{Line, LoopChart, Reduce, TimeChart};
+use super::lines::{Line, LoopChart, TimeChart};
 use super::rows::Rows;
 use super::tested;
 
@@ -142,12 +142,8 @@ fn one_line(
         width: 1.1,
     }];
     TimeChart {
-        title,
-        up,
-        lines: &lines,
-        marks: &[],
-        reduce: Reduce::Extremes,
         named_time,
+        ..TimeChart::history(title, up, &lines)
     }
     .draw(canvas, area);
 }

@@ -172,17 +172,14 @@ mod tests {
             ink: Ink::Series(7),
             width: 1.0,
         }];
-        let chart = TimeChart {
-            title: "<!--",
-            up: Quantity {
+        let chart = TimeChart::history(
+            "<!--",
+            Quantity {
                 words: "displacement",
                 unit: "m",
             },
-            lines: &lines,
-            marks: &[],
-            reduce: Reduce::Extremes,
-            named_time: true,
-        };
+            &lines,
+        );
         let page = history(200.0, "a & b", &chart);
         assert_eq!(page.matches("<script").count(), 1);
         assert_eq!(page.matches("</script>").count(), 1);

@@ -10,7 +10,7 @@ use super::charts::Quantity;
 use super::curves::{Curve, Curves, Scale};
 use super::digest::{MOST_DOFS, spread};
 use super::html::{note, paragraph, section, table};
-use super::lines::{Line, Reduce, TimeChart};
+use super::lines::{Line, TimeChart};
 use super::metrics;
 use super::outcome;
 use super::plots::{history, note_on_extremes};
@@ -79,14 +79,7 @@ pub(super) fn response(rows: &Rows<'_>) -> Option<String> {
             size(b).total_cmp(&size(a))
         });
         let unit = rows.unit(&format!("{letter}{}", first.trim_start_matches("DOF ")));
-        let chart = TimeChart {
-            title,
-            up: Quantity { words, unit },
-            lines: &lines,
-            marks: &[],
-            reduce: Reduce::Extremes,
-            named_time: true,
-        };
+        let chart = TimeChart::history(title, Quantity { words, unit }, &lines);
         markup += &history(240.0, &format!("{title} over test time"), &chart);
     }
     markup += &drifts(rows, &time);
@@ -140,17 +133,14 @@ fn drifts(rows: &Rows<'_>, time: &[f64]) -> String {
     if lines.is_empty() {
         return String::new();
     }
-    let chart = TimeChart {
-        title: "Storey drift: displacement against the storey below",
-        up: Quantity {
+    let chart = TimeChart::history(
+        "Storey drift: displacement against the storey below",
+        Quantity {
             words: "drift",
             unit: "m",
         },
-        lines: &lines,
-        marks: &[],
-        reduce: Reduce::Extremes,
-        named_time: true,
-    };
+        &lines,
+    );
     let peaks = all.iter().filter_map(|&storey| {
         let values = rows.get(&drift(storey as usize))?;
         Some(format!(
@@ -178,22 +168,8 @@ fn spectra(rows: &Rows<'_>) -> String {
     if curves.is_empty() {
         return String::new();
     }
-    let picture = Curves {
-        title: "Frequency content of the displacements: Fourier amplitude",
-        across: Scale {
-            words: "frequency",
-            unit: "Hz",
-            range: None,
-        },
-        up: Scale {
-            words: "amplitude",
-            unit: "m s",
-            range: decades(curves.iter().map(|c| c.y)),
-        },
-        curves: &curves,
-        logarithmic: true,
-        square: false,
-    };
+    let title = "Frequency content of the displacements: Fourier amplitude";
+    let picture = amplitudes(title, "amplitude", "m s", &curves);
     format!("<figure>{}</figure>\n", picture.svg(1040.0, 300.0, true))
 }
 
@@ -208,8 +184,33 @@ pub(super) const fn curve<'a>(name: &'a str, x: &'a [f64], y: &'a [f64]) -> Curv
     }
 }
 
+/// Fourier amplitudes over frequency, six decades of them.
+pub(super) fn amplitudes<'a>(
+    title: &'a str,
+    words: &'a str,
+    unit: &'a str,
+    curves: &'a [Curve<'a>],
+) -> Curves<'a> {
+    Curves {
+        title,
+        across: Scale {
+            words: "frequency",
+            unit: "Hz",
+            range: None,
+        },
+        up: Scale {
+            words,
+            unit,
+            range: decades(curves.iter().map(|curve| curve.y)),
+        },
+        curves,
+        logarithmic: true,
+        square: false,
+    }
+}
+
 /// Six decades below the largest amplitude: what lies lower is roundoff.
-pub(super) fn decades<'a>(amplitudes: impl Iterator<Item = &'a [f64]>) -> Option<(f64, f64)> {
+fn decades<'a>(amplitudes: impl Iterator<Item = &'a [f64]>) -> Option<(f64, f64)> {
     let top = amplitudes
         .flatten()
         .copied()

@@ -7,13 +7,12 @@ use super::axes::AxisDigest;
 use super::canvas::Ink;
 use super::charts::Quantity;
 use super::courses::{errors, estimates};
-use super::curves::{Curves, Scale};
 use super::html::{beside, figure, note, paragraph, section, table};
 use super::judged::{legend, table_of};
-use super::lines::{Line, LoopChart, Reduce, TimeChart};
+use super::lines::{Line, LoopChart, TimeChart};
 use super::outcome;
 use super::plots::history;
-use super::response::{curve, decades};
+use super::response::{amplitudes, curve};
 use super::rows::Rows;
 use super::tested::axis_name;
 use super::text::{NOTHING, count, number, quantity};
@@ -134,18 +133,10 @@ fn drawn(rows: &Rows<'_>, time: &[f64], axis: &Tracked<'_>) -> String {
         line("target", time, &target, 0, 1.6),
         line("measured", time, &meas, 1, 1.0),
     ];
-    let of = |title, up, lines| TimeChart {
-        title,
-        up,
-        lines,
-        marks: &[],
-        reduce: Reduce::Extremes,
-        named_time: true,
-    };
     markup += &history(
         240.0,
         &label("target and measured displacement over test time"),
-        &of("Target and measured", disp("displacement"), &lines),
+        &TimeChart::history("Target and measured", disp("displacement"), &lines),
     );
     markup += &error(rows, time, axis);
     let [near_time, near_target, near_meas] = &digest.close_up;
@@ -153,7 +144,7 @@ fn drawn(rows: &Rows<'_>, time: &[f64], axis: &Tracked<'_>) -> String {
         line("target", near_time, near_target, 0, 2.2),
         line("measured", near_time, near_meas, 1, 1.3),
     ];
-    let zoom = of("Around the largest target", disp("displacement"), &lines);
+    let zoom = TimeChart::history("Around the largest target", disp("displacement"), &lines);
     let figures = figure(
         510.0,
         290.0,
@@ -181,17 +172,14 @@ fn error(rows: &Rows<'_>, time: &[f64], axis: &Tracked<'_>) -> String {
         ink: Ink::Series(4),
         width: 1.1,
     }];
-    let chart = TimeChart {
-        title: "Tracking error: measured − target",
-        up: Quantity {
+    let chart = TimeChart::history(
+        "Tracking error: measured − target",
+        Quantity {
             words: "error",
             unit: axis.disp_unit,
         },
-        lines: &lines,
-        marks: &[],
-        reduce: Reduce::Extremes,
-        named_time: true,
-    };
+        &lines,
+    );
     let label = format!("{}: tracking error over test time", axis.name);
     history(180.0, &label, &chart)
 }
@@ -212,22 +200,7 @@ fn content(digest: &AxisDigest) -> String {
     if curves.is_empty() {
         return String::new();
     }
-    let picture = Curves {
-        title: "Frequency content",
-        across: Scale {
-            words: "frequency",
-            unit: "Hz",
-            range: None,
-        },
-        up: Scale {
-            words: "Fourier amplitude",
-            unit: "m s",
-            range: decades(curves.iter().map(|c| c.y)),
-        },
-        curves: &curves,
-        logarithmic: true,
-        square: false,
-    };
+    let picture = amplitudes("Frequency content", "Fourier amplitude", "m s", &curves);
     format!("<figure>{}</figure>\n", picture.svg(510.0, 290.0, true))
 }
 

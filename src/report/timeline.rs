@@ -46,7 +46,7 @@ const KINDS: [(&str, &[&str], Ink); 5] = [
     ("other", &[], Ink::Series(5)),
 ];
 /// Events that say nothing to a reader of a timeline.
-pub(super) const SILENT: [&str; 2] = ["checkpoint", "files"];
+pub(super) const SILENT: [&str; 3] = ["checkpoint", "files", "grid"];
 
 /// Nanoseconds of an RFC 3339 time since midnight of the day in it, days counted by their number: enough for differences.
 fn wall_seconds(text: &str) -> Option<f64> {

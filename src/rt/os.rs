@@ -62,6 +62,13 @@ pub fn thread_id() -> i32 {
     rustix::thread::gettid().as_raw_nonzero().get()
 }
 
+/// Name of the calling thread, as /proc has it: 15 bytes at most.
+#[must_use]
+pub fn thread_name() -> String {
+    let name = rustix::thread::name().unwrap_or_default();
+    name.to_string_lossy().into_owned()
+}
+
 /// Lets another runnable thread have the processor.
 pub fn yield_now() {
     rustix::thread::sched_yield();

@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use crate::control::Port;
 use crate::engine::Experiment;
-use crate::record::{Note, NoteLevel, Writer};
+use crate::record::{Note, NoteLevel, Roll, What, Writer};
 use crate::substructure::{Introduction, LinkFault, Retirement, Unavailable};
 
 /// Where a specimen said that it stands, in the note on its connection: numbers in its own unit, one per axis, in words,
@@ -42,9 +42,13 @@ pub(super) fn put_standing(events: &[Value], ports: &mut [Port]) {
 
 /// Connects every specimen and notes what each says of itself: N of them take as long as the slowest. Nothing moves
 /// yet. Returns what the user should know, or who cannot take part.
-pub(super) fn connect(experiment: &mut Experiment, writer: &Writer) -> Result<Vec<String>, String> {
+pub(super) fn connect(
+    experiment: &mut Experiment,
+    writer: &Writer,
+    roll: &Roll,
+) -> Result<Vec<String>, String> {
     let ports = &mut experiment.ports;
-    let outcomes = connect_all(ports);
+    let outcomes = connect_all(ports, roll);
     let mut warnings = Vec::new();
     let mut refusals = Vec::new();
     for (number, (port, outcome)) in (1u64..).zip(ports.iter().zip(outcomes)) {
@@ -85,8 +89,9 @@ pub(super) fn connect(experiment: &mut Experiment, writer: &Writer) -> Result<Ve
     Err(refusals.join("; "))
 }
 
-/// Each on a thread of its own, for they wait; those of this process have nothing to wait for.
-fn connect_all(ports: &mut [Port]) -> Vec<Result<Introduction, Unavailable>> {
+/// Each on a thread of its own, for they wait; those of this process have nothing to wait for. The threads that their links
+/// start stand on the roll, too.
+fn connect_all(ports: &mut [Port], roll: &Roll) -> Vec<Result<Introduction, Unavailable>> {
     std::thread::scope(|scope| {
         let waiting: Vec<_> = ports
             .iter_mut()
@@ -95,7 +100,14 @@ fn connect_all(ports: &mut [Port]) -> Vec<Result<Introduction, Unavailable>> {
                     return Waiting::Done(port.connect());
                 }
                 let thread = std::thread::Builder::new().name("gusset-connect".into());
-                match thread.spawn_scoped(scope, || port.connect()) {
+                let work = || {
+                    let stamper = roll.enter();
+                    let began_ns = stamper.now();
+                    let outcome = roll.within(|| port.connect());
+                    stamper.since(What::Connect, began_ns, 0);
+                    outcome
+                };
+                match thread.spawn_scoped(scope, work) {
                     Ok(thread) => Waiting::Thread(thread),
                     Err(error) => Waiting::Done(Err(Unavailable {
                         fault: LinkFault::Closed,

@@ -19,6 +19,7 @@ use crossbeam_channel::Sender;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::{Operator, Phase, PhaseCell};
+use crate::record::{Roll, What};
 
 /// The socket's name in the run folder.
 const SOCKET: &str = "control.sock";
@@ -76,22 +77,30 @@ impl Desk {
     ///
     /// # Errors
     /// The system gives no socket or no thread.
-    pub fn open(folder: &Path, requests: Sender<Operator>, phase: PhaseCell) -> io::Result<Self> {
+    pub fn open(
+        folder: &Path,
+        requests: Sender<Operator>,
+        phase: PhaseCell,
+        roll: &Roll,
+    ) -> io::Result<Self> {
         let (_open, address) = short(folder)?;
         let listener = UnixListener::bind(address)?;
         let path = folder.join(SOCKET);
         std::fs::set_permissions(&path, Permissions::from_mode(0o600))?;
         let closing = Arc::new(AtomicBool::new(false));
-        let closed = Arc::clone(&closing);
+        let (closed, roll) = (Arc::clone(&closing), roll.clone());
         let thread = std::thread::Builder::new()
             .name("gusset-desk".into())
             .spawn(move || {
+                let stamper = roll.enter();
                 for caller in listener.incoming() {
                     if closed.load(Ordering::Relaxed) {
                         return;
                     }
+                    let began_ns = stamper.now();
                     // Whoever speaks nonsense or not at all gets no answer.
                     let _ = caller.and_then(|caller| serve(&caller, &requests, &phase));
+                    stamper.since(What::Request, began_ns, 0);
                 }
             })?;
         Ok(Self {
@@ -163,6 +172,7 @@ pub fn ask(folder: &Path, request: Request) -> io::Result<Answer> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::session::roll;
 
     #[test]
     fn a_request_reaches_the_queue_and_the_socket_goes_with_the_desk() {
@@ -172,7 +182,7 @@ mod tests {
         std::fs::create_dir_all(&folder).unwrap();
         let (sender, receiver) = crossbeam_channel::bounded(1);
         let phase = PhaseCell::default();
-        let desk = Desk::open(&folder, sender, phase.clone()).unwrap();
+        let desk = Desk::open(&folder, sender, phase.clone(), &roll()).unwrap();
         phase.set(Phase::Running);
         let answer = ask(&folder, Request::Hold).unwrap();
         let running = Answer {
@@ -192,7 +202,7 @@ mod tests {
     fn nonsense_gets_no_answer_and_the_desk_stays_open() {
         let folder = tempfile::tempdir().unwrap();
         let (sender, receiver) = crossbeam_channel::bounded(4);
-        let _desk = Desk::open(folder.path(), sender, PhaseCell::default()).unwrap();
+        let _desk = Desk::open(folder.path(), sender, PhaseCell::default(), &roll()).unwrap();
         for text in ["", "GET / HTTP/1.1\r\n\r\n", "{\"request\":\"explode\"}\n"] {
             let stream = UnixStream::connect(folder.path().join(SOCKET)).unwrap();
             (&stream).write_all(text.as_bytes()).unwrap();

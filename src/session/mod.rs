@@ -3,12 +3,13 @@
 //! | thread | owns | talks through |
 //! |---|---|---|
 //! | loop (pinned, FIFO) | engine, clock, histograms | rings of rows and events out, a bounded channel of operator requests in |
-//! | writer | samples.bin, events.jsonl, the log | drains the rings every few milliseconds |
+//! | writer | samples.bin, events.jsonl, threads.bin, the log | drains the rings every few milliseconds |
 //! | sampler | the kernel's counters of the loop's thread | a bounded channel to the writer |
 //! | signals | SIGINT, SIGTERM, SIGHUP | the channel of operator requests |
 //! | caller | everything else | joins the rest |
 //!
-//! No shared mutable state with the loop, no mutex it could meet.
+//! No shared mutable state with the loop, no mutex it could meet. On the real clock every thread but the loop's leaves stamps
+//! of what it does ([`crate::record::threads`]).
 
 mod archive;
 mod bare;
@@ -23,6 +24,7 @@ pub mod rehearsal;
 mod replay;
 mod resume;
 mod retrace;
+mod sampling;
 mod signals;
 mod summary;
 mod tape;
@@ -33,7 +35,6 @@ use std::sync::mpsc::{self, SyncSender};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use crossbeam_channel::Sender;
 use thiserror::Error;
 
 pub use bare::{bare_loop, loop_round};
@@ -44,19 +45,20 @@ pub use replay::{Difference, Replay, ReplayError, replay, replay_rows};
 pub use resume::{ResumeError, resume};
 pub use signals::{Signal, Signals};
 pub use summary::ending;
-pub use watches::{Attendance, Watches};
+pub use watches::{Attendance, Watches, roll};
 
 use desk::Desk;
 use guarded::{Ended, run_retired};
+use sampling::spawn_sampler;
 
 use crate::config::{ClockChoice, Facts, Files, Prepared};
 use crate::engine::{Control, Engine, Experiment};
 use crate::record::writer::{Clocks, WriterError};
 use crate::record::{
-    FolderError, Layout, Note, NoteLevel, Progress, Recorded, RingSize, RunFolder, SchedSample,
-    Summary, WhenFull, Writer, WriterSettings, ring,
+    Beside, FolderError, Layout, Note, NoteLevel, Progress, Recorded, RingSize, Roll, RunFolder,
+    Summary, ThreadLog, What, WhenFull, Writer, WriterSettings, ring,
 };
-use crate::rt::sampler::{Sampler, SchedSample as SamplerReading};
+use crate::rt::sampler::Sampler;
 use crate::rt::wall::Wall;
 use crate::rt::{Granted, RtPlan, apply, os, pin_away};
 use crate::time::{Clock, SimClock};
@@ -131,6 +133,7 @@ struct Ready {
     writer: Writer,
     sampler: Option<Sampler>,
     granted: Option<Granted>,
+    roll: Roll,
 }
 
 /// Runs a prepared test into `folder`. `progress` is called about ten times a second.
@@ -159,7 +162,8 @@ pub fn run(
         .map(|asks| (asks, control.phase.clone()));
     match prepare(experiment, &facts, &files, &mut folder, control, watches) {
         Ok(ready) => {
-            let desk = desk.map(|(asks, phase)| Desk::open(folder.path(), asks, phase));
+            let roll = &ready.roll;
+            let desk = desk.map(|(asks, phase)| Desk::open(folder.path(), asks, phase, roll));
             if let Some(Err(error)) = &desk {
                 let text = format!("other programs cannot reach this test: {error}");
                 let note = Note::new(NoteLevel::Warning, "warning");
@@ -189,6 +193,14 @@ fn prepare(
     let samples = folder.open_samples(&layout)?;
     let events = folder.open_events()?;
     let real = facts.clock == ClockChoice::Real;
+    let roll = watches.roll.take().unwrap_or_else(watches::roll);
+    let threads = if real {
+        Some(ThreadLog::new(folder.open_threads()?, roll.clone()))
+    } else {
+        // What takes how long on the wall is nothing to a test on the simulated clock.
+        roll.close();
+        None
+    };
     let size = RingSize::for_rate(layout.columns().len(), facts.rate_hz, facts.queue_s);
     let when_full = if real { WhenFull::Drop } else { WhenFull::Wait };
     let (recorder, reader) = ring(layout.columns().len(), size, when_full)
@@ -202,9 +214,12 @@ fn prepare(
     let (answer, answered) = mpsc::sync_channel(1);
     let (go, gate) = mpsc::sync_channel::<Experiment>(1);
     let (done_in, done) = mpsc::sync_channel(1);
+    let for_loop = roll.clone();
     let thread = std::thread::Builder::new()
         .name("gusset-loop".into())
         .spawn(move || {
+            // By name only, and before anything is timed: the stamps of the loop are columns of the rows.
+            drop(for_loop.enter());
             let granted = plan.as_ref().map(apply);
             if answer.send((granted.clone(), os::thread_id())).is_err() {
                 return;
@@ -256,17 +271,18 @@ fn prepare(
         ..WriterSettings::default()
     };
     let sampler_out = real.then_some(sample_out);
-    let writer = Writer::spawn_watched(
+    let beside = Beside { onlooker, threads };
+    let writer = Writer::spawn_beside(
         reader,
         samples,
         events,
         sampler_out,
         clocks,
         settings,
-        onlooker,
+        beside,
     )?;
     let sampler = if real {
-        spawn_sampler(thread_id, &granted, sample_in)
+        spawn_sampler(thread_id, &granted, sample_in, roll.clone())
     } else {
         None
     };
@@ -289,6 +305,7 @@ fn prepare(
         writer,
         sampler,
         granted,
+        roll,
     })
 }
 
@@ -307,14 +324,15 @@ fn carry_out(
         writer,
         sampler,
         granted,
+        roll,
     } = ready;
     let mut facts = facts.clone();
     let began = Wall::now();
-    let mut ended = match connect::connect(&mut experiment, &writer) {
+    let mut ended = match connect::connect(&mut experiment, &writer, &roll) {
         Ok(warnings) => {
             facts.warnings.extend(warnings);
             let _ = go.send(experiment);
-            wait_for_the_end(&done, &writer, progress)
+            wait_for_the_end(&done, &writer, &roll, progress)
         }
         Err(text) => {
             drop(go);
@@ -332,6 +350,7 @@ fn carry_out(
         ended.fault.get_or_insert(error.to_string());
         Recorded::default()
     });
+    roll.close();
     let mut unwritten = Vec::new();
     let span = summary::Span {
         began,
@@ -365,15 +384,19 @@ fn carry_out(
 fn wait_for_the_end(
     done: &mpsc::Receiver<Ended>,
     writer: &Writer,
+    roll: &Roll,
     progress: &mut dyn FnMut(&Progress),
 ) -> Ended {
+    let stamper = roll.enter();
     let mut latest = Progress::default();
     loop {
         match done.recv_timeout(LOOK_EVERY) {
             Ok(ended) => break ended,
             Err(mpsc::RecvTimeoutError::Timeout) => {
+                let began_ns = stamper.now();
                 writer.progress(&mut latest);
                 progress(&latest);
+                stamper.since(What::Status, began_ns, 0);
             }
             // The thread can end without a word only by a panic outside the engine.
             Err(mpsc::RecvTimeoutError::Disconnected) => {
@@ -381,34 +404,6 @@ fn wait_for_the_end(
                 ended.fault = Some("the loop's thread died".to_owned());
                 break ended;
             }
-        }
-    }
-}
-
-fn spawn_sampler(
-    thread_id: i32,
-    granted: &Option<Granted>,
-    into: Sender<SchedSample>,
-) -> Option<Sampler> {
-    let cpu = granted.as_ref().and_then(|granted| granted.cpu);
-    match Sampler::spawn(thread_id, cpu, into) {
-        Ok(sampler) => Some(sampler),
-        Err(error) => {
-            tracing::warn!(
-                "misses cannot be classed: the loop's thread cannot be watched: {error}"
-            );
-            None
-        }
-    }
-}
-
-impl From<SamplerReading> for SchedSample {
-    fn from(reading: SamplerReading) -> Self {
-        Self {
-            clock_ns: reading.clock_ns,
-            involuntary_switches: reading.involuntary_switches,
-            minor_faults: reading.minor_faults,
-            steal_ticks: reading.steal_ticks,
         }
     }
 }

@@ -8,6 +8,7 @@ use crossbeam_channel::{Receiver, Sender};
 use tokio::signal::unix::{SignalKind, signal};
 
 use crate::engine::Operator;
+use crate::record::{Roll, What};
 
 /// A signal that ended a test.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -24,6 +25,7 @@ pub struct Signals {
     seen: Arc<AtomicU8>,
     sender: Sender<Operator>,
     receiver: Receiver<Operator>,
+    roll: Roll,
 }
 
 const INTERRUPT: u8 = 1;
@@ -49,9 +51,12 @@ impl Signals {
             )
         };
         let (noted, requests) = (Arc::clone(&seen), sender.clone());
+        let roll = super::roll();
+        let for_thread = roll.clone();
         std::thread::Builder::new()
             .name("gusset-signals".into())
             .spawn(move || {
+                let stamper = for_thread.enter();
                 runtime.block_on(async move {
                     loop {
                         let which = tokio::select! {
@@ -59,10 +64,12 @@ impl Signals {
                             _ = terminate.recv() => TERMINATE,
                             _ = hang_up.recv() => TERMINATE,
                         };
+                        let began_ns = stamper.now();
                         // The first signal names the cause; a full queue already holds the request.
                         let _ =
                             noted.compare_exchange(0, which, Ordering::Relaxed, Ordering::Relaxed);
                         let _ = requests.try_send(Operator::Stop);
+                        stamper.since(What::Signal, began_ns, 0);
                     }
                 });
             })?;
@@ -70,7 +77,14 @@ impl Signals {
             seen,
             sender,
             receiver,
+            roll,
         })
+    }
+
+    /// The roll on which the listening thread stands: for the first test, and whoever attends that.
+    #[must_use]
+    pub fn roll(&self) -> Roll {
+        self.roll.clone()
     }
 
     /// The loop's end of the line.

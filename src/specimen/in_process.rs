@@ -22,6 +22,8 @@ pub struct InProcess<S: Specimen> {
     measured: Vec<f64>,
     force: Vec<f64>,
     status: Status,
+    /// Test time in s of a drill.
+    breaks_at: f64,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -54,7 +56,15 @@ impl<S: Specimen> InProcess<S> {
             measured: vec![0.0; axes],
             force: vec![0.0; axes],
             status: Status::default(),
+            breaks_at: f64::INFINITY,
         }
+    }
+
+    /// A drill: from this test time in s on, an answer is a panic, as a bug in the specimen's code would be one.
+    #[must_use]
+    pub const fn breaking_at(mut self, time: f64) -> Self {
+        self.breaks_at = time;
+        self
     }
 
     /// The specimen, for its reference, tangents, bounds and state.
@@ -73,6 +83,12 @@ impl<S: Specimen> InProcess<S> {
         self.phase = Phase::Faulted(fault);
         fault
     }
+}
+
+/// The one panic that is meant.
+#[cold]
+fn break_down(time: f64) -> ! {
+    panic!("a drill: the specimen's code breaks down at {time} s")
 }
 
 /// What a specimen says of itself.
@@ -130,6 +146,9 @@ impl<S: Specimen> Substructure for InProcess<S> {
             // Nothing was asked, so nothing will ever come.
             Phase::Idle => return Err(LinkFault::Timeout),
             Phase::Issued => {
+                if self.time >= self.breaks_at {
+                    break_down(self.time);
+                }
                 self.specimen
                     .trial(&self.disp, &self.vel, self.dt, &mut self.force);
                 self.measured.copy_from_slice(&self.disp);

@@ -7,6 +7,7 @@
 pub mod engine;
 pub mod refusal;
 pub mod rig;
+pub mod spring;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};

@@ -60,14 +60,14 @@ pub fn identify(test: &Path, out: &Path, more: &[&str]) -> Said {
 }
 
 /// It must succeed; its JSON.
-fn identified(test: &Path, out: &Path, more: &[&str]) -> Value {
+pub fn identified(test: &Path, out: &Path, more: &[&str]) -> Value {
     let said = identify(test, out, more);
     assert_eq!(said.code, Some(0), "{}", said.stderr);
     serde_json::from_str(&said.stdout).unwrap()
 }
 
 /// Value and standard error of a parameter of the best model of an axis.
-fn best(found: &Value, axis: usize, name: &str) -> (f64, f64) {
+pub fn best(found: &Value, axis: usize, name: &str) -> (f64, f64) {
     let models = &found["axes"][axis]["identification"]["models"];
     let parameters = models[0]["parameters"].as_array().unwrap();
     let parameter = parameters.iter().find(|p| p["name"] == name);
@@ -78,7 +78,7 @@ fn best(found: &Value, axis: usize, name: &str) -> (f64, f64) {
     )
 }
 
-fn near(found: (f64, f64), truth: f64) {
+pub fn near(found: (f64, f64), truth: f64) {
     let (value, std) = found;
     assert!(
         std > 0.0 && (value - truth).abs() < 5.0 * std,
@@ -86,7 +86,7 @@ fn near(found: (f64, f64), truth: f64) {
     );
 }
 
-fn folder() -> (tempfile::TempDir, PathBuf) {
+pub fn folder() -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().to_owned();
     (folder, path)
@@ -134,6 +134,14 @@ fn what_is_found_is_true_and_the_folder_is_a_run_that_the_other_commands_read() 
     assert_eq!(pictures, wanted);
     let summary = json(&out, "summary.json");
     assert_eq!(summary["status"], "completed");
+    // Nothing is computed, but the specimen was tracked: a lag of T = 12.3 ms up to 1/(2πT) = 13 Hz and less beyond.
+    let tracked = &summary["metrics"]["storey"][0];
+    let lag = tracked["delay_s"]["value"].as_f64().unwrap();
+    assert!(lag > 0.004 && lag < 0.0123 + 0.002, "{tracked}");
+    assert!(
+        tracked["slope"]["value"].as_f64().unwrap() < 1.0,
+        "{tracked}"
+    );
     for command in ["replay", "report"] {
         let said = say([command, out.to_str().unwrap()]);
         assert_eq!(said.code, Some(0), "{command}: {}", said.stderr);

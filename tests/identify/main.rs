@@ -6,6 +6,7 @@ mod common;
 #[path = "../link_common/mod.rs"]
 mod link_common;
 
+mod actuators;
 mod command;
 mod refusals;
 mod statistics;

@@ -148,3 +148,40 @@ fn a_motion_that_a_limit_stops_identifies_nothing_and_ends_with_1() {
     );
     assert!(said.stderr.contains("following error"), "{}", said.stderr);
 }
+
+/// Four actuators hold three coordinates: none can move while the others stand.
+#[test]
+fn redundant_actuators_and_strokes_beyond_a_length_are_refused() {
+    let unit = |pins: &str| {
+        format!(
+            "[time]\nrate_hz = 512\nduration_s = 1\nclock = \"simulated\"\n\
+             [[excitation.prescribed_displacement]]\nspecimen = \"column\"\nsignal.sine = {{ amplitude = 0.001, frequency_hz = 1 }}\n\
+             [[specimen]]\nname = \"column\"\ngeometry.plane = [{pins}]\n\
+             law.linear.stiffness_n_per_m = 1e6\n"
+        )
+    };
+    let three = "{ base_m = [-1, 0.2], length_m = [0.99, 1.1] }, { base_m = [0.5, 1], joint_m = [0.5, 0] }, \
+                 { base_m = [-0.5, 1], joint_m = [-0.5, 0] }";
+    let four = format!("{three}, {{ base_m = [1, 0.1], joint_m = [0, 0.1] }}");
+    refused(
+        &unit(&four),
+        &SHORT,
+        &[
+            "specimen \"column\"",
+            "4 actuators hold 3 coordinates",
+            "none of them can be moved while the others are held",
+        ],
+    );
+    let far = ["--duration", "8", "--band", "0.5,5", "--amplitude", "0.05"];
+    refused(
+        &unit(three),
+        &far,
+        &["actuator 1", "length_m", "largest amplitude", "2.9e-2 m"],
+    );
+    // The first one says how far it may go, the second one does not.
+    refused(
+        &unit(three),
+        &["--duration", "10"],
+        &["actuator 2", "command_disp_m", "length_m", "--amplitude"],
+    );
+}

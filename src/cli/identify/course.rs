@@ -1,17 +1,14 @@
 //! Which axes are driven, how, how far, and when: judged before anything moves.
 
 use super::super::table::{duration, quantity};
+use super::amplitude::{amplitude, rounded_down};
 use super::{IdentifyArgs, usage};
 use crate::config::{Drive, Loaded, SpecimenTable, TestFile, nearest};
-use crate::control::limits::{BoundSpec, LimitsSpec, RangeSpec};
 use crate::identify::{Band, Course, Shape};
 
 /// Rest before and after every motion, in s, and in ticks at least.
 const REST_S: f64 = 1.0;
 const REST_TICKS: u64 = 64;
-/// Share of the stroke that is left, and of everything else that is allowed, that a motion takes unless it is told.
-const OF_STROKE: f64 = 0.05;
-const OF_REST: f64 = 0.5;
 /// Band unless it is told, in Hz, and as a share of the ticks per second.
 const FROM_HZ: f64 = 0.2;
 const TO_HZ: f64 = 10.0;
@@ -29,12 +26,27 @@ pub(super) struct Driven {
     pub axis: usize,
     /// Axes of its specimen.
     pub axes: usize,
+    /// Whether it is an actuator of a loading unit.
+    pub is_actuator: bool,
     /// Largest displacement at the specimen, in m.
     pub amplitude: f64,
     /// Why it is that large.
     pub reason: String,
     /// First tick of its motion.
     pub start: u64,
+}
+
+impl Driven {
+    /// "specimen "column" actuator 2".
+    pub fn words(&self) -> String {
+        format!("specimen \"{}\" {}", self.name, self.place_words(self.axis))
+    }
+
+    /// "actuator 2", from 0.
+    pub fn place_words(&self, axis: usize) -> String {
+        let what = if self.is_actuator { "actuator" } else { "axis" };
+        format!("{what} {}", axis + 1)
+    }
 }
 
 /// The whole run.
@@ -51,16 +63,6 @@ pub(super) struct Plan {
     pub left_out: Vec<String>,
     /// The test that is run.
     pub file: TestFile,
-}
-
-/// A limit that a motion meets, and the largest amplitude within it.
-struct Room {
-    key: &'static str,
-    warn: f64,
-    trip: f64,
-    /// What the motion needs of it at a metre of amplitude.
-    need: f64,
-    unit: &'static str,
 }
 
 impl Plan {
@@ -93,6 +95,7 @@ impl Plan {
                 continue;
             };
             let count = table.axes();
+            by_themselves(table)?;
             for (axis, limits) in table.limits_of(count).iter().enumerate() {
                 let (mut amplitude, mut reason) =
                     amplitude(args.amplitude, table, axis, limits, &course, band, tick)?;
@@ -110,6 +113,7 @@ impl Plan {
                     name: table.name.clone(),
                     axis,
                     axes: count,
+                    is_actuator: table.geometry.is_some(),
                     amplitude,
                     reason,
                     start: rest + axes.len() as u64 * (ticks + rest),
@@ -164,9 +168,8 @@ impl Plan {
             .iter()
             .map(|driven| {
                 format!(
-                    "specimen \"{}\" axis {}: {word} from {} Hz to {} Hz, {} either way ({}), {} at {:.6} Hz, with rests of {}",
-                    driven.name,
-                    driven.axis + 1,
+                    "{}: {word} from {} Hz to {} Hz, {} either way ({}), {} at {:.6} Hz, with rests of {}",
+                    driven.words(),
                     self.band.from_hz,
                     self.band.to_hz,
                     quantity(driven.amplitude, "m"),
@@ -222,6 +225,22 @@ fn chosen(args: &IdentifyArgs, loaded: &Loaded) -> anyhow::Result<Vec<usize>> {
     })
 }
 
+/// Axes are driven one at a time: refuses where that cannot be.
+fn by_themselves(table: &SpecimenTable) -> anyhow::Result<()> {
+    let Some(spec) = &table.geometry else {
+        return Ok(());
+    };
+    let (actuators, coordinates) = (spec.actuators(), spec.width());
+    if actuators <= coordinates {
+        return Ok(());
+    }
+    Err(usage(format!(
+        "specimen \"{}\": {actuators} actuators hold {coordinates} coordinates of a platform, so that none of them can be moved \
+         while the others are held, and what each of them does cannot be told apart",
+        table.name
+    )))
+}
+
 /// Metres of the structure per metre of the specimen; newtons likewise; seconds likewise.
 pub(super) fn gear(table: &SpecimenTable, axis: usize) -> (f64, f64, f64) {
     let gear = table.axis.get(axis).map_or(1.0, |axis| axis.scale);
@@ -231,141 +250,4 @@ pub(super) fn gear(table: &SpecimenTable, axis: usize) -> (f64, f64, f64) {
         similitude.force * gear,
         similitude.time,
     )
-}
-
-/// Two digits of a number, rounded down.
-fn rounded_down(value: f64) -> f64 {
-    let unit = libm::pow(10.0, libm::floor(libm::log10(value)) - 1.0);
-    // A power of ten that is a hair too large must not take a digit away.
-    (value / unit * (1.0 + 1e-12)).floor() * unit
-}
-
-fn levels(spec: Option<BoundSpec>) -> (f64, f64) {
-    let spec = spec.unwrap_or_default();
-    let level = |level: Option<f64>| level.unwrap_or(f64::INFINITY);
-    (level(spec.warn), level(spec.trip))
-}
-
-/// Way that a range leaves on either side of where the axis stands at zero deformation.
-fn ways(spec: Option<RangeSpec>, zero: f64) -> (f64, f64) {
-    let spec = spec.unwrap_or_default();
-    let way = |range: Option<[f64; 2]>| {
-        range.map_or(f64::INFINITY, |[low, high]| (high - zero).min(zero - low))
-    };
-    (way(spec.warn), way(spec.trip))
-}
-
-/// How far an axis goes, and why.
-fn amplitude(
-    asked: Option<f64>,
-    table: &SpecimenTable,
-    axis: usize,
-    limits: &LimitsSpec,
-    course: &Course,
-    band: Band,
-    tick: f64,
-) -> anyhow::Result<(f64, String)> {
-    let zero = table.axis.get(axis).map_or(0.0, |axis| axis.offset_m);
-    let demand = course.demand();
-    let room = |key, (warn, trip): (f64, f64), need, unit| Room {
-        key,
-        warn,
-        trip,
-        need,
-        unit,
-    };
-    let rooms = [
-        room(
-            "command_disp_m",
-            ways(limits.command_disp_m, zero),
-            1.0,
-            "m",
-        ),
-        room(
-            "measured_disp_m",
-            ways(limits.measured_disp_m, zero),
-            1.0,
-            "m",
-        ),
-        room(
-            "command_vel_m_per_s",
-            levels(limits.command_vel_m_per_s),
-            demand.vel,
-            "m/s",
-        ),
-        room(
-            "command_step_m",
-            levels(limits.command_step_m),
-            demand.vel * tick,
-            "m",
-        ),
-        room(
-            "command_accel_m_per_s2",
-            levels(limits.command_accel_m_per_s2),
-            demand.accel,
-            "m/s²",
-        ),
-    ];
-    let place = format!("specimen \"{}\" axis {}", table.name, axis + 1);
-    let Some(asked) = asked else {
-        return of_itself(&place, &rooms);
-    };
-    let positive = asked > 0.0 && asked.is_finite();
-    if !positive {
-        return Err(usage(format!(
-            "--amplitude is {asked}, but must be greater than 0 m"
-        )));
-    }
-    let tightest = rooms
-        .iter()
-        .min_by(|a, b| (a.trip / a.need).total_cmp(&(b.trip / b.need)));
-    match tightest {
-        Some(room) if asked * room.need > room.trip => {
-            let largest = room.trip / room.need;
-            let narrower = match room.key {
-                "command_vel_m_per_s" | "command_step_m" => Some(room.trip / (asked * room.need)),
-                "command_accel_m_per_s2" => Some((room.trip / (asked * room.need)).sqrt()),
-                _ => None,
-            };
-            // Velocity grows with the frequency, acceleration with its square.
-            let narrower = narrower.map(|share| share * band.to_hz);
-            let or = narrower
-                .filter(|hz| *hz > band.from_hz)
-                .map_or_else(String::new, |hz| {
-                    format!(", or a band up to about {hz:.3} Hz")
-                });
-            Err(usage(format!(
-                "{place}: an amplitude of {asked} m needs {} of `{}`, allowed is {}; largest amplitude for this motion: {:e} m{or}",
-                quantity(asked * room.need, room.unit),
-                room.key,
-                quantity(room.trip, room.unit),
-                rounded_down(largest),
-            )))
-        }
-        _ => Ok((asked, "as asked for".to_owned())),
-    }
-}
-
-/// The amplitude where none was asked for.
-fn of_itself(place: &str, rooms: &[Room]) -> anyhow::Result<(f64, String)> {
-    let stroke = rooms
-        .iter()
-        .filter(|room| room.unit == "m" && room.need == 1.0);
-    let stroke = stroke.map(|room| room.warn.min(room.trip));
-    let stroke = stroke.fold(f64::INFINITY, f64::min);
-    let is_known = stroke > 0.0 && stroke.is_finite();
-    if !is_known {
-        return Err(usage(format!(
-            "{place} has no `command_disp_m` in its limits that leaves it a way, so there is nothing to take an amplitude from: \
-             give --amplitude"
-        )));
-    }
-    let mut found = (OF_STROKE * stroke, "5 % of the stroke".to_owned());
-    for room in rooms {
-        let share = OF_REST * room.warn.min(room.trip) / room.need;
-        if share < found.0 {
-            found = (share, format!("half of what `{}` allows", room.key));
-        }
-    }
-    Ok(found)
 }

@@ -3,7 +3,9 @@
 //! The run is an ordinary one, with the loop, the limits, the record and the retirement of `gusset run`, into a run folder
 //! that `report`, `export` and `replay` read. What was identified is added to the folder afterwards.
 
+mod amplitude;
 mod course;
+mod matrices;
 mod outcome;
 mod page;
 mod text;
@@ -14,19 +16,18 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use clap::{Args, ValueEnum};
 
-use super::args::ClockArg;
+use super::args::TestRunArgs;
 use super::attend;
+use super::conduct;
 use super::exit::{Exit, WithExit};
 use super::progress::ProgressLine;
 use super::rehearsed::Rehearsed;
-use super::run::{load, refused};
+use super::run::refused;
 use super::{answer, tell, warn};
 use crate::config::{self, Facts, Loaded, Prepared};
-use crate::engine::{Control, PhaseCell};
 use crate::identify::Shape;
-use crate::record::{Progress, RunFolder, atomic};
-use crate::rt::wall::Wall;
-use crate::session::{self, Finish, Finished, SessionError, Signal, Signals, Watches};
+use crate::record::{Progress, atomic};
+use crate::session::{self, Finish, Finished, Signal, Signals, Watches};
 
 use course::Plan;
 use outcome::Outcome;
@@ -37,8 +38,9 @@ use outcome::Outcome;
     after_help = "Example:\n  gusset identify config/vrths-case-1.toml --amplitude 0.002 --out runs/floor-1\n  \
     gusset check runs/floor-1/identified.toml\n\n\
     The motion begins and ends with a rest of one second. Limits of the test file hold; what they do not allow is refused \
-    before anything moves. Several axes are driven one after the other while the others are held. The folder is an ordinary \
-    run folder; identified.toml in it is a virtual twin of the specimen with all that was found.\n\n\
+    before anything moves. Several axes are driven one after the other while the others are held; what those feel is said, too. \
+    With a `geometry` the axes are the actuators, one stroke after the other. The folder is an ordinary run folder; \
+    identified.toml in it is a virtual twin of the specimen with all that was found.\n\n\
     Exits with 1 if the motion was stopped or a measured displacement does not follow the command."
 )]
 pub(super) struct IdentifyArgs {
@@ -74,18 +76,8 @@ pub(super) struct IdentifyArgs {
     /// Seed of the noise and of the levels of the steps.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Run folder; must not exist yet [default: runs/<title>-<start time>].
-    #[arg(long)]
-    pub out: Option<PathBuf>,
-    /// Overrides the clock of the test file.
-    #[arg(long, value_enum)]
-    pub clock: Option<ClockArg>,
-    /// Overrides any key by its dotted path.
-    #[arg(long = "set", value_name = "KEY=VALUE")]
-    pub sets: Vec<String>,
-    /// Confirm what the sensors read before the test, unseen.
-    #[arg(long)]
-    pub yes: bool,
+    #[command(flatten)]
+    pub test_run: TestRunArgs,
     /// Print what was found as JSON on stdout.
     #[arg(long)]
     pub json: bool,
@@ -121,15 +113,7 @@ fn usage(text: String) -> anyhow::Error {
 
 /// Identifies.
 pub fn identify(args: &IdentifyArgs) -> anyhow::Result<Exit> {
-    let mut sets = args.sets.clone();
-    if let Some(clock) = args.clock {
-        let clock = match clock {
-            ClockArg::Real => "real",
-            ClockArg::Simulated => "simulated",
-        };
-        sets.push(format!("time.clock=\"{clock}\""));
-    }
-    let loaded = load(&args.test, &sets)?;
+    let loaded = args.test_run.load(&args.test)?;
     let (plan, driven) = allowed(args, &loaded)?;
     for line in plan.announced(&loaded) {
         tell(line);
@@ -139,10 +123,10 @@ pub fn identify(args: &IdentifyArgs) -> anyhow::Result<Exit> {
     for text in &test.facts.announced {
         tell(format_args!("note: {text}"));
     }
-    attend::can_confirm(&test.facts, args.yes)?;
+    attend::can_confirm(&test.facts, args.test_run.yes)?;
     let facts = test.facts.clone();
-    let (finished, interrupted) = carry_out(args, test, &facts)?;
-    let report = session::write_report(&finished.path);
+    let (mut finished, interrupted) = carry_out(args, test, &facts)?;
+    let report = session::conclude(&mut finished);
     if let Err(error) = &report {
         tell(format_args!("warning: not written: {error}"));
     }
@@ -211,46 +195,28 @@ fn carry_out(
     facts: &Facts,
 ) -> anyhow::Result<(Finished, Exit)> {
     let signals = Signals::listen().context("signals cannot be taken over")?;
-    let folder = match &args.out {
-        Some(path) => RunFolder::create(path),
-        None => RunFolder::create_default(Path::new("runs"), &facts.title, Wall::now().0),
-    }
-    .context("the run folder cannot be made")?;
+    let folder = conduct::folder(args.test_run.out.as_deref(), &facts.title)?;
     let line = ProgressLine::new(facts, !args.quiet);
-    let (notices, heard) = crossbeam_channel::bounded(NOTICES);
-    let control = Control {
-        requests: signals.requests(),
-        notices,
-        phase: PhaseCell::default(),
-        desk: Some(signals.operator()),
+    let control = conduct::attended(&signals, facts, args.test_run.yes)?;
+    let watches = Watches {
+        roll: Some(signals.roll()),
+        ..Watches::default()
     };
-    attend::attend(facts.specimens.clone(), heard, signals.operator(), args.yes)?;
     let finished = session::run(
         test,
         folder,
         control,
-        Watches::default(),
+        watches,
         &mut |progress: &Progress| line.show(progress),
     );
     line.clear();
-    let finished = finished.map_err(|error| match error {
-        SessionError::NotRealTime { .. } => {
-            WithExit(Exit::NoRealTime, format!("{error}\nnothing was moved")).into()
-        }
-        other => anyhow::Error::new(other),
-    })?;
-    for text in &finished.unwritten {
-        tell(format_args!("warning: not written: {text}"));
-    }
+    let finished = conduct::finished(finished)?;
     let exit = match signals.seen() {
         Some(Signal::Terminate) => Exit::Terminated,
         _ => Exit::Interrupted,
     };
     Ok((finished, exit))
 }
-
-/// Notices of the loop that may wait to be read.
-const NOTICES: usize = 1024;
 
 /// Writes what was found into the run folder.
 fn keep(outcome: &Outcome, plan: &Plan, driven: &Loaded, folder: &Path) -> anyhow::Result<()> {

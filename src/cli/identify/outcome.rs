@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use super::super::exit::{Exit, WithExit};
 use super::course::{Driven, Plan, gear};
 use crate::config::Loaded;
-use crate::identify::{Identification, IdentifyError, Record, identify};
+use crate::identify::{Felt, Identification, IdentifyError, Record, felt, identify};
 use crate::record::Run;
 
 /// State of a row in which the test runs.
@@ -22,6 +22,9 @@ const MOST_POINTS: usize = 4000;
 pub(super) struct Axis {
     pub driven: Driven,
     pub found: Result<Identification, IdentifyError>,
+    /// What every other axis of the specimen felt while it was held, by its number from 0; those that felt nothing are not
+    /// there.
+    pub felt: Vec<(usize, Felt)>,
     /// N/m of the structure per N/m of the specimen, and N s/m likewise.
     pub to_structure: (f64, f64),
     /// Measured displacement (m) and force (N) at the specimen, thinned.
@@ -61,10 +64,10 @@ impl Outcome {
         if steps.windows(2).any(|pair| pair[1] != pair[0] + 1.0) {
             return Err(broken("rows of the motion were lost"));
         }
-        let axes = plan.axes.iter().map(|one| {
-            axis(&run, plan, driven, one, first..last + 1)
-                .with_context(|| format!("specimen \"{}\" axis {}", one.name, one.axis + 1))
-        });
+        let axes = plan
+            .axes
+            .iter()
+            .map(|one| axis(&run, plan, driven, one, first..last + 1).with_context(|| one.words()));
         Ok(Self {
             axes: axes.collect::<anyhow::Result<_>>()?,
             band: (plan.band.from_hz, plan.band.to_hz),
@@ -77,8 +80,7 @@ impl Outcome {
     pub fn first_error(&self) -> Option<String> {
         self.axes.iter().find_map(|axis| {
             let error = axis.found.as_ref().err()?;
-            let Driven { name, axis, .. } = &axis.driven;
-            Some(format!("specimen \"{name}\" axis {}: {error}", axis + 1))
+            Some(format!("{}: {error}", axis.driven.words()))
         })
     }
 
@@ -110,18 +112,25 @@ fn axis(
     let table = driven.file.specimen.get(one.place);
     let table = table.context("the driven test lost a specimen")?;
     let units = table.units_of(one.axes);
-    let (metres, newtons) = units
-        .get(one.axis)
-        .map_or((1.0, 1.0), |units| (units.metres, units.newtons));
-    let (specimen, axis) = (one.place + 1, one.axis + 1);
-    let column = |kind: &str| format!("{kind}_{specimen}_{axis}");
-    let names = [
-        column("cmd"),
-        column("raw_disp"),
-        column("raw_force"),
+    let unit = |axis: usize| {
+        units
+            .get(axis)
+            .map_or((1.0, 1.0), |u| (u.metres, u.newtons))
+    };
+    let (metres, newtons) = unit(one.axis);
+    let specimen = one.place + 1;
+    let column = |kind: &str, axis: usize| format!("{kind}_{specimen}_{}", axis + 1);
+    let others = (0..one.axes).filter(|axis| *axis != one.axis);
+    let others: Vec<usize> = others.collect();
+    let mut names = vec![
+        column("cmd", one.axis),
+        column("raw_disp", one.axis),
+        column("raw_force", one.axis),
         format!("status_{specimen}"),
     ];
-    let columns = run.columns(&names.each_ref().map(String::as_str))?;
+    names.extend(others.iter().map(|axis| column("raw_force", *axis)));
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let columns = run.columns(&names)?;
     let from = running.start + (one.start - plan.rest) as usize;
     let to = (running.start + (one.start + plan.ticks + plan.rest) as usize + 1).min(running.end);
     let part = |index: usize, unit: f64| -> Vec<f64> {
@@ -139,12 +148,26 @@ fn axis(
         rest: [plan.rest as usize; 2],
     };
     let found = identify(&record, plan.band);
+    let mut all_felt = Vec::new();
+    if let Ok(found) = &found {
+        for (index, other) in others.iter().enumerate() {
+            let force = part(names.len() - others.len() + index, unit(*other).1);
+            let held = Record {
+                force: &force,
+                ..record
+            };
+            // What is wrong with the others' sensors is said of them.
+            let of_it = felt(&held, plan.band, found).ok().flatten();
+            all_felt.extend(of_it.map(|felt| (*other, felt)));
+        }
+    }
     let every = measured.len().div_ceil(MOST_POINTS).max(1);
     let thin = |values: &[f64]| values.iter().step_by(every).copied().collect();
     let (length, newton, time) = gear(table, one.axis);
     Ok(Axis {
         driven: one.clone(),
         found,
+        felt: all_felt,
         to_structure: (newton / length, newton / length * time),
         walk: (thin(&measured), thin(&force)),
         stale,
@@ -153,6 +176,13 @@ fn axis(
 }
 
 impl Axis {
+    /// k̂ of the axis itself in N/m at the specimen; 0 where there is none.
+    pub fn own_stiffness(&self) -> f64 {
+        let found = self.found.as_ref().ok();
+        let specimen = found.and_then(|found| found.specimen.as_ref());
+        specimen.map_or(0.0, |specimen| specimen.stiffness.value)
+    }
+
     fn as_json(&self) -> Value {
         let mut all = json!({
             "specimen": self.driven.name,
@@ -178,6 +208,10 @@ impl Axis {
                     })
                 });
                 object.insert("identification".into(), json!(found));
+                let felt = self.felt.iter().map(|(axis, felt)| {
+                    json!({ "axis": axis + 1, "stiffness": felt.stiffness, "damping": felt.damping })
+                });
+                object.insert("felt_by".into(), felt.collect());
                 object.insert("at_structure".into(), json!(structure));
             }
         }

@@ -1,7 +1,7 @@
 //! The pictures of what was identified, and the page that holds them.
 
 use super::outcome::{Axis, Outcome};
-use super::text::{of_specimen, parameters, with_error};
+use super::text::{felt, of_specimen, parameters, with_error};
 use crate::config::Loaded;
 use crate::identify::Identification;
 use crate::report::{Curve, Curves, Scale, escape, frame, note};
@@ -30,9 +30,9 @@ pub(super) fn files(outcome: &Outcome, driven: &Loaded) -> Vec<(String, String)>
              <a href=\"../identified.toml\">virtual twin</a>.</p>\n</header>\n<main>\n";
     for axis in &outcome.axes {
         body += &format!(
-            "<section>\n<h2>{}, axis {}</h2>\n",
+            "<section>\n<h2>{}, {}</h2>\n",
             escape(&axis.driven.name),
-            axis.driven.axis + 1
+            axis.driven.place_words(axis.driven.axis)
         );
         match &axis.found {
             Err(error) => {
@@ -109,6 +109,9 @@ fn known(files: &mut Vec<(String, String)>, axis: &Axis, found: &Identification)
         for (what, text) in of_specimen(specimen, axis.to_structure) {
             row(&what, &text);
         }
+    }
+    for (what, text) in felt(axis) {
+        row(&what, &text);
     }
     let noise = format!(
         "{:.3e} m, {:.3e} N",

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::super::table::{Table, duration, quantity};
 use super::outcome::{Axis, Outcome};
-use crate::identify::{Estimate, Fit, Identification, SpecimenFit};
+use crate::identify::{Estimate, Felt, Fit, Identification, SpecimenFit};
 
 /// Rows of the frequency response that are printed.
 const ROWS: usize = 10;
@@ -104,14 +104,25 @@ pub(super) fn of_specimen(
     rows
 }
 
+/// What axes that were held felt, in lines.
+pub(super) fn felt(axis: &Axis) -> Vec<(String, String)> {
+    let scale = axis.own_stiffness();
+    let felt = axis.felt.iter();
+    let felt = felt.filter(|(_, felt)| felt.stiffness.counts_beside(scale));
+    let line = |(other, felt): &(usize, Felt)| {
+        let text = format!("{} of this one", with_error(felt.stiffness, "N/m"));
+        (format!("felt by {}", axis.driven.place_words(*other)), text)
+    };
+    felt.map(line).collect()
+}
+
 /// The whole table.
 pub(super) fn table(outcome: &Outcome, folder: &Path) -> String {
     let mut text = String::new();
     for axis in &outcome.axes {
         let title = format!(
-            "specimen \"{}\" axis {}: {} either way, {} Hz to {} Hz",
-            axis.driven.name,
-            axis.driven.axis + 1,
+            "{}: {} either way, {} Hz to {} Hz",
+            axis.driven.words(),
             quantity(axis.driven.amplitude, "m"),
             outcome.band.0,
             outcome.band.1
@@ -199,6 +210,9 @@ fn of_axis(table: &mut Table, axis: &Axis, found: &Identification) {
                 table.row(&what, &text);
             }
         }
+    }
+    for (what, text) in felt(axis) {
+        table.row(&what, &text);
     }
     table.row(
         "noise at rest",

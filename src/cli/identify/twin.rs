@@ -3,10 +3,12 @@
 //! It is a whole test file: the same motion, a linear specimen behind the identified actuator and sensors, and what makes up
 //! for them. `gusset check` and `gusset run` take it as it is, and so does `gusset identify`, which finds the same again.
 
+use nalgebra::DMatrix;
 use toml_edit::{DocumentMut, Item};
 
 use super::super::run::refused;
 use super::course::Plan;
+use super::matrices::{self, Found, rows};
 use super::outcome::{Axis, Outcome};
 use crate::compensation::{CompensationSpec, ModelInverseSpec};
 use crate::config::{
@@ -16,7 +18,7 @@ use crate::config::{
 use crate::identify::{Estimate, Fit, Identification, Model};
 use crate::law::{LawSpec, LinearSpec};
 use crate::rt::TimingSpec;
-use crate::specimen::SpecimenLaw;
+use crate::specimen::{CoupledSpec, SpecimenLaw};
 use crate::transfer::{
     ActuatorSpec, FirstOrderSpec, ProportionalSpec, SecondOrderSpec, TransferSpec,
 };
@@ -149,8 +151,8 @@ fn put(table: &mut SpecimenTable, known: &[(&Axis, &Identification)], plan: &Pla
     let mut said = |text: String| remark += &format!("# {text}\n");
     for (axis, found) in known {
         said(format!(
-            "Axis {}: {} m either way, {} Hz to {} Hz, mean coherence {:.4}.",
-            axis.driven.axis + 1,
+            "{}: {} m either way, {} Hz to {} Hz, mean coherence {:.4}.",
+            axis.driven.place_words(axis.driven.axis),
             axis.driven.amplitude,
             plan.band.from_hz,
             plan.band.to_hz,
@@ -190,6 +192,16 @@ fn put(table: &mut SpecimenTable, known: &[(&Axis, &Identification)], plan: &Pla
             }
             said(text);
         }
+        for (other, felt) in &axis.felt {
+            if felt.stiffness.counts_beside(axis.own_stiffness()) {
+                said(format!(
+                    "  felt by {}: {:.6e} ± {:.1e} N/m",
+                    axis.driven.place_words(*other),
+                    felt.stiffness.value,
+                    felt.stiffness.std
+                ));
+            }
+        }
         if let Some(inverse) = &found.inverse {
             said(format!(
                 "  compensation.model_inverse leaves {:.2} % of the target over in the band; one that adapts begins with\n\
@@ -202,59 +214,44 @@ fn put(table: &mut SpecimenTable, known: &[(&Axis, &Identification)], plan: &Pla
         }
     }
     if known.len() > 1 {
-        said(
-            "`transfer` and `compensation` are those of axis 1; every axis has the same."
-                .to_owned(),
-        );
+        said("`transfer` and `compensation` are those of the first; all have the same.".to_owned());
     }
-    specimen(table, known);
+    specimen(table, known, plan.band.to_hz);
     actuator(table, known);
     identified(table, known);
     remark
 }
 
 /// Law, stiffness and damping.
-fn specimen(table: &mut SpecimenTable, known: &[(&Axis, &Identification)]) {
-    let found = known.iter().map(|(axis, found)| {
-        let of = |pick: fn(&crate::identify::SpecimenFit) -> Estimate| {
-            let value = found.specimen.as_ref().map_or(0.0, |s| pick(s).value);
-            // A little less than nothing is nothing: standard errors are beside it.
-            value.max(0.0)
-        };
-        (axis.to_structure, of(|s| s.stiffness), of(|s| s.damping))
-    });
-    let found: Vec<_> = found.collect();
-    let laws = found.iter().map(|(_, k, c)| {
-        LawSpec::Linear(LinearSpec {
-            stiffness_n_per_m: *k,
-            damping_n_s_per_m: *c,
-        })
-    });
+fn specimen(table: &mut SpecimenTable, known: &[(&Axis, &Identification)], to_hz: f64) {
+    let Found { law, estimate } = matrices::found(table, known, to_hz);
     (table.law, table.laws, table.coupled) = (None, None, None);
     (table.link, table.stand_in, table.stand_in_transfer) = (None, None, None);
     table.hardening_bound = None;
-    let mut laws: Vec<LawSpec> = laws.collect();
-    match (laws.pop(), laws.is_empty()) {
-        (Some(only), true) => table.law = Some(SpecimenLaw::Law(only)),
-        (Some(last), false) => {
-            laws.push(last);
-            table.laws = Some(SpecimenLaw::Laws(laws));
-        }
-        (None, _) => {}
-    }
-    let diagonal = |value: &dyn Fn(usize) -> f64| {
-        let n = found.len();
-        let entry = |i: usize, j: usize| if i == j { value(i) } else { 0.0 };
-        let rows = (0..n)
-            .map(|i| (0..n).map(|j| entry(i, j)).collect())
-            .collect();
-        match found.as_slice() {
-            [_] => MatrixValue::Number(value(0)),
-            _ => MatrixValue::Rows(rows),
-        }
+    let linear = |axis: usize| {
+        LawSpec::Linear(LinearSpec {
+            stiffness_n_per_m: law.stiffness[(axis, axis)],
+            damping_n_s_per_m: law.damping[(axis, axis)],
+        })
     };
-    table.stiffness_n_per_m = Some(diagonal(&|i| found[i].0.0 * found[i].1));
-    table.damping_n_s_per_m = Some(diagonal(&|i| found[i].0.1 * found[i].2));
+    let n = law.stiffness.nrows();
+    if n == 1 {
+        table.law = Some(SpecimenLaw::Law(linear(0)));
+    } else if law.is_diagonal() {
+        table.laws = Some(SpecimenLaw::Laws((0..n).map(linear).collect()));
+    } else {
+        table.coupled = Some(SpecimenLaw::Coupled(CoupledSpec {
+            stiffness_n_per_m: rows(&law.stiffness),
+            damping_n_s_per_m: Some(rows(&law.damping)),
+            mass_kg: None,
+        }));
+    }
+    let value = |matrix: &DMatrix<f64>| match n {
+        1 => MatrixValue::Number(matrix[(0, 0)]),
+        _ => MatrixValue::Rows(rows(matrix)),
+    };
+    table.stiffness_n_per_m = Some(value(&estimate.stiffness));
+    table.damping_n_s_per_m = Some(value(&estimate.damping));
 }
 
 /// Actuator and sensors, and what makes up for them: those of the first axis.

@@ -1,4 +1,4 @@
-//! What moves the structure, or the specimens where there is none, on the step grid.
+//! What moves the structure, on the step grid.
 
 use super::specimens::Specimens;
 use super::structure::vector;
@@ -6,15 +6,15 @@ use super::{Refused, Site, path};
 use crate::config::{ExcitationTable, Finding, KeyPath};
 use crate::model::Structure;
 use crate::motion::{
-    Excitation, Grid, LoadTerm, Motion, MotionError, NodalTable, Prescribed, PrescribedSpec,
-    Processing, Quantity, Signal, base_motion, parse_table,
+    Excitation, Grid, LoadTerm, Motion, MotionError, NodalTable, Processing, Quantity, Signal,
+    base_motion, parse_table,
 };
 
 /// Most steps of a test whose loads are laid out before it: 2 GiB for each of them.
 const MOST_STEPS: u64 = 1 << 28;
 
 /// The step grid of the test.
-fn grid(site: &mut Site<'_>) -> Result<Grid, Refused> {
+pub(super) fn grid(site: &mut Site<'_>) -> Result<Grid, Refused> {
     let time = site.loaded.time;
     if time.steps > MOST_STEPS && site.loaded.file.excitation != ExcitationTable::default() {
         let text = format!(
@@ -34,7 +34,7 @@ fn grid(site: &mut Site<'_>) -> Result<Grid, Refused> {
 }
 
 /// Runs `evaluate` on a motion whose table stands at `at`, with its file read.
-fn with_files<T>(
+pub(super) fn with_files<T>(
     site: &mut Site<'_>,
     at: &KeyPath,
     signal: &Signal,
@@ -72,14 +72,14 @@ fn source(site: &Site<'_>, at: &KeyPath, signal: &Signal) -> KeyPath {
 }
 
 /// Keeps the warnings about the motion whose table stands at `at`.
-fn warn(site: &mut Site<'_>, at: &KeyPath, signal: &Signal, texts: Vec<String>) {
+pub(super) fn warn(site: &mut Site<'_>, at: &KeyPath, signal: &Signal, texts: Vec<String>) {
     let place = source(site, at, signal);
     let warnings = texts.into_iter();
     site.warnings
         .extend(warnings.map(|text| Finding::warning(place.clone(), text)));
 }
 
-fn motion(signal: &Signal, processing: &Processing) -> Motion {
+pub(super) fn motion(signal: &Signal, processing: &Processing) -> Motion {
     Motion {
         signal: signal.clone(),
         processing: processing.clone(),
@@ -271,57 +271,4 @@ fn static_load(site: &mut Site<'_>, structure: &Structure) -> Result<Option<Vec<
         structure.mass().subtract_product(&pull, &mut load);
     }
     Ok(Some(load))
-}
-
-/// Given deformations of every axis of every specimen, in order; an axis that nobody moves holds zero.
-pub(super) fn prescribed(
-    site: &mut Site<'_>,
-    specimens: &Specimens,
-) -> Result<Vec<Option<Prescribed>>, Refused> {
-    let grid = grid(site)?;
-    let mut histories: Vec<Option<Prescribed>> = Vec::new();
-    let mut first = Vec::new();
-    for (name, axes) in specimens.axes() {
-        first.push((name.to_owned(), histories.len(), axes));
-        histories.resize_with(histories.len() + axes, || None);
-    }
-    for (index, table) in site
-        .loaded
-        .file
-        .excitation
-        .prescribed_displacement
-        .iter()
-        .enumerate()
-    {
-        let at = path("excitation")
-            .key("prescribed_displacement")
-            .index(index);
-        let place = first.iter().find(|(name, _, _)| *name == table.specimen);
-        let Some((_, start, axes)) = place else {
-            let text = format!("there is no specimen \"{}\"", table.specimen);
-            return site.refuse(Finding::error(at.key("specimen"), text));
-        };
-        if !(1..=*axes).contains(&table.axis) {
-            let of = site.loaded.file.specimen.iter();
-            let of = of.filter(|one| one.name == table.specimen);
-            let loaded = of.into_iter().any(|one| one.geometry.is_some());
-            let what = if loaded { "coordinates" } else { "axes" };
-            let text = format!("specimen \"{}\" has {axes} {what}", table.specimen);
-            return site.refuse(Finding::error(at.key("axis"), text));
-        }
-        let spec = PrescribedSpec {
-            axes: vec![motion(&table.signal, &table.processing)],
-            ease_in_s: table.ease_in_s,
-            ease_out_s: table.ease_out_s,
-        };
-        let history = with_files(site, &at, &table.signal, |files| spec.evaluate(grid, files))?;
-        let name = &table.specimen;
-        let texts = history.warnings().iter();
-        let texts = texts.map(|text| format!("specimen \"{name}\": {text}"));
-        warn(site, &at, &table.signal, texts.collect());
-        if let Some(slot) = histories.get_mut(start + table.axis - 1) {
-            *slot = Some(history);
-        }
-    }
-    Ok(histories)
 }

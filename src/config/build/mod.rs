@@ -13,27 +13,30 @@ mod limits;
 pub(in crate::config) mod links;
 mod method;
 mod pace;
+mod prescribed;
 mod proof;
+mod recorded;
 mod safety;
+mod settle;
+mod site;
 mod specimens;
 mod structure;
 mod trial;
 
 use std::path::PathBuf;
 
-use super::{
-    ClockChoice, ConfigError, Diagnostics, DofChoice, Finding, Inputs, KeyPath, Loaded, Method,
-    TestFile,
-};
+use super::{ClockChoice, ConfigError, Diagnostics, Finding, KeyPath, Loaded, Method, TestFile};
 use crate::engine::{Experiment, Numerical, Settling, Side, StepAudit, TestQuantity};
 use crate::integrate::{Lambda, LambdaChoice, OnlineLimit};
-use crate::linalg::{Spd, SymMatrix};
 use crate::link::{NativeSetup, Transport};
 use crate::rt;
 use crate::rt::TimingSpec;
 pub use analysis::{ALL_MODES, Analysis, DelayedMode, Loop, ModeFacts};
 use gear::Rows;
 pub use limits::{Limit, LimitFacts, SpecimenLimits};
+use recorded::record_dofs;
+use settle::settle;
+use site::{Refused, Site, path};
 use specimens::Specimens;
 pub use specimens::loading::{ActuatorFacts, LoadingFacts};
 pub(in crate::config) use specimens::loading::{at_actuators, behind_actuators};
@@ -144,68 +147,6 @@ pub struct Files {
     pub origin: Option<String>,
 }
 
-/// Findings so far, and the files read so far.
-struct Site<'a> {
-    loaded: &'a Loaded,
-    /// Makes the transports of links that are not to be connected.
-    dial: Option<&'a mut Dial<'a>>,
-    inputs: Inputs,
-    errors: Vec<Finding>,
-    warnings: Vec<Finding>,
-    /// No link is wanted: something stands for every specimen behind one.
-    trial: Option<&'a Trial>,
-}
-
-/// The end of a build whose findings are in the site.
-struct Refused;
-
-impl<'a> Site<'a> {
-    fn new(loaded: &'a Loaded, trial: Option<&'a Trial>, dial: Option<&'a mut Dial<'a>>) -> Self {
-        Self {
-            loaded,
-            dial,
-            inputs: loaded.inputs(),
-            errors: Vec::new(),
-            warnings: Vec::new(),
-            trial,
-        }
-    }
-}
-
-impl Site<'_> {
-    fn refuse<T>(&mut self, finding: Finding) -> Result<T, Refused> {
-        self.errors.push(finding);
-        Err(Refused)
-    }
-
-    /// A complaint of a lower layer about `key`, at the nearest place below `at` that is called so.
-    fn refuse_key<T>(
-        &mut self,
-        at: &KeyPath,
-        key: &str,
-        error: &dyn std::fmt::Display,
-    ) -> Result<T, Refused> {
-        let path = self.loaded.locator.beneath(at, key);
-        self.refuse(Finding::error(path, error.to_string()))
-    }
-
-    /// The bytes of an input, or a finding at the key that names it.
-    fn read(&mut self, at: KeyPath, requested: &str) -> Result<Vec<u8>, Refused> {
-        match self.inputs.read(requested) {
-            Ok(bytes) => Ok(bytes.to_vec()),
-            Err(error) => {
-                let finding = error.finding(at);
-                self.refuse(finding)
-            }
-        }
-    }
-}
-
-/// Root of all paths.
-fn path(key: &str) -> KeyPath {
-    KeyPath::root().key(key)
-}
-
 /// Makes the experiment that a test file describes.
 ///
 /// # Errors
@@ -288,7 +229,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
             (Side::Structure(Box::new(numerical)), settling, Some(facts))
         }
         None => (
-            Side::Prescribed(excitation::prescribed(site, &specimens)?),
+            Side::Prescribed(prescribed::prescribed(site, &specimens)?),
             None,
             None,
         ),
@@ -477,80 +418,4 @@ fn numerical(
     };
     let numerical = safety::counted(&site.loaded.file, numerical);
     Ok((numerical, settling, facts))
-}
-
-/// Equal parts in which a static load is brought on.
-const SETTLING_PARTS: u32 = 20;
-/// Relative unbalance at which the static load is in equilibrium.
-const SETTLING_TOLERANCE: f64 = 1e-10;
-/// Exchanges after which a static load counts as impossible to carry.
-const SETTLING_EXCHANGES: u32 = 40_000;
-
-fn settle(
-    site: &mut Site<'_>,
-    load: Vec<f64>,
-    initial: &SymMatrix,
-    bound: Option<&SymMatrix>,
-) -> Result<Settling, Refused> {
-    match Spd::factor(bound.unwrap_or(initial)) {
-        Ok(stiffness) => Ok(Settling {
-            stiffness,
-            load,
-            parts: SETTLING_PARTS,
-            tolerance: SETTLING_TOLERANCE,
-            most_exchanges: SETTLING_EXCHANGES,
-        }),
-        Err(error) => {
-            let at = if site
-                .loaded
-                .file
-                .structure
-                .as_ref()
-                .is_some_and(|s| s.gravity.is_some())
-            {
-                path("structure").key("gravity")
-            } else {
-                path("structure").key("static_load_n")
-            };
-            let finding = Finding::error(
-                at,
-                format!("nothing carries the static load: the stiffness is {error}"),
-            );
-            site.refuse(finding)
-        }
-    }
-}
-
-/// Largest model whose DOFs are all recorded unless the test says otherwise.
-const RECORD_ALL: usize = 64;
-
-fn record_dofs(
-    site: &mut Site<'_>,
-    dofs: usize,
-    specimens: &Specimens,
-) -> Result<Vec<usize>, Refused> {
-    let all = (0..dofs).collect::<Vec<_>>();
-    match &site.loaded.file.record.dofs {
-        Some(DofChoice::All) => Ok(all),
-        Some(DofChoice::Listed(listed)) => {
-            let at = path("record").key("dofs");
-            if let Some((index, dof)) = listed
-                .iter()
-                .enumerate()
-                .find(|(_, dof)| !(1..=dofs).contains(*dof))
-            {
-                let text = format!("DOF {dof} does not exist: the structure has {dofs}");
-                return site.refuse(Finding::error(at.index(index), text));
-            }
-            Ok(listed.iter().map(|dof| dof - 1).collect())
-        }
-        None if dofs <= RECORD_ALL => Ok(all),
-        None => {
-            let mut some = specimens.dofs();
-            some.extend([0, dofs - 1]);
-            some.sort_unstable();
-            some.dedup();
-            Ok(some)
-        }
-    }
 }

@@ -1,27 +1,26 @@
 //! The specimens of a test file: their rows of B, their laws, and what they add to K0, C0 and their bounds.
 
 mod compensation;
+mod entry;
 pub(in crate::config) mod loading;
 mod stand_in;
 mod sums;
 
-use nalgebra::DMatrix;
-
-use super::gear::{Rows, axis, scaled};
+use super::gear::Rows;
 use super::{Refused, Site, links, path, safety};
-use crate::config::{Finding, KeyPath, MatrixValue, SpecimenTable};
+use crate::config::Finding;
 use crate::control::limits::LimitsSpec;
 use crate::control::{Axis, Believed, Declared, Direction, Order, Pace, Port, Trend, WaitRules};
-use crate::law::Reach;
-use crate::linalg::SymMatrix;
+use crate::geometry::Geometry;
 use crate::link::LinkSpec;
 use crate::link::NativeLink;
 use crate::link::openfresco::Remote;
-use crate::link::spec::{ProbeChoice, Protocol};
+use crate::link::spec::ProbeChoice;
 use crate::model::StructureSpec;
-use crate::specimen::{InProcess, InUnits, Specimen, SpecimenLaw};
+use crate::specimen::{InProcess, InUnits, Specimen};
 use crate::substructure::Substructure;
-use loading::{Loading, at_actuators, behind_actuators, loading};
+use entry::entry;
+use loading::Loading;
 
 /// One specimen with everything that is known of it, in the structure's units and at its scale.
 #[derive(Debug)]
@@ -77,216 +76,23 @@ pub(super) fn specimens(site: &mut Site<'_>) -> Result<Specimens, Refused> {
     Ok(Specimens(entries))
 }
 
-fn entry(site: &mut Site<'_>, index: usize, table: &SpecimenTable) -> Result<Entry, Refused> {
-    let at = &path("specimen").index(index);
-    let drawn = site
-        .trial
-        .and_then(|trial| trial.specimens.get(index).copied());
-    let drawn = drawn.unwrap_or_default();
-    let rows = rows(site, at, table)?;
-    let (rows, loading) = loading(site, at, table, rows)?;
-    let n = rows.len();
-    let laws = loading.as_ref().map_or(n, |_| table.law_axes());
-    let mut law = match (table.sources().into_iter().next(), &table.link) {
-        (Some((key, source)), _) => {
-            let law = built(site, at, table, (key, source), laws)?;
-            let (at, spec) = (at.key("transfer"), table.transfer.as_ref());
-            Some(stand_in::behind_transfer(site, &at, spec, law, &drawn)?)
-        }
-        (None, Some(_)) => None,
-        (None, None) => {
-            let text = "nothing stands for the specimen";
-            return site.refuse(Finding::error(at.clone(), text));
-        }
+/// When the code of a specimen is to break down; never in a rehearsal.
+fn drill(site: &mut Site<'_>, index: usize) -> Result<Option<f64>, Refused> {
+    let table = site.loaded.file.specimen.get(index);
+    let (Some(drill), None) = (table.and_then(|table| table.drill), site.trial) else {
+        return Ok(None);
     };
-    let mut axes = Vec::with_capacity(n);
-    let mut units = Vec::with_capacity(n);
-    let mut reach = Vec::with_capacity(n);
-    for (index, row) in rows.into_iter().enumerate() {
-        let gear = table.axis.get(index).cloned().unwrap_or_default();
-        let (axis, to_si) = axis(table, &gear, row);
-        // What the law sees at its own scale when the structure moves as far as is declared.
-        let scale = gear.scale / table.similitude.length;
-        reach.push(Reach {
-            disp: table.reach_disp_m.map(|reach| reach * scale),
-            vel: table
-                .reach_vel_m_per_s
-                .map(|reach| reach * scale * table.similitude.time),
-        });
-        axes.push(axis);
-        units.push(to_si);
+    let at = path("specimen").index(index).key("drill");
+    let (time, end) = (drill.panic_at_s, site.loaded.file.time.duration_s);
+    let comes = time <= end;
+    if !comes {
+        let text = format!("the drill is at {time} s, but the test ends at {end} s");
+        let at = at.key("panic_at_s");
+        return site.refuse(Finding::error(at, text).label("it would never come"));
     }
-    let (mut k, mut c, mut m) = (vec![0.0; n * n], vec![0.0; n * n], vec![0.0; n * n]);
-    if let Some(law) = &law {
-        law.reference(&mut k, &mut c, &mut m);
-    }
-    let scaled = |flat: &[f64], motion: fn(&Axis) -> f64| scaled(flat, &axes, &units, motion);
-    let stiffness = match &table.stiffness_n_per_m {
-        Some(given) => {
-            let given = estimate(site, &at.key("stiffness_n_per_m"), given, laws)?;
-            seen(table, &loading, given)
-        }
-        None => scaled(&k, |axis| axis.disp_gain),
-    };
-    let damping = match &table.damping_n_s_per_m {
-        Some(given) => {
-            let given = estimate(site, &at.key("damping_n_s_per_m"), given, laws)?;
-            seen(table, &loading, given)
-        }
-        None => scaled(&c, |axis| axis.vel_gain),
-    };
-    let mut mass = scaled(&m, |axis| axis.vel_gain * axis.vel_gain / axis.disp_gain);
-    let mut mass_in_force = table.mass_in_force_kg;
-    if site.trial.is_some_and(|trial| trial.ideal) {
-        for (axis, row) in mass.iter_mut().enumerate() {
-            row[axis] += mass_in_force;
-        }
-        mass_in_force = 0.0;
-    }
-    let stiffness_at_rest = match (&table.stiffness_n_per_m, &mut law) {
-        (None, Some(law)) => {
-            let (still, mut force) = (vec![0.0; n], vec![0.0; n]);
-            law.trial(&still, &still, 0.0, &mut force);
-            law.tangent(&mut k);
-            law.revert();
-            scaled(&k, |axis| axis.disp_gain)
-        }
-        (Some(_), _) | (None, None) => stiffness.clone(),
-    };
-    let bounds = match &law {
-        Some(law) => law.bound(&reach, &mut k, &mut c).map(|()| {
-            (
-                scaled(&k, |axis| axis.disp_gain),
-                scaled(&c, |axis| axis.vel_gain),
-            )
-        }),
-        None => {
-            let ratio = table.hardening_bound.unwrap_or(1.0);
-            let times = |row: &Vec<f64>| row.iter().map(|value| ratio * value).collect();
-            Ok((stiffness.iter().map(times).collect(), damping.clone()))
-        }
-    };
-    let stand_in = match &table.stand_in {
-        Some(source) => Some(built(site, at, table, ("stand_in", source), laws)?),
-        None => None,
-    };
-    let stand = match (law, &table.link) {
-        (Some(law), _) => Stand::Law(law),
-        (None, Some(_)) if site.trial.is_some() => {
-            let known = stand_in::Known {
-                table,
-                axes: &axes,
-                units: &units,
-                stiffness: &stiffness,
-                damping: &damping,
-            };
-            stand_in::stand_in(site, at, &known, stand_in, &drawn)?
-        }
-        (None, Some(link)) if link.protocol == Protocol::Gusset => {
-            let (native, rules) = links::native(site, at, table, link, n)?;
-            Stand::Native(Box::new(native), rules)
-        }
-        (None, Some(link)) => {
-            let (remote, rules) = links::openfresco(site, at, link, n)?;
-            Stand::OpenFresco(Box::new(remote), rules)
-        }
-        // Refused above.
-        (None, None) => return Err(Refused),
-    };
-    Ok(Entry {
-        name: table.name.clone(),
-        stand,
-        axes,
-        loading,
-        units,
-        stiffness,
-        damping,
-        stiffness_at_rest,
-        mass,
-        bounds,
-        mass_in_force,
-    })
-}
-
-/// A law for so many axes, at the platform of its actuators if it stands there.
-fn built(
-    site: &mut Site<'_>,
-    at: &KeyPath,
-    table: &SpecimenTable,
-    (key, source): (&str, &SpecimenLaw),
-    laws: usize,
-) -> Result<Box<dyn Specimen>, Refused> {
-    let law = match source.build(laws) {
-        Ok(law) => law,
-        Err(error) => return site.refuse_key(&at.key(key), error.key(), &error),
-    };
-    match behind_actuators(table, law) {
-        Ok(law) => Ok(law),
-        Err(error) => site.refuse_key(&at.key("geometry"), error.key(), &error),
-    }
-}
-
-/// An estimate as the axes see it.
-fn seen(table: &SpecimenTable, loading: &Option<Loading>, estimate: Rows) -> Rows {
-    match loading {
-        Some(loading) => at_actuators(table, &loading.geometry, estimate),
-        None => estimate,
-    }
-}
-
-/// Rows of B: of a storey, given, or one without any entry for a test without a structure.
-fn rows(
-    site: &mut Site<'_>,
-    at: &KeyPath,
-    table: &SpecimenTable,
-) -> Result<Vec<Vec<(usize, f64)>>, Refused> {
-    let kinds = site
-        .loaded
-        .file
-        .structure
-        .as_ref()
-        .map(|structure| structure.kinds());
-    let spec: Option<&StructureSpec> = kinds.and_then(|kinds| kinds.first().map(|kind| kind.1));
-    match (table.storey, &table.rows, spec) {
-        (Some(storey), _, Some(spec)) => match spec.storey_row(storey) {
-            Ok(row) => Ok(vec![row]),
-            Err(error) => {
-                let finding = Finding::error(at.key("storey"), error.to_string());
-                site.refuse(finding.label("no such storey"))
-            }
-        },
-        (None, Some(rows), _) => {
-            let sparse = |row: &Vec<f64>| {
-                let entries = row.iter().copied().enumerate();
-                entries.filter(|(_, entry)| *entry != 0.0).collect()
-            };
-            Ok(rows.iter().map(sparse).collect())
-        }
-        // Without a structure there is nothing to transform: as many axes as the laws or the axis tables say.
-        (_, _, None) => Ok(vec![Vec::new(); table.axes_by_itself()]),
-        (None, None, Some(_)) => {
-            let text = "which deformation does the specimen see: `storey` or `rows`";
-            site.refuse(Finding::error(at.clone(), text))
-        }
-    }
-}
-
-fn estimate(
-    site: &mut Site<'_>,
-    at: &KeyPath,
-    given: &MatrixValue,
-    n: usize,
-) -> Result<Rows, Refused> {
-    let rows = given.rows();
-    if rows.len() != n || rows.iter().any(|row| row.len() != n) {
-        let text = format!("the estimate is not {n} × {n}, one row and column per axis");
-        return site.refuse(Finding::error(at.clone(), text));
-    }
-    let matrix = DMatrix::from_fn(n, n, |i, j| rows[i][j]);
-    match SymMatrix::from_dense(&matrix) {
-        Ok(_) => Ok(rows),
-        Err(error) => site.refuse(Finding::error(at.clone(), error.to_string())),
-    }
+    let text = format!("a drill: at {time} s the code of this specimen breaks down on purpose");
+    site.warnings.push(Finding::warning(at, text).at_key());
+    Ok(Some(time))
 }
 
 impl Entry {
@@ -350,6 +156,12 @@ impl Specimens {
             let driven = loading.map_or(entry.axes.len(), |loading| loading.rows.len());
             (entry.name.as_str(), driven)
         })
+    }
+
+    /// The loading unit of each specimen, in order.
+    pub(super) fn geometries(&self) -> impl Iterator<Item = Option<&Geometry>> {
+        let loading = self.0.iter().map(|entry| entry.loading.as_ref());
+        loading.map(|loading| Some(&loading?.geometry))
     }
 
     /// Name, rows of B, k̂ and ĉ of every specimen.
@@ -432,10 +244,13 @@ impl Specimens {
                 None => Direction::Known,
             };
             let (substructure, wait): (Box<dyn Substructure>, _) = match entry.stand {
-                Stand::Law(law) => (
-                    Box::new(InProcess::new(InUnits::new(law, &entry.units))),
-                    None,
-                ),
+                Stand::Law(law) => {
+                    let computed = InProcess::new(InUnits::new(law, &entry.units));
+                    match drill(site, index)? {
+                        Some(time) => (Box::new(computed.breaking_at(time)), None),
+                        None => (Box::new(computed), None),
+                    }
+                }
                 Stand::Native(native, rules) => (native, Some(rules)),
                 Stand::OpenFresco(remote, rules) => (remote, Some(rules)),
                 Stand::Believed => {

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::Findings;
 use crate::config::diagnose::Finding;
 use crate::config::document::KeyPath;
-use crate::config::schema::{ExcitationTable, TestFile};
+use crate::config::schema::{ExcitationTable, PrescribedPlace, TestFile};
 use crate::config::suggest::{listed, nearest};
 
 /// The whole of `[excitation]`.
@@ -109,6 +109,7 @@ fn check_prescribed(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
     }
     let names: Vec<&str> = file.specimen.iter().map(|s| s.name.as_str()).collect();
     let mut driven: BTreeMap<(&str, usize), KeyPath> = BTreeMap::new();
+    let mut places: BTreeMap<&str, (PrescribedPlace, KeyPath)> = BTreeMap::new();
     for (index, prescribed) in excitation.prescribed_displacement.iter().enumerate() {
         let at = at.key("prescribed_displacement").index(index);
         let name = prescribed.specimen.as_str();
@@ -139,6 +140,20 @@ fn check_prescribed(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
                 let headline = format!("`{key}` must be inside the test, from 0 to {duration} s");
                 let finding = Finding::error(at.key(key), headline);
                 findings.0.push(finding.label(format!("found {value}")));
+            }
+        }
+        match places.get(name) {
+            Some((place, before)) if *place != prescribed.at => findings.0.push(
+                Finding::error(
+                    at.clone(),
+                    format!("coordinates and actuators of specimen `{name}` are both prescribed"),
+                )
+                .label("again here")
+                .beside(before.clone(), "first here")
+                .help("the one says where the other goes: prescribe all with the same `at`"),
+            ),
+            _ => {
+                places.insert(name, (prescribed.at, at.clone()));
             }
         }
         match driven.get(&(name, prescribed.axis)) {

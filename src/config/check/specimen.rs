@@ -47,6 +47,17 @@ pub(super) fn check_specimen(
         ),
         None => {}
     }
+    if let Some(drill) = &specimen.drill {
+        findings.positive(at.key("drill").key("panic_at_s"), Some(drill.panic_at_s));
+        if specimen.link.is_some() {
+            findings.0.push(
+                Finding::error(at.key("drill"), "a drill breaks code of this program")
+                    .at_key()
+                    .label("not for a specimen behind a link")
+                    .help("`gusset serve --fault` plays what goes wrong at the other end"),
+            );
+        }
+    }
     if specimen.stand_in.is_some() && specimen.link.is_none() {
         findings.0.push(
             Finding::error(at.key("stand_in"), "a law stands for itself")

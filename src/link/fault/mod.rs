@@ -6,6 +6,7 @@
 //! begins with its seed. What a controller should make of it is not decided here.
 
 mod bench;
+mod check;
 mod dice;
 mod queue;
 mod spec;
@@ -13,7 +14,8 @@ mod stall;
 mod wire;
 
 pub use bench::Bench;
+pub use check::ScriptError;
 pub(in crate::link) use queue::Queue;
-pub use spec::{Channel, Expect, Fault, Kind, Script, ScriptError, Way};
+pub use spec::{Channel, Expect, Fault, Kind, Script, Way};
 pub use stall::StallingClock;
 pub use wire::FaultyWire;

@@ -18,6 +18,7 @@ use futures_core::Stream;
 use serde_json::{Value, json};
 use tokio::time::{Interval, MissedTickBehavior};
 
+use super::work::Work;
 use crate::engine::Phase;
 use crate::monitor::board::Board;
 use crate::monitor::history::{Bin, RECENT};
@@ -38,6 +39,7 @@ const MOST_BINS: usize = 1200;
 #[derive(Debug)]
 pub(super) struct Feed {
     pub board: Arc<Board>,
+    work: Arc<Work>,
     made: Mutex<Made>,
     viewers: AtomicUsize,
 }
@@ -58,9 +60,10 @@ struct Made {
 }
 
 impl Feed {
-    pub fn new(board: Arc<Board>) -> Self {
+    pub fn new(board: Arc<Board>, work: Arc<Work>) -> Self {
         Self {
             board,
+            work,
             made: Mutex::default(),
             viewers: AtomicUsize::new(0),
         }
@@ -249,6 +252,7 @@ impl Stream for Viewer {
             }
             ready!(self.pace.poll_tick(cx));
             if let Some(text) = self.event() {
+                self.feed.work.made(text.len());
                 return Poll::Ready(Some(Ok(text.into())));
             }
         }

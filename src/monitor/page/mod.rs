@@ -16,6 +16,7 @@ mod door;
 mod feed;
 mod gate;
 mod routes;
+mod work;
 
 use std::io;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener, ToSocketAddrs};
@@ -31,11 +32,12 @@ pub use gate::{Token, TokenError};
 
 use super::board::{Board, Ended};
 use crate::engine::Operator;
-use crate::record::{Note, NoteLevel};
+use crate::record::{Note, NoteLevel, Roll};
 use door::Door;
 use feed::Feed;
 use gate::Gate;
 use routes::Site;
+use work::Work;
 
 /// Where the page is if nobody says otherwise.
 pub const USUAL_PORT: u16 = 4824;
@@ -193,7 +195,7 @@ impl LivePage {
         self.view.is_none()
     }
 
-    /// Starts to serve, on a thread that inherits the processors of the caller's.
+    /// Starts to serve, on a thread that inherits the processors of the caller's and stands on `roll`.
     ///
     /// # Errors
     /// The system gives no thread or no event queue.
@@ -202,12 +204,16 @@ impl LivePage {
         board: Arc<Board>,
         operator: Sender<Operator>,
         notes: Sender<Note>,
+        roll: Roll,
     ) -> io::Result<Serving> {
         let note = Note::new(NoteLevel::Info, "live_page");
         let _full = notes.try_send(note.with("address", self.address.to_string()));
+        let (work, asleep, awake) = Work::shared();
         let runtime = tokio::runtime::Builder::new_current_thread()
             .enable_io()
             .enable_time()
+            .on_thread_park(move || asleep.sleeps())
+            .on_thread_unpark(move || awake.wakes())
             .build()?;
         let listener = {
             let _inside = runtime.enter();
@@ -215,7 +221,7 @@ impl LivePage {
         };
         let stop = Arc::new(Notify::new());
         let site = Site {
-            feed: Arc::new(Feed::new(Arc::clone(&board))),
+            feed: Arc::new(Feed::new(Arc::clone(&board), Arc::clone(&work))),
             gate: Gate::new(self.address.ip(), self.name, self.control, self.view),
             operator,
             notes,
@@ -226,6 +232,7 @@ impl LivePage {
             .spawn(move || {
                 // Behind the writer, with whom it may share a processor.
                 let _refused = rustix::process::setpriority_process(None, 10);
+                work.begins(roll.enter());
                 runtime.block_on(serve(Door::new(listener), site, asked));
             })?;
         Ok(Serving {

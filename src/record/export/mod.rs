@@ -4,7 +4,7 @@
 //! |---|---|---|---|
 //! | [`Format::Csv`] | steps, or all ticks | those of the contract | text, 17 significant digits |
 //! | [`Format::Npz`], [`Format::Mat`], [`Format::Hdf5`] | the same | the same, then all others of the log | the bits of the log, units and meanings beside them |
-//! | [`Format::Trace`] | all ticks | those of the timing | what the loop did when |
+//! | [`Format::Trace`] | all ticks | those of the timing | what the loop and the other threads did when |
 //! | [`Format::DesignSafe`] | the same, and the log as it is | those of the contract, and all | a folder in the shape of a hybrid-simulation project |
 //!
 //! Which rows and which columns stands in one place ([`plan`]); each format is one small writer. An export appears
@@ -32,8 +32,10 @@ use thiserror::Error;
 use super::folder::FolderError;
 use super::journal::{End, Journal};
 use super::run::Run;
+use super::threads::ThreadEnd;
 
 pub use plan::{Choice, Rows};
+pub use trace::OnlyLoop;
 
 /// A form that other programs read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -139,6 +141,12 @@ pub enum Notice {
     Ended(End),
     /// Nothing was recorded, or nothing of it is in the window.
     Empty,
+    /// A trace shows the loop's thread only.
+    OnlyLoop(OnlyLoop),
+    /// The stamps of other threads end in the middle of a record or in damage.
+    Threads(ThreadEnd),
+    /// So many stamps of other threads found no room while they were recorded.
+    StampsLost(u64),
 }
 
 impl std::fmt::Display for Notice {
@@ -153,6 +161,12 @@ impl std::fmt::Display for Notice {
             }
             Self::Ended(end) => write!(f, "{end}"),
             Self::Empty => write!(f, "there is no row to export: the file has columns only"),
+            Self::OnlyLoop(why) => write!(f, "the trace shows the loop's thread only: {why}"),
+            Self::Threads(end) => write!(f, "{end}"),
+            Self::StampsLost(stamps) => write!(
+                f,
+                "{stamps} stamps of other threads were lost while recording; no row is missing for it"
+            ),
         }
     }
 }

@@ -104,7 +104,7 @@ pub(super) struct Plan {
 /// State of a row in which a step is made.
 const RUNNING: f64 = 3.0;
 /// State of a row in which the loop only runs warm: nothing of the test is in it.
-const WARMING_UP: f64 = 10.0;
+pub(super) const WARMING_UP: f64 = 10.0;
 /// State of the row that ends a test, whose step is not made.
 const TRIPPED: f64 = 8.0;
 
@@ -192,6 +192,11 @@ impl Plan {
     /// The columns of the contract.
     pub fn contract(&self) -> &[Exposed] {
         self.columns.get(..self.csv).unwrap_or_default()
+    }
+
+    /// Place of the test time in a row.
+    pub const fn time(&self) -> usize {
+        self.time
     }
 
     /// All columns.

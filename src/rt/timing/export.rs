@@ -14,7 +14,8 @@ use hdrhistogram::serialization::interval_log::{
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
-use super::{BOUNDS, Quantity, Timing};
+use super::tally::BOUNDS;
+use super::{Quantity, Timing};
 use crate::rt::wall::Wall;
 
 const NS_PER_US: f64 = 1e3;
@@ -143,7 +144,7 @@ impl Timing {
             if quantity == Quantity::RoundTrip {
                 let specimens: Map<String, Value> = self
                     .round_trips()
-                    .map(|(name, histogram)| (name.to_owned(), describe(histogram).into()))
+                    .map(|(name, histogram)| (name.to_owned(), describe(&histogram).into()))
                     .collect();
                 object.insert("specimens".into(), specimens.into());
             }

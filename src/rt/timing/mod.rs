@@ -19,10 +19,12 @@ use crate::time::Nanos;
 
 pub mod export;
 pub mod suspect;
+mod tally;
 
 pub use export::Percentiles;
 pub use suspect::Suspect;
 use suspect::Typical;
+use tally::{Tally, histogram};
 
 /// A timed part of the tick. The keys are those of `timing.json`, `summary.json` and `jitter --json`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -104,37 +106,18 @@ pub struct Miss {
     pub suspect: Suspect,
 }
 
-/// Smallest value told apart, largest value, significant digits: 200 kB a histogram.
-const BOUNDS: (u64, u64, u8) = (1, 10_000_000_000, 3);
-
-fn histogram() -> Histogram<u64> {
-    let (low, high, digits) = BOUNDS;
-    let mut fresh = Histogram::new_with_bounds(low, high, digits)
-        .expect("the bounds are constants that satisfy low >= 1, high >= 2 low and digits <= 5");
-    // Writes every count, so that no page of it is met for the first time in the loop.
-    fresh.reset();
-    fresh
-}
-
-/// An empty one is left alone: there is much to write.
-fn forget(histogram: &mut Histogram<u64>) {
-    if !histogram.is_empty() {
-        histogram.reset();
-    }
-}
-
 /// Histograms of one run.
 #[derive(Debug, Clone)]
 pub struct Timing {
-    wakeup_lateness: Histogram<u64>,
-    command_lateness: Histogram<u64>,
-    compute: Histogram<u64>,
-    record: Histogram<u64>,
-    tick_time: Histogram<u64>,
-    slack: Histogram<u64>,
-    miss: Histogram<u64>,
+    wakeup_lateness: Tally,
+    command_lateness: Tally,
+    compute: Tally,
+    record: Tally,
+    tick_time: Tally,
+    slack: Tally,
+    miss: Tally,
     /// One per specimen, in the order of the test.
-    round_trip: Vec<(String, Histogram<u64>)>,
+    round_trip: Vec<(String, Tally)>,
     typical: Typical,
     warmup_ticks: u64,
     counts: Counts,
@@ -161,41 +144,42 @@ impl Timing {
     /// `warmup_ticks` ticks are counted apart and reach no histogram.
     #[must_use]
     pub fn new(specimens: &[&str], awaits_peer: bool, warmup_ticks: u64) -> Self {
-        Self {
-            wakeup_lateness: histogram(),
-            command_lateness: histogram(),
-            compute: histogram(),
-            record: histogram(),
-            tick_time: histogram(),
-            slack: histogram(),
-            miss: histogram(),
-            round_trip: specimens
-                .iter()
-                .map(|name| ((*name).to_owned(), histogram()))
-                .collect(),
-            typical: Typical::new(awaits_peer),
-            warmup_ticks,
-            counts: Counts::default(),
-            warmup: Counts::default(),
-        }
+        Self::with(specimens, awaits_peer, warmup_ticks, Tally::touched)
+    }
+
+    /// The same for simulated time, in which nothing is late for a page of memory that is met for the first time: a short
+    /// test costs little.
+    #[must_use]
+    pub fn untouched(specimens: &[&str], awaits_peer: bool, warmup_ticks: u64) -> Self {
+        Self::with(specimens, awaits_peer, warmup_ticks, Tally::new)
     }
 
     /// Counts ticks and misses and keeps no histogram: for a loop whose clock tells nothing of any machine.
     #[must_use]
     pub fn counting() -> Self {
-        let none =
-            || Histogram::new_with_bounds(1, 2, 0).expect("the smallest bounds that there are");
+        Self::with(&[], false, u64::MAX, Tally::none)
+    }
+
+    fn with(
+        specimens: &[&str],
+        awaits_peer: bool,
+        warmup_ticks: u64,
+        tally: impl Fn() -> Tally,
+    ) -> Self {
         Self {
-            wakeup_lateness: none(),
-            command_lateness: none(),
-            compute: none(),
-            record: none(),
-            tick_time: none(),
-            slack: none(),
-            miss: none(),
-            round_trip: Vec::new(),
-            typical: Typical::new(false),
-            warmup_ticks: u64::MAX,
+            wakeup_lateness: tally(),
+            command_lateness: tally(),
+            compute: tally(),
+            record: tally(),
+            tick_time: tally(),
+            slack: tally(),
+            miss: tally(),
+            round_trip: specimens
+                .iter()
+                .map(|name| ((*name).to_owned(), tally()))
+                .collect(),
+            typical: Typical::new(awaits_peer),
+            warmup_ticks,
             counts: Counts::default(),
             warmup: Counts::default(),
         }
@@ -212,8 +196,8 @@ impl Timing {
         if self.is_warming_up() {
             return;
         }
-        if let Some((_, histogram)) = self.round_trip.get_mut(port) {
-            histogram.saturating_record(ns);
+        if let Some((_, tally)) = self.round_trip.get_mut(port) {
+            tally.record(ns);
         }
     }
 
@@ -232,20 +216,16 @@ impl Timing {
         counts.early_wakeups += u64::from(stamps.woke < stamps.release);
         if !warming_up {
             self.wakeup_lateness
-                .saturating_record(stamps.woke.since(stamps.release));
+                .record(stamps.woke.since(stamps.release));
             self.command_lateness
-                .saturating_record(stamps.sent.since(stamps.release));
-            self.compute
-                .saturating_record(stamps.ready.since(stamps.decoded));
-            self.record
-                .saturating_record(stamps.pushed.since(stamps.ready));
-            self.tick_time
-                .saturating_record(stamps.pushed.since(stamps.woke));
+                .record(stamps.sent.since(stamps.release));
+            self.compute.record(stamps.ready.since(stamps.decoded));
+            self.record.record(stamps.pushed.since(stamps.ready));
+            self.tick_time.record(stamps.pushed.since(stamps.woke));
             if late_ns > 0 {
-                self.miss.saturating_record(late_ns);
+                self.miss.record(late_ns);
             } else {
-                self.slack
-                    .saturating_record(stamps.deadline.since(stamps.pushed));
+                self.slack.record(stamps.deadline.since(stamps.pushed));
             }
         }
         (late_ns > 0).then_some(Miss { late_ns, suspect })
@@ -270,15 +250,15 @@ impl Timing {
             let count = group.min(ticks - j);
             let middle = j + count.div_ceil(2);
             let late = late_ns.saturating_sub(middle.saturating_mul(period_ns));
-            self.wakeup_lateness.saturating_record_n(late, count);
-            self.command_lateness.saturating_record_n(late, count);
+            self.wakeup_lateness.record_n(late, count);
+            self.command_lateness.record_n(late, count);
             j += count;
         }
     }
 
     /// Forgets everything counted so far, except what is typical. Not for the loop: it writes megabytes.
     pub fn reset(&mut self) {
-        for histogram in [
+        for tally in [
             &mut self.wakeup_lateness,
             &mut self.command_lateness,
             &mut self.compute,
@@ -287,10 +267,10 @@ impl Timing {
             &mut self.slack,
             &mut self.miss,
         ] {
-            forget(histogram);
+            tally.forget();
         }
-        for (_, histogram) in &mut self.round_trip {
-            forget(histogram);
+        for (_, tally) in &mut self.round_trip {
+            tally.forget();
         }
         self.counts = Counts::default();
         self.warmup = Counts::default();
@@ -312,29 +292,29 @@ impl Timing {
     #[must_use]
     pub fn histogram(&self, quantity: Quantity) -> Histogram<u64> {
         match quantity {
-            Quantity::WakeupLateness => self.wakeup_lateness.clone(),
-            Quantity::CommandLateness => self.command_lateness.clone(),
+            Quantity::WakeupLateness => self.wakeup_lateness.read(),
+            Quantity::CommandLateness => self.command_lateness.read(),
             Quantity::RoundTrip => {
                 let mut merged = histogram();
                 for (_, one) in &self.round_trip {
                     // Same bounds: the counts add one by one and nothing can be out of range.
-                    let _ = merged.add(one);
+                    let _ = merged.add(one.read());
                 }
                 merged
             }
-            Quantity::Compute => self.compute.clone(),
-            Quantity::Record => self.record.clone(),
-            Quantity::TickTime => self.tick_time.clone(),
-            Quantity::Slack => self.slack.clone(),
-            Quantity::Miss => self.miss.clone(),
+            Quantity::Compute => self.compute.read(),
+            Quantity::Record => self.record.read(),
+            Quantity::TickTime => self.tick_time.read(),
+            Quantity::Slack => self.slack.read(),
+            Quantity::Miss => self.miss.read(),
         }
     }
 
     /// Round trips of each specimen by name, in nanoseconds.
-    pub fn round_trips(&self) -> impl Iterator<Item = (&str, &Histogram<u64>)> {
+    pub fn round_trips(&self) -> impl Iterator<Item = (&str, Histogram<u64>)> {
         self.round_trip
             .iter()
-            .map(|(name, histogram)| (name.as_str(), histogram))
+            .map(|(name, tally)| (name.as_str(), tally.read()))
     }
 }
 
@@ -482,7 +462,7 @@ mod tests {
         timing.round_trip(0, u64::MAX);
         let histogram = timing.histogram(Quantity::RoundTrip);
         assert_eq!(histogram.len(), 1);
-        assert!(histogram.max() >= BOUNDS.1);
+        assert!(histogram.max() >= tally::BOUNDS.1);
     }
 
     #[test]

@@ -60,12 +60,9 @@ impl Median {
             _ => self.ns / 64 + 1,
         };
         self.seen = self.seen.saturating_add(1);
-        // Not past the sample: so that a constant duration is met exactly.
-        if ns > self.ns {
-            self.ns = (self.ns + step).min(ns);
-        } else {
-            self.ns = self.ns.saturating_sub(step).max(ns);
-        }
+        // Not past the sample: so that a constant duration is met exactly. Which side it is on is a coin's toss that no
+        // processor can foresee: no branch.
+        self.ns = ns.clamp(self.ns.saturating_sub(step), self.ns.saturating_add(step));
     }
 }
 

@@ -26,6 +26,19 @@ pub enum DiscreteLimit {
     Beyond(f64),
 }
 
+/// M_eff = M + Δt/2 C0 + Δt² K̃, with what the specimen adds.
+fn effective(system: &Delayed, dt: f64, lambda: f64) -> DMatrix<f64> {
+    let total = |own: &DMatrix<f64>, of_specimen: &DMatrix<f64>| {
+        own + system.rows.transpose() * of_specimen * &system.rows
+    };
+    &system.mass
+        + total(&system.damping, &system.specimen_damping) * (dt / 2.0)
+        + match &system.weighted {
+            Some(weighted) => weighted * (dt * dt),
+            None => total(&system.stiffness, &system.specimen_stiffness) * (dt * dt / lambda),
+        }
+}
+
 /// One step of the recursion with a delay of `delay` (s); `lambda` counts where K̃ = K0/λ. State (x, Δt v, d\[i−1\] …, and Δt ḋ\[i−1\] … if the specimen damps).
 ///
 /// # Errors
@@ -51,16 +64,9 @@ pub fn recursion(
     let damps = system.specimen_damping.iter().any(|c| *c != 0.0);
     let kinds = if damps { 2 } else { 1 };
     let size = 2 * n + kinds * axes * past;
-    let total = |own: &DMatrix<f64>, of_specimen: &DMatrix<f64>| {
-        own + system.rows.transpose() * of_specimen * &system.rows
-    };
-    let effective = &system.mass
-        + total(&system.damping, &system.specimen_damping) * (dt / 2.0)
-        + match &system.weighted {
-            Some(weighted) => weighted * (dt * dt),
-            None => total(&system.stiffness, &system.specimen_stiffness) * (dt * dt / lambda),
-        };
-    let factor = effective.cholesky().ok_or(DelayError::Massless)?;
+    let factor = effective(system, dt, lambda)
+        .cholesky()
+        .ok_or(DelayError::Massless)?;
 
     // Δt² r as rows over the state.
     let mut force = DMatrix::zeros(n, size);
@@ -139,19 +145,10 @@ const SMALLEST: f64 = 1e-6;
 
 impl<'a> Circle<'a> {
     fn new(system: &'a Delayed, dt: f64, lambda: f64) -> Self {
-        let total = |own: &DMatrix<f64>, of_specimen: &DMatrix<f64>| {
-            own + system.rows.transpose() * of_specimen * &system.rows
-        };
-        let effective = &system.mass
-            + total(&system.damping, &system.specimen_damping) * (dt / 2.0)
-            + match &system.weighted {
-                Some(weighted) => weighted * (dt * dt),
-                None => total(&system.stiffness, &system.specimen_stiffness) * (dt * dt / lambda),
-            };
         let marks = system.marks().into_iter();
         Self {
             system,
-            effective,
+            effective: effective(system, dt, lambda),
             dt,
             known: RefCell::default(),
             marks: marks.map(|(at, width)| (at * dt, width * dt)).collect(),

@@ -1,42 +1,59 @@
-//! What the loop did when, in the trace-event format of Chrome: opens in ui.perfetto.dev and chrome://tracing.
+//! What a run did when, in the trace-event format of Chrome: opens in ui.perfetto.dev and chrome://tracing.
 //!
-//! Three lines, in µs of wall time from the first edge. *Grid*: the edges, one slice per tick as long as a period. *Loop*:
-//! the phases of each tick that the log has: late wake-up, send, wait for the replies, compute, then what is left (row,
-//! histograms, sleep) until it begins with the next. *Events*: the lines of `events.jsonl`, misses among them. The log
-//! has the stamps of the loop's thread only; what others did shows in the evidence that a miss carries.
+//! Lines of the picture, in µs of wall time from the first edge. *Grid*: the edges, one slice per tick as long as a period.
+//! *Loop*: the phases of each tick: wake up, send, wait for the replies, compute, record, wait for the edge; what is behind a
+//! deadline lies under a slice that names the miss and its cause. *Events*: the lines of `events.jsonl`. Then one line for
+//! every other thread that left stamps (`threads.bin`), under its name and number in /proc. On the simulated clock those
+//! mean nothing, and only the loop is shown.
+//!
+//! Rows and threads meet by the edge that the `grid` events name, to the nanosecond. Folders of earlier versions have neither
+//! that nor `record_before_s`: events are tied to rows by the misses, and recording and waiting are one slice.
 //!
 //! Events are in order of time. Only what overlaps is held: a tick's slices wait until an edge has passed them.
 
+mod grid;
 mod lines;
+mod misses;
 mod places;
+mod slices;
+mod stamps;
+mod threads;
 
 use std::io::BufWriter;
 use std::path::Path;
 
-use serde_json::{Value, json};
+use serde_json::Value;
 
+use grid::Grid;
 use lines::Lines;
+use misses::Misses;
 use places::Places;
+use slices::{Loop, Tick};
+use stamps::{Stamped, Stamps};
+use threads::Threads;
 
-use super::plan::{Choice, Plan, Rows};
+pub use threads::OnlyLoop;
+
+use super::plan::{Choice, Plan, Rows, WARMING_UP};
 use super::{ExportError, Exported, Notice};
 use crate::record::atomic::AtomicFile;
-use crate::record::layout::Layout;
 use crate::record::run::Run;
 
-/// Ticks that are taken without being asked for: about 150 MB of text, which a browser still opens.
+/// Ticks that are taken without being asked for: about 200 MB of text, which a browser still opens.
 const MOST: u64 = 200_000;
 
 /// Lines of the picture. One would be taken for the process itself.
-const GRID: u8 = 2;
-const LOOP: u8 = 3;
-const EVENTS: u8 = 4;
+const GRID: u16 = 2;
+const LOOP: u16 = 3;
+const EVENTS: u16 = 4;
+/// The first of the other threads'.
+const OTHERS: u16 = 10;
 
 /// Writes the ticks of the window.
 pub(super) fn export(run: &Run, choice: &Choice, out: &Path) -> Result<Exported, ExportError> {
     let failed = ExportError::write(out);
     let plan = Plan::new(run.layout())?;
-    let stamps = Stamps::find(run.layout(), plan.time)?;
+    let stamps = Stamps::find(run.layout(), plan.time())?;
     let choice = Choice {
         rows: Rows::Tick,
         ..*choice
@@ -44,17 +61,27 @@ pub(super) fn export(run: &Run, choice: &Choice, out: &Path) -> Result<Exported,
     let told = run.events()?.events;
     let mut places = Places::wanted(&told, &choice);
     let (mut first, mut last) = (f64::NAN, f64::NAN);
+    let (mut begin, mut end, mut edge) = (f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY);
+    let mut ticks = 0;
+    let mut grid = Grid::of(&told);
     let mut counting = run.journal()?;
-    let ticks = plan
-        .walk(&mut counting, &choice, u64::MAX, |_, row| {
-            if first.is_nan() {
-                first = stamps.read(row).time;
-            }
-            last = stamps.read(row).time;
-            places.note(&stamps.read(row));
-            Ok(())
-        })
-        .map_err(|trouble| trouble.told(failed))?;
+    while let Some(row) = counting.next_row().map_err(ExportError::Read)? {
+        let tick = grid.place(&stamps.read(row.values));
+        if tick.state == WARMING_UP || !choice.holds(tick.time) {
+            continue;
+        }
+        ticks += 1;
+        if first.is_nan() {
+            first = tick.time;
+        }
+        last = tick.time;
+        places.note(&tick);
+        if tick.is_stamped() {
+            begin = begin.min(tick.release);
+            end = end.max(tick.ready);
+            edge = edge.max(tick.release);
+        }
+    }
     if ticks > MOST && !choice.is_part() {
         return Err(ExportError::LongTrace {
             ticks,
@@ -66,32 +93,62 @@ pub(super) fn export(run: &Run, choice: &Choice, out: &Path) -> Result<Exported,
     let mut exported = Exported::new(run, ticks, &counting);
     exported.notices.retain(|notice| *notice != Notice::Empty);
     let period_us = places.period_us(run);
-    let mut events = places.placed(&told, period_us);
+    let origin_us = grid
+        .zero_us()
+        .or_else(|| places.origin_us(&told, period_us));
+    if period_us.is_finite() {
+        end = end.max(edge + period_us);
+    }
+    let reach = (begin, end);
+    let threads = Threads::read(run, origin_us, reach);
+    exported.notices.extend(threads.notices());
+    let mut others: Vec<(f64, Value)> = places.placed(&told, origin_us);
+    others.extend(threads.shown());
+    // Stable: what begins together stays in the order in which it came, the outer slice first.
+    others.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+    let mut others = others.into_iter().peekable();
 
     let file = AtomicFile::create(out).map_err(failed)?;
     let mut lines = Lines::new(BufWriter::with_capacity(1 << 17, file));
-    lines.begin(run).map_err(failed)?;
-    let mut before = Before::default();
-    plan.walk(&mut run.journal()?, &choice, ticks, |sequence, row| {
-        let tick = stamps.read(row);
-        // The row that ends a test may stand in for a tick that was not made.
-        if !tick.is_stamped() || tick.release < before.release {
-            return Ok(());
+    lines.begin(run, origin_us, &threads).map_err(failed)?;
+    let mut shown = Loop::new(period_us, Misses::of(&told, origin_us));
+    let mut grid = Grid::of(&told);
+    let mut left = ticks;
+    let mut journal = run.journal()?;
+    while let Some(row) = journal.next_row().map_err(ExportError::Read)? {
+        let tick = grid.place(&stamps.read(row.values));
+        if tick.state == WARMING_UP {
+            continue;
         }
-        while events.front().is_some_and(|(at, _)| *at <= tick.release)
-            && let Some((at, event)) = events.pop_front()
-        {
+        // Also behind the window: the row tells how long the recording of the one before took.
+        shown.told(row.sequence, tick.record_before);
+        if left == 0 {
+            break;
+        }
+        if !choice.holds(tick.time) {
+            continue;
+        }
+        left -= 1;
+        // The row that ends a test may stand in for a tick that was not made.
+        if !tick.is_stamped() || shown.is_behind(&tick) {
+            continue;
+        }
+        let release = tick.release;
+        shown.take(
+            Tick {
+                sequence: row.sequence,
+                stamped: tick,
+            },
+            &mut lines,
+        );
+        while let Some((at, event)) = others.next_if(|(at, _)| *at <= release) {
             lines.hold(at, event);
         }
-        // The next slice is what is left of the tick before, or begins at this edge.
-        lines.pass(tick.release.min(before.ready))?;
-        for (at, slice) in slices(sequence, &tick, &mut before, period_us) {
-            lines.hold(at, slice);
-        }
-        Ok(())
-    })
-    .map_err(|trouble| trouble.told(failed))?;
-    for (at, event) in events {
+        // Nothing that follows begins before this edge.
+        lines.pass(release).map_err(failed)?;
+    }
+    shown.finish(&mut lines);
+    for (at, event) in others {
         lines.hold(at, event);
     }
     let file = lines.end().map_err(failed)?;
@@ -99,157 +156,29 @@ pub(super) fn export(run: &Run, choice: &Choice, out: &Path) -> Result<Exported,
     Ok(exported)
 }
 
-/// Where the stamps of a tick stand in its row.
-struct Stamps {
-    step: usize,
-    time: usize,
-    sub_tick: Option<usize>,
-    state: Option<usize>,
-    stretched: Option<usize>,
-    durations: [usize; 5],
-}
-
-/// A tick as its row tells it; µs from the first edge.
-struct Stamped {
-    step: f64,
-    time: f64,
-    sub_tick: f64,
-    state: f64,
-    stretched: f64,
-    release: f64,
-    woke: f64,
-    sent: f64,
-    decoded: f64,
-    ready: f64,
-}
-
-impl Stamps {
-    fn find(layout: &Layout, time: usize) -> Result<Self, ExportError> {
-        let need = |name| layout.index_of(name).ok_or(ExportError::NoColumn(name));
-        Ok(Self {
-            step: need("step")?,
-            time,
-            sub_tick: layout.index_of("sub_tick"),
-            state: layout.index_of("state"),
-            stretched: layout.index_of("stretched"),
-            durations: [
-                need("release_s")?,
-                need("wakeup_lateness_s")?,
-                need("command_lateness_s")?,
-                need("round_trip_s")?,
-                need("compute_s")?,
-            ],
-        })
-    }
-
-    fn read(&self, row: &[f64]) -> Stamped {
-        let at = |place: usize| row.get(place).copied().unwrap_or(f64::NAN);
-        let maybe = |place: Option<usize>| place.map_or(f64::NAN, at);
-        let [release, woke, sent, answered, computed] = self.durations.map(|place| at(place) * 1e6);
-        // A phase ends no earlier than it begins.
-        let woke = release + woke;
-        let sent = (release + sent).max(woke);
-        let decoded = (sent + answered).max(sent);
-        Stamped {
-            step: at(self.step),
-            time: at(self.time),
-            sub_tick: maybe(self.sub_tick),
-            state: maybe(self.state),
-            stretched: maybe(self.stretched),
-            release,
-            woke,
-            sent,
-            decoded,
-            ready: (decoded + computed).max(decoded),
-        }
-    }
-}
-
-impl Stamped {
-    fn is_stamped(&self) -> bool {
-        self.release.is_finite() && self.ready.is_finite() && self.woke >= self.release
-    }
-}
-
-/// What the next tick must know of the one before.
-struct Before {
-    release: f64,
-    ready: f64,
-    stretched: f64,
-}
-
-impl Default for Before {
-    fn default() -> Self {
-        Self {
-            release: f64::NEG_INFINITY,
-            ready: f64::NEG_INFINITY,
-            stretched: f64::NAN,
-        }
-    }
-}
-
-/// The slices of a tick, and what is left of the one before.
-fn slices(sequence: u64, tick: &Stamped, before: &mut Before, period_us: f64) -> Vec<(f64, Value)> {
-    let mut out = Vec::with_capacity(8);
-    let mut slice = |line: u8, name: &str, from: f64, to: f64, args: Value| {
-        let mut event = json!({
-            "name": name, "cat": "tick", "ph": "X", "pid": 1, "tid": line,
-            "ts": rounded(from), "dur": rounded(to - from),
-        });
-        if let (Some(object), false) = (event.as_object_mut(), args.is_null()) {
-            object.insert("args".to_owned(), args);
-        }
-        out.push((from, event));
-    };
-    let began = tick.release.max(before.ready);
-    if before.ready < began && before.ready.is_finite() {
-        let name = "record, then wait for the edge";
-        slice(LOOP, name, before.ready, began, Value::Null);
-    }
-    let about = json!({
-        "row": sequence, "step": tick.step, "sub_tick": tick.sub_tick, "state": tick.state, "test_time_s": tick.time,
-        "wakeup_lateness_us": rounded(tick.woke - tick.release),
-        "command_lateness_us": rounded(tick.sent - tick.release),
-        "stretched_ticks": tick.stretched,
-    });
-    let length = if period_us.is_finite() {
-        period_us
-    } else {
-        tick.ready - tick.release
-    };
-    let name = format!("step {}", tick.step);
-    slice(GRID, &name, tick.release, tick.release + length, about);
-    let mut from = began;
-    for (name, to) in [
-        ("wake up", tick.woke),
-        ("send", tick.sent),
-        ("wait for replies", tick.decoded),
-        ("compute", tick.ready),
-    ] {
-        let to = to.max(from);
-        slice(LOOP, name, from, to, Value::Null);
-        from = to;
-    }
-    let moved = tick.stretched - before.stretched;
-    if moved > 0.0 {
-        let ts = rounded(tick.release);
-        out.push((
-            tick.release,
-            json!({
-                "name": "grid moved", "cat": "tick", "ph": "i", "s": "t", "pid": 1, "tid": GRID, "ts": ts,
-                "args": {"by_ticks": moved},
-            }),
-        ));
-    }
-    *before = Before {
-        release: tick.release,
-        ready: from,
-        stretched: tick.stretched,
-    };
-    out
-}
-
 /// To the nanosecond.
 fn rounded(us: f64) -> f64 {
     (us * 1e3).round() / 1e3
 }
+
+/// A slice of a line.
+fn slice(line: u16, category: &str, name: &str, from: f64, to: f64, args: Value) -> Value {
+    let (from, to) = (rounded(from), rounded(to));
+    let mut event = serde_json::json!({
+        "name": name, "cat": category, "ph": "X", "pid": 1, "tid": line, "ts": from, "dur": rounded(to - from),
+    });
+    if let (Some(object), false) = (event.as_object_mut(), args.is_null()) {
+        object.insert("args".to_owned(), args);
+    }
+    event
+}
+
+/// A moment on a line.
+fn instant(line: u16, category: &str, name: &str, at: f64, args: &Value) -> Value {
+    serde_json::json!({
+        "name": name, "cat": category, "ph": "i", "s": "t", "pid": 1, "tid": line, "ts": rounded(at), "args": args,
+    })
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,13 +1,14 @@
 //! Where the lines of `events.jsonl` stand on the grid of a trace.
 //!
-//! An event knows its step and the loop's clock, a row its place on the grid. A miss says how long after its edge it was
-//! seen, so it ties the two to the nanosecond; without a miss the events may stand as much as a tick early.
+//! An event knows its step and the loop's clock; when zero was on that clock the `grid` events say. In folders of earlier
+//! versions a miss ties the two to the nanosecond, since it says how long after its edge it was seen; without a miss
+//! events may stand as much as a tick early there.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::BTreeMap;
 
-use serde_json::{Value, json};
+use serde_json::Value;
 
-use super::{EVENTS, Stamped, rounded};
+use super::{EVENTS, Stamped, instant};
 use crate::record::export::plan::Choice;
 use crate::record::run::Run;
 
@@ -68,25 +69,27 @@ impl Places {
             .map_or(self.shortest, |rate| 1e6 / rate)
     }
 
-    /// The events of the window in order, each at its place on the grid.
-    pub fn placed(&self, told: &[Value], period_us: f64) -> VecDeque<(f64, Value)> {
-        let events: Vec<&Value> = self.wanted.iter().filter_map(|i| told.get(*i)).collect();
-        let step = |event: &Value| {
-            let tick = event["tick"].as_u64()?;
-            self.steps.get(&tick).filter(|(_, _, count)| *count > 0)
-        };
-        let late_us = |event: &Value| Some(event["late_ns"].as_u64()? as f64 / 1e3);
-        // Nanoseconds of the loop's clock at the first edge, from every event that says when: exact from a miss in a step
-        // of one tick, else not later than this.
+    fn step(&self, event: &Value) -> Option<&(f64, f64, u64)> {
+        let tick = event["tick"].as_u64()?;
+        self.steps.get(&tick).filter(|(_, _, count)| *count > 0)
+    }
+
+    fn events<'a>(&self, told: &'a [Value]) -> impl Iterator<Item = &'a Value> {
+        self.wanted.iter().filter_map(|i| told.get(*i))
+    }
+
+    /// When zero was on the loop's clock, µs, as far as events and rows tell: exact from a miss in a step of one tick, else
+    /// not later than this.
+    pub fn origin_us(&self, told: &[Value], period_us: f64) -> Option<f64> {
         let (mut exact, mut bound) = (Vec::new(), f64::INFINITY);
-        for event in &events {
+        for event in self.events(told) {
             if let (Some(clock), Some((first, _, count))) =
-                (event["clock_ns"].as_u64(), step(event))
+                (event["clock_ns"].as_u64(), self.step(event))
             {
                 let clock = clock as f64 / 1e3;
-                match late_us(event) {
+                match event["late_ns"].as_u64() {
                     Some(late) if *count == 1 && event["event"] == "miss" => {
-                        exact.push(clock - late - period_us - first);
+                        exact.push(clock - late as f64 / 1e3 - period_us - first);
                     }
                     _ => bound = bound.min(clock - first),
                 }
@@ -94,20 +97,22 @@ impl Places {
         }
         exact.sort_unstable_by(f64::total_cmp);
         let origin = exact.get(exact.len() / 2).copied().unwrap_or(bound);
-        let mut placed: Vec<(f64, Value)> = events
-            .into_iter()
-            .filter_map(|event| {
-                let of_step = step(event).map(|(_, last, _)| *last);
-                let of_clock = event["clock_ns"]
-                    .as_u64()
-                    .map(|ns| ns as f64 / 1e3 - origin);
-                let at = of_clock.filter(|at| at.is_finite()).or(of_step)?;
-                // Before the first edge there is no time on the grid.
-                Some((at.max(0.0), shown(event, at.max(0.0))))
-            })
-            .collect();
-        placed.sort_by(|(a, _), (b, _)| a.total_cmp(b));
-        placed.into()
+        origin.is_finite().then_some(origin)
+    }
+
+    /// The events of the window in order, each at its place on the grid.
+    pub fn placed(&self, told: &[Value], origin_us: Option<f64>) -> Vec<(f64, Value)> {
+        let placed = self.events(told).filter_map(|event| {
+            let of_step = self.step(event).map(|(_, last, _)| *last);
+            let of_clock = event["clock_ns"].as_u64();
+            let of_clock = of_clock
+                .zip(origin_us)
+                .map(|(ns, origin)| ns as f64 / 1e3 - origin);
+            // Before the first edge there is no time on the grid.
+            let at = of_clock.or(of_step)?.max(0.0);
+            Some((at, shown(event, at)))
+        });
+        placed.collect()
     }
 }
 
@@ -118,7 +123,5 @@ fn shown(event: &Value, at: f64) -> Value {
     } else {
         name
     };
-    json!({
-        "name": name, "cat": "event", "ph": "i", "s": "t", "pid": 1, "tid": EVENTS, "ts": rounded(at), "args": event,
-    })
+    instant(EVENTS, "event", name, at, event)
 }

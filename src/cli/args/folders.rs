@@ -1,0 +1,92 @@
+//! What commands take that read the folder of a run, or speak to a running one.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  gusset replay runs/first\n\nExits with 1 if a number differs or the recording has a gap."
+)]
+pub(in crate::cli) struct ReplayArgs {
+    /// The run folder, finished or not.
+    pub run: PathBuf,
+    /// Print the result as JSON on stdout.
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(in crate::cli) struct OperateArgs {
+    /// The run folder of the test.
+    pub run: PathBuf,
+}
+
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Examples:\n  gusset export runs/first --format csv --out first.csv\n  \
+    gusset export runs/first --format mat --out first.mat                        load('first.mat')\n  \
+    gusset export runs/first --format npz --rate tick --out first.npz            numpy.load('first.npz')\n  \
+    gusset export runs/first --format trace --from 2 --to 2.5 --out first.json   opens in ui.perfetto.dev"
+)]
+pub(in crate::cli) struct ExportArgs {
+    /// The run folder, finished or not.
+    pub run: PathBuf,
+    /// In which form.
+    #[arg(long, value_enum, default_value_t = FormatArg::Csv)]
+    pub format: FormatArg,
+    /// The file to write (designsafe: the folder); must not exist yet.
+    #[arg(long)]
+    pub out: PathBuf,
+    /// One row per step, or every tick. A trace has every tick.
+    #[arg(long, value_enum, default_value_t = RateArg::Step)]
+    pub rate: RateArg,
+    /// Only from this test time on, in seconds.
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub from: Option<f64>,
+    /// Only up to this test time, in seconds.
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub to: Option<f64>,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub(in crate::cli) enum FormatArg {
+    /// Comma-separated values, 17 significant digits.
+    Csv,
+    /// NumPy archive, one array per column.
+    Npz,
+    /// MATLAB 7.3 file (also h5py, Octave), one vector per column.
+    Mat,
+    /// HDF5 file, one dataset per column.
+    Hdf5,
+    /// Timeline of the loop for ui.perfetto.dev or chrome://tracing.
+    Trace,
+    /// Folder in the shape of a DesignSafe hybrid-simulation project.
+    #[value(name = "designsafe")]
+    DesignSafe,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub(in crate::cli) enum RateArg {
+    /// The last tick of each step.
+    Step,
+    /// All ticks.
+    Tick,
+}
+
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  gusset report runs/first\n  gusset report runs/rehearsal runs/test --out comparison.html"
+)]
+pub(in crate::cli) struct ReportArgs {
+    /// The run folder, finished or not.
+    pub run: PathBuf,
+    /// A second run: compare the two, row by row where their steps are of one length.
+    pub against: Option<PathBuf>,
+    /// Where the comparison goes, replacing what is there [default: FIRST-against-SECOND.html in the working directory].
+    #[arg(long, value_name = "FILE", requires = "against")]
+    pub out: Option<PathBuf>,
+    /// Also draw one wide picture of the run (SVG) here; must not exist yet.
+    #[arg(long, value_name = "FILE", conflicts_with = "against")]
+    pub picture: Option<PathBuf>,
+}

@@ -1,0 +1,54 @@
+//! What every command that takes specimens through a run shares: the folder, who attends, and how a run that could not be made
+//! is told.
+
+use std::path::Path;
+
+use anyhow::Context;
+
+use super::attend;
+use super::exit::{Exit, WithExit};
+use super::tell;
+use crate::config::Facts;
+use crate::engine::{Control, PhaseCell};
+use crate::record::RunFolder;
+use crate::rt::wall::Wall;
+use crate::session::{Finished, SessionError, Signals};
+
+/// Notices of the loop that may wait to be read.
+const NOTICES: usize = 1024;
+
+/// The folder that was asked for, or one of its own.
+pub(super) fn folder(out: Option<&Path>, title: &str) -> anyhow::Result<RunFolder> {
+    match out {
+        Some(path) => RunFolder::create(path),
+        None => RunFolder::create_default(Path::new("runs"), title, Wall::now().0),
+    }
+    .context("the run folder cannot be made")
+}
+
+/// The loop hears the signals and the desk; its notices are attended to from now on.
+pub(super) fn attended(signals: &Signals, facts: &Facts, yes: bool) -> anyhow::Result<Control> {
+    let (notices, heard) = crossbeam_channel::bounded(NOTICES);
+    let names = facts.specimens.clone();
+    attend::attend(names, heard, signals.operator(), yes, &signals.roll())?;
+    Ok(Control {
+        requests: signals.requests(),
+        notices,
+        phase: PhaseCell::default(),
+        desk: Some(signals.operator()),
+    })
+}
+
+/// What came of a run; what of it could not be written is told.
+pub(super) fn finished(run: Result<Finished, SessionError>) -> anyhow::Result<Finished> {
+    let finished = run.map_err(|error| match error {
+        SessionError::NotRealTime { .. } => {
+            WithExit(Exit::NoRealTime, format!("{error}\nnothing was moved")).into()
+        }
+        other => anyhow::Error::new(other),
+    })?;
+    for text in &finished.unwritten {
+        tell(format_args!("warning: not written: {text}"));
+    }
+    Ok(finished)
+}

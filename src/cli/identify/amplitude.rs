@@ -1,0 +1,175 @@
+//! How far an axis is driven: as was asked for if the limits allow it, else a share of what they leave.
+
+use super::super::table::quantity;
+use super::usage;
+use crate::config::SpecimenTable;
+use crate::control::limits::{BoundSpec, LimitsSpec, RangeSpec};
+use crate::identify::{Band, Course};
+
+/// Share of the stroke that is left, and of everything else that is allowed, that a motion takes unless it is told.
+const OF_STROKE: f64 = 0.05;
+const OF_REST: f64 = 0.5;
+
+/// A limit that a motion meets, and the largest amplitude within it.
+struct Room {
+    key: &'static str,
+    warn: f64,
+    trip: f64,
+    /// What the motion needs of it at a metre of amplitude.
+    need: f64,
+    unit: &'static str,
+}
+
+/// How far an axis goes, and why.
+pub(super) fn amplitude(
+    asked: Option<f64>,
+    table: &SpecimenTable,
+    axis: usize,
+    limits: &LimitsSpec,
+    course: &Course,
+    band: Band,
+    tick: f64,
+) -> anyhow::Result<(f64, String)> {
+    let zero = table.axis.get(axis).map_or(0.0, |axis| axis.offset_m);
+    let demand = course.demand();
+    let room = |key, (warn, trip): (f64, f64), need, unit| Room {
+        key,
+        warn,
+        trip,
+        need,
+        unit,
+    };
+    let rooms = [
+        room(
+            "command_disp_m",
+            ways(limits.command_disp_m, zero),
+            1.0,
+            "m",
+        ),
+        room(
+            "measured_disp_m",
+            ways(limits.measured_disp_m, zero),
+            1.0,
+            "m",
+        ),
+        room("length_m", (f64::INFINITY, length(table, axis)), 1.0, "m"),
+        room(
+            "command_vel_m_per_s",
+            levels(limits.command_vel_m_per_s),
+            demand.vel,
+            "m/s",
+        ),
+        room(
+            "command_step_m",
+            levels(limits.command_step_m),
+            demand.vel * tick,
+            "m",
+        ),
+        room(
+            "command_accel_m_per_s2",
+            levels(limits.command_accel_m_per_s2),
+            demand.accel,
+            "m/s²",
+        ),
+    ];
+    let what = if table.geometry.is_some() {
+        "actuator"
+    } else {
+        "axis"
+    };
+    let place = format!("specimen \"{}\" {what} {}", table.name, axis + 1);
+    let Some(asked) = asked else {
+        return of_itself(&place, &rooms);
+    };
+    let positive = asked > 0.0 && asked.is_finite();
+    if !positive {
+        return Err(usage(format!(
+            "--amplitude is {asked}, but must be greater than 0 m"
+        )));
+    }
+    let tightest = rooms
+        .iter()
+        .min_by(|a, b| (a.trip / a.need).total_cmp(&(b.trip / b.need)));
+    match tightest {
+        Some(room) if asked * room.need > room.trip => {
+            let largest = room.trip / room.need;
+            let narrower = match room.key {
+                "command_vel_m_per_s" | "command_step_m" => Some(room.trip / (asked * room.need)),
+                "command_accel_m_per_s2" => Some((room.trip / (asked * room.need)).sqrt()),
+                _ => None,
+            };
+            // Velocity grows with the frequency, acceleration with its square.
+            let narrower = narrower.map(|share| share * band.to_hz);
+            let or = narrower
+                .filter(|hz| *hz > band.from_hz)
+                .map_or_else(String::new, |hz| {
+                    format!(", or a band up to about {hz:.3} Hz")
+                });
+            Err(usage(format!(
+                "{place}: an amplitude of {asked} m needs {} of `{}`, allowed is {}; largest amplitude for this motion: {:e} m{or}",
+                quantity(asked * room.need, room.unit),
+                room.key,
+                quantity(room.trip, room.unit),
+                rounded_down(largest),
+            )))
+        }
+        _ => Ok((asked, "as asked for".to_owned())),
+    }
+}
+
+/// The amplitude where none was asked for.
+fn of_itself(place: &str, rooms: &[Room]) -> anyhow::Result<(f64, String)> {
+    let stroke = rooms
+        .iter()
+        .filter(|room| room.unit == "m" && room.need == 1.0);
+    let stroke = stroke.map(|room| room.warn.min(room.trip));
+    let stroke = stroke.fold(f64::INFINITY, f64::min);
+    let is_known = stroke > 0.0 && stroke.is_finite();
+    if !is_known {
+        return Err(usage(format!(
+            "{place} has no `command_disp_m` in its limits that leaves it a way, and no `length_m`, so there is nothing to take an amplitude from: \
+             give --amplitude"
+        )));
+    }
+    let mut found = (OF_STROKE * stroke, "5 % of the stroke".to_owned());
+    for room in rooms {
+        let share = OF_REST * room.warn.min(room.trip) / room.need;
+        if share < found.0 {
+            found = (share, format!("half of what `{}` allows", room.key));
+        }
+    }
+    Ok(found)
+}
+
+fn levels(spec: Option<BoundSpec>) -> (f64, f64) {
+    let spec = spec.unwrap_or_default();
+    let level = |level: Option<f64>| level.unwrap_or(f64::INFINITY);
+    (level(spec.warn), level(spec.trip))
+}
+
+/// Way that a range leaves on either side of where the axis stands at zero deformation.
+fn ways(spec: Option<RangeSpec>, zero: f64) -> (f64, f64) {
+    let spec = spec.unwrap_or_default();
+    let way = |range: Option<[f64; 2]>| {
+        range.map_or(f64::INFINITY, |[low, high]| (high - zero).min(zero - low))
+    };
+    (way(spec.warn), way(spec.trip))
+}
+
+/// Stroke either way in m, as the axis counts it, that the length of an actuator allows.
+fn length(table: &SpecimenTable, axis: usize) -> f64 {
+    let geometry = table.geometry.as_ref();
+    let Some(geometry) = geometry.and_then(|spec| spec.build(1.0).ok()) else {
+        return f64::INFINITY;
+    };
+    let [least, most] = geometry.stroke_range(axis);
+    let scale = table.axis.get(axis).map_or(1.0, |axis| axis.scale);
+    scale * most.min(-least)
+}
+
+/// Two digits of a number, rounded down.
+pub(super) fn rounded_down(value: f64) -> f64 {
+    let unit = libm::pow(10.0, libm::floor(libm::log10(value)) - 1.0);
+    // A power of ten that is a hair too large must not take a digit away.
+    (value / unit * (1.0 + 1e-12)).floor() * unit
+}

@@ -1,0 +1,70 @@
+//! What a build has found so far, and read; and how it refuses: a finding at its place in the file.
+
+use super::{Dial, Trial};
+use crate::config::{Finding, Inputs, KeyPath, Loaded};
+
+/// Findings so far, and the files read so far.
+pub(super) struct Site<'a> {
+    pub loaded: &'a Loaded,
+    /// Makes the transports of links that are not to be connected.
+    pub dial: Option<&'a mut Dial<'a>>,
+    pub inputs: Inputs,
+    pub errors: Vec<Finding>,
+    pub warnings: Vec<Finding>,
+    /// No link is wanted: something stands for every specimen behind one.
+    pub trial: Option<&'a Trial>,
+}
+
+/// The end of a build whose findings are in the site.
+pub(super) struct Refused;
+
+impl<'a> Site<'a> {
+    pub fn new(
+        loaded: &'a Loaded,
+        trial: Option<&'a Trial>,
+        dial: Option<&'a mut Dial<'a>>,
+    ) -> Self {
+        Self {
+            loaded,
+            dial,
+            inputs: loaded.inputs(),
+            errors: Vec::new(),
+            warnings: Vec::new(),
+            trial,
+        }
+    }
+}
+
+impl Site<'_> {
+    pub fn refuse<T>(&mut self, finding: Finding) -> Result<T, Refused> {
+        self.errors.push(finding);
+        Err(Refused)
+    }
+
+    /// A complaint of a lower layer about `key`, at the nearest place below `at` that is called so.
+    pub fn refuse_key<T>(
+        &mut self,
+        at: &KeyPath,
+        key: &str,
+        error: &dyn std::fmt::Display,
+    ) -> Result<T, Refused> {
+        let path = self.loaded.locator.beneath(at, key);
+        self.refuse(Finding::error(path, error.to_string()))
+    }
+
+    /// The bytes of an input, or a finding at the key that names it.
+    pub fn read(&mut self, at: KeyPath, requested: &str) -> Result<Vec<u8>, Refused> {
+        match self.inputs.read(requested) {
+            Ok(bytes) => Ok(bytes.to_vec()),
+            Err(error) => {
+                let finding = error.finding(at);
+                self.refuse(finding)
+            }
+        }
+    }
+}
+
+/// Root of all paths.
+pub(super) fn path(key: &str) -> KeyPath {
+    KeyPath::root().key(key)
+}

@@ -1,0 +1,232 @@
+//! What a test file says of one specimen: what stands for it, its rows of B, its estimates and bounds.
+
+use nalgebra::DMatrix;
+
+use super::super::gear::{Rows, axis, scaled};
+use super::super::{Refused, Site, links, path};
+use super::loading::{Loading, at_actuators, behind_actuators, loading};
+use super::{Entry, Stand, stand_in};
+use crate::config::{Finding, KeyPath, MatrixValue, SpecimenTable};
+use crate::control::Axis;
+use crate::law::Reach;
+use crate::linalg::SymMatrix;
+use crate::link::spec::Protocol;
+use crate::model::StructureSpec;
+use crate::specimen::{Specimen, SpecimenLaw};
+
+/// Everything that is known of one specimen.
+pub(super) fn entry(
+    site: &mut Site<'_>,
+    index: usize,
+    table: &SpecimenTable,
+) -> Result<Entry, Refused> {
+    let at = &path("specimen").index(index);
+    let drawn = site
+        .trial
+        .and_then(|trial| trial.specimens.get(index).copied());
+    let drawn = drawn.unwrap_or_default();
+    let rows = rows(site, at, table)?;
+    let (rows, loading) = loading(site, at, table, rows)?;
+    let n = rows.len();
+    let laws = loading.as_ref().map_or(n, |_| table.law_axes());
+    let mut law = match (table.sources().into_iter().next(), &table.link) {
+        (Some((key, source)), _) => {
+            let law = built(site, at, table, (key, source), laws)?;
+            let (at, spec) = (at.key("transfer"), table.transfer.as_ref());
+            Some(stand_in::behind_transfer(site, &at, spec, law, &drawn)?)
+        }
+        (None, Some(_)) => None,
+        (None, None) => {
+            let text = "nothing stands for the specimen";
+            return site.refuse(Finding::error(at.clone(), text));
+        }
+    };
+    let mut axes = Vec::with_capacity(n);
+    let mut units = Vec::with_capacity(n);
+    let mut reach = Vec::with_capacity(n);
+    for (index, row) in rows.into_iter().enumerate() {
+        let gear = table.axis.get(index).cloned().unwrap_or_default();
+        let (axis, to_si) = axis(table, &gear, row);
+        // What the law sees at its own scale when the structure moves as far as is declared.
+        let scale = gear.scale / table.similitude.length;
+        reach.push(Reach {
+            disp: table.reach_disp_m.map(|reach| reach * scale),
+            vel: table
+                .reach_vel_m_per_s
+                .map(|reach| reach * scale * table.similitude.time),
+        });
+        axes.push(axis);
+        units.push(to_si);
+    }
+    let (mut k, mut c, mut m) = (vec![0.0; n * n], vec![0.0; n * n], vec![0.0; n * n]);
+    if let Some(law) = &law {
+        law.reference(&mut k, &mut c, &mut m);
+    }
+    let scaled = |flat: &[f64], motion: fn(&Axis) -> f64| scaled(flat, &axes, &units, motion);
+    let stiffness = match &table.stiffness_n_per_m {
+        Some(given) => {
+            let given = estimate(site, &at.key("stiffness_n_per_m"), given, laws)?;
+            seen(table, &loading, given)
+        }
+        None => scaled(&k, |axis| axis.disp_gain),
+    };
+    let damping = match &table.damping_n_s_per_m {
+        Some(given) => {
+            let given = estimate(site, &at.key("damping_n_s_per_m"), given, laws)?;
+            seen(table, &loading, given)
+        }
+        None => scaled(&c, |axis| axis.vel_gain),
+    };
+    let mut mass = scaled(&m, |axis| axis.vel_gain * axis.vel_gain / axis.disp_gain);
+    let mut mass_in_force = table.mass_in_force_kg;
+    if site.trial.is_some_and(|trial| trial.ideal) {
+        for (axis, row) in mass.iter_mut().enumerate() {
+            row[axis] += mass_in_force;
+        }
+        mass_in_force = 0.0;
+    }
+    let stiffness_at_rest = match (&table.stiffness_n_per_m, &mut law) {
+        (None, Some(law)) => {
+            let (still, mut force) = (vec![0.0; n], vec![0.0; n]);
+            law.trial(&still, &still, 0.0, &mut force);
+            law.tangent(&mut k);
+            law.revert();
+            scaled(&k, |axis| axis.disp_gain)
+        }
+        (Some(_), _) | (None, None) => stiffness.clone(),
+    };
+    let bounds = match &law {
+        Some(law) => law.bound(&reach, &mut k, &mut c).map(|()| {
+            (
+                scaled(&k, |axis| axis.disp_gain),
+                scaled(&c, |axis| axis.vel_gain),
+            )
+        }),
+        None => {
+            let ratio = table.hardening_bound.unwrap_or(1.0);
+            let times = |row: &Vec<f64>| row.iter().map(|value| ratio * value).collect();
+            Ok((stiffness.iter().map(times).collect(), damping.clone()))
+        }
+    };
+    let stand_in = match &table.stand_in {
+        Some(source) => Some(built(site, at, table, ("stand_in", source), laws)?),
+        None => None,
+    };
+    let stand = match (law, &table.link) {
+        (Some(law), _) => Stand::Law(law),
+        (None, Some(_)) if site.trial.is_some() => {
+            let known = stand_in::Known {
+                table,
+                axes: &axes,
+                units: &units,
+                stiffness: &stiffness,
+                damping: &damping,
+            };
+            stand_in::stand_in(site, at, &known, stand_in, &drawn)?
+        }
+        (None, Some(link)) if link.protocol == Protocol::Gusset => {
+            let (native, rules) = links::native(site, at, table, link, n)?;
+            Stand::Native(Box::new(native), rules)
+        }
+        (None, Some(link)) => {
+            let (remote, rules) = links::openfresco(site, at, link, n)?;
+            Stand::OpenFresco(Box::new(remote), rules)
+        }
+        // Refused above.
+        (None, None) => return Err(Refused),
+    };
+    Ok(Entry {
+        name: table.name.clone(),
+        stand,
+        axes,
+        loading,
+        units,
+        stiffness,
+        damping,
+        stiffness_at_rest,
+        mass,
+        bounds,
+        mass_in_force,
+    })
+}
+
+/// A law for so many axes, at the platform of its actuators if it stands there.
+fn built(
+    site: &mut Site<'_>,
+    at: &KeyPath,
+    table: &SpecimenTable,
+    (key, source): (&str, &SpecimenLaw),
+    laws: usize,
+) -> Result<Box<dyn Specimen>, Refused> {
+    let law = match source.build(laws) {
+        Ok(law) => law,
+        Err(error) => return site.refuse_key(&at.key(key), error.key(), &error),
+    };
+    match behind_actuators(table, law) {
+        Ok(law) => Ok(law),
+        Err(error) => site.refuse_key(&at.key("geometry"), error.key(), &error),
+    }
+}
+
+/// An estimate as the axes see it.
+fn seen(table: &SpecimenTable, loading: &Option<Loading>, estimate: Rows) -> Rows {
+    match loading {
+        Some(loading) => at_actuators(table, &loading.geometry, estimate),
+        None => estimate,
+    }
+}
+
+/// Rows of B: of a storey, given, or one without any entry for a test without a structure.
+fn rows(
+    site: &mut Site<'_>,
+    at: &KeyPath,
+    table: &SpecimenTable,
+) -> Result<Vec<Vec<(usize, f64)>>, Refused> {
+    let kinds = site
+        .loaded
+        .file
+        .structure
+        .as_ref()
+        .map(|structure| structure.kinds());
+    let spec: Option<&StructureSpec> = kinds.and_then(|kinds| kinds.first().map(|kind| kind.1));
+    match (table.storey, &table.rows, spec) {
+        (Some(storey), _, Some(spec)) => match spec.storey_row(storey) {
+            Ok(row) => Ok(vec![row]),
+            Err(error) => {
+                let finding = Finding::error(at.key("storey"), error.to_string());
+                site.refuse(finding.label("no such storey"))
+            }
+        },
+        (None, Some(rows), _) => {
+            let sparse = |row: &Vec<f64>| {
+                let entries = row.iter().copied().enumerate();
+                entries.filter(|(_, entry)| *entry != 0.0).collect()
+            };
+            Ok(rows.iter().map(sparse).collect())
+        }
+        // Without a structure there is nothing to transform: as many axes as the laws or the axis tables say.
+        (_, _, None) => Ok(vec![Vec::new(); table.axes_by_itself()]),
+        (None, None, Some(_)) => {
+            let text = "which deformation does the specimen see: `storey` or `rows`";
+            site.refuse(Finding::error(at.clone(), text))
+        }
+    }
+}
+
+fn estimate(
+    site: &mut Site<'_>,
+    at: &KeyPath,
+    given: &MatrixValue,
+    n: usize,
+) -> Result<Rows, Refused> {
+    let rows = given.rows();
+    if rows.len() != n || rows.iter().any(|row| row.len() != n) {
+        let text = format!("the estimate is not {n} × {n}, one row and column per axis");
+        return site.refuse(Finding::error(at.clone(), text));
+    }
+    let matrix = DMatrix::from_fn(n, n, |i, j| rows[i][j]);
+    match SymMatrix::from_dense(&matrix) {
+        Ok(_) => Ok(rows),
+        Err(error) => site.refuse(Finding::error(at.clone(), error.to_string())),
+    }
+}

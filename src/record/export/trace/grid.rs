@@ -1,0 +1,86 @@
+//! Where rows stand on the clock. A run has up to three grids of ticks: for trying directions, for what comes before t = 0,
+//! for the test; rows count from the first edge of theirs. Events of the kind `grid` say when that was on the loop's clock.
+
+use serde_json::Value;
+
+use super::stamps::Stamped;
+use crate::record::GridOf;
+
+/// States of rows: trying directions; the test itself. The rest is before it, or on the way out.
+const PROBING: f64 = 2.0;
+const RUNNING: [f64; 5] = [3.0, 6.0, 11.0, 12.0, 13.0];
+const WAY_OUT: [f64; 3] = [7.0, 8.0, 14.0];
+
+/// Places row after row, from the first of the file on.
+pub(super) struct Grid {
+    /// First edges, ns of the loop's clock.
+    edges: [Option<u64>; 3],
+    /// The edge that is zero: the first of the grid of the first row.
+    zero_ns: Option<u64>,
+    begun: bool,
+    /// Without edges: where the row before stood, the shortest way between two, and how far rows are moved.
+    before: f64,
+    shortest: f64,
+    moved: f64,
+}
+
+impl Grid {
+    pub fn of(told: &[Value]) -> Self {
+        let edge = |of: GridOf| {
+            let mut lines = told.iter().rev();
+            let line = lines.find(|line| line["event"] == "grid" && line["of"] == of.word())?;
+            line["first_edge_ns"].as_u64()
+        };
+        Self {
+            edges: [GridOf::Directions, GridOf::Opening, GridOf::Test].map(edge),
+            zero_ns: None,
+            begun: false,
+            before: f64::NEG_INFINITY,
+            shortest: f64::INFINITY,
+            moved: 0.0,
+        }
+    }
+
+    /// When zero was on the loop's clock, µs; none before the first row, and where the events do not say it.
+    pub fn zero_us(&self) -> Option<f64> {
+        self.zero_ns.map(|ns| ns as f64 / 1e3)
+    }
+
+    /// The row in µs from zero.
+    pub fn place(&mut self, row: &Stamped) -> Stamped {
+        self.begun |= RUNNING.contains(&row.state) || row.state.is_nan();
+        let [directions, opening, test] = self.edges;
+        let edge = if row.state == PROBING {
+            directions.or(opening)
+        } else if RUNNING.contains(&row.state) || (self.begun && WAY_OUT.contains(&row.state)) {
+            test
+        } else if self.begun {
+            test.or(opening)
+        } else {
+            opening
+        };
+        if let Some(edge) = edge {
+            let zero = *self.zero_ns.get_or_insert(edge);
+            let ns = edge as f64 - zero as f64;
+            return row.later(ns / 1e3);
+        }
+        // As earlier versions left it: a grid that begins anew is put right behind the one before.
+        let at = row.release + self.moved;
+        if at < self.before && row.is_stamped() && row.release == 0.0 {
+            let way = if self.shortest.is_finite() {
+                self.shortest
+            } else {
+                0.0
+            };
+            self.moved = self.before + way - row.release;
+        }
+        let placed = row.later(self.moved);
+        if placed.release > self.before {
+            self.shortest = self.shortest.min(placed.release - self.before);
+        }
+        if placed.release.is_finite() {
+            self.before = self.before.max(placed.release);
+        }
+        placed
+    }
+}

@@ -1,0 +1,109 @@
+//! A histogram in which a value that comes many times in a row costs an addition.
+//!
+//! Under the simulated clock most durations are the same tick after tick; under the real one nearly none is, and the
+//! difference is a comparison. What is read is what a plain histogram would hold.
+
+use hdrhistogram::Histogram;
+
+/// Smallest value told apart, largest value, significant digits: 200 kB a histogram.
+pub(super) const BOUNDS: (u64, u64, u8) = (1, 10_000_000_000, 3);
+
+/// Values in nanoseconds.
+#[derive(Debug, Clone)]
+pub(super) struct Tally {
+    histogram: Histogram<u64>,
+    /// The last value, and how often it came since it stands here and not in the histogram.
+    last: u64,
+    waiting: u64,
+}
+
+pub(super) fn histogram() -> Histogram<u64> {
+    let (low, high, digits) = BOUNDS;
+    Histogram::new_with_bounds(low, high, digits)
+        .expect("the bounds are constants that satisfy low >= 1, high >= 2 low and digits <= 5")
+}
+
+impl Tally {
+    pub fn new() -> Self {
+        Self::over(histogram())
+    }
+
+    /// Every count is written once, so that no page of it is met for the first time in the loop.
+    pub fn touched() -> Self {
+        let mut fresh = histogram();
+        fresh.reset();
+        Self::over(fresh)
+    }
+
+    /// Holds nothing worth reading.
+    pub fn none() -> Self {
+        Self::over(Histogram::new_with_bounds(1, 2, 0).expect("the smallest bounds that there are"))
+    }
+
+    const fn over(histogram: Histogram<u64>) -> Self {
+        Self {
+            histogram,
+            last: 0,
+            waiting: 0,
+        }
+    }
+
+    /// One more. Real-time: yes.
+    #[inline]
+    pub fn record(&mut self, ns: u64) {
+        self.record_n(ns, 1);
+    }
+
+    /// `count` more of one size. Real-time: yes.
+    #[inline]
+    pub fn record_n(&mut self, ns: u64, count: u64) {
+        if ns == self.last {
+            self.waiting += count;
+        } else {
+            if self.waiting > 0 {
+                self.histogram.saturating_record_n(self.last, self.waiting);
+            }
+            (self.last, self.waiting) = (ns, count);
+        }
+    }
+
+    /// An empty one is left alone: there is much to write.
+    pub fn forget(&mut self) {
+        self.waiting = 0;
+        if !self.histogram.is_empty() {
+            self.histogram.reset();
+        }
+    }
+
+    /// With everything that was recorded.
+    pub fn read(&self) -> Histogram<u64> {
+        let mut whole = self.histogram.clone();
+        if self.waiting > 0 {
+            whole.saturating_record_n(self.last, self.waiting);
+        }
+        whole
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// Long runs of few values, and values that never come twice.
+        #[test]
+        fn it_holds_what_a_plain_histogram_holds(
+            values in prop::collection::vec((prop_oneof![Just(0_u64), Just(977), 0..20_000_000_000_u64], 1..4_u64), 0..200),
+        ) {
+            let (mut tally, mut plain) = (Tally::new(), histogram());
+            for (value, count) in values {
+                tally.record_n(value, count);
+                tally.record(value);
+                plain.saturating_record_n(value, count + 1);
+                prop_assert_eq!(tally.read().len(), plain.len());
+            }
+            prop_assert_eq!(tally.read(), plain);
+        }
+    }
+}

@@ -1,0 +1,70 @@
+//! A spring of one axis that answers every command, at once or after some looks, and lets a test hear what it was told.
+
+use gusset::substructure::{
+    Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
+};
+use gusset::time::Nanos;
+
+/// Coupling: lockstep.
+pub struct Spring {
+    stiffness: f64,
+    /// Where it stands without a force.
+    pub place: f64,
+    /// What the displacement sensor reads beyond the position, and the load cell without a force.
+    pub bias: [f64; 2],
+    hears: Box<dyn FnMut(&Command<'_>) + Send>,
+    is_there: Box<dyn FnMut(u32, usize) -> bool + Send>,
+    disp: f64,
+    sequence: u64,
+    told: usize,
+    looks: u32,
+}
+
+impl Spring {
+    /// `hears` every command as it is issued.
+    pub fn new(stiffness: f64, hears: impl FnMut(&Command<'_>) + Send + 'static) -> Self {
+        Self {
+            stiffness,
+            place: 0.0,
+            bias: [0.0; 2],
+            hears: Box::new(hears),
+            is_there: Box::new(|_, _| true),
+            disp: 0.0,
+            sequence: 0,
+            told: 0,
+            looks: 0,
+        }
+    }
+
+    /// `is_there` says at each look, from 1 on after every command, whether the answer to the last of so many commands is there.
+    pub fn answering(mut self, is_there: impl FnMut(u32, usize) -> bool + Send + 'static) -> Self {
+        self.is_there = Box::new(is_there);
+        self
+    }
+}
+
+impl Substructure for Spring {
+    fn axes(&self) -> usize {
+        1
+    }
+    fn coupling(&self) -> Coupling {
+        Coupling::Lockstep
+    }
+    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+        (self.disp, self.sequence) = (command.disp[0], command.sequence);
+        (self.told, self.looks) = (self.told + 1, 0);
+        (self.hears)(command);
+        Ok(())
+    }
+    fn is_answered(&mut self) -> Result<bool, LinkFault> {
+        self.looks = self.looks.saturating_add(1);
+        Ok((self.is_there)(self.looks, self.told))
+    }
+    fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+        into.sequence = self.sequence;
+        into.disp[0] = self.disp + self.bias[0];
+        into.force[0] = self.stiffness * (self.disp - self.place) + self.bias[1];
+        Ok(Freshness::Fresh)
+    }
+    fn retire(&mut self, _: Retirement) {}
+}

@@ -1,0 +1,337 @@
+//! The trace of a run: by hand, on the real clock, after a kill −9.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use std::process::Stdio;
+
+use gusset::record::Run;
+use gusset::record::threads::{Stamp, ThreadEnd, ThreadRecord, What};
+use gusset::rt::os::{monotonic_ns, yield_now};
+use serde_json::Value;
+
+use crate::common::{FRAME, PATIENT, completed, gusset, json, write};
+use crate::export;
+use crate::export::{by_hand, row};
+
+pub fn phases(trace: &Value) -> Vec<&Value> {
+    let events = trace["traceEvents"].as_array().unwrap();
+    events.iter().filter(|event| event["ph"] == "X").collect()
+}
+
+/// Every number of the trace follows from the columns of `row`, and the moment of the miss from the event alone.
+#[test]
+fn a_trace_shows_every_phase_every_event_and_every_miss_where_it_was() {
+    let temp = tempfile::tempdir().unwrap();
+    let run = temp.path().join("run");
+    // Tick 5 computes 1.9 ms: the edges of ticks 6 and 7 pass meanwhile.
+    by_hand(
+        &run,
+        (0..10).map(|k| {
+            let mut row = row(k);
+            if k == 5 {
+                row[10] = 1.9e-3;
+            }
+            row
+        }),
+    );
+    // The loop's clock stood at 7 s at the first edge. The miss was seen 1.25 ms behind its deadline, 6 ms after it.
+    let events = [
+        r#"{"tick":2,"time":0.002,"wall":"","clock_ns":7002500000,"event":"limit","specimen":1}"#,
+        r#"{"tick":5,"time":0.005,"wall":"","clock_ns":7007250000,"event":"miss","class":"ours","late_ns":1250000}"#,
+        r#"{"tick":9,"time":0.009,"wall":"","clock_ns":null,"event":"note"}"#,
+        r#"{"tick":9,"time":"#,
+    ];
+    fs::write(run.join("events.jsonl"), events.join("\n")).unwrap();
+    let said = export(&run, "trace", &temp.path().join("trace.json"), &[]);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let trace = json(temp.path(), "trace.json");
+    let all = trace["traceEvents"].as_array().unwrap();
+    let mut last = 0.0;
+    for event in all {
+        let at = event["ts"].as_f64().unwrap();
+        assert!(at >= last, "{event} after {last}");
+        assert_eq!(event["pid"], 1);
+        last = at;
+    }
+    let named = |event: &&&Value| event["ph"] == "M" && event["name"] == "thread_name";
+    let threads: Vec<&Value> = all
+        .iter()
+        .filter(|e| named(&e))
+        .map(|e| &e["args"]["name"])
+        .collect();
+    assert_eq!(threads, ["grid", "loop", "events"]);
+
+    let slices = phases(&trace);
+    let of = |name: &str| -> Vec<(f64, f64)> {
+        let number = |event: &Value, key: &str| event[key].as_f64().unwrap();
+        let found = slices.iter().filter(|event| event["name"] == name);
+        found
+            .map(|event| (number(event, "ts"), number(event, "dur")))
+            .collect()
+    };
+    let close =
+        |(a, b): (f64, f64), (c, d): (f64, f64)| (a - c).abs() < 1e-6 && (b - d).abs() < 1e-6;
+    for k in 0..10_u32 {
+        let (edge, index) = (f64::from(k) * 1e3, k as usize);
+        assert!(close(of(&format!("step {k}"))[0], (edge, 1000.0)), "{k}");
+        // Ticks 6 and 7 were due before the loop was done with tick 5 at 7215 µs.
+        let begin = if k == 6 || k == 7 { continue } else { edge };
+        // What is behind the deadline is a slice of its own.
+        let compute = if k == 5 { 685.0 } else { 100.0 };
+        for (name, at, length) in [
+            ("wake up", 0.0, 10.0),
+            ("send", 10.0, 5.0),
+            ("wait for replies", 15.0, 300.0),
+            ("compute", 315.0, compute),
+        ] {
+            let parts = usize::from(name == "compute" && k > 5);
+            let found = of(name)[index + parts];
+            assert!(
+                close(found, (begin + at, length)),
+                "{name} of {k}: {found:?}"
+            );
+        }
+    }
+    assert!(close(of("miss: ours")[0], (6000.0, 1250.0)));
+    assert!(close(of("compute")[6], (6000.0, 1215.0)));
+    assert!(close(of("record")[0], (7215.0, 35.0)));
+    // Slices of one line never overlap.
+    let on_loop = slices.iter().filter(|event| {
+        let name = event["name"].as_str().unwrap();
+        event["tid"] == 3 && !name.starts_with("miss")
+    });
+    let mut until = 0.0;
+    for slice in on_loop {
+        let (at, length) = (
+            slice["ts"].as_f64().unwrap(),
+            slice["dur"].as_f64().unwrap(),
+        );
+        assert!(at >= until - 1e-3, "{slice} begins before {until}");
+        until = at + length;
+    }
+    let instants: Vec<&Value> = all.iter().filter(|event| event["ph"] == "i").collect();
+    let shown = |event: &Value| {
+        let text = |key: &str| event[key].as_str().unwrap().to_owned();
+        (text("name"), text("s"), event["ts"].as_f64().unwrap())
+    };
+    let expected = [
+        ("limit", "t", 2500.0),
+        ("deadline missed", "t", 7250.0),
+        ("note", "t", 9000.0),
+    ];
+    let expected = expected.map(|(name, scope, at)| (name.to_owned(), scope.to_owned(), at));
+    assert_eq!(
+        instants
+            .iter()
+            .map(|event| shown(event))
+            .collect::<Vec<_>>(),
+        expected
+    );
+    assert_eq!(instants[1]["args"]["class"], "ours");
+}
+
+/// Everything that `threads.bin` has.
+struct Stamped {
+    named: BTreeMap<u8, (String, u32)>,
+    stamps: Vec<Stamp>,
+    end: ThreadEnd,
+}
+
+fn stamped(run: &Path) -> Stamped {
+    let mut reader = Run::open(run).unwrap().threads().unwrap().unwrap();
+    let (mut named, mut stamps) = (BTreeMap::new(), Vec::new());
+    while let Some(record) = reader.next_record().unwrap() {
+        match record {
+            ThreadRecord::Name { thread, name, id } => {
+                named.insert(thread, (name, id));
+            }
+            ThreadRecord::Stamp(stamp) => stamps.push(stamp),
+            ThreadRecord::Lost { .. } => panic!("nothing was lost here"),
+        }
+    }
+    Stamped {
+        named,
+        stamps,
+        end: reader.end().unwrap(),
+    }
+}
+
+impl Stamped {
+    fn of(&self, what: What) -> Vec<&Stamp> {
+        self.stamps.iter().filter(|s| s.what == what).collect()
+    }
+
+    fn amount(&self, what: What) -> u64 {
+        self.of(what).iter().map(|stamp| stamp.amount).sum()
+    }
+}
+
+/// A second on the real clock. What is counted must agree with the files, and nothing may stand before its cause: a row is
+/// not drained before it was made. How long anything took decides nothing.
+#[test]
+fn a_run_on_the_real_clock_shows_every_phase_and_every_thread_on_one_clock() {
+    let temp = tempfile::tempdir().unwrap();
+    let text = FRAME.replace("duration_s = 0.5", "duration_s = 1");
+    let test = write(temp.path(), "test.toml", &text);
+    let run = temp.path().join("run");
+    let mut more = vec!["--clock", "real", "--set", "safety.zero_s=0.05"];
+    more.extend(PATIENT);
+    completed(&test, &run, &more);
+
+    let found = stamped(&run);
+    assert_eq!(found.end, ThreadEnd::Clean);
+    let names: Vec<&str> = found
+        .named
+        .values()
+        .map(|(name, _)| name.as_str())
+        .collect();
+    let others = [
+        "gusset",
+        "gusset-attend",
+        "gusset-desk",
+        "gusset-loop",
+        "gusset-sampler",
+        "gusset-signals",
+        "gusset-sync",
+        "gusset-writer",
+    ];
+    for name in others {
+        assert_eq!(
+            names.iter().filter(|n| **n == name).count(),
+            1,
+            "{name}: {names:?}"
+        );
+    }
+    let length = |name: &str| fs::metadata(run.join(name)).unwrap().len();
+    let opened = Run::open(&run).unwrap();
+    let columns = [
+        "release_s",
+        "state",
+        "command_lateness_s",
+        "round_trip_s",
+        "compute_s",
+    ];
+    let columns = opened.columns(&columns).unwrap();
+    let rows = columns[0].len();
+    assert_eq!(found.amount(What::Drain), rows as u64);
+    assert_eq!(found.amount(What::WriteRows), length("samples.bin"));
+    assert_eq!(found.amount(What::WriteEvents), length("events.jsonl"));
+    assert_eq!(found.amount(What::SyncRows), length("samples.bin"));
+    assert!(!found.of(What::Look).is_empty() && !found.of(What::SyncEvents).is_empty());
+
+    // Causality: when the n-th row was drained, it had been made.
+    let events = opened.events().unwrap().events;
+    let edge = |of: &str| {
+        let mut lines = events.iter().filter(|e| e["event"] == "grid");
+        lines.find(|e| e["of"] == of).unwrap()["first_edge_ns"]
+            .as_u64()
+            .unwrap()
+    };
+    let (opening, tested) = (edge("opening"), edge("test"));
+    assert!(opening < tested);
+    let made = |row: usize| {
+        let first = if columns[1][row] == 3.0 {
+            tested
+        } else {
+            opening
+        };
+        let lasted: f64 = [0, 2, 3, 4]
+            .iter()
+            .map(|&column| columns[column][row])
+            .sum();
+        first as f64 + lasted * 1e9
+    };
+    let mut drained = 0;
+    for drain in found.of(What::Drain) {
+        drained += drain.amount as usize;
+        if drain.amount > 0 {
+            let until = (drain.begin_ns + drain.duration_ns) as f64;
+            assert!(until >= made(drained - 1) - 2.0, "row {drained} of {rows}");
+        }
+    }
+
+    let record = opened.columns(&["record_before_s"]).unwrap().remove(0);
+    let begun = columns[1].iter().position(|state| *state == 3.0).unwrap();
+    assert!(
+        record[..=begun].iter().all(|s| s.is_nan()),
+        "nothing is known of what was before"
+    );
+    assert!(record[begun + 1..].iter().all(|s| *s > 0.0));
+    // The same reading as in the histogram, which has three digits.
+    let largest = record.iter().copied().fold(0.0, f64::max) * 1e6;
+    let summary = json(&run, "summary.json");
+    let highest = summary["timing"]["record"]["max"].as_f64().unwrap();
+    assert!(largest <= highest * 1.001, "{largest} {highest}");
+
+    let out = temp.path().join("trace.json");
+    let said = export(&run, "trace", &out, &[]);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    assert!(!said.stderr.contains("warning"), "{}", said.stderr);
+    let trace = json(temp.path(), "trace.json");
+    assert_eq!(trace["otherData"]["clock_ns_at_zero"], opening as f64);
+    let slices = phases(&trace);
+    let count = |name: &str| slices.iter().filter(|slice| slice["name"] == name).count();
+    assert_eq!(
+        count("record"),
+        rows - begun - 1,
+        "one for every row but the last"
+    );
+    assert!(count("look at the scheduler") > 0 && count("drain") > 0);
+    // The phases of the loop follow each other without a gap, from the first tick to the last.
+    let mut until = 0.0;
+    for slice in &slices {
+        let name = slice["name"].as_str().unwrap();
+        if slice["tid"] == 3 && !name.starts_with("miss") {
+            let at = slice["ts"].as_f64().unwrap();
+            assert!((at - until).abs() < 1.5e-3, "{name} at {at}, not {until}");
+            until = at + slice["dur"].as_f64().unwrap();
+        }
+    }
+}
+
+/// Everything that the writer had written is there and readable.
+#[test]
+fn a_kill_leaves_a_readable_beginning_of_what_threads_did() {
+    let temp = tempfile::tempdir().unwrap();
+    let text = FRAME.replace("duration_s = 0.5", "duration_s = 600");
+    let test = write(temp.path(), "test.toml", &text);
+    let run = temp.path().join("run");
+    let mut child = gusset()
+        .arg("run")
+        .arg(&test)
+        .arg("--out")
+        .arg(&run)
+        .args(["--clock", "real", "--quiet"])
+        .args(PATIENT)
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    // Two hundred records, and then in mid-life.
+    let patience = monotonic_ns() + 60_000_000_000;
+    let length = || fs::metadata(run.join("threads.bin")).map_or(0, |file| file.len());
+    while length() < 200 * 24 && monotonic_ns() < patience {
+        yield_now();
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let found = stamped(&run);
+    assert!(
+        matches!(found.end, ThreadEnd::Clean | ThreadEnd::Torn { .. }),
+        "{}",
+        found.end
+    );
+    assert!(found.stamps.len() > 150, "{}", found.stamps.len());
+    let numbered = |stamp: &Stamp| found.named.contains_key(&stamp.thread);
+    assert!(
+        found.stamps.iter().all(numbered),
+        "named before its first stamp"
+    );
+    let out = temp.path().join("trace.json");
+    let said = export(&run, "trace", &out, &[]);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    assert!(said.stderr.contains("unfinished"), "{}", said.stderr);
+    let trace = json(temp.path(), "trace.json");
+    assert!(phases(&trace).iter().any(|slice| slice["name"] == "drain"));
+}
