@@ -42,8 +42,10 @@ impl CriticalDelay {
         let left = place as usize;
         let right = left.saturating_add(1);
         let pair = self.inverse.get(left).zip(self.inverse.get(right));
+        let share = place - left as f64;
         let inverse = match pair {
-            Some((a, b)) if *a > 0.0 && *b > 0.0 => a + (place - left as f64) * (b - a),
+            Some((a, _)) if share == 0.0 => *a,
+            Some((a, b)) if *a > 0.0 && *b > 0.0 => a + share * (b - a),
             Some((a, b)) => a.max(*b),
             None => {
                 let last = self.inverse.last().copied().unwrap_or(f64::NAN);

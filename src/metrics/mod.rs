@@ -8,6 +8,7 @@
 //! |---|---|
 //! | [`response`] | peaks, residuals, absorbed energy, stiffness and damping by least squares, lag by correlation |
 //! | [`tracking`] | how well a measured displacement follows its target, each number with its noise floor |
+//! | [`windows`] | phase and amplitude errors over the course of a test |
 //! | [`fourier`] | amplitude spectra; the frequency evaluation index |
 //! | [`ground`] | response spectra (Nigam and Jennings), Arias intensity, significant duration |
 //! | [`falsified`] | the damping and the energy that late specimens falsify of a test as a whole |
@@ -19,6 +20,7 @@ pub mod fourier;
 pub mod ground;
 pub mod response;
 pub mod tracking;
+pub mod windows;
 
 pub use response::{
     Denominator, Identified, Peak, absorbed_energy, identify, lag, largest_error, loading, nrmse,

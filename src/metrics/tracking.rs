@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::fourier::{Evaluation, Spectrum, evaluate};
 use super::response::{Denominator, lag, nrmse, peak};
+use super::windows::Windows;
 
 /// Samples that are correlated at most: a longer test is correlated around its largest target.
 const LAG_WINDOW: usize = 100_000;
@@ -133,6 +134,8 @@ pub struct Tracking {
     /// The same over the input energy and the largest elastic strain energy of the test ([`super::falsified::Scale`]); null
     /// where there is no energy balance.
     pub energy_error_share: Option<Judged>,
+    /// Phase and amplitude errors in moving windows (PAEI and FDB); null of a test that is too short.
+    pub windows: Option<Windows>,
     /// What the floors come from; null if the test did not zero its sensors.
     pub noise: Option<Noise>,
 }
@@ -267,6 +270,7 @@ impl Tracking {
             slope: Judged::scattered(s.cm / s.cc, of_slope, 1.0),
             energy_error_j: Judged::scattered(s.energy, of_energy, 0.0),
             energy_error_share: None,
+            windows: None,
             noise,
         })
     }

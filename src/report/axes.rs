@@ -6,6 +6,7 @@ use super::table::Table;
 use super::thin;
 use crate::metrics::fourier::{Spectrum, evaluate};
 use crate::metrics::tracking::Noise;
+use crate::metrics::windows::{self, Histories};
 use crate::metrics::{self, Identified, Peak, Tracking};
 
 /// Share of the largest displacement that counts as first loading.
@@ -29,6 +30,8 @@ pub(super) struct AxisDigest {
     pub axis: SpecimenAxis,
     pub tracking: Option<Tracking>,
     pub noise: Option<Noise>,
+    /// Phase and amplitude errors over the test, and the times that they belong to.
+    pub course: Option<(Vec<f64>, Histories)>,
     pub peak_disp: Option<Peak>,
     pub peak_force: Option<Peak>,
     pub absorbed: Option<f64>,
@@ -66,12 +69,23 @@ impl AxisDigest {
         let (target, meas, force) = (column("target"), column("meas"), column("force"));
         let mut spectra = [Vec::new(), Vec::new(), Vec::new()];
         let mut tracking = None;
+        let mut course = None;
         if let Some(dt) = dt {
             let n = target.len().min(meas.len());
             let of = |values: &[f64]| Spectrum::of(values, dt);
             let (c, m) = (of(&target[..n]), of(&meas[..n]));
             let index = c.as_ref().zip(m.as_ref()).and_then(|(c, m)| evaluate(c, m));
             tracking = Tracking::with_index(target, meas, force, dt, noise, index);
+            if let Some(tracking) = &mut tracking {
+                let sigma = noise.map(|noise| noise.disp_std_m);
+                let found = windows::look(target, meas, dt, sigma);
+                tracking.windows = found.as_ref().map(|(windows, _)| *windows);
+                course = found.map(|(_, histories)| {
+                    let middle = histories.middle.iter();
+                    let at = middle.map(|row| time.get(*row).copied().unwrap_or(f64::NAN));
+                    (at.collect(), histories)
+                });
+            }
             let is_moving =
                 |s: &Option<Spectrum>| s.as_ref().map(|s| s.envelope(BINS)).unwrap_or_default();
             spectra[0] = is_moving(&c);
@@ -87,6 +101,7 @@ impl AxisDigest {
             axis,
             tracking,
             noise,
+            course,
             peak_disp: metrics::peak(meas),
             peak_force: metrics::peak(force),
             absorbed: metrics::absorbed_energy(meas, force),

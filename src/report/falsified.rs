@@ -3,10 +3,11 @@
 use serde_json::Value;
 
 use super::RunData;
+use super::courses::MARGIN;
 use super::digest::Digest;
 use super::html::{note, section, table};
 use super::rows::Rows;
-use super::specimens::{MARGIN, Tracked};
+use super::specimens::Tracked;
 use super::text::{NOTHING, number, plural, quantity};
 use crate::metrics::falsified::{Falsified, Margin, together};
 use crate::metrics::tracking::Judged;

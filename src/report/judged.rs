@@ -64,6 +64,23 @@ pub(super) fn table_of(name: &str, axis: &AxisDigest, disp_unit: &str, force_uni
         Some(t.slope),
         &plain,
     );
+    for (name, of) in [
+        ("PAEI", t.windows.map(|windows| windows.paei)),
+        ("FDB", t.windows.map(|windows| windows.fdb)),
+    ] {
+        let Some(found) = of else { continue };
+        for (what, spread, write) in [
+            ("amplitude error", found.amplitude, &plain as Written<'_>),
+            ("phase error", found.phase_rad, &radian),
+        ] {
+            row(&format!("{name} {what}, median"), Some(spread.p50), write);
+            row(
+                &format!("{name} {what}, worst window"),
+                Some(spread.worst),
+                write,
+            );
+        }
+    }
     row(
         "tracking indicator TI at the end",
         Some(t.tracking_indicator_m2),
@@ -132,7 +149,10 @@ pub(super) fn legend() -> String {
         "Noise floor: what the number would be of a perfect specimen with this noise. Corrected: NRMSE and largest error with the \
          noise's share taken off in squares; the others as they are where they exceed twice their scatter, else what a perfect \
          specimen shows. Delays are positive where the measured displacement is behind. FEI: frequency evaluation index of Guo et al. \
-         (2014), l = 2. TI: Mercan and Ricles (2007), it falls while the measured displacement lags. Energy error: ∫ f d(measured − target), Mosqueda et al. \
+         (2014), l = 2. PAEI and FDB: indices named after those of Mirza Hessabi and Mercan (2012, 2014), in windows of four periods of the \
+         target with the taper of Hann. PAEI: of the ellipse of measured against target, √(S_yy/S_xx) − 1 of its second moments, and \
+         the phase from S_xy and from the area that is swept, with its sense. FDB: measured over target at the dominant frequency of \
+         the target in the window. TI: Mercan and Ricles (2007), it falls while the measured displacement lags. Energy error: ∫ f d(measured − target), Mosqueda et al. \
          (2007), positive where the transfer system adds energy to the test; over the largest input energy and the largest elastic strain \
          energy of the whole test together. Delay by cross-correlation: refined by a parabola; of a test of more than 100 000 samples, around its largest target.",
     )

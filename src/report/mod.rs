@@ -12,7 +12,7 @@
 //! |---|---|
 //! | `page`, `html`, `page.css`, `script.js` | the order of the page; its pieces; its looks; what makes histories zoomable |
 //! | `outcome`, `tested`, `sketch`, `limits` | the verdict in words; what was tested; a picture of it; what would have ended it |
-//! | `ground`, `response`, `specimens`, `identified`, `judged`, `falsified`, `balance`, `loops`, `timeline` | sections |
+//! | `ground`, `response`, `specimens`, `identified`, `courses`, `judged`, `falsified`, `balance`, `loops`, `timeline` | sections |
 //! | `compare`, `overlays`, `matched` | the page of two runs; their rows, number against number |
 //! | `source`, `digest`, `first`, `axes`, `shaking`, `worst`, `table` | rows read in blocks, and what is kept of them |
 //! | `pictures` | the pictures that stand alone |
@@ -28,6 +28,7 @@ mod bars;
 mod canvas;
 mod charts;
 mod compare;
+mod courses;
 mod curves;
 mod digest;
 mod falsified;

@@ -264,6 +264,12 @@ pub(super) fn tracking(first: &RunData, second: &RunData, a: &Rows<'_>, b: &Rows
             Some(u.energy_error_j),
             &|v| quantity(v, "J"),
         );
+        row(
+            "energy error over input and strain energy",
+            t.energy_error_share,
+            u.energy_error_share,
+            &percent,
+        );
     }
     if rows.is_empty() {
         return String::new();

@@ -6,6 +6,7 @@ use super::RunData;
 use super::axes::AxisDigest;
 use super::canvas::Ink;
 use super::charts::Quantity;
+use super::courses::{errors, estimates};
 use super::html::{beside, figure, note, paragraph, section, table};
 use super::judged::{legend, table_of};
 use super::lines::{Line, LoopChart, TimeChart};
@@ -18,8 +19,6 @@ use super::text::{NOTHING, count, number, quantity};
 
 /// Kind of the column of measured − target.
 pub(super) const ERROR: &str = "error";
-/// Kind of the column of the margin to the critical delay.
-pub(super) const MARGIN: &str = "margin";
 /// Axes that are drawn; a table lists more.
 const MOST_DRAWN: usize = 8;
 
@@ -153,6 +152,7 @@ fn drawn(rows: &Rows<'_>, time: &[f64], axis: &Tracked<'_>) -> String {
         |canvas, area| zoom.draw(canvas, area),
     ) + &content(digest);
     markup += &beside("pair", &figures);
+    markup += &errors(axis);
     markup += &estimates(rows, time, axis);
     markup + &table_of(&axis.name, digest, axis.disp_unit, axis.force_unit)
 }
@@ -202,49 +202,6 @@ fn content(digest: &AxisDigest) -> String {
     }
     let picture = amplitudes("Frequency content", "Fourier amplitude", "m s", &curves);
     format!("<figure>{}</figure>\n", picture.svg(510.0, 290.0, true))
-}
-
-/// Delay and gain as they were estimated while the test ran, where they were.
-fn estimates(rows: &Rows<'_>, time: &[f64], axis: &Tracked<'_>) -> String {
-    let column = |kind: &str| rows.filled(&axis.digest.axis.column(kind));
-    let (Some(lag), Some(gain)) = (column("lag"), column("gain")) else {
-        return String::new();
-    };
-    let margin = column(MARGIN);
-    let mut markup = String::new();
-    for (title, words, unit, values, ink) in [
-        (
-            "Delay as estimated while the test ran",
-            "delay",
-            "s",
-            &lag,
-            5,
-        ),
-        (
-            "Gain as estimated while the test ran",
-            "gain",
-            "1",
-            &gain,
-            3,
-        ),
-    ]
-    .into_iter()
-    .chain(margin.as_ref().map(|margin| {
-        let title = "Margin as estimated while the test ran: critical delay at the stiffness of the last seconds less their delay";
-        (title, "margin", "s", margin, 7)
-    })) {
-        let lines = [Line {
-            name: "",
-            x: time,
-            y: values,
-            ink: Ink::Series(ink),
-            width: 1.2,
-        }];
-        let up = Quantity { words, unit };
-        let chart = TimeChart::history(title, up, &lines);
-        markup += &history(160.0, &format!("{}: {title}", axis.name), &chart);
-    }
-    markup
 }
 
 fn listed(axes: &[Tracked<'_>]) -> String {
