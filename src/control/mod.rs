@@ -10,6 +10,7 @@ mod critical;
 mod direction;
 mod error;
 mod estimate;
+mod exchange;
 mod guard;
 mod leaving;
 pub mod limits;
@@ -45,10 +46,7 @@ pub use tempo::{HOLD_AT, SLOW_FROM, Stage, Stride, Tempo};
 pub use trend::Trend;
 pub use units::AxisUnits;
 
-use crate::substructure::{
-    Command, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
-};
-use crate::time::Nanos;
+use crate::substructure::{Measurement, Substructure};
 
 /// One axis of a specimen as the structure sees it: the row of B and the map between the two systems of units.
 ///
@@ -163,19 +161,6 @@ impl std::fmt::Debug for Port {
             .field("name", &self.name)
             .field("axes", &self.axes)
             .finish()
-    }
-}
-
-/// `to` ← `from`, which has as many axes. Real-time: yes.
-fn copy(from: &Measurement, to: &mut Measurement) {
-    to.sequence = from.sequence;
-    to.time = from.time;
-    to.status = from.status;
-    for (to, from) in to.disp.iter_mut().zip(&from.disp) {
-        *to = *from;
-    }
-    for (to, from) in to.force.iter_mut().zip(&from.force) {
-        *to = *from;
     }
 }
 
@@ -297,182 +282,13 @@ impl Port {
     pub fn raw(&self) -> &Measurement {
         &self.raw
     }
-
-    /// Makes the next command from the structure's state. Real-time: yes.
-    pub fn aim(&mut self, disp: &[f64], vel: &[f64], base_disp: f64, base_vel: f64) {
-        let (target, target_vel) = (&mut self.target, &mut self.target_vel);
-        if let Some(posed) = &mut self.posed {
-            posed.seek([disp, vel], base_disp, base_vel, target, target_vel);
-        } else {
-            for ((axis, target), target_vel) in self.axes.iter().zip(target).zip(target_vel) {
-                *target = axis.dot(disp, base_disp);
-                *target_vel = axis.dot(vel, base_vel);
-            }
-        }
-        self.prepare_command();
-    }
-
-    /// Makes the next command from prescribed deformations: takes displacement and velocity of one axis (or of one coordinate
-    /// of the loading unit) after the other from `along`. Real-time: yes.
-    pub fn aim_at(&mut self, along: &mut impl Iterator<Item = (f64, f64)>) {
-        let (target, target_vel) = (&mut self.target, &mut self.target_vel);
-        if let Some(posed) = &mut self.posed {
-            posed.seek_at(along, target, target_vel);
-        } else {
-            for ((target, target_vel), (disp, vel)) in target.iter_mut().zip(target_vel).zip(along)
-            {
-                *target = disp;
-                *target_vel = vel;
-            }
-        }
-        self.prepare_command();
-    }
-
-    fn prepare_command(&mut self) {
-        for ((axis, command), target) in self.axes.iter().zip(&mut self.command).zip(&self.target) {
-            *command = axis.disp_gain * target + axis.disp_offset;
-        }
-        for ((axis, command), target) in self
-            .axes
-            .iter()
-            .zip(&mut self.command_vel)
-            .zip(&self.target_vel)
-        {
-            *command = axis.vel_gain * target;
-        }
-        self.compensate();
-    }
-
-    /// Sends the command that stands ready, if it was judged. Real-time: yes.
-    ///
-    /// # Errors
-    /// The link is lost, or the command was not judged ([`Port::clear`]).
-    pub fn issue(&mut self, sequence: u64, time: f64, dt: f64) -> Result<(), LinkFault> {
-        if !self.guard.cleared {
-            return Err(LinkFault::Refused);
-        }
-        self.guard.sent(&self.command);
-        self.estimates.moves = true;
-        for (sent, command) in self.sent.iter_mut().zip(&self.command) {
-            *sent = *command;
-        }
-        self.link.sent += 1;
-        self.compensation_asks(true);
-        self.issued = Some(sequence + self.ahead);
-        let command = Command {
-            sequence: self.pursuit.number(sequence, self.ahead),
-            time,
-            dt,
-            disp: &self.command,
-            vel: &self.command_vel,
-        };
-        let outcome = self.substructure.issue(&command);
-        self.unsent = outcome.is_err();
-        outcome
-    }
-
-    /// The specimen is lost: its status says so in every row from here on.
-    pub fn note_loss(&mut self) {
-        self.raw.status.0 |= Status::LOST.0;
-        if self.unsent {
-            self.raw.status.0 |= Status::UNSENT.0;
-        }
-    }
-
-    /// Takes the answer and brings it into the structure's units. One that is older than what is known already counts
-    /// as stale and changes nothing. Real-time: yes.
-    ///
-    /// # Errors
-    /// The link is lost, or the force is not a finite number.
-    pub fn collect(&mut self, deadline: Nanos) -> Result<Freshness, LinkFault> {
-        copy(&self.raw, &mut self.incoming);
-        self.incoming.sequence = self.pursuit.on_link(self.raw.sequence);
-        let mut freshness = self.substructure.collect(deadline, &mut self.incoming)?;
-        self.incoming.sequence = self.pursuit.in_test(self.incoming.sequence);
-        if self.incoming.sequence < self.raw.sequence {
-            freshness = Freshness::Stale;
-        } else {
-            copy(&self.incoming, &mut self.raw);
-        }
-        match freshness {
-            Freshness::Fresh => {
-                self.link.received += 1;
-                self.raw.status.0 &= !Status::STALE.0;
-                self.compensation_hears();
-            }
-            Freshness::Stale => {
-                self.link.stale += 1;
-                self.raw.status.0 |= Status::STALE.0;
-            }
-        }
-        for ((axis, measured), raw) in self.axes.iter().zip(&mut self.measured).zip(&self.raw.disp)
-        {
-            *measured = (raw - axis.measured_offset - axis.disp_offset) / axis.disp_gain;
-        }
-        let mut finite = true;
-        for ((axis, force), raw) in self.axes.iter().zip(&mut self.force).zip(&self.raw.force) {
-            *force = axis.force_gain * (raw - axis.force_offset);
-            finite &= force.is_finite();
-        }
-        if finite {
-            Ok(freshness)
-        } else {
-            Err(LinkFault::NotFinite)
-        }
-    }
-
-    /// Moves a stale force along the tangent, as far as it is known and not beyond its bounds, from where it was measured to
-    /// where the specimen should be by now. Real-time: yes.
-    pub fn extrapolate(&mut self) {
-        let tangents = self.estimates.bounded(&self.stiffness);
-        let axes = self.force.iter_mut().zip(&self.target).zip(&self.measured);
-        for (((force, target), measured), stiffness) in axes.zip(tangents) {
-            *force += stiffness * (target - measured);
-        }
-    }
-
-    /// residual −= Bᵀ·force, and the peak is noted. Real-time: yes.
-    pub fn subtract_force(&mut self, residual: &mut [f64]) {
-        if let Some(posed) = &self.posed {
-            posed.subtract_force(residual);
-            return;
-        }
-        for (axis, force) in self.axes.iter().zip(&self.force) {
-            for &(dof, coefficient) in &axis.row {
-                if let Some(entry) = residual.get_mut(dof) {
-                    *entry -= coefficient * force;
-                }
-            }
-        }
-    }
-
-    /// Notes the peak of the force of this step. Real-time: yes.
-    pub fn note_peak(&mut self) {
-        for (peak, force) in self.peak_force.iter_mut().zip(&self.force) {
-            *peak = peak.max(force.abs());
-        }
-    }
-
-    /// The step is accepted. Real-time: yes.
-    ///
-    /// # Errors
-    /// The link is lost.
-    pub fn accepted(&mut self, sequence: u64) -> Result<(), LinkFault> {
-        let sequence = self.pursuit.accepts(sequence);
-        let number = self.pursuit.on_link(sequence);
-        self.substructure.accepted(number)
-    }
-
-    /// Last words.
-    pub fn retire(&mut self, how: Retirement) {
-        self.substructure.retire(how);
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::substructure::Coupling;
+    use crate::substructure::{Command, Coupling, Freshness, LinkFault, Retirement};
+    use crate::time::Nanos;
 
     /// A spring in millimetres and kilonewtons, mounted the wrong way round, with a load cell that reads 2 at rest.
     #[derive(Debug)]
