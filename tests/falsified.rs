@@ -320,7 +320,10 @@ fn the_margin_of_a_late_specimen_is_what_it_lags_less_than_the_critical_delay_an
  {
     let largest = |values: &[f64]| values.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
     let on_time = largest(&delayed(0.02, "").column("x1"));
-    for (share, warnings) in [(0.5, 0), (0.9, 0), (1.4, 1)] {
+    // The first two periods of 2.2 Hz say nothing: a fit that has just begun overshoots.
+    let early = delayed(0.9, "").column("margin_1_1");
+    assert!(early[..600].iter().all(|margin| margin.is_nan()) && early[1200].is_finite());
+    for (share, warned) in [(0.5, false), (0.9, false), (1.4, true)] {
         let run = delayed(share, "");
         assert_eq!(run.outcome.ending, Ending::Completed);
         let margin = run.column("margin_1_1");
@@ -351,7 +354,8 @@ fn the_margin_of_a_late_specimen_is_what_it_lags_less_than_the_critical_delay_an
                 }
             )
         });
-        assert_eq!(told.count(), warnings, "{share}");
+        // Each time that the level is crossed.
+        assert_eq!(told.count() > 0, warned, "{share}");
         if share > 1.0 {
             let first = margin.iter().position(|margin| *margin < 0.0).unwrap();
             let grown = run
@@ -421,7 +425,9 @@ fn the_benchmark_has_its_published_critical_delay_in_every_row() {
 #[test]
 fn one_late_axis_of_several_grows_at_the_delay_of_its_table() {
     // What an axis does to another counts as on time in the table: here it does nothing.
-    let floors = FLOORS.replace("2e4", "0");
+    let floors = FLOORS
+        .replace("2e4", "0")
+        .replace("duration_s = 1", "duration_s = 4");
     let run = common::engine::run(&format!(
         "{floors}[safety]\ndelay_used = {{ trip = 10.0 }}\n"
     ));

@@ -41,9 +41,10 @@ pub struct SafetyTable {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stability_used: Option<BoundSpec>,
     /// Lag of a specimen in parts of the critical delay at its stiffness, both as fitted over the last seconds of motion: the worst
-    /// of all axes; at 1 the margin is used up and the test grows. The critical delay is that of a linear structure with one
-    /// axis late at a time, in continuous time. Absent: warned of beyond 1. Known of specimens with a `transfer`, a
-    /// `compensation` or a bound of their lag, of all if it is given, in structures that are small enough to tabulate it.
+    /// of all axes, after two periods of motion; at 1 the margin is used up and the test grows. The critical delay is that of a
+    /// linear structure with one axis late at a time, in continuous time. Absent: warned of beyond 1. Known of specimens with a
+    /// `transfer`, a `compensation` or a bound of their lag, of all if it is given, in structures that are small enough to tabulate
+    /// it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub delay_used: Option<BoundSpec>,
     /// What the exact audit of the steps leaves over, in parts of the energy turned over: roundoff unless the program is at

@@ -2,7 +2,8 @@
 //!
 //! The critical delays are tabulated before the test, one axis at a time: the others on time, with their initial stiffness.
 //! The loop looks them up by the stiffness that is fitted over the same last seconds as the lag: a tangent from tick to tick
-//! drowns in the noise of real sensors, and would make the margin look larger than it is. 1/τ is interpolated along a straight line; where one end of an
+//! drowns in the noise of real sensors, and would make the margin look larger than it is. Nothing is said before the fit has
+//! seen two periods of motion. 1/τ is interpolated along a straight line; where one end of an
 //! interval is stable at every delay the other end counts, beyond the last stiffness 1/τ grows in proportion, and one
 //! below zero counts as none. It moves nothing: columns and a limit only.
 
@@ -75,8 +76,8 @@ impl Port {
 
     /// Lag and critical delay in s of test time, per axis; not a number where it is not known. Empty without tables.
     fn lags(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
-        let axes = self.critical.iter().zip(self.tracking());
-        axes.map(|(table, [lag, _, stiffness, _])| (lag, table.at(stiffness)))
+        let axes = self.critical.iter().zip(self.settled());
+        axes.map(|(table, (lag, stiffness))| (lag, table.at(stiffness)))
     }
 
     /// Critical delay at the stiffness of the last seconds less their lag, s of test time, per axis: negative where the test is expected to

@@ -15,6 +15,8 @@ const WINDOW_S: f64 = 2.0;
 const ABOVE_NOISE: f64 = 10.0;
 /// Smallest motion in m that is looked at where no noise is known.
 const LEAST_M: f64 = 1e-7;
+/// Angle of motion in rad, by the window's mean frequency, after which a fit has settled: two periods.
+const SETTLED: f64 = 4.0 * std::f64::consts::PI;
 /// 1 − ρ² of target and velocity below which they are one direction.
 const INDEPENDENT: f64 = 1e-3;
 
@@ -35,6 +37,9 @@ struct Follow {
     lag: f64,
     gain: f64,
     stiffness: f64,
+    /// Time since something has been known, s, and the angle that the mean frequency turns in it, rad.
+    known_for: f64,
+    turned: f64,
     least: f64,
 }
 
@@ -61,6 +66,7 @@ impl Follow {
         // Written so that NaN says nothing.
         if !(moves && determinant > INDEPENDENT * self.xx * self.vv) {
             (self.lag, self.gain, self.stiffness) = (f64::NAN, f64::NAN, f64::NAN);
+            (self.known_for, self.turned) = (0.0, 0.0);
             return;
         }
         let a = (self.xm * self.vv - self.vm * self.xv) / determinant;
@@ -68,6 +74,8 @@ impl Follow {
         let omega = (self.vv / self.xx).sqrt();
         self.gain = (a * a + omega * omega * b * b).sqrt();
         self.lag = libm::atan2(-omega * b, a) / omega;
+        self.known_for += dt;
+        self.turned = omega * self.known_for;
         let a_f = (self.xf * self.vv - self.vf * self.xv) / determinant;
         let b_f = (self.vf * self.xx - self.xf * self.xv) / determinant;
         self.stiffness = (a_f * a + omega * omega * b_f * b) / (self.gain * self.gain);
@@ -144,6 +152,17 @@ impl Port {
         let judged = self.tracking.axes.iter();
         let judged = judged.map(|follow| (follow.lag.abs(), (follow.gain - 1.0).abs()));
         self.guard.watch.tracked(judged, found);
+    }
+
+    /// Lag in s and stiffness in N/m per axis, once the fit has settled; NaN before. Real-time: yes.
+    pub(super) fn settled(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
+        self.tracking.axes.iter().map(|follow| {
+            if follow.turned >= SETTLED {
+                (follow.lag, follow.stiffness)
+            } else {
+                (f64::NAN, f64::NAN)
+            }
+        })
     }
 
     /// Lag in s, gain, stiffness in N/m, and the damping in N s/m that the lag adds to it, per axis at the structure; NaN where

@@ -197,7 +197,7 @@ pub(super) fn falsified_section(
         markup += &table(&heading, &rows);
         markup += &note(
             "Delay margin: the critical delay at the specimen's stiffness less its lag, both as fitted over the last seconds of motion \
-             while the test ran; below zero the test grows. The critical delay is tabulated before the test over the stiffness of one \
+             while the test ran, after two periods; below zero the test grows. The critical delay is tabulated before the test over the stiffness of one \
              axis at a time, all others on time and at their initial stiffness, linear and in continuous time. A dash: every delay \
              was stable, or nothing moved enough to say.",
         );
