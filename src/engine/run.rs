@@ -176,7 +176,7 @@ impl Engine {
     }
 
     /// What the operator asks for, if anything. Real-time: yes.
-    fn hear(&mut self, control: &Control) -> Result<(), Stop> {
+    pub(super) fn hear(&mut self, control: &Control) -> Result<(), Stop> {
         match control.requests.try_recv() {
             Ok(Operator::Stop) => return Err(Stop::Operator),
             Ok(Operator::GiveUp) => {
