@@ -76,8 +76,8 @@ impl Port {
 
     /// Lag and critical delay in s of test time, per axis; not a number where it is not known. Empty without tables.
     fn lags(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
-        let axes = self.critical.iter().zip(self.settled());
-        axes.map(|(table, (lag, stiffness))| (lag, table.at(stiffness)))
+        let axes = self.critical.iter().zip(self.tracking());
+        axes.map(|(table, [lag, _, stiffness, _])| (lag, table.at(stiffness)))
     }
 
     /// Critical delay at the stiffness of the last seconds less their lag, s of test time, per axis: negative where the test is expected to

@@ -4,7 +4,8 @@
 //! mean frequency ω² = Σẋ²/Σx² of the window, gain = √(a² + ω²b²) and lag = atan2(−ωb, a)/ω, exact for one frequency. A lag τ
 //! on a stiffness k_e is the damping −k_e τ (Horiuchi et al. 1999); k_e is fitted likewise, f ≈ a' x + b' ẋ, as the real part of
 //! (a' + iωb')/(a + iωb): sensors' noise is in neither x nor ẋ, and does not bias it. Nothing is said before the window holds motion well above
-//! the noise that was read while zeroing. It moves nothing: columns and limits only.
+//! the noise that was read while zeroing, and two periods of it: a fit that has just begun overshoots. It moves nothing: columns and
+//! limits only.
 
 use super::Port;
 use super::limits::Found;
@@ -37,9 +38,9 @@ struct Follow {
     lag: f64,
     gain: f64,
     stiffness: f64,
-    /// Time since something has been known, s, and the angle that the mean frequency turns in it, rad.
-    known_for: f64,
-    turned: f64,
+    /// Time since the window holds motion, s, and whether that was two periods.
+    fitted_for: f64,
+    settled: bool,
     least: f64,
 }
 
@@ -66,16 +67,19 @@ impl Follow {
         // Written so that NaN says nothing.
         if !(moves && determinant > INDEPENDENT * self.xx * self.vv) {
             (self.lag, self.gain, self.stiffness) = (f64::NAN, f64::NAN, f64::NAN);
-            (self.known_for, self.turned) = (0.0, 0.0);
+            (self.fitted_for, self.settled) = (0.0, false);
             return;
         }
         let a = (self.xm * self.vv - self.vm * self.xv) / determinant;
         let b = (self.vm * self.xx - self.xm * self.xv) / determinant;
         let omega = (self.vv / self.xx).sqrt();
+        self.fitted_for += dt;
+        self.settled |= omega * self.fitted_for >= SETTLED;
+        if !self.settled {
+            return;
+        }
         self.gain = (a * a + omega * omega * b * b).sqrt();
         self.lag = libm::atan2(-omega * b, a) / omega;
-        self.known_for += dt;
-        self.turned = omega * self.known_for;
         let a_f = (self.xf * self.vv - self.vf * self.xv) / determinant;
         let b_f = (self.vf * self.xx - self.xf * self.xv) / determinant;
         self.stiffness = (a_f * a + omega * omega * b_f * b) / (self.gain * self.gain);
@@ -154,17 +158,6 @@ impl Port {
         self.guard.watch.tracked(judged, found);
     }
 
-    /// Lag in s and stiffness in N/m per axis, once the fit has settled; NaN before. Real-time: yes.
-    pub(super) fn settled(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
-        self.tracking.axes.iter().map(|follow| {
-            if follow.turned >= SETTLED {
-                (follow.lag, follow.stiffness)
-            } else {
-                (f64::NAN, f64::NAN)
-            }
-        })
-    }
-
     /// Lag in s, gain, stiffness in N/m, and the damping in N s/m that the lag adds to it, per axis at the structure; NaN where
     /// nothing is known. Empty where nothing is estimated. Real-time: yes.
     pub fn tracking(&self) -> impl Iterator<Item = [f64; 4]> + '_ {
@@ -196,6 +189,8 @@ mod tests {
         let at = |t: f64| 0.01 * libm::sin(omega * t.max(0.0));
         for k in 0..(20.0 / dt) as i32 {
             let t = f64::from(k) * dt;
+            // ω is known to a few percent when it is first said, and never by less than a period.
+            assert!(follow.lag.is_nan() || t > 1.0 / hertz, "{t}: {follow:?}");
             let vel = (at(t) - at(t - dt)) / dt;
             let measured = gain * at(t - delay);
             // A spring whose noise is in no regressor, so that only its scatter is left.

@@ -65,7 +65,7 @@ pub struct LimitsSpec {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub added_energy_j: Option<BoundSpec>,
     /// Lag of the measured displacement behind the target in s, early or late, as estimated over the last seconds of
-    /// motion: it adds the damping −k lag.
+    /// motion, after two periods of it: it adds the damping −k lag.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lag_s: Option<BoundSpec>,
     /// |gain − 1| of the measured displacement over the target, estimated likewise.
