@@ -9,6 +9,7 @@ use std::io::{self, Read};
 
 use super::append::{Appender, Flushed, Store, Unit};
 use super::layout::{HEAD, MARKER, TAIL, stride};
+use super::strides::{Next, Strides};
 
 /// Appends the record of one row.
 pub fn encode(sequence: u64, values: &[f64], out: &mut Vec<u8>) {
@@ -146,17 +147,10 @@ pub struct Row<'a> {
     pub values: &'a [f64],
 }
 
-/// Bytes read at once: fits the second-level cache, large enough that the call does not count.
-const BUFFER: usize = 256 << 10;
-
 /// Reads rows one by one, without allocating per row.
 #[derive(Debug)]
 pub struct Journal<R> {
-    source: R,
-    stride: usize,
-    buffer: Vec<u8>,
-    start: usize,
-    filled: usize,
+    records: Strides<R>,
     values: Vec<f64>,
     rows: u64,
     lost: u64,
@@ -168,13 +162,8 @@ impl<R: Read> Journal<R> {
     /// A reader of rows with `columns` values. No need to buffer `source`.
     #[must_use]
     pub fn new(source: R, columns: usize) -> Self {
-        let stride = stride(columns);
         Self {
-            source,
-            stride,
-            buffer: vec![0; (BUFFER / stride).max(1) * stride],
-            start: 0,
-            filled: 0,
+            records: Strides::new(source, stride(columns)),
             values: vec![0.0; columns],
             rows: 0,
             lost: 0,
@@ -191,20 +180,15 @@ impl<R: Read> Journal<R> {
         if self.end.is_some() {
             return Ok(None);
         }
-        if self.filled - self.start < self.stride {
-            self.refill()?;
-        }
-        let available = self.filled - self.start;
-        let Some(record) = self
-            .buffer
-            .get(self.start..self.filled)
-            .and_then(|rest| rest.get(..self.stride))
-        else {
-            self.end = Some(match available {
-                0 => End::Clean,
-                bytes => End::Torn { bytes },
-            });
-            return Ok(None);
+        let record = match self.records.next()? {
+            Next::Record(record) => record,
+            Next::End(left) => {
+                self.end = Some(match left {
+                    0 => End::Clean,
+                    bytes => End::Torn { bytes },
+                });
+                return Ok(None);
+            }
         };
         let Some(sequence) = sound(record) else {
             self.end = Some(End::Damaged { row: self.rows });
@@ -224,7 +208,6 @@ impl<R: Read> Journal<R> {
         self.lost += sequence - self.next;
         self.next = sequence.saturating_add(1);
         self.rows += 1;
-        self.start += self.stride;
         Ok(Some(Row {
             sequence,
             values: &self.values,
@@ -262,21 +245,6 @@ impl<R: Read> Journal<R> {
         }
         Ok(columns)
     }
-
-    fn refill(&mut self) -> io::Result<()> {
-        self.buffer.copy_within(self.start..self.filled, 0);
-        self.filled -= self.start;
-        self.start = 0;
-        while let Some(room) = self.buffer.get_mut(self.filled..).filter(|r| !r.is_empty()) {
-            match self.source.read(room) {
-                Ok(0) => break,
-                Ok(count) => self.filled += count,
-                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-                Err(error) => return Err(error),
-            }
-        }
-        Ok(())
-    }
 }
 
 /// The sequence number of a record whose checksum and marker are right.
@@ -292,6 +260,7 @@ fn sound(record: &[u8]) -> Option<u64> {
 mod tests {
     use super::*;
     use crate::record::append::tests::SmallDisk;
+    use crate::record::strides::BUFFER;
     use proptest::prelude::*;
 
     fn file_of(rows: u64, columns: usize) -> Vec<u8> {

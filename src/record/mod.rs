@@ -31,6 +31,7 @@ pub mod note;
 pub mod onlooker;
 pub mod ring;
 pub mod run;
+mod strides;
 pub mod summary;
 pub mod threads;
 pub mod utc;

@@ -131,6 +131,34 @@ impl Loop {
     }
 }
 
+/// A structure whose axes at `rows` are late, all others on time: they are taken out of the damping and the stiffness of the
+/// `whole`, with what is their `own` of both (m × m for m rows).
+pub(super) fn delayed(
+    mass: DMatrix<f64>,
+    whole: (&SymMatrix, &SymMatrix),
+    rows: &[impl AsRef<[(usize, f64)]>],
+    own: (DMatrix<f64>, DMatrix<f64>),
+    mass_in_force: f64,
+) -> Delayed {
+    let mut b = DMatrix::zeros(rows.len(), mass.nrows());
+    for (axis, row) in rows.iter().enumerate() {
+        for &(dof, share) in row.as_ref() {
+            b[(axis, dof)] += share;
+        }
+    }
+    let rest = |whole: &SymMatrix, own: &DMatrix<f64>| whole.to_dense() - b.transpose() * own * &b;
+    Delayed {
+        mass,
+        damping: rest(whole.0, &own.0),
+        stiffness: rest(whole.1, &own.1),
+        rows: b,
+        specimen_damping: own.0,
+        specimen_stiffness: own.1,
+        specimen_mass: mass_in_force,
+        weighted: None,
+    }
+}
+
 impl Analysis {
     /// None for a structure that is too large.
     pub(super) fn new(
@@ -151,28 +179,20 @@ impl Analysis {
                 .loops()
                 .map(|specimen| {
                     let axes = specimen.rows.len();
-                    let mut rows = DMatrix::zeros(axes, n);
-                    for (axis, row) in specimen.rows.iter().enumerate() {
-                        for &(dof, b) in *row {
-                            rows[(axis, dof)] += b;
-                        }
-                    }
                     let square =
                         |by_rows: &[Vec<f64>]| DMatrix::from_fn(axes, axes, |i, j| by_rows[i][j]);
-                    let own_stiffness = square(specimen.stiffness);
-                    let own_damping = square(specimen.damping);
+                    let system = delayed(
+                        mass.to_dense(),
+                        (damping, stiffness),
+                        &specimen.rows,
+                        (square(specimen.damping), square(specimen.stiffness)),
+                        specimen.mass_in_force,
+                    );
                     Loop {
                         name: specimen.name.to_owned(),
                         system: Delayed {
-                            mass: mass.to_dense(),
-                            damping: damping.to_dense() - rows.transpose() * &own_damping * &rows,
-                            stiffness: stiffness.to_dense()
-                                - rows.transpose() * &own_stiffness * &rows,
-                            rows,
-                            specimen_stiffness: own_stiffness,
-                            specimen_damping: own_damping,
-                            specimen_mass: specimen.mass_in_force,
                             weighted: weighted.clone(),
+                            ..system
                         },
                     }
                 })

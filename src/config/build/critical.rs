@@ -5,11 +5,11 @@
 
 use nalgebra::DMatrix;
 
-use super::analysis::{Analysis, Attached};
+use super::analysis::{Analysis, Attached, delayed};
 use super::{Refused, Site, StructureFacts, path};
 use crate::config::Finding;
 use crate::control::{CriticalDelay, Port};
-use crate::spectral::delay::{DelayError, Delayed, continuous};
+use crate::spectral::delay::{DelayError, continuous};
 
 /// Entries of a table.
 const ENTRIES: usize = 33;
@@ -60,12 +60,6 @@ impl Analysis {
                 (specimen.stiffness[axis][axis], specimen.damping[axis][axis]);
             // NaN is passed over.
             let stiffest = REACH * stiffness.max(*bound);
-            let n = self.mass.n();
-            let mut rows = DMatrix::zeros(1, n);
-            for &(dof, b) in row {
-                rows[(0, dof)] += b;
-            }
-            let square = rows.transpose() * &rows;
             let mut mass = self.mass.to_dense();
             // The inertia in the forces of the other axes, which are on time.
             for other in &self.specimens {
@@ -79,16 +73,14 @@ impl Analysis {
                     }
                 }
             }
-            let mut system = Delayed {
+            let one = |value| DMatrix::from_element(1, 1, value);
+            let mut system = delayed(
                 mass,
-                damping: self.damping.to_dense() - &square * damping,
-                stiffness: self.stiffness.to_dense() - &square * stiffness,
-                rows,
-                specimen_stiffness: DMatrix::zeros(1, 1),
-                specimen_damping: DMatrix::from_element(1, 1, damping),
-                specimen_mass: specimen.mass_in_force,
-                weighted: None,
-            };
+                (&self.damping, &self.stiffness),
+                std::slice::from_ref(row),
+                (one(damping), one(stiffness)),
+                specimen.mass_in_force,
+            );
             let delay = |entry: usize| -> Result<f64, DelayError> {
                 let share = entry as f64 / (ENTRIES - 1) as f64;
                 system.specimen_stiffness[(0, 0)] = share * stiffest;

@@ -3,9 +3,7 @@
 use std::io::{self, Read};
 
 use super::{BODY, FORMAT, LOST, NAME, NOBODY, RECORD, Stamp, VERSION, What};
-
-/// Bytes read at once.
-const BUFFER: usize = (256 << 10) / RECORD * RECORD;
+use crate::record::strides::{Next, Strides};
 
 /// One record as read.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -72,10 +70,7 @@ impl std::fmt::Display for ThreadEnd {
 /// Reads records one by one.
 #[derive(Debug)]
 pub struct ThreadReader<R> {
-    source: R,
-    buffer: Vec<u8>,
-    start: usize,
-    filled: usize,
+    source: Strides<R>,
     records: u64,
     end: Option<ThreadEnd>,
 }
@@ -85,10 +80,7 @@ impl<R: Read> ThreadReader<R> {
     #[must_use]
     pub fn new(source: R) -> Self {
         Self {
-            source,
-            buffer: vec![0; BUFFER],
-            start: 0,
-            filled: 0,
+            source: Strides::new(source, RECORD),
             records: 0,
             end: None,
         }
@@ -126,46 +118,26 @@ impl<R: Read> ThreadReader<R> {
     }
 
     fn next_body(&mut self) -> io::Result<Option<[u8; BODY]>> {
-        if self.filled - self.start < RECORD {
-            self.refill()?;
-        }
-        let available = self.buffer.get(self.start..self.filled).unwrap_or_default();
-        let Some((body, crc)) = available
-            .get(..RECORD)
-            .and_then(|r| r.split_at_checked(BODY))
-        else {
-            self.end = Some(match available.len() {
-                0 => ThreadEnd::Clean,
-                bytes => ThreadEnd::Torn { bytes },
-            });
-            return Ok(None);
+        let record = match self.source.next()? {
+            Next::Record(record) => record,
+            Next::End(left) => {
+                self.end = Some(match left {
+                    0 => ThreadEnd::Clean,
+                    bytes => ThreadEnd::Torn { bytes },
+                });
+                return Ok(None);
+            }
         };
-        if crc32fast::hash(body).to_le_bytes() != crc {
+        let sound = record
+            .split_first_chunk::<BODY>()
+            .filter(|(body, crc)| crc32fast::hash(*body).to_le_bytes() == **crc);
+        if sound.is_none() {
             self.end = Some(match self.records {
                 0 => ThreadEnd::Foreign,
                 record => ThreadEnd::Damaged { record },
             });
-            return Ok(None);
         }
-        self.start += RECORD;
-        Ok(body.try_into().ok())
-    }
-
-    fn refill(&mut self) -> io::Result<()> {
-        self.buffer.copy_within(self.start..self.filled, 0);
-        self.filled -= self.start;
-        self.start = 0;
-        while let Some(room) = self.buffer.get_mut(self.filled..)
-            && !room.is_empty()
-        {
-            match self.source.read(room) {
-                Ok(0) => break,
-                Ok(count) => self.filled += count,
-                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-                Err(error) => return Err(error),
-            }
-        }
-        Ok(())
+        Ok(sound.map(|(body, _)| *body))
     }
 }
 
