@@ -3,6 +3,22 @@
 
 use super::WireError;
 
+/// Eight bytes of a frame.
+pub(crate) type Word = [u8; 8];
+
+/// The first and the last four bytes of a word.
+pub(crate) const fn halves([a, b, c, d, e, f, g, h]: Word) -> (u32, u32) {
+    (
+        u32::from_le_bytes([a, b, c, d]),
+        u32::from_le_bytes([e, f, g, h]),
+    )
+}
+
+/// The word with these halves.
+pub(crate) const fn joined(first: u32, last: u32) -> Word {
+    (((last as u64) << 32) | first as u64).to_le_bytes()
+}
+
 /// `N` bytes at `at`.
 pub(crate) fn array<const N: usize>(bytes: &[u8], at: usize) -> Result<[u8; N], WireError> {
     bytes
@@ -15,20 +31,8 @@ pub(crate) fn array<const N: usize>(bytes: &[u8], at: usize) -> Result<[u8; N], 
         })
 }
 
-pub(crate) fn get_u16(bytes: &[u8], at: usize) -> Result<u16, WireError> {
-    array(bytes, at).map(u16::from_le_bytes)
-}
-
-pub(crate) fn get_u32(bytes: &[u8], at: usize) -> Result<u32, WireError> {
-    array(bytes, at).map(u32::from_le_bytes)
-}
-
 pub(crate) fn get_i32(bytes: &[u8], at: usize) -> Result<i32, WireError> {
     array(bytes, at).map(i32::from_le_bytes)
-}
-
-pub(crate) fn get_u64(bytes: &[u8], at: usize) -> Result<u64, WireError> {
-    array(bytes, at).map(u64::from_le_bytes)
 }
 
 pub(crate) fn get_f64(bytes: &[u8], at: usize) -> Result<f64, WireError> {

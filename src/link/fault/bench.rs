@@ -41,9 +41,17 @@ impl std::fmt::Debug for Bench {
 }
 
 impl Bench {
-    /// `rig`, which counts in `units`, with the faults of `script` that happen there.
+    /// `rig`, which counts in `units`, with the faults of `script` that happen there; itself where none does.
     #[must_use]
-    pub fn new(rig: Box<dyn Rig>, script: &Script, units: Vec<AxisUnits>) -> Self {
+    pub fn around(rig: Box<dyn Rig>, script: &Script, units: Vec<AxisUnits>) -> Box<dyn Rig> {
+        if script.faults_at(Place::Rig).is_empty() {
+            rig
+        } else {
+            Box::new(Self::new(rig, script, units))
+        }
+    }
+
+    fn new(rig: Box<dyn Rig>, script: &Script, units: Vec<AxisUnits>) -> Self {
         let axes = rig.axes();
         Self {
             rig,
@@ -338,7 +346,7 @@ mod tests {
             metres: 1e-3,
             ..AxisUnits::SI
         };
-        let mut bench = Bench::new(Box::new(rig), &script, vec![units]);
+        let mut bench = Bench::around(Box::new(rig), &script, vec![units]);
         bench.arm(5, &[0.0]).unwrap();
         let mut into = Measurement::zeros(1);
         let each = commands.iter().zip(5..).map(|(disp, sequence)| {

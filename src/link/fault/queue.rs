@@ -14,34 +14,52 @@ pub(in crate::link) struct Queue {
 
 impl Queue {
     pub(in crate::link) fn push(&mut self, at: Nanos, frame: &[u8]) {
+        let bytes = self.copy(frame);
+        self.put(at, bytes);
+    }
+
+    /// `frame` in a buffer that is to be given back, with [`Queue::put`] or [`Queue::discard`].
+    pub(in crate::link) fn copy(&mut self, frame: &[u8]) -> Vec<u8> {
         let mut bytes = self.spare.pop().unwrap_or_default();
         bytes.clear();
         bytes.extend_from_slice(frame);
+        bytes
+    }
+
+    pub(in crate::link) fn put(&mut self, at: Nanos, bytes: Vec<u8>) {
+        if self.waiting.back().is_none_or(|(last, _)| *last <= at) {
+            self.waiting.push_back((at, bytes));
+            return;
+        }
         let behind = self.waiting.iter().rposition(|(other, _)| *other <= at);
         self.waiting
             .insert(behind.map_or(0, |last| last + 1), (at, bytes));
     }
 
+    pub(in crate::link) fn discard(&mut self, bytes: Vec<u8>) {
+        self.spare.push(bytes);
+    }
+
     /// When the next frame arrives.
+    #[inline]
     pub(in crate::link) fn next_at(&self) -> Option<Nanos> {
         self.waiting.front().map(|(at, _)| *at)
     }
 
     /// Takes the next frame, if it arrives by `until`, as far as it fits.
+    #[inline]
     pub(in crate::link) fn take(&mut self, until: Nanos, buffer: &mut [u8]) -> Option<usize> {
-        if self.next_at()? > until {
-            return None;
-        }
-        let (_, bytes) = self.waiting.pop_front()?;
-        let count = bytes.len().min(buffer.len());
-        if let (Some(to), Some(from)) = (buffer.get_mut(..count), bytes.get(..count)) {
-            to.copy_from_slice(from);
-        }
-        self.spare.push(bytes);
-        Some(count)
+        self.pass(until, |bytes| {
+            let count = bytes.len().min(buffer.len());
+            if let (Some(to), Some(from)) = (buffer.get_mut(..count), bytes.get(..count)) {
+                to.copy_from_slice(from);
+            }
+            count
+        })
     }
 
     /// The same, lent to `act`.
+    #[inline]
     pub(in crate::link) fn pass<R>(
         &mut self,
         until: Nanos,

@@ -4,7 +4,6 @@
 //! fault holds back leaves in the order of its times; numbers of commands, never a clock, decide what happens.
 
 use std::collections::VecDeque;
-use std::mem::take;
 
 use super::Queue;
 use super::dice::Dice;
@@ -18,9 +17,10 @@ use crate::wire::native::{Kind as FrameKind, forge_force, forge_length, forge_se
 /// The stream of chance on the link.
 const STREAM: u64 = 1;
 
-/// What is kept of one way.
+/// What happens on one way, and what is kept of it.
 #[derive(Debug, Default)]
 struct OneWay {
+    faults: Vec<Fault>,
     /// Frames that arrive later.
     later: Queue,
     /// Waits for the next frame, to follow it.
@@ -30,11 +30,38 @@ struct OneWay {
     remembers: bool,
 }
 
+impl OneWay {
+    fn new(script: &Script, way: Way) -> Self {
+        let mut faults = script.faults_at(Place::Frames);
+        faults.retain(|fault| fault.on.unwrap_or_default() == way);
+        let old_again = |fault: &Fault| matches!(fault.kind, Kind::OldAgain { .. });
+        Self {
+            remembers: faults.iter().any(old_again),
+            faults,
+            ..Self::default()
+        }
+    }
+
+    fn concerns(&self, number: u64) -> bool {
+        self.behind.is_some()
+            || self.remembers
+            || self.faults.iter().any(|fault| fault.concerns(number))
+    }
+
+    /// Keeps `frame`, to be sent again.
+    fn remember(&mut self, frame: &[u8]) {
+        let oldest = (self.past.len() >= MEMORY).then(|| self.past.pop_front());
+        let mut copy = oldest.flatten().unwrap_or_default();
+        copy.clear();
+        copy.extend_from_slice(frame);
+        self.past.push_back(copy);
+    }
+}
+
 /// A transport on which a script is played.
 #[derive(Debug)]
 pub struct FaultyWire<T> {
     inner: T,
-    frames: Vec<Fault>,
     /// What happens to the connection, until it has happened.
     events: Vec<Fault>,
     dice: Dice,
@@ -50,8 +77,6 @@ pub struct FaultyWire<T> {
     origin: Nanos,
     /// Seconds of the specimen's clock per second, less one.
     drift: f64,
-    scratch: Vec<u8>,
-    heard_frame: Vec<u8>,
 }
 
 impl<T: Transport> FaultyWire<T> {
@@ -72,32 +97,21 @@ impl<T: Transport> FaultyWire<T> {
             }
             _ => true,
         });
-        let frames = script.faults_at(Place::Frames);
-        let one_way = |way: Way| OneWay {
-            remembers: frames.iter().any(|fault| {
-                fault.on.unwrap_or_default() == way && matches!(fault.kind, Kind::OldAgain { .. })
-            }),
-            ..OneWay::default()
-        };
-        let (replies, commands) = (one_way(Way::Replies), one_way(Way::Commands));
         Self {
             origin: inner.now(),
             inner,
-            frames,
             events,
             dice: Dice::new(script.seed, STREAM),
             tick_ns: tick_ns as f64,
             first: 0,
             newest: 0,
             heard: false,
-            replies,
-            commands,
+            replies: OneWay::new(script, Way::Replies),
+            commands: OneWay::new(script, Way::Commands),
             deaf_until: Nanos(0),
             answers_arming,
             closed: false,
             drift,
-            scratch: Vec::new(),
-            heard_frame: Vec::new(),
         }
     }
 
@@ -121,30 +135,18 @@ impl<T: Transport> FaultyWire<T> {
         self.origin.plus(since.ceil() as u64 + 1)
     }
 
-    fn concerns(&self, way: Way, number: u64) -> bool {
-        let here = |fault: &Fault| fault.on.unwrap_or_default() == way;
-        let one_way = match way {
-            Way::Replies => &self.replies,
-            Way::Commands => &self.commands,
-        };
-        let mut frames = self.frames.iter();
-        one_way.behind.is_some()
-            || one_way.remembers
-            || frames.any(|fault| here(fault) && fault.concerns(number))
-    }
-
     /// What becomes of a frame of command `number`: it waits, once or several times, for its time to come.
     fn play(&mut self, way: Way, number: u64, frame: &[u8]) {
         let now = self.inner.now();
-        let mut bytes = take(&mut self.scratch);
-        bytes.clear();
-        bytes.extend_from_slice(frame);
+        let one_way = match way {
+            Way::Replies => &mut self.replies,
+            Way::Commands => &mut self.commands,
+        };
+        let mut bytes = one_way.later.copy(frame);
         let (mut late_ticks, mut copies, mut lost, mut follows) = (0.0, 1, false, false);
         let mut again = None;
-        let faults = self
-            .frames
-            .iter()
-            .filter(|fault| fault.on.unwrap_or_default() == way && fault.concerns(number));
+        let faults = one_way.faults.iter();
+        let faults = faults.filter(|fault| fault.concerns(number));
         for fault in faults {
             if !self.dice.happens(fault.probability.unwrap_or(1.0)) {
                 continue;
@@ -189,20 +191,19 @@ impl<T: Transport> FaultyWire<T> {
             }
         }
         let at = now.plus((late_ticks * self.tick_ns) as u64);
-        let one_way = match way {
-            Way::Replies => &mut self.replies,
-            Way::Commands => &mut self.commands,
-        };
         let before = one_way.behind.take();
-        if follows && before.is_none() && !lost {
-            one_way.behind = Some(bytes.clone());
-        } else if !lost {
-            for _ in 0..copies {
+        if lost {
+            one_way.later.discard(bytes);
+        } else if follows && before.is_none() {
+            one_way.behind = Some(bytes);
+        } else {
+            for _ in 1..copies {
                 one_way.later.push(at, &bytes);
             }
+            one_way.later.put(at, bytes);
         }
         if let Some(before) = before {
-            one_way.later.push(at, &before);
+            one_way.later.put(at, before);
         }
         if let Some(age) = again
             && let Some(old) = one_way.past.len().checked_sub(age)
@@ -211,13 +212,8 @@ impl<T: Transport> FaultyWire<T> {
             one_way.later.push(at, old);
         }
         if one_way.remembers {
-            let oldest = (one_way.past.len() >= MEMORY).then(|| one_way.past.pop_front());
-            let mut copy = oldest.flatten().unwrap_or_default();
-            copy.clear();
-            copy.extend_from_slice(frame);
-            one_way.past.push_back(copy);
+            one_way.remember(frame);
         }
-        self.scratch = bytes;
     }
 
     /// Sends the replies whose time has come.
@@ -282,7 +278,7 @@ impl<T: Transport> Transport for FaultyWire<T> {
         if self.deaf_until > Nanos(0) && self.inner.now() < self.deaf_until {
             return Ok(());
         }
-        if !self.concerns(Way::Replies, number) {
+        if !self.replies.concerns(number) {
             return self.inner.send(frame);
         }
         self.play(Way::Replies, number, frame);
@@ -318,13 +314,8 @@ impl<T: Transport> Transport for FaultyWire<T> {
             };
             if !self.hears(number)? {
                 self.commands.later.push(self.deaf_until, frame);
-            } else if self.concerns(Way::Commands, number) {
-                // It cannot be lent from the buffer that the next frame is to fill.
-                let mut copy = take(&mut self.heard_frame);
-                copy.clear();
-                copy.extend_from_slice(frame);
-                self.play(Way::Commands, number, &copy);
-                self.heard_frame = copy;
+            } else if self.commands.concerns(number) {
+                self.play(Way::Commands, number, frame);
             } else {
                 return Ok(Some(count));
             }

@@ -192,7 +192,7 @@ impl Host {
             )),
         };
         let rig = match &self.faults {
-            Some(script) => Box::new(Bench::new(rig, script, units.clone())),
+            Some(script) => Bench::around(rig, script, units.clone()),
             None => rig,
         };
         let (stiffness, mass) = (self.stiffness.clone(), self.mass.clone());

@@ -7,7 +7,7 @@
 
 use std::net::SocketAddr;
 use std::sync::atomic::{AtomicBool, AtomicUsize};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use tokio::sync::mpsc::UnboundedReceiver;
 
@@ -60,6 +60,14 @@ pub(super) struct FarEnd {
     delay_ns: u64,
 }
 
+impl FarEnd {
+    /// True if something happens here until `limit`, before something arrives at the other end.
+    fn is_due(&self, limit: Nanos) -> bool {
+        let coming = self.incoming.next_at().is_some_and(|at| at <= limit);
+        (self.now < limit || coming) && self.outgoing.next_at().is_none()
+    }
+}
+
 impl Transport for FarEnd {
     fn send(&mut self, frame: &[u8]) -> Result<(), LinkFault> {
         self.outgoing.push(self.now.plus(self.delay_ns), frame);
@@ -103,9 +111,21 @@ pub struct Simulated {
     delay_ns: u64,
     stream: bool,
     desk: Desk,
-    heard: UnboundedReceiver<Heard>,
     far: Far,
-    tap: Option<Tap>,
+    tapped: Option<Tapping>,
+}
+
+/// Who wants to know what passes.
+struct Tapping {
+    tap: Tap,
+    heard: UnboundedReceiver<Heard>,
+}
+
+impl Tapping {
+    fn write_down(&self, what: Tapped) {
+        let mut tap = self.tap.lock().unwrap_or_else(PoisonError::into_inner);
+        tap.push(what);
+    }
 }
 
 impl std::fmt::Debug for Simulated {
@@ -128,7 +148,8 @@ impl Simulated {
     /// datagrams do not. Whoever waits at this end lets time pass on `clock`.
     #[must_use]
     pub fn new(host: Host, clock: SimClock, delay_ns: u64, stream: bool) -> Self {
-        let (heard_in, heard) = tokio::sync::mpsc::unbounded_channel();
+        // Nobody listens, unless it is tapped.
+        let (heard_in, _) = tokio::sync::mpsc::unbounded_channel();
         let (sessions, _) = crossbeam_channel::bounded(1);
         let line = Line::Simulated(Box::new(FarEnd {
             incoming: Queue::default(),
@@ -152,39 +173,26 @@ impl Simulated {
                 sessions,
                 heard: heard_in,
             },
-            heard,
             far: Far::Waiting(Box::new(Waiting {
                 line,
                 inbox: Inbox::new(stream),
                 greeted: None,
             })),
-            tap: None,
+            tapped: None,
         }
     }
 
     /// Writes down what the controller sends and what the far end tells.
     #[must_use]
     pub fn tapped(mut self, tap: Tap) -> Self {
-        self.tap = Some(tap);
+        let (heard_in, heard) = tokio::sync::mpsc::unbounded_channel();
+        self.desk.heard = heard_in;
+        self.tapped = Some(Tapping { tap, heard });
         self
     }
 
-    fn write_down(&mut self, what: Tapped) {
-        if let Some(tap) = &self.tap {
-            match tap.lock() {
-                Ok(mut tap) => tap.push(what),
-                Err(poisoned) => poisoned.into_inner().push(what),
-            }
-        }
-    }
-
     fn end(&mut self) -> Option<&mut FarEnd> {
-        match &mut self.far {
-            Far::Waiting(waiting) => waiting.line.far_end(),
-            Far::Testing(stand, _) => stand.line().far_end(),
-            Far::Over(line) => line.far_end(),
-            Far::Between => None,
-        }
+        self.far.end()
     }
 
     /// When the next frame is here.
@@ -194,48 +202,67 @@ impl Simulated {
 
     /// Lets the far end live until `limit`, or until something is on its way to this end.
     fn live(&mut self, limit: Nanos) {
-        let mut before = Nanos(0);
         let mut in_vain = 0;
-        if let Some(end) = self.end() {
-            end.limit = limit;
-            before = end.now;
-        }
-        while self.end().is_some_and(|end| {
-            end.now < limit || end.incoming.next_at().is_some_and(|at| at <= limit)
-        }) && self.next_at().is_none()
+        while let Some(end) = self.far.end()
+            && end.is_due(limit)
         {
-            self.far = match std::mem::replace(&mut self.far, Far::Between) {
-                Far::Waiting(waiting) => waiting.turn(&self.desk),
-                Far::Testing(mut stand, until) => {
-                    let turn = stand.listen(until);
-                    match turn.and_then(|()| stand.turn(&self.desk)) {
-                        Ok(until) => Far::Testing(stand, until),
-                        Err(end) => {
-                            let (ended, line) = stand.finish(end);
-                            self.desk.tell(ended);
-                            self.desk.give_back();
-                            Far::Over(line)
-                        }
-                    }
-                }
-                Far::Over(mut line) => {
-                    if let Some(end) = line.far_end() {
-                        // What comes now is heard by nobody.
-                        end.incoming = Queue::default();
-                        end.now = end.now.max(limit);
-                    }
-                    Far::Over(line)
-                }
-                Far::Between => Far::Between,
-            };
+            let before = end.now;
+            end.limit = limit;
+            self.far.turn(limit, &self.desk);
             let now = self.end().map_or(limit, |end| end.now);
             in_vain = if now > before { 0 } else { in_vain + 1 };
-            before = now;
             debug_assert!(in_vain < MOST_IN_VAIN, "the far end spins at {now:?}");
-            while let Ok(what) = self.heard.try_recv() {
-                self.write_down(Tapped::Heard { at: now, what });
+            if let Some(tapped) = &mut self.tapped {
+                while let Ok(what) = tapped.heard.try_recv() {
+                    tapped.write_down(Tapped::Heard { at: now, what });
+                }
             }
         }
+    }
+}
+
+impl Far {
+    fn end(&mut self) -> Option<&mut FarEnd> {
+        match self {
+            Far::Waiting(waiting) => waiting.line.far_end(),
+            Far::Testing(stand, _) => stand.line().far_end(),
+            Far::Over(line) => line.far_end(),
+            Far::Between => None,
+        }
+    }
+
+    /// Lives on by one turn, up to `limit`.
+    fn turn(&mut self, limit: Nanos, desk: &Desk) {
+        let over = match self {
+            Far::Testing(stand, until) => {
+                match stand.listen(*until).and_then(|()| stand.turn(desk)) {
+                    Ok(next) => {
+                        *until = next;
+                        return;
+                    }
+                    Err(end) => Some(end),
+                }
+            }
+            Far::Over(line) => {
+                if let Some(end) = line.far_end() {
+                    // What comes now is heard by nobody.
+                    end.incoming = Queue::default();
+                    end.now = end.now.max(limit);
+                }
+                return;
+            }
+            Far::Waiting(_) | Far::Between => None,
+        };
+        *self = match (std::mem::replace(self, Far::Between), over) {
+            (Far::Waiting(waiting), _) => waiting.turn(desk),
+            (Far::Testing(stand, _), Some(end)) => {
+                let (ended, line) = stand.finish(end);
+                desk.tell(ended);
+                desk.give_back();
+                Far::Over(line)
+            }
+            (other, _) => other,
+        };
     }
 }
 
@@ -347,10 +374,10 @@ impl Transport for Simulated {
         if self.stream && matches!(self.far, Far::Over(_)) && self.next_at().is_none() {
             return Err(LinkFault::Closed);
         }
-        if self.tap.is_some()
+        if let Some(tapped) = &self.tapped
             && let Some(seen) = peek(frame)
         {
-            self.write_down(Tapped::Sent {
+            tapped.write_down(Tapped::Sent {
                 at: now,
                 kind: seen.kind,
                 sequence: seen.sequence,

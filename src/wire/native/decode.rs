@@ -2,16 +2,12 @@
 
 use super::encode::{a_sequence, axes_inside, may_write};
 use super::layout::{
-    AT_AXES, AT_BEAT_RESERVED, AT_BEAT_STATUS, AT_BEAT_TIME, AT_CAUSE, AT_COMMAND_DISP,
-    AT_COMMAND_DT, AT_COMMAND_TIME, AT_COUNTER, AT_FLAGS, AT_HEADER_RESERVED, AT_KIND, AT_LENGTH,
-    AT_MEASURED_DISP, AT_MISSED, AT_NOTICE_RESERVED, AT_SAMPLED_AFTER, AT_SEQUENCE, AT_SESSION,
-    AT_SPECIMEN_TIME, AT_STATUS, AT_VERSION, CONTROL_LIMIT, CRC_LEN, FLAG_KEYED, FLAG_SPECIMEN,
-    HEADER_LEN, HISTORY, MAGIC, NO_SEQUENCE, VERSION, at_command_vel, at_earlier, at_force,
-    body_end, trailer_len,
+    CONTROL_LIMIT, CRC_LEN, FLAG_KEYED, FLAG_SPECIMEN, HEADER_LEN, HEADER_WORDS, HISTORY, MAGIC,
+    MEASURED_WORDS, VERSION, body_end, earlier_words, trailer_len,
 };
-use super::view::{Cause, CommandFrame, Earlier, Frame, Heartbeat, Kind, MeasurementFrame, Notice};
+use super::view::{Cause, CommandFrame, Frame, Heartbeat, Kind, MeasurementFrame, Notice};
 use crate::substructure::Status;
-use crate::wire::bytes::{array, finite, finite_words, get_f64, get_u16, get_u32, get_u64, words};
+use crate::wire::bytes::{Word, array, finite, finite_words, halves};
 use crate::wire::key::{MAC_LEN, SessionKey};
 use crate::wire::window::{Arrival, SequenceWindow};
 use crate::wire::{Progress, Side, WireError};
@@ -23,6 +19,20 @@ use crate::wire::{Progress, Side, WireError};
 /// # Errors
 /// Another protocol, another version, an unknown kind, a length that this kind cannot have.
 pub fn split(bytes: &[u8]) -> Result<Progress, WireError> {
+    if bytes.len() < HEADER_LEN {
+        return begins_right(bytes).map(|()| Progress::NeedMore);
+    }
+    let header = Header::parse(bytes)?;
+    if bytes.len() < header.length {
+        return Ok(Progress::NeedMore);
+    }
+    Ok(Progress::Frame {
+        consumed: header.length,
+    })
+}
+
+/// As much of a header as is here.
+fn begins_right(bytes: &[u8]) -> Result<(), WireError> {
     let mut start = [0; MAGIC.len()];
     let mut matches = true;
     for ((copy, found), expected) in start.iter_mut().zip(bytes).zip(MAGIC) {
@@ -35,19 +45,9 @@ pub fn split(bytes: &[u8]) -> Result<Progress, WireError> {
             found: start,
         });
     }
-    if let Some(&version) = bytes.get(AT_VERSION) {
-        same_version(version)?;
-    }
-    if bytes.len() < HEADER_LEN {
-        return Ok(Progress::NeedMore);
-    }
-    let header = Header::parse(bytes)?;
-    if bytes.len() < header.length {
-        return Ok(Progress::NeedMore);
-    }
-    Ok(Progress::Frame {
-        consumed: header.length,
-    })
+    bytes
+        .get(MAGIC.len())
+        .map_or(Ok(()), |&version| same_version(version))
 }
 
 /// A frame, and how it came.
@@ -126,9 +126,11 @@ impl Decoder {
                 }
             });
         }
-        let crc_at = bytes.len() - CRC_LEN;
-        let expected = crc32fast::hash(bytes.get(..crc_at).unwrap_or_default());
-        let found = get_u32(bytes, crc_at)?;
+        let (covered, crc) = bytes
+            .split_last_chunk::<CRC_LEN>()
+            .unwrap_or((bytes, &[0; CRC_LEN]));
+        let expected = crc32fast::hash(covered);
+        let found = u32::from_le_bytes(*crc);
         if expected != found {
             return Err(WireError::Checksum { expected, found });
         }
@@ -192,13 +194,15 @@ impl Decoder {
                 found: header.axes,
             });
         }
+        let body = bytes.get(HEADER_LEN..).unwrap_or_default();
+        let words = body.as_chunks::<8>().0;
         match header.kind {
-            Kind::Command => command(bytes, self.axes).map(Frame::Command),
-            Kind::Measurement => measurement(bytes, self.axes).map(Frame::Measurement),
-            Kind::Heartbeat => heartbeat(bytes).map(Frame::Heartbeat),
-            Kind::Hold => notice(bytes).map(Frame::Hold),
-            Kind::Retire => notice(bytes).map(Frame::Retire),
-            Kind::Goodbye => notice(bytes).map(Frame::Goodbye),
+            Kind::Command => command(words, self.axes).map(Frame::Command),
+            Kind::Measurement => measurement(words, self.axes).map(Frame::Measurement),
+            Kind::Heartbeat => heartbeat(words).map(Frame::Heartbeat),
+            Kind::Hold => notice(words).map(Frame::Hold),
+            Kind::Retire => notice(words).map(Frame::Retire),
+            Kind::Goodbye => notice(words).map(Frame::Goodbye),
             Kind::Control => {
                 let end = header.length - trailer_len(header.keyed);
                 Ok(Frame::Control(
@@ -222,25 +226,37 @@ struct Header {
 impl Header {
     /// Invariant of the result: `length` is what the kind, the axes and the key make it, and bounded.
     fn parse(bytes: &[u8]) -> Result<Self, WireError> {
-        let found = array(bytes, 0)?;
+        let Some((words, _)) = bytes.as_chunks::<8>().0.split_first_chunk::<HEADER_WORDS>() else {
+            return Err(WireError::Truncated {
+                needed: HEADER_LEN,
+                found: bytes.len(),
+            });
+        };
+        let [
+            [m0, m1, m2, m3, version, kind, f0, f1],
+            sizes,
+            session,
+            counter,
+        ] = *words;
+        let found = [m0, m1, m2, m3];
         if found != MAGIC {
             return Err(WireError::Magic {
                 expected: MAGIC,
                 found,
             });
         }
-        let [version] = array(bytes, AT_VERSION)?;
         same_version(version)?;
-        let [kind] = array(bytes, AT_KIND)?;
         let kind = Kind::from_code(kind)?;
-        let flags = get_u16(bytes, AT_FLAGS)?;
+        let flags = u16::from_le_bytes([f0, f1]);
         reserved(
             "frame flags",
             u32::from(FLAG_KEYED | FLAG_SPECIMEN),
             u32::from(flags),
         )?;
         let keyed = flags & FLAG_KEYED != 0;
-        let axes = usize::from(get_u16(bytes, AT_AXES)?);
+        let (length, axes) = halves(sizes);
+        let (length, reserve) = (length as usize, axes >> 16);
+        let axes = (axes & 0xFFFF) as usize;
         if kind.has_axes() {
             axes_inside(axes)?;
         } else if axes != 0 {
@@ -251,12 +267,7 @@ impl Header {
                 found: axes as i64,
             });
         }
-        reserved(
-            "header reserve",
-            0,
-            u32::from(get_u16(bytes, AT_HEADER_RESERVED)?),
-        )?;
-        let length = get_u32(bytes, AT_LENGTH)? as usize;
+        reserved("header reserve", 0, reserve)?;
         let shortest = body_end(kind, axes, 0) + trailer_len(keyed);
         let longest = if kind == Kind::Control {
             shortest + CONTROL_LIMIT
@@ -281,8 +292,8 @@ impl Header {
             },
             length,
             axes,
-            session: get_u64(bytes, AT_SESSION)?,
-            counter: get_u64(bytes, AT_COUNTER)?,
+            session: u64::from_le_bytes(session),
+            counter: u64::from_le_bytes(counter),
         })
     }
 }
@@ -311,13 +322,35 @@ fn reserved(field: &'static str, allowed: u32, found: u32) -> Result<(), WireErr
     }
 }
 
-fn command(bytes: &[u8], axes: usize) -> Result<CommandFrame<'_>, WireError> {
+/// The first `N` words of a body, and those behind them. [`Header::parse`] made sure that they are there.
+fn head<const N: usize>(words: &[Word]) -> Result<(&[Word; N], &[Word]), WireError> {
+    words.split_first_chunk().ok_or_else(|| missing(N, words))
+}
+
+/// The first `count` words, and those behind them.
+fn vector(words: &[Word], count: usize) -> Result<(&[Word], &[Word]), WireError> {
+    words
+        .split_at_checked(count)
+        .ok_or_else(|| missing(count, words))
+}
+
+const fn missing(needed: usize, words: &[Word]) -> WireError {
+    WireError::Truncated {
+        needed: needed * size_of::<Word>(),
+        found: size_of_val(words),
+    }
+}
+
+fn command(words: &[Word], axes: usize) -> Result<CommandFrame<'_>, WireError> {
+    let ([sequence, time, dt], vectors) = head(words)?;
+    let (disp, vectors) = vector(vectors, axes)?;
+    let (vel, _) = vector(vectors, axes)?;
     let frame = CommandFrame {
-        sequence: sequence(bytes)?,
-        time: get_f64(bytes, AT_COMMAND_TIME)?,
-        dt: get_f64(bytes, AT_COMMAND_DT)?,
-        disp: words(bytes, AT_COMMAND_DISP, axes)?,
-        vel: words(bytes, at_command_vel(axes), axes)?,
+        sequence: number(*sequence)?,
+        time: f64::from_le_bytes(*time),
+        dt: f64::from_le_bytes(*dt),
+        disp,
+        vel,
     };
     finite("command time", &[frame.time])?;
     finite("command dt", &[frame.dt])?;
@@ -326,25 +359,23 @@ fn command(bytes: &[u8], axes: usize) -> Result<CommandFrame<'_>, WireError> {
     Ok(frame)
 }
 
-fn measurement(bytes: &[u8], axes: usize) -> Result<MeasurementFrame<'_>, WireError> {
-    let mut earlier = [None; HISTORY];
-    for (entry, place) in earlier.iter_mut().enumerate() {
-        let at = at_earlier(axes, entry);
-        let sequence = get_u64(bytes, at)?;
-        let force = words(bytes, at + 8, axes)?;
-        finite_words("earlier force", force)?;
-        if sequence != NO_SEQUENCE {
-            *place = Some(Earlier { sequence, force });
-        }
+fn measurement(words: &[Word], axes: usize) -> Result<MeasurementFrame<'_>, WireError> {
+    let ([sequence, time, after, counts], vectors) = head::<MEASURED_WORDS>(words)?;
+    let (disp, vectors) = vector(vectors, axes)?;
+    let (force, vectors) = vector(vectors, axes)?;
+    let (earlier, _) = vector(vectors, HISTORY * earlier_words(axes))?;
+    for entry in earlier.chunks_exact(earlier_words(axes)) {
+        finite_words("earlier force", entry.get(1..).unwrap_or_default())?;
     }
+    let (status, missed) = halves(*counts);
     let frame = MeasurementFrame {
-        sequence: sequence(bytes)?,
-        time: get_f64(bytes, AT_SPECIMEN_TIME)?,
-        sampled_after: get_f64(bytes, AT_SAMPLED_AFTER)?,
-        status: Status(get_u32(bytes, AT_STATUS)?),
-        missed: get_u32(bytes, AT_MISSED)?,
-        disp: words(bytes, AT_MEASURED_DISP, axes)?,
-        force: words(bytes, at_force(axes), axes)?,
+        sequence: number(*sequence)?,
+        time: f64::from_le_bytes(*time),
+        sampled_after: f64::from_le_bytes(*after),
+        status: Status(status),
+        missed,
+        disp,
+        force,
         earlier,
     };
     finite("specimen time", &[frame.time])?;
@@ -354,27 +385,31 @@ fn measurement(bytes: &[u8], axes: usize) -> Result<MeasurementFrame<'_>, WireEr
     Ok(frame)
 }
 
-fn heartbeat(bytes: &[u8]) -> Result<Heartbeat, WireError> {
-    let time = get_f64(bytes, AT_BEAT_TIME)?;
+fn heartbeat(words: &[Word]) -> Result<Heartbeat, WireError> {
+    let ([sequence, time, flags], _) = head(words)?;
+    let time = f64::from_le_bytes(*time);
     finite("heartbeat time", &[time])?;
-    reserved("heartbeat reserve", 0, get_u32(bytes, AT_BEAT_RESERVED)?)?;
+    let (status, reserve) = halves(*flags);
+    reserved("heartbeat reserve", 0, reserve)?;
     Ok(Heartbeat {
-        sequence: get_u64(bytes, AT_SEQUENCE)?,
+        sequence: u64::from_le_bytes(*sequence),
         time,
-        status: Status(get_u32(bytes, AT_BEAT_STATUS)?),
+        status: Status(status),
     })
 }
 
-fn notice(bytes: &[u8]) -> Result<Notice, WireError> {
-    reserved("notice reserve", 0, get_u32(bytes, AT_NOTICE_RESERVED)?)?;
+fn notice(words: &[Word]) -> Result<Notice, WireError> {
+    let ([sequence, cause], _) = head(words)?;
+    let (cause, reserve) = halves(*cause);
+    reserved("notice reserve", 0, reserve)?;
     Ok(Notice {
-        sequence: get_u64(bytes, AT_SEQUENCE)?,
-        cause: Cause::from_code(get_u32(bytes, AT_CAUSE)?)?,
+        sequence: u64::from_le_bytes(*sequence),
+        cause: Cause::from_code(cause)?,
     })
 }
 
 /// The sequence number of a command or measurement.
-fn sequence(bytes: &[u8]) -> Result<u64, WireError> {
-    let sequence = get_u64(bytes, AT_SEQUENCE)?;
+fn number(word: Word) -> Result<u64, WireError> {
+    let sequence = u64::from_le_bytes(word);
     a_sequence(sequence).map(|()| sequence)
 }

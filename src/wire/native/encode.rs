@@ -1,16 +1,12 @@
 //! Values to frames.
 
 use super::layout::{
-    AT_AXES, AT_BEAT_RESERVED, AT_BEAT_STATUS, AT_BEAT_TIME, AT_CAUSE, AT_COMMAND_DISP,
-    AT_COMMAND_DT, AT_COMMAND_TIME, AT_COUNTER, AT_FLAGS, AT_HEADER_RESERVED, AT_KIND, AT_LENGTH,
-    AT_MAGIC, AT_MEASURED_DISP, AT_MISSED, AT_NOTICE_RESERVED, AT_SAMPLED_AFTER, AT_SEQUENCE,
-    AT_SESSION, AT_SPECIMEN_TIME, AT_STATUS, AT_VERSION, CONTROL_LIMIT, CRC_LEN, FLAG_KEYED,
-    FLAG_SPECIMEN, HEADER_LEN, HISTORY, MAGIC, MAX_AXES, NO_SEQUENCE, VERSION, at_command_vel,
-    at_earlier, at_force, body_end, trailer_len,
+    CONTROL_LIMIT, CRC_LEN, FLAG_KEYED, FLAG_SPECIMEN, HEADER_LEN, HEADER_WORDS, HISTORY, MAGIC,
+    MAX_AXES, NO_SEQUENCE, VERSION, body_end, earlier_words, trailer_len,
 };
 use super::view::{Heartbeat, Kind, Notice};
 use crate::substructure::{Command, Measurement};
-use crate::wire::bytes::{finite, put, put_doubles, same_length};
+use crate::wire::bytes::{Word, finite, joined, put, same_length};
 use crate::wire::key::{MAC_LEN, SessionKey};
 use crate::wire::{Side, WireError};
 
@@ -90,12 +86,14 @@ impl Encoder {
         finite("command dt", &[command.dt])?;
         finite("commanded displacement", command.disp)?;
         finite("commanded velocity", command.vel)?;
-        let frame = self.begin(Kind::Command, 0, out)?;
-        put(frame, AT_SEQUENCE, command.sequence.to_le_bytes())?;
-        put(frame, AT_COMMAND_TIME, command.time.to_le_bytes())?;
-        put(frame, AT_COMMAND_DT, command.dt.to_le_bytes())?;
-        put_doubles(frame, AT_COMMAND_DISP, command.disp)?;
-        put_doubles(frame, at_command_vel(self.axes), command.vel)?;
+        let words = self.begin(Kind::Command, 0, out)?;
+        let (head, vectors) = head(words)?;
+        *head = [
+            command.sequence.to_le_bytes(),
+            command.time.to_le_bytes(),
+            command.dt.to_le_bytes(),
+        ];
+        fill(vectors, [command.disp, command.vel]);
         self.finish(Kind::Command, 0, out)
     }
 
@@ -116,19 +114,18 @@ impl Encoder {
         finite("moment of sampling", &[moment.sampled_after])?;
         finite("measured displacement", &measured.disp)?;
         finite("measured force", &measured.force)?;
-        let frame = self.begin(Kind::Measurement, 0, out)?;
-        put(frame, AT_SEQUENCE, measured.sequence.to_le_bytes())?;
-        put(frame, AT_SPECIMEN_TIME, measured.time.to_le_bytes())?;
-        put(frame, AT_SAMPLED_AFTER, moment.sampled_after.to_le_bytes())?;
-        put(frame, AT_STATUS, measured.status.0.to_le_bytes())?;
-        put(frame, AT_MISSED, moment.missed.to_le_bytes())?;
-        put_doubles(frame, AT_MEASURED_DISP, &measured.disp)?;
-        put_doubles(frame, at_force(self.axes), &measured.force)?;
+        let words = self.begin(Kind::Measurement, 0, out)?;
+        let (head, vectors) = head(words)?;
+        *head = [
+            measured.sequence.to_le_bytes(),
+            measured.time.to_le_bytes(),
+            moment.sampled_after.to_le_bytes(),
+            joined(measured.status.0, moment.missed),
+        ];
+        let earlier = fill(vectors, [&measured.disp, &measured.force]);
         self.history.remember(measured.sequence, &measured.force);
-        for (entry, (sequence, force)) in self.history.earlier().enumerate() {
-            let at = at_earlier(self.axes, entry);
-            put(frame, at, sequence.to_le_bytes())?;
-            put_doubles(frame, at + 8, force)?;
+        for (word, kept) in earlier.iter_mut().zip(self.history.earlier()) {
+            *word = *kept;
         }
         self.finish(Kind::Measurement, 0, out)
     }
@@ -139,11 +136,13 @@ impl Encoder {
     /// A time that is not finite, a buffer too small.
     pub fn heartbeat(&mut self, beat: Heartbeat, out: &mut [u8]) -> Result<usize, WireError> {
         finite("heartbeat time", &[beat.time])?;
-        let frame = self.begin(Kind::Heartbeat, 0, out)?;
-        put(frame, AT_SEQUENCE, beat.sequence.to_le_bytes())?;
-        put(frame, AT_BEAT_TIME, beat.time.to_le_bytes())?;
-        put(frame, AT_BEAT_STATUS, beat.status.0.to_le_bytes())?;
-        put(frame, AT_BEAT_RESERVED, [0; 4])?;
+        let words = self.begin(Kind::Heartbeat, 0, out)?;
+        let (head, _) = head(words)?;
+        *head = [
+            beat.sequence.to_le_bytes(),
+            beat.time.to_le_bytes(),
+            joined(beat.status.0, 0),
+        ];
         self.finish(Kind::Heartbeat, 0, out)
     }
 
@@ -184,22 +183,24 @@ impl Encoder {
                 found: i64::try_from(message.len()).unwrap_or(i64::MAX),
             });
         }
-        let frame = self.begin(Kind::Control, message.len(), out)?;
-        if let Some(place) = frame.get_mut(HEADER_LEN..HEADER_LEN + message.len()) {
+        let body = self.begin(Kind::Control, message.len(), out)?;
+        if let Some(place) = body.get_mut(..message.len()) {
             place.copy_from_slice(message);
         }
         self.finish(Kind::Control, message.len(), out)
     }
 
     fn notice(&mut self, kind: Kind, notice: Notice, out: &mut [u8]) -> Result<usize, WireError> {
-        let frame = self.begin(kind, 0, out)?;
-        put(frame, AT_SEQUENCE, notice.sequence.to_le_bytes())?;
-        put(frame, AT_CAUSE, notice.cause.code().to_le_bytes())?;
-        put(frame, AT_NOTICE_RESERVED, [0; 4])?;
+        let words = self.begin(kind, 0, out)?;
+        let (head, _) = head(words)?;
+        *head = [
+            notice.sequence.to_le_bytes(),
+            joined(notice.cause.code(), 0),
+        ];
         self.finish(kind, 0, out)
     }
 
-    /// Writes the header; the returned slice is exactly the frame.
+    /// Writes the header; the returned slice is the rest of the frame.
     fn begin<'o>(
         &self,
         kind: Kind,
@@ -231,21 +232,20 @@ impl Encoder {
             flags |= FLAG_SPECIMEN;
         }
         // Bounded by MAX_AXES and CONTROL_LIMIT: both casts are lossless.
-        let axes = if kind.has_axes() { self.axes as u16 } else { 0 };
-        put(frame, AT_MAGIC, MAGIC)?;
-        put(frame, AT_VERSION, [VERSION])?;
-        put(frame, AT_KIND, [kind.code()])?;
-        put(frame, AT_FLAGS, flags.to_le_bytes())?;
-        put(frame, AT_LENGTH, (needed as u32).to_le_bytes())?;
-        put(frame, AT_AXES, axes.to_le_bytes())?;
-        put(frame, AT_HEADER_RESERVED, [0; 2])?;
-        put(frame, AT_SESSION, self.session.to_le_bytes())?;
-        put(
-            frame,
-            AT_COUNTER,
+        let axes = if kind.has_axes() { self.axes as u32 } else { 0 };
+        let [m0, m1, m2, m3] = MAGIC;
+        let [f0, f1] = flags.to_le_bytes();
+        let (header, body) = frame
+            .split_first_chunk_mut::<HEADER_LEN>()
+            .ok_or(WireError::Room { needed, found })?;
+        let words: [Word; HEADER_WORDS] = [
+            [m0, m1, m2, m3, VERSION, kind.code(), f0, f1],
+            joined(needed as u32, axes),
+            self.session.to_le_bytes(),
             self.counter.saturating_add(1).to_le_bytes(),
-        )?;
-        Ok(frame)
+        ];
+        header.copy_from_slice(words.as_flattened());
+        Ok(body)
     }
 
     /// Writes MAC and CRC, and counts the frame.
@@ -297,43 +297,64 @@ pub(super) fn axes_inside(axes: usize) -> Result<(), WireError> {
     }
 }
 
-/// The last forces, one for each command that was ever in force; the newest of a command counts.
+/// The first `N` words of a body, and the words behind them.
+fn head<const N: usize>(body: &mut [u8]) -> Result<(&mut [Word; N], &mut [Word]), WireError> {
+    let found = body.len();
+    let words = body.as_chunks_mut::<8>().0;
+    words.split_first_chunk_mut().ok_or(WireError::Room {
+        needed: N * size_of::<Word>(),
+        found,
+    })
+}
+
+/// Writes vectors one behind the other; returns the words behind them.
+fn fill<'w>(mut words: &'w mut [Word], vectors: [&[f64]; 2]) -> &'w mut [Word] {
+    for vector in vectors {
+        let length = vector.len().min(words.len());
+        let (place, rest) = words.split_at_mut(length);
+        for (word, value) in place.iter_mut().zip(vector) {
+            *word = value.to_le_bytes();
+        }
+        words = rest;
+    }
+    words
+}
+
+/// The last forces, one for each command that was ever in force; the newest of a command counts. As they stand in a frame:
+/// for each the sequence and the forces, the current one first, then the earlier ones, newest first.
 #[derive(Debug)]
 struct History {
-    axes: usize,
-    /// Current first, then the earlier ones, newest first.
-    sequences: [u64; HISTORY + 1],
-    forces: Vec<f64>,
+    words: Vec<Word>,
+    /// Of one measurement.
+    stride: usize,
 }
 
 impl History {
     fn new(axes: usize) -> Self {
-        Self {
-            axes,
-            sequences: [NO_SEQUENCE; HISTORY + 1],
-            forces: vec![0.0; (HISTORY + 1) * axes],
+        let stride = earlier_words(axes);
+        let mut words = vec![[0; 8]; (HISTORY + 1) * stride];
+        for first in words.iter_mut().step_by(stride) {
+            *first = NO_SEQUENCE.to_le_bytes();
         }
+        Self { words, stride }
     }
 
     /// Real-time: yes.
     fn remember(&mut self, sequence: u64, force: &[f64]) {
-        let [current, ..] = self.sequences;
-        if current != sequence && current != NO_SEQUENCE {
-            self.sequences.rotate_right(1);
-            self.forces.rotate_right(self.axes);
+        let current = self.words.first().map(|word| u64::from_le_bytes(*word));
+        if current.is_some_and(|current| current != sequence && current != NO_SEQUENCE) {
+            // The oldest falls off the end.
+            self.words.copy_within(..HISTORY * self.stride, self.stride);
         }
-        let [current, ..] = &mut self.sequences;
-        *current = sequence;
-        for (kept, new) in self.forces.iter_mut().zip(force) {
-            *kept = *new;
+        if let Some((first, forces)) = self.words.split_first_mut() {
+            *first = sequence.to_le_bytes();
+            for (kept, new) in forces.iter_mut().zip(force) {
+                *kept = new.to_le_bytes();
+            }
         }
     }
 
-    fn earlier(&self) -> impl Iterator<Item = (u64, &[f64])> {
-        self.sequences
-            .iter()
-            .copied()
-            .zip(self.forces.chunks_exact(self.axes.max(1)))
-            .skip(1)
+    fn earlier(&self) -> &[Word] {
+        self.words.get(self.stride..).unwrap_or_default()
     }
 }

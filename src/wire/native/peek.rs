@@ -4,11 +4,9 @@
 //! Nothing is checked here but the length; a frame of a keyed session that was changed fails its MAC. The two ends use
 //! [`super::Decoder`] and [`super::Encoder`].
 
-use super::layout::{
-    AT_AXES, AT_KIND, AT_LENGTH, AT_SEQUENCE, AT_SESSION, CRC_LEN, HEADER_LEN, at_force, frame_len,
-};
+use super::layout::{CRC_LEN, HEADER_LEN, MEASURED_WORDS, WORD, frame_len};
 use super::view::Kind;
-use crate::wire::bytes::{get_f64, get_u16, get_u32, get_u64, put, words};
+use crate::wire::bytes::{Word, halves, put};
 
 /// What a frame says of itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -24,46 +22,56 @@ pub struct Peek {
 /// What `frame` says of itself, if it is one whole frame. Real-time: yes.
 #[must_use]
 pub fn peek(frame: &[u8]) -> Option<Peek> {
-    let kind = Kind::from_code(*frame.get(AT_KIND)?).ok()?;
-    let length = get_u32(frame, AT_LENGTH).ok()?;
-    if usize::try_from(length) != Ok(frame.len()) || frame.len() < HEADER_LEN {
+    let [first, sizes, session, _, rest @ ..] = frame.as_chunks::<WORD>().0 else {
+        return None;
+    };
+    let [_, _, _, _, _, kind, ..] = *first;
+    let kind = Kind::from_code(kind).ok()?;
+    let (length, _) = halves(*sizes);
+    if usize::try_from(length) != Ok(frame.len()) {
         return None;
     }
     let sequence = match kind {
         Kind::Control => 0,
-        _ => get_u64(frame, AT_SEQUENCE).ok()?,
+        _ => u64::from_le_bytes(*rest.first()?),
     };
     Some(Peek {
         kind,
-        session: get_u64(frame, AT_SESSION).ok()?,
+        session: u64::from_le_bytes(*session),
         sequence,
     })
 }
 
+/// The vectors of a frame of one kind, and its axes; none if it is of another or not whole.
+fn vectors(frame: &[u8], kind: Kind, head: usize) -> Option<(usize, &[Word])> {
+    peek(frame).filter(|peek| peek.kind == kind)?;
+    let words = frame.as_chunks().0;
+    let (_, axes) = halves(*words.get(1)?);
+    let axes = usize::from(axes as u16);
+    let whole = frame.len() >= frame_len(kind, axes, false);
+    let at = HEADER_LEN / WORD + head;
+    whole.then_some((axes, words.get(at..at + 2 * axes)?))
+}
+
 /// Displacement and velocity of every axis of a command; empty for another frame.
 pub fn commanded(frame: &[u8]) -> impl Iterator<Item = (f64, f64)> + '_ {
-    let is_command = peek(frame).is_some_and(|peek| peek.kind == Kind::Command);
-    let axes = get_u16(frame, AT_AXES).map_or(0, usize::from);
-    let whole = is_command && frame.len() >= frame_len(Kind::Command, axes, false);
-    let at = super::layout::AT_COMMAND_DISP;
-    let values = words(frame, at, if whole { 2 * axes } else { 0 }).unwrap_or_default();
-    let value = |word: &[u8; 8]| f64::from_le_bytes(*word);
-    let (disp, vel) = values.split_at(values.len() / 2);
+    let (axes, values) = vectors(frame, Kind::Command, 3).unwrap_or_default();
+    let value = |word: &Word| f64::from_le_bytes(*word);
+    let (disp, vel) = values.split_at(axes);
     disp.iter().map(value).zip(vel.iter().map(value))
 }
 
 /// Writes another number into a frame, and a checksum that fits.
 pub fn forge_sequence(frame: &mut [u8], sequence: u64) {
-    let _ = put(frame, AT_SEQUENCE, sequence.to_le_bytes());
+    let _ = put(frame, HEADER_LEN, sequence.to_le_bytes());
     seal(frame);
 }
 
 /// Writes another force into a measurement, and a checksum that fits. Nothing if there is no such axis (from 0).
 pub fn forge_force(frame: &mut [u8], axis: usize, force: f64) {
-    let axes = get_u16(frame, AT_AXES).map_or(0, usize::from);
-    let is_measurement = peek(frame).is_some_and(|peek| peek.kind == Kind::Measurement);
-    let at = at_force(axes) + 8 * axis;
-    if is_measurement && axis < axes && get_f64(frame, at).is_ok() {
+    let found = vectors(frame, Kind::Measurement, MEASURED_WORDS);
+    if let Some((axes, _)) = found.filter(|(axes, _)| axis < *axes) {
+        let at = HEADER_LEN + WORD * (MEASURED_WORDS + axes + axis);
         let _ = put(frame, at, force.to_le_bytes());
         seal(frame);
     }
@@ -71,7 +79,7 @@ pub fn forge_force(frame: &mut [u8], axis: usize, force: f64) {
 
 /// Writes another length into the header; the checksum does not know.
 pub fn forge_length(frame: &mut [u8], length: u32) {
-    let _ = put(frame, AT_LENGTH, length.to_le_bytes());
+    let _ = put(frame, WORD, length.to_le_bytes());
 }
 
 fn seal(frame: &mut [u8]) {

@@ -3,10 +3,10 @@
 //! The windows are only made by [`super::Decoder::open`], which has checked lengths and numbers; their getters
 //! cannot fail and allocate nothing.
 
-use super::layout::HISTORY;
+use super::layout::{NO_SEQUENCE, earlier_words};
 use crate::substructure::{Measurement, Retirement, Status};
 use crate::wire::WireError;
-use crate::wire::bytes::copy_words;
+use crate::wire::bytes::{Word, copy_words};
 
 /// The kinds of frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -50,13 +50,22 @@ impl Kind {
     ///
     /// # Errors
     /// [`WireError::Code`] if there is none.
-    pub fn from_code(code: u8) -> Result<Self, WireError> {
-        coded(
-            "frame kind",
-            Self::ALL,
-            |kind| u32::from(kind.code()),
-            code.into(),
-        )
+    pub const fn from_code(code: u8) -> Result<Self, WireError> {
+        Ok(match code {
+            1 => Kind::Command,
+            2 => Kind::Measurement,
+            3 => Kind::Heartbeat,
+            4 => Kind::Hold,
+            5 => Kind::Retire,
+            6 => Kind::Goodbye,
+            16 => Kind::Control,
+            _ => {
+                return Err(WireError::Code {
+                    field: "frame kind",
+                    found: code as u32,
+                });
+            }
+        })
     }
 
     /// In words.
@@ -77,17 +86,6 @@ impl Kind {
     pub(super) const fn has_axes(self) -> bool {
         matches!(self, Kind::Command | Kind::Measurement)
     }
-}
-
-/// The one of `all` whose code was found.
-fn coded<T: Copy, const N: usize>(
-    field: &'static str,
-    all: [T; N],
-    code: impl Fn(T) -> u32,
-    found: u32,
-) -> Result<T, WireError> {
-    let known = all.into_iter().find(|one| code(*one) == found);
-    known.ok_or(WireError::Code { field, found })
 }
 
 /// Why a test holds, retires or ends.
@@ -130,7 +128,11 @@ impl Cause {
     /// # Errors
     /// [`WireError::Code`] if there is none.
     pub fn from_code(code: u32) -> Result<Self, WireError> {
-        coded("cause", Self::ALL, Self::code, code)
+        let known = Self::ALL.into_iter().find(|cause| cause.code() == code);
+        known.ok_or(WireError::Code {
+            field: "cause",
+            found: code,
+        })
     }
 }
 
@@ -188,8 +190,8 @@ pub struct CommandFrame<'a> {
     pub(super) sequence: u64,
     pub(super) time: f64,
     pub(super) dt: f64,
-    pub(super) disp: &'a [[u8; 8]],
-    pub(super) vel: &'a [[u8; 8]],
+    pub(super) disp: &'a [Word],
+    pub(super) vel: &'a [Word],
 }
 
 impl CommandFrame<'_> {
@@ -229,16 +231,17 @@ pub struct MeasurementFrame<'a> {
     pub(super) sampled_after: f64,
     pub(super) status: Status,
     pub(super) missed: u32,
-    pub(super) disp: &'a [[u8; 8]],
-    pub(super) force: &'a [[u8; 8]],
-    pub(super) earlier: [Option<Earlier<'a>>; HISTORY],
+    pub(super) disp: &'a [Word],
+    pub(super) force: &'a [Word],
+    /// For each of the earlier ones, newest first, its sequence and its forces.
+    pub(super) earlier: &'a [Word],
 }
 
 /// The force that belonged to an earlier command.
 #[derive(Debug, Clone, Copy)]
 pub struct Earlier<'a> {
     pub(super) sequence: u64,
-    pub(super) force: &'a [[u8; 8]],
+    pub(super) force: &'a [Word],
 }
 
 impl Earlier<'_> {
@@ -302,8 +305,13 @@ impl<'a> MeasurementFrame<'a> {
     }
 
     /// The earlier measurements, newest first. Real-time: yes.
-    pub fn earlier(&self) -> impl Iterator<Item = Earlier<'a>> {
-        self.earlier.into_iter().flatten()
+    pub fn earlier(&self) -> impl Iterator<Item = Earlier<'a>> + use<'a> {
+        let entries = self.earlier.chunks_exact(earlier_words(self.force.len()));
+        entries.filter_map(|entry| {
+            let (sequence, force) = entry.split_first()?;
+            let sequence = u64::from_le_bytes(*sequence);
+            (sequence != NO_SEQUENCE).then_some(Earlier { sequence, force })
+        })
     }
 
     /// The force that was measured while `sequence` was the newest command, if this frame knows it: its own, or

@@ -171,10 +171,11 @@ impl Stand {
 
     /// Does everything that is due, and says how long there is to wait.
     pub(super) fn turn(&mut self, desk: &Desk) -> Result<Nanos, End> {
-        self.take_frames(desk)
-            .and_then(|()| self.pass_on(desk))
-            .and_then(|()| self.keep_time(desk))?;
-        Ok(self.until())
+        self.take_frames(desk)?;
+        self.pass_on(desk)?;
+        let now = self.line.now();
+        self.keep_time(now, desk)?;
+        Ok(self.until(now))
     }
 
     /// Waits for bytes.
@@ -331,8 +332,8 @@ impl Stand {
         } else {
             (time - self.time).max(dt)
         };
-        self.disp.copy_from_slice(&self.new_disp);
-        self.vel.copy_from_slice(&self.new_vel);
+        std::mem::swap(&mut self.disp, &mut self.new_disp);
+        std::mem::swap(&mut self.vel, &mut self.new_vel);
         (self.sequence, self.time, self.dt) = (Some(sequence), time, dt);
         let command = Command {
             sequence,

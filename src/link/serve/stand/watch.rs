@@ -3,8 +3,8 @@
 //! The thread sleeps until shortly before the next command is expected, then reads in a busy loop until shortly after.
 
 use super::{End, Stand};
+use crate::link::Wait;
 use crate::link::serve::{Desk, Heard};
-use crate::link::{Transport, Wait};
 use crate::record::NoteLevel;
 use crate::substructure::Status;
 use crate::time::Nanos;
@@ -17,8 +17,7 @@ const GONE_NS: u64 = 30_000_000_000;
 
 impl Stand {
     /// How long to wait, and how.
-    pub(super) fn until(&mut self) -> Nanos {
-        let now = self.line.now();
+    pub(super) fn until(&mut self, now: Nanos) -> Nanos {
         let mut until = now.plus(LOOK_NS);
         if let Some(sample_at) = self.sample_at {
             until = until.min(sample_at);
@@ -47,8 +46,7 @@ impl Stand {
     }
 
     /// Everything that happens because time passes.
-    pub(super) fn keep_time(&mut self, desk: &Desk) -> Result<(), End> {
-        let now = self.line.now();
+    pub(super) fn keep_time(&mut self, now: Nanos, desk: &Desk) -> Result<(), End> {
         if self.sample_at.is_some_and(|at| now >= at) {
             self.answer(now)?;
         }
