@@ -113,6 +113,133 @@ pub fn falsified(run: &RunData) -> Value {
     })
 }
 
+fn percent(value: f64) -> String {
+    format!("{}\u{a0}%", number(100.0 * value, 3))
+}
+
+fn or_dash(value: Option<f64>, write: impl Fn(f64) -> String) -> String {
+    value.map_or_else(|| NOTHING.to_owned(), write)
+}
+
+/// Value, noise floor and what is left of it.
+fn cells(judged: &Judged, write: impl Fn(f64) -> String) -> [String; 3] {
+    [
+        write(judged.value),
+        or_dash(judged.floor, &write),
+        or_dash(judged.corrected, &write),
+    ]
+}
+
+/// What the delays added to the damping of each mode.
+fn modes(found: &Falsified, axes: &[Tracked<'_>]) -> String {
+    if found.modes.is_empty() {
+        return String::new();
+    }
+    let listed = found.modes.iter().take(MOST_MODES).enumerate();
+    let rows: Vec<Vec<String>> = listed
+        .map(|(index, mode)| {
+            let head = [
+                format!("mode {}", index + 1),
+                quantity(mode.frequency_hz, "Hz"),
+                percent(mode.damping_ratio),
+            ];
+            let error = cells(&mode.damping_error, percent);
+            head.into_iter().chain(error).collect()
+        })
+        .collect();
+    let heading = [
+        "",
+        "frequency",
+        "damping ratio",
+        "added by the delays",
+        "noise floor",
+        "corrected",
+    ];
+    let delays = axes.iter().filter_map(|axis| {
+        let delay = axis.digest.tracking.as_ref()?.delay()?;
+        Some(format!("{} {}", axis.name, quantity(delay.value, "s")))
+    });
+    let delays: Vec<_> = delays.take(8).collect();
+    let mut words = format!(
+        "Δζ ≈ −k φ² τ/(2 ω), summed over all axes: modes of the structure with its specimens at their initial stiffness, φ \
+         mass-normalised and taken at the axis, k the specimen's initial stiffness, τ the delay by FEI, else by \
+         cross-correlation ({}). Negative: the test was damped too little. First order of a small delay; a mode that is \
+         damped below zero grows.",
+        delays.join(", ")
+    );
+    if found.modes.len() > MOST_MODES {
+        words += &format!(
+            " {MOST_MODES} of {} modes are listed; summary.json has them all.",
+            found.modes.len()
+        );
+    }
+    table(&heading, &rows) + &note(&words)
+}
+
+/// How far each axis was from the delay at which the test would have grown.
+fn delay_margins(found: &Falsified) -> String {
+    if found.delay_margins.is_empty() {
+        return String::new();
+    }
+    let second = |v: f64| quantity(v, "s");
+    let rows: Vec<Vec<String>> = found
+        .delay_margins
+        .iter()
+        .map(|margin| {
+            let name = if margin.axis == 1 {
+                margin.specimen.clone()
+            } else {
+                format!("{}, axis {}", margin.specimen, margin.axis)
+            };
+            vec![
+                name,
+                or_dash(margin.smallest_s, second),
+                or_dash(margin.at_s, second),
+                or_dash(margin.floor_s, second),
+            ]
+        })
+        .collect();
+    let heading = ["", "smallest delay margin", "at", "noise floor"];
+    let words = "Delay margin: the critical delay at the specimen's stiffness less its lag, both as fitted over the last \
+                 seconds of motion while the test ran, after two periods; below zero the test grows. The critical delay is \
+                 tabulated before the test over the stiffness of one axis at a time, all others on time and at their initial \
+                 stiffness, linear and in continuous time. A dash: every delay was stable, or nothing moved enough to say.";
+    table(&heading, &rows) + &note(words)
+}
+
+/// The energy that the transfer systems added, by itself and against that of the test.
+fn energy(found: &Falsified) -> String {
+    let joule = |v: f64| quantity(v, "J");
+    let row = |name: &str, cells: [String; 3]| {
+        let name = std::iter::once(name.to_owned());
+        name.chain(cells).collect::<Vec<_>>()
+    };
+    let error = found.energy_error_j;
+    let error = error.map(|error| row("energy error of all axes", cells(&error, joule)));
+    let share = found.energy_error_share;
+    let share = share.map(|share| {
+        row(
+            "over input and largest strain energy",
+            cells(&share, percent),
+        )
+    });
+    let rows: Vec<_> = error.into_iter().chain(share).collect();
+    if rows.is_empty() {
+        return String::new();
+    }
+    let scale = found.energy_scale.map_or_else(String::new, |scale| {
+        format!(
+            " Largest input energy {}; largest strain energy ½ xᵀK0x {}, K0 the initial stiffness of the structure and its specimens.",
+            joule(scale.input_energy_j),
+            joule(scale.strain_energy_j)
+        )
+    });
+    let words = format!(
+        "Energy error: ∫ f d(measured − target), positive where the transfer systems added energy (Mosqueda et al. 2007).{scale}"
+    );
+    table(&["", "value", "noise floor", "corrected"], &rows) + &note(&words)
+}
+
 /// The section; none for a test without a structure or specimens.
 pub(super) fn falsified_section(
     run: &RunData,
@@ -120,120 +247,7 @@ pub(super) fn falsified_section(
     axes: &[Tracked<'_>],
 ) -> Option<String> {
     let found = found(run, rows.digest())?;
-    let or_dash = |value: Option<f64>, write: &dyn Fn(f64) -> String| {
-        value.map_or_else(|| NOTHING.to_owned(), write)
-    };
-    let percent = |v: f64| format!("{}\u{a0}%", number(100.0 * v, 3));
-    let cells = |judged: &Judged, write: &dyn Fn(f64) -> String| {
-        [
-            write(judged.value),
-            or_dash(judged.floor, write),
-            or_dash(judged.corrected, write),
-        ]
-    };
-    let mut markup = String::new();
-    if !found.modes.is_empty() {
-        let listed = found.modes.iter().take(MOST_MODES).enumerate();
-        let rows: Vec<Vec<String>> = listed
-            .map(|(index, mode)| {
-                let head = [
-                    format!("mode {}", index + 1),
-                    quantity(mode.frequency_hz, "Hz"),
-                    percent(mode.damping_ratio),
-                ];
-                let error = cells(&mode.damping_error, &percent);
-                head.into_iter().chain(error).collect()
-            })
-            .collect();
-        let heading = [
-            "",
-            "frequency",
-            "damping ratio",
-            "added by the delays",
-            "noise floor",
-            "corrected",
-        ];
-        markup += &table(&heading, &rows);
-        let delays = axes.iter().filter_map(|axis| {
-            let delay = axis.digest.tracking.as_ref()?.delay()?;
-            Some(format!("{} {}", axis.name, quantity(delay.value, "s")))
-        });
-        let delays: Vec<_> = delays.take(8).collect();
-        let mut words = format!(
-            "Δζ ≈ −k φ² τ/(2 ω), summed over all axes: modes of the structure with its specimens at their initial stiffness, φ \
-             mass-normalised and taken at the axis, k the specimen's initial stiffness, τ the delay by FEI, else by \
-             cross-correlation ({}). Negative: the test was damped too little. First order of a small delay; a mode that is \
-             damped below zero grows.",
-            delays.join(", ")
-        );
-        if found.modes.len() > MOST_MODES {
-            words += &format!(
-                " {MOST_MODES} of {} modes are listed; summary.json has them all.",
-                found.modes.len()
-            );
-        }
-        markup += &note(&words);
-    }
-    if !found.delay_margins.is_empty() {
-        let rows: Vec<Vec<String>> = found
-            .delay_margins
-            .iter()
-            .map(|margin| {
-                let name = if margin.axis == 1 {
-                    margin.specimen.clone()
-                } else {
-                    format!("{}, axis {}", margin.specimen, margin.axis)
-                };
-                let second = |v: f64| quantity(v, "s");
-                vec![
-                    name,
-                    or_dash(margin.smallest_s, &second),
-                    or_dash(margin.at_s, &second),
-                    or_dash(margin.floor_s, &second),
-                ]
-            })
-            .collect();
-        let heading = ["", "smallest delay margin", "at", "noise floor"];
-        markup += &table(&heading, &rows);
-        markup += &note(
-            "Delay margin: the critical delay at the specimen's stiffness less its lag, both as fitted over the last seconds of motion \
-             while the test ran, after two periods; below zero the test grows. The critical delay is tabulated before the test over the stiffness of one \
-             axis at a time, all others on time and at their initial stiffness, linear and in continuous time. A dash: every delay \
-             was stable, or nothing moved enough to say.",
-        );
-    }
-    let mut rows: Vec<Vec<String>> = Vec::new();
-    let joule = |v: f64| quantity(v, "J");
-    for (name, judged, write) in [
-        (
-            "energy error of all axes",
-            found.energy_error_j,
-            &joule as &dyn Fn(f64) -> String,
-        ),
-        (
-            "over input and largest strain energy",
-            found.energy_error_share,
-            &percent,
-        ),
-    ] {
-        if let Some(judged) = judged {
-            let name = std::iter::once(name.to_owned());
-            rows.push(name.chain(cells(&judged, write)).collect());
-        }
-    }
-    if !rows.is_empty() {
-        markup += &table(&["", "value", "noise floor", "corrected"], &rows);
-        let scale = found.energy_scale.map_or_else(String::new, |scale| {
-            format!(
-                " Largest input energy {}; largest strain energy ½ xᵀK0x {}, K0 the initial stiffness of the structure and its specimens.",
-                joule(scale.input_energy_j),
-                joule(scale.strain_energy_j)
-            )
-        });
-        markup += &note(&format!(
-            "Energy error: ∫ f d(measured − target), positive where the transfer systems added energy (Mosqueda et al. 2007).{scale}"
-        ));
-    }
+    let mut markup = modes(&found, axes) + &delay_margins(&found) + &energy(&found);
     if !found.missing.is_empty() {
         let words = format!("Not known: {}.", found.missing.join("; "));
         markup += &note(&words);

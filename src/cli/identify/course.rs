@@ -69,20 +69,7 @@ impl Plan {
     /// What is asked for, if it is allowed. An amplitude that was not asked for is halved so often.
     pub fn of(args: &IdentifyArgs, loaded: &Loaded, halved: i32) -> anyhow::Result<Self> {
         let tick = loaded.time.tick();
-        let band = match args.band.as_deref() {
-            None => Band {
-                from_hz: FROM_HZ,
-                to_hz: TO_HZ.min(OF_RATE / tick),
-            },
-            Some([from_hz, to_hz]) => Band {
-                from_hz: *from_hz,
-                to_hz: *to_hz,
-            },
-            Some(other) => {
-                let text = format!("--band takes two frequencies, found {}", other.len());
-                return Err(usage(text));
-            }
-        };
+        let band = band(args, tick)?;
         let shape = Shape::from(args.motion);
         let course = Course::new(shape, band, args.duration, args.seed, tick)
             .map_err(|error| usage(error.to_string()))?;
@@ -133,13 +120,12 @@ impl Plan {
             })
             .collect();
         let total = rest + axes.len() as u64 * (ticks + rest);
-        let title = match chosen.as_slice() {
-            [one] => {
-                let name = loaded.file.specimen.get(*one).map(|table| &table.name);
-                format!("Identification of {}", name.map_or("", String::as_str))
-            }
-            _ => format!("Identification of {}", loaded.file.title),
+        let one = match chosen.as_slice() {
+            [one] => loaded.file.specimen.get(*one),
+            _ => None,
         };
+        let what = one.map_or(&loaded.file.title, |table| &table.name);
+        let title = format!("Identification of {what}");
         let others = loaded.file.specimen.iter().enumerate();
         Ok(Self {
             band,
@@ -198,6 +184,21 @@ impl Plan {
     /// First line of the test file that is run.
     pub fn said(&self, args: &IdentifyArgs) -> String {
         format!("Made by `gusset identify` from {}.", args.test.display())
+    }
+}
+
+/// The band that is asked for, or the usual one.
+fn band(args: &IdentifyArgs, tick: f64) -> anyhow::Result<Band> {
+    match args.band.as_deref() {
+        None => Ok(Band {
+            from_hz: FROM_HZ,
+            to_hz: TO_HZ.min(OF_RATE / tick),
+        }),
+        Some(&[from_hz, to_hz]) => Ok(Band { from_hz, to_hz }),
+        Some(other) => {
+            let text = format!("--band takes two frequencies, found {}", other.len());
+            Err(usage(text))
+        }
     }
 }
 

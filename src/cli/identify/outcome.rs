@@ -8,13 +8,13 @@ use serde_json::{Value, json};
 use super::super::exit::{Exit, WithExit};
 use super::course::{Driven, Plan, gear};
 use crate::config::Loaded;
+use crate::engine::Phase;
 use crate::identify::{Felt, Identification, IdentifyError, Record, felt, identify};
 use crate::record::Run;
+use crate::substructure::Status;
 
 /// State of a row in which the test runs.
-const RUNNING: f64 = 3.0;
-/// Status flag of a measurement that is not of its tick.
-const STALE: u32 = 262_144;
+const RUNNING: f64 = Phase::Running.code();
 /// Points of a force–displacement loop that are kept for its picture.
 const MOST_POINTS: usize = 4000;
 
@@ -138,7 +138,7 @@ fn axis(
         all.unwrap_or_default().iter().map(|v| v * unit).collect()
     };
     let (command, measured, force) = (part(0, metres), part(1, metres), part(2, newtons));
-    let is_stale = |status: &f64| (*status as u32) & STALE != 0;
+    let is_stale = |status: &f64| Status(*status as u32).has(Status::STALE);
     let stale = part(3, 1.0).iter().filter(|s| is_stale(s)).count();
     let record = Record {
         dt: plan.tick,
