@@ -217,10 +217,15 @@ impl<T: Transport> FaultyWire<T> {
     }
 
     /// Sends the replies whose time has come.
+    #[inline]
     fn flush(&mut self) -> Result<(), LinkFault> {
-        if self.replies.later.next_at().is_none() {
-            return Ok(());
+        match self.replies.later.next_at() {
+            Some(_) => self.send_due(),
+            None => Ok(()),
         }
+    }
+
+    fn send_due(&mut self) -> Result<(), LinkFault> {
         let now = self.inner.now();
         let inner = &mut self.inner;
         while let Some(sent) = self.replies.later.pass(now, |frame| inner.send(frame)) {

@@ -5,7 +5,7 @@ use std::io;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 
-use super::Line;
+use super::line::{Carried, Line};
 use crate::link::tls::{Greeting, TlsFault, TlsServer};
 use crate::link::{SocketOptions, TcpTransport};
 
@@ -95,9 +95,11 @@ impl Caller {
             Self::Plain(stream) => {
                 let stream = stream.into_std().map_err(|error| error.to_string())?;
                 let tcp = TcpTransport::from_stream(stream, options);
-                Ok(Line::Tcp(tcp.map_err(|error| error.to_string())?))
+                Ok(Carried::Tcp(tcp.map_err(|error| error.to_string())?).into())
             }
-            Self::Tls(greeting) => Ok(Line::Tls(Box::new(greeting.into_stream(options)?))),
+            Self::Tls(greeting) => {
+                Ok(Carried::Tls(Box::new(greeting.into_stream(options)?)).into())
+            }
         }
     }
 }

@@ -7,10 +7,10 @@ use std::time::Duration;
 use crossbeam_channel::{Receiver, RecvTimeoutError};
 
 use super::greet::{self, Greeted};
+use super::line::Line;
 use super::stand::Stand;
-use super::{Desk, Heard, Line};
+use super::{Desk, Heard};
 use crate::link::Transport;
-use crate::link::fault::FaultyWire;
 use crate::link::inbox::Inbox;
 use crate::link::rig::{Close, Visitor};
 use crate::rt::throttle::Throttle;
@@ -95,9 +95,11 @@ pub(super) fn get_ready(
     if let Some(script) = &desk.host.faults {
         let text = format!("FAULTS are played: {}", script.title);
         desk.tell(Heard::Told { text });
-        let mut wire = FaultyWire::new(session.line, script, session.greeted.period_ns);
-        wire.armed(session.arm.first_sequence);
-        session.line = Line::Faulty(Box::new(wire));
+        session.line = session.line.played(
+            script,
+            session.greeted.period_ns,
+            session.arm.first_sequence,
+        );
     }
     let peer = session.peer;
     let station = desk.host.station(false).and_then(|mut station| {

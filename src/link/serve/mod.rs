@@ -10,6 +10,7 @@ mod data;
 mod greet;
 mod heard;
 mod host;
+mod line;
 mod simulated;
 mod stand;
 mod tcp;
@@ -28,13 +29,10 @@ use crossbeam_channel::Sender;
 use thiserror::Error;
 use tokio::sync::mpsc::UnboundedSender;
 
-use super::fault::FaultyWire;
 use super::spec::Carrier;
-use super::tls::{TlsFault, TlsServer, TlsStream};
-use super::{ConnectError, TcpTransport, Transport, UdpTransport, Wait, socket};
-use crate::rt::{RtPlan, os};
-use crate::substructure::LinkFault;
-use crate::time::Nanos;
+use super::tls::TlsServer;
+use super::{ConnectError, socket};
+use crate::rt::RtPlan;
 use crate::wire::key::PreSharedKey;
 
 /// Where a server listens unless told otherwise.
@@ -282,80 +280,5 @@ impl Server {
             heard(&event);
         }
         served.map_err(ServeError::Start)
-    }
-}
-
-/// What a session's bytes go over: the data thread changes how it waits.
-enum Line {
-    Tcp(TcpTransport),
-    Udp(UdpTransport),
-    Tls(Box<TlsStream>),
-    Simulated(Box<simulated::FarEnd>),
-    Faulty(Box<FaultyWire<Line>>),
-}
-
-impl Line {
-    fn set_wait(&mut self, wait: Wait) {
-        match self {
-            Line::Tcp(tcp) => tcp.set_wait(wait),
-            Line::Udp(udp) => udp.set_wait(wait),
-            Line::Tls(tls) => tls.set_wait(wait),
-            Line::Simulated(_) => {}
-            Line::Faulty(faulty) => faulty.inner_mut().set_wait(wait),
-        }
-    }
-
-    /// Commands count from this number on.
-    fn armed(&mut self, first: u64) {
-        if let Line::Faulty(faulty) = self {
-            faulty.armed(first);
-        }
-    }
-
-    /// The simulated end of the wire, if time is simulated.
-    fn far_end(&mut self) -> Option<&mut simulated::FarEnd> {
-        match self {
-            Line::Simulated(end) => Some(end),
-            Line::Faulty(faulty) => faulty.inner_mut().far_end(),
-            Line::Tcp(_) | Line::Udp(_) | Line::Tls(_) => None,
-        }
-    }
-}
-
-impl Transport for Line {
-    fn send(&mut self, frame: &[u8]) -> Result<(), LinkFault> {
-        match self {
-            Line::Tcp(tcp) => tcp.send(frame),
-            Line::Udp(udp) => udp.send(frame),
-            Line::Tls(tls) => tls.send(frame),
-            Line::Simulated(end) => end.send(frame),
-            Line::Faulty(faulty) => faulty.send(frame),
-        }
-    }
-
-    fn recv(&mut self, buffer: &mut [u8], deadline: Nanos) -> Result<Option<usize>, LinkFault> {
-        match self {
-            Line::Tcp(tcp) => tcp.recv(buffer, deadline),
-            Line::Udp(udp) => udp.recv(buffer, deadline),
-            Line::Tls(tls) => tls.recv(buffer, deadline),
-            Line::Simulated(end) => end.recv(buffer, deadline),
-            Line::Faulty(faulty) => faulty.recv(buffer, deadline),
-        }
-    }
-
-    fn now(&self) -> Nanos {
-        match self {
-            Line::Tcp(_) | Line::Udp(_) | Line::Tls(_) => Nanos(os::monotonic_ns()),
-            Line::Simulated(end) => end.now(),
-            Line::Faulty(faulty) => faulty.now(),
-        }
-    }
-
-    fn tls_fault(&self) -> Option<TlsFault> {
-        match self {
-            Line::Tcp(_) | Line::Udp(_) | Line::Simulated(_) => None,
-            Line::Tls(tls) => tls.tls_fault(),
-            Line::Faulty(faulty) => faulty.tls_fault(),
-        }
     }
 }

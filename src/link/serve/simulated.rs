@@ -13,8 +13,9 @@ use tokio::sync::mpsc::UnboundedReceiver;
 
 use super::data::{self, Session};
 use super::greet::{self, Greeted};
+use super::line::{Carried, Line};
 use super::stand::Stand;
-use super::{Desk, Heard, Host, Line};
+use super::{Desk, Heard, Host};
 use crate::link::Transport;
 use crate::link::fault::Queue;
 use crate::link::inbox::Inbox;
@@ -151,13 +152,13 @@ impl Simulated {
         // Nobody listens, unless it is tapped.
         let (heard_in, _) = tokio::sync::mpsc::unbounded_channel();
         let (sessions, _) = crossbeam_channel::bounded(1);
-        let line = Line::Simulated(Box::new(FarEnd {
+        let line = Line::from(Carried::Simulated(Box::new(FarEnd {
             incoming: Queue::default(),
             outgoing: Queue::default(),
             now: clock.now(),
             limit: clock.now(),
             delay_ns,
-        }));
+        })));
         Self {
             clock,
             delay_ns,

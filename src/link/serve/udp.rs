@@ -11,7 +11,8 @@ use tokio::net::UdpSocket;
 
 use super::data::Session;
 use super::greet::{self, Greeted};
-use super::{Desk, Heard, Line};
+use super::line::Carried;
+use super::{Desk, Heard};
 use crate::link::inbox::Inbox;
 use crate::link::{SocketOptions, UdpTransport};
 use crate::rt::os;
@@ -178,7 +179,7 @@ fn hand_over(socket: &UdpSocket, peer: SocketAddr, desk: &Desk, greeted: Greeted
         .and_then(|own| {
             UdpTransport::from_socket(own, SocketOptions::default()).map_err(|e| e.to_string())
         })
-        .map(Line::Udp);
+        .map(|udp| Carried::Udp(udp).into());
     match line {
         Ok(line) => {
             let inbox = Inbox::new(false);

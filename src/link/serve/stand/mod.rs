@@ -13,7 +13,8 @@ use std::net::SocketAddr;
 use std::sync::atomic::Ordering;
 
 use super::data::Session;
-use super::{Desk, Heard, Line};
+use super::line::Line;
+use super::{Desk, Heard};
 use crate::link::Transport;
 use crate::link::inbox::Inbox;
 use crate::link::rig::{Close, Station, Trip};
