@@ -3,7 +3,7 @@
 use super::encode::{a_sequence, axes_inside, may_write};
 use super::layout::{
     CONTROL_LIMIT, CRC_LEN, FLAG_KEYED, FLAG_SPECIMEN, HEADER_LEN, HEADER_WORDS, HISTORY, MAGIC,
-    MEASURED_WORDS, VERSION, body_end, earlier_words, trailer_len,
+    MEASURED_WORDS, VERSION, WORD, body_end, earlier_words, trailer_len,
 };
 use super::view::{Cause, CommandFrame, Frame, Heartbeat, Kind, MeasurementFrame, Notice};
 use crate::substructure::Status;
@@ -195,7 +195,7 @@ impl Decoder {
             });
         }
         let body = bytes.get(HEADER_LEN..).unwrap_or_default();
-        let words = body.as_chunks::<8>().0;
+        let words = body.as_chunks::<WORD>().0;
         match header.kind {
             Kind::Command => command(words, self.axes).map(Frame::Command),
             Kind::Measurement => measurement(words, self.axes).map(Frame::Measurement),
@@ -226,7 +226,11 @@ struct Header {
 impl Header {
     /// Invariant of the result: `length` is what the kind, the axes and the key make it, and bounded.
     fn parse(bytes: &[u8]) -> Result<Self, WireError> {
-        let Some((words, _)) = bytes.as_chunks::<8>().0.split_first_chunk::<HEADER_WORDS>() else {
+        let Some((words, _)) = bytes
+            .as_chunks::<WORD>()
+            .0
+            .split_first_chunk::<HEADER_WORDS>()
+        else {
             return Err(WireError::Truncated {
                 needed: HEADER_LEN,
                 found: bytes.len(),

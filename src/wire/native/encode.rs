@@ -2,7 +2,7 @@
 
 use super::layout::{
     CONTROL_LIMIT, CRC_LEN, FLAG_KEYED, FLAG_SPECIMEN, HEADER_LEN, HEADER_WORDS, HISTORY, MAGIC,
-    MAX_AXES, NO_SEQUENCE, VERSION, body_end, earlier_words, trailer_len,
+    MAX_AXES, NO_SEQUENCE, VERSION, WORD, body_end, earlier_words, trailer_len,
 };
 use super::view::{Heartbeat, Kind, Notice};
 use crate::substructure::{Command, Measurement};
@@ -300,7 +300,7 @@ pub(super) fn axes_inside(axes: usize) -> Result<(), WireError> {
 /// The first `N` words of a body, and the words behind them.
 fn head<const N: usize>(body: &mut [u8]) -> Result<(&mut [Word; N], &mut [Word]), WireError> {
     let found = body.len();
-    let words = body.as_chunks_mut::<8>().0;
+    let words = body.as_chunks_mut::<WORD>().0;
     words.split_first_chunk_mut().ok_or(WireError::Room {
         needed: N * size_of::<Word>(),
         found,

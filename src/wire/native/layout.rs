@@ -29,6 +29,8 @@ pub const LARGEST_FRAME: usize = HEADER_LEN + CONTROL_LIMIT + MAC_LEN + CRC_LEN;
 pub(super) const WORD: usize = 8;
 /// Words of the header: mark, version, kind and flags; length and axes; session; counter.
 pub(super) const HEADER_WORDS: usize = 4;
+/// Words of a command before its vectors.
+pub(super) const COMMAND_WORDS: usize = 3;
 /// Words of a measurement before its vectors.
 pub(super) const MEASURED_WORDS: usize = 4;
 
@@ -46,7 +48,7 @@ pub(super) const fn earlier_words(axes: usize) -> usize {
 pub(super) const fn body_end(kind: Kind, axes: usize, payload: usize) -> usize {
     match kind {
         // Sequence, time, dt; displacements, velocities.
-        Kind::Command => HEADER_LEN + WORD * (3 + 2 * axes),
+        Kind::Command => HEADER_LEN + WORD * (COMMAND_WORDS + 2 * axes),
         // Sequence, time, moment of sampling, status and missed; displacements, forces; the earlier ones.
         Kind::Measurement => {
             HEADER_LEN + WORD * (MEASURED_WORDS + 2 * axes + HISTORY * earlier_words(axes))

@@ -4,7 +4,7 @@
 //! Nothing is checked here but the length; a frame of a keyed session that was changed fails its MAC. The two ends use
 //! [`super::Decoder`] and [`super::Encoder`].
 
-use super::layout::{CRC_LEN, HEADER_LEN, MEASURED_WORDS, WORD, frame_len};
+use super::layout::{COMMAND_WORDS, CRC_LEN, HEADER_LEN, MEASURED_WORDS, WORD, frame_len};
 use super::view::Kind;
 use crate::wire::bytes::{Word, halves, put};
 
@@ -55,7 +55,7 @@ fn vectors(frame: &[u8], kind: Kind, head: usize) -> Option<(usize, &[Word])> {
 
 /// Displacement and velocity of every axis of a command; empty for another frame.
 pub fn commanded(frame: &[u8]) -> impl Iterator<Item = (f64, f64)> + '_ {
-    let (axes, values) = vectors(frame, Kind::Command, 3).unwrap_or_default();
+    let (axes, values) = vectors(frame, Kind::Command, COMMAND_WORDS).unwrap_or_default();
     let value = |word: &Word| f64::from_le_bytes(*word);
     let (disp, vel) = values.split_at(axes);
     disp.iter().map(value).zip(vel.iter().map(value))
