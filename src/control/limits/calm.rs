@@ -1,0 +1,126 @@
+//! Where nothing is to be told of an axis: each quantity against the tighter of its two levels, at one comparison.
+//!
+//! It only says when a closer look is not needed; what is beyond a level, and which, [`super::Watch`] looks up. Invariant:
+//! of what is commanded and measured nothing is calm that is not a finite number.
+
+use super::{AxisLimits, Bound, Estimated, Range};
+
+/// The tighter levels of one axis.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Calm {
+    command_disp: [f64; 2],
+    command_step: f64,
+    command_vel: f64,
+    command_accel: f64,
+    alternating_ticks: f64,
+    measured_disp: [f64; 2],
+    measured_force: [f64; 2],
+    following_error: f64,
+    force_step: f64,
+    stuck_ticks: f64,
+    stiffness_ratio: f64,
+    damping_ratio: f64,
+    added_energy: f64,
+}
+
+/// What is judged of a command: it and its differences.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Asked {
+    pub disp: f64,
+    pub step: f64,
+    pub vel: f64,
+    pub accel: f64,
+    pub alternating: f64,
+}
+
+/// What is judged of a measurement.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Seen {
+    pub disp: f64,
+    pub force: f64,
+    pub error: f64,
+    pub jump: f64,
+    pub stuck: f64,
+}
+
+impl Bound {
+    /// The largest size of which there is nothing to tell.
+    const fn calm(self) -> f64 {
+        lower(lower(self.warn, self.trip), f64::MAX)
+    }
+}
+
+impl Range {
+    /// The values of which there is nothing to tell.
+    const fn calm(&self) -> [f64; 2] {
+        let finite = [f64::MIN, f64::MAX];
+        both(both(self.warn, self.trip), finite)
+    }
+}
+
+/// What is inside of both.
+const fn both([low, high]: [f64; 2], [other_low, other_high]: [f64; 2]) -> [f64; 2] {
+    [higher(low, other_low), lower(high, other_high)]
+}
+
+/// A level that is not a number stays: nothing is inside of it.
+const fn lower(a: f64, b: f64) -> f64 {
+    if a < b || a.is_nan() { a } else { b }
+}
+
+const fn higher(a: f64, b: f64) -> f64 {
+    if a > b || a.is_nan() { a } else { b }
+}
+
+#[inline]
+fn within(value: f64, [low, high]: [f64; 2]) -> bool {
+    value >= low && value <= high
+}
+
+impl Calm {
+    pub const fn of(limits: &AxisLimits) -> Self {
+        Self {
+            command_disp: limits.command_disp.calm(),
+            command_step: limits.command_step.calm(),
+            command_vel: limits.command_vel.calm(),
+            command_accel: limits.command_accel.calm(),
+            alternating_ticks: limits.alternating_ticks.calm(),
+            measured_disp: both(limits.measured_disp.calm(), limits.sensor_disp.calm()),
+            measured_force: both(limits.measured_force.calm(), limits.sensor_force.calm()),
+            following_error: limits.following_error.calm(),
+            force_step: limits.force_step.calm(),
+            stuck_ticks: limits.stuck_ticks.calm(),
+            stiffness_ratio: limits.stiffness_ratio.calm(),
+            damping_ratio: limits.damping_ratio.calm(),
+            added_energy: limits.added_energy.calm(),
+        }
+    }
+
+    /// Real-time: yes.
+    #[inline]
+    pub fn covers_command(&self, asked: &Asked) -> bool {
+        within(asked.disp, self.command_disp)
+            && asked.step <= self.command_step
+            && asked.vel <= self.command_vel
+            && asked.accel <= self.command_accel
+            && asked.alternating <= self.alternating_ticks
+    }
+
+    /// Real-time: yes.
+    #[inline]
+    pub fn covers_measurement(&self, seen: &Seen) -> bool {
+        within(seen.disp, self.measured_disp)
+            && within(seen.force, self.measured_force)
+            && seen.error.abs() <= self.following_error
+            && seen.jump <= self.force_step
+            && seen.stuck <= self.stuck_ticks
+    }
+
+    /// Estimates that are not known are no finding: written so that what is not a number is passed over. Real-time: yes.
+    #[inline]
+    pub fn covers_estimates(&self, found: &Estimated) -> bool {
+        !(found.stiffness_ratio > self.stiffness_ratio
+            || found.damping_ratio > self.damping_ratio
+            || found.added_energy > self.added_energy)
+    }
+}
