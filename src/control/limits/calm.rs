@@ -44,9 +44,9 @@ pub(super) struct Seen {
 }
 
 impl Bound {
-    /// The largest size of which there is nothing to tell.
+    /// The largest size of which there is nothing to tell; nothing is beyond a level that is not a number.
     const fn calm(self) -> f64 {
-        lower(lower(self.warn, self.trip), f64::MAX)
+        self.warn.min(self.trip).min(f64::MAX)
     }
 }
 
@@ -63,7 +63,7 @@ const fn both([low, high]: [f64; 2], [other_low, other_high]: [f64; 2]) -> [f64;
     [higher(low, other_low), lower(high, other_high)]
 }
 
-/// A level that is not a number stays: nothing is inside of it.
+/// An end that is not a number stays: nothing is inside of it.
 const fn lower(a: f64, b: f64) -> f64 {
     if a < b || a.is_nan() { a } else { b }
 }
@@ -122,5 +122,90 @@ impl Calm {
         !(found.stiffness_ratio > self.stiffness_ratio
             || found.damping_ratio > self.damping_ratio
             || found.added_energy > self.added_energy)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Numbers of all kinds, and few enough of the ordinary ones that they meet their bounds exactly.
+    fn any_number() -> impl Strategy<Value = f64> {
+        let odd = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, f64::MAX, -0.0];
+        prop_oneof![
+            4 => (-3..=3).prop_map(f64::from),
+            1 => prop::sample::select(odd.to_vec()),
+        ]
+    }
+
+    fn any_range() -> impl Strategy<Value = Range> {
+        let ends = || [any_number(), any_number()];
+        (ends(), ends()).prop_map(|(warn, trip)| Range { warn, trip })
+    }
+
+    fn any_bound() -> impl Strategy<Value = Bound> {
+        (any_number(), any_number()).prop_map(|(warn, trip)| Bound { warn, trip })
+    }
+
+    proptest! {
+        #[test]
+        fn of_what_is_calm_the_closer_look_tells_nothing(
+            ranges in [any_range(), any_range(), any_range(), any_range(), any_range()],
+            bounds in prop::array::uniform9(any_bound()),
+            values in prop::array::uniform8(any_number()),
+        ) {
+            let [command_disp, measured_disp, measured_force, sensor_disp, sensor_force] = ranges;
+            let [command_step, command_vel, command_accel, alternating_ticks, following_error, ..] = bounds;
+            let [.., force_step, stuck_ticks, stiffness_ratio, added_energy] = bounds;
+            let limits = AxisLimits {
+                command_disp,
+                command_step,
+                command_vel,
+                command_accel,
+                alternating_ticks,
+                measured_disp,
+                measured_force,
+                sensor_disp,
+                sensor_force,
+                following_error,
+                force_step,
+                stuck_ticks,
+                stiffness_ratio,
+                added_energy,
+                ..AxisLimits::NONE
+            };
+            let calm = Calm::of(&limits);
+            let [disp, force, error, a, b, c, ratio, energy] = values;
+            // These are sizes.
+            let [a, b, c] = [a.abs(), b.abs(), c.abs()];
+            let asked = Asked { disp, step: a, vel: b, accel: c, alternating: a };
+            if calm.covers_command(&asked) {
+                prop_assert_eq!(command_disp.judge(disp), None);
+                prop_assert_eq!(command_step.judge(a), None);
+                prop_assert_eq!(command_vel.judge(b), None);
+                prop_assert_eq!(command_accel.judge(c), None);
+                prop_assert_eq!(alternating_ticks.judge(a), None);
+            }
+            let seen = Seen { disp, force, error, jump: a, stuck: b };
+            if calm.covers_measurement(&seen) {
+                for range in [measured_disp, sensor_disp] {
+                    prop_assert_eq!(range.judge(disp), None);
+                }
+                for range in [measured_force, sensor_force] {
+                    prop_assert_eq!(range.judge(force), None);
+                }
+                prop_assert_eq!(following_error.judge(error), None);
+                prop_assert_eq!(force_step.judge(a), None);
+                prop_assert_eq!(stuck_ticks.judge(b), None);
+            }
+            let found = Estimated { stiffness_ratio: ratio, damping_ratio: ratio, added_energy: energy };
+            if calm.covers_estimates(&found) {
+                // What is not finite is not judged there.
+                let judged = |bound: Bound, value: f64| bound.judge(value).filter(|_| value.is_finite());
+                prop_assert_eq!(judged(stiffness_ratio, ratio), None);
+                prop_assert_eq!(judged(added_energy, energy), None);
+            }
+        }
     }
 }
