@@ -212,6 +212,7 @@ impl Schedule {
     }
 
     /// Release time of tick `k`, rounded down to the nanosecond. Real-time: yes.
+    #[inline]
     #[must_use]
     pub fn tick(&self, k: u64) -> Nanos {
         let (numerator, denominator) = self.period.terms();

@@ -265,7 +265,7 @@ fn host(table: &SpecimenTable, at: &KeyPath) -> Result<Host, Box<Finding>> {
             }
             None => law,
         };
-        Ok(Box::new(InUnits::new(law, &units)))
+        Ok(InUnits::around(law, &units))
     };
     Host::new(table.name.clone(), wire, Box::new(build))
         .map_err(|text| Box::new(Finding::error(at.key(key), text)))

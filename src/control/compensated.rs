@@ -78,6 +78,7 @@ impl Port {
     }
 
     /// The parameters of the moment, in the order of their names. Real-time: yes.
+    #[inline]
     pub fn compensation_parameters(&self) -> impl Iterator<Item = f64> {
         let of = self.compensation.iter().flat_map(|all| &all.of);
         of.flat_map(|one| one.parameters().iter().copied())
@@ -171,6 +172,7 @@ impl Port {
     }
 
     /// A command that was made of a target leaves, or one that only stands still. Real-time: yes.
+    #[inline]
     pub(super) fn compensation_asks(&mut self, moves: bool) {
         self.tracking.moves = moves && self.runs;
         if let Some(compensation) = &mut self.compensation {

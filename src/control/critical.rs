@@ -69,6 +69,7 @@ impl Port {
     }
 
     /// True if [`Port::delay_margins`] are known as soon as the lag is. Real-time: yes.
+    #[inline]
     #[must_use]
     pub fn knows_margin(&self) -> bool {
         self.tracks() && !self.critical.is_empty()

@@ -62,7 +62,7 @@ pub(super) struct Estimates {
     counts: bool,
     has_last: bool,
     /// Nothing is estimated for now.
-    rests: bool,
+    pub rests: bool,
 }
 
 impl Estimates {
@@ -132,6 +132,7 @@ impl Estimates {
 impl Estimate {
     /// (k − k_max)Δt² + 2(c − c_max)Δt, over what S has left in this direction: 1 is the limit of stability for an axis
     /// alone. NaN if it is not known. Real-time: yes.
+    #[inline]
     fn stability_used(&self, dt: f64) -> f64 {
         let Declared {
             stiffness_bound,
@@ -152,6 +153,7 @@ impl Estimate {
         }
     }
 
+    #[inline]
     fn judged(&self) -> Estimated {
         let Declared {
             stiffness_bound,
@@ -241,10 +243,8 @@ impl Port {
     }
 
     /// Takes the measurement last taken, which must be a fresh one, and judges what it shows. Real-time: yes.
+    #[inline]
     pub(super) fn estimate(&mut self, found: &mut Found) {
-        if self.estimates.rests {
-            return;
-        }
         let Estimates {
             axes,
             coupling,
@@ -261,9 +261,13 @@ impl Port {
         {
             let vel = if *moves { vel / axis.vel_gain } else { 0.0 };
             // What the other axes do to this one, as declared.
-            let row = coupling.get(index * n..(index + 1) * n).unwrap_or_default();
-            let others = row.iter().zip(&self.measured);
-            let others: f64 = others.map(|(stiffness, disp)| stiffness * disp).sum();
+            let others = if coupling.is_empty() {
+                0.0
+            } else {
+                let row = coupling.get(index * n..(index + 1) * n).unwrap_or_default();
+                let others = row.iter().zip(&self.measured);
+                others.map(|(stiffness, disp)| stiffness * disp).sum()
+            };
             estimate.tangent.take(Point {
                 disp: *disp,
                 vel,
@@ -283,12 +287,21 @@ impl Port {
 
     /// Tangent stiffness in N/m, tangent damping in N s/m (none where no damping is declared) and energy in J that the
     /// transfer system has added, per axis at the structure. Real-time: yes.
+    #[inline]
     pub fn estimates(&self) -> impl Iterator<Item = (f64, Option<f64>, f64)> + '_ {
         self.estimates.axes.iter().map(|axis| {
             let tangent = &axis.tangent;
             let damping = tangent.with_damping().then_some(tangent.damping());
             (tangent.stiffness(), damping, axis.added_energy)
         })
+    }
+
+    /// `others` J and the energy that the transfer system has added to each axis, one after the other. Real-time: yes.
+    #[inline]
+    #[must_use]
+    pub fn added_energy(&self, others: f64) -> f64 {
+        let axes = self.estimates.axes.iter();
+        axes.fold(others, |sum, axis| sum + axis.added_energy)
     }
 
     /// Declared upper bounds of the tangent stiffness in N/m and of the tangent damping in N s/m, per axis at the structure;
@@ -300,11 +313,12 @@ impl Port {
 
     /// Share of the room for stability that tangents beyond their declared bounds use up: 0 within the bounds; below 1
     /// stable; exactly 1 is the limit of one axis alone. None if there is no proof to start from. Real-time: yes.
+    #[inline]
     #[must_use]
     pub fn stability_used(&self) -> Option<f64> {
         let dt = self.estimates.dt;
         let axes = self.estimates.axes.iter();
-        let used: f64 = axes.map(|axis| axis.stability_used(dt)).sum();
+        let used = axes.fold(-0.0, |sum, axis| sum + axis.stability_used(dt));
         used.is_finite().then_some(used)
     }
 

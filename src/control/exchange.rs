@@ -5,15 +5,14 @@ use crate::substructure::{Command, Freshness, LinkFault, Measurement, Retirement
 use crate::time::Nanos;
 
 /// `to` ← `from`, which has as many axes. Real-time: yes.
+#[inline]
 fn copy(from: &Measurement, to: &mut Measurement) {
     to.sequence = from.sequence;
     to.time = from.time;
     to.status = from.status;
-    for (to, from) in to.disp.iter_mut().zip(&from.disp) {
-        *to = *from;
-    }
-    for (to, from) in to.force.iter_mut().zip(&from.force) {
-        *to = *from;
+    let values = to.disp.iter_mut().zip(&mut to.force);
+    for ((disp, force), (from_disp, from_force)) in values.zip(from.disp.iter().zip(&from.force)) {
+        (*disp, *force) = (*from_disp, *from_force);
     }
 }
 
@@ -22,11 +21,10 @@ impl Port {
     pub fn aim(&mut self, disp: &[f64], vel: &[f64], base_disp: f64, base_vel: f64) {
         let (target, target_vel) = (&mut self.target, &mut self.target_vel);
         if let Some(posed) = &mut self.posed {
-            posed.seek([disp, vel], base_disp, base_vel, target, target_vel);
+            posed.seek([disp, vel], [base_disp, base_vel], target, target_vel);
         } else {
             for ((axis, target), target_vel) in self.axes.iter().zip(target).zip(target_vel) {
-                *target = axis.dot(disp, base_disp);
-                *target_vel = axis.dot(vel, base_vel);
+                (*target, *target_vel) = axis.dots([disp, vel], [base_disp, base_vel]);
             }
         }
         self.prepare_command();
@@ -48,25 +46,24 @@ impl Port {
         self.prepare_command();
     }
 
+    #[inline]
     pub(super) fn prepare_command(&mut self) {
-        for ((axis, command), target) in self.axes.iter().zip(&mut self.command).zip(&self.target) {
-            *command = axis.disp_gain * target + axis.disp_offset;
+        let commands = self.command.iter_mut().zip(&mut self.command_vel);
+        let targets = self.target.iter().zip(&self.target_vel);
+        for (((command, command_vel), (disp, vel)), axis) in commands.zip(targets).zip(&self.axes) {
+            *command = axis.disp_gain * disp + axis.disp_offset;
+            *command_vel = axis.vel_gain * vel;
         }
-        for ((axis, command), target) in self
-            .axes
-            .iter()
-            .zip(&mut self.command_vel)
-            .zip(&self.target_vel)
-        {
-            *command = axis.vel_gain * target;
+        if self.compensation.is_some() {
+            self.compensate();
         }
-        self.compensate();
     }
 
     /// Sends the command that stands ready, if it was judged. Real-time: yes.
     ///
     /// # Errors
     /// The link is lost, or the command was not judged ([`Port::clear`]).
+    #[inline]
     pub fn issue(&mut self, sequence: u64, time: f64, dt: f64) -> Result<(), LinkFault> {
         if !self.guard.cleared {
             return Err(LinkFault::Refused);
@@ -104,40 +101,53 @@ impl Port {
     ///
     /// # Errors
     /// The link is lost, or the force is not a finite number.
+    #[inline]
     pub fn collect(&mut self, deadline: Nanos) -> Result<Freshness, LinkFault> {
-        copy(&self.raw, &mut self.incoming);
+        // The numbers of the axes are there already.
+        self.incoming.time = self.raw.time;
+        self.incoming.status = self.raw.status;
         self.incoming.sequence = self.pursuit.on_link(self.raw.sequence);
-        let mut freshness = self.substructure.collect(deadline, &mut self.incoming)?;
+        let answer = self.substructure.collect(deadline, &mut self.incoming);
         self.incoming.sequence = self.pursuit.in_test(self.incoming.sequence);
-        if self.incoming.sequence < self.raw.sequence {
-            freshness = Freshness::Stale;
-        } else {
-            copy(&self.incoming, &mut self.raw);
+        let is_newest = self.incoming.sequence >= self.raw.sequence;
+        if answer.is_err() || !is_newest {
+            copy(&self.raw, &mut self.incoming);
         }
-        match freshness {
-            Freshness::Fresh => {
-                self.link.received += 1;
-                self.raw.status.0 &= !Status::STALE.0;
-                self.compensation_hears();
-            }
-            Freshness::Stale => {
-                self.link.stale += 1;
-                self.raw.status.0 |= Status::STALE.0;
-            }
-        }
-        for ((axis, measured), raw) in self.axes.iter().zip(&mut self.measured).zip(&self.raw.disp)
-        {
-            *measured = (raw - axis.measured_offset - axis.disp_offset) / axis.disp_gain;
-        }
+        let is_fresh = answer? == Freshness::Fresh && is_newest;
+        let Measurement {
+            sequence,
+            time,
+            status,
+            disp,
+            force,
+        } = &self.incoming;
+        (self.raw.sequence, self.raw.time, self.raw.status) = (*sequence, *time, *status);
+        let raw = self.raw.disp.iter_mut().zip(&mut self.raw.force);
+        let raw = raw.zip(disp.iter().zip(force));
+        let seen = self.measured.iter_mut().zip(&mut self.force);
         let mut finite = true;
-        for ((axis, force), raw) in self.axes.iter().zip(&mut self.force).zip(&self.raw.force) {
-            *force = axis.force_gain * (raw - axis.force_offset);
+        for (((measured, force), (raw, (new_disp, new_force))), axis) in
+            seen.zip(raw).zip(&self.axes)
+        {
+            (*raw.0, *raw.1) = (*new_disp, *new_force);
+            *measured = (new_disp - axis.measured_offset - axis.disp_offset) / axis.disp_gain;
+            *force = axis.force_gain * (new_force - axis.force_offset);
             finite &= force.is_finite();
         }
-        if finite {
-            Ok(freshness)
+        if is_fresh {
+            self.link.received += 1;
+            self.raw.status.0 &= !Status::STALE.0;
+            if self.compensation.is_some() {
+                self.compensation_hears();
+            }
         } else {
-            Err(LinkFault::NotFinite)
+            self.link.stale += 1;
+            self.raw.status.0 |= Status::STALE.0;
+        }
+        match (finite, is_fresh) {
+            (false, _) => Err(LinkFault::NotFinite),
+            (true, true) => Ok(Freshness::Fresh),
+            (true, false) => Ok(Freshness::Stale),
         }
     }
 
@@ -152,6 +162,7 @@ impl Port {
     }
 
     /// residual −= Bᵀ·force, and the peak is noted. Real-time: yes.
+    #[inline]
     pub fn subtract_force(&mut self, residual: &mut [f64]) {
         if let Some(posed) = &self.posed {
             posed.subtract_force(residual);
@@ -167,6 +178,7 @@ impl Port {
     }
 
     /// Notes the peak of the force of this step. Real-time: yes.
+    #[inline]
     pub fn note_peak(&mut self) {
         for (peak, force) in self.peak_force.iter_mut().zip(&self.force) {
             *peak = peak.max(force.abs());
@@ -177,6 +189,7 @@ impl Port {
     ///
     /// # Errors
     /// The link is lost.
+    #[inline]
     pub fn accepted(&mut self, sequence: u64) -> Result<(), LinkFault> {
         let sequence = self.pursuit.accepts(sequence);
         let number = self.pursuit.on_link(sequence);

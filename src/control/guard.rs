@@ -28,11 +28,13 @@ impl Guard {
         }
     }
 
+    #[inline]
     fn metres<'a>(units: &'a [(f64, f64)], disp: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
         disp.iter().zip(units).map(|(disp, unit)| disp * unit.0)
     }
 
     /// The structure's deformations as the specimen's axes go, in m.
+    #[inline]
     fn goals<'a>(
         units: &'a [(f64, f64)],
         axes: &'a [Axis],
@@ -50,6 +52,7 @@ impl Guard {
     }
 
     /// The next step goes to `goal`. Real-time: yes.
+    #[inline]
     pub fn aims_at(&mut self, axes: &[Axis], goal: &[f64]) {
         self.watch.aims_at(Self::goals(&self.units, axes, goal));
     }
@@ -65,6 +68,7 @@ impl Guard {
     }
 
     /// Takes note of a command that leaves. Real-time: yes.
+    #[inline]
     pub fn sent(&mut self, disp: &[f64]) {
         self.cleared = false;
         self.watch.sent(Self::metres(&self.units, disp));
@@ -133,6 +137,7 @@ impl Port {
     }
 
     /// Judges the command that stands ready. Only if nothing trips may it leave. Real-time: yes.
+    #[inline]
     pub fn clear(&mut self) -> Found {
         let Guard {
             watch,
@@ -140,15 +145,18 @@ impl Port {
             cleared,
             ..
         } = &mut self.guard;
-        let mut found = watch.command(Guard::metres(units, &self.command));
-        if let Some(axis) = self.command_vel.iter().position(|vel| !vel.is_finite()) {
-            found.trip.get_or_insert(Hit {
-                axis,
-                quantity: Quantity::CommandVel,
-                level: Level::Trip,
-                value: f64::NAN,
-                bound: f64::MAX,
-            });
+        let mut found = Found::default();
+        watch.judge_command(Guard::metres(units, &self.command), &mut found);
+        for (axis, vel) in self.command_vel.iter().enumerate() {
+            if !vel.is_finite() {
+                found.trip.get_or_insert(Hit {
+                    axis,
+                    quantity: Quantity::CommandVel,
+                    level: Level::Trip,
+                    value: f64::NAN,
+                    bound: f64::MAX,
+                });
+            }
         }
         // No stroke belongs to a pose that cannot be.
         let is_posed = self.posed.as_deref().is_none_or(Posed::is_possible);
@@ -162,14 +170,20 @@ impl Port {
     }
 
     /// Judges the measurement last taken, which must be a fresh one. Real-time: yes.
+    #[inline]
     pub fn judge(&mut self) -> Found {
         let Guard { watch, units, .. } = &mut self.guard;
         let values = self.raw.disp.iter().zip(&self.raw.force).zip(units.iter());
-        let mut found = watch.measured(
-            values.map(|((disp, force), (metres, newtons))| (disp * metres, force * newtons)),
-        );
-        self.estimate(&mut found);
-        self.track(&mut found);
+        let values =
+            values.map(|((disp, force), (metres, newtons))| (disp * metres, force * newtons));
+        let mut found = Found::default();
+        watch.judge_measured(values, &mut found);
+        if !self.estimates.rests {
+            self.estimate(&mut found);
+        }
+        if self.tracking.on && self.tracking.moves {
+            self.track(&mut found);
+        }
         found
     }
 }

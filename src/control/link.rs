@@ -2,6 +2,7 @@
 
 use super::{Direction, Opinion, Port, compare_stiffness};
 use crate::substructure::{Introduction, LinkFault, LinkStats, Unavailable};
+use crate::time::Nanos;
 
 /// What went over one link.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -14,6 +15,17 @@ pub struct LinkCount {
     pub stale: u64,
     /// What the link itself counts.
     pub stats: LinkStats,
+}
+
+/// What the loop knows of who stands behind a port.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Partner {
+    /// It is not commanded any more.
+    pub lost: bool,
+    /// Stale measurements in a row.
+    pub stale: u64,
+    /// When one that is commanded once a step was seen to owe its answer.
+    pub asked_at: Option<Nanos>,
 }
 
 /// What is done with a stale force.

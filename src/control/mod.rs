@@ -34,7 +34,7 @@ pub use direction::Direction;
 pub use error::PortError;
 pub use estimate::Declared;
 pub use leaving::{Departure, Exit, Exits};
-pub use link::{LinkCount, OnStale, WaitRules};
+pub use link::{LinkCount, OnStale, Partner, WaitRules};
 pub use misfit::{Channel, Misfit};
 pub use opening::{Reading, Reference, Zero};
 pub use path::{Order, Path, Point};
@@ -89,9 +89,10 @@ impl Axis {
         }
     }
 
-    /// b·x, relative to the base. Real-time: yes.
-    fn dot(&self, x: &[f64], base: f64) -> f64 {
-        posed::dot(&self.row, self.base, x, base)
+    /// b·x and b·v, relative to the base. Real-time: yes.
+    #[inline]
+    fn dots(&self, state: [&[f64]; 2], base: [f64; 2]) -> (f64, f64) {
+        posed::dots(&self.row, self.base, state, base)
     }
 }
 
@@ -113,7 +114,8 @@ pub struct Port {
     /// Where the specimen says that it stands before the test, in its own unit.
     standing: Option<Vec<f64>>,
     raw: Measurement,
-    /// Where the substructure writes, so that an older measurement never replaces a newer one.
+    /// Where the substructure writes, so that an older measurement never replaces a newer one. Between two exchanges its axes
+    /// are those of `raw`.
     incoming: Measurement,
     /// Measured displacement, brought back to the structure's metres.
     pub measured: Vec<f64>,
@@ -123,6 +125,8 @@ pub struct Port {
     pub peak_force: Vec<f64>,
     /// Exchanges so far.
     pub link: LinkCount,
+    /// Who answers, as the loop sees it.
+    pub partner: Partner,
     /// How long this specimen is waited for; none: as the test's limits say.
     pub wait: Option<WaitRules>,
     /// How it is found out which way round the specimen is wired.
@@ -224,6 +228,7 @@ impl Port {
             force: vec![0.0; n],
             peak_force: vec![0.0; n],
             link: LinkCount::default(),
+            partner: Partner::default(),
             wait: None,
             direction: Direction::Known,
             issued: None,
@@ -254,30 +259,35 @@ impl Port {
     }
 
     /// Number of axes.
+    #[inline]
     #[must_use]
     pub fn axes(&self) -> usize {
         self.axes.len()
     }
 
     /// Whether a reply is owed for each command.
+    #[inline]
     #[must_use]
     pub fn coupling(&self) -> crate::substructure::Coupling {
         self.substructure.coupling()
     }
 
     /// True if replies come from outside this process, so that a late one is the peer's doing.
+    #[inline]
     #[must_use]
     pub fn is_remote(&self) -> bool {
         self.substructure.is_remote()
     }
 
     /// True if a recording answers in place of the specimen.
+    #[inline]
     #[must_use]
     pub const fn is_recorded(&self) -> bool {
         self.is_recorded
     }
 
     /// The raw measurement of the last exchange, in the specimen's units.
+    #[inline]
     #[must_use]
     pub fn raw(&self) -> &Measurement {
         &self.raw

@@ -31,8 +31,6 @@ struct Way {
     /// x₀, x₋₁, x₋₂, x₋₃.
     past: [f64; PAST],
     goal: f64,
-    goal_slope: f64,
-    from: Point,
 }
 
 /// The ways of all axes of one specimen.
@@ -82,19 +80,21 @@ impl Way {
         }
     }
 
-    fn aim(&mut self, goal: f64, u: f64, order: Order) {
-        self.from = self.predict(u, order);
-        self.goal = goal;
+    fn at_goal(&self, order: Order) -> Point {
         let [a, b, c, _] = self.past;
-        let [first, second, third] = Self::differences([goal, a, b, c], order);
-        self.goal_slope = first + second / 2.0 + third / 3.0;
+        let [first, second, third] = Self::differences([self.goal, a, b, c], order);
+        Point {
+            disp: self.goal,
+            slope: first + second / 2.0 + third / 3.0,
+        }
     }
 
-    fn correct(&self, u: f64, from: f64) -> Point {
+    fn correct(&self, u: f64, from: f64, order: Order) -> Point {
         let width = 1.0 - from;
         let s = (u - from) / width;
-        let (one, two) = (self.from, self.goal);
-        let (rise, fall) = (one.slope * width, self.goal_slope * width);
+        let one = self.predict(from, order);
+        let Point { disp: two, slope } = self.at_goal(order);
+        let (rise, fall) = (one.slope * width, slope * width);
         let (s2, s3) = (s * s, s * s * s);
         let disp = one.disp
             + (two - one.disp) * (3.0 * s2 - 2.0 * s3)
@@ -132,13 +132,13 @@ impl Path {
             *way = Way {
                 past: [*disp; PAST],
                 goal: *disp,
-                ..Way::default()
             };
         }
         self.joined = Some(0.0);
     }
 
     /// The target is reached: it is the past now, and the next is unknown. Does nothing if there was no target.
+    #[inline]
     pub fn reach(&mut self) {
         if self.joined.take().is_none() {
             return;
@@ -150,9 +150,10 @@ impl Path {
     }
 
     /// The next target becomes known at `u`, one value per axis.
+    #[inline]
     pub fn aim(&mut self, goals: &[f64], u: f64) {
         for (way, goal) in self.ways.iter_mut().zip(goals) {
-            way.aim(*goal, u, self.order);
+            way.goal = *goal;
         }
         self.joined = Some(u);
     }
@@ -165,11 +166,8 @@ impl Path {
         };
         match self.joined {
             None => way.predict(u, self.order),
-            Some(_) if u >= 1.0 => Point {
-                disp: way.goal,
-                slope: way.goal_slope,
-            },
-            Some(from) if u > from => way.correct(u, from),
+            Some(_) if u >= 1.0 => way.at_goal(self.order),
+            Some(from) if u > from => way.correct(u, from, self.order),
             Some(_) => way.predict(u, self.order),
         }
     }

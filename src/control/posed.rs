@@ -22,15 +22,22 @@ pub struct PoseRow {
     pub base: f64,
 }
 
-/// b·x, relative to the base. Real-time: yes.
-pub(super) fn dot(row: &[(usize, f64)], base_part: f64, x: &[f64], base: f64) -> f64 {
-    let mut sum = 0.0;
+/// b·x and b·v, relative to the base. Real-time: yes.
+#[inline]
+pub(super) fn dots(
+    row: &[(usize, f64)],
+    base_part: f64,
+    [x, v]: [&[f64]; 2],
+    [base_disp, base_vel]: [f64; 2],
+) -> (f64, f64) {
+    let (mut disp, mut vel) = (0.0, 0.0);
     for &(dof, coefficient) in row {
-        if let Some(value) = x.get(dof) {
-            sum += coefficient * value;
+        if let (Some(x), Some(v)) = (x.get(dof), v.get(dof)) {
+            disp += coefficient * x;
+            vel += coefficient * v;
         }
     }
-    sum - base_part * base
+    (disp - base_part * base_disp, vel - base_part * base_vel)
 }
 
 /// How far a platform went, and how near it came to where its actuators cannot hold it.
@@ -88,17 +95,15 @@ impl Posed {
     /// Goes where the structure is. Real-time: yes.
     pub fn seek(
         &mut self,
-        [disp, vel]: [&[f64]; 2],
-        base_disp: f64,
-        base_vel: f64,
+        state: [&[f64]; 2],
+        base: [f64; 2],
         target: &mut [f64],
         target_vel: &mut [f64],
     ) {
         let mut pose = [0.0; MOST];
         let each = pose.iter_mut().zip(&mut self.rates);
         for (row, (value, rate)) in self.rows.iter().zip(each) {
-            *value = dot(&row.row, row.base, disp, base_disp);
-            *rate = dot(&row.row, row.base, vel, base_vel);
+            (*value, *rate) = dots(&row.row, row.base, state, base);
         }
         self.go(&pose, target, target_vel);
     }
@@ -119,6 +124,7 @@ impl Posed {
     }
 
     /// True if the pose last sought can be. Real-time: yes.
+    #[inline]
     pub const fn is_possible(&self) -> bool {
         self.fault.is_none()
     }
@@ -135,6 +141,7 @@ impl Posed {
     }
 
     /// residual −= Bᵀ·force. Real-time: yes.
+    #[inline]
     pub fn subtract_force(&self, residual: &mut [f64]) {
         for (row, force) in self.rows.iter().zip(&self.force) {
             for &(dof, coefficient) in &row.row {
@@ -175,6 +182,7 @@ impl Port {
     }
 
     /// Why the next command cannot be made. Real-time: yes.
+    #[inline]
     #[must_use]
     pub fn geometry_fault(&self) -> Option<Fault> {
         self.posed.as_deref().and_then(|posed| posed.fault)
@@ -192,6 +200,7 @@ impl Port {
     ///
     /// # Errors
     /// The actuators cannot have these strokes.
+    #[inline]
     pub fn resolve_pose(&mut self) -> Result<(), Fault> {
         match &mut self.posed {
             Some(posed) => posed.resolve(&self.measured, &self.force),
@@ -200,6 +209,7 @@ impl Port {
     }
 
     /// Each coordinate: pose that the structure asks for, measured pose, force. Empty without a loading unit. Real-time: yes.
+    #[inline]
     pub fn pose(&self) -> impl Iterator<Item = (Coordinate, [f64; 3])> + '_ {
         let posed = self.posed.as_deref();
         posed.into_iter().flat_map(|posed| {

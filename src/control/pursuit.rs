@@ -49,6 +49,7 @@ impl Pursuit {
     }
 
     /// The number on the link of a command that leaves now. Real-time: yes.
+    #[inline]
     pub fn number(&mut self, sequence: u64, ahead: u64) -> u64 {
         self.sent = sequence;
         self.shift = (ahead, self.skipped);
@@ -61,16 +62,19 @@ impl Pursuit {
     }
 
     /// A number of the test on the link, as of the last command. Real-time: yes.
+    #[inline]
     pub fn on_link(&self, sequence: u64) -> u64 {
         (sequence + self.shift.0).saturating_sub(self.shift.1)
     }
 
     /// A number on the link in the test, as of the last command. Real-time: yes.
+    #[inline]
     pub fn in_test(&self, number: u64) -> u64 {
         (number + self.shift.1).saturating_sub(self.shift.0)
     }
 
     /// The number of the command that `sequence` accepts: its own, if it was told its target some ticks ago. Real-time: yes.
+    #[inline]
     pub fn accepts(&self, sequence: u64) -> u64 {
         if self.per_step { self.sent } else { sequence }
     }
@@ -86,6 +90,7 @@ impl Port {
     }
 
     /// True if it is commanded once a step.
+    #[inline]
     #[must_use]
     pub const fn is_per_step(&self) -> bool {
         self.pursuit.per_step
@@ -108,16 +113,16 @@ impl Port {
     }
 
     /// The target of the next step, from the structure's state. Real-time: yes.
+    #[inline]
     pub fn seek(&mut self, disp: &[f64], vel: &[f64], base_disp: f64, base_vel: f64) {
         let (goal, goal_vel) = (&mut self.pursuit.goal, &mut self.pursuit.goal_vel);
         if let Some(posed) = &mut self.posed {
-            posed.seek([disp, vel], base_disp, base_vel, goal, goal_vel);
+            posed.seek([disp, vel], [base_disp, base_vel], goal, goal_vel);
             return;
         }
         let goals = goal.iter_mut().zip(goal_vel);
         for (axis, (goal, goal_vel)) in self.axes.iter().zip(goals) {
-            *goal = axis.dot(disp, base_disp);
-            *goal_vel = axis.dot(vel, base_vel);
+            (*goal, *goal_vel) = axis.dots([disp, vel], [base_disp, base_vel]);
         }
     }
 
@@ -136,6 +141,7 @@ impl Port {
     }
 
     /// The next target is known from here on, `share` of the step after the last. Real-time: yes.
+    #[inline]
     pub fn know(&mut self, share: f64) {
         self.pursuit.path.aim(&self.pursuit.goal, share);
         self.guard.aims_at(&self.axes, &self.pursuit.goal);
@@ -146,17 +152,23 @@ impl Port {
     }
 
     /// The command reaches its target in this tick: from here on the next is sought. Real-time: yes.
+    #[inline]
     pub fn reach(&mut self) {
         self.pursuit.path.reach();
     }
 
+    #[inline]
     fn land(&mut self) {
-        self.target.copy_from_slice(&self.pursuit.goal);
-        self.target_vel.copy_from_slice(&self.pursuit.goal_vel);
+        let goals = self.pursuit.goal.iter().zip(&self.pursuit.goal_vel);
+        let targets = self.target.iter_mut().zip(&mut self.target_vel);
+        for ((target, target_vel), (goal, goal_vel)) in targets.zip(goals) {
+            (*target, *target_vel) = (*goal, *goal_vel);
+        }
         self.prepare_command();
     }
 
     /// Makes the command at the end of a stride, with steps of `dt` seconds of test time. Real-time: yes.
+    #[inline]
     pub fn ride(&mut self, stride: &Stride, dt: f64) {
         if self.pursuit.per_step {
             return;
@@ -198,12 +210,14 @@ impl Port {
     }
 
     /// True if its target is known and was not sent yet.
+    #[inline]
     #[must_use]
     pub const fn wants_to_be_told(&self) -> bool {
         self.pursuit.waits
     }
 
     /// True if it owes an answer.
+    #[inline]
     #[must_use]
     pub const fn is_asked(&self) -> bool {
         self.pursuit.asked
@@ -234,6 +248,7 @@ impl Port {
     }
 
     /// Its answer was taken. Real-time: yes.
+    #[inline]
     pub fn answered(&mut self) {
         self.pursuit.asked = false;
     }

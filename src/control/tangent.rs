@@ -69,24 +69,28 @@ impl Tangent {
     }
 
     /// N/m. Real-time: yes.
+    #[inline]
     #[must_use]
     pub const fn stiffness(&self) -> f64 {
         self.stiffness
     }
 
     /// N s/m. Real-time: yes.
+    #[inline]
     #[must_use]
     pub const fn damping(&self) -> f64 {
         self.damping
     }
 
     /// True if damping is estimated.
+    #[inline]
     #[must_use]
     pub const fn with_damping(&self) -> bool {
         self.with_damping
     }
 
     /// Takes a fresh measurement. Real-time: yes.
+    #[inline]
     pub fn take(&mut self, point: Point) {
         // What is not a number trips elsewhere.
         if !(point.disp.is_finite() && point.force.is_finite()) {

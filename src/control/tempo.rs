@@ -77,6 +77,7 @@ pub struct Stride {
 
 impl Stride {
     /// True if it ends at the target.
+    #[inline]
     #[must_use]
     pub fn lands(&self) -> bool {
         self.share >= 1.0
@@ -120,6 +121,7 @@ impl Tempo {
     }
 
     /// Share of the step that is made.
+    #[inline]
     #[must_use]
     pub fn share(&self) -> f64 {
         self.progress / self.ticks
@@ -132,6 +134,7 @@ impl Tempo {
     }
 
     /// True if the operator's hold is complete.
+    #[inline]
     #[must_use]
     pub fn stands(&self) -> bool {
         self.ease <= 0.0
@@ -143,6 +146,7 @@ impl Tempo {
     }
 
     /// The target was reached: a new step begins, whose target is not known yet. Real-time: yes.
+    #[inline]
     pub fn begin(&mut self) {
         self.left = self.left.map(|_| (self.increment, 0.0));
         self.progress = 0.0;
@@ -150,6 +154,7 @@ impl Tempo {
     }
 
     /// The next target is known. Real-time: yes.
+    #[inline]
     pub fn know(&mut self) {
         if !self.known && self.increment < 1.0 {
             self.left = Some((self.increment, self.progress));
@@ -158,6 +163,7 @@ impl Tempo {
     }
 
     /// The next tick; `hold`: the operator wants test time to stand still. Real-time: yes.
+    #[inline]
     pub fn next(&mut self, hold: bool) -> Stride {
         let n = self.ticks;
         let change = if hold {
@@ -170,7 +176,6 @@ impl Tempo {
         if self.ease < SAME {
             self.ease = 0.0;
         }
-        let room = (HOLD_AT * n - self.progress).max(0.0);
         self.increment = if self.known {
             match self.left {
                 Some((pace, from)) => {
@@ -179,6 +184,7 @@ impl Tempo {
                 None => 1.0,
             }
         } else {
+            let room = (HOLD_AT * n - self.progress).max(0.0);
             (room / (OVER * n).max(1.0)).min(1.0)
         };
         if self.known && self.increment >= 1.0 {
@@ -196,8 +202,13 @@ impl Tempo {
             self.progress += wanted;
         } else if wanted > 0.0 {
             let way = n - before;
-            let least = (way * (1.0 - SAME)).ceil();
-            let ticks = (way / wanted).round().max(least).max(1.0);
+            // No tick is longer than 1: what is left is made in this one.
+            let ticks = if way <= wanted {
+                1.0
+            } else {
+                let least = (way * (1.0 - SAME)).ceil();
+                (way / wanted).round().max(least).max(1.0)
+            };
             self.progress = if ticks <= 1.0 {
                 n
             } else {

@@ -91,7 +91,8 @@ impl Follow {
 pub(super) struct Tracking {
     axes: Vec<Follow>,
     dt: f64,
-    on: bool,
+    /// Delay and gain are estimated.
+    pub on: bool,
     /// A command that moves is in force.
     pub moves: bool,
 }
@@ -142,9 +143,6 @@ impl Port {
 
     /// Takes the measurement last taken, which must be a fresh one, and judges what it shows. Real-time: yes.
     pub(super) fn track(&mut self, found: &mut Found) {
-        if !(self.tracking.on && self.tracking.moves) {
-            return;
-        }
         let dt = self.tracking.dt;
         let targets = self.target.iter().zip(&self.target_vel);
         let values = targets.zip(&self.measured).zip(&self.force).enumerate();
@@ -160,6 +158,7 @@ impl Port {
 
     /// Lag in s, gain, stiffness in N/m, and the damping in N s/m that the lag adds to it, per axis at the structure; NaN where
     /// nothing is known. Empty where nothing is estimated. Real-time: yes.
+    #[inline]
     pub fn tracking(&self) -> impl Iterator<Item = [f64; 4]> + '_ {
         let axes = if self.tracking.on {
             self.tracking.axes.as_slice()

@@ -54,9 +54,9 @@ impl Engine {
             self.enter(Phase::Tripped, Cause::Stopped);
         }
         if let Ending::Stopped(Stop::Link { port, .. } | Stop::Interlock { port }) = ending
-            && let Some(lost) = self.lost.get_mut(*port)
+            && let Some(port) = self.ports.get_mut(*port)
         {
-            *lost = true;
+            port.partner.lost = true;
         }
         // A displacement that tripped as a command was never gone to: the way out has no excuse to go there.
         if let Ending::Stopped(Stop::Limit { port, hit }) = ending
@@ -66,14 +66,12 @@ impl Engine {
             port.excuse(hit);
         }
         let period = self.period.value();
-        let lost = self.lost.clone();
         let sequence = self.sequence;
         let mut departures: Vec<Option<Departure>> = self
             .ports
             .iter_mut()
-            .zip(lost)
-            .map(|(port, lost)| {
-                if lost || !port.has_begun() {
+            .map(|port| {
+                if port.partner.lost || !port.has_begun() {
                     None
                 } else {
                     let departure = port.depart(tripped, period);

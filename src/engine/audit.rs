@@ -55,6 +55,7 @@ impl StepAudit {
     }
 
     /// The state that a step is about to be made from. Real-time: yes.
+    #[inline]
     pub fn before(&mut self, disp: &[f64]) {
         if !self.begun {
             self.newer.copy_from_slice(disp);
@@ -63,17 +64,20 @@ impl StepAudit {
 
     /// The state that the step has led to, and r of the state before it. The first step only begins the audit: its
     /// velocity depends on the start that was chosen. Real-time: yes.
+    #[inline]
     pub fn after(&mut self, disp: &[f64], vel: &[f64], residual: &[f64]) {
         let energy = 0.5 * self.effective_mass.quadratic(vel);
+        let (mut work, mut roundoff, mut forgiven) = (0.0, 0.0, 0.0);
+        let ends = disp.iter().zip(&mut self.older).zip(residual);
+        for (((x, old), r), per_m2) in ends.zip(&self.roundoff) {
+            work += 0.5 * (x - *old) * r;
+            roundoff += per_m2 * x * x;
+            // The last bit of a displacement, which a structure near rest does not outrun, does this much work.
+            forgiven += LAST_BIT * (x * r).abs();
+            *old = *x;
+        }
+        std::mem::swap(&mut self.older, &mut self.newer);
         if self.begun {
-            let (mut work, mut roundoff, mut forgiven) = (0.0, 0.0, 0.0);
-            let ends = disp.iter().zip(&self.older).zip(residual);
-            for (((x, old), r), per_m2) in ends.zip(&self.roundoff) {
-                work += 0.5 * (x - old) * r;
-                roundoff += per_m2 * x * x;
-                // The last bit of a displacement, which a structure near rest does not outrun, does this much work.
-                forgiven += LAST_BIT * (x * r).abs();
-            }
             self.residual += (energy - self.energy) - work;
             self.turnover += f64::abs(work) + roundoff;
             self.forgiven += forgiven;
@@ -81,13 +85,10 @@ impl StepAudit {
         self.begun = true;
         self.energy = energy;
         self.largest = self.largest.max(energy);
-        std::mem::swap(&mut self.older, &mut self.newer);
-        for (to, from) in self.newer.iter_mut().zip(disp) {
-            *to = *from;
-        }
     }
 
     /// What is left over, in parts of all energy that was turned over. Real-time: yes.
+    #[inline]
     #[must_use]
     pub fn relative(&self) -> f64 {
         let scale = self.turnover + self.largest;

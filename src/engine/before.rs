@@ -206,9 +206,9 @@ impl Engine {
         }
         for port in &mut self.ports {
             port.begin_test();
+            // Warm-up ticks do not count.
+            port.partner.stale = 0;
         }
-        // Warm-up ticks do not count.
-        self.stale.fill(0);
         self.clear_commands()
     }
 }

@@ -71,6 +71,10 @@ impl TestQuantity {
         }
     }
 
+    const fn bit(self) -> u8 {
+        1 << self as u8
+    }
+
     /// Whether it counts deadlines that were missed.
     pub(super) const fn is_of_misses(self) -> bool {
         matches!(
@@ -95,11 +99,12 @@ impl TestQuantity {
     }
 
     /// Its value. Real-time: yes.
+    #[inline]
     pub(super) fn value(self, side: &Side, ports: &[Port]) -> f64 {
         match (self, side) {
             (Self::StabilityUsed, _) => {
-                let ports = ports.iter().map(|port| port.stability_used());
-                ports.map(|used| used.unwrap_or(f64::NAN)).sum()
+                let used = |port: &Port| port.stability_used().unwrap_or(f64::NAN);
+                ports.iter().fold(-0.0, |sum, port| sum + used(port))
             }
             (Self::DelayUsed, _) => {
                 let ports = ports.iter().map(Port::delay_used);
@@ -110,8 +115,7 @@ impl TestQuantity {
                 .audit()
                 .map_or(f64::NAN, super::audit::StepAudit::relative),
             (Self::AddedEnergyShare, Side::Structure(numerical)) => {
-                let axes = ports.iter().flat_map(Port::estimates);
-                let added = axes.map(|(_, _, energy)| energy).sum();
+                let added = ports.iter().fold(0.0, |sum, port| port.added_energy(sum));
                 let intake = numerical.intake();
                 intake.map_or(f64::NAN, |intake| intake.share(added))
             }
@@ -188,23 +192,25 @@ impl std::fmt::Display for TestHit {
 
 impl Engine {
     /// Judges the test as a whole. Real-time: yes.
+    #[inline]
     pub(super) fn judge_test(&mut self, tick: &Tick) -> Result<(), Stop> {
-        for quantity in TestQuantity::RECORDED {
-            if !self.row.keeps(quantity) {
-                continue;
-            }
-            let bound = match quantity {
-                TestQuantity::StabilityUsed => self.limits.test.stability_used,
-                TestQuantity::DelayUsed => self.limits.test.delay_used,
-                TestQuantity::AddedEnergyShare => self.limits.test.added_energy_share,
-                _ => self.limits.test.step_audit,
-            };
-            let value = quantity.value(&self.side, &self.ports);
+        let mut place = 0;
+        while let Some((quantity, in_row)) = self.row.kept_at(place) {
+            place += 1;
+            let limits = &self.limits.test;
             // What cannot be estimated is no finding; a step that leaves no number is one.
-            let is_estimate = matches!(
-                quantity,
-                TestQuantity::StabilityUsed | TestQuantity::DelayUsed
-            );
+            let (bound, is_estimate) = match quantity {
+                TestQuantity::StabilityUsed => (limits.stability_used, true),
+                TestQuantity::DelayUsed => (limits.delay_used, true),
+                TestQuantity::AddedEnergyShare => (limits.added_energy_share, false),
+                _ => (limits.step_audit, false),
+            };
+            // Estimates are made of measurements only: nothing has changed since the row. The others know of the step.
+            let value = if is_estimate {
+                in_row
+            } else {
+                quantity.value(&self.side, &self.ports)
+            };
             let judged = if value.is_nan() && is_estimate {
                 None
             } else {
@@ -229,6 +235,7 @@ impl Engine {
     }
 
     /// A warning is told when its level is crossed, a trip ends the test. Real-time: yes.
+    #[inline]
     fn heed(
         &mut self,
         tick: &Tick,
@@ -236,11 +243,24 @@ impl Engine {
         value: f64,
         judged: Option<(Level, f64)>,
     ) -> Result<(), Stop> {
-        let bit = 1 << quantity as u8;
-        let Some((level, bound)) = judged else {
-            self.test_warned &= !bit;
-            return Ok(());
-        };
+        match judged {
+            None => {
+                self.test_warned &= !quantity.bit();
+                Ok(())
+            }
+            Some(beyond) => self.heed_hit(tick, quantity, value, beyond),
+        }
+    }
+
+    #[cold]
+    fn heed_hit(
+        &mut self,
+        tick: &Tick,
+        quantity: TestQuantity,
+        value: f64,
+        (level, bound): (Level, f64),
+    ) -> Result<(), Stop> {
+        let bit = quantity.bit();
         let trip = level == Level::Trip;
         if trip || self.test_warned & bit == 0 {
             self.test_warned |= bit;

@@ -27,14 +27,14 @@ pub struct Row {
     /// it was not measured.
     pub record_before: f64,
     values: Vec<f64>,
-    dofs: Vec<usize>,
+    /// Those that are recorded; none given: all in their order.
+    dofs: Option<Vec<usize>>,
     disp: Range<usize>,
     vel: Range<usize>,
     accel: Range<usize>,
     ports: Vec<PortPlace>,
     checks: Range<usize>,
     kept: Vec<TestQuantity>,
-    timing: Range<usize>,
 }
 
 /// Where the numbers of a port stand.
@@ -146,56 +146,54 @@ impl Row {
             columns.push(column(quantity.key(), "1", quantity.words(), false));
         }
         let checks = start..columns.len();
-        let start = columns.len();
         for (name, meaning) in TIMING {
             let unit = if name == "stretched" { "1" } else { "s" };
             columns.push(column(name, unit, meaning, true));
         }
-        let timing = start..columns.len();
         let values = vec![0.0; columns.len()];
         (
             Self {
                 hold: false,
                 record_before: f64::NAN,
                 values,
-                dofs: dofs.to_vec(),
+                dofs: (!are_all(dofs, side)).then(|| dofs.to_vec()),
                 disp,
                 vel,
                 accel,
                 ports,
                 checks,
                 kept,
-                timing,
             },
             columns,
         )
     }
 
-    /// Whether a quantity of the test as a whole is kept. Real-time: yes.
-    pub(super) fn keeps(&self, quantity: TestQuantity) -> bool {
-        self.kept.contains(&quantity)
+    /// A quantity of the test as a whole and its value as it stands in the row, by its place among those that are kept.
+    /// Real-time: yes.
+    #[inline]
+    pub(super) fn kept_at(&self, place: usize) -> Option<(TestQuantity, f64)> {
+        let value = self.values.get(self.checks.start + place)?;
+        Some((*self.kept.get(place)?, *value))
     }
 
     /// The finished row.
+    #[inline]
     #[must_use]
     pub fn values(&self) -> &[f64] {
         &self.values
     }
 
     /// What the next advance and the next aim will overwrite: x and everything of the ports. Real-time: yes.
+    #[inline]
     pub fn exchange(&mut self, tick: &Tick, phase: Phase, side: &Side, ports: &[Port]) {
         if let Side::Structure(numerical) = side {
-            gather(
-                &mut self.values,
-                &self.disp,
-                &self.dofs,
-                &numerical.state.disp,
-            );
+            self.gather(&self.disp.clone(), &numerical.state.disp);
         }
         self.between(tick, phase.code(), side, ports);
     }
 
     /// A tick that ends no step: x, v and a are those of the last one. `state` is for the column of this name. Real-time: yes.
+    #[inline]
     pub fn between(&mut self, tick: &Tick, state: f64, side: &Side, ports: &[Port]) {
         let ground = match side {
             Side::Structure(numerical) if numerical.excitation.has_base() => {
@@ -205,15 +203,15 @@ impl Row {
             Side::Prescribed(_) => 0.0,
         };
         let head = [
-            tick.step as f64,
-            tick.sub_tick as f64,
+            number(tick.step),
+            number(tick.sub_tick),
             state,
             f64::from(u8::from(self.hold)),
             tick.time,
             ground,
         ];
-        for (to, from) in self.values.iter_mut().zip(head) {
-            *to = from;
+        if let Some(slots) = self.values.first_chunk_mut() {
+            *slots = head;
         }
         for (place, port) in self.ports.iter().zip(ports) {
             if let Some(slots) = self.values.get_mut(place.range.clone()) {
@@ -227,16 +225,32 @@ impl Row {
         }
     }
 
+    /// The recorded ones of the values of all degrees of freedom.
+    #[inline]
+    fn gather(&mut self, range: &Range<usize>, from: &[f64]) {
+        let Some(slots) = self.values.get_mut(range.clone()) else {
+            return;
+        };
+        match &self.dofs {
+            None => {
+                for (slot, value) in slots.iter_mut().zip(from) {
+                    *slot = *value;
+                }
+            }
+            Some(dofs) => {
+                for (slot, dof) in slots.iter_mut().zip(dofs) {
+                    *slot = from.get(*dof).copied().unwrap_or(f64::NAN);
+                }
+            }
+        }
+    }
+
     /// What is known only after the solve: v and a. Real-time: yes.
+    #[inline]
     pub fn outputs(&mut self, side: &Side) {
         if let Side::Structure(numerical) = side {
-            gather(
-                &mut self.values,
-                &self.vel,
-                &self.dofs,
-                &numerical.reported_vel,
-            );
-            gather(&mut self.values, &self.accel, &self.dofs, &numerical.accel);
+            self.gather(&self.vel.clone(), &numerical.reported_vel);
+            self.gather(&self.accel.clone(), &numerical.accel);
         }
     }
 
@@ -250,33 +264,37 @@ impl Row {
     }
 
     /// The columns that depend on wall time. What was measured of the tick before is told once. Real-time: yes.
+    #[inline]
     pub fn timing(&mut self, stamps: &TickStamps, first_edge: Nanos, stretched: u64) {
-        let seconds = |from: Nanos, to: Nanos| to.since(from) as f64 * 1e-9;
+        let seconds = |from: Nanos, to: Nanos| number(to.since(from)) * 1e-9;
         let values = [
             seconds(first_edge, stamps.release),
             seconds(stamps.release, stamps.woke),
             seconds(stamps.release, stamps.sent),
             seconds(stamps.sent, stamps.decoded),
             seconds(stamps.decoded, stamps.ready),
-            stretched as f64,
+            number(stretched),
             std::mem::replace(&mut self.record_before, f64::NAN),
         ];
-        if let Some(slots) = self.values.get_mut(self.timing.clone()) {
-            for (to, from) in slots.iter_mut().zip(values) {
-                *to = from;
-            }
+        // They are the last: an array of as many as there are names.
+        let values: [f64; TIMING.len()] = values;
+        if let Some(slots) = self.values.last_chunk_mut() {
+            *slots = values;
         }
     }
+}
+
+/// A count as it stands in a row: none comes near 2⁶³, and of a signed word it is one instruction.
+#[inline]
+pub(super) fn number(count: u64) -> f64 {
+    count.cast_signed() as f64
 }
 
 fn moves_its_base(side: &Side) -> bool {
     matches!(side, Side::Structure(numerical) if numerical.excitation.has_base())
 }
 
-fn gather(values: &mut [f64], range: &Range<usize>, dofs: &[usize], from: &[f64]) {
-    if let Some(slots) = values.get_mut(range.clone()) {
-        for (slot, dof) in slots.iter_mut().zip(dofs) {
-            *slot = from.get(*dof).copied().unwrap_or(f64::NAN);
-        }
-    }
+/// True if these are all degrees of freedom in their order.
+fn are_all(dofs: &[usize], side: &Side) -> bool {
+    matches!(side, Side::Structure(numerical) if (0..numerical.structure.dofs()).eq(dofs.iter().copied()))
 }

@@ -54,30 +54,39 @@ impl Intake {
         }
     }
 
-    /// Takes note of a closed step, whose load `load_into` writes. Real-time: yes.
-    pub(super) fn note(&mut self, load_into: impl FnOnce(&mut [f64]), step: &Closed<'_>) {
-        load_into(&mut self.load);
+    /// The load of the step that is being closed. Real-time: yes.
+    #[inline]
+    pub(super) fn loaded(&mut self, load: &[f64]) {
+        for (to, from) in self.load.iter_mut().zip(load) {
+            *to = *from;
+        }
+    }
+
+    /// Takes note of a closed step, whose load is known. Real-time: yes.
+    #[inline]
+    pub(super) fn note(&mut self, step: &Closed<'_>) {
         let pushed = step.residual.iter().zip(&self.load).zip(&self.influence);
         let reaction: f64 = pushed.map(|((r, f), share)| share * (r - f)).sum();
+        let loads = self.load.iter().zip(&self.last_load);
+        let ways = step.disp.iter().zip(&mut self.last_disp);
+        let mut work = 0.0;
+        for ((f, before), (x, from)) in loads.zip(ways) {
+            work += 0.5 * (f + before) * (x - *from);
+            *from = *x;
+        }
         if self.begun {
-            let loads = self.load.iter().zip(&self.last_load);
-            let ways = step.disp.iter().zip(&self.last_disp);
-            let work = loads.zip(ways);
-            let work = work.map(|((f, before), (x, from))| 0.5 * (f + before) * (x - from));
-            self.work += work.sum::<f64>()
-                + 0.5 * (reaction + self.last_reaction) * (step.base.disp - self.last_base);
+            self.work +=
+                work + 0.5 * (reaction + self.last_reaction) * (step.base.disp - self.last_base);
         }
         self.begun = true;
         self.most_work = self.most_work.max(self.work);
         self.most_motion = self.most_motion.max(step.kinetic);
         (self.last_reaction, self.last_base) = (reaction, step.base.disp);
         std::mem::swap(&mut self.load, &mut self.last_load);
-        for (to, from) in self.last_disp.iter_mut().zip(step.disp) {
-            *to = *from;
-        }
     }
 
     /// `added` J in parts of what was taken in so far. Real-time: yes.
+    #[inline]
     #[must_use]
     pub fn share(&self, added: f64) -> f64 {
         added / (self.most_work + self.most_motion).max(self.floor)
@@ -113,7 +122,8 @@ mod tests {
                 base,
                 kinetic: 0.0,
             };
-            intake.note(|load| load[0] = f, &step);
+            intake.loaded(&[f]);
+            intake.note(&step);
             heat += c * (v - du) * (v - du) * dt;
             // Explicit with both terms of the Taylor series: off by dt² at each step.
             x += dt * v + 0.5 * dt * dt * r;
@@ -147,7 +157,8 @@ mod tests {
                 base: Base::default(),
                 kinetic,
             };
-            intake.note(|load| load[0] = 16.0, &step);
+            intake.loaded(&[16.0]);
+            intake.note(&step);
         }
         // 16 J went in and came out again; 4 J were in motion.
         assert_eq!(intake.share(5.0), 0.25);

@@ -41,7 +41,7 @@ pub use settle::Settling;
 pub use stop::{Ending, Stop};
 pub use tick::Tick;
 
-use crate::control::{LinkCount, Port, Poses};
+use crate::control::{LinkCount, Partner, Port, Poses};
 use crate::record::{Column, Recorder};
 use crate::rt::timing::{TickStamps, Timing};
 use crate::time::{Clock, Nanos, Ratio, Schedule, SimClock};
@@ -119,8 +119,6 @@ pub struct Engine {
     opening: Opening,
     settling: Option<Settling>,
     ports: Vec<Port>,
-    /// Ports that are not commanded any more.
-    lost: Vec<bool>,
     /// The tick that tripped has a row.
     trip_is_recorded: bool,
     phase: Phase,
@@ -140,7 +138,6 @@ pub struct Engine {
     schedule: Schedule,
     timing: Timing,
     peaks: Peaks,
-    stale: Vec<u64>,
     resume: Option<Resumption>,
     /// Where the commands are between two targets.
     ride: ride::Ride,
@@ -149,8 +146,6 @@ pub struct Engine {
     checkpoint_ticks: u64,
     /// For the digest of a checkpoint.
     memory: Vec<f64>,
-    /// When a partner that is commanded once a step was seen to owe its answer.
-    asked_at: Vec<Option<Nanos>>,
     edge: u64,
     sequence: u64,
     clock_now: Nanos,
@@ -250,12 +245,15 @@ impl Engine {
             side,
             opening,
             settling,
-            ports,
+            mut ports,
             record_dofs,
             limits,
             pacing,
             resume,
         } = experiment;
+        for port in &mut ports {
+            port.partner = Partner::default();
+        }
         let (row, columns) = columns::Row::new(&record_dofs, &side, &ports);
         let dofs = match &side {
             Side::Structure(numerical) => numerical.structure.dofs(),
@@ -274,15 +272,12 @@ impl Engine {
             side,
             settling,
             timing,
-            stale: vec![0; ports.len()],
             resume,
             ride: ride::Ride::new(pacing),
             riding: false,
             checkpoint_ticks: pacing.checkpoint_ticks,
             memory,
-            asked_at: vec![None; ports.len()],
             opening,
-            lost: vec![false; ports.len()],
             trip_is_recorded: false,
             phase: Phase::Connected,
             phase_cell: PhaseCell::default(),

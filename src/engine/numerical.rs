@@ -123,6 +123,7 @@ impl Numerical {
     }
 
     /// Base displacement and velocity at a step.
+    #[inline]
     #[must_use]
     pub fn base(&self, step: u64) -> Base {
         let (disp, vel) = self.excitation.base(index(step));
@@ -130,6 +131,7 @@ impl Numerical {
     }
 
     /// True if the method needs the forces of the step that it is making: no specimen can hang on it.
+    #[inline]
     #[must_use]
     pub fn is_offline(&self) -> bool {
         matches!(self.stepper, Stepper::Offline(_))
@@ -137,6 +139,7 @@ impl Numerical {
 
     /// r at `step`, with the forces that the ports hold; `dt` is the time since the last accepted step.
     /// Numerical elements commit. Real-time: yes, unless the method is offline.
+    #[inline]
     pub fn close(&mut self, step: u64, dt: f64, ports: &mut [Port]) {
         if self.is_offline() && step > 0 {
             // Equilibrium was found and committed when the step was made.
@@ -145,26 +148,24 @@ impl Numerical {
             return;
         }
         let base = self.base(step);
-        self.excitation.load_into(index(step), &mut self.inertia);
-        self.structure.subtract_internal(
-            &self.state.disp,
-            &self.state.vel,
-            base,
-            dt,
-            &mut self.inertia,
-        );
+        let residual: &mut [f64] = &mut self.inertia;
+        let (disp, vel): (&[f64], &[f64]) = (&self.state.disp, &self.state.vel);
+        self.excitation.load_into(index(step), residual);
+        if let Some(intake) = &mut self.intake {
+            intake.loaded(residual);
+        }
+        self.structure
+            .subtract_internal(disp, vel, base, dt, residual);
         for port in ports {
-            port.subtract_force(&mut self.inertia);
+            port.subtract_force(residual);
         }
         if let Some(intake) = &mut self.intake {
-            let excitation = &self.excitation;
-            let closed = Closed {
-                disp: &self.state.disp,
-                residual: &self.inertia,
+            intake.note(&Closed {
+                disp,
+                residual,
                 base,
-                kinetic: 0.5 * self.structure.mass().quadratic(&self.state.vel),
-            };
-            intake.note(|load| excitation.load_into(index(step), load), &closed);
+                kinetic: 0.5 * self.structure.mass().quadratic(vel),
+            });
         }
         if let Stepper::Offline(method) = &mut self.stepper {
             method.begin(&self.state, &self.inertia);
@@ -177,6 +178,7 @@ impl Numerical {
     ///
     /// # Errors
     /// An offline method finds no equilibrium.
+    #[inline]
     pub fn advance(&mut self, step: u64) -> Result<(), StepError> {
         match &mut self.stepper {
             Stepper::Explicit(integrator) => {
@@ -211,6 +213,7 @@ impl Numerical {
     }
 
     /// a of the step last closed, for the record only. Real-time: yes.
+    #[inline]
     pub fn output_accel(&mut self) {
         self.acceleration.accel_into(&self.inertia, &mut self.accel);
     }
@@ -250,6 +253,7 @@ pub struct Scratch {
 }
 
 /// Step numbers are u64 on the grid and usize in memory; beyond memory there is no load.
+#[inline]
 fn index(step: u64) -> usize {
     usize::try_from(step).unwrap_or(usize::MAX)
 }

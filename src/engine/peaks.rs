@@ -33,6 +33,7 @@ impl Peaks {
     }
 
     /// Notes displacements; the first one beyond `bound`, or not a number, is returned. Real-time: yes.
+    #[inline]
     pub fn note_disp(&mut self, disp: &[f64], bound: f64) -> Option<(usize, f64)> {
         let peaks = &mut self.disp;
         if Lanes::best_for(disp.len()).run(Highest {
@@ -50,6 +51,7 @@ impl Peaks {
 
     /// Notes velocities and accelerations. A DOF without mass has no acceleration: its peak becomes NaN.
     /// Real-time: yes.
+    #[inline]
     pub fn note_rates(&mut self, vel: &[f64], accel: &[f64]) {
         let lanes = Lanes::best_for(vel.len());
         lanes.run(Highest {

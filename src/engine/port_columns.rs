@@ -9,6 +9,7 @@ use crate::control::Port;
 use crate::record::Column;
 
 /// The numbers of a port, in the order of its columns. Real-time: yes.
+#[inline]
 pub(super) fn port_values(slots: &mut [f64], width: usize, port: &Port) {
     let raw = port.raw();
     if let [.., sequence, status] = &mut *slots {

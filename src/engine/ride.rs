@@ -81,6 +81,7 @@ impl Ride {
     }
 
     /// The tick of the command that stands ready, with steps of `dt`. Real-time: yes.
+    #[inline]
     fn tick(&self, dt: f64) -> Tick {
         let lands = self.stride.lands() && !self.reached;
         let last = if self.reached {
@@ -122,6 +123,28 @@ pub(super) fn tell(
     Ok(())
 }
 
+/// False if the answer of a partner that is commanded once a step is not here, or not owed. Real-time: yes.
+pub(super) fn has_answer(
+    port: &mut Port,
+    now: Nanos,
+    patience_ns: u64,
+    simulated: bool,
+) -> Result<bool, LinkFault> {
+    if !port.is_asked() {
+        port.attend()?;
+        return Ok(false);
+    }
+    // A socket has a wall clock of its own: under the simulated clock it is waited for.
+    if (simulated && port.is_remote()) || port.is_answered()? {
+        return Ok(true);
+    }
+    let asked_at = port.partner.asked_at.get_or_insert(now);
+    if now.since(*asked_at) > patience_ns {
+        return Err(LinkFault::Timeout);
+    }
+    Ok(false)
+}
+
 impl Engine {
     /// From the first target to the last. Test time goes on from where a resumed test stood.
     pub(super) fn all_steps(&mut self, control: &Control) -> Result<(), Stop> {
@@ -155,6 +178,7 @@ impl Engine {
     }
 
     /// The command that has just left: if it is at its target, what was measured belongs to that. Real-time: yes.
+    #[inline]
     pub(super) fn arrive(&mut self) {
         if self.ride.reached || !self.ride.stride.lands() {
             return;
@@ -167,13 +191,15 @@ impl Engine {
     }
 
     /// True if the step can be closed: its target is reached, and nobody owes an answer. Real-time: yes.
+    #[inline]
     pub(super) fn can_close(&self) -> bool {
-        let mut ports = self.ports.iter().zip(&self.lost);
-        self.ride.reached
-            && ports.all(|(port, lost)| *lost || !(port.is_asked() || port.wants_to_be_told()))
+        let owes = |port: &Port| port.is_asked() || port.wants_to_be_told();
+        let mut ports = self.ports.iter();
+        self.ride.reached && ports.all(|port| port.partner.lost || !owes(port))
     }
 
     /// The row's place of the step that is closed in this tick. What was kept for it is taken. Real-time: yes.
+    #[inline]
     pub(super) fn step_of(&mut self, tick: &Tick) -> Tick {
         if self.ride.kept {
             for port in &mut self.ports {
@@ -190,6 +216,7 @@ impl Engine {
     }
 
     /// The next targets are known: from here on the commands go there. Real-time: yes.
+    #[inline]
     pub(super) fn know_the_next(&mut self) {
         self.ride.step += 1;
         self.ride.reached = false;
@@ -204,6 +231,7 @@ impl Engine {
     }
 
     /// Makes the next command, unless a hold is complete. Real-time: yes.
+    #[inline]
     pub(super) fn prepare_next(&mut self) {
         self.ride.before = self.ride.tempo;
         self.ride.sub_tick += 1;
@@ -246,6 +274,7 @@ impl Engine {
     }
 
     /// A change of the pace is an event; that targets become known tick by tick is not. Real-time: yes.
+    #[inline]
     pub(super) fn note_stage(&mut self, tick: &Tick, stage: Stage) {
         let slow = |stage| stage == Stage::SlowDown;
         if slow(stage) != slow(self.ride.stage) {
@@ -259,48 +288,6 @@ impl Engine {
             );
         }
         self.ride.stage = stage;
-    }
-
-    /// False if the specimen is commanded once a step and its answer is not here, or not owed. Real-time: yes.
-    pub(super) fn has_answer(&mut self, index: usize, now: Nanos) -> Result<bool, Stop> {
-        let simulated = self.clock.is_simulated();
-        let Some(port) = self.ports.get_mut(index) else {
-            return Ok(false);
-        };
-        if !port.is_per_step() {
-            return Ok(true);
-        }
-        let lost = |fault| Stop::Link { port: index, fault };
-        if !port.is_asked() {
-            port.attend().map_err(lost)?;
-            return Ok(false);
-        }
-        // A socket has a wall clock of its own: under the simulated clock it is waited for.
-        if (simulated && port.is_remote()) || port.is_answered().map_err(lost)? {
-            return Ok(true);
-        }
-        let own = port.wait.map(|own| own.reply_timeout_ns);
-        let patience = own.unwrap_or(self.limits.reply_timeout_ns);
-        let Some(asked_at) = self.asked_at.get_mut(index) else {
-            return Ok(false);
-        };
-        let asked_at = asked_at.get_or_insert(now);
-        if now.since(*asked_at) > patience {
-            return Err(lost(LinkFault::Timeout));
-        }
-        Ok(false)
-    }
-
-    /// The step is accepted: specimens commit, those that are commanded once a step, too. Real-time: yes.
-    pub(super) fn accept_step(&mut self) -> Result<(), Stop> {
-        self.asked_at.fill(None);
-        for (index, (port, lost)) in self.ports.iter_mut().zip(&self.lost).enumerate() {
-            if !lost && port.is_per_step() {
-                port.accepted(self.sequence)
-                    .map_err(|fault| Stop::Link { port: index, fault })?;
-            }
-        }
-        self.accept()
     }
 
     /// The way begins where the first command is.
@@ -341,6 +328,7 @@ impl Engine {
     }
 
     /// Now and then a checkpoint: what the state was after this step. Real-time: yes.
+    #[inline]
     pub(super) fn check(&mut self, tick: &Tick) {
         self.ride.unchecked += 1;
         if self.ride.unchecked < self.checkpoint_ticks {

@@ -1,5 +1,6 @@
 //! The course of a test: settle, warm up, run to the last step, retire; and what happens when the loop is late.
 
+use super::columns::number;
 use super::numerical::{Side, aim_along};
 use super::operator::{Control, Operator};
 use super::phase::{Cause, Phase};
@@ -153,6 +154,7 @@ impl Engine {
     }
 
     /// Waits for the next edge and polls the operator. Real-time: yes.
+    #[inline]
     pub(super) fn wait_for_edge(
         &mut self,
         stamps: &mut TickStamps,
@@ -161,9 +163,11 @@ impl Engine {
         stamps.idle = self.clock_now;
         stamps.release = self.schedule.tick(self.edge);
         // A slow test has far edges: the operator is heard on the way there.
-        while stamps.release.since(self.clock.now()) > NAP_NS {
-            self.clock.sleep_until(self.clock.now().plus(NAP_NS / 2));
-            self.hear(control)?;
+        if stamps.release.since(stamps.idle) > NAP_NS {
+            while stamps.release.since(self.clock.now()) > NAP_NS {
+                self.clock.sleep_until(self.clock.now().plus(NAP_NS / 2));
+                self.hear(control)?;
+            }
         }
         self.clock.sleep_until(stamps.release);
         stamps.woke = self.clock.now();
@@ -176,6 +180,7 @@ impl Engine {
     }
 
     /// What the operator asks for, if anything. Real-time: yes.
+    #[inline]
     pub(super) fn hear(&mut self, control: &Control) -> Result<(), Stop> {
         match control.requests.try_recv() {
             Ok(Operator::Stop) => return Err(Stop::Operator),
@@ -231,6 +236,7 @@ impl Engine {
 
     /// Books the tick's timing, counts a miss and applies the policy. A step is never skipped; what can slip is wall
     /// time. Real-time: yes.
+    #[inline]
     pub(super) fn close_tick(
         &mut self,
         tick: &Tick,
@@ -238,17 +244,18 @@ impl Engine {
         stalled: u64,
     ) -> Result<(), Stop> {
         // The histograms of the tick before are updated here, so that their cost is inside `record`.
-        if let Some(before) = self.unrecorded.take() {
-            self.timing.tick(&before);
+        if let Some(before) = &self.unrecorded {
+            self.timing.tick(before);
         }
         stamps.pushed = self.clock.now();
         self.clock_now = stamps.pushed;
-        self.row.record_before = stamps.pushed.since(stamps.ready) as f64 * 1e-9;
+        self.row.record_before = number(stamps.pushed.since(stamps.ready)) * 1e-9;
         if stamps.pushed <= stamps.deadline {
             self.unrecorded = Some(stamps);
             self.misses_in_a_row = 0;
             return Ok(());
         }
+        self.unrecorded = None;
         let Some(miss) = self.timing.tick(&stamps) else {
             return Ok(());
         };
@@ -295,8 +302,12 @@ impl Engine {
     /// Late by a period or more: moves the grid by the whole periods in `late_ns`, as far as the policy wants it.
     /// `booked_ns` is what must be added to count the lateness from the edge of the tick in which the stall showed.
     /// Real-time: yes.
+    #[inline]
     pub(super) fn stretch_after_stall(&mut self, late_ns: u64, booked_ns: u64) -> u64 {
         let period = self.schedule.period_ns().max(1);
+        if late_ns < period {
+            return 0;
+        }
         let whole = late_ns / period;
         let ticks = match self.limits.on_miss {
             OnMiss::Stretch => whole,
@@ -337,7 +348,7 @@ impl Engine {
         self.report(&tick, kind);
     }
 
-    fn tick_of_report(&self) -> Tick {
+    pub(super) fn tick_of_report(&self) -> Tick {
         let step = self.steps_done;
         Tick {
             step,

@@ -6,7 +6,7 @@
 
 use super::numerical::{Side, seek_along};
 use super::phase::Phase;
-use super::ride::tell;
+use super::ride::{has_answer, tell};
 use super::tick::Tick;
 use super::{Engine, Stop};
 use crate::control::limits::{Found, Level};
@@ -14,12 +14,12 @@ use crate::control::{OnStale, Port};
 use crate::record::EventKind;
 use crate::rt::timing::TickStamps;
 use crate::substructure::{Coupling, Freshness, LinkFault, Status};
-use crate::time::Nanos;
 
 impl Engine {
     /// One tick of the running test: the command that stands ready leaves; where it reaches its target and every partner has
     /// answered, the step is closed and the next target made; the next command stands ready on return, and the row is
     /// handed over. Real-time: yes.
+    #[inline]
     pub(super) fn tick(&mut self, tick: &Tick, stamps: &mut TickStamps) -> Result<(), Stop> {
         if let Err(stop) = self.exchange(tick, stamps) {
             self.record_trip(tick, stamps, &stop);
@@ -34,6 +34,7 @@ impl Engine {
     }
 
     /// Equilibrium at the step whose target was reached, in this tick or some ticks ago. Real-time: yes.
+    #[inline]
     fn close_step(&mut self, tick: &Tick, stamps: &mut TickStamps) -> Result<(), Stop> {
         let stage = self.ride.stride.stage;
         let tick = self.step_of(tick);
@@ -61,6 +62,7 @@ impl Engine {
     }
 
     /// Where the platforms of loading units are, and which forces act there. Real-time: yes.
+    #[inline]
     pub(super) fn resolve_poses(&mut self) -> Result<(), Stop> {
         for (index, port) in self.ports.iter_mut().enumerate() {
             let found = port.resolve_pose();
@@ -98,6 +100,7 @@ impl Engine {
     }
 
     /// Issue to all before collecting from any, so that several links cost one round trip.
+    #[inline]
     pub(super) fn exchange(&mut self, tick: &Tick, stamps: &mut TickStamps) -> Result<(), Stop> {
         let sequence = self.sequence;
         self.exchange_by(tick, stamps, |port| {
@@ -115,15 +118,15 @@ impl Engine {
         self.exchange_by(tick, stamps, |port| port.repeat(sequence, tick.time))
     }
 
+    #[inline]
     fn exchange_by(
         &mut self,
         tick: &Tick,
         stamps: &mut TickStamps,
         issue: impl Fn(&mut Port) -> Result<(), LinkFault>,
     ) -> Result<(), Stop> {
-        let ports = self.ports.iter_mut().zip(&self.lost).enumerate();
-        for (index, (port, lost)) in ports {
-            if !lost {
+        for (index, port) in self.ports.iter_mut().enumerate() {
+            if !port.partner.lost {
                 let left = if self.riding && port.is_per_step() {
                     tell(port, self.sequence, self.ride.step, self.dt, tick)
                 } else {
@@ -134,28 +137,45 @@ impl Engine {
         }
         stamps.sent = self.clock.now();
         stamps.decoded = stamps.sent;
+        self.collect_all(tick, stamps)
+    }
+
+    /// Takes and judges what every partner answers. Real-time: yes.
+    fn collect_all(&mut self, tick: &Tick, stamps: &mut TickStamps) -> Result<(), Stop> {
         for index in 0..self.ports.len() {
-            if self.lost.get(index).copied().unwrap_or(true) {
-                continue;
-            }
-            if self.riding && !self.has_answer(index, stamps.sent)? {
-                continue;
-            }
-            let deadline = self.reply_deadline(index, stamps.sent);
             let Some(port) = self.ports.get_mut(index) else {
                 break;
             };
-            let freshness = port
-                .collect(deadline)
-                .map_err(|fault| Stop::Link { port: index, fault })?;
+            if port.partner.lost {
+                continue;
+            }
+            let broken = |fault| Stop::Link { port: index, fault };
+            let patience = port.wait.map(|own| own.reply_timeout_ns);
+            let patience = patience.unwrap_or(self.limits.reply_timeout_ns);
+            if self.riding && port.is_per_step() {
+                let simulated = self.clock.is_simulated();
+                let answer = has_answer(port, stamps.sent, patience, simulated);
+                if !answer.map_err(broken)? {
+                    continue;
+                }
+            }
+            // A lockstep partner is waited for, a sampled one has until its share of the tick is over.
+            let deadline = match port.coupling() {
+                Coupling::Lockstep => stamps.sent.plus(patience),
+                // The edge was counted when the tick began: this is the one that ends it.
+                Coupling::Sampled => self
+                    .schedule
+                    .tick(self.edge)
+                    .minus(self.schedule.period_ns() / 8),
+            };
+            let freshness = port.collect(deadline).map_err(broken)?;
             port.answered();
             stamps.decoded = self.clock.now();
             if self.unanswered && port.is_recorded() {
                 continue;
             }
             // A slow partner may have been asked some ticks ago.
-            let asked_at = self.asked_at.get(index).copied().flatten();
-            let asked_at = asked_at.unwrap_or(stamps.sent);
+            let asked_at = port.partner.asked_at.unwrap_or(stamps.sent);
             self.timing
                 .round_trip(index, stamps.decoded.since(asked_at));
             let status = port.raw().status;
@@ -165,12 +185,14 @@ impl Engine {
             if status.has(Status::SATURATED) {
                 return Err(Stop::Saturated { port: index });
             }
-            self.judge_age(index, freshness, tick)?;
-            if freshness == Freshness::Fresh
-                && let Some(port) = self.ports.get_mut(index)
-            {
-                let found = port.judge();
-                self.act_on(index, found, tick)?;
+            if freshness == Freshness::Stale {
+                self.judge_age(index, tick)?;
+                continue;
+            }
+            port.partner.stale = 0;
+            let found = port.judge();
+            if found.is_something() {
+                self.act_on(index, &found, tick)?;
             }
         }
         Ok(())
@@ -178,7 +200,6 @@ impl Engine {
 
     /// Judges the commands that stand ready. Only after it may they leave. Real-time: yes.
     pub(super) fn clear_commands(&mut self) -> Result<(), Stop> {
-        let step = self.steps_done;
         for index in 0..self.ports.len() {
             let Some(port) = self.ports.get_mut(index) else {
                 break;
@@ -190,19 +211,17 @@ impl Engine {
             if let Some(fault) = port.geometry_fault() {
                 return Err(Stop::Geometry { port: index, fault });
             }
-            let tick = Tick {
-                step,
-                sub_tick: 0,
-                time: step as f64 * self.dt,
-                dt: 0.0,
-            };
-            self.act_on(index, found, &tick)?;
+            if found.is_something() {
+                let tick = self.tick_of_report();
+                self.act_on(index, &found, &tick)?;
+            }
         }
         Ok(())
     }
 
     /// A warning is told, a trip ends the test. Real-time: yes.
-    fn act_on(&mut self, index: usize, found: Found, tick: &Tick) -> Result<(), Stop> {
+    #[cold]
+    fn act_on(&mut self, index: usize, found: &Found, tick: &Tick) -> Result<(), Stop> {
         for hit in found.warning.iter().chain(&found.trip) {
             let kind = EventKind::Limit {
                 port: index as u32,
@@ -224,35 +243,13 @@ impl Engine {
         })
     }
 
-    /// A lockstep partner is waited for, a sampled one has until its share of the tick is over.
-    fn reply_deadline(&self, index: usize, sent: Nanos) -> Nanos {
-        let port = self.ports.get(index);
-        match port.map(crate::control::Port::coupling) {
-            // The edge was counted when the tick began: this is the one that ends it.
-            Some(Coupling::Sampled) => self
-                .schedule
-                .tick(self.edge)
-                .minus(self.schedule.period_ns() / 8),
-            _ => {
-                let own = port.and_then(|port| port.wait);
-                sent.plus(own.map_or(self.limits.reply_timeout_ns, |own| own.reply_timeout_ns))
-            }
-        }
-    }
-
     /// Stale data are used as the policy says, a bounded number of times in a row.
-    fn judge_age(&mut self, index: usize, freshness: Freshness, tick: &Tick) -> Result<(), Stop> {
+    #[cold]
+    fn judge_age(&mut self, index: usize, tick: &Tick) -> Result<(), Stop> {
         let Some(port) = self.ports.get_mut(index) else {
             return Ok(());
         };
-        let Some(stale) = self.stale.get_mut(index) else {
-            return Ok(());
-        };
-        if freshness == Freshness::Fresh {
-            *stale = 0;
-            return Ok(());
-        }
-        *stale += 1;
+        port.partner.stale += 1;
         let age = self.sequence.saturating_sub(port.raw().sequence);
         let (on_stale, in_a_row) = match port.wait {
             Some(own) => (own.on_stale, own.stale_in_a_row),
@@ -264,7 +261,7 @@ impl Engine {
         if on_stale == OnStale::Extrapolate {
             port.extrapolate();
         }
-        let count = *stale;
+        let count = port.partner.stale;
         self.report(
             tick,
             EventKind::Stale {
@@ -283,6 +280,7 @@ impl Engine {
 
     /// Equilibrium at this step, x and v of the next, and the commands that follow from them.
     /// An offline method that finds no equilibrium ends the test after the row of this step.
+    #[inline]
     fn advance_to_next(&mut self, tick: &Tick) -> Result<(), Stop> {
         match &mut self.side {
             Side::Structure(numerical) => {
@@ -308,11 +306,25 @@ impl Engine {
     }
 
     /// The command of this tick is accepted: specimens commit. The command that stands ready has not left yet.
+    #[inline]
     pub(super) fn accept(&mut self) -> Result<(), Stop> {
-        let ports = self.ports.iter_mut().zip(&self.lost).enumerate();
-        for (index, (port, lost)) in ports {
-            let by_steps = self.riding && port.is_per_step();
-            if !lost && !by_steps {
+        let riding = self.riding;
+        self.accept_if(|port| !(riding && port.is_per_step()))
+    }
+
+    /// The step is accepted: those that are commanded once a step commit, too. Real-time: yes.
+    #[inline]
+    fn accept_step(&mut self) -> Result<(), Stop> {
+        for port in &mut self.ports {
+            port.partner.asked_at = None;
+        }
+        self.accept_if(|_| true)
+    }
+
+    #[inline]
+    fn accept_if(&mut self, commits: impl Fn(&Port) -> bool) -> Result<(), Stop> {
+        for (index, port) in self.ports.iter_mut().enumerate() {
+            if !port.partner.lost && commits(port) {
                 port.accepted(self.sequence)
                     .map_err(|fault| Stop::Link { port: index, fault })?;
             }
@@ -322,6 +334,7 @@ impl Engine {
     }
 
     /// Row to the recorder; a lost row is an event and a count, never a wait.
+    #[inline]
     fn hand_over(&mut self, tick: &Tick) {
         self.held_back.clear();
         if !self.recorder.row(self.row.values()) {
@@ -332,6 +345,7 @@ impl Engine {
     }
 
     /// Peaks over all DOFs, and the last look at the state before its command leaves; after the last step none does.
+    #[inline]
     fn note_peaks(&mut self, tick: &Tick) -> Result<(), Stop> {
         if let Side::Structure(numerical) = &self.side {
             self.peaks

@@ -26,6 +26,7 @@ impl Tick {
     }
 
     /// The step as an index into series on the step grid.
+    #[inline]
     #[must_use]
     pub fn index(&self) -> usize {
         usize::try_from(self.step).unwrap_or(usize::MAX)

@@ -12,34 +12,37 @@ const LINE: usize = 64;
 
 /// A fixed number of `f64`, the first one on a cache line.
 pub struct Aligned {
+    /// Ends with the last number.
     store: Vec<f64>,
     start: usize,
-    len: usize,
 }
 
 impl Aligned {
     /// `len` zeros.
     #[must_use]
     pub fn zeros(len: usize) -> Self {
-        let store = vec![0.0; len + LINE / size_of::<f64>() - 1];
+        let mut store = vec![0.0; len + LINE / size_of::<f64>() - 1];
         // May be told that it is not known; then this is an ordinary vector.
         let offset = store.as_ptr().align_offset(LINE);
         let start = offset.min(store.len() - len);
-        Self { store, start, len }
+        store.truncate(start + len);
+        Self { store, start }
     }
 }
 
 impl Deref for Aligned {
     type Target = [f64];
 
+    #[inline]
     fn deref(&self) -> &[f64] {
-        &self.store[self.start..self.start + self.len]
+        self.store.get(self.start..).unwrap_or_default()
     }
 }
 
 impl DerefMut for Aligned {
+    #[inline]
     fn deref_mut(&mut self) -> &mut [f64] {
-        &mut self.store[self.start..self.start + self.len]
+        self.store.get_mut(self.start..).unwrap_or_default()
     }
 }
 
@@ -53,23 +56,23 @@ impl From<Vec<f64>> for Aligned {
 
 impl IntoIterator for Aligned {
     type Item = f64;
-    type IntoIter = std::iter::Take<std::iter::Skip<std::vec::IntoIter<f64>>>;
+    type IntoIter = std::iter::Skip<std::vec::IntoIter<f64>>;
 
     fn into_iter(self) -> Self::IntoIter {
-        self.store.into_iter().skip(self.start).take(self.len)
+        self.store.into_iter().skip(self.start)
     }
 }
 
 impl Clone for Aligned {
     fn clone(&self) -> Self {
-        let mut other = Self::zeros(self.len);
+        let mut other = Self::zeros(self.len());
         other.copy_from_slice(self);
         other
     }
 
     /// Allocates nothing if both have the same length.
     fn clone_from(&mut self, source: &Self) {
-        if self.len == source.len {
+        if self.len() == source.len() {
             self.copy_from_slice(source);
         } else {
             *self = source.clone();

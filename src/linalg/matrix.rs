@@ -260,6 +260,7 @@ impl SymMatrix {
     }
 
     /// True if every entry is zero.
+    #[inline]
     #[must_use]
     pub fn is_zero(&self) -> bool {
         self.values.is_empty()
@@ -343,25 +344,30 @@ impl SymMatrix {
     }
 
     /// xᵀ A x; `x` has n entries. Rows are added in their order, and the entries of a row. Real-time: yes.
+    #[inline]
     #[must_use]
     pub fn quadratic(&self, x: &[f64]) -> f64 {
-        if let Shape::Tridiagonal {
-            diagonal, beside, ..
-        } = &self.shape
-        {
-            let ahead = x.iter().skip(1).chain([&0.0]);
-            let ahead = beside.iter().chain([&0.0]).zip(ahead);
-            let (mut total, mut above) = (0.0, 0.0);
-            for ((d, x), (e, next)) in diagonal.iter().zip(x).zip(ahead) {
-                total += x * (above + d * x + e * next);
-                above = e * x;
+        match &self.shape {
+            Shape::Diagonal(diagonal) => diagonal.iter().zip(x).map(|(d, x)| x * (d * x)).sum(),
+            Shape::Tridiagonal {
+                diagonal, beside, ..
+            } => {
+                let (mut total, mut above) = (0.0, 0.0);
+                let rows = diagonal.iter().zip(beside).zip(x.windows(2));
+                for ((d, e), pair) in rows {
+                    if let [x, next] = pair {
+                        total += x * (above + d * x + e * next);
+                        above = e * x;
+                    }
+                }
+                let last = diagonal.last().zip(x.last());
+                total + last.map_or(0.0, |(d, x)| x * (above + d * x))
             }
-            return total;
+            Shape::Zero | Shape::General => (0..self.n)
+                .zip(x)
+                .map(|(i, xi)| xi * self.row(i).map(|(j, value)| value * x[j]).sum::<f64>())
+                .sum(),
         }
-        (0..self.n)
-            .zip(x)
-            .map(|(i, xi)| xi * self.row(i).map(|(j, value)| value * x[j]).sum::<f64>())
-            .sum()
     }
 }
 

@@ -199,6 +199,7 @@ impl Spd {
     }
 
     /// x ← A⁻¹ x. `x` has [`Spd::n`] entries. Equal inputs give equal bits. Real-time: yes.
+    #[inline]
     pub fn solve_in_place(&mut self, x: &mut [f64]) {
         debug_assert_eq!(x.len(), self.n);
         match &mut self.factor {
@@ -218,6 +219,7 @@ impl Spd {
     /// x ← A⁻¹ b, both with [`Spd::n`] entries; the same bits as [`Spd::solve_in_place`]. `done` is handed each run of
     /// rows once, in ascending order, as soon as its solution stands and while it is near: what follows from the
     /// solution row by row is best done there. Real-time: yes, if `done` is.
+    #[inline]
     pub fn solve_into(
         &mut self,
         rhs: &[f64],

@@ -6,20 +6,23 @@
 
 use super::{NotPositiveDefinite, SymMatrix, check_pivot};
 
-/// One end of the chain, numbered from the end towards the middle.
-#[derive(Debug, Default)]
-struct Half {
+/// What a row leaves behind when it is eliminated towards the middle.
+#[derive(Debug, Clone, Copy)]
+struct Row {
     /// Multiplier between this row and the next one inwards.
-    multiplier: Vec<f64>,
+    multiplier: f64,
     /// Reciprocal pivot.
-    inverse: Vec<f64>,
+    inverse: f64,
 }
 
-/// LDLᵀ of a tridiagonal matrix with its middle row eliminated last.
+/// LDLᵀ of a tridiagonal matrix with its middle row eliminated last. The halves have equal length or the top one is longer
+/// by one row (n even).
 #[derive(Debug)]
 pub(super) struct Tridiagonal {
-    top: Half,
-    bottom: Half,
+    /// Rows as far from the top as from the bottom, from the ends towards the middle.
+    pairs: Vec<[Row; 2]>,
+    /// The last row of the top half, if it has no counterpart.
+    odd: Option<Row>,
     middle_inverse: f64,
 }
 
@@ -29,7 +32,7 @@ impl Tridiagonal {
         let middle = n / 2;
         // Each half: (row, neighbour inwards) from the end to the row beside the middle.
         let half = |rows: &mut dyn Iterator<Item = (usize, usize)>| {
-            let mut half = Half::default();
+            let mut half = Vec::new();
             let mut carried = 0.0;
             for (row, inwards) in rows {
                 let diagonal = matrix.get(row, row);
@@ -37,8 +40,10 @@ impl Tridiagonal {
                 check_pivot(row, pivot, diagonal)?;
                 let beside = matrix.get(row, inwards);
                 let multiplier = beside / pivot;
-                half.multiplier.push(multiplier);
-                half.inverse.push(1.0 / pivot);
+                half.push(Row {
+                    multiplier,
+                    inverse: 1.0 / pivot,
+                });
                 carried = multiplier * beside;
             }
             Ok((half, carried))
@@ -51,65 +56,57 @@ impl Tridiagonal {
             check_pivot(middle, pivot, diagonal)?;
         }
         Ok(Self {
-            top,
-            bottom,
+            odd: top.get(bottom.len()).copied(),
+            pairs: top.into_iter().zip(bottom).map(<[Row; 2]>::from).collect(),
             middle_inverse: 1.0 / pivot,
         })
     }
 
     pub(super) fn bytes(&self) -> usize {
-        let of = |half: &Half| size_of_val(&half.multiplier[..]) + size_of_val(&half.inverse[..]);
-        of(&self.top) + of(&self.bottom)
+        size_of_val(&self.pairs[..]) + self.odd.map_or(0, |odd| size_of_val(&odd))
     }
 
     /// x ← A⁻¹ x. Real-time: yes.
+    #[inline]
     pub(super) fn solve_in_place(&self, x: &mut [f64]) {
-        let Some((top, rest)) = x.split_at_mut_checked(self.top.inverse.len()) else {
+        let pairs = self.pairs.len();
+        let Some((top, rest)) = x.split_at_mut_checked(pairs) else {
             return;
         };
-        let Some((middle, bottom)) = rest.split_first_mut() else {
+        let inner = rest.len().saturating_sub(pairs);
+        let Some((inner, bottom)) = rest.split_at_mut_checked(inner) else {
             return;
         };
-        // Inwards. The halves have equal length or the top one is longer by one row (n even).
-        let common = bottom.len();
+        // Inwards.
         let (mut above, mut below) = (0.0, 0.0);
-        let multipliers = self.top.multiplier.iter().zip(&self.bottom.multiplier);
         let ends = top.iter_mut().zip(bottom.iter_mut().rev());
-        for ((from_top, from_bottom), (l, u)) in ends.zip(multipliers) {
+        for ((from_top, from_bottom), [l, u]) in ends.zip(&self.pairs) {
             *from_top -= above;
             *from_bottom -= below;
-            above = l * *from_top;
-            below = u * *from_bottom;
+            above = l.multiplier * *from_top;
+            below = u.multiplier * *from_bottom;
         }
-        for (y, l) in top.iter_mut().zip(&self.top.multiplier).skip(common) {
-            *y -= above;
-            above = l * *y;
+        // The middle row, and before it the odd one of the top half, so that outwards both run in step again.
+        match (inner, self.odd) {
+            ([odd, middle], Some(row)) => {
+                *odd -= above;
+                above = row.multiplier * *odd;
+                *middle = (*middle - (above + below)) * self.middle_inverse;
+                below = *middle;
+                *odd = *odd * row.inverse - row.multiplier * *middle;
+                above = *odd;
+            }
+            ([middle], None) => {
+                *middle = (*middle - (above + below)) * self.middle_inverse;
+                (above, below) = (*middle, *middle);
+            }
+            _ => return,
         }
-        *middle = (*middle - (above + below)) * self.middle_inverse;
-
-        // Outwards, the odd row of the top half first so that both run in step again.
-        let (mut above, mut below) = (*middle, *middle);
-        let (top, odd) = top.split_at_mut(common.min(top.len()));
-        let odd_rows = odd.iter_mut().zip(&self.top.multiplier[common..]).rev();
-        for ((y, l), inverse) in odd_rows.zip(self.top.inverse[common..].iter().rev()) {
-            *y = *y * inverse - l * above;
-            above = *y;
-        }
-        let tops = top
-            .iter_mut()
-            .zip(self.top.multiplier.iter().zip(&self.top.inverse))
-            .rev();
-        // `bottom` counts from the middle here, its factors from the end.
-        let bottoms = bottom.iter_mut().zip(
-            self.bottom
-                .multiplier
-                .iter()
-                .zip(&self.bottom.inverse)
-                .rev(),
-        );
-        for ((from_top, (l, p)), (from_bottom, (u, q))) in tops.zip(bottoms) {
-            *from_top = *from_top * p - l * above;
-            *from_bottom = *from_bottom * q - u * below;
+        // Outwards. `bottom` counts from the middle here, its factors from the end.
+        let ends = top.iter_mut().rev().zip(bottom);
+        for ((from_top, from_bottom), [l, u]) in ends.zip(self.pairs.iter().rev()) {
+            *from_top = *from_top * l.inverse - l.multiplier * above;
+            *from_bottom = *from_bottom * u.inverse - u.multiplier * below;
             above = *from_top;
             below = *from_bottom;
         }

@@ -50,6 +50,7 @@ impl Acceleration {
     }
 
     /// out ← M⁻¹ residual, NaN for massless degrees of freedom. Real-time: yes.
+    #[inline]
     pub fn accel_into(&mut self, residual: &[f64], out: &mut [f64]) {
         match &mut self.operator {
             Operator::Diagonal(inverse) => {

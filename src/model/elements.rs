@@ -211,6 +211,7 @@ impl Elements {
     }
 
     /// Number of groups at the front that act row by row: runs from the base or the inertial frame.
+    #[inline]
     fn row_by_row(&self) -> usize {
         self.groups
             .iter()
@@ -220,6 +221,7 @@ impl Elements {
 
     /// residual ← residual − force, `rows` of it, for the groups that act row by row; all vectors are whole.
     /// Real-time: yes.
+    #[inline]
     pub(super) fn subtract_rows(
         &mut self,
         rows: Range<usize>,
@@ -238,6 +240,7 @@ impl Elements {
     }
 
     /// residual ← residual − force for all other groups, one trial each; with a commit if `COMMIT`. Real-time: yes.
+    #[inline]
     pub(super) fn subtract_rest<const COMMIT: bool>(
         &mut self,
         disp: &[f64],

@@ -94,6 +94,7 @@ impl Structure {
     }
 
     /// M; a zero row is a massless degree of freedom.
+    #[inline]
     #[must_use]
     pub fn mass(&self) -> &SymMatrix {
         &self.mass
@@ -281,6 +282,7 @@ impl Structure {
     /// element, so call it once per accepted tick. `dt` is the time in s since the last call, 0 for the first or a
     /// hold. Slices have n entries. Under ground acceleration (relative coordinates) `base` is zero.
     /// Real-time: yes.
+    #[inline]
     pub fn subtract_internal(
         &mut self,
         disp: &[f64],
@@ -316,6 +318,7 @@ impl Structure {
     }
 
     /// Some rows at a time while they are near, then what does not act row by row. Real-time: yes.
+    #[inline]
     fn walk<const COMMIT: bool>(
         &mut self,
         disp: &[f64],
@@ -325,26 +328,37 @@ impl Structure {
         residual: &mut [f64],
     ) {
         let n = residual.len();
-        let mut tied = self.tied_to_base.iter().peekable();
-        let at_rest = base == Base::default();
-        for first in (0..n).step_by(NEAR) {
+        let lanes = self.lanes;
+        // A base at rest adds nothing.
+        let tied = if base == Base::default() {
+            &[][..]
+        } else {
+            &self.tied_to_base
+        };
+        let mut tied = tied.iter().peekable();
+        let mut first = 0;
+        while first < n {
             let rows = first..(first + NEAR).min(n);
-            let lanes = self.lanes;
+            first = rows.end;
             self.stiffness
                 .subtract_rows(rows.clone(), disp, residual, lanes);
-            self.damping
-                .subtract_rows(rows.clone(), vel, residual, lanes);
+            if !self.damping.is_zero() {
+                self.damping
+                    .subtract_rows(rows.clone(), vel, residual, lanes);
+            }
             while let Some((dof, stiffness, damping)) = tied.next_if(|tied| tied.0 < rows.end) {
-                if let Some(r) = residual.get_mut(*dof)
-                    && !at_rest
-                {
+                if let Some(r) = residual.get_mut(*dof) {
                     *r += stiffness * base.disp + damping * base.vel;
                 }
             }
-            self.elements.subtract_rows(rows, disp, vel, base, residual);
+            if !self.elements.is_empty() {
+                self.elements.subtract_rows(rows, disp, vel, base, residual);
+            }
         }
-        self.elements
-            .subtract_rest::<COMMIT>(disp, vel, base, dt, residual);
+        if !self.elements.is_empty() {
+            self.elements
+                .subtract_rest::<COMMIT>(disp, vel, base, dt, residual);
+        }
     }
 
     /// Appends the committed state of every element to `out`.

@@ -255,6 +255,7 @@ impl Excitation {
     }
 
     /// True if the base moves.
+    #[inline]
     #[must_use]
     pub const fn has_base(&self) -> bool {
         self.base.is_some()
@@ -274,6 +275,7 @@ impl Excitation {
 
     /// Writes the load at `step` over `out` (N, one entry per DOF). Beyond the test only the constant part is left.
     /// Real-time: yes.
+    #[inline]
     pub fn load_into(&self, step: usize, out: &mut [f64]) {
         match &self.constant {
             Some(force) => out.iter_mut().zip(force).for_each(|(o, f)| *o = *f),
@@ -313,6 +315,7 @@ impl Excitation {
 
     /// Displacement (m) and velocity (m/s) of the base at `step`; a base that does not move is at (0, 0). Beyond the
     /// test the last displacement stands still: a base does not jump home. Real-time: yes.
+    #[inline]
     #[must_use]
     pub fn base(&self, step: usize) -> (f64, f64) {
         let Some((disp, vel)) = &self.base else {
@@ -325,6 +328,7 @@ impl Excitation {
     }
 
     /// Ground acceleration in m/s² at `step`, 0 if there is none and beyond the test. Real-time: yes.
+    #[inline]
     #[must_use]
     pub fn ground(&self, step: usize) -> f64 {
         let accel = self.ground.as_ref().and_then(|a| a.get(step));

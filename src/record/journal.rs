@@ -12,18 +12,24 @@ use super::layout::{HEAD, MARKER, TAIL, stride};
 use super::strides::{Next, Strides};
 
 /// Appends the record of one row.
+#[inline]
 pub fn encode(sequence: u64, values: &[f64], out: &mut Vec<u8>) {
     let start = out.len();
-    out.extend_from_slice(&sequence.to_le_bytes());
-    let first = out.len();
-    out.resize(first + size_of_val(values), 0);
-    let places = out.get_mut(first..).unwrap_or_default();
-    for (place, value) in places.as_chunks_mut::<8>().0.iter_mut().zip(values) {
+    out.resize(start + stride(values.len()), 0);
+    let (words, _) = out.get_mut(start..).unwrap_or_default().as_chunks_mut();
+    let [head, places @ .., _] = &mut *words else {
+        return;
+    };
+    *head = sequence.to_le_bytes();
+    for (place, value) in places.iter_mut().zip(values) {
         *place = value.to_le_bytes();
     }
-    let crc = crc32fast::hash(out.get(start..).unwrap_or_default());
-    out.extend_from_slice(&crc.to_le_bytes());
-    out.extend_from_slice(&MARKER);
+    let Some((tail, covered)) = words.split_last_mut() else {
+        return;
+    };
+    let [a, b, c, d] = crc32fast::hash(covered.as_flattened()).to_le_bytes();
+    let [e, f, g, h] = MARKER;
+    *tail = [a, b, c, d, e, f, g, h];
 }
 
 /// Appends rows to a store, whole rows only, whatever the store does (see [`super::append`]).

@@ -129,9 +129,10 @@ impl<S: Specimen> Substructure for InProcess<S> {
         self.sequence = command.sequence;
         self.time = command.time;
         self.dt = command.dt;
-        // Lengths are equal: checked above.
-        self.disp.copy_from_slice(command.disp);
-        self.vel.copy_from_slice(command.vel);
+        let own = self.disp.iter_mut().zip(&mut self.vel);
+        for ((own_disp, own_vel), (disp, vel)) in own.zip(command.disp.iter().zip(command.vel)) {
+            (*own_disp, *own_vel) = (*disp, *vel);
+        }
         self.phase = Phase::Issued;
         Ok(())
     }
@@ -151,11 +152,17 @@ impl<S: Specimen> Substructure for InProcess<S> {
                 }
                 self.specimen
                     .trial(&self.disp, &self.vel, self.dt, &mut self.force);
-                self.measured.copy_from_slice(&self.disp);
+                for (measured, disp) in self.measured.iter_mut().zip(&self.disp) {
+                    *measured = *disp;
+                }
                 self.specimen.measured(&mut self.measured);
                 self.status = status(&self.specimen);
-                let numbers = self.force.iter().chain(&self.disp).chain(&self.measured);
-                if !numbers.copied().all(f64::is_finite) {
+                let numbers = self.disp.iter().zip(&self.measured).zip(&self.force);
+                let mut finite = true;
+                for ((disp, measured), force) in numbers {
+                    finite &= disp.is_finite() && measured.is_finite() && force.is_finite();
+                }
+                if !finite {
                     return Err(self.fault(LinkFault::NotFinite));
                 }
                 self.phase = Phase::Answered;
@@ -165,11 +172,11 @@ impl<S: Specimen> Substructure for InProcess<S> {
         into.sequence = self.sequence;
         into.time = self.time;
         into.status = self.status;
-        for (to, from) in into.disp.iter_mut().zip(&self.measured) {
-            *to = *from;
-        }
-        for (to, from) in into.force.iter_mut().zip(&self.force) {
-            *to = *from;
+        let into = into.disp.iter_mut().zip(&mut into.force);
+        for ((disp, force), (own_disp, own_force)) in
+            into.zip(self.measured.iter().zip(&self.force))
+        {
+            (*disp, *force) = (*own_disp, *own_force);
         }
         Ok(Freshness::Fresh)
     }

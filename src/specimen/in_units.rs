@@ -42,17 +42,29 @@ impl<S: Specimen> InUnits<S> {
     }
 }
 
+impl InUnits<Box<dyn Specimen>> {
+    /// The specimen behind axes in these units: itself, where all count in SI.
+    #[must_use]
+    pub fn around(specimen: Box<dyn Specimen>, units: &[(f64, f64)]) -> Box<dyn Specimen> {
+        if units.iter().all(|unit| *unit == (1.0, 1.0)) {
+            specimen
+        } else {
+            Box::new(Self::new(specimen, units))
+        }
+    }
+}
+
 impl<S: Specimen> Specimen for InUnits<S> {
     fn axes(&self) -> usize {
         self.specimen.axes()
     }
 
     fn trial(&mut self, disp: &[f64], vel: &[f64], dt: f64, force: &mut [f64]) {
-        for ((to, from), (metres, _)) in self.disp.iter_mut().zip(disp).zip(&self.units) {
-            *to = metres * from;
-        }
-        for ((to, from), (metres, _)) in self.vel.iter_mut().zip(vel).zip(&self.units) {
-            *to = metres * from;
+        let own = self.disp.iter_mut().zip(&mut self.vel);
+        for (((own_disp, own_vel), (disp, vel)), (metres, _)) in
+            own.zip(disp.iter().zip(vel)).zip(&self.units)
+        {
+            (*own_disp, *own_vel) = (metres * disp, metres * vel);
         }
         self.specimen.trial(&self.disp, &self.vel, dt, force);
         for (force, (_, newtons)) in force.iter_mut().zip(&self.units) {

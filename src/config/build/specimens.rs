@@ -245,7 +245,7 @@ impl Specimens {
             };
             let (substructure, wait): (Box<dyn Substructure>, _) = match entry.stand {
                 Stand::Law(law) => {
-                    let computed = InProcess::new(InUnits::new(law, &entry.units));
+                    let computed = InProcess::new(InUnits::around(law, &entry.units));
                     match drill(site, index)? {
                         Some(time) => (Box::new(computed.breaking_at(time)), None),
                         None => (Box::new(computed), None),

@@ -4,6 +4,8 @@
 //! a load cell's range; energy and tangents are the structure's. The rules are pure; [`Watch`] keeps the few past values that they need. Invariant: a command is
 //! judged before it leaves, and what is not a number trips. Not here: what a trip leads to.
 
+mod calm;
+mod sawtooth;
 mod spec;
 mod watch;
 
@@ -386,6 +388,15 @@ pub struct Found {
     pub trip: Option<Hit>,
     /// The first limit whose warning level was crossed from inside.
     pub warning: Option<Hit>,
+}
+
+impl Found {
+    /// True if there is something to tell. Real-time: yes.
+    #[inline]
+    #[must_use]
+    pub const fn is_something(&self) -> bool {
+        self.trip.is_some() || self.warning.is_some()
+    }
 }
 
 #[cfg(test)]

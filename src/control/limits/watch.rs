@@ -1,5 +1,7 @@
 //! The look at one specimen, tick by tick: past values, differences, and what was warned of already.
 
+use super::calm::{Asked, Calm, Seen};
+use super::sawtooth::Sawtooth;
 use super::{AxisLimits, Bound, Found, Hit, Level, Quantity, Range};
 
 /// Beyond so many times the value that tripped, it trips again.
@@ -14,7 +16,7 @@ struct Past {
     speed: f64,
     measured: f64,
     force: f64,
-    stuck_ticks: u64,
+    stuck_ticks: u32,
     stuck_travel: f64,
     sawtooth: Sawtooth,
     /// One bit per quantity that is beyond its warning level.
@@ -23,11 +25,18 @@ struct Past {
     excused: Option<(Quantity, f64)>,
 }
 
+/// One axis: what is allowed, where nothing is to be told, and what is remembered.
+#[derive(Debug, Clone)]
+struct Axis {
+    limits: AxisLimits,
+    calm: Calm,
+    past: Past,
+}
+
 /// Watches the limits of one specimen. Real-time after `new`.
 #[derive(Debug, Clone)]
 pub struct Watch {
-    limits: Vec<AxisLimits>,
-    past: Vec<Past>,
+    axes: Vec<Axis>,
     /// Wall time of one tick in s.
     tick: f64,
     /// Commands that have left, up to two: a difference needs something to differ from.
@@ -41,9 +50,13 @@ impl Watch {
     /// For axes with these limits, and ticks of `tick` seconds of wall time.
     #[must_use]
     pub fn new(limits: Vec<AxisLimits>, tick: f64) -> Self {
-        Self {
-            past: vec![Past::default(); limits.len()],
+        let axis = |limits: AxisLimits| Axis {
+            calm: Calm::of(&limits),
             limits,
+            past: Past::default(),
+        };
+        Self {
+            axes: limits.into_iter().map(axis).collect(),
             tick,
             sent: 0,
             measured: false,
@@ -52,9 +65,8 @@ impl Watch {
     }
 
     /// The limits, one per axis.
-    #[must_use]
-    pub fn limits(&self) -> &[AxisLimits] {
-        &self.limits
+    pub fn limits(&self) -> impl Iterator<Item = &AxisLimits> {
+        self.axes.iter().map(|axis| &axis.limits)
     }
 
     /// Wall time in s from the last command to the next, where it is not always the same. Real-time: yes.
@@ -64,7 +76,7 @@ impl Watch {
 
     /// The specimen is known to stand at `disp`: the first command is a step from there.
     pub fn stands_at(&mut self, disp: impl Iterator<Item = f64>) {
-        for (past, disp) in self.past.iter_mut().zip(disp) {
+        for (Axis { past, .. }, disp) in self.axes.iter_mut().zip(disp) {
             past.command = [disp; 2];
             past.sawtooth = Sawtooth::at_rest(disp);
         }
@@ -72,54 +84,53 @@ impl Watch {
     }
 
     /// Judges the next command, one displacement per axis, before it leaves. Real-time: yes.
+    #[inline]
     pub fn command(&mut self, disp: impl Iterator<Item = f64>) -> Found {
         let mut found = Found::default();
-        let (tick, sent) = (self.tick, self.sent);
-        let axes = self.limits.iter().zip(&mut self.past).zip(disp);
-        for (axis, ((limits, past), disp)) in axes.enumerate() {
-            let [last, before] = past.command;
-            let sawtooth = past.sawtooth.after(disp, limits.alternating_floor);
-            let sawtooth = if self.aims { past.sawtooth } else { sawtooth };
-            let alternating = sawtooth.ticks as f64;
-            let mut look = Look {
-                axis,
-                warned: &mut past.warned,
-                excused: past.excused,
-                found: &mut found,
-            };
-            look.at(Quantity::CommandDisp, disp, &limits.command_disp);
-            if sent >= 1 {
-                let step = (disp - last).abs();
-                look.at(Quantity::CommandStep, step, &limits.command_step);
-                let vel = step / tick;
-                look.at(Quantity::CommandVel, vel, &limits.command_vel);
-            }
-            if sent >= 2 {
-                let accel = (disp - 2.0 * last + before).abs() / (tick * tick);
-                look.at(Quantity::CommandAccel, accel, &limits.command_accel);
-            }
-            look.at(
-                Quantity::Alternation,
-                alternating,
-                &limits.alternating_ticks,
-            );
-        }
+        self.judge_command(disp, &mut found);
         found
     }
 
+    /// The same, added to `found`. Real-time: yes.
+    #[inline]
+    pub fn judge_command(&mut self, disp: impl Iterator<Item = f64>, found: &mut Found) {
+        let (tick, sent, aims) = (self.tick, self.sent, self.aims);
+        for ((index, axis), disp) in self.axes.iter_mut().enumerate().zip(disp) {
+            let Axis { limits, calm, past } = axis;
+            let [last, before] = past.command;
+            let sawtooth = if aims {
+                past.sawtooth.ticks
+            } else {
+                past.sawtooth.after(disp, limits.alternating_floor).ticks
+            };
+            let step = (disp - last).abs();
+            let asked = Asked {
+                disp,
+                step,
+                vel: step / tick,
+                accel: (disp - 2.0 * last + before).abs() / (tick * tick),
+                alternating: f64::from(sawtooth),
+            };
+            if !(sent >= 2 && past.warned == 0 && calm.covers_command(&asked)) {
+                past.look(index, found).at_command(&asked, limits, sent);
+            }
+        }
+    }
+
     /// Takes note of a command that leaves. Real-time: yes.
+    #[inline]
     pub fn sent(&mut self, disp: impl Iterator<Item = f64>) {
-        let axes = self.past.iter_mut().zip(&self.limits).zip(disp);
-        for ((past, limits), disp) in axes {
+        for (Axis { limits, past, .. }, disp) in self.axes.iter_mut().zip(disp) {
             if !self.aims {
                 past.sawtooth = past.sawtooth.after(disp, limits.alternating_floor);
             }
+            let step = (disp - past.command[0]).abs();
             past.speed = if self.sent >= 1 {
-                (disp - past.command[0]).abs() / self.tick
+                step / self.tick
             } else {
                 0.0
             };
-            past.stuck_travel += (disp - past.command[0]).abs();
+            past.stuck_travel += step;
             past.command = [disp, past.command[0]];
         }
         self.sent = (self.sent + 1).min(2);
@@ -127,30 +138,30 @@ impl Watch {
 
     /// A specimen that has tripped is on its way back: what it tripped at counts again only if it gets worse.
     pub fn excuse(&mut self, hit: &Hit) {
-        if let Some(past) = self.past.get_mut(hit.axis) {
+        if let Some(Axis { past, .. }) = self.axes.get_mut(hit.axis) {
             past.excused = Some((hit.quantity, WORSE * hit.value.abs()));
         }
     }
 
     /// Targets of steps are told from here on, and stand at `disp`: a sawtooth is looked for in them.
     pub fn aims_from(&mut self, disp: impl Iterator<Item = f64>) {
-        for (past, disp) in self.past.iter_mut().zip(disp) {
+        for (Axis { past, .. }, disp) in self.axes.iter_mut().zip(disp) {
             past.sawtooth = Sawtooth::at_rest(disp);
         }
         self.aims = true;
     }
 
     /// The target of the next step, which the next commands approach. Real-time: yes.
+    #[inline]
     pub fn aims_at(&mut self, disp: impl Iterator<Item = f64>) {
-        let axes = self.past.iter_mut().zip(&self.limits).zip(disp);
-        for ((past, limits), disp) in axes {
+        for (Axis { limits, past, .. }, disp) in self.axes.iter_mut().zip(disp) {
             past.sawtooth = past.sawtooth.after(disp, limits.alternating_floor);
         }
     }
 
     /// Takes note that the last command leaves once more. Real-time: yes.
     pub fn sent_again(&mut self) {
-        for past in &mut self.past {
+        for Axis { past, .. } in &mut self.axes {
             past.speed = 0.0;
             past.command = [past.command[0]; 2];
             if !self.aims {
@@ -162,57 +173,61 @@ impl Watch {
     /// The next measurement is the first: it can neither jump nor be stuck. Real-time: yes.
     pub fn forget_measurements(&mut self) {
         self.measured = false;
-        for past in &mut self.past {
+        for Axis { past, .. } in &mut self.axes {
             (past.stuck_ticks, past.stuck_travel) = (0, 0.0);
         }
     }
 
     /// Judges a fresh measurement: (displacement, force) per axis. Real-time: yes.
+    #[inline]
     pub fn measured(&mut self, values: impl Iterator<Item = (f64, f64)>) -> Found {
         let mut found = Found::default();
+        self.judge_measured(values, &mut found);
+        found
+    }
+
+    /// The same, added to `found`. Real-time: yes.
+    #[inline]
+    pub fn judge_measured(&mut self, values: impl Iterator<Item = (f64, f64)>, found: &mut Found) {
         let seen_before = self.measured;
-        let axes = self.limits.iter().zip(&mut self.past).zip(values);
-        for (axis, ((limits, past), (disp, force))) in axes.enumerate() {
+        for ((index, axis), (disp, force)) in self.axes.iter_mut().enumerate().zip(values) {
+            let Axis { limits, calm, past } = axis;
             let moved = disp.to_bits() != past.measured.to_bits()
                 || force.to_bits() != past.force.to_bits();
             if moved || !seen_before {
                 (past.stuck_ticks, past.stuck_travel) = (0, 0.0);
             } else if past.stuck_travel > limits.stuck_travel {
-                past.stuck_ticks += 1;
+                past.stuck_ticks = past.stuck_ticks.saturating_add(1);
             }
-            let stuck = past.stuck_ticks as f64;
-            let jump = (force - past.force).abs();
             let error = (disp - past.command[0]).abs();
-            // The share of motion is taken off, so that both levels get the same.
-            let error = error - limits.following_time * past.speed;
-            let mut look = Look {
-                axis,
-                warned: &mut past.warned,
-                excused: past.excused,
-                found: &mut found,
+            let seen = Seen {
+                disp,
+                force,
+                // The share of motion is taken off, so that both levels get the same.
+                error: error - limits.following_time * past.speed,
+                jump: (force - past.force).abs(),
+                stuck: f64::from(past.stuck_ticks),
             };
-            // A sensor at the end of its range comes first: what it reads is not what is.
-            look.at(Quantity::SensorDisp, disp, &limits.sensor_disp);
-            look.at(Quantity::SensorForce, force, &limits.sensor_force);
-            look.at(Quantity::MeasuredDisp, disp, &limits.measured_disp);
-            look.at(Quantity::MeasuredForce, force, &limits.measured_force);
-            look.at(Quantity::FollowingError, error, &limits.following_error);
-            if seen_before {
-                look.at(Quantity::ForceStep, jump, &limits.force_step);
-                look.at(Quantity::StuckSensor, stuck, &limits.stuck_ticks);
+            if !(seen_before && past.warned == 0 && calm.covers_measurement(&seen)) {
+                past.look(index, found)
+                    .at_measurement(&seen, limits, seen_before);
             }
             past.measured = disp;
             past.force = force;
         }
         self.measured = true;
-        found
     }
 
     /// Judges what was estimated from the measurements, one entry per axis, and adds it to `found`. What is not known is not
     /// a finite number and is not judged. Real-time: yes.
+    #[inline]
     pub fn estimated(&mut self, values: impl Iterator<Item = Estimated>, found: &mut Found) {
-        self.known(values, found, |limits, values| {
-            [
+        for ((index, axis), values) in self.axes.iter_mut().enumerate().zip(values) {
+            let Axis { limits, calm, past } = axis;
+            if past.warned == 0 && calm.covers_estimates(&values) {
+                continue;
+            }
+            past.look(index, found).at_known([
                 (
                     Quantity::StiffnessRatio,
                     values.stiffness_ratio,
@@ -228,41 +243,19 @@ impl Watch {
                     values.added_energy,
                     limits.added_energy,
                 ),
-            ]
-        });
+            ]);
+        }
     }
 
     /// Judges |lag| in s and |gain − 1| behind the targets, one pair per axis, and adds it to `found`. What is not known is
     /// not a finite number and is not judged. Real-time: yes.
     pub fn tracked(&mut self, values: impl Iterator<Item = (f64, f64)>, found: &mut Found) {
-        self.known(values, found, |limits, (lag, gain_error)| {
-            [
+        for ((index, axis), (lag, gain_error)) in self.axes.iter_mut().enumerate().zip(values) {
+            let Axis { limits, past, .. } = axis;
+            past.look(index, found).at_known([
                 (Quantity::Lag, lag, limits.lag),
                 (Quantity::GainError, gain_error, limits.gain_error),
-            ]
-        });
-    }
-
-    /// Judges what is known of the quantities that `of` names, axis by axis.
-    fn known<V, const N: usize>(
-        &mut self,
-        values: impl Iterator<Item = V>,
-        found: &mut Found,
-        of: impl Fn(&AxisLimits, V) -> [(Quantity, f64, Bound); N],
-    ) {
-        let axes = self.limits.iter().zip(&mut self.past).zip(values);
-        for (axis, ((limits, past), values)) in axes.enumerate() {
-            let mut look = Look {
-                axis,
-                warned: &mut past.warned,
-                excused: past.excused,
-                found,
-            };
-            for (quantity, value, bound) in of(limits, values) {
-                if value.is_finite() {
-                    look.at(quantity, value, &bound);
-                }
-            }
+            ]);
         }
     }
 }
@@ -276,47 +269,6 @@ pub struct Estimated {
     pub damping_ratio: f64,
     /// Energy that the transfer system has added, J.
     pub added_energy: f64,
-}
-
-/// A sequence of displacements whose second differences may alternate and grow.
-#[derive(Debug, Clone, Copy, Default)]
-struct Sawtooth {
-    /// The last, and the one before; as many as there were, up to two.
-    disp: [f64; 2],
-    seen: u8,
-    /// Their second difference, and for how long it has changed its sign and grown.
-    bend: f64,
-    ticks: u64,
-}
-
-impl Sawtooth {
-    const fn at_rest(disp: f64) -> Self {
-        Self {
-            disp: [disp; 2],
-            seen: 2,
-            bend: 0.0,
-            ticks: 0,
-        }
-    }
-
-    /// With one more. Real-time: yes.
-    fn after(&self, disp: f64, floor: f64) -> Self {
-        let [last, before] = self.disp;
-        let mut next = Self {
-            disp: [disp, last],
-            seen: (self.seen + 1).min(2),
-            ..Self::default()
-        };
-        if self.seen == 2 {
-            next.bend = disp - 2.0 * last + before;
-            // By sign and not by product, which underflows.
-            let turns = self.bend != 0.0 && (self.bend > 0.0) != (next.bend > 0.0);
-            if turns && next.bend.abs() > floor && next.bend.abs() > self.bend.abs() {
-                next.ticks = self.ticks + 1;
-            }
-        }
-        next
-    }
 }
 
 /// What a value is judged by.
@@ -337,6 +289,17 @@ impl Limit for Range {
     }
 }
 
+impl Past {
+    fn look<'a>(&'a mut self, axis: usize, found: &'a mut Found) -> Look<'a> {
+        Look {
+            axis,
+            warned: &mut self.warned,
+            excused: self.excused,
+            found,
+        }
+    }
+}
+
 /// The look at one axis.
 struct Look<'a> {
     axis: usize,
@@ -346,6 +309,49 @@ struct Look<'a> {
 }
 
 impl Look<'_> {
+    /// A command; `sent` have left before it, and differences need something to differ from.
+    #[cold]
+    fn at_command(&mut self, asked: &Asked, limits: &AxisLimits, sent: u8) {
+        self.at(Quantity::CommandDisp, asked.disp, &limits.command_disp);
+        if sent >= 1 {
+            self.at(Quantity::CommandStep, asked.step, &limits.command_step);
+            self.at(Quantity::CommandVel, asked.vel, &limits.command_vel);
+        }
+        if sent >= 2 {
+            self.at(Quantity::CommandAccel, asked.accel, &limits.command_accel);
+        }
+        let sawtooth = &limits.alternating_ticks;
+        self.at(Quantity::Alternation, asked.alternating, sawtooth);
+    }
+
+    /// A measurement, and whether there was one before it.
+    #[cold]
+    fn at_measurement(&mut self, seen: &Seen, limits: &AxisLimits, seen_before: bool) {
+        // A sensor at the end of its range comes first: what it reads is not what is.
+        self.at(Quantity::SensorDisp, seen.disp, &limits.sensor_disp);
+        self.at(Quantity::SensorForce, seen.force, &limits.sensor_force);
+        self.at(Quantity::MeasuredDisp, seen.disp, &limits.measured_disp);
+        self.at(Quantity::MeasuredForce, seen.force, &limits.measured_force);
+        self.at(
+            Quantity::FollowingError,
+            seen.error,
+            &limits.following_error,
+        );
+        if seen_before {
+            self.at(Quantity::ForceStep, seen.jump, &limits.force_step);
+            self.at(Quantity::StuckSensor, seen.stuck, &limits.stuck_ticks);
+        }
+    }
+
+    /// What is known of some quantities.
+    fn at_known<const N: usize>(&mut self, values: [(Quantity, f64, Bound); N]) {
+        for (quantity, value, bound) in values {
+            if value.is_finite() {
+                self.at(quantity, value, &bound);
+            }
+        }
+    }
+
     fn is_excused(&self, quantity: Quantity, value: f64) -> bool {
         self.excused
             .is_some_and(|(excused, worst)| excused == quantity && value.abs() <= worst)

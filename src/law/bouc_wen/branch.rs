@@ -73,6 +73,7 @@ impl Branch {
     }
 
     /// z after the path `tau` of growth from `z` ≥ 0.
+    #[inline]
     pub(super) fn grow(&self, z: f64, tau: f64) -> f64 {
         let u = z / self.scale;
         let elapsed = self.elapsed(u);
@@ -83,6 +84,7 @@ impl Branch {
     }
 
     /// z after the path `tau` of decay from `z` > 0, and what is left of the path when z vanishes before its end.
+    #[inline]
     pub(super) fn shrink(&self, z: f64, tau: f64) -> (f64, f64) {
         let u = z / self.scale;
         let elapsed = self.elapsed(u);
@@ -94,6 +96,7 @@ impl Branch {
         (self.scale * self.reached(elapsed - ago, u, -ago), 0.0)
     }
 
+    #[inline]
     fn elapsed(&self, u: f64) -> f64 {
         match &self.clock {
             Clock::Even => u,
@@ -108,6 +111,7 @@ impl Branch {
     }
 
     /// u at σ ≥ 0, where `from` is known to belong to σ − `by`.
+    #[inline]
     fn reached(&self, sigma: f64, from: f64, by: f64) -> f64 {
         match &self.clock {
             Clock::Even => sigma,
@@ -156,6 +160,7 @@ impl Saturation {
         }
     }
 
+    #[inline]
     fn elapsed(&self, u: f64) -> f64 {
         if u <= self.edge {
             return u * series(&self.near, libm::pow(u, self.exponent));
@@ -165,6 +170,7 @@ impl Saturation {
         self.edge_sigma + (far - self.edge_far) / self.exponent
     }
 
+    #[inline]
     fn reached(&self, sigma: f64, from: f64, by: f64) -> f64 {
         if sigma <= self.edge_sigma {
             // Convex clock: the tangent from a known point, u = σ and the edge all lie at or beyond the root.
@@ -240,6 +246,7 @@ impl Steepening {
         libm::expm1(log) / slope + libm::exp(log) * series(&self.far, m)
     }
 
+    #[inline]
     fn elapsed(&self, u: f64) -> f64 {
         let q = libm::pow(u, self.exponent);
         if q <= 1.0 {
@@ -249,6 +256,7 @@ impl Steepening {
         }
     }
 
+    #[inline]
     fn reached(&self, sigma: f64, from: f64, by: f64) -> f64 {
         // Concave clock: the tangent from a known point and u = σ lie before the root, and Newton stays there.
         let tangent = from + by * (1.0 + libm::pow(from, self.exponent));

@@ -222,6 +222,7 @@ pub struct BoucWen {
 
 impl BoucWen {
     /// y = s ζ and the energy after the path length τ.
+    #[inline]
     fn along(&self, start: Point, tau: f64) -> Point {
         if let Some(wear) = &self.wear {
             return wear.along(&self.parameters, start, tau).unwrap_or(Point {

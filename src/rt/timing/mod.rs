@@ -186,12 +186,14 @@ impl Timing {
     }
 
     /// True while ticks are counted apart. Real-time: yes.
+    #[inline]
     #[must_use]
     pub const fn is_warming_up(&self) -> bool {
         self.warmup.ticks < self.warmup_ticks
     }
 
     /// Records one exchange with specimen `port` (from 0); an unknown port is ignored. Real-time: yes.
+    #[inline]
     pub fn round_trip(&mut self, port: usize, ns: u64) {
         if self.is_warming_up() {
             return;
@@ -202,6 +204,7 @@ impl Timing {
     }
 
     /// Records one tick; tells of a missed deadline. Real-time: yes.
+    #[inline]
     pub fn tick(&mut self, stamps: &TickStamps) -> Option<Miss> {
         let late_ns = stamps.pushed.since(stamps.deadline);
         let suspect = self.typical.judge(stamps, late_ns > 0);

@@ -26,7 +26,7 @@ pub enum Suspect {
     Ours,
 }
 
-/// A part of a tick; the order is that of [`Typical::parts`].
+/// A part of a tick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Part {
     Carried,
@@ -37,32 +37,43 @@ enum Part {
     Record,
 }
 
+/// In the order of [`Typical::durations`].
+const PARTS: [Part; 6] = [
+    Part::Carried,
+    Part::Wait,
+    Part::Send,
+    Part::Reply,
+    Part::Compute,
+    Part::Record,
+];
+
 /// Running median of a duration: moves up or down by a small share of itself, whichever side the sample is on.
 ///
 /// It rests where samples above and below balance, costs a comparison, and one stall of any size moves it by 1/64.
 #[derive(Debug, Clone, Copy, Default)]
 struct Median {
     ns: u64,
-    seen: u32,
 }
 
 impl Median {
     /// The first samples are cold and moves are large; then they are small.
     const COLD: u32 = 64;
 
-    fn learn(&mut self, ns: u64) {
-        let step = match self.seen {
-            0 => {
-                self.ns = ns;
-                0
-            }
+    /// One more, after `seen`.
+    #[inline]
+    fn learn(&mut self, ns: u64, seen: u32) {
+        if ns == self.ns {
+            return;
+        }
+        let step = match seen {
+            0 => u64::MAX,
             1..Self::COLD => self.ns / 8 + 1,
             _ => self.ns / 64 + 1,
         };
-        self.seen = self.seen.saturating_add(1);
         // Not past the sample: so that a constant duration is met exactly. Which side it is on is a coin's toss that no
         // processor can foresee: no branch.
-        self.ns = ns.clamp(self.ns.saturating_sub(step), self.ns.saturating_add(step));
+        let (up, down) = (ns.saturating_sub(self.ns), self.ns.saturating_sub(ns));
+        self.ns = self.ns + up.min(step) - down.min(step);
     }
 }
 
@@ -70,7 +81,9 @@ impl Median {
 #[derive(Debug, Clone)]
 pub(super) struct Typical {
     awaits_peer: bool,
-    medians: [Median; 6],
+    medians: [Median; PARTS.len()],
+    /// Ticks that were learnt from.
+    seen: u32,
     last: Suspect,
 }
 
@@ -78,40 +91,45 @@ impl Typical {
     pub(super) fn new(awaits_peer: bool) -> Self {
         Self {
             awaits_peer,
-            medians: [Median::default(); 6],
+            medians: [Median::default(); PARTS.len()],
+            seen: 0,
             last: Suspect::Ours,
         }
     }
 
-    fn parts(stamps: &TickStamps) -> [(Part, u64); 6] {
+    #[inline]
+    fn durations(stamps: &TickStamps) -> [u64; PARTS.len()] {
         let free = stamps.idle.max(stamps.release);
         [
-            (Part::Carried, stamps.idle.since(stamps.release)),
-            (Part::Wait, stamps.woke.since(free)),
-            (Part::Send, stamps.sent.since(stamps.woke)),
-            (Part::Reply, stamps.decoded.since(stamps.sent)),
-            (Part::Compute, stamps.ready.since(stamps.decoded)),
-            (Part::Record, stamps.pushed.since(stamps.ready)),
+            stamps.idle.since(stamps.release),
+            stamps.woke.since(free),
+            stamps.sent.since(stamps.woke),
+            stamps.decoded.since(stamps.sent),
+            stamps.ready.since(stamps.decoded),
+            stamps.pushed.since(stamps.ready),
         ]
     }
 
     /// Judges a tick (only a missed one is of interest) and learns from it. Real-time: yes.
+    #[inline]
     pub(super) fn judge(&mut self, stamps: &TickStamps, missed: bool) -> Suspect {
-        let parts = Self::parts(stamps);
+        let durations = Self::durations(stamps);
         if missed {
-            self.last = self.blame(&parts, stamps);
+            self.last = self.blame(&durations, stamps);
         }
-        for (median, (_, took)) in self.medians.iter_mut().zip(parts) {
-            median.learn(took);
+        for (median, took) in self.medians.iter_mut().zip(durations) {
+            median.learn(took, self.seen);
         }
+        self.seen = self.seen.saturating_add(1);
         self.last
     }
 
-    fn blame(&self, parts: &[(Part, u64); 6], stamps: &TickStamps) -> Suspect {
+    #[cold]
+    fn blame(&self, durations: &[u64; PARTS.len()], stamps: &TickStamps) -> Suspect {
         let mut worst = (Part::Compute, 0, 0, 0);
-        for (median, &(part, took)) in self.medians.iter().zip(parts) {
+        for ((median, part), &took) in self.medians.iter().zip(PARTS).zip(durations) {
             // Before anything is known, nothing is unusual.
-            let typical = if median.seen == 0 { took } else { median.ns };
+            let typical = if self.seen == 0 { took } else { median.ns };
             let excess = took.saturating_sub(typical);
             if excess > worst.1 {
                 worst = (part, excess, took, typical);
@@ -270,13 +288,13 @@ mod tests {
     #[test]
     fn the_running_median_settles_between_its_samples_and_shrugs_off_a_stall() {
         let mut median = Median::default();
-        median.learn(500_000);
+        median.learn(500_000, 0);
         for k in 0..5000u64 {
-            median.learn(900 + (k * 7919) % 200);
+            median.learn(900 + (k * 7919) % 200, k as u32 + 1);
         }
         assert!((950..=1050).contains(&median.ns), "{}", median.ns);
         let before = median.ns;
-        median.learn(u64::MAX / 2);
+        median.learn(u64::MAX / 2, 5001);
         assert!(median.ns <= before + before / 64 + 1);
     }
 }
