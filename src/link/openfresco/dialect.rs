@@ -141,6 +141,9 @@ impl Machine {
     }
 }
 
+/// No answer.
+const SILENT: &[u8] = &[];
+
 fn hear_server<'a>(
     machine: &'a mut Server,
     implicit: bool,
@@ -148,18 +151,11 @@ fn hear_server<'a>(
     host: &mut Host,
 ) -> Result<Heard<'a>, ExchangeFault> {
     let (used, event) = machine.feed(bytes)?;
-    let mut said = Said::Nothing;
-    let reply: &[u8] = match event {
-        Event::NeedMore => &[],
-        Event::Greeted => machine.reply(),
-        Event::Ready(sizes) => {
-            said = Said::Ready(sizes);
-            &[]
-        }
-        Event::InitLine => {
-            said = Said::InitLine;
-            &[]
-        }
+    let (said, reply) = match event {
+        Event::NeedMore => (Said::Nothing, SILENT),
+        Event::Greeted => (Said::Nothing, machine.reply()),
+        Event::Ready(sizes) => (Said::Ready(sizes), SILENT),
+        Event::InitLine => (Said::InitLine, SILENT),
         Event::Trial(course) => {
             if implicit && course != Course::Repeat && host.tally().commands > 0 {
                 host.commit();
@@ -168,22 +164,16 @@ fn hear_server<'a>(
             if let Some(trial) = machine.trial() {
                 host.trial(course, &trial, dt)?;
             }
-            &[]
+            (Said::Nothing, SILENT)
         }
         Event::Commit { .. } => {
             host.commit();
-            &[]
+            (Said::Nothing, SILENT)
         }
-        Event::Read(_) => machine.answer(&host.response())?,
-        Event::Matrix(which) => machine.answer_matrix(host.matrix(which))?,
-        Event::Ignored(code) => {
-            said = Said::Ignored(code);
-            &[]
-        }
-        Event::Finished => {
-            said = Said::Finished;
-            &[]
-        }
+        Event::Read(_) => (Said::Nothing, machine.answer(&host.response())?),
+        Event::Matrix(which) => (Said::Nothing, machine.answer_matrix(host.matrix(which))?),
+        Event::Ignored(code) => (Said::Ignored(code), SILENT),
+        Event::Finished => (Said::Finished, SILENT),
     };
     Ok(Heard { used, said, reply })
 }
@@ -194,34 +184,24 @@ fn hear_actor<'a>(
     host: &mut Host,
 ) -> Result<Heard<'a>, ExchangeFault> {
     let (used, event) = machine.feed(bytes)?;
-    let mut said = Said::Nothing;
-    let reply: &[u8] = match event {
-        ActorEvent::NeedMore => &[],
-        ActorEvent::Greeted | ActorEvent::Opened { .. } => machine.reply(),
-        ActorEvent::Ready(sizes) => {
-            said = Said::Ready(sizes);
-            &[]
-        }
+    let (said, reply) = match event {
+        ActorEvent::NeedMore => (Said::Nothing, SILENT),
+        ActorEvent::Greeted | ActorEvent::Opened { .. } => (Said::Nothing, machine.reply()),
+        ActorEvent::Ready(sizes) => (Said::Ready(sizes), SILENT),
         ActorEvent::Trial(course) => {
             let dt = machine.dt();
             if let Some(trial) = machine.trial() {
                 host.trial(course, &trial, dt)?;
             }
-            &[]
+            (Said::Nothing, SILENT)
         }
         ActorEvent::Commit { .. } => {
             host.commit();
-            &[]
+            (Said::Nothing, SILENT)
         }
-        ActorEvent::Read => machine.answer(&host.response())?,
-        ActorEvent::Ignored(code) => {
-            said = Said::Ignored(code);
-            &[]
-        }
-        ActorEvent::Finished => {
-            said = Said::Finished;
-            machine.reply()
-        }
+        ActorEvent::Read => (Said::Nothing, machine.answer(&host.response())?),
+        ActorEvent::Ignored(code) => (Said::Ignored(code), SILENT),
+        ActorEvent::Finished => (Said::Finished, machine.reply()),
     };
     Ok(Heard { used, said, reply })
 }
@@ -237,16 +217,16 @@ fn hear_simulink<'a>(
     host: &mut Host,
 ) -> Result<Heard<'a>, ExchangeFault> {
     let (used, event) = machine.feed(bytes)?;
-    let mut said = Said::Nothing;
-    let reply: &[u8] = match event {
-        SimulinkEvent::NeedMore | SimulinkEvent::Execute | SimulinkEvent::TargetDone => &[],
-        SimulinkEvent::Greeted => machine.reply(),
+    let (said, reply) = match event {
+        SimulinkEvent::NeedMore | SimulinkEvent::Execute | SimulinkEvent::TargetDone => {
+            (Said::Nothing, SILENT)
+        }
+        SimulinkEvent::Greeted => (Said::Nothing, machine.reply()),
         SimulinkEvent::Ready(found) => {
             signals.clear();
             signals.resize(found.daq().total(), 0.0);
             *sizes = Some(found);
-            said = Said::Ready(found);
-            &[]
+            (Said::Ready(found), SILENT)
         }
         SimulinkEvent::Target => {
             if let Some(sizes) = sizes {
@@ -261,32 +241,26 @@ fn hear_simulink<'a>(
                 host.trial(course, &target, dt)?;
                 tracker.commanded = true;
             }
-            &[]
+            (Said::Nothing, SILENT)
         }
         SimulinkEvent::AtTarget => {
             if let Some(sizes) = sizes {
                 host.response().gather(sizes.daq(), signals);
             }
-            machine.answer_signals(true, signals)?
+            (Said::Nothing, machine.answer_signals(true, signals)?)
         }
-        SimulinkEvent::TargetTaken => machine.answer_switch(true)?,
-        SimulinkEvent::SwitchedBack => machine.answer_switch(false)?,
+        SimulinkEvent::TargetTaken => (Said::Nothing, machine.answer_switch(true)?),
+        SimulinkEvent::SwitchedBack => (Said::Nothing, machine.answer_switch(false)?),
         SimulinkEvent::Commit => {
             host.commit();
             tracker.commanded = false;
             if let Some(sizes) = sizes {
                 tracker.base = Response::split(sizes.ctrl(), machine.signals()).time;
             }
-            &[]
+            (Said::Nothing, SILENT)
         }
-        SimulinkEvent::Ignored(code) => {
-            said = Said::Ignored(code);
-            &[]
-        }
-        SimulinkEvent::Finished => {
-            said = Said::Finished;
-            &[]
-        }
+        SimulinkEvent::Ignored(code) => (Said::Ignored(code), SILENT),
+        SimulinkEvent::Finished => (Said::Finished, SILENT),
     };
     Ok(Heard { used, said, reply })
 }
