@@ -54,9 +54,7 @@ impl Port {
             *command = axis.disp_gain * disp + axis.disp_offset;
             *command_vel = axis.vel_gain * vel;
         }
-        if self.compensation.is_some() {
-            self.compensate();
-        }
+        self.compensate();
     }
 
     /// Sends the command that stands ready, if it was judged. Real-time: yes.
@@ -137,9 +135,7 @@ impl Port {
         if is_fresh {
             self.link.received += 1;
             self.raw.status.0 &= !Status::STALE.0;
-            if self.compensation.is_some() {
-                self.compensation_hears();
-            }
+            self.compensation_hears();
         } else {
             self.link.stale += 1;
             self.raw.status.0 |= Status::STALE.0;

@@ -267,7 +267,8 @@ impl Row {
     #[inline]
     pub fn timing(&mut self, stamps: &TickStamps, first_edge: Nanos, stretched: u64) {
         let seconds = |from: Nanos, to: Nanos| number(to.since(from)) * 1e-9;
-        let values = [
+        // They are the last: an array of as many as there are names.
+        let values: [f64; TIMING.len()] = [
             seconds(first_edge, stamps.release),
             seconds(stamps.release, stamps.woke),
             seconds(stamps.release, stamps.sent),
@@ -276,8 +277,6 @@ impl Row {
             number(stretched),
             std::mem::replace(&mut self.record_before, f64::NAN),
         ];
-        // They are the last: an array of as many as there are names.
-        let values: [f64; TIMING.len()] = values;
         if let Some(slots) = self.values.last_chunk_mut() {
             *slots = values;
         }

@@ -41,7 +41,7 @@ pub use settle::Settling;
 pub use stop::{Ending, Stop};
 pub use tick::Tick;
 
-use crate::control::{LinkCount, Partner, Port, Poses};
+use crate::control::{LinkCount, Port, Poses};
 use crate::record::{Column, Recorder};
 use crate::rt::timing::{TickStamps, Timing};
 use crate::time::{Clock, Nanos, Ratio, Schedule, SimClock};
@@ -245,15 +245,12 @@ impl Engine {
             side,
             opening,
             settling,
-            mut ports,
+            ports,
             record_dofs,
             limits,
             pacing,
             resume,
         } = experiment;
-        for port in &mut ports {
-            port.partner = Partner::default();
-        }
         let (row, columns) = columns::Row::new(&record_dofs, &side, &ports);
         let dofs = match &side {
             Side::Structure(numerical) => numerical.structure.dofs(),

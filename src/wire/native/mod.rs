@@ -59,6 +59,7 @@
 
 mod decode;
 mod encode;
+mod header;
 mod layout;
 mod peek;
 mod view;
