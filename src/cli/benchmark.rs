@@ -1,22 +1,20 @@
 //! `gusset benchmark`: published benchmarks, obtained natively.
 
-use std::path::{Path, PathBuf};
+mod ground;
+
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use anyhow::Context;
 use clap::{Args, Subcommand, ValueEnum};
 use serde_json::json;
 
+use self::ground::GroundArgs;
 use super::exit::{Exit, WithExit};
 use super::{answer, tell};
 use crate::benchmark::{
-    Criteria, DURATION_S, FORCE_LIMIT_N, Frame, Plant, RATE_HZ, Setup, Wiring, reference, run,
+    Criteria, FORCE_LIMIT_N, Frame, Plant, RATE_HZ, Setup, Wiring, reference, run,
 };
 use crate::compensation::CompensationSpec;
-use crate::motion::{
-    CloughPenzien, Envelope, FileSignal, Grid, JenningsHousner, KanaiTajimi, Motion, Processing,
-    Quantity, Resample, Signal, Unit,
-};
 use crate::rt::clock::{MonotonicClock, USUAL_SPIN_NS};
 use crate::time::Clock;
 
@@ -40,18 +38,8 @@ pub struct VrthsArgs {
     /// A controller by its name in the table, or a table of [specimen.compensation] [default: all].
     #[arg(long)]
     controller: Option<String>,
-    /// Ground acceleration from a file: .AT2, .csv, two columns [default: a synthetic motion].
-    #[arg(long, value_name = "FILE")]
-    record: Option<PathBuf>,
-    /// Unit of the record, where the file does not say it.
-    #[arg(long)]
-    unit: Option<String>,
-    /// Step of the record in s, where the file does not say it.
-    #[arg(long, value_name = "S")]
-    record_dt: Option<f64>,
-    /// Factor of the record.
-    #[arg(long, default_value_t = 0.4, allow_negative_numbers = true)]
-    scale: f64,
+    #[command(flatten)]
+    ground: GroundArgs,
     /// Noise of the sensors.
     #[arg(long, default_value = "on", value_parser = on_or_off, action = clap::ArgAction::Set)]
     noise: bool,
@@ -140,7 +128,10 @@ pub fn vrths(args: &VrthsArgs) -> anyhow::Result<Exit> {
         None => vec![1, 2, 3, 4],
     };
     let controllers = controllers(args.controller.as_deref()).map_err(usage)?;
-    let ground = ground(args).map_err(|error| WithExit(Exit::Usage, error.to_string()))?;
+    let ground = args
+        .ground
+        .history(args.seed)
+        .map_err(|error| WithExit(Exit::Usage, error.to_string()))?;
     let wiring = match args.wiring {
         WiringArg::Benchmark => Wiring::Benchmark,
         WiringArg::InTick => Wiring::InTick,
@@ -309,83 +300,6 @@ fn model_inverse() -> CompensationSpec {
     let gain = plant.servo.gain * plant.servo.valve_gain;
     let coefficients = rising.iter().take(4).map(|c| c / gain).collect();
     CompensationSpec::ModelInverse(crate::compensation::ModelInverseSpec { coefficients })
-}
-
-/// The record on the grid of the benchmark.
-fn ground(args: &VrthsArgs) -> anyhow::Result<Vec<f64>> {
-    let grid = Grid::new(1.0 / RATE_HZ, (DURATION_S * RATE_HZ) as usize)?;
-    let motion = match &args.record {
-        Some(path) => {
-            let name = path
-                .to_str()
-                .context("the path of the record is no UTF-8")?;
-            let unit = args.unit.as_deref().map(|unit| {
-                toml::Value::from(unit)
-                    .try_into::<Unit>()
-                    .map_err(|_| anyhow::anyhow!("--unit {unit:?}: use m/s2, cm/s2, g …"))
-            });
-            Motion {
-                signal: Signal::File(FileSignal {
-                    path: name.to_owned(),
-                    format: None,
-                    column: None,
-                    time_column: None,
-                    dt_s: args.record_dt,
-                    unit: unit.transpose()?,
-                    resample: Resample::default(),
-                    start_s: 0.0,
-                }),
-                processing: Processing {
-                    scale_factor: args.scale,
-                    zero_tail: true,
-                    ..Processing::default()
-                },
-            }
-        }
-        None => synthetic(args.seed),
-    };
-    let files = |name: &str| std::fs::read(Path::new(name));
-    let series = motion.evaluate(Quantity::Acceleration, grid, &files)?;
-    for warning in &series.warnings {
-        tell(format_args!("warning: {warning}"));
-    }
-    let peak = series.values.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
-    anyhow::ensure!(
-        peak > 0.0,
-        "the record does not move the ground within {DURATION_S} s"
-    );
-    Ok(series.values)
-}
-
-/// Firm soil, 30 s of shaking and a tail; so strong that the actuator is at its limit in no case.
-fn synthetic(seed: u64) -> Motion {
-    Motion {
-        signal: Signal::KanaiTajimi(KanaiTajimi {
-            ground_frequency_hz: None,
-            ground_angular_frequency_rad_per_s: Some(15.0),
-            ground_damping_ratio: 0.6,
-            clough_penzien: Some(CloughPenzien {
-                angular_frequency_rad_per_s: 1.5,
-                damping_ratio: 0.6,
-            }),
-            envelope: Envelope::JenningsHousner(JenningsHousner {
-                rise_s: 3.0,
-                strong_s: 12.0,
-                decay_per_s: 0.2,
-            }),
-            duration_s: 31.0,
-            seed,
-            peak: Some(0.8),
-            unit: None,
-            s0_m2_per_s3: None,
-            cutoff_hz: 50.0,
-            start_s: 0.0,
-        }),
-        processing: Processing {
-            zero_tail: true,
-            ..Processing::default()
-        },
-    }
 }
 
 fn show(lines: &[Line], plants: u64) -> anyhow::Result<()> {

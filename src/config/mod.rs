@@ -23,6 +23,7 @@ mod diagnose;
 mod document;
 mod driven;
 mod edit;
+mod excitation;
 mod inputs;
 mod locator;
 mod overrides;
@@ -59,15 +60,16 @@ pub use certificate::{
 pub use diagnose::{Diagnostic, Diagnostics, Finding, Part, Place, Severity, Source};
 pub use document::{KeyPath, PathError, Segment};
 pub use driven::Drive;
+pub use excitation::{
+    ExcitationTable, GroundTable, NodalFileTable, NodalForceTable, PrescribedPlace, PrescribedTable,
+};
 pub use inputs::{INPUTS_FOLDER, Input, InputError, Inputs};
 pub use locator::Locator;
 pub use overrides::Override;
 pub use resolve::{ResolveError, resolve};
 pub use safety::{ExitChoice, SafetyTable, ShareSpec, ZeroChoice};
 pub use schema::{
-    ExcitationTable, GravityTable, GroundTable, IntegratorTable, Method, NodalFileTable,
-    NodalForceTable, PrescribedPlace, PrescribedTable, RecordTable, Start, StructureTable,
-    TestFile, Weighting,
+    GravityTable, IntegratorTable, Method, RecordTable, Start, StructureTable, TestFile, Weighting,
 };
 pub use script::{load_script, parse_script};
 pub use serve::{ServeFile, ServeTable, Served, load_served};

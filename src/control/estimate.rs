@@ -48,12 +48,39 @@ struct Estimate {
     force: f64,
 }
 
+/// k̂ between different axes, n × n by rows, zero on the diagonal; empty if they do not know of each other.
+#[derive(Debug)]
+struct Neighbours(Vec<f64>);
+
+impl Neighbours {
+    fn new(axes: usize, stiffness: &[Vec<f64>]) -> Self {
+        let rows = stiffness.iter().enumerate().flat_map(|(i, row)| {
+            let beside = move |(j, value): (usize, &f64)| if i == j { 0.0 } else { *value };
+            row.iter().enumerate().map(beside)
+        });
+        let between: Vec<f64> = rows.collect();
+        let known = between.len() == axes * axes && between.iter().any(|value| *value != 0.0);
+        Self(if known { between } else { Vec::new() })
+    }
+
+    /// Force in N on an axis that the others make where they were measured, as declared. Real-time: yes.
+    #[inline]
+    fn force_on(&self, index: usize, measured: &[f64]) -> f64 {
+        if self.0.is_empty() {
+            return 0.0;
+        }
+        let n = measured.len();
+        let row = self.0.get(index * n..(index + 1) * n).unwrap_or_default();
+        let others = row.iter().zip(measured);
+        others.map(|(stiffness, disp)| stiffness * disp).sum()
+    }
+}
+
 /// The estimates of a port.
 #[derive(Debug)]
 pub(super) struct Estimates {
     axes: Vec<Estimate>,
-    /// k̂ between different axes, n × n by rows, zero on the diagonal; empty if they do not know of each other.
-    coupling: Vec<f64>,
+    neighbours: Neighbours,
     /// Δt of the integration.
     dt: f64,
     /// Whether the command that is in force moves.
@@ -76,7 +103,7 @@ impl Estimates {
         };
         Self {
             axes: stiffness.iter().map(estimate).collect(),
-            coupling: Vec::new(),
+            neighbours: Neighbours(Vec::new()),
             dt: 0.0,
             moves: false,
             counts: false,
@@ -100,12 +127,9 @@ impl Estimates {
         })
     }
 
-    /// Force on an axis that the others make, as declared. Real-time: yes.
+    /// Force in N on an axis that the others make where they were measured, as declared. Real-time: yes.
     pub fn of_others(&self, index: usize, measured: &[f64]) -> f64 {
-        let n = self.axes.len();
-        let row = self.coupling.get(index * n..(index + 1) * n);
-        let others = row.unwrap_or_default().iter().zip(measured);
-        others.map(|(stiffness, disp)| stiffness * disp).sum()
+        self.neighbours.force_on(index, measured)
     }
 
     /// Changes of at least this size count from now on: as declared, or above the noise of (displacement, force) in m
@@ -189,13 +213,7 @@ impl Port {
             axis.tangent = Tangent::new(stiffness, declared.damping, with_damping);
         }
         estimates.dt = dt;
-        let rows = stiffness.iter().enumerate().flat_map(|(i, row)| {
-            let beside = move |(j, value): (usize, &f64)| if i == j { 0.0 } else { *value };
-            row.iter().enumerate().map(beside)
-        });
-        let coupling: Vec<f64> = rows.collect();
-        let is_coupled = coupling.len() == n * n && coupling.iter().any(|value| *value != 0.0);
-        estimates.coupling = if is_coupled { coupling } else { Vec::new() };
+        estimates.neighbours = Neighbours::new(n, stiffness);
         estimates.begin(std::iter::repeat_n((0.0, 0.0), n));
         self
     }
@@ -247,31 +265,22 @@ impl Port {
     pub(super) fn estimate(&mut self, found: &mut Found) {
         let Estimates {
             axes,
-            coupling,
+            neighbours,
             moves,
             counts,
             has_last,
             ..
         } = &mut self.estimates;
-        let n = axes.len();
         let values = self.measured.iter().zip(&self.force).zip(&self.target);
         let motion = self.command_vel.iter().zip(&self.axes);
         for (index, ((estimate, ((disp, force), target)), (vel, axis))) in
             axes.iter_mut().zip(values).zip(motion).enumerate()
         {
             let vel = if *moves { vel / axis.vel_gain } else { 0.0 };
-            // What the other axes do to this one, as declared.
-            let others = if coupling.is_empty() {
-                0.0
-            } else {
-                let row = coupling.get(index * n..(index + 1) * n).unwrap_or_default();
-                let others = row.iter().zip(&self.measured);
-                others.map(|(stiffness, disp)| stiffness * disp).sum()
-            };
             estimate.tangent.take(Point {
                 disp: *disp,
                 vel,
-                force: force - others,
+                force: force - neighbours.force_on(index, &self.measured),
             });
             let error = disp - target;
             if *counts && *has_last {

@@ -8,7 +8,7 @@ use std::ops::Range;
 use nalgebra::DMatrix;
 
 use super::Lanes;
-use super::lanes::{Isa, Kernel};
+use super::products::{Chain, Diagonal, EvenChain};
 
 /// A symmetric n × n matrix in compact rows.
 #[derive(Debug, Clone, PartialEq)]
@@ -377,63 +377,4 @@ fn even(diagonal: &[f64], beside: &[f64]) -> Option<(f64, f64)> {
     let (d, e) = (*inner.first()?, *beside.first()?);
     (inner.iter().all(|other| *other == d) && beside.iter().all(|other| *other == e))
         .then_some((d, e))
-}
-
-struct Diagonal<'a> {
-    diagonal: &'a [f64],
-    x: &'a [f64],
-    out: &'a mut [f64],
-}
-
-impl Kernel for Diagonal<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<I: Isa>(self, _: I) {
-        for ((out, d), x) in self.out.iter_mut().zip(self.diagonal).zip(self.x) {
-            *out -= d * x;
-        }
-    }
-}
-
-/// Inner rows of a tridiagonal matrix over plain arrays: no index to follow, so the compiler can use vector lanes.
-struct Chain<'a> {
-    diagonal: &'a [f64],
-    /// One more than rows.
-    beside: &'a [f64],
-    /// Two more than rows.
-    x: &'a [f64],
-    out: &'a mut [f64],
-}
-
-impl Kernel for Chain<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<I: Isa>(self, _: I) {
-        let rows = self.out.iter_mut().zip(self.diagonal);
-        for (((out, d), x), e) in rows.zip(self.x.windows(3)).zip(self.beside.windows(2)) {
-            *out -= e[0] * x[0] + d * x[1] + e[1] * x[2];
-        }
-    }
-}
-
-/// The same where all inner rows are alike: no coefficients to fetch.
-struct EvenChain<'a> {
-    d: f64,
-    e: f64,
-    x: &'a [f64],
-    out: &'a mut [f64],
-}
-
-impl Kernel for EvenChain<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<I: Isa>(self, _: I) {
-        let (d, e) = (self.d, self.e);
-        for (out, x) in self.out.iter_mut().zip(self.x.windows(3)) {
-            *out -= e * x[0] + d * x[1] + e * x[2];
-        }
-    }
 }

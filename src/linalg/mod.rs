@@ -28,6 +28,7 @@ mod matrix;
 mod ordering;
 mod panels;
 mod partitioned;
+mod products;
 mod sparse;
 mod tridiagonal;
 

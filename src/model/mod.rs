@@ -15,6 +15,7 @@ mod error;
 mod npy;
 mod parse;
 mod run;
+mod sound;
 mod spec;
 mod structure;
 

@@ -4,9 +4,9 @@ use std::borrow::Cow;
 
 use super::element::{bound, row, stamp};
 use super::elements::{Elements, Seen};
-use super::{Acceleration, Base, Element, ModelError, Part};
+use super::{Base, Element, ModelError, Part, sound};
 use crate::law::Tangent;
-use crate::linalg::{Lanes, MatrixError, SymMatrix};
+use crate::linalg::{Lanes, SymMatrix};
 
 /// The numerical substructure.
 #[derive(Debug)]
@@ -36,37 +36,13 @@ impl Structure {
         elements: impl IntoIterator<Item = Element>,
     ) -> Result<Self, ModelError> {
         let n = mass.n();
-        if n == 0 {
-            return Err(ModelError::Empty);
-        }
-        for (what, matrix) in [
+        let matrices = [
             ("mass", &mass),
             ("damping", &damping),
             ("stiffness", &stiffness),
-        ] {
-            check_matrix(what, matrix, n)?;
-        }
-        if influence.len() != n {
-            return Err(ModelError::Size {
-                what: "influence",
-                expected: n,
-                found: influence.len(),
-            });
-        }
-        for (dof, &found) in influence.iter().enumerate() {
-            if !found.is_finite() {
-                return Err(ModelError::Influence { dof, found });
-            }
-        }
-        for dof in 0..n {
-            let found = mass.get(dof, dof);
-            // Entries are finite here.
-            if found < 0.0 {
-                return Err(ModelError::NegativeMass { dof, found });
-            }
-        }
-        Acceleration::new(&mass).map_err(ModelError::Mass)?;
-        let tied_to_base = tied_to_base(&stiffness, &damping, &influence);
+        ];
+        sound::check(matrices, &influence)?;
+        let tied_to_base = sound::tied_to_base(&stiffness, &damping, &influence);
         Ok(Self {
             mass,
             damping,
@@ -210,8 +186,8 @@ impl Structure {
     /// # Errors
     /// Another size, or an entry that is not finite.
     pub fn set_damping(&mut self, damping: SymMatrix) -> Result<(), ModelError> {
-        check_matrix("damping", &damping, self.dofs())?;
-        self.tied_to_base = tied_to_base(&self.stiffness, &damping, &self.influence);
+        sound::check_matrix("damping", &damping, self.dofs())?;
+        self.tied_to_base = sound::tied_to_base(&self.stiffness, &damping, &self.influence);
         self.damping = damping;
         Ok(())
     }
@@ -402,48 +378,6 @@ pub struct Storey {
 
 /// Rows that are made at a time: their vectors stay in the nearest cache.
 const NEAR: usize = 1024;
-
-fn check_matrix(what: &'static str, matrix: &SymMatrix, n: usize) -> Result<(), ModelError> {
-    if matrix.n() != n {
-        return Err(ModelError::Size {
-            what,
-            expected: n,
-            found: matrix.n(),
-        });
-    }
-    match matrix.entries().find(|(_, _, value)| !value.is_finite()) {
-        None => Ok(()),
-        Some((row, column, found)) => Err(ModelError::Entry {
-            what,
-            source: MatrixError::NotFinite { row, column, found },
-        }),
-    }
-}
-
-/// Rows of K ι and C ι above the roundoff of their own sums.
-fn tied_to_base(
-    stiffness: &SymMatrix,
-    damping: &SymMatrix,
-    influence: &[f64],
-) -> Vec<(usize, f64, f64)> {
-    let product = |matrix: &SymMatrix, dof: usize| {
-        let (mut sum, mut size) = (0.0, 0.0);
-        for (column, value) in matrix.row(dof) {
-            let term = value * influence[column];
-            sum += term;
-            size += f64::abs(term);
-        }
-        if f64::abs(sum) > 1e-13 * size {
-            sum
-        } else {
-            0.0
-        }
-    };
-    (0..stiffness.n())
-        .map(|dof| (dof, product(stiffness, dof), product(damping, dof)))
-        .filter(|&(_, k, c)| k != 0.0 || c != 0.0)
-        .collect()
-}
 
 /// b of a storey or spring, from 0 at the ground.
 fn storey_row(i: usize) -> Vec<(usize, f64)> {

@@ -20,6 +20,8 @@ mod desk;
 mod energetics;
 mod guarded;
 mod page;
+mod ready;
+mod recorded;
 pub mod rehearsal;
 mod replay;
 mod resume;
@@ -31,8 +33,7 @@ mod tape;
 mod watches;
 
 use std::path::PathBuf;
-use std::sync::mpsc::{self, SyncSender};
-use std::thread::JoinHandle;
+use std::sync::mpsc;
 use std::time::Duration;
 
 use thiserror::Error;
@@ -41,6 +42,7 @@ pub use bare::{bare_loop, loop_round};
 pub use compare::{Compared, compare, compared_name};
 pub use desk::{Answer, Request, ask};
 pub use page::{Page, PageError, conclude, hero, write_report};
+pub use ready::missing;
 pub use replay::{Difference, Replay, ReplayError, replay, replay_rows};
 pub use resume::{ResumeError, resume};
 pub use signals::{Signal, Signals};
@@ -48,20 +50,17 @@ pub use summary::ending;
 pub use watches::{Attendance, Watches, roll};
 
 use desk::Desk;
-use guarded::{Ended, run_retired};
-use sampling::spawn_sampler;
+use guarded::Ended;
+use ready::{Ready, prepare};
 
-use crate::config::{ClockChoice, Facts, Files, Prepared};
-use crate::engine::{Control, Engine, Experiment};
-use crate::record::writer::{Clocks, WriterError};
+use crate::config::{Facts, Prepared};
+use crate::engine::Control;
+use crate::record::writer::WriterError;
 use crate::record::{
-    Beside, FolderError, Layout, Note, NoteLevel, Progress, Recorded, RingSize, Roll, RunFolder,
-    Summary, ThreadLog, What, WhenFull, Writer, WriterSettings, ring,
+    FolderError, Note, NoteLevel, Progress, Recorded, Roll, RunFolder, Summary, What, Writer,
 };
-use crate::rt::sampler::Sampler;
 use crate::rt::wall::Wall;
-use crate::rt::{Granted, RtPlan, apply, os, pin_away};
-use crate::time::{Clock, SimClock};
+use crate::rt::{Granted, os};
 
 /// Why a test could not be run at all. Nothing was moved.
 #[derive(Debug, Error)]
@@ -124,18 +123,6 @@ pub struct Finished {
 /// Period of the caller's look at the progress.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 
-/// A test whose threads stand ready; nothing has moved.
-struct Ready {
-    thread: JoinHandle<()>,
-    go: SyncSender<Experiment>,
-    experiment: Experiment,
-    done: mpsc::Receiver<Ended>,
-    writer: Writer,
-    sampler: Option<Sampler>,
-    granted: Option<Granted>,
-    roll: Roll,
-}
-
 /// Runs a prepared test into `folder`. `progress` is called about ten times a second.
 ///
 /// # Errors
@@ -176,137 +163,6 @@ pub fn run(
             Err(error)
         }
     }
-}
-
-/// Writes what is known before the test, asks for real-time conditions and starts the threads.
-fn prepare(
-    experiment: Experiment,
-    facts: &Facts,
-    files: &Files,
-    folder: &mut RunFolder,
-    control: Control,
-    mut watches: Watches,
-) -> Result<Ready, SessionError> {
-    archive::keep(files, folder)?;
-    let columns = experiment.columns();
-    let layout = Layout::new(columns).map_err(|e| SessionError::Recording(e.to_string()))?;
-    let samples = folder.open_samples(&layout)?;
-    let events = folder.open_events()?;
-    let real = facts.clock == ClockChoice::Real;
-    let roll = watches.roll.take().unwrap_or_else(watches::roll);
-    let threads = if real {
-        Some(ThreadLog::new(folder.open_threads()?, roll.clone()))
-    } else {
-        // What takes how long on the wall is nothing to a test on the simulated clock.
-        roll.close();
-        None
-    };
-    let size = RingSize::for_rate(layout.columns().len(), facts.rate_hz, facts.queue_s);
-    let when_full = if real { WhenFull::Drop } else { WhenFull::Wait };
-    let (recorder, reader) = ring(layout.columns().len(), size, when_full)
-        .map_err(|e| SessionError::Recording(e.to_string()))?;
-    let (sample_in, sample_out) = crossbeam_channel::bounded(1024);
-
-    // The loop's thread first: it says what it was granted before anything else is set up or moved.
-    let plan = real.then(|| RtPlan::new(&facts.timing, period_ns(facts.rate_hz)));
-    let (onlooker, when_placed) = (watches.onlooker.take(), watches.when_placed.take());
-    let (before_first_tick, after_last_tick) = (watches.before_first_tick, watches.after_last_tick);
-    let (answer, answered) = mpsc::sync_channel(1);
-    let (go, gate) = mpsc::sync_channel::<Experiment>(1);
-    let (done_in, done) = mpsc::sync_channel(1);
-    let for_loop = roll.clone();
-    let thread = std::thread::Builder::new()
-        .name("gusset-loop".into())
-        .spawn(move || {
-            // By name only, and before anything is timed: the stamps of the loop are columns of the rows.
-            drop(for_loop.enter());
-            let granted = plan.as_ref().map(apply);
-            if answer.send((granted.clone(), os::thread_id())).is_err() {
-                return;
-            }
-            // The gate opens when every specimen is connected; a gate that is dropped ends the test unmoved.
-            let Ok(experiment) = gate.recv() else {
-                return;
-            };
-            let clock: Box<dyn Clock> = match &granted {
-                Some(granted) => Box::new(granted.clock()),
-                None => Box::new(SimClock::new()),
-            };
-            let mut engine = Engine::new(experiment, clock, Box::new(recorder));
-            engine.phase_cell = control.phase.clone();
-            engine.before_first_tick = before_first_tick;
-            engine.after_last_tick = after_last_tick;
-            let _ = done_in.send(run_retired(&mut engine, &control, granted.is_some()));
-        })
-        .map_err(SessionError::Thread)?;
-    let Ok((granted, thread_id)) = answered.recv() else {
-        return Err(SessionError::Recording(
-            "the loop's thread died before it began".into(),
-        ));
-    };
-    if let Some(granted) = &granted {
-        if granted.must_refuse() {
-            return Err(SessionError::NotRealTime {
-                missing: missing(granted),
-            });
-        }
-        if let Some(cpu) = granted.cpu {
-            // With one processor there is no other; the caller then shares it with the loop.
-            let _ = pin_away(cpu);
-        }
-    }
-    if let Some(start) = when_placed {
-        start().map_err(SessionError::Attendance)?;
-    }
-
-    let clocks = Clocks {
-        monotonic_ns: os::monotonic_ns,
-        utc_ns: || Wall::now().0,
-    };
-    let settings = WriterSettings {
-        real_clock: real,
-        tick_ns: period_ns(facts.rate_hz),
-        time_column: layout.index_of("time"),
-        specimens: facts.specimens.clone(),
-        ..WriterSettings::default()
-    };
-    let sampler_out = real.then_some(sample_out);
-    let beside = Beside { onlooker, threads };
-    let writer = Writer::spawn_beside(
-        reader,
-        samples,
-        events,
-        sampler_out,
-        clocks,
-        settings,
-        beside,
-    )?;
-    let sampler = if real {
-        spawn_sampler(thread_id, &granted, sample_in, roll.clone())
-    } else {
-        None
-    };
-
-    writer.note(archive::note(files, folder));
-    for warning in &facts.warnings {
-        // For the file only: whoever built the test has heard of it, with its place in the test file.
-        writer.note(Note::new(NoteLevel::Info, "warning").with("text", warning.as_str()));
-    }
-    if let Some(granted) = &granted {
-        for text in missing(granted) {
-            writer.note(Note::new(NoteLevel::Warning, "not_granted").with("text", text));
-        }
-    }
-    Ok(Ready {
-        thread,
-        go,
-        experiment,
-        done,
-        writer,
-        sampler,
-        granted,
-        roll,
-    })
 }
 
 /// From the first edge to the finished folder. Nothing here fails: what cannot be written is told.
@@ -408,27 +264,8 @@ fn wait_for_the_end(
     }
 }
 
-/// What was refused, in sentences.
-#[must_use]
-pub fn missing(granted: &Granted) -> Vec<String> {
-    granted
-        .missing()
-        .map(|feature| {
-            let reason = feature.reason.as_deref().unwrap_or("refused");
-            match &feature.advice {
-                Some(advice) => format!("{}: {reason} ({advice})", feature.asked),
-                None => format!("{}: {reason}", feature.asked),
-            }
-        })
-        .collect()
-}
-
 /// Lets the caller's thread rest. Not for the loop.
 pub fn pause(time: Duration) {
     let nanos = u64::try_from(time.as_nanos()).unwrap_or(u64::MAX);
     os::sleep_until_ns(os::monotonic_ns().saturating_add(nanos));
-}
-
-fn period_ns(rate_hz: f64) -> u64 {
-    (1e9 / rate_hz) as u64
 }

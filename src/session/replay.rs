@@ -10,8 +10,9 @@ use std::sync::{Arc, Mutex};
 
 use thiserror::Error;
 
+use super::recorded::{Replaced, put_recorded};
 use super::retrace::{prepared, same_columns};
-use super::tape::{Comparing, Recording, Replaced, Tape, put_recorded, with};
+use super::tape::{Comparing, Recording, Tape, with};
 use crate::config::ConfigError;
 use crate::engine::{Control, Ending, Engine, Experiment};
 use crate::record::{End, FolderError, Layout, Run};

@@ -11,11 +11,11 @@ use serde_json::Value;
 use thiserror::Error;
 
 use super::desk::{Request, ask};
+use super::recorded::Replaced;
 use super::replay::ReplayError;
 use super::retrace::{
     Origin, Retraced, prepared, read, retrace, rows_sha256, same, sha256, take_over,
 };
-use super::tape::Replaced;
 use crate::config::{ConfigError, Prepared};
 use crate::control::Port;
 use crate::engine::Phase;

@@ -10,8 +10,9 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::connect::put_standing;
+use super::recorded::{Replaced, put_recorded};
 use super::replay::ReplayError;
-use super::tape::{Comparing, Recording, Replaced, Tape, Verified, put_recorded, with};
+use super::tape::{Comparing, Recording, Tape, Verified, with};
 use crate::config::{self, Prepared};
 use crate::control::Port;
 use crate::engine::{Control, Ending, Engine, Experiment, Place, Resumption, Side};

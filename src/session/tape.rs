@@ -16,10 +16,6 @@ use crate::engine::{Experiment, GIVEN_UP, Operator, Phase};
 use crate::record::{
     Column, Event, EventKind, FolderError, Journal, Layout, Recorder, Run, WarmUpRows,
 };
-use crate::substructure::{
-    Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
-};
-use crate::time::Nanos;
 
 /// Rows to come that must be known: this one, and the one in which a confirmation shows.
 const AHEAD: usize = 2;
@@ -133,7 +129,7 @@ impl Tape {
 
     /// True if nothing is left to feed.
     pub fn is_over(&self) -> bool {
-        let Some(next) = self.ahead.front() else {
+        let Some(next) = self.next() else {
             return true;
         };
         let state = at(Some(next), self.places[0]);
@@ -161,6 +157,16 @@ impl Tape {
         }
     }
 
+    /// The row that comes.
+    pub fn next(&self) -> Option<&Vec<f64>> {
+        self.ahead.front()
+    }
+
+    /// Whether the test trips in the row that comes.
+    pub fn trips_next(&self) -> bool {
+        at(self.next(), self.places[0]) == Phase::Tripped.code()
+    }
+
     fn phase(&self, ahead: usize) -> Option<f64> {
         self.ahead.get(ahead)?.get(self.places[0]).copied()
     }
@@ -178,7 +184,7 @@ impl Tape {
             let on_its_way = before == state || is_a_trip(before);
             return (!completed && !on_its_way).then_some(Operator::Stop);
         }
-        let row = self.ahead.front()?;
+        let row = self.next()?;
         let holding = at(Some(row), self.places[1]) > 0.0;
         if holding != self.holding {
             self.holding = holding;
@@ -215,17 +221,17 @@ impl Tape {
             if !column.timing && recorded.to_bits() != made.to_bits() && self.difference.is_none() {
                 self.difference = Some(Difference {
                     row: self.row,
-                    step: at(self.ahead.front(), 0) as u64,
-                    time: at(self.ahead.front(), self.places[2]),
+                    step: at(self.next(), 0) as u64,
+                    time: at(self.next(), self.places[2]),
                     column: column.name.clone(),
                     recorded: *recorded,
                     replayed: *made,
                 });
             }
         }
-        self.time = at(self.ahead.front(), self.places[2]);
+        self.time = at(self.next(), self.places[2]);
         if self.difference.is_none() {
-            let front = self.ahead.front();
+            let front = self.next();
             self.before = Some((at(front, self.places[0]), at(front, 0)));
             self.row += 1;
             self.spare.extend(self.ahead.pop_front());
@@ -284,7 +290,8 @@ fn is_a_trip(state: f64) -> bool {
     state == Phase::Tripped.code() || state == GIVEN_UP
 }
 
-fn at(row: Option<&Vec<f64>>, index: usize) -> f64 {
+/// A number of a row; NaN where there is none.
+pub(super) fn at(row: Option<&Vec<f64>>, index: usize) -> f64 {
     row.and_then(|row| row.get(index))
         .copied()
         .unwrap_or(f64::NAN)
@@ -322,118 +329,5 @@ impl Recorder for Comparing {
             with(&self.0, |tape| tape.check(event.tick, digest));
         }
         true
-    }
-}
-
-/// Answers as the recorded specimen did.
-struct Recorded {
-    tape: Shared,
-    /// Places of raw displacement and raw force of each axis, of the sequence number and of the status.
-    axes: Vec<[usize; 2]>,
-    sequence: usize,
-    status: usize,
-    issued: u64,
-}
-
-impl Recorded {
-    /// Fails where the row that comes says so: there the specimen was lost.
-    fn is_lost(&self, mark: Status) -> Result<(), LinkFault> {
-        with(&self.tape, |tape| {
-            let row = tape.ahead.front();
-            let status = Status(at(row, self.status) as u32);
-            let trips = at(row, tape.places[0]) == Phase::Tripped.code();
-            if trips && status.has(mark) {
-                return Err(LinkFault::Closed);
-            }
-            Ok(())
-        })
-    }
-}
-
-impl Substructure for Recorded {
-    fn axes(&self) -> usize {
-        self.axes.len()
-    }
-
-    fn coupling(&self) -> Coupling {
-        Coupling::Lockstep
-    }
-
-    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
-        self.issued = command.sequence;
-        self.is_lost(Status::UNSENT)
-    }
-
-    fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
-        let issued = self.issued;
-        self.is_lost(Status::LOST)?;
-        with(&self.tape, |tape| {
-            // The end of the recording ends the replay.
-            let row = tape.ahead.front().ok_or(LinkFault::Closed)?;
-            let at = |index: usize| at(Some(row), index);
-            let recorded = at(self.sequence) as u64;
-            let axes = into.disp.iter_mut().zip(&mut into.force);
-            for ((disp, force), [disp_at, force_at]) in axes.zip(&self.axes) {
-                (*disp, *force) = (at(*disp_at), at(*force_at));
-            }
-            into.status = Status(at(self.status) as u32);
-            into.sequence = recorded;
-            // Ticks in which nothing moves share a number: there the row says how old its measurement is.
-            let stale = issued == recorded && into.status.has(Status::STALE);
-            Ok(if issued > recorded || stale {
-                Freshness::Stale
-            } else {
-                Freshness::Fresh
-            })
-        })
-    }
-
-    /// A partner that takes several ticks answers in the row in which it answered.
-    fn is_answered(&mut self) -> Result<bool, LinkFault> {
-        self.is_lost(Status::LOST)?;
-        with(&self.tape, |tape| {
-            let row = tape.ahead.front().ok_or(LinkFault::Closed)?;
-            Ok(at(Some(row), self.sequence) as u64 >= self.issued)
-        })
-    }
-
-    fn retire(&mut self, _: Retirement) {}
-}
-
-/// Whose place the recording takes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Replaced {
-    /// That of every specimen.
-    All,
-    /// That of specimens behind links: formulas go their own way again, and remember it.
-    Remote,
-}
-
-/// Puts the recording in place of the specimens.
-pub(super) fn put_recorded(
-    experiment: &mut Experiment,
-    tape: &Shared,
-    layout: &Layout,
-    replaced: Replaced,
-) {
-    let place = |name: &str| layout.index_of(name).unwrap_or(usize::MAX);
-    for (index, port) in experiment.ports.iter_mut().enumerate() {
-        if replaced == Replaced::Remote && !port.is_remote() {
-            continue;
-        }
-        let s = index + 1;
-        let axis = |j: usize| {
-            [
-                place(&format!("raw_disp_{s}_{j}")),
-                place(&format!("raw_force_{s}_{j}")),
-            ]
-        };
-        port.put_recording(Box::new(Recorded {
-            tape: Arc::clone(tape),
-            axes: (1..=port.axes()).map(axis).collect(),
-            sequence: place(&format!("seq_{s}")),
-            status: place(&format!("status_{s}")),
-            issued: 0,
-        }));
     }
 }

@@ -8,6 +8,7 @@ mod analysis;
 mod apart;
 mod critical;
 mod excitation;
+mod facts;
 mod gear;
 mod limits;
 pub(in crate::config) mod links;
@@ -25,13 +26,12 @@ mod trial;
 
 use std::path::PathBuf;
 
-use super::{ClockChoice, ConfigError, Diagnostics, Finding, KeyPath, Loaded, Method, TestFile};
+use super::{ConfigError, Diagnostics, Finding, KeyPath, Loaded, TestFile};
 use crate::engine::{Experiment, Numerical, Settling, Side, StepAudit, TestQuantity};
-use crate::integrate::{Lambda, LambdaChoice, OnlineLimit};
 use crate::link::{NativeSetup, Transport};
 use crate::rt;
-use crate::rt::TimingSpec;
 pub use analysis::{ALL_MODES, Analysis, DelayedMode, Loop, ModeFacts};
+pub use facts::{Facts, StructureFacts};
 use gear::Rows;
 pub use limits::{Limit, LimitFacts, SpecimenLimits};
 use recorded::record_dofs;
@@ -53,85 +53,6 @@ pub struct Prepared {
     pub files: Files,
     /// The warnings of the facts, with their places in the file.
     pub warnings: Diagnostics,
-}
-
-/// What is known about a test before it runs.
-#[derive(Debug, Clone)]
-pub struct Facts {
-    /// Its title.
-    pub title: String,
-    /// Δt in s of test time.
-    pub dt: f64,
-    /// Number of steps.
-    pub steps: u64,
-    /// Ticks of the controller per second of wall time that are asked for.
-    pub rate_hz: f64,
-    /// Ticks of the controller in one step.
-    pub ticks_per_step: u32,
-    /// The clock.
-    pub clock: ClockChoice,
-    /// The structure, if there is one.
-    pub structure: Option<StructureFacts>,
-    /// Names of the specimens, in order.
-    pub specimens: Vec<String>,
-    /// What is asked of the machine.
-    pub timing: TimingSpec,
-    /// Whether a lost row makes the test a failed one.
-    pub record_required: bool,
-    /// Seconds of rows that the queue to the writer holds.
-    pub queue_s: f64,
-    /// How far from where it was left each axis may stand when an interrupted test goes on, in m; none: as the record says.
-    pub resume_within: Option<f64>,
-    /// What is moved before the test, and why.
-    pub announced: Vec<String>,
-    /// Whether an operator must confirm what was read before anything moves.
-    pub confirm: bool,
-    /// Which limits there are, who checks them, what happens then.
-    pub limits: LimitFacts,
-    /// What the user should know although the test may run.
-    pub warnings: Vec<String>,
-}
-
-impl Facts {
-    /// λ in use; none without a structure or with another method than the family.
-    #[must_use]
-    pub fn lambda(&self) -> Option<f64> {
-        let lambda = self.structure.as_ref()?.lambda?;
-        Some(lambda.value())
-    }
-}
-
-/// What is known about the numerical side.
-#[derive(Debug, Clone)]
-pub struct StructureFacts {
-    /// Degrees of freedom.
-    pub dofs: usize,
-    /// The integration method.
-    pub method: Method,
-    /// How M_eff is stored and factored, for the family.
-    pub storage: Option<String>,
-    /// λ in use, for the family.
-    pub lambda: Option<Lambda>,
-    /// Whether λ was asked for by number.
-    pub lambda_by_number: bool,
-    /// Elements and modes with a λ of their own; every other λ here is that of the rest.
-    pub lambda_apart: Vec<(String, Lambda)>,
-    /// λ, its limit and what governs it; none if the tangents have no declared bound.
-    pub choice: Option<LambdaChoice>,
-    /// Gain bound g of the automatic choice.
-    pub gain: f64,
-    /// Natural frequencies at the start in rad/s, ascending, as far as they are cheap to find.
-    pub frequencies: Vec<f64>,
-    /// Largest |ground acceleration| in m/s².
-    pub peak_ground_accel: Option<f64>,
-    /// What modes and delays can be analysed from, for structures that are not too large.
-    pub analysis: Option<Analysis>,
-    /// Why no margin to a critical delay is watched; none where one is.
-    pub no_margin: Option<String>,
-    /// The limit of λ as the tangents of the specimens change it; none where it takes too long to find.
-    pub online_limit: Option<OnlineLimit>,
-    /// b·S⁻¹·bᵀ of every axis of every specimen, at the declared bounds; empty without a proof.
-    gains: Vec<Vec<f64>>,
 }
 
 /// What the run folder archives.

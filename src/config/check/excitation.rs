@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use super::Findings;
 use crate::config::diagnose::Finding;
 use crate::config::document::KeyPath;
-use crate::config::schema::{ExcitationTable, PrescribedPlace, TestFile};
+use crate::config::excitation::{ExcitationTable, PrescribedPlace};
+use crate::config::schema::TestFile;
 use crate::config::suggest::{listed, nearest};
 
 /// The whole of `[excitation]`.

@@ -7,9 +7,11 @@
 
 mod book;
 mod live;
+mod refused;
 mod setup;
 
-pub use setup::{NativeSetup, SetupError, unlimited_axis};
+pub use refused::SetupError;
+pub use setup::{NativeSetup, unlimited_axis};
 pub(in crate::link) use setup::{SOFTWARE, fit};
 
 use crate::link::Transport;

@@ -1,6 +1,6 @@
 //! What a session's bytes go over, with the faults that are played on it.
 
-use super::simulated::FarEnd;
+use super::far::FarEnd;
 use crate::link::fault::{FaultyWire, Script};
 use crate::link::tls::{TlsFault, TlsStream};
 use crate::link::{TcpTransport, Transport, UdpTransport, Wait};

@@ -7,6 +7,7 @@
 
 mod caller;
 mod data;
+mod far;
 mod greet;
 mod heard;
 mod host;

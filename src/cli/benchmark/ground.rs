@@ -1,0 +1,108 @@
+//! What shakes the ground in a benchmark: a record, or a motion made for it.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use clap::Args;
+
+use crate::benchmark::{DURATION_S, RATE_HZ};
+use crate::cli::tell;
+use crate::motion::{
+    CloughPenzien, Envelope, FileSignal, Grid, JenningsHousner, KanaiTajimi, Motion, Processing,
+    Quantity, Resample, Signal, Unit,
+};
+
+#[derive(Debug, Args)]
+pub struct GroundArgs {
+    /// Ground acceleration from a file: .AT2, .csv, two columns [default: a synthetic motion].
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
+    /// Unit of the record, where the file does not say it.
+    #[arg(long)]
+    unit: Option<String>,
+    /// Step of the record in s, where the file does not say it.
+    #[arg(long, value_name = "S")]
+    record_dt: Option<f64>,
+    /// Factor of the record.
+    #[arg(long, default_value_t = 0.4, allow_negative_numbers = true)]
+    scale: f64,
+}
+
+impl GroundArgs {
+    /// The record on the grid of the benchmark.
+    pub fn history(&self, seed: u64) -> anyhow::Result<Vec<f64>> {
+        let grid = Grid::new(1.0 / RATE_HZ, (DURATION_S * RATE_HZ) as usize)?;
+        let motion = match &self.record {
+            Some(path) => {
+                let name = path
+                    .to_str()
+                    .context("the path of the record is no UTF-8")?;
+                let unit = self.unit.as_deref().map(|unit| {
+                    toml::Value::from(unit)
+                        .try_into::<Unit>()
+                        .map_err(|_| anyhow::anyhow!("--unit {unit:?}: use m/s2, cm/s2, g …"))
+                });
+                Motion {
+                    signal: Signal::File(FileSignal {
+                        path: name.to_owned(),
+                        format: None,
+                        column: None,
+                        time_column: None,
+                        dt_s: self.record_dt,
+                        unit: unit.transpose()?,
+                        resample: Resample::default(),
+                        start_s: 0.0,
+                    }),
+                    processing: Processing {
+                        scale_factor: self.scale,
+                        zero_tail: true,
+                        ..Processing::default()
+                    },
+                }
+            }
+            None => synthetic(seed),
+        };
+        let files = |name: &str| std::fs::read(Path::new(name));
+        let series = motion.evaluate(Quantity::Acceleration, grid, &files)?;
+        for warning in &series.warnings {
+            tell(format_args!("warning: {warning}"));
+        }
+        let peak = series.values.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+        anyhow::ensure!(
+            peak > 0.0,
+            "the record does not move the ground within {DURATION_S} s"
+        );
+        Ok(series.values)
+    }
+}
+
+/// Firm soil, 30 s of shaking and a tail; so strong that the actuator is at its limit in no case.
+fn synthetic(seed: u64) -> Motion {
+    Motion {
+        signal: Signal::KanaiTajimi(KanaiTajimi {
+            ground_frequency_hz: None,
+            ground_angular_frequency_rad_per_s: Some(15.0),
+            ground_damping_ratio: 0.6,
+            clough_penzien: Some(CloughPenzien {
+                angular_frequency_rad_per_s: 1.5,
+                damping_ratio: 0.6,
+            }),
+            envelope: Envelope::JenningsHousner(JenningsHousner {
+                rise_s: 3.0,
+                strong_s: 12.0,
+                decay_per_s: 0.2,
+            }),
+            duration_s: 31.0,
+            seed,
+            peak: Some(0.8),
+            unit: None,
+            s0_m2_per_s3: None,
+            cutoff_hz: 50.0,
+            start_s: 0.0,
+        }),
+        processing: Processing {
+            zero_tail: true,
+            ..Processing::default()
+        },
+    }
+}

@@ -1,0 +1,119 @@
+//! Why a set-up failed, and what to do about it.
+
+use thiserror::Error;
+
+use crate::link::ConnectError;
+use crate::link::tls::TlsFault;
+use crate::substructure::{LinkFault, Unavailable};
+use crate::wire::WireError;
+use crate::wire::handshake::RefuseCode;
+
+/// Why a set-up failed. Nothing was moved.
+#[derive(Debug, Error)]
+pub enum SetupError {
+    /// There is no connection.
+    #[error(transparent)]
+    Connect(#[from] ConnectError),
+    /// No answer.
+    #[error(
+        "no answer to our {question} within {seconds} s: is it a specimen that speaks the gusset protocol?"
+    )]
+    Silent {
+        /// What was asked.
+        question: &'static str,
+        /// The time limit.
+        seconds: f64,
+    },
+    /// The connection was lost.
+    #[error("{0} before everything was agreed: is it a specimen that speaks the gusset protocol?")]
+    Lost(LinkFault),
+    /// TLS is wanted, and nobody gave a certificate.
+    #[error("TLS wants a certificate, a key and an authority")]
+    Bare,
+    /// The far end speaks TLS, and we do not.
+    #[error(
+        "it speaks TLS: set `transport = \"tls\"`, with the certificates of [specimen.link.tls]"
+    )]
+    SpeaksTls,
+    /// The TLS session was lost, or hangs.
+    #[error("TLS: {0}")]
+    Tls(TlsFault),
+    /// The answer makes no sense, or is not what was asked for.
+    #[error("{wrong}{hint}", wrong = .0, hint = hint(*.0))]
+    Wire(WireError),
+    /// The specimen refuses.
+    #[error("refused: {text}{}", advice(*code))]
+    Refused {
+        /// The reason, for programs.
+        code: RefuseCode,
+        /// In the specimen's words.
+        text: String,
+    },
+    /// The system has no random numbers.
+    #[error("no random numbers: {0}")]
+    Random(#[from] std::io::Error),
+}
+
+fn advice(code: RefuseCode) -> &'static str {
+    match code {
+        RefuseCode::Busy => " (one controller at a time; wait until its test is over)",
+        RefuseCode::Key => " (give both ends the same key file)",
+        RefuseCode::Axes => " (compare the number and the names of the axes: `axis_names`)",
+        RefuseCode::Units => " (compare `unit_disp` and `unit_force`)",
+        RefuseCode::Version => " (one of the two programs is too old)",
+        _ => "",
+    }
+}
+
+fn hint(error: WireError) -> &'static str {
+    match error {
+        WireError::Magic { .. } => {
+            " (is it the right port, and does `protocol` name what it speaks?)"
+        }
+        WireError::Version { .. } => advice(RefuseCode::Version),
+        WireError::Mac | WireError::Keyed { .. } | WireError::Proof { .. } => {
+            advice(RefuseCode::Key)
+        }
+        _ => "",
+    }
+}
+
+impl SetupError {
+    /// The kind of the fault.
+    #[must_use]
+    pub fn fault(&self) -> LinkFault {
+        match self {
+            Self::Connect(ConnectError::Timeout { .. }) | Self::Silent { .. } => LinkFault::Timeout,
+            Self::Connect(ConnectError::Refused { .. }) => LinkFault::Refused,
+            Self::Connect(ConnectError::Tls { fault, .. }) => fault.link(),
+            Self::Tls(fault) => fault.link(),
+            Self::Lost(fault) => *fault,
+            Self::Bare | Self::SpeaksTls => LinkFault::Malformed,
+            Self::Connect(_) | Self::Random(_) => LinkFault::Closed,
+            Self::Wire(error) => error.fault(),
+            Self::Refused { code, .. } => match code {
+                RefuseCode::Version => LinkFault::Version,
+                RefuseCode::Key => LinkFault::Auth,
+                _ => LinkFault::Refused,
+            },
+        }
+    }
+
+    pub(super) fn unavailable(self, address: &str) -> Unavailable {
+        let text = match &self {
+            // These name the address themselves.
+            Self::Connect(error) => error.to_string(),
+            other => format!("{address}: {other}"),
+        };
+        Unavailable {
+            fault: self.fault(),
+            text,
+        }
+    }
+}
+
+impl From<WireError> for SetupError {
+    fn from(error: WireError) -> Self {
+        Self::Wire(error)
+    }
+}

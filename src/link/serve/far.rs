@@ -1,0 +1,268 @@
+//! The far end's life on simulated time: it waits, is greeted and armed, stands through the test, and is over.
+//!
+//! Time passes here turn by turn, as far as the controller's end ([`super::Simulated`]) allows.
+
+use std::net::SocketAddr;
+
+use super::data::{self, Session};
+use super::greet::{self, Greeted};
+use super::line::{Carried, Line};
+use super::stand::Stand;
+use super::{Desk, Heard};
+use crate::link::Transport;
+use crate::link::fault::Queue;
+use crate::link::inbox::Inbox;
+use crate::substructure::LinkFault;
+use crate::time::Nanos;
+use crate::wire::Side;
+use crate::wire::native::{Decoder, Frame};
+
+/// The far end's end of the wire.
+#[derive(Debug)]
+pub(super) struct FarEnd {
+    incoming: Queue,
+    outgoing: Queue,
+    now: Nanos,
+    /// Time does not pass beyond this.
+    limit: Nanos,
+    delay_ns: u64,
+}
+
+impl FarEnd {
+    pub fn new(now: Nanos, delay_ns: u64) -> Self {
+        Self {
+            incoming: Queue::default(),
+            outgoing: Queue::default(),
+            now,
+            limit: now,
+            delay_ns,
+        }
+    }
+
+    /// A frame of the controller's leaves its end at `now`.
+    pub fn carry(&mut self, now: Nanos, frame: &[u8]) {
+        self.incoming.push(now.plus(self.delay_ns), frame);
+    }
+
+    /// When the next frame is at the controller's end.
+    pub fn next_at(&self) -> Option<Nanos> {
+        self.outgoing.next_at()
+    }
+
+    /// Puts a frame that is at the controller's end by `at` into `buffer`, and tells its size.
+    pub fn arrived(&mut self, at: Nanos, buffer: &mut [u8]) -> Option<usize> {
+        self.outgoing.take(at, buffer)
+    }
+
+    /// Lets time pass up to `limit`.
+    pub const fn allow(&mut self, limit: Nanos) {
+        self.limit = limit;
+    }
+
+    /// True if something happens here until `limit`, before something arrives at the other end.
+    pub fn is_due(&self, limit: Nanos) -> bool {
+        let coming = self.incoming.next_at().is_some_and(|at| at <= limit);
+        (self.now < limit || coming) && self.outgoing.next_at().is_none()
+    }
+}
+
+impl Transport for FarEnd {
+    fn send(&mut self, frame: &[u8]) -> Result<(), LinkFault> {
+        self.outgoing.push(self.now.plus(self.delay_ns), frame);
+        Ok(())
+    }
+
+    /// Returns before the deadline where the present of the controller's end is reached.
+    fn recv(&mut self, buffer: &mut [u8], deadline: Nanos) -> Result<Option<usize>, LinkFault> {
+        let until = deadline.min(self.limit).max(self.now);
+        let at = self.incoming.next_at().filter(|at| *at <= until);
+        self.now = self.now.max(at.unwrap_or(until));
+        Ok(self.incoming.take(until, buffer))
+    }
+
+    fn now(&self) -> Nanos {
+        self.now
+    }
+}
+
+/// Where in its life the far end is.
+pub(super) enum Far {
+    /// Nobody has armed it.
+    Waiting(Box<Waiting>),
+    /// With the time until which it waits.
+    Testing(Box<Stand>, Nanos),
+    /// Its session is over.
+    Over(Line),
+    /// While it goes on from one to the next.
+    Between,
+}
+
+pub(super) struct Waiting {
+    line: Line,
+    inbox: Inbox,
+    greeted: Option<Greeted>,
+}
+
+/// Nobody has an address here.
+const PEER: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(std::net::Ipv4Addr::LOCALHOST), 0);
+
+impl Far {
+    /// Behind this end of a wire, and waiting for a controller.
+    pub fn waiting(end: FarEnd, stream: bool) -> Self {
+        Self::Waiting(Box::new(Waiting {
+            line: Line::from(Carried::Simulated(Box::new(end))),
+            inbox: Inbox::new(stream),
+            greeted: None,
+        }))
+    }
+
+    pub const fn is_over(&self) -> bool {
+        matches!(self, Self::Over(_))
+    }
+
+    /// Its end of the wire.
+    pub fn end(&mut self) -> Option<&mut FarEnd> {
+        match self {
+            Far::Waiting(waiting) => waiting.line.far_end(),
+            Far::Testing(stand, _) => stand.line().far_end(),
+            Far::Over(line) => line.far_end(),
+            Far::Between => None,
+        }
+    }
+
+    /// Lives on by one turn, up to `limit`.
+    pub fn turn(&mut self, limit: Nanos, desk: &Desk) {
+        let over = match self {
+            Far::Testing(stand, until) => {
+                match stand.listen(*until).and_then(|()| stand.turn(desk)) {
+                    Ok(next) => {
+                        *until = next;
+                        return;
+                    }
+                    Err(end) => Some(end),
+                }
+            }
+            Far::Over(line) => {
+                if let Some(end) = line.far_end() {
+                    // What comes now is heard by nobody.
+                    end.incoming = Queue::default();
+                    end.now = end.now.max(limit);
+                }
+                return;
+            }
+            Far::Waiting(_) | Far::Between => None,
+        };
+        *self = match (std::mem::replace(self, Far::Between), over) {
+            (Far::Waiting(waiting), _) => waiting.turn(desk),
+            (Far::Testing(stand, _), Some(end)) => {
+                let (ended, line) = stand.finish(end);
+                desk.tell(ended);
+                desk.give_back();
+                Far::Over(line)
+            }
+            (other, _) => other,
+        };
+    }
+}
+
+impl Waiting {
+    /// Hears one frame, and answers it.
+    fn turn(self, desk: &Desk) -> Far {
+        let Self {
+            mut line,
+            mut inbox,
+            mut greeted,
+        } = self;
+        match line.recv(inbox.space(), Nanos(u64::MAX)) {
+            Ok(Some(count)) => inbox.filled(count),
+            Ok(None) => {}
+            Err(_) => return Far::Over(line),
+        }
+        while let Ok(Some(place)) = inbox.next() {
+            let frame = inbox.frame(place);
+            let answer = match greeted.take() {
+                None => hello(desk, frame).map(|new| {
+                    let welcome = new.welcome.clone();
+                    greeted = Some(new);
+                    welcome
+                }),
+                Some(mut known) => match arming(desk, &mut known, frame) {
+                    Ok(Some(arm)) => {
+                        let session = Session {
+                            line,
+                            inbox,
+                            peer: PEER,
+                            greeted: known,
+                            arm,
+                        };
+                        return match data::get_ready(session, desk, None) {
+                            Ok(stand) => Far::Testing(Box::new(stand), Nanos(0)),
+                            Err(refused) => {
+                                let (refused, line) = *refused;
+                                desk.tell(refused);
+                                desk.give_back();
+                                Far::Over(line)
+                            }
+                        };
+                    }
+                    other => {
+                        greeted = Some(known);
+                        other.map(|_| Vec::new())
+                    }
+                },
+            };
+            let (Ok(frame) | Err(frame)) = answer;
+            if !frame.is_empty() {
+                let _ = line.send(&frame);
+            }
+        }
+        Far::Waiting(Box::new(Self {
+            line,
+            inbox,
+            greeted,
+        }))
+    }
+}
+
+/// The judgement on a hello; an error is the answer to what is none.
+fn hello(desk: &Desk, frame: &[u8]) -> Result<Greeted, Vec<u8>> {
+    let mut decoder = Decoder::greeting(Side::Controller);
+    let refused = |refuse| greet::refusal(refuse, None);
+    let received = decoder
+        .open(frame)
+        .map_err(|error| refused(greet::nonsense(error)))?;
+    let Frame::Control(message) = received.frame else {
+        return Err(Vec::new());
+    };
+    let greeted = greet::judge(desk, message).map_err(refused)?;
+    desk.tell(Heard::Hello {
+        peer: PEER,
+        software: greeted.software.clone(),
+        test: greeted.test.clone(),
+    });
+    Ok(greeted)
+}
+
+/// The judgement on what comes after the welcome.
+fn arming(
+    desk: &Desk,
+    greeted: &mut Greeted,
+    frame: &[u8],
+) -> Result<Option<crate::wire::handshake::Arm>, Vec<u8>> {
+    let message = match greeted.decoder.open(frame).map(|received| received.frame) {
+        Ok(Frame::Control(message)) => message,
+        // A greeting that was repeated because its answer was late.
+        Err(_) if Decoder::greeting(Side::Controller).open(frame).is_ok() => {
+            return Err(greeted.welcome.clone());
+        }
+        Ok(_) | Err(_) => return Err(Vec::new()),
+    };
+    match greeted.arming(message) {
+        Ok(Some(_)) if !desk.take() => Err(greet::refusal(greet::busy(), None)),
+        Ok(arm) => Ok(arm),
+        Err(refuse) => {
+            let encoder = Some(&mut greeted.encoder);
+            Err(greet::refusal(refuse, encoder))
+        }
+    }
+}

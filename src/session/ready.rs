@@ -1,0 +1,181 @@
+//! Everything before the first edge: what is known is written, real-time conditions are asked for, the threads stand ready.
+
+use std::sync::mpsc::{self, SyncSender};
+use std::thread::JoinHandle;
+
+use super::guarded::{Ended, run_retired};
+use super::sampling::spawn_sampler;
+use super::{SessionError, Watches, archive, watches};
+use crate::config::{ClockChoice, Facts, Files};
+use crate::engine::{Control, Engine, Experiment};
+use crate::record::writer::Clocks;
+use crate::record::{
+    Beside, Layout, Note, NoteLevel, RingSize, Roll, RunFolder, ThreadLog, WhenFull, Writer,
+    WriterSettings, ring,
+};
+use crate::rt::sampler::Sampler;
+use crate::rt::wall::Wall;
+use crate::rt::{Granted, RtPlan, apply, os, pin_away};
+use crate::time::{Clock, SimClock};
+
+/// A test whose threads stand ready; nothing has moved.
+pub(super) struct Ready {
+    pub thread: JoinHandle<()>,
+    pub go: SyncSender<Experiment>,
+    pub experiment: Experiment,
+    pub done: mpsc::Receiver<Ended>,
+    pub writer: Writer,
+    pub sampler: Option<Sampler>,
+    pub granted: Option<Granted>,
+    pub roll: Roll,
+}
+
+/// Writes what is known before the test, asks for real-time conditions and starts the threads.
+pub(super) fn prepare(
+    experiment: Experiment,
+    facts: &Facts,
+    files: &Files,
+    folder: &mut RunFolder,
+    control: Control,
+    mut watches: Watches,
+) -> Result<Ready, SessionError> {
+    archive::keep(files, folder)?;
+    let columns = experiment.columns();
+    let layout = Layout::new(columns).map_err(|e| SessionError::Recording(e.to_string()))?;
+    let samples = folder.open_samples(&layout)?;
+    let events = folder.open_events()?;
+    let real = facts.clock == ClockChoice::Real;
+    let roll = watches.roll.take().unwrap_or_else(watches::roll);
+    let threads = if real {
+        Some(ThreadLog::new(folder.open_threads()?, roll.clone()))
+    } else {
+        // What takes how long on the wall is nothing to a test on the simulated clock.
+        roll.close();
+        None
+    };
+    let size = RingSize::for_rate(layout.columns().len(), facts.rate_hz, facts.queue_s);
+    let when_full = if real { WhenFull::Drop } else { WhenFull::Wait };
+    let (recorder, reader) = ring(layout.columns().len(), size, when_full)
+        .map_err(|e| SessionError::Recording(e.to_string()))?;
+    let (sample_in, sample_out) = crossbeam_channel::bounded(1024);
+
+    // The loop's thread first: it says what it was granted before anything else is set up or moved.
+    let plan = real.then(|| RtPlan::new(&facts.timing, period_ns(facts.rate_hz)));
+    let (onlooker, when_placed) = (watches.onlooker.take(), watches.when_placed.take());
+    let (before_first_tick, after_last_tick) = (watches.before_first_tick, watches.after_last_tick);
+    let (answer, answered) = mpsc::sync_channel(1);
+    let (go, gate) = mpsc::sync_channel::<Experiment>(1);
+    let (done_in, done) = mpsc::sync_channel(1);
+    let for_loop = roll.clone();
+    let thread = std::thread::Builder::new()
+        .name("gusset-loop".into())
+        .spawn(move || {
+            // By name only, and before anything is timed: the stamps of the loop are columns of the rows.
+            drop(for_loop.enter());
+            let granted = plan.as_ref().map(apply);
+            if answer.send((granted.clone(), os::thread_id())).is_err() {
+                return;
+            }
+            // The gate opens when every specimen is connected; a gate that is dropped ends the test unmoved.
+            let Ok(experiment) = gate.recv() else {
+                return;
+            };
+            let clock: Box<dyn Clock> = match &granted {
+                Some(granted) => Box::new(granted.clock()),
+                None => Box::new(SimClock::new()),
+            };
+            let mut engine = Engine::new(experiment, clock, Box::new(recorder));
+            engine.phase_cell = control.phase.clone();
+            engine.before_first_tick = before_first_tick;
+            engine.after_last_tick = after_last_tick;
+            let _ = done_in.send(run_retired(&mut engine, &control, granted.is_some()));
+        })
+        .map_err(SessionError::Thread)?;
+    let Ok((granted, thread_id)) = answered.recv() else {
+        return Err(SessionError::Recording(
+            "the loop's thread died before it began".into(),
+        ));
+    };
+    if let Some(granted) = &granted {
+        if granted.must_refuse() {
+            return Err(SessionError::NotRealTime {
+                missing: missing(granted),
+            });
+        }
+        if let Some(cpu) = granted.cpu {
+            // With one processor there is no other; the caller then shares it with the loop.
+            let _ = pin_away(cpu);
+        }
+    }
+    if let Some(start) = when_placed {
+        start().map_err(SessionError::Attendance)?;
+    }
+
+    let clocks = Clocks {
+        monotonic_ns: os::monotonic_ns,
+        utc_ns: || Wall::now().0,
+    };
+    let settings = WriterSettings {
+        real_clock: real,
+        tick_ns: period_ns(facts.rate_hz),
+        time_column: layout.index_of("time"),
+        specimens: facts.specimens.clone(),
+        ..WriterSettings::default()
+    };
+    let sampler_out = real.then_some(sample_out);
+    let beside = Beside { onlooker, threads };
+    let writer = Writer::spawn_beside(
+        reader,
+        samples,
+        events,
+        sampler_out,
+        clocks,
+        settings,
+        beside,
+    )?;
+    let sampler = if real {
+        spawn_sampler(thread_id, &granted, sample_in, roll.clone())
+    } else {
+        None
+    };
+
+    writer.note(archive::note(files, folder));
+    for warning in &facts.warnings {
+        // For the file only: whoever built the test has heard of it, with its place in the test file.
+        writer.note(Note::new(NoteLevel::Info, "warning").with("text", warning.as_str()));
+    }
+    if let Some(granted) = &granted {
+        for text in missing(granted) {
+            writer.note(Note::new(NoteLevel::Warning, "not_granted").with("text", text));
+        }
+    }
+    Ok(Ready {
+        thread,
+        go,
+        experiment,
+        done,
+        writer,
+        sampler,
+        granted,
+        roll,
+    })
+}
+
+/// What was refused, in sentences.
+#[must_use]
+pub fn missing(granted: &Granted) -> Vec<String> {
+    granted
+        .missing()
+        .map(|feature| {
+            let reason = feature.reason.as_deref().unwrap_or("refused");
+            match &feature.advice {
+                Some(advice) => format!("{}: {reason} ({advice})", feature.asked),
+                None => format!("{}: {reason}", feature.asked),
+            }
+        })
+        .collect()
+}
+
+fn period_ns(rate_hz: f64) -> u64 {
+    (1e9 / rate_hz) as u64
+}

@@ -1,0 +1,122 @@
+//! The recording in place of specimens: each answers as it did in the row that comes.
+
+use std::sync::Arc;
+
+use super::tape::{Shared, at, with};
+use crate::engine::Experiment;
+use crate::record::Layout;
+use crate::substructure::{
+    Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
+};
+use crate::time::Nanos;
+
+/// Answers as the recorded specimen did.
+struct Recorded {
+    tape: Shared,
+    /// Places of raw displacement and raw force of each axis, of the sequence number and of the status.
+    axes: Vec<[usize; 2]>,
+    sequence: usize,
+    status: usize,
+    issued: u64,
+}
+
+impl Recorded {
+    /// Fails where the row that comes says so: there the specimen was lost.
+    fn is_lost(&self, mark: Status) -> Result<(), LinkFault> {
+        with(&self.tape, |tape| {
+            let status = Status(at(tape.next(), self.status) as u32);
+            if tape.trips_next() && status.has(mark) {
+                return Err(LinkFault::Closed);
+            }
+            Ok(())
+        })
+    }
+}
+
+impl Substructure for Recorded {
+    fn axes(&self) -> usize {
+        self.axes.len()
+    }
+
+    fn coupling(&self) -> Coupling {
+        Coupling::Lockstep
+    }
+
+    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+        self.issued = command.sequence;
+        self.is_lost(Status::UNSENT)
+    }
+
+    fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+        let issued = self.issued;
+        self.is_lost(Status::LOST)?;
+        with(&self.tape, |tape| {
+            // The end of the recording ends the replay.
+            let row = tape.next().ok_or(LinkFault::Closed)?;
+            let at = |index: usize| at(Some(row), index);
+            let recorded = at(self.sequence) as u64;
+            let axes = into.disp.iter_mut().zip(&mut into.force);
+            for ((disp, force), [disp_at, force_at]) in axes.zip(&self.axes) {
+                (*disp, *force) = (at(*disp_at), at(*force_at));
+            }
+            into.status = Status(at(self.status) as u32);
+            into.sequence = recorded;
+            // Ticks in which nothing moves share a number: there the row says how old its measurement is.
+            let stale = issued == recorded && into.status.has(Status::STALE);
+            Ok(if issued > recorded || stale {
+                Freshness::Stale
+            } else {
+                Freshness::Fresh
+            })
+        })
+    }
+
+    /// A partner that takes several ticks answers in the row in which it answered.
+    fn is_answered(&mut self) -> Result<bool, LinkFault> {
+        self.is_lost(Status::LOST)?;
+        with(&self.tape, |tape| {
+            let row = tape.next().ok_or(LinkFault::Closed)?;
+            Ok(at(Some(row), self.sequence) as u64 >= self.issued)
+        })
+    }
+
+    fn retire(&mut self, _: Retirement) {}
+}
+
+/// Whose place the recording takes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Replaced {
+    /// That of every specimen.
+    All,
+    /// That of specimens behind links: formulas go their own way again, and remember it.
+    Remote,
+}
+
+/// Puts the recording in place of the specimens.
+pub(super) fn put_recorded(
+    experiment: &mut Experiment,
+    tape: &Shared,
+    layout: &Layout,
+    replaced: Replaced,
+) {
+    let place = |name: &str| layout.index_of(name).unwrap_or(usize::MAX);
+    for (index, port) in experiment.ports.iter_mut().enumerate() {
+        if replaced == Replaced::Remote && !port.is_remote() {
+            continue;
+        }
+        let s = index + 1;
+        let axis = |j: usize| {
+            [
+                place(&format!("raw_disp_{s}_{j}")),
+                place(&format!("raw_force_{s}_{j}")),
+            ]
+        };
+        port.put_recording(Box::new(Recorded {
+            tape: Arc::clone(tape),
+            axes: (1..=port.axes()).map(axis).collect(),
+            sequence: place(&format!("seq_{s}")),
+            status: place(&format!("status_{s}")),
+            issued: 0,
+        }));
+    }
+}
