@@ -10,10 +10,11 @@ fn main() -> ExitCode {
     // would complain by a macro that panics, on the thread that writes the rows.
     tracing_subscriber::fmt()
         .with_max_level(LevelFilter::WARN)
-        .with_writer(gusset::cli::log)
+        .with_writer(|| gusset::cli::Log)
         .with_ansi(std::io::stderr().is_terminal())
         .log_internal_errors(false)
         .with_target(false)
         .init();
+    gusset::cli::tell_panics();
     gusset::cli::main()
 }

@@ -4,8 +4,9 @@
  * The layout hash is SHA-256 of the layout text; it is a constant as long as the axes are:
  *     printf 'gusset frames 1 axes 1 history 4\naxis 1|m|N\n' | sha256sum
  *
- *     cc -O2 -Wall -o specimen specimen.c && ./specimen PORT [STIFFNESS_N_PER_M]
+ *     cc -O2 -Wall -o specimen specimen.c -lm && ./specimen PORT [STIFFNESS_N_PER_M]
  */
+#define _POSIX_C_SOURCE 200809L
 #include <arpa/inet.h>
 #include <math.h>
 #include <stdint.h>
@@ -19,21 +20,25 @@
 
 enum { COMMAND = 1, MEASUREMENT = 2, HEARTBEAT = 3, HOLD = 4, RETIRE = 5, GOODBYE = 6, CONTROL = 16 };
 enum { HELLO = 0, WELCOME = 1, REFUSE = 2, ARM = 3, BYE = 4 };
-enum { LARGEST = 32 + 64000 + 16 + 4 };
+enum { MESSAGE = 64000, LARGEST = 32 + MESSAGE + 4 };   /* of a control message, of a frame without a key */
+#define NONE UINT64_MAX                                 /* no command has this number */
 
 static const uint8_t LAYOUT[32] = {
     0x93, 0x27, 0xe9, 0xa7, 0x18, 0x2d, 0x41, 0xde, 0xdf, 0xf4, 0x3c, 0x73, 0xaa, 0x99, 0x3b, 0x78,
     0xab, 0x50, 0xa1, 0x5d, 0x6a, 0x9f, 0xd3, 0x10, 0xe2, 0x38, 0xa4, 0x8e, 0xda, 0x2a, 0xeb, 0xea
 };
 
-static int sock;
+static int sock, armed, over, paused;                   /* over: the session has ended, a retire is answered again */
 static struct sockaddr_in peer, sender;
-static uint64_t session, sent, newest_counter, seen;   /* seen: the 64 counters up to the newest, as bits */
-static uint64_t sequence = UINT64_MAX, expected, earlier_sequence[4];
-static double stiffness = 4e5, disp, force, watchdog, earlier_force[4];
-static double lowest, highest, largest_step;            /* what the controller announced */
+static uint64_t session, sent, newest_counter, seen;    /* seen: the 64 counters up to the newest, as bits */
+static uint64_t sequence = NONE, expected;              /* the command in force, the lowest that may come next */
+static struct { uint64_t sequence; double force; } past[5];             /* what was measured, newest first */
+static double stiffness = 4e5, disp, force;
+static double watchdog, heard, beaten;                  /* when a good frame came last, when we said that we hold */
+static double lowest, highest, largest_step, period;    /* what the controller announced */
+static double moved;                                    /* when the command in force came */
 static uint32_t status, missed, tripped;
-static uint8_t in[LARGEST + 1], out[LARGEST], hello[64000];
+static uint8_t in[LARGEST + 1], out[LARGEST], hello[MESSAGE];
 static size_t hello_length;
 
 static double now(void) { struct timespec t; clock_gettime(CLOCK_MONOTONIC, &t); return t.tv_sec + 1e-9 * t.tv_nsec; }
@@ -95,12 +100,12 @@ static void random_bytes(void *to, size_t size)
 
 static void notice(int kind, uint32_t cause)
 {
-    send_frame(kind, put_u32(put_u32(put_u64(32, sequence), cause), 0), session, &peer);
+    send_frame(kind, put_u32(put_u32(put_u64(32, sequence == NONE ? 0 : sequence), cause), 0), session, &peer);
 }
 
 static void heartbeat(void)
 {
-    size_t at = put_f64(put_u64(32, sequence == UINT64_MAX ? 0 : sequence), now());
+    size_t at = put_f64(put_u64(32, sequence == NONE ? 0 : sequence), now());
     send_frame(HEARTBEAT, put_u32(put_u32(at, status), 0), session, &peer);
 }
 
@@ -114,41 +119,46 @@ static int announced(size_t end)
     }
     if (end - at < 16 || u64(at) != 1 || u64(at + 8) > end - at - 16) return 0;
     at += 16 + u64(at + 8) + 8;
-    if (at > end || end - at < 32 || !u64(32 + 105)) return 0;
+    if (at + 32 != end || !u64(32 + 105) || !u64(32 + 113)) return 0;
     lowest = f64(at);
     highest = f64(at + 8);
     double slack = isfinite(highest - lowest) ? 1e-9 * (highest - lowest) : 0;
     lowest -= slack;
     highest += slack;
-    largest_step = f64(at + 16) * ((double)u64(32 + 113) / (double)u64(32 + 105)) * (1 + 1e-9);
-    return lowest < highest && largest_step > 0;
+    period = (double)u64(32 + 113) / (double)u64(32 + 105);
+    largest_step = f64(at + 16) * period * (1 + 1e-9);
+    return lowest < highest && largest_step > 0 && f64(at + 24) > 0;
 }
 
-/* The same hello gets the same welcome again; it begins a new session otherwise. */
-static void welcome(size_t end)
+/* The same hello gets the same welcome again. Another begins a new session, but never while a test runs. */
+static void welcome(size_t end, int ours)
 {
     static uint8_t nonce[32];
     static const uint8_t zeros[32];
-    int again = hello_length == end - 32 && !memcmp(hello, in + 32, hello_length);
-    if (end < 32 + 149) { refuse(12, "a hello is longer", 0); return; }
-    if (u16(132) > 1 || u16(134) < 1) { refuse(0, "version 1 is spoken here", 0); return; }
-    if (in[136]) { refuse(9, "no key is configured here", 0); return; }
-    if (memcmp(in + 100, LAYOUT, 32)) { refuse(3, "one axis called 'axis 1' in m and N is wanted", 0); return; }
-    if (!(f64(153) > 0 && f64(153) <= 60)) { refuse(6, "a watchdog time up to 60 s is wanted", 0); return; }
-    if (u32(161) != 0) { refuse(7, "sampled when the command comes, not later", 0); return; }
-    if (!announced(end)) { refuse(12, "one axis with limits that make sense is wanted", 0); return; }
+    static double stands;
+    int again = ours && !over && hello_length == end - 32 && !memcmp(hello, in + 32, hello_length);
     if (!again) {
+        if (armed) { refuse(8, "another controller is connected", 0); return; }
+        if (end < 32 + 149) { refuse(12, "a hello is longer", 0); return; }
+        if (u16(132) > 1 || u16(134) < 1) { refuse(0, "version 1 is spoken here", 0); return; }
+        if (in[136]) { refuse(9, "no key is configured here", 0); return; }
+        if (memcmp(in + 100, LAYOUT, 32)) { refuse(3, "one axis called 'axis 1' in m and N is wanted", 0); return; }
+        if (!(f64(153) > 0 && f64(153) <= 60)) { refuse(6, "a watchdog time up to 60 s is wanted", 0); return; }
+        if (u32(161) != 0) { refuse(7, "sampled when the command comes, not later", 0); return; }
+        if (!announced(end)) { refuse(12, "a rate and one axis with limits that make sense are wanted", 0); return; }
         hello_length = end - 32;
         memcpy(hello, in + 32, hello_length);
-        watchdog = f64(153);
         random_bytes(nonce, sizeof nonce);
         random_bytes(&session, sizeof session);
         if (!session) session = 1;
         peer = sender;
-        sent = newest_counter = seen = 0;
-        sequence = UINT64_MAX;
+        watchdog = f64(153);
+        stands = disp;
+        sent = newest_counter = seen = expected = 0;
+        sequence = NONE;
+        over = 0;
         status = missed = tripped = 0;
-        for (int i = 0; i < 4; i++) { earlier_sequence[i] = UINT64_MAX; earlier_force[i] = 0; }
+        for (int i = 0; i < 5; i++) { past[i].sequence = NONE; past[i].force = 0; }
     }
     size_t at = put_u32(32, WELCOME);
     at = put(put(put(at, zeros, 32), nonce, 32), LAYOUT, 32);
@@ -156,7 +166,7 @@ static void welcome(size_t end)
     out[at++] = 0;
     at = put_u32(put_f64(put_u32(at, 1), watchdog), 0);
     at = put_f64(put_u64(at, 1), stiffness);
-    at = put_f64(put_u64(at, 1), disp);
+    at = put_f64(put_u64(at, 1), stands);
     at = put_text(put_text(at, "specimen.c 1"), "spring");
     at = put_text(put_u64(at, 1), "axis 1");
     at = put_u32(put_u32(at, 0), 3);
@@ -168,45 +178,74 @@ static void answer(double came)
 {
     size_t at = put_f64(put_f64(put_u64(32, sequence), came), now() - came);
     at = put_f64(put_f64(put_u32(put_u32(at, status), missed), disp), force);
-    for (int i = 0; i < 4; i++) at = put_f64(put_u64(at, earlier_sequence[i]), earlier_force[i]);
+    for (int i = 1; i < 5; i++) at = put_f64(put_u64(at, past[i].sequence), past[i].force);
     send_frame(MEASUREMENT, at, session, &peer);
+}
+
+/* The first arm message, or a second one after commands that only tried which way round we are wired. */
+static void arm(size_t length, double came)
+{
+    static uint8_t answered[36];
+    if (!armed || length != 72 || memcmp(answered, in + 32, 36)) {       /* else the answer was lost: it is given again */
+        if (length != 72 || u64(36) != session || u64(52) != 1 || u64(44) == NONE) {
+            armed = 0;
+            refuse(12, "an arm message of another session, or not for one axis", session);
+            return;
+        }
+        if (u64(44) < expected) return;                                  /* overtaken on the way */
+        if (!(fabs(f64(60) - disp) <= 1e-9 * fabs(disp))) {
+            armed = 0;                                                   /* no command counts any more */
+            refuse(11, "the first command is not where the specimen stands", session);
+            return;
+        }
+        expected = u64(44);
+        sequence = NONE;
+        moved = came;
+        armed = 1;
+        paused = 0;
+        memcpy(answered, in + 32, 36);
+    }
+    memcpy(out + 32, answered, 36);
+    send_frame(CONTROL, 68, session, &peer);
 }
 
 static void command(double came)
 {
     uint64_t number = u64(32);
-    if (number == UINT64_MAX) return;
-    for (size_t at = 40; at < 72; at += 8) if (!isfinite(f64(at))) return;
-    if (sequence != UINT64_MAX && number < sequence) return;          /* overtaken on the way */
-    if (sequence == UINT64_MAX || number > sequence) {
-        if (sequence != UINT64_MAX) {
-            memmove(earlier_sequence + 1, earlier_sequence, 3 * sizeof *earlier_sequence);
-            memmove(earlier_force + 1, earlier_force, 3 * sizeof *earlier_force);
-            earlier_sequence[0] = sequence;
-            earlier_force[0] = force;
-        }
-        double gap = number > expected ? (double)(number - expected) : 0, to = f64(56);
-        if (!(to >= lowest && to <= highest) || fabs(to - disp) > largest_step * (gap + 1)) tripped = 1;   /* stay here */
+    paused = 0;
+    if (number != sequence) {
+        if (number < expected) return;                   /* overtaken on the way, or older than the arm message */
+        uint64_t gap = number - expected;
+        /* Lost commands give this one more time, but no more than has really passed. */
+        double steps = fmin((double)gap + 1, (came - moved) / period + 1), to = f64(56);
+        if (!(to >= lowest && to <= highest) || fabs(to - disp) > largest_step * steps) tripped = 1;   /* stay here */
         if (!tripped) disp = to;
-        missed += (uint32_t)gap;
+        missed = gap > UINT32_MAX - missed ? UINT32_MAX : missed + (uint32_t)gap;
         expected = number + 1;
         sequence = number;
+        moved = came;
         status = tripped;
         measure();
+        memmove(past + 1, past, 4 * sizeof *past);
+        past[0].sequence = number;
+        past[0].force = force;
     }
     answer(came);
 }
 
-/* Length, checksum, writer, key, axes and counter; 0: drop it. */
+/* Length, checksum, writer, key, axes and numbers; 0: drop it. */
 static int right(size_t length)
 {
     if (length < 36 || memcmp(in, "GUST\1", 5) || u32(8) != length) return 0;
     if (u16(6) != 0 || u16(14) != 0 || u32(length - 4) != crc32(in, length - 4)) return 0;
     switch (in[5]) {
-    case COMMAND: if (length != 76 || u16(12) != 1) return 0; break;
+    case COMMAND:
+        if (length != 76 || u16(12) != 1 || u64(32) == NONE) return 0;
+        for (size_t at = 40; at < 72; at += 8) if (!isfinite(f64(at))) return 0;
+        break;
     case HEARTBEAT: if (length != 60 || u16(12)) return 0; break;
     case HOLD: case RETIRE: case GOODBYE: if (length != 52 || u16(12)) return 0; break;
-    case CONTROL: if (length < 40 || u16(12)) return 0; break;
+    case CONTROL: if (length < 40 || length > LARGEST || u16(12)) return 0; break;
     default: return 0;
     }
     return 1;
@@ -226,6 +265,42 @@ static int fresh(uint64_t counter)
     return 1;
 }
 
+/* A frame that is right. */
+static void take(size_t length, double came)
+{
+    int ours = sender.sin_port == peer.sin_port && sender.sin_addr.s_addr == peer.sin_addr.s_addr;
+    if (u64(16) == 0) {
+        if (in[5] == CONTROL && u32(32) == HELLO) welcome(length - 4, ours);
+        return;
+    }
+    if (!ours || u64(16) != session || !fresh(u64(24))) return;
+    heard = came;
+    switch (in[5]) {
+    case COMMAND: if (armed) command(came); break;
+    case HOLD: paused = 1; break;
+    case RETIRE: armed = 0; over = 1; notice(GOODBYE, 0); break;
+    case GOODBYE: armed = 0; over = 1; break;
+    case CONTROL:
+        if (u32(32) == BYE) { armed = 0; over = 1; }
+        if (u32(32) == ARM && !over) arm(length, came);
+        break;
+    }
+}
+
+/* Time runs from the last good frame: strangers and broken frames do not put it off. */
+static void watch(double at)
+{
+    if (at - heard > 30 + 10 * watchdog) {               /* it is gone */
+        armed = 0;
+        over = 1;
+        notice(GOODBYE, 3);
+    } else if (!paused && at - fmax(heard, beaten) >= watchdog) {
+        beaten = at;
+        status = tripped | 2;                            /* holding: stop the rig here */
+        heartbeat();
+    }
+}
+
 int main(int argc, char **argv)
 {
     struct sockaddr_in here = { .sin_family = AF_INET, .sin_addr.s_addr = htonl(INADDR_LOOPBACK) };
@@ -239,48 +314,14 @@ int main(int argc, char **argv)
     }
     printf("listening on 127.0.0.1:%d\n", ntohs(here.sin_port));
     fflush(stdout);
-    int armed = 0, paused = 0;
-    double heard = 0;
     for (;;) {
-        double limit = armed ? watchdog : 1.0;
-        struct timeval wait = { (time_t)limit, (suseconds_t)(1e6 * (limit - floor(limit))) };
-        if (!wait.tv_sec && !wait.tv_usec) wait.tv_usec = 1;
+        double left = armed && !paused ? fmax(heard, beaten) + watchdog - now() : 1;
+        left = fmin(fmax(left, 1e-6), 1);
+        struct timeval wait = { (time_t)left, left < 1 ? (suseconds_t)(1e6 * left) : 0 };
         setsockopt(sock, SOL_SOCKET, SO_RCVTIMEO, &wait, sizeof wait);
         socklen_t sender_size = sizeof sender;
         ssize_t length = recvfrom(sock, in, sizeof in, 0, (struct sockaddr *)&sender, &sender_size);
-        double came = now();
-        if (length < 0) {
-            if (armed && !paused) { status = tripped | 2; heartbeat(); }         /* holding: stop the rig here */
-            if (armed && came - heard > 30 + 10 * watchdog) { armed = 0; session = 0; hello_length = 0; }   /* it is gone */
-            continue;
-        }
-        if (!right((size_t)length)) continue;
-        int ours = sender.sin_port == peer.sin_port && sender.sin_addr.s_addr == peer.sin_addr.s_addr;
-        if (u64(16) == 0) {
-            if (in[5] != CONTROL || u32(32) != HELLO) continue;
-            if (armed) refuse(8, "another controller is connected", 0);
-            else welcome((size_t)length - 4);
-            continue;
-        }
-        if (!ours || !session || u64(16) != session || !fresh(u64(24))) continue;
-        heard = came;
-        switch (in[5]) {
-        case COMMAND: if (armed) { paused = 0; command(came); } break;
-        case HOLD: paused = 1; break;
-        case RETIRE: if (armed) notice(GOODBYE, 0); armed = 0; session = 0; hello_length = 0; break;
-        case GOODBYE: armed = 0; session = 0; hello_length = 0; break;
-        case CONTROL:
-            if (u32(32) == BYE) { armed = 0; session = 0; hello_length = 0; break; }
-            if (u32(32) != ARM || length != 72 || u64(36) != session || u64(52) != 1) break;
-            if (!armed && f64(60) != disp) {
-                refuse(11, "the first command is not where the specimen stands", session);
-                break;
-            }
-            if (!armed) expected = u64(44);
-            armed = 1;
-            memcpy(out + 32, in + 32, 36);
-            send_frame(CONTROL, 68, session, &peer);
-            break;
-        }
+        if (length > 0 && right((size_t)length)) take((size_t)length, now());
+        if (armed) watch(now());
     }
 }

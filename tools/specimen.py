@@ -1,21 +1,25 @@
 #!/usr/bin/env python3
 """A specimen that speaks the Gusset wire protocol (tools/PROTOCOL.md) over TCP, complete, in one file.
 
-It is a spring: replace `measure` by your rig. One axis, metres and newtons, no key.
+It is a spring: replace `Rig` by yours. One axis, metres and newtons, no key.
 
     python3 specimen.py PORT [STIFFNESS_N_PER_M]
 """
 
 import hashlib
 import os
+import select
 import socket
 import struct
 import sys
+import threading
 import time
 import zlib
 
 COMMAND, MEASUREMENT, HEARTBEAT, HOLD, RETIRE, GOODBYE, CONTROL = 1, 2, 3, 4, 5, 6, 16
 HELLO, WELCOME, REFUSE, ARM, BYE = 0, 1, 2, 3, 4
+ORDERLY, WATCHDOG = 0, 3
+HELLO_LIMIT, ARM_LIMIT, SEND_LIMIT, MOST = 10, 60, 10, 16  # seconds; connections at the same time
 FLAG_SPECIMEN, INTERLOCK, HOLDING, NONE = 2, 1, 2, 2**64 - 1
 LENGTHS = {COMMAND: 76, HEARTBEAT: 60, HOLD: 52, RETIRE: 52, GOODBYE: 52}
 LAYOUT = hashlib.sha256(b"gusset frames 1 axes 1 history 4\naxis 1|m|N\n").digest()
@@ -26,17 +30,28 @@ class Broken(Exception):
     """A frame that fails a check: never move on it."""
 
 
-class Specimen:
-    def __init__(self, connection, stiffness):
-        self.connection, self.stiffness = connection, stiffness
-        self.session = self.sent = self.heard = 0
-        self.disp, self.status, self.missed, self.tripped = 0.0, 0, 0, 0
-        self.sequence, self.history, self.answer = None, [], b""
-        self.buffer = b""
+class Rig:
+    """Your rig. It stays where the last test has left it, whoever connects next."""
+
+    def __init__(self, stiffness):
+        self.stiffness, self.disp = stiffness, 0.0
+        self.taken = threading.Lock()  # by the test that runs
 
     def measure(self):
-        """Your rig: returns measured displacement and force."""
+        """Measured displacement and force."""
         return self.disp, self.stiffness * self.disp
+
+
+class Session:
+    """One controller, from its hello to its end."""
+
+    def __init__(self, connection, rig):
+        self.connection, self.rig = connection, rig
+        self.session = self.sent = self.counter = 0
+        self.status, self.missed, self.tripped = 0, 0, 0
+        self.sequence, self.expected = None, 0  # the command in force, the lowest that may come next
+        self.history, self.answer = [], b""
+        self.buffer = b""
 
     def send(self, kind, body):
         self.sent += 1
@@ -45,16 +60,13 @@ class Specimen:
         frame = struct.pack("<4sBBHIHHQQ", b"GUST", 1, kind, FLAG_SPECIMEN, length, n, 0, self.session, self.sent) + body
         self.connection.sendall(frame + struct.pack("<I", zlib.crc32(frame)))
 
-    def receive(self):
-        """The next frame as (kind, body), checked; None when the time limit of the socket has passed."""
-        while True:
-            frame = self.whole()
-            if frame:
-                break
-            try:
-                more = self.connection.recv(65536)
-            except TimeoutError:
+    def receive(self, until):
+        """The next frame as (kind, body), checked; None if it is not whole at that time: its bytes do not put it off."""
+        while not (frame := self.whole()):
+            left = max(0.0, until - time.monotonic())
+            if not select.select([self.connection], [], [], left)[0]:
                 return None
+            more = self.connection.recv(65536)
             if not more:
                 raise ConnectionError("the controller closed the connection")
             self.buffer += more
@@ -66,9 +78,9 @@ class Specimen:
         if session != self.session:
             raise Broken("session")
         if self.session:
-            if counter <= self.heard:
+            if counter <= self.counter:
                 raise Broken("counter")
-            self.heard = counter
+            self.counter = counter
         return kind, frame[32:-4]
 
     def whole(self):
@@ -78,7 +90,7 @@ class Specimen:
         if len(self.buffer) < 32:
             return None
         kind, length = self.buffer[5], struct.unpack_from("<I", self.buffer, 8)[0]
-        right = 36 < length <= 64036 if kind == CONTROL else length == LENGTHS.get(kind)
+        right = 40 <= length <= 64036 if kind == CONTROL else length == LENGTHS.get(kind)
         if not right:
             raise Broken("length")
         if len(self.buffer) < length:
@@ -97,20 +109,25 @@ class Specimen:
         for _ in ("program", "test"):
             at += 8 + struct.unpack_from("<Q", hello, at)[0]
         axes, name = struct.unpack_from("<QQ", hello, at)
-        low, high, speed, _force = struct.unpack_from("<dddd", hello, at + 16 + name + 8)
-        if axes != 1 or not (low < high and speed > 0):
-            self.refuse(12, "limits that make no sense")
+        low, high, speed, force = struct.unpack_from("<dddd", hello, at + 16 + name + 8)
+        if axes != 1 or at + 16 + name + 8 + 32 != len(hello) or not (low < high and speed > 0 and force > 0):
+            self.refuse(12, "one axis with limits that make sense is wanted")
         commands, seconds = struct.unpack_from("<QQ", hello, 105)
+        if not commands or not seconds:
+            self.refuse(12, "a rate that makes sense is wanted")
         slack = 1e-9 * (high - low) if high - low < float("inf") else 0.0
-        return low - slack, high + slack, speed * seconds / commands * (1 + 1e-9)
+        self.period = seconds / commands
+        self.limits = low - slack, high + slack, speed * self.period * (1 + 1e-9)
 
     def greet(self):
-        """Agrees on everything before anything moves."""
-        kind, hello = self.receive() or (None, b"")
+        """Agrees on everything before anything moves; returns the wish to arm."""
+        kind, hello = self.receive(time.monotonic() + HELLO_LIMIT) or (None, b"")
         if kind != CONTROL or len(hello) < 149 or struct.unpack_from("<I", hello)[0] != HELLO:
             raise Broken("no hello")
+        if self.rig.taken.locked():
+            self.refuse(8, "another controller is connected")
         lowest, highest, keyed = struct.unpack_from("<HH?", hello, 100)
-        watchdog, sampling = struct.unpack_from("<dI", hello, 121)
+        self.watchdog, sampling = struct.unpack_from("<dI", hello, 121)
         if not lowest <= 1 <= highest:
             self.refuse(0, "version 1 is spoken here")
         if keyed:
@@ -119,46 +136,58 @@ class Specimen:
             self.refuse(3, "one axis called 'axis 1' in m and N is wanted")
         if sampling != 0:
             self.refuse(7, "sampled when the command comes, not later")
-        if not 0 < watchdog <= 60:
+        if not 0 < self.watchdog <= 60:
             self.refuse(6, "a watchdog time up to 60 s is wanted")
-        self.limits = self.announced(hello)
+        self.announced(hello)
         session = int.from_bytes(os.urandom(8), "little") or 1
         name, program = b"spring", b"specimen.py 1"
-        welcome = struct.pack("<I32s32s32sQH?IdI", WELCOME, bytes(32), os.urandom(32), LAYOUT, session, 1, False, 1, watchdog, 0)
-        welcome += struct.pack("<QdQd", 1, self.stiffness, 1, self.disp)
+        welcome = struct.pack("<I32s32s32sQH?IdI", WELCOME, bytes(32), os.urandom(32), LAYOUT, session, 1, False, 1, self.watchdog, 0)
+        welcome += struct.pack("<QdQd", 1, self.rig.stiffness, 1, self.rig.disp)
         welcome += struct.pack("<Q", len(program)) + program + struct.pack("<Q", len(name)) + name
         welcome += struct.pack("<Q", 1) + AXIS
         self.send(CONTROL, welcome)
-        self.session, self.sent, self.watchdog = session, 0, watchdog
-        kind, arm = self.receive() or (None, b"")
+        self.session, self.sent = session, 0
+        kind, arm = self.receive(time.monotonic() + ARM_LIMIT) or (None, b"")
         if kind == CONTROL and struct.unpack_from("<I", arm)[0] == BYE:
             raise ConnectionError("the controller said goodbye before arming")
-        if kind != CONTROL or len(arm) != 36 or struct.unpack_from("<I", arm)[0] != ARM:
+        if kind != CONTROL or struct.unpack_from("<I", arm)[0] != ARM:
             raise Broken("no arm message")
-        _, session, self.expected, axes, start = struct.unpack("<IQQQd", arm)
-        if session != self.session or axes != 1:
-            self.refuse(12, "an arm message of another session")
-        if start != self.disp:
+        return arm
+
+    def arm(self, message):
+        """At the beginning, and again after commands that only tried which way round we are wired."""
+        if len(message) != 36:
+            self.refuse(12, "an arm message that is not for one axis")
+        _, session, first, axes, start = struct.unpack("<IQQQd", message)
+        if session != self.session or axes != 1 or not self.expected <= first < NONE:
+            self.refuse(12, "an arm message of another session, or of before")
+        if not abs(start - self.rig.disp) <= 1e-9 * abs(self.rig.disp):
             self.refuse(11, "the first command is not where the specimen stands")
-        self.send(CONTROL, arm)
+        self.sequence, self.expected, self.moved = None, first, time.monotonic()
+        self.send(CONTROL, message)
 
     def command(self, body):
         came = time.monotonic()
         sequence, _time, _dt, disp, vel = struct.unpack("<Qdddd", body)
         if not all(abs(x) < float("inf") for x in (_time, _dt, disp, vel)):
             raise Broken("a number that is none")
-        if self.sequence is not None and sequence < self.sequence:
-            return
+        if sequence == NONE:
+            raise Broken("no command has this number")
         if sequence != self.sequence:
-            gap = max(0, sequence - self.expected)
+            if sequence < self.expected:
+                return  # older than the one in force, or than the arm message
+            gap = sequence - self.expected
             low, high, step = self.limits
-            if not low <= disp <= high or abs(disp - self.disp) > step * (gap + 1):
+            # Lost commands give this one more time, but no more than has really passed.
+            steps = min(gap + 1, (came - self.moved) / self.period + 1)
+            if not low <= disp <= high or abs(disp - self.rig.disp) > step * steps:
                 self.tripped = INTERLOCK  # beyond what was announced: a fault; stay, until the next controller
             if not self.tripped:
-                self.disp = disp
-            self.missed += gap
+                self.rig.disp = disp
+            self.missed = min(self.missed + gap, 2**32 - 1)
             self.expected, self.sequence, self.status = sequence + 1, sequence, self.tripped
-            measured, force = self.measure()
+            self.moved = came
+            measured, force = self.rig.measure()
             earlier = (self.history + [(NONE, 0.0)] * 4)[:4]
             self.answer = struct.pack("<dd", measured, force) + b"".join(struct.pack("<Qd", *e) for e in earlier)
             self.history = [(sequence, force)] + self.history[:3]
@@ -166,17 +195,35 @@ class Specimen:
         self.send(MEASUREMENT, head + self.answer)
 
     def serve(self):
-        self.connection.settimeout(10)
-        self.greet()
-        self.connection.settimeout(self.watchdog)
+        self.connection.settimeout(SEND_LIMIT)
+        arm = self.greet()
+        if not self.rig.taken.acquire(blocking=False):
+            self.refuse(8, "another controller has armed")
+        try:
+            self.arm(arm)
+            ended, cause = self.test()
+        finally:
+            self.rig.taken.release()
+        if cause is not None:
+            self.send(GOODBYE, struct.pack("<QII", self.sequence or 0, cause, 0))
+        return ended
+
+    def test(self):
+        """From the arming to the end: how it ended, and the cause to answer goodbye with, if one is due."""
         paused = False
+        heard = beaten = time.monotonic()
+        gone = 30 + 10 * self.watchdog
         while True:
-            frame = self.receive()
+            frame = self.receive(heard + gone if paused else max(heard, beaten) + self.watchdog)
             if frame is None:
+                beaten = time.monotonic()
+                if beaten >= heard + gone:
+                    return "the controller is silent", WATCHDOG
                 if not paused:
                     self.status = self.tripped | HOLDING  # stop the rig here
-                    self.send(HEARTBEAT, struct.pack("<QdII", self.sequence or 0, time.monotonic(), self.status, 0))
+                    self.send(HEARTBEAT, struct.pack("<QdII", self.sequence or 0, beaten, self.status, 0))
                 continue
+            heard = time.monotonic()
             kind, body = frame
             if kind == COMMAND:
                 paused = False
@@ -184,26 +231,34 @@ class Specimen:
             elif kind == HOLD:
                 paused = True
             elif kind == RETIRE:
-                self.send(GOODBYE, struct.pack("<QII", self.sequence or 0, 0, 0))
-                return "retired"
+                return "retired", ORDERLY
             elif kind == CONTROL and struct.unpack_from("<I", body)[0] == ARM:
-                self.send(CONTROL, body)  # after commands that only tried which way round we are wired; a rig stays
+                paused = False
+                self.arm(body)
             elif kind in (GOODBYE, CONTROL):
-                return "the controller said goodbye"
+                return "the controller said goodbye", None
+
+
+def attend(connection, peer, rig):
+    with connection:
+        try:
+            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            print(peer, Session(connection, rig).serve(), file=sys.stderr)
+        except (Broken, OSError, OverflowError, struct.error) as reason:
+            print(peer, "ended:", reason, file=sys.stderr)
 
 
 def main():
-    port, stiffness = int(sys.argv[1]), float(sys.argv[2]) if len(sys.argv) > 2 else 4e5
+    port, rig = int(sys.argv[1]), Rig(float(sys.argv[2]) if len(sys.argv) > 2 else 4e5)
     listener = socket.create_server(("127.0.0.1", port))
     print("listening on 127.0.0.1:%d" % listener.getsockname()[1], flush=True)
     while True:
         connection, peer = listener.accept()
-        with connection:
-            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            try:
-                print(peer, Specimen(connection, stiffness).serve(), file=sys.stderr)
-            except (Broken, OSError) as reason:
-                print(peer, "ended:", reason, file=sys.stderr)
+        if threading.active_count() > MOST:
+            connection.close()
+            continue
+        # A thread for each: a second controller hears at once that the rig is taken.
+        threading.Thread(target=attend, args=(connection, peer, rig), daemon=True).start()
 
 
 if __name__ == "__main__":

@@ -4,8 +4,8 @@ use std::io::{BufRead, IsTerminal};
 
 use crossbeam_channel::{Receiver, Sender};
 
+use super::aside::remark;
 use super::exit::{Exit, WithExit};
-use super::tell;
 use crate::config::Facts;
 use crate::engine::{Notice, Operator};
 use crate::record::{Roll, What};
@@ -42,7 +42,7 @@ pub fn attend(
                         reading,
                     } => {
                         let name = names.get(port).map_or("", String::as_str);
-                        tell(format_args!(
+                        remark(format_args!(
                             "specimen \"{name}\" axis {}: displacement {:.6} (noise {:.1e}), force {:.6} (noise {:.1e}), \
                              in its own units",
                             axis + 1,
@@ -54,7 +54,7 @@ pub fn attend(
                     }
                     Notice::AwaitingConfirmation => {
                         if !yes {
-                            tell("Enter: these are right, go on. Ctrl-C: end.");
+                            remark("Enter: these are right, go on. Ctrl-C: end.");
                             let mut line = String::new();
                             // A terminal that hangs up ends the test through its signal.
                             if std::io::stdin().lock().read_line(&mut line).unwrap_or(0) == 0 {

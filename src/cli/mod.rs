@@ -5,6 +5,7 @@
 //! has hung up or the disk under a log is full: that must not end a test.
 
 mod args;
+mod aside;
 mod attend;
 mod benchmark;
 mod certificate;
@@ -41,6 +42,7 @@ use std::process::ExitCode;
 
 use clap::Parser;
 
+pub use aside::{Log, tell_panics};
 pub use exit::Exit;
 
 use args::{Cli, Command};
@@ -96,14 +98,8 @@ fn in_one_line(error: &anyhow::Error) -> String {
     text
 }
 
-/// Where the log goes: to stderr, below what stands there and changes.
-#[must_use]
-pub fn log() -> io::Stderr {
-    screen::step_aside();
-    io::stderr()
-}
-
-/// A line to whoever reads stderr. If nobody can, nothing is lost but the line.
+/// A line to whoever reads stderr, and is waited for: before something runs, and when it is over ([`aside::remark`] is for in
+/// between). If nobody can read, nothing is lost but the line.
 fn tell(text: impl Display) {
     screen::step_aside();
     let _nobody_reads = writeln!(io::stderr(), "{text}");

@@ -1,9 +1,9 @@
 //! Progress lines: on a terminal, and nowhere else.
 
-use std::io::{IsTerminal, Write};
+use std::io::IsTerminal;
 use std::sync::Mutex;
 
-use super::screen;
+use super::{aside, screen};
 use crate::config::Facts;
 use crate::record::Progress;
 
@@ -86,16 +86,14 @@ impl TrialsLine {
             let bar: String = (0..30)
                 .map(|i| if i < filled { '█' } else { '·' })
                 .collect();
-            let mut terminal = std::io::stderr();
-            let _hung_up = write!(terminal, "\r\x1b[2K{bar} trial {done} of {}", self.of);
-            let _ = terminal.flush();
+            aside::write(format!("\r\x1b[2K{bar} trial {done} of {}", self.of).as_bytes());
         }
     }
 
     /// Takes the line away.
     pub fn clear(&self) {
         if self.show {
-            let _hung_up = write!(std::io::stderr(), "\r\x1b[2K");
+            aside::write(b"\r\x1b[2K");
         }
     }
 }

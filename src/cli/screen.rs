@@ -4,8 +4,10 @@
 //! away with [`step_aside`]; the next drawing puts them below. Lines that are too long are cut by the terminal and never
 //! wrap, so that as many lines can be taken away as were drawn.
 
-use std::io::{self, IsTerminal, Write};
+use std::io::{self, IsTerminal};
 use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use super::aside;
 
 /// Lines that stand on the terminal now.
 static DRAWN: Mutex<usize> = Mutex::new(0);
@@ -34,16 +36,14 @@ pub fn draw(lines: &[String]) {
     let mut drawn = drawn();
     let text = over(*drawn, lines);
     *drawn = lines.len();
-    let mut terminal = io::stderr().lock();
-    let _hung_up = terminal.write_all(text.as_bytes());
-    let _ = terminal.flush();
+    aside::write(text.as_bytes());
 }
 
 /// Takes the lines away: something else is to be printed, or it is over.
 pub fn step_aside() {
     let mut drawn = drawn();
     if *drawn > 0 {
-        let _hung_up = io::stderr().lock().write_all(over(*drawn, &[]).as_bytes());
+        aside::write(over(*drawn, &[]).as_bytes());
         *drawn = 0;
     }
 }

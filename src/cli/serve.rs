@@ -10,6 +10,7 @@ use anyhow::Context;
 use tokio::signal::unix::{SignalKind, signal};
 
 use super::args::{ProtocolArg, ServeArgs, TransportArg};
+use super::aside::remark;
 use super::exit::{Exit, WithExit};
 use super::run::refused;
 use super::{answer, serve_openfresco, serve_tls, tell};
@@ -111,12 +112,12 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
         async {
             match until_signal(address).await {
                 Ok(signal) => exit = signal,
-                Err(error) => tell(format_args!("error: signals cannot be taken over: {error}")),
+                Err(error) => remark(format_args!("error: signals cannot be taken over: {error}")),
             }
         },
         &mut |event: &Heard| {
             if !quiet {
-                tell(event);
+                remark(event);
             }
         },
     )?;

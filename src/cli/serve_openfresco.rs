@@ -3,6 +3,7 @@
 use anyhow::Context;
 
 use super::args::ServeArgs;
+use super::aside::remark;
 use super::exit::{Exit, WithExit};
 use super::serve::say_ready;
 use super::serve_tls;
@@ -95,7 +96,7 @@ pub fn serve(
         &|| !requests.is_empty(),
         &mut |news: &News| {
             if !args.quiet {
-                tell(news);
+                remark(news);
             }
         },
     )?;

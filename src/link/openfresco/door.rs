@@ -9,10 +9,12 @@ use std::net::{IpAddr, SocketAddr, TcpListener, TcpStream, UdpSocket};
 use std::os::fd::AsFd;
 
 use rustix::event::{PollFd, PollFlags, Timespec};
-use rustix::net::{AddressFamily, SocketFlags, SocketType, sockopt};
+use rustix::net::sockopt;
 use thiserror::Error;
 
-use crate::link::socket::{ConnectError, SocketOptions, TcpTransport, UdpTransport, resolve};
+use crate::link::socket::{
+    ConnectError, SocketOptions, TcpTransport, UdpTransport, beside, resolve,
+};
 use crate::link::tls::TlsServer;
 use crate::wire::openfresco::Carrier;
 
@@ -232,23 +234,6 @@ pub(super) fn stream_to(stream: TcpStream) -> Result<TcpTransport, ConnectError>
 
 /// A socket on the same port that hears only `peer`, beside `door`, which from now on hears only the others.
 pub(super) fn socket_to(door: &UdpSocket, peer: SocketAddr) -> Result<UdpTransport, DoorError> {
-    let own = || -> io::Result<UdpSocket> {
-        let family = if peer.is_ipv4() {
-            AddressFamily::INET
-        } else {
-            AddressFamily::INET6
-        };
-        let socket =
-            rustix::net::socket_with(family, SocketType::DGRAM, SocketFlags::CLOEXEC, None)?;
-        // Only while this second socket is bound: two programs on one port must not go unnoticed.
-        sockopt::set_socket_reuseaddr(door, true)?;
-        sockopt::set_socket_reuseaddr(&socket, true)?;
-        let bound = rustix::net::bind(&socket, &door.local_addr()?);
-        sockopt::set_socket_reuseaddr(door, false)?;
-        sockopt::set_socket_reuseaddr(&socket, false)?;
-        bound?;
-        rustix::net::connect(&socket, &peer)?;
-        Ok(UdpSocket::from(socket))
-    };
-    Ok(UdpTransport::from_socket(own()?, SocketOptions::default())?)
+    let own = beside(door, door.local_addr()?, peer)?;
+    Ok(UdpTransport::from_socket(own, SocketOptions::default())?)
 }

@@ -24,7 +24,7 @@ pub use simulated::{Simulated, Tap, Tapped};
 use std::future::Future;
 use std::net::SocketAddr;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use crossbeam_channel::Sender;
 use thiserror::Error;
@@ -93,8 +93,6 @@ struct Desk {
     spin_ns: u64,
     /// A controller has armed the specimen.
     present: AtomicBool,
-    /// Connections that have not armed yet.
-    waiting: AtomicUsize,
     stop: AtomicBool,
     sessions: Sender<data::Session>,
     heard: UnboundedSender<Heard>,
@@ -243,7 +241,6 @@ impl Server {
             tls: self.tls,
             spin_ns: self.options.spin_ns,
             present: AtomicBool::new(false),
-            waiting: AtomicUsize::new(0),
             stop: AtomicBool::new(false),
             sessions,
             heard: heard_in,

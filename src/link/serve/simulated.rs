@@ -5,7 +5,7 @@
 //! due meanwhile. Everything happens on one thread, in the order of simulated time, so that a test with the same faults is
 //! the same test to the last bit. What it does not do: faults. They are the host's ([`Host::faulty`]).
 
-use std::sync::atomic::{AtomicBool, AtomicUsize};
+use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use tokio::sync::mpsc::UnboundedReceiver;
@@ -94,7 +94,6 @@ impl Simulated {
                 tls: None,
                 spin_ns: 0,
                 present: AtomicBool::new(false),
-                waiting: AtomicUsize::new(0),
                 stop: AtomicBool::new(false),
                 sessions,
                 heard: heard_in,

@@ -1,8 +1,8 @@
 //! TCP: accept, greet, hand over.
 
-use std::net::SocketAddr;
-use std::sync::Arc;
-use std::sync::atomic::Ordering;
+use std::collections::HashMap;
+use std::net::{IpAddr, SocketAddr};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use tokio::net::{TcpListener, TcpStream};
@@ -22,24 +22,65 @@ use crate::wire::{Side, WireError};
 const HELLO_LIMIT: Duration = Duration::from_secs(5);
 /// From the welcome to the arming: a large model takes a while to get ready.
 const ARM_LIMIT: Duration = Duration::from_secs(60);
-/// Connections that have not armed yet; more are closed unheard.
-const MOST_WAITING: usize = 16;
+/// Connections that have not armed yet; more are closed unheard, which is told once until there is room again.
+const MOST_WAITING: usize = 64;
+/// Of them from one address: one machine does not keep out the others.
+const MOST_OF_ONE: usize = 16;
 /// Pause after a failed accept, for instance without file descriptors left.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
 
+/// Who waits, by address.
+#[derive(Debug, Default)]
+struct Waiting(Mutex<HashMap<IpAddr, usize>>);
+
+impl Waiting {
+    /// The number of those that wait, by address.
+    fn all(&self) -> MutexGuard<'_, HashMap<IpAddr, usize>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// True if there was room for one more.
+    fn enter(&self, address: IpAddr) -> bool {
+        let mut all = self.all();
+        let own = all.get(&address).copied().unwrap_or(0);
+        let room = own < MOST_OF_ONE && all.values().sum::<usize>() < MOST_WAITING;
+        if room {
+            all.insert(address, own + 1);
+        }
+        room
+    }
+
+    fn leave(&self, address: IpAddr) {
+        let mut all = self.all();
+        if let Some(count) = all.get_mut(&address) {
+            *count -= 1;
+            if *count == 0 {
+                all.remove(&address);
+            }
+        }
+    }
+}
+
 /// Accepts for as long as the runtime lives.
 pub(super) async fn accept(listener: TcpListener, desk: Arc<Desk>) {
+    let waiting = Arc::new(Waiting::default());
+    let mut full = false;
     loop {
         match listener.accept().await {
             Ok((stream, peer)) => {
-                if desk.waiting.fetch_add(1, Ordering::AcqRel) >= MOST_WAITING {
-                    desk.waiting.fetch_sub(1, Ordering::AcqRel);
+                if !waiting.enter(peer.ip()) {
+                    if !full {
+                        let text = "closed unheard: too many wait already".to_owned();
+                        desk.tell(Heard::Refused { peer, text });
+                    }
+                    full = true;
                     continue;
                 }
-                let desk = Arc::clone(&desk);
+                full = false;
+                let (desk, waiting) = (Arc::clone(&desk), Arc::clone(&waiting));
                 tokio::spawn(async move {
                     attend(stream, peer, &desk).await;
-                    desk.waiting.fetch_sub(1, Ordering::AcqRel);
+                    waiting.leave(peer.ip());
                 });
             }
             Err(_) => tokio::time::sleep(ACCEPT_PAUSE).await,

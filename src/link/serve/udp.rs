@@ -6,7 +6,6 @@ use std::io;
 use std::net::SocketAddr;
 use std::sync::Arc;
 
-use rustix::net::{AddressFamily, SocketFlags, SocketType, sockopt};
 use tokio::net::UdpSocket;
 
 use super::data::Session;
@@ -14,6 +13,7 @@ use super::greet::{self, Greeted};
 use super::line::Carried;
 use super::{Desk, Heard};
 use crate::link::inbox::Inbox;
+use crate::link::socket::beside;
 use crate::link::{SocketOptions, UdpTransport};
 use crate::rt::os;
 use crate::wire::handshake::{Arm, Refuse};
@@ -21,22 +21,17 @@ use crate::wire::native::{Decoder, Frame, LARGEST_FRAME};
 use crate::wire::{Side, WireError};
 
 /// Controllers that have been welcomed and not armed yet; the oldest makes room.
-const MOST_WAITING: usize = 16;
+const MOST_WAITING: usize = 64;
+/// Of them at one address, where its own oldest makes room: one machine does not push out the others.
+const MOST_OF_ONE: usize = 16;
 /// Complaints about strangers; beyond, they are dropped in silence.
 const MOST_COMPLAINTS: u64 = 100;
 
-/// A socket on `address` that others of this user may share: the listener and the sessions.
+/// A socket on `address` that hears everybody.
 pub(super) fn bind(address: SocketAddr) -> io::Result<std::net::UdpSocket> {
-    let family = if address.is_ipv4() {
-        AddressFamily::INET
-    } else {
-        AddressFamily::INET6
-    };
-    let flags = SocketFlags::CLOEXEC | SocketFlags::NONBLOCK;
-    let socket = rustix::net::socket_with(family, SocketType::DGRAM, flags, None)?;
-    sockopt::set_socket_reuseport(&socket, true)?;
-    rustix::net::bind(&socket, &address)?;
-    Ok(socket.into())
+    let socket = std::net::UdpSocket::bind(address)?;
+    socket.set_nonblocking(true)?;
+    Ok(socket)
 }
 
 struct Candidate {
@@ -105,14 +100,7 @@ fn hear(
                 test: greeted.test.clone(),
             });
             let welcome = greeted.welcome.clone();
-            if candidates.len() >= MOST_WAITING
-                && let Some(oldest) = candidates
-                    .iter()
-                    .min_by_key(|(_, candidate)| candidate.since)
-                    .map(|(peer, _)| *peer)
-            {
-                candidates.remove(&oldest);
-            }
+            make_room(candidates, peer);
             let candidate = Candidate {
                 hello: message.to_vec(),
                 since: os::monotonic_ns(),
@@ -166,15 +154,27 @@ fn hear(
     }
 }
 
+/// Lets the oldest go where there are too many, of all or at the address of `peer`.
+fn make_room(candidates: &mut HashMap<SocketAddr, Candidate>, peer: SocketAddr) {
+    let at_home = |other: &SocketAddr| other.ip() == peer.ip();
+    let too_many_of_one = candidates.keys().filter(|p| at_home(p)).count() >= MOST_OF_ONE;
+    if !too_many_of_one && candidates.len() < MOST_WAITING {
+        return;
+    }
+    let may_go = candidates
+        .iter()
+        .filter(|(other, _)| !too_many_of_one || at_home(other));
+    let oldest = may_go.min_by_key(|(_, candidate)| candidate.since);
+    if let Some(oldest) = oldest.map(|(peer, _)| *peer) {
+        candidates.remove(&oldest);
+    }
+}
+
 /// The session has a socket of its own; from here on the kernel gives it the datagrams of its peer.
 fn hand_over(socket: &UdpSocket, peer: SocketAddr, desk: &Desk, greeted: Greeted, arm: Arm) {
     let line = socket
         .local_addr()
-        .and_then(bind)
-        .and_then(|own| {
-            own.connect(peer)?;
-            Ok(own)
-        })
+        .and_then(|local| beside(socket, local, peer))
         .map_err(|error| error.to_string())
         .and_then(|own| {
             UdpTransport::from_socket(own, SocketOptions::default()).map_err(|e| e.to_string())

@@ -5,6 +5,7 @@
 //! bytes and their meaning, and what to do about a fault. Resolving a host's name happens before the test and has no
 //! time limit of ours: it is the system's resolver that waits.
 
+mod beside;
 mod connect;
 mod tcp;
 mod udp;
@@ -14,6 +15,7 @@ use std::os::fd::BorrowedFd;
 
 use rustix::event::{PollFd, PollFlags, Timespec};
 
+pub(in crate::link) use beside::beside;
 pub use connect::{ConnectError, resolve, resolve_host};
 pub use tcp::TcpTransport;
 pub use udp::UdpTransport;

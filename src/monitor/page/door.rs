@@ -1,4 +1,4 @@
-//! The listening end: a bounded number of connections, each with a small buffer and a time limit for its first word.
+//! The listening end: a bounded number of connections, each with a small buffer, and none without an answer for long.
 //!
 //! A connection takes a file descriptor and memory; neither may run out because of viewers.
 
@@ -14,14 +14,15 @@ use axum::serve::{IncomingStream, Listener};
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
-use tokio::time::Sleep;
+use tokio::time::{Instant, Sleep};
 
 /// Connections at the same time; who comes after waits in the system's queue.
 const MOST: usize = 96;
 /// Bytes that the system may keep for one viewer: a slow one skips instead of reading what was long ago.
 const SEND_BUFFER: usize = 128 << 10;
-/// How long a caller may take for the first word.
-const FIRST_WORD: Duration = Duration::from_secs(10);
+/// How long a caller stays who is told nothing: who is silent, does not come to the end of his request, or asks no more. A
+/// viewer is told something ten times a second.
+const NOTHING_TOLD: Duration = Duration::from_secs(20);
 /// How long what was sent may stay without an answer of the other machine, ms.
 const NO_ANSWER_MS: u32 = 30_000;
 /// Pause after a listener that fails, for want of descriptors for example.
@@ -76,8 +77,8 @@ impl Listener for Door {
 #[derive(Debug)]
 pub(super) struct Caller {
     stream: TcpStream,
-    /// Until it has said something.
-    silent: Option<Pin<Box<Sleep>>>,
+    /// Until something is told to it.
+    untold: Pin<Box<Sleep>>,
     _place: OwnedSemaphorePermit,
 }
 
@@ -85,8 +86,15 @@ impl Caller {
     fn new(stream: TcpStream, place: OwnedSemaphorePermit) -> Self {
         Self {
             stream,
-            silent: Some(Box::pin(tokio::time::sleep(FIRST_WORD))),
+            untold: Box::pin(tokio::time::sleep(NOTHING_TOLD)),
             _place: place,
+        }
+    }
+
+    /// Something was told, or was not.
+    fn note(&mut self, told: &Poll<io::Result<usize>>) {
+        if matches!(told, Poll::Ready(Ok(count)) if *count > 0) {
+            self.untold.as_mut().reset(Instant::now() + NOTHING_TOLD);
         }
     }
 }
@@ -97,14 +105,8 @@ impl AsyncRead for Caller {
         cx: &mut Context<'_>,
         buffer: &mut ReadBuf<'_>,
     ) -> Poll<io::Result<()>> {
-        let before = buffer.filled().len();
         let read = Pin::new(&mut self.stream).poll_read(cx, buffer);
-        if buffer.filled().len() > before {
-            self.silent = None;
-        }
-        if let (Poll::Pending, Some(silent)) = (&read, &mut self.silent)
-            && silent.as_mut().poll(cx).is_ready()
-        {
+        if read.is_pending() && self.untold.as_mut().poll(cx).is_ready() {
             return Poll::Ready(Err(io::ErrorKind::TimedOut.into()));
         }
         read
@@ -117,7 +119,9 @@ impl AsyncWrite for Caller {
         cx: &mut Context<'_>,
         bytes: &[u8],
     ) -> Poll<io::Result<usize>> {
-        Pin::new(&mut self.stream).poll_write(cx, bytes)
+        let told = Pin::new(&mut self.stream).poll_write(cx, bytes);
+        self.note(&told);
+        told
     }
 
     fn poll_write_vectored(
@@ -125,7 +129,9 @@ impl AsyncWrite for Caller {
         cx: &mut Context<'_>,
         parts: &[io::IoSlice<'_>],
     ) -> Poll<io::Result<usize>> {
-        Pin::new(&mut self.stream).poll_write_vectored(cx, parts)
+        let told = Pin::new(&mut self.stream).poll_write_vectored(cx, parts);
+        self.note(&told);
+        told
     }
 
     fn is_write_vectored(&self) -> bool {

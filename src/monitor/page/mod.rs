@@ -36,7 +36,7 @@ use crate::record::{Note, NoteLevel, Roll};
 use door::Door;
 use feed::Feed;
 use gate::Gate;
-use routes::Site;
+use routes::{Refusals, Site};
 use work::Work;
 
 /// Where the page is if nobody says otherwise.
@@ -225,6 +225,7 @@ impl LivePage {
             gate: Gate::new(self.address.ip(), self.name, self.control, self.view),
             operator,
             notes,
+            refused: Refusals::default(),
         };
         let asked = Arc::clone(&stop);
         let thread = std::thread::Builder::new()

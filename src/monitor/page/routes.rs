@@ -1,7 +1,7 @@
 //! What is served under which path, and what stands in the head of every answer.
 
 use std::future::Future;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use axum::Router;
 use axum::body::Body;
@@ -29,9 +29,31 @@ pub(super) struct Site {
     pub gate: Gate,
     pub operator: Sender<Operator>,
     pub notes: Sender<Note>,
+    pub refused: Refusals,
+}
+
+/// Requests that were turned away: told once in a while, for whoever sends them must not fill the record.
+#[derive(Debug, Default)]
+pub(super) struct Refusals(Mutex<(Option<u64>, u64)>);
+
+impl Refusals {
+    /// One more; the number since they were told of last, if they are to be told now.
+    fn count(&self, now: u64) -> Option<u64> {
+        let mut refused = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let (told, times) = &mut *refused;
+        *times += 1;
+        let due = told.is_none_or(|told| now.saturating_sub(told) >= TELL_NS);
+        due.then(|| {
+            *told = Some(now);
+            std::mem::take(times)
+        })
+    }
 }
 
 type Shared = State<Arc<Site>>;
+
+/// Time between two notes on what was turned away, ns.
+const TELL_NS: u64 = 10_000_000_000;
 
 /// Scripts and styles from here and nowhere else; nothing inline; nothing in a frame.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src 'self'; \
@@ -138,9 +160,11 @@ async fn operate(
         note.with("from", peer.to_string())
     };
     if let Err(refusal) = site.gate.control(&headers) {
-        // A full queue is enough of a warning.
-        let refused = note(NoteLevel::Warning, "control_refused").with("why", refusal.1);
-        let _full = site.notes.try_send(refused);
+        if let Some(times) = site.refused.count(monotonic_ns()) {
+            let refused = note(NoteLevel::Warning, "control_refused").with("why", refusal.1);
+            // A full queue is enough of a warning.
+            let _full = site.notes.try_send(refused.with("times", times));
+        }
         return Err(refusal);
     }
     if site.feed.board.ended().is_some() {
@@ -170,5 +194,19 @@ impl IntoResponse for Refusal {
             headers.insert(header::WWW_AUTHENTICATE, HeaderValue::from_static("Bearer"));
         }
         response
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn refusals_are_told_at_once_and_then_every_ten_seconds_with_their_number() {
+        let refused = Refusals::default();
+        assert_eq!(refused.count(5), Some(1));
+        let soon = (0..1000).filter_map(|k| refused.count(6 + k)).count();
+        assert_eq!(soon, 0);
+        assert_eq!(refused.count(5 + TELL_NS), Some(1001));
     }
 }

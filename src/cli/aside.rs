@@ -1,0 +1,228 @@
+//! What is said on stderr while something runs: to a reader who may not be reading.
+//!
+//! A terminal that is halted (Ctrl-S), a connection that sleeps or a pipe that nobody empties takes no more than its buffer
+//! holds, and then keeps whoever writes to it. That must be neither a specimen's end, nor the writer of the rows, nor a loop
+//! that panics on its way to retirement. So what is said here waits [`PATIENCE_MS`] once and is dropped from then on, until
+//! the reader is back; then it is told how much it missed. A regular file is always written to.
+
+use std::fmt::Display;
+use std::fs::{File, OpenOptions};
+use std::io::{self, Write};
+use std::os::fd::AsFd;
+use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
+use std::sync::{Mutex, OnceLock, PoisonError};
+
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::fs::OFlags;
+
+/// So long a reader is waited for, ms: well below the shortest watchdog.
+const PATIENCE_MS: i64 = 5;
+
+/// Where words go, and how many of them did not.
+struct Aside<W> {
+    out: W,
+    missed: u64,
+    /// Half a line stands there.
+    broken: bool,
+}
+
+/// What says that it is full instead of waiting.
+trait Hasty {
+    /// As [`Write::write`]; [`io::ErrorKind::WouldBlock`] where there is no room.
+    fn offer(&mut self, bytes: &[u8]) -> io::Result<usize>;
+    /// Waits a moment for room.
+    fn wait(&mut self);
+}
+
+impl<W: Hasty> Aside<W> {
+    const fn new(out: W) -> Self {
+        Self {
+            out,
+            missed: 0,
+            broken: false,
+        }
+    }
+
+    fn say(&mut self, text: &[u8]) {
+        let mut whole = Vec::new();
+        if self.missed > 0 {
+            let start = if self.broken { "\n" } else { "" };
+            let words = format!(
+                "{start}[nobody read: {} messages are missing here]\n",
+                self.missed
+            );
+            whole.extend_from_slice(words.as_bytes());
+        }
+        whole.extend_from_slice(text);
+        let mut rest = whole.as_slice();
+        let mut patient = self.missed == 0;
+        while !rest.is_empty() {
+            match self.out.offer(rest) {
+                Ok(count) if count > 0 => rest = rest.get(count..).unwrap_or_default(),
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock && patient => {
+                    patient = false;
+                    self.out.wait();
+                }
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => {
+                    self.missed += 1;
+                    self.broken |= rest.len() < whole.len();
+                    return;
+                }
+                // Hung up: nobody will ever read.
+                Ok(_) | Err(_) => return,
+            }
+        }
+        (self.missed, self.broken) = (0, false);
+    }
+}
+
+/// Stderr; opened anew where it can make its writer wait, because whether a file waits is shared with whoever else has it.
+struct Stderr(Option<File>);
+
+impl Stderr {
+    fn open() -> Self {
+        let can_wait = || {
+            let file = File::from(io::stderr().as_fd().try_clone_to_owned().ok()?);
+            let kind = file.metadata().ok()?.file_type();
+            (kind.is_fifo() || kind.is_char_device()).then_some(())
+        };
+        let flags = OFlags::NONBLOCK | OFlags::NOCTTY;
+        Self(can_wait().and_then(|()| {
+            OpenOptions::new()
+                .write(true)
+                .custom_flags(flags.bits().cast_signed())
+                .open("/proc/self/fd/2")
+                .ok()
+        }))
+    }
+}
+
+impl Hasty for Stderr {
+    fn offer(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        match &mut self.0 {
+            Some(file) => file.write(bytes),
+            None => io::stderr().write(bytes),
+        }
+    }
+
+    fn wait(&mut self) {
+        if let Some(file) = &self.0 {
+            let patience = Timespec {
+                tv_sec: 0,
+                tv_nsec: PATIENCE_MS * 1_000_000,
+            };
+            let _ = poll(&mut [PollFd::new(file, PollFlags::OUT)], Some(&patience));
+        }
+    }
+}
+
+/// Says `text`, or counts it as missed.
+pub fn write(text: &[u8]) {
+    static ASIDE: OnceLock<Mutex<Aside<Stderr>>> = OnceLock::new();
+    let aside = ASIDE.get_or_init(|| Mutex::new(Aside::new(Stderr::open())));
+    let mut aside = aside.lock().unwrap_or_else(PoisonError::into_inner);
+    aside.say(text);
+}
+
+/// A line to whoever reads stderr while something runs.
+pub fn remark(text: impl Display) {
+    super::screen::step_aside();
+    write(format!("{text}\n").as_bytes());
+}
+
+/// The program's log, below what stands on the terminal and changes.
+#[derive(Debug)]
+pub struct Log;
+
+impl Write for Log {
+    fn write(&mut self, line: &[u8]) -> io::Result<usize> {
+        super::screen::step_aside();
+        write(line);
+        Ok(line.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// A panic says where and why, and where it was called from if `RUST_BACKTRACE` asks for that.
+pub fn tell_panics() {
+    std::panic::set_hook(Box::new(|panic| {
+        let thread = std::thread::current();
+        let name = thread.name().unwrap_or("without a name").to_owned();
+        let from = std::backtrace::Backtrace::capture();
+        let from = match from.status() {
+            std::backtrace::BacktraceStatus::Captured => format!("\n{from}"),
+            _ => String::new(),
+        };
+        remark(format_args!("thread '{name}' {panic}{from}"));
+    }));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A pipe of so much room.
+    #[derive(Default)]
+    struct Pipe {
+        room: usize,
+        shown: Vec<u8>,
+        waits: u32,
+        /// Room that comes while it is waited for.
+        comes: usize,
+    }
+
+    impl Hasty for Pipe {
+        fn offer(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            let count = bytes.len().min(self.room);
+            if count == 0 {
+                return Err(io::ErrorKind::WouldBlock.into());
+            }
+            self.room -= count;
+            self.shown.extend_from_slice(&bytes[..count]);
+            Ok(count)
+        }
+
+        fn wait(&mut self) {
+            self.waits += 1;
+            self.room += self.comes;
+        }
+    }
+
+    #[test]
+    fn a_reader_who_does_not_read_is_waited_for_once_and_later_told_what_it_missed() {
+        let mut aside = Aside::new(Pipe {
+            room: 8,
+            ..Pipe::default()
+        });
+        aside.say(b"one\n");
+        for _ in 0..3 {
+            aside.say(b"second\n");
+        }
+        assert_eq!(aside.out.shown, b"one\nseco");
+        assert_eq!((aside.out.waits, aside.missed), (1, 3));
+
+        aside.out.room = 1000;
+        aside.say(b"last\n");
+        aside.say(b"more\n");
+        let shown = String::from_utf8(aside.out.shown).unwrap();
+        let words = "[nobody read: 3 messages are missing here]";
+        assert_eq!(shown, format!("one\nseco\n{words}\nlast\nmore\n"));
+    }
+
+    #[test]
+    fn a_slow_reader_misses_nothing() {
+        let mut aside = Aside::new(Pipe {
+            room: 2,
+            comes: 10,
+            ..Pipe::default()
+        });
+        aside.say(b"one\n");
+        aside.say(b"two\n");
+        assert_eq!(aside.out.shown, b"one\ntwo\n");
+        assert_eq!((aside.out.waits, aside.missed), (1, 0));
+    }
+}
