@@ -120,6 +120,7 @@ static int announced(size_t end)
     if (end - at < 16 || u64(at) != 1 || u64(at + 8) > end - at - 16) return 0;
     at += 16 + u64(at + 8) + 8;
     if (at + 32 != end || !u64(32 + 105) || !u64(32 + 113)) return 0;
+    if (!(f64(at) < f64(at + 8) && f64(at + 16) > 0 && f64(at + 24) > 0)) return 0;
     lowest = f64(at);
     highest = f64(at + 8);
     double slack = isfinite(highest - lowest) ? 1e-9 * (highest - lowest) : 0;
@@ -127,7 +128,7 @@ static int announced(size_t end)
     highest += slack;
     period = (double)u64(32 + 113) / (double)u64(32 + 105);
     largest_step = f64(at + 16) * period * (1 + 1e-9);
-    return lowest < highest && largest_step > 0 && f64(at + 24) > 0;
+    return 1;
 }
 
 /* The same hello gets the same welcome again. Another begins a new session, but never while a test runs. */
@@ -186,7 +187,7 @@ static void answer(double came)
 static void arm(size_t length, double came)
 {
     static uint8_t answered[36];
-    if (!armed || length != 72 || memcmp(answered, in + 32, 36)) {       /* else the answer was lost: it is given again */
+    if (!armed || length != 72 || memcmp(answered, in + 32, 36)) {       /* else our answer was lost: here it is again */
         if (length != 72 || u64(36) != session || u64(52) != 1 || u64(44) == NONE) {
             armed = 0;
             refuse(12, "an arm message of another session, or not for one axis", session);
@@ -212,9 +213,9 @@ static void arm(size_t length, double came)
 static void command(double came)
 {
     uint64_t number = u64(32);
+    if (number != sequence && number < expected) return; /* overtaken on the way, or older than the arm message */
     paused = 0;
     if (number != sequence) {
-        if (number < expected) return;                   /* overtaken on the way, or older than the arm message */
         uint64_t gap = number - expected;
         /* Lost commands give this one more time, but no more than has really passed. */
         double steps = fmin((double)gap + 1, (came - moved) / period + 1), to = f64(56);

@@ -61,7 +61,7 @@ class Session:
         self.connection.sendall(frame + struct.pack("<I", zlib.crc32(frame)))
 
     def receive(self, until):
-        """The next frame as (kind, body), checked; None if it is not whole at that time: its bytes do not put it off."""
+        """The next frame as (kind, body), checked; None if it is not whole by then: half a frame gains no time."""
         while not (frame := self.whole()):
             left = max(0.0, until - time.monotonic())
             if not select.select([self.connection], [], [], left)[0]:

@@ -1,9 +1,11 @@
 //! `gusset report`.
 
+use std::fs::File;
+use std::io::{ErrorKind, Read};
 use std::path::Path;
 
 use super::args::ReportArgs;
-use super::exit::Exit;
+use super::exit::{Exit, WithExit};
 use super::tell;
 use crate::record::Run;
 use crate::record::export::Notice;
@@ -26,12 +28,29 @@ pub fn report(args: &ReportArgs) -> anyhow::Result<Exit> {
 
 fn compare(first: &Path, second: &Path, out: Option<&Path>) -> anyhow::Result<Exit> {
     let named = session::compared_name(first, second);
-    let compared = session::compare(first, second, out.unwrap_or(&named))?;
+    let out = out.unwrap_or(&named);
+    replaceable(out)?;
+    let compared = session::compare(first, second, out)?;
     if_unfinished(first)?;
     if_unfinished(second)?;
     tell(compared.verdict);
     tell(compared.path.display());
     Ok(Exit::Done)
+}
+
+/// A page is written over an older page, and over nothing else: not over a record, not over a test file.
+fn replaceable(out: &Path) -> anyhow::Result<()> {
+    const PAGE: &[u8] = b"<!DOCTYPE html>";
+    let mut start = [0; PAGE.len()];
+    let is_page = match File::open(out).and_then(|mut file| file.read_exact(&mut start)) {
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
+        found => found.is_ok() && start == PAGE,
+    };
+    if is_page {
+        return Ok(());
+    }
+    let text = format!("--out {}: it exists and is no page", out.display());
+    Err(WithExit(Exit::Usage, text).into())
 }
 
 /// Says so where a run came to no orderly end.

@@ -239,6 +239,11 @@ fn conclude(facts: &Facts, finished: &Finished, page: Option<&Page>) {
     if let Some(page) = page {
         table.row("report", &page.path.display().to_string());
     }
-    table.row("data", &finished.path.display().to_string());
+    let data = finished.path.display();
+    if finished.path.exists() {
+        table.row("data", &data.to_string());
+    } else {
+        table.row("DATA LOST", &format!("{data} was deleted"));
+    }
     tell(table);
 }

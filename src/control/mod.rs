@@ -131,6 +131,8 @@ pub struct Port {
     pub wait: Option<WaitRules>,
     /// How it is found out which way round the specimen is wired.
     pub direction: Direction,
+    /// The test file says that a computation answers, and no machine.
+    pub computed: bool,
     /// True if a recording stands for the substructure.
     is_recorded: bool,
     /// Number on the link of the command that left last.
@@ -231,6 +233,7 @@ impl Port {
             partner: Partner::default(),
             wait: None,
             direction: Direction::Known,
+            computed: false,
             issued: None,
             unsent: false,
             ahead: 0,

@@ -71,6 +71,10 @@ pub struct LinkSpec {
     /// Time that this motion takes each way, in s.
     #[serde(default = "half")]
     pub probe_ramp_s: f64,
+    /// The far end is a computation and no machine. On the simulated clock a test commands it as fast as it answers; whoever
+    /// neither says so himself nor is said to be one here is not commanded then. No gateway and no OpenFresco server says so.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub computed: bool,
     /// "none": the direction is not checked, and nobody is warned of that.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub probe: Option<ProbeChoice>,
@@ -227,6 +231,11 @@ pub enum StaleChoice {
     Extrapolate,
     /// The test stops.
     Stop,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde's signature")]
+const fn is_false(given: &bool) -> bool {
+    !*given
 }
 
 const fn five() -> f64 {

@@ -15,6 +15,7 @@ use serde_json::Map;
 use super::append::{Appender, Flushed, Store, Unit};
 use super::miss::{MissClasses, SampleWindow, SchedSample};
 use super::note::Note;
+use super::warned::Warned;
 use super::{Event, EventKind};
 use lines::head;
 
@@ -65,6 +66,7 @@ pub(super) struct EventLog<S> {
     tick_ns: u64,
     specimens: Vec<String>,
     classes: MissClasses,
+    warned: Warned,
     logged: [u64; 5],
     taken: u64,
     lost: u64,
@@ -91,6 +93,7 @@ impl<S: Store> EventLog<S> {
             tick_ns: context.tick_ns,
             specimens: context.specimens,
             classes: MissClasses::default(),
+            warned: Warned::default(),
             logged: [0; 5],
             taken: 0,
             lost: 0,
@@ -177,7 +180,10 @@ impl<S: Store> EventLog<S> {
         };
         let mut line = Map::new();
         match &held.entry {
-            Entry::Loop(event) => self.describe(event, held.wall_ns, &mut line),
+            Entry::Loop(event) => {
+                self.warned.count(&event.kind);
+                self.describe(event, held.wall_ns, &mut line);
+            }
             Entry::Note(note, position) => {
                 let clock_ns = self.real_clock.then_some(held.clock_ns);
                 head(
@@ -211,6 +217,11 @@ impl<S: Store> EventLog<S> {
     /// Deadline misses so far by class.
     pub const fn classes(&self) -> MissClasses {
         self.classes
+    }
+
+    /// Limits that were warned of so far, in sentences.
+    pub fn warned(&self) -> Vec<String> {
+        self.warned.sentences(&self.specimens)
     }
 
     /// Lines made so far, lost ones included.

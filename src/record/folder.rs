@@ -16,6 +16,7 @@ use super::layout::{Layout, LayoutError};
 use super::summary::{InputFile, Summary};
 use super::threads;
 use super::utc::stamp;
+use super::whereabouts::{Hold, Whereabouts};
 
 /// Why a run folder cannot be written or read.
 #[derive(Debug, Error)]
@@ -110,6 +111,7 @@ pub struct RunFolder {
     /// False if it was there before, empty.
     made: bool,
     inputs: Vec<InputFile>,
+    hold: Hold,
 }
 
 impl RunFolder {
@@ -138,7 +140,17 @@ impl RunFolder {
             path: path.to_owned(),
             made,
             inputs: Vec::new(),
+            hold: Hold::on(path).map_err(at(path))?,
         })
+    }
+
+    /// What became of it since it was made. What is written from now on goes to where it was moved.
+    pub fn find_again(&mut self) -> Whereabouts {
+        let found = self.hold.find(&self.path, "samples.bin");
+        if let Whereabouts::Moved(place) = &found {
+            self.path.clone_from(place);
+        }
+        found
     }
 
     /// Takes the folder of a test that never began away again; only what this made is removed, and what the system

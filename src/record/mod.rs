@@ -35,6 +35,8 @@ mod strides;
 pub mod summary;
 pub mod threads;
 pub mod utc;
+mod warned;
+mod whereabouts;
 pub mod writer;
 
 pub use folder::{FolderError, RunFolder};
@@ -49,6 +51,7 @@ pub use ring::{RingReader, RingRecorder, RingSize, WhenFull, ring};
 pub use run::Run;
 pub use summary::Summary;
 pub use threads::{Roll, Stamper, ThreadLog, What};
+pub use whereabouts::Whereabouts;
 pub use writer::{Beside, Progress, Recorded, Writer, WriterSettings};
 
 use serde::{Deserialize, Serialize};

@@ -121,6 +121,8 @@ pub struct Recorded {
     pub events_lost: u64,
     /// Deadline misses by class, as far as their events arrived.
     pub misses: MissClasses,
+    /// Limits that were warned of, in sentences, as far as their events arrived.
+    pub warned: Vec<String>,
     /// Stamps of threads lost to a full queue or a file that refused; no row, no event.
     pub stamps_lost: u64,
     /// Syncs to disk that failed.
@@ -130,6 +132,12 @@ pub struct Recorded {
 }
 
 impl Recorded {
+    /// What was in the file is lost, too.
+    pub fn lose_all(&mut self, why: &str) {
+        self.rows_lost_file += std::mem::take(&mut self.rows_written);
+        self.first_error = Some(why.to_owned());
+    }
+
     /// All rows lost: `rows_lost` of the summary.
     #[must_use]
     pub const fn rows_lost(&self) -> u64 {

@@ -6,6 +6,7 @@
 
 use serde_json::Value;
 
+use crate::config::ClockChoice;
 use crate::control::Port;
 use crate::engine::Experiment;
 use crate::record::{Note, NoteLevel, Roll, What, Writer};
@@ -44,6 +45,7 @@ pub(super) fn put_standing(events: &[Value], ports: &mut [Port]) {
 /// yet. Returns what the user should know, or who cannot take part.
 pub(super) fn connect(
     experiment: &mut Experiment,
+    clock: ClockChoice,
     writer: &Writer,
     roll: &Roll,
 ) -> Result<Vec<String>, String> {
@@ -57,6 +59,7 @@ pub(super) fn connect(
                 .with("specimen", number)
                 .with("name", port.name.as_str())
         };
+        let outcome = outcome.and_then(|found| fit_for(clock, port, found));
         match outcome {
             Ok(introduction) => {
                 for warning in &introduction.warnings {
@@ -87,6 +90,27 @@ pub(super) fn connect(
         port.retire(Retirement::Orderly);
     }
     Err(refusals.join("; "))
+}
+
+/// On the simulated clock commands follow each other as fast as they are answered: that is for computations.
+fn fit_for(
+    clock: ClockChoice,
+    port: &Port,
+    found: Introduction,
+) -> Result<Introduction, Unavailable> {
+    let computed = !port.is_remote() || port.computed || found.simulated;
+    if clock == ClockChoice::Real || computed {
+        return Ok(found);
+    }
+    Err(Unavailable {
+        fault: LinkFault::Refused,
+        text: format!(
+            "{}: on the simulated clock it would be commanded as fast as it answers, and it does not say that it is a \
+             computation and no machine: run it with `clock = \"real\"`, or, if you know that nothing there can break, say \
+             `computed = true` in [specimen.link]",
+            found.peer
+        ),
+    })
 }
 
 /// Each on a thread of its own, for they wait; those of this process have nothing to wait for. The threads that their links

@@ -57,7 +57,8 @@ use crate::config::{Facts, Prepared};
 use crate::engine::Control;
 use crate::record::writer::WriterError;
 use crate::record::{
-    FolderError, Note, NoteLevel, Progress, Recorded, Roll, RunFolder, Summary, What, Writer,
+    FolderError, Note, NoteLevel, Progress, Recorded, Roll, RunFolder, Summary, What, Whereabouts,
+    Writer,
 };
 use crate::rt::wall::Wall;
 use crate::rt::{Granted, os};
@@ -169,7 +170,7 @@ pub fn run(
 fn carry_out(
     ready: Ready,
     facts: &Facts,
-    folder: RunFolder,
+    mut folder: RunFolder,
     progress: &mut dyn FnMut(&Progress),
 ) -> Finished {
     let Ready {
@@ -184,7 +185,7 @@ fn carry_out(
     } = ready;
     let mut facts = facts.clone();
     let began = Wall::now();
-    let mut ended = match connect::connect(&mut experiment, &writer, &roll) {
+    let mut ended = match connect::connect(&mut experiment, facts.clock, &writer, &roll) {
         Ok(warnings) => {
             facts.warnings.extend(warnings);
             let _ = go.send(experiment);
@@ -202,10 +203,19 @@ fn carry_out(
     if let Some(fault) = &ended.fault {
         writer.note(Note::new(NoteLevel::Error, "internal_error").with("text", fault.as_str()));
     }
-    let recorded = writer.finish().unwrap_or_else(|error| {
+    let mut recorded = writer.finish().unwrap_or_else(|error| {
         ended.fault.get_or_insert(error.to_string());
         Recorded::default()
     });
+    match folder.find_again() {
+        Whereabouts::There => {}
+        Whereabouts::Moved(place) => {
+            let place = place.display();
+            let text = format!("the run folder was moved to {place} while the test ran");
+            facts.warnings.push(text);
+        }
+        Whereabouts::Gone => recorded.lose_all("the record was deleted while the test ran"),
+    }
     roll.close();
     let mut unwritten = Vec::new();
     let span = summary::Span {

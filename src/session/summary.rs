@@ -79,6 +79,7 @@ pub(super) fn summarise(
         _ => (finish, reason),
     };
     let mut warnings = facts.warnings.clone();
+    warnings.extend(recorded.warned.iter().cloned());
     warnings.extend(unwritten.iter().map(|text| format!("not written: {text}")));
     if recorded.rows_lost() > 0 {
         let cause = recorded

@@ -8,6 +8,7 @@ use crate::control::Port;
 use crate::control::limits::{Bound, Levels};
 use crate::engine::{Limits, OnMiss, TestQuantity};
 use crate::link::spec::{Protocol, StaleChoice};
+use crate::substructure::Coupling;
 
 /// All limits of a test.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
@@ -117,6 +118,10 @@ fn of_specimen(table: &SpecimenTable, port: &Port) -> SpecimenLimits {
             (
                 format!("this loop, before a command leaves and with every fresh answer{far}"),
                 match link.on_stale {
+                    _ if port.coupling() == Coupling::Lockstep => format!(
+                        "cannot be: an answer is waited for; after {} s without one the link is lost",
+                        link.reply_timeout_s
+                    ),
                     StaleChoice::Stop => way.to_owned(),
                     _ => {
                         let most = port.wait.map_or(0, |wait| wait.stale_in_a_row);

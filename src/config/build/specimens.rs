@@ -297,6 +297,7 @@ impl Specimens {
                     }
                     port.wait = wait;
                     port.direction = direction;
+                    port.computed = table.link.as_ref().is_some_and(|link| link.computed);
                     port.exits = exits;
                     ports.push(port);
                 }

@@ -169,6 +169,7 @@ impl<S: Store, E: Store> Drain<S, E> {
             events_written: self.events.taken() - self.events.lost() - unwritten,
             events_lost: self.events.lost() + unwritten + self.ring.lost().events(),
             misses: self.events.classes(),
+            warned: self.events.warned(),
             stamps_lost,
             sync_failures,
             first_error: self.first_error,

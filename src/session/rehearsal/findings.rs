@@ -66,9 +66,9 @@ impl Rehearsal {
                     format!("the test would stop at {at} s: {stop}"),
                 ))
             }
-            Curtain::Stopped(stop) => Some(Finding::warning(
+            Curtain::Stopped(stop) => Some(Finding::error(
                 root,
-                format!("the rehearsal of the test stopped at {at} s: {stop}"),
+                format!("the test would stop at {at} s: {stop}"),
             )),
         }
     }

@@ -37,7 +37,10 @@ pub(super) fn behind_transfer(
 
 fn drawn_transfer(spec: &TransferSpec, drawn: &Drawn) -> TransferSpec {
     let mut spec = spec.clone();
-    spec.delay_s = (spec.delay_s + drawn.delay_s).max(0.0);
+    // What is drawn cannot make a specimen answer before it is asked; a number of the file that would is refused where it stands.
+    if drawn.delay_s != 0.0 {
+        spec.delay_s = (spec.delay_s + drawn.delay_s).max(0.0);
+    }
     spec.seed = drawn.seed.unwrap_or(spec.seed);
     match &mut spec.actuator {
         None if drawn.gain == 1.0 => {}

@@ -1,0 +1,121 @@
+//! Limits that were warned of while a test ran: how often, and how far they were passed.
+
+use super::EventKind;
+
+/// All of them, in the order in which they were first met.
+#[derive(Debug, Default)]
+pub(super) struct Warned(Vec<Passed>);
+
+/// One limit that was passed.
+#[derive(Debug)]
+struct Passed {
+    /// Specimen and axis from 0; none for a limit of the whole test.
+    of: Option<(u32, u32)>,
+    limit: &'static str,
+    times: u64,
+    /// The value that was farthest beyond its bound, and that.
+    value: f64,
+    bound: f64,
+}
+
+impl Warned {
+    /// Counts a warning; everything else is none of its business.
+    pub fn count(&mut self, kind: &EventKind) {
+        let (of, limit, value, bound) = match *kind {
+            EventKind::Limit {
+                port,
+                axis,
+                quantity,
+                trip: false,
+                value,
+                bound,
+            } => (Some((port, axis)), quantity, value, bound),
+            EventKind::TestLimit {
+                quantity,
+                trip: false,
+                value,
+                bound,
+            } => (None, quantity, value, bound),
+            _ => return,
+        };
+        let known = self.0.iter_mut().find(|p| p.of == of && p.limit == limit);
+        if let Some(passed) = known {
+            passed.times += 1;
+            if (value - bound).abs() > (passed.value - passed.bound).abs() {
+                (passed.value, passed.bound) = (value, bound);
+            }
+        } else {
+            self.0.push(Passed {
+                of,
+                limit,
+                times: 1,
+                value,
+                bound,
+            });
+        }
+    }
+
+    /// In sentences; `specimens` are their names.
+    pub fn sentences(&self, specimens: &[String]) -> Vec<String> {
+        let sentence = |passed: &Passed| {
+            let Passed {
+                of,
+                limit,
+                times,
+                value,
+                bound,
+            } = passed;
+            let whose = of.map_or_else(
+                || "the test".to_owned(),
+                |(port, axis)| {
+                    let name = specimens.get(port as usize);
+                    let name = name.map_or("", String::as_str);
+                    format!("specimen \"{name}\" axis {}", axis + 1)
+                },
+            );
+            let times = match times {
+                1 => "once".to_owned(),
+                times => format!("{times} times"),
+            };
+            format!(
+                "{whose} passed the warning level of {limit} {times}: {value:.6}, allowed {bound:.6}"
+            )
+        };
+        self.0.iter().map(sentence).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_limit_is_told_once_with_its_number_and_the_worst_value() {
+        let mut warned = Warned::default();
+        let limit = |axis, value, bound, trip| EventKind::Limit {
+            port: 0,
+            axis,
+            quantity: "measured_force_n",
+            trip,
+            value,
+            bound,
+        };
+        for kind in [
+            limit(0, 51.0, 50.0, false),
+            limit(0, -62.0, -50.0, false),
+            limit(0, 55.0, 50.0, false),
+            limit(1, 1.5, 1.0, false),
+            limit(1, 100.0, 10.0, true),
+            EventKind::RowLost,
+        ] {
+            warned.count(&kind);
+        }
+        assert_eq!(
+            warned.sentences(&["brace".to_owned()]),
+            [
+                "specimen \"brace\" axis 1 passed the warning level of measured_force_n 3 times: -62.000000, allowed -50.000000",
+                "specimen \"brace\" axis 2 passed the warning level of measured_force_n once: 1.500000, allowed 1.000000",
+            ]
+        );
+    }
+}

@@ -1,0 +1,76 @@
+//! Where a run folder is when its test is over: somebody may have moved or deleted it meanwhile.
+
+use std::fs::{self, File, Metadata};
+use std::io;
+use std::os::fd::AsRawFd;
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+
+/// What became of a folder.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Whereabouts {
+    /// It is where it was made, and its samples in it.
+    There,
+    /// It was moved, with its samples.
+    Moved(PathBuf),
+    /// It, or the samples in it, were deleted.
+    Gone,
+}
+
+/// A hold on a folder, whatever it is called.
+#[derive(Debug)]
+pub(super) struct Hold(File);
+
+impl Hold {
+    /// # Errors
+    /// The system refuses.
+    pub fn on(folder: &Path) -> io::Result<Self> {
+        File::open(folder).map(Self)
+    }
+
+    /// What became of the folder that was at `path`, and of `file` in it.
+    pub fn find(&self, path: &Path, file: &str) -> Whereabouts {
+        let Ok(held) = self.0.metadata() else {
+            return Whereabouts::Gone;
+        };
+        let is_it = |found: &Metadata| (found.dev(), found.ino()) == (held.dev(), held.ino());
+        let is_here = |place: &Path| {
+            fs::metadata(place).is_ok_and(|found| is_it(&found)) && place.join(file).exists()
+        };
+        if is_here(path) {
+            return Whereabouts::There;
+        }
+        match fs::read_link(format!("/proc/self/fd/{}", self.0.as_raw_fd())) {
+            Ok(place) if is_here(&place) => Whereabouts::Moved(place),
+            Ok(_) | Err(_) => Whereabouts::Gone,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_is_found_again_unless_it_or_its_file_is_gone() {
+        let temp = tempfile::tempdir().unwrap();
+        let (one, two) = (temp.path().join("one"), temp.path().join("two"));
+        fs::create_dir(&one).unwrap();
+        fs::write(one.join("rows"), "1").unwrap();
+        let hold = Hold::on(&one).unwrap();
+        assert_eq!(hold.find(&one, "rows"), Whereabouts::There);
+
+        fs::rename(&one, &two).unwrap();
+        let two = two.canonicalize().unwrap();
+        assert_eq!(hold.find(&one, "rows"), Whereabouts::Moved(two.clone()));
+        // Another folder of the old name is not the one.
+        fs::create_dir(&one).unwrap();
+        fs::write(one.join("rows"), "2").unwrap();
+        assert_eq!(hold.find(&one, "rows"), Whereabouts::Moved(two.clone()));
+
+        fs::remove_file(two.join("rows")).unwrap();
+        assert_eq!(hold.find(&one, "rows"), Whereabouts::Gone);
+        fs::remove_dir(&two).unwrap();
+        assert_eq!(hold.find(&one, "rows"), Whereabouts::Gone);
+    }
+}
