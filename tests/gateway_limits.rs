@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex};
 use gusset::record::Run;
 use gusset::record::summary::Status as Ended;
 use gusset::substructure::Status;
-use link_common::{Fake, ONE_AXIS, Served, gateway, run, summary, test_file};
+use link_common::{COMPUTED, Fake, ONE_AXIS, Served, gateway, run, summary, test_file};
 
 const STEPS: u32 = 500;
 const KNOWN: &str = "stiffness_n_per_m = 4e5\n";
@@ -205,4 +205,20 @@ fn over_openfresco_the_connection_is_closed_and_the_cause_is_said_here() {
         .iter()
         .fold(0.0, |m: f64, d| m.max(d.abs()));
     assert!(largest < 0.004, "{largest}");
+}
+
+/// A gateway does not say whether a machine is behind it: as fast as it answers it is commanded only by who knows.
+#[test]
+fn on_the_simulated_clock_nothing_is_commanded_that_may_be_a_machine() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let told = Arc::default();
+    let served = Served::start(folder, &gateway(&spring(&told), KNOWN, ""), &[]);
+    let text = through(&served.address, "").replace(COMPUTED, "");
+    let (code, said) = run(folder, "run", &text);
+    assert_eq!(code, 3, "{said}");
+    let reason = summary(folder, "run").reason;
+    assert!(reason.contains("`computed = true`"), "{reason}");
+    assert!(reason.contains("nothing was moved"), "{reason}");
+    assert!(told.lock().unwrap().is_empty());
 }

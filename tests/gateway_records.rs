@@ -8,8 +8,8 @@ use std::path::Path;
 use gusset::record::Run;
 use gusset::record::summary::Status;
 use link_common::{
-    ONE_AXIS, ONE_AXIS_LAW, Served, TWO_AXES, TWO_AXES_LAW, UNLIMITED, finish, gateway, gusset,
-    run, summary, test_file,
+    COMPUTED, ONE_AXIS, ONE_AXIS_LAW, Served, TWO_AXES, TWO_AXES_LAW, UNLIMITED, finish, gateway,
+    gusset, run, summary, test_file,
 };
 
 const STEPS: u32 = 200;
@@ -208,7 +208,7 @@ fn the_example_in_config_runs_with_its_probe_its_limits_and_its_log() {
     let cyclic = |amplitude: &str| {
         format!(
             "[time]\nrate_hz = 500\nduration_s = 2\nclock = \"simulated\"\n[safety]\n{UNLIMITED}[[specimen]]\nname = \"column\"\n\
-             stiffness_n_per_m = 8e6\n[[specimen.axis]]\nunit_disp = \"mm\"\nunit_force = \"kN\"\n[specimen.link]\n\
+             stiffness_n_per_m = 8e6\n[[specimen.axis]]\nunit_disp = \"mm\"\nunit_force = \"kN\"\n[specimen.link]\n{COMPUTED}\n\
              address = \"{}\"\n[[excitation.prescribed_displacement]]\nspecimen = \"column\"\nease_in_s = 0.5\n\
              [excitation.prescribed_displacement.signal.sine]\nfrequency_hz = 1\namplitude = {amplitude}\n",
             between.address

@@ -75,7 +75,7 @@ fn run(folder: &Path, name: &str, clock: &str, specimen: &str) -> (Option<i32>, 
 
 fn link(protocol: &str, transport: &str, port: u16) -> String {
     format!(
-        "[specimen.link]\nprotocol = \"{protocol}\"\ntransport = \"{transport}\"\naddress = \"127.0.0.1:{port}\"\n\
+        "[specimen.link]\ncomputed = true\nprotocol = \"{protocol}\"\ntransport = \"{transport}\"\naddress = \"127.0.0.1:{port}\"\n\
          connect_timeout_s = 30\n[specimen.limits]\ncommand_disp_m = {{ trip = [-1, 1] }}\n\
          measured_force_n = {{ trip = [-1e5, 1e5] }}\n"
     )

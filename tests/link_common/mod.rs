@@ -43,14 +43,20 @@ bilinear = { stiffness_n_per_m = 4e5, yield_force_n = 2e3, post_yield_ratio = 0.
 linear = { stiffness_n_per_m = 4e5, damping_n_s_per_m = 300.0 }
 ";
 
-/// A frame of two storeys for `steps` steps of 1 ms; `specimen` ends the file.
+/// A line of a link to what does not say of itself that it is no machine.
+pub const COMPUTED: &str = "computed = true";
+
+/// A frame of two storeys for `steps` steps of 1 ms on the simulated clock; `specimen` ends the file. What is behind its link
+/// is always a computation.
 pub fn test_file(steps: u32, specimen: &str) -> String {
     let duration = f64::from(steps) * 1e-3;
-    let unlimited = if specimen.contains("[specimen.link]") {
+    const LINK: &str = "[specimen.link]";
+    let unlimited = if specimen.contains(LINK) {
         UNLIMITED
     } else {
         ""
     };
+    let specimen = specimen.replace(LINK, &format!("{LINK}\n{COMPUTED}"));
     format!(
         "title = \"link\"
 [time]
