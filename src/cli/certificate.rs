@@ -84,6 +84,7 @@ impl Certificate {
         for (index, table) in loaded.file.specimen.iter().enumerate() {
             lines.extend(of_capacity(index, table, rehearsed, &trials));
         }
+        lines.extend(of_draws(&trials));
         lines.push(of_trips(
             &trials,
             allowed.trip_probability,
@@ -279,6 +280,23 @@ fn of_capacity(
     lines
 }
 
+/// Share of draws without a test that a certificate may pass over.
+const MOST_IMPOSSIBLE: f64 = 0.02;
+
+/// What could not be tried: the spread of the file is then not what was tried.
+fn of_draws(trials: &Trials) -> Option<Line> {
+    let share = trials.impossible();
+    (share > 0.0).then(|| Line {
+        go: Some(share <= MOST_IMPOSSIBLE),
+        about: "what was drawn".to_owned(),
+        text: format!(
+            "no test can be made of {:.1} % of the draws, and others were drawn for them; {:.0} % allowed",
+            100.0 * share,
+            100.0 * MOST_IMPOSSIBLE
+        ),
+    })
+}
+
 fn of_trips(trials: &Trials, allowed: f64, certain: bool) -> Line {
     let (trips, count) = (trials.trips(), trials.all.len() as u64);
     let mut text = if certain {
@@ -332,7 +350,7 @@ fn of_errors(loaded: &Loaded, facts: &Facts, trials: &Trials) -> Vec<Line> {
             };
         };
         let text = format!(
-            "{} to {} in 5 to 95 % of the trials, {} in half of them; {} allowed",
+            "{} to {} in 5 to 95 % of the trials that came to their end, {} in half of them; {} allowed",
             percent(band.low),
             percent(band.high),
             percent(band.middle),

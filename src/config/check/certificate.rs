@@ -1,7 +1,7 @@
 //! What a certificate goes by: ranges, and numbers that are not there.
 
 use super::Findings;
-use crate::config::certificate::number_at;
+use crate::config::certificate::{UncertaintyTable, number_at};
 use crate::config::diagnose::Finding;
 use crate::config::document::{KeyPath, Segment};
 use crate::config::schema::TestFile;
@@ -125,7 +125,11 @@ pub(super) fn check_certificate(file: &TestFile, findings: &mut Findings) {
             continue;
         }
         let Some(complete) = &complete else { continue };
-        if let Err((known, keys)) = number_at(complete, &path) {
+        let found = number_at(complete, &path);
+        if let Ok(number) = found {
+            spread(one, &path, number.value(), index, findings);
+        }
+        if let Err((known, keys)) = found {
             let is_there = known == path;
             let headline = if is_there {
                 format!("`{path}` is not a number")
@@ -148,5 +152,31 @@ pub(super) fn check_certificate(file: &TestFile, findings: &mut Findings) {
                 None => finding.help("a default that is not written down has no number to vary"),
             });
         }
+    }
+}
+
+/// A spread that is none, or that leaves out what the file has.
+fn spread(
+    one: &UncertaintyTable,
+    path: &KeyPath,
+    nominal: f64,
+    index: usize,
+    findings: &mut Findings,
+) {
+    let at = KeyPath::root().key("uncertainty").index(index);
+    if one.std_share.is_some() && nominal == 0.0 {
+        let headline = format!("`{path}` is 0, and every share of it, too");
+        let finding = Finding::error(at.key("std_share"), headline);
+        findings.0.push(finding.label("`std` says it in its unit"));
+    }
+    if let Some([low, high]) = one.range
+        && low < high
+        && !(low..=high).contains(&nominal)
+    {
+        let headline = format!("`{path}` is {nominal}, and `range` is from {low} to {high}");
+        let finding = Finding::error(at.key("range"), headline);
+        findings
+            .0
+            .push(finding.label("what the file has is not in it"));
     }
 }

@@ -108,6 +108,11 @@ fn what_is_uncertain_is_a_number_of_the_test() {
         ),
         ("std = 100", "std = 100\nrange = [1, 2]", "and so is `std`"),
         ("std = 100", "range = [2, 1]", "the smaller one comes first"),
+        (
+            "std = 100",
+            "range = [-2, -1]",
+            "what the file has is not in it",
+        ),
     ] {
         shows(&complaint_of(&text, change, to), words);
     }

@@ -32,6 +32,8 @@ const MOST_ATTEMPTS: u64 = 50;
 pub struct Rehearsed {
     /// From 1.
     pub number: u64,
+    /// Draws before it that no test can be made of, a negative mass for example.
+    pub impossible: u64,
     /// Where it ended before its last step, in s of test time, and why.
     pub stopped: Option<(f64, Stop)>,
     /// What it asked of each axis, specimen by specimen.
@@ -90,6 +92,13 @@ impl Trials {
     pub fn trips(&self) -> u64 {
         let stopped = self.all.iter().filter(|one| one.stopped.is_some());
         stopped.count() as u64
+    }
+
+    /// Share of all draws that no test can be made of.
+    #[must_use]
+    pub fn impossible(&self) -> f64 {
+        let impossible: u64 = self.all.iter().map(|one| one.impossible).sum();
+        impossible as f64 / (impossible + self.all.len() as u64).max(1) as f64
     }
 
     /// The same by reason, with how often.
@@ -262,6 +271,7 @@ fn trial(
     let (outcome, needs) = staged(experiment, Box::new(course.clone()), Staging::AsItIs);
     Ok(Rehearsed {
         number,
+        impossible: attempt - 1,
         stopped: match outcome.ending {
             Ending::Completed => None,
             Ending::Stopped(stop) => Some((outcome.steps as f64 * drawn.time.step.value(), stop)),
