@@ -7,7 +7,7 @@ use serde_json::json;
 use tracing::subscriber::NoSubscriber;
 
 use super::args::{JitterArgs, ModelArg};
-use super::exit::Exit;
+use super::exit::{Exit, WithExit};
 use super::table::Table;
 use super::{answer, tell};
 use crate::frontier::{Length, Point, Scalable, Search, Trial, csv, largest, svg};
@@ -30,6 +30,9 @@ const QUICK_PROOF: u64 = 1000;
 const LOOK_S: f64 = 0.5;
 const LOOK_TICKS: u64 = 200;
 
+/// Beyond this rate no clock of ours ticks.
+const HIGHEST_HZ: f64 = 1e6;
+
 /// Searches at all rates, from the highest, draws and writes.
 pub fn frontier(args: &JitterArgs, model: ModelArg) -> anyhow::Result<Exit> {
     let model = match model {
@@ -38,7 +41,12 @@ pub fn frontier(args: &JitterArgs, model: ModelArg) -> anyhow::Result<Exit> {
     };
     let mut rates = Vec::with_capacity(args.rates.len());
     for text in &args.rates {
-        rates.push(Ratio::parse(text).with_context(|| format!("--rates {text:?}"))?);
+        let rate = Ratio::parse(text).with_context(|| format!("--rates {text:?}"))?;
+        if rate.value() > HIGHEST_HZ {
+            let text = format!("--rates {text:?}: wanted at most {HIGHEST_HZ} Hz");
+            return Err(WithExit(Exit::Usage, text).into());
+        }
+        rates.push(rate);
     }
     rates.sort_by(|a, b| b.value().total_cmp(&a.value()));
     let timing = super::jitter::timing(args)?;

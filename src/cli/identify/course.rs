@@ -49,6 +49,9 @@ impl Driven {
     }
 }
 
+/// Ticks of one motion at most: its numbers stand in memory.
+const MOST_TICKS: f64 = 16_777_216.0;
+
 /// The whole run.
 #[derive(Debug)]
 pub(super) struct Plan {
@@ -69,6 +72,14 @@ impl Plan {
     /// What is asked for, if it is allowed. An amplitude that was not asked for is halved so often.
     pub fn of(args: &IdentifyArgs, loaded: &Loaded, halved: i32) -> anyhow::Result<Self> {
         let tick = loaded.time.tick();
+        // The motion is made in memory before it is judged as a test.
+        let ticks = args.duration / tick;
+        if ticks.is_nan() || ticks > MOST_TICKS {
+            return Err(usage(format!(
+                "--duration is {} s, which is more than {MOST_TICKS} ticks",
+                args.duration
+            )));
+        }
         let band = band(args, tick)?;
         let shape = Shape::from(args.motion);
         let course = Course::new(shape, band, args.duration, args.seed, tick)
