@@ -16,6 +16,9 @@ pub fn report(args: &ReportArgs) -> anyhow::Result<Exit> {
     }
     let page = session::write_report(&args.run)?;
     if_unfinished(&args.run)?;
+    for what in &page.damaged {
+        tell(format_args!("warning: {}: {what}", args.run.display()));
+    }
     tell(page.path.display());
     if let Some(picture) = &args.picture {
         anyhow::ensure!(!picture.exists(), "{} exists already", picture.display());

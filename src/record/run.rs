@@ -1,7 +1,7 @@
 //! A run folder read: finished or not, on any machine, from the folder alone.
 
 use std::fs::{self, File};
-use std::io;
+use std::io::{self, Seek as _, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
@@ -101,6 +101,26 @@ impl Run {
         let path = self.path.join("samples.bin");
         let file = File::open(&path).map_err(at(&path))?;
         Ok(Journal::new(file, self.layout.columns().len()))
+    }
+
+    /// The last whole and sound row of its file; `None` if there is no such row there. What stands before it is not looked at.
+    ///
+    /// # Errors
+    /// The system refuses, or there is no `samples.bin`.
+    pub fn last_row(&self) -> Result<Option<Vec<f64>>, FolderError> {
+        let path = self.path.join("samples.bin");
+        let mut file = File::open(&path).map_err(at(&path))?;
+        let stride = self.layout.stride() as u64;
+        let rows = file.metadata().map_err(at(&path))?.len() / stride;
+        let Some(last) = rows.checked_sub(1) else {
+            return Ok(None);
+        };
+        file.seek(SeekFrom::Start(last * stride))
+            .map_err(at(&path))?;
+        // Its number stands by itself here: what was lost before it is counted by whoever reads from the first.
+        let mut journal = Journal::new(file, self.layout.columns().len());
+        let row = journal.next_row().map_err(at(&path))?;
+        Ok(row.map(|row| row.values.to_vec()))
     }
 
     /// Whole columns by name, in the order asked for.

@@ -112,6 +112,10 @@ pub struct RunData {
     pub events: Vec<serde_json::Value>,
     /// Why the folder counts as unfinished, if it does.
     pub unfinished: Option<String>,
+    /// What of the rows is not there any more: damaged, cut off, cut out. Empty where all of them are as they were recorded.
+    pub damaged: Vec<String>,
+    /// Rows that are missing between the others.
+    pub missing_rows: u64,
     /// Text of `resolved.toml`.
     pub resolved: String,
 }

@@ -31,6 +31,7 @@ use thiserror::Error;
 
 use super::folder::FolderError;
 use super::journal::{End, Journal};
+use super::missing::MissingEnd;
 use super::run::Run;
 use super::threads::ThreadEnd;
 
@@ -131,7 +132,7 @@ impl ExportError {
 }
 
 /// What a reader of the export should know.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Notice {
     /// The run has no summary: it is still running or was killed.
     Unfinished,
@@ -139,6 +140,8 @@ pub enum Notice {
     RowsLost(u64),
     /// The samples end in the middle of a row or in damage.
     Ended(End),
+    /// The samples end with a whole row, but before the test did.
+    MissingEnd(MissingEnd),
     /// Nothing was recorded, or nothing of it is in the window.
     Empty,
     /// A trace shows the loop's thread only.
@@ -160,6 +163,7 @@ impl std::fmt::Display for Notice {
                 write!(f, "{rows} rows were lost while recording and are missing")
             }
             Self::Ended(end) => write!(f, "{end}"),
+            Self::MissingEnd(end) => write!(f, "the samples are cut short: {end}"),
             Self::Empty => write!(f, "there is no row to export: the file has columns only"),
             Self::OnlyLoop(why) => write!(f, "the trace shows the loop's thread only: {why}"),
             Self::Threads(end) => write!(f, "{end}"),
@@ -172,7 +176,7 @@ impl std::fmt::Display for Notice {
 }
 
 /// What an export came to.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Exported {
     /// Rows written, the header not counted.
     pub rows: u64,
@@ -191,10 +195,11 @@ impl Exported {
             .end()
             .filter(|end| *end != End::Clean)
             .map(Notice::Ended);
+        let missing = MissingEnd::of_run(run).map(Notice::MissingEnd);
         let empty = (rows == 0).then_some(Notice::Empty);
         Self {
             rows,
-            notices: [unfinished, lost, ended, empty]
+            notices: [unfinished, lost, ended, missing, empty]
                 .into_iter()
                 .flatten()
                 .collect(),
