@@ -18,6 +18,7 @@ pub struct Run {
     path: PathBuf,
     layout: Layout,
     summary: Option<Summary>,
+    summary_fault: Option<String>,
 }
 
 /// The lines of `events.jsonl`.
@@ -57,21 +58,17 @@ impl Run {
             source,
         })?;
         let summary_path = path.join("summary.json");
-        let summary = match read_if_there(&summary_path)? {
-            Some(text) => {
-                Some(
-                    serde_json::from_str(&text).map_err(|source| FolderError::Damaged {
-                        path: summary_path,
-                        source,
-                    })?,
-                )
-            }
-            None => None,
+        let read = read_if_there(&summary_path)?.map(|text| serde_json::from_str(&text));
+        let (summary, summary_fault) = match read {
+            Some(Ok(summary)) => (Some(summary), None),
+            Some(Err(fault)) => (None, Some(fault.to_string())),
+            None => (None, None),
         };
         Ok(Self {
             path: owned(),
             layout,
             summary,
+            summary_fault,
         })
     }
 
@@ -87,10 +84,16 @@ impl Run {
         &self.layout
     }
 
-    /// Its summary; `None` if the run is unfinished: still running, or killed.
+    /// Its summary; `None` if the run is unfinished: still running, or killed; or if it cannot be read.
     #[must_use]
     pub const fn summary(&self) -> Option<&Summary> {
         self.summary.as_ref()
+    }
+
+    /// Why its summary, which is there, cannot be read. It counts as missing then.
+    #[must_use]
+    pub fn summary_fault(&self) -> Option<&str> {
+        self.summary_fault.as_deref()
     }
 
     /// A reader of its rows from the first.

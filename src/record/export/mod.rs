@@ -136,6 +136,8 @@ impl ExportError {
 pub enum Notice {
     /// The run has no summary: it is still running or was killed.
     Unfinished,
+    /// The run has a summary that cannot be read.
+    SummaryDamaged,
     /// So many rows never reached the file.
     RowsLost(u64),
     /// The samples end in the middle of a row or in damage.
@@ -152,12 +154,28 @@ pub enum Notice {
     StampsLost(u64),
 }
 
+impl Notice {
+    /// What is to be said of a run without a summary; none if it has one.
+    #[must_use]
+    pub fn without_summary(run: &Run) -> Option<Self> {
+        let missing = match run.summary_fault() {
+            Some(_) => Self::SummaryDamaged,
+            None => Self::Unfinished,
+        };
+        run.summary().is_none().then_some(missing)
+    }
+}
+
 impl std::fmt::Display for Notice {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Unfinished => write!(
                 f,
                 "the run is unfinished (no summary.json): it is still running or was killed"
+            ),
+            Self::SummaryDamaged => write!(
+                f,
+                "summary.json is DAMAGED and counts as missing: how the run ended, and whether all of it is here, is not known"
             ),
             Self::RowsLost(rows) => {
                 write!(f, "{rows} rows were lost while recording and are missing")
@@ -187,7 +205,7 @@ pub struct Exported {
 impl Exported {
     /// After `journal` has been read to its end, or to the last row that was wanted.
     fn new(run: &Run, rows: u64, journal: &Journal<impl io::Read>) -> Self {
-        let unfinished = run.summary().is_none().then_some(Notice::Unfinished);
+        let unfinished = Notice::without_summary(run);
         // Rows lost at the very end leave no gap in the file; the summary knows of them.
         let lost = run.summary().map_or(0, |s| s.rows_lost).max(journal.lost());
         let lost = (lost > 0).then_some(Notice::RowsLost(lost));
