@@ -50,10 +50,7 @@ pub(super) fn verdict(run: &RunData) -> Verdict {
             Tone::Bad,
             "Unfinished: this run did not come to an orderly end",
         ),
-        _ if !run.damaged.is_empty() => (
-            Tone::Bad,
-            "Damaged: this record is not whole any more",
-        ),
+        _ if !run.damaged.is_empty() => (Tone::Bad, "Damaged: this record is not whole any more"),
         Some("completed") => (Tone::Good, "Completed: the test ran to its end"),
         Some("interrupted") => (
             Tone::Warning,
@@ -74,6 +71,11 @@ pub(super) fn verdict(run: &RunData) -> Verdict {
     sentences.extend(run.damaged.iter().map(|what| ended(what)));
     if let Some(status) = status.filter(|_| !run.damaged.is_empty()) {
         sentences.push(format!("The test itself: {}.", status.replace('_', " ")));
+    }
+    if run.unreadable_events > 0 && run.unfinished.is_none() {
+        // One at the end is normal after a kill.
+        tone = worse(tone);
+        sentences.push("Lines of events.jsonl are damaged: see the events.".to_owned());
     }
     if let Some(reason) = text(run, "reason").filter(|r| !r.trim().is_empty()) {
         sentences.push(ended(&format!("Reason: {reason}")));
@@ -406,6 +408,17 @@ mod tests {
             ..RunData::default()
         });
         assert!(v.headline.starts_with("Unfinished") && v.sentences == ["Killed."]);
+    }
+
+    #[test]
+    fn events_that_cannot_be_read_are_no_good_news() {
+        let v = verdict(&RunData {
+            summary: Some(json!({"status": "completed"})),
+            unreadable_events: 1,
+            ..RunData::default()
+        });
+        assert_eq!(v.tone, Tone::Warning);
+        assert!(v.sentences[0].contains("events.jsonl"), "{v:?}");
     }
 
     #[test]

@@ -77,7 +77,7 @@ pub fn hero_svg(run: &RunData) -> String {
                 lower,
                 "Commanded displacement",
                 swaying,
-                (&time, &commanded),
+                (&rows.tick_time(), &commanded),
                 Ink::Series(0),
                 true,
             ),

@@ -46,6 +46,14 @@ pub fn drifts(resolved: &str) -> Vec<Difference> {
     (1..=storeys).map(of_storey).collect()
 }
 
+/// Ticks in a step, as a resolved configuration has it.
+#[must_use]
+pub fn ticks_per_step(resolved: &str) -> u64 {
+    let tree: Option<Value> = toml::from_str(resolved).ok();
+    let ticks = tree.and_then(|t| t.get("time")?.get("ticks_per_step")?.as_u64());
+    ticks.unwrap_or(1).max(1)
+}
+
 /// Name of one axis: the specimen's, and the axis where it has several.
 pub(super) fn axis_name(
     configuration: Option<&Value>,

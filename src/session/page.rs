@@ -12,7 +12,7 @@ use crate::metrics::energy::Model;
 use crate::record::{Column, End, FolderError, MissingEnd, Run, atomic};
 use crate::report::{
     BLOCK, Digest, IdentifiedAxis, RunData, Source, drifts, falsified, hero_svg, identified,
-    render, tracking_metrics,
+    missing_metrics, render, ticks_per_step, tracking_metrics,
 };
 
 /// Why there is no report.
@@ -59,6 +59,7 @@ pub fn write_report(folder: &Path) -> Result<Page, PageError> {
 pub fn conclude(finished: &mut Finished) -> Result<Page, PageError> {
     let mut run = read(&finished.path)?;
     finished.summary.metrics = tracking_metrics(&run);
+    finished.summary.metrics_missing = missing_metrics(&run);
     finished.summary.falsified = falsified(&run);
     let path = finished.path.join("summary.json");
     let text =
@@ -86,6 +87,7 @@ struct OnDisk<'a> {
     run: &'a Run,
     path: PathBuf,
     step_s: Option<f64>,
+    ticks_per_step: u64,
     /// How the rows ended where they ended.
     end: Cell<Option<RowsEnd>>,
 }
@@ -112,6 +114,10 @@ impl Source for OnDisk<'_> {
 
     fn step_s(&self) -> Option<f64> {
         self.step_s
+    }
+
+    fn ticks_per_step(&self) -> u64 {
+        self.ticks_per_step
     }
 
     fn read(&self, wanted: &[usize], take: &mut dyn FnMut(&[Vec<f64>])) -> io::Result<()> {
@@ -179,7 +185,8 @@ pub(super) fn read(folder: &Path) -> Result<RunData, PageError> {
             .file_name()
             .map(|name| name.to_string_lossy().into_owned())
     };
-    let summary: Option<serde_json::Value> = json("summary.json");
+    // One that lacks what it must have is none.
+    let summary: Option<serde_json::Value> = run.summary().and_then(|_| json("summary.json"));
     let configured = || table_step(&resolved);
     let recorded = summary
         .as_ref()
@@ -193,6 +200,7 @@ pub(super) fn read(folder: &Path) -> Result<RunData, PageError> {
     let on_disk = OnDisk {
         path: at("samples.bin"),
         step_s: recorded.or_else(configured),
+        ticks_per_step: ticks_per_step(&resolved),
         end: Cell::new(None),
         run: &run,
     };
@@ -202,10 +210,16 @@ pub(super) fn read(folder: &Path) -> Result<RunData, PageError> {
         path: at("samples.bin"),
         source,
     })?;
-    let unfinished = run
-        .summary()
-        .is_none()
-        .then(|| "the run has no summary.json: it is still running or was killed".to_owned());
+    let unfinished = match run.summary_fault() {
+        Some(fault) => Some(format!(
+            "summary.json is DAMAGED ({fault}) and counts as missing: how the run ended is not known"
+        )),
+        None => run
+            .summary()
+            .is_none()
+            .then(|| "the run has no summary.json: it is still running or was killed".to_owned()),
+    };
+    let told = run.events()?;
     let rows = on_disk.end.get();
     let damaged = rows.map_or_else(Vec::new, |rows| damages(&run, rows));
     Ok(RunData {
@@ -219,7 +233,8 @@ pub(super) fn read(folder: &Path) -> Result<RunData, PageError> {
         modes: known.modes.unwrap_or_default(),
         summary,
         timing: json("timing.json"),
-        events: run.events()?.events,
+        events: told.events,
+        unreadable_events: told.unreadable,
         unfinished,
         damaged,
         missing_rows: rows.map_or(0, |rows| rows.lost),
