@@ -30,21 +30,18 @@ pub fn report(args: &ReportArgs) -> anyhow::Result<Exit> {
 fn compare(first: &Path, second: &Path, out: Option<&Path>) -> anyhow::Result<Exit> {
     let named = session::compared_name(first, second);
     let compared = session::compare(first, second, out.unwrap_or(&named))?;
-    if_unfinished(first)?;
-    if_unfinished(second)?;
+    for what in &compared.damages {
+        tell(format_args!("warning: {what}"));
+    }
     tell(compared.verdict);
     tell(compared.path.display());
     Ok(Exit::Done)
 }
 
-/// Says so where a run came to no orderly end.
-fn if_unfinished(folder: &Path) -> anyhow::Result<()> {
-    if Run::open(folder)?.summary().is_none() {
-        tell(format_args!(
-            "warning: {}: {}",
-            folder.display(),
-            Notice::Unfinished
-        ));
+/// Says so where a run came to no orderly end, or its summary cannot be read.
+pub(super) fn if_unfinished(folder: &Path) -> anyhow::Result<()> {
+    if let Some(notice) = Notice::without_summary(&Run::open(folder)?) {
+        tell(format_args!("warning: {}: {notice}", folder.display()));
     }
     Ok(())
 }
