@@ -86,6 +86,8 @@ pub struct Digest {
     /// What energy errors are measured by; none where there is no model.
     pub(super) scale: Option<Scale>,
     pub(super) worst: Vec<WorstTick>,
+    /// Mean displacement of the last part of the test, by DOF.
+    pub(super) residuals: Vec<(u32, f64)>,
 }
 
 /// DOFs with a displacement among `columns`, rising.

@@ -1,8 +1,11 @@
 //! The first pass over the rows: everything that needs each of them once, and the first batch of columns that are held whole.
 
+use std::collections::VecDeque;
+
 use super::digest::{
     Difference, Digest, Holder, Item, MOST_AXES, MOST_DOFS, SpecimenAxis, sieve, spread,
 };
+use super::response::{MOST_LINES, TAIL};
 use super::sieve::{Sieve, Stretch, ZEROING};
 use super::source::Source;
 use super::specimens::ERROR;
@@ -43,6 +46,9 @@ pub(super) struct First<'a> {
     worst: Worst,
     readings: Vec<Read>,
     recorded: u64,
+    /// Displacements of the last steps: DOF, place in a block, values; and how many are kept.
+    tails: Vec<(u32, usize, VecDeque<f64>)>,
+    tail: usize,
 }
 
 /// Columns that are kept thinned, side by side.
@@ -113,7 +119,11 @@ impl<'a> First<'a> {
         batch: &[Item],
     ) -> Self {
         let all = source.columns();
-        let listed = spread(&digest.dofs, MOST_DOFS);
+        // Those that are listed, and those of which histories are drawn.
+        let mut listed = spread(&digest.dofs, MOST_DOFS);
+        listed.extend(spread(&digest.dofs, MOST_LINES));
+        listed.sort_unstable();
+        listed.dedup();
         let drawn: Vec<SpecimenAxis> = digest.all_axes.iter().take(MOST_AXES).copied().collect();
         let needs_all = model
             .as_ref()
@@ -206,6 +216,11 @@ impl<'a> First<'a> {
             Part::new(&columns, places(false), drifts, steps),
             Part::new(&columns, places(true), errors, rows),
         ];
+        let tails = spread(&digest.dofs, MOST_DOFS);
+        let tails: Vec<_> = tails
+            .into_iter()
+            .filter_map(|dof| Some((dof, at(&format!("x{dof}"))?, VecDeque::new())))
+            .collect();
         let readings = drawn.iter().filter_map(|a| {
             Some(Read {
                 axis: *a,
@@ -226,6 +241,8 @@ impl<'a> First<'a> {
             readings: readings.collect(),
             energy: pass,
             recorded: 0,
+            tails,
+            tail: steps as usize / TAIL + 1,
             wanted,
             columns,
         }
@@ -276,6 +293,11 @@ impl<'a> First<'a> {
     }
 
     fn step_rows(&mut self, block: &[&[f64]]) {
+        for (_, place, kept) in &mut self.tails {
+            kept.extend(block[*place]);
+            let more = kept.len().saturating_sub(self.tail);
+            kept.drain(..more);
+        }
         if let (Some(energy), Some(step), Some(time)) = (&mut self.energy, self.step, self.time) {
             let mut found: [Vec<f64>; 7] = Default::default();
             for (row, (step, time)) in block[step].iter().zip(block[time]).enumerate() {
@@ -316,6 +338,12 @@ impl<'a> First<'a> {
         digest.worst = self.worst.finish();
         // A balance with holes is none.
         let whole = digest.passed.missing_steps == 0;
+        let last = digest.passed.steps as usize / TAIL;
+        let residuals = self.tails.iter().filter_map(|(dof, _, kept)| {
+            let kept: Vec<f64> = kept.iter().copied().collect();
+            Some((*dof, crate::metrics::residual(&kept, last)?))
+        });
+        digest.residuals = residuals.collect();
         if let Some(energy) = self.energy.filter(|_| whole) {
             digest.scale = Some(energy.balance.scale());
             let values = self.energy_thinner.finish();

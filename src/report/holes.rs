@@ -141,7 +141,7 @@ fn a_specimen_is_judged_by_every_tick_and_by_the_row_that_tripped_and_a_structur
     let page = render(&run);
     assert!(
         page.contains(
-            "41\u{a0}rows: 10\u{a0}steps of the running test and 31\u{a0}ticks between them"
+            "41\u{a0}rows: 10\u{a0}steps of the running test and 31\u{a0}ticks between two of them"
         ),
         "{}",
         &page[page.find("Recorded").unwrap()..][..300]
@@ -165,4 +165,76 @@ fn a_hold_is_in_the_loops_and_not_in_the_grid() {
     assert_eq!(axis.tracking, whole);
     assert_eq!(axis.peak_force.unwrap().value, -2e5);
     assert_eq!(digest.passed.missing_ticks, 0);
+}
+
+#[test]
+fn of_many_storeys_nothing_is_left_out_without_being_said() {
+    let mut names = vec!["state".to_owned(), "step".to_owned(), "time".to_owned()];
+    for letter in ["x", "v", "a"] {
+        names.extend((1..=30).map(|dof| format!("{letter}{dof}")));
+    }
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let data = names.iter().enumerate().map(|(at, name)| {
+        let of = |k: u32| match at {
+            0 => 3.0,
+            1 => f64::from(k),
+            2 => 0.1 * f64::from(k),
+            // The drift of storey 29 is by far the largest.
+            _ if matches!(*name, "x29" | "x30") => 0.9,
+            _ => 0.001 * f64::from(k),
+        };
+        (0..50).map(of).collect()
+    });
+    let run = RunData {
+        data: data.collect(),
+        columns: columns(&names),
+        resolved: format!("[structure.shear_building]\nmass_kg = {:?}\n", [1.0; 30]),
+        ..RunData::default()
+    };
+    let page = render(&run);
+    assert!(page.contains("6 more storeys are not listed. The largest of all: storey 29"));
+    let digest = run.digested();
+    let rows = rows::Rows::new(&digest);
+    for dof in digest::spread(&digest.dofs, 4) {
+        for letter in ["x", "v", "a"] {
+            assert!(
+                rows.get(&format!("{letter}{dof}")).is_some(),
+                "{letter}{dof}"
+            );
+        }
+    }
+}
+
+#[test]
+fn what_is_left_is_the_mean_of_the_last_rows_and_not_of_their_extremes() {
+    let names = ["state", "step", "time", "x1"];
+    let rows = 100_000u32;
+    // A spike in every ten rows: extremes are ten times too large.
+    let of = |name: &str, k: u32| match name {
+        "state" => 3.0,
+        "step" => f64::from(k),
+        "time" => 0.01 * f64::from(k),
+        _ => f64::from(u8::from(k.is_multiple_of(10))),
+    };
+    let data = names.map(|name| (0..rows).map(|k| of(name, k)).collect());
+    let run = RunData {
+        columns: columns(&names),
+        data: data.into(),
+        ..RunData::default()
+    };
+    let digest = run.digested();
+    assert!(digest.every > 1);
+    assert!(
+        (digest.residuals[0].1 - 0.1).abs() < 1e-12,
+        "{:?}",
+        digest.residuals
+    );
+}
+
+#[test]
+fn a_picture_of_a_simulated_run_shows_no_timing() {
+    let mut run = hybrid(2.0, 0);
+    assert!(hero_svg(&run).contains("Wake-up lateness"));
+    run.summary = Some(serde_json::json!({"clock": "simulated"}));
+    assert!(!hero_svg(&run).contains("Wake-up lateness"));
 }

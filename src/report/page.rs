@@ -89,7 +89,7 @@ fn recorded(rows: &Rows<'_>) -> String {
     let others = passed.ticks - passed.steps;
     if others > 0 {
         text += &format!(
-            " and {} between them, of holds among them, or at a trip",
+            " and {} between two of them, in a hold or at a trip",
             plural(others, "tick", "ticks")
         );
     }

@@ -65,7 +65,7 @@ impl Course {
             Some(dt) => (apart / dt).round() - 1.0,
             None => 0.0,
         };
-        if !(missing >= 1.0) {
+        if missing < 1.0 || missing.is_nan() {
             return None;
         }
         let rows = missing as u64;
@@ -140,16 +140,18 @@ impl Sieve {
     /// The ends of steps, and the ticks, of the next block.
     pub fn sort(&mut self, block: &[Vec<f64>]) -> [Vec<Stretch>; 2] {
         let mut found = [vec![Stretch::default()], vec![Stretch::default()]];
+        let at = |place: Option<usize>, row: usize, none: f64| {
+            place.map_or(none, |place| block[place][row])
+        };
         for row in 0..block.first().map_or(0, Vec::len) {
-            let at = |place: Option<usize>| place.map_or(f64::NAN, |place| block[place][row]);
-            let state = self.state.map_or(RUNNING, |place| block[place][row]);
+            let state = at(self.state, row, RUNNING);
             let is_step = state == RUNNING;
             let is_tick = is_step
                 || state == HOLDING
                 || BETWEEN.contains(&state)
                 || (state == TRIPPED && self.is_on);
             self.is_on = is_tick && state != TRIPPED;
-            let (time, step) = (at(self.time), at(self.step));
+            let (time, step) = (at(self.time, row, f64::NAN), at(self.step, row, f64::NAN));
             if is_step {
                 let gap = self.steps.follow(time, step);
                 put(&mut found[0], gap, row);
