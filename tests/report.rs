@@ -200,7 +200,7 @@ fn missing_numbers_are_gaps_and_a_torn_file_gives_a_page_that_says_so() {
     fs::write(out.join("samples.bin"), &samples[..samples.len() / 2 + 3]).unwrap();
     assert_eq!(say(["report".as_ref(), out.as_os_str()]).code, Some(0));
     let page = fs::read_to_string(out.join("report.html")).unwrap();
-    assert!(page.contains("Unfinished") && page.contains("in the middle of a row"));
+    assert!(page.contains("Damaged") && page.contains("in the middle of a row"));
 
     // Not one row.
     fs::write(out.join("samples.bin"), b"").unwrap();

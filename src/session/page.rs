@@ -210,15 +210,9 @@ pub(super) fn read(folder: &Path) -> Result<RunData, PageError> {
         path: at("samples.bin"),
         source,
     })?;
-    let unfinished = match run.summary_fault() {
-        Some(fault) => Some(format!(
-            "summary.json is DAMAGED ({fault}) and counts as missing: how the run ended is not known"
-        )),
-        None => run
-            .summary()
-            .is_none()
-            .then(|| "the run has no summary.json: it is still running or was killed".to_owned()),
-    };
+    let is_without = run.summary().is_none() && run.summary_fault().is_none();
+    let unfinished = is_without
+        .then(|| "the run has no summary.json: it is still running or was killed".to_owned());
     let told = run.events()?;
     let rows = on_disk.end.get();
     let damaged = rows.map_or_else(Vec::new, |rows| damages(&run, rows));
@@ -258,9 +252,15 @@ fn damages(run: &Run, rows: RowsEnd) -> Vec<String> {
             rows.lost
         )
     });
+    let summary = run.summary_fault().map(|fault| {
+        format!("summary.json is DAMAGED ({fault}) and counts as missing: how the run ended is not known")
+    });
     let ended = ended.map(|end| end.to_string());
     let missing = missing.map(|end| end.to_string());
-    ended.into_iter().chain(missing).chain(cut).collect()
+    [summary, ended, missing, cut]
+        .into_iter()
+        .flatten()
+        .collect()
 }
 
 /// Δt in s as `resolved.toml` has it.
