@@ -282,9 +282,6 @@ fn what_cannot_be_exported_is_said_and_leaves_nothing_behind() {
         )
         .unwrap();
     });
-    let bad_summary = changed("bad-summary", &|path| {
-        fs::write(path.join("summary.json"), "{").unwrap()
-    });
     let untimed = changed("untimed", &|path| {
         fs::write(
             path.join("samples.json"),
@@ -304,7 +301,6 @@ fn what_cannot_be_exported_is_said_and_leaves_nothing_behind() {
             (&no_samples, "samples.bin"),
             (&damaged, "samples.json"),
             (&foreign_time, "the samples have no column \"time\""),
-            (&bad_summary, "summary.json is damaged"),
         ] {
             let said = export(run, format, &out, &[]);
             assert_eq!(

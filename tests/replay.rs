@@ -324,10 +324,6 @@ fn a_folder_that_is_foreign_or_half_is_refused_in_words() {
             &["samples.json: not a description of samples"],
         ),
         (
-            Box::new(put("summary.json", b"{\"status\": \"comp")),
-            &["summary.json is damaged"],
-        ),
-        (
             Box::new(put("resolved.toml", b"\xff\xfe")),
             &["resolved.toml is not UTF-8"],
         ),

@@ -200,7 +200,7 @@ fn missing_numbers_are_gaps_and_a_torn_file_gives_a_page_that_says_so() {
     fs::write(out.join("samples.bin"), &samples[..samples.len() / 2 + 3]).unwrap();
     assert_eq!(say(["report".as_ref(), out.as_os_str()]).code, Some(0));
     let page = fs::read_to_string(out.join("report.html")).unwrap();
-    assert!(page.contains("Unfinished") && page.contains("in the middle of a row"));
+    assert!(page.contains("Damaged") && page.contains("in the middle of a row"));
 
     // Not one row.
     fs::write(out.join("samples.bin"), b"").unwrap();
@@ -219,11 +219,11 @@ fn a_folder_that_is_no_run_is_told_apart_from_one_that_is_damaged() {
     fs::create_dir(&foreign).unwrap();
     fs::write(foreign.join("notes.txt"), "nothing of ours").unwrap();
     let damaged = made(folder.path(), "damaged", FRAME);
-    fs::write(damaged.join("summary.json"), "{ \"status\": ").unwrap();
+    fs::write(damaged.join("samples.json"), "{ \"a\": ").unwrap();
     for (bad, word) in [
         (&empty, "empty"),
         (&foreign, "foreign"),
-        (&damaged, "summary.json"),
+        (&damaged, "samples.json"),
     ] {
         for arguments in [vec![bad.as_path()], vec![first.as_path(), bad.as_path()]] {
             let mut line = vec!["report".as_ref()];
@@ -249,4 +249,75 @@ fn a_folder_that_is_no_run_is_told_apart_from_one_that_is_damaged() {
         "x.html".as_ref(),
     ]);
     assert_eq!(said.code, Some(2), "--out is for a comparison");
+}
+
+#[test]
+fn a_summary_that_cannot_be_read_counts_as_missing_and_lost_lines_of_events_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = made(folder.path(), "run", FRAME);
+    let events = fs::read_to_string(run.join("events.jsonl")).unwrap();
+    fs::write(run.join("events.jsonl"), format!("{{\"event\": \n{events}")).unwrap();
+    assert_eq!(say(["report".as_ref(), run.as_os_str()]).code, Some(0));
+    let page = fs::read_to_string(run.join("report.html")).unwrap();
+    assert!(page.contains("of events.jsonl CANNOT BE READ") && !page.contains("verdict good"));
+    fs::write(run.join("summary.json"), "{ \"status\": ").unwrap();
+    let out = folder.path().join("out.csv");
+    for line in [
+        vec!["report".as_ref(), run.as_os_str()],
+        vec!["replay".as_ref(), run.as_os_str()],
+        vec![
+            "export".as_ref(),
+            run.as_os_str(),
+            "--out".as_ref(),
+            out.as_os_str(),
+        ],
+    ] {
+        let said = say(line);
+        assert_eq!(said.code, Some(0), "{}", said.stderr);
+        assert!(
+            said.stderr.contains("summary.json is DAMAGED"),
+            "{}",
+            said.stderr
+        );
+    }
+    let page = fs::read_to_string(run.join("report.html")).unwrap();
+    assert!(page.contains("Summary.json is DAMAGED") && page.contains("verdict bad"));
+}
+
+#[test]
+fn a_record_that_was_cut_off_is_bad_news_and_never_the_same_as_another() {
+    let folder = tempfile::tempdir().unwrap();
+    let first = made(folder.path(), "first", FRAME);
+    let second = made(folder.path(), "second", FRAME);
+    let samples = second.join("samples.bin");
+    let stride = gusset::record::Run::open(&second)
+        .unwrap()
+        .layout()
+        .stride();
+    let bytes = fs::read(&samples).unwrap();
+    fs::write(&samples, &bytes[..bytes.len() / stride / 2 * stride]).unwrap();
+    let said = say(["report".as_ref(), second.as_os_str()]);
+    assert!(
+        said.stderr.contains("but the rows end at"),
+        "{}",
+        said.stderr
+    );
+    let page = fs::read_to_string(second.join("report.html")).unwrap();
+    assert!(page.contains("verdict bad") && page.contains("but the rows end at"));
+    let (said, page) = compare(folder.path(), &first, &second);
+    assert!(
+        said.stderr.contains("second run: the summary tells of"),
+        "{}",
+        said.stderr
+    );
+    assert!(!page.contains("verdict good"));
+    // Damaged in the middle: a headline of its own.
+    let mut flipped = bytes;
+    let middle = flipped.len() / 2;
+    flipped[middle] ^= 4;
+    fs::write(&samples, flipped).unwrap();
+    say(["report".as_ref(), second.as_os_str()]);
+    let page = fs::read_to_string(second.join("report.html")).unwrap();
+    assert!(page.contains("Damaged: this record") && !page.contains("Unfinished"));
+    assert!(page.contains("is damaged; nothing behind it is read"));
 }

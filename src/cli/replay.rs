@@ -5,6 +5,9 @@ use serde_json::json;
 use super::answer;
 use super::args::ReplayArgs;
 use super::exit::{Exit, WithExit};
+use super::tell;
+use crate::record::Run;
+use crate::record::export::Notice;
 use crate::session;
 
 /// Replays one run folder.
@@ -21,6 +24,11 @@ pub fn replay(args: &ReplayArgs) -> anyhow::Result<Exit> {
         // All others name the file that they are about.
         other => WithExit(Exit::Usage, other.to_string()).into(),
     })?;
+    // Of a run without a summary nothing is to be said: it is proven as far as it went.
+    if Run::open(&args.run)?.summary_fault().is_some() {
+        let notice = Notice::SummaryDamaged;
+        tell(format_args!("warning: {}: {notice}", args.run.display()));
+    }
     if args.json {
         let difference = found.difference.as_ref().map(|difference| {
             json!({

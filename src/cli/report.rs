@@ -18,6 +18,9 @@ pub fn report(args: &ReportArgs) -> anyhow::Result<Exit> {
     }
     let page = session::write_report(&args.run)?;
     if_unfinished(&args.run)?;
+    for what in &page.damaged {
+        tell(format_args!("warning: {}: {what}", args.run.display()));
+    }
     tell(page.path.display());
     if let Some(picture) = &args.picture {
         anyhow::ensure!(!picture.exists(), "{} exists already", picture.display());
@@ -31,8 +34,9 @@ fn compare(first: &Path, second: &Path, out: Option<&Path>) -> anyhow::Result<Ex
     let out = out.unwrap_or(&named);
     replaceable(out)?;
     let compared = session::compare(first, second, out)?;
-    if_unfinished(first)?;
-    if_unfinished(second)?;
+    for what in &compared.damages {
+        tell(format_args!("warning: {what}"));
+    }
     tell(compared.verdict);
     tell(compared.path.display());
     Ok(Exit::Done)
@@ -53,14 +57,10 @@ fn replaceable(out: &Path) -> anyhow::Result<()> {
     Err(WithExit(Exit::Usage, text).into())
 }
 
-/// Says so where a run came to no orderly end.
-fn if_unfinished(folder: &Path) -> anyhow::Result<()> {
-    if Run::open(folder)?.summary().is_none() {
-        tell(format_args!(
-            "warning: {}: {}",
-            folder.display(),
-            Notice::Unfinished
-        ));
+/// Says so where a run came to no orderly end, or its summary cannot be read.
+pub(super) fn if_unfinished(folder: &Path) -> anyhow::Result<()> {
+    if let Some(notice) = Notice::without_summary(&Run::open(folder)?) {
+        tell(format_args!("warning: {}: {notice}", folder.display()));
     }
     Ok(())
 }

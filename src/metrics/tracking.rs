@@ -120,7 +120,7 @@ pub struct Tracking {
     pub nrmse_of_range: Judged,
     /// Largest |measured − target|.
     pub peak_error_m: Judged,
-    /// Delay from the largest cross-correlation, refined by a parabola; positive: the measured displacement is behind.
+    /// Delay from the largest cross-correlation, refined within a sample; positive: the measured displacement is behind.
     pub delay_s: Option<Judged>,
     /// Frequency evaluation index.
     pub fei: Option<Index>,
@@ -290,8 +290,7 @@ pub fn delay(target: &[f64], measured: &[f64], dt: f64) -> Option<f64> {
         .min(n.saturating_sub(LAG_WINDOW));
     let to = (from + LAG_WINDOW).min(n);
     let found = lag(&target[from..to], &measured[from..to], most)?;
-    // A thousandth of a sample is what the refinement itself is uncertain by.
-    Some(if found.abs() < 1e-3 { 0.0 } else { found * dt })
+    Some(found * dt)
 }
 
 #[cfg(test)]
@@ -335,8 +334,7 @@ mod tests {
         let index = found.fei.unwrap();
         assert!((index.amplitude.value - 0.95).abs() < 1e-9);
         assert!((index.delay_s.value - 3.1e-3).abs() < 1e-9);
-        // The parabola's bias is below 1e-4 samples, and the window holds no whole number of cycles (see `lag`): 5e-3 samples.
-        assert!((found.delay_s.unwrap().value - 3.1e-3).abs() < 5e-3 * DT);
+        assert!((found.delay_s.unwrap().value - 3.1e-3).abs() < 1e-9 * DT);
         assert!((found.slope.value - 0.95 * libm::cos(TAU * 2.0 * 3.1e-3)).abs() < 1e-6);
         assert_eq!(found.nrmse.floor, None);
     }

@@ -537,14 +537,10 @@ pub(super) mod tests {
         assert!(matches!(open(&path), FolderError::Layout { .. }));
         fs::write(path.join("samples.json"), named(&["x1"]).to_json()).unwrap();
         fs::write(path.join("summary.json"), "{\"status\": \"completed\"}").unwrap();
-        let error = open(&path);
-        assert!(matches!(error, FolderError::Damaged { .. }));
-        assert!(
-            error
-                .to_string()
-                .contains("summary.json is damaged: missing field `reason`"),
-            "{error}"
-        );
+        let run = Run::open(&path).unwrap();
+        assert_eq!(run.summary(), None, "it counts as missing");
+        let fault = run.summary_fault().unwrap();
+        assert!(fault.contains("missing field `reason`"), "{fault}");
         fs::remove_file(path.join("summary.json")).unwrap();
         let run = Run::open(&path).unwrap();
         assert!(matches!(run.journal(), Err(FolderError::Io { .. })));

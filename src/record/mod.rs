@@ -12,6 +12,7 @@
 //! | [`events`], [`note`], [`miss`] | lines of `events.jsonl`; events from outside the loop; the class of a miss |
 //! | [`threads`] | `threads.bin`: what the other threads did, and when |
 //! | [`folder`], [`run`], [`summary`] | the run folder, written; read; `summary.json` |
+//! | `missing` | what the rows lack at their end |
 //! | [`export`] | CSV, NumPy, MATLAB, HDF5, a trace of the loop, a project folder |
 //! | [`atomic`], [`utc`] | files that appear whole; calendar text |
 //!
@@ -27,6 +28,7 @@ pub mod journal;
 pub mod layout;
 pub mod memory;
 pub mod miss;
+mod missing;
 pub mod note;
 pub mod onlooker;
 pub mod ring;
@@ -45,6 +47,7 @@ pub use journal::{End, Journal};
 pub use layout::Layout;
 pub use memory::MemoryRecorder;
 pub use miss::{MissClasses, SchedSample};
+pub use missing::MissingEnd;
 pub use note::{Note, NoteLevel};
 pub use onlooker::Onlooker;
 pub use ring::{RingReader, RingRecorder, RingSize, WhenFull, ring};

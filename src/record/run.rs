@@ -1,7 +1,7 @@
 //! A run folder read: finished or not, on any machine, from the folder alone.
 
 use std::fs::{self, File};
-use std::io;
+use std::io::{self, Seek as _, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
@@ -18,6 +18,7 @@ pub struct Run {
     path: PathBuf,
     layout: Layout,
     summary: Option<Summary>,
+    summary_fault: Option<String>,
 }
 
 /// The lines of `events.jsonl`.
@@ -57,21 +58,17 @@ impl Run {
             source,
         })?;
         let summary_path = path.join("summary.json");
-        let summary = match read_if_there(&summary_path)? {
-            Some(text) => {
-                Some(
-                    serde_json::from_str(&text).map_err(|source| FolderError::Damaged {
-                        path: summary_path,
-                        source,
-                    })?,
-                )
-            }
-            None => None,
+        let read = read_if_there(&summary_path)?.map(|text| serde_json::from_str(&text));
+        let (summary, summary_fault) = match read {
+            Some(Ok(summary)) => (Some(summary), None),
+            Some(Err(fault)) => (None, Some(fault.to_string())),
+            None => (None, None),
         };
         Ok(Self {
             path: owned(),
             layout,
             summary,
+            summary_fault,
         })
     }
 
@@ -87,10 +84,16 @@ impl Run {
         &self.layout
     }
 
-    /// Its summary; `None` if the run is unfinished: still running, or killed.
+    /// Its summary; `None` if the run is unfinished: still running, or killed; or if it cannot be read.
     #[must_use]
     pub const fn summary(&self) -> Option<&Summary> {
         self.summary.as_ref()
+    }
+
+    /// Why its summary, which is there, cannot be read. It counts as missing then.
+    #[must_use]
+    pub fn summary_fault(&self) -> Option<&str> {
+        self.summary_fault.as_deref()
     }
 
     /// A reader of its rows from the first.
@@ -101,6 +104,26 @@ impl Run {
         let path = self.path.join("samples.bin");
         let file = File::open(&path).map_err(at(&path))?;
         Ok(Journal::new(file, self.layout.columns().len()))
+    }
+
+    /// The last whole and sound row of its file; `None` if there is no such row there. What stands before it is not looked at.
+    ///
+    /// # Errors
+    /// The system refuses, or there is no `samples.bin`.
+    pub fn last_row(&self) -> Result<Option<Vec<f64>>, FolderError> {
+        let path = self.path.join("samples.bin");
+        let mut file = File::open(&path).map_err(at(&path))?;
+        let stride = self.layout.stride() as u64;
+        let rows = file.metadata().map_err(at(&path))?.len() / stride;
+        let Some(last) = rows.checked_sub(1) else {
+            return Ok(None);
+        };
+        file.seek(SeekFrom::Start(last * stride))
+            .map_err(at(&path))?;
+        // Its number stands by itself here: what was lost before it is counted by whoever reads from the first.
+        let mut journal = Journal::new(file, self.layout.columns().len());
+        let row = journal.next_row().map_err(at(&path))?;
+        Ok(row.map(|row| row.values.to_vec()))
     }
 
     /// Whole columns by name, in the order asked for.

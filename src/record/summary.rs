@@ -161,6 +161,10 @@ pub struct Summary {
     /// Tracking metrics by specimen, one entry per axis, each with its noise floor; null before they are known.
     #[serde(default)]
     pub metrics: Value,
+    /// Why metrics are null though an axis may have moved, in words: rows were lost. Empty where all that there is to be known is
+    /// known.
+    #[serde(default)]
+    pub metrics_missing: Vec<String>,
     /// What the transfer systems falsified of the test as a whole, each number with its noise floor: energy error in J and as a
     /// share, and per mode its frequency, damping ratio and the damping that the delays added; null in a test
     /// without a structure.
@@ -201,6 +205,7 @@ pub(super) mod tests {
             limits: Value::Null,
             machine: Value::Null,
             metrics: Value::Null,
+            metrics_missing: Vec::new(),
             falsified: Value::Null,
         }
     }
@@ -239,6 +244,7 @@ pub(super) mod tests {
             "limits",
             "machine",
             "metrics",
+            "metrics_missing",
             "falsified",
         ];
         assert_eq!(keys, [&contract[..], &additions[..]].concat());

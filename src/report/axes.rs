@@ -1,7 +1,10 @@
 //! What a page says about one axis of a specimen, made of its columns while they are held whole.
 
+use std::borrow::Cow;
+
 use super::axis::is_drawable;
 use super::digest::SpecimenAxis;
+use super::sieve::{HOLDING, RUNNING, is_even};
 use super::table::Table;
 use super::thin;
 use crate::metrics::fourier::{Spectrum, evaluate};
@@ -28,6 +31,8 @@ pub(super) type Points = (Vec<f64>, Vec<f64>);
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct AxisDigest {
     pub axis: SpecimenAxis,
+    /// Interval of the rows that everything is made of that needs them at even times; none where they are not.
+    pub dt: Option<f64>,
     pub tracking: Option<Tracking>,
     pub noise: Option<Noise>,
     /// Phase and amplitude errors over the test, and the times that they belong to.
@@ -47,6 +52,61 @@ pub(super) struct AxisDigest {
     pub spectra: [Vec<(f64, f64)>; 3],
 }
 
+/// How far steps and ticks are apart.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Grid {
+    pub step_s: Option<f64>,
+    pub ticks_per_step: u64,
+    /// True if no tick is missing.
+    pub is_whole: bool,
+}
+
+/// Rows at even times.
+enum Even {
+    All,
+    Some(Vec<usize>),
+}
+
+impl Even {
+    fn of<'a>(&self, values: &'a [f64]) -> Cow<'a, [f64]> {
+        match self {
+            Even::All => Cow::Borrowed(values),
+            Even::Some(rows) => rows
+                .iter()
+                .filter_map(|&row| values.get(row).copied())
+                .collect(),
+        }
+    }
+}
+
+impl Grid {
+    /// Rows at even times and their interval: all ticks but those of a hold, or, where the test slowed down, the ends of its steps.
+    /// None where some of these are missing.
+    fn rows(&self, held: &Table, time: &[f64]) -> Option<(Even, f64)> {
+        let step_s = self.step_s?;
+        let tick_s = step_s / self.ticks_per_step.max(1) as f64;
+        if is_even(time, tick_s) {
+            return Some((Even::All, tick_s));
+        }
+        let state = held.get("state")?;
+        let picked = |wanted: &dyn Fn(f64) -> bool, dt: f64| {
+            let all = state.iter().enumerate();
+            let rows: Vec<usize> = all
+                .filter(|(_, s)| wanted(**s))
+                .map(|(row, _)| row)
+                .collect();
+            let times: Vec<f64> = rows
+                .iter()
+                .filter_map(|&row| time.get(row).copied())
+                .collect();
+            is_even(&times, dt).then_some((Even::Some(rows), dt))
+        };
+        // Where rows are missing stands one without a state: it is kept, and its time is not even.
+        picked(&|state| state != HOLDING, tick_s)
+            .or_else(|| picked(&|state| state == RUNNING, step_s))
+    }
+}
+
 /// Amplitude spectrum as a page draws it.
 pub(super) fn envelope(values: &[f64], dt: f64) -> Option<Vec<(f64, f64)>> {
     let is_still = metrics::peak(values).is_none_or(|peak| peak.value == 0.0);
@@ -57,61 +117,71 @@ pub(super) fn envelope(values: &[f64], dt: f64) -> Option<Vec<(f64, f64)>> {
 }
 
 impl AxisDigest {
-    /// Of the columns of `axis` in `held`; `noise` was read at rest.
+    /// Of the columns of `axis` in `held`, which are of every tick; `noise` was read at rest.
     pub fn of(
         axis: SpecimenAxis,
         held: &Table,
         time: &[f64],
-        dt: Option<f64>,
+        grid: Grid,
         noise: Option<Noise>,
     ) -> Self {
         let column = |kind: &str| held.get(&axis.column(kind)).unwrap_or_default();
         let (target, meas, force) = (column("target"), column("meas"), column("force"));
-        let mut spectra = [Vec::new(), Vec::new(), Vec::new()];
-        let mut tracking = None;
-        let mut course = None;
-        if let Some(dt) = dt {
-            let n = target.len().min(meas.len());
-            let of = |values: &[f64]| Spectrum::of(values, dt);
-            let (c, m) = (of(&target[..n]), of(&meas[..n]));
-            let index = c.as_ref().zip(m.as_ref()).and_then(|(c, m)| evaluate(c, m));
-            tracking = Tracking::with_index(target, meas, force, dt, noise, index);
-            if let Some(tracking) = &mut tracking {
-                let sigma = noise.map(|noise| noise.disp_std_m);
-                let found = windows::look(target, meas, dt, sigma);
-                tracking.windows = found.as_ref().map(|(windows, _)| *windows);
-                course = found.map(|(_, histories)| {
-                    let middle = histories.middle.iter();
-                    let at = middle.map(|row| time.get(*row).copied().unwrap_or(f64::NAN));
-                    (at.collect(), histories)
-                });
-            }
-            let is_moving =
-                |s: &Option<Spectrum>| s.as_ref().map(|s| s.envelope(BINS)).unwrap_or_default();
-            spectra[0] = is_moving(&c);
-            spectra[1] = is_moving(&m);
-            drop((c, m));
-            let error: Vec<f64> = meas.iter().zip(target).map(|(m, c)| m - c).collect();
-            spectra[2] = envelope(&error, dt).unwrap_or_default();
-        }
-        let first = metrics::loading(meas, FIRST_LOADING).min(force.len());
-        let identify = |d: &[f64], f: &[f64]| dt.and_then(|dt| metrics::identify(d, f, dt));
-        let (from, to) = close_up(time, target, meas);
-        Self {
+        let mut found = Self {
             axis,
-            tracking,
+            dt: None,
+            tracking: None,
             noise,
-            course,
+            course: None,
             peak_disp: metrics::peak(meas),
             peak_force: metrics::peak(force),
-            absorbed: metrics::absorbed_energy(meas, force),
-            whole: identify(meas, force),
-            initial: identify(&meas[..first.min(meas.len())], &force[..first]),
+            absorbed: None,
+            whole: None,
+            initial: None,
             hysteresis: drawn(meas, force),
             subspace: drawn(target, meas),
-            close_up: [time, target, meas].map(|v| short(v.get(from..to).unwrap_or_default())),
-            spectra,
+            close_up: Default::default(),
+            spectra: Default::default(),
+        };
+        let (from, to) = close_up(time, target, meas);
+        found.close_up = [time, target, meas].map(|v| short(v.get(from..to).unwrap_or_default()));
+        found.absorbed = metrics::absorbed_energy(meas, force).filter(|_| grid.is_whole);
+        if let Some((rows, dt)) = grid.rows(held, time) {
+            let [time, target, meas, force] = [time, target, meas, force].map(|v| rows.of(v));
+            found.dt = Some(dt);
+            found.follow(&time, &target, &meas, &force, dt);
         }
+        found
+    }
+
+    /// What needs rows at even times, `dt` s apart.
+    fn follow(&mut self, time: &[f64], target: &[f64], meas: &[f64], force: &[f64], dt: f64) {
+        let n = target.len().min(meas.len());
+        let of = |values: &[f64]| Spectrum::of(values, dt);
+        let (c, m) = (of(&target[..n]), of(&meas[..n]));
+        let index = c.as_ref().zip(m.as_ref()).and_then(|(c, m)| evaluate(c, m));
+        self.tracking = Tracking::with_index(target, meas, force, dt, self.noise, index);
+        if let Some(tracking) = &mut self.tracking {
+            let sigma = self.noise.map(|noise| noise.disp_std_m);
+            let found = windows::look(target, meas, dt, sigma);
+            tracking.windows = found.as_ref().map(|(windows, _)| *windows);
+            self.course = found.map(|(_, histories)| {
+                let middle = histories.middle.iter();
+                let at = middle.map(|row| time.get(*row).copied().unwrap_or(f64::NAN));
+                (at.collect(), histories)
+            });
+        }
+        let is_moving =
+            |s: &Option<Spectrum>| s.as_ref().map(|s| s.envelope(BINS)).unwrap_or_default();
+        self.spectra[0] = is_moving(&c);
+        self.spectra[1] = is_moving(&m);
+        drop((c, m));
+        let error: Vec<f64> = meas.iter().zip(target).map(|(m, c)| m - c).collect();
+        self.spectra[2] = envelope(&error, dt).unwrap_or_default();
+        let first = metrics::loading(meas, FIRST_LOADING).min(force.len());
+        self.whole = metrics::identify(meas, force, dt);
+        let first_meas = &meas[..first.min(meas.len())];
+        self.initial = metrics::identify(first_meas, &force[..first], dt);
     }
 
     /// Lag of measured behind target in s.

@@ -55,12 +55,17 @@ fn column<'a>(digest: &'a Digest, name: &str) -> Option<&'a [f64]> {
 pub(super) fn balance(rows: &Rows<'_>, why: Option<&str>) -> Option<String> {
     let digest = rows.digest();
     let heading = "Energy";
-    if rows.dofs().is_empty() || digest.running == 0 {
+    if rows.dofs().is_empty() || rows.running() == 0 {
         return None;
     }
     let Some(time) = column(digest, "time") else {
-        let why = why
-            .unwrap_or("not every DOF and axis is recorded, or the structure is too large for it");
+        let why = match rows.passed() {
+            passed if passed.missing_steps > 0 => "steps are missing in the record",
+            passed if passed.steps < 3 => "it takes three steps",
+            _ => why.unwrap_or(
+                "not every DOF and axis is recorded, or the structure is too large for it",
+            ),
+        };
         return Some(section(
             heading,
             &(paragraph(&format!("No energy balance is drawn: {why}.")) + &audit(rows)),

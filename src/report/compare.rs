@@ -29,7 +29,7 @@ pub fn compare(
         "<header>\n<p class=\"brand\">gusset · comparison of two runs</p>\n<h1>{}</h1>\n",
         escape(&title)
     );
-    body += &banner(matched);
+    body += &banner(matched, &damages(first, second));
     body += "</header>\n<main>\n";
     body += &section(
         "The two runs",
@@ -57,11 +57,14 @@ pub fn verdict(matched: &Result<Matched, String>) -> String {
         Err(why) => format!("not compared row by row: {why}"),
         Ok(found) if found.rows == 0 => "the runs have no step in common".to_owned(),
         Ok(found) => match &found.first {
-            None => format!(
-                "the same to the last bit: {} of {}",
-                plural(found.rows, "row", "rows"),
-                plural(found.columns as u64, "column", "columns")
-            ),
+            None => {
+                let same = format!(
+                    "the same to the last bit: {} of {}",
+                    plural(found.rows, "row", "rows"),
+                    plural(found.columns as u64, "column", "columns")
+                );
+                alone(found).map_or_else(|| same.clone(), |more| format!("{same}; but {more}"))
+            }
             Some(first) => format!(
                 "they differ first at step {}, {} s, in {}: {:e} against {:e}",
                 first.step, first.time, first.column, first.values.0, first.values.1
@@ -70,8 +73,31 @@ pub fn verdict(matched: &Result<Matched, String>) -> String {
     }
 }
 
-fn banner(matched: &Result<Matched, String>) -> String {
-    let (class, headline, more) = match matched {
+/// Rows that only one of the runs has, in words.
+fn alone(found: &Matched) -> Option<String> {
+    let (first, second) = found.alone;
+    (found.alone != (0, 0)).then(|| {
+        format!(
+            "{} of the first run and {} of the second have no counterpart",
+            plural(first, "row", "rows"),
+            count(second)
+        )
+    })
+}
+
+/// What of each run's record is not there, in words; each sentence says of which run.
+#[must_use]
+pub fn damages(first: &RunData, second: &RunData) -> Vec<String> {
+    let of = |run: &RunData, which: &str| {
+        let what = run.unfinished.iter().chain(&run.damaged);
+        what.map(|what| format!("{which} run: {what}"))
+            .collect::<Vec<_>>()
+    };
+    [of(first, "first"), of(second, "second")].concat()
+}
+
+fn banner(matched: &Result<Matched, String>, damages: &[String]) -> String {
+    let (class, headline, mut more) = match matched {
         Err(why) => (
             "warning",
             "The runs cannot be compared row by row",
@@ -79,22 +105,27 @@ fn banner(matched: &Result<Matched, String>) -> String {
         ),
         Ok(found) if found.rows == 0 => ("warning", "The runs have no step in common", Vec::new()),
         Ok(found) => {
+            let is_whole = found.alone == (0, 0) && damages.is_empty();
             let (class, headline) = match &found.first {
-                None => ("good", "The same to the last bit"),
+                None if is_whole => ("good", "The same to the last bit"),
+                None => (
+                    "warning",
+                    "The same as far as both go, but not all of both is there",
+                ),
                 Some(_) => ("warning", "The runs differ"),
             };
             let mut more = vec![format!("{}.", capital(&verdict(matched)))];
-            if found.alone != (0, 0) {
-                more.push(format!(
-                    "{} of the first run and {} of the second have no counterpart.",
-                    plural(found.alone.0, "row", "rows"),
-                    count(found.alone.1)
-                ));
+            if found.first.is_some() {
+                more.extend(alone(found).map(|text| format!("{text}.")));
             }
-            more.push("Compared were the rows in which both tests were running, number by number; columns that depend on wall time were not.".to_owned());
+            more.push(
+                "Compared were all ticks of the running tests, number by number; columns that depend on wall time were not."
+                    .to_owned(),
+            );
             (class, headline, more)
         }
     };
+    more.extend(damages.iter().map(|text| format!("{}.", capital(text))));
     let more: String = more.iter().map(|text| paragraph(text)).collect();
     format!("<div class=\"verdict {class}\">\n<p class=\"headline\">{headline}</p>\n{more}</div>\n")
 }
@@ -197,5 +228,37 @@ fn flat(value: &Value, path: String, out: &mut Vec<(String, String)>) {
             }
         }
         other => out.push((path, super::text::shortened(&other.to_string(), 120))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::matched::Matcher;
+    use super::super::synthetic::columns;
+    use super::*;
+
+    #[test]
+    fn what_is_the_same_is_good_news_only_where_all_of_both_is_there() {
+        let names = columns(&["step", "sub_tick", "state", "time", "x1"]);
+        let found = |left: (u64, u64)| {
+            let mut matcher = Matcher::new(&names, &names, 2).unwrap();
+            let row = [0.0, 0.0, 3.0, 0.0, 1.0];
+            matcher.take(&row, &row);
+            Ok(matcher.finish(left))
+        };
+        let whole = RunData::default();
+        let torn = RunData {
+            damaged: vec!["row 7 of the samples is damaged".to_owned()],
+            ..RunData::default()
+        };
+        let page = |second: &RunData, left| compare(&whole, second, ("a", "b"), &found(left));
+        assert!(page(&whole, (0, 0)).contains("verdict good"));
+        let short = page(&whole, (0, 9));
+        assert!(short.contains("verdict warning") && !short.contains("verdict good"));
+        assert!(short.contains("0\u{a0}rows of the first run and 9 of the second"));
+        let damaged = page(&torn, (0, 0));
+        assert!(!damaged.contains("verdict good"));
+        assert!(damaged.contains("Second run: row 7 of the samples is damaged."));
+        assert!(verdict(&found((0, 9))).contains("no counterpart"));
     }
 }

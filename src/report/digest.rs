@@ -1,14 +1,16 @@
 //! What a page needs of the rows, read from them in one pass, or in a few where a test is so long that the columns that are
 //! needed whole do not fit into memory together.
 //!
-//! Invariant: only rows in which the test was running (`state` 3) are physics; those in which it zeroed its sensors
-//! (`state` 4) are what noise is known from. Nothing here fails but the reading itself.
+//! Invariant: only rows of the running test are physics ([`super::sieve`]); those in which it zeroed its sensors
+//! (`state` 4) are what noise is known from. What needs steps at even times is not there where some are missing. Nothing here fails
+//! but the reading itself.
 
 use std::io;
 
-use super::axes::AxisDigest;
+use super::axes::{AxisDigest, Grid};
 use super::first::First;
 use super::shaking::Shaking;
+use super::sieve::{Gap, Passed, Sieve, Stretch};
 use super::source::Source;
 use super::table::Table;
 use super::worst::WorstTick;
@@ -17,9 +19,6 @@ use crate::metrics::falsified::Scale;
 use crate::metrics::tracking::Noise;
 use crate::record::Column;
 
-/// State of a row in which the test runs, and in which it zeroes its sensors.
-pub(super) const RUNNING: f64 = 3.0;
-pub(super) const ZEROING: f64 = 4.0;
 /// DOFs of which columns are kept.
 pub(super) const MOST_DOFS: usize = 24;
 /// Axes that are judged.
@@ -59,15 +58,20 @@ pub struct Difference {
 /// Everything a page needs of the rows.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Digest {
+    /// Columns at the ends of steps, and columns at every tick.
     pub(super) table: Table,
-    /// Rows of all states, and those in which the test was running.
+    pub(super) ticks: Table,
+    /// Rows of all states.
     pub(super) recorded: u64,
-    pub(super) running: u64,
-    /// True if no step is missing between the first and the last; none without a column of steps.
-    pub(super) gapless: Option<bool>,
-    /// Mean interval of the running rows in s.
+    /// What has passed of the test, and what is missing of it.
+    pub(super) passed: Passed,
+    /// Ticks in a step.
+    pub(super) ticks_per_step: u64,
+    /// True if steps are known by their numbers.
+    pub(super) counted: bool,
+    /// Interval of the steps in s; none where they are not at even times.
     pub(super) interval: Option<f64>,
-    /// Rows that became two entries of the table; 1 if all are there.
+    /// Rows that became two entries of a table; 1 if all are there.
     pub(super) every: usize,
     /// DOFs with a recorded displacement.
     pub(super) dofs: Vec<u32>,
@@ -82,6 +86,8 @@ pub struct Digest {
     /// What energy errors are measured by; none where there is no model.
     pub(super) scale: Option<Scale>,
     pub(super) worst: Vec<WorstTick>,
+    /// Mean displacement of the last part of the test, by DOF.
+    pub(super) residuals: Vec<(u32, f64)>,
 }
 
 /// DOFs with a displacement among `columns`, rising.
@@ -129,6 +135,11 @@ pub(super) enum Item {
 }
 
 impl Item {
+    /// True if it is made of every tick, and not of the ends of steps.
+    pub const fn is_of_ticks(self) -> bool {
+        matches!(self, Item::Axis(_))
+    }
+
     /// Names of the columns that it is made of.
     pub fn columns(self) -> Vec<String> {
         match self {
@@ -141,7 +152,17 @@ impl Item {
     }
 }
 
+/// Why something is not there that needs rows at even times.
+pub(super) const MISSING: &str = "rows are missing in the record, or not at even times";
+
 impl Digest {
+    /// Axes of which rows are missing, so that nothing can be said that needs all of them.
+    pub(super) fn broken(&self) -> impl Iterator<Item = SpecimenAxis> {
+        let broken = self.axes.iter().filter(|axis| axis.dt.is_none());
+        let is_timed = self.passed.step_s.is_some();
+        broken.map(|axis| axis.axis).filter(move |_| is_timed)
+    }
+
     /// Reads `source`; `differences` are made of its columns, `model` closes the energy balance.
     ///
     /// # Errors
@@ -161,6 +182,7 @@ impl Digest {
         let mut digest = Self {
             dofs,
             all_axes,
+            ticks_per_step: source.ticks_per_step().max(1),
             ..Self::default()
         };
         let mut noise: Vec<(SpecimenAxis, Option<Noise>)> = Vec::new();
@@ -182,9 +204,7 @@ impl Digest {
                 let mut pass = First::new(source, differences, model.take(), &digest, &batch);
                 source.read(&pass.wanted.clone(), &mut |block| pass.take(block))?;
                 noise = pass.noise();
-                let held = pass.held();
-                pass.finish(&mut digest);
-                held
+                pass.finish(&mut digest)
             } else {
                 hold(source, &batch)?
             };
@@ -197,7 +217,8 @@ impl Digest {
         Ok(digest)
     }
 
-    fn conclude(&mut self, item: Item, held: &Table, noise: &[(SpecimenAxis, Option<Noise>)]) {
+    fn conclude(&mut self, item: Item, held: &[Table; 2], noise: &[(SpecimenAxis, Option<Noise>)]) {
+        let held = &held[usize::from(item.is_of_ticks())];
         let time = held.get("time").unwrap_or_default();
         match item {
             Item::Ground => {
@@ -217,7 +238,12 @@ impl Digest {
                     .iter()
                     .find(|(a, _)| *a == axis)
                     .and_then(|(_, noise)| *noise);
-                let mut digest = AxisDigest::of(axis, held, time, self.interval, noise);
+                let grid = Grid {
+                    step_s: self.passed.step_s,
+                    ticks_per_step: self.ticks_per_step,
+                    is_whole: self.passed.missing_ticks == 0,
+                };
+                let mut digest = AxisDigest::of(axis, held, time, grid, noise);
                 if let (Some(tracking), Some(scale)) = (&mut digest.tracking, self.scale) {
                     tracking.energy_error_share = scale.share(tracking.energy_error_j);
                 }
@@ -227,43 +253,85 @@ impl Digest {
     }
 }
 
-/// The columns of `batch` and time, whole, in running rows.
-fn hold(source: &dyn Source, batch: &[Item]) -> io::Result<Table> {
-    let mut names: Vec<String> = vec!["state".to_owned(), "time".to_owned()];
-    names.extend(batch.iter().flat_map(|item| item.columns()));
-    let found: Vec<(usize, &Column)> = names
-        .iter()
-        .filter_map(|name| {
-            source
-                .columns()
-                .iter()
-                .enumerate()
-                .find(|(_, c)| c.name == *name)
+/// Columns that are held whole: at the ends of steps, and at every tick. Where rows are missing stands one without a number.
+#[derive(Debug, Clone)]
+pub(super) struct Holder {
+    /// Their places in a block, and they themselves.
+    parts: [(Vec<usize>, Vec<Vec<f64>>); 2],
+    time: Option<usize>,
+}
+
+impl Holder {
+    /// For the columns of `batch`, with time and state; `columns` are those of a block.
+    pub fn new(columns: &[Column], batch: &[Item]) -> Self {
+        let at = |name: &str| columns.iter().position(|c| c.name == name);
+        let places = |of_ticks: bool| {
+            let of = batch.iter().filter(|item| item.is_of_ticks() == of_ticks);
+            let names = ["time", "state"].map(str::to_owned);
+            let names = names.into_iter().chain(of.flat_map(|item| item.columns()));
+            let mut places: Vec<usize> = names.filter_map(|name| at(&name)).collect();
+            places.sort_unstable();
+            places.dedup();
+            let held = vec![Vec::new(); places.len()];
+            (places, held)
+        };
+        Self {
+            parts: [places(false), places(true)],
+            time: at("time"),
+        }
+    }
+
+    /// Takes a stretch of rows: `kind` 0 for ends of steps, 1 for ticks.
+    pub fn take(&mut self, kind: usize, stretch: &Stretch, block: &[Vec<f64>]) {
+        let (places, held) = &mut self.parts[kind];
+        for (&place, to) in places.iter().zip(held) {
+            if let Some(Gap { time, .. }) = stretch.gap {
+                to.push(if self.time == Some(place) {
+                    time
+                } else {
+                    f64::NAN
+                });
+            }
+            to.extend(stretch.rows.iter().map(|&row| block[place][row]));
+        }
+    }
+
+    /// The columns by name.
+    pub fn finish(self, columns: &[Column]) -> [Table; 2] {
+        self.parts.map(|(places, held)| {
+            let names = places.iter().map(|&place| columns[place].clone());
+            Table::new(names.zip(held).collect())
         })
+    }
+}
+
+/// The columns of `batch`, whole.
+fn hold(source: &dyn Source, batch: &[Item]) -> io::Result<[Table; 2]> {
+    let mut names: Vec<String> = ["state", "step", "time"].map(str::to_owned).into();
+    names.extend(batch.iter().flat_map(|item| item.columns()));
+    let place = |name: &String| source.columns().iter().position(|c| c.name == *name);
+    let wanted: Vec<usize> = names.iter().filter_map(place).collect();
+    let columns: Vec<Column> = wanted
+        .iter()
+        .map(|&place| source.columns()[place].clone())
         .collect();
-    let wanted: Vec<usize> = found.iter().map(|(place, _)| *place).collect();
-    let state = found.iter().position(|(_, c)| c.name == "state");
-    let mut held: Vec<Vec<f64>> = vec![Vec::new(); found.len()];
+    let mut sieve = sieve(source, &columns);
+    let mut holder = Holder::new(&columns, batch);
     source.read(&wanted, &mut |block| {
-        let is_running = |row: usize| state.is_none_or(|at| block[at][row] == RUNNING);
-        let rows = block.first().map_or(0, Vec::len);
-        if (0..rows).all(is_running) {
-            held.iter_mut()
-                .zip(block)
-                .for_each(|(to, from)| to.extend_from_slice(from));
-        } else {
-            for (to, from) in held.iter_mut().zip(block) {
-                to.extend(
-                    from.iter()
-                        .enumerate()
-                        .filter(|(row, _)| is_running(*row))
-                        .map(|(_, v)| *v),
-                );
+        for (kind, stretches) in sieve.sort(block).iter().enumerate() {
+            for stretch in stretches {
+                holder.take(kind, stretch, block);
             }
         }
     })?;
-    let columns = found.into_iter().map(|(_, column)| column.clone());
-    Ok(Table::new(columns.zip(held).collect()))
+    Ok(holder.finish(&columns))
+}
+
+/// What sorts the rows of `source`, of which blocks have these columns.
+pub(super) fn sieve(source: &dyn Source, columns: &[Column]) -> Sieve {
+    let at = |name: &str| columns.iter().position(|c| c.name == name);
+    let places = ["state", "step", "time"].map(at);
+    Sieve::new(places, source.step_s(), source.ticks_per_step())
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use serde_json::Value;
 
 use super::RunData;
 use super::courses::MARGIN;
-use super::digest::Digest;
+use super::digest::{Digest, MISSING};
 use super::html::{note, section, table};
 use super::rows::Rows;
 use super::specimens::Tracked;
@@ -22,7 +22,7 @@ const FORGETS_S: f64 = 2.0;
 fn margins(run: &RunData, digest: &Digest) -> Vec<Margin> {
     let configuration = super::tested::configuration(run);
     let rows = Rows::new(digest);
-    let time = rows.get("time").unwrap_or_default();
+    let time = rows.tick_time();
     let watched = digest.axes.iter().filter_map(|axis| {
         let values = rows.get(&axis.axis.column(MARGIN))?;
         let known = values.iter().zip(time.iter());
@@ -33,7 +33,7 @@ fn margins(run: &RunData, digest: &Digest) -> Vec<Margin> {
             .tracking
             .as_ref()
             .and_then(|t| Some((t.samples, t.delay()?.floor?)));
-        let floor = whole.zip(digest.interval).map(|((samples, floor), dt)| {
+        let floor = whole.zip(axis.dt).map(|((samples, floor), dt)| {
             floor * (samples as f64 * dt / (2.0 * FORGETS_S)).max(1.0).sqrt()
         });
         Some(Margin {
@@ -53,7 +53,8 @@ fn found(run: &RunData, digest: &Digest) -> Option<Falsified> {
         let axes = digest.axes.iter();
         axes.filter_map(|axis| Some((axis.axis, axis.tracking.as_ref()?)))
     };
-    if digest.dofs.is_empty() || tracked().next().is_none() {
+    let broken: Vec<_> = digest.broken().collect();
+    if digest.dofs.is_empty() || (tracked().next().is_none() && broken.is_empty()) {
         return None;
     }
     let errors: Vec<Judged> = tracked().map(|(_, t)| t.energy_error_j).collect();
@@ -68,6 +69,9 @@ fn found(run: &RunData, digest: &Digest) -> Option<Falsified> {
         .filter_map(|mode| mode.falsified(&delays))
         .collect();
     let mut missing = Vec::new();
+    if !broken.is_empty() {
+        missing.push(format!("energy_error_j, modes: {MISSING}"));
+    }
     if digest.all_axes.len() > tracked().count() {
         let rest = digest.all_axes.len() - tracked().count();
         missing.push(format!(
@@ -78,10 +82,13 @@ fn found(run: &RunData, digest: &Digest) -> Option<Falsified> {
     }
     if scale.is_none() {
         let why = run.no_balance.as_deref();
-        let why = why.unwrap_or("not every DOF and axis is recorded");
+        let why = match digest.passed.missing_steps {
+            0 => why.unwrap_or("not every DOF and axis is recorded"),
+            _ => MISSING,
+        };
         missing.push(format!("energy_error_share: no energy balance, {why}"));
     }
-    if modes.is_empty() {
+    if modes.is_empty() && broken.is_empty() {
         let why = run.no_modes.as_deref();
         let why = why.unwrap_or("no delay is known");
         missing.push(format!("modes: {why}"));

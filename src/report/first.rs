@@ -1,8 +1,12 @@
 //! The first pass over the rows: everything that needs each of them once, and the first batch of columns that are held whole.
 
+use std::collections::VecDeque;
+
 use super::digest::{
-    Difference, Digest, Item, MOST_AXES, MOST_DOFS, RUNNING, SpecimenAxis, ZEROING, spread,
+    Difference, Digest, Holder, Item, MOST_AXES, MOST_DOFS, SpecimenAxis, sieve, spread,
 };
+use super::response::{MOST_LINES, TAIL};
+use super::sieve::{Sieve, Stretch, ZEROING};
 use super::source::Source;
 use super::specimens::ERROR;
 use super::table::{Table, Thinner};
@@ -33,21 +37,71 @@ pub(super) struct First<'a> {
     state: Option<usize>,
     step: Option<usize>,
     time: Option<usize>,
-    /// Differences: name and meaning, and the places that they are made of.
-    made: Vec<(Column, usize, Option<usize>)>,
-    held_places: Vec<usize>,
-    held: Vec<Vec<f64>>,
-    thinner: Thinner,
+    sieve: Sieve,
+    holder: Holder,
+    /// Columns at the ends of steps, and at every tick.
+    parts: [Part; 2],
     energy: Option<EnergyPass<'a>>,
     energy_thinner: Thinner,
     worst: Worst,
     readings: Vec<Read>,
     recorded: u64,
-    running: u64,
-    ends: Option<(f64, f64)>,
-    last_step: Option<f64>,
-    gapless: bool,
-    scratch: Vec<Vec<f64>>,
+    /// Displacements of the last steps: DOF, place in a block, values; and how many are kept.
+    tails: Vec<(u32, usize, VecDeque<f64>)>,
+    tail: usize,
+}
+
+/// Columns that are kept thinned, side by side.
+struct Part {
+    /// Their places in a block.
+    places: Vec<usize>,
+    /// Differences: name and meaning, and the places that they are made of.
+    made: Vec<(Column, usize, Option<usize>)>,
+    thinner: Thinner,
+}
+
+impl Part {
+    fn new(
+        columns: &[Column],
+        places: Vec<usize>,
+        made: Vec<(Column, usize, Option<usize>)>,
+        rows: u64,
+    ) -> Self {
+        let time = places.iter().position(|&at| columns[at].name == "time");
+        Self {
+            thinner: Thinner::new(rows, places.len() + made.len(), time),
+            places,
+            made,
+        }
+    }
+
+    /// Takes rows: one slice per column of a block.
+    fn take(&mut self, block: &[&[f64]]) {
+        let made = self.made.iter().map(|(_, of, less)| match less {
+            Some(less) => block[*of]
+                .iter()
+                .zip(block[*less])
+                .map(|(a, b)| a - b)
+                .collect(),
+            None => block[*of].to_vec(),
+        });
+        let made: Vec<Vec<f64>> = made.collect();
+        let kept = self.places.iter().map(|&at| block[at]);
+        let slices: Vec<&[f64]> = kept.chain(made.iter().map(Vec::as_slice)).collect();
+        self.thinner.take(&slices);
+    }
+
+    fn finish(self, columns: &[Column]) -> Table {
+        let kept = self.places.iter().map(|&at| columns[at].clone());
+        let made = self.made.into_iter().map(|(column, _, _)| column);
+        Table::new(kept.chain(made).zip(self.thinner.finish()).collect())
+    }
+}
+
+/// True of a column that is of a specimen or of the loop's own timing: it has something new at every tick.
+fn is_of_tick(column: &Column) -> bool {
+    let number = column.name.rsplit_once('_').map(|(_, number)| number);
+    column.timing || number.is_some_and(|number| number.parse::<u32>().is_ok())
 }
 
 struct EnergyPass<'a> {
@@ -65,7 +119,11 @@ impl<'a> First<'a> {
         batch: &[Item],
     ) -> Self {
         let all = source.columns();
-        let listed = spread(&digest.dofs, MOST_DOFS);
+        // Those that are listed, and those of which histories are drawn.
+        let mut listed = spread(&digest.dofs, MOST_DOFS);
+        listed.extend(spread(&digest.dofs, MOST_LINES));
+        listed.sort_unstable();
+        listed.dedup();
         let drawn: Vec<SpecimenAxis> = digest.all_axes.iter().take(MOST_AXES).copied().collect();
         let needs_all = model
             .as_ref()
@@ -120,7 +178,7 @@ impl<'a> First<'a> {
             };
             Some((column, of, Some(less)))
         });
-        let made: Vec<_> = made.chain(errors).collect();
+        let (drifts, errors): (Vec<_>, Vec<_>) = (made.collect(), errors.collect());
         let rows = source.rows();
         let work = |n: usize| 4.0 * (n * n) as f64 * rows as f64;
         let model = model
@@ -147,11 +205,22 @@ impl<'a> First<'a> {
                     axes,
                 })
             });
-        let mut held_names = vec!["time".to_owned()];
-        held_names.extend(batch.iter().flat_map(|item| item.columns()));
-        let mut held_places: Vec<usize> = held_names.iter().filter_map(|name| at(name)).collect();
-        held_places.sort_unstable();
-        held_places.dedup();
+        let holder = Holder::new(&columns, batch);
+        let places = |of_ticks: bool| {
+            let all = columns.iter().enumerate();
+            let mine = all.filter(move |(_, c)| c.name == "time" || is_of_tick(c) == of_ticks);
+            mine.map(|(place, _)| place).collect::<Vec<_>>()
+        };
+        let steps = rows.div_ceil(source.ticks_per_step().max(1));
+        let parts = [
+            Part::new(&columns, places(false), drifts, steps),
+            Part::new(&columns, places(true), errors, rows),
+        ];
+        let tails = spread(&digest.dofs, MOST_DOFS);
+        let tails: Vec<_> = tails
+            .into_iter()
+            .filter_map(|dof| Some((dof, at(&format!("x{dof}"))?, VecDeque::new())))
+            .collect();
         let readings = drawn.iter().filter_map(|a| {
             Some(Read {
                 axis: *a,
@@ -164,30 +233,26 @@ impl<'a> First<'a> {
             state: at("state"),
             step: at("step"),
             time: at("time"),
-            thinner: Thinner::new(rows, columns.len() + made.len(), at("time")),
-            energy_thinner: Thinner::new(rows, 7, Some(0)),
+            sieve: sieve(source, &columns),
+            holder,
+            parts,
+            energy_thinner: Thinner::new(steps, 7, Some(0)),
             worst: Worst::new(&columns),
-            held: vec![Vec::new(); held_places.len()],
             readings: readings.collect(),
             energy: pass,
             recorded: 0,
-            running: 0,
-            ends: None,
-            last_step: None,
-            gapless: true,
-            scratch: Vec::new(),
+            tails,
+            tail: steps as usize / TAIL + 1,
             wanted,
             columns,
-            made,
-            held_places,
         }
     }
 
     pub fn take(&mut self, block: &[Vec<f64>]) {
         let rows = block.first().map_or(0, Vec::len);
         self.recorded += rows as u64;
-        let state = |row: usize| self.state.map_or(RUNNING, |at| block[at][row]);
-        for row in (0..rows).filter(|&row| state(row) == ZEROING) {
+        let is_zeroing = |row: &usize| self.state.is_some_and(|at| block[at][*row] == ZEROING);
+        for row in (0..rows).filter(is_zeroing) {
             for read in &mut self.readings {
                 if read.disp.len() < MOST_READINGS {
                     let [disp, force] = read.places;
@@ -196,58 +261,43 @@ impl<'a> First<'a> {
                 }
             }
         }
-        let is_running = |row: &usize| state(*row) == RUNNING;
-        if (0..rows).all(|row| is_running(&row)) {
-            let slices: Vec<&[f64]> = block.iter().map(Vec::as_slice).collect();
-            self.running_rows(&slices);
-        } else {
-            let picked: Vec<usize> = (0..rows).filter(is_running).collect();
-            if picked.is_empty() {
-                return;
+        for (kind, stretches) in self.sieve.sort(block).iter().enumerate() {
+            for stretch in stretches {
+                self.holder.take(kind, stretch, block);
+                self.stretch(kind, stretch, block);
             }
-            let kept: Vec<Vec<f64>> = block
-                .iter()
-                .map(|column| picked.iter().map(|&row| column[row]).collect())
-                .collect();
-            let slices: Vec<&[f64]> = kept.iter().map(Vec::as_slice).collect();
-            self.running_rows(&slices);
         }
     }
 
-    fn running_rows(&mut self, block: &[&[f64]]) {
-        let rows = block.first().map_or(0, |column| column.len());
-        self.running += rows as u64;
-        if let Some(steps) = self.step.map(|at| block[at]) {
-            for &step in steps {
-                if let Some(last) = self.last_step {
-                    self.gapless &= step == last || step == last + 1.0;
-                }
-                self.last_step = Some(step);
-            }
+    /// `kind` 0 for ends of steps, 1 for ticks.
+    fn stretch(&mut self, kind: usize, stretch: &Stretch, block: &[Vec<f64>]) {
+        if let Some(gap) = stretch.gap {
+            self.parts[kind].thinner.gap(gap);
         }
-        if let Some(time) = self.time.map(|at| block[at])
-            && let (Some(first), Some(last)) = (time.first(), time.last())
-        {
-            self.ends = Some((self.ends.map_or(*first, |ends| ends.0), *last));
+        let all = block.first().map_or(0, Vec::len);
+        let picked: Vec<Vec<f64>>;
+        let slices: Vec<&[f64]> = if stretch.rows.len() == all {
+            block.iter().map(Vec::as_slice).collect()
+        } else if stretch.rows.is_empty() {
+            return;
+        } else {
+            picked = block.iter().map(|column| stretch.of(column)).collect();
+            picked.iter().map(Vec::as_slice).collect()
+        };
+        self.parts[kind].take(&slices);
+        if kind == 0 {
+            self.step_rows(&slices);
+        } else {
+            self.worst.take(&slices);
         }
-        for (held, &place) in self.held.iter_mut().zip(&self.held_places) {
-            held.extend_from_slice(block[place]);
+    }
+
+    fn step_rows(&mut self, block: &[&[f64]]) {
+        for (_, place, kept) in &mut self.tails {
+            kept.extend(block[*place]);
+            let more = kept.len().saturating_sub(self.tail);
+            kept.drain(..more);
         }
-        self.scratch.resize(self.made.len(), Vec::new());
-        for ((_, of, less), out) in self.made.iter().zip(&mut self.scratch) {
-            out.clear();
-            match less {
-                Some(less) => out.extend(block[*of].iter().zip(block[*less]).map(|(a, b)| a - b)),
-                None => out.extend_from_slice(block[*of]),
-            }
-        }
-        let slices: Vec<&[f64]> = block
-            .iter()
-            .copied()
-            .chain(self.scratch.iter().map(Vec::as_slice))
-            .collect();
-        self.thinner.take(&slices);
-        self.worst.take(block);
         if let (Some(energy), Some(step), Some(time)) = (&mut self.energy, self.step, self.time) {
             let mut found: [Vec<f64>; 7] = Default::default();
             for (row, (step, time)) in block[step].iter().zip(block[time]).enumerate() {
@@ -276,32 +326,32 @@ impl<'a> First<'a> {
             .collect()
     }
 
-    pub fn held(&mut self) -> Table {
-        let held = std::mem::take(&mut self.held);
-        let columns = self
-            .held_places
-            .iter()
-            .map(|&place| self.columns[place].clone());
-        Table::new(columns.zip(held).collect())
-    }
-
-    pub fn finish(self, digest: &mut Digest) {
+    pub fn finish(self, digest: &mut Digest) -> [Table; 2] {
         digest.recorded = self.recorded;
-        digest.running = self.running;
-        digest.gapless = self.last_step.map(|_| self.gapless);
-        let span = self.ends.map(|(first, last)| last - first);
-        let dt = span.map(|span| span / (self.running.saturating_sub(1) as f64));
-        digest.interval = dt.filter(|dt| *dt > 0.0 && dt.is_finite());
-        digest.every = self.thinner.every();
-        let made = self.made.into_iter().map(|(column, _, _)| column);
-        let columns = self.columns.into_iter().chain(made);
-        digest.table = Table::new(columns.zip(self.thinner.finish()).collect());
-        if let Some(energy) = &self.energy {
+        digest.passed = self.sieve.passed();
+        digest.counted = self.step.is_some();
+        digest.interval = digest.passed.step_s.filter(|_| digest.passed.is_even);
+        digest.every = self.parts[0]
+            .thinner
+            .every()
+            .max(self.parts[1].thinner.every());
+        digest.worst = self.worst.finish();
+        // A balance with holes is none.
+        let whole = digest.passed.missing_steps == 0;
+        let last = digest.passed.steps as usize / TAIL;
+        let residuals = self.tails.iter().filter_map(|(dof, _, kept)| {
+            let kept: Vec<f64> = kept.iter().copied().collect();
+            Some((*dof, crate::metrics::residual(&kept, last)?))
+        });
+        digest.residuals = residuals.collect();
+        if let Some(energy) = self.energy.filter(|_| whole) {
             digest.scale = Some(energy.balance.scale());
             let values = self.energy_thinner.finish();
             digest.energy = energy_columns().into_iter().zip(values).collect();
         }
-        digest.worst = self.worst.finish();
+        let [table, ticks] = self.parts.map(|part| part.finish(&self.columns));
+        (digest.table, digest.ticks) = (table, ticks);
+        self.holder.finish(&self.columns)
     }
 }
 

@@ -4,6 +4,7 @@ use serde_json::Value;
 
 use super::RunData;
 use super::axes::FIRST_LOADING;
+use super::digest::MISSING;
 use super::html::{note, section, table};
 use super::rows::Rows;
 use super::specimens::{Tracked, lag_words, tracking};
@@ -68,6 +69,18 @@ pub fn tracking_metrics(run: &RunData) -> Value {
         }
     }
     Value::Object(all)
+}
+
+/// Why metrics of an axis are null though it may have moved, in words: for `summary.json`.
+#[must_use]
+pub fn missing_metrics(run: &RunData) -> Vec<String> {
+    let digest = run.digested();
+    let configuration = super::tested::configuration(run);
+    let name = |axis| super::tested::axis_name(configuration.as_ref(), axis, &digest.all_axes);
+    let broken = digest.broken();
+    broken
+        .map(|axis| format!("{}: {MISSING}", name(axis)))
+        .collect()
 }
 
 /// For a test of prescribed displacement: identified stiffness, damping and lag of each axis.

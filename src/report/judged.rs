@@ -154,6 +154,6 @@ pub(super) fn legend() -> String {
          the phase from S_xy and from the area that is swept, with its sense. FDB: measured over target at the dominant frequency of \
          the target in the window. TI: Mercan and Ricles (2007), it falls while the measured displacement lags. Energy error: ∫ f d(measured − target), Mosqueda et al. \
          (2007), positive where the transfer system adds energy to the test; over the largest input energy and the largest elastic strain \
-         energy of the whole test together. Delay by cross-correlation: refined by a parabola; of a test of more than 100 000 samples, around its largest target.",
+         energy of the whole test together. Delay by cross-correlation: refined within a sample by least squares; of a test of more than 100 000 samples, around its largest target.",
     )
 }

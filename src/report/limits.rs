@@ -107,9 +107,48 @@ fn row(who: &str, limit: &Value) -> Vec<String> {
     let told = limit.get("also_at_the_specimen").and_then(Value::as_bool) == Some(true);
     vec![
         who.to_owned(),
-        key.replace('_', " "),
+        words(key),
         sizes("warn"),
         sizes("trip"),
         if told { "yes" } else { "no" }.to_owned(),
     ]
+}
+
+/// A key of a limit in words: `command_disp_m` is the commanded displacement; units stand beside the sizes.
+fn words(key: &str) -> String {
+    let units = [
+        "_m_per_s2",
+        "_m_per_s",
+        "_n_s_per_m",
+        "_n_per_m",
+        "_n_per_s",
+        "_share",
+        "_m",
+        "_n",
+        "_s",
+        "_j",
+    ];
+    let bare = units.iter().find_map(|unit| key.strip_suffix(unit));
+    let word = |word: &str| match word {
+        "disp" => "displacement".to_owned(),
+        "vel" => "velocity".to_owned(),
+        "accel" => "acceleration".to_owned(),
+        other => other.to_owned(),
+    };
+    let words: Vec<String> = bare.unwrap_or(key).split('_').map(word).collect();
+    words.join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::words;
+
+    #[test]
+    fn keys_are_told_in_words_without_their_units() {
+        assert_eq!(words("command_disp_m"), "command displacement");
+        assert_eq!(words("measured_force_n"), "measured force");
+        assert_eq!(words("command_accel_m_per_s2"), "command acceleration");
+        assert_eq!(words("following_error_m"), "following error");
+        assert_eq!(words("stuck"), "stuck");
+    }
 }

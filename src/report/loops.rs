@@ -220,9 +220,7 @@ fn percentiles(timings: &[Timing]) -> String {
 }
 
 fn over_time(run: &RunData, rows: &Rows<'_>) -> String {
-    let Some(time) = rows.get("time") else {
-        return String::new();
-    };
+    let time = rows.tick_time();
     let named = [
         ("wakeup_lateness_s", "wake-up lateness"),
         ("round_trip_s", "round trip"),
@@ -282,7 +280,10 @@ pub(super) fn events(run: &RunData, timeline: &str) -> String {
     let heading = "Events";
     let told: Vec<&Value> = run.events.iter().filter(|e| !is_silent(e)).collect();
     if told.is_empty() {
-        return section(heading, &paragraph("No events were recorded."));
+        return section(
+            heading,
+            &(paragraph("No events were recorded.") + &unreadable(run)),
+        );
     }
     let rows: Vec<_> = told.iter().take(MOST_EVENTS).map(|e| event(e)).collect();
     let mut markup = timeline.to_owned();
@@ -296,7 +297,19 @@ pub(super) fn events(run: &RunData, timeline: &str) -> String {
             plural(more as u64, "further event", "further events")
         ));
     }
+    markup += &unreadable(run);
     section(heading, &beside("events", &markup))
+}
+
+/// That lines of events.jsonl are damaged.
+fn unreadable(run: &RunData) -> String {
+    match run.unreadable_events {
+        0 => String::new(),
+        lines => note(&format!(
+            "{} of events.jsonl CANNOT BE READ: something that happened may not be told here.",
+            plural(lines as u64, "line", "lines")
+        )),
+    }
 }
 
 /// Digests of checkpoints and of files, and the edge of a grid, are for programs; they stand in events.jsonl.

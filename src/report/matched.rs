@@ -3,6 +3,7 @@
 //! Invariant: rows are told in the order of their steps; what depends on wall time is never compared. Two missing values are
 //! equal, and so are no others but those of the same bits.
 
+use super::sieve::{BETWEEN, RUNNING, TRIPPED};
 use super::table::{Table, Thinner};
 use crate::record::Column;
 
@@ -151,11 +152,17 @@ impl Matcher {
         })
     }
 
-    /// True if the test was running in this row of the first (or, with `second`, the second) run.
+    /// True if this row is a tick of the running test, or the one that tripped it, of the first (or, with `second`, the second) run.
     #[must_use]
     pub fn is_running(&self, row: &[f64], second: bool) -> bool {
-        let (a, b) = self.key[2];
-        row.get(if second { b } else { a }) == Some(&super::digest::RUNNING)
+        let at = |(a, b): (usize, usize)| row.get(if second { b } else { a }).copied();
+        let (state, time) = (at(self.key[2]), at(self.time));
+        let is_of_test = |state: f64| {
+            state == RUNNING
+                || BETWEEN.contains(&state)
+                || (state == TRIPPED && time.is_some_and(|time| time >= 0.0))
+        };
+        state.is_some_and(is_of_test)
     }
 
     /// Compares a row of each run, if they are of one tick; says which of them to go on from.
@@ -341,6 +348,19 @@ mod tests {
         assert_eq!(m.take(&row(5.0, 0.0, 0.0), &row(5.0, 0.0, 0.0)), Next::Both);
         let found = m.finish((2, 0));
         assert_eq!((found.rows, found.alone), (1, (3, 1)));
+    }
+
+    #[test]
+    fn every_tick_of_the_running_test_is_compared_and_no_other() {
+        let m = matcher();
+        let is_compared =
+            |state: f64, time: f64| m.is_running(&[0.0, 0.0, state, time, 0.0, 0.0], false);
+        for state in [3.0, 11.0, 12.0, 13.0, 8.0] {
+            assert!(is_compared(state, 0.5), "{state}");
+        }
+        for (state, time) in [(4.0, 0.0), (5.0, -1.0), (6.0, 1.0), (7.0, 1.0), (8.0, -1.0)] {
+            assert!(!is_compared(state, time), "{state}");
+        }
     }
 
     #[test]

@@ -6,7 +6,8 @@
 //!
 //! Invariant: nothing here fails. A run without rows, with NaN in them, without a summary or killed in the middle still
 //! gives a page that says what is missing; a user's text never becomes markup. Physics comes only from rows in
-//! which the test was running (`state` 3). No file is read or written: the caller owns the run folder.
+//! which the test was running: a structure's of ends of steps, a specimen's of all ticks (see `sieve`). No file is read or
+//! written: the caller owns the run folder.
 //!
 //! | file | holds |
 //! |---|---|
@@ -14,7 +15,7 @@
 //! | `outcome`, `tested`, `sketch`, `limits` | the verdict in words; what was tested; a picture of it; what would have ended it |
 //! | `ground`, `response`, `specimens`, `identified`, `courses`, `judged`, `falsified`, `balance`, `loops`, `timeline` | sections |
 //! | `compare`, `overlays`, `matched` | the page of two runs; their rows, number against number |
-//! | `source`, `digest`, `first`, `axes`, `shaking`, `worst`, `table` | rows read in blocks, and what is kept of them |
+//! | `source`, `sieve`, `digest`, `first`, `axes`, `shaking`, `worst`, `table` | rows read in blocks, and what is kept of them |
 //! | `pictures` | the pictures that stand alone |
 //! | `plots`, `charts`, `lines`, `bars` | histories that can be zoomed; the frame of every picture; histories and loops; histograms |
 //! | `curves` | several curves over one pair of axes |
@@ -35,6 +36,8 @@ mod falsified;
 mod first;
 mod ground;
 mod histogram;
+#[cfg(test)]
+mod holes;
 mod html;
 mod identified;
 mod judged;
@@ -50,6 +53,7 @@ mod plots;
 mod response;
 mod rows;
 mod shaking;
+mod sieve;
 mod sketch;
 mod source;
 mod specimens;
@@ -64,19 +68,19 @@ mod thin;
 mod timeline;
 mod worst;
 
-pub use compare::{compare, verdict};
+pub use compare::{compare, damages, verdict};
 pub(crate) use curves::{Curve, Curves, Scale};
 pub use digest::{Difference, Digest};
 pub use falsified::falsified;
 pub use histogram::Percentiles;
 pub(crate) use html::note;
-pub use identified::{IdentifiedAxis, identified, tracking_metrics};
+pub use identified::{IdentifiedAxis, identified, missing_metrics, tracking_metrics};
 pub use matched::{FirstDifference, Matched, Matcher, Next};
 pub(crate) use page::frame;
 pub use page::render;
 pub use pictures::{hero_svg, jitter_svg};
 pub use source::{BLOCK, Source};
-pub use tested::drifts;
+pub use tested::{drifts, ticks_per_step};
 pub(crate) use text::escape;
 
 use std::borrow::Cow;
@@ -110,8 +114,14 @@ pub struct RunData {
     pub timing: Option<serde_json::Value>,
     /// The lines of `events.jsonl`.
     pub events: Vec<serde_json::Value>,
+    /// Lines of it that cannot be read.
+    pub unreadable_events: usize,
     /// Why the folder counts as unfinished, if it does.
     pub unfinished: Option<String>,
+    /// What of the rows is not there any more: damaged, cut off, cut out. Empty where all of them are as they were recorded.
+    pub damaged: Vec<String>,
+    /// Rows that are missing between the others.
+    pub missing_rows: u64,
     /// Text of `resolved.toml`.
     pub resolved: String,
 }
@@ -126,6 +136,7 @@ impl RunData {
             columns: &self.columns,
             data: &self.data,
             step_s: outcome::number(self, "dt"),
+            ticks_per_step: ticks_per_step(&self.resolved),
         };
         // Reading memory does not fail.
         Cow::Owned(Digest::of(&memory, &drifts(&self.resolved), None).unwrap_or_default())

@@ -50,6 +50,7 @@ pub(super) fn verdict(run: &RunData) -> Verdict {
             Tone::Bad,
             "Unfinished: this run did not come to an orderly end",
         ),
+        _ if !run.damaged.is_empty() => (Tone::Bad, "Damaged: this record is not whole any more"),
         Some("completed") => (Tone::Good, "Completed: the test ran to its end"),
         Some("interrupted") => (
             Tone::Warning,
@@ -67,6 +68,15 @@ pub(super) fn verdict(run: &RunData) -> Verdict {
     if let Some(why) = &run.unfinished {
         sentences.push(ended(why));
     }
+    sentences.extend(run.damaged.iter().map(|what| ended(what)));
+    if let Some(status) = status.filter(|_| !run.damaged.is_empty()) {
+        sentences.push(format!("The test itself: {}.", status.replace('_', " ")));
+    }
+    if run.unreadable_events > 0 && run.unfinished.is_none() {
+        // One at the end is normal after a kill.
+        tone = worse(tone);
+        sentences.push("Lines of events.jsonl are damaged: see the events.".to_owned());
+    }
     if let Some(reason) = text(run, "reason").filter(|r| !r.trim().is_empty()) {
         sentences.push(ended(&format!("Reason: {reason}")));
     }
@@ -76,8 +86,12 @@ pub(super) fn verdict(run: &RunData) -> Verdict {
     sentences.extend(extent(run));
     if let Some(lost) = number(run, "rows_lost").filter(|&n| n > 0.0) {
         tone = worse(tone);
+        let gaps = match run.missing_rows {
+            0 => "they are missing at the end of this record",
+            _ => "this record has gaps",
+        };
         sentences.push(format!(
-            "ROWS LOST: {} did not reach the disk; this record has gaps.",
+            "ROWS LOST: {} did not reach the disk; {gaps}.",
             count(lost as u64)
         ));
     }
@@ -394,5 +408,31 @@ mod tests {
             ..RunData::default()
         });
         assert!(v.headline.starts_with("Unfinished") && v.sentences == ["Killed."]);
+    }
+
+    #[test]
+    fn events_that_cannot_be_read_are_no_good_news() {
+        let v = verdict(&RunData {
+            summary: Some(json!({"status": "completed"})),
+            unreadable_events: 1,
+            ..RunData::default()
+        });
+        assert_eq!(v.tone, Tone::Warning);
+        assert!(v.sentences[0].contains("events.jsonl"), "{v:?}");
+    }
+
+    #[test]
+    fn a_record_that_is_not_whole_is_never_good_news() {
+        let v = verdict(&RunData {
+            summary: Some(json!({"status": "completed", "steps": 100, "dt": 0.01})),
+            damaged: vec!["the rows end at 0.25 s".to_owned()],
+            ..RunData::default()
+        });
+        assert_eq!(v.tone, Tone::Bad);
+        assert!(v.headline.starts_with("Damaged"), "{v:?}");
+        assert_eq!(
+            v.sentences[..2],
+            ["The rows end at 0.25 s.", "The test itself: completed."]
+        );
     }
 }

@@ -107,16 +107,19 @@ pub(super) fn overlaid(matched: &Matched) -> String {
 
 /// Histories of runs that share no grid: over the same axes, without a difference.
 pub(super) fn side_by_side(a: &Rows<'_>, b: &Rows<'_>) -> String {
-    let (Some(time_a), Some(time_b)) = (a.get("time"), b.get("time")) else {
+    if a.get("time").is_none() || b.get("time").is_none() {
         return section(
             "Histories",
             &paragraph("One of the runs has no column of time."),
         );
-    };
-    let names: Vec<String> = a.digest().table.names().map(str::to_owned).collect();
+    }
+    let names = a.names();
     let mut markup = String::new();
     for (name, title) in drawn(&names) {
         let (Some(first), Some(second)) = (a.filled(&name), b.filled(&name)) else {
+            continue;
+        };
+        let (Some(time_a), Some(time_b)) = (a.time_of(&name), b.time_of(&name)) else {
             continue;
         };
         let lines = [

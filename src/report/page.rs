@@ -17,7 +17,7 @@ use super::rows::Rows;
 use super::sketch::sketch;
 use super::specimens;
 use super::tested;
-use super::text::{NOTHING, count, escape, micros, quantity};
+use super::text::{NOTHING, count, escape, micros, plural, quantity};
 use super::timeline::timeline;
 use super::{histogram, loops};
 use crate::assets::{CHART_LICENCE, CHART_SCRIPT, CHART_STYLE};
@@ -54,13 +54,7 @@ fn page(run: &RunData, digest: &Digest) -> String {
     body += &tiles(run, &rows, &axes, &timings);
     body += "</header>\n<main>\n";
     let facts = tested::facts(run, configuration.as_ref());
-    let whole = match rows.is_gapless() {
-        Some(true) => "; no step is missing between the first and the last",
-        Some(false) => "; STEPS ARE MISSING between the first and the last",
-        None => "",
-    };
-    let (all, running) = (count(rows.recorded()), count(rows.running()));
-    let recorded = format!("{all} rows, {running} of them while the test was running{whole}");
+    let recorded = recorded(&rows);
     let facts = [facts, vec![("Recorded".to_owned(), recorded)]].concat();
     let drawn = beside("sketch", &sketch(configuration.as_ref()));
     body += &section(
@@ -82,6 +76,43 @@ fn page(run: &RunData, digest: &Digest) -> String {
     body += &configuration_section(run);
     body += "</main>\n";
     zoomable(title, &body)
+}
+
+/// How many rows there are of what, and whether some are missing between them.
+fn recorded(rows: &Rows<'_>) -> String {
+    let passed = rows.passed();
+    let mut text = format!(
+        "{}: {} of the running test",
+        plural(rows.recorded(), "row", "rows"),
+        plural(passed.steps, "step", "steps")
+    );
+    let others = passed.ticks - passed.steps;
+    if others > 0 {
+        text += &format!(
+            " and {} between two of them, in a hold or at a trip",
+            plural(others, "tick", "ticks")
+        );
+    }
+    if passed.missing_steps > 0 {
+        let are = if passed.missing_steps == 1 {
+            "IS"
+        } else {
+            "ARE"
+        };
+        text += &format!(
+            "; {} {are} MISSING between the first and the last: lines are broken there, and what needs all of them (lag, tracking, \
+             spectra, intensities, energies) is left out",
+            plural(passed.missing_steps, "STEP", "STEPS")
+        );
+    } else if passed.missing_ticks > 0 {
+        text += &format!(
+            "; no step is missing between the first and the last, but {} BETWEEN THEM",
+            plural(passed.missing_ticks, "TICK IS", "TICKS ARE")
+        );
+    } else if rows.digest().counted {
+        text += "; no step is missing between the first and the last";
+    }
+    text
 }
 
 /// A whole page with histories that can be zoomed. Nothing but our own script is executed and nothing is fetched: the page
@@ -154,13 +185,15 @@ fn tiles(
             format!("largest force, {}", axis.name),
         ));
     }
-    if let Some((axis, lag)) = axes.iter().find_map(|axis| Some((axis, axis.lag()?))) {
+    let lags = axes.iter().filter_map(|axis| Some((axis, axis.lag()?)));
+    if let Some((axis, lag)) = lags.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())) {
         let lag = if lag.abs() < 1e-9 {
             "0\u{a0}ms".to_owned()
         } else {
             quantity(lag, "s")
         };
-        tiles.push((lag, format!("lag of {}", axis.name)));
+        let largest = if axes.len() > 1 { "largest lag" } else { "lag" };
+        tiles.push((lag, format!("{largest}, {}", axis.name)));
     }
     if outcome::text(run, "clock") != Some("simulated") {
         if let Some(misses) = outcome::number(run, "deadline_misses") {

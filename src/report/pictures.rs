@@ -8,6 +8,7 @@ use super::canvas::{Canvas, Ink, Skin, picture};
 use super::charts::{Area, Quantity, sentence};
 use super::histogram::{self, Percentiles};
 use super::lines::{Line, LoopChart, TimeChart};
+use super::outcome;
 use super::rows::Rows;
 use super::tested;
 
@@ -77,7 +78,7 @@ pub fn hero_svg(run: &RunData) -> String {
                 lower,
                 "Commanded displacement",
                 swaying,
-                (&time, &commanded),
+                (&rows.tick_time(), &commanded),
                 Ink::Series(0),
                 true,
             ),
@@ -100,6 +101,10 @@ pub fn hero_svg(run: &RunData) -> String {
                 width: 1.3,
             },
         };
+        if outcome::text(run, "clock") == Some("simulated") {
+            // Nothing was in real time: the loop's timing says nothing.
+            return hysteresis.draw(canvas, area(545.0, 12.0, 685.0, 342.0));
+        }
         hysteresis.draw(canvas, area(545.0, 12.0, 325.0, 342.0));
         let timings = run.timing.as_ref().map(histogram::read).unwrap_or_default();
         let place = area(905.0, 12.0, 325.0, 342.0);

@@ -18,9 +18,9 @@ use super::rows::Rows;
 use super::text::{NOTHING, quantity};
 
 /// Lines that one picture can carry and still be read.
-const MOST_LINES: usize = 4;
+pub(super) const MOST_LINES: usize = 4;
 /// Share of the test at its end over which the residual displacement is averaged.
-const TAIL: usize = 50;
+pub(super) const TAIL: usize = 50;
 
 /// Response histories and peaks; none for a test without a structure.
 pub(super) fn response(rows: &Rows<'_>) -> Option<String> {
@@ -143,14 +143,21 @@ fn drifts(rows: &Rows<'_>, time: &[f64]) -> String {
     );
     let peaks = all.iter().filter_map(|&storey| {
         let values = rows.get(&drift(storey as usize))?;
-        Some(format!(
-            "storey {storey} {}",
-            quantity(metrics::peak(&values)?.value, "m")
-        ))
+        Some((storey, metrics::peak(&values)?.value))
     });
-    let peaks: Vec<_> = peaks.take(MOST_DOFS).collect();
+    let peaks: Vec<(u32, f64)> = peaks.collect();
+    let words = |&(storey, value): &(u32, f64)| format!("storey {storey} {}", quantity(value, "m"));
+    let largest = peaks.iter().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+    let rest = match peaks.len().saturating_sub(MOST_DOFS) {
+        0 => String::new(),
+        rest => format!(
+            "; {rest} more storeys are not listed. The largest of all: {}",
+            largest.map(words).unwrap_or_default()
+        ),
+    };
+    let peaks: Vec<_> = peaks.iter().take(MOST_DOFS).map(words).collect();
     history(240.0, "Storey drifts over test time", &chart)
-        + &note(&format!("Largest drifts: {}.", peaks.join(", ")))
+        + &note(&format!("Largest drifts: {}{rest}.", peaks.join(", ")))
 }
 
 /// Fourier amplitudes of the displacements.
@@ -170,7 +177,10 @@ fn spectra(rows: &Rows<'_>) -> String {
     }
     let title = "Frequency content of the displacements: Fourier amplitude";
     let picture = amplitudes(title, "amplitude", "m s", &curves);
-    format!("<figure>{}</figure>\n", picture.svg(1040.0, 300.0, true))
+    format!(
+        "<figure class=\"broad\">{}</figure>\n",
+        picture.svg(1040.0, 300.0, true)
+    )
 }
 
 /// A curve by name.
@@ -237,9 +247,8 @@ fn peaks(rows: &Rows<'_>, dofs: &[u32], time: &[f64]) -> String {
             }
         }
         let name = format!("x{dof}");
-        let left = rows
-            .get(&name)
-            .and_then(|values| metrics::residual(&values, values.len() / TAIL));
+        let left = rows.digest().residuals.iter().find(|(of, _)| of == dof);
+        let left = left.map(|(_, value)| *value);
         line.push(left.map_or_else(|| NOTHING.to_owned(), |v| quantity(v, rows.unit(&name))));
         lines.push(line);
     }

@@ -4,6 +4,8 @@ use std::borrow::Cow;
 
 use super::digest::Digest;
 pub(super) use super::digest::SpecimenAxis;
+use super::sieve::Passed;
+use super::table::Table;
 
 /// A view of a run's rows in which the test was running; of a long test the extremes of every few.
 pub(super) struct Rows<'a> {
@@ -21,9 +23,9 @@ impl<'a> Rows<'a> {
         self.digest
     }
 
-    /// Number of rows in which the test was running.
+    /// Number of steps that were recorded.
     pub const fn running(&self) -> u64 {
-        self.digest.running
+        self.digest.passed.steps
     }
 
     /// Number of all rows.
@@ -31,9 +33,26 @@ impl<'a> Rows<'a> {
         self.digest.recorded
     }
 
-    /// A column.
+    /// A column: of the structure at the ends of steps, of specimens at every tick. `time` is that of the ends of steps.
     pub fn get(&self, name: &str) -> Option<Cow<'a, [f64]>> {
-        self.digest.table.get(name).map(Cow::Borrowed)
+        let found = self.digest.table.get(name);
+        found
+            .or_else(|| self.digest.ticks.get(name))
+            .map(Cow::Borrowed)
+    }
+
+    /// Test time of the entries of a column.
+    pub fn time_of(&self, name: &str) -> Option<Cow<'a, [f64]>> {
+        let table = match self.digest.table.get(name) {
+            Some(_) => &self.digest.table,
+            None => &self.digest.ticks,
+        };
+        table.get("time").map(Cow::Borrowed)
+    }
+
+    /// Test time of the columns of specimens.
+    pub fn tick_time(&self) -> Cow<'a, [f64]> {
+        Cow::Borrowed(self.digest.ticks.get("time").unwrap_or_default())
     }
 
     /// A column that holds at least one number.
@@ -44,7 +63,17 @@ impl<'a> Rows<'a> {
 
     /// Unit of a column.
     pub fn unit(&self, name: &str) -> &'a str {
-        self.digest.table.unit(name)
+        match self.digest.table.get(name) {
+            Some(_) => self.digest.table.unit(name),
+            None => self.digest.ticks.unit(name),
+        }
+    }
+
+    /// Names of all columns that are kept.
+    pub fn names(&self) -> Vec<String> {
+        let tables = [&self.digest.table, &self.digest.ticks];
+        let names = tables.into_iter().flat_map(Table::names);
+        names.map(str::to_owned).collect()
     }
 
     /// Numbers of the DOFs with a recorded displacement, rising.
@@ -57,8 +86,8 @@ impl<'a> Rows<'a> {
         &self.digest.all_axes
     }
 
-    /// True if the recorded steps run from the first to the last without a hole; none without a column of steps.
-    pub const fn is_gapless(&self) -> Option<bool> {
-        self.digest.gapless
+    /// What has passed of the test, and what is missing of it.
+    pub const fn passed(&self) -> &'a Passed {
+        &self.digest.passed
     }
 }

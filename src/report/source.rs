@@ -15,6 +15,11 @@ pub trait Source {
     /// Test time from step to step in s, if it is known.
     fn step_s(&self) -> Option<f64>;
 
+    /// Ticks in a step.
+    fn ticks_per_step(&self) -> u64 {
+        1
+    }
+
     /// Reads the columns at the places `wanted` from the first row to the last, in blocks of one vector per wanted column, all
     /// of one length.
     ///
@@ -31,6 +36,7 @@ pub(super) struct Memory<'a> {
     pub columns: &'a [Column],
     pub data: &'a [Vec<f64>],
     pub step_s: Option<f64>,
+    pub ticks_per_step: u64,
 }
 
 impl Source for Memory<'_> {
@@ -45,6 +51,10 @@ impl Source for Memory<'_> {
 
     fn step_s(&self) -> Option<f64> {
         self.step_s
+    }
+
+    fn ticks_per_step(&self) -> u64 {
+        self.ticks_per_step
     }
 
     fn read(&self, wanted: &[usize], take: &mut dyn FnMut(&[Vec<f64>])) -> io::Result<()> {

@@ -68,7 +68,7 @@ pub(super) fn specimens(run: &RunData, rows: &Rows<'_>, axes: &[Tracked<'_>]) ->
             ),
         ));
     }
-    let time = rows.get("time").unwrap_or_default();
+    let time = rows.tick_time();
     let mut markup = String::new();
     for axis in axes.iter().take(MOST_DRAWN) {
         markup += &drawn(rows, &time, axis);
@@ -154,6 +154,12 @@ fn drawn(rows: &Rows<'_>, time: &[f64], axis: &Tracked<'_>) -> String {
     markup += &beside("pair", &figures);
     markup += &errors(axis);
     markup += &estimates(rows, time, axis);
+    if rows.digest().broken().any(|broken| broken == digest.axis) {
+        markup += &note(
+            "Rows are missing in the record: lag, tracking metrics, frequency content and absorbed energy of this axis are left out. \
+             Peaks are those of the rows that are there.",
+        );
+    }
     markup + &table_of(&axis.name, digest, axis.disp_unit, axis.force_unit)
 }
 

@@ -1,10 +1,12 @@
 //! Columns that have become short enough for a page: the smallest and the largest value of every few rows.
 //!
 //! Invariant: every value stood in the rows, no finite extreme is lost, and all columns have one length. Of `every` rows two
-//! are left, in the order in which the extremes came; of a test short enough `every` is one and all rows are there.
+//! are left, in the order in which the extremes came; of a test short enough `every` is one and all rows are there. Where rows are
+//! missing stands an entry without a number, so that no line is drawn across.
 
 use std::collections::HashMap;
 
+use super::sieve::Gap;
 use crate::record::Column;
 
 /// Entries of a column at most, give or take one pair.
@@ -79,6 +81,24 @@ impl Thinner {
             if self.filled == self.every {
                 self.close();
             }
+        }
+    }
+
+    /// Marks that rows are missing here: nothing is known at this time. A gap that is narrower than what becomes two entries is
+    /// none to be seen.
+    pub fn gap(&mut self, gap: Gap) {
+        if gap.rows < self.every as u64 {
+            // Of what is not thinned every gap is wide enough.
+            return;
+        }
+        if self.filled > 0 {
+            self.close();
+        }
+        let entries = if self.every == 1 { 1 } else { 2 };
+        for (place, column) in self.columns.iter_mut().enumerate() {
+            let is_time = self.time == Some(place);
+            let value = if is_time { gap.time } else { f64::NAN };
+            column.out.extend(std::iter::repeat_n(value, entries));
         }
     }
 
@@ -203,6 +223,36 @@ mod tests {
                 prop_assert_eq!(out[0][2 * i], (i * every) as f64);
             }
         }
+    }
+
+    #[test]
+    fn rows_that_are_missing_leave_an_entry_without_a_number() {
+        for (every, wanted) in [(1, 1), (4, 2)] {
+            let mut thinner = Thinner {
+                every,
+                ..Thinner::new(0, 2, Some(0))
+            };
+            thinner.take(&[&[0.0, 1.0], &[5.0, 6.0]]);
+            thinner.gap(Gap {
+                time: 8.0,
+                rows: 12,
+            });
+            thinner.take(&[&[15.0, 16.0], &[7.0, 8.0]]);
+            let out = thinner.finish();
+            let empty: Vec<f64> = (0..out[0].len())
+                .filter(|&i| out[1][i].is_nan())
+                .map(|i| out[0][i])
+                .collect();
+            assert_eq!(empty, vec![8.0; wanted]);
+            assert!(out[0].windows(2).all(|pair| pair[0] <= pair[1]));
+        }
+        // Narrower than a pair of entries.
+        let mut thinner = Thinner {
+            every: 4,
+            ..Thinner::new(0, 1, None)
+        };
+        thinner.gap(Gap { time: 0.0, rows: 3 });
+        assert!(thinner.finish()[0].is_empty());
     }
 
     #[test]

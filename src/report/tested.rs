@@ -46,6 +46,14 @@ pub fn drifts(resolved: &str) -> Vec<Difference> {
     (1..=storeys).map(of_storey).collect()
 }
 
+/// Ticks in a step, as a resolved configuration has it.
+#[must_use]
+pub fn ticks_per_step(resolved: &str) -> u64 {
+    let tree: Option<Value> = toml::from_str(resolved).ok();
+    let ticks = tree.and_then(|t| t.get("time")?.get("ticks_per_step")?.as_u64());
+    ticks.unwrap_or(1).max(1)
+}
+
 /// Name of one axis: the specimen's, and the axis where it has several.
 pub(super) fn axis_name(
     configuration: Option<&Value>,
@@ -89,10 +97,16 @@ pub(super) fn facts(run: &RunData, configuration: Option<&Value>) -> Vec<(String
     if get("structure").is_some() {
         say("Integration", integration(run, get("integrator")));
     }
+    // Of a run without a summary as it was configured.
+    let configured = |path: &str| get(path).and_then(Value::as_f64);
     let rate =
         outcome::number(run, "rate_hz").map(|hz| format!("{hz} ticks per second of wall time"));
-    let step = outcome::number(run, "dt").map(|dt| format!("step {}", exact(dt, "s")));
-    let clock = outcome::text(run, "clock").map(|c| format!("{c} clock"));
+    let step = outcome::number(run, "dt")
+        .or_else(|| configured("time.step_s"))
+        .or_else(|| Some(1.0 / configured("time.rate_hz")?));
+    let step = step.map(|dt| format!("step {}", exact(dt, "s")));
+    let clock = outcome::text(run, "clock").or_else(|| get("time.clock")?.as_str());
+    let clock = clock.map(|c| format!("{c} clock"));
     say(
         "Time",
         Some(

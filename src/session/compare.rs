@@ -13,6 +13,8 @@ pub struct Compared {
     pub path: PathBuf,
     /// What came of the comparison.
     pub verdict: String,
+    /// What of either run's record is not there, in words.
+    pub damages: Vec<String>,
 }
 
 /// Writes the page that compares the runs in two folders to `out`, replacing what is there. Runs that cannot be compared row by
@@ -29,6 +31,7 @@ pub fn compare(first: &Path, second: &Path, out: &Path) -> Result<Compared, Page
     Ok(Compared {
         path: write(out, &page)?,
         verdict: report::verdict(&matched),
+        damages: report::damages(&a, &b),
     })
 }
 
@@ -87,7 +90,7 @@ fn matched(
     Ok(Ok(matcher.finish(left)))
 }
 
-/// The rows of a run in which its test was running, one after the other.
+/// The ticks of a run's running test, one after the other.
 struct Rows {
     journal: Journal<std::fs::File>,
     path: PathBuf,

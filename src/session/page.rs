@@ -9,10 +9,10 @@ use thiserror::Error;
 use super::Finished;
 use super::energetics::{Without, known};
 use crate::metrics::energy::Model;
-use crate::record::{Column, End, FolderError, Run, atomic};
+use crate::record::{Column, End, FolderError, MissingEnd, Run, atomic};
 use crate::report::{
     BLOCK, Digest, IdentifiedAxis, RunData, Source, drifts, falsified, hero_svg, identified,
-    render, tracking_metrics,
+    missing_metrics, render, ticks_per_step, tracking_metrics,
 };
 
 /// Why there is no report.
@@ -38,6 +38,8 @@ pub struct Page {
     pub path: PathBuf,
     /// Identified stiffness and lag of each axis; none for a test with a structure.
     pub identified: Vec<IdentifiedAxis>,
+    /// What of the record is not there any more, in words.
+    pub damaged: Vec<String>,
 }
 
 /// Writes report.html into a run folder, finished or not.
@@ -57,6 +59,7 @@ pub fn write_report(folder: &Path) -> Result<Page, PageError> {
 pub fn conclude(finished: &mut Finished) -> Result<Page, PageError> {
     let mut run = read(&finished.path)?;
     finished.summary.metrics = tracking_metrics(&run);
+    finished.summary.metrics_missing = missing_metrics(&run);
     finished.summary.falsified = falsified(&run);
     let path = finished.path.join("summary.json");
     let text =
@@ -75,6 +78,7 @@ fn page(folder: &Path, run: &RunData) -> Result<Page, PageError> {
     Ok(Page {
         path,
         identified: identified(run),
+        damaged: run.damaged.clone(),
     })
 }
 
@@ -83,8 +87,19 @@ struct OnDisk<'a> {
     run: &'a Run,
     path: PathBuf,
     step_s: Option<f64>,
-    /// Why the rows ended where they ended.
-    end: Cell<Option<End>>,
+    ticks_per_step: u64,
+    /// How the rows ended where they ended.
+    end: Cell<Option<RowsEnd>>,
+}
+
+/// How rows ended that were read from the first to the last.
+#[derive(Debug, Clone, Copy)]
+struct RowsEnd {
+    end: Option<End>,
+    /// Test time of the last one.
+    time: Option<f64>,
+    /// Rows that are missing before it.
+    lost: u64,
 }
 
 impl Source for OnDisk<'_> {
@@ -101,14 +116,21 @@ impl Source for OnDisk<'_> {
         self.step_s
     }
 
+    fn ticks_per_step(&self) -> u64 {
+        self.ticks_per_step
+    }
+
     fn read(&self, wanted: &[usize], take: &mut dyn FnMut(&[Vec<f64>])) -> io::Result<()> {
         let mut journal = self.run.journal().map_err(io::Error::other)?;
         let mut block: Vec<Vec<f64>> = vec![Vec::with_capacity(BLOCK); wanted.len()];
         let mut filled = 0;
+        let place = self.run.layout().index_of("time");
+        let mut time = None;
         while let Some(row) = journal.next_row()? {
             for (column, &place) in block.iter_mut().zip(wanted) {
                 column.push(row.values.get(place).copied().unwrap_or(f64::NAN));
             }
+            time = place.and_then(|place| row.values.get(place).copied());
             filled += 1;
             if filled == BLOCK {
                 take(&block);
@@ -119,7 +141,11 @@ impl Source for OnDisk<'_> {
         if filled > 0 {
             take(&block);
         }
-        self.end.set(journal.end());
+        self.end.set(Some(RowsEnd {
+            end: journal.end(),
+            time,
+            lost: journal.lost(),
+        }));
         Ok(())
     }
 }
@@ -159,7 +185,8 @@ pub(super) fn read(folder: &Path) -> Result<RunData, PageError> {
             .file_name()
             .map(|name| name.to_string_lossy().into_owned())
     };
-    let summary: Option<serde_json::Value> = json("summary.json");
+    // One that lacks what it must have is none.
+    let summary: Option<serde_json::Value> = run.summary().and_then(|_| json("summary.json"));
     let configured = || table_step(&resolved);
     let recorded = summary
         .as_ref()
@@ -173,6 +200,7 @@ pub(super) fn read(folder: &Path) -> Result<RunData, PageError> {
     let on_disk = OnDisk {
         path: at("samples.bin"),
         step_s: recorded.or_else(configured),
+        ticks_per_step: ticks_per_step(&resolved),
         end: Cell::new(None),
         run: &run,
     };
@@ -182,11 +210,12 @@ pub(super) fn read(folder: &Path) -> Result<RunData, PageError> {
         path: at("samples.bin"),
         source,
     })?;
-    let unfinished = match (run.summary(), on_disk.end.get()) {
-        (None, _) => Some("the run has no summary.json: it is still running or was killed".into()),
-        (Some(_), Some(end)) if end != End::Clean => Some(end.to_string()),
-        (Some(_), _) => None,
-    };
+    let is_without = run.summary().is_none() && run.summary_fault().is_none();
+    let unfinished = is_without
+        .then(|| "the run has no summary.json: it is still running or was killed".to_owned());
+    let told = run.events()?;
+    let rows = on_disk.end.get();
+    let damaged = rows.map_or_else(Vec::new, |rows| damages(&run, rows));
     Ok(RunData {
         title: title.or_else(name).unwrap_or_else(|| "run".to_owned()),
         columns: run.layout().columns().to_vec(),
@@ -198,10 +227,40 @@ pub(super) fn read(folder: &Path) -> Result<RunData, PageError> {
         modes: known.modes.unwrap_or_default(),
         summary,
         timing: json("timing.json"),
-        events: run.events()?.events,
+        events: told.events,
+        unreadable_events: told.unreadable,
         unfinished,
+        damaged,
+        missing_rows: rows.map_or(0, |rows| rows.lost),
         resolved,
     })
+}
+
+/// What of a record is not there any more, in words. Rows that were lost while it was recorded are told by the summary.
+fn damages(run: &Run, rows: RowsEnd) -> Vec<String> {
+    let ended = rows.end.filter(|end| *end != End::Clean);
+    let never_there = run.summary().map_or(0, |summary| summary.rows_lost);
+    let at_the_end = never_there.saturating_sub(rows.lost);
+    let missing = run
+        .summary()
+        .and_then(|summary| MissingEnd::of(summary, rows.time))
+        .filter(|end| ended.is_some() || end.missing > at_the_end);
+    let cut = run.summary().is_some() && rows.lost > never_there;
+    let cut = cut.then(|| {
+        format!(
+            "{} rows are missing between the others, though no more than {never_there} were lost while recording",
+            rows.lost
+        )
+    });
+    let summary = run.summary_fault().map(|fault| {
+        format!("summary.json is DAMAGED ({fault}) and counts as missing: how the run ended is not known")
+    });
+    let ended = ended.map(|end| end.to_string());
+    let missing = missing.map(|end| end.to_string());
+    [summary, ended, missing, cut]
+        .into_iter()
+        .flatten()
+        .collect()
 }
 
 /// Δt in s as `resolved.toml` has it.

@@ -15,7 +15,7 @@ use super::retrace::{prepared, same_columns};
 use super::tape::{Comparing, Recording, Tape, with};
 use crate::config::ConfigError;
 use crate::engine::{Control, Ending, Engine, Experiment};
-use crate::record::{End, FolderError, Layout, Run};
+use crate::record::{End, FolderError, Layout, MissingEnd, Run};
 
 /// Why a folder cannot be replayed.
 #[derive(Debug, Error)]
@@ -125,15 +125,8 @@ fn missing_end(run: &Run, found: &Replay) -> Option<String> {
     if found.rows == 0 {
         return Some("there are no rows to be compared".to_owned());
     }
-    let summary = run.summary()?;
-    let wanted = summary.steps as f64 * summary.dt;
-    let is_there = found.time + 0.5 * summary.dt >= wanted;
-    (!is_there).then(|| {
-        format!(
-            "the summary tells of {} steps, {wanted} s, but the rows end at {} s",
-            summary.steps, found.time
-        )
-    })
+    let end = MissingEnd::of(run.summary()?, Some(found.time))?;
+    Some(end.to_string())
 }
 
 /// Runs recorded rows through a loop that is made anew: `experiment` is the test, `samples` are its records in `layout`.

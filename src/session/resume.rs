@@ -52,6 +52,14 @@ pub enum ResumeError {
         /// Of the file as given.
         found: String,
     },
+    /// Its summary, which would say how it ended, cannot be read.
+    #[error("{}/summary.json is damaged: {fault}: whether the test was interrupted is not known", folder.display())]
+    Summary {
+        /// The folder.
+        folder: PathBuf,
+        /// What is wrong.
+        fault: String,
+    },
     /// The record is damaged before its first checkpoint.
     #[error("{}: {trouble}, and no checkpoint before it: there is nothing to go on with", folder.display())]
     Damaged {
@@ -93,6 +101,12 @@ pub fn resume(folder: &Path, test: Option<&Path>) -> Result<Prepared, ResumeErro
     }
     if run.summary().is_some_and(|s| s.status == Status::Completed) {
         return Err(ResumeError::Complete(folder.to_owned()));
+    }
+    if let Some(fault) = run.summary_fault() {
+        return Err(ResumeError::Summary {
+            folder: folder.to_owned(),
+            fault: fault.to_owned(),
+        });
     }
     check_files(&run, test)?;
     let (traced, note) = trace(&run)?;

@@ -119,6 +119,7 @@ pub(super) fn summarise(
         limits: json!(facts.limits),
         machine: machine(),
         metrics: Value::Null,
+        metrics_missing: Vec::new(),
         falsified: Value::Null,
     };
     (finish, summary)

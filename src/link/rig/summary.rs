@@ -134,6 +134,7 @@ pub(super) fn summarise(
         limits: serde_json::Value::Null,
         machine: serde_json::Value::Null,
         metrics: serde_json::Value::Null,
+        metrics_missing: Vec::new(),
         falsified: serde_json::Value::Null,
     }
 }

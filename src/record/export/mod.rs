@@ -31,6 +31,7 @@ use thiserror::Error;
 
 use super::folder::FolderError;
 use super::journal::{End, Journal};
+use super::missing::MissingEnd;
 use super::run::Run;
 use super::threads::ThreadEnd;
 
@@ -131,14 +132,18 @@ impl ExportError {
 }
 
 /// What a reader of the export should know.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Notice {
     /// The run has no summary: it is still running or was killed.
     Unfinished,
+    /// The run has a summary that cannot be read.
+    SummaryDamaged,
     /// So many rows never reached the file.
     RowsLost(u64),
     /// The samples end in the middle of a row or in damage.
     Ended(End),
+    /// The samples end with a whole row, but before the test did.
+    MissingEnd(MissingEnd),
     /// Nothing was recorded, or nothing of it is in the window.
     Empty,
     /// A trace shows the loop's thread only.
@@ -149,6 +154,18 @@ pub enum Notice {
     StampsLost(u64),
 }
 
+impl Notice {
+    /// What is to be said of a run without a summary; none if it has one.
+    #[must_use]
+    pub fn without_summary(run: &Run) -> Option<Self> {
+        let missing = match run.summary_fault() {
+            Some(_) => Self::SummaryDamaged,
+            None => Self::Unfinished,
+        };
+        run.summary().is_none().then_some(missing)
+    }
+}
+
 impl std::fmt::Display for Notice {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
@@ -156,10 +173,15 @@ impl std::fmt::Display for Notice {
                 f,
                 "the run is unfinished (no summary.json): it is still running or was killed"
             ),
+            Self::SummaryDamaged => write!(
+                f,
+                "summary.json is DAMAGED and counts as missing: how the run ended, and whether all of it is here, is not known"
+            ),
             Self::RowsLost(rows) => {
                 write!(f, "{rows} rows were lost while recording and are missing")
             }
             Self::Ended(end) => write!(f, "{end}"),
+            Self::MissingEnd(end) => write!(f, "the samples are cut short: {end}"),
             Self::Empty => write!(f, "there is no row to export: the file has columns only"),
             Self::OnlyLoop(why) => write!(f, "the trace shows the loop's thread only: {why}"),
             Self::Threads(end) => write!(f, "{end}"),
@@ -172,7 +194,7 @@ impl std::fmt::Display for Notice {
 }
 
 /// What an export came to.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Exported {
     /// Rows written, the header not counted.
     pub rows: u64,
@@ -183,7 +205,7 @@ pub struct Exported {
 impl Exported {
     /// After `journal` has been read to its end, or to the last row that was wanted.
     fn new(run: &Run, rows: u64, journal: &Journal<impl io::Read>) -> Self {
-        let unfinished = run.summary().is_none().then_some(Notice::Unfinished);
+        let unfinished = Notice::without_summary(run);
         // Rows lost at the very end leave no gap in the file; the summary knows of them.
         let lost = run.summary().map_or(0, |s| s.rows_lost).max(journal.lost());
         let lost = (lost > 0).then_some(Notice::RowsLost(lost));
@@ -191,10 +213,11 @@ impl Exported {
             .end()
             .filter(|end| *end != End::Clean)
             .map(Notice::Ended);
+        let missing = MissingEnd::of_run(run).map(Notice::MissingEnd);
         let empty = (rows == 0).then_some(Notice::Empty);
         Self {
             rows,
-            notices: [unfinished, lost, ended, empty]
+            notices: [unfinished, lost, ended, missing, empty]
                 .into_iter()
                 .flatten()
                 .collect(),

@@ -467,6 +467,7 @@ fn on_the_simulated_clock_only_the_loop_is_shown_and_that_is_said() {
     stamped(&home.run, &[(What::Look, 100, 110, 0)]);
     let mut summary = example();
     (summary.clock, summary.rate_hz) = (ClockKind::Simulated, 1000.0);
+    (summary.steps, summary.dt) = (11, 0.001);
     summary.rows_lost = 0;
     let text = serde_json::to_string(&summary).unwrap();
     std::fs::write(home.run.join("summary.json"), text).unwrap();

@@ -1,0 +1,275 @@
+//! Which rows are physics: the ends of steps for the structure, every tick of the test for its specimens; and where some are
+//! missing.
+//!
+//! Invariant: a step's end is a row of state 3; ticks are these, those between two steps (11, 12, 13), those of a hold (6) and the
+//! one that tripped the running test (8). Rows that are missing part what stands before from what stands behind.
+
+/// States of rows, as the engine numbers its phases.
+pub(super) const RUNNING: f64 = 3.0;
+pub(super) const ZEROING: f64 = 4.0;
+pub(super) const HOLDING: f64 = 6.0;
+pub(super) const TRIPPED: f64 = 8.0;
+pub(super) const BETWEEN: [f64; 3] = [11.0, 12.0, 13.0];
+
+/// Where rows are missing.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Gap {
+    /// Test time in the middle of it.
+    pub time: f64,
+    /// Rows that are missing, by the time that has passed.
+    pub rows: u64,
+}
+
+/// Rows of a block that follow one another.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(super) struct Stretch {
+    /// What is missing before them.
+    pub gap: Option<Gap>,
+    /// Their places in the block.
+    pub rows: Vec<usize>,
+}
+
+impl Stretch {
+    /// Those of the values of a block's column that belong to it.
+    pub fn of(&self, column: &[f64]) -> Vec<f64> {
+        self.rows.iter().map(|&row| column[row]).collect()
+    }
+}
+
+/// Rows that should come at even times.
+#[derive(Debug, Clone, Copy, Default)]
+struct Course {
+    last: Option<(f64, f64)>,
+    interval: Option<f64>,
+    rows: u64,
+    missing: u64,
+    is_uneven: bool,
+}
+
+impl Course {
+    /// One more row; what is missing before it. `step` is not a number where steps do not count it.
+    fn follow(&mut self, time: f64, step: f64) -> Option<Gap> {
+        self.rows += 1;
+        let (before, step_before) = self.last.replace((time, step))?;
+        let apart = time - before;
+        if self.interval.is_none() {
+            self.interval = Some(apart).filter(|dt| *dt > 0.0 && dt.is_finite());
+        }
+        let is_even = self
+            .interval
+            .is_some_and(|dt| (apart - dt).abs() <= EVEN * dt);
+        self.is_uneven |= !is_even;
+        let steps = (step - step_before).round();
+        let missing = match self.interval {
+            _ if steps.is_finite() => steps - 1.0,
+            Some(dt) => (apart / dt).round() - 1.0,
+            None => 0.0,
+        };
+        if missing < 1.0 || missing.is_nan() {
+            return None;
+        }
+        let rows = missing as u64;
+        self.missing = self.missing.saturating_add(rows);
+        Some(Gap {
+            time: before + 0.5 * apart,
+            rows,
+        })
+    }
+}
+
+/// Share of an interval by which rows of an even grid may be off.
+const EVEN: f64 = 1e-3;
+
+/// True if these times are `dt` apart, each from the next.
+pub(super) fn is_even(time: &[f64], dt: f64) -> bool {
+    time.windows(2)
+        .all(|pair| (pair[1] - pair[0] - dt).abs() <= EVEN * dt)
+}
+
+/// Sorts rows as they pass.
+#[derive(Debug, Clone)]
+pub(super) struct Sieve {
+    state: Option<usize>,
+    step: Option<usize>,
+    time: Option<usize>,
+    ticks_per_step: f64,
+    is_on: bool,
+    steps: Course,
+    ticks: Course,
+}
+
+/// What has passed.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Passed {
+    /// Ends of steps.
+    pub steps: u64,
+    /// Ticks of the test, these among them.
+    pub ticks: u64,
+    /// Steps and ticks that are missing between the first and the last.
+    pub missing_steps: u64,
+    pub missing_ticks: u64,
+    /// Test time from step to step in s, as it is known or as the first two are apart.
+    pub step_s: Option<f64>,
+    /// True if all steps are this far from the next.
+    pub is_even: bool,
+}
+
+impl Sieve {
+    /// For blocks in which state, step and time stand at these places; of rows without a state all are ends of steps.
+    pub fn new(places: [Option<usize>; 3], step_s: Option<f64>, ticks_per_step: u64) -> Self {
+        let [state, step, time] = places;
+        let ticks_per_step = ticks_per_step.max(1) as f64;
+        let interval = step_s.filter(|dt| *dt > 0.0 && dt.is_finite());
+        Self {
+            state,
+            step,
+            time,
+            ticks_per_step,
+            is_on: false,
+            steps: Course {
+                interval,
+                ..Course::default()
+            },
+            ticks: Course {
+                interval: interval.map(|dt| dt / ticks_per_step),
+                ..Course::default()
+            },
+        }
+    }
+
+    /// The ends of steps, and the ticks, of the next block.
+    pub fn sort(&mut self, block: &[Vec<f64>]) -> [Vec<Stretch>; 2] {
+        let mut found = [vec![Stretch::default()], vec![Stretch::default()]];
+        let at = |place: Option<usize>, row: usize, none: f64| {
+            place.map_or(none, |place| block[place][row])
+        };
+        for row in 0..block.first().map_or(0, Vec::len) {
+            let state = at(self.state, row, RUNNING);
+            let is_step = state == RUNNING;
+            let is_tick = is_step
+                || state == HOLDING
+                || BETWEEN.contains(&state)
+                || (state == TRIPPED && self.is_on);
+            self.is_on = is_tick && state != TRIPPED;
+            let (time, step) = (at(self.time, row, f64::NAN), at(self.step, row, f64::NAN));
+            if is_step {
+                let gap = self.steps.follow(time, step);
+                put(&mut found[0], gap, row);
+                if self.ticks.interval.is_none() {
+                    self.ticks.interval = self.steps.interval.map(|dt| dt / self.ticks_per_step);
+                }
+            }
+            if is_tick {
+                let gap = self.ticks.follow(time, f64::NAN);
+                put(&mut found[1], gap, row);
+            }
+        }
+        found
+    }
+
+    /// What has passed so far.
+    pub fn passed(&self) -> Passed {
+        Passed {
+            steps: self.steps.rows,
+            ticks: self.ticks.rows,
+            missing_steps: self.steps.missing,
+            missing_ticks: self.ticks.missing,
+            step_s: self.steps.interval,
+            is_even: !self.steps.is_uneven,
+        }
+    }
+}
+
+fn put(stretches: &mut Vec<Stretch>, gap: Option<Gap>, row: usize) {
+    match (gap, stretches.last_mut()) {
+        (None, Some(stretch)) => stretch.rows.push(row),
+        _ => stretches.push(Stretch {
+            gap,
+            rows: vec![row],
+        }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Step, sub-tick's time and state of rows, sorted in blocks of `block`.
+    fn sorted(
+        rows: &[(f64, f64, f64)],
+        step_s: Option<f64>,
+        ticks: u64,
+        block: usize,
+    ) -> (Vec<Gap>, Vec<f64>, Vec<Gap>, Vec<f64>, Passed) {
+        let mut sieve = Sieve::new([Some(0), Some(1), Some(2)], step_s, ticks);
+        let (mut gaps, mut times) = ([vec![], vec![]], [vec![], vec![]]);
+        for part in rows.chunks(block) {
+            let column = |of: fn(&(f64, f64, f64)) -> f64| part.iter().map(of).collect();
+            let block: Vec<Vec<f64>> = vec![column(|r| r.2), column(|r| r.0), column(|r| r.1)];
+            for (kind, stretches) in sieve.sort(&block).iter().enumerate() {
+                for stretch in stretches {
+                    gaps[kind].extend(stretch.gap);
+                    times[kind].extend(stretch.of(&block[2]));
+                }
+            }
+        }
+        let ([a, c], [b, d]) = (gaps, times);
+        (a, b, c, d, sieve.passed())
+    }
+
+    #[test]
+    fn ticks_of_the_test_are_told_from_ends_of_steps_and_from_all_else() {
+        let rows = [
+            (0.0, 0.0, ZEROING),
+            (0.0, 0.0, TRIPPED),
+            (0.0, 0.0, RUNNING),
+            (0.0, 0.5, 11.0),
+            (1.0, 1.0, RUNNING),
+            (1.0, 1.2, 13.0),
+            (1.0, 1.2, HOLDING),
+            (1.0, 1.7, 11.0),
+            (2.0, 2.0, RUNNING),
+            (2.0, 2.5, TRIPPED),
+            (2.0, 2.5, TRIPPED),
+            (2.0, 2.5, 7.0),
+        ];
+        for block in [1, 5, 100] {
+            let (gaps, steps, holes, ticks, passed) = sorted(&rows, Some(1.0), 2, block);
+            assert_eq!(steps, [0.0, 1.0, 2.0]);
+            assert_eq!(ticks, [0.0, 0.5, 1.0, 1.2, 1.2, 1.7, 2.0, 2.5]);
+            assert!(gaps.is_empty() && holes.is_empty());
+            assert!(passed.is_even && passed.missing_ticks == 0);
+        }
+    }
+
+    #[test]
+    fn missing_steps_and_ticks_are_counted_and_part_the_rows() {
+        let running = |step: f64| (step, 0.25 * step, RUNNING);
+        let rows: Vec<_> = (0..10)
+            .filter(|k| !(4..7).contains(k))
+            .map(|k| running(f64::from(k)))
+            .collect();
+        // As the interval is known, and as the first two rows show it.
+        for step_s in [Some(0.25), None] {
+            let (gaps, steps, holes, _, passed) = sorted(&rows, step_s, 1, 3);
+            let gap = Gap {
+                time: 0.25 * 5.0,
+                rows: 3,
+            };
+            assert_eq!((gaps, holes), (vec![gap], vec![gap]));
+            assert_eq!(steps.len(), 7);
+            assert_eq!((passed.missing_steps, passed.missing_ticks), (3, 3));
+            assert_eq!((passed.step_s, passed.is_even), (Some(0.25), false));
+        }
+        // A tick between two steps is missing, and no step.
+        let rows = [
+            (0.0, 0.0, RUNNING),
+            (0.0, 0.25, 11.0),
+            (0.0, 0.75, 11.0),
+            (1.0, 1.0, RUNNING),
+        ];
+        let (gaps, _, holes, _, passed) = sorted(&rows, Some(1.0), 4, 100);
+        assert_eq!((gaps.len(), holes.len(), passed.missing_ticks), (0, 1, 1));
+        assert!(passed.is_even);
+    }
+}
