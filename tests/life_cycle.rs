@@ -9,8 +9,9 @@ use common::engine::{Run, prepare, run_on, run_under};
 use common::spring::Spring;
 use gusset::control::limits::{AxisLimits, Bound, Quantity, Range};
 use gusset::control::{Axis, Exit, Exits, Port, Reference, Zero};
-use gusset::engine::{Control, Ending, Experiment, Operator, Phase, Stop};
+use gusset::engine::{Control, Ending, Experiment, Left, Operator, Phase, Stop};
 use gusset::record::EventKind;
+use gusset::session::{Finish, ending};
 use gusset::time::SimClock;
 
 /// 1 kHz in wall and test time; one storey of 2 t on 3e5 N/m, beside the specimen.
@@ -279,6 +280,77 @@ fn the_ways_out_are_slow_and_end_where_they_should() {
             Ending::Stopped(Stop::Limit { .. })
         ));
     }
+}
+
+/// Ends at its last step and is then led to 0.3 m, which may not be commanded where `bound` is smaller.
+fn led_after_its_end(bound: f64) -> Lab {
+    let mut lab = Lab::new(SHORT);
+    lab.limits.command_disp.trip = [-bound, bound];
+    lab.exits = Exits {
+        on_trip: Exit::Freeze,
+        at_end: Exit::Safe(vec![0.3]),
+        speed: 0.5,
+    };
+    lab
+}
+
+#[test]
+fn a_test_that_trips_on_its_way_out_has_tripped() {
+    let (run, way) = led_after_its_end(0.5).run();
+    assert_eq!(run.outcome.ending, Ending::Completed);
+    assert_eq!(
+        (way.last(), run.outcome.left.as_slice()),
+        (Some(&0.3), &[Left::Reached][..])
+    );
+    assert_eq!(ending(&run.outcome).1, "end of the test");
+
+    let (run, way) = led_after_its_end(0.2).run();
+    let Ending::Stopped(Stop::Limit { hit, .. }) = run.outcome.ending else {
+        panic!("{:?}", run.outcome.ending);
+    };
+    assert_eq!(hit.quantity, Quantity::CommandDisp);
+    assert!(way.iter().all(|disp| *disp <= 0.2), "frozen where it was");
+    assert_eq!(phases(&run)[2..], ["running", "leaving", "tripped", "safe"]);
+    assert_eq!(run.outcome.left, [Left::NotReached]);
+    let unfinished = run.outcome.unfinished.unwrap();
+    assert_eq!(unfinished.after, Ending::Completed);
+    let (finish, reason) = ending(&run.outcome);
+    assert_eq!(finish, Finish::Stopped);
+    assert!(
+        reason.contains("commanded displacement") && reason.contains("on the way out"),
+        "{reason}"
+    );
+}
+
+#[test]
+fn an_operator_ends_the_way_out_at_once_and_it_is_told() {
+    // 5 of zeroing, 3 of warm-up, rows 0 to 500: the way out begins with number 509.
+    let (run, way) = led_after_its_end(0.5).run_with_operator(&[(600, Operator::Stop)]);
+    assert_eq!(run.outcome.ending, Ending::Stopped(Stop::Operator));
+    assert_eq!(way.len(), 601);
+    assert_eq!(run.outcome.left, [Left::NotReached]);
+    let last: Vec<&EventKind> = run.events.iter().map(|event| &event.kind).collect();
+    assert!(
+        matches!(
+            last[last.len() - 3..],
+            [
+                EventKind::StopRequested,
+                EventKind::Phase {
+                    from: "leaving",
+                    to: "safe",
+                    cause: "operator"
+                },
+                EventKind::Ended
+            ]
+        ),
+        "{last:?}"
+    );
+    let (finish, reason) = ending(&run.outcome);
+    assert_eq!(finish, Finish::Interrupted);
+    assert!(
+        reason.contains("on the way out (end of the test)"),
+        "{reason}"
+    );
 }
 
 #[test]

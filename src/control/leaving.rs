@@ -30,6 +30,15 @@ pub struct Exits {
     pub speed: f64,
 }
 
+impl Exits {
+    /// True if a specimen is to be moved when a test has tripped, or has ended well.
+    #[must_use]
+    pub fn moves(&self, tripped: bool) -> bool {
+        let exit = if tripped { &self.on_trip } else { &self.at_end };
+        *exit != Exit::Freeze
+    }
+}
+
 /// Longest way back to zero force, in s of wall time.
 const LONGEST_S: f64 = 120.0;
 /// Share of the way to zero force, by k̂, that one tick goes: an approach without a corner.
@@ -60,6 +69,15 @@ pub struct Departure {
     tick: u64,
     to_zero_force: bool,
     seconds: f64,
+    arrived: bool,
+}
+
+impl Departure {
+    /// True if the specimen is where it is to be left.
+    #[must_use]
+    pub const fn has_arrived(&self) -> bool {
+        self.arrived
+    }
 }
 
 impl Port {
@@ -82,6 +100,7 @@ impl Port {
                     tick: 0,
                     to_zero_force: true,
                     seconds: LONGEST_S,
+                    arrived: false,
                 });
             }
             Exit::ZeroDisp => self.axes.iter().map(|axis| axis.disp_offset).collect(),
@@ -102,6 +121,7 @@ impl Port {
             tick: 0,
             to_zero_force: false,
             seconds: seconds.max(tick),
+            arrived: false,
         })
     }
 
@@ -124,6 +144,7 @@ impl Port {
     /// Makes the next command of the departure; false when there is no further to go.
     pub fn go_on(&mut self, departure: &mut Departure) -> bool {
         if departure.tick >= departure.ticks {
+            departure.arrived |= !departure.to_zero_force;
             self.stand_still();
             return false;
         }
@@ -133,7 +154,7 @@ impl Port {
             self.ramp_to(share, departure.seconds);
             return true;
         }
-        let mut moving = false;
+        let (mut moving, mut arrived) = (false, true);
         let axes = self.axes.iter().zip(&departure.creeps);
         let values = self.sent.iter().zip(&self.raw.force);
         let commands = self.command.iter_mut().zip(&mut self.command_vel);
@@ -142,11 +163,14 @@ impl Port {
             let step =
                 (SHARE * force / creep.stiffness).clamp(-creep.longest_step, creep.longest_step);
             let next = sent - step;
-            let on = force.abs() > creep.small && (next - creep.from).abs() <= creep.farthest;
+            let is_small = force.abs() <= creep.small;
+            let on = !is_small && (next - creep.from).abs() <= creep.farthest;
             *command = if on { next } else { *sent };
             *vel = 0.0;
             moving |= on;
+            arrived &= is_small;
         }
+        departure.arrived = arrived;
         moving
     }
 }

@@ -2,7 +2,8 @@
 //!
 //! From the first command on every end goes through [`Engine::conclude`]. Before it, in an orderly end or a trip, each
 //! specimen is moved to where the test file wants it left; after a panic nothing is moved any more. A specimen whose link is
-//! lost or whose interlock is open is not commanded: its own watchdog holds it.
+//! lost or whose interlock is open is not commanded: its own watchdog holds it. What stops the way out stops it for all, and is
+//! part of how the test ended: a test that trips there has tripped.
 
 use super::columns::GIVEN_UP;
 use super::operator::Control;
@@ -12,6 +13,38 @@ use super::{Ending, Engine, Stop};
 use crate::control::Departure;
 use crate::control::limits::Quantity;
 use crate::rt::timing::TickStamps;
+
+/// Where a specimen was left.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Left {
+    /// At its last command: nothing else is asked for.
+    Stayed,
+    /// Where the test file wants it.
+    Reached,
+    /// Somewhere else, although the test file wants it moved.
+    NotReached,
+}
+
+impl Left {
+    /// As the files spell it.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Left::Stayed => "stayed",
+            Left::Reached => "reached",
+            Left::NotReached => "not_reached",
+        }
+    }
+}
+
+/// A way out that did not come to its end.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Unfinished {
+    /// What stopped it.
+    pub stop: Stop,
+    /// How the test had ended before.
+    pub after: Ending,
+}
 
 impl Engine {
     /// Test time stands still, the specimens hold the last command, until the operator goes on. A hold ends no step: the
@@ -44,8 +77,30 @@ impl Engine {
         Ok(())
     }
 
-    /// Moves every specimen to where it is to be left. What stops it on the way freezes all.
-    pub(super) fn leave(&mut self, ending: &Ending, control: &Control) {
+    /// Moves every specimen to where it is to be left. What stops it on the way freezes all, and ends a test that had ended
+    /// well: how it ended is what comes back.
+    pub(super) fn leave(&mut self, ending: Ending, control: &Control) -> Ending {
+        if let Ending::Stopped(stop) = &ending {
+            self.report_stop(stop);
+        }
+        let Err(stop) = self.lead_out(&ending, control) else {
+            return ending;
+        };
+        self.report_stop(&stop);
+        self.unfinished = Some(Unfinished {
+            stop,
+            after: ending,
+        });
+        if stop != Stop::Operator {
+            self.enter(Phase::Tripped, Cause::Stopped);
+        }
+        match ending {
+            Ending::Completed | Ending::Stopped(Stop::Operator) => Ending::Stopped(stop),
+            Ending::Stopped(_) => ending,
+        }
+    }
+
+    fn lead_out(&mut self, ending: &Ending, control: &Control) -> Result<(), Stop> {
         let tripped = !matches!(
             ending,
             Ending::Completed | Ending::Stopped(Stop::Operator | Stop::Step(_))
@@ -84,8 +139,18 @@ impl Engine {
             })
             .collect();
         self.keep_warm_up();
+        for (left, (port, departure)) in
+            self.left.iter_mut().zip(self.ports.iter().zip(&departures))
+        {
+            let stays = departure.is_none() && !(port.has_begun() && port.exits.moves(tripped));
+            *left = if stays {
+                Left::Stayed
+            } else {
+                Left::NotReached
+            };
+        }
         if departures.iter().all(Option::is_none) {
-            return;
+            return Ok(());
         }
         if tripped && !self.trip_is_recorded {
             self.record_end(ending);
@@ -93,7 +158,13 @@ impl Engine {
         let cause = if tripped { Cause::Stopped } else { Cause::Done };
         self.enter(Phase::Leaving, cause);
         // Whatever ends it, the specimens stand at their last commands.
-        let _ = self.all_departures(&mut departures, control);
+        self.all_departures(&mut departures, control)?;
+        for (left, departure) in self.left.iter_mut().zip(&departures) {
+            if departure.as_ref().is_some_and(Departure::has_arrived) {
+                *left = Left::Reached;
+            }
+        }
+        Ok(())
     }
 
     /// What ended the test in no row of its own stands in one, if rows of the way out follow: a replay ends there, too.

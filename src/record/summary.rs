@@ -166,6 +166,10 @@ pub struct Summary {
     /// without a structure.
     #[serde(default)]
     pub falsified: Value,
+    /// Where each specimen was left, by name: `reached` (where the test file wants it), `not_reached`, or `stayed` (at its last
+    /// command, and nothing else is asked for).
+    #[serde(default)]
+    pub left: BTreeMap<String, String>,
 }
 
 #[cfg(test)]
@@ -202,6 +206,7 @@ pub(super) mod tests {
             machine: Value::Null,
             metrics: Value::Null,
             falsified: Value::Null,
+            left: BTreeMap::new(),
         }
     }
 
@@ -240,6 +245,7 @@ pub(super) mod tests {
             "machine",
             "metrics",
             "falsified",
+            "left",
         ];
         assert_eq!(keys, [&contract[..], &additions[..]].concat());
         assert_eq!(

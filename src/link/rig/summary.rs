@@ -135,5 +135,6 @@ pub(super) fn summarise(
         machine: serde_json::Value::Null,
         metrics: serde_json::Value::Null,
         falsified: serde_json::Value::Null,
+        left: std::collections::BTreeMap::new(),
     }
 }
