@@ -396,3 +396,19 @@ fn offsets_that_must_be_confirmed_are_waited_for_and_nothing_moves_meanwhile() {
     assert!(way.iter().all(|disp| *disp == 0.0));
     assert_eq!(phases(&run), ["zeroing", "safe"]);
 }
+
+#[test]
+fn where_its_zero_is_not_known_yet_nobody_is_led_anywhere() {
+    let text = format!("{SHORT}\nsafety.confirm = true");
+    let mut lab = Lab::new(&text);
+    lab.exits.at_end = Exit::ZeroDisp;
+    lab.exits.speed = 0.01;
+    lab.bias = [0.02, 0.0];
+    lab.offset = 0.01;
+    lab.reference.disp = Zero::Relative;
+    let (run, way) = lab.run_with_operator(&[(3, Operator::Stop)]);
+    assert!(way.iter().all(|disp| *disp == 0.01), "{way:?}");
+    assert_eq!(phases(&run), ["zeroing", "safe"]);
+    assert_eq!(run.outcome.left, [Left::Stayed]);
+    assert_eq!(ending(&run.outcome).1, "stopped by the operator");
+}

@@ -377,7 +377,10 @@ fn a_specimen_that_does_not_stand_where_it_was_left_is_refused_and_nothing_moves
         .split("[specimen.law")
         .next()
         .unwrap()
-        .replace("[safety]\n", "[safety]\nunlimited = \"a spring\"\n")
+        .replace(
+            "[safety]\n",
+            "[safety]\nunlimited = \"a spring\"\non_trip = \"zero_displacement\"\nexit_speed_m_per_s = 0.01\n",
+        )
         + "stiffness_n_per_m = 5e5\nlink = { address = \"127.0.0.1:9\", coupling = \"lockstep\" }\n";
     let test = test_in(home.path(), &linked);
     let far = |off: f64| -> Port {

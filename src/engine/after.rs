@@ -2,7 +2,8 @@
 //!
 //! From the first command on every end goes through [`Engine::conclude`]. Before it, in an orderly end or a trip, each
 //! specimen is moved to where the test file wants it left; after a panic nothing is moved any more. A specimen whose link is
-//! lost or whose interlock is open is not commanded: its own watchdog holds it. What stops the way out stops it for all, and is
+//! lost or whose interlock is open is not commanded: its own watchdog holds it. Until it is known which way round the specimens
+//! are wired, where their zeros are and that they stand where they should, none is moved: their exits would be anywhere. What stops the way out stops it for all, and is
 //! part of how the test ended: a test that trips there has tripped.
 
 use super::columns::GIVEN_UP;
@@ -17,7 +18,7 @@ use crate::rt::timing::TickStamps;
 /// Where a specimen was left.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Left {
-    /// At its last command: nothing else is asked for.
+    /// At its last command: nothing else is asked for, or too little was known of it to move it.
     Stayed,
     /// Where the test file wants it.
     Reached,
@@ -105,6 +106,13 @@ impl Engine {
             ending,
             Ending::Completed | Ending::Stopped(Stop::Operator | Stop::Step(_))
         );
+        let is_known = !matches!(
+            self.phase,
+            Phase::Connected | Phase::Probing | Phase::Zeroing
+        ) && !matches!(
+            ending,
+            Ending::Stopped(Stop::Misfit { .. } | Stop::Moved { .. })
+        );
         if tripped {
             self.enter(Phase::Tripped, Cause::Stopped);
         }
@@ -126,7 +134,7 @@ impl Engine {
             .ports
             .iter_mut()
             .map(|port| {
-                if port.partner.lost || !port.has_begun() {
+                if port.partner.lost || !port.has_begun() || !is_known {
                     None
                 } else {
                     let departure = port.depart(tripped, period);
@@ -142,7 +150,8 @@ impl Engine {
         for (left, (port, departure)) in
             self.left.iter_mut().zip(self.ports.iter().zip(&departures))
         {
-            let stays = departure.is_none() && !(port.has_begun() && port.exits.moves(tripped));
+            let is_led = is_known && port.has_begun() && port.exits.moves(tripped);
+            let stays = departure.is_none() && !is_led;
             *left = if stays {
                 Left::Stayed
             } else {

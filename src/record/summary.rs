@@ -167,7 +167,7 @@ pub struct Summary {
     #[serde(default)]
     pub falsified: Value,
     /// Where each specimen was left, by name: `reached` (where the test file wants it), `not_reached`, or `stayed` (at its last
-    /// command, and nothing else is asked for).
+    /// command: nothing else is asked for, or its direction, zero or place was not known yet).
     #[serde(default)]
     pub left: BTreeMap<String, String>,
 }
