@@ -412,3 +412,48 @@ fn where_its_zero_is_not_known_yet_nobody_is_led_anywhere() {
     assert_eq!(run.outcome.left, [Left::Stayed]);
     assert_eq!(ending(&run.outcome).1, "stopped by the operator");
 }
+
+/// The way out begins at once from a test in motion, at 0.1 m/s and more: the stop alone is 100 m/s².
+#[test]
+fn a_way_out_keeps_its_own_limits() {
+    for exit in [Exit::ZeroDisp, Exit::ZeroForce, Exit::Safe(vec![0.01])] {
+        let mut lab = Lab::new(SHORT);
+        lab.limits.measured_force.trip = [-2000.0, 2000.0];
+        lab.limits.command_accel.trip = 12.0;
+        lab.exits = Exits {
+            on_trip: exit.clone(),
+            at_end: Exit::Freeze,
+            speed: 0.05,
+        };
+        let (run, way) = lab.run();
+        assert_eq!(run.outcome.unfinished, None, "{exit:?}");
+        assert_eq!(run.outcome.left, [Left::Reached], "{exit:?}");
+        let begun = run.column("x1").len() + 5 + 3;
+        let mut way = way[begun - 1..].to_vec();
+        way[0] = way[1];
+        let last = way[way.len() - 1];
+        way.push(last);
+        let worst = way
+            .windows(3)
+            .map(|w| (w[2] - 2.0 * w[1] + w[0]).abs() / (PERIOD * PERIOD))
+            .fold(0.0, f64::max);
+        assert!(worst <= 6.0 * (1.0 + 1e-6), "{exit:?}: {worst} m/s2");
+    }
+}
+
+/// Energy, tangents and lag are those of the test: its last target is none of the way out's.
+#[test]
+fn nothing_is_estimated_on_the_way_out() {
+    let mut lab = Lab::new(SHORT);
+    lab.limits.added_energy.trip = 1.0;
+    lab.exits = Exits {
+        on_trip: Exit::Freeze,
+        at_end: Exit::Safe(vec![0.05]),
+        speed: 0.05,
+    };
+    let (run, way) = lab.run();
+    assert_eq!(run.outcome.ending, Ending::Completed);
+    assert_eq!(way.last(), Some(&0.05));
+    let energy = run.all("added_1_1");
+    assert!(energy.iter().all(|energy| energy.abs() < 1e-9));
+}

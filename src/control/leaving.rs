@@ -2,6 +2,11 @@
 //!
 //! The default is to freeze, since driving a damaged specimen home can destroy it. Anything else is asked for by name, and
 //! needs a speed. Works from the last command and measurement alone.
+//!
+//! The way out keeps the limits of the commands, or it would end itself where it began: it starts from rest, since nobody
+//! judges the stop, and takes as long as half of `command_accel_m_per_s2` wants. What is estimated of a running test rests.
+
+use std::f64::consts::{FRAC_PI_2, PI};
 
 use super::Port;
 
@@ -43,6 +48,8 @@ impl Exits {
 const LONGEST_S: f64 = 120.0;
 /// Share of the way to zero force, by k̂, that one tick goes: an approach without a corner.
 const SHARE: f64 = 0.05;
+/// Share of an acceleration limit that it uses at its fastest.
+const SHARE_OF_ACCEL: f64 = 0.5;
 /// Share of the largest force so far that counts as none.
 const SMALL: f64 = 0.01;
 /// The way back to zero force may be so many times as long as k̂ says.
@@ -54,8 +61,10 @@ struct Creep {
     /// k̂ in raw units of force per raw unit of displacement.
     stiffness: f64,
     small: f64,
-    /// Ways in the specimen's unit.
+    /// Ways in the specimen's unit: of one tick, by which that may change from tick to tick, and the last.
     longest_step: f64,
+    slew: f64,
+    step: f64,
     farthest: f64,
     from: f64,
 }
@@ -81,6 +90,21 @@ impl Departure {
 }
 
 impl Port {
+    /// The test is over: the last command counts as one at rest, and nothing is estimated from here on.
+    pub fn end_test(&mut self) {
+        self.guard.watch.sent_again();
+        self.rest();
+        self.pause_following();
+    }
+
+    /// Acceleration in m/s² that the way out may use on an axis.
+    fn exit_accel(&self, axis: usize) -> f64 {
+        let limit = self.limits().get(axis).map(|limits| limits.command_accel);
+        limit.map_or(f64::INFINITY, |limit| {
+            SHARE_OF_ACCEL * limit.warn.min(limit.trip)
+        })
+    }
+
     /// Begins to leave with ticks of `tick` seconds of wall time; none where the specimen is to stay.
     pub fn depart(&mut self, tripped: bool, tick: f64) -> Option<Departure> {
         let Exits {
@@ -108,13 +132,15 @@ impl Port {
         };
         self.command.copy_from_slice(&goal);
         self.begin_ramp();
-        let far = (0..self.axes()).map(|axis| {
+        let times = (0..self.axes()).map(|axis| {
             let distance = self.sent.get(axis).zip(self.command.get(axis));
-            distance.map_or(0.0, |(from, to)| (to - from).abs()) * self.guard.metres_of(axis)
+            let distance = distance.map_or(0.0, |(from, to)| (to - from).abs());
+            let distance = distance * self.guard.metres_of(axis);
+            // Half a cosine is π/2 times as fast in the middle as on the average, and π²/2 D/T² are its ends.
+            let by_speed = FRAC_PI_2 * distance / speed;
+            by_speed.max(PI * (0.5 * distance / self.exit_accel(axis)).sqrt())
         });
-        let longest = far.fold(0.0, f64::max);
-        // Half a cosine is π/2 times as fast in the middle as on the average.
-        let seconds = std::f64::consts::FRAC_PI_2 * longest / speed;
+        let seconds = times.fold(0.0, f64::max);
         Some(Departure {
             creeps: Vec::new(),
             ticks: (seconds / tick).ceil() as u64,
@@ -132,10 +158,14 @@ impl Port {
         };
         let stiffness = value(&self.stiffness) / (axis.force_gain * axis.disp_gain);
         let force = value(&self.raw.force) - axis.force_offset;
+        let change = self.exit_accel(index) * tick * tick;
         Creep {
             stiffness,
             small: SMALL * value(&self.peak_force) / axis.force_gain.abs(),
-            longest_step: speed * tick / self.guard.metres_of(index),
+            // The approach slows down by a share of its step from tick to tick.
+            longest_step: (speed * tick).min(change / SHARE) / self.guard.metres_of(index),
+            slew: change / self.guard.metres_of(index),
+            step: 0.0,
             farthest: STRAY * (force / stiffness).abs(),
             from: value(&self.sent),
         }
@@ -155,19 +185,20 @@ impl Port {
             return true;
         }
         let (mut moving, mut arrived) = (false, true);
-        let axes = self.axes.iter().zip(&departure.creeps);
+        let axes = self.axes.iter().zip(&mut departure.creeps);
         let values = self.sent.iter().zip(&self.raw.force);
         let commands = self.command.iter_mut().zip(&mut self.command_vel);
         for (((command, vel), (sent, raw)), (axis, creep)) in commands.zip(values).zip(axes) {
             let force = raw - axis.force_offset;
             let step =
                 (SHARE * force / creep.stiffness).clamp(-creep.longest_step, creep.longest_step);
-            let next = sent - step;
             let is_small = force.abs() <= creep.small;
-            let on = !is_small && (next - creep.from).abs() <= creep.farthest;
-            *command = if on { next } else { *sent };
+            let on = !is_small && (sent - step - creep.from).abs() <= creep.farthest;
+            let wanted = if on { step } else { 0.0 };
+            creep.step = wanted.clamp(creep.step - creep.slew, creep.step + creep.slew);
+            *command = sent - creep.step;
             *vel = 0.0;
-            moving |= on;
+            moving |= on || creep.step != 0.0;
             arrived &= is_small;
         }
         departure.arrived = arrived;

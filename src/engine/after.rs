@@ -11,7 +11,7 @@ use super::operator::Control;
 use super::phase::{Cause, Phase};
 use super::tick::Tick;
 use super::{Ending, Engine, Stop};
-use crate::control::Departure;
+use crate::control::{Departure, Port};
 use crate::control::limits::Quantity;
 use crate::rt::timing::TickStamps;
 
@@ -128,6 +128,7 @@ impl Engine {
         {
             port.excuse(hit);
         }
+        self.ports.iter_mut().for_each(Port::end_test);
         let period = self.period.value();
         let sequence = self.sequence;
         let mut departures: Vec<Option<Departure>> = self
