@@ -50,8 +50,10 @@ const LONGEST_S: f64 = 120.0;
 const SHARE: f64 = 0.05;
 /// Share of an acceleration limit that it uses at its fastest.
 const SHARE_OF_ACCEL: f64 = 0.5;
-/// Share of the largest force so far that counts as none.
+/// Share of the largest force so far, that on the way out included, that counts as none.
 const SMALL: f64 = 0.01;
+/// So many times the noise of the force, as it was read while zeroing, counts as none, too.
+const NOISE: f64 = 3.0;
 /// The way back to zero force may be so many times as long as k̂ says.
 const STRAY: f64 = 3.0;
 
@@ -158,15 +160,18 @@ impl Port {
         };
         let stiffness = value(&self.stiffness) / (axis.force_gain * axis.disp_gain);
         let force = value(&self.raw.force) - axis.force_offset;
+        let largest = (value(&self.peak_force) / axis.force_gain).abs();
+        // Without k̂ nobody knows how far it is, nor which way.
+        let far = STRAY * (force / stiffness).abs();
         let change = self.exit_accel(index) * tick * tick;
         Creep {
             stiffness,
-            small: SMALL * value(&self.peak_force) / axis.force_gain.abs(),
+            small: (SMALL * largest.max(force.abs())).max(NOISE * self.reading(index).force_noise),
             // The approach slows down by a share of its step from tick to tick.
             longest_step: (speed * tick).min(change / SHARE) / self.guard.metres_of(index),
             slew: change / self.guard.metres_of(index),
             step: 0.0,
-            farthest: STRAY * (force / stiffness).abs(),
+            farthest: if far.is_finite() { far } else { 0.0 },
             from: value(&self.sent),
         }
     }
