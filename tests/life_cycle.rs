@@ -457,3 +457,56 @@ fn nothing_is_estimated_on_the_way_out() {
     let energy = run.all("added_1_1");
     assert!(energy.iter().all(|energy| energy.abs() < 1e-9));
 }
+
+/// Two specimens along prescribed ways; `first` and `second` are added to their tables, `safety` to its own.
+fn two_along(first: &str, second: &str, safety: &str) -> String {
+    let specimen = |name: &str, more: &str| {
+        format!(
+            "[[specimen]]\nname = \"{name}\"\n{more}\n[[excitation.prescribed_displacement]]\nspecimen = \"{name}\"\n\
+             ease_in_s = 0.5\nsignal.sine = {{ amplitude = 0.01, frequency_hz = 0.5 }}\n"
+        )
+    };
+    format!(
+        "[time]\nrate_hz = 100\nduration_s = 2\nclock = \"simulated\"\n[safety]\nexit_speed_m_per_s = 0.02\n{safety}\n{}{}",
+        specimen("a", first),
+        specimen("b", second)
+    )
+}
+
+const ELASTIC: &str =
+    "law.bilinear = { stiffness_n_per_m = 4e5, yield_force_n = 1e6, post_yield_ratio = 0.5 }";
+
+/// Who is asked in the tick of a trip answers, whoever trips: nobody takes a command who still owes an answer.
+#[test]
+fn a_trip_of_one_specimen_costs_no_other_its_link() {
+    let limited = format!("{ELASTIC}\nlimits.measured_force_n = {{ trip = [-2e3, 2e3] }}");
+    for (first, second) in [
+        (limited.as_str(), ELASTIC),
+        (ELASTIC, limited.as_str()),
+        (limited.as_str(), limited.as_str()),
+    ] {
+        let run = common::engine::run(&two_along(first, second, "on_trip = \"zero_displacement\""));
+        assert!(matches!(
+            run.outcome.ending,
+            Ending::Stopped(Stop::Limit { .. })
+        ));
+        assert_eq!(run.outcome.unfinished, None);
+        assert_eq!(run.outcome.left, [Left::Reached; 2]);
+        for column in ["cmd_1_1", "cmd_2_1"] {
+            assert_eq!(run.all(column).last(), Some(&0.0), "{column}");
+        }
+    }
+}
+
+#[test]
+fn zero_force_is_refused_where_no_stiffness_says_how_far_it_is() {
+    let viscous = "law.viscous = { damping_n_s_per_m = 1e5 }";
+    let text = two_along(ELASTIC, viscous, "at_end = \"zero_force\"");
+    let read = gusset::config::parse(std::path::Path::new("test.toml"), text, &[]);
+    let loaded = read.unwrap_or_else(|error| panic!("{error}"));
+    let refused = gusset::config::build(&loaded).unwrap_err().to_string();
+    assert!(
+        refused.contains("specimen \"b\" has none on axis 1") && refused.contains("at_end"),
+        "{refused}"
+    );
+}

@@ -210,3 +210,72 @@ impl Port {
         moving
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::Axis;
+    use crate::substructure::{
+        Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
+    };
+    use crate::time::Nanos;
+
+    const TICK: f64 = 1e-3;
+
+    /// A spring of 2e5 N/m.
+    struct Spring(f64);
+
+    impl Substructure for Spring {
+        fn axes(&self) -> usize {
+            1
+        }
+        fn coupling(&self) -> Coupling {
+            Coupling::Lockstep
+        }
+        fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+            self.0 = command.disp[0];
+            Ok(())
+        }
+        fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+            (into.disp[0], into.force[0]) = (self.0, 2e5 * self.0);
+            Ok(Freshness::Fresh)
+        }
+        fn retire(&mut self, _: Retirement) {}
+    }
+
+    /// From 10 mm, with k̂ as it is believed, before any force was noted: ticks of the way to zero force, where it ends, and
+    /// whether that is where it should.
+    fn to_zero_force(stiffness: f64) -> (u32, f64, bool) {
+        let axis = Axis::plain(vec![(0, 1.0)]);
+        let spring = Box::new(Spring(0.0));
+        let mut port = Port::new("rig", vec![axis], spring, 1, vec![stiffness]).unwrap();
+        port.exits.on_trip = Exit::ZeroForce;
+        port.exits.speed = 0.05;
+        let exchange = |port: &mut Port| {
+            assert_eq!(port.clear().trip, None);
+            port.issue(0, 0.0, TICK).unwrap();
+            port.collect(Nanos(0)).unwrap();
+        };
+        port.aim(&[0.01], &[0.0], 0.0, 0.0);
+        exchange(&mut port);
+        let mut departure = port.depart(true, TICK).unwrap();
+        let mut ticks = 0;
+        while port.go_on(&mut departure) {
+            exchange(&mut port);
+            ticks += 1;
+        }
+        (ticks, port.sent[0], departure.has_arrived())
+    }
+
+    #[test]
+    fn the_way_to_zero_force_ends_where_the_force_is_small_beside_what_it_was() {
+        let (ticks, end, arrived) = to_zero_force(2e5);
+        assert!(arrived && end > 0.0 && end <= 1e-4, "{end}");
+        assert!((180..400).contains(&ticks), "{ticks}");
+    }
+
+    #[test]
+    fn without_a_stiffness_there_is_no_way_to_zero_force() {
+        assert_eq!(to_zero_force(0.0), (0, 0.01, false));
+    }
+}

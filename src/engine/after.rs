@@ -11,8 +11,8 @@ use super::operator::Control;
 use super::phase::{Cause, Phase};
 use super::tick::Tick;
 use super::{Ending, Engine, Stop};
-use crate::control::{Departure, Port};
 use crate::control::limits::Quantity;
+use crate::control::{Departure, Port};
 use crate::rt::timing::TickStamps;
 
 /// Where a specimen was left.
@@ -116,19 +116,13 @@ impl Engine {
         if tripped {
             self.enter(Phase::Tripped, Cause::Stopped);
         }
-        if let Ending::Stopped(Stop::Link { port, .. } | Stop::Interlock { port }) = ending
-            && let Some(port) = self.ports.get_mut(*port)
-        {
-            port.partner.lost = true;
-        }
-        // A displacement that tripped as a command was never gone to: the way out has no excuse to go there.
-        if let Ending::Stopped(Stop::Limit { port, hit }) = ending
-            && hit.quantity != Quantity::CommandDisp
-            && let Some(port) = self.ports.get_mut(*port)
-        {
-            port.excuse(hit);
+        if let Ending::Stopped(stop) = ending {
+            self.bear_in_mind(stop);
         }
         self.ports.iter_mut().for_each(Port::end_test);
+        if is_known {
+            self.hear_who_owes(tripped);
+        }
         let period = self.period.value();
         let sequence = self.sequence;
         let mut departures: Vec<Option<Departure>> = self
@@ -175,6 +169,45 @@ impl Engine {
             }
         }
         Ok(())
+    }
+
+    /// What stopped the test is known on the way out: who is not commanded any more, and what may be as bad as it is. Real-time:
+    /// yes.
+    pub(super) fn bear_in_mind(&mut self, stop: &Stop) {
+        match stop {
+            Stop::Link { port, .. } | Stop::Interlock { port } => {
+                if let Some(port) = self.ports.get_mut(*port) {
+                    port.partner.lost = true;
+                }
+            }
+            // A displacement that tripped as a command was never gone to: the way out has no excuse to go there.
+            Stop::Limit { port, hit } if hit.quantity != Quantity::CommandDisp => {
+                if let Some(port) = self.ports.get_mut(*port) {
+                    port.excuse(hit);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// Whoever was told its target some ticks ago and is to be led away has answered before it is told anything else.
+    fn hear_who_owes(&mut self, tripped: bool) {
+        for index in 0..self.ports.len() {
+            let Some(port) = self.ports.get_mut(index) else {
+                break;
+            };
+            if port.partner.lost || !port.owes() || !port.exits.moves(tripped) {
+                continue;
+            }
+            let patience = port.wait.map(|own| own.reply_timeout_ns);
+            let patience = patience.unwrap_or(self.limits.reply_timeout_ns);
+            if let Err(fault) = port.let_answer(self.clock.now().plus(patience)) {
+                port.note_loss();
+                let stop = Stop::Link { port: index, fault };
+                self.report_stop(&stop);
+                self.bear_in_mind(&stop);
+            }
+        }
     }
 
     /// What ended the test in no row of its own stands in one, if rows of the way out follow: a replay ends there, too.

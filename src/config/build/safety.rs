@@ -137,7 +137,12 @@ pub(super) fn exits(
     for (key, choice) in [("on_trip", safety.on_trip), ("at_end", safety.at_end)] {
         let unknown = stiffness.iter().position(|k| !(*k > 0.0 && k.is_finite()));
         if let (ExitChoice::ZeroForce, Some(axis)) = (choice, unknown) {
-            let name = site.loaded.file.specimen.get(index).map(|table| &table.name);
+            let name = site
+                .loaded
+                .file
+                .specimen
+                .get(index)
+                .map(|table| &table.name);
             let text = format!(
                 "the way to zero force goes along the stiffness, and specimen \"{}\" has none on axis {}",
                 name.map_or("", String::as_str),
