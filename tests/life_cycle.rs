@@ -510,3 +510,32 @@ fn zero_force_is_refused_where_no_stiffness_says_how_far_it_is() {
         "{refused}"
     );
 }
+
+/// Where the value that trips stands: while zeroing and on the way out as in the running test.
+#[test]
+fn what_trips_stands_in_a_row_wherever_it_trips() {
+    let mut lab = Lab::new(SHORT);
+    lab.bias = [0.0, 3000.0];
+    lab.limits.measured_force.trip = [-2000.0, 2000.0];
+    let (zeroing, _) = lab.run();
+    assert_eq!(phases(&zeroing), ["zeroing", "tripped", "safe"]);
+
+    let mut lab = led_after_its_end(0.5);
+    lab.limits.measured_force.trip = [-5e4, 5e4];
+    let (leaving, _) = lab.run();
+    assert_eq!(
+        phases(&leaving)[3..],
+        ["leaving", "tripped", "safe"],
+        "{:?}",
+        phases(&leaving)
+    );
+    for (run, bound) in [(zeroing, 2000.0), (leaving, 5e4)] {
+        assert_eq!(run.all("state").last(), Some(&Phase::Tripped.code()));
+        let force = run.all("raw_force_1_1");
+        assert!(force.last().is_some_and(|force| *force > bound));
+        let Ending::Stopped(Stop::Limit { hit, .. }) = run.outcome.ending else {
+            panic!("{:?}", run.outcome.ending);
+        };
+        assert_eq!(force.last(), Some(&hit.value));
+    }
+}

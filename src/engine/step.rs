@@ -21,10 +21,7 @@ impl Engine {
     /// handed over. Real-time: yes.
     #[inline]
     pub(super) fn tick(&mut self, tick: &Tick, stamps: &mut TickStamps) -> Result<(), Stop> {
-        if let Err(stop) = self.exchange(tick, stamps) {
-            self.record_trip(tick, stamps, &stop);
-            return Err(stop);
-        }
+        self.exchange(tick, stamps)?;
         self.arrive();
         if self.can_close() {
             self.close_step(tick, stamps)
@@ -71,7 +68,8 @@ impl Engine {
         Ok(())
     }
 
-    /// What was measured in the tick that ends the test is kept, although no step follows from it.
+    /// What was measured in the tick that ends the test, or its way out, is kept, although nothing follows from it.
+    #[cold]
     fn record_trip(&mut self, tick: &Tick, stamps: &TickStamps, stop: &Stop) {
         if matches!(
             stop,
@@ -141,7 +139,11 @@ impl Engine {
         }
         stamps.sent = self.clock.now();
         stamps.decoded = stamps.sent;
-        self.collect_all(tick, stamps, result)
+        let result = self.collect_all(tick, stamps, result);
+        if let Err(stop) = &result {
+            self.record_trip(tick, stamps, stop);
+        }
+        result
     }
 
     /// Takes and judges what every partner answers. What stops the test does not stop this: whoever owes an answer is heard,
