@@ -539,3 +539,37 @@ fn what_trips_stands_in_a_row_wherever_it_trips() {
         assert_eq!(force.last(), Some(&hit.value));
     }
 }
+
+/// An operator's stop is told when it is heard, before the specimens are led away, and as his.
+#[test]
+fn a_stop_is_told_when_it_is_heard() {
+    let (run, _) = led_after_its_end(0.5).run_with_operator(&[(200, Operator::Stop)]);
+    assert_eq!(run.outcome.ending, Ending::Stopped(Stop::Operator));
+    assert_eq!(run.outcome.left, [Left::Reached]);
+    let place = |wanted: &dyn Fn(&EventKind) -> bool| {
+        let mut events = run.events.iter();
+        events.position(|event| wanted(&event.kind)).unwrap()
+    };
+    let heard = place(&|kind| *kind == EventKind::StopRequested);
+    let left = place(&|kind| {
+        matches!(
+            kind,
+            EventKind::Phase {
+                to: "leaving",
+                cause: "operator",
+                ..
+            }
+        )
+    });
+    let safe = place(&|kind| {
+        matches!(
+            kind,
+            EventKind::Phase {
+                to: "safe",
+                cause: "done",
+                ..
+            }
+        )
+    });
+    assert_eq!((heard + 1, left + 1), (left, safe));
+}

@@ -159,7 +159,11 @@ impl Engine {
         if tripped && !self.trip_is_recorded {
             self.record_end(ending);
         }
-        let cause = if tripped { Cause::Stopped } else { Cause::Done };
+        let cause = match ending {
+            _ if tripped => Cause::Stopped,
+            Ending::Stopped(Stop::Operator) => Cause::Operator,
+            _ => Cause::Done,
+        };
         self.enter(Phase::Leaving, cause);
         // Whatever ends it, the specimens stand at their last commands.
         self.all_departures(&mut departures, control)?;
