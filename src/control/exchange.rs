@@ -197,11 +197,14 @@ impl Port {
         }
     }
 
-    /// Notes the peak of the force of this step. Real-time: yes.
+    /// Notes the peak of the force, whatever is made of it. Real-time: yes.
     #[inline]
     pub fn note_peak(&mut self) {
         for (peak, force) in self.peak_force.iter_mut().zip(&self.force) {
-            *peak = peak.max(force.abs());
+            let size = force.abs();
+            if size > *peak && size < f64::INFINITY {
+                *peak = size;
+            }
         }
     }
 

@@ -140,6 +140,9 @@ impl Engine {
         stamps.sent = self.clock.now();
         stamps.decoded = stamps.sent;
         let result = self.collect_all(tick, stamps, result);
+        if self.riding {
+            self.ports.iter_mut().for_each(Port::note_peak);
+        }
         if let Err(stop) = &result {
             self.record_trip(tick, stamps, stop);
         }
@@ -335,14 +338,10 @@ impl Engine {
                 let base = numerical.base(tick.step + 1);
                 let state = &numerical.state;
                 for port in &mut self.ports {
-                    port.note_peak();
                     port.seek(&state.disp, &state.vel, base.disp, base.vel);
                 }
             }
             Side::Prescribed(histories) => {
-                for port in &mut self.ports {
-                    port.note_peak();
-                }
                 seek_along(histories, tick.index() + 1, &mut self.ports);
             }
         }
