@@ -5,9 +5,9 @@ mod common;
 
 use common::engine::{Run, prepare, run_on, run_under};
 use common::rig::{Act, Call, Log, Phase, attach, storey, two_floors};
-use gusset::control::Axis;
-use gusset::engine::{Control, Ending, Experiment, Operator, Stop};
-use gusset::record::RunFolder;
+use gusset::control::{Axis, Exit};
+use gusset::engine::{Control, Ending, Experiment, Left, Operator, Stop};
+use gusset::record::{EventKind, RunFolder};
 use gusset::session::{self, Finish, Watches};
 use gusset::substructure::{Coupling, LinkFault, Retirement};
 use gusset::time::SimClock;
@@ -157,7 +157,7 @@ fn a_link_that_fails_at_any_call_ends_the_test_and_retires_all() {
     }
 }
 
-/// After the call that failed nobody is called but to be retired.
+/// After the call that failed nobody is called but to be retired, once those who were asked have answered.
 fn assert_nothing_after(calls: &[(usize, Call)], faulty: usize, phase: Phase, at: u64) {
     let mut sequence = None;
     let failed = calls.iter().position(|(rig, call)| {
@@ -172,7 +172,11 @@ fn assert_nothing_after(calls: &[(usize, Call)], faulty: usize, phase: Phase, at
         };
         *rig == faulty && is_phase && sequence == Some(at)
     });
-    let after = &calls[failed.unwrap() + 1..];
+    let mut after = &calls[failed.unwrap() + 1..];
+    let answers = |call: &(usize, Call)| call.0 != faulty && matches!(call.1, Call::Collect { .. });
+    while phase != Phase::Accepted && after.first().is_some_and(answers) {
+        after = &after[1..];
+    }
     assert!(
         after
             .iter()
@@ -330,6 +334,44 @@ fn an_operator_who_asks_at_any_tick_gets_an_orderly_end() {
         };
         assert_eq!(run.outcome.ending, wanted);
     }
+}
+
+/// A link that is lost when the test is over, but not the way out: the test failed, and nobody moves any more.
+#[test]
+fn a_link_that_fails_on_the_way_out_fails_the_test() {
+    let log = Log::default();
+    let mut experiment = two_floors(STEPS, "timing.warmup_ticks = 3");
+    for number in 0..2 {
+        attach(
+            &mut experiment,
+            storey(number),
+            Coupling::Lockstep,
+            &log,
+            move |phase, sequence| {
+                if (number, phase, sequence) == (1, Phase::Collect, u64::from(STEPS) + 3 + 10) {
+                    Act::Fail(LinkFault::Closed)
+                } else {
+                    Act::Serve
+                }
+            },
+        );
+        experiment.ports[number].exits.at_end = Exit::ZeroDisp;
+        experiment.ports[number].exits.speed = 1e-6;
+    }
+    let run = run_on(experiment, SimClock::new());
+    let lost = Stop::Link {
+        port: 1,
+        fault: LinkFault::Closed,
+    };
+    assert_eq!(run.outcome.ending, Ending::Stopped(lost));
+    assert_retired(&log.lock().unwrap(), Retirement::Tripped);
+    assert_eq!(run.outcome.left, [Left::NotReached; 2]);
+    assert_eq!(session::ending(&run.outcome).0, Finish::LinkFailed);
+    let told = run.events.iter().any(|event| {
+        let kind = &event.kind;
+        matches!(kind, EventKind::Link { port: 1, .. })
+    });
+    assert!(told);
 }
 
 /// Even our own panic: caught, named, everybody retired, also behind one who panics over his last words.

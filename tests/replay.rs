@@ -124,6 +124,55 @@ fn a_test_that_was_stopped_is_proven_as_far_as_it_went() {
     assert!(steps > 100 && steps < 1536, "{steps}");
 }
 
+/// A trip while zeroing, and one on the way out: the row that trips is the last, and comes out again.
+#[test]
+fn a_trip_outside_of_the_running_test_is_proven_too() {
+    for (more, led) in [
+        (
+            "[specimen.limits]\nmeasured_disp_m = { trip = [1e-3, 1.0] }\n",
+            false,
+        ),
+        (
+            "safe_disp_m = [0.3]\n[specimen.limits]\nmeasured_disp_m = { trip = [-0.2, 0.2] }\n",
+            true,
+        ),
+    ] {
+        let home = tempfile::tempdir().unwrap();
+        let text = FRAME
+            .replace("[safety]\n", &format!("{more}[safety]\n"))
+            .replace(
+                "ease_s = 0.0\n",
+                "ease_s = 0.0\nat_end = \"safe_displacement\"\nexit_speed_m_per_s = 0.5\n",
+            );
+        let text = if led {
+            text
+        } else {
+            text.replace("at_end = \"safe_displacement\"\n", "")
+        };
+        let test = test_in(home.path(), "");
+        std::fs::write(&test, text).unwrap();
+        let run = home.path().join("run");
+        let said = gusset(&[
+            "run",
+            test.to_str().unwrap(),
+            "--out",
+            run.to_str().unwrap(),
+        ]);
+        let told = String::from_utf8_lossy(&said.stderr);
+        assert_eq!(said.status.code(), Some(1), "{told}");
+        let states = Run::open(&run).unwrap().columns(&["state"]).unwrap();
+        let before = if led { Phase::Leaving } else { Phase::Zeroing };
+        let last: Vec<f64> = states[0].iter().rev().take(2).copied().collect();
+        assert_eq!(last[0], Phase::Tripped.code());
+        assert!(
+            last.get(1).is_none_or(|state| *state == before.code()),
+            "{last:?}"
+        );
+        let found = replay(&run).unwrap();
+        assert!(found.is_exact(), "{found:?}");
+    }
+}
+
 /// Writes another number into one row, with the checksum that belongs to it.
 fn change(run: &Path, row: u64, column: &str, value: f64) {
     let layout = std::fs::read_to_string(run.join("samples.json")).unwrap();

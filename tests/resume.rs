@@ -377,7 +377,10 @@ fn a_specimen_that_does_not_stand_where_it_was_left_is_refused_and_nothing_moves
         .split("[specimen.law")
         .next()
         .unwrap()
-        .replace("[safety]\n", "[safety]\nunlimited = \"a spring\"\n")
+        .replace(
+            "[safety]\n",
+            "[safety]\nunlimited = \"a spring\"\non_trip = \"zero_displacement\"\nexit_speed_m_per_s = 0.01\n",
+        )
         + "stiffness_n_per_m = 5e5\nlink = { address = \"127.0.0.1:9\", coupling = \"lockstep\" }\n";
     let test = test_in(home.path(), &linked);
     let far = |off: f64| -> Port {
@@ -405,7 +408,7 @@ fn a_specimen_that_does_not_stand_where_it_was_left_is_refused_and_nothing_moves
     let whole = gusset::config::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(conclude(whole, 0.0, "whole").finish, Finish::Completed);
     killed(&at("whole"), &at("first"), 400);
-    let again = || resume(&at("first"), None).unwrap_or_else(|e| panic!("{e}"));
+    let again = || resume(&at("first"), None, &[]).unwrap_or_else(|e| panic!("{e}"));
     let ended = conclude(again(), 0.0, "second");
     assert_eq!(ended.finish, Finish::Completed, "{}", ended.summary.reason);
     assert_eq!(
@@ -434,4 +437,40 @@ fn a_specimen_that_does_not_stand_where_it_was_left_is_refused_and_nothing_moves
         commands[0].iter().all(|c| Some(c) == left[0].last()),
         "nothing moved"
     );
+}
+
+#[test]
+fn a_test_that_had_tripped_goes_on_only_for_who_names_the_trip() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    // One specimen whose force comes to its limit in the middle of the test.
+    let text = frame(200, 1, 2.0, 0.0)
+        + "[specimen.limits]\nmeasured_force_n = { trip = [-1.2e3, 1.2e3] }\n";
+    let test = test_in(home.path(), &text);
+    let said = common::run(&test, &at("first"), &[]);
+    assert_eq!(said.code, Some(1), "{}", said.stderr);
+    let wanted = "say `--after-trip measured_force_n` if it may go on";
+    refused(&at("first"), wanted, &[]);
+    refused(&at("first"), wanted, &["--yes"]);
+    refused(
+        &at("first"),
+        "no \"interlock\" ended this test",
+        &["--after-trip", "interlock"],
+    );
+    let (first, second) = (at("first"), at("second"));
+    let said = say([
+        "run",
+        "--resume",
+        first.to_str().unwrap(),
+        "--out",
+        second.to_str().unwrap(),
+        "--after-trip",
+        "measured_force_n",
+    ]);
+    // It trips at once again, or does not: it is told either way.
+    assert!(matches!(said.code, Some(0 | 1)), "{}", said.stderr);
+    assert!(said.stderr.contains("IT HAD TRIPPED"), "{}", said.stderr);
+    let summary = common::json(&second, "summary.json");
+    let warnings = summary["warnings"].to_string();
+    assert!(warnings.contains("IT HAD TRIPPED"), "{warnings}");
 }

@@ -123,6 +123,12 @@ fn limits_that_contradict_each_other_are_shown_with_both_places() {
             &["would be left at 0.1 m/s, but 0.05 m/s trip"],
         ),
         (
+            "command_step_m = { trip = 0.001 }",
+            "on_trip = \"zero_force\"\nexit_speed_m_per_s = 100",
+            "",
+            &["would be left at 100 m/s", "but 0.001 m trip"],
+        ),
+        (
             "",
             "",
             "safe_disp_m = [0.6]\n",

@@ -77,7 +77,8 @@ pub(super) enum Command {
     after_help = "Example:\n  gusset run config/frame-bouc-wen.toml --out runs/first\n  \
     gusset run config/frame-bouc-wen.toml --clock simulated --set integrator.lambda=4\n  \
     gusset run config/frame-bouc-wen.toml --live\n  \
-    gusset run --resume runs/first --out runs/second"
+    gusset run --resume runs/first --out runs/second\n  \
+    gusset run --resume runs/first --out runs/second --after-trip measured_force_n"
 )]
 pub(super) struct RunArgs {
     /// The test file.
@@ -87,6 +88,10 @@ pub(super) struct RunArgs {
     /// not stand where it was left, or a file was changed.
     #[arg(long, value_name = "RUN_DIR", conflicts_with_all = ["sets", "clock"])]
     pub resume: Option<PathBuf>,
+    /// With --resume: the test had tripped and may go on, each trip by its name: the key of a limit, or interlock, saturated,
+    /// geometry, diverged. --yes does not say so.
+    #[arg(long, value_name = "TRIP", requires = "resume")]
+    pub after_trip: Vec<String>,
     #[command(flatten)]
     pub test_run: TestRunArgs,
     /// Print the summary as JSON on stdout.

@@ -25,7 +25,7 @@ pub struct SafetyTable {
     /// Wall time in s in which a hold brings the specimens to rest, and in which they come to the test's pace again; the first
     /// steps after a resumed test's start are eased in the same way. 0: at once, at the next tick.
     pub ease_s: f64,
-    /// Where the specimens are left after a trip.
+    /// Where the specimens are left after a trip. "zero_force" needs a stiffness of every axis.
     pub on_trip: ExitChoice,
     /// Where they are left after the last step, or when the operator ends the test.
     pub at_end: ExitChoice,

@@ -62,8 +62,10 @@ impl Port {
     pub fn leave_number(&mut self, sequence: u64) {
         let number = sequence + self.ahead;
         if self.issued == Some(number) {
-            // A link that is lost shows at the next command.
-            let _ = self.substructure.accepted(number);
+            if !self.owes {
+                // A link that is lost shows at the next command.
+                let _ = self.substructure.accepted(self.pursuit.on_link(sequence));
+            }
             self.skip_number();
         }
     }

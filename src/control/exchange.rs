@@ -83,7 +83,30 @@ impl Port {
         };
         let outcome = self.substructure.issue(&command);
         self.unsent = outcome.is_err();
+        self.owes |= !self.unsent;
         outcome
+    }
+
+    /// True if a command has left whose answer was not taken. Real-time: yes.
+    #[inline]
+    #[must_use]
+    pub const fn owes(&self) -> bool {
+        self.owes
+    }
+
+    /// Takes the answer that is owed, and forgets it: a partner in lockstep takes no command before that.
+    ///
+    /// # Errors
+    /// The link is lost.
+    pub fn let_answer(&mut self, deadline: Nanos) -> Result<(), LinkFault> {
+        if self.owes {
+            let answer = self.substructure.collect(deadline, &mut self.incoming);
+            copy(&self.raw, &mut self.incoming);
+            answer?;
+            self.owes = false;
+            self.answered();
+        }
+        Ok(())
     }
 
     /// The specimen is lost: its status says so in every row from here on.
@@ -106,6 +129,7 @@ impl Port {
         self.incoming.status = self.raw.status;
         self.incoming.sequence = self.pursuit.on_link(self.raw.sequence);
         let answer = self.substructure.collect(deadline, &mut self.incoming);
+        self.owes &= answer.is_err();
         self.incoming.sequence = self.pursuit.in_test(self.incoming.sequence);
         let is_newest = self.incoming.sequence >= self.raw.sequence;
         if answer.is_err() || !is_newest {
@@ -173,11 +197,14 @@ impl Port {
         }
     }
 
-    /// Notes the peak of the force of this step. Real-time: yes.
+    /// Notes the peak of the force, whatever is made of it. Real-time: yes.
     #[inline]
     pub fn note_peak(&mut self) {
         for (peak, force) in self.peak_force.iter_mut().zip(&self.force) {
-            *peak = peak.max(force.abs());
+            let size = force.abs();
+            if size > *peak && size < f64::INFINITY {
+                *peak = size;
+            }
         }
     }
 

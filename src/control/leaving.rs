@@ -2,6 +2,11 @@
 //!
 //! The default is to freeze, since driving a damaged specimen home can destroy it. Anything else is asked for by name, and
 //! needs a speed. Works from the last command and measurement alone.
+//!
+//! The way out keeps the limits of the commands, or it would end itself where it began: it starts from rest, since nobody
+//! judges the stop, and takes as long as half of `command_accel_m_per_s2` wants. What is estimated of a running test rests.
+
+use std::f64::consts::{FRAC_PI_2, PI};
 
 use super::Port;
 
@@ -30,12 +35,25 @@ pub struct Exits {
     pub speed: f64,
 }
 
+impl Exits {
+    /// True if a specimen is to be moved when a test has tripped, or has ended well.
+    #[must_use]
+    pub fn moves(&self, tripped: bool) -> bool {
+        let exit = if tripped { &self.on_trip } else { &self.at_end };
+        *exit != Exit::Freeze
+    }
+}
+
 /// Longest way back to zero force, in s of wall time.
 const LONGEST_S: f64 = 120.0;
 /// Share of the way to zero force, by k̂, that one tick goes: an approach without a corner.
 const SHARE: f64 = 0.05;
-/// Share of the largest force so far that counts as none.
+/// Share of an acceleration limit that it uses at its fastest.
+const SHARE_OF_ACCEL: f64 = 0.5;
+/// Share of the largest force so far, that on the way out included, that counts as none.
 const SMALL: f64 = 0.01;
+/// So many times the noise of the force, as it was read while zeroing, counts as none, too.
+const NOISE: f64 = 3.0;
 /// The way back to zero force may be so many times as long as k̂ says.
 const STRAY: f64 = 3.0;
 
@@ -45,8 +63,10 @@ struct Creep {
     /// k̂ in raw units of force per raw unit of displacement.
     stiffness: f64,
     small: f64,
-    /// Ways in the specimen's unit.
+    /// Ways in the specimen's unit: of one tick, by which that may change from tick to tick, and the last.
     longest_step: f64,
+    slew: f64,
+    step: f64,
     farthest: f64,
     from: f64,
 }
@@ -60,9 +80,33 @@ pub struct Departure {
     tick: u64,
     to_zero_force: bool,
     seconds: f64,
+    arrived: bool,
+}
+
+impl Departure {
+    /// True if the specimen is where it is to be left.
+    #[must_use]
+    pub const fn has_arrived(&self) -> bool {
+        self.arrived
+    }
 }
 
 impl Port {
+    /// The test is over: the last command counts as one at rest, and nothing is estimated from here on.
+    pub fn end_test(&mut self) {
+        self.guard.watch.sent_again();
+        self.rest();
+        self.pause_following();
+    }
+
+    /// Acceleration in m/s² that the way out may use on an axis.
+    fn exit_accel(&self, axis: usize) -> f64 {
+        let limit = self.limits().get(axis).map(|limits| limits.command_accel);
+        limit.map_or(f64::INFINITY, |limit| {
+            SHARE_OF_ACCEL * limit.warn.min(limit.trip)
+        })
+    }
+
     /// Begins to leave with ticks of `tick` seconds of wall time; none where the specimen is to stay.
     pub fn depart(&mut self, tripped: bool, tick: f64) -> Option<Departure> {
         let Exits {
@@ -82,6 +126,7 @@ impl Port {
                     tick: 0,
                     to_zero_force: true,
                     seconds: LONGEST_S,
+                    arrived: false,
                 });
             }
             Exit::ZeroDisp => self.axes.iter().map(|axis| axis.disp_offset).collect(),
@@ -89,19 +134,22 @@ impl Port {
         };
         self.command.copy_from_slice(&goal);
         self.begin_ramp();
-        let far = (0..self.axes()).map(|axis| {
+        let times = (0..self.axes()).map(|axis| {
             let distance = self.sent.get(axis).zip(self.command.get(axis));
-            distance.map_or(0.0, |(from, to)| (to - from).abs()) * self.guard.metres_of(axis)
+            let distance = distance.map_or(0.0, |(from, to)| (to - from).abs());
+            let distance = distance * self.guard.metres_of(axis);
+            // Half a cosine is π/2 times as fast in the middle as on the average, and π²/2 D/T² are its ends.
+            let by_speed = FRAC_PI_2 * distance / speed;
+            by_speed.max(PI * (0.5 * distance / self.exit_accel(axis)).sqrt())
         });
-        let longest = far.fold(0.0, f64::max);
-        // Half a cosine is π/2 times as fast in the middle as on the average.
-        let seconds = std::f64::consts::FRAC_PI_2 * longest / speed;
+        let seconds = times.fold(0.0, f64::max);
         Some(Departure {
             creeps: Vec::new(),
             ticks: (seconds / tick).ceil() as u64,
             tick: 0,
             to_zero_force: false,
             seconds: seconds.max(tick),
+            arrived: false,
         })
     }
 
@@ -112,11 +160,18 @@ impl Port {
         };
         let stiffness = value(&self.stiffness) / (axis.force_gain * axis.disp_gain);
         let force = value(&self.raw.force) - axis.force_offset;
+        let largest = (value(&self.peak_force) / axis.force_gain).abs();
+        // Without k̂ nobody knows how far it is, nor which way.
+        let far = STRAY * (force / stiffness).abs();
+        let change = self.exit_accel(index) * tick * tick;
         Creep {
             stiffness,
-            small: SMALL * value(&self.peak_force) / axis.force_gain.abs(),
-            longest_step: speed * tick / self.guard.metres_of(index),
-            farthest: STRAY * (force / stiffness).abs(),
+            small: (SMALL * largest.max(force.abs())).max(NOISE * self.reading(index).force_noise),
+            // The approach slows down by a share of its step from tick to tick.
+            longest_step: (speed * tick).min(change / SHARE) / self.guard.metres_of(index),
+            slew: change / self.guard.metres_of(index),
+            step: 0.0,
+            farthest: if far.is_finite() { far } else { 0.0 },
             from: value(&self.sent),
         }
     }
@@ -124,6 +179,7 @@ impl Port {
     /// Makes the next command of the departure; false when there is no further to go.
     pub fn go_on(&mut self, departure: &mut Departure) -> bool {
         if departure.tick >= departure.ticks {
+            departure.arrived |= !departure.to_zero_force;
             self.stand_still();
             return false;
         }
@@ -133,20 +189,93 @@ impl Port {
             self.ramp_to(share, departure.seconds);
             return true;
         }
-        let mut moving = false;
-        let axes = self.axes.iter().zip(&departure.creeps);
+        let (mut moving, mut arrived) = (false, true);
+        let axes = self.axes.iter().zip(&mut departure.creeps);
         let values = self.sent.iter().zip(&self.raw.force);
         let commands = self.command.iter_mut().zip(&mut self.command_vel);
         for (((command, vel), (sent, raw)), (axis, creep)) in commands.zip(values).zip(axes) {
             let force = raw - axis.force_offset;
             let step =
                 (SHARE * force / creep.stiffness).clamp(-creep.longest_step, creep.longest_step);
-            let next = sent - step;
-            let on = force.abs() > creep.small && (next - creep.from).abs() <= creep.farthest;
-            *command = if on { next } else { *sent };
+            let is_small = force.abs() <= creep.small;
+            let on = !is_small && (sent - step - creep.from).abs() <= creep.farthest;
+            let wanted = if on { step } else { 0.0 };
+            creep.step = wanted.clamp(creep.step - creep.slew, creep.step + creep.slew);
+            *command = sent - creep.step;
             *vel = 0.0;
-            moving |= on;
+            moving |= on || creep.step != 0.0;
+            arrived &= is_small;
         }
+        departure.arrived = arrived;
         moving
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::Axis;
+    use crate::substructure::{
+        Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
+    };
+    use crate::time::Nanos;
+
+    const TICK: f64 = 1e-3;
+
+    /// A spring of 2e5 N/m.
+    struct Spring(f64);
+
+    impl Substructure for Spring {
+        fn axes(&self) -> usize {
+            1
+        }
+        fn coupling(&self) -> Coupling {
+            Coupling::Lockstep
+        }
+        fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+            self.0 = command.disp[0];
+            Ok(())
+        }
+        fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+            (into.disp[0], into.force[0]) = (self.0, 2e5 * self.0);
+            Ok(Freshness::Fresh)
+        }
+        fn retire(&mut self, _: Retirement) {}
+    }
+
+    /// From 10 mm, with k̂ as it is believed, before any force was noted: ticks of the way to zero force, where it ends, and
+    /// whether that is where it should.
+    fn to_zero_force(stiffness: f64) -> (u32, f64, bool) {
+        let axis = Axis::plain(vec![(0, 1.0)]);
+        let spring = Box::new(Spring(0.0));
+        let mut port = Port::new("rig", vec![axis], spring, 1, vec![stiffness]).unwrap();
+        port.exits.on_trip = Exit::ZeroForce;
+        port.exits.speed = 0.05;
+        let exchange = |port: &mut Port| {
+            assert_eq!(port.clear().trip, None);
+            port.issue(0, 0.0, TICK).unwrap();
+            port.collect(Nanos(0)).unwrap();
+        };
+        port.aim(&[0.01], &[0.0], 0.0, 0.0);
+        exchange(&mut port);
+        let mut departure = port.depart(true, TICK).unwrap();
+        let mut ticks = 0;
+        while port.go_on(&mut departure) {
+            exchange(&mut port);
+            ticks += 1;
+        }
+        (ticks, port.sent[0], departure.has_arrived())
+    }
+
+    #[test]
+    fn the_way_to_zero_force_ends_where_the_force_is_small_beside_what_it_was() {
+        let (ticks, end, arrived) = to_zero_force(2e5);
+        assert!(arrived && end > 0.0 && end <= 1e-4, "{end}");
+        assert!((180..400).contains(&ticks), "{ticks}");
+    }
+
+    #[test]
+    fn without_a_stiffness_there_is_no_way_to_zero_force() {
+        assert_eq!(to_zero_force(0.0), (0, 0.01, false));
     }
 }

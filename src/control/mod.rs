@@ -139,6 +139,8 @@ pub struct Port {
     issued: Option<u64>,
     /// The last command did not leave.
     unsent: bool,
+    /// A command has left, and its answer was not taken yet.
+    owes: bool,
     /// Exchanges that were none of the test's: by so much the numbers on the link are ahead of the test's.
     ahead: u64,
     /// How it is led from one target to the next.
@@ -236,6 +238,7 @@ impl Port {
             computed: false,
             issued: None,
             unsent: false,
+            owes: false,
             ahead: 0,
             pursuit: pursuit::Pursuit::new(n),
             is_recorded: false,

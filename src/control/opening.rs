@@ -138,6 +138,7 @@ impl Port {
             vel: &self.still,
         });
         self.unsent = outcome.is_err();
+        self.owes |= !self.unsent;
         outcome
     }
 

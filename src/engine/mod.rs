@@ -25,6 +25,7 @@ mod step;
 mod stop;
 mod tick;
 
+pub use after::{Left, Unfinished};
 pub use audit::StepAudit;
 pub use before::Opening;
 pub use checks::{TestHit, TestLimits, TestQuantity};
@@ -159,6 +160,9 @@ pub struct Engine {
     rows_lost: u64,
     events_lost: u64,
     retired: usize,
+    /// Where each specimen was left.
+    left: Vec<Left>,
+    unfinished: Option<Unfinished>,
     /// Called on the loop's thread when the warm-up is over.
     pub before_first_tick: Option<Watch>,
     /// Called on the loop's thread when the last tick is over.
@@ -179,6 +183,10 @@ impl std::fmt::Debug for Engine {
 pub struct Outcome {
     /// How it ended.
     pub ending: Ending,
+    /// What stopped the specimens on their way out, if anything did.
+    pub unfinished: Option<Unfinished>,
+    /// Where each specimen was left.
+    pub left: Vec<Left>,
     /// Last step whose row was made.
     pub steps: u64,
     /// Peaks over all DOFs.
@@ -276,6 +284,7 @@ impl Engine {
             memory,
             opening,
             trip_is_recorded: false,
+            left: vec![Left::Stayed; ports.len()],
             phase: Phase::Connected,
             phase_cell: PhaseCell::default(),
             hold_wanted: false,
@@ -303,6 +312,7 @@ impl Engine {
             rows_lost: 0,
             events_lost: 0,
             retired: 0,
+            unfinished: None,
             before_first_tick: None,
             after_last_tick: None,
         }
@@ -323,6 +333,8 @@ impl Engine {
     fn outcome(&mut self, ending: Ending) -> Outcome {
         Outcome {
             ending,
+            unfinished: self.unfinished,
+            left: self.left.clone(),
             steps: self.steps_done,
             peaks: self.peaks.clone(),
             ports: self

@@ -28,7 +28,7 @@ impl Engine {
             Ok(()) => Ending::Completed,
             Err(stop) => Ending::Stopped(stop),
         };
-        self.leave(&ending, control);
+        let ending = self.leave(ending, control);
         self.conclude(ending)
     }
 
@@ -41,6 +41,10 @@ impl Engine {
         };
         self.retire(how);
         let cause = match ending {
+            Ending::Stopped(Stop::Internal) => Cause::Stopped,
+            // The way out has come to its end, whatever had ended the test.
+            _ if self.phase == Phase::Leaving && self.unfinished.is_none() => Cause::Done,
+            _ if self.phase == Phase::Leaving => Cause::Operator,
             Ending::Completed => Cause::Done,
             Ending::Stopped(Stop::Operator) => Cause::Operator,
             Ending::Stopped(_) => Cause::Stopped,
@@ -49,7 +53,7 @@ impl Engine {
         if let Some(stamps) = self.unrecorded.take() {
             self.timing.tick(&stamps);
         }
-        self.note_ending(&ending);
+        self.report_now(EventKind::Ended);
         self.outcome(ending)
     }
 
@@ -358,42 +362,40 @@ impl Engine {
         }
     }
 
-    fn note_ending(&mut self, ending: &Ending) {
-        match ending {
-            Ending::Stopped(Stop::Operator) => self.report_now(EventKind::StopRequested),
-            Ending::Stopped(Stop::Link { port, fault }) => {
+    /// What ends the test, or its way out, as an event at the moment of it.
+    pub(super) fn report_stop(&mut self, stop: &Stop) {
+        match stop {
+            Stop::Operator => self.report_now(EventKind::StopRequested),
+            Stop::Link { port, fault } => {
                 self.report_now(EventKind::Link {
                     port: *port as u32,
                     fault: *fault,
                 });
             }
-            Ending::Stopped(Stop::Interlock { port }) => {
+            Stop::Interlock { port } => {
                 self.report_now(EventKind::Interlock { port: *port as u32 });
             }
-            Ending::Stopped(Stop::Misfit { port, misfit }) => {
+            Stop::Misfit { port, misfit } => {
                 self.report_now(EventKind::Misfit {
                     port: *port as u32,
                     axis: misfit.axis() as u32,
                     what: misfit.name(),
                 });
             }
-            Ending::Stopped(Stop::Geometry { port, fault }) => {
+            Stop::Geometry { port, fault } => {
                 self.report_now(EventKind::Geometry {
                     port: *port as u32,
                     actuator: fault.wrong.actuator().map(|actuator| actuator as u32),
                     what: fault.wrong.word(),
                 });
             }
-            Ending::Stopped(Stop::Saturated { port }) => {
+            Stop::Saturated { port } => {
                 self.report_now(EventKind::Saturated { port: *port as u32 });
             }
-            Ending::Stopped(
-                Stop::Diverged { dof, .. } | Stop::Step(StepError::NotConverged { dof, .. }),
-            ) => {
+            Stop::Diverged { dof, .. } | Stop::Step(StepError::NotConverged { dof, .. }) => {
                 self.report_now(EventKind::Diverged { dof: *dof as u32 });
             }
             _ => {}
         }
-        self.report_now(EventKind::Ended);
     }
 }

@@ -21,10 +21,7 @@ impl Engine {
     /// handed over. Real-time: yes.
     #[inline]
     pub(super) fn tick(&mut self, tick: &Tick, stamps: &mut TickStamps) -> Result<(), Stop> {
-        if let Err(stop) = self.exchange(tick, stamps) {
-            self.record_trip(tick, stamps, &stop);
-            return Err(stop);
-        }
+        self.exchange(tick, stamps)?;
         self.arrive();
         if self.can_close() {
             self.close_step(tick, stamps)
@@ -71,7 +68,8 @@ impl Engine {
         Ok(())
     }
 
-    /// What was measured in the tick that ends the test is kept, although no step follows from it.
+    /// What was measured in the tick that ends the test, or its way out, is kept, although nothing follows from it.
+    #[cold]
     fn record_trip(&mut self, tick: &Tick, stamps: &TickStamps, stop: &Stop) {
         if matches!(
             stop,
@@ -125,6 +123,7 @@ impl Engine {
         stamps: &mut TickStamps,
         issue: impl Fn(&mut Port) -> Result<(), LinkFault>,
     ) -> Result<(), Stop> {
+        let mut result = Ok(());
         for (index, port) in self.ports.iter_mut().enumerate() {
             if !port.partner.lost {
                 let left = if self.riding && port.is_per_step() {
@@ -132,68 +131,117 @@ impl Engine {
                 } else {
                     issue(port)
                 };
-                left.map_err(|fault| Stop::Link { port: index, fault })?;
+                if let Err(fault) = left {
+                    result = Err(Stop::Link { port: index, fault });
+                    break;
+                }
             }
         }
         stamps.sent = self.clock.now();
         stamps.decoded = stamps.sent;
-        self.collect_all(tick, stamps)
+        let result = self.collect_all(tick, stamps, result);
+        if self.riding {
+            self.ports.iter_mut().for_each(Port::note_peak);
+        }
+        if let Err(stop) = &result {
+            self.record_trip(tick, stamps, stop);
+        }
+        result
     }
 
-    /// Takes and judges what every partner answers. Real-time: yes.
-    fn collect_all(&mut self, tick: &Tick, stamps: &mut TickStamps) -> Result<(), Stop> {
+    /// Takes and judges what every partner answers. What stops the test does not stop this: whoever owes an answer is heard,
+    /// or it could not be told anything on the way out. The first stop counts. Real-time: yes.
+    #[inline]
+    fn collect_all(
+        &mut self,
+        tick: &Tick,
+        stamps: &mut TickStamps,
+        mut result: Result<(), Stop>,
+    ) -> Result<(), Stop> {
         for index in 0..self.ports.len() {
-            let Some(port) = self.ports.get_mut(index) else {
+            let Some(port) = self.ports.get(index) else {
                 break;
             };
-            if port.partner.lost {
+            if port.partner.lost || (result.is_err() && !port.owes()) {
                 continue;
             }
-            let broken = |fault| Stop::Link { port: index, fault };
-            let patience = port.wait.map(|own| own.reply_timeout_ns);
-            let patience = patience.unwrap_or(self.limits.reply_timeout_ns);
-            if self.riding && port.is_per_step() {
-                let simulated = self.clock.is_simulated();
-                let answer = has_answer(port, stamps.sent, patience, simulated);
-                if !answer.map_err(broken)? {
-                    continue;
+            if let Err(stop) = self.collect_from(index, tick, stamps) {
+                if result.is_ok() {
+                    result = Err(stop);
+                } else {
+                    self.stops_too(&stop);
                 }
             }
-            // A lockstep partner is waited for, a sampled one has until its share of the tick is over.
-            let deadline = match port.coupling() {
-                Coupling::Lockstep => stamps.sent.plus(patience),
-                // The edge was counted when the tick began: this is the one that ends it.
-                Coupling::Sampled => self
-                    .schedule
-                    .tick(self.edge)
-                    .minus(self.schedule.period_ns() / 8),
-            };
-            let freshness = port.collect(deadline).map_err(broken)?;
-            port.answered();
-            stamps.decoded = self.clock.now();
-            if self.unanswered && port.is_recorded() {
-                continue;
+        }
+        result
+    }
+
+    /// A second specimen ends a test that ends already: it is told, and the way out knows of it. Real-time: yes.
+    #[cold]
+    fn stops_too(&mut self, stop: &Stop) {
+        // A limit that trips was told where it was judged.
+        self.report_stop(stop);
+        self.bear_in_mind(stop);
+        if let Stop::Link { port, .. } = stop
+            && let Some(port) = self.ports.get_mut(*port)
+        {
+            port.note_loss();
+        }
+    }
+
+    #[inline]
+    fn collect_from(
+        &mut self,
+        index: usize,
+        tick: &Tick,
+        stamps: &mut TickStamps,
+    ) -> Result<(), Stop> {
+        let Some(port) = self.ports.get_mut(index) else {
+            return Ok(());
+        };
+        let broken = |fault| Stop::Link { port: index, fault };
+        let patience = port.wait.map(|own| own.reply_timeout_ns);
+        let patience = patience.unwrap_or(self.limits.reply_timeout_ns);
+        if self.riding && port.is_per_step() {
+            let simulated = self.clock.is_simulated();
+            let answer = has_answer(port, stamps.sent, patience, simulated);
+            if !answer.map_err(broken)? {
+                return Ok(());
             }
-            // A slow partner may have been asked some ticks ago.
-            let asked_at = port.partner.asked_at.unwrap_or(stamps.sent);
-            self.timing
-                .round_trip(index, stamps.decoded.since(asked_at));
-            let status = port.raw().status;
-            if status.has(Status::INTERLOCK) {
-                return Err(Stop::Interlock { port: index });
-            }
-            if status.has(Status::SATURATED) {
-                return Err(Stop::Saturated { port: index });
-            }
-            if freshness == Freshness::Stale {
-                self.judge_age(index, tick)?;
-                continue;
-            }
-            port.partner.stale = 0;
-            let found = port.judge();
-            if found.is_something() {
-                self.act_on(index, &found, tick)?;
-            }
+        }
+        // A lockstep partner is waited for, a sampled one has until its share of the tick is over.
+        let deadline = match port.coupling() {
+            Coupling::Lockstep => stamps.sent.plus(patience),
+            // The edge was counted when the tick began: this is the one that ends it.
+            Coupling::Sampled => self
+                .schedule
+                .tick(self.edge)
+                .minus(self.schedule.period_ns() / 8),
+        };
+        let freshness = port.collect(deadline).map_err(broken)?;
+        port.answered();
+        stamps.decoded = self.clock.now();
+        if self.unanswered && port.is_recorded() {
+            return Ok(());
+        }
+        // A slow partner may have been asked some ticks ago.
+        let asked_at = port.partner.asked_at.unwrap_or(stamps.sent);
+        self.timing
+            .round_trip(index, stamps.decoded.since(asked_at));
+        let status = port.raw().status;
+        if status.has(Status::INTERLOCK) {
+            return Err(Stop::Interlock { port: index });
+        }
+        if status.has(Status::SATURATED) {
+            return Err(Stop::Saturated { port: index });
+        }
+        if freshness == Freshness::Stale {
+            return self.judge_age(index, tick);
+        }
+        port.partner.stale = 0;
+        let found = port.judge();
+        if found.is_something() {
+            self.act_on(index, &found, tick)?;
         }
         Ok(())
     }
@@ -290,14 +338,10 @@ impl Engine {
                 let base = numerical.base(tick.step + 1);
                 let state = &numerical.state;
                 for port in &mut self.ports {
-                    port.note_peak();
                     port.seek(&state.disp, &state.vel, base.disp, base.vel);
                 }
             }
             Side::Prescribed(histories) => {
-                for port in &mut self.ports {
-                    port.note_peak();
-                }
                 seek_along(histories, tick.index() + 1, &mut self.ports);
             }
         }

@@ -170,6 +170,10 @@ pub struct Summary {
     /// without a structure.
     #[serde(default)]
     pub falsified: Value,
+    /// Where each specimen was left, by name: `reached` (where the test file wants it), `not_reached`, or `stayed` (at its last
+    /// command: nothing else is asked for, or its direction, zero or place was not known yet).
+    #[serde(default)]
+    pub left: BTreeMap<String, String>,
 }
 
 #[cfg(test)]
@@ -207,6 +211,7 @@ pub(super) mod tests {
             metrics: Value::Null,
             metrics_missing: Vec::new(),
             falsified: Value::Null,
+            left: BTreeMap::new(),
         }
     }
 
@@ -246,6 +251,7 @@ pub(super) mod tests {
             "metrics",
             "metrics_missing",
             "falsified",
+            "left",
         ];
         assert_eq!(keys, [&contract[..], &additions[..]].concat());
         assert_eq!(

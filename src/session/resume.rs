@@ -3,7 +3,8 @@
 //! There is no snapshot of the state to be torn or stale. The record holds what was measured, and the loop makes the same
 //! state of it bit for bit, some hundred times faster than the test ran; digests of the state, written while it ran
 //! (checkpoints), prove that it is the same. Where the record is damaged the last checkpoint that came out again counts.
-//! Files that were changed since are refused. Nothing of the interrupted test is written to.
+//! Files that were changed since are refused. Nothing of the interrupted test is written to. A trip stays latched: a test that
+//! ended with one goes on only for someone who names it.
 
 use std::path::{Path, PathBuf};
 
@@ -60,6 +61,26 @@ pub enum ResumeError {
         /// What is wrong.
         fault: String,
     },
+    /// It had tripped, and nobody says that it may go on all the same.
+    #[error("{}: this test had tripped ({reason}): look at its specimens, and say {wanted} if it may go on", folder.display())]
+    Tripped {
+        /// The folder.
+        folder: PathBuf,
+        /// How it ended.
+        reason: String,
+        /// What must be said.
+        wanted: String,
+    },
+    /// A trip that was none.
+    #[error("{}: no \"{named}\" ended this test: {reason}", folder.display())]
+    AnotherTrip {
+        /// The folder.
+        folder: PathBuf,
+        /// As it was named.
+        named: String,
+        /// How it ended.
+        reason: String,
+    },
     /// The record is damaged before its first checkpoint.
     #[error("{}: {trouble}, and no checkpoint before it: there is nothing to go on with", folder.display())]
     Damaged {
@@ -90,11 +111,15 @@ const SHARE: f64 = 1.5;
 const NOTHING: f64 = 1e-9;
 
 /// Prepares the test in `folder` to go on. `test`: the test file, if one was given; it must be the one that was
-/// interrupted.
+/// interrupted. `after`: the trips after which it may go on, by their names.
 ///
 /// # Errors
 /// See [`ResumeError`].
-pub fn resume(folder: &Path, test: Option<&Path>) -> Result<Prepared, ResumeError> {
+pub fn resume(
+    folder: &Path,
+    test: Option<&Path>,
+    after: &[String],
+) -> Result<Prepared, ResumeError> {
     let run = Run::open(folder)?;
     if ask(folder, Request::Phase).is_ok() {
         return Err(ResumeError::Running(folder.to_owned()));
@@ -109,6 +134,7 @@ pub fn resume(folder: &Path, test: Option<&Path>) -> Result<Prepared, ResumeErro
         });
     }
     check_files(&run, test)?;
+    let ended = end_before(&run, after)?;
     let (traced, note) = trace(&run)?;
     let Some((side, ports, mut resumption)) = traced.state else {
         return Err(if traced.completed {
@@ -119,6 +145,10 @@ pub fn resume(folder: &Path, test: Option<&Path>) -> Result<Prepared, ResumeErro
     };
     let mut next = prepared(&run, Replaced::Remote, true)?;
     let step = resumption.step();
+    if step >= next.experiment.steps {
+        // What stopped it was its way out.
+        return Err(ResumeError::Complete(folder.to_owned()));
+    }
     let time = step as f64 * next.facts.dt;
     let within = next.facts.resume_within;
     let left = places(&run, &ports, within, next.facts.rate_hz)?;
@@ -145,13 +175,67 @@ pub fn resume(folder: &Path, test: Option<&Path>) -> Result<Prepared, ResumeErro
         folder.display(),
         traced.rows
     );
-    next.facts.announced.push(text.clone());
-    next.facts.warnings.push(text);
+    for text in [text, ended] {
+        next.facts.announced.push(text.clone());
+        next.facts.warnings.push(text);
+    }
     if let Some(note) = note {
         next.facts.announced.push(note.clone());
         next.facts.warnings.push(note);
     }
     Ok(next)
+}
+
+/// What the test ended with before, to be told. Its trips must be those in `after`.
+fn end_before(run: &Run, after: &[String]) -> Result<String, ResumeError> {
+    let reason = run.summary().map_or_else(
+        || "it was killed: there is no summary.json".to_owned(),
+        |summary| summary.reason.clone(),
+    );
+    let trips = trips(&run.events()?.events);
+    let folder = || run.path().to_owned();
+    if let Some(named) = after.iter().find(|named| !trips.contains(named)) {
+        return Err(ResumeError::AnotherTrip {
+            folder: folder(),
+            named: named.clone(),
+            reason,
+        });
+    }
+    if trips.iter().any(|trip| !after.contains(trip)) {
+        let wanted: Vec<String> = trips
+            .iter()
+            .map(|trip| format!("`--after-trip {trip}`"))
+            .collect();
+        return Err(ResumeError::Tripped {
+            folder: folder(),
+            reason,
+            wanted: wanted.join(" "),
+        });
+    }
+    Ok(if trips.is_empty() {
+        format!("it had ended before: {reason}")
+    } else {
+        format!(
+            "IT HAD TRIPPED: {reason}; it goes on because of `--after-trip` {}",
+            trips.join(", ")
+        )
+    })
+}
+
+/// What tripped a test, by its events: keys of limits, and the names of other alarms. A link that was lost is none.
+fn trips(events: &[Value]) -> Vec<String> {
+    let mut trips = Vec::new();
+    for event in events {
+        let word = |key: &str| event.get(key).and_then(Value::as_str);
+        let trip = match word("event") {
+            Some("limit_trip") => word("limit"),
+            Some(alarm @ ("interlock" | "saturated" | "geometry" | "diverged")) => Some(alarm),
+            _ => None,
+        };
+        let trip = trip.map(str::to_owned);
+        trips.extend(trip.filter(|trip| !trips.contains(trip)));
+    }
+    trips
 }
 
 /// The state after the last good row; where the record is damaged, that of the last checkpoint, and what is to be said of it.

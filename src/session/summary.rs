@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use super::Finish;
 use super::guarded::Ended;
 use crate::config::{ClockChoice, Facts};
-use crate::engine::{Ending, Outcome, Stop};
+use crate::engine::{Ending, Left, Outcome, Stop, Unfinished};
 use crate::record::summary::{ClockKind, Lambda, LinkCounts, Peak, Status};
 use crate::record::{FolderError, Recorded, RunFolder, Summary};
 use crate::rt::Granted;
@@ -121,6 +121,7 @@ pub(super) fn summarise(
         metrics: Value::Null,
         metrics_missing: Vec::new(),
         falsified: Value::Null,
+        left: outcome.map(left).unwrap_or_default(),
     };
     (finish, summary)
 }
@@ -147,52 +148,87 @@ fn machine() -> Value {
 /// How a test ended, and why in words.
 #[must_use]
 pub fn ending(outcome: &Outcome) -> (Finish, String) {
-    match &outcome.ending {
-        Ending::Completed => (Finish::Completed, "end of the test".to_owned()),
-        Ending::Stopped(stop) => {
-            let finish = match stop {
-                Stop::Operator => Finish::Interrupted,
-                // A specimen that must not be armed is a peer that failed.
-                Stop::Link { .. } | Stop::Misfit { .. } => Finish::LinkFailed,
-                Stop::Internal => Finish::Panicked,
-                Stop::Interlock { .. }
-                | Stop::Saturated { .. }
-                | Stop::Moved { .. }
-                | Stop::Limit { .. }
-                | Stop::Geometry { .. }
-                | Stop::TestLimit(_)
-                | Stop::Late { .. }
-                | Stop::Stale { .. }
-                | Stop::Diverged { .. }
-                | Stop::NotFinite { .. }
-                | Stop::Step(_)
-                | Stop::CannotCommand
-                | Stop::NotSettled { .. } => Finish::Stopped,
-            };
-            let told = match stop {
-                // A gateway says which of its limits opened the interlock.
-                Stop::Link { port, .. } | Stop::Interlock { port } => {
-                    outcome.complaints.iter().find(|(index, _)| index == port)
-                }
-                _ => None,
-            };
-            let mut reason = match told {
-                Some((_, text)) => format!("{stop} ({text})"),
-                None => stop.to_string(),
-            };
-            match stop {
-                Stop::Link { fault, .. } => reason = format!("{reason}: {}", fault.advice()),
-                Stop::Stale { .. } => {
-                    reason.push_str(
-                        ": its answers are late, lost or all to one old command; `link` in the summary counts them, \
-                         `max_stale` and `max_stale_s` are the limits",
-                    );
-                }
-                _ => {}
+    let finish = match &outcome.ending {
+        Ending::Completed => Finish::Completed,
+        Ending::Stopped(stop) => finish_of(stop),
+    };
+    let reason = match &outcome.unfinished {
+        None => {
+            let mut reason = words(&outcome.ending, outcome);
+            for (index, _) in not_reached(outcome) {
+                reason = format!("{reason}; specimen {} did not reach its exit", index + 1);
             }
-            (finish, reason)
+            reason
         }
+        Some(Unfinished { stop, after }) => {
+            let (stop, before) = (
+                words(&Ending::Stopped(*stop), outcome),
+                words(after, outcome),
+            );
+            if outcome.ending == *after {
+                format!("{before}; exit not completed: {stop}")
+            } else {
+                format!("{stop}; it was on the way out ({before}), which is not completed")
+            }
+        }
+    };
+    (finish, reason)
+}
+
+/// The specimens that are not where the test file wants them left.
+fn not_reached(outcome: &Outcome) -> impl Iterator<Item = (usize, &Left)> {
+    let left = outcome.left.iter().enumerate();
+    left.filter(|(_, left)| **left == Left::NotReached)
+}
+
+const fn finish_of(stop: &Stop) -> Finish {
+    match stop {
+        Stop::Operator => Finish::Interrupted,
+        // A specimen that must not be armed is a peer that failed.
+        Stop::Link { .. } | Stop::Misfit { .. } => Finish::LinkFailed,
+        Stop::Internal => Finish::Panicked,
+        Stop::Interlock { .. }
+        | Stop::Saturated { .. }
+        | Stop::Moved { .. }
+        | Stop::Limit { .. }
+        | Stop::Geometry { .. }
+        | Stop::TestLimit(_)
+        | Stop::Late { .. }
+        | Stop::Stale { .. }
+        | Stop::Diverged { .. }
+        | Stop::NotFinite { .. }
+        | Stop::Step(_)
+        | Stop::CannotCommand
+        | Stop::NotSettled { .. } => Finish::Stopped,
     }
+}
+
+fn words(ending: &Ending, outcome: &Outcome) -> String {
+    let Ending::Stopped(stop) = ending else {
+        return "end of the test".to_owned();
+    };
+    let told = match stop {
+        // A gateway says which of its limits opened the interlock.
+        Stop::Link { port, .. } | Stop::Interlock { port } => {
+            outcome.complaints.iter().find(|(index, _)| index == port)
+        }
+        _ => None,
+    };
+    let mut reason = match told {
+        Some((_, text)) => format!("{stop} ({text})"),
+        None => stop.to_string(),
+    };
+    match stop {
+        Stop::Link { fault, .. } => reason = format!("{reason}: {}", fault.advice()),
+        Stop::Stale { .. } => {
+            reason.push_str(
+                ": its answers are late, lost or all to one old command; `link` in the summary counts them, \
+                 `max_stale` and `max_stale_s` are the limits",
+            );
+        }
+        _ => {}
+    }
+    reason
 }
 
 fn finite(values: &[f64]) -> Vec<Option<f64>> {
@@ -213,6 +249,13 @@ fn peak(outcome: &Outcome) -> Peak {
         acceleration: finite(&outcome.peaks.accel),
         force: force.collect(),
     }
+}
+
+fn left(outcome: &Outcome) -> BTreeMap<String, String> {
+    let ports = outcome.ports.iter().zip(&outcome.left);
+    ports
+        .map(|((name, ..), left)| (name.clone(), left.word().to_owned()))
+        .collect()
 }
 
 fn links(outcome: &Outcome) -> BTreeMap<String, LinkCounts> {

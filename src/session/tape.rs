@@ -195,7 +195,8 @@ impl Tape {
             });
         }
         let (now, next) = (self.phase(0)?, self.phase(1)?);
-        let confirmed = now == Phase::Zeroing.code() && now != next && !holding;
+        let goes_on = !is_a_trip(next) && next != Phase::Leaving.code();
+        let confirmed = now == Phase::Zeroing.code() && now != next && goes_on && !holding;
         confirmed.then_some(Operator::Continue)
     }
 

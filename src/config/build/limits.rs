@@ -143,17 +143,16 @@ fn of_specimen(table: &SpecimenTable, port: &Port) -> SpecimenLimits {
 /// What a choice does to the specimens.
 fn way_out(choice: ExitChoice, speed: Option<f64>) -> String {
     let speed = speed.unwrap_or_default();
+    let led = |to: &str| {
+        format!(
+            "every specimen is led to {to}, at {speed} m/s at most (while directions and zeros are being found it stays)"
+        )
+    };
     match choice {
         ExitChoice::Freeze => "every specimen holds its last command".to_owned(),
-        ExitChoice::ZeroForce => {
-            format!("every specimen is led to where its forces are small, at {speed} m/s at most")
-        }
-        ExitChoice::ZeroDisplacement => {
-            format!("every specimen is led to zero deformation, at {speed} m/s at most")
-        }
-        ExitChoice::SafeDisplacement => {
-            format!("every specimen is led to its `safe_disp_m`, at {speed} m/s at most")
-        }
+        ExitChoice::ZeroForce => led("where its forces are small"),
+        ExitChoice::ZeroDisplacement => led("zero deformation"),
+        ExitChoice::SafeDisplacement => led("its `safe_disp_m`"),
     }
 }
 

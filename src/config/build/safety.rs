@@ -126,9 +126,34 @@ pub(super) fn references(table: &SpecimenTable, axes: usize) -> Vec<Reference> {
         .collect()
 }
 
-/// How a specimen whose axes have these metres per unit is left.
-pub(super) fn exits(site: &mut Site<'_>, index: usize, metres: &[f64]) -> Result<Exits, Refused> {
+/// How a specimen is left whose axes have these metres per unit and this k̂ in N/m.
+pub(super) fn exits(
+    site: &mut Site<'_>,
+    index: usize,
+    metres: &[f64],
+    stiffness: &[f64],
+) -> Result<Exits, Refused> {
     let safety = &site.loaded.file.safety;
+    for (key, choice) in [("on_trip", safety.on_trip), ("at_end", safety.at_end)] {
+        let unknown = stiffness.iter().position(|k| !(*k > 0.0 && k.is_finite()));
+        if let (ExitChoice::ZeroForce, Some(axis)) = (choice, unknown) {
+            let name = site
+                .loaded
+                .file
+                .specimen
+                .get(index)
+                .map(|table| &table.name);
+            let text = format!(
+                "the way to zero force goes along the stiffness, and specimen \"{}\" has none on axis {}",
+                name.map_or("", String::as_str),
+                axis + 1
+            );
+            let finding = Finding::error(path("safety").key(key), text)
+                .label("how far is it, and which way?")
+                .help("give `stiffness_n_per_m` of the specimen, or leave it otherwise: \"freeze\" holds it");
+            return site.refuse(finding);
+        }
+    }
     let safe = site
         .loaded
         .file

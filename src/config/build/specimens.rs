@@ -233,7 +233,7 @@ impl Specimens {
             for row in entry.loading.iter_mut().flat_map(|l| &mut l.rows) {
                 row.base = base(&row.row);
             }
-            let diagonal = (0..entry.axes.len())
+            let diagonal: Vec<f64> = (0..entry.axes.len())
                 .map(|i| entry.stiffness[i][i])
                 .collect();
             let declared = entry.declared(gains.get(index));
@@ -262,7 +262,7 @@ impl Specimens {
                 }
             };
             let metres: Vec<f64> = entry.units.iter().map(|unit| unit.0).collect();
-            let exits = safety::exits(site, index, &metres)?;
+            let exits = safety::exits(site, index, &metres, &diagonal)?;
             let axes = entry.axes.len();
             match Port::new(entry.name, entry.axes, substructure, dofs.max(1), diagonal) {
                 Ok(port) => {

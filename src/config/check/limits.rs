@@ -46,7 +46,7 @@ pub(super) fn check_limits(
         }
         axis.check_sensors(limits, findings);
         if let Some(safety) = safety {
-            axis.check_exit(limits, safety, findings);
+            axis.check_exit(limits, safety, tick_s, findings);
         }
     }
 }
@@ -140,12 +140,40 @@ impl Place<'_> {
     }
 
     /// The way out must not trip itself.
-    fn check_exit(&self, limits: &LimitsSpec, safety: &SafetyTable, findings: &mut Findings) {
+    /// Its acceleration follows from the limit itself.
+    fn check_exit(
+        &self,
+        limits: &LimitsSpec,
+        safety: &SafetyTable,
+        tick_s: Option<f64>,
+        findings: &mut Findings,
+    ) {
         let moves = [safety.on_trip, safety.at_end]
             .iter()
             .any(|choice| *choice != ExitChoice::Freeze);
         let vel = limits.command_vel_m_per_s.and_then(|bound| bound.trip);
+        let step = limits.command_step_m.and_then(|bound| bound.trip);
         let exit = KeyPath::root().key("safety").key("exit_speed_m_per_s");
+        if let (true, Some(speed), Some(step), Some(tick_s)) =
+            (moves, safety.exit_speed_m_per_s, step, tick_s)
+            && speed * tick_s > SAME * step
+        {
+            findings.0.push(
+                Finding::error(
+                    exit.clone(),
+                    format!(
+                        "specimen \"{}\" would be left at {speed} m/s, {} m in a tick of {tick_s} s, but {step} m trip",
+                        self.specimen.name,
+                        speed * tick_s
+                    ),
+                )
+                .label("too fast for its own limit")
+                .beside(
+                    self.of("command_step_m", |own| own.command_step_m.is_some()),
+                    "its limit",
+                ),
+            );
+        }
         if let (true, Some(speed), Some(vel)) = (moves, safety.exit_speed_m_per_s, vel)
             && speed > vel
         {

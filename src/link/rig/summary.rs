@@ -136,5 +136,6 @@ pub(super) fn summarise(
         metrics: serde_json::Value::Null,
         metrics_missing: Vec::new(),
         falsified: serde_json::Value::Null,
+        left: std::collections::BTreeMap::new(),
     }
 }
