@@ -207,7 +207,7 @@ fn the_example_in_config_runs_with_its_probe_its_limits_and_its_log() {
     let between = Served::start(folder, &file, &["--out", out.to_str().unwrap()]);
     let cyclic = |amplitude: &str| {
         format!(
-            "[time]\nrate_hz = 500\nduration_s = 2\nclock = \"simulated\"\n[safety]\n{UNLIMITED}[[specimen]]\nname = \"column\"\n\
+            "[time]\nrate_hz = 500\nduration_s = 2\nclock = \"real\"\n[safety]\n{UNLIMITED}[[specimen]]\nname = \"column\"\n\
              stiffness_n_per_m = 8e6\n[[specimen.axis]]\nunit_disp = \"mm\"\nunit_force = \"kN\"\n[specimen.link]\n\
              address = \"{}\"\n[[excitation.prescribed_displacement]]\nspecimen = \"column\"\nease_in_s = 0.5\n\
              [excitation.prescribed_displacement.signal.sine]\nfrequency_hz = 1\namplitude = {amplitude}\n",
