@@ -182,6 +182,8 @@ pub struct Introduction {
     pub stiffness: Vec<f64>,
     /// Where it stands: the command that would not move it, in its own units; empty if it cannot tell.
     pub standing: Vec<f64>,
+    /// That was measured: it is near the command that would not move it, not that command itself.
+    pub measured: bool,
     /// What the user should know although the test may run.
     pub warnings: Vec<String>,
     /// It says that it is a formula: nothing breaks.

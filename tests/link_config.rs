@@ -48,7 +48,18 @@ fn numbers_outside_their_ranges_are_shown_at_their_keys() {
     ] {
         shows(&with(keys), words);
     }
-    shows(&complaint(&linked(10, "rig", "")), "names no port");
+    for (address, words) in [
+        ("rig", "names no port"),
+        ("127.0.0.1:4x", "names no port from 1 to 65535"),
+        ("rig:", "names no port from 1 to 65535"),
+        ("rig:0", "names no port from 1 to 65535"),
+        ("rig:65536", "names no port from 1 to 65535"),
+        (":4823", "names no machine"),
+        ("2001:db8::7:4823", "names no machine"),
+        ("[rig]:4823", "names no machine"),
+    ] {
+        shows(&complaint(&linked(10, address, "")), words);
+    }
 }
 
 #[test]

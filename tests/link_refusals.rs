@@ -30,7 +30,7 @@ use std::path::Path;
 
 use gusset::record::summary::Status;
 use gusset::wire::Side;
-use gusset::wire::handshake::{self, Control, RefuseCode};
+use gusset::wire::handshake::{self, Arm, Control, RefuseCode};
 use gusset::wire::native::{Decoder, Frame};
 use link_common::{
     Fake, ONE_AXIS, ONE_AXIS_LAW, Served, TWO_AXES, TWO_AXES_LAW, events, finish, gusset, linked,
@@ -91,6 +91,26 @@ fn a_host_that_does_not_answer_is_given_up_after_the_time_limit() {
             "{reason}"
         );
     }
+}
+
+#[test]
+fn a_specimen_that_is_armed_for_another_place_is_refused_and_no_time_has_passed() {
+    let elsewhere = |arm| match arm {
+        Control::Arm(arm) => Control::Arm(Arm {
+            disp: vec![0.01],
+            ..arm
+        }),
+        other => other,
+    };
+    let address = Fake::start_saying(4e5, |_| {}, elsewhere, |_| {});
+    let folder = tempfile::tempdir().unwrap();
+    let text = linked(STEPS, &address, "").replace("\"simulated\"", "\"real\"");
+    let (code, said) = run(folder.path(), "run", &text);
+    assert_eq!(code, 3, "{said}");
+    let summary = summary(folder.path(), "run");
+    let reason = &summary.reason;
+    assert!(reason.contains("armed for another place"), "{reason}");
+    assert_eq!((summary.steps, summary.wall_seconds), (0, 0.0));
 }
 
 #[test]

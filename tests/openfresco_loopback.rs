@@ -42,6 +42,35 @@ fn over_every_dialect_and_carrier_a_test_is_bit_for_bit_the_one_in_process() {
 }
 
 #[test]
+fn a_server_is_asked_where_its_specimen_stands_and_of_an_actor_a_warning_says_that_it_cannot_tell()
+{
+    for (role, peer) in [
+        (Role::Application, Peer::Element),
+        (Role::Application, Peer::Site),
+        (Role::Actor, Peer::Actor),
+    ] {
+        let server = Server::start(role, Carrier::Stream, 2, Nature::Physical);
+        let with = settings(peer, Carrier::Stream, server.address, 2);
+        let mut left = [0.0; 2];
+        for _ in 0..2 {
+            let mut remote = Remote::new(with.clone()).unwrap();
+            let introduction = remote.connect().unwrap();
+            if peer == Peer::Actor {
+                assert!(introduction.standing.is_empty());
+                assert!(introduction.warnings[0].contains("cannot tell where"));
+            } else {
+                assert_eq!(introduction.standing, left);
+                assert!(introduction.measured && introduction.warnings.is_empty());
+            }
+            drive(&mut remote, 20);
+            remote.retire(Retirement::Orderly);
+            assert_eq!(server.end(), End::Finished);
+            left = [path(19, 0), path(19, 1)];
+        }
+    }
+}
+
+#[test]
 fn the_old_udp_greetings_work_too() {
     let old = UdpGreeting {
         hello: true,

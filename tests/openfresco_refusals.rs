@@ -101,15 +101,20 @@ fn a_server_that_vanishes_or_falls_silent_is_a_fault_and_never_a_hang() {
     assert_eq!(lost, Err(LinkFault::Closed));
     remote.retire(Retirement::Tripped);
 
-    let deaf = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let deaf = socket.local_addr().unwrap();
+    let mut remote = Remote::new(RemoteSettings {
+        connect_limit_s: 0.1,
+        ..settings(Peer::Site, Carrier::Datagrams, deaf, 1)
+    })
+    .unwrap();
+    let asked = remote.open().unwrap_err();
+    assert_eq!(asked.fault(), LinkFault::Timeout, "{asked}");
     let mut remote = Remote::new(RemoteSettings {
         reply_limit_s: 0.1,
-        ..settings(
-            Peer::Site,
-            Carrier::Datagrams,
-            deaf.local_addr().unwrap(),
-            1,
-        )
+        // Without a displacement there is nothing to ask before the first command.
+        daq: Counts::new(0, 0, 0, 1, 0),
+        ..settings(Peer::Site, Carrier::Datagrams, deaf, 1)
     })
     .unwrap();
     remote.open().unwrap();

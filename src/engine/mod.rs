@@ -304,7 +304,8 @@ impl Engine {
             edge: 0,
             sequence: 0,
             clock_now: Nanos(0),
-            first_edge: Nanos(0),
+            // No time has passed since an edge that is not there yet.
+            first_edge: Nanos(u64::MAX),
             unrecorded: None,
             steps_done: 0,
             misses: 0,

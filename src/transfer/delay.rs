@@ -182,11 +182,10 @@ impl Delay {
         let steps = dt / self.grid;
         let end = self.beyond + steps;
         let count = (end + SAME).floor();
-        let oldest = (count - self.ring.len() as f64).max(0.0);
-        let mut k = oldest + 1.0;
-        while k <= count {
+        // However long it took: what is older than the history is not remembered.
+        for back in (0..(count as usize).min(self.ring.len())).rev() {
+            let k = count - back as f64;
             self.push(mix(last, motion, ((k - self.beyond) / steps).min(1.0)));
-            k += 1.0;
         }
         self.beyond = (end - count).max(0.0);
         if self.beyond < SAME {
@@ -320,6 +319,22 @@ mod tests {
             let still = delay.trial([t, 0.0], 0.0)[0];
             delay.commit([t, 1.0], 0.0);
             assert!((still - wanted).abs() < 1e-12, "{k} {t}: {still} {wanted}");
+        }
+    }
+
+    #[test]
+    fn a_step_of_any_length_ends() {
+        for dt in [1e13, 1e300] {
+            let mut delay = Delay::new(0.0105, 64, Some(1e-3));
+            delay.prime(0.0);
+            delay.commit([1.0, 0.0], 1e-3);
+            assert!(delay.trial([2.0, 0.0], dt)[0].is_finite());
+            delay.commit([2.0, 0.0], dt);
+            delay.commit([2.0, 0.0], 1e-3);
+            assert!(
+                (delay.trial([2.0, 0.0], 1e-3)[0] - 2.0).abs() < 1e-12,
+                "{dt}"
+            );
         }
     }
 

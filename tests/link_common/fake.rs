@@ -35,18 +35,33 @@ impl Fake {
         before: impl Fn(&'static str) + Send + 'static,
         script: impl FnOnce(Fake) + Send + 'static,
     ) -> String {
+        Self::start_saying(stiffness, before, |arm| arm, script)
+    }
+
+    /// The same; what `answer` makes of the request to arm is answered to it.
+    pub fn start_saying(
+        stiffness: f64,
+        before: impl Fn(&'static str) + Send + 'static,
+        answer: impl FnOnce(Control) -> Control + Send + 'static,
+        script: impl FnOnce(Fake) + Send + 'static,
+    ) -> String {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = listener.local_addr().unwrap().to_string();
         std::thread::spawn(move || {
             let (stream, _) = listener.accept().unwrap();
-            if let Some(fake) = Fake::greet(stream, stiffness, &before) {
+            if let Some(fake) = Fake::greet(stream, stiffness, &before, answer) {
                 script(fake);
             }
         });
         address
     }
 
-    fn greet(stream: TcpStream, stiffness: f64, before: &dyn Fn(&'static str)) -> Option<Self> {
+    fn greet(
+        stream: TcpStream,
+        stiffness: f64,
+        before: &dyn Fn(&'static str),
+        answer: impl FnOnce(Control) -> Control,
+    ) -> Option<Self> {
         stream.set_read_timeout(Some(PATIENCE)).unwrap();
         let mut fake = Self {
             stream,
@@ -66,7 +81,7 @@ impl Fake {
         if matches!(arm, Control::Arm(_)) {
             before("arm");
         }
-        fake.say(&arm);
+        fake.say(&answer(arm));
         Some(fake)
     }
 

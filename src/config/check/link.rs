@@ -63,13 +63,13 @@ pub(super) fn check_link(
         );
     }
     check_probe(specimen, link, &here, findings);
-    if !link.address.contains(':') {
+    if let Err(text) = check_address(&link.address) {
         findings.0.push(
             Finding::error(
                 here.key("address"),
-                format!("{:?} names no port", link.address),
+                format!("{:?} names no {text}", link.address),
             )
-            .label("wanted \"host:port\""),
+            .label("wanted \"host:port\", \"192.0.2.7:port\" or \"[2001:db8::7]:port\""),
         );
     }
     if link.tls.is_some() && link.transport != Carrier::Tls {
@@ -143,6 +143,23 @@ pub(super) fn check_pace(
 }
 
 /// The motion that shows the direction of a specimen.
+/// What is missing in "host:port". Whether there is such a host shows when it is called.
+fn check_address(address: &str) -> Result<(), &'static str> {
+    let (host, port) = address.rsplit_once(':').ok_or("port")?;
+    if !port.bytes().all(|c| c.is_ascii_digit()) || !port.parse::<u16>().is_ok_and(|port| port > 0)
+    {
+        return Err("port from 1 to 65535");
+    }
+    let inner = host
+        .strip_prefix('[')
+        .and_then(|rest| rest.strip_suffix(']'));
+    match inner {
+        Some(inner) if inner.contains(':') => Ok(()),
+        None if !host.is_empty() && !host.contains([':', '[', ']']) => Ok(()),
+        _ => Err("machine before its port"),
+    }
+}
+
 fn check_probe(specimen: &SpecimenTable, link: &LinkSpec, at: &KeyPath, findings: &mut Findings) {
     findings.positive(at.key("probe_m"), link.probe_m);
     findings.positive(at.key("probe_ramp_s"), Some(link.probe_ramp_s));

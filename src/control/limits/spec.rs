@@ -17,7 +17,8 @@ pub struct LimitsSpec {
     /// Change of the command from one to the next, in m.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub command_step_m: Option<BoundSpec>,
-    /// The same over the time that it takes, in m/s.
+    /// The same over the time that it takes, in m/s. That is wall time; what is served to OpenFresco's clients is judged by the
+    /// shorter of wall time and their test time, a formula by their test time alone.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub command_vel_m_per_s: Option<BoundSpec>,
     /// Second difference of the command over that time squared, in m/s².

@@ -39,6 +39,8 @@ pub struct Watch {
     axes: Vec<Axis>,
     /// Wall time of one tick in s.
     tick: f64,
+    /// The same for the last command; 0: no other than the next.
+    tick_before: f64,
     /// Commands that have left, up to two: a difference needs something to differ from.
     sent: u8,
     measured: bool,
@@ -58,6 +60,7 @@ impl Watch {
         Self {
             axes: limits.into_iter().map(axis).collect(),
             tick,
+            tick_before: 0.0,
             sent: 0,
             measured: false,
             aims: false,
@@ -81,6 +84,7 @@ impl Watch {
             past.sawtooth = Sawtooth::at_rest(disp);
         }
         self.sent = 2;
+        self.tick_before = 0.0;
     }
 
     /// Judges the next command, one displacement per axis, before it leaves. Real-time: yes.
@@ -95,6 +99,8 @@ impl Watch {
     #[inline]
     pub fn judge_command(&mut self, disp: impl Iterator<Item = f64>, found: &mut Found) {
         let (tick, sent, aims) = (self.tick, self.sent, self.aims);
+        let even = self.tick_before == tick || self.tick_before == 0.0;
+        let tick_before = self.tick_before;
         for ((index, axis), disp) in self.axes.iter_mut().enumerate().zip(disp) {
             let Axis { limits, calm, past } = axis;
             let [last, before] = past.command;
@@ -108,7 +114,12 @@ impl Watch {
                 disp,
                 step,
                 vel: step / tick,
-                accel: (disp - 2.0 * last + before).abs() / (tick * tick),
+                accel: if even {
+                    (disp - 2.0 * last + before).abs() / (tick * tick)
+                } else {
+                    let change = (disp - last) / tick - (last - before) / tick_before;
+                    change.abs() / (0.5 * (tick + tick_before))
+                },
                 alternating: f64::from(sawtooth),
             };
             if !(sent >= 2 && past.warned == 0 && calm.covers_command(&asked)) {
@@ -134,6 +145,7 @@ impl Watch {
             past.command = [disp, past.command[0]];
         }
         self.sent = (self.sent + 1).min(2);
+        self.tick_before = self.tick;
     }
 
     /// A specimen that has tripped is on its way back: what it tripped at counts again only if it gets worse.

@@ -49,6 +49,9 @@ pub enum SetupError {
         /// In the specimen's words.
         text: String,
     },
+    /// It answers that it is armed, for another place than was asked for.
+    #[error("the specimen is armed for another place than it was asked to be")]
+    ArmedElsewhere,
     /// The system has no random numbers.
     #[error("no random numbers: {0}")]
     Random(#[from] std::io::Error),
@@ -88,7 +91,7 @@ impl SetupError {
             Self::Connect(ConnectError::Tls { fault, .. }) => fault.link(),
             Self::Tls(fault) => fault.link(),
             Self::Lost(fault) => *fault,
-            Self::Bare | Self::SpeaksTls => LinkFault::Malformed,
+            Self::Bare | Self::SpeaksTls | Self::ArmedElsewhere => LinkFault::Malformed,
             Self::Connect(_) | Self::Random(_) => LinkFault::Closed,
             Self::Wire(error) => error.fault(),
             Self::Refused { code, .. } => match code {

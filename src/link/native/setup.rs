@@ -153,6 +153,7 @@ impl NativeSetup {
             ),
             stiffness: welcome.stiffness,
             standing: welcome.standing,
+            measured: false,
             warnings,
             simulated: welcome.capabilities.has(Capabilities::SIMULATED),
         };

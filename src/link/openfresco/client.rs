@@ -7,9 +7,11 @@
 //!
 //! Not here: what the numbers mean for the structure, and what to do about a fault; a fault is final.
 
-use super::asking::{Asking, Came, Echo, machine, pause, send, transport};
+mod opening;
+
+use super::asking::{Asking, Came, Echo, machine, send, transport};
 use super::below::Below;
-use super::error::{Lost, RemoteError, Saying};
+use super::error::{Lost, RemoteError};
 use super::settings::{Peer, RemoteSettings};
 use crate::link::Transport;
 use crate::link::socket::LOOK;
@@ -20,7 +22,6 @@ use crate::substructure::{
 };
 use crate::time::Nanos;
 use crate::wire::not_foreign;
-use crate::wire::openfresco::Matrix;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Phase {
@@ -51,6 +52,8 @@ pub struct Remote {
     sent_at: Nanos,
     reply_limit_ns: u64,
     initial_stiffness: Option<Vec<f64>>,
+    /// What a server measured before the first command.
+    standing: Option<Vec<f64>>,
     complaint: Option<Lost>,
     below: Below,
 }
@@ -98,13 +101,15 @@ impl Remote {
             sent_at: Nanos(0),
             reply_limit_ns: (settings.reply_limit_s * 1e9) as u64,
             initial_stiffness: None,
+            standing: None,
             complaint: None,
             below: Below::default(),
             settings,
         })
     }
 
-    /// Connects and sets everything up; an element server is asked for its initial stiffness. Nothing moves.
+    /// Connects and sets everything up; an element server is asked for its initial stiffness, and every server where its
+    /// specimen stands. Nothing moves.
     ///
     /// # Errors
     /// See [`RemoteError`].
@@ -114,6 +119,9 @@ impl Remote {
         let mut done = self.set_up(until);
         if done.is_ok() && self.settings.peer == Peer::Element {
             done = self.ask_stiffness(until);
+        }
+        if done.is_ok() && self.can_tell_where_it_stands() {
+            done = self.ask_standing(until);
         }
         self.below.ask(self.link.as_deref());
         done.map_err(|error| self.below.explain(error, self.settings.tls.is_none()))?;
@@ -125,61 +133,6 @@ impl Remote {
     #[must_use]
     pub fn initial_stiffness(&self) -> Option<&[f64]> {
         self.initial_stiffness.as_deref()
-    }
-
-    fn set_up(&mut self, until: Nanos) -> Result<(), RemoteError> {
-        let say = Saying::new(&self.settings, "the set-up");
-        let opening = self
-            .machine
-            .open()
-            .map_err(|error| say.wire(error))?
-            .to_vec();
-        let hello = opening.len() == 1;
-        self.send_raw(&opening).map_err(|fault| say.lost(fault))?;
-        if !hello && matches!(self.machine, Asking::Client(_)) {
-            return Ok(());
-        }
-        loop {
-            match self.hear(until) {
-                Ok(Came::Ready) => return Ok(()),
-                Ok(_) => {}
-                // Nobody has the port yet: the hello has certainly not arrived, so it may be sent again.
-                Err(Lost::Link(LinkFault::Closed))
-                    if hello && Nanos(os::monotonic_ns()) < until =>
-                {
-                    pause();
-                    self.send_raw(&opening).or_else(|fault| match fault {
-                        LinkFault::Closed => Ok(()),
-                        fault => Err(say.lost(fault)),
-                    })?;
-                }
-                Err(lost) => return Err(say.why(lost)),
-            }
-        }
-    }
-
-    fn ask_stiffness(&mut self, until: Nanos) -> Result<(), RemoteError> {
-        let say = Saying::new(&self.settings, "the request for the initial stiffness");
-        let Self {
-            machine: Asking::Client(client),
-            link: Some(link),
-            ..
-        } = self
-        else {
-            return Ok(());
-        };
-        let bytes = client
-            .request_matrix(Matrix::InitialStiffness)
-            .map_err(|error| say.wire(error))?;
-        send(link.as_mut(), self.settings.carrier, bytes, bytes.len())
-            .map_err(|fault| say.lost(fault))?;
-        while self.hear(until).map_err(|lost| say.why(lost))? != Came::Matrix {}
-        let mut rows = vec![0.0; self.settings.axes * self.settings.axes];
-        if let Asking::Client(client) = &self.machine {
-            client.matrix(&mut rows).map_err(|error| say.wire(error))?;
-        }
-        self.initial_stiffness = Some(rows);
-        Ok(())
     }
 
     fn send_raw(&mut self, bytes: &[u8]) -> Result<(), LinkFault> {
@@ -288,9 +241,15 @@ impl Substructure for Remote {
         Ok(Introduction {
             peer: format!("{peer} at {address}, {}", self.settings.carrier_name()),
             stiffness: (0..*axes).flat_map(column).copied().collect(),
-            // None of its messages can tell.
-            standing: Vec::new(),
-            warnings: Vec::new(),
+            standing: self.standing.clone().unwrap_or_default(),
+            measured: true,
+            warnings: match self.standing {
+                Some(_) => Vec::new(),
+                None => vec![format!(
+                    "{address}: this protocol cannot tell where the specimen stands before its first command: if that is \
+                     not where the test begins, it jumps"
+                )],
+            },
             simulated: false,
         })
     }

@@ -43,6 +43,12 @@ pub enum HostFault {
         /// Test time of the command, in s.
         time: f64,
     },
+    /// No test takes so long.
+    #[error("test time {time} s is beyond what can be")]
+    Leap {
+        /// Test time of the command, in s.
+        time: f64,
+    },
     /// The specimen holds: a limit, an interlock, or a lost link.
     #[error("the specimen holds: {0}")]
     Tripped(#[from] Trip),
@@ -63,6 +69,9 @@ pub struct Tally {
     /// Requests answered.
     pub answers: u64,
 }
+
+/// Test time in s beyond which there is no test.
+const LATEST_S: f64 = 1e9;
 
 /// A specimen as a server sees it.
 #[derive(Debug)]
@@ -109,12 +118,13 @@ impl Host {
             transpose(n, columns, &mut rows);
             rows
         };
+        let nature = if station.is_remote() {
+            Nature::Physical
+        } else {
+            nature
+        };
         Self {
-            nature: if station.is_remote() {
-                Nature::Physical
-            } else {
-                nature
-            },
+            nature,
             step,
             sequence: 0,
             disp: vec![0.0; n],
@@ -131,7 +141,10 @@ impl Host {
             tangent: vec![0.0; n * n],
             columns: vec![0.0; n * n],
             tally: Tally::default(),
-            station,
+            station: match nature {
+                Nature::Simulated => station,
+                Nature::Physical => station.moving(),
+            },
         }
     }
 
@@ -212,6 +225,9 @@ impl Host {
         }
         self.tally.commands = self.tally.commands.saturating_add(1);
         let time = command.time;
+        if !(time.abs() <= LATEST_S && dt.is_none_or(|dt| dt <= LATEST_S)) {
+            return Err(HostFault::Leap { time });
+        }
         match (course, self.nature) {
             (Course::Repeat, _) => return Ok(()),
             (Course::Reversed, _) => return Err(HostFault::Reversed { time }),
@@ -320,6 +336,7 @@ fn transpose(n: usize, columns: &[f64], rows: &mut [f64]) {
 mod tests {
     use super::*;
     use crate::specimen::SpecimenLaw;
+    use crate::time::Nanos;
 
     fn host(law: &str, axes: usize, nature: Nature) -> Host {
         let law: SpecimenLaw = toml::from_str(law).unwrap();
@@ -363,6 +380,15 @@ mod tests {
     }
 
     #[test]
+    fn a_time_that_cannot_be_is_refused() {
+        let mut host = host(BILINEAR, 1, Nature::Simulated);
+        for time in [1e300, -1e300] {
+            let fault = host.trial(Course::Step, &at(&[0.001], time), Some(time));
+            assert_eq!(fault, Err(HostFault::Leap { time }));
+        }
+    }
+
+    #[test]
     fn a_step_taken_back_is_forgotten_by_a_formula_and_refused_by_what_moves() {
         for nature in [Nature::Simulated, Nature::Physical] {
             let mut host = host(BILINEAR, 1, nature);
@@ -399,6 +425,62 @@ mod tests {
             host.commit();
             host.begin(&visitor()).unwrap();
             assert!((host.response().force[0] - left).abs() < 1e-9);
+        }
+    }
+
+    /// What moves, within limits.
+    fn limited(limits: &str) -> Host {
+        let law: SpecimenLaw = toml::from_str(BILINEAR).unwrap();
+        let law = Law::new(law.build(1).unwrap(), true);
+        let limits = toml::from_str(limits).unwrap();
+        let units = vec![AxisUnits::SI];
+        let station = Station::new("rig".into(), Box::new(law), units, vec![8e3], vec![0.0]);
+        Host::of(station.limited(&[limits]), Nature::Physical, None)
+    }
+
+    #[test]
+    fn the_first_command_is_a_step_from_where_the_specimen_stands() {
+        let mut host = limited("command_step_m = { trip = 0.00101 }");
+        host.begin(&visitor()).unwrap();
+        for k in 1..=40 {
+            let time = 0.01 * f64::from(k);
+            let command = [1e-3 * f64::from(k)];
+            host.trial(Course::Step, &at(&command, time), Some(0.01))
+                .unwrap();
+            host.commit();
+        }
+        host.end(Close::Completed, "");
+        // As genericClient does: it begins at zero, whatever the specimen stands at.
+        let told = host.begin(&visitor()).unwrap();
+        assert!(told.iter().any(|text| text.contains("stands at 0.04 m")));
+        assert_eq!(host.response().disp, [0.04]);
+        let fault = host.trial(Course::First, &at(&[0.0], 0.0), None);
+        let text = host.whole(fault.unwrap_err());
+        assert!(text.contains("command_step_m"), "{text}");
+        assert!(text.contains("stands at 0.04 m"), "{text}");
+        host.end(Close::Failed, "");
+        host.begin(&visitor()).unwrap();
+        host.trial(Course::First, &at(&[0.0395], 0.0), None)
+            .unwrap();
+        let fault = host.trial(Course::Step, &at(&[0.0], 0.01), Some(0.01));
+        let text = host.whole(fault.unwrap_err());
+        assert!(!text.contains("stands"), "{text}");
+    }
+
+    #[test]
+    fn the_speed_of_what_moves_is_judged_by_the_wall() {
+        // A millimetre in 0.02 s of test time, every 0.02 s or every 0.2 ms.
+        for (period_ns, holds) in [(20_000_000, true), (200_000, false)] {
+            let mut host = limited("command_vel_m_per_s = { trip = 0.11 }");
+            host.begin(&visitor()).unwrap();
+            let tripped = (1..=40_u32).any(|k| {
+                host.station.now_is(Nanos(u64::from(k) * period_ns));
+                let (disp, time) = ([1e-3 * f64::from(k)], 0.02 * f64::from(k));
+                let outcome = host.trial(Course::Step, &at(&disp, time), Some(0.02));
+                host.commit();
+                outcome.is_err()
+            });
+            assert_eq!(tripped, !holds, "every {period_ns} ns");
         }
     }
 

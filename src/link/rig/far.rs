@@ -4,7 +4,7 @@
 //! the next test finds a gateway that owes nothing to the last one, and a specimen that was restarted meanwhile. Every
 //! exchange is waited for, up to the link's own time limit; commands are numbered anew, with the controller's gaps.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::{Rig, Visitor};
 use crate::rt::os;
@@ -12,6 +12,66 @@ use crate::substructure::{
     Command, Freshness, Introduction, LinkFault, LinkStats, Measurement, Retirement, Substructure,
 };
 use crate::time::Nanos;
+
+/// Where a specimen across a link stands, as far as its last tests tell: shared by those who make its connections and those
+/// who ask.
+#[derive(Debug, Clone, Default)]
+pub struct Whereabouts(Arc<Mutex<Known>>);
+
+#[derive(Debug, Default)]
+struct Known {
+    /// Best of what is known; empty if nothing is.
+    place: Vec<f64>,
+    /// Where the last test found it, and where it left it.
+    found: Vec<f64>,
+    left: Vec<f64>,
+    /// It stays where a test leaves it; a formula may begin anew each time.
+    stays: bool,
+}
+
+impl Whereabouts {
+    fn known(&self) -> MutexGuard<'_, Known> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Where it stands; empty if nothing is known.
+    #[must_use]
+    pub fn place(&self) -> Vec<f64> {
+        self.known().place.clone()
+    }
+
+    /// A test begins and hears this. What it finds shows whether the last one's end is where it stayed.
+    fn begins(&self, introduction: &Introduction) {
+        let mut known = self.known();
+        let here = &introduction.standing;
+        let from_left = distance(here, &known.left);
+        let from_found = distance(here, &known.found);
+        known.stays = if known.left.is_empty() || from_left == from_found {
+            known.stays || !(introduction.simulated || introduction.measured)
+        } else {
+            from_left < from_found
+        };
+        known.place.clone_from(here);
+        known.found.clone_from(here);
+        known.left.clear();
+    }
+
+    /// It was told to go there last.
+    fn ends(&self, left: &[f64]) {
+        let mut known = self.known();
+        if !known.found.is_empty() {
+            known.left = left.to_vec();
+            if known.stays {
+                known.place = left.to_vec();
+            }
+        }
+    }
+}
+
+fn distance(one: &[f64], other: &[f64]) -> f64 {
+    let pairs = one.iter().zip(other);
+    pairs.fold(0.0, |most, (one, other)| most.max((one - other).abs()))
+}
 
 /// Makes the link for a controller's test; it is not connected yet.
 pub type FarBuild = Arc<dyn Fn(&Visitor) -> Result<Box<dyn Substructure>, String> + Send + Sync>;
@@ -23,6 +83,11 @@ pub struct Far {
     stiffness: Vec<f64>,
     axes: usize,
     link: Option<Box<dyn Substructure>>,
+    /// Where it says that it stands; empty if it does not.
+    standing: Vec<f64>,
+    whereabouts: Whereabouts,
+    /// The last command; empty before one.
+    told: Vec<f64>,
     /// Our number of the controller's command number `theirs`.
     ours: u64,
     theirs: u64,
@@ -50,11 +115,21 @@ impl Far {
             stiffness,
             axes,
             link: None,
+            standing: Vec::new(),
+            whereabouts: Whereabouts::default(),
+            told: Vec::new(),
             ours: 0,
             theirs: 0,
             unused: 0,
             reply_limit_ns,
         }
+    }
+
+    /// The same, remembering from test to test where it stands.
+    #[must_use]
+    pub fn remembering(mut self, whereabouts: Whereabouts) -> Self {
+        self.whereabouts = whereabouts;
+        self
     }
 
     fn link(&mut self) -> Result<&mut Box<dyn Substructure>, LinkFault> {
@@ -76,7 +151,19 @@ impl Rig for Far {
         let mut link = (self.build)(visitor)?;
         let introduction = link.connect().map_err(|error| error.text)?;
         self.link = Some(link);
+        self.standing.clone_from(&introduction.standing);
+        self.whereabouts.begins(&introduction);
+        self.told = Vec::with_capacity(self.axes);
         Ok(introduction)
+    }
+
+    /// Without a word of its own it is believed to stand at zero.
+    fn at_rest(&mut self, into: &mut Measurement) {
+        into.disp.fill(0.0);
+        into.force.fill(0.0);
+        for (to, stands) in into.disp.iter_mut().zip(&self.standing) {
+            *to = *stands;
+        }
     }
 
     fn arm(&mut self, sequence: u64, start: &[f64]) -> Result<(), LinkFault> {
@@ -93,7 +180,11 @@ impl Rig for Far {
         _: f64,
         into: &mut Measurement,
     ) -> Result<(), LinkFault> {
-        let sequence = self.ours + command.sequence.saturating_sub(self.theirs);
+        // The last number of all is none of the protocol's.
+        let sequence = (self.ours)
+            .checked_add(command.sequence.saturating_sub(self.theirs))
+            .filter(|sequence| *sequence < u64::MAX)
+            .ok_or(LinkFault::Refused)?;
         self.unused = sequence + 1;
         let deadline = Nanos(os::monotonic_ns()).plus(self.reply_limit_ns);
         let link = self.link()?;
@@ -101,6 +192,10 @@ impl Rig for Far {
             sequence,
             ..*command
         })?;
+        // Within its capacity.
+        self.told.clear();
+        self.told.extend_from_slice(command.disp);
+        let link = self.link()?;
         match link.collect(deadline, into)? {
             Freshness::Fresh => Ok(()),
             // The time limit of a link that does not keep one itself.
@@ -141,6 +236,42 @@ impl Rig for Far {
     fn end(&mut self, how: Retirement) {
         if let Some(mut link) = self.link.take() {
             link.retire(how);
+            if !self.told.is_empty() {
+                self.whereabouts.ends(&self.told);
+            }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Tests that find the specimen here and leave it there; where it is believed to stand before each, and at the end.
+    fn believed(simulated: bool, tests: &[(f64, f64)]) -> Vec<Vec<f64>> {
+        let whereabouts = Whereabouts::default();
+        let mut believed = vec![whereabouts.place()];
+        for (found, left) in tests {
+            whereabouts.begins(&Introduction {
+                standing: vec![*found],
+                simulated,
+                ..Introduction::default()
+            });
+            whereabouts.ends(&[*left]);
+            believed.push(whereabouts.place());
+        }
+        believed
+    }
+
+    #[test]
+    fn a_rig_stays_where_it_was_left_and_a_formula_where_it_is_found_anew() {
+        let rig = believed(false, &[(0.01, 0.04), (0.04, -0.02)]);
+        assert_eq!(rig, [vec![], vec![0.04], vec![-0.02]]);
+        let formula = believed(true, &[(0.0, 0.04), (0.0, -0.02)]);
+        assert_eq!(formula, [vec![], vec![0.0], vec![0.0]]);
+        let stays = believed(true, &[(0.0, 0.04), (0.04, -0.02), (-0.02, 0.03)]);
+        assert_eq!(stays, [vec![], vec![0.0], vec![-0.02], vec![0.03]]);
+        let driven_home = believed(false, &[(0.0, 0.04), (0.0, 0.03), (0.0, 0.02)]);
+        assert_eq!(driven_home, [vec![], vec![0.04], vec![0.0], vec![0.0]]);
     }
 }

@@ -18,7 +18,7 @@ use std::net::SocketAddr;
 
 use thiserror::Error;
 
-pub use far::{Far, FarBuild};
+pub use far::{Far, FarBuild, Whereabouts};
 pub use law::{Law, Memory};
 pub use log::LogSettings;
 pub use settings::{Close, ProbeSettings};

@@ -1,18 +1,21 @@
 //! What a server commands: a rig with its limits, its direction check and its log.
 
+mod allowed;
 mod announced;
+mod attempt;
 mod ready;
 
+use allowed::Allowed;
 use announced::Announced;
 
 use super::log::{Exchange, Log, LogSettings};
 use super::settings::{Close, ProbeSettings};
 use super::{Rig, Trip, Visitor};
 use crate::control::AxisUnits;
-use crate::control::limits::{AxisLimits, Found, LimitsSpec, Watch};
+use crate::control::limits::{AxisLimits, LimitsSpec, Quantity, Watch};
 use crate::record::{Note, NoteLevel};
-use crate::rt::os;
-use crate::substructure::{Command, Measurement, Retirement, Status};
+use crate::substructure::{Command, Measurement, Retirement};
+use crate::time::Nanos;
 
 /// From one command to the next in s, until it is known.
 const USUAL_TICK_S: f64 = 0.01;
@@ -27,11 +30,18 @@ pub struct Station {
     limits: Vec<AxisLimits>,
     watch: Watch,
     announced: Option<Announced>,
+    allowed: Option<Allowed>,
+    /// True for what moves: its speed is judged by the wall clock.
+    moves: bool,
+    /// The wall time of whoever commands it; the machine's own until that is told.
+    now: Option<Nanos>,
     probe: ProbeSettings,
     keeping: Option<LogSettings>,
     away_from: Option<usize>,
     log: Option<Log>,
     begun: bool,
+    /// Where the specimen stands, until the first command of a controller that did not say where that will be has passed.
+    stands: Option<Vec<f64>>,
     measured: Measurement,
     tripped: Option<Trip>,
     commits: u64,
@@ -67,6 +77,9 @@ impl Station {
             limits: vec![AxisLimits::NONE; axes],
             watch: Watch::new(vec![AxisLimits::NONE; axes], USUAL_TICK_S),
             announced: None,
+            allowed: None,
+            moves: rig.is_remote(),
+            now: None,
             rig,
             units,
             stiffness,
@@ -76,6 +89,7 @@ impl Station {
             away_from: None,
             log: None,
             begun: false,
+            stands: None,
             measured: Measurement::zeros(axes),
             tripped: None,
             commits: 0,
@@ -95,6 +109,13 @@ impl Station {
     #[must_use]
     pub fn probed(mut self, probe: ProbeSettings) -> Self {
         self.probe = probe;
+        self
+    }
+
+    /// It moves, or stands for something that does, although it is no link.
+    #[must_use]
+    pub fn moving(mut self) -> Self {
+        self.moves = true;
         self
     }
 
@@ -148,6 +169,7 @@ impl Station {
         self.end(Close::Failed, "another controller came");
         self.tripped = None;
         self.announced = Announced::by(visitor, &self.units);
+        self.allowed = Some(Allowed::by(visitor, self.moves));
         self.commits = 0;
         self.measured = Measurement::zeros(self.units.len());
         if let Some(settings) = &self.keeping {
@@ -174,6 +196,14 @@ impl Station {
         self.arm(sequence, start)
     }
 
+    /// The present wall time, by a clock other than the machine's. Real-time: yes.
+    pub fn now_is(&mut self, now: Nanos) {
+        self.now = Some(now);
+        if let Some(allowed) = &mut self.allowed {
+            allowed.starts(now);
+        }
+    }
+
     /// What was measured last.
     #[must_use]
     pub const fn measured(&self) -> &Measurement {
@@ -189,8 +219,12 @@ impl Station {
     /// A trip with what its link has to say.
     #[must_use]
     pub fn whole(&self, trip: Trip) -> String {
-        match (trip, self.rig.complaint()) {
-            (Trip::Lost(_), Some(complaint)) => format!("{trip} ({complaint})"),
+        match (trip, self.rig.complaint(), &self.stands) {
+            (Trip::Lost(_), Some(complaint), _) => format!("{trip} ({complaint})"),
+            (Trip::Limit(hit), _, Some(stands)) if is_of_motion(hit.quantity) => format!(
+                "{trip}: the specimen stands at {}, and the first command leads away from there",
+                self.in_words(stands)
+            ),
             _ => trip.to_string(),
         }
     }
@@ -207,125 +241,6 @@ impl Station {
         into: &mut Measurement,
     ) -> Result<(), Trip> {
         self.exchange_as(Exchange::RUNNING, command, elapsed, into)
-    }
-
-    fn exchange_as(
-        &mut self,
-        state: f64,
-        command: &Command<'_>,
-        elapsed: f64,
-        into: &mut Measurement,
-    ) -> Result<(), Trip> {
-        // Only the log wants to know the time.
-        let received_ns = self.log.as_ref().map_or(0, |_| os::monotonic_ns());
-        let before = self.tripped;
-        let mut answered_ns = received_ns;
-        if before.is_none()
-            && let Err(trip) = self.attempt(
-                command,
-                elapsed,
-                state == Exchange::RUNNING,
-                &mut answered_ns,
-            )
-        {
-            self.trip(trip);
-        }
-        into.sequence = command.sequence;
-        into.time = self.measured.time;
-        into.status = self.measured.status;
-        for (to, from) in into.disp.iter_mut().zip(&self.measured.disp) {
-            *to = *from;
-        }
-        for (to, from) in into.force.iter_mut().zip(&self.measured.force) {
-            *to = *from;
-        }
-        if self.tripped.is_some() {
-            into.status.0 |= Status::INTERLOCK.0;
-        }
-        if let Some(log) = &mut self.log {
-            log.exchange(&Exchange {
-                state: if before.is_some() {
-                    Exchange::TRIPPED
-                } else {
-                    state
-                },
-                command,
-                elapsed,
-                commits: self.commits,
-                measured: into,
-                trip: self.tripped,
-                received_ns,
-                answered_ns,
-            });
-        }
-        self.tripped.map_or(Ok(()), Err)
-    }
-
-    fn attempt(
-        &mut self,
-        command: &Command<'_>,
-        elapsed: f64,
-        is_theirs: bool,
-        answered_ns: &mut u64,
-    ) -> Result<(), Trip> {
-        if let Some(axis) = not_finite(command.disp, command.vel) {
-            let measured = false;
-            return Err(Trip::NotFinite { axis, measured });
-        }
-        if elapsed > 0.0 {
-            self.watch.tick_is(elapsed);
-        }
-        let found = self.watch.command(metres(&self.units, command.disp));
-        self.heed(found)?;
-        // Our own small motions before the test are none of the controller's.
-        let mut announced = self.announced.as_mut().filter(|_| is_theirs);
-        if let Some(announced) = &mut announced {
-            announced.command(command.sequence, metres(&self.units, command.disp))?;
-        }
-        self.watch.sent(metres(&self.units, command.disp));
-        let outcome = self.rig.trial(command, elapsed, &mut self.measured);
-        *answered_ns = self.log.as_ref().map_or(0, |_| os::monotonic_ns());
-        outcome.map_err(Trip::Lost)?;
-        if let Some(axis) = not_finite(&self.measured.disp, &self.measured.force) {
-            // What is no number goes no further.
-            let Measurement { disp, force, .. } = &mut self.measured;
-            for value in disp.iter_mut().chain(force) {
-                if !value.is_finite() {
-                    *value = 0.0;
-                }
-            }
-            let measured = true;
-            return Err(Trip::NotFinite { axis, measured });
-        }
-        let values = metres(&self.units, &self.measured.disp).zip(
-            self.measured
-                .force
-                .iter()
-                .zip(&self.units)
-                .map(|(force, units)| force * units.newtons),
-        );
-        let found = self.watch.measured(values.clone());
-        if let Some(announced) = self.announced.as_mut().filter(|_| is_theirs) {
-            announced.measured(values)?;
-        }
-        self.heed(found)?;
-        if self.measured.status.has(Status::SATURATED) {
-            return Err(Trip::Saturated);
-        }
-        if self.measured.status.has(Status::INTERLOCK) {
-            return Err(Trip::Interlock);
-        }
-        Ok(())
-    }
-
-    /// A warning is told, a trip ends the test.
-    fn heed(&self, found: Found) -> Result<(), Trip> {
-        if let Some(hit) = found.warning {
-            // Each time that the level is crossed from inside.
-            let text = format!("{hit} ({}): a warning", hit.quantity.key());
-            self.note(NoteLevel::Warning, "limit", &text);
-        }
-        found.trip.map_or(Ok(()), |hit| Err(Trip::Limit(hit)))
     }
 
     fn trip(&mut self, trip: Trip) {
@@ -403,6 +318,14 @@ impl Drop for Station {
     fn drop(&mut self) {
         self.end(Close::Failed, "internal error: the test was dropped");
     }
+}
+
+/// True for what is judged from one command to the next.
+const fn is_of_motion(quantity: Quantity) -> bool {
+    matches!(
+        quantity,
+        Quantity::CommandStep | Quantity::CommandVel | Quantity::CommandAccel
+    )
 }
 
 fn metres<'a>(units: &'a [AxisUnits], disp: &'a [f64]) -> impl Iterator<Item = f64> + Clone + 'a {

@@ -174,20 +174,36 @@ fn welcome(desk: &Desk, message: &[u8], hello: &Hello, version: u16) -> Result<G
     })
 }
 
+/// Judges the request to arm a specimen that stands at `standing`, which is empty if that is not known.
+pub(super) fn fits(arm: &Arm, session: u64, standing: &[f64]) -> Result<(), Refuse> {
+    if arm.session != session || !(standing.is_empty() || standing.len() == arm.disp.len()) {
+        return Err(strange_arm());
+    }
+    match elsewhere(standing, &arm.disp) {
+        Some(text) => Err(refuse(RefuseCode::Position, &text)),
+        None => Ok(()),
+    }
+}
+
+fn strange_arm() -> Refuse {
+    refuse(
+        RefuseCode::Malformed,
+        "an arm message of another session, or for another number of axes",
+    )
+}
+
 impl Greeted {
     /// Judges a message after the welcome: an Arm, or `None` for a Bye.
     pub(super) fn arming(&self, message: &[u8]) -> Result<Option<Arm>, Refuse> {
         match handshake::decode(message).map_err(nonsense)? {
-            Control::Arm(arm) if arm.session == self.session && arm.disp.len() == self.axes => {
-                match elsewhere(&self.standing, &arm.disp) {
-                    Some(text) => Err(refuse(RefuseCode::Position, &text)),
-                    None => Ok(Some(arm)),
+            Control::Arm(arm) => {
+                fits(&arm, self.session, &self.standing)?;
+                if arm.disp.len() == self.axes {
+                    Ok(Some(arm))
+                } else {
+                    Err(strange_arm())
                 }
             }
-            Control::Arm(_) => Err(refuse(
-                RefuseCode::Malformed,
-                "an arm message of another session, or for another number of axes",
-            )),
             Control::Bye(_) => Ok(None),
             other => {
                 let text = format!("{} came where arming was due", other.name());

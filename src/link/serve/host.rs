@@ -6,7 +6,9 @@ use crate::control::AxisUnits;
 use crate::control::limits::LimitsSpec;
 use crate::link::announce::units_of;
 use crate::link::fault::{Bench, Script, ScriptError};
-use crate::link::rig::{Far, FarBuild, Law, LogSettings, Memory, ProbeSettings, Station};
+use crate::link::rig::{
+    Far, FarBuild, Law, LogSettings, Memory, ProbeSettings, Station, Whereabouts,
+};
 use crate::specimen::Specimen;
 use crate::wire::handshake::{Axis, Capabilities};
 
@@ -29,7 +31,7 @@ pub type Build = Box<dyn Fn() -> Result<Box<dyn Specimen>, String> + Send + Sync
 
 enum Behind {
     Law(Build),
-    Far(FarBuild, u64),
+    Far(FarBuild, u64, Whereabouts),
 }
 
 impl std::fmt::Debug for Host {
@@ -82,7 +84,7 @@ impl Host {
             mass: vec![0.0; axes.len() * axes.len()],
             axes,
             stiffness,
-            behind: Behind::Far(build, reply_limit_ns),
+            behind: Behind::Far(build, reply_limit_ns, Whereabouts::default()),
             limits: Vec::new(),
             probe: ProbeSettings::Unchecked { silent: false },
             log: None,
@@ -125,11 +127,12 @@ impl Host {
         self.memory.is_some()
     }
 
-    /// Where the specimen stands; empty if that is not known before a controller arms it.
+    /// Where the specimen stands; empty if that is not known before a controller arms it: a gateway learns it with its first
+    /// test.
     #[must_use]
     pub fn standing(&self) -> Vec<f64> {
-        match self.behind {
-            Behind::Far(..) => Vec::new(),
+        match &self.behind {
+            Behind::Far(.., whereabouts) => whereabouts.place(),
             Behind::Law(_) => {
                 let left = self.memory.as_ref().and_then(Memory::disp);
                 left.unwrap_or_else(|| vec![0.0; self.axes.len()])
@@ -184,12 +187,11 @@ impl Host {
                     None => law,
                 })
             }
-            Behind::Far(build, reply_limit_ns) => Box::new(Far::new(
-                build.clone(),
-                self.axes.len(),
-                self.stiffness.clone(),
-                *reply_limit_ns,
-            )),
+            Behind::Far(build, reply_limit_ns, whereabouts) => {
+                let (axes, stiffness) = (self.axes.len(), self.stiffness.clone());
+                let far = Far::new(build.clone(), axes, stiffness, *reply_limit_ns);
+                Box::new(far.remembering(whereabouts.clone()))
+            }
         };
         let rig = match &self.faults {
             Some(script) => Bench::around(rig, script, units.clone()),

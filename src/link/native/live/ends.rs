@@ -69,7 +69,11 @@ impl Live {
                     Control::Arm(arm)
                         if arm.session == session && arm.first_sequence == sequence =>
                     {
-                        Ok(Some(()))
+                        if arm.disp == disp {
+                            Ok(Some(()))
+                        } else {
+                            Err(SetupError::ArmedElsewhere)
+                        }
                     }
                     // The answer to an earlier one, that was repeated.
                     Control::Arm(_) => Ok(None),

@@ -9,9 +9,6 @@ use crate::link::rig::Visitor;
 pub(super) struct Announced {
     limits: Vec<AxisLimits>,
     watch: Watch,
-    /// Wall time from one command to the next, as announced.
-    period_s: f64,
-    last: Option<u64>,
 }
 
 impl Announced {
@@ -24,39 +21,29 @@ impl Announced {
         let limits: Vec<_> = axes
             .map(|(limits, units)| announce::kept(limits, units))
             .collect();
-        let period_s = visitor.rate.map_or(USUAL_TICK_S, |(commands, seconds)| {
-            seconds as f64 / commands as f64
-        });
         Some(Self {
-            watch: Watch::new(limits.clone(), period_s),
+            watch: Watch::new(limits.clone(), USUAL_TICK_S),
             limits,
-            period_s,
-            last: None,
         })
     }
 
     /// From here the next command goes.
     pub fn begin(&mut self, disp: impl Iterator<Item = f64>) {
-        self.watch = Watch::new(self.limits.clone(), self.period_s);
+        self.watch = Watch::new(self.limits.clone(), USUAL_TICK_S);
         self.watch.stands_at(disp);
-        self.last = None;
     }
 
-    /// Judges a command of the controller; lost ones before it give it more time. Real-time: yes.
+    /// Judges a command of the controller, which has `time` for its motion. Real-time: yes.
     pub fn command(
         &mut self,
-        sequence: u64,
+        time: f64,
         disp: impl Iterator<Item = f64> + Clone,
     ) -> Result<(), Trip> {
-        let commands = self
-            .last
-            .map_or(1, |last| sequence.saturating_sub(last).max(1));
-        self.watch.tick_is(self.period_s * commands as f64);
+        self.watch.tick_is(time);
         let found = self.watch.command(disp.clone());
         if let Some(hit) = found.trip {
             return Err(Trip::Announced(hit));
         }
-        self.last = Some(sequence);
         self.watch.sent(disp);
         Ok(())
     }
@@ -146,6 +133,13 @@ mod tests {
         );
         let farther = [&back[..], &[(76, -37.6)]].concat();
         assert_eq!(told(&farther).0, Some(Quantity::MeasuredForce));
+        assert_eq!(
+            told(&[(3, 1.9)]).0,
+            None,
+            "the first three were lost on the way"
+        );
+        let (trip, _) = told(&[(0, 0.0), (1_000_000_000_000, 45.0)]);
+        assert_eq!(trip, Some(Quantity::CommandVel), "no time for so many");
         let (trip, _) = told(&[(0, 0.0), (200, 50.1)]);
         assert_eq!(trip, Some(Quantity::CommandDisp));
     }

@@ -25,20 +25,55 @@ impl Station {
         for warning in self.doubts(&introduction)? {
             self.note(NoteLevel::Warning, "warning", &warning);
         }
-        if let Some(text) = elsewhere(&introduction.standing, &visitor.start) {
+        // What is measured is never quite what was commanded: the first command is judged as a step from there.
+        if !introduction.measured
+            && let Some(text) = elsewhere(&introduction.standing, &visitor.start)
+        {
             return Err(text);
         }
-        let mut start = visitor.start.clone();
-        start.resize(self.units.len(), 0.0);
+        let start = self.start(visitor, &introduction);
+        self.stands = visitor.start.is_empty().then(|| start.clone());
+        if visitor.start.is_empty() && start.iter().any(|disp| *disp != 0.0) {
+            told.push(format!(
+                "the specimen stands at {}: the first command is judged as a step from there",
+                self.in_words(&start)
+            ));
+        }
         if let ProbeSettings::Motion { amplitude, pace } = self.probe.clone() {
             told.push(self.try_direction(&start, &amplitude, pace)?);
         }
         self.arm(visitor.first_sequence, &start)?;
+        if introduction.measured && introduction.standing.len() == start.len() {
+            self.watch
+                .stands_at(metres(&self.units, &introduction.standing));
+        }
         self.rig.at_rest(&mut self.measured);
         match not_finite(&self.measured.disp, &self.measured.force) {
             Some(axis) => Err(format!("axis {}: the force at rest is no number", axis + 1)),
             None => Ok(told),
         }
+    }
+
+    /// Where the first command leads away from: where the controller says that it will be, else where the specimen says
+    /// that it stands, else what it is found at.
+    fn start(&mut self, visitor: &Visitor, introduction: &Introduction) -> Vec<f64> {
+        let axes = self.units.len();
+        for known in [&visitor.start, &introduction.standing] {
+            if known.len() == axes {
+                return known.clone();
+            }
+        }
+        self.rig.at_rest(&mut self.measured);
+        self.measured.disp.clone()
+    }
+
+    /// A place, axis after axis.
+    pub(super) fn in_words(&self, place: &[f64]) -> String {
+        let axes = place.iter().zip(&self.units);
+        let words: Vec<_> = axes
+            .map(|(disp, units)| format!("{disp:?} {}", units.disp))
+            .collect();
+        words.join(", ")
     }
 
     /// What the specimen says of itself beside what is believed of it.
@@ -130,6 +165,9 @@ impl Station {
         self.watch.stands_at(metres(&self.units, start));
         if let Some(announced) = &mut self.announced {
             announced.begin(metres(&self.units, start));
+        }
+        if let Some(allowed) = &mut self.allowed {
+            allowed.begin(sequence);
         }
         self.rig.arm(sequence, start).map_err(|fault| {
             let why = self.rig.complaint().unwrap_or_default();

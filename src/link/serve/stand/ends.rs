@@ -2,8 +2,9 @@
 
 use super::{End, Stand};
 use crate::link::rig::{Close, Trip};
+use crate::link::serve::greet;
 use crate::wire::WireError;
-use crate::wire::handshake::{self, Bye, Control, TEXT_LIMIT};
+use crate::wire::handshake::{self, Bye, Control, Refuse, TEXT_LIMIT};
 use crate::wire::native::{Cause, Notice};
 
 /// What ends a session, or a frame that failed a check.
@@ -49,29 +50,48 @@ impl Stand {
     }
 
     /// The answer to the arming was lost: it is given again. A later one, after commands that only tried the specimen:
-    /// the test begins anew. Any other message now is the end.
-    pub(super) fn again_armed(&mut self, message: Vec<u8>) -> Result<(), Wrong> {
-        match handshake::decode(&message)? {
+    /// the test begins anew, where the specimen stands. Any other message now is the end.
+    pub(super) fn again_armed(&mut self, message: &[u8]) -> Result<(), Wrong> {
+        match handshake::decode(message)? {
+            Control::Arm(arm) if arm == self.armed => {}
             Control::Arm(arm) => {
-                let newest = self.pending.map(|(pending, ..)| pending).or(self.sequence);
-                let is_new = newest.is_some_and(|newest| arm.first_sequence > newest);
-                if is_new && arm.disp.len() == self.disp.len() {
-                    self.station
-                        .begin_again(arm.first_sequence, &arm.disp)
-                        .map_err(End::failed)?;
-                    (self.sequence, self.next_sequence) = (None, arm.first_sequence);
-                    self.line.armed(arm.first_sequence);
-                    (self.pending, self.sample_at) = (None, None);
-                    (self.time, self.dt) = (0.0, 0.0);
+                if let Err(refuse) = greet::fits(&arm, self.armed.session, &self.disp) {
+                    return Err(Wrong::End(self.refused(refuse)));
                 }
-                let written = self.encoder.control(&message, &mut self.out);
-                Ok(self.send(written)?)
+                let newest = self.pending.map(|(pending, ..)| pending).or(self.sequence);
+                if arm.first_sequence <= newest.unwrap_or(self.armed.first_sequence) {
+                    // An earlier one, late.
+                    return Ok(());
+                }
+                self.station
+                    .begin_again(arm.first_sequence, &arm.disp)
+                    .map_err(End::failed)?;
+                (self.sequence, self.next_sequence) = (None, arm.first_sequence);
+                self.line.armed(arm.first_sequence);
+                (self.pending, self.sample_at) = (None, None);
+                (self.time, self.dt) = (0.0, 0.0);
+                self.armed = arm;
             }
-            other => Err(Wrong::End(End::failed(format_args!(
-                "the controller sent {}",
-                other.name()
-            )))),
+            other => {
+                return Err(Wrong::End(End::failed(format_args!(
+                    "the controller sent {}",
+                    other.name()
+                ))));
+            }
         }
+        let written = self.encoder.control(message, &mut self.out);
+        Ok(self.send(written)?)
+    }
+
+    /// The controller hears why it is not armed again, and that this is the end.
+    fn refused(&mut self, refuse: Refuse) -> End {
+        let text = refuse.text.clone();
+        if let Ok(message) = handshake::encode(&Control::Refuse(refuse)) {
+            let written = self.encoder.control(&message, &mut self.out);
+            // Who does not hear it sees the connection close.
+            let _ = self.send(written);
+        }
+        End::failed(format_args!("refused: {text}"))
     }
 
     /// The specimen across the other link is gone: the controller hears why, and that this is the end.

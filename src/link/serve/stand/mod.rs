@@ -5,9 +5,11 @@
 //! same course as one in process, to the last bit. A formula gets every command; a specimen across another link gets the
 //! newest of those that came while it was busy, never a burst of them.
 
+mod commands;
 mod ends;
 mod watch;
 
+use commands::Moves;
 use ends::Wrong;
 use std::net::SocketAddr;
 use std::sync::atomic::Ordering;
@@ -17,12 +19,13 @@ use super::line::Line;
 use super::{Desk, Heard};
 use crate::link::Transport;
 use crate::link::inbox::Inbox;
-use crate::link::rig::{Close, Station, Trip};
+use crate::link::rig::{Close, Station};
 use crate::record::NoteLevel;
-use crate::substructure::{Command, LinkFault, Measurement, Status};
+use crate::substructure::{LinkFault, Measurement, Status};
 use crate::time::Nanos;
 use crate::wire::WireError;
-use crate::wire::native::{Cause, CommandFrame, Decoder, Encoder, Frame, LARGEST_FRAME, Moment};
+use crate::wire::handshake::Arm;
+use crate::wire::native::{Cause, Decoder, Encoder, Frame, LARGEST_FRAME};
 
 /// The specimen and its controller.
 pub(super) struct Stand {
@@ -37,6 +40,8 @@ pub(super) struct Stand {
     period_ns: u64,
     spin_ns: u64,
     sample_after_ns: Option<u64>,
+    /// What the controller asked for last, and was granted.
+    armed: Arm,
     /// The command in force.
     sequence: Option<u64>,
     next_sequence: u64,
@@ -94,6 +99,8 @@ impl Stand {
         } = session;
         let axes = station.axes();
         let now = line.now();
+        let mut station = station;
+        station.now_is(now);
         Self {
             line,
             inbox,
@@ -111,7 +118,8 @@ impl Stand {
             next_sequence: arm.first_sequence,
             time: 0.0,
             dt: 0.0,
-            disp: vec![0.0; axes],
+            disp: arm.disp.clone(),
+            armed: arm,
             vel: vec![0.0; axes],
             new_disp: vec![0.0; axes],
             new_vel: vec![0.0; axes],
@@ -258,8 +266,19 @@ impl Stand {
         match received.frame {
             Frame::Command(command) => {
                 let newest = self.pending.map(|(pending, ..)| pending).or(self.sequence);
-                let moves = Self::read(&command, newest, &mut self.new_disp, &mut self.new_vel)?;
+                let first = self.armed.first_sequence;
+                let (disp, vel) = (&mut self.new_disp, &mut self.new_vel);
+                let moves = Self::read(&command, first, newest, disp, vel)?;
                 let (sequence, time, dt) = (command.sequence(), command.time(), command.dt());
+                if !(0.0..=self.longest(sequence)).contains(&dt) {
+                    let (field, index) = ("command dt", 0);
+                    let found = dt;
+                    return Err(Wrong::Wire(WireError::Range {
+                        field,
+                        index,
+                        found,
+                    }));
+                }
                 match moves {
                     Moves::Overtaken => {}
                     // Its answer is on its way.
@@ -277,115 +296,12 @@ impl Stand {
             Frame::Goodbye(_) => {
                 return Err(Wrong::End(End::failed("the controller said goodbye")));
             }
-            Frame::Control(message) => self.again_armed(message.to_vec())?,
+            Frame::Control(message) => {
+                let message = message.to_vec();
+                self.again_armed(&message)?;
+            }
         }
         Ok(())
-    }
-
-    fn read(
-        command: &CommandFrame<'_>,
-        in_force: Option<u64>,
-        disp: &mut [f64],
-        vel: &mut [f64],
-    ) -> Result<Moves, WireError> {
-        match in_force {
-            Some(newest) if command.sequence() < newest => Ok(Moves::Overtaken),
-            Some(newest) if command.sequence() == newest => Ok(Moves::Again),
-            _ => command.read(disp, vel).map(|()| Moves::On),
-        }
-    }
-
-    /// A new command is in force.
-    fn go(
-        &mut self,
-        sequence: u64,
-        time: f64,
-        dt: f64,
-        now: Nanos,
-        desk: &Desk,
-    ) -> Result<(), End> {
-        if self.sample_at.is_some() {
-            // Faster than agreed: what the command before gave is sampled now, not lost.
-            self.answer(now)?;
-        }
-        if self.holding {
-            self.holding = false;
-            desk.tell(Heard::Resumed { sequence });
-        }
-        self.paused = false;
-        let gap = sequence.saturating_sub(self.next_sequence);
-        self.missed = self
-            .missed
-            .saturating_add(u32::try_from(gap).unwrap_or(u32::MAX));
-        self.next_sequence = sequence.saturating_add(1);
-        let first = self.sequence.is_none();
-        let stays = !first
-            && dt == 0.0
-            && self.dt == 0.0
-            && self.new_disp == self.disp
-            && self.new_vel == self.vel;
-        if !first && !stays {
-            self.station.commit();
-        }
-        // Over a gap the motion took as long as all the steps that were lost, too.
-        let dt_here = if gap == 0 || first {
-            dt
-        } else {
-            (time - self.time).max(dt)
-        };
-        std::mem::swap(&mut self.disp, &mut self.new_disp);
-        std::mem::swap(&mut self.vel, &mut self.new_vel);
-        (self.sequence, self.time, self.dt) = (Some(sequence), time, dt);
-        let command = Command {
-            sequence,
-            time,
-            dt,
-            disp: &self.disp,
-            vel: &self.vel,
-        };
-        let held = self.station.tripped().is_some();
-        let outcome = self.station.exchange(&command, dt_here, &mut self.measured);
-        self.flags = self.measured.status;
-        self.commands += 1;
-        self.arrived = now;
-        match outcome {
-            Err(trip @ Trip::Lost(_)) => return Err(self.lost_specimen(trip)),
-            Err(trip) if !held => {
-                let text = self.station.whole(trip);
-                desk.tell(Heard::Tripped { sequence, text });
-            }
-            Err(_) | Ok(()) => {}
-        }
-        match self.sample_after_ns {
-            Some(after) => {
-                self.sample_at = Some(now.plus(after));
-                Ok(())
-            }
-            // What a specimen across another link has measured is there only now; the controller was not silent meanwhile,
-            // it waited.
-            None if self.station.is_remote() => {
-                let now = self.line.now();
-                self.heard_at = now;
-                self.answer(now)
-            }
-            None => self.answer(now),
-        }
-    }
-
-    /// Sends the measurement of the command in force.
-    fn answer(&mut self, now: Nanos) -> Result<(), End> {
-        self.sample_at = None;
-        self.measured.sequence = self.sequence.unwrap_or_default();
-        self.measured.time = self.own_time(now);
-        self.measured.status = self.status();
-        let moment = Moment {
-            sampled_after: now.since(self.arrived) as f64 * 1e-9,
-            missed: self.missed,
-        };
-        let written = self
-            .encoder
-            .measurement(&self.measured, moment, &mut self.out);
-        self.send(written)
     }
 
     fn send(&mut self, written: Result<usize, WireError>) -> Result<(), End> {
@@ -395,12 +311,5 @@ impl Stand {
     }
 }
 
-/// What a command does.
-enum Moves {
-    /// It was overtaken on the way.
-    Overtaken,
-    /// It is in force already: answered again.
-    Again,
-    /// It is new.
-    On,
-}
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,99 @@
+//! What is said before the first command: sizes, and the questions that a server can answer. Nothing moves.
+
+use super::Remote;
+use crate::link::openfresco::asking::{Asking, Came, pause, send};
+use crate::link::openfresco::error::{Lost, RemoteError, Saying};
+use crate::link::openfresco::settings::{Peer, RemoteSettings};
+use crate::rt::os;
+use crate::substructure::{LinkFault, Measurement};
+use crate::time::Nanos;
+use crate::wire::openfresco::{Matrix, Reading};
+
+impl Remote {
+    pub(super) fn set_up(&mut self, until: Nanos) -> Result<(), RemoteError> {
+        let say = Saying::new(&self.settings, "the set-up");
+        let opening = self
+            .machine
+            .open()
+            .map_err(|error| say.wire(error))?
+            .to_vec();
+        let hello = opening.len() == 1;
+        self.send_raw(&opening).map_err(|fault| say.lost(fault))?;
+        if !hello && matches!(self.machine, Asking::Client(_)) {
+            return Ok(());
+        }
+        loop {
+            match self.hear(until) {
+                Ok(Came::Ready) => return Ok(()),
+                Ok(_) => {}
+                // Nobody has the port yet: the hello has certainly not arrived, so it may be sent again.
+                Err(Lost::Link(LinkFault::Closed))
+                    if hello && Nanos(os::monotonic_ns()) < until =>
+                {
+                    pause();
+                    self.send_raw(&opening).or_else(|fault| match fault {
+                        LinkFault::Closed => Ok(()),
+                        fault => Err(say.lost(fault)),
+                    })?;
+                }
+                Err(lost) => return Err(say.why(lost)),
+            }
+        }
+    }
+
+    pub(super) fn ask_stiffness(&mut self, until: Nanos) -> Result<(), RemoteError> {
+        let say = Saying::new(&self.settings, "the request for the initial stiffness");
+        let Self {
+            machine: Asking::Client(client),
+            link: Some(link),
+            ..
+        } = self
+        else {
+            return Ok(());
+        };
+        let bytes = client
+            .request_matrix(Matrix::InitialStiffness)
+            .map_err(|error| say.wire(error))?;
+        send(link.as_mut(), self.settings.carrier, bytes, bytes.len())
+            .map_err(|fault| say.lost(fault))?;
+        while self.hear(until).map_err(|lost| say.why(lost))? != Came::Matrix {}
+        let mut rows = vec![0.0; self.settings.axes * self.settings.axes];
+        if let Asking::Client(client) = &self.machine {
+            client.matrix(&mut rows).map_err(|error| say.wire(error))?;
+        }
+        self.initial_stiffness = Some(rows);
+        Ok(())
+    }
+
+    /// A force server measures when it is asked. An actor only gives back what it measured after a command, and an adapter
+    /// takes no request before one.
+    pub(super) fn can_tell_where_it_stands(&self) -> bool {
+        let RemoteSettings {
+            peer, daq, axes, ..
+        } = &self.settings;
+        matches!(peer, Peer::Element | Peer::Site) && daq.disp == *axes && daq.force == *axes
+    }
+
+    pub(super) fn ask_standing(&mut self, until: Nanos) -> Result<(), RemoteError> {
+        let say = Saying::new(&self.settings, "the request for where the specimen stands");
+        let Self {
+            machine: Asking::Client(client),
+            link: Some(link),
+            ..
+        } = self
+        else {
+            return Ok(());
+        };
+        let bytes = client
+            .request(Reading::All)
+            .map_err(|error| say.wire(error))?;
+        send(link.as_mut(), self.settings.carrier, bytes, bytes.len())
+            .map_err(|fault| say.lost(fault))?;
+        while self.hear(until).map_err(|lost| say.why(lost))? != Came::Signals {}
+        let mut measured = Measurement::zeros(self.settings.axes);
+        let filled = self.machine.measurement(&mut measured);
+        filled.map_err(|error| say.wire(error))?;
+        self.standing = Some(measured.disp);
+        Ok(())
+    }
+}

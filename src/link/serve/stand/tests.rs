@@ -1,0 +1,189 @@
+use crate::link::Transport;
+use crate::link::serve::{Host, Simulated};
+use crate::specimen::SpecimenLaw;
+use crate::substructure::{Command, LinkFault, Measurement, Status};
+use crate::time::{Clock, SimClock};
+use crate::wire::Side;
+use crate::wire::handshake::{
+    self, Arm, Axis, Control, Hello, Limits, RefuseCode, Sampling, Unit, Versions, layout_hash,
+};
+use crate::wire::native::{Decoder, Encoder, Frame, LARGEST_FRAME};
+
+/// A controller of 1000 commands a second, armed at zero for command 0, of a spring of 8 N/mm.
+struct Controller {
+    end: Simulated,
+    clock: SimClock,
+    encoder: Encoder,
+    decoder: Decoder,
+    session: u64,
+    out: Vec<u8>,
+}
+
+impl Controller {
+    fn armed(limits: &str) -> Self {
+        let axis = Axis {
+            name: "axis 1".to_owned(),
+            disp_unit: Unit::Metre,
+            force_unit: Unit::Newton,
+            limits: Limits::NONE,
+        };
+        let build = || {
+            let text = "law = { linear = { stiffness_n_per_m = 8000.0 } }";
+            let law: SpecimenLaw = toml::from_str(text).unwrap();
+            Ok(law.build(1).unwrap())
+        };
+        let host = Host::new("rig".into(), vec![axis.clone()], Box::new(build)).unwrap();
+        let host = host.limited(vec![toml::from_str(limits).unwrap()]);
+        let clock = SimClock::new();
+        let mut one = Self {
+            end: Simulated::new(host, clock.clone(), 0, true),
+            clock,
+            encoder: Encoder::greeting(Side::Controller),
+            decoder: Decoder::greeting(Side::Specimen),
+            session: 0,
+            out: vec![0; LARGEST_FRAME],
+        };
+        let hello = Hello {
+            proof: [0; 32],
+            nonce: [7; 32],
+            layout: layout_hash(std::slice::from_ref(&axis)),
+            versions: Versions::OURS,
+            keyed: false,
+            rate_numerator: 1000,
+            rate_denominator: 1,
+            watchdog_s: 0.5,
+            sampling: Sampling::Reply,
+            software: "test".to_owned(),
+            name: "test".to_owned(),
+            axes: vec![axis],
+        };
+        let Some(Control::Welcome(welcome)) = one.ask(&Control::Hello(hello)) else {
+            panic!("not welcome");
+        };
+        assert_eq!(welcome.standing, [0.0]);
+        one.session = welcome.session;
+        one.encoder = Encoder::new(Side::Controller, 1, welcome.session, None).unwrap();
+        one.decoder = Decoder::new(Side::Specimen, 1, welcome.session, None).unwrap();
+        assert!(matches!(one.arm(0, 0.0), Some(Control::Arm(_))));
+        one
+    }
+
+    fn send(&mut self, length: usize) {
+        self.end.send(&self.out[..length]).unwrap();
+    }
+
+    fn hear(&mut self) -> Result<Option<Vec<u8>>, LinkFault> {
+        let mut buffer = vec![0; LARGEST_FRAME];
+        let until = self.clock.now().plus(1_000_000);
+        let count = self.end.recv(&mut buffer, until)?;
+        Ok(count.map(|count| buffer[..count].to_vec()))
+    }
+
+    fn ask(&mut self, control: &Control) -> Option<Control> {
+        let message = handshake::encode(control).unwrap();
+        let length = self.encoder.control(&message, &mut self.out).unwrap();
+        self.send(length);
+        let frame = self.hear().unwrap()?;
+        match self.decoder.open(&frame).unwrap().frame {
+            Frame::Control(message) => Some(handshake::decode(message).unwrap()),
+            other => panic!("{other:?}"),
+        }
+    }
+
+    fn arm(&mut self, first_sequence: u64, disp: f64) -> Option<Control> {
+        self.ask(&Control::Arm(Arm {
+            session: self.session,
+            first_sequence,
+            disp: vec![disp],
+        }))
+    }
+
+    /// The measurement that is answered, if anything is.
+    fn told(
+        &mut self,
+        sequence: u64,
+        disp: f64,
+        dt: f64,
+    ) -> Result<Option<Measurement>, LinkFault> {
+        let command = Command {
+            sequence,
+            time: 0.0,
+            dt,
+            disp: &[disp],
+            vel: &[0.0],
+        };
+        let length = self.encoder.command(&command, &mut self.out).unwrap();
+        self.send(length);
+        let Some(frame) = self.hear()? else {
+            return Ok(None);
+        };
+        let mut into = Measurement::zeros(1);
+        match self.decoder.open(&frame).unwrap().frame {
+            Frame::Measurement(measurement) => measurement.read(&mut into).unwrap(),
+            other => panic!("{other:?}"),
+        }
+        Ok(Some(into))
+    }
+
+    /// The status that is answered, if anything is.
+    fn command(&mut self, sequence: u64, disp: f64, dt: f64) -> Result<Option<Status>, LinkFault> {
+        Ok(self.told(sequence, disp, dt)?.map(|into| {
+            assert_eq!((into.sequence, into.disp[0]), (sequence, disp));
+            into.status
+        }))
+    }
+}
+
+const FINE: Result<Option<Status>, LinkFault> = Ok(Some(Status(0)));
+
+#[test]
+fn a_second_arm_must_name_the_place_where_the_specimen_stands() {
+    for (before, place) in [(None, 0.05), (Some(0.0), 0.05), (Some(0.001), 0.0)] {
+        let mut controller = Controller::armed("command_step_m = { trip = 0.002 }");
+        if let Some(disp) = before {
+            assert_eq!(controller.command(0, disp, 0.001), FINE);
+        }
+        match controller.arm(10, place) {
+            Some(Control::Refuse(refuse)) => assert_eq!(refuse.code, RefuseCode::Position),
+            other => panic!("{other:?}"),
+        }
+        assert_eq!(controller.hear(), Err(LinkFault::Closed));
+    }
+}
+
+#[test]
+fn a_command_from_before_the_second_arm_moves_nothing() {
+    let mut controller = Controller::armed("");
+    assert_eq!(controller.command(0, 0.001, 0.001), FINE);
+    let again = controller.arm(10, 0.001);
+    assert!(matches!(again, Some(Control::Arm(_))), "{again:?}");
+    assert_eq!(controller.command(9, 0.5, 0.001), Ok(None));
+    let repeated = controller.arm(10, 0.001);
+    assert!(matches!(repeated, Some(Control::Arm(_))), "{repeated:?}");
+    assert_eq!(controller.arm(5, 0.001), None, "an earlier one, late");
+    assert_eq!(controller.command(10, 0.001, 0.001), FINE);
+}
+
+#[test]
+fn test_time_that_cannot_be_ends_the_session() {
+    for dt in [-1e-3, 1e13, 2.0] {
+        let mut controller = Controller::armed("");
+        assert_eq!(controller.command(0, 0.0, 0.001), FINE);
+        assert_eq!(
+            controller.command(1, 0.0, dt),
+            Err(LinkFault::Closed),
+            "{dt}"
+        );
+    }
+}
+
+#[test]
+fn a_speed_is_judged_by_the_announced_rate_whatever_test_time_is_said() {
+    let mut controller = Controller::armed("command_vel_m_per_s = { trip = 0.1 }");
+    assert_eq!(controller.command(0, 0.0, 0.9), FINE);
+    assert_eq!(controller.command(1, 0.00009, 1e-6), FINE, "slow motion");
+    assert_eq!(controller.command(2, 0.00018, 0.9), FINE);
+    let into = controller.told(3, 0.00208, 0.9).unwrap().unwrap();
+    assert!(into.status.has(Status::INTERLOCK));
+    assert_eq!(into.disp, [0.00018], "it did not go there");
+}
