@@ -1,0 +1,59 @@
+//! What the proof of stability and the modes know of specimens: damping between the steps, inertia a step late, stiffness that
+//! is none.
+
+use super::*;
+use crate::config::{Facts, build};
+
+/// One mass in m, all of whose stiffness and damping are those of a specimen.
+fn one(time: &str, mass: f64, rest: &str) -> String {
+    format!(
+        "[time]\nstep_s = 0.01\nduration_s = 1\n{time}\n[structure.matrices]\nmass = [[{mass}]]\nstiffness = [[0]]\n\
+         [excitation.ground_acceleration.signal.sine]\namplitude = 1\nfrequency_hz = 1\n[[specimen]]\nname = \"it\"\n\
+         rows = [[1]]\n{rest}\n"
+    )
+}
+
+fn facts(text: &str) -> Facts {
+    build(&accepted(text, &[]))
+        .unwrap_or_else(|error| panic!("{error}"))
+        .facts
+}
+
+fn limit(text: &str) -> Option<f64> {
+    let structure = facts(text).structure.unwrap();
+    structure.choice.unwrap().limit
+}
+
+fn refusal(text: &str) -> String {
+    build(&accepted(text, &[])).unwrap_err().to_string()
+}
+
+#[test]
+fn damping_of_a_specimen_counts_more_in_a_sawtooth_between_the_steps() {
+    let (mass, k, c, dt) = (200.0, 2e6, 4e4, 0.01);
+    let law = format!("law.linear = {{ stiffness_n_per_m = {k}, damping_n_s_per_m = {c} }}");
+    for (order, counts) in [(1, 1.0), (2, 2.0), (3, 10.0 / 3.0)] {
+        let time = format!("ticks_per_step = 10\nprediction_order = {order}");
+        let pull = dt * dt * k - 4.0 * mass + 2.0 * dt * (counts - 1.0) * c;
+        let expected = (pull > 0.0).then(|| 4.0 * dt * dt * k / pull);
+        let found = limit(&one(&time, mass, &law));
+        match (found, expected) {
+            (None, None) => assert_eq!(order, 1),
+            // The bisection stops at a relative 1e-11.
+            (Some(found), Some(expected)) => {
+                assert!((found / expected - 1.0).abs() < 1e-10, "{found} {expected}");
+            }
+            _ => panic!("{order}: {found:?}, not {expected:?}"),
+        }
+    }
+    // In whole steps it is the integrator's own velocity that is commanded.
+    assert_eq!(limit(&one("prediction_order = 3", mass, &law)), None);
+    let asked = format!(
+        "{}[integrator]\nlambda = 8\n",
+        one("ticks_per_step = 2", mass, &law)
+    );
+    let warnings = build(&accepted(&asked, &[])).unwrap().warnings.to_string();
+    for words in ["above the limit 4.0000", "once with `prediction_order = 1`"] {
+        assert!(warnings.contains(words), "{warnings}");
+    }
+}
