@@ -57,3 +57,14 @@ fn damping_of_a_specimen_counts_more_in_a_sawtooth_between_the_steps() {
         assert!(warnings.contains(words), "{warnings}");
     }
 }
+
+#[test]
+fn a_structure_that_runs_away_stops_without_being_asked_to() {
+    let bound = |text: &str, sets: &[&str]| {
+        let prepared = build(&accepted(text, sets)).unwrap();
+        prepared.experiment.limits.divergence
+    };
+    assert_eq!(bound(GOOD, &[]), 1e3);
+    assert_eq!(bound(GOOD, &["safety.divergence_m=0.5"]), 0.5);
+    assert_eq!(bound(PRESCRIBED, &[]), f64::MAX);
+}
