@@ -118,6 +118,7 @@ mod tests {
             stiffness_bound: one(k_max),
             dt,
             apart: None,
+            late_mass: None,
         };
         let axis = Part {
             name: "specimen".into(),
@@ -162,6 +163,7 @@ mod tests {
             stiffness_bound: chain(6e5, 2e5),
             dt,
             apart: None,
+            late_mass: None,
         };
         let axis = Part {
             name: "one".into(),

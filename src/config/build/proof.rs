@@ -90,6 +90,7 @@ pub(super) fn choose(
         stiffness_bound: bounds.stiffness,
         dt: site.loaded.time.step.value(),
         apart: apart.cloned(),
+        late_mass: specimens.late_mass(structure.dofs()),
     };
     let stiffness_bound = Some(proof.stiffness_bound.clone());
     match (
@@ -237,6 +238,7 @@ pub(super) fn warn_of_limit(
         stiffness_bound: bounds.stiffness,
         dt: site.loaded.time.step.value(),
         apart: None,
+        late_mass: specimens.late_mass(structure.dofs()),
     };
     if !proof.holds(lambda) {
         let headline = format!(
@@ -269,6 +271,12 @@ fn advised(mut finding: Finding, specimens: &Specimens) -> Finding {
         finding = finding.help(format!(
             "specimen \"{name}\" is damped and moved between the steps: in a sawtooth its damping counts twice or more, and once \
              with `prediction_order = 1` in [time]"
+        ));
+    }
+    if let Some(name) = specimens.heavy() {
+        finding = finding.help(format!(
+            "the inertia in the force of specimen \"{name}\" is a step late: its `mass_in_force_kg` takes from the mass of the \
+             structure"
         ));
     }
     finding

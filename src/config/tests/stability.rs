@@ -59,6 +59,37 @@ fn damping_of_a_specimen_counts_more_in_a_sawtooth_between_the_steps() {
 }
 
 #[test]
+fn inertia_in_a_measured_force_takes_from_the_mass_and_lowers_the_frequency() {
+    let (mass, late, k, dt): (f64, f64, f64, f64) = (20.0, 19.0, 2e5, 0.01);
+    let rest = format!("mass_in_force_kg = {late}\nlaw.linear = {{ stiffness_n_per_m = {k} }}");
+    let text = one("", mass, &rest);
+    let expected = 4.0 * dt * dt * k / (dt * dt * k - 4.0 * (mass - late));
+    let found = limit(&text).unwrap();
+    assert!((found / expected - 1.0).abs() < 1e-10, "{found} {expected}");
+    let structure = facts(&text).structure.unwrap();
+    let omega = (k / (mass + late)).sqrt();
+    let analysis = structure.analysis.unwrap();
+    let modes = analysis.modes(dt, structure.lambda.unwrap());
+    for found in [
+        structure.frequencies[0],
+        modes[0].frequency,
+        analysis.highest().unwrap(),
+    ] {
+        assert!((found / omega - 1.0).abs() < 1e-9, "{found} {omega}");
+    }
+    // More of it than the structure and its stiffness make up for: no member of the family is stable.
+    let soft = text
+        .replace("kg = 19", "kg = 21")
+        .replace("2e5", "0")
+        .replace("200000", "0");
+    let refusal = refusal(&soft);
+    assert!(
+        refusal.contains("`mass_in_force_kg` takes from the mass"),
+        "{refusal}"
+    );
+}
+
+#[test]
 fn a_structure_that_runs_away_stops_without_being_asked_to() {
     let bound = |text: &str, sets: &[&str]| {
         let prepared = build(&accepted(text, sets)).unwrap();

@@ -119,6 +119,12 @@ impl Specimens {
         named.map(|entry| entry.name.as_str()).collect()
     }
 
+    /// The first specimen with inertia inside its force.
+    pub(in crate::config::build) fn heavy(&self) -> Option<&str> {
+        let found = self.0.iter().find(|entry| entry.mass_in_force != 0.0);
+        found.map(|entry| entry.name.as_str())
+    }
+
     /// Σ Bᵀ m B of the masses whose inertia is inside the measured forces.
     pub(in crate::config::build) fn mass_in_force(&self, dofs: usize) -> SymMatrix {
         let masses: Vec<Rows> = self
@@ -137,6 +143,11 @@ impl Specimens {
             index += 1;
             masses.get(index - 1)
         })
+    }
+
+    /// The same; none where there are no such masses.
+    pub(in crate::config::build) fn late_mass(&self, dofs: usize) -> Option<SymMatrix> {
+        self.heavy().map(|_| self.mass_in_force(dofs))
     }
 
     fn gathered<'a>(
