@@ -90,6 +90,38 @@ fn inertia_in_a_measured_force_takes_from_the_mass_and_lowers_the_frequency() {
 }
 
 #[test]
+fn a_stiffness_that_falls_is_refused_and_a_body_that_moves_freely_is_not() {
+    let text = |last: &str, more: &str| {
+        format!(
+            "[time]\nstep_s = 0.01\nduration_s = 1\n[structure.matrices]\nmass = [[1000, 0], [0, 1000]]\n\
+             stiffness = [[1e5, -1e5], [-1e5, {last}]]\n[excitation.ground_acceleration.signal.sine]\namplitude = 1\n\
+             frequency_hz = 1\n{more}"
+        )
+    };
+    let refused = refusal(&text("0.9e5", ""));
+    assert!(
+        refused.contains("the stiffness has a negative eigenvalue"),
+        "{refused}"
+    );
+    assert!(refused.contains("stiffness = [[1e5, -1e5]"), "{refused}");
+    facts(&text("1e5", ""));
+    // A spring beside it holds it; a law that begins with a falling branch is warned of.
+    let element = |stiffness: &str| {
+        format!(
+            "[[structure.element]]\nfrom = \"ground\"\nto = 2\nlaw.linear = {{ stiffness_n_per_m = {stiffness} }}\n"
+        )
+    };
+    let held = facts(&text("0.9e5", &element("3e4")));
+    assert!(
+        held.warnings
+            .iter()
+            .all(|text| !text.contains("eigenvalue")),
+        "{:?}",
+        held.warnings
+    );
+}
+
+#[test]
 fn a_structure_that_runs_away_stops_without_being_asked_to() {
     let bound = |text: &str, sets: &[&str]| {
         let prepared = build(&accepted(text, sets)).unwrap();
