@@ -122,6 +122,49 @@ fn a_stiffness_that_falls_is_refused_and_a_body_that_moves_freely_is_not() {
 }
 
 #[test]
+fn what_is_tied_to_the_inertial_frame_wants_absolute_coordinates() {
+    let tied = GOOD.replace(
+        "[excitation.ground",
+        "[[structure.element]]\nfrom = \"fixed\"\nto = 3\nlaw.viscous.damping_n_s_per_m = 1e3\n[excitation.ground",
+    );
+    let said = read(&tied, &[]).unwrap_err().to_string();
+    for words in [
+        "from = \"fixed\"",
+        "tied to the inertial frame",
+        "relative coordinates",
+        "`base_displacement`",
+    ] {
+        assert!(said.contains(words), "{said}");
+    }
+    let chain = "[time]\nstep_s = 0.01\nduration_s = 1\n[structure.chain]\ndofs = 3\nmass_kg = 1\nstiffness_n_per_m = 1e3\n\
+                 absolute_damper.viscous.damping_n_s_per_m = 1\n[excitation.MOVED.signal.sine]\namplitude = 1\nfrequency_hz = 1\n";
+    let said = read(&chain.replace("MOVED", "ground_acceleration"), &[])
+        .unwrap_err()
+        .to_string();
+    assert!(said.contains("absolute dampers are tied"), "{said}");
+    accepted(&chain.replace("MOVED", "base_displacement"), &[]);
+}
+
+#[test]
+fn inertia_in_a_force_wants_coordinates_that_move_with_the_ground() {
+    let heavy = |motion: &str| {
+        GOOD.replace("ground_acceleration", motion)
+            .replace("storey = 1\n", "storey = 1\nmass_in_force_kg = 10\n")
+    };
+    let said = read(&heavy("base_displacement"), &[])
+        .unwrap_err()
+        .to_string();
+    for words in [
+        "mass_in_force_kg = 10",
+        "lacks its share of the base",
+        "absolute coordinates",
+    ] {
+        assert!(said.contains(words), "{said}");
+    }
+    accepted(&heavy("ground_acceleration"), &[]);
+}
+
+#[test]
 fn a_structure_that_runs_away_stops_without_being_asked_to() {
     let bound = |text: &str, sets: &[&str]| {
         let prepared = build(&accepted(text, sets)).unwrap();
