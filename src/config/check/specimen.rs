@@ -7,6 +7,7 @@ use crate::config::diagnose::Finding;
 use crate::config::document::KeyPath;
 use crate::config::specimen::SpecimenTable;
 use crate::config::value::MatrixValue;
+use crate::transfer::TransferSpec;
 
 /// One `[[specimen]]`.
 pub(super) fn check_specimen(
@@ -129,7 +130,31 @@ pub(super) fn check_specimen(
     findings.positive(similitude.key("length"), Some(specimen.similitude.length));
     findings.positive(similitude.key("force"), Some(specimen.similitude.force));
     findings.positive(similitude.key("time"), Some(specimen.similitude.time));
+    check_time(specimen, at, findings);
     check_axes(specimen, axes, at, findings);
+}
+
+/// A simulated actuator makes the velocity of its specimen itself, and knows the time of the test alone.
+fn check_time(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
+    if specimen.similitude.time == 1.0 {
+        return;
+    }
+    for (key, spec) in [
+        ("transfer", &specimen.transfer),
+        ("stand_in_transfer", &specimen.stand_in_transfer),
+    ] {
+        if spec.as_ref().is_some_and(TransferSpec::has_its_own_time) {
+            findings.0.push(
+                Finding::error(
+                    at.key(key),
+                    "a simulated actuator has no time of its own: `similitude.time` must be 1",
+                )
+                .at_key()
+                .label("follows in the time of the test")
+                .beside(at.key("similitude").key("time"), "the specimen has another"),
+            );
+        }
+    }
 }
 
 fn check_axes(

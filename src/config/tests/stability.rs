@@ -165,6 +165,23 @@ fn inertia_in_a_force_wants_coordinates_that_move_with_the_ground() {
 }
 
 #[test]
+fn an_actuator_that_lags_knows_the_time_of_the_test_alone() {
+    let with = |time: &str, transfer: &str| {
+        let more = format!("storey = 1\nsimilitude.time = {time}\ntransfer = {{ {transfer} }}\n");
+        read(&GOOD.replace("storey = 1\n", &more), &[])
+    };
+    for lags in [
+        "actuator.first_order.time_constant_s = 0.01",
+        "rate_limit_m_per_s = 1",
+    ] {
+        let said = with("2", lags).unwrap_err().to_string();
+        assert!(said.contains("`similitude.time` must be 1"), "{said}");
+        with("1", lags).unwrap();
+    }
+    with("2", "delay_s = 0.01").unwrap();
+}
+
+#[test]
 fn a_structure_that_runs_away_stops_without_being_asked_to() {
     let bound = |text: &str, sets: &[&str]| {
         let prepared = build(&accepted(text, sets)).unwrap();
