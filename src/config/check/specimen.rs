@@ -321,6 +321,36 @@ pub(super) fn check_names(specimens: &[SpecimenTable], findings: &mut Findings) 
     }
 }
 
+/// Noise that is meant to be independent, but comes of one seed.
+pub(super) fn check_seeds(specimens: &[SpecimenTable], findings: &mut Findings) {
+    let seed = |table: &SpecimenTable| {
+        let noisy = table.transfer.as_ref().filter(|spec| spec.is_noisy());
+        noisy.map(|spec| spec.seed)
+    };
+    for (index, specimen) in specimens.iter().enumerate() {
+        let Some(own) = seed(specimen) else { continue };
+        let before = specimens[..index].iter();
+        let Some(first) = before
+            .enumerate()
+            .find(|(_, other)| seed(other) == Some(own))
+        else {
+            continue;
+        };
+        let at = |index: usize| KeyPath::root().key("specimen").index(index).key("transfer");
+        let headline = format!(
+            "the sensors of `{}` and `{}` have the same noise, number by number",
+            first.1.name, specimen.name
+        );
+        findings.0.push(
+            Finding::warning(at(index), headline)
+                .at_key()
+                .label(format!("`seed` is {own}"))
+                .beside(at(first.0), "and here, too")
+                .help("give one of them another `seed`"),
+        );
+    }
+}
+
 fn counted(n: usize, one: &str, many: &str) -> String {
     format!("{n} {}", if n == 1 { one } else { many })
 }

@@ -182,6 +182,28 @@ fn an_actuator_that_lags_knows_the_time_of_the_test_alone() {
 }
 
 #[test]
+fn two_specimens_whose_noise_has_one_seed_are_told_of() {
+    let noisy = |first: &str, second: &str| {
+        let text = GOOD.replace(
+            "storey = 1\n",
+            &format!("storey = 1\ntransfer = {{ {first} }}\n"),
+        );
+        let other =
+            "[[specimen]]\nname = \"top\"\nstorey = 3\nlaw.linear.stiffness_n_per_m = 1e5\n";
+        let loaded = accepted(&format!("{text}{other}transfer = {{ {second} }}\n"), &[]);
+        Diagnostics(loaded.warnings.clone()).to_string()
+    };
+    let noise = "force_sensor.noise_rms_n = 2";
+    let said = noisy(noise, noise);
+    let words = "the sensors of `bottom` and `top` have the same noise";
+    assert!(said.contains(words), "{said}");
+    for other in ["delay_s = 0.01", "force_sensor.noise_rms_n = 2, seed = 1"] {
+        let said = noisy(noise, other);
+        assert!(!said.contains(words), "{said}");
+    }
+}
+
+#[test]
 fn a_structure_that_runs_away_stops_without_being_asked_to() {
     let bound = |text: &str, sets: &[&str]| {
         let prepared = build(&accepted(text, sets)).unwrap();
