@@ -28,6 +28,7 @@ fn refusal(text: &str) -> String {
     build(&accepted(text, &[])).unwrap_err().to_string()
 }
 
+/// λ (Δt² k − 4 m + 4 m_e + 2 Δt (r − 1) c) ≤ 4 Δt² k, if all of k and c are those of the specimen.
 #[test]
 fn damping_of_a_specimen_counts_more_in_a_sawtooth_between_the_steps() {
     let (mass, k, c, dt) = (200.0, 2e6, 4e4, 0.01);
