@@ -4,7 +4,7 @@ mod common;
 
 use std::sync::{Arc, Mutex};
 
-use common::engine::{Run, prepare, run_under};
+use common::engine::{Run, prepare, run, run_under};
 use common::spring::Spring;
 use gusset::control::{Axis, Order, Port, Stage};
 use gusset::engine::{Control, Operator, Phase};
@@ -214,4 +214,29 @@ fn in_a_hold_a_far_partner_is_told_nothing() {
         told_at_last > 0,
         "none of the holds began with a target that was not told"
     );
+}
+
+/// All stiffness and damping are those of the specimen: λ (Δt² k − 4 m + 2 Δt (r − 1) c) ≤ 4 Δt² k with r = 1, 2 or 10/3.
+#[test]
+fn at_the_limit_that_counts_the_velocities_between_the_steps_the_loop_begins_to_grow() {
+    let (mass, k, c) = (200.0, 2e6, 4e4);
+    for (order, counts) in [(2, 2.0), (3, 10.0 / 3.0)] {
+        let limit = 4.0 * DT * DT * k / (DT * DT * k - 4.0 * mass + 2.0 * DT * (counts - 1.0) * c);
+        let peak = |share: f64| {
+            let run = run(&format!(
+                "safety.ease_s = 0\n[time]\nstep_s = {DT}\nduration_s = 3\nclock = \"simulated\"\nticks_per_step = {TICKS}\n\
+                 prediction_order = {order}\n[integrator]\nlambda = {}\n[structure.matrices]\nmass = [[{mass}]]\n\
+                 stiffness = [[0]]\n[excitation.ground_acceleration.signal.sine]\namplitude = 2\nfrequency_hz = 1.5\n\
+                 [[specimen]]\nname = \"it\"\nrows = [[1]]\n\
+                 law.linear = {{ stiffness_n_per_m = {k}, damping_n_s_per_m = {c} }}\n",
+                share * limit
+            ));
+            let disp = run.column("x1");
+            disp.iter().fold(0.0, |most: f64, x| most.max(x.abs()))
+        };
+        // 200 kg · 2 m/s² on 2e6 N/m, and next to no amplification; growth by a per cent a step would make it twenty times.
+        let (below, above) = (peak(0.97), peak(1.3));
+        assert!(below < 1e-3, "{order}: {below}");
+        assert!(above > 10.0 * below, "{order}: {below} {above}");
+    }
 }

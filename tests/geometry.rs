@@ -340,6 +340,32 @@ fn check_tells_the_actuators_and_what_they_need() {
     );
 }
 
+/// A law at the end of an actuator that turns is another spring at every pose: the proof is of one of them.
+#[test]
+fn stability_with_laws_of_exact_actuators_is_that_of_the_reference_pose() {
+    let text = |at: &str| {
+        format!(
+            "[time]\nrate_hz = 25\nduration_s = 1\nclock = \"simulated\"\n[structure.matrices]\nmass = [[1000]]\n\
+             stiffness = [[2e4]]\n[structure]\ninitial_displacement_m = [0.01]\n[[specimen]]\nname = \"strut\"\nrows = [[1]]\n\
+             law.linear.stiffness_n_per_m = 1e4\n[specimen.geometry]\ncoordinates = [\"ux\"]\nlaw_at = \"{at}\"\n\
+             plane = [{{ base_m = [-0.1, -0.8], joint_m = [0, 0] }}]\n"
+        )
+    };
+    let home = tempfile::tempdir().unwrap();
+    for (at, told) in [("actuators", true), ("platform", false)] {
+        let test = write(home.path(), "test.toml", &text(at));
+        let said = say(["check".as_ref(), test.as_os_str()]);
+        assert_eq!(said.code, Some(0), "{}", said.stderr);
+        assert!(
+            said.stdout.contains("which is necessary and"),
+            "{}",
+            said.stdout
+        );
+        let alone = said.stdout.contains("at the reference pose alone");
+        assert_eq!(alone, told, "{}", said.stdout);
+    }
+}
+
 /// Two actuators side by side hold what is across them badly: 1/tan of half their angle, and worse as they get longer.
 #[test]
 fn a_weak_geometry_is_warned_of_with_its_pose() {

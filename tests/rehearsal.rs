@@ -255,6 +255,20 @@ fn a_test_that_would_stop_is_told() {
 }
 
 #[test]
+fn a_test_that_would_run_away_is_refused_without_a_bound_of_its_own() {
+    // λ = ∞ at Ω = 2.5: the sawtooth of a mode grows fourfold with every step.
+    let text = "[time]\nstep_s = 0.1\nduration_s = 5\nclock = \"simulated\"\n[integrator]\nlambda = inf\n\
+                [structure.shear_building]\nmass_kg = [1000]\nstiffness_n_per_m = [6.25e5]\n\
+                [excitation.ground_acceleration.signal.sine]\namplitude = 1\nfrequency_hz = 1\n";
+    let folder = tempfile::tempdir().unwrap();
+    let said = check(folder.path(), text, &[]);
+    assert_eq!(said.code, Some(2), "{}", said.stderr);
+    for words in ["the test would stop at", "diverged"] {
+        assert!(said.stderr.contains(words), "{words}: {}", said.stderr);
+    }
+}
+
+#[test]
 fn a_rehearsal_that_takes_too_long_says_how_far_it_came() {
     let folder = tempfile::tempdir().unwrap();
     let test = write(folder.path(), "test.toml", FRAME);

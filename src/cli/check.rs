@@ -12,6 +12,7 @@ use super::spectrum::Spectrum;
 use super::table::{Table, duration, quantity};
 use super::{answer, tell, warn};
 use crate::config::{self, ClockChoice, Facts, Prepared, StructureFacts};
+use crate::geometry::LawPlace;
 
 /// Checks one test.
 pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
@@ -219,11 +220,20 @@ fn describe(
             } else {
                 " — UNSTABLE at this λ"
             };
+            let turning = facts.limits.specimens.iter().any(|specimen| {
+                let exact = specimen.geometry.as_ref().filter(|geometry| geometry.exact);
+                exact.is_some_and(|geometry| geometry.law_at == LawPlace::Actuators)
+            });
+            let worth = if turning {
+                "which is necessary and\nsufficient at the reference pose alone: elsewhere exact actuators with laws of their own \
+                 are other springs"
+            } else {
+                "which is necessary and sufficient"
+            };
             table.row(
                 "stability",
                 &format!(
-                    "{limit}{margin}{verdict};\nby S(λ) ⪰ 0 at the declared bounds of all tangents, which is necessary and \
-                     sufficient"
+                    "{limit}{margin}{verdict};\nby S(λ) ⪰ 0 at the declared bounds of all tangents, {worth}"
                 ),
             );
             if let Some(governing) = &choice.governing {

@@ -156,6 +156,21 @@ impl RecursiveFir {
         }
     }
 
+    /// What of the past counts after this tick. It forgets no further than it began, or it would wind up where nothing moves:
+    /// then nothing is forgotten at all, for a variance that is cut back alone leaves no covariance.
+    fn forgets(&self, gain: &[f64; TAPS], scale: f64) -> f64 {
+        let variances = self.covariance.iter().enumerate();
+        let trace: f64 = variances
+            .zip(gain)
+            .map(|((i, row), gain)| row[i] - gain * gain / scale)
+            .sum();
+        if trace / self.forgetting > TAPS as f64 * self.variance {
+            1.0
+        } else {
+            self.forgetting
+        }
+    }
+
     fn slots(&mut self) -> impl Iterator<Item = &mut f64> {
         let estimated = self.theta.values.iter_mut().chain(&mut self.estimate);
         estimated
@@ -185,7 +200,7 @@ impl Compensator for RecursiveFir {
             *phi = self.measured.back(j * self.spacing);
         }
         let mut gain = [0.0; TAPS];
-        let (mut error, mut scale) = (u, self.forgetting);
+        let (mut error, mut seen) = (u, self.forgetting);
         for ((gain, row), (phi_i, estimate)) in gain
             .iter_mut()
             .zip(&self.covariance)
@@ -194,9 +209,11 @@ impl Compensator for RecursiveFir {
             for (p, phi) in row.iter().zip(&phi) {
                 *gain += p * phi;
             }
-            scale += *gain * phi_i;
+            seen += *gain * phi_i;
             error -= estimate * phi_i;
         }
+        let forgetting = self.forgets(&gain, seen);
+        let scale = seen + (forgetting - self.forgetting);
         // Positive but for roundoff.
         if !(scale.is_finite() && scale > 0.0 && error.is_finite()) {
             return;
@@ -206,10 +223,9 @@ impl Compensator for RecursiveFir {
         }
         for i in 0..TAPS {
             for j in 0..=i {
-                let value = (self.covariance[i][j] - gain[i] * gain[j] / scale) / self.forgetting;
-                // It forgets no further than it began: else it would wind up where nothing moves.
+                let value = (self.covariance[i][j] - gain[i] * gain[j] / scale) / forgetting;
                 let value = if i == j {
-                    value.clamp(1e-12 * self.variance, self.variance)
+                    value.max(1e-12 * self.variance)
                 } else {
                     value
                 };

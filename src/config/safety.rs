@@ -9,8 +9,8 @@ use crate::control::limits::BoundSpec;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SafetyTable {
-    /// Displacement of any DOF in m beyond which the test counts as diverged and stops. A value that is not finite
-    /// always stops it.
+    /// Displacement of any DOF of the structure in m beyond which the test counts as diverged and stops. A value that is
+    /// not finite always stops it. Absent: 1000.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub divergence_m: Option<f64>,
     /// Wall time in s over which every sensor is averaged before anything moves, while the specimens hold where they

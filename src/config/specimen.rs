@@ -51,7 +51,8 @@ pub struct SpecimenTable {
     /// Largest velocity of deformation expected in m/s: bounds the tangent of a nonlinear damper.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reach_vel_m_per_s: Option<f64>,
-    /// Mass in kg whose inertia is already in the measured force: it loads the structure but is not counted in M.
+    /// Mass in kg whose inertia is already in the measured force: it loads the structure but is not counted in M. The force is a
+    /// step late, so the proof of stability takes it from M. Not with a base displacement.
     #[serde(default)]
     pub mass_in_force_kg: f64,
     /// Scale of the specimen to the structure. Default: full scale.

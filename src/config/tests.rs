@@ -5,6 +5,7 @@ use super::*;
 mod certificate;
 mod keys;
 mod overrides;
+mod stability;
 mod values;
 
 const GOOD: &str = r#"# three storeys, the lowest in the laboratory

@@ -25,6 +25,8 @@ pub struct TimeTable {
     #[schemars(range(min = 1, max = 10_000))]
     pub ticks_per_step: u32,
     /// Order of the way between two targets, and of the prediction where the next one is not known yet: 1, 2 or 3.
+    /// With 2 and 3 the velocities at the targets are such that damping of a specimen counts 2 and 10/3 times in a sawtooth, which
+    /// lowers the limit of λ.
     #[serde(default = "second")]
     #[schemars(range(min = 1, max = 3))]
     pub prediction_order: u32,

@@ -13,6 +13,8 @@ use crate::model::Part;
 pub struct OnlineLimit {
     proof: StabilityProof,
     axes: Vec<Part>,
+    /// How much of the damping of each axis counts in a sawtooth; as it is where there is none.
+    sawtooths: Vec<f64>,
 }
 
 /// Largest λ that is stable.
@@ -42,7 +44,18 @@ impl OnlineLimit {
     /// From the proof at the declared bounds; `axes` are those of the specimens, whose bounds are in it.
     #[must_use]
     pub fn new(proof: StabilityProof, axes: Vec<Part>) -> Self {
-        Self { proof, axes }
+        Self {
+            proof,
+            axes,
+            sawtooths: Vec::new(),
+        }
+    }
+
+    /// The same where so much of the damping of each axis counts in a sawtooth, as in the bounds: its velocity is then not
+    /// that of the integrator.
+    #[must_use]
+    pub fn with_sawtooths(self, sawtooths: Vec<f64>) -> Self {
+        Self { sawtooths, ..self }
     }
 
     /// The limit with tangent stiffness in N/m and tangent damping in N s/m of every axis, in order; where there is no
@@ -51,12 +64,14 @@ impl OnlineLimit {
     pub fn limit(&self, tangents: impl IntoIterator<Item = (f64, Option<f64>)>) -> LambdaLimit {
         let n = self.proof.mass.n();
         let (mut stiffness, mut damping) = (Vec::new(), Vec::new());
-        for (axis, (k, c)) in self.axes.iter().zip(tangents) {
+        let counts = self.sawtooths.iter().copied();
+        let counts = counts.chain(std::iter::repeat(1.0));
+        for ((axis, count), (k, c)) in self.axes.iter().zip(counts).zip(tangents) {
             if k.is_finite() {
                 outer(&axis.row, k - axis.stiffness_bound, &mut stiffness);
             }
             if let Some(c) = c.filter(|c| c.is_finite()) {
-                outer(&axis.row, c - axis.damping_bound, &mut damping);
+                outer(&axis.row, count * c - axis.damping_bound, &mut damping);
             }
         }
         let mut proof = self.proof.clone();
@@ -103,6 +118,7 @@ mod tests {
             stiffness_bound: one(k_max),
             dt,
             apart: None,
+            late_mass: None,
         };
         let axis = Part {
             name: "specimen".into(),
@@ -125,6 +141,11 @@ mod tests {
         let unknown = online.limit([(f64::NAN, None)]).value();
         assert!((unknown / at_bounds - 1.0).abs() < 1e-10);
         assert_eq!(online.limit([(1e4, None)]), LambdaLimit::Every);
+        // Where twice its damping counts, half of it leaves as much room.
+        let twice = online.with_sawtooths(vec![2.0]);
+        let found = twice.limit([(6e5, Some(c_max / 2.0))]).value();
+        let expected = 4.0 * dt * dt * k0 / (dt * dt * 6e5 - 4.0 * m - 2.0 * dt * (c0 - c_max));
+        assert!((found / expected - 1.0).abs() < 1e-10, "{found} {expected}");
     }
 
     #[test]
@@ -142,6 +163,7 @@ mod tests {
             stiffness_bound: chain(6e5, 2e5),
             dt,
             apart: None,
+            late_mass: None,
         };
         let axis = Part {
             name: "one".into(),

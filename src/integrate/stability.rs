@@ -6,6 +6,9 @@
 //! S(λ) = 4 M + 2 Δt (C0 − C_t) + (4 Δt²/λ) K0 − Δt² K_t ⪰ 0
 //! ```
 //!
+//! Mass m inside a measured force, whose acceleration is the second difference of the commands and so a step late, is not in M
+//! and takes 4 Σ m bᵀb from S.
+//!
 //! S grows as λ falls, so the largest admissible λ is found by bisection on one question that every storage of
 //! [`Spd`] answers: is S positive definite? It needs no modes; for one degree of freedom it is equation (41) of
 //! Gui et al. (2014), for linear systems (33). Tangents during a run are not watched here.
@@ -45,6 +48,8 @@ pub struct StabilityProof {
     pub stiffness_bound: SymMatrix,
     /// Δt in s.
     pub dt: f64,
+    /// Mass whose inertia is inside the measured forces: not in M, and a step late. Nothing if there is none.
+    pub late_mass: Option<SymMatrix>,
     /// Elements or modes with a λ of their own: every λ asked for and found here is then that of the rest of K0.
     pub apart: Option<Apart>,
 }
@@ -173,6 +178,10 @@ impl StabilityProof {
             .plus(-2.0 * self.dt, &self.damping_bound)
             .plus(-square / gain, &self.stiffness)
             .plus(-square, &self.stiffness_bound);
+        let terms = match &self.late_mass {
+            Some(late) => terms.plus(-4.0, late),
+            None => terms,
+        };
         match &self.apart {
             Some(apart) => terms.plus(self.per_inverse(), apart.settled()),
             None => terms,
@@ -298,7 +307,8 @@ impl StabilityProof {
         if !(total > 0.0 && total.is_finite()) {
             return None;
         }
-        let moving = self.mass.quadratic(&shape);
+        let late = self.late_mass.as_ref();
+        let moving = self.mass.quadratic(&shape) + late.map_or(0.0, |late| late.quadratic(&shape));
         let frequency = (self.stiffness_bound.quadratic(&shape) / moving).sqrt();
         let frequency = if moving > 0.0 {
             frequency

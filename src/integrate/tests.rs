@@ -147,6 +147,7 @@ fn random_proof() -> impl Strategy<Value = StabilityProof> {
                     stiffness,
                     dt,
                     apart: None,
+                    late_mass: None,
                 }
             })
     })

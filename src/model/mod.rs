@@ -42,7 +42,8 @@ pub enum End {
     Dof(usize),
     /// The base: moves with it under base displacement, rests in relative coordinates.
     Ground,
-    /// The inertial frame: never moves. In relative coordinates the same as the ground.
+    /// The inertial frame: never moves. In coordinates that move with the ground nothing is known of it; here it is the ground
+    /// there, and test files may not have it so.
     Fixed,
 }
 

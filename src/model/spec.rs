@@ -76,7 +76,7 @@ pub struct ChainSpec {
     /// Each dashpot in N s/m, the one to the base included.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub damping_n_s_per_m: Option<f64>,
-    /// A damper between each mass and the inertial frame, acting on absolute velocity.
+    /// A damper between each mass and the inertial frame, acting on absolute velocity; not with a ground acceleration.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub absolute_damper: Option<LawSpec>,
 }
@@ -211,7 +211,7 @@ impl JsonSchema for End {
 
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
         json_schema!({
-            "description": "A degree of freedom counted from 1, \"ground\" (moves with the base) or \"fixed\" (the inertial frame)",
+            "description": "A degree of freedom counted from 1, \"ground\" (moves with the base) or \"fixed\" (the inertial frame, not with a ground acceleration)",
             "anyOf": [
                 { "type": "integer", "minimum": 1 },
                 { "type": "string", "enum": ["ground", "fixed"] }

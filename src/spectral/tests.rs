@@ -347,6 +347,16 @@ fn at_the_critical_delay_the_characteristic_matrix_of_a_frame_is_singular() {
 }
 
 #[test]
+fn inertia_in_the_force_as_large_as_that_of_the_structure_bears_no_delay() {
+    let mut system = one(0.05, 0.5);
+    for (share, bears) in [(0.99, true), (1.0, false), (1.5, false)] {
+        (system.specimen_mass, system.mass[(0, 0)]) = (1.2 * share, 1.2);
+        let found = continuous(&system).unwrap().unwrap();
+        assert_eq!(found.delay > 0.0, bears, "{share}: {found:?}");
+    }
+}
+
+#[test]
 fn inertia_in_the_specimens_force_is_delayed_with_it() {
     let mut system = one(0.02, 0.5);
     (system.specimen_mass, system.mass[(0, 0)]) = (0.4, 1.6);

@@ -205,6 +205,20 @@ impl TransferSpec {
         }
     }
 
+    /// True if it makes velocities of its own: an actuator that lags, or a limit of speed.
+    #[must_use]
+    pub fn has_its_own_time(&self) -> bool {
+        let lags = match &self.actuator {
+            None | Some(ActuatorSpec::Proportional(_)) => false,
+            Some(
+                ActuatorSpec::FirstOrder(_)
+                | ActuatorSpec::SecondOrder(_)
+                | ActuatorSpec::ServoHydraulic(_),
+            ) => true,
+        };
+        lags || self.rate_limit_m_per_s.is_some()
+    }
+
     /// True if a sensor is noisy: no two seeds are the same.
     #[must_use]
     pub fn is_noisy(&self) -> bool {

@@ -100,6 +100,7 @@ pub(super) fn limits() -> Vec<Check> {
         stiffness_bound: tridiagonal(n, STIFFNESS),
         dt: DT,
         apart: None,
+        late_mass: None,
     };
     vec![
         Check::holds(

@@ -215,6 +215,7 @@ pub(super) fn transition(
             stiffness_bound: scalar(k),
             dt,
             apart: None,
+            late_mass: None,
         },
         lambda,
     )?;

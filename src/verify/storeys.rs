@@ -60,6 +60,7 @@ impl TwoStoreys {
             stiffness_bound: Self::matrix(tangents),
             dt,
             apart: None,
+            late_mass: None,
         }
     }
 

@@ -225,15 +225,33 @@ impl Analysis {
         }
     }
 
+    /// M with the mass whose inertia is in the forces of specimens.
+    fn moved_mass(&self) -> SymMatrix {
+        let n = self.mass.n();
+        let moving = self.specimens.iter().flat_map(|specimen| {
+            let mass = specimen.mass_in_force;
+            let squares = specimen.rows.iter().flat_map(move |row| {
+                let each = row
+                    .iter()
+                    .flat_map(move |a| row.iter().map(move |b| (a, b)));
+                each.map(move |(a, b)| (a.0, b.0, mass * a.1 * b.1))
+            });
+            // One triangle says it all.
+            squares.filter(move |(i, j, mass)| *mass != 0.0 && i >= j)
+        });
+        self.mass.plus(1.0, &SymMatrix::from_triplets(n, moving))
+    }
+
     /// Modes at rest, ascending, and what the recursion at Δt and λ makes of them: α holds K0 and C0, which may differ from
-    /// the tangents. All of a small structure, the lowest of a large one. Modal damping is the diagonal of Φᵀ C0 Φ. Empty
-    /// if there are no real modes.
+    /// the tangents. All of a small structure, the lowest of a large one. Modal damping is the diagonal of Φᵀ C0 Φ. Inertia in
+    /// the forces of specimens counts as mass, as it does at low frequencies. Empty if there are no real modes.
     #[must_use]
     pub fn modes(&self, dt: f64, lambda: Lambda) -> Vec<ModeFacts> {
-        let modes = if self.mass.n() <= ALL_MODES {
-            linalg::modes(&self.at_rest, &self.mass)
+        let mass = self.moved_mass();
+        let modes = if mass.n() <= ALL_MODES {
+            linalg::modes(&self.at_rest, &mass)
         } else {
-            linalg::lowest_modes(&self.at_rest, &self.mass, LOWEST)
+            linalg::lowest_modes(&self.at_rest, &mass, LOWEST)
         };
         let Ok(modes) = modes else {
             return Vec::new();
@@ -297,19 +315,8 @@ impl Analysis {
     /// a small structure, the lowest of a large one; empty if there are no real modes.
     #[must_use]
     pub fn delayed_modes(&self) -> Vec<DelayedMode> {
-        let n = self.mass.n();
-        let moving = self.specimens.iter().flat_map(|specimen| {
-            let mass = specimen.mass_in_force;
-            let squares = specimen.rows.iter().flat_map(move |row| {
-                let each = row
-                    .iter()
-                    .flat_map(move |a| row.iter().map(move |b| (a, b)));
-                each.map(move |(a, b)| (a.0, b.0, mass * a.1 * b.1))
-            });
-            // One triangle says it all.
-            squares.filter(move |(i, j, mass)| *mass != 0.0 && i >= j)
-        });
-        let mass = self.mass.plus(1.0, &SymMatrix::from_triplets(n, moving));
+        let mass = self.moved_mass();
+        let n = mass.n();
         let modes = if n <= ALL_MODES {
             linalg::modes(&self.stiffness, &mass)
         } else {
@@ -336,6 +343,6 @@ impl Analysis {
     /// The highest natural frequency at rest in rad/s; none if a massless degree of freedom leaves it without a bound.
     #[must_use]
     pub fn highest(&self) -> Option<f64> {
-        linalg::highest_frequency(&self.at_rest, &self.mass)
+        linalg::highest_frequency(&self.at_rest, &self.moved_mass())
     }
 }

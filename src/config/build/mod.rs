@@ -256,7 +256,11 @@ fn numerical(
     let at_rest = structure
         .stiffness_at_rest()
         .plus(1.0, &specimens.stiffness_at_rest(n));
-    let frequencies = structure::frequencies(&at_rest, structure.mass());
+    structure::definite(site, &structure, [&at_rest, &initial_stiffness])?;
+    let frequencies = match specimens.late_mass(n) {
+        Some(late) => structure::frequencies(&at_rest, &structure.mass().plus(1.0, &late)),
+        None => structure::frequencies(&at_rest, structure.mass()),
+    };
     let method = site.loaded.file.integrator.method;
     let initial = method::Initial {
         damping: &initial_damping,

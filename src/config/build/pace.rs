@@ -9,6 +9,9 @@ const REPLY_TIMEOUT_NS: u64 = 5_000_000_000;
 /// Stale measurements in a row after which a test stops.
 const STALE_IN_A_ROW: u64 = 10;
 
+/// No structure moves as far as this: a response that does is one of the integration.
+const DIVERGENCE_M: f64 = 1e3;
+
 /// How steps and ticks of the controller belong together.
 pub(super) fn pacing(file: &TestFile, time: Time) -> Pacing {
     let ticks = |seconds: f64| (seconds / time.period.value()).ceil();
@@ -37,7 +40,10 @@ pub(super) fn limits(file: &TestFile, time: Time) -> Limits {
         stale_in_a_row: STALE_IN_A_ROW,
         reply_timeout_ns: REPLY_TIMEOUT_NS,
         warmup_ticks: timing.warmup(time.period.value()),
-        divergence: file.safety.divergence_m.unwrap_or(f64::MAX),
+        divergence: match &file.structure {
+            Some(_) => file.safety.divergence_m.unwrap_or(DIVERGENCE_M),
+            None => f64::MAX,
+        },
         test: super::safety::test_limits(file, &time),
     }
 }

@@ -90,6 +90,7 @@ pub(super) fn choose(
         stiffness_bound: bounds.stiffness,
         dt: site.loaded.time.step.value(),
         apart: apart.cloned(),
+        late_mass: specimens.late_mass(structure.dofs()),
     };
     let stiffness_bound = Some(proof.stiffness_bound.clone());
     match (
@@ -100,7 +101,7 @@ pub(super) fn choose(
     ) {
         (Ok(choice), _) => {
             if !choice.is_stable() {
-                let finding = unstable(&choice);
+                let finding = advised(unstable(&choice), specimens);
                 beyond(site, finding)?;
             }
             let by_number = request.is_some();
@@ -116,7 +117,8 @@ pub(super) fn choose(
             })
         }
         (Err(error), Some(lambda)) => {
-            beyond(site, Finding::warning(lambda_path(), error.to_string()))?;
+            let finding = Finding::warning(lambda_path(), error.to_string());
+            beyond(site, advised(finding, specimens))?;
             Ok(Proven {
                 lambda,
                 by_number: true,
@@ -138,11 +140,12 @@ pub(super) fn choose(
                 return site.refuse(finding);
             }
             let finding = Finding::error(lambda_path(), error.to_string());
-            site.refuse(finding.help(if apart.is_some() {
+            let finding = finding.help(if apart.is_some() {
                 "a smaller lambda for what has one of its own, a smaller step, or a larger estimate of what hardens"
             } else {
                 "a smaller step, or a larger estimate of what hardens"
-            }))
+            });
+            site.refuse(advised(finding, specimens))
         }
     }
 }
@@ -151,7 +154,7 @@ pub(super) fn choose(
 fn online(proof: StabilityProof, specimens: &Specimens) -> Option<OnlineLimit> {
     let parts = specimens.parts();
     let wanted = !parts.is_empty() && proof.mass.n() <= MOST_ONLINE;
-    wanted.then(|| OnlineLimit::new(proof, parts))
+    wanted.then(|| OnlineLimit::new(proof, parts).with_sawtooths(specimens.sawtooths()))
 }
 
 /// How soft S(λ) is along every axis: the room that is left for tangents beyond their bounds.
@@ -235,6 +238,7 @@ pub(super) fn warn_of_limit(
         stiffness_bound: bounds.stiffness,
         dt: site.loaded.time.step.value(),
         apart: None,
+        late_mass: specimens.late_mass(structure.dofs()),
     };
     if !proof.holds(lambda) {
         let headline = format!(
@@ -259,6 +263,23 @@ fn unstable(choice: &LambdaChoice) -> Finding {
         choice.lambda
     );
     Finding::warning(lambda_path(), headline).help("`lambda = \"auto\"` takes one that is stable")
+}
+
+/// With what of the specimens counts for more than it seems to.
+fn advised(mut finding: Finding, specimens: &Specimens) -> Finding {
+    if let Some(name) = specimens.overcounted().first() {
+        finding = finding.help(format!(
+            "specimen \"{name}\" is damped and moved between the steps: in a sawtooth its damping counts twice or more, and once \
+             with `prediction_order = 1` in [time]"
+        ));
+    }
+    if let Some(name) = specimens.heavy() {
+        finding = finding.help(format!(
+            "the inertia in the force of specimen \"{name}\" is a step late: its `mass_in_force_kg` takes from the mass of the \
+             structure"
+        ));
+    }
+    finding
 }
 
 /// Storeys, elements and specimens; those of a structure whose bounds are known.

@@ -8,7 +8,7 @@ mod sums;
 
 use super::gear::Rows;
 use super::{Refused, Site, links, path, safety};
-use crate::config::Finding;
+use crate::config::{Finding, Loaded};
 use crate::control::limits::LimitsSpec;
 use crate::control::{Axis, Believed, Declared, Direction, Order, Pace, Port, Trend, WaitRules};
 use crate::geometry::Geometry;
@@ -40,6 +40,8 @@ struct Entry {
     mass: Rows,
     /// Upper bounds of the tangents; the axis (from 0) whose reach is missing otherwise.
     bounds: Result<(Rows, Rows), usize>,
+    /// How much of its damping counts in a sawtooth of period 2 steps, in parts of that at the integrator's own velocity.
+    sawtooth: f64,
     mass_in_force: f64,
 }
 
@@ -74,6 +76,15 @@ pub(super) fn specimens(site: &mut Site<'_>) -> Result<Specimens, Refused> {
         entries.push(entry(site, index, table)?);
     }
     Ok(Specimens(entries))
+}
+
+/// Order of the way between two targets.
+fn order(loaded: &Loaded) -> Order {
+    match loaded.file.time.prediction_order {
+        1 => Order::Linear,
+        2 => Order::Quadratic,
+        _ => Order::Cubic,
+    }
 }
 
 /// When the code of a specimen is to break down; never in a rehearsal.
@@ -273,11 +284,7 @@ impl Specimens {
                     let per_step = table.link.as_ref().is_some_and(links::is_per_step);
                     let ticks = if per_step { time.ticks_per_step } else { 1 };
                     let tick = time.period.value() * f64::from(ticks);
-                    let order = match site.loaded.file.time.prediction_order {
-                        1 => Order::Linear,
-                        2 => Order::Quadratic,
-                        _ => Order::Cubic,
-                    };
+                    let order = order(site.loaded);
                     let mut port = port
                         .with_limits(limits, entry.units, tick)
                         .with_pace(per_step, order)

@@ -4,7 +4,7 @@ use super::specimens::Specimens;
 use super::{Refused, Site, path};
 use crate::config::{Finding, KeyPath};
 use crate::integrate::{GuiError, State};
-use crate::linalg::{self, MatrixError, SymMatrix};
+use crate::linalg::{self, MatrixError, Spd, SymMatrix};
 use crate::model::{
     BuildError, MatrixFiles, ModelError, SpecimenShare, Structure, StructureSpec, parse_matrix,
 };
@@ -232,6 +232,57 @@ pub(super) fn vector(
             site.refuse(Finding::error(path("structure").key(key), text))
         }
     }
+}
+
+/// Beyond this share of its own diagonal a negative stiffness is none of roundoff, nor of six printed digits.
+const INDEFINITE: f64 = 1e-6;
+
+/// True if a stiffness has no negative eigenvalue; bodies that move freely have one of zero.
+fn is_held(stiffness: &SymMatrix) -> bool {
+    let n = stiffness.n();
+    let largest = (0..n).fold(0.0, |most: f64, i| most.max(stiffness.get(i, i).abs()));
+    let little = |i: usize| match stiffness.get(i, i).abs() {
+        0.0 if stiffness.row_is_zero(i) => largest.max(1.0),
+        own => own,
+    };
+    let little: Vec<f64> = (0..n).map(|i| INDEFINITE * little(i)).collect();
+    Spd::factor(&stiffness.plus(1.0, &SymMatrix::diagonal(&little))).is_ok()
+}
+
+/// What grows instead of swinging at rest: refused where it is a matrix of the structure that no element and no specimen makes up
+/// for, warned of where a law begins with a falling branch, or something that is not yet in touch may hold it.
+pub(super) fn definite(
+    site: &mut Site<'_>,
+    structure: &Structure,
+    [at_rest, initial]: [&SymMatrix; 2],
+) -> Result<(), Refused> {
+    if is_held(at_rest) {
+        return Ok(());
+    }
+    let kinds = site.loaded.file.structure.as_ref().map(|s| s.kinds());
+    let kind = kinds.and_then(|kinds| kinds.first().map(|kind| kind.0));
+    let at = path("structure").key(kind.unwrap_or("matrices"));
+    if !is_held(structure.stiffness()) && !is_held(initial) {
+        let place = given(site, &at, "stiffness");
+        let finding = Finding::error(
+            place,
+            "the stiffness has a negative eigenvalue: the structure would fall instead of swing",
+        );
+        let finding = finding
+            .help("a spring between two DOFs adds to both on the diagonal what it takes beside it");
+        return site.refuse(finding);
+    }
+    let finding = Finding::warning(
+        path("structure"),
+        "the stiffness at rest has a negative eigenvalue: the response grows until something holds it",
+    );
+    let finding = finding.at_key();
+    site.warnings.push(
+        finding.help(
+            "the tangents of all laws at zero count; the choice of lambda says nothing of this",
+        ),
+    );
+    Ok(())
 }
 
 /// The lowest natural frequencies in rad/s; fewer, or none, where they are not cheap to find.

@@ -8,6 +8,7 @@ use crate::config::document::KeyPath;
 use crate::config::excitation::{ExcitationTable, PrescribedPlace};
 use crate::config::schema::TestFile;
 use crate::config::suggest::{listed, nearest};
+use crate::model::{End, StructureSpec};
 
 /// The whole of `[excitation]`.
 pub(super) fn check_excitation(file: &TestFile, findings: &mut Findings) {
@@ -24,6 +25,7 @@ pub(super) fn check_excitation(file: &TestFile, findings: &mut Findings) {
                 .help("one moves the coordinates with the ground, the other does not: displacements would mean nothing"),
         );
     }
+    check_frames(file, findings);
     for (index, force) in excitation.nodal_force.iter().enumerate() {
         let at = at.key("nodal_force").index(index);
         let given: Vec<_> = [
@@ -55,6 +57,55 @@ pub(super) fn check_excitation(file: &TestFile, findings: &mut Findings) {
         }
     } else {
         check_prescribed(file, &at, findings);
+    }
+}
+
+/// What is tied to the inertial frame, or measured in it, where the coordinates are others.
+fn check_frames(file: &TestFile, findings: &mut Findings) {
+    let root = KeyPath::root();
+    let at = root.key("excitation");
+    if file.excitation.ground_acceleration.is_some()
+        && let Some(structure) = &file.structure
+    {
+        let mut fixed = Vec::new();
+        for (index, element) in structure.element.iter().enumerate() {
+            for (key, end) in [("from", element.from), ("to", element.to)] {
+                if end == End::Fixed {
+                    let element = root.key("structure").key("element").index(index);
+                    fixed.push((element.key(key), "an element is tied to the inertial frame"));
+                }
+            }
+        }
+        if let Some(StructureSpec::Chain(chain)) = &structure.chain
+            && chain.absolute_damper.is_some()
+        {
+            let chain = root.key("structure").key("chain");
+            fixed.push((
+                chain.key("absolute_damper"),
+                "absolute dampers are tied to the inertial frame",
+            ));
+        }
+        for (place, headline) in fixed {
+            findings.0.push(
+                Finding::error(place, format!("{headline}, and the coordinates move with the ground"))
+                    .label("sees a motion that is not known")
+                    .beside(at.key("ground_acceleration"), "relative coordinates")
+                    .help("`base_displacement` moves the base in absolute coordinates; \"ground\" moves with it"),
+            );
+        }
+    }
+    if file.excitation.base_displacement.is_some() {
+        for (index, specimen) in file.specimen.iter().enumerate() {
+            if specimen.mass_in_force_kg > 0.0 {
+                let place = root.key("specimen").index(index).key("mass_in_force_kg");
+                findings.0.push(
+                    Finding::error(place, "the inertia in the measured force is that of the relative motion alone")
+                        .label("lacks its share of the base's acceleration")
+                        .beside(at.key("base_displacement"), "absolute coordinates")
+                        .help("`ground_acceleration` loads the structure with the mass of the specimen, too"),
+                );
+            }
+        }
     }
 }
 

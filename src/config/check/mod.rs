@@ -14,7 +14,7 @@ mod specimen;
 use certificate::{check_certificate, check_known};
 use excitation::check_excitation;
 use limits::{check_limits, check_required};
-use specimen::{check_names, check_specimen};
+use specimen::{check_names, check_seeds, check_specimen};
 
 use super::diagnose::Finding;
 use super::document::{Datum, KeyPath, Node};
@@ -80,6 +80,7 @@ pub(crate) fn check(file: &TestFile) -> Vec<Finding> {
         &mut findings,
     );
     check_names(&file.specimen, &mut findings);
+    check_seeds(&file.specimen, &mut findings);
     let remote = file.specimen.iter().any(|specimen| specimen.link.is_some());
     if remote && file.timing.on_miss == OnMiss::CatchUp && !file.timing.catch_up_remote {
         let on_miss = root.key("timing").key("on_miss");

@@ -7,6 +7,7 @@ use crate::config::diagnose::Finding;
 use crate::config::document::KeyPath;
 use crate::config::specimen::SpecimenTable;
 use crate::config::value::MatrixValue;
+use crate::transfer::TransferSpec;
 
 /// One `[[specimen]]`.
 pub(super) fn check_specimen(
@@ -129,7 +130,31 @@ pub(super) fn check_specimen(
     findings.positive(similitude.key("length"), Some(specimen.similitude.length));
     findings.positive(similitude.key("force"), Some(specimen.similitude.force));
     findings.positive(similitude.key("time"), Some(specimen.similitude.time));
+    check_time(specimen, at, findings);
     check_axes(specimen, axes, at, findings);
+}
+
+/// A simulated actuator makes the velocity of its specimen itself, and knows the time of the test alone.
+fn check_time(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
+    if specimen.similitude.time == 1.0 {
+        return;
+    }
+    for (key, spec) in [
+        ("transfer", &specimen.transfer),
+        ("stand_in_transfer", &specimen.stand_in_transfer),
+    ] {
+        if spec.as_ref().is_some_and(TransferSpec::has_its_own_time) {
+            findings.0.push(
+                Finding::error(
+                    at.key(key),
+                    "a simulated actuator has no time of its own: `similitude.time` must be 1",
+                )
+                .at_key()
+                .label("follows in the time of the test")
+                .beside(at.key("similitude").key("time"), "the specimen has another"),
+            );
+        }
+    }
 }
 
 fn check_axes(
@@ -293,6 +318,36 @@ pub(super) fn check_names(specimens: &[SpecimenTable], findings: &mut Findings) 
                     .help("names tell their columns and files apart, without regard to case"),
             );
         }
+    }
+}
+
+/// Noise that is meant to be independent, but comes of one seed.
+pub(super) fn check_seeds(specimens: &[SpecimenTable], findings: &mut Findings) {
+    let seed = |table: &SpecimenTable| {
+        let noisy = table.transfer.as_ref().filter(|spec| spec.is_noisy());
+        noisy.map(|spec| spec.seed)
+    };
+    for (index, specimen) in specimens.iter().enumerate() {
+        let Some(own) = seed(specimen) else { continue };
+        let before = specimens[..index].iter();
+        let Some(first) = before
+            .enumerate()
+            .find(|(_, other)| seed(other) == Some(own))
+        else {
+            continue;
+        };
+        let at = |index: usize| KeyPath::root().key("specimen").index(index).key("transfer");
+        let headline = format!(
+            "the sensors of `{}` and `{}` have the same noise, number by number",
+            first.1.name, specimen.name
+        );
+        findings.0.push(
+            Finding::warning(at(index), headline)
+                .at_key()
+                .label(format!("`seed` is {own}"))
+                .beside(at(first.0), "and here, too")
+                .help("give one of them another `seed`"),
+        );
     }
 }
 

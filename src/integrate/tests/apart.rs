@@ -50,6 +50,7 @@ fn frame(apart: Option<Apart>) -> StabilityProof {
         stiffness,
         dt: DT,
         apart,
+        late_mass: None,
     }
 }
 
@@ -128,6 +129,7 @@ fn each_mode_moves_as_an_oscillator_of_its_own_lambda() {
         damping,
         stiffness,
         dt: DT,
+        late_mass: None,
     };
     let mut whole = gui(&proof, 3.0);
     let start = [0.01, -0.02, 0.03, 0.015];

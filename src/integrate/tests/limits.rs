@@ -46,6 +46,7 @@ fn a_changed_tangent_is_stable_up_to_the_published_bound() {
             stiffness_bound: scalar(k),
             dt,
             apart: None,
+            late_mass: None,
         };
         let largest = |k: f64| {
             let mut gui = sdof(1.0, c0, k0, dt, lambda, Start::Published);
@@ -92,6 +93,7 @@ impl TwoStoreys {
             stiffness_bound: storeys(&self.k),
             dt: 0.05,
             apart: None,
+            late_mass: None,
         }
     }
 
@@ -224,6 +226,7 @@ fn automatic_lambda_follows_its_rule_and_names_what_governs() {
             stiffness_bound: scalar(1e4),
             dt: 1.0,
             apart: None,
+            late_mass: None,
         };
         let limit = single.limit(gain, &[]).unwrap().unwrap();
         let exact = 4e4 / (1e4 * (1.0 + 1.0 / gain) - 4.0);
@@ -272,6 +275,7 @@ fn what_no_lambda_can_hold_is_an_error_with_a_name() {
         stiffness_bound: SymMatrix::diagonal(&[100.0, 0.0]),
         dt: 0.1,
         apart: None,
+        late_mass: None,
     };
     let damper = Part {
         name: "damper".to_owned(),

@@ -37,6 +37,7 @@ fn a_free_chain_drifts_straight_and_keeps_its_momentum() {
         stiffness_bound: k.clone(),
         dt: 0.2,
         apart: None,
+        late_mass: None,
     };
     let limit = proof.limit(f64::INFINITY, &[]).unwrap().unwrap();
     let w = crate::linalg::highest_frequency(&k, &proof.mass).unwrap();
@@ -141,6 +142,7 @@ fn the_limit_of_a_long_chain_is_that_of_its_highest_mode() {
         stiffness_bound: k,
         dt,
         apart: None,
+        late_mass: None,
     };
     let angle = (2 * n - 1) as f64 * PI / (2 * (2 * n + 1)) as f64;
     let o2 = 4.0 * libm::sin(angle) * libm::sin(angle) * dt * dt;

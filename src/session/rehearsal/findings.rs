@@ -58,11 +58,11 @@ impl Rehearsal {
                 root.key("safety").key(hit.quantity.key()),
                 format!("the test would stop at {at} s: {hit}"),
             )),
-            Curtain::Stopped(stop @ Stop::Diverged { .. })
-                if loaded.file.safety.divergence_m.is_some() =>
-            {
+            Curtain::Stopped(stop @ Stop::Diverged { .. }) => {
+                let given = loaded.file.safety.divergence_m;
+                let place = given.map(|_| root.key("safety").key("divergence_m"));
                 Some(Finding::error(
-                    root.key("safety").key("divergence_m"),
+                    place.unwrap_or(root),
                     format!("the test would stop at {at} s: {stop}"),
                 ))
             }

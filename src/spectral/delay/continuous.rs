@@ -76,6 +76,13 @@ pub fn continuous(system: &Delayed) -> Result<Option<Critical>, DelayError> {
         output += a.rows(n, n).transpose() * &row * (inertia * per_gain);
         through = inertia * per_gain * row.dot(&input.rows(n, n));
     }
+    if through >= 1.0 {
+        // At high frequencies the loop gain stays above one: no delay is short enough.
+        return Ok(Some(Critical {
+            delay: 0.0,
+            omega: f64::INFINITY,
+        }));
+    }
     let rest = 1.0 - through * through;
     a += &input * output.transpose() * (through / rest);
 

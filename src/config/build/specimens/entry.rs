@@ -5,9 +5,9 @@ use nalgebra::DMatrix;
 use super::super::gear::{Rows, axis, scaled};
 use super::super::{Refused, Site, links, path};
 use super::loading::{Loading, at_actuators, behind_actuators, loading};
-use super::{Entry, Stand, stand_in};
-use crate::config::{Finding, KeyPath, MatrixValue, SpecimenTable};
-use crate::control::Axis;
+use super::{Entry, Stand, order, stand_in};
+use crate::config::{Finding, KeyPath, Loaded, MatrixValue, SpecimenTable};
+use crate::control::{Axis, Order};
 use crate::law::Reach;
 use crate::linalg::SymMatrix;
 use crate::link::spec::Protocol;
@@ -146,8 +146,24 @@ pub(super) fn entry(
         stiffness_at_rest,
         mass,
         bounds,
+        sawtooth: sawtooth(site.loaded, table),
         mass_in_force,
     })
+}
+
+/// How much of a specimen's damping counts in a sawtooth. A way of ticks ends at its target with the slope ∇ + ∇²/2 + ∇³/3, as far
+/// as its order goes, and each difference of a sawtooth is twice the one before it; a specimen that is told its target alone
+/// is told the velocity ∇ of the integrator.
+fn sawtooth(loaded: &Loaded, table: &SpecimenTable) -> f64 {
+    let told_once = table.link.as_ref().is_some_and(links::is_per_step);
+    if loaded.time.ticks_per_step == 1 || told_once {
+        return 1.0;
+    }
+    match order(loaded) {
+        Order::Linear => 1.0,
+        Order::Quadratic => 2.0,
+        Order::Cubic => 10.0 / 3.0,
+    }
 }
 
 /// A law for so many axes, at the platform of its actuators if it stands there.

@@ -46,7 +46,8 @@ impl Specimens {
         self.gathered(dofs, |entry| Some(&entry.damping))
     }
 
-    /// Upper bounds of the tangents, or the specimen (from 0) whose law needs a declared reach.
+    /// Upper bounds of the tangents, the damping as it counts in a sawtooth; or the specimen (from 0) whose law needs a
+    /// declared reach.
     pub(in crate::config::build) fn bounds(
         &self,
         dofs: usize,
@@ -56,7 +57,14 @@ impl Specimens {
         }
         let bound = |entry: &Entry| entry.bounds.clone().ok();
         let stiffness: Vec<_> = self.0.iter().map(|e| bound(e).map(|b| b.0)).collect();
-        let damping: Vec<_> = self.0.iter().map(|e| bound(e).map(|b| b.1)).collect();
+        let counted = |entry: &Entry| {
+            let (_, mut damping) = bound(entry)?;
+            for value in damping.iter_mut().flatten() {
+                *value *= entry.sawtooth;
+            }
+            Some(damping)
+        };
+        let damping: Vec<_> = self.0.iter().map(counted).collect();
         let gather = |all: &[Option<Rows>]| {
             let mut index = 0;
             self.gathered(dofs, |_| {
@@ -86,11 +94,35 @@ impl Specimens {
                     row: axis.row.clone(),
                     stiffness_bound: stiffness[j][j],
                     damping: entry.damping[j][j],
-                    damping_bound: damping[j][j],
+                    damping_bound: entry.sawtooth * damping[j][j],
                 });
             }
         }
         parts
+    }
+
+    /// How much of the damping of each of those counts in a sawtooth.
+    pub(in crate::config::build) fn sawtooths(&self) -> Vec<f64> {
+        let bounded = self.0.iter().filter(|entry| entry.bounds.is_ok());
+        let each = bounded.flat_map(|entry| entry.axes.iter().map(|_| entry.sawtooth));
+        each.collect()
+    }
+
+    /// The specimens that are damped and of whose damping more counts, because ticks come between their targets.
+    pub(in crate::config::build) fn overcounted(&self) -> Vec<&str> {
+        let damped = |entry: &&Entry| match &entry.bounds {
+            Ok((_, damping)) => damping.iter().flatten().any(|c| *c != 0.0),
+            Err(_) => true,
+        };
+        let more = self.0.iter().filter(|entry| entry.sawtooth > 1.0);
+        let named = more.filter(damped);
+        named.map(|entry| entry.name.as_str()).collect()
+    }
+
+    /// The first specimen with inertia inside its force.
+    pub(in crate::config::build) fn heavy(&self) -> Option<&str> {
+        let found = self.0.iter().find(|entry| entry.mass_in_force != 0.0);
+        found.map(|entry| entry.name.as_str())
     }
 
     /// Σ Bᵀ m B of the masses whose inertia is inside the measured forces.
@@ -111,6 +143,11 @@ impl Specimens {
             index += 1;
             masses.get(index - 1)
         })
+    }
+
+    /// The same; none where there are no such masses.
+    pub(in crate::config::build) fn late_mass(&self, dofs: usize) -> Option<SymMatrix> {
+        self.heavy().map(|_| self.mass_in_force(dofs))
     }
 
     fn gathered<'a>(

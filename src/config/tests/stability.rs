@@ -1,0 +1,216 @@
+//! What the proof of stability and the modes know of specimens: damping between the steps, inertia a step late, stiffness that
+//! is none.
+
+use super::*;
+use crate::config::{Facts, build};
+
+/// One mass in m, all of whose stiffness and damping are those of a specimen.
+fn one(time: &str, mass: f64, rest: &str) -> String {
+    format!(
+        "[time]\nstep_s = 0.01\nduration_s = 1\n{time}\n[structure.matrices]\nmass = [[{mass}]]\nstiffness = [[0]]\n\
+         [excitation.ground_acceleration.signal.sine]\namplitude = 1\nfrequency_hz = 1\n[[specimen]]\nname = \"it\"\n\
+         rows = [[1]]\n{rest}\n"
+    )
+}
+
+fn facts(text: &str) -> Facts {
+    build(&accepted(text, &[]))
+        .unwrap_or_else(|error| panic!("{error}"))
+        .facts
+}
+
+fn limit(text: &str) -> Option<f64> {
+    let structure = facts(text).structure.unwrap();
+    structure.choice.unwrap().limit
+}
+
+fn refusal(text: &str) -> String {
+    build(&accepted(text, &[])).unwrap_err().to_string()
+}
+
+/// λ (Δt² k − 4 m + 4 m_e + 2 Δt (r − 1) c) ≤ 4 Δt² k, if all of k and c are those of the specimen.
+#[test]
+fn damping_of_a_specimen_counts_more_in_a_sawtooth_between_the_steps() {
+    let (mass, k, c, dt) = (200.0, 2e6, 4e4, 0.01);
+    let law = format!("law.linear = {{ stiffness_n_per_m = {k}, damping_n_s_per_m = {c} }}");
+    for (order, counts) in [(1, 1.0), (2, 2.0), (3, 10.0 / 3.0)] {
+        let time = format!("ticks_per_step = 10\nprediction_order = {order}");
+        let pull = dt * dt * k - 4.0 * mass + 2.0 * dt * (counts - 1.0) * c;
+        let expected = (pull > 0.0).then(|| 4.0 * dt * dt * k / pull);
+        let found = limit(&one(&time, mass, &law));
+        match (found, expected) {
+            (None, None) => assert_eq!(order, 1),
+            // The bisection stops at a relative 1e-11.
+            (Some(found), Some(expected)) => {
+                assert!((found / expected - 1.0).abs() < 1e-10, "{found} {expected}");
+            }
+            _ => panic!("{order}: {found:?}, not {expected:?}"),
+        }
+    }
+    // In whole steps it is the integrator's own velocity that is commanded.
+    assert_eq!(limit(&one("prediction_order = 3", mass, &law)), None);
+    let asked = format!(
+        "{}[integrator]\nlambda = 8\n",
+        one("ticks_per_step = 2", mass, &law)
+    );
+    let warnings = build(&accepted(&asked, &[])).unwrap().warnings.to_string();
+    for words in ["above the limit 4.0000", "once with `prediction_order = 1`"] {
+        assert!(warnings.contains(words), "{warnings}");
+    }
+}
+
+#[test]
+fn inertia_in_a_measured_force_takes_from_the_mass_and_lowers_the_frequency() {
+    let (mass, late, k, dt): (f64, f64, f64, f64) = (20.0, 19.0, 2e5, 0.01);
+    let rest = format!("mass_in_force_kg = {late}\nlaw.linear = {{ stiffness_n_per_m = {k} }}");
+    let text = one("", mass, &rest);
+    let expected = 4.0 * dt * dt * k / (dt * dt * k - 4.0 * (mass - late));
+    let found = limit(&text).unwrap();
+    assert!((found / expected - 1.0).abs() < 1e-10, "{found} {expected}");
+    let structure = facts(&text).structure.unwrap();
+    let omega = (k / (mass + late)).sqrt();
+    let analysis = structure.analysis.unwrap();
+    let modes = analysis.modes(dt, structure.lambda.unwrap());
+    for found in [
+        structure.frequencies[0],
+        modes[0].frequency,
+        analysis.highest().unwrap(),
+    ] {
+        assert!((found / omega - 1.0).abs() < 1e-9, "{found} {omega}");
+    }
+    // More of it than the structure and its stiffness make up for: no member of the family is stable.
+    let soft = text
+        .replace("kg = 19", "kg = 21")
+        .replace("2e5", "0")
+        .replace("200000", "0");
+    let refusal = refusal(&soft);
+    assert!(
+        refusal.contains("`mass_in_force_kg` takes from the mass"),
+        "{refusal}"
+    );
+}
+
+#[test]
+fn a_stiffness_that_falls_is_refused_and_a_body_that_moves_freely_is_not() {
+    let text = |last: &str, more: &str| {
+        format!(
+            "[time]\nstep_s = 0.01\nduration_s = 1\n[structure.matrices]\nmass = [[1000, 0], [0, 1000]]\n\
+             stiffness = [[1e5, -1e5], [-1e5, {last}]]\n[excitation.ground_acceleration.signal.sine]\namplitude = 1\n\
+             frequency_hz = 1\n{more}"
+        )
+    };
+    let refused = refusal(&text("0.9e5", ""));
+    assert!(
+        refused.contains("the stiffness has a negative eigenvalue"),
+        "{refused}"
+    );
+    assert!(refused.contains("stiffness = [[1e5, -1e5]"), "{refused}");
+    facts(&text("1e5", ""));
+    // A spring beside it holds it; a law that begins with a falling branch is warned of.
+    let element = |stiffness: &str| {
+        format!(
+            "[[structure.element]]\nfrom = \"ground\"\nto = 2\nlaw.linear = {{ stiffness_n_per_m = {stiffness} }}\n"
+        )
+    };
+    let held = facts(&text("0.9e5", &element("3e4")));
+    assert!(
+        held.warnings
+            .iter()
+            .all(|text| !text.contains("eigenvalue")),
+        "{:?}",
+        held.warnings
+    );
+}
+
+#[test]
+fn what_is_tied_to_the_inertial_frame_wants_absolute_coordinates() {
+    let tied = GOOD.replace(
+        "[excitation.ground",
+        "[[structure.element]]\nfrom = \"fixed\"\nto = 3\nlaw.viscous.damping_n_s_per_m = 1e3\n[excitation.ground",
+    );
+    let said = read(&tied, &[]).unwrap_err().to_string();
+    for words in [
+        "from = \"fixed\"",
+        "tied to the inertial frame",
+        "relative coordinates",
+        "`base_displacement`",
+    ] {
+        assert!(said.contains(words), "{said}");
+    }
+    let chain = "[time]\nstep_s = 0.01\nduration_s = 1\n[structure.chain]\ndofs = 3\nmass_kg = 1\nstiffness_n_per_m = 1e3\n\
+                 absolute_damper.viscous.damping_n_s_per_m = 1\n[excitation.MOVED.signal.sine]\namplitude = 1\nfrequency_hz = 1\n";
+    let said = read(&chain.replace("MOVED", "ground_acceleration"), &[])
+        .unwrap_err()
+        .to_string();
+    assert!(said.contains("absolute dampers are tied"), "{said}");
+    accepted(&chain.replace("MOVED", "base_displacement"), &[]);
+}
+
+#[test]
+fn inertia_in_a_force_wants_coordinates_that_move_with_the_ground() {
+    let heavy = |motion: &str| {
+        GOOD.replace("ground_acceleration", motion)
+            .replace("storey = 1\n", "storey = 1\nmass_in_force_kg = 10\n")
+    };
+    let said = read(&heavy("base_displacement"), &[])
+        .unwrap_err()
+        .to_string();
+    for words in [
+        "mass_in_force_kg = 10",
+        "lacks its share of the base",
+        "absolute coordinates",
+    ] {
+        assert!(said.contains(words), "{said}");
+    }
+    accepted(&heavy("ground_acceleration"), &[]);
+}
+
+#[test]
+fn an_actuator_that_lags_knows_the_time_of_the_test_alone() {
+    let with = |time: &str, transfer: &str| {
+        let more = format!("storey = 1\nsimilitude.time = {time}\ntransfer = {{ {transfer} }}\n");
+        read(&GOOD.replace("storey = 1\n", &more), &[])
+    };
+    for lags in [
+        "actuator.first_order.time_constant_s = 0.01",
+        "rate_limit_m_per_s = 1",
+    ] {
+        let said = with("2", lags).unwrap_err().to_string();
+        assert!(said.contains("`similitude.time` must be 1"), "{said}");
+        with("1", lags).unwrap();
+    }
+    with("2", "delay_s = 0.01").unwrap();
+}
+
+#[test]
+fn two_specimens_whose_noise_has_one_seed_are_told_of() {
+    let noisy = |first: &str, second: &str| {
+        let text = GOOD.replace(
+            "storey = 1\n",
+            &format!("storey = 1\ntransfer = {{ {first} }}\n"),
+        );
+        let other =
+            "[[specimen]]\nname = \"top\"\nstorey = 3\nlaw.linear.stiffness_n_per_m = 1e5\n";
+        let loaded = accepted(&format!("{text}{other}transfer = {{ {second} }}\n"), &[]);
+        Diagnostics(loaded.warnings.clone()).to_string()
+    };
+    let noise = "force_sensor.noise_rms_n = 2";
+    let said = noisy(noise, noise);
+    let words = "the sensors of `bottom` and `top` have the same noise";
+    assert!(said.contains(words), "{said}");
+    for other in ["delay_s = 0.01", "force_sensor.noise_rms_n = 2, seed = 1"] {
+        let said = noisy(noise, other);
+        assert!(!said.contains(words), "{said}");
+    }
+}
+
+#[test]
+fn a_structure_that_runs_away_stops_without_being_asked_to() {
+    let bound = |text: &str, sets: &[&str]| {
+        let prepared = build(&accepted(text, sets)).unwrap();
+        prepared.experiment.limits.divergence
+    };
+    assert_eq!(bound(GOOD, &[]), 1e3);
+    assert_eq!(bound(GOOD, &["safety.divergence_m=0.5"]), 0.5);
+    assert_eq!(bound(PRESCRIBED, &[]), f64::MAX);
+}
