@@ -219,14 +219,18 @@ impl Port {
         self.standing.as_deref()
     }
 
-    /// Where the specimen says that it stands is where the next command is, and what that is held against. Does nothing if
-    /// it does not say.
+    /// Where the specimen says that it stands is where the next command is, and what that is held against. Once a command
+    /// has left it stands where that sent it, whatever it said before. Does nothing if it does not say.
     pub fn take_its_word(&mut self) {
-        if let Some(standing) = &self.standing {
+        let has_begun = self.has_begun();
+        let Some(standing) = &self.standing else {
+            return;
+        };
+        if !has_begun {
             self.sent.copy_from_slice(standing);
             self.guard.stands_at(standing);
-            self.stand_still();
         }
+        self.stand_still();
     }
 
     /// Metres in one unit of an axis.

@@ -1,0 +1,93 @@
+//! From the agreed connection to the first step: whatever comes first, a specimen is led from where it stands, and nothing
+//! jumps.
+
+mod common;
+
+use std::sync::{Arc, Mutex};
+
+use common::engine::{Run, prepare, run_under};
+use common::spring::Spring;
+use gusset::control::limits::{AxisLimits, Bound};
+use gusset::control::{Axis, Direction, Pace, Port};
+use gusset::engine::{Control, Ending};
+use gusset::time::SimClock;
+
+const PERIOD: f64 = 1e-3;
+const STIFFNESS: f64 = 2e5;
+
+/// Half a second at 1 kHz with a spring in the only storey, made ready by `ready`: the run and every command.
+fn led(more: &str, ready: impl FnOnce(Port) -> Port) -> (Run, Vec<f64>) {
+    led_by(more, ready, |_| {}, &Control::unattended())
+}
+
+/// The same; `hears` is told the number of commands so far at each of them.
+fn led_by(
+    more: &str,
+    ready: impl FnOnce(Port) -> Port,
+    mut hears: impl FnMut(usize) + Send + 'static,
+    control: &Control,
+) -> (Run, Vec<f64>) {
+    let text = format!(
+        "{more}\n[time]\nrate_hz = 1000\nduration_s = 0.5\n[integrator]\nlambda = 2\n[structure.shear_building]\n\
+         mass_kg = [2e3]\nstiffness_n_per_m = [3e5]\n[excitation.ground_acceleration.signal.sine]\namplitude = 0.5\n\
+         frequency_hz = 2\n"
+    );
+    let mut experiment = prepare(&text).experiment;
+    let way: Arc<Mutex<Vec<f64>>> = Arc::default();
+    let went = Arc::clone(&way);
+    let spring = Spring::new(STIFFNESS, move |command| {
+        let mut went = went.lock().unwrap();
+        went.push(command.disp[0]);
+        hears(went.len());
+    });
+    let axis = Axis::plain(vec![(0, 1.0)]);
+    let port = Port::new("rig", vec![axis], Box::new(spring), 1, vec![STIFFNESS]);
+    experiment.ports.push(ready(port.unwrap()));
+    let run = run_under(experiment, SimClock::new(), control);
+    let way = way.lock().unwrap().clone();
+    (run, way)
+}
+
+fn largest_step(way: &[f64]) -> f64 {
+    let steps = way.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+    steps.fold(0.0, f64::max)
+}
+
+/// At most 0.1 m/s, which is tripped at.
+fn slowly(port: Port) -> Port {
+    let mut limits = AxisLimits::NONE;
+    limits.command_vel = Bound {
+        warn: 0.1,
+        trip: 0.1,
+    };
+    port.with_limits(vec![limits], vec![(1.0, 1.0)], PERIOD)
+}
+
+#[test]
+fn a_specimen_that_stands_elsewhere_is_tried_there_and_led_to_the_test_from_there() {
+    for (more, stands) in [
+        ("safety.zero_s = 0.005", 0.02),
+        ("safety.zero_s = 0", 0.02),
+        ("safety.zero_s = 0", -0.013),
+    ] {
+        let more = format!("timing.warmup_ticks = 3\n{more}");
+        let (run, way) = led(&more, |port| {
+            let mut port = slowly(port);
+            port.says_it_stands_at(&[stands]);
+            port.direction = Direction::Probe {
+                amplitude: vec![0.001],
+                pace: Pace::of(0.05, PERIOD),
+            };
+            port
+        });
+        assert_eq!(run.outcome.ending, Ending::Completed, "{more}");
+        // 2 · 50 ticks of ramps and 3 · 20 of holds.
+        let (tried, rest) = way.split_at(160);
+        assert!(tried.iter().all(|disp| (stands..=stands + 0.001 + 1e-12).contains(disp)));
+        assert_eq!((tried[0], rest[0]), (stands, stands), "{more}");
+        assert!(tried.contains(&(stands + 0.001)));
+        // Half the limit, by what the ramp may use.
+        let to_the_test = &way[..way.iter().position(|disp| *disp == 0.0).unwrap()];
+        assert!(largest_step(to_the_test) < 0.0501 * PERIOD, "{more}");
+    }
+}
