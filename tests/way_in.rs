@@ -9,7 +9,7 @@ use common::engine::{Run, prepare, run_under};
 use common::spring::Spring;
 use gusset::control::limits::{AxisLimits, Bound};
 use gusset::control::{Axis, Direction, Pace, Port};
-use gusset::engine::{Control, Ending};
+use gusset::engine::{Control, Ending, Operator};
 use gusset::time::SimClock;
 
 const PERIOD: f64 = 1e-3;
@@ -83,11 +83,72 @@ fn a_specimen_that_stands_elsewhere_is_tried_there_and_led_to_the_test_from_ther
         assert_eq!(run.outcome.ending, Ending::Completed, "{more}");
         // 2 · 50 ticks of ramps and 3 · 20 of holds.
         let (tried, rest) = way.split_at(160);
-        assert!(tried.iter().all(|disp| (stands..=stands + 0.001 + 1e-12).contains(disp)));
+        assert!(
+            tried
+                .iter()
+                .all(|disp| (stands..=stands + 0.001 + 1e-12).contains(disp))
+        );
         assert_eq!((tried[0], rest[0]), (stands, stands), "{more}");
         assert!(tried.contains(&(stands + 0.001)));
         // Half the limit, by what the ramp may use.
         let to_the_test = &way[..way.iter().position(|disp| *disp == 0.0).unwrap()];
         assert!(largest_step(to_the_test) < 0.0501 * PERIOD, "{more}");
+    }
+}
+
+/// The same with an operator who says each of these when so many commands have left.
+fn held(more: &str, says: &'static [(usize, Operator)]) -> (Run, Vec<f64>) {
+    let (ask, requests) = crossbeam_channel::bounded(8);
+    let hears = move |told| {
+        for (_, word) in says.iter().filter(|(at, _)| *at == told) {
+            ask.send(*word).unwrap();
+        }
+    };
+    led_by(more, |port| port, hears, &Control::from(requests))
+}
+
+const EASED: &str = "timing.warmup_ticks = 3\nsafety.zero_s = 0.005\nsafety.ease_s = 0.05";
+
+#[test]
+fn a_hold_in_the_ramp_stands_there_and_comes_to_rest_as_in_the_test() {
+    let text = format!("{EASED}\nstructure.initial_displacement_m = [0.02]");
+    let (free, free_way) = held(&text, &[]);
+    let says = &[(300, Operator::Hold), (700, Operator::Continue)];
+    let (run, way) = held(&text, says);
+    assert_eq!(run.outcome.ending, Ending::Completed);
+    // Asked for with command 300, heard before the one that stood ready: 50 ticks to rest behind it.
+    let stood = &way[350..700];
+    assert!(stood.iter().all(|disp| *disp == way[350]));
+    assert!(way[350] > way[300] && way[350] < 0.006, "{}", way[350]);
+    // The ramp of 1 s: π/2 of the mean speed, and π²/2 of what the mean speed is in half of it; the easing takes 50 ticks.
+    let speed = std::f64::consts::FRAC_PI_2 * 0.02 / 1000.0;
+    let bend = speed * std::f64::consts::PI / 1000.0 + speed / 50.0;
+    let ramp = &way[..=way.iter().position(|disp| *disp == 0.02).unwrap()];
+    for three in ramp.windows(3) {
+        assert!((three[0] - 2.0 * three[1] + three[2]).abs() < bend);
+        assert!(three[2] >= three[1]);
+    }
+    for column in ["x1", "force_1_1"] {
+        assert_eq!(run.column(column), free.column(column), "{column}");
+    }
+    // A linear fall and a linear rise: half of the 50 ticks of each is lost, besides what was stood.
+    let more = way.len() - free_way.len();
+    assert!((350..=401).contains(&more), "{more}");
+}
+
+#[test]
+fn a_hold_before_the_ramp_moves_nothing_and_the_test_does_not_begin_in_one() {
+    let text = format!("{EASED}\nstructure.initial_displacement_m = [0.02]");
+    let (_, way) = held(&text, &[(2, Operator::Hold), (200, Operator::Continue)]);
+    assert!(way[..200].iter().all(|disp| *disp == 0.0));
+    assert!(way.contains(&0.02));
+    let (free, _) = held(EASED, &[]);
+    for at in [
+        &[(2, Operator::Hold), (200, Operator::Continue)],
+        &[(7, Operator::Hold), (200, Operator::Continue)],
+    ] {
+        let (run, way) = held(EASED, at);
+        assert!(way[..200].iter().all(|disp| *disp == 0.0));
+        assert_eq!(run.column("x1"), free.column("x1"));
     }
 }
