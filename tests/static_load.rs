@@ -181,3 +181,35 @@ fn exchanges_before_t_0_are_not_timed() {
         );
     }
 }
+
+/// 20 kN on 2e5 N/m beside 8e5 N/m: 20 mm, in 20 equal corrections, for both are known exactly. The ramp's second is shared
+/// over them; half of a limit of 0.02 m/s takes longer.
+#[test]
+fn a_static_load_comes_on_within_the_ramps_time_and_half_the_speed_limit() {
+    let loaded = |more: &str| {
+        let run = run(&format!(
+            "safety.zero_s = 0\n[time]\nrate_hz = 256\nduration_s = 1\n[structure]\nstatic_load_n = [20e3]\n\
+             [structure.shear_building]\nmass_kg = [20e3]\nstiffness_n_per_m = [2e5]\n[[specimen]]\nname = \"s\"\n\
+             storey = 1\nlaw = {{ linear = {{ stiffness_n_per_m = 8e5 }} }}\n{more}"
+        ));
+        let way = run.all("cmd_1_1");
+        let loading = run
+            .all("state")
+            .iter()
+            .take_while(|s| **s == Phase::Settling.code())
+            .count();
+        let steps = way.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+        assert!((way[loading] - 0.02).abs() < 1e-12, "{more}");
+        (loading, steps.fold(0.0, f64::max) * 256.0)
+    };
+    let cosine = std::f64::consts::FRAC_PI_2;
+    // 12.8 ticks to a part are 13.
+    let (ticks, fastest) = loaded("");
+    assert!(
+        (260..300).contains(&ticks) && fastest <= cosine * 0.001 * 256.0 / 13.0,
+        "{ticks} {fastest}"
+    );
+    let limit = "[specimen.limits]\ncommand_vel_m_per_s = { trip = 0.02 }\n";
+    let (ticks, fastest) = loaded(limit);
+    assert!(ticks > 700 && fastest <= 0.01, "{ticks} {fastest}");
+}

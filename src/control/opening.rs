@@ -244,6 +244,21 @@ impl Port {
     /// it stands is given a second: it does not jump.
     #[must_use]
     pub fn ramp_time(&self, share: f64, shortest: f64) -> f64 {
+        let unbounded = if self.standing.is_some() {
+            UNBOUNDED_RAMP_S
+        } else {
+            shortest
+        };
+        self.time_of_way(share, shortest, unbounded)
+    }
+
+    /// The same for one part of a way: what nothing bounds is a single tick.
+    #[must_use]
+    pub fn way_time(&self, share: f64, shortest: f64) -> f64 {
+        self.time_of_way(share, shortest, shortest)
+    }
+
+    fn time_of_way(&self, share: f64, shortest: f64, unbounded: f64) -> f64 {
         let mut time: f64 = 0.0;
         let axes = self.sent.iter().zip(&self.command).zip(self.limits());
         for (axis, ((from, to), limits)) in axes.enumerate() {
@@ -252,12 +267,8 @@ impl Port {
             if (to - from).abs() > SAME * from.abs().max(to.abs()) {
                 // Half a cosine is π/2 times as fast in the middle as on the average.
                 let speed = share * limits.command_vel.warn.min(limits.command_vel.trip);
-                let unbounded = shortest == 0.0 && speed == f64::INFINITY;
-                let shortest = if unbounded && self.standing.is_some() {
-                    UNBOUNDED_RAMP_S
-                } else {
-                    shortest
-                };
+                let is_bounded = shortest > 0.0 || speed < f64::INFINITY;
+                let shortest = if is_bounded { shortest } else { unbounded };
                 time = time.max(shortest).max(FRAC_PI_2 * distance / speed);
             }
         }
