@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex};
 use common::engine::{Run, prepare, run_under};
 use common::spring::Spring;
 use gusset::control::limits::{AxisLimits, Bound};
-use gusset::control::{Axis, Direction, Pace, Port};
+use gusset::control::{Axis, Direction, Pace, Port, Reference, Zero};
 use gusset::engine::{Control, Ending, Operator};
 use gusset::time::SimClock;
 
@@ -17,15 +17,16 @@ const STIFFNESS: f64 = 2e5;
 
 /// Half a second at 1 kHz with a spring in the only storey, made ready by `ready`: the run and every command.
 fn led(more: &str, ready: impl FnOnce(Port) -> Port) -> (Run, Vec<f64>) {
-    led_by(more, ready, |_| {}, &Control::unattended())
+    led_by(more, ready, |_| {}, &Control::unattended(), [0.0; 2])
 }
 
-/// The same; `hears` is told the number of commands so far at each of them.
+/// The same; `hears` is told the number of commands so far at each of them, and the sensors read `bias` at rest.
 fn led_by(
     more: &str,
     ready: impl FnOnce(Port) -> Port,
     mut hears: impl FnMut(usize) + Send + 'static,
     control: &Control,
+    bias: [f64; 2],
 ) -> (Run, Vec<f64>) {
     let text = format!(
         "{more}\n[time]\nrate_hz = 1000\nduration_s = 0.5\n[integrator]\nlambda = 2\n[structure.shear_building]\n\
@@ -35,11 +36,12 @@ fn led_by(
     let mut experiment = prepare(&text).experiment;
     let way: Arc<Mutex<Vec<f64>>> = Arc::default();
     let went = Arc::clone(&way);
-    let spring = Spring::new(STIFFNESS, move |command| {
+    let mut spring = Spring::new(STIFFNESS, move |command| {
         let mut went = went.lock().unwrap();
         went.push(command.disp[0]);
         hears(went.len());
     });
+    spring.bias = bias;
     let axis = Axis::plain(vec![(0, 1.0)]);
     let port = Port::new("rig", vec![axis], Box::new(spring), 1, vec![STIFFNESS]);
     experiment.ports.push(ready(port.unwrap()));
@@ -104,7 +106,7 @@ fn held(more: &str, says: &'static [(usize, Operator)]) -> (Run, Vec<f64>) {
             ask.send(*word).unwrap();
         }
     };
-    led_by(more, |port| port, hears, &Control::from(requests))
+    led_by(more, |port| port, hears, &Control::from(requests), [0.0; 2])
 }
 
 const EASED: &str = "timing.warmup_ticks = 3\nsafety.zero_s = 0.005\nsafety.ease_s = 0.05";
@@ -151,4 +153,28 @@ fn a_hold_before_the_ramp_moves_nothing_and_the_test_does_not_begin_in_one() {
         assert!(way[..200].iter().all(|disp| *disp == 0.0));
         assert_eq!(run.column("x1"), free.column("x1"));
     }
+}
+
+#[test]
+fn what_a_sensor_reads_beyond_its_zero_is_no_error_of_following() {
+    let ended = |reference: Reference, bias: f64| {
+        let ready = |port: Port| {
+            let mut limits = AxisLimits::NONE;
+            limits.following_error = Bound {
+                warn: 0.001,
+                trip: 0.001,
+            };
+            let port = port.with_limits(vec![limits], vec![(1.0, 1.0)], PERIOD);
+            port.with_references(vec![reference])
+        };
+        let nobody = Control::unattended();
+        led_by(EASED, ready, |_| {}, &nobody, [bias, 0.0]).0.outcome.ending
+    };
+    let relative = Reference {
+        disp: Zero::Relative,
+        force: Zero::Absolute,
+    };
+    assert_eq!(ended(relative, 0.004), Ending::Completed);
+    assert_eq!(ended(Reference::default(), 0.0), Ending::Completed);
+    assert!(matches!(ended(Reference::default(), 0.004), Ending::Stopped(_)));
 }

@@ -173,9 +173,20 @@ impl Port {
     #[inline]
     pub fn judge(&mut self) -> Found {
         let Guard { watch, units, .. } = &mut self.guard;
+        let opening = &self.opening;
         let values = self.raw.disp.iter().zip(&self.raw.force).zip(units.iter());
-        let values =
-            values.map(|((disp, force), (metres, newtons))| (disp * metres, force * newtons));
+        let axes = self.axes.iter().zip(&self.sent).enumerate();
+        let values = values.zip(axes).map(
+            |(((disp, force), (metres, newtons)), (index, (axis, sent)))| {
+                // What the sensor reads beyond the command before its zero is taken is no error of following.
+                let stands = if opening.awaits_zero(index) {
+                    *sent
+                } else {
+                    disp - axis.measured_offset
+                };
+                (disp * metres, force * newtons, stands * metres)
+            },
+        );
         let mut found = Found::default();
         watch.judge_measured(values, &mut found);
         if !self.estimates.rests {

@@ -89,6 +89,7 @@ pub(super) struct Opening {
     sums: Vec<Sums>,
     from: Vec<f64>,
     to: Vec<f64>,
+    zero_is_taken: bool,
 }
 
 impl Opening {
@@ -99,7 +100,15 @@ impl Opening {
             sums: vec![Sums::default(); axes],
             from: vec![0.0; axes],
             to: vec![0.0; axes],
+            zero_is_taken: false,
         }
+    }
+
+    /// True if the zero of an axis' displacement sensor is still to be taken. Real-time: yes.
+    #[inline]
+    pub fn awaits_zero(&self, axis: usize) -> bool {
+        let reference = self.references.get(axis);
+        !self.zero_is_taken && reference.is_some_and(|of| of.disp == Zero::Relative)
     }
 }
 
@@ -176,6 +185,7 @@ impl Port {
                 axis.force_offset = reading.force;
             }
         }
+        self.opening.zero_is_taken = true;
         self.estimate_above_noise();
     }
 
