@@ -5,11 +5,11 @@ mod common;
 
 use std::sync::{Arc, Mutex};
 
-use common::engine::{Run, prepare, run_under};
+use common::engine::{Run, prepare, run_on, run_under};
 use common::spring::Spring;
-use gusset::control::limits::{AxisLimits, Bound};
-use gusset::control::{Axis, Direction, Pace, Port, Reference, Zero};
-use gusset::engine::{Control, Ending, Operator};
+use gusset::control::limits::{AxisLimits, Bound, Quantity};
+use gusset::control::{Axis, Direction, Exit, Exits, Order, Pace, Port, Reference, Zero};
+use gusset::engine::{Control, Ending, Operator, Stop};
 use gusset::time::SimClock;
 
 const PERIOD: f64 = 1e-3;
@@ -168,7 +168,10 @@ fn what_a_sensor_reads_beyond_its_zero_is_no_error_of_following() {
             port.with_references(vec![reference])
         };
         let nobody = Control::unattended();
-        led_by(EASED, ready, |_| {}, &nobody, [bias, 0.0]).0.outcome.ending
+        led_by(EASED, ready, |_| {}, &nobody, [bias, 0.0])
+            .0
+            .outcome
+            .ending
     };
     let relative = Reference {
         disp: Zero::Relative,
@@ -176,5 +179,59 @@ fn what_a_sensor_reads_beyond_its_zero_is_no_error_of_following() {
     };
     assert_eq!(ended(relative, 0.004), Ending::Completed);
     assert_eq!(ended(Reference::default(), 0.0), Ending::Completed);
-    assert!(matches!(ended(Reference::default(), 0.004), Ending::Stopped(_)));
+    assert!(matches!(
+        ended(Reference::default(), 0.004),
+        Ending::Stopped(_)
+    ));
+}
+
+/// Told once in ten ticks while the test runs, which it does not yet: 10 mm in 0.05 s are 0.3 m/s.
+#[test]
+fn what_is_told_once_a_step_is_judged_by_the_tick_where_it_is_told_every_tick() {
+    let (run, way) = led(EASED, |port| {
+        let port = slowly(port).with_pace(true, Order::Quadratic);
+        let mut port = port.told_every(PERIOD, 10.0 * PERIOD);
+        port.direction = Direction::Probe {
+            amplitude: vec![0.01],
+            pace: Pace::of(0.05, PERIOD),
+        };
+        port
+    });
+    let Ending::Stopped(Stop::Limit { hit, .. }) = run.outcome.ending else {
+        panic!("{:?}", run.outcome.ending);
+    };
+    assert_eq!(hit.quantity, Quantity::CommandVel);
+    assert!(largest_step(&way) <= 0.1 * PERIOD);
+}
+
+#[test]
+fn beside_the_test_a_tick_takes_its_share_of_the_step() {
+    let text = "safety.zero_s = 0\nsafety.ramp_s = 0.4\nstructure.initial_displacement_m = [0.02]\n[time]\n\
+                step_s = 0.01\nduration_s = 0.1\nclock = \"simulated\"\nticks_per_step = 8\n[integrator]\nlambda = 2\n\
+                [structure.shear_building]\nmass_kg = [2e3]\nstiffness_n_per_m = [3e5]\n[timing]\nwarmup_ticks = 3\n";
+    let mut experiment = prepare(text).experiment;
+    let passed: Arc<Mutex<Vec<f64>>> = Arc::default();
+    let heard = Arc::clone(&passed);
+    let spring = Spring::new(STIFFNESS, move |command| {
+        heard.lock().unwrap().push(command.dt)
+    });
+    let axis = Axis::plain(vec![(0, 1.0)]);
+    let port = Port::new("rig", vec![axis], Box::new(spring), 1, vec![STIFFNESS]);
+    let mut port = port.unwrap();
+    port.exits = Exits {
+        on_trip: Exit::Freeze,
+        at_end: Exit::ZeroDisp,
+        speed: 0.05,
+    };
+    experiment.ports.push(port);
+    let period = experiment.period.value();
+    let run = run_on(experiment, SimClock::new());
+    assert_eq!(run.outcome.ending, Ending::Completed);
+    let passed = passed.lock().unwrap();
+    let ramp = (0.4 / period).ceil() as usize;
+    let behind = ramp + 3 + 81;
+    assert!(passed.len() > behind + 8);
+    for dt in passed[..ramp].iter().chain(&passed[behind..]) {
+        assert!((dt - 0.01 / 8.0).abs() < 1e-15, "{dt}");
+    }
 }

@@ -120,6 +120,13 @@ impl Tempo {
         }
     }
 
+    /// N.
+    #[inline]
+    #[must_use]
+    pub const fn ticks_per_step(&self) -> f64 {
+        self.ticks
+    }
+
     /// Share of the step that is made.
     #[inline]
     #[must_use]

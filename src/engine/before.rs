@@ -50,6 +50,11 @@ impl Engine {
         self.wait_for_confirmation(control)
     }
 
+    /// What one tick that moves the specimens beside the test is of its time, in s.
+    pub(super) fn tick_passes(&self) -> f64 {
+        self.dt / self.ride.tempo.ticks_per_step()
+    }
+
     /// A tick in which test time stands still: at t = 0, or where an interrupted test stood.
     fn tick_at_rest(&self, dt: f64) -> Tick {
         let step = self.steps_done;
@@ -104,7 +109,8 @@ impl Engine {
         for port in &mut self.ports {
             port.begin_ramp();
         }
-        let (whole, seconds) = (ticks as f64, ticks as f64 * self.dt);
+        let (whole, passes) = (ticks as f64, self.tick_passes());
+        let seconds = whole * passes;
         let (mut gone, mut pace) = (0.0, f64::from(u8::from(!self.hold_wanted)));
         while gone < whole {
             pace = self.ride.tempo.eased(pace, self.hold_wanted);
@@ -117,7 +123,7 @@ impl Engine {
                 port.ramp_to(gone / whole, seconds / pace);
             }
             self.clear_commands()?;
-            let tick = self.tick_at_rest(self.dt * pace);
+            let tick = self.tick_at_rest(passes * pace);
             let mut stamps = TickStamps::default();
             self.wait_before_start(&mut stamps, control)?;
             self.exchange(&tick, &mut stamps)?;
@@ -223,6 +229,7 @@ impl Engine {
         }
         for port in &mut self.ports {
             port.begin_test();
+            port.is_told_by_steps(true);
             // Warm-up ticks do not count.
             port.partner.stale = 0;
         }

@@ -63,7 +63,7 @@ impl Engine {
             }
             self.clear_commands()?;
             let tick = Tick {
-                dt: self.dt,
+                dt: self.tick_passes(),
                 ..STILL
             };
             let mut stamps = TickStamps::default();

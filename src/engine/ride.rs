@@ -159,6 +159,9 @@ impl Engine {
         self.riding = true;
         let result = self.ride_on(control);
         self.riding = false;
+        for port in &mut self.ports {
+            port.is_told_by_steps(false);
+        }
         result
     }
 

@@ -125,7 +125,7 @@ impl Engine {
             self.still_tick(Phase::Settling, control)?;
         }
         self.clear_commands()?;
-        let tick = Tick::before_start(self.dt);
+        let tick = Tick::before_start(self.tick_passes());
         let mut stamps = TickStamps::default();
         self.wait_before_start(&mut stamps, control)?;
         self.exchange(&tick, &mut stamps)?;
