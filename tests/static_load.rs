@@ -213,3 +213,20 @@ fn a_static_load_comes_on_within_the_ramps_time_and_half_the_speed_limit() {
     let (ticks, fastest) = loaded(limit);
     assert!(ticks > 700 && fastest <= 0.01, "{ticks} {fastest}");
 }
+
+/// What makes up for an actuator that goes 0.9 of the way commands 1/0.9 from the first part of the load on, not at t = 0.
+#[test]
+fn a_compensator_with_a_gain_is_there_before_the_test_begins() {
+    let run = run(
+        "safety.zero_s = 0\n[time]\nrate_hz = 256\nduration_s = 0.2\n[structure]\nstatic_load_n = [20e3]\n\
+         [structure.shear_building]\nmass_kg = [20e3]\nstiffness_n_per_m = [2e5]\n[[specimen]]\nname = \"s\"\n\
+         storey = 1\nlaw = { linear = { stiffness_n_per_m = 8e5 } }\n[specimen.compensation.ats]\ndelay_s = 0.005\n\
+         gain = 0.9\n",
+    );
+    let (way, targets) = (run.all("cmd_1_1"), run.all("target_1_1"));
+    let largest = way.windows(2).map(|two| (two[1] - two[0]).abs());
+    // A twentieth of 22 mm in 13 ticks, π/2 times as fast in the middle.
+    assert!(largest.fold(0.0, f64::max) < 1.6 * 0.0012 / 13.0);
+    let last = way.len() - 1;
+    assert!((way[last] * 0.9 / targets[last] - 1.0).abs() < 1e-6);
+}

@@ -48,7 +48,7 @@ impl Port {
     /// Makes the next command of a probe; false if there is none. Real-time: yes.
     pub fn aim_probe(&mut self, probe: &mut Probe) -> bool {
         let goes_on = probe.next(&mut self.target, &mut self.target_vel);
-        self.prepare_command();
+        self.command_the_target();
         goes_on
     }
 
