@@ -189,20 +189,35 @@ impl Port {
         self.estimate_above_noise();
     }
 
-    /// What an axis reads now where it read `disp` and `force` before an interruption: a relative channel takes the difference
+    /// An axis reads what it reads now where it read `disp` before an interruption: a relative channel takes the difference
     /// for drift of its zero.
-    pub fn take_drift(&mut self, index: usize, disp: f64, force: f64) {
+    pub fn take_disp_drift(&mut self, index: usize, disp: f64) {
         let reading = self.reading(index);
-        let reference = self.opening.references.get(index).copied();
-        let (Some(axis), Some(reference)) = (self.axes.get_mut(index), reference) else {
-            return;
-        };
-        if reference.disp == Zero::Relative {
+        if let Some(axis) = self.axes.get_mut(index)
+            && let Some(Reference {
+                disp: Zero::Relative,
+                ..
+            }) = self.opening.references.get(index)
+        {
             axis.measured_offset += reading.disp - disp;
         }
-        if reference.force == Zero::Relative {
+    }
+
+    /// The same of a load cell that read `force`.
+    pub fn take_force_drift(&mut self, index: usize, force: f64) {
+        let reading = self.reading(index);
+        if self.has_relative_force(index)
+            && let Some(axis) = self.axes.get_mut(index)
+        {
             axis.force_offset += reading.force - force;
         }
+    }
+
+    /// True if the zero of an axis' load cell was read, not declared.
+    #[must_use]
+    pub fn has_relative_force(&self, index: usize) -> bool {
+        let reference = self.opening.references.get(index);
+        reference.is_some_and(|of| of.force == Zero::Relative)
     }
 
     /// True if it is neither behind a link nor a recording.

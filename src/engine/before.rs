@@ -25,6 +25,8 @@ pub struct Opening {
     pub confirm: bool,
     /// Shortest time of a ramp in s of wall time.
     pub ramp_s: f64,
+    /// Of a test that is gone on with: whether a relative load cell's change is drift of its zero.
+    pub takes_force_drift: bool,
 }
 
 impl Opening {
