@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 
 use common::{completed, copy, say, write};
 use gusset::control::{Axis, Port};
+use gusset::engine::Operator;
 use gusset::record::{Run, RunFolder};
 use gusset::session::{self, Finish, Watches, replay, resume};
 use gusset::substructure::{
@@ -342,7 +343,9 @@ fn what_was_changed_or_is_complete_is_refused_and_damage_goes_back_to_a_checkpoi
 /// A spring behind a link of the test's own, whose sensor reads `off` more than where it was told to go.
 struct Far {
     off: f64,
+    damping: f64,
     disp: f64,
+    vel: f64,
     sequence: u64,
 }
 
@@ -358,11 +361,15 @@ impl Substructure for Far {
     }
     fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
         (self.disp, self.sequence) = (command.disp[0], command.sequence);
+        self.vel = command.vel[0];
         Ok(())
     }
     fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
         into.sequence = self.sequence;
-        (into.disp[0], into.force[0]) = (self.disp + self.off, 3e5 * self.disp);
+        (into.disp[0], into.force[0]) = (
+            self.disp + self.off,
+            3e5 * self.disp + self.damping * self.vel,
+        );
         Ok(Freshness::Fresh)
     }
     fn retire(&mut self, _: Retirement) {}
@@ -386,7 +393,9 @@ fn a_specimen_that_does_not_stand_where_it_was_left_is_refused_and_nothing_moves
     let far = |off: f64| -> Port {
         let far = Far {
             off,
+            damping: 0.0,
             disp: 0.0,
+            vel: 0.0,
             sequence: 0,
         };
         Port::new(
@@ -473,4 +482,57 @@ fn a_test_that_had_tripped_goes_on_only_for_who_names_the_trip() {
     let summary = common::json(&second, "summary.json");
     let warnings = summary["warnings"].to_string();
     assert!(warnings.contains("IT HAD TRIPPED"), "{warnings}");
+}
+
+/// A damper's force is gone when a killed test goes on: that is no drift of its load cell, and the response is that of a test
+/// which was never interrupted. Who knows better says so before the test.
+#[test]
+fn a_force_that_was_lost_at_rest_is_told_and_not_taken_for_drift() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let far = || {
+        let far = Far {
+            off: 0.0,
+            damping: 2e4,
+            disp: 0.0,
+            vel: 0.0,
+            sequence: 0,
+        };
+        let axes = vec![Axis::plain(vec![(0, 1.0)])];
+        Port::new("far", axes, Box::new(far), 2, vec![5e5]).unwrap()
+    };
+    let conclude = |mut test: gusset::config::Prepared, out: &str| {
+        test.experiment.ports[0].go_live(far());
+        let (ask, requests) = crossbeam_channel::bounded(100);
+        for _ in 0..100 {
+            ask.send(Operator::Continue).unwrap();
+        }
+        let folder = RunFolder::create(&at(out)).unwrap();
+        session::run(test, folder, requests, Watches::default(), &mut |_| {}).unwrap()
+    };
+    for (takes, key) in [(false, ""), (true, "resume_takes_force_drift = true\n")] {
+        let [whole, first, second] = ["whole", "first", "second"].map(|n| format!("{n}-{takes}"));
+        let safety = format!("[safety]\nunlimited = \"a damper\"\n{key}");
+        let law = frame(200, 1, 2.0, 0.0).replace("[safety]\n", &safety);
+        let linked = law.split("[specimen.law").next().unwrap().to_owned()
+            + "stiffness_n_per_m = 5e5\nlink = { address = \"127.0.0.1:9\", coupling = \"lockstep\" }\n\
+               [[specimen.axis]]\nzero_force = \"relative\"\n";
+        let test = test_in(home.path(), &linked);
+        let loaded = gusset::config::load(&test, &[]).unwrap_or_else(|e| panic!("{e}"));
+        let built = gusset::config::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(conclude(built, &whole).finish, Finish::Completed);
+        killed(&at(&whole), &at(&first), 400);
+        let next = resume(&at(&first), None, &[]).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(conclude(next, &second).finish, Finish::Completed);
+        let same = steps(&[&at(&first), &at(&second)]) == steps(&[&at(&whole)]);
+        assert_eq!(same, !takes);
+        let events = Run::open(&at(&second)).unwrap().events().unwrap().events;
+        let told = events
+            .iter()
+            .find(|e| e["event"] == "force_changed")
+            .unwrap();
+        let [left, found] = ["left", "found"].map(|key| told[key].as_f64().unwrap());
+        assert!((left - found).abs() > 1.0, "{left} {found}");
+        assert_eq!(told["taken_for_drift"], takes);
+    }
 }

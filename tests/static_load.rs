@@ -181,3 +181,58 @@ fn exchanges_before_t_0_are_not_timed() {
         );
     }
 }
+
+/// 20 kN on 2e5 N/m beside 8e5 N/m: 20 mm, in 20 equal corrections, for both are known exactly. The ramp's second is shared
+/// over them; half of a limit of 0.02 m/s takes longer.
+#[test]
+fn a_static_load_comes_on_within_the_ramps_time_and_half_the_speed_limit() {
+    let loaded = |more: &str| {
+        let run = run(&format!(
+            "safety.zero_s = 0\n[time]\nrate_hz = 256\nduration_s = 1\n[structure]\nstatic_load_n = [20e3]\n\
+             [structure.shear_building]\nmass_kg = [20e3]\nstiffness_n_per_m = [2e5]\n[[specimen]]\nname = \"s\"\n\
+             storey = 1\nlaw = {{ linear = {{ stiffness_n_per_m = 8e5 }} }}\n{more}"
+        ));
+        let way = run.all("cmd_1_1");
+        let loading = run
+            .all("state")
+            .iter()
+            .take_while(|s| **s == Phase::Settling.code())
+            .count();
+        let steps = way.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+        assert!((way[loading] - 0.02).abs() < 1e-12, "{more}");
+        (loading, steps.fold(0.0, f64::max) * 256.0)
+    };
+    let cosine = std::f64::consts::FRAC_PI_2;
+    // 12.8 ticks to a part are 13.
+    let (ticks, fastest) = loaded("");
+    assert!(
+        (260..330).contains(&ticks) && fastest <= cosine * 0.00100001 * 256.0 / 13.0,
+        "{ticks} {fastest}"
+    );
+    let limit = "[specimen.limits]\ncommand_vel_m_per_s = { trip = 0.02 }\n";
+    let (ticks, fastest) = loaded(limit);
+    assert!(ticks > 700 && fastest <= 0.01, "{ticks} {fastest}");
+}
+
+/// What makes up for an actuator that goes 0.9 of the way commands 1/0.9 from the first part of the load on, not at t = 0.
+#[test]
+fn a_compensator_with_a_gain_is_there_before_the_test_begins() {
+    let run = run(
+        "safety.zero_s = 0\n[time]\nrate_hz = 256\nduration_s = 0.2\n[structure]\nstatic_load_n = [20e3]\n\
+         [structure.shear_building]\nmass_kg = [20e3]\nstiffness_n_per_m = [2e5]\n[[specimen]]\nname = \"s\"\n\
+         storey = 1\nlaw = { linear = { stiffness_n_per_m = 8e5 } }\n[specimen.compensation.ats]\ndelay_s = 0.005\n\
+         gain = 0.9\n",
+    );
+    let (way, targets) = (run.all("cmd_1_1"), run.all("x1"));
+    let states = run.all("state");
+    let first = states
+        .iter()
+        .position(|state| *state == Phase::Running.code());
+    let first = first.unwrap();
+    let largest = way[..=first + 1]
+        .windows(2)
+        .map(|two| (two[1] - two[0]).abs());
+    // A twentieth of 22 mm in 13 ticks, π/2 times as fast in the middle.
+    assert!(largest.fold(0.0, f64::max) < 1.6 * 0.0012 / 13.0);
+    assert!((way[first] * 0.9 / targets[first] - 1.0).abs() < 1e-9);
+}

@@ -19,8 +19,8 @@ pub struct SafetyTable {
     pub zero_s: Option<f64>,
     /// Whether the operator must confirm what was read. Where a channel takes its zero from it, he must in any case.
     pub confirm: bool,
-    /// Shortest wall time in s in which a specimen is moved to where the test begins; longer where half of a velocity limit
-    /// would be passed.
+    /// Shortest wall time in s in which a specimen is moved to where the test begins, and in which a static load comes on;
+    /// longer where half of a velocity limit would be passed.
     pub ramp_s: f64,
     /// Wall time in s in which a hold brings the specimens to rest, and in which they come to the test's pace again; the first
     /// steps after a resumed test's start are eased in the same way. 0: at once, at the next tick.
@@ -33,6 +33,10 @@ pub struct SafetyTable {
     /// again as it was ever off its command, and the way of its commands in 0.05 s, since as much of the record can be lost.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub resume_within_m: Option<f64>,
+    /// `gusset run --resume`: whether a load cell with a relative zero takes what it reads now beyond its last reading for drift
+    /// of its zero. Else the old zero holds, and the difference is told: what was left in motion has lost a real force.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub resume_takes_force_drift: bool,
     /// Largest speed in m/s of the specimen on the way there; needed for every way but "freeze".
     #[serde(skip_serializing_if = "Option::is_none")]
     pub exit_speed_m_per_s: Option<f64>,
@@ -73,6 +77,7 @@ impl Default for SafetyTable {
             on_trip: ExitChoice::Freeze,
             at_end: ExitChoice::Freeze,
             resume_within_m: None,
+            resume_takes_force_drift: false,
             exit_speed_m_per_s: None,
             stability_used: None,
             delay_used: None,

@@ -1,8 +1,9 @@
 //! The compensators of a port: one per axis, in m at the specimen, between the command that the target asks for and the one
 //! that is sent.
 //!
-//! Until the test runs they hold: whatever comes before (static load, ramps, warm-up) is quasi-static, passes unchanged, and
-//! is the history that the first prediction starts from. A tick in which time stands still, or without a fresh measurement,
+//! Until the test runs they hold: whatever comes before (static load, ramps, warm-up) is quasi-static, passes as a place at
+//! rest does, with the gain that a compensator makes up for and no lead, and is the history that the first prediction starts
+//! from. A tick in which time stands still, or without a fresh measurement,
 //! teaches them nothing.
 
 use super::Port;
@@ -23,6 +24,17 @@ pub(super) struct Compensation {
     vel: Vec<f64>,
     /// The state before the command that stands ready was made, where a record is followed to be gone on with.
     before: Option<Vec<f64>>,
+}
+
+/// Relative difference of two displacements that are the same.
+const ROUNDOFF: f64 = 1e-12;
+
+/// The command for what has always stood at `disp`, and for which nothing is remembered but that. Real-time: yes.
+fn at_rest(one: &mut dyn Compensator, disp: f64) -> f64 {
+    one.reset(disp);
+    let command = one.predict(disp, 0.0, 0.0);
+    one.reset(disp);
+    command
 }
 
 impl Compensation {
@@ -165,7 +177,11 @@ impl Port {
                 let accel = (vel - *last_vel) / *tick;
                 *command = one.predict(disp, vel, accel) / *metres + axis.disp_offset;
             } else {
-                one.reset(disp);
+                let at_rest = at_rest(one.as_mut(), disp);
+                // Weights that sum up to 1 but for roundoff change nothing.
+                if (at_rest - disp).abs() > ROUNDOFF * disp.abs() {
+                    *command = at_rest / *metres + axis.disp_offset;
+                }
             }
             *last_vel = vel;
         }

@@ -23,7 +23,7 @@ pub enum Direction {
 }
 
 impl Port {
-    /// The probe of this specimen from where it is aimed at, if there is to be one.
+    /// The probe of this specimen, if there is to be one: from where it says that it stands, else from where it is aimed at.
     #[must_use]
     pub fn probe(&self) -> Option<Probe> {
         let Direction::Probe { amplitude, pace } = &self.direction else {
@@ -31,8 +31,13 @@ impl Port {
         };
         let units = vec![AxisUnits::SI; self.axes.len()];
         let stiffness = &self.stiffness;
+        let stands = self.standing().map(|standing| {
+            let axes = standing.iter().zip(&self.axes);
+            let deformed = axes.map(|(disp, axis)| (disp - axis.disp_offset) / axis.disp_gain);
+            deformed.collect::<Vec<f64>>()
+        });
         Some(Probe::new(
-            &self.target,
+            stands.as_ref().unwrap_or(&self.target),
             amplitude,
             stiffness,
             &units,
@@ -43,7 +48,7 @@ impl Port {
     /// Makes the next command of a probe; false if there is none. Real-time: yes.
     pub fn aim_probe(&mut self, probe: &mut Probe) -> bool {
         let goes_on = probe.next(&mut self.target, &mut self.target_vel);
-        self.prepare_command();
+        self.command_the_target();
         goes_on
     }
 

@@ -48,13 +48,19 @@ impl Port {
 
     #[inline]
     pub(super) fn prepare_command(&mut self) {
+        self.command_the_target();
+        self.compensate();
+    }
+
+    /// The command is the target itself. Real-time: yes.
+    #[inline]
+    pub(super) fn command_the_target(&mut self) {
         let commands = self.command.iter_mut().zip(&mut self.command_vel);
         let targets = self.target.iter().zip(&self.target_vel);
         for (((command, command_vel), (disp, vel)), axis) in commands.zip(targets).zip(&self.axes) {
             *command = axis.disp_gain * disp + axis.disp_offset;
             *command_vel = axis.vel_gain * vel;
         }
-        self.compensate();
     }
 
     /// Sends the command that stands ready, if it was judged. Real-time: yes.

@@ -13,6 +13,8 @@ pub(super) struct Guard {
     declared: Vec<AxisLimits>,
     /// Metres and newtons in one unit of each axis.
     units: Vec<(f64, f64)>,
+    /// Wall time in s from command to command of a specimen that is told once a step, beside the test and in it.
+    ticks: Option<[f64; 2]>,
     /// True if the command that stands ready may leave.
     pub cleared: bool,
 }
@@ -24,6 +26,7 @@ impl Guard {
             watch: Watch::new(vec![AxisLimits::NONE; axes], 1.0),
             declared: vec![AxisLimits::NONE; axes],
             units: vec![(1.0, 1.0); axes],
+            ticks: None,
             cleared: false,
         }
     }
@@ -90,10 +93,25 @@ impl Port {
                 declared: limits.clone(),
                 watch: Watch::new(limits, tick),
                 units,
+                ticks: None,
                 cleared: false,
             };
         }
         self
+    }
+
+    /// While the test runs it is told something every `step` s only, and judged by that; beside it every `tick` s.
+    #[must_use]
+    pub const fn told_every(mut self, tick: f64, step: f64) -> Self {
+        self.guard.ticks = Some([tick, step]);
+        self
+    }
+
+    /// From here on it is told once a step, or every tick again, if it is one of those.
+    pub fn is_told_by_steps(&mut self, by_steps: bool) {
+        if let Some([tick, step]) = self.guard.ticks {
+            self.guard.watch.tick_is(if by_steps { step } else { tick });
+        }
     }
 
     /// The limits, one entry per axis.
@@ -173,9 +191,20 @@ impl Port {
     #[inline]
     pub fn judge(&mut self) -> Found {
         let Guard { watch, units, .. } = &mut self.guard;
+        let opening = &self.opening;
         let values = self.raw.disp.iter().zip(&self.raw.force).zip(units.iter());
-        let values =
-            values.map(|((disp, force), (metres, newtons))| (disp * metres, force * newtons));
+        let axes = self.axes.iter().zip(&self.sent).enumerate();
+        let values = values.zip(axes).map(
+            |(((disp, force), (metres, newtons)), (index, (axis, sent)))| {
+                // What the sensor reads beyond the command before its zero is taken is no error of following.
+                let stands = if opening.awaits_zero(index) {
+                    *sent
+                } else {
+                    disp - axis.measured_offset
+                };
+                (disp * metres, force * newtons, stands * metres)
+            },
+        );
         let mut found = Found::default();
         watch.judge_measured(values, &mut found);
         if !self.estimates.rests {

@@ -67,6 +67,13 @@ impl Port {
                 self.name
             ));
         }
+        if self.is_remote() && self.standing().is_none() && !introduction.simulated {
+            introduction.warnings.push(format!(
+                "specimen \"{}\": NOBODY KNOWS WHERE IT STANDS: its link cannot tell, so its first command takes it at once to \
+                 where the test begins, whatever limits of step and speed it has",
+                self.name
+            ));
+        }
         if introduction.stiffness.len() != n * n {
             return Ok(introduction);
         }
@@ -181,6 +188,46 @@ mod tests {
         let warned = meets(1.2).unwrap().warnings;
         assert!(warned[0].contains("1.2e6 N/m") && warned[0].contains("1e6 N/m"));
         assert_eq!(meets(f64::NAN).unwrap().warnings.len(), 1);
+    }
+
+    /// Behind a link, and perhaps able to say where it stands.
+    struct Far(Vec<f64>);
+
+    impl Substructure for Far {
+        fn axes(&self) -> usize {
+            1
+        }
+        fn coupling(&self) -> Coupling {
+            Coupling::Lockstep
+        }
+        fn is_remote(&self) -> bool {
+            true
+        }
+        fn connect(&mut self) -> Result<Introduction, Unavailable> {
+            Ok(Introduction {
+                standing: self.0.clone(),
+                ..Introduction::default()
+            })
+        }
+        fn issue(&mut self, _: &Command<'_>) -> Result<(), LinkFault> {
+            Ok(())
+        }
+        fn collect(&mut self, _: Nanos, _: &mut Measurement) -> Result<Freshness, LinkFault> {
+            Ok(Freshness::Fresh)
+        }
+        fn retire(&mut self, _: Retirement) {}
+    }
+
+    #[test]
+    fn of_a_specimen_that_cannot_say_where_it_stands_everybody_is_told() {
+        let warned = |standing| {
+            let axes = vec![Axis::plain(vec![(0, 1.0)])];
+            let port = Port::new("rig", axes, Box::new(Far(standing)), 1, vec![1e6]);
+            port.unwrap().connect().unwrap().warnings
+        };
+        assert!(warned(vec![0.0]).is_empty());
+        let words = warned(Vec::new());
+        assert!(words.len() == 1 && words[0].contains("NOBODY KNOWS WHERE IT STANDS"));
     }
 
     #[test]

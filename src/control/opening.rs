@@ -89,6 +89,7 @@ pub(super) struct Opening {
     sums: Vec<Sums>,
     from: Vec<f64>,
     to: Vec<f64>,
+    zero_is_taken: bool,
 }
 
 impl Opening {
@@ -99,7 +100,15 @@ impl Opening {
             sums: vec![Sums::default(); axes],
             from: vec![0.0; axes],
             to: vec![0.0; axes],
+            zero_is_taken: false,
         }
+    }
+
+    /// True if the zero of an axis' displacement sensor is still to be taken. Real-time: yes.
+    #[inline]
+    pub fn awaits_zero(&self, axis: usize) -> bool {
+        let reference = self.references.get(axis);
+        !self.zero_is_taken && reference.is_some_and(|of| of.disp == Zero::Relative)
     }
 }
 
@@ -177,23 +186,39 @@ impl Port {
                 axis.force_offset = reading.force;
             }
         }
+        self.opening.zero_is_taken = true;
         self.estimate_above_noise();
     }
 
-    /// What an axis reads now where it read `disp` and `force` before an interruption: a relative channel takes the difference
+    /// An axis reads what it reads now where it read `disp` before an interruption: a relative channel takes the difference
     /// for drift of its zero.
-    pub fn take_drift(&mut self, index: usize, disp: f64, force: f64) {
+    pub fn take_disp_drift(&mut self, index: usize, disp: f64) {
         let reading = self.reading(index);
-        let reference = self.opening.references.get(index).copied();
-        let (Some(axis), Some(reference)) = (self.axes.get_mut(index), reference) else {
-            return;
-        };
-        if reference.disp == Zero::Relative {
+        if let Some(axis) = self.axes.get_mut(index)
+            && let Some(Reference {
+                disp: Zero::Relative,
+                ..
+            }) = self.opening.references.get(index)
+        {
             axis.measured_offset += reading.disp - disp;
         }
-        if reference.force == Zero::Relative {
+    }
+
+    /// The same of a load cell that read `force`.
+    pub fn take_force_drift(&mut self, index: usize, force: f64) {
+        let reading = self.reading(index);
+        if self.has_relative_force(index)
+            && let Some(axis) = self.axes.get_mut(index)
+        {
             axis.force_offset += reading.force - force;
         }
+    }
+
+    /// True if the zero of an axis' load cell was read, not declared.
+    #[must_use]
+    pub fn has_relative_force(&self, index: usize) -> bool {
+        let reference = self.opening.references.get(index);
+        reference.is_some_and(|of| of.force == Zero::Relative)
     }
 
     /// True if it is neither behind a link nor a recording.
@@ -220,14 +245,18 @@ impl Port {
         self.standing.as_deref()
     }
 
-    /// Where the specimen says that it stands is where the next command is, and what that is held against. Does nothing if
-    /// it does not say.
+    /// Where the specimen says that it stands is where the next command is, and what that is held against. Once a command
+    /// has left it stands where that sent it, whatever it said before. Does nothing if it does not say.
     pub fn take_its_word(&mut self) {
-        if let Some(standing) = &self.standing {
+        let has_begun = self.has_begun();
+        let Some(standing) = &self.standing else {
+            return;
+        };
+        if !has_begun {
             self.sent.copy_from_slice(standing);
             self.guard.stands_at(standing);
-            self.stand_still();
         }
+        self.stand_still();
     }
 
     /// Metres in one unit of an axis.
@@ -241,6 +270,21 @@ impl Port {
     /// it stands is given a second: it does not jump.
     #[must_use]
     pub fn ramp_time(&self, share: f64, shortest: f64) -> f64 {
+        let unbounded = if self.standing.is_some() {
+            UNBOUNDED_RAMP_S
+        } else {
+            shortest
+        };
+        self.time_of_way(share, shortest, unbounded)
+    }
+
+    /// The same for one part of a way: what nothing bounds is a single tick.
+    #[must_use]
+    pub fn way_time(&self, share: f64, shortest: f64) -> f64 {
+        self.time_of_way(share, shortest, shortest)
+    }
+
+    fn time_of_way(&self, share: f64, shortest: f64, unbounded: f64) -> f64 {
         let mut time: f64 = 0.0;
         let axes = self.sent.iter().zip(&self.command).zip(self.limits());
         for (axis, ((from, to), limits)) in axes.enumerate() {
@@ -249,12 +293,8 @@ impl Port {
             if (to - from).abs() > SAME * from.abs().max(to.abs()) {
                 // Half a cosine is π/2 times as fast in the middle as on the average.
                 let speed = share * limits.command_vel.warn.min(limits.command_vel.trip);
-                let unbounded = shortest == 0.0 && speed == f64::INFINITY;
-                let shortest = if unbounded && self.standing.is_some() {
-                    UNBOUNDED_RAMP_S
-                } else {
-                    shortest
-                };
+                let is_bounded = shortest > 0.0 || speed < f64::INFINITY;
+                let shortest = if is_bounded { shortest } else { unbounded };
                 time = time.max(shortest).max(FRAC_PI_2 * distance / speed);
             }
         }

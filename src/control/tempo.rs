@@ -120,6 +120,13 @@ impl Tempo {
         }
     }
 
+    /// N.
+    #[inline]
+    #[must_use]
+    pub const fn ticks_per_step(&self) -> f64 {
+        self.ticks
+    }
+
     /// Share of the step that is made.
     #[inline]
     #[must_use]
@@ -162,20 +169,25 @@ impl Tempo {
         self.known = true;
     }
 
-    /// The next tick; `hold`: the operator wants test time to stand still. Real-time: yes.
+    /// ρ a tick after it was `ease`. Real-time: yes.
     #[inline]
-    pub fn next(&mut self, hold: bool) -> Stride {
-        let n = self.ticks;
+    #[must_use]
+    pub fn eased(&self, ease: f64, hold: bool) -> f64 {
         let change = if hold {
             -self.ease_per_tick
         } else {
             self.ease_per_tick
         };
-        self.ease = (self.ease + change).clamp(0.0, 1.0);
+        let next = (ease + change).clamp(0.0, 1.0);
         // A sum of many small changes must not leave a pace that never ends.
-        if self.ease < SAME {
-            self.ease = 0.0;
-        }
+        if next < SAME { 0.0 } else { next }
+    }
+
+    /// The next tick; `hold`: the operator wants test time to stand still. Real-time: yes.
+    #[inline]
+    pub fn next(&mut self, hold: bool) -> Stride {
+        let n = self.ticks;
+        self.ease = self.eased(self.ease, hold);
         self.increment = if self.known {
             match self.left {
                 Some((pace, from)) => {

@@ -266,7 +266,7 @@ impl Engine {
                 step,
                 sub_tick: 0,
                 time: step as f64 * self.dt,
-                dt: self.dt,
+                dt: self.tick_passes(),
             };
             let mut stamps = TickStamps::default();
             self.wait_before_start(&mut stamps, control)?;

@@ -7,6 +7,7 @@ use super::operator::Control;
 use super::phase::{Cause, Phase};
 use super::tick::Tick;
 use super::{Engine, Side, Stop};
+use crate::control::Port;
 use crate::record::WarmUpRows;
 use crate::rt::timing::TickStamps;
 
@@ -24,6 +25,8 @@ pub struct Opening {
     pub confirm: bool,
     /// Shortest time of a ramp in s of wall time.
     pub ramp_s: f64,
+    /// Of a test that is gone on with: whether a relative load cell's change is drift of its zero.
+    pub takes_force_drift: bool,
 }
 
 impl Opening {
@@ -47,6 +50,11 @@ impl Engine {
         }
         self.tell_readings(control);
         self.wait_for_confirmation(control)
+    }
+
+    /// What one tick that moves the specimens beside the test is of its time, in s.
+    pub(super) fn tick_passes(&self) -> f64 {
+        self.dt / self.ride.tempo.ticks_per_step()
     }
 
     /// A tick in which test time stands still: at t = 0, or where an interrupted test stood.
@@ -79,34 +87,51 @@ impl Engine {
 
     /// Moves every specimen from its last command to the one that stands ready. Does nothing where they are the same.
     pub(super) fn ramp(&mut self, control: &Control) -> Result<(), Stop> {
-        let period = self.period.value();
-        let mut ticks = 0u64;
-        for port in &self.ports {
-            let shortest = port.ramp_time(SHARE_OF_SPEED, self.opening.ramp_s);
-            ticks = ticks.max((shortest / period).ceil() as u64);
-        }
+        let shortest = self.opening.ramp_s;
+        let ticks = self.ramp_ticks(|port, share| port.ramp_time(share, shortest));
         if ticks == 0 {
             return Ok(());
         }
         self.enter(Phase::Ramping, Cause::Done);
+        self.lead(ticks, Phase::Ramping, control)?;
+        self.timing.reset();
+        Ok(())
+    }
+
+    /// Ticks of the longest way, each of which takes so many seconds by the share of a speed limit that may be used.
+    pub(super) fn ramp_ticks(&self, seconds: impl Fn(&Port, f64) -> f64) -> u64 {
+        let ways = self.ports.iter().map(|port| seconds(port, SHARE_OF_SPEED));
+        let longest = ways.fold(0.0, f64::max);
+        (longest / self.period.value()).ceil() as u64
+    }
+
+    /// Leads every specimen from its last command to the one that stands ready, in so many ticks. A hold of the operator
+    /// eases out and in as in the test: what it stretches is the time of the way.
+    pub(super) fn lead(&mut self, ticks: u64, phase: Phase, control: &Control) -> Result<(), Stop> {
         for port in &mut self.ports {
             port.begin_ramp();
         }
-        let seconds = ticks as f64 * self.dt;
-        for k in 1..=ticks {
-            let share = k as f64 / ticks as f64;
+        let (whole, passes) = (ticks as f64, self.tick_passes());
+        let seconds = whole * passes;
+        let (mut gone, mut pace) = (0.0, f64::from(u8::from(!self.hold_wanted)));
+        while gone < whole {
+            pace = self.ride.tempo.eased(pace, self.hold_wanted);
+            if pace == 0.0 {
+                self.still_tick(phase, control)?;
+                continue;
+            }
+            gone = (gone + pace).min(whole);
             for port in &mut self.ports {
-                port.ramp_to(share, seconds);
+                port.ramp_to(gone / whole, seconds / pace);
             }
             self.clear_commands()?;
-            let tick = self.tick_at_rest(self.dt);
+            let tick = self.tick_at_rest(passes * pace);
             let mut stamps = TickStamps::default();
             self.wait_before_start(&mut stamps, control)?;
             self.exchange(&tick, &mut stamps)?;
-            self.row_before_start(&tick, Phase::Ramping, &stamps);
+            self.row_before_start(&tick, phase, &stamps);
             self.accept()?;
         }
-        self.timing.reset();
         Ok(())
     }
 
@@ -206,6 +231,7 @@ impl Engine {
         }
         for port in &mut self.ports {
             port.begin_test();
+            port.is_told_by_steps(true);
             // Warm-up ticks do not count.
             port.partner.stale = 0;
         }

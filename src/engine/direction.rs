@@ -42,7 +42,7 @@ impl Engine {
         for index in 0..self.ports.len() {
             self.try_direction(index, control)?;
         }
-        // They are back to the last bit; what stands ready next is the test's.
+        // They are back where they stood; what stands ready next is the test's.
         self.ports
             .iter_mut()
             .for_each(crate::control::Port::forget_trial);
@@ -63,7 +63,7 @@ impl Engine {
             }
             self.clear_commands()?;
             let tick = Tick {
-                dt: self.dt,
+                dt: self.tick_passes(),
                 ..STILL
             };
             let mut stamps = TickStamps::default();
@@ -99,8 +99,8 @@ impl Engine {
         Ok(())
     }
 
-    /// Where the specimens stand before the test: where nothing is deformed, if it begins gently or brings a static load on;
-    /// else where its first command is.
+    /// Where the specimens that do not say it stand before the test: where nothing is deformed, if it begins gently or brings
+    /// a static load on; else where its first command is.
     fn aim_where_it_stands(&mut self) {
         self.aim_at_start();
         if self.settling.is_none() && !self.opening.is_gentle() {

@@ -3,13 +3,17 @@
 //! Nothing of the state is saved while a test runs: what was measured is on record, and the loop makes the same bits of it
 //! again. So the interrupted test is retraced through the same loop ([`Engine::retrace`]), and what the loop then holds
 //! ([`Engine::stand_by`]) is what it held. In the test that goes on the specimens are read where they stand, and must stand
-//! where they were left; relative channels take their drift since then for their zero; and the pace is that after a hold.
+//! where they were left; a relative displacement sensor takes its drift since then for its zero, a load cell only if that is
+//! asked for; and the pace is that after a hold.
 
 use super::operator::{Control, Notice};
 use super::phase::{Cause, Phase};
 use super::{Ending, Engine, Peaks, Side, Stop};
 use crate::control::Port;
 use crate::record::{EventKind, GridOf};
+
+/// A force that differs by so many times its noise differs.
+const NOISE: f64 = 5.0;
 
 /// Where one axis was left, in its own units.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -160,12 +164,37 @@ impl Engine {
         if let Some(stop) = moved {
             return Err(stop);
         }
-        for (port, places) in self.ports.iter_mut().zip(left) {
+        self.take_drift(left);
+        self.wait_for_confirmation(control)
+    }
+
+    /// Relative channels that read something else than they did. What a load cell reads less where a motion came to an end was
+    /// a force of the specimen.
+    fn take_drift(&mut self, left: &[Vec<Place>]) {
+        let takes_force = self.opening.takes_force_drift;
+        let mut differ = Vec::new();
+        for (index, (port, places)) in self.ports.iter_mut().zip(left).enumerate() {
             for (axis, place) in places.iter().enumerate() {
-                port.take_drift(axis, place.disp, place.force);
+                port.take_disp_drift(axis, place.disp);
+                if takes_force {
+                    port.take_force_drift(axis, place.force);
+                }
+                let reading = port.reading(axis);
+                let noise = NOISE * reading.force_noise;
+                if port.has_relative_force(axis) && (reading.force - place.force).abs() > noise {
+                    differ.push((index as u32, axis as u32, [place.force, reading.force]));
+                }
             }
         }
-        self.wait_for_confirmation(control)
+        for (port, axis, [left, found]) in differ {
+            self.report_now(EventKind::ForceChanged {
+                port,
+                axis,
+                left,
+                found,
+                is_taken: takes_force,
+            });
+        }
     }
 
     /// The readings, for the log and for whoever attends.

@@ -152,9 +152,16 @@ impl Engine {
         self.skip_edges_before(self.clock.now());
         self.first_edge = self.schedule.tick(self.edge);
         self.report_grid(GridOf::Test);
+        // A hold that was asked for before: nothing moves until the operator goes on.
+        if self.hold_wanted {
+            self.ride.tempo.stand();
+        }
         self.riding = true;
         let result = self.ride_on(control);
         self.riding = false;
+        for port in &mut self.ports {
+            port.is_told_by_steps(false);
+        }
         result
     }
 

@@ -2,7 +2,8 @@
 //!
 //! The load rises in small parts. After each exchange the displacement moves by K⁻¹·(unbalanced force), K an upper
 //! bound of the tangent: for yielding and softening laws the approach is monotone, so that a specimen is
-//! never driven back and forth. Each exchange is an accepted motion of the specimen, one tick of the grid apart.
+//! never driven back and forth. Each correction is an accepted motion of the specimen, along half a cosine: the ramp's time
+//! is shared over the parts, and no speed limit is used beyond the ramp's share of it.
 //! Nothing moves meanwhile: the initial displacement, which counts from the position under the static load, and the
 //! initial velocities of structure and base come after it.
 
@@ -52,12 +53,11 @@ impl Engine {
         for port in &mut self.ports {
             port.aim(&state.disp, &state.vel, base.disp, 0.0);
         }
-        self.clear_commands()?;
         self.ramp(control)?;
         self.enter(Phase::Settling, Cause::Done);
         self.listen_at_rest(control)?;
-        self.clear_commands()?;
         let mut exchanges = 0;
+        let (shortest, mut longest) = (self.opening.ramp_s / f64::from(settling.parts), 0.0f64);
         for part in 1..=settling.parts {
             let share = f64::from(part) / f64::from(settling.parts);
             let mut before = f64::INFINITY;
@@ -66,7 +66,16 @@ impl Engine {
                 if exchanges > settling.most_exchanges {
                     return Err(Stop::NotSettled { exchanges });
                 }
-                let unbalance = self.settle_once(&mut settling, share, control)?;
+                let (correction, largest) = self.settle_once(&mut settling, share, control)?;
+                let unbalance = if largest > 0.0 {
+                    correction / largest
+                } else {
+                    0.0
+                };
+                longest = longest.max(correction);
+                if correction > 0.0 {
+                    self.approach(shortest * (correction / longest), control)?;
+                }
                 let enough = if part == settling.parts {
                     unbalance <= settling.tolerance
                         && (unbalance <= ROUNDOFF || unbalance >= before)
@@ -92,14 +101,31 @@ impl Engine {
         Ok(())
     }
 
-    /// One exchange and one correction; the size of the correction relative to the displacement.
+    /// Leads the specimens to the corrected place that stands ready, in `shortest` s or longer. What is no further than one
+    /// tick goes is the next exchange itself.
+    fn approach(&mut self, shortest: f64, control: &Control) -> Result<(), Stop> {
+        let ticks = self.ramp_ticks(|port, share| port.way_time(share, shortest));
+        if ticks > 1 {
+            self.lead(ticks, Phase::Settling, control)?;
+            for port in &mut self.ports {
+                port.stand_still();
+            }
+        }
+        Ok(())
+    }
+
+    /// One exchange and one correction; the sizes of the correction and of the displacement.
     fn settle_once(
         &mut self,
         settling: &mut Settling,
         share: f64,
         control: &Control,
-    ) -> Result<f64, Stop> {
-        let tick = Tick::before_start(self.dt);
+    ) -> Result<(f64, f64), Stop> {
+        while self.hold_wanted {
+            self.still_tick(Phase::Settling, control)?;
+        }
+        self.clear_commands()?;
+        let tick = Tick::before_start(self.tick_passes());
         let mut stamps = TickStamps::default();
         self.wait_before_start(&mut stamps, control)?;
         self.exchange(&tick, &mut stamps)?;
@@ -108,7 +134,7 @@ impl Engine {
         self.row
             .exchange(&tick, Phase::Settling, &self.side, &self.ports);
         let Side::Structure(numerical) = &mut self.side else {
-            return Ok(0.0);
+            return Ok((0.0, 0.0));
         };
         let mut residual: Vec<f64> = settling.load.iter().map(|load| share * load).collect();
         let base = Base {
@@ -145,11 +171,6 @@ impl Engine {
         if !self.recorder.row(self.row.values()) {
             self.rows_lost += 1;
         }
-        self.clear_commands()?;
-        Ok(if largest > 0.0 {
-            correction / largest
-        } else {
-            0.0
-        })
+        Ok((correction, largest))
     }
 }

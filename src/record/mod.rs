@@ -164,6 +164,19 @@ pub enum EventKind {
         /// Axis, from 0.
         axis: u32,
     },
+    /// A load cell with a relative zero reads another force than before the interruption of its test.
+    ForceChanged {
+        /// Specimen, from 0.
+        port: u32,
+        /// Axis, from 0.
+        axis: u32,
+        /// What it read last, in its own unit.
+        left: f64,
+        /// What it reads now.
+        found: f64,
+        /// True if the difference is taken for drift of its zero.
+        is_taken: bool,
+    },
     /// Specimen `port` is wired the wrong way round, or does not answer as it must.
     Misfit {
         /// Specimen, from 0.

@@ -23,6 +23,7 @@ pub(super) fn opening(file: &TestFile, period: f64) -> Opening {
         zero_ticks: (file.safety.zero_s.unwrap_or(usual) / period).ceil() as u32,
         confirm: needs_confirmation(file),
         ramp_s: file.safety.ramp_s,
+        takes_force_drift: file.safety.resume_takes_force_drift,
     }
 }
 

@@ -283,10 +283,12 @@ impl Specimens {
                     let time = site.loaded.time;
                     let per_step = table.link.as_ref().is_some_and(links::is_per_step);
                     let ticks = if per_step { time.ticks_per_step } else { 1 };
-                    let tick = time.period.value() * f64::from(ticks);
+                    let period = time.period.value();
+                    let tick = period * f64::from(ticks);
                     let order = order(site.loaded);
                     let mut port = port
-                        .with_limits(limits, entry.units, tick)
+                        .with_limits(limits, entry.units, period)
+                        .told_every(period, tick)
                         .with_pace(per_step, order)
                         .with_references(safety::references(table, axes))
                         .with_declared(&declared, &stiffness, time.step.value());

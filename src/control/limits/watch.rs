@@ -194,15 +194,21 @@ impl Watch {
     #[inline]
     pub fn measured(&mut self, values: impl Iterator<Item = (f64, f64)>) -> Found {
         let mut found = Found::default();
+        let values = values.map(|(disp, force)| (disp, force, disp));
         self.judge_measured(values, &mut found);
         found
     }
 
-    /// The same, added to `found`. Real-time: yes.
+    /// The same, added to `found`; the third of each axis is the displacement that is held against its command. Real-time:
+    /// yes.
     #[inline]
-    pub fn judge_measured(&mut self, values: impl Iterator<Item = (f64, f64)>, found: &mut Found) {
+    pub fn judge_measured(
+        &mut self,
+        values: impl Iterator<Item = (f64, f64, f64)>,
+        found: &mut Found,
+    ) {
         let seen_before = self.measured;
-        for ((index, axis), (disp, force)) in self.axes.iter_mut().enumerate().zip(values) {
+        for ((index, axis), (disp, force, stands)) in self.axes.iter_mut().enumerate().zip(values) {
             let Axis { limits, calm, past } = axis;
             let moved = disp.to_bits() != past.measured.to_bits()
                 || force.to_bits() != past.force.to_bits();
@@ -211,7 +217,7 @@ impl Watch {
             } else if past.stuck_travel > limits.stuck_travel {
                 past.stuck_ticks = past.stuck_ticks.saturating_add(1);
             }
-            let error = (disp - past.command[0]).abs();
+            let error = (stands - past.command[0]).abs();
             let seen = Seen {
                 disp,
                 force,

@@ -130,6 +130,31 @@ impl<S: Store> EventLog<S> {
                     "direction"
                 );
             }
+            EventKind::ForceChanged {
+                port,
+                axis,
+                left,
+                found,
+                is_taken,
+            } => {
+                self.specimen(line, port);
+                put(line, "axis", axis + 1);
+                put(line, "left", left);
+                put(line, "found", found);
+                put(line, "taken_for_drift", is_taken);
+                tracing::warn!(
+                    specimen = port + 1,
+                    axis = axis + 1,
+                    left,
+                    found,
+                    "{}",
+                    if is_taken {
+                        "another force than the test was left with: taken for drift of the load cell"
+                    } else {
+                        "another force than the test was left with: the zero of the load cell stays"
+                    }
+                );
+            }
             EventKind::DirectionUnknown { port, axis } => {
                 self.specimen(line, port);
                 put(line, "axis", axis + 1);
@@ -309,6 +334,7 @@ const fn kind_name(kind: &EventKind) -> &'static str {
         EventKind::Probing { .. } => "probing",
         EventKind::Direction { .. } => "direction",
         EventKind::DirectionUnknown { .. } => "direction_unknown",
+        EventKind::ForceChanged { .. } => "force_changed",
         EventKind::Misfit { .. } => "misfit",
         EventKind::Geometry { .. } => "geometry",
         EventKind::Phase { .. } => "phase",

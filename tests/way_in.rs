@@ -1,0 +1,237 @@
+//! From the agreed connection to the first step: whatever comes first, a specimen is led from where it stands, and nothing
+//! jumps.
+
+mod common;
+
+use std::sync::{Arc, Mutex};
+
+use common::engine::{Run, prepare, run_on, run_under};
+use common::spring::Spring;
+use gusset::control::limits::{AxisLimits, Bound, Quantity};
+use gusset::control::{Axis, Direction, Exit, Exits, Order, Pace, Port, Reference, Zero};
+use gusset::engine::{Control, Ending, Operator, Stop};
+use gusset::time::SimClock;
+
+const PERIOD: f64 = 1e-3;
+const STIFFNESS: f64 = 2e5;
+
+/// Half a second at 1 kHz with a spring in the only storey, made ready by `ready`: the run and every command.
+fn led(more: &str, ready: impl FnOnce(Port) -> Port) -> (Run, Vec<f64>) {
+    led_by(more, ready, |_| {}, &Control::unattended(), [0.0; 2])
+}
+
+/// The same; `hears` is told the number of commands so far at each of them, and the sensors read `bias` at rest.
+fn led_by(
+    more: &str,
+    ready: impl FnOnce(Port) -> Port,
+    mut hears: impl FnMut(usize) + Send + 'static,
+    control: &Control,
+    bias: [f64; 2],
+) -> (Run, Vec<f64>) {
+    let text = format!(
+        "{more}\n[time]\nrate_hz = 1000\nduration_s = 0.5\n[integrator]\nlambda = 2\n[structure.shear_building]\n\
+         mass_kg = [2e3]\nstiffness_n_per_m = [3e5]\n[excitation.ground_acceleration.signal.sine]\namplitude = 0.2\n\
+         frequency_hz = 2\n"
+    );
+    let mut experiment = prepare(&text).experiment;
+    let way: Arc<Mutex<Vec<f64>>> = Arc::default();
+    let went = Arc::clone(&way);
+    let mut spring = Spring::new(STIFFNESS, move |command| {
+        let mut went = went.lock().unwrap();
+        went.push(command.disp[0]);
+        hears(went.len());
+    });
+    spring.bias = bias;
+    let axis = Axis::plain(vec![(0, 1.0)]);
+    let port = Port::new("rig", vec![axis], Box::new(spring), 1, vec![STIFFNESS]);
+    experiment.ports.push(ready(port.unwrap()));
+    let run = run_under(experiment, SimClock::new(), control);
+    let way = way.lock().unwrap().clone();
+    (run, way)
+}
+
+fn largest_step(way: &[f64]) -> f64 {
+    let steps = way.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+    steps.fold(0.0, f64::max)
+}
+
+/// At most 0.1 m/s, which is tripped at.
+fn slowly(port: Port) -> Port {
+    let mut limits = AxisLimits::NONE;
+    limits.command_vel = Bound {
+        warn: 0.1,
+        trip: 0.1,
+    };
+    port.with_limits(vec![limits], vec![(1.0, 1.0)], PERIOD)
+}
+
+#[test]
+fn a_specimen_that_stands_elsewhere_is_tried_there_and_led_to_the_test_from_there() {
+    for (more, stands) in [
+        ("safety.zero_s = 0.005", 0.02),
+        ("safety.zero_s = 0", 0.02),
+        ("safety.zero_s = 0", -0.013),
+    ] {
+        let more = format!("timing.warmup_ticks = 3\n{more}");
+        let (run, way) = led(&more, |port| {
+            let mut port = slowly(port);
+            port.says_it_stands_at(&[stands]);
+            port.direction = Direction::Probe {
+                amplitude: vec![0.001],
+                pace: Pace::of(0.05, PERIOD),
+            };
+            port
+        });
+        assert_eq!(run.outcome.ending, Ending::Completed, "{more}");
+        // 2 · 50 ticks of ramps and 3 · 20 of holds.
+        let (tried, rest) = way.split_at(160);
+        assert!(
+            tried
+                .iter()
+                .all(|disp| (stands..=stands + 0.001 + 1e-12).contains(disp))
+        );
+        assert_eq!((tried[0], rest[0]), (stands, stands), "{more}");
+        assert!(tried.contains(&(stands + 0.001)));
+        // Half the limit, by what the ramp may use.
+        let to_the_test = &way[..way.iter().position(|disp| *disp == 0.0).unwrap()];
+        assert!(largest_step(to_the_test) < 0.0501 * PERIOD, "{more}");
+    }
+}
+
+/// The same with an operator who says each of these when so many commands have left.
+fn held(more: &str, says: &'static [(usize, Operator)]) -> (Run, Vec<f64>) {
+    let (ask, requests) = crossbeam_channel::bounded(8);
+    let hears = move |told| {
+        for (_, word) in says.iter().filter(|(at, _)| *at == told) {
+            ask.send(*word).unwrap();
+        }
+    };
+    led_by(more, |port| port, hears, &Control::from(requests), [0.0; 2])
+}
+
+const EASED: &str = "timing.warmup_ticks = 3\nsafety.zero_s = 0.005\nsafety.ease_s = 0.05";
+
+#[test]
+fn a_hold_in_the_ramp_stands_there_and_comes_to_rest_as_in_the_test() {
+    let text = format!("{EASED}\nstructure.initial_displacement_m = [0.02]");
+    let (free, free_way) = held(&text, &[]);
+    let says = &[(300, Operator::Hold), (700, Operator::Continue)];
+    let (run, way) = held(&text, says);
+    assert_eq!(run.outcome.ending, Ending::Completed);
+    // Asked for with command 300, heard before the one that stood ready: 50 ticks to rest behind it.
+    let stood = &way[350..700];
+    assert!(stood.iter().all(|disp| *disp == way[350]));
+    assert!(way[350] > way[300] && way[350] < 0.006, "{}", way[350]);
+    // The ramp of 1 s: π/2 of the mean speed, and π²/2 of what the mean speed is in half of it; the easing takes 50 ticks.
+    let speed = std::f64::consts::FRAC_PI_2 * 0.02 / 1000.0;
+    let bend = speed * std::f64::consts::PI / 1000.0 + speed / 50.0;
+    let ramp = &way[..=way.iter().position(|disp| *disp == 0.02).unwrap()];
+    for three in ramp.windows(3) {
+        assert!((three[0] - 2.0 * three[1] + three[2]).abs() < bend);
+        assert!(three[2] >= three[1]);
+    }
+    for column in ["x1", "force_1_1"] {
+        assert_eq!(run.column(column), free.column(column), "{column}");
+    }
+    // A linear fall and a linear rise: half of the 50 ticks of each is lost, besides what was stood.
+    let more = way.len() - free_way.len();
+    assert!((395..=405).contains(&more), "{more}");
+}
+
+#[test]
+fn a_hold_before_the_ramp_moves_nothing_and_the_test_does_not_begin_in_one() {
+    let text = format!("{EASED}\nstructure.initial_displacement_m = [0.02]");
+    let (_, way) = held(&text, &[(2, Operator::Hold), (200, Operator::Continue)]);
+    assert!(way[..200].iter().all(|disp| *disp == 0.0));
+    assert!(way.contains(&0.02));
+    let (free, _) = held(EASED, &[]);
+    for at in [
+        &[(2, Operator::Hold), (200, Operator::Continue)],
+        &[(7, Operator::Hold), (200, Operator::Continue)],
+    ] {
+        let (run, way) = held(EASED, at);
+        assert!(way[..200].iter().all(|disp| *disp == 0.0));
+        assert_eq!(run.column("x1"), free.column("x1"));
+    }
+}
+
+#[test]
+fn what_a_sensor_reads_beyond_its_zero_is_no_error_of_following() {
+    let ended = |reference: Reference, bias: f64| {
+        let ready = |port: Port| {
+            let mut limits = AxisLimits::NONE;
+            limits.following_error = Bound {
+                warn: 0.001,
+                trip: 0.001,
+            };
+            let port = port.with_limits(vec![limits], vec![(1.0, 1.0)], PERIOD);
+            port.with_references(vec![reference])
+        };
+        let nobody = Control::unattended();
+        led_by(EASED, ready, |_| {}, &nobody, [bias, 0.0])
+            .0
+            .outcome
+            .ending
+    };
+    let relative = Reference {
+        disp: Zero::Relative,
+        force: Zero::Absolute,
+    };
+    assert_eq!(ended(relative, 0.004), Ending::Completed);
+    assert_eq!(ended(Reference::default(), 0.0), Ending::Completed);
+    assert!(matches!(
+        ended(Reference::default(), 0.004),
+        Ending::Stopped(_)
+    ));
+}
+
+/// Told once in ten ticks while the test runs, which it does not yet: 10 mm in 0.05 s are 0.3 m/s.
+#[test]
+fn what_is_told_once_a_step_is_judged_by_the_tick_where_it_is_told_every_tick() {
+    let (run, way) = led(EASED, |port| {
+        let port = slowly(port).with_pace(true, Order::Quadratic);
+        let mut port = port.told_every(PERIOD, 10.0 * PERIOD);
+        port.direction = Direction::Probe {
+            amplitude: vec![0.01],
+            pace: Pace::of(0.05, PERIOD),
+        };
+        port
+    });
+    let Ending::Stopped(Stop::Limit { hit, .. }) = run.outcome.ending else {
+        panic!("{:?}", run.outcome.ending);
+    };
+    assert_eq!(hit.quantity, Quantity::CommandVel);
+    assert!(largest_step(&way) <= 0.1 * PERIOD);
+}
+
+#[test]
+fn beside_the_test_a_tick_takes_its_share_of_the_step() {
+    let text = "safety.zero_s = 0\nsafety.ramp_s = 0.4\nstructure.initial_displacement_m = [0.02]\n[time]\n\
+                step_s = 0.01\nduration_s = 0.1\nclock = \"simulated\"\nticks_per_step = 8\n[integrator]\nlambda = 2\n\
+                [structure.shear_building]\nmass_kg = [2e3]\nstiffness_n_per_m = [3e5]\n[timing]\nwarmup_ticks = 3\n";
+    let mut experiment = prepare(text).experiment;
+    let passed: Arc<Mutex<Vec<f64>>> = Arc::default();
+    let heard = Arc::clone(&passed);
+    let spring = Spring::new(STIFFNESS, move |command| {
+        heard.lock().unwrap().push(command.dt)
+    });
+    let axis = Axis::plain(vec![(0, 1.0)]);
+    let port = Port::new("rig", vec![axis], Box::new(spring), 1, vec![STIFFNESS]);
+    let mut port = port.unwrap();
+    port.exits = Exits {
+        on_trip: Exit::Freeze,
+        at_end: Exit::ZeroDisp,
+        speed: 0.05,
+    };
+    experiment.ports.push(port);
+    let period = experiment.period.value();
+    let run = run_on(experiment, SimClock::new());
+    assert_eq!(run.outcome.ending, Ending::Completed);
+    let passed = passed.lock().unwrap();
+    let ramp = (0.4 / period).ceil() as usize;
+    let behind = ramp + 3 + 81;
+    assert!(passed.len() > behind + 8);
+    for dt in passed[..ramp].iter().chain(&passed[behind..]) {
+        assert!((dt - 0.01 / 8.0).abs() < 1e-15, "{dt}");
+    }
+}
