@@ -482,6 +482,15 @@ fn a_test_that_had_tripped_goes_on_only_for_who_names_the_trip() {
     let summary = common::json(&second, "summary.json");
     let warnings = summary["warnings"].to_string();
     assert!(warnings.contains("IT HAD TRIPPED"), "{warnings}");
+    // What was done to the specimen in steps without a row is not known.
+    let samples = std::fs::File::options()
+        .write(true)
+        .open(first.join("samples.bin"))
+        .unwrap();
+    let length = samples.metadata().unwrap().len();
+    samples.set_len(length / 2).unwrap();
+    let named = ["--after-trip", "measured_force_n"];
+    refused(&first, "but the rows end at", &named);
 }
 
 /// A damper's force is gone when a killed test goes on: that is no drift of its load cell, and the response is that of a test

@@ -236,3 +236,38 @@ fn beside_the_test_a_tick_takes_its_share_of_the_step() {
         assert!((dt - 0.01 / 8.0).abs() < 1e-15, "{dt}");
     }
 }
+
+/// However short the file wants the ramp: without a limit of its speed a specimen that stands elsewhere is given a second.
+#[test]
+fn a_short_ramp_is_no_jump() {
+    let (run, way) = led(
+        "safety.zero_s = 0.005\nsafety.ramp_s = 0.001",
+        |mut port| {
+            port.says_it_stands_at(&[0.02]);
+            port
+        },
+    );
+    assert_eq!(run.outcome.ending, Ending::Completed);
+    let to_the_test = &way[..way.iter().position(|disp| *disp == 0.0).unwrap()];
+    assert!(to_the_test.len() >= 1000, "{}", to_the_test.len());
+    // Half a cosine is π/2 times as fast in its middle as on the average.
+    assert!(largest_step(to_the_test) < 0.02 * 1.5709 * PERIOD);
+}
+
+/// Noise of the sensors of a specimen that stands is none of its stiffness: no limit of that trips, whatever the noise.
+#[test]
+fn what_stands_still_shows_no_stiffness() {
+    for seed in [1, 2, 3, 4, 6, 12] {
+        let text = format!(
+            "safety.zero_s = 0.2\n[time]\nrate_hz = 500\nduration_s = 1\nclock = \"simulated\"\n\
+             [structure.shear_building]\nmass_kg = [2000]\nstiffness_n_per_m = [1e5]\ndamping_n_s_per_m = [2000]\n\
+             [excitation.ground_acceleration.signal.sine]\namplitude = 1.0\nfrequency_hz = 1\n\
+             [[specimen]]\nname = \"s\"\nstorey = 1\nlaw.linear = {{ stiffness_n_per_m = 1e6 }}\n\
+             limits.stiffness_ratio = {{ trip = 2 }}\n[specimen.transfer]\nseed = {seed}\n\
+             disp_sensor = {{ noise_rms_m = 5e-5 }}\nforce_sensor = {{ noise_rms_n = 300 }}\n"
+        );
+        let experiment = prepare(&text).experiment;
+        let run = run_under(experiment, SimClock::new(), &Control::unattended());
+        assert_eq!(run.outcome.ending, Ending::Completed, "{seed}");
+    }
+}

@@ -20,7 +20,8 @@ pub struct SafetyTable {
     /// Whether the operator must confirm what was read. Where a channel takes its zero from it, he must in any case.
     pub confirm: bool,
     /// Shortest wall time in s in which a specimen is moved to where the test begins, and in which a static load comes on;
-    /// longer where half of a velocity limit would be passed.
+    /// longer where half of a velocity limit would be passed, and at least 1 s on the way from where a specimen says that it
+    /// stands if it has no such limit.
     pub ramp_s: f64,
     /// Wall time in s in which a hold brings the specimens to rest, and in which they come to the test's pace again; the first
     /// steps after a resumed test's start are eased in the same way. 0: at once, at the next tick.

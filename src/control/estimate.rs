@@ -248,6 +248,7 @@ impl Port {
 
     /// Begins the estimates anew, with the noise that was read.
     pub(super) fn estimate_above_noise(&mut self) {
+        self.estimates.rests = false;
         let noise: Vec<(f64, f64)> = (0..self.axes.len())
             .zip(&self.axes)
             .map(|(index, axis)| {

@@ -266,8 +266,8 @@ impl Port {
     }
 
     /// Shortest time in s of wall time for a ramp from the last command to the next: `shortest`, or longer where it would
-    /// be faster than `share` of a speed limit; 0 if they are the same. Where neither bounds it, a specimen that says where
-    /// it stands is given a second: it does not jump.
+    /// be faster than `share` of a speed limit; 0 if they are the same. Where no such limit bounds it, a specimen that says
+    /// where it stands is given a second at least: it does not jump.
     #[must_use]
     pub fn ramp_time(&self, share: f64, shortest: f64) -> f64 {
         let unbounded = if self.standing.is_some() {
@@ -293,8 +293,11 @@ impl Port {
             if (to - from).abs() > SAME * from.abs().max(to.abs()) {
                 // Half a cosine is π/2 times as fast in the middle as on the average.
                 let speed = share * limits.command_vel.warn.min(limits.command_vel.trip);
-                let is_bounded = shortest > 0.0 || speed < f64::INFINITY;
-                let shortest = if is_bounded { shortest } else { unbounded };
+                let shortest = if speed < f64::INFINITY {
+                    shortest
+                } else {
+                    shortest.max(unbounded)
+                };
                 time = time.max(shortest).max(FRAC_PI_2 * distance / speed);
             }
         }

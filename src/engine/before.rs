@@ -44,6 +44,10 @@ impl Engine {
         if ticks == 0 || self.ports.is_empty() {
             return Ok(());
         }
+        // What stands shows its noise and no stiffness.
+        for port in &mut self.ports {
+            port.rest();
+        }
         self.read_at_rest(ticks, control)?;
         for port in &mut self.ports {
             port.take_zero();

@@ -21,7 +21,7 @@ use crate::config::{ConfigError, Prepared};
 use crate::control::Port;
 use crate::engine::Phase;
 use crate::record::summary::Status;
-use crate::record::{FolderError, Run};
+use crate::record::{FolderError, MissingEnd, Run};
 
 /// Why a test cannot go on. Nothing was moved.
 #[derive(Debug, Error)]
@@ -60,6 +60,14 @@ pub enum ResumeError {
         folder: PathBuf,
         /// What is wrong.
         fault: String,
+    },
+    /// Rows at its end are missing, and what was done to the specimens in those steps is not known.
+    #[error("{}: {missing}: what the specimens went through after that cannot be retraced", folder.display())]
+    Short {
+        /// The folder.
+        folder: PathBuf,
+        /// What is missing.
+        missing: MissingEnd,
     },
     /// It had tripped, and nobody says that it may go on all the same.
     #[error("{}: this test had tripped ({reason}): look at its specimens, and say {wanted} if it may go on", folder.display())]
@@ -131,6 +139,12 @@ pub fn resume(
         return Err(ResumeError::Summary {
             folder: folder.to_owned(),
             fault: fault.to_owned(),
+        });
+    }
+    if let Some(missing) = MissingEnd::of_run(&run) {
+        return Err(ResumeError::Short {
+            folder: folder.to_owned(),
+            missing,
         });
     }
     check_files(&run, test)?;
