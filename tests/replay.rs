@@ -95,7 +95,7 @@ fn a_test_comes_out_again_to_the_last_bit_wherever_its_folder_is() {
 fn holds_happen_again_where_they_happened() {
     for before in [0, 1, 2, 40] {
         // Idle words: what is held goes on, what goes on is told to.
-        let mut words = vec![Operator::Continue; before + 200];
+        let mut words = vec![Operator::Continue; before + 800];
         words.extend([Operator::Hold; 30]);
         words.push(Operator::Continue);
         words.extend([Operator::Continue; 12]);
@@ -109,6 +109,24 @@ fn holds_happen_again_where_they_happened() {
         let found = replay(&run).unwrap();
         assert!(found.is_exact(), "{before}: {found:?}");
         assert_eq!(found.rows, states[0].len() as u64);
+    }
+}
+
+/// While the sensors are read, while the static load comes on, and in the ramp behind it.
+#[test]
+fn holds_before_the_test_happen_again_where_they_happened() {
+    let rows = |run: &Path| Run::open(run).unwrap().columns(&["state"]).unwrap();
+    let home = tempfile::tempdir().unwrap();
+    let free = rows(&record(home.path(), &[]))[0].len();
+    for at in (3..400).step_by(33) {
+        let mut words = vec![Operator::Continue; at];
+        words.extend([Operator::Hold; 20]);
+        words.push(Operator::Continue);
+        let home = tempfile::tempdir().unwrap();
+        let run = record(home.path(), &words);
+        assert!(rows(&run)[0].len() >= free + 10, "{at}");
+        let found = replay(&run).unwrap();
+        assert!(found.is_exact(), "{at}: {found:?}");
     }
 }
 

@@ -124,13 +124,15 @@ fn a_yielding_specimen_is_never_driven_backwards() {
     );
 }
 
-/// On a spring of known stiffness each part of the load is one way, and the next begins where it has led: twenty equal ones.
+/// On a spring of known stiffness each part of the load is one way, and the next begins where it has led: twenty equal ones,
+/// each in one tick where no time is asked for.
 #[test]
 fn the_load_comes_on_in_twenty_equal_parts() {
     let run = test(
         LOAD,
         "stiffness_n_per_m = [0, 14e6, 11e6]\n\
-         [[specimen]]\nname = \"s\"\nstorey = 1\nlaw = { linear = { stiffness_n_per_m = 15e6 } }\n",
+         [[specimen]]\nname = \"s\"\nstorey = 1\nlaw = { linear = { stiffness_n_per_m = 15e6 } }\n\
+         [safety]\nramp_s = 0\n",
     );
     let command = run.all("cmd_1_1");
     let part = 120e3 / 15e6 / 20.0;
@@ -218,7 +220,7 @@ fn a_static_load_comes_on_within_the_ramps_time_and_half_the_speed_limit() {
 #[test]
 fn a_compensator_with_a_gain_is_there_before_the_test_begins() {
     let run = run(
-        "safety.zero_s = 0\n[time]\nrate_hz = 256\nduration_s = 0.2\n[structure]\nstatic_load_n = [20e3]\n\
+        "safety.zero_s = 0\n[time]\nrate_hz = 256\nduration_s = 0.25\n[structure]\nstatic_load_n = [20e3]\n\
          [structure.shear_building]\nmass_kg = [20e3]\nstiffness_n_per_m = [2e5]\n[[specimen]]\nname = \"s\"\n\
          storey = 1\nlaw = { linear = { stiffness_n_per_m = 8e5 } }\n[specimen.compensation.ats]\ndelay_s = 0.005\n\
          gain = 0.9\n",

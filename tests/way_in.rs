@@ -90,7 +90,8 @@ fn a_specimen_that_stands_elsewhere_is_tried_there_and_led_to_the_test_from_ther
                 .iter()
                 .all(|disp| (stands..=stands + 0.001 + 1e-12).contains(disp))
         );
-        assert_eq!((tried[0], rest[0]), (stands, stands), "{more}");
+        assert_eq!(tried[0], stands);
+        assert!((rest[0] - stands).abs() < 0.0501 * PERIOD, "{more}");
         assert!(tried.contains(&(stands + 0.001)));
         // Half the limit, by what the ramp may use.
         let to_the_test = &way[..way.iter().position(|disp| *disp == 0.0).unwrap()];
