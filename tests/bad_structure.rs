@@ -86,11 +86,14 @@ fn an_effective_mass_that_is_not_positive_definite_names_the_dof() {
     );
     let soft = MATRICES.replace("[-1e5, 1e5]]", "[-1e5, -9e9]]");
     let words = [
-        "not positive definite",
-        "at degree of freedom 2",
-        "no stiffness may be negative",
+        "the stiffness has a negative eigenvalue",
+        "would fall instead of swing",
     ];
-    refused(&soft, &[], right, "[0, 1000]", &words);
+    let (line, under) = (
+        "stiffness = [[2e5, -1e5], [-1e5, -9e9]]",
+        "[[2e5, -1e5], [-1e5, -9e9]]",
+    );
+    refused(&soft, &[], line, under, &words);
     let rule = "rayleigh_ratio]\nratio = 0.02\nmodes = [1, 2]";
     let none = "rayleigh]\nmass_coefficient_per_s = 0\nstiffness_coefficient_s = 0";
     let hinge = FRAME.replace("[0, 4e5]", "[0, 0]").replace(rule, none);

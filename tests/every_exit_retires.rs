@@ -256,6 +256,7 @@ fn a_command_that_is_no_number_is_not_sent() {
     for step in 0..=STEPS {
         let log = Log::default();
         let mut experiment = two_floors(STEPS, "timing.warmup_ticks = 0");
+        experiment.limits.divergence = f64::MAX;
         let hit = u64::from(step);
         attach(
             &mut experiment,

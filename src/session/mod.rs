@@ -212,6 +212,7 @@ fn carry_out(
         Whereabouts::Moved(place) => {
             let place = place.display();
             let text = format!("the run folder was moved to {place} while the test ran");
+            tracing::warn!("{text}");
             facts.warnings.push(text);
         }
         Whereabouts::Gone => recorded.lose_all("the record was deleted while the test ran"),

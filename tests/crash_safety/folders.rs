@@ -77,7 +77,7 @@ fn long() -> String {
 }
 
 #[test]
-fn a_folder_that_vanishes_in_mid_test_ends_nothing_and_is_told_at_the_end() {
+fn a_folder_that_is_moved_in_mid_test_ends_nothing_and_gets_all_that_belongs_to_it() {
     let folder = tempfile::tempdir().unwrap();
     let test = Running::start(folder.path(), "run", &long());
     test.moves();
@@ -85,11 +85,28 @@ fn a_folder_that_vanishes_in_mid_test_ends_nothing_and_is_told_at_the_end() {
     fs::rename(&out, folder.path().join("elsewhere")).unwrap();
     let (code, said) = test.interrupt();
     assert_eq!(code, 130, "{said}");
-    assert!(said.contains("not written: "), "{said}");
-    assert!(said.contains("summary.json"), "{said}");
-    assert!(!said.contains("panicked"), "{said}");
-    // The rows went on into the file that was open.
+    assert!(said.contains("was moved to "), "{said}");
+    assert!(!said.contains("not written: "), "{said}");
     let left = gusset::record::Run::open(&folder.path().join("elsewhere")).unwrap();
-    assert!(left.summary().is_none());
+    let warnings = &left.summary().unwrap().warnings;
+    assert!(
+        warnings.iter().any(|text| text.contains("was moved to ")),
+        "{warnings:?}"
+    );
     assert_eq!(crate::rows(&left).1, gusset::record::End::Clean);
+    assert!(!out.exists());
+}
+
+#[test]
+fn a_folder_that_is_deleted_in_mid_test_ends_nothing_and_its_rows_count_as_lost() {
+    let folder = tempfile::tempdir().unwrap();
+    let test = Running::start(folder.path(), "run", &long());
+    test.moves();
+    fs::remove_dir_all(folder.path().join("run")).unwrap();
+    let (code, said) = test.interrupt();
+    assert_eq!(code, 130, "{said}");
+    for words in ["ROWS ARE LOST", "DATA LOST", "not written: "] {
+        assert!(said.contains(words), "{words}: {said}");
+    }
+    assert!(!said.contains("panicked"), "{said}");
 }
