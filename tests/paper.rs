@@ -103,7 +103,7 @@ impl Building {
             format!("stiffness_n_per_m = {stiffness:?}")
         };
         format!(
-            "[time]\nstep_s = {STEP}\nduration_s = {duration}\n[integrator]\nlambda = {lambda}\n\
+            "safety.divergence_m = 1e300\n[time]\nstep_s = {STEP}\nduration_s = {duration}\n[integrator]\nlambda = {lambda}\n\
              [excitation.ground_acceleration.signal.sine]\namplitude = 20\n\
              angular_frequency_rad_per_s = 1\n[structure.shear_building]\nmass_kg = {mass:?}\n{storeys}\n"
         )

@@ -409,6 +409,7 @@ fn a_specimen_that_does_not_stand_where_it_was_left_is_refused_and_nothing_moves
     };
     let conclude = |mut test: gusset::config::Prepared, off: f64, out: &str| {
         test.experiment.ports[0].go_live(far(off));
+        test.experiment.ports[0].computed = true;
         let folder = RunFolder::create(&at(out)).unwrap();
         let nobody = crossbeam_channel::never();
         session::run(test, folder, nobody, Watches::default(), &mut |_| {}).unwrap()
@@ -512,6 +513,7 @@ fn a_force_that_was_lost_at_rest_is_told_and_not_taken_for_drift() {
     };
     let conclude = |mut test: gusset::config::Prepared, out: &str| {
         test.experiment.ports[0].go_live(far());
+        test.experiment.ports[0].computed = true;
         let (ask, requests) = crossbeam_channel::bounded(100);
         for _ in 0..100 {
             ask.send(Operator::Continue).unwrap();

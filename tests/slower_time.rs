@@ -13,6 +13,8 @@ fn frame(scale: &str) -> Run {
         scale = {scale}
         [timing]
         warmup_ticks = 200
+        [safety]
+        ramp_s = 0
         [structure]
         static_load_n = [10e3, 0]
         [structure.shear_building]

@@ -188,9 +188,17 @@ fn an_openssl_server_that_verifies_our_certificate_is_commanded() {
             ..settings(Peer::Site, Carrier::Stream, port, 1)
         })
         .unwrap();
-        remote.open().unwrap();
+        let opening = std::thread::spawn(move || {
+            remote.open().unwrap();
+            remote
+        });
         let sizes = server.hear(44);
         assert_eq!(sizes[0], 1);
+        // It is asked where it stands: at 0.
+        let asked = server.hear(8 * N);
+        assert_eq!(asked, vector(Action::Read(Reading::All), 0.0));
+        server.say(&[0; 8 * N]);
+        let mut remote = opening.join().unwrap();
         let mut into = Measurement::zeros(1);
         for k in 0..20 {
             let disp = path(k, 0);

@@ -17,9 +17,16 @@ pub struct MissingEnd {
 }
 
 impl MissingEnd {
-    /// Of a test whose last row is of this test time; none if nothing is missing.
+    /// Of a run whose last row is of this test time; none if nothing is missing, or if that cannot be known: the summary of a
+    /// served specimen counts commands and no steps.
     #[must_use]
-    pub fn of(summary: &Summary, ends_s: Option<f64>) -> Option<Self> {
+    pub fn of(run: &Run, ends_s: Option<f64>) -> Option<Self> {
+        let is_served = run.layout().index_of("commits").is_some();
+        let summary = run.summary().filter(|_| !is_served)?;
+        Self::of_test(summary, ends_s)
+    }
+
+    fn of_test(summary: &Summary, ends_s: Option<f64>) -> Option<Self> {
         let until_s = summary.steps as f64 * summary.dt;
         let is_there = ends_s.map_or(summary.steps == 0, |ends| {
             ends + 0.5 * summary.dt >= until_s
@@ -43,7 +50,7 @@ impl MissingEnd {
             Some(row) => Some(*row.get(place)?),
             None => None,
         };
-        Self::of(run.summary()?, time)
+        Self::of(run, time)
     }
 }
 
@@ -70,13 +77,15 @@ mod tests {
             dt: 0.01,
             ..example()
         };
-        let missing = |ends| MissingEnd::of(&summary, ends).map(|end| end.missing);
+        let missing = |ends| MissingEnd::of_test(&summary, ends).map(|end| end.missing);
         assert_eq!(missing(Some(1.0)), None);
         assert_eq!(missing(Some(1.2)), None, "it was left slowly");
         assert_eq!(missing(Some(0.99)), Some(1));
         assert_eq!(missing(Some(0.25)), Some(75));
         assert_eq!(missing(None), Some(101));
-        let words = MissingEnd::of(&summary, Some(0.25)).unwrap().to_string();
+        let words = MissingEnd::of_test(&summary, Some(0.25))
+            .unwrap()
+            .to_string();
         assert_eq!(
             words,
             "the summary tells of 100 steps, 1 s, but the rows end at 0.25 s"
@@ -85,6 +94,10 @@ mod tests {
             steps: 0,
             ..summary
         };
-        assert_eq!(MissingEnd::of(&nothing, None), None, "nothing was moved");
+        assert_eq!(
+            MissingEnd::of_test(&nothing, None),
+            None,
+            "nothing was moved"
+        );
     }
 }

@@ -241,10 +241,8 @@ fn damages(run: &Run, rows: RowsEnd) -> Vec<String> {
     let ended = rows.end.filter(|end| *end != End::Clean);
     let never_there = run.summary().map_or(0, |summary| summary.rows_lost);
     let at_the_end = never_there.saturating_sub(rows.lost);
-    let missing = run
-        .summary()
-        .and_then(|summary| MissingEnd::of(summary, rows.time))
-        .filter(|end| ended.is_some() || end.missing > at_the_end);
+    let missing =
+        MissingEnd::of(run, rows.time).filter(|end| ended.is_some() || end.missing > at_the_end);
     let cut = run.summary().is_some() && rows.lost > never_there;
     let cut = cut.then(|| {
         format!(

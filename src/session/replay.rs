@@ -125,7 +125,7 @@ fn missing_end(run: &Run, found: &Replay) -> Option<String> {
     if found.rows == 0 {
         return Some("there are no rows to be compared".to_owned());
     }
-    let end = MissingEnd::of(run.summary()?, Some(found.time))?;
+    let end = MissingEnd::of(run, Some(found.time))?;
     Some(end.to_string())
 }
 

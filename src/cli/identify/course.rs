@@ -74,7 +74,7 @@ impl Plan {
         let tick = loaded.time.tick();
         // The motion is made in memory before it is judged as a test.
         let ticks = args.duration / tick;
-        if ticks.is_nan() || ticks > MOST_TICKS {
+        if ticks.is_finite() && ticks > MOST_TICKS {
             return Err(usage(format!(
                 "--duration is {} s, which is more than {MOST_TICKS} ticks",
                 args.duration

@@ -32,27 +32,37 @@ pub(super) struct Site {
     pub refused: Refusals,
 }
 
-/// Requests that were turned away: told once in a while, for whoever sends them must not fill the record.
+/// Requests that were turned away: the first ones are told one by one, then all together once in a while, for whoever sends
+/// them must not fill the record.
 #[derive(Debug, Default)]
-pub(super) struct Refusals(Mutex<(Option<u64>, u64)>);
+pub(super) struct Refusals(Mutex<Refused>);
+
+#[derive(Debug, Default)]
+struct Refused {
+    told: u64,
+    told_ns: u64,
+    untold: u64,
+}
 
 impl Refusals {
     /// One more; the number since they were told of last, if they are to be told now.
     fn count(&self, now: u64) -> Option<u64> {
         let mut refused = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let (told, times) = &mut *refused;
-        *times += 1;
-        let due = told.is_none_or(|told| now.saturating_sub(told) >= TELL_NS);
+        refused.untold += 1;
+        let due = refused.told < ONE_BY_ONE || now.saturating_sub(refused.told_ns) >= TELL_NS;
         due.then(|| {
-            *told = Some(now);
-            std::mem::take(times)
+            refused.told += 1;
+            refused.told_ns = now;
+            std::mem::take(&mut refused.untold)
         })
     }
 }
 
 type Shared = State<Arc<Site>>;
 
-/// Time between two notes on what was turned away, ns.
+/// Requests that were turned away and are told one by one.
+const ONE_BY_ONE: u64 = 20;
+/// Time between two notes on what was turned away after them, ns.
 const TELL_NS: u64 = 10_000_000_000;
 
 /// Scripts and styles from here and nowhere else; nothing inline; nothing in a frame.
@@ -202,9 +212,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn refusals_are_told_at_once_and_then_every_ten_seconds_with_their_number() {
+    fn refusals_are_told_one_by_one_and_then_every_ten_seconds_with_their_number() {
         let refused = Refusals::default();
-        assert_eq!(refused.count(5), Some(1));
+        for _ in 0..ONE_BY_ONE {
+            assert_eq!(refused.count(5), Some(1));
+        }
         let soon = (0..1000).filter_map(|k| refused.count(6 + k)).count();
         assert_eq!(soon, 0);
         assert_eq!(refused.count(5 + TELL_NS), Some(1001));
