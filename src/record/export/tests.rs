@@ -113,7 +113,7 @@ fn what_is_wrong_with_a_run_is_said_and_what_is_right_is_exported() {
     assert_eq!(export().notices, [Notice::Unfinished]);
     let mut summary = example();
     folder.write_summary(&summary).unwrap();
-    let missing = MissingEnd::of(&summary, Some(0.1)).map(Notice::MissingEnd);
+    let missing = MissingEnd::of(&Run::open(&path).unwrap(), Some(0.1)).map(Notice::MissingEnd);
     assert_eq!(export().notices, [missing.unwrap()], "30 steps of 40");
     summary.steps = 10;
     folder.write_summary(&summary).unwrap();
@@ -127,7 +127,7 @@ fn what_is_wrong_with_a_run_is_said_and_what_is_right_is_exported() {
         bytes: bytes.len() / 2 - 1,
     };
     let result = export();
-    let missing = MissingEnd::of(&summary, Some(0.0)).map(Notice::MissingEnd);
+    let missing = MissingEnd::of(&Run::open(&path).unwrap(), Some(0.0)).map(Notice::MissingEnd);
     let wanted = [Notice::RowsLost(7), Notice::Ended(torn), missing.unwrap()];
     assert_eq!(result.notices, wanted);
     assert_eq!(result.rows, 1);
