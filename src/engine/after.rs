@@ -113,6 +113,7 @@ impl Engine {
             ending,
             Ending::Stopped(Stop::Misfit { .. } | Stop::Moved { .. })
         );
+        self.operator_stopped = matches!(ending, Ending::Stopped(Stop::Operator));
         if tripped {
             self.enter(Phase::Tripped, Cause::Stopped);
         }

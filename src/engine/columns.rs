@@ -23,6 +23,8 @@ pub const GIVEN_UP: f64 = 14.0;
 pub struct Row {
     /// Whether the operator wants a hold.
     pub hold: bool,
+    /// What trips does so on the way out that the operator asked for.
+    pub stopped: bool,
     /// From the ready command of the tick before to its pushed row, in s; known when that row is gone. Not a number where
     /// it was not measured.
     pub record_before: f64,
@@ -58,7 +60,7 @@ const BOOKKEEPING: [(&str, &str, &str); 5] = [
     (
         "hold",
         "1",
-        "1 from the tick before which the operator asked for a hold, until he lets the test go on",
+        "1 from the tick before which the operator asked for a hold, until he lets the test go on; -1 where a test that he stopped trips on its way out",
     ),
     ("time", "s", "test time"),
 ];
@@ -154,6 +156,7 @@ impl Row {
         (
             Self {
                 hold: false,
+                stopped: false,
                 record_before: f64::NAN,
                 values,
                 dofs: (!are_all(dofs, side)).then(|| dofs.to_vec()),
@@ -206,7 +209,11 @@ impl Row {
             number(tick.step),
             number(tick.sub_tick),
             state,
-            f64::from(u8::from(self.hold)),
+            if self.stopped {
+                -1.0
+            } else {
+                f64::from(u8::from(self.hold))
+            },
             tick.time,
             ground,
         ];

@@ -122,6 +122,8 @@ pub struct Engine {
     ports: Vec<Port>,
     /// The tick that tripped has a row.
     trip_is_recorded: bool,
+    /// The operator ended the test: what trips after that does so on the way out.
+    operator_stopped: bool,
     phase: Phase,
     /// Where the phase is left for others to see.
     pub phase_cell: PhaseCell,
@@ -284,6 +286,7 @@ impl Engine {
             memory,
             opening,
             trip_is_recorded: false,
+            operator_stopped: false,
             left: vec![Left::Stayed; ports.len()],
             phase: Phase::Connected,
             phase_cell: PhaseCell::default(),

@@ -80,6 +80,7 @@ impl Engine {
                 | Stop::Stale { .. }
         ) {
             self.trip_is_recorded = true;
+            self.row.stopped = self.phase == Phase::Leaving && self.operator_stopped;
             self.keep_warm_up();
             if tick.step == self.ride.step {
                 self.row

@@ -185,7 +185,15 @@ impl Tape {
             return (!completed && !on_its_way).then_some(Operator::Stop);
         }
         let row = self.next()?;
-        let holding = at(Some(row), self.places[1]) > 0.0;
+        let hold = at(Some(row), self.places[1]);
+        let on_its_way = self
+            .before
+            .is_some_and(|(before, _)| before == Phase::Leaving.code());
+        if hold < 0.0 {
+            // Already its first tick on the way out trips.
+            return (!on_its_way).then_some(Operator::Stop);
+        }
+        let holding = hold > 0.0;
         if holding != self.holding {
             self.holding = holding;
             return Some(if holding {
