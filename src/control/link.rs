@@ -51,6 +51,12 @@ pub struct WaitRules {
 }
 
 impl Port {
+    /// How long this specimen is waited for in ns: by its own rules, or as long as others. Real-time: yes.
+    #[inline]
+    pub(crate) fn patience_ns(&self, others: u64) -> u64 {
+        self.wait.map_or(others, |own| own.reply_timeout_ns)
+    }
+
     /// Connects the substructure and compares its own estimate of its stiffness with k̂: more than 10 % apart is a
     /// warning, another sign is refused. Nothing moves.
     ///

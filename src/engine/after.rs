@@ -2,9 +2,10 @@
 //!
 //! From the first command on every end goes through [`Engine::conclude`]. Before it, in an orderly end or a trip, each
 //! specimen is moved to where the test file wants it left; after a panic nothing is moved any more. A specimen whose link is
-//! lost or whose interlock is open is not commanded: its own watchdog holds it. Until it is known which way round the specimens
-//! are wired, where their zeros are and that they stand where they should, none is moved: their exits would be anywhere. What stops the way out stops it for all, and is
-//! part of how the test ended: a test that trips there has tripped.
+//! lost or whose interlock is open is not commanded: its own watchdog holds it. Until it is known which way round the
+//! specimens are wired, where their zeros are and that they stand where they should, none is moved: their exits would be
+//! anywhere. What stops the way out stops it for all, and is part of how the test ended: a test that trips there has
+//! tripped.
 
 use super::columns::GIVEN_UP;
 use super::operator::Control;
@@ -204,8 +205,7 @@ impl Engine {
             if port.partner.lost || !port.owes() || !port.exits.moves(tripped) {
                 continue;
             }
-            let patience = port.wait.map(|own| own.reply_timeout_ns);
-            let patience = patience.unwrap_or(self.limits.reply_timeout_ns);
+            let patience = port.patience_ns(self.limits.reply_timeout_ns);
             if let Err(fault) = port.let_answer(self.clock.now().plus(patience)) {
                 port.note_loss();
                 let stop = Stop::Link { port: index, fault };

@@ -201,8 +201,7 @@ impl Engine {
             return Ok(());
         };
         let broken = |fault| Stop::Link { port: index, fault };
-        let patience = port.wait.map(|own| own.reply_timeout_ns);
-        let patience = patience.unwrap_or(self.limits.reply_timeout_ns);
+        let patience = port.patience_ns(self.limits.reply_timeout_ns);
         if self.riding && port.is_per_step() {
             let simulated = self.clock.is_simulated();
             let answer = has_answer(port, stamps.sent, patience, simulated);

@@ -7,7 +7,8 @@ use crate::link::openfresco::settings::{Peer, RemoteSettings};
 use crate::rt::os;
 use crate::substructure::{LinkFault, Measurement};
 use crate::time::Nanos;
-use crate::wire::openfresco::{Matrix, Reading};
+use crate::wire::WireError;
+use crate::wire::openfresco::{Client, Matrix, Reading};
 
 impl Remote {
     pub(super) fn set_up(&mut self, until: Nanos) -> Result<(), RemoteError> {
@@ -41,22 +42,39 @@ impl Remote {
         }
     }
 
-    pub(super) fn ask_stiffness(&mut self, until: Nanos) -> Result<(), RemoteError> {
-        let say = Saying::new(&self.settings, "the request for the initial stiffness");
+    /// Asks, and waits for the answer; false where the peer is of a kind that is not asked.
+    fn ask(
+        &mut self,
+        say: &Saying,
+        until: Nanos,
+        request: impl FnOnce(&mut Client) -> Result<&[u8], WireError>,
+        answer: Came,
+    ) -> Result<bool, RemoteError> {
         let Self {
             machine: Asking::Client(client),
             link: Some(link),
             ..
         } = self
         else {
-            return Ok(());
+            return Ok(false);
         };
-        let bytes = client
-            .request_matrix(Matrix::InitialStiffness)
-            .map_err(|error| say.wire(error))?;
+        let bytes = request(client).map_err(|error| say.wire(error))?;
         send(link.as_mut(), self.settings.carrier, bytes, bytes.len())
             .map_err(|fault| say.lost(fault))?;
-        while self.hear(until).map_err(|lost| say.why(lost))? != Came::Matrix {}
+        while self.hear(until).map_err(|lost| say.why(lost))? != answer {}
+        Ok(true)
+    }
+
+    pub(super) fn ask_stiffness(&mut self, until: Nanos) -> Result<(), RemoteError> {
+        let say = Saying::new(&self.settings, "the request for the initial stiffness");
+        if !self.ask(
+            &say,
+            until,
+            |client| client.request_matrix(Matrix::InitialStiffness),
+            Came::Matrix,
+        )? {
+            return Ok(());
+        }
         let mut rows = vec![0.0; self.settings.axes * self.settings.axes];
         if let Asking::Client(client) = &self.machine {
             client.matrix(&mut rows).map_err(|error| say.wire(error))?;
@@ -76,20 +94,14 @@ impl Remote {
 
     pub(super) fn ask_standing(&mut self, until: Nanos) -> Result<(), RemoteError> {
         let say = Saying::new(&self.settings, "the request for where the specimen stands");
-        let Self {
-            machine: Asking::Client(client),
-            link: Some(link),
-            ..
-        } = self
-        else {
+        if !self.ask(
+            &say,
+            until,
+            |client| client.request(Reading::All),
+            Came::Signals,
+        )? {
             return Ok(());
-        };
-        let bytes = client
-            .request(Reading::All)
-            .map_err(|error| say.wire(error))?;
-        send(link.as_mut(), self.settings.carrier, bytes, bytes.len())
-            .map_err(|fault| say.lost(fault))?;
-        while self.hear(until).map_err(|lost| say.why(lost))? != Came::Signals {}
+        }
         let mut measured = Measurement::zeros(self.settings.axes);
         let filled = self.machine.measurement(&mut measured);
         filled.map_err(|error| say.wire(error))?;
