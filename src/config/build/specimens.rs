@@ -123,6 +123,7 @@ impl Entry {
                 .and_then(|gains| gains.get(axis))
                 .copied()
                 .unwrap_or(f64::NAN),
+            sawtooth: self.sawtooth,
             step: 0.0,
         })
         .collect()
