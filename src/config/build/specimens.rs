@@ -255,6 +255,7 @@ impl Specimens {
                 Some(link) => entry.direction(link, site.loaded.time.period.value(), settles),
                 None => Direction::Known,
             };
+            let is_simulated = matches!(entry.stand, Stand::Law(_));
             let (substructure, wait): (Box<dyn Substructure>, _) = match entry.stand {
                 Stand::Law(law) => {
                     let computed = InProcess::new(InUnits::around(law, &entry.units));
@@ -298,6 +299,9 @@ impl Specimens {
                     {
                         let pace = passes / tick;
                         port = port.with_compensation(compensators, metres, tick, pace);
+                        if is_simulated && table.believed_transfer(1.0).is_some() {
+                            port = port.with_delay_in_test_time();
+                        }
                     }
                     if compensation::is_tracked(&site.loaded.file, table, axes) {
                         port = port.with_tracking(passes);
