@@ -228,11 +228,16 @@ fn bound(kind: &str, n: u32) -> (f64, f64) {
     let lead = lead.fold(0.0, f64::max);
     // What adapts, and the loop of PI, hold the command within some per cent of that of a place and a lead.
     assert!(led < 1.2 * place, "{kind} {n}: {led} {place}");
-    (1.02 * led.max(place) + lead / f64::from(EASE), lead)
+    // The loop of PI sees its target slow down while the specimen still comes: twice (K_p) the difference of both ways, which
+    // is at most the target's own.
+    let sees = if kind.contains("pi_lead") { 2.0 } else { 0.0 };
+    let bound = 1.02 * led.max(place) + sees * place + lead / f64::from(EASE);
+    (bound, lead)
 }
 
 #[test]
 fn a_hold_kicks_no_command_of_any_kind() {
+    let mut kicked = Vec::new();
     for n in [1, 4, 10] {
         for kind in ALL {
             let (bound, lead) = bound(kind, n);
@@ -240,7 +245,9 @@ fn a_hold_kicks_no_command_of_any_kind() {
             let rows = Drive::new(kind, n, false).run(5000, Some((2048, 2700)), PROMPT);
             let settled = || rows.iter().skip(1024);
             let found = largest(settled().map(|row| row.command));
-            assert!(found <= bound, "{kind} {n}: {found} beyond {bound}");
+            if found > bound {
+                kicked.push(format!("{kind} {n}: {found} beyond {bound}"));
+            }
             // It stands, and its lead with it but for the last of the eased ticks.
             let stood: Vec<_> = settled().filter(|row| row.stood).collect();
             assert_eq!(stood.len(), 2701 - 2048 - EASE as usize, "{kind} {n}");
@@ -253,10 +260,12 @@ fn a_hold_kicks_no_command_of_any_kind() {
             assert_eq!(settled().last().unwrap().pace, 1.0);
         }
     }
+    assert!(kicked.is_empty(), "{kicked:#?}");
 }
 
 #[test]
 fn a_late_target_kicks_no_command_of_any_kind() {
+    let mut kicked = Vec::new();
     for n in [1, 4, 10] {
         for kind in ALL {
             let (bound, _) = bound(kind, n);
@@ -271,14 +280,19 @@ fn a_late_target_kicks_no_command_of_any_kind() {
             let settled = || rows.iter().skip(1024);
             assert!(settled().any(|row| row.pace == 0.0), "{kind} {n}");
             assert_eq!(settled().last().unwrap().pace, 1.0);
-            // The loop of PI sees its target stop in a tick or two while the specimen still comes: twice (K_p) the difference of
-            // both ways, which is at most the target's own.
-            let sees = if kind.contains("pi_lead") { 2.0 } else { 0.0 };
-            let bound = bound + sees * largest(settled().map(|row| row.target));
+            // A target that is known late turns the way: a prediction that is off by the third difference e of the targets is put
+            // right over a fifth of the step, w ticks, along a cubic that bends by 6 e/w² a tick². What takes second and third
+            // differences makes up to 250 times that of it: τ²/2 = 210 ticks² here, a₂ and a₃ of the models less.
+            let third = libm::pow(TAU * HERTZ * f64::from(n) * TICK, 3.0) * SIZE;
+            let over = (0.2 * f64::from(n)).max(1.0);
+            let bound = bound + 250.0 * 6.0 * third / (over * over);
             let found = largest(settled().map(|row| row.command));
-            assert!(found <= bound, "{kind} {n}: {found} beyond {bound}");
+            if found > bound {
+                kicked.push(format!("{kind} {n}: {found} beyond {bound}"));
+            }
         }
     }
+    assert!(kicked.is_empty(), "{kicked:#?}");
 }
 
 #[test]
@@ -393,27 +407,30 @@ fn what_is_frozen_while_time_is_stretched_goes_on_with_the_same_bits() {
 /// late target would have 20 times the difference in it.
 #[test]
 fn a_target_that_was_foretold_is_put_right() {
-    let kind = "inverse = { delay_s = 0.02 }";
-    let free = Drive::new(kind, 4, true).run(3000, None, PROMPT);
-    let late = |step: usize| if step == 500 { 12 } else { 0 };
-    let rows = Drive::new(kind, 4, true).run(3000, None, late);
-    // The row of that target, and the one behind it.
-    let waited = rows
-        .windows(2)
-        .position(|w| w[0].target == w[1].target && w[0].ended > 0.7);
-    let landed = waited.unwrap()
-        + rows[waited.unwrap()..]
-            .iter()
-            .position(|row| row.ended == 1.0)
-            .unwrap();
-    let (at, behind) = (&rows[landed], &rows[landed + 1]);
-    let same = |row: &Row| {
-        free.iter()
-            .find(|free| free.target == row.target)
-            .unwrap()
-            .command
+    let mut drive = Drive::new("inverse = { delay_s = 0.02 }", 4, false);
+    // What it remembers is its last target alone, at the end of its state.
+    let remembers = |drive: &mut Drive| {
+        let mut state = vec![];
+        drive.port.freeze_compensation(&mut state);
+        *state.last().unwrap()
     };
-    assert!((at.command - same(at)).abs() > 1e-9, "it was not foretold");
-    // Forty times the roundoff of 1 cm.
-    assert!((behind.command - same(behind)).abs() < 1e-15);
+    let late = |step: usize| if step == 500 { 12 } else { 0 };
+    let mut foretold = 0.0;
+    for k in 0..3000 {
+        if drive.step == 500 {
+            foretold = remembers(&mut drive);
+        }
+        let row = drive.tick(k, false, late);
+        if drive.step == 502 {
+            // The tick in which the target of step 501 was reached: the next point is asked for already.
+            break;
+        }
+        if drive.step == 501 && !drive.stride.lands() {
+            assert_eq!(remembers(&mut drive), target(501.0 * drive.dt()));
+            assert!(row.target != target(501.0 * drive.dt()));
+        }
+    }
+    // A quadratic prediction is off by the third difference of the targets: (2π/2 · 4/1024)³ of 1 cm.
+    let off = (foretold - target(501.0 * drive.dt())).abs();
+    assert!(off > 1e-9, "{off}");
 }
