@@ -86,6 +86,52 @@ fn a_harmonic_motion_needs_what_the_closed_form_says() {
     assert!(off.abs() < 1e-7, "{off}");
 }
 
+/// With one tick a step the pace falls from 1 to 1/2 at once, and rises so: the velocity V changes by V/2 within a tick.
+#[test]
+fn a_hold_needs_half_the_velocity_within_a_tick_and_is_a_warning() {
+    let (amplitude, frequency, rate) = (0.1, 0.25, 1000.0);
+    // Steepest at 1 s and 3 s; within the easing of 0.02 s the velocity changes by 5e-4 of itself.
+    let fastest = amplitude * TAU * frequency;
+    let needed = 0.5 * fastest * rate;
+    let text = |trip: f64| {
+        format!(
+            "[time]\nrate_hz = {rate}\nduration_s = 4\nclock = \"simulated\"\n\
+             [[excitation.prescribed_displacement]]\nspecimen = \"s\"\n\
+             signal.sine = {{ amplitude = {amplitude}, frequency_hz = {frequency}, phase_rad = {} }}\n\
+             [safety]\nease_s = 0.02\n[[specimen]]\nname = \"s\"\nlaw.linear = {{ stiffness_n_per_m = 1e6 }}\n\
+             limits.command_accel_m_per_s2 = {{ trip = {trip} }}\n",
+            TAU / 4.0
+        )
+    };
+    let folder = tempfile::tempdir().unwrap();
+    for (share, trips) in [(0.9, true), (1.1, false)] {
+        let said = check(folder.path(), &text(share * needed), &["--json"]);
+        assert_eq!(said.code, Some(0), "{}", said.stderr);
+        let found: Value = serde_json::from_str(&said.stdout).unwrap();
+        let hold = &found["rehearsal"]["hold"];
+        let at = hold["time_s"].as_f64().unwrap();
+        assert!((at - 1.0).abs() < 0.01 || (at - 3.0).abs() < 0.01, "{hold}");
+        let needs = hold["needs"].as_array().unwrap();
+        let accel = needs
+            .iter()
+            .find(|need| need["quantity"] == "command_accel_m_per_s2");
+        let high = accel.unwrap()["high"].as_f64().unwrap();
+        assert!((high / needed - 1.0).abs() < 0.01, "{high} {needed}");
+        let findings = found["rehearsal"]["findings"].to_string();
+        assert_eq!(
+            findings.contains("an operator's hold at"),
+            trips,
+            "{findings}"
+        );
+        assert_eq!(
+            said.stderr.contains("an operator's hold at"),
+            trips,
+            "{}",
+            said.stderr
+        );
+    }
+}
+
 /// The rehearsal and the limits in the loop agree on every quantity, to a millionth.
 #[test]
 fn a_limit_trips_exactly_where_the_rehearsal_says() {

@@ -11,7 +11,7 @@ use crate::config::{Diagnostics, Finding, Loaded, Severity};
 use crate::control::Poses;
 use crate::control::limits::Quantity;
 use crate::engine::Experiment;
-use crate::session::rehearsal::{self, AxisNeed, Curtain, Need, Rehearsal, StandIn};
+use crate::session::rehearsal::{self, AxisNeed, Curtain, Held, Need, Rehearsal, StandIn};
 
 /// Longest wall time of a rehearsal: whoever checks a test waits for it.
 const BUDGET: Duration = Duration::from_secs(10);
@@ -19,6 +19,7 @@ const BUDGET: Duration = Duration::from_secs(10);
 /// A rehearsal, and what it found.
 pub struct Rehearsed {
     rehearsal: Rehearsal,
+    held: Option<Held>,
     findings: Vec<Finding>,
 }
 
@@ -26,9 +27,15 @@ impl Rehearsed {
     /// Rehearses a test that is built.
     pub fn of(loaded: &Loaded, experiment: Experiment) -> anyhow::Result<Self> {
         let rehearsal = rehearsal::rehearse(loaded, experiment, BUDGET).map_err(refused)?;
-        let findings = rehearsal.findings(loaded);
+        let mut findings = rehearsal.findings(loaded);
+        let left = BUDGET.saturating_sub(Duration::from_secs_f64(rehearsal.wall_s));
+        let held = rehearsal::rehearse_hold(loaded, &rehearsal, left).map_err(refused)?;
+        if let Some(held) = &held {
+            findings.extend(held.findings(&rehearsal, loaded));
+        }
         Ok(Self {
             rehearsal,
+            held,
             findings,
         })
     }
@@ -117,6 +124,9 @@ impl Rehearsed {
                 table.row(&format!("  {word} {} needs", axis + 1), &text);
             }
         }
+        if let Some(text) = self.held.as_ref().and_then(held) {
+            table.row("a hold", &text);
+        }
     }
 
     /// The same as JSON.
@@ -161,6 +171,15 @@ impl Rehearsed {
             })
             .collect();
         let findings = self.findings.iter().map(|finding| &finding.headline);
+        let hold = self.held.as_ref().map(|held| {
+            let (specimen, axis) = held.fastest;
+            json!({
+                "time_s": held.at,
+                "specimen": specimen + 1,
+                "axis": axis + 1,
+                "needs": held.needs().map(need).collect::<Vec<_>>(),
+            })
+        });
         json!({
             "time_s": time,
             "wall_s": wall_s,
@@ -171,9 +190,23 @@ impl Rehearsed {
                 Curtain::Completed => None,
             },
             "specimens": specimens,
+            "hold": hold,
             "findings": findings.collect::<Vec<_>>(),
         })
     }
+}
+
+/// What the fastest axis is asked for in a hold there.
+fn held(held: &Held) -> Option<String> {
+    let (specimen, axis) = held.fastest;
+    let name = &held.specimens.get(specimen)?.name;
+    let lines: Vec<String> = held.needs().map(line).collect();
+    Some(format!(
+        "asked for at {}, where axis {} of `{name}` is fastest, it needs there\n{}",
+        duration(held.at),
+        axis + 1,
+        lines.join("\n")
+    ))
 }
 
 /// How far the platform of a loading unit goes.

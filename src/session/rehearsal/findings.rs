@@ -1,6 +1,7 @@
 //! A rehearsal judged: which limits of the file the test would meet, and where they stand.
 
-use super::{Curtain, Need, Needs, Rehearsal};
+use super::hold::depends_on_pace;
+use super::{Curtain, Held, Need, Needs, Rehearsal};
 use crate::config::{Finding, KeyPath, Loaded};
 use crate::control::Poses;
 use crate::control::limits::Quantity;
@@ -71,6 +72,53 @@ impl Rehearsal {
                 format!("the test would stop at {at} s: {stop}"),
             )),
         }
+    }
+}
+
+impl Held {
+    /// Every limit on which the test would trip in its hold, and not without it.
+    #[must_use]
+    pub fn findings(&self, undisturbed: &Rehearsal, loaded: &Loaded) -> Vec<Finding> {
+        let mut findings = Vec::new();
+        for (index, needs) in self.specimens.iter().enumerate() {
+            for (axis, all) in needs.axes.iter().enumerate() {
+                let trips_anyway = |quantity| {
+                    let before = undisturbed.specimens.get(index);
+                    let before = before.and_then(|needs| needs.axes.get(axis));
+                    let before = before.into_iter().flatten();
+                    before
+                        .into_iter()
+                        .any(|need| need.quantity == quantity && need.trips())
+                };
+                let new = all.iter().filter(|need| {
+                    depends_on_pace(need.quantity)
+                        && need.trips()
+                        && self.holds(need)
+                        && !trips_anyway(need.quantity)
+                });
+                findings.extend(new.map(|need| {
+                    let (value, _) = need.needed.farther_from(need.trip, need.warn);
+                    let unit = need.quantity.unit();
+                    Finding::warning(
+                        place(loaded, index, axis, need.quantity),
+                        format!(
+                            "an operator's hold at {} s needs a {} of {} {unit} on axis {} of `{}`, and would trip",
+                            short(self.at),
+                            need.quantity.words(),
+                            short(value),
+                            axis + 1,
+                            needs.name,
+                        ),
+                    )
+                    .label(allowed(need.trip, unit))
+                    .help(
+                        "found on the simulated clock, where the test is fastest; with more ticks per step, a longer \
+                         `ease_s` or a wider limit the specimen could be held there",
+                    )
+                }));
+            }
+        }
+        findings
     }
 }
 
