@@ -34,6 +34,8 @@ impl Status {
     pub const HOLDING: Status = Status(2);
     /// A sensor or actuator is at the end of its range.
     pub const SATURATED: Status = Status(4);
+    /// A simulated actuator and what it moves did not come to terms: the measurement is not exact.
+    pub const UNSETTLED: Status = Status(8);
 
     /// The loop's own mark in its rows, never on a link: from here on the specimen is lost.
     pub const LOST: Status = Status(1 << 16);

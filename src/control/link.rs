@@ -13,6 +13,8 @@ pub struct LinkCount {
     pub received: u64,
     /// Commands whose measurement was not there at the deadline.
     pub stale: u64,
+    /// Measurements of a simulated actuator that did not come to terms with what it moves.
+    pub unsettled: u64,
     /// What the link itself counts.
     pub stats: LinkStats,
 }

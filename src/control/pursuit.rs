@@ -164,6 +164,7 @@ impl Port {
         for ((target, target_vel), (goal, goal_vel)) in targets.zip(goals) {
             (*target, *target_vel) = (*goal, *goal_vel);
         }
+        self.tracking.is_published();
         self.prepare_command();
     }
 
@@ -184,6 +185,7 @@ impl Port {
             *target = point.disp;
             *target_vel = point.slope / dt;
         }
+        self.tracking.is_on_the_way();
         self.prepare_command();
     }
 

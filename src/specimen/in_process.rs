@@ -93,11 +93,14 @@ fn break_down(time: f64) -> ! {
 
 /// What a specimen says of itself.
 pub(crate) fn status<S: Specimen + ?Sized>(specimen: &S) -> Status {
+    let mut status = Status::default();
     if specimen.is_saturated() {
-        Status::SATURATED
-    } else {
-        Status::default()
+        status.0 |= Status::SATURATED.0;
     }
+    if !specimen.is_settled() {
+        status.0 |= Status::UNSETTLED.0;
+    }
+    status
 }
 
 impl<S: Specimen> Substructure for InProcess<S> {

@@ -299,7 +299,8 @@ impl Specimens {
                         port = port.with_compensation(compensators, metres, tick, pace);
                     }
                     if compensation::is_tracked(&site.loaded.file, table, axes) {
-                        port = port.with_tracking(passes);
+                        let age = compensation::velocity_age(&site.loaded.file);
+                        port = port.with_tracking(passes, age);
                     }
                     if let Some(Loading { geometry, rows }) = entry.loading {
                         port = port.with_geometry(geometry, rows);

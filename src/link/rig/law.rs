@@ -98,7 +98,12 @@ impl Rig for Law {
         self.disp.len()
     }
 
-    fn connect(&mut self, _: &Visitor) -> Result<Introduction, String> {
+    fn connect(&mut self, visitor: &Visitor) -> Result<Introduction, String> {
+        let rate = visitor.rate.filter(|(numerator, _)| *numerator > 0);
+        let every = rate.map_or(0.0, |(numerator, denominator)| {
+            denominator as f64 / numerator as f64
+        });
+        self.specimen.commanded_every(every);
         Ok(Introduction {
             standing: self.committed.clone(),
             ..Introduction::default()

@@ -45,6 +45,8 @@ pub struct Station {
     measured: Measurement,
     tripped: Option<Trip>,
     commits: u64,
+    /// Answers of a simulated actuator that did not come to terms with what it moves.
+    unsettled: u64,
 }
 
 impl std::fmt::Debug for Station {
@@ -93,6 +95,7 @@ impl Station {
             measured: Measurement::zeros(axes),
             tripped: None,
             commits: 0,
+            unsettled: 0,
         }
     }
 
@@ -171,6 +174,7 @@ impl Station {
         self.announced = Announced::by(visitor, &self.units);
         self.allowed = Some(Allowed::by(visitor, self.moves));
         self.commits = 0;
+        self.unsettled = 0;
         self.measured = Measurement::zeros(self.units.len());
         if let Some(settings) = &self.keeping {
             let log = Log::open(settings, &self.name, &self.units, visitor, self.away_from);
@@ -296,6 +300,13 @@ impl Station {
     pub fn end(&mut self, close: Close, text: &str) {
         if !std::mem::take(&mut self.begun) {
             return;
+        }
+        if self.unsettled > 0 {
+            let text = format!(
+                "in {} answers the servo-hydraulic actuator and the law did not come to terms: they are not exact",
+                self.unsettled
+            );
+            self.note(NoteLevel::Warning, "unsettled", &text);
         }
         // A trip is why it ended, whatever else was said about it.
         let (close, text) = match self.tripped {

@@ -196,6 +196,17 @@ impl<S: Store> EventLog<S> {
                     "a sensor or actuator is at the end of its range"
                 );
             }
+            EventKind::Unsettled { port, ticks } => {
+                self.specimen(line, port);
+                put(line, "ticks", ticks);
+                tracing::warn!(
+                    tick = event.tick,
+                    time = event.time,
+                    specimen = port + 1,
+                    ticks,
+                    "the simulated actuator did not come to terms with what it moves"
+                );
+            }
             EventKind::Pace { from, to, share } => {
                 put(line, "from", from);
                 put(line, "to", to);
@@ -328,6 +339,7 @@ const fn kind_name(kind: &EventKind) -> &'static str {
         EventKind::Link { .. } => "link",
         EventKind::Interlock { .. } => "interlock",
         EventKind::Saturated { .. } => "saturated",
+        EventKind::Unsettled { .. } => "unsettled",
         EventKind::RowLost => "row_lost",
         EventKind::Diverged { .. } => "diverged",
         EventKind::StopRequested => "stop_requested",

@@ -21,6 +21,7 @@ impl Rehearsal {
                 findings.extend(found);
             }
             findings.extend(nearly_singular(needs, index));
+            findings.extend(unsettled(loaded, needs, index));
         }
         findings.extend(self.end(loaded));
         findings
@@ -145,6 +146,26 @@ fn nearly_singular(needs: &Needs, specimen: usize) -> Option<Finding> {
         .at_key()
         .label("1 would be best")
         .help("there small errors of the actuators are large ones of the platform")
+    })
+}
+
+/// A warning where the simulated actuator and the law did not come to terms.
+fn unsettled(loaded: &Loaded, needs: &Needs, specimen: usize) -> Option<Finding> {
+    (needs.unsettled > 0).then(|| {
+        let at = KeyPath::root().key("specimen").index(specimen);
+        let keys = ["transfer", "stand_in_transfer", "identified"];
+        let place = keys.iter().map(|key| at.key(key));
+        let place = place.into_iter().find(|at| loaded.locator.holds(at));
+        Finding::warning(
+            place.unwrap_or(at),
+            format!(
+                "the servo-hydraulic actuator and the law of `{}` do not come to terms in {} ticks of the test",
+                needs.name, needs.unsettled
+            ),
+        )
+        .at_key()
+        .label("what is measured then is not exact")
+        .help("a tick is too long for a law that bends so sharply: `time.ticks_per_step` makes it finer")
     })
 }
 

@@ -147,6 +147,8 @@ pub struct Needs {
     pub found: Vec<AxisNeed>,
     /// How far its platform went, if the axes are the actuators of one.
     pub poses: Option<Poses>,
+    /// Ticks in which its simulated actuator did not come to terms with what it moves.
+    pub unsettled: u64,
 }
 
 /// Why a rehearsal ended.
@@ -285,10 +287,9 @@ fn carry_out_with(
     let (outcome, needs, poses) =
         staged_with(experiment, prompter, Staging::WithoutLimits, control);
     let seen = needs.into_iter().zip(poses);
-    let specimens = known
-        .into_iter()
-        .zip(seen)
-        .map(|((name, limits), (found, poses))| {
+    let counts = outcome.ports.iter().map(|port| port.2.unsettled);
+    let specimens = known.into_iter().zip(seen).zip(counts).map(
+        |(((name, limits), (found, poses)), unsettled)| {
             let axes = found.iter().zip(&limits);
             Needs {
                 name,
@@ -296,8 +297,10 @@ fn carry_out_with(
                 axes: axes.map(|(need, limits)| compared(need, limits)).collect(),
                 found,
                 poses,
+                unsettled,
             }
-        });
+        },
+    );
     Rehearsal {
         time: outcome.steps as f64 * dt,
         curtain: match outcome.ending {

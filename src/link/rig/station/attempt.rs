@@ -94,6 +94,7 @@ impl Station {
         let outcome = self.rig.trial(command, elapsed, &mut self.measured);
         *answered_ns = self.log.as_ref().map_or(0, |_| os::monotonic_ns());
         outcome.map_err(Trip::Lost)?;
+        self.unsettled += u64::from(self.measured.status.has(Status::UNSETTLED));
         if let Some(axis) = not_finite(&self.measured.disp, &self.measured.force) {
             // What is no number goes no further.
             let Measurement { disp, force, .. } = &mut self.measured;
