@@ -2,12 +2,13 @@
 //!
 //! The experiment is the one that would run, with the same loop, method and λ. A specimen of this process is itself; for one
 //! behind a link stands what the test file declares of it ([`StandIn`]). Limits are lifted meanwhile, so that the whole need
-//! is seen and not only its beginning, and compared afterwards ([`Rehearsal::findings`]). Nothing is spoken to, nothing moves,
+//! is seen and not only its beginning, and compared afterwards ([`Rehearsal::findings`]), as is what the rig can give ([`Rehearsal::beyond_capacity`]). Nothing is spoken to, nothing moves,
 //! and nothing is written.
 //!
 //! What a stand-in cannot show is not judged: sensors that stick, late answers, and lag and noise where neither `identified`
 //! nor `stand_in_transfer` says anything of them.
 
+mod capacity;
 mod findings;
 mod meter;
 
@@ -16,11 +17,12 @@ use std::time::Duration;
 
 use crossbeam_channel::Sender;
 
+pub use capacity::{Most, NEEDS, Used};
 pub use meter::{AxisNeed, Extreme};
 
 use meter::Meter;
 
-use crate::config::{self, ConfigError, Loaded, MatrixValue, SpecimenTable};
+use crate::config::{self, CapacityTable, ConfigError, Loaded, MatrixValue, SpecimenTable};
 use crate::control::Poses;
 use crate::control::limits::{AxisLimits, Bound, Quantity, Range};
 use crate::engine::{Control, Ending, Engine, Experiment, Operator, Outcome, Stop};
@@ -143,6 +145,8 @@ pub struct Needs {
     pub found: Vec<AxisNeed>,
     /// How far its platform went, if the axes are the actuators of one.
     pub poses: Option<Poses>,
+    /// What its rig can give, if the file says it.
+    pub capacity: Option<CapacityTable>,
 }
 
 /// Why a rehearsal ended.
@@ -188,6 +192,7 @@ pub fn rehearse(
     let mut rehearsal = carry_out(experiment, budget);
     for (needs, table) in rehearsal.specimens.iter_mut().zip(&loaded.file.specimen) {
         needs.stand_in = StandIn::of(table);
+        needs.capacity = table.capacity;
         if needs.stand_in == StandIn::Nothing {
             for axis in &mut needs.axes {
                 axis.retain(|need| !is_of_force(need.quantity));
@@ -287,6 +292,7 @@ pub fn carry_out(mut experiment: Experiment, budget: Duration) -> Rehearsal {
                 axes: axes.map(|(need, limits)| compared(need, limits)).collect(),
                 found,
                 poses,
+                capacity: None,
             }
         });
     Rehearsal {
