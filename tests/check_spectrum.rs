@@ -81,12 +81,21 @@ fn digits_that_a_stiff_part_costs_are_told_where_it_costs_them() {
         let exact = closed(k);
         // 1 − c is a difference of sums of the size of κ⁻¹ to roundoff.
         let roundoff = 1e-12 + 20.0 * f64::EPSILON / exact;
-        assert!((found / exact - 1.0).abs() < roundoff, "{text}: {found:e} {exact:e}");
+        assert!(
+            (found / exact - 1.0).abs() < roundoff,
+            "{text}: {found:e} {exact:e}"
+        );
         assert_eq!(told, warned, "{text}");
     }
     let (_, text, complaint) = check(&building("[1e3, 1e17]"), &[]);
-    assert!(complaint.contains("a solve keeps about 7 of 16 digits"), "{complaint}");
-    assert!(text.contains("reciprocal, of what is factored for alpha"), "{text}");
+    assert!(
+        complaint.contains("a solve keeps about 7 of 16 digits"),
+        "{complaint}"
+    );
+    assert!(
+        text.contains("reciprocal, of what is factored for alpha"),
+        "{text}"
+    );
 }
 
 #[test]

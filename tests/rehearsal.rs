@@ -289,6 +289,49 @@ fn a_warning_level_warns_and_the_rehearsal_can_be_left_out() {
     );
 }
 
+/// d = A sin ωt on a spring k: stroke A, velocity A ω, force k A, and the peak of |f v|, half of k A² ω to within a tick.
+#[test]
+fn what_the_rig_cannot_give_is_refused_at_its_place_and_shown_beside_the_need() {
+    let folder = tempfile::tempdir().unwrap();
+    let (amplitude, omega, stiffness) = (0.01, 4.0 * TAU, 1e6);
+    let of = |capacity: &str| {
+        format!(
+            "[time]\nrate_hz = 1000\nduration_s = 0.5\nclock = \"simulated\"\n[[excitation.prescribed_displacement]]\n\
+             specimen = \"s\"\nsignal.sine = {{ amplitude = {amplitude}, frequency_hz = 4 }}\n[[specimen]]\nname = \"s\"\n\
+             law.linear = {{ stiffness_n_per_m = {stiffness} }}\n{capacity}\n"
+        )
+    };
+    for (key, need) in [
+        ("stroke_m", amplitude),
+        ("velocity_m_per_s", amplitude * omega),
+        ("force_n", stiffness * amplitude),
+        ("power_w", stiffness * amplitude * amplitude * omega / 2.0),
+    ] {
+        let with = |share: f64| of(&format!("capacity.{key} = {}", share * need));
+        let enough = check(folder.path(), &with(1.05), &["--json"]);
+        assert_eq!(enough.code, Some(0), "{key}: {}", enough.stderr);
+        let found: Value = serde_json::from_str(&enough.stdout).unwrap();
+        let used = &found["rehearsal"]["specimens"][0]["capacity"][0][0];
+        assert_eq!(used["key"], key, "{found:#}");
+        let share = used["share"].as_f64().unwrap();
+        assert!((share - 1.0 / 1.05).abs() < 0.02, "{key}: {share}");
+        let scarce = check(folder.path(), &with(0.95), &[]);
+        assert_eq!(scarce.code, Some(2), "{key}: {}", scarce.stderr);
+        for words in ["more than its rig can give", &format!("capacity.{key} = ")] {
+            assert!(scarce.stderr.contains(words), "{key}: {}", scarce.stderr);
+        }
+        let table = &scarce.stdout;
+        assert!(
+            table.contains("NOT POSSIBLE") && table.contains("MORE THAN THE RIG CAN GIVE"),
+            "{table}"
+        );
+    }
+    // Nothing is declared, and nothing is said.
+    let said = check(folder.path(), &of(""), &[]);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    assert!(!said.stdout.contains("of the rig"), "{}", said.stdout);
+}
+
 #[test]
 fn a_test_that_would_stop_is_told() {
     let folder = tempfile::tempdir().unwrap();

@@ -11,7 +11,7 @@ use crate::config::{Diagnostics, Finding, Loaded, Severity};
 use crate::control::Poses;
 use crate::control::limits::Quantity;
 use crate::engine::Experiment;
-use crate::session::rehearsal::{self, AxisNeed, Curtain, Held, Need, Rehearsal, StandIn};
+use crate::session::rehearsal::{self, AxisNeed, Curtain, Held, Need, Rehearsal, StandIn, Used};
 
 /// Longest wall time of a rehearsal: whoever checks a test waits for it.
 const BUDGET: Duration = Duration::from_secs(10);
@@ -20,7 +20,10 @@ const BUDGET: Duration = Duration::from_secs(10);
 pub struct Rehearsed {
     rehearsal: Rehearsal,
     held: Option<Held>,
+    /// Of limits.
     findings: Vec<Finding>,
+    /// Of what the rig can give.
+    beyond: Vec<Finding>,
 }
 
 impl Rehearsed {
@@ -33,10 +36,12 @@ impl Rehearsed {
         if let Some(held) = &held {
             findings.extend(held.findings(&rehearsal, loaded));
         }
+        let beyond = rehearsal.beyond_capacity();
         Ok(Self {
             rehearsal,
             held,
             findings,
+            beyond,
         })
     }
 
@@ -54,22 +59,23 @@ impl Rehearsed {
 
     /// Shows all that was found; what would trip is no error of the file.
     pub fn show(&self, loaded: &Loaded) {
-        let all = self.findings.iter().cloned();
+        let all = self.findings.iter().chain(&self.beyond).cloned();
         let all = all.map(|finding| loaded.locator.diagnose(finding));
         warn(&Diagnostics(all.collect()));
     }
 
-    /// True if no limit would trip.
+    /// True if no limit would trip, and the rig can give what the test needs.
     pub fn is_possible(&self) -> bool {
         let error = |finding: &Finding| finding.severity == Severity::Error;
-        !self.findings.iter().any(error)
+        self.beyond.is_empty() && !self.findings.iter().any(error)
     }
 
-    /// Shows the warnings; what would trip is an error.
+    /// Shows the warnings; what would trip, or what the rig cannot give, is an error.
     pub fn judge(self, loaded: &Loaded) -> anyhow::Result<()> {
         let (errors, warnings): (Vec<_>, Vec<_>) = self
             .findings
             .into_iter()
+            .chain(self.beyond)
             .partition(|finding| finding.severity == Severity::Error);
         let warnings = warnings.into_iter();
         let diagnose = |finding| loaded.locator.diagnose(finding);
@@ -121,6 +127,9 @@ impl Rehearsed {
                     let power = quantity(found.power.high, "W");
                     text.push_str(&format!("\npower up to {power}"));
                 }
+                for used in needs.used(axis) {
+                    text.push_str(&format!("\n{}", of_rig(&used)));
+                }
                 table.row(&format!("  {word} {} needs", axis + 1), &text);
             }
         }
@@ -163,6 +172,7 @@ impl Rehearsed {
                     "stand_in": needs.stand_in.key(),
                     "axes": axes,
                     "power_w": needs.found.iter().map(|found| found.power.high).collect::<Vec<_>>(),
+                    "capacity": (0..needs.found.len()).map(|axis| capacity_json(&needs.used(axis))).collect::<Vec<_>>(),
                 });
                 if let (Some(found), Some(poses)) = (found.as_object_mut(), &needs.poses) {
                     found.insert("platform".to_owned(), platform_json(poses));
@@ -170,7 +180,6 @@ impl Rehearsed {
                 found
             })
             .collect();
-        let findings = self.findings.iter().map(|finding| &finding.headline);
         let hold = self.held.as_ref().map(|held| {
             let (specimen, axis) = held.fastest;
             json!({
@@ -180,6 +189,8 @@ impl Rehearsed {
                 "needs": held.needs().map(need).collect::<Vec<_>>(),
             })
         });
+        let findings = self.findings.iter().chain(&self.beyond);
+        let findings = findings.map(|finding| &finding.headline);
         json!({
             "time_s": time,
             "wall_s": wall_s,
@@ -238,6 +249,35 @@ fn platform_json(poses: &Poses) -> Value {
         "worst_condition": poses.condition[1],
         "worst_pose": poses.worst,
     })
+}
+
+/// A capacity, and how much of it is used.
+fn of_rig(used: &Used) -> String {
+    let verdict = if used.is_within() {
+        ""
+    } else {
+        " — MORE THAN THE RIG CAN GIVE"
+    };
+    format!(
+        "{} of the rig: {} of {} used ({:.0} %){verdict}",
+        used.key.split('_').next().unwrap_or(used.key),
+        quantity(used.needed, used.unit),
+        quantity(used.capacity, used.unit),
+        100.0 * used.share()
+    )
+}
+
+fn capacity_json(used: &[Used]) -> Value {
+    let each = used.iter().map(|used| {
+        json!({
+            "key": used.key,
+            "unit": used.unit,
+            "needed": used.needed,
+            "capacity": used.capacity,
+            "share": used.share(),
+        })
+    });
+    Value::Array(each.collect())
 }
 
 fn line(need: &Need) -> String {

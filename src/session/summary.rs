@@ -15,6 +15,7 @@ use crate::rt::Granted;
 use crate::rt::timing::export::write_hgrm;
 use crate::rt::timing::{Quantity, Timing};
 use crate::rt::wall::Wall;
+use crate::substructure::LinkFault;
 
 /// When the loop began, and how long it took on the wall.
 #[derive(Debug, Clone, Copy)]
@@ -198,6 +199,11 @@ fn not_reached(outcome: &Outcome) -> impl Iterator<Item = (usize, &Left)> {
 const fn finish_of(stop: &Stop) -> Finish {
     match stop {
         Stop::Operator => Finish::Interrupted,
+        // There is no link to fail where a law is computed in this process.
+        Stop::Link {
+            fault: LinkFault::Diverged,
+            ..
+        } => Finish::Stopped,
         // A specimen that must not be armed is a peer that failed.
         Stop::Link { .. } | Stop::Misfit { .. } => Finish::LinkFailed,
         Stop::Internal => Finish::Panicked,

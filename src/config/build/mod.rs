@@ -166,13 +166,16 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
     let ports = specimens.into_ports(site, dofs, settling.is_some(), gains.unwrap_or_default())?;
     let ports = critical::watched(site, structure.as_mut(), ports)?;
     let time = site.loaded.time;
+    let kept = TestQuantity::kept(&side, &ports);
+    if structure.is_some() && !names.is_empty() {
+        safety::unkept(site, &kept);
+    }
     let found = site.warnings.drain(..);
     let found = found.map(|finding| site.loaded.locator.diagnose(finding));
     let warnings: Vec<_> = site.loaded.warnings.iter().cloned().chain(found).collect();
     let of_loop = pace::limits(file, time);
-    let kept = TestQuantity::kept(&side, &ports);
     let facts = Facts {
-        limits: limits::facts(file, &ports, &of_loop, &kept),
+        limits: limits::facts(file, &time, &ports, &of_loop, &kept),
         title: file.title.clone(),
         dt: time.step.value(),
         steps: time.steps,

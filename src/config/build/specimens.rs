@@ -5,6 +5,7 @@ mod entry;
 pub(in crate::config) mod loading;
 mod stand_in;
 mod sums;
+mod unwatched;
 
 use super::gear::Rows;
 use super::{Refused, Site, links, path, safety};
@@ -279,6 +280,7 @@ impl Specimens {
                 Ok(port) => {
                     let table = &site.loaded.file.specimen[index];
                     let specs = table.limits_of(axes);
+                    unwatched::unwatched(site, index, &specs, &declared);
                     let limits = specs.iter().map(LimitsSpec::limits).collect();
                     let time = site.loaded.time;
                     let per_step = table.link.as_ref().is_some_and(links::is_per_step);

@@ -88,11 +88,15 @@ impl<S: Store> EventLog<S> {
                 self.specimen(line, port);
                 put(line, "fault", fault_name(fault));
                 put(line, "message", fault.to_string());
+                let lost = match fault {
+                    LinkFault::Diverged => "computation lost",
+                    _ => "link lost",
+                };
                 tracing::error!(
                     tick = event.tick,
                     time = event.time,
                     specimen = port + 1,
-                    "link lost: {fault}"
+                    "{lost}: {fault}"
                 );
             }
             EventKind::Interlock { port } => {
@@ -370,5 +374,6 @@ const fn fault_name(fault: LinkFault) -> &'static str {
         LinkFault::Auth => "auth",
         LinkFault::Backpressure => "backpressure",
         LinkFault::NotFinite => "not_finite",
+        LinkFault::Diverged => "diverged",
     }
 }

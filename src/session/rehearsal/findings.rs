@@ -215,7 +215,7 @@ fn allowed([low, high]: [f64; 2], unit: &str) -> String {
 }
 
 /// Four digits are enough to compare with a limit.
-fn short(value: f64) -> String {
+pub(super) fn short(value: f64) -> String {
     let size = value.abs();
     if size != 0.0 && !(1e-3..1e6).contains(&size) {
         return format!("{value:.3e}");

@@ -2,14 +2,15 @@
 //!
 //! The experiment is the one that would run, with the same loop, method and λ. A specimen of this process is itself; for one
 //! behind a link stands what the test file declares of it ([`StandIn`]). Limits are lifted meanwhile, so that the whole need
-//! is seen and not only its beginning, and compared afterwards ([`Rehearsal::findings`]). Nothing is spoken to, nothing moves,
-//! and nothing is written.
+//! is seen and not only its beginning, and compared afterwards ([`Rehearsal::findings`]), as is what the rig can give
+//! ([`Rehearsal::beyond_capacity`]). Nothing is spoken to, nothing moves, and nothing is written.
 //!
 //! What an operator's hold asks for is rehearsed by itself ([`rehearse_hold`]), where the test is fastest.
 //!
 //! What a stand-in cannot show is not judged: sensors that stick, late answers, and lag and noise where neither `identified`
 //! nor `stand_in_transfer` says anything of them.
 
+mod capacity;
 mod findings;
 mod hold;
 mod meter;
@@ -19,12 +20,13 @@ use std::time::Duration;
 
 use crossbeam_channel::Sender;
 
+pub use capacity::{Most, NEEDS, Used};
 pub use hold::{Held, rehearse_hold};
 pub use meter::{AxisNeed, Extreme};
 
 use meter::Meter;
 
-use crate::config::{self, ConfigError, Loaded, MatrixValue, SpecimenTable};
+use crate::config::{self, CapacityTable, ConfigError, Loaded, MatrixValue, SpecimenTable};
 use crate::control::Poses;
 use crate::control::limits::{AxisLimits, Bound, Quantity, Range};
 use crate::engine::{Control, Ending, Engine, Experiment, Operator, Outcome, Stop};
@@ -149,6 +151,8 @@ pub struct Needs {
     pub poses: Option<Poses>,
     /// Ticks in which its simulated actuator did not come to terms with what it moves.
     pub unsettled: u64,
+    /// What its rig can give, if the file says it.
+    pub capacity: Option<CapacityTable>,
 }
 
 /// Why a rehearsal ended.
@@ -200,6 +204,7 @@ pub fn rehearse(
 fn name_stand_ins(specimens: &mut [Needs], loaded: &Loaded) {
     for (needs, table) in specimens.iter_mut().zip(&loaded.file.specimen) {
         needs.stand_in = StandIn::of(table);
+        needs.capacity = table.capacity;
         if needs.stand_in == StandIn::Nothing {
             for axis in &mut needs.axes {
                 axis.retain(|need| !is_of_force(need.quantity));
@@ -298,6 +303,7 @@ fn carry_out_with(
                 found,
                 poses,
                 unsettled,
+                capacity: None,
             }
         },
     );
