@@ -164,6 +164,78 @@ fn an_undamped_system_stands_no_delay_and_the_table_says_so() {
     assert!(!table.contains("-0.0000"), "{table}");
 }
 
+/// No word of a text is NaN or an infinity.
+fn numbers_are_finite(text: &str) {
+    let words = text.split(|c: char| !c.is_alphanumeric() && c != '.');
+    let bad = |word: &&str| ["NaN", "nan", "inf", "Infinity"].contains(word);
+    let bad: Vec<&str> = words.filter(bad).collect();
+    assert!(bad.is_empty(), "{bad:?} in {text}");
+}
+
+/// Ω = π at λ = 8 is beyond √(4λ/(λ − 4)) = 2.83: the recursion grows with nothing delayed. That is said for itself, and no
+/// delay is called critical.
+#[test]
+fn what_is_unstable_without_any_delay_is_a_finding_of_its_own() {
+    let actuator = "[specimen.transfer]\nactuator = { first_order = { time_constant_s = 0.05 } }\n";
+    let text = TEST
+        .replace("rate_hz = 256", "rate_hz = 2")
+        .replace("lambda = 4", "lambda = 8");
+    let text = format!("{text}{actuator}");
+    let (_, table, complaint) = check(&text, &["--no-rehearsal"]);
+    for words in [
+        "without delay, spring",
+        "UNSTABLE: it grows by a factor",
+        "unstable without any by the recursion",
+    ] {
+        assert!(table.contains(words), "no {words:?} in {table}{complaint}");
+    }
+    numbers_are_finite(&table);
+    let (_, found, _) = check(&text, &["--no-rehearsal", "--json"]);
+    let facts: Value = serde_json::from_str(&found).unwrap();
+    let delay = &facts["structure"]["critical_delays"][0];
+    // One degree of freedom: z² + (α Ω² + …) at the root beyond −1.
+    assert!(
+        delay["discrete"]["spectral_radius"].as_f64().unwrap() > 1.0,
+        "{delay}"
+    );
+    for place in [delay, &facts["following"][0]] {
+        let why = place["unstable_without_delay"].as_str();
+        assert!(why.is_some_and(|why| why.contains("it grows")), "{place}");
+    }
+    let (_, table, _) = check(&text, &["--rehearse", "--trials", "1"]);
+    assert!(
+        table.contains("NO-GO: UNSTABLE without any delay"),
+        "{table}"
+    );
+    // A stable one says nothing of it.
+    let (_, table, _) = check(&format!("{TEST}{actuator}"), &["--no-rehearsal"]);
+    assert!(!table.contains("without delay"), "{table}");
+    let (_, found, _) = check(&format!("{TEST}{actuator}"), &["--no-rehearsal", "--json"]);
+    let facts: Value = serde_json::from_str(&found).unwrap();
+    assert!(facts["following"][0]["unstable_without_delay"].is_null());
+    assert!(facts["following"][0]["lag_s"].as_f64().unwrap() > 0.0);
+}
+
+/// With more mass in the specimen's force than beside it the loop gain stays above one at every frequency: no delay is short
+/// enough, and the actuator's lag at an infinite frequency is no number.
+#[test]
+fn where_no_delay_is_short_enough_no_lag_is_said() {
+    let text = "[time]\nstep_s = 0.01\nduration_s = 0.1\n[structure.matrices]\nmass = [[20]]\nstiffness = [[0]]\n\
+                [excitation.ground_acceleration.signal.sine]\namplitude = 1\nfrequency_hz = 1\n[[specimen]]\nname = \"it\"\n\
+                rows = [[1]]\nmass_in_force_kg = 21\nlaw.linear = { stiffness_n_per_m = 2e5 }\n[specimen.transfer]\n\
+                actuator = { first_order = { time_constant_s = 0.001 } }\n";
+    let (_, table, complaint) = check(text, &["--no-rehearsal"]);
+    let words = "no delay of the actuator is stable: the inertia inside the specimen's force";
+    assert!(table.contains(words), "{table}{complaint}");
+    numbers_are_finite(&table);
+    let (_, found, _) = check(text, &["--no-rehearsal", "--json"]);
+    numbers_are_finite(&found);
+    let facts: Value = serde_json::from_str(&found).unwrap();
+    let followed = &facts["following"][0];
+    assert_eq!(followed["critical_delay_s"], 0.0, "{followed}");
+    assert!(followed["lag_s"].is_null() && followed["at_rad_per_s"].is_null());
+}
+
 /// 5000 masses: the lowest and the highest frequency are those of the closed form 2 √(k/m) sin((2j − 1) π/(2 (2n + 1))).
 #[test]
 fn a_large_structure_shows_its_lowest_modes_and_its_highest_frequency() {

@@ -322,3 +322,93 @@ fn a_pace_that_makes_no_sense_is_refused() {
         assert!(error.contains(word), "{error}");
     }
 }
+
+/// Words of an operator, one a tick: a hold of so many ticks after so many.
+fn a_hold(after: usize, ticks: usize) -> Vec<Operator> {
+    let mut words = vec![Operator::Continue; after];
+    words.extend(vec![Operator::Hold; ticks]);
+    words.push(Operator::Continue);
+    words
+}
+
+/// An operator who says these words, one a tick.
+fn saying(words: &[Operator]) -> Control {
+    let (says, requests) = crossbeam_channel::bounded(words.len().max(1));
+    for word in words {
+        says.send(*word).unwrap();
+    }
+    Control::from(requests)
+}
+
+/// Largest change from tick to tick.
+fn jump(series: &[f64]) -> f64 {
+    let steps = series.windows(2).map(|w| (w[1] - w[0]).abs());
+    steps.fold(0.0, f64::max)
+}
+
+/// The benchmark's first case: an adaptive compensator makes up for 24 ms at 4096 ticks a second, a hundred of them. A pace that
+/// falls to a half in one tick must not come a hundred times, nor its square, into the command.
+#[test]
+fn a_hold_does_not_kick_a_compensated_command() {
+    let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/vrths-case-1.toml");
+    let text = std::fs::read_to_string(config).unwrap();
+    let text = text
+        .replace("duration_s = 41", "duration_s = 10")
+        .replace("clock = \"real\"", "clock = \"simulated\"");
+    let free = run(&text);
+    let words = a_hold(6 * 4096, 3000);
+    let held = run_under(prepare(&text).experiment, SimClock::new(), &saying(&words));
+    assert_eq!(held.outcome.ending, Ending::Completed);
+    // Over 0.25 s it comes to rest.
+    assert_eq!(count(&held, Phase::Holding.code()), 3000 - 1024 + 1);
+    let (usual, found) = (jump(&free.all("cmd_1_1")), jump(&held.all("cmd_1_1")));
+    let target = jump(&free.all("target_1_1"));
+    // Its actuator is simulated and lives in test time: what it is told is told more slowly, and that is all.
+    assert!(found <= 1.02 * usual, "{found} {usual}");
+    // The inverse of the actuator at the structure's 3.6 Hz and above has a gain of up to 2.
+    assert!(usual < 2.0 * target, "{usual} {target}");
+    let (x, y) = (held.column("x1"), free.column("x1"));
+    let off = common::engine::distance(&x, &y);
+    // The sensors' noise is drawn by ticks, and the coefficients rest for a while.
+    assert!(off < 0.01, "{off}");
+}
+
+/// A compensator of a real actuator would be asked for less and less: at the hold it is where the target is.
+#[test]
+fn a_hold_with_compensation_is_replayed_to_the_last_bit() {
+    for (ticks, made) in [
+        (1, "polynomial = { order = 3, delay_s = 0.02 }"),
+        (10, "ats = { delay_s = 0.02, gain = 0.9 }"),
+        (4, "pi_lead = { proportional = 0.3, integral_per_s = 20 }"),
+    ] {
+        let home = tempfile::tempdir().unwrap();
+        let text = format!(
+            "{}{SPRING}[specimen.compensation]\n{made}\n",
+            frame(ticks, "safety.ease_s = 0.1").replace("step_s = 0.01", "step_s = 0.002")
+        );
+        let path = common::write(home.path(), "test.toml", &text);
+        let loaded = gusset::config::load(&path, &[]).unwrap_or_else(|e| panic!("{e}"));
+        let test = gusset::config::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
+        let folder = RunFolder::create(&home.path().join("run")).unwrap();
+        let words = a_hold(250 * ticks as usize, 150 * ticks as usize);
+        session::run(
+            test,
+            folder,
+            saying(&words),
+            Watches::default(),
+            &mut |_| {},
+        )
+        .unwrap();
+        let run = home.path().join("run");
+        let columns = ["state", "cmd_1_1", "target_1_1"];
+        let columns = gusset::record::Run::open(&run)
+            .unwrap()
+            .columns(&columns)
+            .unwrap();
+        let holding = |row: &usize| columns[0][*row] == Phase::Holding.code();
+        assert!((0..columns[0].len()).filter(holding).count() > 50 * ticks as usize);
+        let found = replay(&run).unwrap();
+        assert!(found.is_exact(), "{made}: {found:?}");
+        assert_eq!(found.rows, columns[0].len() as u64);
+    }
+}

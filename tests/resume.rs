@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use common::{completed, copy, say, write};
 use gusset::control::{Axis, Port};
-use gusset::engine::Operator;
+use gusset::engine::{Operator, Phase};
 use gusset::record::{Run, RunFolder};
 use gusset::session::{self, Finish, Watches, replay, resume};
 use gusset::substructure::{
@@ -212,6 +212,78 @@ fn an_eased_beginning_changes_the_way_and_not_the_response() {
     assert!(off < 1e-9 * size, "{off} of {size}");
     let found = replay(&at("second")).unwrap();
     assert!(found.is_exact(), "{found:?}");
+}
+
+/// A test with a compensator that was killed at full pace, in the ease of a hold, in the hold and behind it: it goes on without a
+/// kick, and what it then is comes out again to the last bit.
+#[test]
+fn a_compensated_test_that_was_killed_in_a_hold_goes_on_without_a_kick() {
+    for (ticks, made) in [
+        (1, "model_inverse = { coefficients = [1.0, 0.02, 1e-4] }"),
+        (4, "ats = { delay_s = 0.02 }"),
+    ] {
+        let home = tempfile::tempdir().unwrap();
+        let at = |name: &str| home.path().join(name);
+        let text = format!(
+            "{}[specimen.compensation]\n{made}\n",
+            frame(400, ticks, 2.0, 0.2)
+        );
+        let test = test_in(home.path(), &text);
+        let loaded = gusset::config::load(&test, &[]).unwrap_or_else(|e| panic!("{e}"));
+        let test = gusset::config::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
+        let folder = RunFolder::create(&at("whole")).unwrap();
+        let mut words = vec![Operator::Continue; 500 * ticks as usize];
+        words.extend(vec![Operator::Hold; 150 * ticks as usize]);
+        words.push(Operator::Continue);
+        let (says, requests) = crossbeam_channel::bounded(words.len());
+        for word in words {
+            says.send(word).unwrap();
+        }
+        session::run(test, folder, requests, Watches::default(), &mut |_| {}).unwrap();
+        assert!(replay(&at("whole")).unwrap().is_exact());
+        let columns =
+            |name: &str, names: &[&str]| Run::open(&at(name)).unwrap().columns(names).unwrap();
+        let jump = |commands: &[f64]| {
+            let steps = commands.windows(2).map(|w| (w[1] - w[0]).abs());
+            steps.fold(0.0, f64::max)
+        };
+        let whole = columns("whole", &["state", "cmd_1_1", "target_1_1"]);
+        let lead = whole[1].iter().zip(&whole[2]).map(|(c, d)| (c - d).abs());
+        let lead = lead.fold(0.0, f64::max);
+        let usual = jump(&whole[1]);
+        // Easing takes 80 steps.
+        let bound = 1.02 * usual + lead / (80.0 * f64::from(ticks));
+        assert!(lead > 5.0 * bound, "{lead} {bound}");
+        let holds = |row: &usize| whole[0][*row] == Phase::Holding.code();
+        let begins = (0..whole[0].len()).find(holds).unwrap();
+        for (count, row) in [
+            begins / 2,
+            begins - 20 * ticks as usize,
+            begins + 9,
+            begins + 200 * ticks as usize,
+        ]
+        .into_iter()
+        .enumerate()
+        {
+            let (first, second) = (format!("first-{count}"), format!("second-{count}"));
+            killed(&at("whole"), &at(&first), row);
+            let said = go_on(&at(&first), &at(&second));
+            assert_eq!(said.code, Some(0), "{}", said.stderr);
+            let (before, after) = (
+                columns(&first, &["cmd_1_1"]),
+                columns(&second, &["cmd_1_1"]),
+            );
+            assert_eq!(
+                before[0].last(),
+                after[0].first(),
+                "it begins where it was left"
+            );
+            let found = jump(&after[0]);
+            assert!(found <= bound, "{made} {ticks} {count}: {found} {bound}");
+            let found = replay(&at(&second)).unwrap();
+            assert!(found.is_exact(), "{made} {count}: {found:?}");
+        }
+    }
 }
 
 #[test]

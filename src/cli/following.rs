@@ -9,28 +9,60 @@ use std::f64::consts::PI;
 use nalgebra::{Complex, DMatrix, DVector};
 use serde_json::json;
 
-use super::spectrum::Spectrum;
+use super::spectrum::{INERTIA, Spectrum, diverging, growing};
 use super::table::{Table, duration};
 use crate::config::{Facts, Loaded};
-use crate::spectral::delay::{Delayed, DiscreteLimit};
+use crate::spectral::delay::{Critical, DelayError, Delayed, DiscreteLimit, continuous};
 use crate::spectral::unstable_roots;
 
 /// What is known of one specimen behind a declared actuator.
 #[derive(Debug, Clone)]
 pub struct Following {
     specimen: String,
-    /// Lag of the actuator at the critical frequency, and that frequency in rad/s, and the critical delay in s.
-    lag: Option<(f64, f64, f64)>,
+    bears: Bears,
     /// What of the lag is left after a compensation that neither adapts nor feeds back, in s.
     left: Option<f64>,
     /// Standard deviation of the delay, s.
     spread: f64,
-    /// The critical delay of the recursion, s; what was looked at, if there is none.
-    discrete: Result<DiscreteLimit, String>,
+    /// The critical delay of the recursion, s; what was looked at, if there is none. None for another method than the family.
+    discrete: Option<Result<DiscreteLimit, DelayError>>,
     /// Roots right of the imaginary axis, with the whole actuator and with five per cent less of it; none if not judged.
     roots: Option<(u32, u32)>,
     /// Kind of the compensation.
     kind: &'static str,
+}
+
+/// What delay the loop bears in continuous time.
+#[derive(Debug, Clone, PartialEq)]
+enum Bears {
+    /// Every one.
+    Every,
+    /// Less than a critical one, s: lag of the actuator in s at its frequency, and that frequency in rad/s.
+    LessThan { critical: f64, lag: f64, omega: f64 },
+    /// None at all, for this reason.
+    None(&'static str),
+    /// It is unstable without any: growth in 1/s.
+    Unstable(f64),
+    /// Why it is not known.
+    Unknown(DelayError),
+}
+
+impl Bears {
+    fn of(system: &Delayed, lag: impl Fn(f64) -> f64) -> Self {
+        if let Some(growth) = system.growth() {
+            return Self::Unstable(growth);
+        }
+        match continuous(system) {
+            Ok(None) => Self::Every,
+            Ok(Some(Critical { delay, omega })) if omega.is_finite() => Self::LessThan {
+                critical: delay,
+                lag: lag(omega),
+                omega,
+            },
+            Ok(Some(_)) => Self::None(INERTIA),
+            Err(error) => Self::Unknown(error),
+        }
+    }
 }
 
 /// Frequencies that count are below this share of half the rate.
@@ -54,21 +86,19 @@ impl Following {
                 system.specimen_stiffness[(0, 0)],
                 system.specimen_damping[(0, 0)],
             );
-            let lag = one
-                .continuous()
-                .ok()
-                .flatten()
-                .map(|found| (transfer.lag(found.omega, k, c), found.omega, found.delay));
+            let bears = Bears::of(system, |omega| transfer.lag(omega, k, c));
             let compensation = table.compensation.as_ref();
             let tick = facts.rate_hz.recip();
             let lead = |omega: f64| match compensation {
                 None => Some(Complex::new(1.0, 0.0)),
                 Some(spec) => spec.response(omega, tick),
             };
-            let left = lag.and_then(|(_, omega, _)| {
-                let chain = lead(omega)? * transfer.response(omega, k, c);
-                Some(-chain.arg() / omega)
-            });
+            let left = match bears {
+                Bears::LessThan { omega, .. } => {
+                    lead(omega).map(|lead| -(lead * transfer.response(omega, k, c)).arg() / omega)
+                }
+                _ => None,
+            };
             let marks = system.marks();
             let roots = |share: f64| {
                 let chain = |omega: f64| {
@@ -80,16 +110,13 @@ impl Following {
             };
             Some(Self {
                 specimen: one.name.clone(),
-                lag,
+                bears,
                 left,
                 spread: table
                     .identified
                     .and_then(|known| known.delay_std_s)
                     .unwrap_or(0.0),
-                discrete: spectrum.map_or_else(
-                    || Err("another method than the family".to_owned()),
-                    |spectrum| spectrum.discrete(&one.name),
-                ),
+                discrete: spectrum.and_then(|spectrum| spectrum.discrete(&one.name)),
                 roots: roots(1.0).zip(roots(LESS)),
                 kind: compensation.map_or("none", |spec| spec.kind()),
             })
@@ -102,22 +129,39 @@ impl Following {
         !matches!(self.roots, Some((all, less)) if all > 0 && less > 0)
     }
 
-    /// Whether what is left of the delay is below what is critical, twice its spread included.
+    /// Whether what is left of the delay is below what is critical, twice its spread included; not known where one of both ways
+    /// to that does not know it, and the other does not forbid it.
     pub fn of_delay(&self) -> (Option<bool>, String, String) {
         let about = format!("delay, {}", self.specimen);
-        let Some((lag, _, critical)) = self.lag else {
-            return (Some(true), about, "every delay is stable".to_owned());
+        if let Some(why) = self.unstable_at_once() {
+            let text = format!("UNSTABLE without any delay: {why}");
+            return (Some(false), about, text);
+        }
+        let (critical, lag) = match &self.bears {
+            Bears::Every => return (Some(true), about, "every delay is stable".to_owned()),
+            Bears::None(why) => return (Some(false), about, format!("no delay is stable: {why}")),
+            Bears::Unknown(error) => {
+                let text = format!("no critical delay is known: {error}");
+                return (None, about, text);
+            }
+            // Told above.
+            Bears::Unstable(growth) => return (Some(false), about, growing(*growth)),
+            Bears::LessThan { critical, lag, .. } => (*critical, *lag),
         };
-        let (discrete, recursion) = match &self.discrete {
-            Ok(DiscreteLimit::At(tau)) => (*tau, format!("{} by the recursion", duration(*tau))),
-            Ok(DiscreteLimit::Beyond(tau)) => (
-                f64::INFINITY,
-                format!("none up to {} by the recursion", duration(*tau)),
-            ),
-            Err(error) => (
-                f64::INFINITY,
-                format!("not known by the recursion: {error}"),
-            ),
+        // Up to where the recursion is known to be stable, and whether it is known not to be beyond.
+        let (known, ends, recursion) = match &self.discrete {
+            Some(Ok(DiscreteLimit::At(tau))) => {
+                (*tau, true, format!("{} by the recursion", duration(*tau)))
+            }
+            Some(Ok(DiscreteLimit::Beyond(tau))) => {
+                let text = format!("none up to {} by the recursion", duration(*tau));
+                (*tau, false, text)
+            }
+            Some(Err(error)) => (0.0, false, format!("not known by the recursion: {error}")),
+            None => {
+                let text = "not known by a recursion: another method than the family";
+                (0.0, false, text.to_owned())
+            }
         };
         let spread = if self.spread > 0.0 {
             format!(" ± {}", duration(self.spread))
@@ -128,13 +172,18 @@ impl Following {
         let lags = format!("the actuator lags {}{spread}", duration(lag));
         match self.left {
             Some(left) => {
-                let go = left + 2.0 * self.spread < critical.min(discrete);
+                let most = left + 2.0 * self.spread;
+                let go = match (most < critical, most < known) {
+                    (true, true) => Some(true),
+                    (true, false) if !ends => None,
+                    _ => Some(false),
+                };
                 let text = format!(
                     "{lags}, {} of it left after \"{}\"; {limits}",
                     duration(left),
                     self.kind
                 );
-                (Some(go), about, text)
+                (go, about, text)
             }
             None => {
                 let text = format!(
@@ -176,14 +225,23 @@ impl Following {
     }
 
     pub fn tabulate(&self, table: &mut Table) {
-        let lag = match self.lag {
-            Some((lag, omega, critical)) => format!(
+        let lag = match &self.bears {
+            Bears::LessThan {
+                critical,
+                lag,
+                omega,
+            } => format!(
                 "actuator lags {} at {:.3} Hz, critical delay {}",
-                duration(lag),
+                duration(*lag),
                 omega / (2.0 * PI),
-                duration(critical)
+                duration(*critical)
             ),
-            None => "every delay of the actuator is stable".to_owned(),
+            Bears::Every => "every delay of the actuator is stable".to_owned(),
+            Bears::None(why) => format!("no delay of the actuator is stable: {why}"),
+            Bears::Unstable(growth) => {
+                format!("UNSTABLE without any delay: {}", growing(*growth))
+            }
+            Bears::Unknown(error) => format!("no critical delay is known: {error}"),
         };
         let verdict = match self.roots {
             None => "not judged: what adapts or feeds back is for a rehearsal".to_owned(),
@@ -197,13 +255,37 @@ impl Following {
         );
     }
 
+    /// What makes it unstable with nothing delayed, if anything does.
+    fn unstable_at_once(&self) -> Option<String> {
+        match (&self.bears, &self.discrete) {
+            (Bears::Unstable(growth), _) => Some(growing(*growth)),
+            (_, Some(Err(DelayError::Unstable { radius }))) => Some(diverging(*radius)),
+            _ => None,
+        }
+    }
+
     pub fn as_json(&self) -> serde_json::Value {
+        let (critical, lag, omega) = match self.bears {
+            Bears::LessThan {
+                critical,
+                lag,
+                omega,
+            } => (Some(critical), Some(lag), Some(omega)),
+            Bears::None(_) => (Some(0.0), None, None),
+            Bears::Every | Bears::Unstable(_) | Bears::Unknown(_) => (None, None, None),
+        };
+        let unknown = match &self.bears {
+            Bears::Unknown(error) => Some(error.to_string()),
+            _ => None,
+        };
         json!({
             "specimen": self.specimen,
             "compensation": self.kind,
-            "lag_s": self.lag.map(|lag| lag.0),
-            "at_rad_per_s": self.lag.map(|lag| lag.1),
-            "critical_delay_s": self.lag.map(|lag| lag.2),
+            "lag_s": lag,
+            "at_rad_per_s": omega,
+            "critical_delay_s": critical,
+            "critical_delay_unknown": unknown,
+            "unstable_without_delay": self.unstable_at_once(),
             "unstable_roots": self.roots.map(|roots| roots.0),
             "possible": self.is_possible(),
         })

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use super::table::{Table, duration};
 use crate::config::{ALL_MODES, Facts, Loop, ModeFacts, StructureFacts};
-use crate::spectral::delay::{DiscreteLimit, recursion};
+use crate::spectral::delay::{DelayError, DiscreteLimit, recursion};
 use crate::spectral::{Apparent, Locus, spectral_radius};
 use crate::verify::{Figure, Scale, Series};
 
@@ -51,8 +51,44 @@ pub(super) struct Spectrum {
 struct Delay {
     specimen: Loop,
     continuous: Result<Option<(f64, f64)>, String>,
-    discrete: Result<DiscreteLimit, String>,
+    discrete: Result<DiscreteLimit, DelayError>,
+    growth: Option<f64>,
 }
+
+impl Delay {
+    /// What makes it unstable with nothing delayed, in words, if anything does.
+    fn at_once(&self) -> Option<String> {
+        let growing = self.growth.map(growing);
+        let recursion = self.radius().map(diverging);
+        let both: Vec<String> = growing.into_iter().chain(recursion).collect();
+        (!both.is_empty()).then(|| both.join("; "))
+    }
+
+    /// Spectral radius of a recursion that is unstable with nothing delayed.
+    fn radius(&self) -> Option<f64> {
+        match self.discrete {
+            Err(DelayError::Unstable { radius }) => Some(radius),
+            _ => None,
+        }
+    }
+}
+
+/// What grows in continuous time with nothing delayed.
+pub(super) fn growing(per_second: f64) -> String {
+    format!(
+        "it grows by a factor e in {} of continuous time",
+        duration(per_second.recip())
+    )
+}
+
+/// What grows in the recursion with nothing delayed.
+pub(super) fn diverging(radius: f64) -> String {
+    format!("it grows by a factor {radius:.6} in a step of the recursion at this Δt and λ")
+}
+
+/// Why any delay is too long.
+pub(super) const INERTIA: &str = "the inertia inside the specimen's force is as much as the mass that it acts on, and with any delay, \
+     however short, it grows";
 
 impl Spectrum {
     /// None for another method than the family, or a structure that is too large.
@@ -65,9 +101,8 @@ impl Spectrum {
                 .continuous()
                 .map(|found| found.map(|critical| (critical.delay, critical.omega)))
                 .map_err(|error| error.to_string()),
-            discrete: specimen
-                .discrete(facts.dt, lambda)
-                .map_err(|error| error.to_string()),
+            discrete: specimen.discrete(facts.dt, lambda),
+            growth: specimen.system.growth(),
             specimen: specimen.clone(),
         });
         let modes = analysis.modes(facts.dt, chosen);
@@ -139,14 +174,11 @@ impl Spectrum {
         }
     }
 
-    /// The critical delay of a specimen by the recursion.
-    pub(super) fn discrete(&self, specimen: &str) -> Result<DiscreteLimit, String> {
+    /// The critical delay of a specimen by the recursion; none if it was not analysed.
+    pub(super) fn discrete(&self, specimen: &str) -> Option<Result<DiscreteLimit, DelayError>> {
         let mut delays = self.delays.iter();
         let found = delays.find(|delay| delay.specimen.name == specimen);
-        found.map_or_else(
-            || Err("not analysed".to_owned()),
-            |found| found.discrete.clone(),
-        )
+        found.map(|found| found.discrete)
     }
 
     /// The highest natural frequency in rad/s, if it is known.
@@ -161,8 +193,18 @@ impl Spectrum {
         // A millionth of a step is where the search for it ends.
         let vanishes = |tau: f64| tau < 1e-5 * self.dt;
         for delay in &self.delays {
+            if let Some(why) = delay.at_once() {
+                table.row(
+                    &format!("without delay, {}", delay.specimen.name),
+                    &format!("UNSTABLE: {why}"),
+                );
+            }
             let steps = |tau: f64| format!("{} = {:.3} Δt", duration(tau), tau / self.dt);
             let continuous = match &delay.continuous {
+                _ if delay.growth.is_some() => {
+                    "none: unstable without any in continuous time".to_owned()
+                }
+                Ok(Some((_, omega))) if omega.is_infinite() => format!("none: {INERTIA}"),
                 Ok(Some((tau, _))) if vanishes(*tau) => NO_DAMPING.to_owned(),
                 Ok(Some((tau, omega))) => format!(
                     "{} in continuous time, then it grows at {:.4} Hz",
@@ -181,6 +223,9 @@ impl Spectrum {
                 }
                 Ok(DiscreteLimit::Beyond(tau)) => {
                     format!("none up to {} by the recursion", duration(*tau))
+                }
+                Err(DelayError::Unstable { .. }) => {
+                    "none: unstable without any by the recursion".to_owned()
                 }
                 Err(error) => format!("not known by the recursion: {error}"),
             };
@@ -210,17 +255,22 @@ impl Spectrum {
     pub(super) fn delays_json(&self) -> Value {
         let each = self.delays.iter().map(|delay| {
             let continuous = match &delay.continuous {
-                Ok(Some((tau, omega))) => json!({ "delay_s": tau, "omega_rad_per_s": omega }),
+                _ if delay.growth.is_some() => json!({ "growth_per_s": delay.growth }),
+                Ok(Some((tau, omega))) => {
+                    json!({ "delay_s": tau, "omega_rad_per_s": finite(*omega) })
+                }
                 Ok(None) => json!({ "delay_s": null }),
                 Err(error) => json!({ "unknown": error }),
             };
             let discrete = match &delay.discrete {
                 Ok(DiscreteLimit::At(tau)) => json!({ "delay_s": tau }),
                 Ok(DiscreteLimit::Beyond(tau)) => json!({ "delay_s": null, "looked_to_s": tau }),
-                Err(error) => json!({ "unknown": error }),
+                Err(DelayError::Unstable { radius }) => json!({ "spectral_radius": radius }),
+                Err(error) => json!({ "unknown": error.to_string() }),
             };
             json!({
                 "specimen": delay.specimen.name,
+                "unstable_without_delay": delay.at_once(),
                 "continuous": continuous,
                 "discrete": discrete,
             })

@@ -150,6 +150,11 @@ impl Regressors {
         (command, self.derivatives.push(measured))
     }
 
+    /// Ticks after which nothing is left of a pair: the filters', and the differences of what they give.
+    pub const fn memory(&self) -> u32 {
+        self.measured.memory().saturating_add(3)
+    }
+
     pub fn reset(&mut self, disp: f64) {
         self.command.reset(disp);
         self.measured.reset(disp);

@@ -137,8 +137,16 @@ impl AtsSpec {
 }
 
 impl Compensator for Ats {
-    fn predict(&mut self, disp: f64, _: f64, _: f64) -> f64 {
+    fn lead(&mut self, disp: f64, _: f64, _: f64) -> f64 {
         self.a.times(self.targets.push(disp))
+    }
+
+    fn stands(&self, disp: f64) -> f64 {
+        self.a.times([disp, 0.0, 0.0, 0.0])
+    }
+
+    fn amend(&mut self, disp: f64) {
+        self.targets.amend(disp);
     }
 
     fn observe(&mut self, command: f64, measured: f64) {
@@ -149,6 +157,14 @@ impl Compensator for Ats {
         {
             self.a.approach(&goal);
         }
+    }
+
+    fn notice(&mut self, command: f64, measured: f64) {
+        self.regressors.push(command, measured);
+    }
+
+    fn memory(&self) -> u32 {
+        self.regressors.memory()
     }
 
     fn reset(&mut self, disp: f64) {

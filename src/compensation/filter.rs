@@ -8,7 +8,11 @@ use std::f64::consts::PI;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct LowPass {
     sections: [Section; 2],
+    memory: u32,
 }
+
+/// What is forgotten to e⁻¹⁴, 1e-6, is forgotten.
+const FORGOTTEN: f64 = 14.0;
 
 #[derive(Debug, Clone, Copy, Default)]
 struct Section {
@@ -35,9 +39,18 @@ impl LowPass {
                 ..Section::default()
             }
         };
+        let sections = [section(PI / 8.0), section(3.0 * PI / 8.0)];
+        // a₂ is the square of the poles' distance from 0: those of the second section are nearer to 1.
+        let per_tick = -0.5 * libm::log(sections[1].a2);
         Self {
-            sections: [section(PI / 8.0), section(3.0 * PI / 8.0)],
+            sections,
+            memory: (FORGOTTEN / per_tick).ceil() as u32,
         }
+    }
+
+    /// Ticks after which nothing is left of an input.
+    pub const fn memory(&self) -> u32 {
+        self.memory
     }
 
     /// Real-time: yes.
@@ -96,6 +109,11 @@ impl Differences {
         [value, d1 * r, d2 * r * r, (d2 - e2) * r * r * r]
     }
 
+    /// The last value was another.
+    pub fn amend(&mut self, value: f64) {
+        self.past[0] = value;
+    }
+
     pub fn reset(&mut self, value: f64) {
         self.past = [value; 3];
     }
@@ -126,6 +144,13 @@ impl History {
 
     pub fn push(&mut self, value: f64) {
         self.newest = (self.newest + 1) % self.ring.len();
+        if let Some(entry) = self.ring.get_mut(self.newest) {
+            *entry = value;
+        }
+    }
+
+    /// The last value was another.
+    pub fn amend(&mut self, value: f64) {
         if let Some(entry) = self.ring.get_mut(self.newest) {
             *entry = value;
         }

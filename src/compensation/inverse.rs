@@ -33,11 +33,15 @@ impl InverseSpec {
 }
 
 impl Compensator for Inverse {
-    fn predict(&mut self, disp: f64, _: f64, _: f64) -> f64 {
+    fn lead(&mut self, disp: f64, _: f64, _: f64) -> f64 {
         let [alpha] = self.alpha;
         let command = alpha * disp - (alpha - 1.0) * self.last;
         self.last = disp;
         command
+    }
+
+    fn amend(&mut self, disp: f64) {
+        self.last = disp;
     }
 
     fn reset(&mut self, disp: f64) {

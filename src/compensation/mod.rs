@@ -5,6 +5,19 @@
 //! [`Compensator::reset`] the history holds that target as if it had always stood there, so that start-up is a hold and never
 //! an extrapolation from nothing. What adapts is bounded in value and in rate. No allocation after construction, no clock.
 //!
+//! Derivatives are taken along equally spaced targets only. Where test time is stretched the caller asks for the lead at the
+//! points that the targets of an undisturbed test have, and makes the commands between them itself
+//! ([`Compensator::lead`], [`Compensator::stands`]); what is a loop of its own goes on in every tick
+//! ([`Compensator::regulate`]). Nothing is learnt then, nor as long after it as measurements are remembered:
+//!
+//! | kind | lead | of a place at rest | learns | in each tick |
+//! |---|---|---|---|---|
+//! | none, polynomial, Newton, inverse | extrapolated targets | the place | – | – |
+//! | model inverse | a₀ d + a₁ ḋ + … | a₀ d | – | – |
+//! | ATS, AMB | the same | a₀ d | at the full pace, three differences and a filter's memory after it | – |
+//! | recursive FIR | Σ θ d | Σ θ · d | at the full pace, three spacings and a filter's memory after it | – |
+//! | PI with phase lead | the led target | the place | – | PI on the led target |
+//!
 //! When the whole chain is stable for a specimen of stiffness k_e in a structure, by kind (numerics of the documentation):
 //!
 //! - no compensation: while the lag is below the critical delay, about 2ξ/(pω) of the governing mode;
@@ -63,14 +76,46 @@ pub struct Parameter {
 
 /// Makes commands of targets. All motions in m, m/s and m/s²; every method but `freeze` is on the real-time path.
 pub trait Compensator: Send + std::fmt::Debug {
-    /// The command for the target `disp`; `vel` and `accel` are the integrator's own: vel = ∇disp/Δt belongs to t − Δt/2, and
-    /// accel = ∇vel/Δt.
-    fn predict(&mut self, disp: f64, vel: f64, accel: f64) -> f64;
+    /// The command for the target `disp`, a tick after the last; `vel` and `accel` are the integrator's own: vel = ∇disp/Δt
+    /// belongs to t − Δt/2, and accel = ∇vel/Δt.
+    fn predict(&mut self, disp: f64, vel: f64, accel: f64) -> f64 {
+        let led = self.lead(disp, vel, accel);
+        self.regulate(led)
+    }
+
+    /// The target as it is ahead: the command of what has no loop of its own. Targets are equally spaced in time.
+    fn lead(&mut self, disp: f64, vel: f64, accel: f64) -> f64;
+
+    /// The command for a target that is ahead already, in every tick of wall time.
+    fn regulate(&mut self, led: f64) -> f64 {
+        led
+    }
+
+    /// What [`Compensator::lead`] gives of a target that has always stood at `disp`, by the parameters of the moment: in
+    /// proportion to it.
+    fn stands(&self, disp: f64) -> f64 {
+        disp
+    }
+
+    /// The last target of [`Compensator::lead`] was foretold and came out as `disp`.
+    fn amend(&mut self, disp: f64) {
+        let _ = disp;
+    }
 
     /// What was measured while `command` was in force. Called before the next `predict`, once a tick, or not at all in a tick
     /// without a fresh measurement.
     fn observe(&mut self, command: f64, measured: f64) {
         let _ = (command, measured);
+    }
+
+    /// The same where nothing may be learnt of it.
+    fn notice(&mut self, command: f64, measured: f64) {
+        let _ = (command, measured);
+    }
+
+    /// Ticks for which a measurement that was noticed is remembered.
+    fn memory(&self) -> u32 {
+        0
     }
 
     /// Forgets the past: everything has always stood at `disp`. What was learnt goes back to the start.

@@ -51,13 +51,21 @@ impl ModelInverseSpec {
 }
 
 impl Compensator for ModelInverse {
-    fn predict(&mut self, disp: f64, _: f64, _: f64) -> f64 {
+    fn lead(&mut self, disp: f64, _: f64, _: f64) -> f64 {
         let derivatives = self.targets.push(disp);
         let mut sum = 0.0;
         for (a, d) in self.a.iter().zip(derivatives) {
             sum += a * d;
         }
         sum
+    }
+
+    fn stands(&self, disp: f64) -> f64 {
+        self.a.first().map_or(disp, |a| a * disp)
+    }
+
+    fn amend(&mut self, disp: f64) {
+        self.targets.amend(disp);
     }
 
     fn reset(&mut self, disp: f64) {

@@ -36,7 +36,7 @@ impl NewtonSpec {
 }
 
 impl Compensator for Newton {
-    fn predict(&mut self, disp: f64, vel: f64, accel: f64) -> f64 {
+    fn lead(&mut self, disp: f64, vel: f64, accel: f64) -> f64 {
         disp + self.delay[0] * vel + self.curve * accel
     }
 

@@ -15,7 +15,7 @@ pub struct NoneSpec {}
 pub(super) struct Plain;
 
 impl Compensator for Plain {
-    fn predict(&mut self, disp: f64, _: f64, _: f64) -> f64 {
+    fn lead(&mut self, disp: f64, _: f64, _: f64) -> f64 {
         disp
     }
 

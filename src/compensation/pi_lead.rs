@@ -1,4 +1,8 @@
 //! The benchmark's sample controller: a phase lead, then a PI controller on what is left of the error.
+//!
+//! The lead is one of targets, the controller one of wall time: while test time is stretched the controller goes on in every
+//! tick, on a target that is less ahead the slower it is. In a complete hold the last command is sent again and again, and the
+//! controller rests with it: its integral does not wind up, and it goes on from there.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -72,17 +76,31 @@ impl PiLeadSpec {
 }
 
 impl Compensator for PiLead {
-    fn predict(&mut self, disp: f64, _: f64, _: f64) -> f64 {
+    fn lead(&mut self, disp: f64, _: f64, _: f64) -> f64 {
         let [new, last, own] = self.lead;
         self.led = new * disp + last * self.target + own * self.led;
         self.target = disp;
-        let error = self.led - self.measured;
+        self.led
+    }
+
+    fn regulate(&mut self, led: f64) -> f64 {
+        let error = led - self.measured;
         self.sum += self.integral * (error + self.error);
         self.error = error;
         self.proportional * error + self.sum
     }
 
+    fn amend(&mut self, disp: f64) {
+        let [new, ..] = self.lead;
+        self.led += new * (disp - self.target);
+        self.target = disp;
+    }
+
     fn observe(&mut self, _: f64, measured: f64) {
+        self.measured = measured;
+    }
+
+    fn notice(&mut self, _: f64, measured: f64) {
         self.measured = measured;
     }
 

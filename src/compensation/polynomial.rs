@@ -97,13 +97,17 @@ impl PolynomialSpec {
 }
 
 impl Compensator for Polynomial {
-    fn predict(&mut self, disp: f64, _: f64, _: f64) -> f64 {
+    fn lead(&mut self, disp: f64, _: f64, _: f64) -> f64 {
         self.targets.push(disp);
         let mut sum = 0.0;
         for (j, weight) in self.weights.iter().enumerate().take(self.nodes) {
             sum += weight * self.targets.between(j as f64 * self.spacing);
         }
         sum
+    }
+
+    fn amend(&mut self, disp: f64) {
+        self.targets.amend(disp);
     }
 
     fn reset(&mut self, disp: f64) {

@@ -183,13 +183,22 @@ impl RecursiveFir {
 }
 
 impl Compensator for RecursiveFir {
-    fn predict(&mut self, disp: f64, _: f64, _: f64) -> f64 {
+    fn lead(&mut self, disp: f64, _: f64, _: f64) -> f64 {
         self.targets.push(disp);
         let mut sum = 0.0;
         for (j, theta) in self.theta.values.iter().enumerate() {
             sum += theta * self.targets.back(j * self.spacing);
         }
         sum
+    }
+
+    fn stands(&self, disp: f64) -> f64 {
+        let sum: f64 = self.theta.values.iter().sum();
+        sum * disp
+    }
+
+    fn amend(&mut self, disp: f64) {
+        self.targets.amend(disp);
     }
 
     fn observe(&mut self, command: f64, measured: f64) {
@@ -234,6 +243,16 @@ impl Compensator for RecursiveFir {
             }
         }
         self.theta.approach(&self.estimate);
+    }
+
+    fn notice(&mut self, command: f64, measured: f64) {
+        self.commands.push(command);
+        self.measured.push(self.measurements.push(measured));
+    }
+
+    fn memory(&self) -> u32 {
+        let taps = u32::try_from((TAPS - 1) * self.spacing).unwrap_or(u32::MAX);
+        taps.saturating_add(self.measurements.memory())
     }
 
     fn reset(&mut self, disp: f64) {

@@ -25,7 +25,8 @@ pub struct SafetyTable {
     /// stands if it has no such limit. At most 3600.
     pub ramp_s: f64,
     /// Wall time in s in which a hold brings the specimens to rest, and in which they come to the test's pace again; the first
-    /// steps after a resumed test's start are eased in the same way. 0: at once, at the next tick. At most 600.
+    /// steps after a resumed test's start are eased in the same way. What a compensator is ahead by changes no faster than that,
+    /// also where a late target slows the test down. 0: at once, at the next tick. At most 600.
     pub ease_s: f64,
     /// Where the specimens are left after a trip. "zero_force" needs a stiffness of every axis.
     pub on_trip: ExitChoice,

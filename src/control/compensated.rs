@@ -3,46 +3,150 @@
 //!
 //! Until the test runs they hold: whatever comes before (static load, ramps, warm-up) is quasi-static, passes as a place at
 //! rest does, with the gain that a compensator makes up for and no lead, and is the history that the first prediction starts
-//! from. A tick in which time stands still, or without a fresh measurement,
-//! teaches them nothing.
+//! from. A tick in which time stands still, or without a fresh measurement, teaches them nothing.
+//!
+//! In the running test a compensator is asked for its lead on one grid of test time only: N points a step, where the ticks of
+//! an undisturbed test end. While test time is stretched ([`super::Tempo`]) the path that it sees is that of the undisturbed
+//! test, so there is no change of pace that it could differentiate. With r(g) its led target and s(d) what it makes of a place at
+//! rest, the command for a target d between two points is
+//!
+//! ```text
+//! s(d) + ρ · ((1 − θ)(r(g₀) − s(d(g₀))) + θ (r(g₁) − s(d(g₁))))
+//! ```
+//!
+//! g₁ the first point at or after the end of the tick, g₀ the one before, θ the share of the way from one to the other. A
+//! delay is one of wall time, in which only ρ of it in test time passes: what is ahead is scaled by the pace, which is eased
+//! and not cut into whole ticks. The gain that makes up for one of the actuator is not. (What goes with the square or the cube of
+//! the delay is scaled by ρ, too: more than it needs, continuous, and right at both ends.) So a command changes in a tick by no
+//! more than the gain times the target's change, the lead's change from point to point, and the lead over the ticks of easing.
+//! At ρ = 1 and on the grid it is r itself, to the last bit.
+//!
+//! An actuator that is simulated in this process lives in test time (a tick is as long for it as it is for the test): its delay
+//! is the same at every pace, and ρ is 1 for it throughout. A specimen that is commanded once a step is compensated from target to
+//! target. Kind by kind, and what learns when: [`crate::compensation`].
 
-use super::Port;
+use super::{Port, Stride};
 use crate::compensation::{Compensator, Parameter};
 
 /// Compensators of one port.
 #[derive(Debug)]
 pub(super) struct Compensation {
-    of: Vec<Box<dyn Compensator>>,
-    /// Metres in one unit of each axis.
-    metres: Vec<f64>,
+    axes: Vec<Compensated>,
     /// Tick in s of wall time, and seconds of test time in one of wall time.
     tick: f64,
     pace: f64,
+    /// The delay that is made up for is one of test time.
+    in_test_time: bool,
     running: bool,
     /// A command that was made of a target is in force, and its measurement is still to come.
     asked: bool,
-    vel: Vec<f64>,
+    /// That command is one of an undisturbed test.
+    undisturbed: bool,
+    grid: Grid,
     /// The state before the command that stands ready was made, where a record is followed to be gone on with.
     before: Option<Vec<f64>>,
+}
+
+/// Where on the grid of test time the compensators are.
+#[derive(Debug, Clone, Copy, Default)]
+struct Grid {
+    /// The newest point that they were asked for, counted from the last target.
+    point: f64,
+    /// How far that is ahead of the command, in points.
+    ahead: f64,
+    /// 1/N.
+    spacing: f64,
+}
+
+/// One axis.
+#[derive(Debug)]
+struct Compensated {
+    one: Box<dyn Compensator>,
+    /// Metres in one unit of the axis.
+    metres: f64,
+    /// Of the target at the newest point, m/s of wall time.
+    vel: f64,
+    /// Target and led target, at the newest point of the grid and at the one before.
+    points: [(f64, f64); 2],
+    /// Measurements of the undisturbed test since it was disturbed, and how many it takes to forget what was before.
+    heard: u32,
+    memory: u32,
 }
 
 /// Relative difference of two displacements that are the same.
 const ROUNDOFF: f64 = 1e-12;
 
-/// The command for what has always stood at `disp`, and for which nothing is remembered but that. Real-time: yes.
-fn at_rest(one: &mut dyn Compensator, disp: f64) -> f64 {
-    one.reset(disp);
-    let command = one.predict(disp, 0.0, 0.0);
-    one.reset(disp);
-    command
+impl Compensated {
+    /// The command for what has always stood at `disp`, and for which nothing is remembered but that. Real-time: yes.
+    fn at_rest(&mut self, disp: f64) -> f64 {
+        self.one.reset(disp);
+        let command = self.one.predict(disp, 0.0, 0.0);
+        self.one.reset(disp);
+        let led = self.one.stands(disp);
+        self.points = [(disp, led); 2];
+        command
+    }
+
+    /// Asks for the next point: led target of this target, whose velocity is in m/s of wall time. Real-time: yes.
+    #[inline]
+    fn ask(&mut self, disp: f64, vel: f64, tick: f64) -> f64 {
+        let accel = (vel - self.vel) / tick;
+        let led = self.one.lead(disp, vel, accel);
+        self.vel = vel;
+        let [newest, _] = self.points;
+        self.points = [(disp, led), newest];
+        led
+    }
+
+    /// The led target of `disp`, so many points before the newest, at this pace. Real-time: yes.
+    fn between(&self, disp: f64, back: f64, pace: f64) -> f64 {
+        let [newest, before] = self.points.map(|(disp, led)| led - self.one.stands(disp));
+        self.one.stands(disp) + pace * (newest + back * (before - newest))
+    }
+
+    fn slots(&mut self) -> impl Iterator<Item = &mut f64> {
+        let points = self.points.iter_mut().flat_map(|(disp, led)| [disp, led]);
+        std::iter::once(&mut self.vel).chain(points)
+    }
+
+    /// Real-time: yes.
+    #[inline]
+    fn hear(&mut self, command: f64, measured: f64, undisturbed: bool) {
+        self.heard = if undisturbed {
+            self.heard.saturating_add(1)
+        } else {
+            0
+        };
+        if self.heard > self.memory {
+            self.one.observe(command, measured);
+        } else {
+            self.one.notice(command, measured);
+        }
+    }
 }
 
 impl Compensation {
     fn freeze(&self, out: &mut Vec<f64>) {
+        let Grid {
+            point,
+            ahead,
+            spacing,
+        } = self.grid;
         out.push(f64::from(u8::from(self.running)));
-        out.extend(&self.vel);
-        for one in &self.of {
-            one.freeze(out);
+        out.extend([point, ahead, spacing]);
+        for axis in &self.axes {
+            out.extend([f64::from(axis.heard), axis.vel]);
+            out.extend(axis.points.iter().flat_map(|(disp, led)| [disp, led]));
+            axis.one.freeze(out);
+        }
+    }
+
+    /// Keeps the state as it is now, where a record is followed. Real-time: yes, where none is.
+    fn keep(&mut self) {
+        if let Some(mut before) = self.before.take() {
+            before.clear();
+            self.freeze(&mut before);
+            self.before = Some(before);
         }
     }
 }
@@ -60,16 +164,34 @@ impl Port {
     ) -> Self {
         let n = self.axes.len();
         if of.len() == n && metres.len() == n {
-            self.compensation = Some(Compensation {
-                of,
+            let axes = of.into_iter().zip(metres).map(|(one, metres)| Compensated {
+                memory: one.memory(),
+                one,
                 metres,
+                vel: 0.0,
+                points: [(0.0, 0.0); 2],
+                heard: u32::MAX,
+            });
+            self.compensation = Some(Compensation {
+                axes: axes.collect(),
                 tick,
                 pace,
+                in_test_time: false,
                 running: false,
                 asked: false,
-                vel: vec![0.0; n],
+                undisturbed: true,
+                grid: Grid::default(),
                 before: None,
             });
+        }
+        self
+    }
+
+    /// The delay that is made up for is one of test time: that of an actuator which is simulated in this process.
+    #[must_use]
+    pub fn with_delay_in_test_time(mut self) -> Self {
+        if let Some(compensation) = &mut self.compensation {
+            compensation.in_test_time = true;
         }
         self
     }
@@ -84,22 +206,40 @@ impl Port {
 
     /// Names of the compensators' parameters, axis by axis; the axis counts from 0.
     pub fn compensation_names(&self) -> impl Iterator<Item = (usize, Parameter)> {
-        let of = self.compensation.iter().flat_map(|all| &all.of);
+        let of = self.compensation.iter().flat_map(|all| &all.axes);
         of.enumerate()
-            .flat_map(|(axis, one)| one.names().iter().map(move |name| (axis, *name)))
+            .flat_map(|(index, axis)| axis.one.names().iter().map(move |name| (index, *name)))
     }
 
     /// The parameters of the moment, in the order of their names. Real-time: yes.
     #[inline]
     pub fn compensation_parameters(&self) -> impl Iterator<Item = f64> {
-        let of = self.compensation.iter().flat_map(|all| &all.of);
-        of.flat_map(|one| one.parameters().iter().copied())
+        let of = self.compensation.iter().flat_map(|all| &all.axes);
+        of.flat_map(|axis| axis.one.parameters().iter().copied())
     }
 
     /// From here on the state before each command is kept, too: the last one never leaves, and is made again.
     pub fn follow_compensation(&mut self) {
         if let Some(compensation) = &mut self.compensation {
             compensation.before = Some(Vec::new());
+        }
+    }
+
+    /// No command is made for the next tick: the last one has left, and is repeated. What is measured meanwhile is not heard,
+    /// and for what lives in wall time that is a gap. Real-time: yes, where no record is followed.
+    #[inline]
+    pub fn hold_compensation(&mut self) {
+        // What is commanded once a step may still have its target before it.
+        if self.is_per_step() {
+            return;
+        }
+        if let Some(compensation) = &mut self.compensation {
+            if !compensation.in_test_time {
+                for axis in &mut compensation.axes {
+                    axis.heard = 0;
+                }
+            }
+            compensation.keep();
         }
     }
 
@@ -125,65 +265,161 @@ impl Port {
         }
     }
 
-    /// Takes them back from the front of `from` and returns the rest.
+    /// Takes them back from the front of `from` and returns the rest. For what lives in wall time what was measured before lies
+    /// in another time.
     pub fn thaw_compensation<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
         let Some(compensation) = &mut self.compensation else {
             return from;
         };
         let mut rest = from;
-        if let Some((running, tail)) = rest.split_first() {
-            compensation.running = *running != 0.0;
+        if let Some((&[running, point, ahead, spacing], tail)) = rest.split_first_chunk::<4>() {
+            compensation.running = running != 0.0;
+            compensation.grid = Grid {
+                point,
+                ahead,
+                spacing,
+            };
             rest = tail;
         }
-        for vel in &mut compensation.vel {
-            if let Some((first, tail)) = rest.split_first() {
-                *vel = *first;
+        for axis in &mut compensation.axes {
+            if let Some((heard, tail)) = rest.split_first() {
+                axis.heard = if compensation.in_test_time {
+                    *heard as u32
+                } else {
+                    0
+                };
                 rest = tail;
             }
-        }
-        for one in &mut compensation.of {
-            rest = one.thaw(rest);
+            for slot in axis.slots() {
+                if let Some((first, tail)) = rest.split_first() {
+                    *slot = *first;
+                    rest = tail;
+                }
+            }
+            rest = axis.one.thaw(rest);
         }
         rest
     }
 
-    /// Makes the command of the target's. Real-time: yes.
+    /// Makes the command of the target's, which is a tick of the compensators' after the last. Real-time: yes.
     pub(super) fn compensate(&mut self) {
-        if let Some(compensation) = &mut self.compensation
-            && let Some(mut before) = compensation.before.take()
-        {
-            before.clear();
-            compensation.freeze(&mut before);
-            compensation.before = Some(before);
-        }
-        let Some(Compensation {
-            of,
-            metres,
-            tick,
-            pace,
-            running,
-            vel: last_vel,
-            ..
-        }) = &mut self.compensation
-        else {
+        let Some(compensation) = &mut self.compensation else {
             return;
         };
-        let axes = self.axes.iter().zip(&mut self.command).zip(&self.target);
-        let rest = self.target_vel.iter().zip(last_vel).zip(metres).zip(of);
-        for (((axis, command), target), (((vel, last_vel), metres), one)) in axes.zip(rest) {
-            let disp = axis.disp_gain * target * *metres;
-            let vel = axis.disp_gain * vel * *metres * *pace;
-            if *running {
-                let accel = (vel - *last_vel) / *tick;
-                *command = one.predict(disp, vel, accel) / *metres + axis.disp_offset;
+        compensation.keep();
+        compensation.undisturbed = true;
+        let (tick, pace) = (compensation.tick, compensation.pace);
+        let targets = self.target.iter().zip(&self.target_vel);
+        let axes = self.axes.iter().zip(&mut self.command).zip(targets);
+        for (((axis, command), (target, vel)), made) in axes.zip(&mut compensation.axes) {
+            let disp = axis.disp_gain * target * made.metres;
+            let vel = axis.disp_gain * vel * made.metres * pace;
+            if compensation.running {
+                let led = made.ask(disp, vel, tick);
+                *command = made.one.regulate(led) / made.metres + axis.disp_offset;
             } else {
-                let at_rest = at_rest(one.as_mut(), disp);
+                let at_rest = made.at_rest(disp);
                 // Weights that sum up to 1 but for roundoff change nothing.
                 if (at_rest - disp).abs() > ROUNDOFF * disp.abs() {
-                    *command = at_rest / *metres + axis.disp_offset;
+                    *command = at_rest / made.metres + axis.disp_offset;
                 }
+                made.vel = vel;
             }
-            *last_vel = vel;
+        }
+    }
+
+    /// Makes the command at the end of a stride, with steps of `dt` seconds of test time. Real-time: yes.
+    #[inline]
+    pub(super) fn compensate_along(&mut self, stride: &Stride, dt: f64) {
+        let Some(compensation) = &mut self.compensation else {
+            return;
+        };
+        let pace = if compensation.in_test_time {
+            1.0
+        } else {
+            stride.pace
+        };
+        let is_next = stride.point - compensation.grid.point == 1.0;
+        if !compensation.running || (pace == 1.0 && stride.ahead == 0.0 && is_next) {
+            self.compensate();
+            self.lay_grid(stride);
+        } else {
+            self.compensate_between(stride, pace, dt);
+        }
+    }
+
+    fn lay_grid(&mut self, stride: &Stride) {
+        if let Some(compensation) = &mut self.compensation {
+            compensation.grid = Grid {
+                point: stride.point,
+                ahead: stride.ahead,
+                spacing: stride.spacing,
+            };
+        }
+    }
+
+    /// The same where the pace is not the full one, or has not always been in this step. Real-time: yes.
+    fn compensate_between(&mut self, stride: &Stride, pace: f64, dt: f64) {
+        let Some(compensation) = &mut self.compensation else {
+            return;
+        };
+        compensation.keep();
+        compensation.undisturbed = false;
+        let targets = self.target.iter().zip(&self.target_vel);
+        let axes = self.axes.iter().zip(&mut self.command).zip(targets);
+        for (index, (((axis, command), (target, vel)), made)) in
+            axes.zip(&mut compensation.axes).enumerate()
+        {
+            let in_metres = axis.disp_gain * made.metres;
+            // One point at the most, or two where roundoff has a part in it: no tick is longer than a full one.
+            let mut point = compensation.grid.point;
+            while point < stride.point {
+                point += 1.0;
+                let (disp, vel) = if point == stride.point && stride.ahead == 0.0 {
+                    (*target, *vel)
+                } else {
+                    let share = point * stride.spacing;
+                    let whole = stride.spacing == 1.0;
+                    self.pursuit.point(index, share, whole, dt)
+                };
+                let vel = in_metres * vel * compensation.pace;
+                made.ask(in_metres * disp, vel, compensation.tick);
+            }
+            let led = made.between(in_metres * target, stride.ahead, pace);
+            *command = made.one.regulate(led) / made.metres + axis.disp_offset;
+        }
+        self.lay_grid(stride);
+    }
+
+    /// A target is reached: points count from there. Real-time: yes.
+    #[inline]
+    pub(super) fn begin_grid(&mut self) {
+        if let Some(compensation) = &mut self.compensation {
+            (compensation.grid.point, compensation.grid.ahead) = (0.0, 0.0);
+        }
+    }
+
+    /// The next target is known: a point ahead of the command that was asked for while it was foretold is put right, so that
+    /// the next lead is not one of the difference. Real-time: yes.
+    #[inline]
+    pub(super) fn amend_compensation(&mut self, dt: f64) {
+        let Some(compensation) = &mut self.compensation else {
+            return;
+        };
+        let Grid {
+            point,
+            ahead,
+            spacing,
+        } = compensation.grid;
+        if ahead == 0.0 {
+            return;
+        }
+        for (index, (axis, made)) in self.axes.iter().zip(&mut compensation.axes).enumerate() {
+            let (disp, vel) = self
+                .pursuit
+                .point(index, point * spacing, spacing == 1.0, dt);
+            made.one.amend(axis.disp_gain * disp * made.metres);
+            made.vel = axis.disp_gain * vel * made.metres * compensation.pace;
         }
     }
 
@@ -199,10 +435,10 @@ impl Port {
     /// A fresh measurement is there. Real-time: yes.
     pub(super) fn compensation_hears(&mut self) {
         let Some(Compensation {
-            of,
-            metres,
+            axes: made,
             running: true,
             asked: asked @ true,
+            undisturbed,
             ..
         }) = &mut self.compensation
         else {
@@ -210,12 +446,15 @@ impl Port {
         };
         *asked = false;
         let axes = self.axes.iter().zip(&self.sent).zip(&self.raw.disp);
-        for (((axis, sent), raw), (metres, one)) in axes.zip(metres.iter().zip(of)) {
-            let command = (sent - axis.disp_offset) * metres;
-            let measured = (raw - axis.measured_offset - axis.disp_offset) * metres;
+        for (((axis, sent), raw), made) in axes.zip(made) {
+            let command = (sent - axis.disp_offset) * made.metres;
+            let measured = (raw - axis.measured_offset - axis.disp_offset) * made.metres;
             if measured.is_finite() {
-                one.observe(command, measured);
+                made.hear(command, measured, *undisturbed);
             }
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -22,6 +22,9 @@ pub struct Declared {
     pub damping_bound: f64,
     /// b·S⁻¹·bᵀ with S(λ) at the declared bounds, per kg; NaN if it is not known.
     pub gain: f64,
+    /// How often damping counts in a sawtooth of period 2 steps, as in that S: more than once where ticks come between the
+    /// targets.
+    pub sawtooth: f64,
     /// Motion in m below which no tangent is taken; 0: by the noise that is read while zeroing.
     pub step: f64,
 }
@@ -33,6 +36,7 @@ impl Declared {
         stiffness_bound: f64::NAN,
         damping_bound: f64::NAN,
         gain: f64::NAN,
+        sawtooth: 1.0,
         step: 0.0,
     };
 }
@@ -154,18 +158,19 @@ impl Estimates {
 }
 
 impl Estimate {
-    /// (k − k_max)Δt² + 2(c − c_max)Δt, over what S has left in this direction: 1 is the limit of stability for an axis
-    /// alone. NaN if it is not known. Real-time: yes.
+    /// (k − k_max)Δt² + 2 r (c − c_max)Δt, over what S has left in this direction: 1 is the limit of stability for an axis
+    /// alone. r is how often damping counts in a sawtooth. NaN if it is not known. Real-time: yes.
     #[inline]
     fn stability_used(&self, dt: f64) -> f64 {
         let Declared {
             stiffness_bound,
             damping_bound,
             gain,
+            sawtooth,
             ..
         } = self.declared;
         let damping = if self.tangent.with_damping() {
-            2.0 * dt * (self.tangent.damping() - damping_bound)
+            sawtooth * (2.0 * dt * (self.tangent.damping() - damping_bound))
         } else {
             0.0
         };
@@ -507,6 +512,77 @@ mod tests {
         assert!(used(0.999 * limit) < 1.0 && used(1.001 * limit) > 1.0);
         let unproven = port(spring(1e5, 0), Declared::NONE, AxisLimits::NONE, dt);
         assert!(!unproven.knows_stability());
+    }
+
+    /// Largest modulus of a root of M_eff ∇²x⁺/Δt² + c (∇x + ∇²x/2 + ∇³x/3 …)/Δt + k x = 0, up to the difference of this
+    /// order: what the specimen feels of a way whose slope at each target is that of the polynomial through the last ones.
+    fn spectral_radius(order: usize, effective: f64, k: f64, c: f64, dt: f64) -> f64 {
+        // In powers of z, from that of x⁺ down: ∇ᵖ x is (1 − 1/z)ᵖ.
+        let mut powers = [0.0; 5];
+        let second = effective / (dt * dt);
+        for (at, value) in [(0, second), (1, -2.0 * second), (2, second), (1, k)] {
+            powers[at] += value;
+        }
+        let differences: [&[f64]; 3] = [&[1.0, -1.0], &[1.0, -2.0, 1.0], &[1.0, -3.0, 3.0, -1.0]];
+        for (weights, p) in differences.iter().zip(1u32..).take(order) {
+            for (at, weight) in weights.iter().enumerate() {
+                powers[at + 1] += c / dt * weight / f64::from(p);
+            }
+        }
+        let companion = nalgebra::DMatrix::from_fn(4, 4, |i, j| match i {
+            0 => -powers[j + 1] / powers[0],
+            _ if j + 1 == i => 1.0,
+            _ => 0.0,
+        });
+        let roots = companion.complex_eigenvalues();
+        roots.iter().map(|root| root.norm()).fold(0.0, f64::max)
+    }
+
+    /// With ticks between the targets the damping of a specimen counts more in a sawtooth: the room is used up where the
+    /// spectral radius passes one, and not at 2 or 10/3 times as much damping.
+    #[test]
+    fn the_room_for_stability_counts_damping_as_a_way_of_ticks_does() {
+        let (mass, k0, c0, dt, lambda) = (160.0, 1e5, 400.0, 0.1, 8.0);
+        let effective = mass + 0.5 * dt * c0 + dt * dt * k0 / lambda;
+        for (order, sawtooth) in [(1, 1.0), (2, 2.0), (3, 10.0 / 3.0)] {
+            let (k, c_max) = (3e4, 500.0);
+            let stability = 4.0 * effective - dt * dt * k - 2.0 * dt * sawtooth * c_max;
+            assert!(stability > 0.0);
+            let declared = Declared {
+                damping: c0,
+                stiffness_bound: k,
+                damping_bound: c_max,
+                gain: 1.0 / stability,
+                sawtooth,
+                ..Declared::NONE
+            };
+            let used = |damping: f64| {
+                let late = Late {
+                    damping,
+                    ..spring(k, 0)
+                };
+                let mut port = port(late, declared, AxisLimits::NONE, dt);
+                go(&mut port, 200, swing);
+                port.stability_used().unwrap()
+            };
+            let radius = |c: f64| spectral_radius(order, effective, k, c, dt);
+            // By halving: up to here the recursion is stable.
+            let (mut low, mut high) = (c_max, 100.0 * c_max);
+            assert!(radius(low) <= 1.0 + 1e-9 && radius(high) > 1.0, "{order}");
+            for _ in 0..60 {
+                let middle = 0.5 * (low + high);
+                if radius(middle) > 1.0 + 1e-9 {
+                    high = middle;
+                } else {
+                    low = middle;
+                }
+            }
+            // The tangent is exact to 1e-6; 1e-9 of a root is less.
+            let found = used(low);
+            assert!((found - 1.0).abs() < 1e-5, "{order}: {found} at {low}");
+            assert!(used(0.99 * low) < 1.0 && used(1.01 * low) > 1.0, "{order}");
+            assert_eq!(used(0.99 * c_max), 0.0, "within the declared bound");
+        }
     }
 
     #[test]

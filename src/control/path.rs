@@ -158,6 +158,12 @@ impl Path {
         self.joined = Some(u);
     }
 
+    /// True if the next target is known.
+    #[must_use]
+    pub const fn is_known(&self) -> bool {
+        self.joined.is_some()
+    }
+
     /// One axis at `u`: also beyond now, for who wants to look ahead along a way that is known.
     #[must_use]
     pub fn at(&self, axis: usize, u: f64) -> Point {

@@ -73,6 +73,19 @@ impl Pursuit {
         (number + self.shift.1).saturating_sub(self.shift.0)
     }
 
+    /// Where an axis is, and the velocity there in m/s, at a point of the way beyond now: a whole step after the last target it
+    /// is the integrator's own, if that is known. Steps take `dt` seconds. Real-time: yes.
+    pub fn point(&self, axis: usize, share: f64, whole: bool, dt: f64) -> (f64, f64) {
+        let goal = self.goal.get(axis).zip(self.goal_vel.get(axis));
+        match goal {
+            Some((goal, vel)) if whole && self.path.is_known() => (*goal, *vel),
+            _ => {
+                let point = self.path.at(axis, share);
+                (point.disp, point.slope / dt)
+            }
+        }
+    }
+
     /// The number of the command that `sequence` accepts: its own, if it was told its target some ticks ago. Real-time: yes.
     #[inline]
     pub fn accepts(&self, sequence: u64) -> u64 {
@@ -140,14 +153,17 @@ impl Port {
         }
     }
 
-    /// The next target is known from here on, `share` of the step after the last. Real-time: yes.
+    /// The next target is known from here on, `share` of the step of `dt` seconds after the last. Real-time: yes.
     #[inline]
-    pub fn know(&mut self, share: f64) {
+    pub fn know(&mut self, share: f64, dt: f64) {
         self.pursuit.path.aim(&self.pursuit.goal, share);
         self.guard.aims_at(&self.axes, &self.pursuit.goal);
         if self.pursuit.per_step {
             self.pursuit.waits = true;
             self.land();
+            self.prepare_command();
+        } else {
+            self.amend_compensation(dt);
         }
     }
 
@@ -155,6 +171,7 @@ impl Port {
     #[inline]
     pub fn reach(&mut self) {
         self.pursuit.path.reach();
+        self.begin_grid();
     }
 
     #[inline]
@@ -165,7 +182,6 @@ impl Port {
             (*target, *target_vel) = (*goal, *goal_vel);
         }
         self.tracking.is_published();
-        self.prepare_command();
     }
 
     /// Makes the command at the end of a stride, with steps of `dt` seconds of test time. Real-time: yes.
@@ -177,16 +193,17 @@ impl Port {
         if stride.lands() && stride.length >= 1.0 {
             // A whole step in one tick: the integrator's own velocity belongs to it.
             self.land();
-            return;
+        } else {
+            let axes = self.target.iter_mut().zip(&mut self.target_vel);
+            for (axis, (target, target_vel)) in axes.enumerate() {
+                let point = self.pursuit.path.at(axis, stride.share);
+                *target = point.disp;
+                *target_vel = point.slope / dt;
+            }
+            self.tracking.is_on_the_way();
         }
-        let axes = self.target.iter_mut().zip(&mut self.target_vel);
-        for (axis, (target, target_vel)) in axes.enumerate() {
-            let point = self.pursuit.path.at(axis, stride.share);
-            *target = point.disp;
-            *target_vel = point.slope / dt;
-        }
-        self.tracking.is_on_the_way();
-        self.prepare_command();
+        self.command_the_target();
+        self.compensate_along(stride, dt);
     }
 
     /// Keeps what belongs to the target that was just reached, until the slowest partner has answered. Real-time: yes.

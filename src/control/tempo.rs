@@ -17,6 +17,10 @@
 //! target must be met at a tick: with N = 1 the pace can only be 1, 1/2, 1/3 … steps a tick, and these are taken in turn;
 //! with a larger N it is finer by that factor.
 //!
+//! What lives in wall time beside a path in test time, the delay that a compensator makes up for, needs the pace without that
+//! cutting: ρ d, followed by no more than ρ may change in a tick. It has no corners that easing has not, is exactly 1 in a test
+//! that nothing disturbs, and goes on from where it was when the command was put to rest by others ([`Tempo::stand`]).
+//!
 //! Invariants: i never passes N, nor 0.8 N while the target is unknown; with ρ = 1 and the target known at once, N
 //! increments of exactly 1. No input or output, no clock: ticks are counted by the caller's calls.
 
@@ -30,6 +34,8 @@ const OVER: f64 = 0.2;
 const CREEP: f64 = 0.001;
 /// Relative difference of two increments that are the same.
 const SAME: f64 = 1e-12;
+/// Share of a tick within which a tick ends where one of full pace would.
+const ON_GRID: f64 = 1e-9;
 
 /// What is known, and what follows from it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -73,9 +79,32 @@ pub struct Stride {
     pub length: f64,
     /// Where it begins and ends in the chart.
     pub stage: Stage,
+    /// How fast test time passes beside wall time, without what meeting a target makes of it: 0 at rest … 1.
+    pub pace: f64,
+    /// The first place at or after its end at which a tick of a test of full pace ends, counted from 0 at the last target to
+    /// N at the next.
+    pub point: f64,
+    /// How far that is ahead, as a share of such a tick: 0 … 1, exactly 0 there.
+    pub ahead: f64,
+    /// Such a tick as a share of the step, 1/N.
+    pub spacing: f64,
 }
 
 impl Stride {
+    /// At the first target.
+    #[must_use]
+    pub const fn none() -> Self {
+        Self {
+            share: 1.0,
+            length: 0.0,
+            stage: Stage::Correct,
+            pace: 1.0,
+            point: 1.0,
+            ahead: 0.0,
+            spacing: 1.0,
+        }
+    }
+
     /// True if it ends at the target.
     #[inline]
     #[must_use]
@@ -99,6 +128,8 @@ pub struct Tempo {
     /// ρ, and its change in one tick.
     ease: f64,
     ease_per_tick: f64,
+    /// ρ d, no faster than easing.
+    pace: f64,
 }
 
 impl Tempo {
@@ -112,6 +143,7 @@ impl Tempo {
             left: None,
             increment: 1.0,
             ease: 1.0,
+            pace: 1.0,
             ease_per_tick: if ease_ticks == 0 {
                 1.0
             } else {
@@ -210,6 +242,8 @@ impl Tempo {
         };
         let before = self.progress;
         let wanted = self.ease * self.increment;
+        let change = self.ease_per_tick;
+        self.pace = wanted.clamp(self.pace - change, self.pace + change);
         if !self.known {
             self.progress += wanted;
         } else if wanted > 0.0 {
@@ -227,10 +261,16 @@ impl Tempo {
                 before + way / ticks
             };
         }
+        let point = (self.progress - ON_GRID).ceil().max(0.0);
+        let ahead = point - self.progress;
         Stride {
             share: self.progress / n,
             length: (self.progress - before) / n,
             stage,
+            pace: self.pace,
+            point,
+            ahead: if ahead > ON_GRID { ahead } else { 0.0 },
+            spacing: 1.0 / n,
         }
     }
 }

@@ -66,11 +66,7 @@ impl Ride {
             tempo,
             before: tempo,
             // The specimens are at the first target already.
-            stride: Stride {
-                share: 1.0,
-                length: 0.0,
-                stage: Stage::Correct,
-            },
+            stride: Stride::none(),
             step: 0,
             reached: false,
             kept: false,
@@ -232,7 +228,7 @@ impl Engine {
         let share = self.ride.tempo.share();
         self.ride.tempo.know();
         for port in &mut self.ports {
-            port.know(share);
+            port.know(share, self.dt);
         }
         self.prepare_next();
     }
@@ -244,6 +240,9 @@ impl Engine {
         self.ride.sub_tick += 1;
         self.ride.stride = self.ride.tempo.next(self.hold_wanted);
         if self.hold_wanted && self.ride.tempo.stands() {
+            for port in &mut self.ports {
+                port.hold_compensation();
+            }
             return;
         }
         for port in &mut self.ports {

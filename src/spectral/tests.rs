@@ -294,6 +294,23 @@ fn three_ways_to_the_critical_delay_agree() {
     assert_eq!(continuous(&one(0.3, 0.2)).unwrap(), None);
 }
 
+/// m s² + c s + k with c = 2 ξ ω m has its poles at −ξ ω ± …: what is driven grows with |ξ| ω; what stands, or moves freely,
+/// does not.
+#[test]
+fn what_grows_without_any_delay_is_known_by_its_rate() {
+    let growth = one(-0.02, 0.5).growth().unwrap();
+    assert!((growth / (0.02 * TAU) - 1.0).abs() < 1e-9, "{growth}");
+    for ratio in [0.0, 0.02, 1.5] {
+        assert_eq!(one(ratio, 0.5).growth(), None, "{ratio}");
+    }
+    let mut free = one(0.0, 1.0);
+    free.specimen_stiffness.fill(0.0);
+    assert_eq!(free.growth(), None);
+    // Under P-Δ it falls with √(g/l).
+    free.stiffness.fill(-2.0 * 9.0);
+    assert!((free.growth().unwrap() / 3.0 - 1.0).abs() < 1e-9);
+}
+
 #[test]
 fn at_the_critical_delay_the_characteristic_matrix_of_a_frame_is_singular() {
     // Three storeys, the middle one delayed; det(−ω²M + iωC + K_n + k_e e^{−iωτ} b bᵀ) = 0.

@@ -124,6 +124,7 @@ impl Entry {
                 .and_then(|gains| gains.get(axis))
                 .copied()
                 .unwrap_or(f64::NAN),
+            sawtooth: self.sawtooth,
             step: 0.0,
         })
         .collect()
@@ -255,6 +256,7 @@ impl Specimens {
                 Some(link) => entry.direction(link, site.loaded.time.period.value(), settles),
                 None => Direction::Known,
             };
+            let is_simulated = matches!(entry.stand, Stand::Law(_));
             let (substructure, wait): (Box<dyn Substructure>, _) = match entry.stand {
                 Stand::Law(law) => {
                     let computed = InProcess::new(InUnits::around(law, &entry.units));
@@ -299,6 +301,9 @@ impl Specimens {
                     {
                         let pace = passes / tick;
                         port = port.with_compensation(compensators, metres, tick, pace);
+                        if is_simulated && table.believed_transfer(1.0).is_some() {
+                            port = port.with_delay_in_test_time();
+                        }
                     }
                     if compensation::is_tracked(&site.loaded.file, table, axes) {
                         let age = compensation::velocity_age(&site.loaded.file);

@@ -8,12 +8,15 @@ mod continuous;
 mod discrete;
 mod single;
 
-use nalgebra::DMatrix;
+use nalgebra::{Complex, DMatrix};
 use thiserror::Error;
 
 pub use continuous::{Critical, continuous};
 pub use discrete::{DiscreteLimit, LONGEST_STEPS, discrete, recursion};
 pub use single::{critical_lag, sdof, sdof_estimate};
+
+/// Growth over the largest pole that is roundoff: the double pole of a body that moves freely carries its square root.
+const AT_REST: f64 = 1e-6;
 
 /// A linear structure with one specimen of r axes whose motion arrives late. SI units.
 #[derive(Debug, Clone, PartialEq)]
@@ -42,6 +45,23 @@ impl Delayed {
     /// mass has no inverse.
     #[must_use]
     pub fn marks(&self) -> Vec<(f64, f64)> {
+        let poles = self.poles();
+        let above = poles.iter().filter(|pole| pole.im > 0.0);
+        above.map(|pole| (pole.im, pole.re.abs())).collect()
+    }
+
+    /// How fast the whole grows in continuous time with nothing delayed, in 1/s; none if nothing in it grows by more than
+    /// roundoff, or the mass has no inverse.
+    #[must_use]
+    pub fn growth(&self) -> Option<f64> {
+        let poles = self.poles();
+        let largest = poles.iter().map(|pole| pole.norm()).fold(0.0, f64::max);
+        let fastest = poles.iter().map(|pole| pole.re).fold(0.0, f64::max);
+        (fastest > AT_REST * largest).then_some(fastest)
+    }
+
+    /// The poles of the whole in rad/s, nothing delayed; none where the mass has no inverse.
+    fn poles(&self) -> Vec<Complex<f64>> {
         let n = self.mass.nrows();
         let square = self.rows.transpose() * &self.rows;
         let Some(mass) = (&self.mass + square * self.specimen_mass).cholesky() else {
@@ -63,9 +83,9 @@ impl Delayed {
         state.view_mut((n, 0), (n, n)).copy_from(&stiffness);
         state.view_mut((n, n), (n, n)).copy_from(&damping);
         let poles = super::eigenvalues(&state).unwrap_or_default();
-        let above = poles.iter().filter(|pole| pole.im > 0.0);
-        above
-            .map(|pole| (scale * pole.im, scale * pole.re.abs()))
+        poles
+            .iter()
+            .map(|pole| Complex::new(scale * pole.re, scale * pole.im))
             .collect()
     }
 }
