@@ -73,6 +73,7 @@ pub(crate) fn check(file: &TestFile) -> Vec<Finding> {
         check_known(specimen, &at, &mut findings);
         check_limits(specimen, tick_s, Some(&file.safety), &at, &mut findings);
         link::check_pace(specimen, file.time.ticks_per_step, &at, &mut findings);
+        link::check_standing(specimen, &at, &mut findings);
     }
     check_required(
         &file.specimen,
