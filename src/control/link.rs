@@ -67,7 +67,7 @@ impl Port {
     pub fn connect(&mut self) -> Result<Introduction, Unavailable> {
         let mut introduction = self.substructure.connect()?;
         let n = self.axes.len();
-        self.says_it_stands_at(&introduction.standing);
+        self.learns_where_it_stands(&introduction.standing);
         if matches!(self.direction, Direction::Unchecked) && !introduction.simulated {
             introduction.warnings.push(format!(
                 "specimen \"{}\": NOTHING CHECKS WHICH WAY ROUND IT IS WIRED before the test moves it: give `probe_m` in \

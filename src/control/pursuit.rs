@@ -292,6 +292,7 @@ impl Port {
         if fresh.is_remote() {
             self.substructure = fresh.substructure;
             self.is_recorded = false;
+            self.was_commanded_since();
             self.ahead = 0;
             self.pursuit.skipped = 0;
         }

@@ -316,6 +316,9 @@ impl Specimens {
                     port.direction = direction;
                     port.computed = table.link.as_ref().is_some_and(|link| link.computed);
                     port.exits = exits;
+                    if let Some(stands) = table.link.as_ref().and_then(|l| l.stands_at_m.as_ref()) {
+                        port.is_said_to_stand_at(stands);
+                    }
                     ports.push(port);
                 }
                 Err(error) => {

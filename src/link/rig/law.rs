@@ -17,6 +17,17 @@ struct Left {
 }
 
 impl Memory {
+    /// That of `specimen` after it was moved to `disp`, one displacement per axis in its own units.
+    #[must_use]
+    pub fn of(specimen: &mut dyn Specimen, disp: &[f64]) -> Self {
+        let still = vec![0.0; disp.len()];
+        specimen.trial(disp, &still, 0.0, &mut still.clone());
+        specimen.commit();
+        let (mut state, disp) = (Vec::new(), disp.to_vec());
+        specimen.freeze(&mut state);
+        Self(Arc::new(Mutex::new(Some(Left { state, disp }))))
+    }
+
     fn recall(&self) -> Option<Left> {
         let left = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         left.clone()

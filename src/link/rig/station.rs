@@ -3,7 +3,10 @@
 mod allowed;
 mod announced;
 mod attempt;
+mod first;
 mod ready;
+
+pub(in crate::link) use first::words as first_words;
 
 use allowed::Allowed;
 use announced::Announced;
@@ -42,6 +45,8 @@ pub struct Station {
     begun: bool,
     /// Where the specimen stands, until the first command of a controller that did not say where that will be has passed.
     stands: Option<Vec<f64>>,
+    /// The same in m for what moves, whoever commands it.
+    leaves: Option<Vec<f64>>,
     measured: Measurement,
     tripped: Option<Trip>,
     commits: u64,
@@ -92,6 +97,7 @@ impl Station {
             log: None,
             begun: false,
             stands: None,
+            leaves: None,
             measured: Measurement::zeros(axes),
             tripped: None,
             commits: 0,
@@ -223,12 +229,22 @@ impl Station {
     /// A trip with what its link has to say.
     #[must_use]
     pub fn whole(&self, trip: Trip) -> String {
-        match (trip, self.rig.complaint(), &self.stands) {
-            (Trip::Lost(_), Some(complaint), _) => format!("{trip} ({complaint})"),
-            (Trip::Limit(hit), _, Some(stands)) if is_of_motion(hit.quantity) => format!(
-                "{trip}: the specimen stands at {}, and the first command leads away from there",
-                self.in_words(stands)
-            ),
+        match (trip, self.rig.complaint(), &self.stands, &self.leaves) {
+            (Trip::Lost(_), Some(complaint), ..) => format!("{trip} ({complaint})"),
+            (Trip::Limit(hit), _, stands, leaves) if is_of_motion(hit.quantity) => {
+                let mut text = trip.to_string();
+                if let Some(stands) = stands {
+                    text.push_str(&format!(
+                        ": the specimen stands at {}, and the first command leads away from there",
+                        self.in_words(stands)
+                    ));
+                }
+                let why = leaves.as_ref().and_then(|_| first::why(&self.limits, &hit));
+                if let Some(why) = why {
+                    text.push_str(&format!(" ({why})"));
+                }
+                text
+            }
             _ => trip.to_string(),
         }
     }
