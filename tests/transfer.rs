@@ -294,7 +294,7 @@ fn a_pure_delay_is_the_lag_whatever_moment_the_velocity_that_comes_with_a_target
             );
             let run = common::engine::run(&format!("{test}{specimen}"));
             let lag = run.column("lag_1_1").last().unwrap() / tick;
-            // What a straight line of velocities is off: 0.9 (ωΔt)² = 3.3 % at most. Half a tick would be 14 % of seven.
+            // What a straight line of velocities is off: 0.9 (ωΔt)² = 3.3 % at most. A velocity half a tick off is 0.4 ticks.
             assert!(
                 (lag - ticks).abs() < 0.03 + 0.04 * ticks,
                 "{name}: {lag} of {ticks}"

@@ -274,7 +274,7 @@ mod tests {
 
     #[test]
     fn a_delay_of_a_part_of_a_tick_is_found_whatever_moment_the_velocity_is_of() {
-        // Half a tick is 0.1 rad here, and as much of the sine is taken for another: up to 0.9 ticks of lag, and 5 % of gain.
+        // Half a tick is 0.1 rad here: taken for another moment it would be up to 0.4 ticks of lag, and 4 % of gain.
         let (dt, hertz) = (1.0 / 256.0, 8.0);
         // A backward difference, the velocity of now, and that of an α method with γ = 0.9.
         for kind in [Vel::Difference, Vel::Old(0.0), Vel::Old(0.9)] {
