@@ -68,7 +68,9 @@ fn digits_that_a_stiff_part_costs_are_told_where_it_costs_them() {
         let c = b / ((1000.0 + a + b) * (1000.0 + b)).sqrt();
         (1.0 - c) / (1.0 + c)
     };
-    assert_eq!(reciprocal(TEST), (1.0, false));
+    let (alone, told) = reciprocal(TEST);
+    // The square of a root.
+    assert!((alone - 1.0).abs() < 4.0 * f64::EPSILON && !told, "{alone}");
     for (text, k, warned) in [
         ("[2e4, 2e4]", [2e4, 2e4], false),
         ("[1e3, 1e10]", [1e3, 1e10], false),

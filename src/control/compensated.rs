@@ -25,6 +25,10 @@
 //! is the same at every pace, and ρ is 1 for it throughout. A specimen that is commanded once a step is compensated from target to
 //! target. Kind by kind, and what learns when: [`crate::compensation`].
 
+mod axis;
+
+use axis::Compensated;
+
 use super::{Port, Stride};
 use crate::compensation::{Compensator, Parameter};
 
@@ -58,72 +62,8 @@ struct Grid {
     spacing: f64,
 }
 
-/// One axis.
-#[derive(Debug)]
-struct Compensated {
-    one: Box<dyn Compensator>,
-    /// Metres in one unit of the axis.
-    metres: f64,
-    /// Of the target at the newest point, m/s of wall time.
-    vel: f64,
-    /// Target and led target, at the newest point of the grid and at the one before.
-    points: [(f64, f64); 2],
-    /// Measurements of the undisturbed test since it was disturbed, and how many it takes to forget what was before.
-    heard: u32,
-    memory: u32,
-}
-
 /// Relative difference of two displacements that are the same.
 const ROUNDOFF: f64 = 1e-12;
-
-impl Compensated {
-    /// The command for what has always stood at `disp`, and for which nothing is remembered but that. Real-time: yes.
-    fn at_rest(&mut self, disp: f64) -> f64 {
-        self.one.reset(disp);
-        let command = self.one.predict(disp, 0.0, 0.0);
-        self.one.reset(disp);
-        let led = self.one.stands(disp);
-        self.points = [(disp, led); 2];
-        command
-    }
-
-    /// Asks for the next point: led target of this target, whose velocity is in m/s of wall time. Real-time: yes.
-    #[inline]
-    fn ask(&mut self, disp: f64, vel: f64, tick: f64) -> f64 {
-        let accel = (vel - self.vel) / tick;
-        let led = self.one.lead(disp, vel, accel);
-        self.vel = vel;
-        let [newest, _] = self.points;
-        self.points = [(disp, led), newest];
-        led
-    }
-
-    /// The led target of `disp`, so many points before the newest, at this pace. Real-time: yes.
-    fn between(&self, disp: f64, back: f64, pace: f64) -> f64 {
-        let [newest, before] = self.points.map(|(disp, led)| led - self.one.stands(disp));
-        self.one.stands(disp) + pace * (newest + back * (before - newest))
-    }
-
-    fn slots(&mut self) -> impl Iterator<Item = &mut f64> {
-        let points = self.points.iter_mut().flat_map(|(disp, led)| [disp, led]);
-        std::iter::once(&mut self.vel).chain(points)
-    }
-
-    /// Real-time: yes.
-    #[inline]
-    fn hear(&mut self, command: f64, measured: f64, undisturbed: bool) {
-        self.heard = if undisturbed {
-            self.heard.saturating_add(1)
-        } else {
-            0
-        };
-        if self.heard > self.memory {
-            self.one.observe(command, measured);
-        } else {
-            self.one.notice(command, measured);
-        }
-    }
-}
 
 impl Compensation {
     fn freeze(&self, out: &mut Vec<f64>) {
@@ -135,9 +75,7 @@ impl Compensation {
         out.push(f64::from(u8::from(self.running)));
         out.extend([point, ahead, spacing]);
         for axis in &self.axes {
-            out.extend([f64::from(axis.heard), axis.vel]);
-            out.extend(axis.points.iter().flat_map(|(disp, led)| [disp, led]));
-            axis.one.freeze(out);
+            axis.freeze(out);
         }
     }
 
@@ -164,14 +102,8 @@ impl Port {
     ) -> Self {
         let n = self.axes.len();
         if of.len() == n && metres.len() == n {
-            let axes = of.into_iter().zip(metres).map(|(one, metres)| Compensated {
-                memory: one.memory(),
-                one,
-                metres,
-                vel: 0.0,
-                points: [(0.0, 0.0); 2],
-                heard: u32::MAX,
-            });
+            let axes = of.into_iter().zip(metres);
+            let axes = axes.map(|(one, metres)| Compensated::new(one, metres));
             self.compensation = Some(Compensation {
                 axes: axes.collect(),
                 tick,
@@ -235,9 +167,7 @@ impl Port {
         }
         if let Some(compensation) = &mut self.compensation {
             if !compensation.in_test_time {
-                for axis in &mut compensation.axes {
-                    axis.heard = 0;
-                }
+                compensation.axes.iter_mut().for_each(Compensated::misses);
             }
             compensation.keep();
         }
@@ -282,21 +212,7 @@ impl Port {
             rest = tail;
         }
         for axis in &mut compensation.axes {
-            if let Some((heard, tail)) = rest.split_first() {
-                axis.heard = if compensation.in_test_time {
-                    *heard as u32
-                } else {
-                    0
-                };
-                rest = tail;
-            }
-            for slot in axis.slots() {
-                if let Some((first, tail)) = rest.split_first() {
-                    *slot = *first;
-                    rest = tail;
-                }
-            }
-            rest = axis.one.thaw(rest);
+            rest = axis.thaw(rest, compensation.in_test_time);
         }
         rest
     }

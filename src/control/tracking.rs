@@ -274,14 +274,17 @@ mod tests {
 
     #[test]
     fn a_delay_of_a_part_of_a_tick_is_found_whatever_moment_the_velocity_is_of() {
-        let dt = 1.0 / 256.0;
+        // Half a tick is 0.1 rad here: taken for another moment it would be up to 0.4 ticks of lag, and 4 % of gain.
+        let (dt, hertz) = (1.0 / 256.0, 8.0);
         // A backward difference, the velocity of now, and that of an α method with γ = 0.9.
         for kind in [Vel::Difference, Vel::Old(0.0), Vel::Old(0.9)] {
-            for ticks in [0.0, 0.3, 0.5, 1.0, 2.5, 7.0] {
-                let found = follow(0.97, ticks * dt, 2.0, dt, kind);
-                // A straight line of velocities is (ωΔt)² = 0.24 % off, and the window ripples with the sine.
+            for ticks in [0.0, 0.3, 0.5, 1.0, 2.5, 4.0, 7.0] {
+                let found = follow(0.97, ticks * dt, hertz, dt, kind);
+                // A straight line of velocities is up to 0.9 (ωΔt)² = 3.3 % too large, and so is the frequency.
                 let off = found.lag / dt - ticks;
-                assert!(off.abs() < 0.02 + 0.01 * ticks, "{kind:?} {ticks}: {off}");
+                assert!(off.abs() < 0.02 + 0.04 * ticks, "{kind:?} {ticks}: {off}");
+                let gain = found.gain / 0.97 - 1.0;
+                assert!(gain.abs() < 0.02, "{kind:?} {ticks}: {gain}");
             }
         }
     }

@@ -248,11 +248,6 @@ mod tests {
             // In closed form, so to roundoff.
             assert!((found / exact - 1.0).abs() < 1e-13, "{found} {exact}");
         }
-        // The same where the oscillator is not left alone: a ground that drifts by almost nothing.
-        let mut accel = vec![0.0, 0.0, a, 0.0];
-        accel.extend((1..40).map(|i| 1e-9 * f64::from(i)));
-        let found = disp(&accel, dt, period, 0.0);
-        assert!((found / exact - 1.0).abs() < 2.6e-5, "{found} {exact}");
     }
 
     #[test]
@@ -260,11 +255,12 @@ mod tests {
         // ü + 2ζωu̇ + ω²u = −a sin ωt from rest: u = A/(2ζω²)[cos ωt − e^{−ζωt}(cos ω_d t + ζω/ω_d sin ω_d t)]. Chords of a
         // sine have its fundamental times (sin(ωdt/2)/(ωdt/2))², and harmonics 4, 6, 9 … whose parts of 1/16 and less in the
         // load are damped to 1/(16² − 1) and less.
+        // Five samples see |cos| every π/5: with this phase they all miss the peak, by 1 − cos(π/10) = 5 %.
         let (period, ratio, a) = (1.0, 0.05, 1.5);
         for points in [5, 500] {
             let (omega, dt) = (TAU / period, period / f64::from(points));
             let accel: Vec<f64> = (0..=points * 60)
-                .map(|i| a * libm::sin(omega * f64::from(i) * dt))
+                .map(|i| a * libm::sin(omega * f64::from(i) * dt + PI / 10.0))
                 .collect();
             let half = omega * dt / 2.0;
             let fundamental = a * (half.sin() / half).powi(2);

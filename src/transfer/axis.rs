@@ -15,8 +15,9 @@ const FORCE: usize = 2;
 
 /// A correction that falls by less than this a round does so slowly, or not at all.
 const SLOWLY: f64 = 0.25;
-/// Least and most of a correction that a secant may go; the least, too, where it leads away.
-const SHARES: [f64; 2] = [1.0 / 64.0, 16.0];
+/// Least and most of a correction that a secant may go; the least, too, where it leads away. The most is needed by what slips
+/// from a stiffness that is far above that of the mass and the tick.
+const SHARES: [f64; 2] = [1.0 / 64.0, 1024.0];
 
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 struct State {
@@ -220,8 +221,12 @@ impl Axis {
             Some((before, way)) if change.abs() > SLOWLY * before.abs() => {
                 let share = way / (before - change);
                 let [least, most] = SHARES;
-                let is_way = share > least && share < most;
-                change * if is_way { share } else { least }
+                change
+                    * if share > least {
+                        share.min(most)
+                    } else {
+                        least
+                    }
             }
             _ => change,
         };

@@ -1,0 +1,98 @@
+//! The compensator of one axis, and the two points of the grid between which its lead is.
+
+use crate::compensation::Compensator;
+
+/// What is kept of one axis.
+#[derive(Debug)]
+pub(super) struct Compensated {
+    pub one: Box<dyn Compensator>,
+    /// Metres in one unit of the axis.
+    pub metres: f64,
+    /// Of the target at the newest point, m/s of wall time.
+    pub vel: f64,
+    /// Target and led target, at the newest point of the grid and at the one before.
+    points: [(f64, f64); 2],
+    /// Measurements of the undisturbed test since it was disturbed, and how many it takes to forget what was before.
+    heard: u32,
+    memory: u32,
+}
+
+impl Compensated {
+    pub fn new(one: Box<dyn Compensator>, metres: f64) -> Self {
+        Self {
+            memory: one.memory(),
+            one,
+            metres,
+            vel: 0.0,
+            points: [(0.0, 0.0); 2],
+            heard: u32::MAX,
+        }
+    }
+
+    /// The command for what has always stood at `disp`, and for which nothing is remembered but that. Real-time: yes.
+    pub fn at_rest(&mut self, disp: f64) -> f64 {
+        self.one.reset(disp);
+        let command = self.one.predict(disp, 0.0, 0.0);
+        self.one.reset(disp);
+        let led = self.one.stands(disp);
+        self.points = [(disp, led); 2];
+        command
+    }
+
+    /// Asks for the next point: led target of this target, whose velocity is in m/s of wall time. Real-time: yes.
+    #[inline]
+    pub fn ask(&mut self, disp: f64, vel: f64, tick: f64) -> f64 {
+        let accel = (vel - self.vel) / tick;
+        let led = self.one.lead(disp, vel, accel);
+        self.vel = vel;
+        let [newest, _] = self.points;
+        self.points = [(disp, led), newest];
+        led
+    }
+
+    /// The led target of `disp`, so many points before the newest, at this pace. Real-time: yes.
+    pub fn between(&self, disp: f64, back: f64, pace: f64) -> f64 {
+        let [newest, before] = self.points.map(|(disp, led)| led - self.one.stands(disp));
+        self.one.stands(disp) + pace * (newest + back * (before - newest))
+    }
+
+    /// What was measured of a command; nothing is learnt while the test is disturbed, nor as long after it as that is remembered.
+    /// Real-time: yes.
+    #[inline]
+    pub fn hear(&mut self, command: f64, measured: f64, undisturbed: bool) {
+        self.heard = if undisturbed {
+            self.heard.saturating_add(1)
+        } else {
+            0
+        };
+        if self.heard > self.memory {
+            self.one.observe(command, measured);
+        } else {
+            self.one.notice(command, measured);
+        }
+    }
+
+    pub fn freeze(&self, out: &mut Vec<f64>) {
+        out.extend([f64::from(self.heard), self.vel]);
+        out.extend(self.points.iter().flat_map(|(disp, led)| [disp, led]));
+        self.one.freeze(out);
+    }
+
+    /// Takes it back; what was measured before counts only if it is `recent`.
+    pub fn thaw<'a>(&mut self, from: &'a [f64], recent: bool) -> &'a [f64] {
+        let Some((&[heard, vel, disp, led, disp_before, led_before], rest)) =
+            from.split_first_chunk::<6>()
+        else {
+            return from;
+        };
+        self.heard = if recent { heard as u32 } else { 0 };
+        self.vel = vel;
+        self.points = [(disp, led), (disp_before, led_before)];
+        self.one.thaw(rest)
+    }
+
+    /// What is measured next does not follow what was measured last. Real-time: yes.
+    pub fn misses(&mut self) {
+        self.heard = 0;
+    }
+}
