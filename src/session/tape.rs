@@ -71,10 +71,9 @@ pub(super) struct Tape {
     /// Test time of the last of them, s.
     pub time: f64,
     places: [usize; 3],
-    /// Places of the commands, the specimens' statuses and the estimated tangents.
+    /// Places of the commands, and of the specimens' statuses.
     commands: Vec<usize>,
     statuses: Vec<usize>,
-    tangents: Vec<usize>,
     /// Whether the operator wanted a hold before the row that comes.
     holding: bool,
     /// Number of steps of the test, and state and step of the row before the one that comes.
@@ -118,7 +117,6 @@ impl Tape {
             places: [place("state"), place("hold"), place("time")],
             commands: places("cmd_"),
             statuses: places("status_"),
-            tangents: places("kt_"),
             holding: false,
             steps: experiment.steps,
             before: None,
@@ -223,8 +221,8 @@ impl Tape {
 
     /// True if the row behind the one that comes, of another phase than zeroing, says that what was read had been confirmed
     /// before it. Nobody is led out of zeroing: rows of a way out are of a test that had gone on, and so is a trip that
-    /// anything follows, that stands in a row only for the sake of the way out, or in which a specimen has moved. Any other
-    /// is of the wait for the confirmation if a tangent was estimated from it, and else the same in both.
+    /// anything follows, that stands in a row only for the sake of the way out, or in which a specimen has moved. A trip of
+    /// which none of it is true is the same in both.
     fn went_on_from_zeroing(&self, next: f64) -> bool {
         let (Some(here), Some(there)) = (self.ahead.front(), self.ahead.get(1)) else {
             return false;
@@ -233,11 +231,9 @@ impl Tape {
             return true;
         }
         let is_lost = |index: &usize| Status(at(Some(there), *index) as u32).has(Status::LOST);
-        let differs =
+        let moved =
             |index: &usize| at(Some(here), *index).to_bits() != at(Some(there), *index).to_bits();
-        self.statuses.iter().any(is_lost)
-            || self.commands.iter().any(differs)
-            || !self.tangents.iter().any(differs)
+        self.statuses.iter().any(is_lost) || self.commands.iter().any(moved)
     }
 
     /// Says what the operator said before the row that comes. Nothing left to compare with: the loop may end.
