@@ -450,6 +450,32 @@ fn a_controller_that_forgets_its_limits_is_found_out() {
 }
 
 #[test]
+fn a_rig_that_stands_elsewhere_than_believed_or_is_driven_elsewhere_than_told_is_found_out() {
+    let tests = tests();
+    let (mut elsewhere, mut astray) = (0, 0);
+    for seed in 0..60 {
+        let case = one(&tests, seed);
+        let mut played = case.played.unwrap();
+        let says = |played: &Played, words: &str| {
+            invariants::check(&case.loaded, played).is_err_and(|text| text.contains(words))
+        };
+        let units = case.loaded.file.specimen[0].units_of(1)[0];
+        let is_driven = !played.seen[0].driven.lock().unwrap().is_empty();
+        if is_driven {
+            let place = played.seen[0].stood + 0.001 / units.metres;
+            played.seen[0].driven.lock().unwrap().push(place);
+            astray += u32::from(says(&played, "which was not commanded"));
+        }
+        played.seen[0].stood += 0.02 / units.metres;
+        elsewhere += u32::from(says(&played, "command 0"));
+    }
+    assert!(
+        elsewhere >= 30 && astray >= 25,
+        "only {elsewhere} and {astray} of 60"
+    );
+}
+
+#[test]
 fn two_plays_of_one_seed_are_the_same_to_the_last_bit() {
     let tests = tests();
     for seed in [3, 5, 11, 17] {
