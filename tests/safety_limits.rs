@@ -250,7 +250,7 @@ fn check_says_which_limits_there_are_who_checks_them_and_what_happens_then() {
         "holds, by itself, after 0.5 s without a command",
         "neither `probe_m` nor a static load shows it",
         "every specimen is led to its `safe_disp_m`, at 0.004 m/s at most",
-        "safe_disp_m           0.0125 m",
+        "  0.0125 m\n",
         "hold for 0.250000 s while every sensor is read and the operator confirms",
         "a ramp of 3 s or longer",
         "comes to rest in 0.75 s",
