@@ -34,6 +34,8 @@ impl Status {
     pub const HOLDING: Status = Status(2);
     /// A sensor or actuator is at the end of its range.
     pub const SATURATED: Status = Status(4);
+    /// A simulated actuator and what it moves did not come to terms: the measurement is not exact.
+    pub const UNSETTLED: Status = Status(8);
 
     /// The loop's own mark in its rows, never on a link: from here on the specimen is lost.
     pub const LOST: Status = Status(1 << 16);
@@ -121,9 +123,14 @@ pub enum LinkFault {
     /// The peer does not take our bytes.
     #[error("the peer does not read: its receive window is full")]
     Backpressure,
-    /// The law of an in-process specimen gave no finite force.
+    /// What came of a specimen is no finite number.
     #[error("the specimen's force is not finite")]
     NotFinite,
+    /// The law of a specimen that is computed in this process gave no finite number. Nothing was lost but the computation.
+    #[error(
+        "its law, which is computed here, gives no finite force any more: the computation diverged"
+    )]
+    Diverged,
 }
 
 impl LinkFault {
@@ -145,6 +152,9 @@ impl LinkFault {
             Self::Auth => "give both ends the same key file",
             Self::Backpressure => "the specimen's end hangs, or commands come faster than it reads",
             Self::NotFinite => "look at the sensor, its amplifier and the law of the specimen",
+            Self::Diverged => {
+                "a law that goes beyond all bounds, an unstable integration, or a step that is too long for it"
+            }
         }
     }
 }

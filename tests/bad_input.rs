@@ -397,3 +397,32 @@ fn a_share_of_energy_that_means_nothing_is_refused_with_its_place() {
     let said = said.unwrap_err().to_string();
     assert!(said.contains("no structure takes in energy here"), "{said}");
 }
+
+#[test]
+fn nothing_of_a_file_reaches_the_terminal_that_the_terminal_would_obey() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let with = |from: &str, to: &str| {
+        assert!(FRAME.contains(from));
+        write(folder.path(), "test.toml", &FRAME.replace(from, to))
+    };
+    for (from, to) in [
+        ("title = \"Frame\"", "title = \"a\\u001b[2Jb\""),
+        ("name = \"storey\"", "name = \"a\\u001b[2Jb\""),
+        ("storey = 1", "storey = \"\\u001b[2J\""),
+        ("rate_hz = 200", "rate_hz = 200\n\"\\u001b[2J\" = 1"),
+        ("lambda = \"auto\"", "lambda = \"\\u001b[2J\""),
+        (
+            "signal.sine]\namplitude = 3.0\nfrequency_hz = 2.0",
+            "signal.file]\npath = \"\\u001b[2J.csv\"\nformat = \"csv\"",
+        ),
+    ] {
+        let said = run(&with(from, to), &out, &[]);
+        assert_eq!(said.code, Some(2), "{to}: {}", said.stderr);
+        assert!(!said.stderr.contains('\u{1b}'), "{to}: {:?}", said.stderr);
+        assert!(!out.exists());
+    }
+    let said = run(&folder.path().join("no\u{1b}[2J.toml"), &out, &[]);
+    assert!(!said.stderr.contains('\u{1b}'), "{:?}", said.stderr);
+    assert!(said.stderr.contains("\\u{1b}[2J.toml"), "{}", said.stderr);
+}

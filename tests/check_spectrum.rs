@@ -43,6 +43,64 @@ fn check(text: &str, more: &[&str]) -> (i32, String, String) {
 }
 
 #[test]
+fn digits_that_a_stiff_part_costs_are_told_where_it_costs_them() {
+    let building = |stiffness: &str| {
+        TEST.replace("mass_kg = [1000]", "mass_kg = [1000, 1000]")
+            .replace("[19739.208802178716]", stiffness)
+            .replace("[251.32741228718345]", "[0, 0]")
+            .replace("[0.01]", "[0.01, 0.01]")
+    };
+    let reciprocal = |text: &str| {
+        let (code, text, complaint) = check(text, &["--json"]);
+        assert_eq!(code, 0, "{complaint}");
+        let facts: Value = serde_json::from_str(&text).unwrap();
+        let found = facts["structure"]["reciprocal_condition"].as_f64().unwrap();
+        let warnings = facts["warnings"].as_array().unwrap().clone();
+        let told = warnings
+            .iter()
+            .any(|text| text.as_str().unwrap().contains("of 16 digits"));
+        (found, told)
+    };
+    // M_eff = M + Δt²/4 K0 with the specimen's spring: [[m + s + a + b, −b], [−b, m + b]], rows scaled to a diagonal of one.
+    let closed = |k: [f64; 2]| {
+        let part = |k: f64| k / (4.0 * 256.0 * 256.0);
+        let (a, b) = (part(k[0] + 19739.208802178716), part(k[1]));
+        let c = b / ((1000.0 + a + b) * (1000.0 + b)).sqrt();
+        (1.0 - c) / (1.0 + c)
+    };
+    let (alone, told) = reciprocal(TEST);
+    // The square of a root.
+    assert!((alone - 1.0).abs() < 4.0 * f64::EPSILON && !told, "{alone}");
+    for (text, k, warned) in [
+        ("[2e4, 2e4]", [2e4, 2e4], false),
+        ("[1e3, 1e10]", [1e3, 1e10], false),
+        // Two masses on one another: the digits of their common motion are lost.
+        ("[1e3, 1e17]", [1e3, 1e17], true),
+        // One that stands on a rock costs none.
+        ("[1e17, 1e3]", [1e17, 1e3], false),
+    ] {
+        let (found, told) = reciprocal(&building(text));
+        let exact = closed(k);
+        // 1 − c is a difference of sums of the size of κ⁻¹ to roundoff.
+        let roundoff = 1e-12 + 20.0 * f64::EPSILON / exact;
+        assert!(
+            (found / exact - 1.0).abs() < roundoff,
+            "{text}: {found:e} {exact:e}"
+        );
+        assert_eq!(told, warned, "{text}");
+    }
+    let (_, text, complaint) = check(&building("[1e3, 1e17]"), &[]);
+    assert!(
+        complaint.contains("a solve keeps about 7 of 16 digits"),
+        "{complaint}"
+    );
+    assert!(
+        text.contains("reciprocal, of what is factored for alpha"),
+        "{text}"
+    );
+}
+
+#[test]
 fn modes_have_the_period_and_damping_error_of_the_closed_form() {
     let (code, text, complaint) = check(TEST, &["--json"]);
     assert_eq!(code, 0, "{complaint}");

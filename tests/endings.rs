@@ -265,3 +265,29 @@ fn divergence_stops_the_test_and_names_the_dof() {
         &["--set", "integrator.lambda=11.5"],
     );
 }
+
+/// No link is there to fail: a computation that diverged is a test that stopped, not a peer that was lost.
+#[test]
+fn a_law_that_gives_no_finite_force_stops_the_test_with_1_and_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let text = "[time]\nrate_hz = 100\nduration_s = 0.5\nclock = \"simulated\"\n\
+        [[excitation.prescribed_displacement]]\nspecimen = \"spring\"\n\
+        signal.sine = { amplitude = 100, frequency_hz = 1 }\n[[specimen]]\nname = \"spring\"\n\
+        law.cubic = { stiffness_n_per_m = 1e3, cubic_n_per_m3 = 1e304 }\n";
+    let test = write(folder.path(), "test.toml", text);
+    let said = run(&test, &out, &[]);
+    assert_eq!(said.code, Some(1), "{}", said.stderr);
+    let summary = json(&out, "summary.json");
+    assert_eq!(summary["status"], "stopped");
+    let reason = summary["reason"].as_str().unwrap();
+    for words in ["specimen 1", "computed here", "the computation diverged"] {
+        assert!(reason.contains(words), "{words}: {reason}");
+    }
+    // What the law gave before stands in the record, and nothing else.
+    let run = Run::open(&out).unwrap();
+    let force = run.columns(&["force_1_1"]).unwrap().remove(0);
+    assert!(!force.is_empty() && force.iter().all(|f| f.is_finite()));
+    let events = fs::read_to_string(out.join("events.jsonl")).unwrap();
+    assert!(events.contains("\"diverged\""), "{events}");
+}

@@ -63,6 +63,45 @@ fn numbers_outside_their_ranges_are_shown_at_their_keys() {
 }
 
 #[test]
+fn where_a_specimen_stands_is_said_by_its_link_or_by_the_file() {
+    let with = |keys: &str| {
+        let text = linked(10, "127.0.0.1:1", keys);
+        complaint(&text.replace("computed = true\n", ""))
+    };
+    const ASKS: &str = "where does this specimen stand before the test?";
+    const TELLS: &str = "the specimen itself tells where it stands";
+    for (keys, words) in [
+        ("protocol = \"openfresco-adapter\"", ASKS),
+        ("protocol = \"openfresco-shadow\"", ASKS),
+        (
+            "protocol = \"openfresco\"\nopenfresco = { answer_signals = [0, 0, 0, 1, 0] }",
+            ASKS,
+        ),
+        ("protocol = \"openfresco\"\nstands_at_m = [0]", TELLS),
+        ("stands_at_m = [0]", TELLS),
+        (
+            "protocol = \"openfresco-shadow\"\nstands_at_m = [0, 0]",
+            "2 displacements for 1 axes",
+        ),
+        (
+            "protocol = \"openfresco-shadow\"\nstands_at_m = [nan]",
+            "stands_at_m",
+        ),
+    ] {
+        shows(&with(keys), words);
+    }
+    for keys in [
+        "protocol = \"openfresco-shadow\"\nstands_at_m = [-0.02]",
+        "protocol = \"openfresco\"",
+    ] {
+        assert_eq!(with(keys), "", "{keys}");
+    }
+    let computed = linked(10, "127.0.0.1:1", "protocol = \"openfresco-shadow\"");
+    assert!(computed.contains("computed = true"));
+    assert_eq!(complaint(&computed), "");
+}
+
+#[test]
 fn what_is_believed_of_a_specimen_behind_a_link_must_be_said() {
     let text = linked(10, "127.0.0.1:1", "");
     let silent = text.replace("stiffness_n_per_m = 4e5\n", "");

@@ -103,6 +103,75 @@ fn a_message_that_is_cut_short_moves_nothing_and_frees_the_port() {
     }
 }
 
+/// The lines up to the sizes of the first client.
+fn lines_before_the_client(served: &Served) -> Vec<String> {
+    let mut lines = Vec::new();
+    loop {
+        let line = served.hears("");
+        if line.contains("commands 1 displacements") {
+            return lines;
+        }
+        lines.push(line);
+    }
+}
+
+#[test]
+fn who_connects_and_says_nothing_keeps_nobody_out() {
+    // Some, and more than are greeted at a time.
+    for strangers in [5, 40] {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        let served = serve(folder, "openfresco", "tcp");
+        let silent: Vec<_> = (0..strangers)
+            .map(|_| {
+                let stranger = TcpStream::connect(&served.address).unwrap();
+                served.hears("connected");
+                stranger
+            })
+            .collect();
+        let text = linked(STEPS, &served.address, "protocol = \"openfresco\"");
+        let (code, said) = run(folder, "run", &text);
+        assert_eq!(code, 0, "{said}");
+        let before = lines_before_the_client(&served);
+        let says = |words: &str| before.iter().any(|line| line.contains(words));
+        // Nobody had to lose patience with a stranger first.
+        assert!(!says("sent no sizes within"), "{before:?}");
+        assert!(says("turned away: a client is being served"), "{before:?}");
+        // They were all sent away for the client's sake.
+        for mut stranger in silent {
+            stranger.set_read_timeout(Some(PATIENCE)).unwrap();
+            assert!(!matches!(stranger.read(&mut [0]), Ok(1..)));
+        }
+    }
+}
+
+#[test]
+fn who_says_half_of_it_over_datagrams_keeps_nobody_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let served = serve(folder, "openfresco", "udp");
+    let silent: Vec<_> = (0..5)
+        .map(|_| {
+            let stranger = UdpSocket::bind("127.0.0.1:0").unwrap();
+            stranger.set_read_timeout(Some(PATIENCE)).unwrap();
+            stranger.send_to(b"a", &served.address).unwrap();
+            let mut answer = [0; 4];
+            let (count, _) = stranger.recv_from(&mut answer).unwrap();
+            assert_eq!(&answer[..count], b"b");
+            stranger
+        })
+        .collect();
+    let keys = "protocol = \"openfresco\"\ntransport = \"udp\"\nopenfresco = { udp_hello = true }";
+    let (code, said) = run(folder, "run", &linked(STEPS, &served.address, keys));
+    assert_eq!(code, 0, "{said}");
+    let before = lines_before_the_client(&served);
+    assert!(
+        !before.iter().any(|line| line.contains("sent no sizes")),
+        "{before:?}"
+    );
+    drop(silent);
+}
+
 /// Every port of OpenFresco's protocols, over TCP and UDP, while a test runs over it.
 #[test]
 fn noise_at_every_port_does_not_disturb_a_running_test() {

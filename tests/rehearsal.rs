@@ -86,6 +86,52 @@ fn a_harmonic_motion_needs_what_the_closed_form_says() {
     assert!(off.abs() < 1e-7, "{off}");
 }
 
+/// With one tick a step the pace falls from 1 to 1/2 at once, and rises so: the velocity V changes by V/2 within a tick.
+#[test]
+fn a_hold_needs_half_the_velocity_within_a_tick_and_is_a_warning() {
+    let (amplitude, frequency, rate) = (0.1, 0.25, 1000.0);
+    // Steepest at 1 s and 3 s; within the easing of 0.02 s the velocity changes by 5e-4 of itself.
+    let fastest = amplitude * TAU * frequency;
+    let needed = 0.5 * fastest * rate;
+    let text = |trip: f64| {
+        format!(
+            "[time]\nrate_hz = {rate}\nduration_s = 4\nclock = \"simulated\"\n\
+             [[excitation.prescribed_displacement]]\nspecimen = \"s\"\n\
+             signal.sine = {{ amplitude = {amplitude}, frequency_hz = {frequency}, phase_rad = {} }}\n\
+             [safety]\nease_s = 0.02\n[[specimen]]\nname = \"s\"\nlaw.linear = {{ stiffness_n_per_m = 1e6 }}\n\
+             limits.command_accel_m_per_s2 = {{ trip = {trip} }}\n",
+            TAU / 4.0
+        )
+    };
+    let folder = tempfile::tempdir().unwrap();
+    for (share, trips) in [(0.9, true), (1.1, false)] {
+        let said = check(folder.path(), &text(share * needed), &["--json"]);
+        assert_eq!(said.code, Some(0), "{}", said.stderr);
+        let found: Value = serde_json::from_str(&said.stdout).unwrap();
+        let hold = &found["rehearsal"]["hold"];
+        let at = hold["time_s"].as_f64().unwrap();
+        assert!((at - 1.0).abs() < 0.01 || (at - 3.0).abs() < 0.01, "{hold}");
+        let needs = hold["needs"].as_array().unwrap();
+        let accel = needs
+            .iter()
+            .find(|need| need["quantity"] == "command_accel_m_per_s2");
+        let high = accel.unwrap()["high"].as_f64().unwrap();
+        assert!((high / needed - 1.0).abs() < 0.01, "{high} {needed}");
+        let findings = found["rehearsal"]["findings"].to_string();
+        assert_eq!(
+            findings.contains("an operator's hold at"),
+            trips,
+            "{findings}"
+        );
+        assert_eq!(
+            said.stderr.contains("an operator's hold at"),
+            trips,
+            "{}",
+            said.stderr
+        );
+    }
+}
+
 /// The rehearsal and the limits in the loop agree on every quantity, to a millionth.
 #[test]
 fn a_limit_trips_exactly_where_the_rehearsal_says() {
@@ -241,6 +287,49 @@ fn a_warning_level_warns_and_the_rehearsal_can_be_left_out() {
         (&found["valid"], &found["rehearsal"]),
         (&true.into(), &Value::Null)
     );
+}
+
+/// d = A sin ωt on a spring k: stroke A, velocity A ω, force k A, and the peak of |f v|, half of k A² ω to within a tick.
+#[test]
+fn what_the_rig_cannot_give_is_refused_at_its_place_and_shown_beside_the_need() {
+    let folder = tempfile::tempdir().unwrap();
+    let (amplitude, omega, stiffness) = (0.01, 4.0 * TAU, 1e6);
+    let of = |capacity: &str| {
+        format!(
+            "[time]\nrate_hz = 1000\nduration_s = 0.5\nclock = \"simulated\"\n[[excitation.prescribed_displacement]]\n\
+             specimen = \"s\"\nsignal.sine = {{ amplitude = {amplitude}, frequency_hz = 4 }}\n[[specimen]]\nname = \"s\"\n\
+             law.linear = {{ stiffness_n_per_m = {stiffness} }}\n{capacity}\n"
+        )
+    };
+    for (key, need) in [
+        ("stroke_m", amplitude),
+        ("velocity_m_per_s", amplitude * omega),
+        ("force_n", stiffness * amplitude),
+        ("power_w", stiffness * amplitude * amplitude * omega / 2.0),
+    ] {
+        let with = |share: f64| of(&format!("capacity.{key} = {}", share * need));
+        let enough = check(folder.path(), &with(1.05), &["--json"]);
+        assert_eq!(enough.code, Some(0), "{key}: {}", enough.stderr);
+        let found: Value = serde_json::from_str(&enough.stdout).unwrap();
+        let used = &found["rehearsal"]["specimens"][0]["capacity"][0][0];
+        assert_eq!(used["key"], key, "{found:#}");
+        let share = used["share"].as_f64().unwrap();
+        assert!((share - 1.0 / 1.05).abs() < 0.02, "{key}: {share}");
+        let scarce = check(folder.path(), &with(0.95), &[]);
+        assert_eq!(scarce.code, Some(2), "{key}: {}", scarce.stderr);
+        for words in ["more than its rig can give", &format!("capacity.{key} = ")] {
+            assert!(scarce.stderr.contains(words), "{key}: {}", scarce.stderr);
+        }
+        let table = &scarce.stdout;
+        assert!(
+            table.contains("NOT POSSIBLE") && table.contains("MORE THAN THE RIG CAN GIVE"),
+            "{table}"
+        );
+    }
+    // Nothing is declared, and nothing is said.
+    let said = check(folder.path(), &of(""), &[]);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    assert!(!said.stdout.contains("of the rig"), "{}", said.stdout);
 }
 
 #[test]

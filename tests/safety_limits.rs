@@ -208,10 +208,19 @@ fn both_ends_know_the_limits_of_the_other_before_anything_moves() {
 #[test]
 fn check_says_which_limits_there_are_who_checks_them_and_what_happens_then() {
     let folder = tempfile::tempdir().unwrap();
-    let text = bare("127.0.0.1:1", "").replace(
+    let more = "following_error_m = { warn = 0.001, trip = 0.002 }\nfollowing_time_s = 0.03\n\
+                stuck_ticks = { trip = 20 }\nstuck_travel_m = 1e-4\nalternating_ticks = { trip = 9 }\nalternating_m = 1e-6\n";
+    let text = bare("127.0.0.1:1", "watchdog_s = 0.5").replace(
         "[specimen.link]",
-        &format!("{LIMITS}following_error_m = {{ warn = 0.001, trip = 0.002 }}\n[specimen.link]"),
+        &format!("safe_disp_m = [0.0125]\n{LIMITS}{more}[specimen.link]"),
     );
+    let safety = "[safety]\nat_end = \"safe_displacement\"\nexit_speed_m_per_s = 0.004\nconfirm = true\nramp_s = 3\n\
+                  ease_s = 0.75\nzero_s = 0.25\n";
+    let text = text
+        .replace("[safety]\nzero_s = 0\n", safety)
+        .replace("[timing]\n", "[timing]\nmiss_window_s = 7\n")
+        .replace("\"simulated\"", "\"real\"");
+    assert!(text.contains("ramp_s = 3") && text.contains("miss_window_s = 7"));
     let file = write(folder.path(), "test.toml", &text);
     let said = |json: bool| {
         let mut command = gusset();
@@ -233,6 +242,18 @@ fn check_says_which_limits_there_are_who_checks_them_and_what_happens_then() {
         "stability_used",
         "an interlock or emergency stop",
         "every specimen holds its last command",
+        // How a bound is judged, what the other end does by itself, and how everything begins and ends.
+        "in motion 0.03 s of it more",
+        "once the command has gone 0.0001 m",
+        "of second differences beyond 0.000001 m",
+        "in 7 s, not in the",
+        "holds, by itself, after 0.5 s without a command",
+        "neither `probe_m` nor a static load shows it",
+        "every specimen is led to its `safe_disp_m`, at 0.004 m/s at most",
+        "  0.0125 m\n",
+        "hold for 0.250000 s while every sensor is read and the operator confirms",
+        "a ramp of 3 s or longer",
+        "comes to rest in 0.75 s",
     ] {
         assert!(table.contains(words), "{words:?} is not in {table}");
     }
@@ -243,6 +264,19 @@ fn check_says_which_limits_there_are_who_checks_them_and_what_happens_then() {
     assert_eq!(axis[0]["also_at_the_specimen"], true);
     assert_eq!(axis[2]["key"], "following_error_m");
     assert_eq!(axis[2]["also_at_the_specimen"], false);
+    assert_eq!(axis[2]["judged"], "at rest; in motion 0.03 s of it more");
+    let specimen = &facts["limits"]["specimens"][0];
+    assert!(specimen["watchdog"].as_str().unwrap().contains("0.5 s"));
+    assert_eq!(specimen["safe_disp_m"][0], 0.0125);
+    for (key, words) in [
+        ("at_end", "safe_disp_m"),
+        ("on_trip", "holds its last command"),
+        ("way_in", "a ramp of 3 s"),
+        ("on_miss", "the grid moves by whole ticks"),
+    ] {
+        let text = facts["limits"][key].as_str().unwrap();
+        assert!(text.contains(words), "{key}: {text}");
+    }
 }
 
 /// Two floors of 1000 kg at ten steps a second, so that λ has a limit; a spring at the first storey.

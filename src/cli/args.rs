@@ -190,14 +190,14 @@ pub(super) struct CheckArgs {
     #[arg(long, value_name = "DIR")]
     pub plot: Option<PathBuf>,
     /// Do not rehearse the test on the simulated clock: what it needs of each axis is then neither shown nor compared with
-    /// the limits.
+    /// the limits and the capacity of the rig.
     #[arg(long)]
     pub no_rehearsal: bool,
     /// Certify the test: rehearse it many times over what is uncertain, and say go (exit 0) or no-go (exit 1) with reasons.
     #[arg(long, conflicts_with = "no_rehearsal")]
     pub rehearse: bool,
     /// Rehearsals of the certificate [default: as the file says, else 200].
-    #[arg(long, value_name = "N", requires = "rehearse", value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, value_name = "N", requires = "rehearse", value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     pub trials: Option<u64>,
     /// Seed of their draws [default: as the file says, else 1].
     #[arg(long, value_name = "S", requires = "rehearse")]

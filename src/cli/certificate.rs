@@ -12,7 +12,7 @@ use super::run::refused;
 use super::table::{Table, duration, quantity};
 use crate::config::{Facts, Loaded, SpecimenTable};
 use crate::session::certificate::{Band, Plan, Rehearsed as Trial, Trials, carry_out, interval};
-use crate::session::rehearsal::AxisNeed;
+use crate::session::rehearsal::{AxisNeed, NEEDS};
 
 /// One judgement.
 struct Line {
@@ -29,21 +29,6 @@ pub struct Certificate {
     trials: Trials,
     seed: u64,
 }
-
-/// A column of a need, by key and unit, and the most of it in one trial.
-type Most = (&'static str, &'static str, fn(&AxisNeed) -> f64);
-
-/// What a capacity is compared with.
-const NEEDS: [Most; 4] = [
-    ("stroke_m", "m", |need| {
-        need.command.low.abs().max(need.command.high.abs())
-    }),
-    ("velocity_m_per_s", "m/s", |need| need.vel.high),
-    ("force_n", "N", |need| {
-        need.force.low.abs().max(need.force.high.abs())
-    }),
-    ("power_w", "W", |need| need.power.high),
-];
 
 impl Certificate {
     /// Rehearses a test that is built. `rehearsed` is the nominal rehearsal, `following` what is proven of its actuators.

@@ -171,6 +171,12 @@ fn describe(
                 .unwrap_or_default()
         ),
     );
+    if let Some(condition) = structure.reciprocal_condition {
+        table.row(
+            "condition",
+            &format!("{condition:.1e} reciprocal, of what is factored for alpha"),
+        );
+    }
     if let Some(peak) = structure.peak_ground_accel {
         table.row(
             "ground",
@@ -275,6 +281,7 @@ fn as_json(
         json!({
             "dofs": structure.dofs,
             "storage": structure.storage,
+            "reciprocal_condition": structure.reciprocal_condition,
             "frequencies_rad_per_s": structure.frequencies,
             "method": structure.method,
             "lambda": structure.lambda.map(|lambda| number(lambda.value())),

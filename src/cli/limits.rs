@@ -32,15 +32,34 @@ pub fn tabulate(limits: &LimitFacts, table: &mut Table) {
                 line(limit, table);
             }
         }
+        for (what, found) in [
+            ("  ends of its own", &specimen.ends),
+            ("  watchdog", &specimen.watchdog),
+            ("  direction", &specimen.direction),
+        ] {
+            if let Some(found) = found {
+                table.row(what, found);
+            }
+        }
         table.row("  stale answers", &specimen.stale);
+        if let Some(safe) = &specimen.safe_disp_m {
+            let each: Vec<String> = safe
+                .iter()
+                .map(|disp| format!("{} m", plain(*disp)))
+                .collect();
+            table.row("  safe_disp_m", &each.join(", "));
+        }
     }
     table.row("limits, test", "checked by this loop");
     for limit in &limits.test {
         line(limit, table);
     }
     table.row("  always", &limits.always.join(";\n"));
+    table.row("  late ticks", &limits.on_miss);
     table.row("a warning", "is an event in the log; the test goes on");
     table.row("a trip", &limits.on_trip);
+    table.row("the way in", &limits.way_in);
+    table.row("the end", &limits.at_end);
 }
 
 /// The actuators of a specimen, and what they hold.
@@ -100,14 +119,20 @@ fn line(limit: &Limit, table: &mut Table) {
         sizes => sizes.iter().map(|size| plain(*size)).collect(),
     };
     let star = if limit.also_at_the_specimen { " *" } else { "" };
+    let judged = match (limit.unit, &limit.judged) {
+        (_, None) => String::new(),
+        ("", Some(judged)) => judged.clone(),
+        (_, Some(judged)) => format!("; {judged}"),
+    };
     table.row(
         &format!("  {}{star}", limit.key),
-        &format!(
-            "warns {:<20} trips {:<20} {}",
+        format!(
+            "warns {:<20} trips {:<20} {}{judged}",
             level(&limit.warn),
             level(&limit.trip),
             limit.unit
-        ),
+        )
+        .trim_end(),
     );
 }
 

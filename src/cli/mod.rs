@@ -47,7 +47,7 @@ pub use exit::Exit;
 
 use args::{Cli, Command};
 
-use crate::config::Diagnostics;
+use crate::config::{Diagnostics, printable};
 use crate::session::Request;
 
 /// Runs the command line and returns the exit code of contracts: 0 done, 1 stopped, 2 wrong usage, 3 link, 4 no real
@@ -77,7 +77,7 @@ pub fn main() -> ExitCode {
         Err(error) => {
             match error.downcast_ref::<exit::Mistakes>() {
                 Some(exit::Mistakes(pictures)) => tell(pictures),
-                None => tell(format_args!("error: {}", in_one_line(&error))),
+                None => tell(format_args!("error: {}", printable(&in_one_line(&error)))),
             }
             exit::of(&error).into()
         }

@@ -11,7 +11,7 @@ use crate::config::{Diagnostics, Finding, Loaded, Severity};
 use crate::control::Poses;
 use crate::control::limits::Quantity;
 use crate::engine::Experiment;
-use crate::session::rehearsal::{self, AxisNeed, Curtain, Need, Rehearsal, StandIn};
+use crate::session::rehearsal::{self, AxisNeed, Curtain, Held, Need, Rehearsal, StandIn, Used};
 
 /// Longest wall time of a rehearsal: whoever checks a test waits for it.
 const BUDGET: Duration = Duration::from_secs(10);
@@ -19,17 +19,29 @@ const BUDGET: Duration = Duration::from_secs(10);
 /// A rehearsal, and what it found.
 pub struct Rehearsed {
     rehearsal: Rehearsal,
+    held: Option<Held>,
+    /// Of limits.
     findings: Vec<Finding>,
+    /// Of what the rig can give.
+    beyond: Vec<Finding>,
 }
 
 impl Rehearsed {
     /// Rehearses a test that is built.
     pub fn of(loaded: &Loaded, experiment: Experiment) -> anyhow::Result<Self> {
         let rehearsal = rehearsal::rehearse(loaded, experiment, BUDGET).map_err(refused)?;
-        let findings = rehearsal.findings(loaded);
+        let mut findings = rehearsal.findings(loaded);
+        let left = BUDGET.saturating_sub(Duration::from_secs_f64(rehearsal.wall_s));
+        let held = rehearsal::rehearse_hold(loaded, &rehearsal, left).map_err(refused)?;
+        if let Some(held) = &held {
+            findings.extend(held.findings(&rehearsal, loaded));
+        }
+        let beyond = rehearsal.beyond_capacity();
         Ok(Self {
             rehearsal,
+            held,
             findings,
+            beyond,
         })
     }
 
@@ -47,22 +59,23 @@ impl Rehearsed {
 
     /// Shows all that was found; what would trip is no error of the file.
     pub fn show(&self, loaded: &Loaded) {
-        let all = self.findings.iter().cloned();
+        let all = self.findings.iter().chain(&self.beyond).cloned();
         let all = all.map(|finding| loaded.locator.diagnose(finding));
         warn(&Diagnostics(all.collect()));
     }
 
-    /// True if no limit would trip.
+    /// True if no limit would trip, and the rig can give what the test needs.
     pub fn is_possible(&self) -> bool {
         let error = |finding: &Finding| finding.severity == Severity::Error;
-        !self.findings.iter().any(error)
+        self.beyond.is_empty() && !self.findings.iter().any(error)
     }
 
-    /// Shows the warnings; what would trip is an error.
+    /// Shows the warnings; what would trip, or what the rig cannot give, is an error.
     pub fn judge(self, loaded: &Loaded) -> anyhow::Result<()> {
         let (errors, warnings): (Vec<_>, Vec<_>) = self
             .findings
             .into_iter()
+            .chain(self.beyond)
             .partition(|finding| finding.severity == Severity::Error);
         let warnings = warnings.into_iter();
         let diagnose = |finding| loaded.locator.diagnose(finding);
@@ -114,8 +127,14 @@ impl Rehearsed {
                     let power = quantity(found.power.high, "W");
                     text.push_str(&format!("\npower up to {power}"));
                 }
+                for used in needs.used(axis) {
+                    text.push_str(&format!("\n{}", of_rig(&used)));
+                }
                 table.row(&format!("  {word} {} needs", axis + 1), &text);
             }
+        }
+        if let Some(text) = self.held.as_ref().and_then(held) {
+            table.row("a hold", &text);
         }
     }
 
@@ -153,6 +172,7 @@ impl Rehearsed {
                     "stand_in": needs.stand_in.key(),
                     "axes": axes,
                     "power_w": needs.found.iter().map(|found| found.power.high).collect::<Vec<_>>(),
+                    "capacity": (0..needs.found.len()).map(|axis| capacity_json(&needs.used(axis))).collect::<Vec<_>>(),
                 });
                 if let (Some(found), Some(poses)) = (found.as_object_mut(), &needs.poses) {
                     found.insert("platform".to_owned(), platform_json(poses));
@@ -160,7 +180,17 @@ impl Rehearsed {
                 found
             })
             .collect();
-        let findings = self.findings.iter().map(|finding| &finding.headline);
+        let hold = self.held.as_ref().map(|held| {
+            let (specimen, axis) = held.fastest;
+            json!({
+                "time_s": held.at,
+                "specimen": specimen + 1,
+                "axis": axis + 1,
+                "needs": held.needs().map(need).collect::<Vec<_>>(),
+            })
+        });
+        let findings = self.findings.iter().chain(&self.beyond);
+        let findings = findings.map(|finding| &finding.headline);
         json!({
             "time_s": time,
             "wall_s": wall_s,
@@ -171,9 +201,23 @@ impl Rehearsed {
                 Curtain::Completed => None,
             },
             "specimens": specimens,
+            "hold": hold,
             "findings": findings.collect::<Vec<_>>(),
         })
     }
+}
+
+/// What the fastest axis is asked for in a hold there.
+fn held(held: &Held) -> Option<String> {
+    let (specimen, axis) = held.fastest;
+    let name = &held.specimens.get(specimen)?.name;
+    let lines: Vec<String> = held.needs().map(line).collect();
+    Some(format!(
+        "asked for at {}, where axis {} of `{name}` is fastest, it needs there\n{}",
+        duration(held.at),
+        axis + 1,
+        lines.join("\n")
+    ))
 }
 
 /// How far the platform of a loading unit goes.
@@ -205,6 +249,35 @@ fn platform_json(poses: &Poses) -> Value {
         "worst_condition": poses.condition[1],
         "worst_pose": poses.worst,
     })
+}
+
+/// A capacity, and how much of it is used.
+fn of_rig(used: &Used) -> String {
+    let verdict = if used.is_within() {
+        ""
+    } else {
+        " — MORE THAN THE RIG CAN GIVE"
+    };
+    format!(
+        "{} of the rig: {} of {} used ({:.0} %){verdict}",
+        used.key.split('_').next().unwrap_or(used.key),
+        quantity(used.needed, used.unit),
+        quantity(used.capacity, used.unit),
+        100.0 * used.share()
+    )
+}
+
+fn capacity_json(used: &[Used]) -> Value {
+    let each = used.iter().map(|used| {
+        json!({
+            "key": used.key,
+            "unit": used.unit,
+            "needed": used.needed,
+            "capacity": used.capacity,
+            "share": used.share(),
+        })
+    });
+    Value::Array(each.collect())
 }
 
 fn line(need: &Need) -> String {

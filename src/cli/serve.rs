@@ -88,6 +88,9 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
         return Err(WithExit(Exit::Usage, text.to_owned()).into());
     }
     let tls = serve_tls::tls(args, &served, carrier, false)?;
+    for text in served.host.first_command(false) {
+        tell(format_args!("note: {text}"));
+    }
     let listen = args.listen.clone().or(served.serve.listen);
     let options = ServeOptions {
         listen: listen.unwrap_or_else(|| USUAL_LISTEN.to_owned()),

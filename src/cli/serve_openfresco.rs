@@ -40,6 +40,9 @@ pub fn serve(
     } else {
         Nature::Simulated
     };
+    for text in served.host.first_command(nature == Nature::Physical) {
+        tell(format_args!("note: {text}"));
+    }
     let remembers = nature == Nature::Physical || served.host.remembers();
     let station = served.host.station(remembers).map_err(anyhow::Error::msg)?;
     let mut host = Host::of(station, nature, wishes.step_s);

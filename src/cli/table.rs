@@ -4,6 +4,7 @@ use std::fmt;
 
 use serde_json::Value;
 
+use crate::config::printable;
 use crate::rt::timing::Quantity;
 
 /// A titled table of two columns, with timing blocks.
@@ -16,14 +17,14 @@ impl Table {
     /// An empty table.
     pub fn new(title: &str) -> Self {
         Self {
-            title: title.to_owned(),
+            title: printable(title),
             lines: Vec::new(),
         }
     }
 
     /// One line.
     pub fn row(&mut self, what: &str, found: &str) {
-        self.lines.push((what.to_owned(), found.to_owned()));
+        self.lines.push((printable(what), printable(found)));
     }
 
     /// The timing quantities of a run, in µs.

@@ -91,8 +91,9 @@ impl IdentifiedTable {
     }
 }
 
-/// What the rig of a specimen can give on each axis, at the specimen's own scale. A certificate compares the needs with it;
-/// nothing in the loop does: that is what `limits` are for.
+/// What the rig of a specimen can give on each axis, at the specimen's own scale. `check` compares it with what its rehearsal
+/// needs, and refuses a test that needs more; a certificate does so with all its trials. Nothing in the loop does: that is what
+/// `limits` are for.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct CapacityTable {
@@ -146,7 +147,7 @@ pub struct UncertaintyTable {
 #[serde(deny_unknown_fields, default)]
 pub struct CertificateTable {
     /// How often the test is rehearsed, each time with other draws.
-    #[schemars(range(min = 1))]
+    #[schemars(range(min = 1, max = 1_000_000))]
     pub trials: u32,
     /// Seed of all draws: same seed, same certificate.
     pub seed: u64,

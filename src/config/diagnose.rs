@@ -14,6 +14,7 @@ use annotate_snippets::{
 };
 
 use super::document::{KeyPath, SyntaxError};
+use super::echo::plain;
 use super::read::{Kind, Mistake};
 use super::suggest::{listed, nearest};
 
@@ -324,7 +325,7 @@ fn broken(source: &Arc<Source>, message: String, span: Range<usize>) -> Diagnost
     };
     Diagnostic {
         severity: Severity::Error,
-        place: (place, message),
+        place: (place, plain(&message)),
         beside: None,
         headline: "the file is not valid TOML".to_owned(),
         help: Vec::new(),

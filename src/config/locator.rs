@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use super::diagnose::{Diagnostic, Finding, Part, Place, Source};
 use super::document::{KeyPath, Node};
+use super::echo::plain;
 use super::overrides::Override;
 
 /// Knows where each path of a test file stands.
@@ -52,10 +53,16 @@ impl Locator {
         }
     }
 
+    /// True if an override says something at `path` itself.
+    #[must_use]
+    pub fn overrides(&self, path: &KeyPath) -> bool {
+        self.overrides.iter().any(|o| o.path().starts_with(path))
+    }
+
     /// True if the file or an override says something at `path` itself.
     #[must_use]
     pub fn holds(&self, path: &KeyPath) -> bool {
-        self.root.find(path).is_some() || self.overrides.iter().any(|o| o.path().starts_with(path))
+        self.root.find(path).is_some() || self.overrides(path)
     }
 
     /// The path of the first entry named `key` at or below `path`: where a lower layer names only its parameter.
@@ -83,12 +90,15 @@ impl Locator {
     pub fn diagnose(&self, finding: Finding) -> Diagnostic {
         Diagnostic {
             severity: finding.severity,
-            place: (self.locate(&finding.path, finding.part), finding.label),
+            place: (
+                self.locate(&finding.path, finding.part),
+                plain(&finding.label),
+            ),
             beside: finding
                 .beside
-                .map(|(path, label)| (self.locate(&path, Part::Value), label)),
-            headline: finding.headline,
-            help: finding.help,
+                .map(|(path, label)| (self.locate(&path, Part::Value), plain(&label))),
+            headline: plain(&finding.headline),
+            help: finding.help.iter().map(|help| plain(help)).collect(),
         }
     }
 

@@ -22,6 +22,7 @@ mod check;
 mod diagnose;
 mod document;
 mod driven;
+mod echo;
 mod edit;
 mod excitation;
 mod inputs;
@@ -40,6 +41,7 @@ mod suggest;
 mod timetable;
 mod value;
 mod variant;
+mod words;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -60,6 +62,8 @@ pub use certificate::{
 pub use diagnose::{Diagnostic, Diagnostics, Finding, Part, Place, Severity, Source};
 pub use document::{KeyPath, PathError, Segment};
 pub use driven::Drive;
+use echo::plain;
+pub use echo::printable;
 pub use excitation::{
     ExcitationTable, GroundTable, NodalFileTable, NodalForceTable, PrescribedPlace, PrescribedTable,
 };
@@ -175,7 +179,7 @@ struct Opened {
 
 fn open(path: &Path, text: String, sets: &[String]) -> Result<Opened, ConfigError> {
     let source = Arc::new(Source {
-        name: path.display().to_string(),
+        name: plain(&path.display().to_string()),
         text: text.clone(),
     });
     let original = document::Node::parse(&text)
@@ -217,7 +221,9 @@ pub fn parse(path: &Path, text: String, sets: &[String]) -> Result<Loaded, Confi
         root,
         locator,
     } = open(path, text, sets)?;
-    let (file, findings) = judge::<TestFile>(&root, check::check);
+    let clock = KeyPath::root().key("time").key("clock");
+    let clock_is_chosen = locator.overrides(&clock);
+    let (file, findings) = judge(&root, |file| check::check(file, clock_is_chosen));
     let (errors, warnings): (Vec<_>, Vec<_>) = findings
         .into_iter()
         .map(|f| locator.diagnose(f))
@@ -259,7 +265,7 @@ fn parse_overrides(sets: &[String]) -> (Vec<Override>, Vec<Diagnostic>) {
 /// Everything that is wrong with the tree, and its value as far as there is one.
 fn judge<T: serde::de::DeserializeOwned>(
     root: &document::Node,
-    check: fn(&T) -> Vec<Finding>,
+    check: impl Fn(&T) -> Vec<Finding>,
 ) -> (Option<T>, Vec<Finding>) {
     let reading = read::read::<T>(root);
     // A table that lost an entry would raise complaints that only follow from it.

@@ -11,6 +11,7 @@ use toml_edit::{DocumentMut, Value};
 
 use super::diagnose::{Diagnostic, Part, Place, Severity, Source};
 use super::document::{KeyPath, Node, Segment, parse_segments};
+use super::echo::plain;
 use super::edit::put_in_table;
 
 /// What stands before the argument when it is shown.
@@ -203,10 +204,10 @@ fn refusal(
     };
     Box::new(Diagnostic {
         severity: Severity::Error,
-        place: (place, label),
+        place: (place, plain(&label)),
         beside: None,
-        headline,
-        help,
+        headline: plain(&headline),
+        help: help.iter().map(|help| plain(help)).collect(),
     })
 }
 

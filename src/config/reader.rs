@@ -11,6 +11,7 @@ use serde::de::{
 
 use super::document::{Datum, KeyPath, Node};
 use super::read::Kind;
+use super::words::{found_in_words, wanted_in_words};
 
 /// What went wrong in the reading.
 #[derive(Debug)]
@@ -63,22 +64,22 @@ impl de::Error for ReadError {
 
     fn invalid_type(found: Unexpected<'_>, wanted: &dyn Expected) -> Self {
         Self::new(Kind::WrongType {
-            found: in_words(found),
-            wanted: wanted_in_words(wanted),
+            found: found_in_words(found),
+            wanted: wanted_in_words(Some(found), wanted),
         })
     }
 
     fn invalid_value(found: Unexpected<'_>, wanted: &dyn Expected) -> Self {
         Self::new(Kind::WrongValue {
-            found: in_words(found),
-            wanted: wanted_in_words(wanted),
+            found: found_in_words(found),
+            wanted: wanted_in_words(Some(found), wanted),
         })
     }
 
     fn invalid_length(length: usize, wanted: &dyn Expected) -> Self {
         Self::new(Kind::WrongValue {
             found: format!("an array of {length}"),
-            wanted: wanted_in_words(wanted),
+            wanted: wanted_in_words(None, wanted),
         })
     }
 
@@ -98,39 +99,6 @@ impl de::Error for ReadError {
     fn missing_field(key: &'static str) -> Self {
         Self::new(Kind::MissingKey { key })
     }
-}
-
-fn in_words(found: Unexpected<'_>) -> String {
-    match found {
-        Unexpected::Bool(value) => format!("`{value}`"),
-        Unexpected::Unsigned(value) => format!("{value}"),
-        Unexpected::Signed(value) => format!("{value}"),
-        Unexpected::Float(value) => format!("{value}"),
-        Unexpected::Str(text) => format!("the text {text:?}"),
-        Unexpected::Seq => "an array".to_owned(),
-        Unexpected::Map => "a table".to_owned(),
-        Unexpected::Other(words) => words.to_owned(),
-        other => other.to_string(),
-    }
-}
-
-/// serde names Rust's types; the reader of a test file knows TOML's.
-fn wanted_in_words(wanted: &dyn Expected) -> String {
-    let name = wanted.to_string();
-    let words = match name.as_str() {
-        "f32" | "f64" => "a number",
-        "u8" | "u16" | "u32" | "u64" | "usize" => "a whole number, zero or greater",
-        "i8" | "i16" | "i32" | "i64" | "isize" => "a whole number",
-        "a nonzero usize" | "a nonzero u32" | "a nonzero u64" => "a whole number, one or greater",
-        "a string" | "string" | "path string" => "a text in quotes",
-        "a boolean" => "`true` or `false`",
-        "a sequence" => "an array",
-        "a map" => "a table",
-        _ if name.starts_with("struct ") => "a table",
-        _ if name.starts_with("enum ") => "one of its names",
-        _ => return name,
-    };
-    words.to_owned()
 }
 
 /// Reads one node.

@@ -14,18 +14,19 @@ pub struct SafetyTable {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub divergence_m: Option<f64>,
     /// Wall time in s over which every sensor is averaged before anything moves, while the specimens hold where they
-    /// stand. 0: not at all. Absent: 0.2 if a specimen is behind a link or a channel is relative, else 0.
+    /// stand, at most 600. 0: not at all. Absent: 0.2 if a specimen is behind a link or a channel is relative, else 0.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub zero_s: Option<f64>,
-    /// Whether the operator must confirm what was read. Where a channel takes its zero from it, he must in any case.
+    /// Whether the operator must confirm what was read, which must then be something: not with a `zero_s` of 0. Where a channel
+    /// takes its zero from it, he must in any case.
     pub confirm: bool,
     /// Shortest wall time in s in which a specimen is moved to where the test begins, and in which a static load comes on;
     /// longer where half of a velocity limit would be passed, and at least 1 s on the way from where a specimen says that it
-    /// stands if it has no such limit.
+    /// stands if it has no such limit. At most 3600.
     pub ramp_s: f64,
     /// Wall time in s in which a hold brings the specimens to rest, and in which they come to the test's pace again; the first
     /// steps after a resumed test's start are eased in the same way. What a compensator is ahead by changes no faster than that,
-    /// also where a late target slows the test down. 0: at once, at the next tick.
+    /// also where a late target slows the test down. 0: at once, at the next tick. At most 600.
     pub ease_s: f64,
     /// Where the specimens are left after a trip. "zero_force" needs a stiffness of every axis.
     pub on_trip: ExitChoice,
@@ -39,7 +40,7 @@ pub struct SafetyTable {
     /// of its zero. Else the old zero holds, and the difference is told: what was left in motion has lost a real force.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub resume_takes_force_drift: bool,
-    /// Largest speed in m/s of the specimen on the way there; needed for every way but "freeze".
+    /// Largest speed in m/s of the specimen on the way there, at least 1e-6; needed for every way but "freeze".
     #[serde(skip_serializing_if = "Option::is_none")]
     pub exit_speed_m_per_s: Option<f64>,
     /// Share of the room for stability that tangents beyond their declared bounds use up, by the estimates of all axes:

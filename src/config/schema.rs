@@ -22,7 +22,8 @@ use crate::rt::TimingSpec;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TestFile {
-    /// Name of the test, as it stands in the report and in the name of the run folder. Default: the file's own name.
+    /// Name of the test, as it stands in the report and in the name of the run folder; no control characters. Default: the
+    /// file's own name.
     #[serde(default)]
     pub title: String,
     /// Step, duration and clock.
@@ -168,9 +169,9 @@ pub struct IntegratorTable {
     /// Increment over the largest response at which Newton's iteration ends, for methods that iterate. Default: 1e-10.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub newton_tolerance: Option<f64>,
-    /// Iterations of one step after which the test stops, for methods that iterate. Default: 50.
+    /// Iterations of one step after which the test stops, for methods that iterate, at most 10000. Default: 50.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(range(min = 1))]
+    #[schemars(range(min = 1, max = 10_000))]
     pub newton_iterations: Option<u32>,
 }
 
@@ -263,11 +264,11 @@ pub struct RecordTable {
     /// specimens and the two ends.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub dofs: Option<DofChoice>,
-    /// Seconds of rows that the queue to the writer holds before rows are lost.
+    /// Seconds of rows that the queue to the writer holds before rows are lost, at most 600.
     pub queue_s: f64,
     /// Whether a lost row makes the test a failed one (exit code 1).
     pub required: bool,
-    /// Wall time in s from one checkpoint to the next: a digest of the test's state in the events, against which a test that
+    /// Wall time in s from one checkpoint to the next, at most 3600: a digest of the test's state in the events, against which a test that
     /// goes on after an interruption (`gusset run --resume`) is proven.
     pub checkpoint_s: f64,
 }

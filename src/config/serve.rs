@@ -10,11 +10,12 @@ use serde::{Deserialize, Serialize};
 use super::build::behind_actuators;
 use super::build::links::{beside, wire_axes};
 use super::document::Node;
+use super::echo::number;
 use super::safety::SafetyTable;
 use super::schema::RecordTable;
 use super::{
     ConfigError, DispUnit, Finding, ForceUnit, KeyPath, Severity, SpecimenTable, check, judge,
-    open, read_text,
+    open, plain, read_text,
 };
 use crate::link::openfresco::OpenFrescoServeSpec;
 use crate::link::secret::read_key;
@@ -25,6 +26,9 @@ use crate::rt::TimingSpec;
 use crate::specimen::{InUnits, Specimen};
 use crate::transfer::Transfer;
 use crate::wire::key::PreSharedKey;
+
+/// Longest silence in s after which a client counts as gone: a day.
+const IDLE_S: f64 = 86_400.0;
 
 /// Specimens to be served.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -127,7 +131,11 @@ pub fn load_served(path: &Path, name: Option<&str>) -> Result<Served, ConfigErro
             .partition(|finding| finding.severity == Severity::Error);
         match file {
             Some(file) if findings.is_empty() => {
-                let mut warnings: Vec<_> = told.into_iter().map(|f| f.headline).collect();
+                let said = |finding: Finding| match finding.label.as_str() {
+                    "" => plain(&finding.headline),
+                    label => plain(&format!("{}: {label}", finding.headline)),
+                };
+                let mut warnings: Vec<_> = told.into_iter().map(said).collect();
                 if file.safety.as_ref().is_some_and(SafetyTable::bounds_a_test) {
                     let text = "[safety] bounds a test's response, which a server does not know; its bounds are `limits`";
                     warnings.push(text.to_owned());
@@ -158,6 +166,14 @@ pub fn load_served(path: &Path, name: Option<&str>) -> Result<Served, ConfigErro
             let finding = Finding::error(at, format!("`{name}` must be greater than 0"));
             return Err(refuse(finding));
         }
+    }
+    if let Some(found) = serve.openfresco.idle_timeout_s.filter(|s| *s > IDLE_S) {
+        let at = KeyPath::root().key("serve").key("openfresco");
+        let headline = format!("`serve.openfresco.idle_timeout_s` must be at most {IDLE_S} s");
+        let finding = Finding::error(at.key("idle_timeout_s"), headline);
+        let found = format!("found {}", number(found));
+        let why = "as long as a client that is gone keeps the specimen to itself";
+        return Err(refuse(finding.label(found).help(why)));
     }
     let index = choose(&file.specimen, name).map_err(|f| refuse(*f))?;
     let at = KeyPath::root().key("specimen").index(index);

@@ -2,6 +2,7 @@
 
 use super::diagnose::Finding;
 use super::document::KeyPath;
+use super::echo;
 use super::timetable::{ClockChoice, TimeTable};
 use crate::time::Ratio;
 
@@ -153,5 +154,5 @@ fn number(ratio: Ratio) -> String {
 /// The complaint about a number that must be greater than zero.
 pub(super) fn not_positive(at: KeyPath, found: f64) -> Finding {
     let headline = format!("`{at}` must be greater than zero");
-    Finding::error(at, headline).label(format!("found {found}"))
+    Finding::error(at, headline).label(format!("found {}", echo::number(found)))
 }

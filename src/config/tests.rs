@@ -3,10 +3,12 @@
 use super::*;
 
 mod certificate;
+mod idle;
 mod keys;
 mod overrides;
 mod stability;
 mod values;
+mod waits;
 
 const GOOD: &str = r#"# three storeys, the lowest in the laboratory
 title = "three storeys"

@@ -33,7 +33,8 @@ pub struct TimeTable {
     /// The clock that the loop runs on.
     #[serde(default)]
     pub clock: ClockChoice,
-    /// Wall seconds per second of test time: 10 runs the same test ten times slower than real time.
+    /// Wall seconds per second of test time: 10 runs the same test ten times slower than real time. On the real clock a tick is
+    /// an hour long at most.
     #[serde(default = "one")]
     #[schemars(default = "one")]
     pub scale: RateValue,

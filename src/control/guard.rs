@@ -60,6 +60,11 @@ impl Guard {
         self.watch.aims_at(Self::goals(&self.units, axes, goal));
     }
 
+    /// Metres and newtons in one unit of each axis.
+    pub fn units(&self) -> &[(f64, f64)] {
+        &self.units
+    }
+
     /// Metres in one unit of an axis.
     pub fn metres_of(&self, axis: usize) -> f64 {
         self.units.get(axis).map_or(1.0, |unit| unit.0)

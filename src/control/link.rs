@@ -13,6 +13,8 @@ pub struct LinkCount {
     pub received: u64,
     /// Commands whose measurement was not there at the deadline.
     pub stale: u64,
+    /// Measurements of a simulated actuator that did not come to terms with what it moves.
+    pub unsettled: u64,
     /// What the link itself counts.
     pub stats: LinkStats,
 }
@@ -65,7 +67,7 @@ impl Port {
     pub fn connect(&mut self) -> Result<Introduction, Unavailable> {
         let mut introduction = self.substructure.connect()?;
         let n = self.axes.len();
-        self.says_it_stands_at(&introduction.standing);
+        self.learns_where_it_stands(&introduction.standing);
         if matches!(self.direction, Direction::Unchecked) && !introduction.simulated {
             introduction.warnings.push(format!(
                 "specimen \"{}\": NOTHING CHECKS WHICH WAY ROUND IT IS WIRED before the test moves it: give `probe_m` in \

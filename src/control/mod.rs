@@ -133,6 +133,8 @@ pub struct Port {
     pub direction: Direction,
     /// The test file says that a computation answers, and no machine.
     pub computed: bool,
+    /// Where the test file says that a specimen stands which cannot tell, in its own unit.
+    stated: Option<Vec<f64>>,
     /// True if a recording stands for the substructure.
     is_recorded: bool,
     /// Number on the link of the command that left last.
@@ -236,6 +238,7 @@ impl Port {
             wait: None,
             direction: Direction::Known,
             computed: false,
+            stated: None,
             issued: None,
             unsent: false,
             owes: false,

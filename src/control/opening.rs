@@ -239,6 +239,30 @@ impl Port {
         self.standing = (disp.len() == self.axes.len()).then(|| disp.to_vec());
     }
 
+    /// The test file says where a specimen stands that cannot tell, in m, one value per axis.
+    pub fn is_said_to_stand_at(&mut self, disp: &[f64]) {
+        let units = self.guard.units().iter().map(|(metres, _)| *metres);
+        self.stated = Some(
+            disp.iter()
+                .zip(units)
+                .map(|(disp, metres)| disp / metres)
+                .collect(),
+        );
+    }
+
+    /// It was commanded since: what the test file says of where it stood is over.
+    pub(super) fn was_commanded_since(&mut self) {
+        self.stated = None;
+    }
+
+    /// The specimen has said what it says of where it stands; for one that says nothing the test file may.
+    pub(super) fn learns_where_it_stands(&mut self, said: &[f64]) {
+        match self.stated.clone() {
+            Some(stated) if said.is_empty() => self.says_it_stands_at(&stated),
+            _ => self.says_it_stands_at(said),
+        }
+    }
+
     /// Where the specimen says that it stands before the test, in its own unit.
     #[must_use]
     pub fn standing(&self) -> Option<&[f64]> {
@@ -270,18 +294,19 @@ impl Port {
     /// where it stands is given a second at least: it does not jump.
     #[must_use]
     pub fn ramp_time(&self, share: f64, shortest: f64) -> f64 {
+        self.way_time(share, shortest, UNBOUNDED_RAMP_S)
+    }
+
+    /// The same for one part of a way: where no such limit bounds it, a specimen that says where it stands is given
+    /// `unbounded` s at least, and any other `shortest`.
+    #[must_use]
+    pub fn way_time(&self, share: f64, shortest: f64, unbounded: f64) -> f64 {
         let unbounded = if self.standing.is_some() {
-            UNBOUNDED_RAMP_S
+            unbounded
         } else {
             shortest
         };
         self.time_of_way(share, shortest, unbounded)
-    }
-
-    /// The same for one part of a way: what nothing bounds is a single tick.
-    #[must_use]
-    pub fn way_time(&self, share: f64, shortest: f64) -> f64 {
-        self.time_of_way(share, shortest, shortest)
     }
 
     fn time_of_way(&self, share: f64, shortest: f64, unbounded: f64) -> f64 {

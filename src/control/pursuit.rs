@@ -181,6 +181,7 @@ impl Port {
         for ((target, target_vel), (goal, goal_vel)) in targets.zip(goals) {
             (*target, *target_vel) = (*goal, *goal_vel);
         }
+        self.tracking.is_published();
     }
 
     /// Makes the command at the end of a stride, with steps of `dt` seconds of test time. Real-time: yes.
@@ -199,6 +200,7 @@ impl Port {
                 *target = point.disp;
                 *target_vel = point.slope / dt;
             }
+            self.tracking.is_on_the_way();
         }
         self.command_the_target();
         self.compensate_along(stride, dt);
@@ -290,6 +292,7 @@ impl Port {
         if fresh.is_remote() {
             self.substructure = fresh.substructure;
             self.is_recorded = false;
+            self.was_commanded_since();
             self.ahead = 0;
             self.pursuit.skipped = 0;
         }

@@ -21,6 +21,16 @@ const SETTLED: f64 = 4.0 * std::f64::consts::PI;
 /// 1 − ρ² of target and velocity below which they are one direction.
 const INDEPENDENT: f64 = 1e-3;
 
+/// Which moment the velocity that belongs to a target is of.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+enum VelOf {
+    /// That of the integrator, some part of a tick ago.
+    #[default]
+    Published,
+    /// Now: the slope of the way on which a command is led between two targets.
+    Now,
+}
+
 /// What is remembered of one axis.
 #[derive(Debug, Clone, Copy, Default)]
 struct Follow {
@@ -45,12 +55,17 @@ struct Follow {
 }
 
 impl Follow {
-    /// One tick of `dt` s: target, its velocity as the integrator publishes it (of half a tick ago), measured displacement and
-    /// force. Real-time: yes.
-    fn take(&mut self, target: f64, vel: f64, (measured, force): (f64, f64), dt: f64) {
+    /// One tick of `dt` s: target, its velocity of `age` ticks ago, measured displacement and force. Real-time: yes.
+    fn take(
+        &mut self,
+        target: f64,
+        (vel, age): (f64, f64),
+        (measured, force): (f64, f64),
+        dt: f64,
+    ) {
         let (x0, m0, f0) = *self.start.get_or_insert((target, measured, force));
-        // Half a tick on along a straight line: the velocity of now.
-        let now = vel + 0.5 * (vel - self.last_vel);
+        // On along a straight line: the velocity of now.
+        let now = vel + age * (vel - self.last_vel);
         self.last_vel = vel;
         let keep = 1.0 - (dt / WINDOW_S).min(1.0);
         let (x, m, f) = (target - x0, measured - m0, force - f0);
@@ -91,6 +106,9 @@ impl Follow {
 pub(super) struct Tracking {
     axes: Vec<Follow>,
     dt: f64,
+    /// By so many ticks the velocities that come with targets are older than these; and which velocity the last one is.
+    age: f64,
+    vel_of: VelOf,
     /// Delay and gain are estimated.
     pub on: bool,
     /// A command that moves is in force.
@@ -109,9 +127,23 @@ impl Tracking {
         Self {
             axes: vec![unknown; axes],
             dt: 0.0,
+            age: 0.0,
+            vel_of: VelOf::Published,
             on: false,
             moves: false,
         }
+    }
+
+    /// The target came with the velocity that was published for it. Real-time: yes.
+    #[inline]
+    pub fn is_published(&mut self) {
+        self.vel_of = VelOf::Published;
+    }
+
+    /// The target lies on a way, and its velocity is the slope of that. Real-time: yes.
+    #[inline]
+    pub fn is_on_the_way(&mut self) {
+        self.vel_of = VelOf::Now;
     }
 }
 
@@ -122,10 +154,12 @@ impl Port {
         self.tracking.on
     }
 
-    /// Estimates delay and gain; `dt` is the test time from command to command in s.
+    /// Estimates delay and gain; `dt` is the test time from command to command in s, and the velocity that comes with a target
+    /// is `age` of that older: half where it is the backward difference of the family, γ with the α methods, nothing where it
+    /// is prescribed.
     #[must_use]
-    pub fn with_tracking(mut self, dt: f64) -> Self {
-        (self.tracking.on, self.tracking.dt) = (true, dt);
+    pub fn with_tracking(mut self, dt: f64, age: f64) -> Self {
+        (self.tracking.on, self.tracking.dt, self.tracking.age) = (true, dt, age);
         self
     }
 
@@ -144,12 +178,16 @@ impl Port {
     /// Takes the measurement last taken, which must be a fresh one, and judges what it shows. Real-time: yes.
     pub(super) fn track(&mut self, found: &mut Found) {
         let dt = self.tracking.dt;
+        let age = match self.tracking.vel_of {
+            VelOf::Published => self.tracking.age,
+            VelOf::Now => 0.0,
+        };
         let targets = self.target.iter().zip(&self.target_vel);
         let values = targets.zip(&self.measured).zip(&self.force).enumerate();
         let axes = self.tracking.axes.iter_mut().zip(values);
         for (follow, (index, (((target, vel), measured), force))) in axes {
             let own = force - self.estimates.of_others(index, &self.measured);
-            follow.take(*target, *vel, (*measured, own), dt);
+            follow.take(*target, (*vel, age), (*measured, own), dt);
         }
         let judged = self.tracking.axes.iter();
         let judged = judged.map(|follow| (follow.lag.abs(), (follow.gain - 1.0).abs()));
@@ -181,16 +219,33 @@ impl Port {
 mod tests {
     use super::*;
 
-    fn follow(gain: f64, delay: f64, hertz: f64, dt: f64) -> Follow {
+    /// How velocities come with targets: as backward differences, which are half a tick old, or as they were so many ticks ago.
+    #[derive(Debug, Clone, Copy)]
+    enum Vel {
+        Difference,
+        Old(f64),
+    }
+
+    fn follow(gain: f64, delay: f64, hertz: f64, dt: f64, kind: Vel) -> Follow {
         let mut follow = Tracking::new(1).axes[0];
         let omega = std::f64::consts::TAU * hertz;
         // From rest.
         let at = |t: f64| 0.01 * libm::sin(omega * t.max(0.0));
+        let rate = |t: f64| {
+            if t < 0.0 {
+                0.0
+            } else {
+                0.01 * omega * libm::cos(omega * t)
+            }
+        };
         for k in 0..(20.0 / dt) as i32 {
             let t = f64::from(k) * dt;
             // ω is known to a few percent when it is first said, and never by less than a period.
             assert!(follow.lag.is_nan() || t > 1.0 / hertz, "{t}: {follow:?}");
-            let vel = (at(t) - at(t - dt)) / dt;
+            let vel = match kind {
+                Vel::Difference => ((at(t) - at(t - dt)) / dt, 0.5),
+                Vel::Old(age) => (rate(t - age * dt), age),
+            };
             let measured = gain * at(t - delay);
             // A spring whose noise is in no regressor, so that only its scatter is left.
             let noise = 0.2e-3 * libm::sin(1e5 * f64::from(k));
@@ -206,7 +261,7 @@ mod tests {
             (0.916, 23.7e-3, 3.6),
             (1.02, -4e-3, 5.0),
         ] {
-            let found = follow(gain, delay, hertz, 1.0 / 4096.0);
+            let found = follow(gain, delay, hertz, 1.0 / 4096.0, Vel::Difference);
             assert!((found.stiffness / 3e5 - 1.0).abs() < 0.01, "{found:?}");
             // The window ripples with the sine, and forgets unevenly.
             assert!((found.gain - gain).abs() < 0.01 * gain, "{found:?}");
@@ -218,11 +273,29 @@ mod tests {
     }
 
     #[test]
+    fn a_delay_of_a_part_of_a_tick_is_found_whatever_moment_the_velocity_is_of() {
+        // Half a tick is 0.1 rad here: taken for another moment it would be up to 0.4 ticks of lag, and 4 % of gain.
+        let (dt, hertz) = (1.0 / 256.0, 8.0);
+        // A backward difference, the velocity of now, and that of an α method with γ = 0.9.
+        for kind in [Vel::Difference, Vel::Old(0.0), Vel::Old(0.9)] {
+            for ticks in [0.0, 0.3, 0.5, 1.0, 2.5, 4.0, 7.0] {
+                let found = follow(0.97, ticks * dt, hertz, dt, kind);
+                // A straight line of velocities is up to 0.9 (ωΔt)² = 3.3 % too large, and so is the frequency.
+                let off = found.lag / dt - ticks;
+                assert!(off.abs() < 0.02 + 0.04 * ticks, "{kind:?} {ticks}: {off}");
+                let gain = found.gain / 0.97 - 1.0;
+                assert!(gain.abs() < 0.02, "{kind:?} {ticks}: {gain}");
+            }
+        }
+    }
+
+    #[test]
     fn nothing_is_said_of_noise_or_of_rest() {
         let mut quiet = Tracking::new(1).axes[0];
         quiet.least = 1e-4;
         for k in 0..10_000 {
-            quiet.take(1e-6 * libm::sin(f64::from(k)), 1e-3, (1e-5, 1.0), 1e-3);
+            let target = 1e-6 * libm::sin(f64::from(k));
+            quiet.take(target, (1e-3, 0.5), (1e-5, 1.0), 1e-3);
         }
         assert!(quiet.lag.is_nan() && quiet.gain.is_nan() && quiet.stiffness.is_nan());
     }

@@ -35,6 +35,8 @@ pub struct Settling {
 
 /// Relative unbalance at which all parts but the last are taken for carried.
 const ROUGHLY: f64 = 1e-3;
+/// A correction is not of the load alone if it is so many times as large as one part of it.
+const MORE_THAN_LOAD: f64 = 2.0;
 /// Relative unbalance that cannot get better.
 const ROUNDOFF: f64 = 4.0 * f64::EPSILON;
 
@@ -57,7 +59,12 @@ impl Engine {
         self.enter(Phase::Settling, Cause::Done);
         self.listen_at_rest(control)?;
         let mut exchanges = 0;
-        let (shortest, mut longest) = (self.opening.ramp_s / f64::from(settling.parts), 0.0f64);
+        let (ramp_s, parts) = (self.opening.ramp_s, f64::from(settling.parts));
+        let (shortest, mut longest) = (ramp_s / parts, 0.0f64);
+        // How far the load alone takes the structure, which is what the ramp's time is meant for.
+        let mut whole = settling.load.clone();
+        settling.stiffness.solve_in_place(&mut whole);
+        let whole = whole.iter().fold(0.0f64, |most, disp| most.max(disp.abs()));
         for part in 1..=settling.parts {
             let share = f64::from(part) / f64::from(settling.parts);
             let mut before = f64::INFINITY;
@@ -74,7 +81,13 @@ impl Engine {
                 };
                 longest = longest.max(correction);
                 if correction > 0.0 {
-                    self.approach(shortest * (correction / longest), control)?;
+                    // A specimen that was found under a force of its own moves further: not faster for that.
+                    let of_load = if correction > MORE_THAN_LOAD * whole / parts {
+                        ramp_s * (correction / whole)
+                    } else {
+                        0.0
+                    };
+                    self.approach([shortest * (correction / longest), of_load], control)?;
                 }
                 let enough = if part == settling.parts {
                     unbalance <= settling.tolerance
@@ -101,10 +114,10 @@ impl Engine {
         Ok(())
     }
 
-    /// Leads the specimens to the corrected place that stands ready, in `shortest` s or longer. What is no further than one
-    /// tick goes is the next exchange itself.
-    fn approach(&mut self, shortest: f64, control: &Control) -> Result<(), Stop> {
-        let ticks = self.ramp_ticks(|port, share| port.way_time(share, shortest));
+    /// Leads the specimens to the corrected place that stands ready, in `shortest` s or longer, and in `unbounded` s where no
+    /// limit of speed bounds one that stood anywhere. What is no further than one tick goes is the next exchange itself.
+    fn approach(&mut self, [shortest, unbounded]: [f64; 2], control: &Control) -> Result<(), Stop> {
+        let ticks = self.ramp_ticks(|port, share| port.way_time(share, shortest, unbounded));
         if ticks > 1 {
             self.lead(ticks, Phase::Settling, control)?;
             for port in &mut self.ports {

@@ -240,10 +240,27 @@ impl Engine {
         }
         port.partner.stale = 0;
         let found = port.judge();
+        if status.has(Status::UNSETTLED) {
+            self.note_unsettled(index, tick);
+        }
         if found.is_something() {
             self.act_on(index, &found, tick)?;
         }
         Ok(())
+    }
+
+    /// A specimen whose simulated actuator did not come to terms with it is counted; told more and more seldom. Real-time: yes.
+    #[cold]
+    fn note_unsettled(&mut self, index: usize, tick: &Tick) {
+        let Some(port) = self.ports.get_mut(index) else {
+            return;
+        };
+        port.link.unsettled += 1;
+        let ticks = port.link.unsettled;
+        if ticks.is_power_of_two() {
+            let port = index as u32;
+            self.report(tick, EventKind::Unsettled { port, ticks });
+        }
     }
 
     /// Judges the commands that stand ready. Only after it may they leave. Real-time: yes.

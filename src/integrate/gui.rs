@@ -61,6 +61,7 @@ pub struct Gui {
     lambda: Lambda,
     start: Start,
     effective_mass: Spd,
+    reciprocal_condition: f64,
     lanes: Lanes,
     /// What modes with a λ of their own add to the factor.
     correction: Option<Correction>,
@@ -106,12 +107,16 @@ impl Gui {
                 stiffness: stiffness.n(),
             });
         }
-        let factored = |matrix: &SymMatrix| Spd::factor(matrix).map_err(GuiError::EffectiveMass);
-        let (effective_mass, correction) = match apart {
+        let factored = |matrix: &SymMatrix| {
+            let mut factor = Spd::factor(matrix).map_err(GuiError::EffectiveMass)?;
+            let condition = factor.reciprocal_condition(matrix);
+            Ok::<_, GuiError>((factor, condition))
+        };
+        let ((effective_mass, reciprocal_condition), correction) = match apart {
             Some(apart) if apart.is_of_modes() => {
                 let matrix = effective_mass(mass, damping, stiffness, dt, lambda);
                 let mut factor = factored(&matrix)?;
-                let correction = apart.correction(&mut factor, dt, lambda);
+                let correction = apart.correction(&mut factor.0, dt, lambda);
                 (factor, Some(correction.ok_or(GuiError::Modes)?))
             }
             Some(apart) => {
@@ -130,6 +135,7 @@ impl Gui {
             lambda,
             start,
             effective_mass,
+            reciprocal_condition,
             correction,
             lanes: Lanes::best_for(mass.n()),
         })
@@ -139,6 +145,12 @@ impl Gui {
     #[must_use]
     pub fn lambda(&self) -> Lambda {
         self.lambda
+    }
+
+    /// 1/κ of M_eff, see [`Spd::reciprocal_condition`]; without what modes with a λ of their own add to it.
+    #[must_use]
+    pub const fn reciprocal_condition(&self) -> f64 {
+        self.reciprocal_condition
     }
 
     /// Chooses the instructions of block arithmetic, for comparisons; see [`Spd::set_lanes`].

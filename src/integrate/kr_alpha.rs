@@ -95,6 +95,8 @@ struct Operators {
     start: Spd,
     /// Factor of N.
     factor: Spd,
+    /// The smaller 1/κ of both.
+    reciprocal_condition: f64,
     work: Vec<f64>,
     scaled: Vec<f64>,
 }
@@ -118,20 +120,26 @@ impl Operators {
             .plus(gamma * dt, damping)
             .plus(beta * dt * dt, stiffness);
         let factored = |matrix: &SymMatrix| {
-            Spd::factor(matrix).map_err(|source| MethodError::Factor {
+            let factor = Spd::factor(matrix).map_err(|source| MethodError::Factor {
                 what: "the effective mass M + γ Δt C0 + β Δt² K0",
                 source,
+            });
+            factor.map(|mut factor| {
+                let condition = factor.reciprocal_condition(matrix);
+                (factor, condition)
             })
         };
         let combined = SymMatrix::zeros(mass.n())
             .plus(1.0 - alpha_f, &matrix)
             .plus(alpha_f - alpha_m, mass);
+        let ((start, of_start), (factor, of_factor)) = (factored(&matrix)?, factored(&combined)?);
         Ok(Self {
             dt,
             weights,
             mass: mass.clone(),
-            start: factored(&matrix)?,
-            factor: factored(&combined)?,
+            start,
+            factor,
+            reciprocal_condition: of_start.min(of_factor),
             matrix,
             work: vec![0.0; mass.n()],
             scaled: vec![0.0; mass.n()],
@@ -182,6 +190,12 @@ impl KrAlpha {
         weights: AlphaWeights,
     ) -> Result<Self, MethodError> {
         Operators::new(mass, damping, stiffness, dt, weights).map(Self)
+    }
+
+    /// 1/κ of what is factored, see [`Spd::reciprocal_condition`].
+    #[must_use]
+    pub const fn reciprocal_condition(&self) -> f64 {
+        self.0.reciprocal_condition
     }
 }
 

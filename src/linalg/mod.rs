@@ -20,6 +20,7 @@
 mod aligned;
 mod banded;
 mod checked;
+mod condition;
 mod dense;
 mod dissection;
 mod eigen;

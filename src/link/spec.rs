@@ -75,6 +75,11 @@ pub struct LinkSpec {
     /// neither says so himself nor is said to be one here is not commanded then. No gateway and no OpenFresco server says so.
     #[serde(default, skip_serializing_if = "is_false")]
     pub computed: bool,
+    /// Where the specimen stands before a test, in m as each axis counts, one entry per axis: for what cannot be asked, OpenFresco's
+    /// actor sites and OpenSees' adapters. It is held there first and led from there to where the test begins. Needed unless
+    /// `computed` says that nothing moves there; every other link tells it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stands_at_m: Option<Vec<f64>>,
     /// "none": the direction is not checked, and nobody is warned of that.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub probe: Option<ProbeChoice>,

@@ -10,7 +10,8 @@
 //! | [`tracking`] | how well a measured displacement follows its target, each number with its noise floor |
 //! | [`windows`] | phase and amplitude errors over the course of a test |
 //! | [`fourier`] | amplitude spectra; the frequency evaluation index |
-//! | [`ground`] | response spectra (Nigam and Jennings), Arias intensity, significant duration |
+//! | [`ground`] | Arias intensity, significant duration, cumulative absolute velocity |
+//! | [`spectrum`] | response spectra (Nigam and Jennings) |
 //! | [`falsified`] | the damping and the energy that late specimens falsify of a test as a whole |
 //! | [`energy`] | the energy balance of a structure and its specimens, step by step |
 
@@ -19,6 +20,7 @@ pub mod falsified;
 pub mod fourier;
 pub mod ground;
 pub mod response;
+pub mod spectrum;
 pub mod tracking;
 pub mod windows;
 

@@ -340,10 +340,11 @@ fn links(text: &mut Text, board: &Board, latest: &Snapshot) {
 }
 
 /// Status flags and their words.
-pub(super) const FLAGS: [(Status, &str); 6] = [
+pub(super) const FLAGS: [(Status, &str); 7] = [
     (Status::INTERLOCK, "interlock"),
     (Status::HOLDING, "holding"),
     (Status::SATURATED, "saturated"),
+    (Status::UNSETTLED, "unsettled"),
     (Status::LOST, "lost"),
     (Status::UNSENT, "unsent"),
     (Status::STALE, "stale"),

@@ -2,9 +2,8 @@
 
 use super::error::MotionError;
 use super::process::Motion;
-use super::spectrum::peak;
 use super::unit::Quantity;
-use super::{Files, Grid};
+use super::{Files, Grid, peak};
 
 /// A base that moves: displacement and velocity on the step grid.
 #[derive(Debug, Clone, PartialEq)]

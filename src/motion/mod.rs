@@ -21,7 +21,6 @@ mod resample;
 mod sampled;
 mod shapes;
 mod signal;
-pub mod spectrum;
 pub mod unit;
 
 pub use base::{BaseMotion, base_motion};
@@ -334,6 +333,11 @@ impl Excitation {
         let accel = self.ground.as_ref().and_then(|a| a.get(step));
         accel.copied().unwrap_or(0.0)
     }
+}
+
+/// Largest absolute value, 0 of nothing.
+fn peak(values: &[f64]) -> f64 {
+    values.iter().fold(0.0, |most, v| most.max(v.abs()))
 }
 
 /// `values` has `wanted` finite entries.

@@ -1,23 +1,24 @@
 //! From a signal to numbers on the step grid: scaling, baseline, resampling, tail.
 //!
-//! The order is fixed: (1) SI units; (2) baseline removed by `detrend`; (3) ends tapered; (4) scaled to `target_peak` or
-//! `target_sa`; (5) times `scale_factor`; (6) laid on the step grid; (7) zero after the end. Steps 2 to 5 work on the
-//! samples of a record over its whole length, however long the test, so that the motion depends neither on Δt nor
-//! on the duration; a closed form has no samples, and its peak is read on the step grid.
+//! The order is fixed: (1) SI units; (2) baseline removed by `detrend`; (3) ends tapered; (4) laid on the step grid; (5) scaled
+//! to `target_peak` or `target_sa`; (6) times `scale_factor`; (7) zero after the end. Steps 2 and 3 work on the samples of a
+//! record; a target is met by the numbers on the grid, which are what a test reads: between the samples of a record that is
+//! resampled without loss there may be a fifth more than at them. Both take the record over its whole length, however long
+//! the test, so that the motion does not depend on the duration. The peak of a closed form is that of the test.
 //!
 //! A displacement record shorter than the test stays where it ends: a table or an actuator cannot jump home.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::error::{MotionError, finite, inside, positive};
+use super::error::{MotionError, all_finite, finite, inside, positive};
 use super::resample::central_difference;
 use super::sampled::{Origin, Sampled};
 use super::shapes::{factor, taper};
 use super::signal::{Signal, Source};
-use super::spectrum::{peak, peak_disp};
 use super::unit::{Quantity, Unit};
-use super::{Files, Grid, Series};
+use super::{Files, Grid, Series, peak};
+use crate::metrics::spectrum::response_spectrum;
 
 /// A signal and what is done to it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -30,7 +31,7 @@ pub struct Motion {
     pub processing: Processing,
 }
 
-/// What is done to a signal, in this order: detrend, taper, target, scale factor, resampling, tail.
+/// What is done to a signal, in this order: detrend, taper, resampling, target, scale factor, tail.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct Processing {
@@ -40,9 +41,10 @@ pub struct Processing {
     /// Half a cosine of this length in s at both ends of the samples; 0 if absent.
     #[serde(default)]
     pub taper_s: f64,
-    /// Scales so that the largest absolute value is this.
+    /// Scales so that the largest absolute value that a test reads at its steps is this, over the whole length of a record.
     pub target_peak: Option<Amount>,
-    /// Scales an acceleration so that its pseudo-spectral acceleration at one period is this; not with `target_peak`.
+    /// Scales an acceleration so that its pseudo-spectral acceleration at one period is this, for straight lines between the
+    /// steps of the test; not with `target_peak`.
     pub target_sa: Option<TargetSa>,
     /// Multiplies the result, after a target; 1 if absent.
     #[serde(default = "one")]
@@ -177,7 +179,8 @@ impl Motion {
                 self.processing.only_scales()?;
                 let points: Vec<(f64, f64)> = grid.times().map(|t| (curve.at)(t)).collect();
                 let values: Vec<f64> = points.iter().map(|p| p.0).collect();
-                let scale = scale_factor * self.processing.target(quantity, &values, grid.dt())?;
+                let target = self.processing.target(quantity, grid.dt(), || Ok(values))?;
+                let scale = scale_factor * target;
                 above_nyquist(curve.top_hz, grid, warnings);
                 finite_points(
                     points
@@ -190,13 +193,13 @@ impl Motion {
                 let (first, last) = samples.inner();
                 self.processing.remove_trend(&mut samples, first, last);
                 self.processing.taper(&mut samples)?;
-                let whole = samples.values.get(first..=last).unwrap_or(&samples.values);
-                let scale = scale_factor * self.processing.target(quantity, whole, samples.dt)?;
+                let holds = quantity == Quantity::Displacement;
+                let whole = || samples.whole_on(grid, holds);
+                let scale = scale_factor * self.processing.target(quantity, grid.dt(), whole)?;
                 samples.values.iter_mut().for_each(|v| *v *= scale);
                 if let Origin::Synthetic { top_hz } = samples.origin {
                     above_nyquist(Some(top_hz), grid, warnings);
                 }
-                let holds = quantity == Quantity::Displacement;
                 if !self.processing.zero_tail {
                     samples.tail_warning(grid, holds, warnings);
                 }
@@ -249,8 +252,13 @@ impl Processing {
         Ok(())
     }
 
-    /// The factor that brings `values` to the target; 1 without one.
-    fn target(&self, quantity: Quantity, values: &[f64], dt: f64) -> Result<f64, MotionError> {
+    /// The factor that brings `values`, `dt` s apart, to the target; 1 without one.
+    fn target(
+        &self,
+        quantity: Quantity,
+        dt: f64,
+        values: impl FnOnce() -> Result<Vec<f64>, MotionError>,
+    ) -> Result<f64, MotionError> {
         let ratio = |wanted: f64, found: f64| {
             if found > 0.0 {
                 Ok(wanted / found)
@@ -267,7 +275,7 @@ impl Processing {
             (Some(target), None) => {
                 let wanted =
                     positive("target_peak", target.value)? * factor(Some(target.unit), quantity)?;
-                ratio(wanted, peak(values))
+                ratio(wanted, peak(&values()?))
             }
             (None, Some(target)) => {
                 if quantity != Quantity::Acceleration {
@@ -278,9 +286,22 @@ impl Processing {
                 }
                 let wanted =
                     positive("target_sa", target.value)? * factor(Some(target.unit), quantity)?;
-                let disp = peak_disp(values, dt, target.period_s, target.damping_ratio)?;
-                let omega = 2.0 * std::f64::consts::PI / target.period_s;
-                ratio(wanted, omega * omega * disp)
+                let period = positive("period_s", target.period_s)?;
+                let damping = target.damping_ratio;
+                let allowed = "at least 0 and less than 1";
+                inside(
+                    "damping_ratio",
+                    damping,
+                    (0.0..1.0).contains(&damping),
+                    allowed,
+                )?;
+                let values = values()?;
+                all_finite("accelerations", &values)?;
+                let found = response_spectrum(&values, dt, &[period], damping);
+                ratio(
+                    wanted,
+                    found.first().map_or(0.0, |found| found.pseudo_accel),
+                )
             }
         }
     }
@@ -507,9 +528,8 @@ mod tests {
             unit: Unit::Gravity,
         });
         let series = evaluate(&motion, grid(0.1, 399)).unwrap();
-        let sa =
-            crate::motion::spectrum::response_spectrum(&series.values, 0.1, &[0.7], 0.05).unwrap();
-        assert!((sa.pseudo_accel[0] / (0.4 * 9.806_65) - 1.0).abs() < 1e-12);
+        let sa = response_spectrum(&series.values, 0.1, &[0.7], 0.05);
+        assert!((sa[0].pseudo_accel / (0.4 * 9.806_65) - 1.0).abs() < 1e-12);
         motion.processing.target_peak = Some(Amount {
             value: 1.0,
             unit: Unit::Gravity,
@@ -518,6 +538,107 @@ mod tests {
             evaluate(&motion, grid(0.1, 1)).unwrap_err(),
             MotionError::AtMostOne { .. }
         ));
+    }
+
+    /// Ground that has more between its samples than at them: ± a at the samples of a sine of a quarter of their rate, an
+    /// eighth of a cycle away from its peaks, which are √2 a.
+    fn peaked_between(resample: Resample) -> Motion {
+        let samples = (0..400).map(|i| {
+            let sine = (std::f64::consts::PI * (0.5 * f64::from(i) + 0.25)).sin();
+            // It comes and goes, and rides on a drift.
+            3.0 * sine * (std::f64::consts::PI * f64::from(i) / 399.0).sin().powi(2)
+                + 0.4
+                + 1e-3 * f64::from(i)
+        });
+        let Signal::Values(record) = values(&samples.collect::<Vec<_>>()).signal else {
+            unreachable!()
+        };
+        let mut motion = Motion::plain(Signal::Values(Values { resample, ..record }));
+        motion.processing.detrend = Detrend::Linear;
+        motion
+    }
+
+    #[test]
+    fn a_target_is_what_a_test_reads_and_not_what_the_record_holds() {
+        let g = 9.806_65;
+        let wanted = Amount {
+            value: 0.3,
+            unit: Unit::Gravity,
+        };
+        let sa = TargetSa {
+            period_s: 0.4,
+            damping_ratio: 0.05,
+            value: 0.3,
+            unit: Unit::Gravity,
+        };
+        for resample in [Resample::Linear, Resample::BandLimited] {
+            for (start, dt, steps) in [(0.0, 0.02, 1995), (0.35, 0.03, 1500), (0.0, 0.15, 280)] {
+                let mut motion = peaked_between(resample);
+                if let Signal::Values(record) = &mut motion.signal {
+                    record.start_s = start;
+                }
+                let test = grid(dt, steps);
+                let bare = evaluate(&motion, test).unwrap().values;
+                motion.processing.target_peak = Some(wanted);
+                let scaled = evaluate(&motion, test).unwrap().values;
+                let found = peak(&scaled);
+                // A product and the sums of 65 products: a few roundings.
+                assert!(
+                    (found / (0.3 * g) - 1.0).abs() < 1e-13,
+                    "{resample:?} {dt}: {found}"
+                );
+                // Only the size is another, and a factor goes on top of it.
+                let factor = scaled[100] / bare[100];
+                let same = |(s, b): (&f64, &f64)| (s - factor * b).abs() < 1e-12;
+                assert!(scaled.iter().zip(&bare).all(same));
+                motion.processing.scale_factor = -0.5;
+                let half = evaluate(&motion, test).unwrap().values;
+                assert!(
+                    half.iter()
+                        .zip(&scaled)
+                        .all(|(h, s)| (h + 0.5 * s).abs() < 1e-12)
+                );
+                // A shorter test begins as the whole one does.
+                let short = evaluate(&motion, grid(dt, 60)).unwrap().values;
+                let twins = short.iter().zip(&half);
+                let shorter = twins.map(|(s, h)| (s - h).abs()).fold(0.0, f64::max);
+                assert!(shorter < 1e-12, "{resample:?} {dt}: {shorter}");
+
+                motion.processing.scale_factor = 1.0;
+                motion.processing.target_peak = None;
+                motion.processing.target_sa = Some(sa);
+                let read = evaluate(&motion, test).unwrap().values;
+                let found = response_spectrum(&read, dt, &[0.4], 0.05)[0].pseudo_accel;
+                assert!(
+                    (found / (0.3 * g) - 1.0).abs() < 1e-12,
+                    "{resample:?} {dt}: {found}"
+                );
+            }
+        }
+        // And there is something to it: at the samples of the record lies a good quarter less.
+        let mut motion = peaked_between(Resample::BandLimited);
+        motion.processing.target_peak = Some(wanted);
+        let at_samples = peak(
+            &evaluate(&motion, grid(0.02, 1995))
+                .unwrap()
+                .values
+                .iter()
+                .step_by(5)
+                .copied()
+                .collect::<Vec<_>>(),
+        );
+        assert!(at_samples < 0.8 * 0.3 * g, "{at_samples}");
+    }
+
+    #[test]
+    fn a_record_that_would_fill_the_memory_is_not_scaled() {
+        let mut motion = values(&[0.0, 1.0, 0.0]);
+        motion.processing.target_peak = Some(Amount {
+            value: 1.0,
+            unit: Unit::Gravity,
+        });
+        let refused = evaluate(&motion, grid(1e-9, 10)).unwrap_err();
+        assert!(refused.to_string().contains("2^26"), "{refused}");
     }
 
     #[test]

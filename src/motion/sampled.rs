@@ -3,9 +3,12 @@
 //! A record that ends before the test is zero after its end, but for a displacement, which stays where it ends: a table
 //! or an actuator cannot jump home.
 
-use super::Grid;
+use super::error::{MotionError, inside};
 use super::resample::{Kernel, Resample, linear, snapped};
-use super::spectrum::peak;
+use super::{Grid, peak};
+
+/// Most points of a record that is laid on the grid beyond the end of the test.
+const MOST_POINTS: f64 = (1_u64 << 26) as f64;
 
 /// Equally spaced samples in SI units.
 #[derive(Debug, Clone)]
@@ -44,6 +47,35 @@ impl Sampled {
 
     /// Value and, for band-limited samples, rate at every point of the grid.
     pub(super) fn on(&self, grid: Grid, holds: bool) -> Vec<(f64, Option<f64>)> {
+        self.at(grid.times(), grid, holds).collect()
+    }
+
+    /// The same values over the whole length of the samples, however long the test, with what it reads just before and just
+    /// after them. For many more points than the test has there must be a reason: an error names their number.
+    pub(super) fn whole_on(&self, grid: Grid, holds: bool) -> Result<Vec<f64>, MotionError> {
+        let place = |time: f64| snapped(time / grid.dt());
+        let first = (place(self.span.0).ceil() - 1.0).max(0.0);
+        let mut last = place(self.span.1).floor();
+        if last < grid.steps() as f64 {
+            last += 1.0;
+        }
+        let points = last - first + 1.0;
+        inside(
+            "duration of the record in steps",
+            points,
+            points <= MOST_POINTS.max(grid.points() as f64),
+            "at most 2^26 where it is scaled to a target",
+        )?;
+        let times = (first as u64..=last as u64).map(|step| step as f64 * grid.dt());
+        Ok(self.at(times, grid, holds).map(|point| point.0).collect())
+    }
+
+    fn at(
+        &self,
+        times: impl Iterator<Item = f64>,
+        grid: Grid,
+        holds: bool,
+    ) -> impl Iterator<Item = (f64, Option<f64>)> {
         let kernel = match self.origin {
             Origin::Record(_) => Kernel::new(self.dt, grid.dt()),
             Origin::Synthetic { .. } => Kernel::without_filter(),
@@ -56,24 +88,22 @@ impl Sampled {
         };
         let (start, end) = self.span;
         let slack = 1e-9 * self.dt.min(grid.dt());
-        grid.times()
-            .map(|time| {
-                if time < start - slack {
-                    return (0.0, self.known(0.0));
+        times.map(move |time| {
+            if time < start - slack {
+                return (0.0, self.known(0.0));
+            }
+            if time > end + slack {
+                return (resting, self.known(0.0));
+            }
+            let at = snapped((time - self.first_time) / self.dt);
+            match self.resample {
+                Resample::Linear => (linear(&self.values, at), None),
+                Resample::BandLimited => {
+                    let (value, slope) = kernel.value_and_slope(&self.values, at);
+                    (value, Some(slope / self.dt))
                 }
-                if time > end + slack {
-                    return (resting, self.known(0.0));
-                }
-                let at = snapped((time - self.first_time) / self.dt);
-                match self.resample {
-                    Resample::Linear => (linear(&self.values, at), None),
-                    Resample::BandLimited => {
-                        let (value, slope) = kernel.value_and_slope(&self.values, at);
-                        (value, Some(slope / self.dt))
-                    }
-                }
-            })
-            .collect()
+            }
+        })
     }
 
     /// A rate that the kernel knows; straight lines leave it to differences.

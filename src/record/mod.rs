@@ -132,6 +132,13 @@ pub enum EventKind {
         /// Specimen, from 0.
         port: u32,
     },
+    /// The simulated actuator of specimen `port` did not come to terms with what it moves.
+    Unsettled {
+        /// Specimen, from 0.
+        port: u32,
+        /// Ticks in which it did not, so far.
+        ticks: u64,
+    },
     /// The row of this tick found the queue full and is lost.
     RowLost,
     /// A displacement or force ceased to be finite or ran beyond the divergence bound; DOF from 0.

@@ -5,6 +5,16 @@
 
 use super::text::{fixed, micros};
 
+/// Digits of a logarithmic axis that have a label: the first row that gives enough of them.
+const NAMED: [&[i32]; 4] = [
+    &[1],
+    &[1, 2, 5],
+    &[1, 2, 3, 4, 5, 6, 8],
+    &[1, 2, 3, 4, 5, 6, 7, 8, 9],
+];
+/// So few labels are too few to read an axis by.
+const FEWEST: usize = 3;
+
 /// Numbers beyond this are not drawn: a diverged test reaches them, and their differences overflow.
 const LARGEST: f64 = 1e290;
 
@@ -114,8 +124,9 @@ impl Axis {
             .collect()
     }
 
-    /// Ticks of a logarithmic axis: decades labelled by `label`, the numbers between them unlabelled.
-    pub fn decades(&self, label: impl Fn(i32) -> String) -> Vec<Tick> {
+    /// Ticks of a logarithmic axis: decades labelled by `label` (digit and exponent), the numbers between them unlabelled. Where
+    /// that would leave fewer than three labels, 2 and 5 have one, too, and in the end every digit.
+    pub fn decades(&self, label: impl Fn(i32, i32) -> String) -> Vec<Tick> {
         let first = libm::floor(libm::log10(self.lo)) as i32;
         let last = libm::ceil(libm::log10(self.hi)) as i32;
         let every = ((last - first) / 9).max(0) + 1;
@@ -124,19 +135,24 @@ impl Axis {
             for digit in 1..10 {
                 let at = f64::from(digit) * libm::pow(10.0, f64::from(decade));
                 if self.holds(at) {
-                    let is_named = digit == 1 && (decade - first) % every == 0;
-                    ticks.push(Tick {
-                        at,
-                        label: if is_named {
-                            label(decade)
-                        } else {
-                            String::new()
-                        },
-                    });
+                    ticks.push((digit, decade, at));
                 }
             }
         }
-        ticks
+        let named = |(digit, decade, _): &(i32, i32, f64), digits: &[i32]| {
+            digits.contains(digit) && (decade - first) % every == 0
+        };
+        let enough = |digits: &&&[i32]| ticks.iter().filter(|t| named(t, digits)).count() >= FEWEST;
+        let digits = NAMED.iter().find(enough).unwrap_or(&NAMED[NAMED.len() - 1]);
+        let made = ticks.iter().map(|tick| Tick {
+            at: tick.2,
+            label: if named(tick, digits) {
+                label(tick.0, tick.1)
+            } else {
+                String::new()
+            },
+        });
+        made.collect()
     }
 }
 
@@ -150,21 +166,23 @@ pub(super) fn extent(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
         })
 }
 
-/// "10 µs" for the decade of a time axis in µs.
-pub(super) fn micros_decade(exponent: i32) -> String {
-    micros(libm::pow(10.0, f64::from(exponent)))
+/// "10 µs", "20 µs" on a time axis in µs.
+pub(super) fn micros_decade(digit: i32, exponent: i32) -> String {
+    micros(f64::from(digit) * libm::pow(10.0, f64::from(exponent)))
         .replace(".00", "")
-        .replace("10.0", "10")
+        .replace("0.0", "0")
 }
 
-/// "1", "10 k" for the decade of a count.
-pub(super) fn count_decade(exponent: i32) -> String {
+/// "1", "10 k", "20 k" on an axis of counts.
+pub(super) fn count_decade(digit: i32, exponent: i32) -> String {
     let zeros = "0".repeat(exponent.rem_euclid(3) as usize);
     match exponent {
-        0..=2 => format!("1{zeros}"),
-        3..=5 => format!("1{zeros}\u{a0}k"),
-        6..=8 => format!("1{zeros}\u{a0}M"),
-        _ => format!("1e{exponent}"),
+        0..=2 => format!("{digit}{zeros}"),
+        3..=5 => format!("{digit}{zeros}\u{a0}k"),
+        6..=8 => format!("{digit}{zeros}\u{a0}M"),
+        // Nothing is counted in parts.
+        ..0 => String::new(),
+        _ => format!("{digit}e{exponent}"),
     }
 }
 
@@ -216,7 +234,7 @@ mod tests {
 
     #[test]
     fn decades_are_named_as_durations_and_counts() {
-        let names: Vec<_> = (-3..5).map(micros_decade).collect();
+        let names: Vec<_> = (-3..5).map(|e| micros_decade(1, e)).collect();
         let plain: Vec<_> = names.iter().map(|n| n.replace('\u{a0}', " ")).collect();
         assert_eq!(
             plain,
@@ -224,7 +242,9 @@ mod tests {
                 "1 ns", "10 ns", "100 ns", "1 µs", "10 µs", "100 µs", "1 ms", "10 ms"
             ]
         );
-        assert_eq!(count_decade(4), "10\u{a0}k");
+        assert_eq!(micros_decade(5, 1), "50\u{a0}µs");
+        assert_eq!(count_decade(1, 4), "10\u{a0}k");
+        assert_eq!(count_decade(2, 0), "2");
         let axis = Axis::logarithmic(0.5, 200.0).unwrap();
         let named = axis
             .decades(count_decade)
@@ -232,6 +252,21 @@ mod tests {
             .filter(|t| !t.label.is_empty())
             .count();
         assert_eq!(named, 3);
+    }
+
+    #[test]
+    fn a_short_logarithmic_axis_has_labels_enough_to_be_read_by() {
+        let labels = |lo: f64, hi: f64| -> Vec<String> {
+            let ticks = Axis::logarithmic(lo, hi).unwrap().decades(count_decade);
+            let named = ticks.into_iter().filter(|t| !t.label.is_empty());
+            named.map(|t| t.label).collect()
+        };
+        // Two decades have three ends, one and a half have not.
+        assert_eq!(labels(1.0, 100.0), ["1", "10", "100"]);
+        assert_eq!(labels(0.7, 60.0), ["1", "2", "5", "10", "20", "50"]);
+        assert_eq!(labels(1.5, 8.0), ["2", "3", "4", "5", "6", "8"]);
+        assert_eq!(labels(40.0, 150.0), ["40", "50", "60", "80", "100"]);
+        assert_eq!(labels(55.0, 95.0), ["60", "70", "80", "90"]);
     }
 
     proptest! {

@@ -155,6 +155,17 @@ pub(super) fn fitted(text: &str, size: f64, width: f64) -> String {
     shortened(text, most)
 }
 
+/// Bold letters are wider than plain ones by so much.
+const BOLD: f64 = 1.1;
+
+impl Lettering {
+    /// `text` cut so that it fits into `width` when it is written like this.
+    pub(super) fn fitted(self, text: &str, width: f64) -> String {
+        let wider = if self.bold { BOLD } else { 1.0 };
+        fitted(text, self.size * wider, width)
+    }
+}
+
 /// A surface to draw on, in display units from the upper left corner.
 pub(super) struct Canvas<'a> {
     backend: SVGBackend<'a>,
@@ -189,7 +200,10 @@ pub(super) fn picture(
     let round = "stroke-linejoin=\"round\" stroke-linecap=\"round\"";
     // Writing to a string does not fail.
     let _ = match skin {
-        Skin::Page => writeln!(out, "<svg class=\"chart\" {view} {round}>"),
+        Skin::Page => writeln!(
+            out,
+            "<svg class=\"chart\" style=\"--drawn:{width}\" {view} {round}>"
+        ),
         Skin::Picture => writeln!(
             out,
             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" {view} {round}>\n<title>{label}</title>"

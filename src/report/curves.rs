@@ -177,16 +177,6 @@ impl Curves<'_> {
         }
         let mut scaled = linear(axis, quantity, 2, false);
         scaled.ticks = axis.decades(decade);
-        // Hardly more than one decade: its 2 and 5 have numbers too.
-        if axis.hi() < 50.0 * axis.lo() {
-            for tick in scaled.ticks.iter_mut().filter(|t| t.label.is_empty()) {
-                let exponent = libm::floor(libm::log10(tick.at) + 1e-9);
-                let digit = tick.at / libm::pow(10.0, exponent);
-                if [2.0, 5.0].iter().any(|named| (digit - named).abs() < 1e-6) {
-                    tick.label = fixed(tick.at, (-exponent).max(0.0) as usize);
-                }
-            }
-        }
         scaled
     }
 
@@ -245,11 +235,12 @@ impl Curves<'_> {
     }
 }
 
-/// "100", "0.01", and powers where zeros would have to be counted.
-fn decade(exponent: i32) -> String {
+/// "100", "0.02", and powers where zeros would have to be counted.
+fn decade(digit: i32, exponent: i32) -> String {
     if (-3..=4).contains(&exponent) {
         let decimals = usize::try_from(-exponent).unwrap_or(0);
-        return fixed(libm::pow(10.0, f64::from(exponent)), decimals);
+        let value = f64::from(digit) * libm::pow(10.0, f64::from(exponent));
+        return fixed(value, decimals);
     }
     let raised = |digit: char| match digit {
         '-' => '⁻',
@@ -260,7 +251,10 @@ fn decade(exponent: i32) -> String {
         digit => char::from_u32(0x2070 + digit.to_digit(10).unwrap_or(0)).unwrap_or(digit),
     };
     let exponent: String = exponent.to_string().chars().map(raised).collect();
-    format!("10{exponent}")
+    match digit {
+        1 => format!("10{exponent}"),
+        digit => format!("{digit}·10{exponent}"),
+    }
 }
 
 /// A line cut into dashes.
@@ -408,7 +402,7 @@ mod tests {
     #[test]
     fn decades_are_numbers_where_they_are_short_and_powers_where_they_are_long() {
         assert_eq!(
-            [-12, -3, 0, 4, 5].map(decade),
+            [-12, -3, 0, 4, 5].map(|e| decade(1, e)),
             ["10⁻¹²", "0.001", "1", "10\u{202f}000", "10⁵"]
         );
         let x = [500.0, 5000.0];

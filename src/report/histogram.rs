@@ -52,7 +52,7 @@ pub(super) const KEYS: [(&str, &str, &str); 8] = [
     (
         "round_trip",
         "Round trip",
-        "from the send to the decoded reply",
+        "from the send to the decoded reply, ticks of a hold included",
     ),
     (
         "compute",

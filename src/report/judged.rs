@@ -25,7 +25,7 @@ pub(super) fn table_of(name: &str, axis: &AxisDigest, disp_unit: &str, force_uni
     let percent = |v: f64| format!("{}\u{a0}%", number(100.0 * v, 3));
     let plain = |v: f64| number(v, 4);
     let radian = |v: f64| quantity(v, "rad");
-    let square = |v: f64| number(v, 3) + "\u{a0}m²";
+    let square = |v: f64| format!("{}\u{a0}{disp_unit}²", number(v, 3));
     let work = if disp_unit.starts_with("rad") {
         "N m"
     } else {

@@ -76,7 +76,7 @@ impl TimeChart<'_> {
             Reduce::Extremes => linear(&y, self.up, about, true),
             // Lateness is kept in seconds; the decades are named in µs.
             Reduce::Highest => Scaled {
-                ticks: y.decades(|e| micros_decade(e + 6)),
+                ticks: y.decades(|digit, e| micros_decade(digit, e + 6)),
                 name: self.up.words.to_owned(),
             },
         };

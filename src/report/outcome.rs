@@ -3,7 +3,7 @@
 //! Reads JSON by key and tolerates what it does not know: a report of an old or half-written folder is better than
 //! none. It never guesses: what is not there is said not to be there.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde_json::Value;
 
@@ -64,6 +64,13 @@ pub(super) fn verdict(run: &RunData) -> Verdict {
         ),
         None => (Tone::Bad, "No summary: how this run ended is not recorded"),
     };
+    let warned = warned(run);
+    let mut headline = headline.to_owned();
+    if warned > 0 {
+        tone = worse(tone);
+        let limits = if warned == 1 { "limit" } else { "limits" };
+        headline += &format!("; {warned} {limits} warned");
+    }
     let mut sentences = Vec::new();
     if let Some(why) = &run.unfinished {
         sentences.push(ended(why));
@@ -80,7 +87,8 @@ pub(super) fn verdict(run: &RunData) -> Verdict {
     if let Some(reason) = text(run, "reason").filter(|r| !r.trim().is_empty()) {
         sentences.push(ended(&format!("Reason: {reason}")));
     }
-    if let (Some(status), Tone::Warning) = (status.filter(|s| *s != "interrupted"), tone) {
+    let is_known = |s: &&str| !matches!(*s, "interrupted" | "completed");
+    if let (Some(status), Tone::Warning) = (status.filter(is_known), tone) {
         sentences.push(ended(&format!("Status: {status}")));
     }
     sentences.extend(extent(run));
@@ -119,9 +127,22 @@ pub(super) fn verdict(run: &RunData) -> Verdict {
     );
     Verdict {
         tone,
-        headline: headline.to_owned(),
+        headline,
         sentences,
     }
+}
+
+/// Number of limits whose warning level was passed, each counted once however often it was.
+fn warned(run: &RunData) -> usize {
+    let warnings = run.events.iter().filter(|event| {
+        let kind = event.get("event").or_else(|| event.get("kind"));
+        kind.and_then(Value::as_str) == Some("limit_warning")
+    });
+    let which = |event: &Value| {
+        ["specimen", "axis", "limit"].map(|key| event.get(key).map(ToString::to_string))
+    };
+    let limits: BTreeSet<_> = warnings.map(which).collect();
+    limits.len()
 }
 
 const fn worse(tone: Tone) -> Tone {
@@ -361,6 +382,29 @@ mod tests {
         ] {
             assert!(all.contains(part), "{part} is missing in:\n{all}");
         }
+    }
+
+    #[test]
+    fn limits_that_warned_are_no_unmixed_good_news_and_are_counted() {
+        let warned = |specimen: u64, limit: &str| json!({"event": "limit_warning", "specimen": specimen, "axis": 1, "limit": limit});
+        let of_test = json!({"event": "limit_warning", "limit": "delay_used"});
+        let events = vec![
+            warned(1, "measured_force_n"),
+            warned(1, "measured_force_n"),
+            warned(2, "measured_force_n"),
+            of_test,
+        ];
+        let v = of(json!({"status": "completed"}), events);
+        assert_eq!(v.tone, Tone::Warning);
+        assert!(v.headline.ends_with("to its end; 3 limits warned"), "{v:?}");
+        let v = of(json!({"status": "completed"}), vec![warned(1, "a")]);
+        assert!(v.headline.ends_with("; 1 limit warned"), "{v:?}");
+        let trip = json!({"event": "limit_trip", "limit": "a"});
+        let v = of(json!({"status": "stopped"}), vec![trip]);
+        assert!(
+            v.tone == Tone::Bad && !v.headline.contains("warned"),
+            "{v:?}"
+        );
     }
 
     #[test]

@@ -246,7 +246,7 @@ pub(super) fn tracking(first: &RunData, second: &RunData, a: &Rows<'_>, b: &Rows
             "largest error",
             Some(t.peak_error_m),
             Some(u.peak_error_m),
-            &|v| quantity(v, "m"),
+            &|v| quantity(v, name.disp_unit),
         );
         row("delay by cross-correlation", t.delay_s, u.delay_s, &second);
         row(

@@ -172,7 +172,7 @@ fn tiles(
     let mut tiles: Vec<(String, String)> = Vec::new();
     if let Some((dof, value)) = response::largest_displacement(run, rows) {
         tiles.push((
-            quantity(value, "m"),
+            quantity(value, rows.disp_unit(dof)),
             format!("largest displacement, DOF {dof}"),
         ));
     }

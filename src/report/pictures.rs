@@ -41,12 +41,19 @@ pub fn hero_svg(run: &RunData) -> String {
     picture(1240.0, 360.0, Skin::Picture, &label, |canvas| {
         let area = |x, y, w, h| Area { x, y, w, h };
         let shaking = Quantity {
-            words: "accel.",
-            unit: "m/s^2",
+            words: if rows.unit("ground") == "m" {
+                "displ."
+            } else {
+                "accel."
+            },
+            unit: rows.unit("ground"),
         };
+        let unit_of = |kind: &str| axis.map_or("1", |axis| rows.unit(&axis.column(kind)));
         let swaying = Quantity {
             words: "displ.",
-            unit: "m",
+            unit: top
+                .as_ref()
+                .map_or_else(|| unit_of("target"), |(dof, _)| rows.disp_unit(*dof)),
         };
         let commanded = side("target");
         let upper = area(10.0, 12.0, 500.0, 160.0);
@@ -87,11 +94,11 @@ pub fn hero_svg(run: &RunData) -> String {
             title: &measured,
             across: Quantity {
                 words: "displacement",
-                unit: "m",
+                unit: unit_of("meas"),
             },
             up: Quantity {
                 words: "force",
-                unit: "N",
+                unit: unit_of("force"),
             },
             line: Line {
                 name: "",

@@ -60,27 +60,27 @@ pub(super) fn response(rows: &Rows<'_>) -> Option<String> {
                 ))
             })
             .collect();
-        let Some((_, first, _)) = series.first() else {
-            continue;
-        };
-        // The largest lies at the bottom, so that the smaller ones are seen.
-        let mut lines: Vec<_> = series
-            .iter()
-            .map(|(i, name, y)| Line {
-                name,
-                x: &time,
-                y,
-                ink: Ink::Series(*i as u8),
-                width: 1.2,
-            })
-            .collect();
-        lines.sort_by(|a, b| {
-            let size = |line: &Line<'_>| metrics::peak(line.y).map_or(0.0, |p| p.value.abs());
-            size(b).total_cmp(&size(a))
-        });
-        let unit = rows.unit(&format!("{letter}{}", first.trim_start_matches("DOF ")));
-        let chart = TimeChart::history(title, Quantity { words, unit }, &lines);
-        markup += &history(240.0, &format!("{title} over test time"), &chart);
+        let unit_of = |name: &str| rows.unit(&column(letter, name));
+        for unit in units(series.iter().map(|(_, name, _)| unit_of(name))) {
+            // The largest lies at the bottom, so that the smaller ones are seen.
+            let mut lines: Vec<_> = series
+                .iter()
+                .filter(|(_, name, _)| unit_of(name) == unit)
+                .map(|(i, name, y)| Line {
+                    name,
+                    x: &time,
+                    y,
+                    ink: Ink::Series(*i as u8),
+                    width: 1.2,
+                })
+                .collect();
+            lines.sort_by(|a, b| {
+                let size = |line: &Line<'_>| metrics::peak(line.y).map_or(0.0, |p| p.value.abs());
+                size(b).total_cmp(&size(a))
+            });
+            let chart = TimeChart::history(title, Quantity { words, unit }, &lines);
+            markup += &history(240.0, &format!("{title} over test time"), &chart);
+        }
     }
     markup += &drifts(rows, &time);
     if shown.len() < dofs.len() {
@@ -97,6 +97,21 @@ pub(super) fn response(rows: &Rows<'_>) -> Option<String> {
             + &spectra(rows)
             + &peaks(rows, dofs, &time)),
     ))
+}
+
+/// The column of a DOF as a picture names it.
+fn column(letter: &str, name: &str) -> String {
+    format!("{letter}{}", name.trim_start_matches("DOF "))
+}
+
+/// Each unit once: displacements and rotations do not share an axis of a picture.
+fn units<'a>(all: impl Iterator<Item = &'a str>) -> Vec<&'a str> {
+    all.fold(Vec::new(), |mut units, unit| {
+        if !units.contains(&unit) {
+            units.push(unit);
+        }
+        units
+    })
 }
 
 /// Name of the column of a storey's drift, from 1.
@@ -133,11 +148,12 @@ fn drifts(rows: &Rows<'_>, time: &[f64]) -> String {
     if lines.is_empty() {
         return String::new();
     }
+    let unit = rows.unit(&drift(1));
     let chart = TimeChart::history(
         "Storey drift: displacement against the storey below",
         Quantity {
             words: "drift",
-            unit: "m",
+            unit,
         },
         &lines,
     );
@@ -146,7 +162,8 @@ fn drifts(rows: &Rows<'_>, time: &[f64]) -> String {
         Some((storey, metrics::peak(&values)?.value))
     });
     let peaks: Vec<(u32, f64)> = peaks.collect();
-    let words = |&(storey, value): &(u32, f64)| format!("storey {storey} {}", quantity(value, "m"));
+    let words =
+        |&(storey, value): &(u32, f64)| format!("storey {storey} {}", quantity(value, unit));
     let largest = peaks.iter().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
     let rest = match peaks.len().saturating_sub(MOST_DOFS) {
         0 => String::new(),
@@ -171,16 +188,20 @@ fn spectra(rows: &Rows<'_>) -> String {
             (format!("DOF {dof}"), x, y)
         })
         .collect();
-    let curves: Vec<_> = split.iter().map(|(name, x, y)| curve(name, x, y)).collect();
-    if curves.is_empty() {
-        return String::new();
+    let unit_of = |name: &str| rows.unit(&column("x", name));
+    let mut figures = String::new();
+    for unit in units(split.iter().map(|(name, ..)| unit_of(name))) {
+        let own = split.iter().filter(|(name, ..)| unit_of(name) == unit);
+        let curves: Vec<_> = own.map(|(name, x, y)| curve(name, x, y)).collect();
+        let title = "Frequency content of the displacements: Fourier amplitude";
+        let seconds = format!("{unit} s");
+        let picture = amplitudes(title, "amplitude", &seconds, &curves);
+        figures += &format!(
+            "<figure class=\"broad\">{}</figure>\n",
+            picture.svg(1040.0, 300.0, true)
+        );
     }
-    let title = "Frequency content of the displacements: Fourier amplitude";
-    let picture = amplitudes(title, "amplitude", "m s", &curves);
-    format!(
-        "<figure class=\"broad\">{}</figure>\n",
-        picture.svg(1040.0, 300.0, true)
-    )
+    figures
 }
 
 /// A curve by name.
@@ -275,7 +296,7 @@ fn peaks(rows: &Rows<'_>, dofs: &[u32], time: &[f64]) -> String {
     markup
 }
 
-/// The displacement of largest magnitude, for the top of the page: DOF and value in m.
+/// The displacement of largest magnitude, for the top of the page: DOF and value in its own unit. A rotation counts by its number.
 ///
 /// The summary's peaks cover DOFs that were not recorded; its magnitudes are without a sign.
 pub(super) fn largest_displacement(run: &RunData, rows: &Rows<'_>) -> Option<(u32, f64)> {

@@ -69,6 +69,13 @@ impl<'a> Rows<'a> {
         }
     }
 
+    /// Unit of the displacement of a DOF; that of all that are not recorded where this is not.
+    pub fn disp_unit(&self, dof: u32) -> &'a str {
+        let name = format!("x{dof}");
+        let is_recorded = self.get(&name).is_some();
+        if is_recorded { self.unit(&name) } else { "m" }
+    }
+
     /// Names of all columns that are kept.
     pub fn names(&self) -> Vec<String> {
         let tables = [&self.digest.table, &self.digest.ticks];

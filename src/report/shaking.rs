@@ -1,7 +1,8 @@
 //! The ground motion of a test: intensity, response spectrum and Fourier amplitudes.
 
 use super::axes::envelope;
-use crate::metrics::ground::{Intensity, Ordinate, intensity, periods, response_spectrum};
+use crate::metrics::ground::{Intensity, intensity};
+use crate::metrics::spectrum::{Ordinate, periods, response_spectrum};
 
 /// Damping of the response spectrum.
 pub(super) const RATIO: f64 = 0.05;

@@ -4,7 +4,7 @@
 
 use serde_json::Value;
 
-use super::canvas::{Anchor, Canvas, Ink, Lettering, fitted};
+use super::canvas::{Anchor, Canvas, Ink, Lettering};
 use super::charts::{Area, LABEL};
 use super::html::figure;
 use super::tested::specimen_name;
@@ -187,7 +187,7 @@ fn building(masses: &[f64], stiffness: &[f64], specimens: &[Joined]) -> String {
             let at = (right + 14.0, (below + above) / 2.0);
             let style = Lettering::new(LABEL, ink);
             let style = if here.is_empty() { style } else { style.bold() };
-            canvas.text(&fitted(&words, LABEL, area.w - at.0), at, style);
+            canvas.text(&style.fitted(&words, area.w - at.0), at, style);
         }
         let place_of = |dof: usize| {
             if dof == 0 {
@@ -218,13 +218,9 @@ fn building(masses: &[f64], stiffness: &[f64], specimens: &[Joined]) -> String {
             );
             canvas.line(from, to, Ink::Series(1), 3.0);
             let middle = ((from.0 + to.0) / 2.0, (from.1 + to.1) / 2.0 - 12.0);
-            canvas.text(
-                &fitted(&brace.name, LABEL, 120.0),
-                middle,
-                Lettering::new(LABEL, Ink::Series(1))
-                    .bold()
-                    .anchored(Anchor::Middle),
-            );
+            let style = Lettering::new(LABEL, Ink::Series(1)).bold();
+            let style = style.anchored(Anchor::Middle);
+            canvas.text(&style.fitted(&brace.name, 120.0), middle, style);
         }
         canvas.text(
             "ground",
@@ -297,14 +293,10 @@ fn nodes(n: usize, specimens: &[Joined]) -> String {
                 Ink::Series(1),
                 0.25,
             );
-            let name = fitted(&specimen.name, LABEL, 150.0);
-            canvas.text(
-                &name,
-                (middle, top + 13.0),
-                Lettering::new(LABEL, Ink::Text)
-                    .bold()
-                    .anchored(Anchor::Middle),
-            );
+            let style = Lettering::new(LABEL, Ink::Text).bold();
+            let style = style.anchored(Anchor::Middle);
+            let name = style.fitted(&specimen.name, 150.0);
+            canvas.text(&name, (middle, top + 13.0), style);
             if n == 0 {
                 canvas.text(
                     "← prescribed displacement →",

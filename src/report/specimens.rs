@@ -150,7 +150,7 @@ fn drawn(rows: &Rows<'_>, time: &[f64], axis: &Tracked<'_>) -> String {
         290.0,
         &label("target and measured around the largest target"),
         |canvas, area| zoom.draw(canvas, area),
-    ) + &content(digest);
+    ) + &content(axis);
     markup += &beside("pair", &figures);
     markup += &errors(axis);
     markup += &estimates(rows, time, axis);
@@ -191,11 +191,11 @@ fn error(rows: &Rows<'_>, time: &[f64], axis: &Tracked<'_>) -> String {
 }
 
 /// Frequency content of target, measured and their difference.
-fn content(digest: &AxisDigest) -> String {
+fn content(axis: &Tracked<'_>) -> String {
     let names = ["target", "measured", "measured − target"];
     let split: Vec<(&str, Vec<f64>, Vec<f64>)> = names
         .iter()
-        .zip(&digest.spectra)
+        .zip(&axis.digest.spectra)
         .map(|(name, points)| {
             let (x, y) = points.iter().copied().unzip();
             (*name, x, y)
@@ -206,7 +206,8 @@ fn content(digest: &AxisDigest) -> String {
     if curves.is_empty() {
         return String::new();
     }
-    let picture = amplitudes("Frequency content", "Fourier amplitude", "m s", &curves);
+    let unit = format!("{} s", axis.disp_unit);
+    let picture = amplitudes("Frequency content", "Fourier amplitude", &unit, &curves);
     format!("<figure>{}</figure>\n", picture.svg(510.0, 290.0, true))
 }
 

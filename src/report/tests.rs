@@ -129,6 +129,61 @@ fn a_prescribed_test_shows_stiffness_damping_and_lag_instead_of_a_response() {
     assert!(!page.contains("5.00\u{a0}m<"));
 }
 
+/// Every length and force that is written on a page or a picture: with a prefix or without, alone or per something.
+fn lengths_and_forces(page: &str) -> Vec<String> {
+    // Scripts are full of "(m)".
+    let own = page.find("<!--\nCharts: uPlot").unwrap_or(page.len());
+    let page = without_numbers(&page[..own]);
+    let mut found = Vec::new();
+    for prefix in ["", "k", "M", "m", "µ", "n"] {
+        for unit in ["m", "N", "m s", "m²", "N/m", "N·s/m"] {
+            for (before, after) in [
+                ("(", ")"),
+                ("\u{a0}", "<"),
+                ("\u{a0}", " "),
+                ("\u{a0}", ","),
+            ] {
+                let text = format!("{before}{prefix}{unit}{after}");
+                found.extend(page.contains(&text).then_some(text));
+            }
+        }
+    }
+    found
+}
+
+#[test]
+fn rotations_and_moments_are_shown_as_such_everywhere() {
+    // A prescribed rotation: nothing on the page is a length or a force.
+    let straight = prescribed();
+    let mut turned = straight.clone();
+    let turn = |run: &mut RunData| {
+        for column in &mut run.columns {
+            column.unit = match column.unit.as_str() {
+                "m" => "rad".to_owned(),
+                "N" => "N m".to_owned(),
+                other => other.to_owned(),
+            };
+        }
+    };
+    turn(&mut turned);
+    assert!(!lengths_and_forces(&render(&straight)).is_empty());
+    for page in [render(&turned), hero_svg(&turned)] {
+        assert_eq!(lengths_and_forces(&page), [""; 0]);
+        assert!(page.contains("(mrad)") && page.contains("N·m)"));
+    }
+    // A structure with a DOF that turns: it has a picture of its own beside those that do not.
+    let mut run = hybrid(4.0, 0);
+    let before = render(&run);
+    let mut others = run.columns.iter_mut();
+    others.find(|column| column.name == "x3").unwrap().unit = "rad".to_owned();
+    let page = render(&run);
+    let histories = |page: &str| page.matches("Displacement over test time").count();
+    assert_eq!(histories(&page), 2 * histories(&before));
+    assert!(page.contains("displacement (mm)") && page.contains("displacement (mrad)"));
+    assert!(page.contains("amplitude (mrad s)") || page.contains("amplitude (rad s)"));
+    assert!(hero_svg(&run).contains("displ. (mrad)"));
+}
+
 #[test]
 fn pictures_that_stand_alone_are_well_formed_and_say_what_they_show() {
     let run = hybrid(4.0, 0);

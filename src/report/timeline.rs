@@ -29,6 +29,7 @@ const KINDS: [(&str, &[&str], Ink); 5] = [
             "rows_lost",
             "not_granted",
             "misfit",
+            "unsettled",
         ],
         Ink::Series(4),
     ),

@@ -81,7 +81,7 @@ pub struct TimingSpec {
     /// More deadline misses within `miss_window_s` than these are warned of.
     pub warn_misses_in_window: Option<u64>,
     /// Ticks at the start, in which the specimens hold, whose timing is counted apart and whose misses stop nothing. Absent:
-    /// 200, but no longer than 0.5 s, and at least 2.
+    /// 200, but no longer than 0.5 s, and at least 2. More than 200 may take 600 s at most.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub warmup_ticks: Option<u64>,
 }

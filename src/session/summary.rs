@@ -15,6 +15,7 @@ use crate::rt::Granted;
 use crate::rt::timing::export::write_hgrm;
 use crate::rt::timing::{Quantity, Timing};
 use crate::rt::wall::Wall;
+use crate::substructure::LinkFault;
 
 /// When the loop began, and how long it took on the wall.
 #[derive(Debug, Clone, Copy)]
@@ -88,6 +89,7 @@ pub(super) fn summarise(
             .unwrap_or("the queue was full");
         warnings.push(format!("{} rows are LOST: {cause}", recorded.rows_lost()));
     }
+    warnings.extend(outcome.map(unsettled).into_iter().flatten());
     let summary = Summary {
         status: match finish {
             Finish::Completed => Status::Completed,
@@ -124,6 +126,19 @@ pub(super) fn summarise(
         left: outcome.map(left).unwrap_or_default(),
     };
     (finish, summary)
+}
+
+/// Specimens whose simulated actuators did not come to terms with what they move, in sentences.
+fn unsettled(outcome: &Outcome) -> Vec<String> {
+    let each = outcome.ports.iter().filter(|port| port.2.unsettled > 0);
+    let sentence = |(name, _, link): &(String, Vec<f64>, crate::control::LinkCount)| {
+        format!(
+            "specimen \"{name}\": in {} ticks the servo-hydraulic actuator and the law did not come to terms: what was measured \
+             then is not exact; a finer tick (`ticks_per_step`) settles it",
+            link.unsettled
+        )
+    };
+    each.map(sentence).collect()
 }
 
 /// Topics of the machine that a reader of a report wants to know.
@@ -184,6 +199,11 @@ fn not_reached(outcome: &Outcome) -> impl Iterator<Item = (usize, &Left)> {
 const fn finish_of(stop: &Stop) -> Finish {
     match stop {
         Stop::Operator => Finish::Interrupted,
+        // There is no link to fail where a law is computed in this process.
+        Stop::Link {
+            fault: LinkFault::Diverged,
+            ..
+        } => Finish::Stopped,
         // A specimen that must not be armed is a peer that failed.
         Stop::Link { .. } | Stop::Misfit { .. } => Finish::LinkFailed,
         Stop::Internal => Finish::Panicked,

@@ -16,9 +16,10 @@ use crate::engine::{Experiment, GIVEN_UP, Operator, Phase};
 use crate::record::{
     Column, Event, EventKind, FolderError, Journal, Layout, Recorder, Run, WarmUpRows,
 };
+use crate::substructure::Status;
 
-/// Rows to come that must be known: this one, and the one in which a confirmation shows.
-const AHEAD: usize = 2;
+/// Rows to come that must be known: this one, and the two in which a confirmation shows.
+const AHEAD: usize = 3;
 
 /// A checkpoint that came out as it was recorded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -70,6 +71,9 @@ pub(super) struct Tape {
     /// Test time of the last of them, s.
     pub time: f64,
     places: [usize; 3],
+    /// Places of the commands, and of the specimens' statuses.
+    commands: Vec<usize>,
+    statuses: Vec<usize>,
     /// Whether the operator wanted a hold before the row that comes.
     holding: bool,
     /// Number of steps of the test, and state and step of the row before the one that comes.
@@ -98,6 +102,11 @@ impl Tape {
         only_the_test: bool,
     ) -> Self {
         let place = |name: &str| layout.index_of(name).unwrap_or(usize::MAX);
+        let places = |kind: &str| {
+            let columns = layout.columns().iter().enumerate();
+            let of_kind = columns.filter(|(_, column)| column.name.starts_with(kind));
+            of_kind.map(|(index, _)| index).collect()
+        };
         let mut tape = Self {
             journal: recording.journal,
             columns: experiment.columns(),
@@ -106,6 +115,8 @@ impl Tape {
             row: 0,
             time: f64::NAN,
             places: [place("state"), place("hold"), place("time")],
+            commands: places("cmd_"),
+            statuses: places("status_"),
             holding: false,
             steps: experiment.steps,
             before: None,
@@ -172,7 +183,7 @@ impl Tape {
     }
 
     /// What the operator said before the tick of the row that comes: a wish for a hold stands in it, a confirmation shows in
-    /// the row behind it. He is heard once a tick, so that is all.
+    /// the rows behind it. He is heard once a tick, so that is all.
     fn request(&mut self) -> Option<Operator> {
         let state = self.phase(0)?;
         if state == GIVEN_UP {
@@ -203,9 +214,26 @@ impl Tape {
             });
         }
         let (now, next) = (self.phase(0)?, self.phase(1)?);
-        let goes_on = !is_a_trip(next) && next != Phase::Leaving.code();
-        let confirmed = now == Phase::Zeroing.code() && now != next && goes_on && !holding;
-        confirmed.then_some(Operator::Continue)
+        let confirmed =
+            now == Phase::Zeroing.code() && now != next && self.went_on_from_zeroing(next);
+        (confirmed && !holding).then_some(Operator::Continue)
+    }
+
+    /// True if the row behind the one that comes, of another phase than zeroing, says that what was read had been confirmed
+    /// before it. Nobody is led out of zeroing: rows of a way out are of a test that had gone on, and so is a trip that
+    /// anything follows, that stands in a row only for the sake of the way out, or in which a specimen has moved. A trip of
+    /// which none of it is true is the same in both.
+    fn went_on_from_zeroing(&self, next: f64) -> bool {
+        let (Some(here), Some(there)) = (self.ahead.front(), self.ahead.get(1)) else {
+            return false;
+        };
+        if !is_a_trip(next) || next == GIVEN_UP || self.ahead.len() > 2 {
+            return true;
+        }
+        let is_lost = |index: &usize| Status(at(Some(there), *index) as u32).has(Status::LOST);
+        let moved =
+            |index: &usize| at(Some(here), *index).to_bits() != at(Some(there), *index).to_bits();
+        self.statuses.iter().any(is_lost) || self.commands.iter().any(moved)
     }
 
     /// Says what the operator said before the row that comes. Nothing left to compare with: the loop may end.

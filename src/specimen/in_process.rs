@@ -93,11 +93,14 @@ fn break_down(time: f64) -> ! {
 
 /// What a specimen says of itself.
 pub(crate) fn status<S: Specimen + ?Sized>(specimen: &S) -> Status {
+    let mut status = Status::default();
     if specimen.is_saturated() {
-        Status::SATURATED
-    } else {
-        Status::default()
+        status.0 |= Status::SATURATED.0;
     }
+    if !specimen.is_settled() {
+        status.0 |= Status::UNSETTLED.0;
+    }
+    status
 }
 
 impl<S: Specimen> Substructure for InProcess<S> {
@@ -163,7 +166,7 @@ impl<S: Specimen> Substructure for InProcess<S> {
                     finite &= disp.is_finite() && measured.is_finite() && force.is_finite();
                 }
                 if !finite {
-                    return Err(self.fault(LinkFault::NotFinite));
+                    return Err(self.fault(LinkFault::Diverged));
                 }
                 self.phase = Phase::Answered;
             }
@@ -366,14 +369,14 @@ mod tests {
         let mut into = Measurement::zeros(2);
         port.issue(&command(0, &[0.0, f64::NAN], &[0.0; 2]))
             .unwrap();
-        let lost = Err(LinkFault::NotFinite);
+        let lost = Err(LinkFault::Diverged);
         assert_eq!(port.collect(Nanos(0), &mut into), lost);
         assert_eq!(port.collect(Nanos(0), &mut into), lost);
         assert_eq!(
             port.issue(&command(1, &[0.0; 2], &[0.0; 2])),
-            Err(LinkFault::NotFinite)
+            Err(LinkFault::Diverged)
         );
-        assert_eq!(port.accepted(0), Err(LinkFault::NotFinite));
+        assert_eq!(port.accepted(0), Err(LinkFault::Diverged));
     }
 
     #[test]

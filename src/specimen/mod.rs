@@ -44,6 +44,17 @@ pub trait Specimen: Send + std::fmt::Debug {
         false
     }
 
+    /// False if an actuator and what it moves did not come to terms in the last trial: its answer is not exact.
+    fn is_settled(&self) -> bool {
+        true
+    }
+
+    /// Told before the first trial, where it is known: commands come every `seconds` of wall time, 0 where that is not known any
+    /// more. Whoever samples at that rate cannot see it while test time stands still.
+    fn commanded_every(&mut self, seconds: f64) {
+        let _ = seconds;
+    }
+
     /// The last trial becomes the committed state.
     fn commit(&mut self);
 
@@ -90,6 +101,14 @@ impl<S: Specimen + ?Sized> Specimen for Box<S> {
 
     fn is_saturated(&self) -> bool {
         (**self).is_saturated()
+    }
+
+    fn is_settled(&self) -> bool {
+        (**self).is_settled()
+    }
+
+    fn commanded_every(&mut self, seconds: f64) {
+        (**self).commanded_every(seconds);
     }
 
     fn commit(&mut self) {

@@ -117,6 +117,14 @@ impl<S: Specimen> Specimen for Platform<S> {
         self.specimen.is_saturated()
     }
 
+    fn is_settled(&self) -> bool {
+        self.specimen.is_settled()
+    }
+
+    fn commanded_every(&mut self, seconds: f64) {
+        self.specimen.commanded_every(seconds);
+    }
+
     fn commit(&mut self) {
         self.specimen.commit();
     }

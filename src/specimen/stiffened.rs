@@ -50,6 +50,14 @@ impl Specimen for Stiffened {
         self.inner.is_saturated()
     }
 
+    fn is_settled(&self) -> bool {
+        self.inner.is_settled()
+    }
+
+    fn commanded_every(&mut self, seconds: f64) {
+        self.inner.commanded_every(seconds);
+    }
+
     fn commit(&mut self) {
         self.inner.commit();
     }

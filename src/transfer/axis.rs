@@ -13,6 +13,12 @@ const DISP: usize = 0;
 const VEL: usize = 1;
 const FORCE: usize = 2;
 
+/// A correction that falls by less than this a round does so slowly, or not at all.
+const SLOWLY: f64 = 0.25;
+/// Least and most of a correction that a secant may go; the least, too, where it leads away. The most is needed by what slips
+/// from a stiffness that is far above that of the mass and the tick.
+const SHARES: [f64; 2] = [1.0 / 64.0, 1024.0];
+
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 struct State {
     /// Delayed command.
@@ -59,6 +65,8 @@ pub(super) struct Axis {
     primed: bool,
     committed: State,
     trial: State,
+    /// The last correction of this trial and what was made of it; none before the first.
+    corrected: Option<(f64, f64)>,
     command: [f64; 2],
     pub disp: f64,
     pub vel: f64,
@@ -94,6 +102,7 @@ impl Axis {
             primed: false,
             committed: State::default(),
             trial: State::default(),
+            corrected: None,
             command: [0.0; 2],
             disp: 0.0,
             vel: 0.0,
@@ -189,26 +198,52 @@ impl Axis {
             }
         }
         self.trial = now;
+        self.corrected = None;
         self.limit(dt);
     }
 
-    /// The specimen resists with `force` where [`Axis::go`] took it: false if that is not what was expected, so that it
-    /// stands elsewhere now. Real-time: yes.
-    pub fn correct(&mut self, force: f64) -> bool {
+    /// The specimen resists with `force` where [`Axis::go`] took it: zero if that is what was expected; else the share of it that
+    /// was not, and it stands elsewhere now. Real-time: yes.
+    pub fn correct(&mut self, force: f64) -> f64 {
         let Dynamics::Servo(servo) = &self.dynamics else {
-            return true;
+            return 0.0;
         };
         let linear = servo.stiffness * self.disp + servo.damping * self.vel;
         let residual = force - linear;
         let change = residual - self.trial.residual;
+        let size = force.abs() + linear.abs();
         // The roundoff of both sums is no change.
-        if change.abs() <= 1e-12 * (force.abs() + linear.abs()) || self.dt <= 0.0 {
-            return true;
+        if change.abs() <= 1e-12 * size || self.dt <= 0.0 {
+            return 0.0;
         }
-        self.trial.residual = residual;
-        servo.tick.add_to_end(&mut self.trial.x, 1, change);
+        // What falls quickly is left to itself; else the secant through this correction and the last says how far to go.
+        let step = match self.corrected {
+            Some((before, way)) if change.abs() > SLOWLY * before.abs() => {
+                let share = way / (before - change);
+                let [least, most] = SHARES;
+                change
+                    * if share > least {
+                        share.min(most)
+                    } else {
+                        least
+                    }
+            }
+            _ => change,
+        };
+        self.corrected = Some((change, step));
+        self.trial.residual = if step == change {
+            residual
+        } else {
+            self.trial.residual + step
+        };
+        servo.tick.add_to_end(&mut self.trial.x, 1, step);
         self.limit(self.dt);
-        false
+        // A number that is none is no small share.
+        if change.is_finite() {
+            change.abs() / size
+        } else {
+            f64::INFINITY
+        }
     }
 
     fn limit(&mut self, dt: f64) {

@@ -13,7 +13,7 @@ pub struct DispSensorSpec {
     /// Root mean square of white noise in m; not with `noise_power_m2_s`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub noise_rms_m: Option<f64>,
-    /// Power of white noise in m² s: its variance is this over the tick.
+    /// Power of white noise in m² s: its variance is this over the tick, also while test time stands still.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub noise_power_m2_s: Option<f64>,
     /// Constant error in m.
@@ -34,7 +34,7 @@ pub struct ForceSensorSpec {
     /// Root mean square of white noise in N; not with `noise_power_n2_s`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub noise_rms_n: Option<f64>,
-    /// Power of white noise in N² s: its variance is this over the tick.
+    /// Power of white noise in N² s: its variance is this over the tick, also while test time stands still.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub noise_power_n2_s: Option<f64>,
     /// Constant error in N.

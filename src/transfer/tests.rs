@@ -398,3 +398,115 @@ fn loops_decay_below_the_critical_delay_or_lag_and_grow_above_it() {
         }
     }
 }
+
+#[test]
+fn noise_of_a_given_power_is_that_of_the_tick_also_before_time_has_passed() {
+    let rms = |told: f64, dt: f64| {
+        let mut plant = behind(
+            "seed = 5\n[force_sensor]\nnoise_power_n2_s = 1e-3",
+            spring(1.19e6, 0.0),
+        );
+        plant.commanded_every(told);
+        let (n, mut sum, mut force) = (4000, 0.0, [0.0]);
+        for _ in 0..n {
+            plant.trial(&[0.0], &[0.0], dt, &mut force);
+            plant.commit();
+            sum += force[0] * force[0];
+        }
+        (sum / f64::from(n)).sqrt()
+    };
+    let exact = (1e-3 / DT).sqrt();
+    // Five standard deviations of an rms of 4000 readings, 1/√8000 each.
+    for (told, dt) in [(DT, 0.0), (DT, DT), (0.0, DT)] {
+        assert!((rms(told, dt) / exact - 1.0).abs() < 0.056, "{told} {dt}");
+    }
+    // A test that runs slower than its time is read as often as it is commanded.
+    let slow = rms(100.0 * DT, DT) * 10.0;
+    assert!((slow / exact - 1.0).abs() < 0.056, "{slow}");
+    // Nobody said how often.
+    assert_eq!(rms(0.0, 0.0), 0.0);
+}
+
+fn law(text: &str) -> Box<dyn Specimen> {
+    let law: LawSpec = toml::from_str(text).unwrap();
+    SpecimenLaw::Law(law).build(1).unwrap()
+}
+
+/// What of the specimen's force is not in the actuator's equations at the end of the last trial.
+fn left_over(plant: &mut Transfer, dt: f64) -> f64 {
+    let mut force = [0.0];
+    plant.law.trial(&plant.disp, &plant.vel, dt, &mut force);
+    plant.axes[0].clone().correct(force[0])
+}
+
+#[test]
+fn at_coarse_ticks_an_actuator_comes_to_terms_with_laws_that_bend_sharply() {
+    let laws = [
+        "bilinear = { stiffness_n_per_m = 1.19e6, yield_force_n = 1190.0, post_yield_ratio = 0.05 }",
+        "cubic = { stiffness_n_per_m = 2e5, cubic_n_per_m3 = 1e11 }",
+        "parallel = [{ linear = { stiffness_n_per_m = 2e5 } }, \
+         { bilinear = { stiffness_n_per_m = 3e6, yield_force_n = 900.0, post_yield_ratio = 0.0 } }]",
+    ];
+    for (text, rate) in laws
+        .iter()
+        .flat_map(|law| [1000, 400, 200, 100].map(|rate| (law, rate)))
+    {
+        let mut plant = behind("actuator.servo_hydraulic = {}", law(text));
+        let dt = 1.0 / f64::from(rate);
+        let mut force = [0.0];
+        for k in 0..2 * rate {
+            let disp = [6e-3 * libm::sin(9.0 * dt * f64::from(k))];
+            let dt = if k == 0 { 0.0 } else { dt };
+            plant.trial(&disp, &[0.0], dt, &mut force);
+            assert!(plant.is_settled(), "{text} at {rate} Hz, tick {k}");
+            let left = left_over(&mut plant, dt);
+            assert!(left <= SETTLED, "{text} at {rate} Hz, tick {k}: {left:e}");
+            plant.commit();
+        }
+    }
+}
+
+/// A force that jumps where the specimen passes zero: nothing is in equilibrium between.
+#[derive(Debug, Default)]
+struct Jump;
+
+impl Specimen for Jump {
+    fn axes(&self) -> usize {
+        1
+    }
+    fn trial(&mut self, disp: &[f64], _: &[f64], _: f64, force: &mut [f64]) {
+        force[0] = 2e4_f64.copysign(disp[0]);
+    }
+    fn commit(&mut self) {}
+    fn revert(&mut self) {}
+    fn reference(&self, stiffness: &mut [f64], damping: &mut [f64], mass: &mut [f64]) {
+        (stiffness[0], damping[0], mass[0]) = (1e5, 0.0, 0.0);
+    }
+    fn tangent(&self, stiffness: &mut [f64]) {
+        stiffness[0] = 0.0;
+    }
+    fn bound(&self, _: &[Reach], _: &mut [f64], _: &mut [f64]) -> Result<(), usize> {
+        Ok(())
+    }
+    fn freeze(&self, _: &mut Vec<f64>) {}
+    fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
+        from
+    }
+}
+
+#[test]
+fn an_actuator_that_does_not_come_to_terms_says_so() {
+    let mut plant = behind("actuator.servo_hydraulic = {}", Box::new(Jump));
+    let (dt, mut force, mut unsettled) = (0.01, [0.0], 0);
+    for k in 0..300 {
+        let disp = [2e-3 * libm::cos(9.0 * dt * f64::from(k))];
+        plant.trial(&disp, &[0.0], if k == 0 { 0.0 } else { dt }, &mut force);
+        assert!(force[0].is_finite() && plant.achieved()[0].abs() < 0.1);
+        if left_over(&mut plant, dt) > SETTLED {
+            unsettled += usize::from(!plant.is_settled());
+            assert!(!plant.is_settled(), "tick {k}");
+        }
+        plant.commit();
+    }
+    assert!(unsettled > 0, "it cannot be in equilibrium everywhere");
+}

@@ -3,20 +3,16 @@
 //! GUSSET_FAULT_SEEDS is their number, GUSSET_FAULT_SEED the first of them; `tools/faults` sets both.
 
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
 
 use gusset::config::{Loaded, load};
-use gusset::control::limits::LimitsSpec;
 use gusset::engine::Operator;
-use gusset::law::LawSpec;
-use gusset::link::NativeSetup;
 use gusset::link::fault::{Channel, Fault, Kind, Script, Way};
-use gusset::link::serve::Host;
-use gusset::specimen::{Specimen, Uniaxial};
 
 use crate::invariants;
 use crate::lab::{Extra, Played, play};
+use crate::rig;
 
 /// In CI.
 const SEEDS: u64 = 10_000;
@@ -47,15 +43,15 @@ impl Chance {
         (self.next() >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    fn below(&mut self, count: u64) -> u64 {
+    pub fn below(&mut self, count: u64) -> u64 {
         self.next() % count
     }
 
-    fn between(&mut self, low: f64, high: f64) -> f64 {
+    pub fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.share()
     }
 
-    fn one_in(&mut self, count: u64) -> bool {
+    pub fn one_in(&mut self, count: u64) -> bool {
         self.below(count) == 0
     }
 }
@@ -249,34 +245,35 @@ fn hasty_operator(chance: &mut Chance) -> Vec<(u64, Operator)> {
     says
 }
 
-/// A far end in the units of the link, with limits of its own in one test out of two.
-pub fn host(loaded: &Loaded, index: usize, setup: &NativeSetup, limited: bool) -> Host {
-    let stiffness = if index == 0 { 15e6 } else { 2e6 };
-    let text = format!(
-        "bouc_wen = {{ stiffness_n_per_m = {stiffness}, yield_force_n = {}, post_yield_ratio = 0.1, beta = 0.5, \
-         gamma = 0.5, exponent = 2 }}",
-        stiffness * 0.008
-    );
-    let spec: LawSpec = toml::from_str(&text).unwrap();
-    let build = move || {
-        let law = spec.build().map_err(|error| error.to_string())?;
-        let specimen = Uniaxial::new(vec![law]).map_err(|error| error.to_string())?;
-        Ok(Box::new(specimen) as Box<dyn Specimen>)
-    };
-    let name = loaded.file.specimen[index].name.clone();
-    let host = Host::new(name, setup.axes.clone(), Box::new(build)).unwrap();
-    let own: LimitsSpec = toml::from_str("command_disp_m = { trip = [-0.03, 0.03] }").unwrap();
-    host.limited(if limited { vec![own] } else { Vec::new() })
+/// One test of the campaign.
+pub struct Case {
+    pub script: Script,
+    /// As it is meant.
+    pub loaded: Loaded,
+    pub played: Result<Played, String>,
+}
+
+/// Whether the rigs stand where the test begins, as they all once did, or anywhere.
+#[derive(Clone, Copy, PartialEq)]
+enum Stand {
+    AtZero,
+    Anywhere,
 }
 
 /// The test with this seed, and what happens in it. `as_played` changes the test that is played, not the one that is meant.
 fn one_as(
     tests: &[Loaded],
     seed: u64,
+    stand: Stand,
     as_played: impl Fn(&Loaded) -> Option<Loaded>,
-) -> (Script, &Loaded, Result<Played, String>) {
+) -> Case {
     let mut chance = Chance::new(seed);
     let loaded = &tests[chance.below(tests.len() as u64) as usize];
+    let (loaded, places) = match stand {
+        Stand::AtZero => (loaded.clone(), Vec::new()),
+        Stand::Anywhere => rig::draw(seed, loaded),
+    };
+    // A far end has limits of its own in one test out of two.
     let limited = chance.one_in(2);
     let script = script(seed, &mut chance);
     let second = Script {
@@ -291,20 +288,51 @@ fn one_as(
     let extra = Extra {
         script: Some(&script),
         operator: operator(seed, &mut chance),
+        confirms_after: seed % 7,
         ..Extra::default()
     };
-    let other = as_played(loaded);
-    let played = play(other.as_ref().unwrap_or(loaded), extra, |index, setup| {
+    let other = as_played(&loaded);
+    let mut seen = Vec::new();
+    let played = play(other.as_ref().unwrap_or(&loaded), extra, |index, setup| {
         let faults = if index == 0 { &script } else { &second };
-        host(loaded, index, setup, limited)
+        let place = places.get(index).copied().unwrap_or_default();
+        let (host, mut at) = rig::host(&loaded, index, setup, &place);
+        if faults
+            .fault
+            .iter()
+            .any(|fault| moves_by_itself(&fault.kind))
+        {
+            // What is wrong with the actuator takes it elsewhere.
+            at.driven = Arc::default();
+        }
+        seen.push(at);
+        let own = limited.then(|| rig::own_limits(&place));
+        host.limited(own.into_iter().collect())
             .faulty(faults.clone())
             .unwrap()
     });
-    (script, loaded, played)
+    let played = played.map(|played| Played { seen, ..played });
+    Case {
+        script,
+        loaded,
+        played,
+    }
 }
 
-fn one(tests: &[Loaded], seed: u64) -> (Script, &Loaded, Result<Played, String>) {
-    one_as(tests, seed, |_| None)
+/// True for what goes wrong between a command and the actuator.
+const fn moves_by_itself(kind: &Kind) -> bool {
+    matches!(
+        kind,
+        Kind::Frozen
+            | Kind::Stroke { .. }
+            | Kind::Rate { .. }
+            | Kind::ForceLimit { .. }
+            | Kind::Lag { .. }
+    )
+}
+
+fn one(tests: &[Loaded], seed: u64) -> Case {
+    one_as(tests, seed, Stand::Anywhere, |_| None)
 }
 
 fn from_environment(name: &str, usual: u64) -> u64 {
@@ -321,7 +349,13 @@ fn whatever_goes_wrong_what_must_hold_holds() {
     let seeds = from_environment("GUSSET_FAULT_SEEDS", SEEDS);
     let first = from_environment("GUSSET_FAULT_SEED", 0);
     let tests = tests();
-    let again: &[u64] = if first == 0 { &AGAIN } else { &[] };
+    // Once as they were then, and once more with rigs that stand anywhere.
+    let again: Vec<(u64, Stand)> = if first == 0 {
+        let both = |seed: &u64| [(*seed, Stand::AtZero), (*seed, Stand::Anywhere)];
+        AGAIN.iter().flat_map(both).collect()
+    } else {
+        Vec::new()
+    };
     let next = AtomicU64::new(0);
     let wrong = Mutex::new(Vec::new());
     let ends = Mutex::new(std::collections::BTreeMap::<String, u64>::new());
@@ -335,11 +369,16 @@ fn whatever_goes_wrong_what_must_hold_holds() {
                     if number >= seeds + again.len() as u64 || wrong.lock().unwrap().len() >= 5 {
                         return;
                     }
-                    let seed = match again.get(number as usize) {
-                        Some(seed) => *seed,
-                        None => first + number - again.len() as u64,
+                    let (seed, stand) = match again.get(number as usize) {
+                        Some(again) => *again,
+                        None => (first + number - again.len() as u64, Stand::Anywhere),
                     };
-                    let (script, loaded, played) = one(&tests, seed);
+                    let case = one_as(&tests, seed, stand, |_| None);
+                    let Case {
+                        script,
+                        loaded,
+                        played,
+                    } = case;
                     let outcome = played.and_then(|played| {
                         steps.fetch_add(played.outcome.steps, Ordering::Relaxed);
                         let (reason, exit) = played.verdict();
@@ -353,7 +392,7 @@ fn whatever_goes_wrong_what_must_hold_holds() {
                             .unwrap()
                             .entry(format!("{exit:3} {sort}"))
                             .or_default() += 1;
-                        invariants::check(loaded, &played).map_err(|text| {
+                        invariants::check(&loaded, &played).map_err(|text| {
                             format!(
                                 "{text}\n{:?}, exit {exit}: {reason}\n{}",
                                 played.path(),
@@ -402,21 +441,46 @@ fn a_controller_that_forgets_its_limits_is_found_out() {
     };
     let tests = tests();
     let found = (0..300).filter(|seed| {
-        let (_, loaded, played) = one_as(&tests, *seed, forgetful);
-        let played = played.unwrap();
-        invariants::check(loaded, &played).is_err_and(|text| text.contains("command"))
+        let case = one_as(&tests, *seed, Stand::AtZero, forgetful);
+        let played = case.played.unwrap();
+        invariants::check(&case.loaded, &played).is_err_and(|text| text.contains("command"))
     });
     let found = found.count();
     assert!(found >= 3, "only {found} of 300");
 }
 
 #[test]
+fn a_rig_that_stands_elsewhere_than_believed_or_is_driven_elsewhere_than_told_is_found_out() {
+    let tests = tests();
+    let (mut elsewhere, mut astray) = (0, 0);
+    for seed in 0..60 {
+        let case = one(&tests, seed);
+        let mut played = case.played.unwrap();
+        let says = |played: &Played, words: &str| {
+            invariants::check(&case.loaded, played).is_err_and(|text| text.contains(words))
+        };
+        let units = case.loaded.file.specimen[0].units_of(1)[0];
+        let is_driven = !played.seen[0].driven.lock().unwrap().is_empty();
+        if is_driven {
+            let place = played.seen[0].stood + 0.001 / units.metres;
+            played.seen[0].driven.lock().unwrap().push(place);
+            astray += u32::from(says(&played, "which was not commanded"));
+        }
+        played.seen[0].stood += 0.02 / units.metres;
+        elsewhere += u32::from(says(&played, "command 0"));
+    }
+    assert!(
+        elsewhere >= 30 && astray >= 25,
+        "only {elsewhere} and {astray} of 60"
+    );
+}
+
+#[test]
 fn two_plays_of_one_seed_are_the_same_to_the_last_bit() {
     let tests = tests();
     for seed in [3, 5, 11, 17] {
-        let (_, _, one_play) = one(&tests, seed);
-        let (_, _, other) = one(&tests, seed);
-        let (one_play, other) = (one_play.unwrap(), other.unwrap());
+        let (one_play, other) = (one(&tests, seed), one(&tests, seed));
+        let (one_play, other) = (one_play.played.unwrap(), other.played.unwrap());
         assert_eq!(one_play.samples, other.samples, "seed {seed}");
         assert_eq!(one_play.events_jsonl, other.events_jsonl, "seed {seed}");
         assert_eq!(one_play.taps, other.taps, "seed {seed}");

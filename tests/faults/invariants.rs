@@ -32,6 +32,7 @@ pub fn check(loaded: &Loaded, played: &Played) -> Result<(), String> {
         commands_are_kept_in_order(tap).map_err(wrong)?;
         commands_respect_their_limits(loaded, port, played).map_err(wrong)?;
         moves_only_when_meant(loaded, port, played).map_err(wrong)?;
+        is_driven_where_it_was_told(port, played).map_err(wrong)?;
     }
     let replay = &played.replay;
     ensure!(
@@ -175,14 +176,17 @@ fn commands_respect_their_limits(
     played: &Played,
 ) -> Result<(), String> {
     let tick = loaded.time.period.value();
+    let runs = played.entries().find(|(_, to)| *to == "running");
+    let runs = runs.map_or(u64::MAX, |(at, _)| at);
+    let stood = played.stood(port);
     let mut last: Option<&Vec<f64>> = None;
     let mut of_axes = None;
     for tapped in &played.taps[port] {
         let Tapped::Sent {
+            at,
             kind: Kind::Command,
             sequence,
             disp,
-            ..
         } = tapped
         else {
             continue;
@@ -195,17 +199,52 @@ fn commands_respect_their_limits(
                 to >= low * SLACK && to <= high * SLACK,
                 "command {sequence}, axis {axis}: {to} m is outside of {low} to {high} m"
             );
-            let Some(from) = last.and_then(|last| last.get(axis)) else {
-                continue;
-            };
+            // The first is a step from where the rig stands.
+            let from = last.and_then(|last| last.get(axis)).unwrap_or(&stood);
             let step = (to - from * metres).abs();
-            let allowed = limits.command_step.trip.min(limits.command_vel.trip * tick);
+            let mut allowed = limits.command_step.trip.min(limits.command_vel.trip * tick);
+            if at.0 < runs && allowed == f64::INFINITY {
+                allowed = UNBOUNDED_M_PER_S * tick;
+            }
             ensure!(
-                step <= allowed * SLACK,
+                step <= allowed * SLACK + ROUNDOFF_M,
                 "command {sequence}, axis {axis}: a step of {step} m, allowed {allowed} m"
             );
         }
         last = Some(disp);
+    }
+    Ok(())
+}
+
+/// Speed before the test of a specimen without a limit of speed: half a cosine of 0.1 m in the second that it is given at least,
+/// the largest probe, and what a static load moves.
+const UNBOUNDED_M_PER_S: f64 = 0.25;
+/// In m, of differences of displacements in mm.
+const ROUNDOFF_M: f64 = 1e-15;
+
+/// Where the actuator of a specimen is driven is where it stood, or a command that was sent, in the order of the commands: with
+/// what is said of those, no step from one to the next is larger than all the commands on the way together may be.
+fn is_driven_where_it_was_told(port: usize, played: &Played) -> Result<(), String> {
+    let Some(seen) = played.seen.get(port) else {
+        return Ok(());
+    };
+    let sent = played.taps[port].iter().filter_map(|tapped| match tapped {
+        Tapped::Sent {
+            kind: Kind::Command,
+            disp,
+            ..
+        } => disp.first().copied(),
+        _ => None,
+    });
+    let mut places = std::iter::once(seen.stood).chain(sent).peekable();
+    for driven in seen.driven.lock().unwrap().iter() {
+        while places.peek().is_some_and(|place| place != driven) {
+            places.next();
+        }
+        ensure!(
+            places.peek().is_some(),
+            "driven to {driven}, which was not commanded, or not any more"
+        );
     }
     Ok(())
 }
@@ -233,7 +272,9 @@ fn moves_only_when_meant(loaded: &Loaded, port: usize, played: &Played) -> Resul
         .exit_speed_m_per_s
         .unwrap_or(f64::INFINITY);
     let allowed = speed * loaded.time.period.value() * SLACK;
-    let mut last: Option<(&Vec<f64>, u64)> = None;
+    let stood = vec![played.stood(port)];
+    // The first command is none but where the rig stands, too.
+    let mut last: Option<(&Vec<f64>, Option<u64>)> = played.seen.get(port).map(|_| (&stood, None));
     let mut of_axes = None;
     for tapped in &played.taps[port] {
         let Tapped::Sent {
@@ -251,7 +292,7 @@ fn moves_only_when_meant(loaded: &Loaded, port: usize, played: &Played) -> Resul
         }
         let limits = of_axes.get_or_insert_with(|| limits(loaded, port, disp.len()));
         if let Some((from, number)) = last
-            && *sequence > number
+            && number.is_none_or(|number| *sequence > number)
         {
             let steps = from.iter().zip(disp).zip(limits.iter());
             let far = steps.map(|((from, to), (_, metres))| (to - from).abs() * metres);
@@ -270,7 +311,7 @@ fn moves_only_when_meant(loaded: &Loaded, port: usize, played: &Played) -> Resul
                 "command {sequence} was sent again with another place"
             );
         }
-        last = Some((disp, *sequence));
+        last = Some((disp, Some(*sequence)));
     }
     Ok(())
 }

@@ -4,15 +4,17 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
-use crossbeam_channel::Sender;
+use crossbeam_channel::{Receiver, Sender};
 use gusset::config::{Loaded, build, build_over};
-use gusset::engine::{Control, Engine, Operator, Outcome, Phase};
+use gusset::engine::{Control, Engine, Notice, Operator, Outcome, Phase};
 use gusset::link::fault::{Script, StallingClock};
 use gusset::link::serve::{Host, Simulated, Tap, Tapped};
 use gusset::link::{NativeSetup, Transport};
 use gusset::record::{Column, Event, EventKind, FolderImage, Layout, Recorder};
 use gusset::session::{Finish, Replay, ending, replay_rows};
 use gusset::time::{Clock, Nanos, SimClock};
+
+use crate::rig::Seen;
 
 /// One way over the wire, as a share of a tick.
 const DELAY: f64 = 0.05;
@@ -26,6 +28,8 @@ pub struct Played {
     pub outcome: Outcome,
     /// One per specimen.
     pub taps: Vec<Vec<Tapped>>,
+    /// What was seen at each specimen; none: it stood at zero, and nobody looked.
+    pub seen: Vec<Seen>,
     pub replay: Replay,
 }
 
@@ -36,6 +40,8 @@ pub struct Extra<'a> {
     pub script: Option<&'a Script>,
     /// What the operator says, and before which wait of the loop.
     pub operator: Vec<(u64, Operator)>,
+    /// After how many waits he confirms what was read, where he is asked to.
+    pub confirms_after: u64,
     /// Without a tap and a replay: for speed.
     pub bare: bool,
 }
@@ -46,6 +52,9 @@ struct LabClock {
     waits: AtomicU64,
     says: Vec<(u64, Operator)>,
     into: Sender<Operator>,
+    told: Receiver<Notice>,
+    confirms_after: u64,
+    confirms_at: AtomicU64,
 }
 
 impl Clock for LabClock {
@@ -57,6 +66,15 @@ impl Clock for LabClock {
         let wait = self.waits.fetch_add(1, Ordering::Relaxed);
         for (_, word) in self.says.iter().filter(|(at, _)| *at == wait) {
             let _ = self.into.try_send(*word);
+        }
+        while let Ok(notice) = self.told.try_recv() {
+            if notice == Notice::AwaitingConfirmation {
+                let at = wait + self.confirms_after;
+                self.confirms_at.store(at, Ordering::Relaxed);
+            }
+        }
+        if self.confirms_at.load(Ordering::Relaxed) == wait {
+            let _ = self.into.try_send(Operator::Continue);
         }
         self.clock.sleep_until(at);
     }
@@ -109,13 +127,22 @@ pub fn play(
     for port in &mut experiment.ports {
         port.connect().map_err(|error| error.to_string())?;
     }
+    let stood: Vec<_> = experiment
+        .ports
+        .iter()
+        .map(|port| port.standing().map(<[f64]>::to_vec))
+        .collect();
     let (into, requests) = crossbeam_channel::bounded(16);
+    let (notices, told) = crossbeam_channel::bounded(16);
     let stalls = extra.script.map(Script::stalls).unwrap_or_default();
     let lab_clock = LabClock {
         clock: StallingClock::new(clock, tick_ns, stalls),
         waits: AtomicU64::new(0),
         says: extra.operator,
         into,
+        told,
+        confirms_after: extra.confirms_after,
+        confirms_at: AtomicU64::new(u64::MAX),
     };
     let columns = experiment.columns();
     let layout = Layout::new(columns).map_err(|error| error.to_string())?;
@@ -123,7 +150,10 @@ pub fn play(
     let shared = Shared(Arc::new(Mutex::new((image, Vec::new()))));
     let recorder = Box::new(shared.clone());
     let mut engine = Engine::new(experiment, Box::new(lab_clock), recorder);
-    let control = Control::from(requests);
+    let control = Control {
+        notices,
+        ..Control::from(requests)
+    };
     let outcome = catch_unwind(AssertUnwindSafe(|| engine.run(&control)))
         .map_err(|_| "the loop panicked".to_owned())?;
     drop(engine);
@@ -140,7 +170,10 @@ pub fn play(
             short: None,
         }
     } else {
-        let again = build(loaded).map_err(|error| error.to_string())?.experiment;
+        let mut again = build(loaded).map_err(|error| error.to_string())?.experiment;
+        for (port, stood) in again.ports.iter_mut().zip(&stood) {
+            port.says_it_stands_at(stood.as_deref().unwrap_or_default());
+        }
         let rows = Box::new(std::io::Cursor::new(samples.clone()));
         replay_rows(again, &layout, rows).map_err(|error| error.to_string())?
     };
@@ -151,6 +184,7 @@ pub fn play(
         events,
         outcome,
         taps: taps.iter().map(|tap| tap.lock().unwrap().clone()).collect(),
+        seen: Vec::new(),
         replay,
     })
 }
@@ -182,6 +216,11 @@ impl Played {
             Finish::Interrupted => 130,
         };
         (reason, code)
+    }
+
+    /// Where a specimen of one axis stood before the test, in the unit of its commands.
+    pub fn stood(&self, port: usize) -> f64 {
+        self.seen.get(port).map_or(0.0, |seen| seen.stood)
     }
 
     pub fn columns(&self) -> &[Column] {

@@ -7,4 +7,5 @@ mod actuators;
 mod campaign;
 mod invariants;
 mod lab;
+mod rig;
 mod scripts;

@@ -9,9 +9,12 @@ use std::sync::mpsc::{Receiver, channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use gusset::control::AxisUnits;
+use gusset::control::limits::LimitsSpec;
 use gusset::link::openfresco::{
     Door, End, Host, Nature, News, Peer, RemoteSettings, Role, ServeSettings, serve_openfresco,
 };
+use gusset::link::rig::{Law, Station};
 use gusset::specimen::SpecimenLaw;
 use gusset::substructure::{Command, Measurement, Substructure};
 use gusset::time::Nanos;
@@ -45,8 +48,7 @@ impl Server {
         let (tell, news) = channel();
         let told = Arc::clone(&stop);
         let thread = std::thread::spawn(move || {
-            let law: SpecimenLaw = toml::from_str(BILINEAR).unwrap();
-            let mut host = Host::new(law.build(axes).unwrap(), nature, Some(0.01));
+            let mut host = host(axes, nature);
             let stop = || told.load(Ordering::Relaxed);
             serve_openfresco(&door, &mut host, &settings, &stop, &mut |news| {
                 let _ = tell.send(news.clone());
@@ -76,6 +78,17 @@ impl Server {
             _ => unreachable!(),
         }
     }
+}
+
+/// Clients begin where their path does, wherever the specimen stands: steps of any length up to a metre are theirs.
+fn host(axes: usize, nature: Nature) -> Host {
+    let law: SpecimenLaw = toml::from_str(BILINEAR).unwrap();
+    let law = Law::new(law.build(axes).unwrap(), nature == Nature::Physical);
+    let (stiffness, mass) = law.reference();
+    let bounds: LimitsSpec = toml::from_str("command_step_m = { trip = 1.0 }").unwrap();
+    let units = vec![AxisUnits::SI; axes];
+    let station = Station::new("specimen".into(), Box::new(law), units, stiffness, mass);
+    Host::of(station.limited(&vec![bounds; axes]), nature, Some(0.01))
 }
 
 impl Drop for Server {

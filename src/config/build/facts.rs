@@ -60,6 +60,8 @@ pub struct StructureFacts {
     pub method: Method,
     /// How M_eff is stored and factored, for the family.
     pub storage: Option<String>,
+    /// 1/κ of what is factored for α, its diagonal scaled to one; none for methods that make no α.
+    pub reciprocal_condition: Option<f64>,
     /// λ in use, for the family.
     pub lambda: Option<Lambda>,
     /// Whether λ was asked for by number.

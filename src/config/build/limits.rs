@@ -1,14 +1,14 @@
 //! Which limits a test has, who checks them and what happens then: for whoever answers for the specimens.
 
+mod specimen;
+
 use serde::Serialize;
 
-use super::specimens::loading::{self, LoadingFacts};
-use crate::config::{ExitChoice, SpecimenTable, TestFile};
+use super::specimens::loading::LoadingFacts;
+use crate::config::{ClockChoice, ExitChoice, TestFile, Time};
 use crate::control::Port;
-use crate::control::limits::{Bound, Levels};
+use crate::control::limits::Bound;
 use crate::engine::{Limits, OnMiss, TestQuantity};
-use crate::link::spec::{Protocol, StaleChoice};
-use crate::substructure::Coupling;
 
 /// All limits of a test.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
@@ -21,6 +21,12 @@ pub struct LimitFacts {
     pub always: Vec<String>,
     /// What a trip does.
     pub on_trip: String,
+    /// How the specimens are left after the last step, or when the operator ends the test.
+    pub at_end: String,
+    /// How the specimens come to where the test begins, and to rest in a hold.
+    pub way_in: String,
+    /// What a missed deadline does that trips nothing.
+    pub on_miss: String,
     /// Why a specimen behind a link may lack limits.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unlimited: Option<String>,
@@ -40,6 +46,18 @@ pub struct SpecimenLimits {
     pub axes: Vec<Vec<Limit>>,
     /// What happens to measurements that stay away.
     pub stale: String,
+    /// When the specimen's end holds by itself because no command comes, and who sees to it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub watchdog: Option<String>,
+    /// What a simulated actuator and its sensors end at, and what happens there.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ends: Option<String>,
+    /// Whether a reversed or dead channel is looked for before the test.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub direction: Option<String>,
+    /// Where it is left by "safe_displacement", in m, one number per axis.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub safe_disp_m: Option<Vec<f64>>,
 }
 
 /// One limit: a size, or a smallest and a largest value.
@@ -55,6 +73,9 @@ pub struct Limit {
     pub trip: Vec<f64>,
     /// Whether the specimen's end is told of it and keeps it, too.
     pub also_at_the_specimen: bool,
+    /// How it is judged, where that is not plain: what else the file says of it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub judged: Option<String>,
 }
 
 fn sizes(values: &[f64]) -> Vec<f64> {
@@ -66,77 +87,19 @@ fn sizes(values: &[f64]) -> Vec<f64> {
     }
 }
 
-fn of_test(quantity: TestQuantity, unit: &'static str, bound: Bound) -> Limit {
+fn of_test(
+    quantity: TestQuantity,
+    unit: &'static str,
+    bound: Bound,
+    judged: Option<String>,
+) -> Limit {
     Limit {
         key: quantity.key(),
         unit,
         warn: sizes(&[bound.warn]),
         trip: sizes(&[bound.trip]),
         also_at_the_specimen: false,
-    }
-}
-
-fn of_specimen(table: &SpecimenTable, port: &Port) -> SpecimenLimits {
-    let is_told = table
-        .link
-        .as_ref()
-        .is_some_and(|link| link.protocol == Protocol::Gusset);
-    let axes = port.limits().iter().map(|axis| {
-        let levels = axis.levels().into_iter().map(|(quantity, levels)| {
-            let (warn, trip) = match levels {
-                Levels::Size(Bound { warn, trip }) => (sizes(&[warn]), sizes(&[trip])),
-                Levels::Range(range) => (sizes(&range.warn), sizes(&range.trip)),
-            };
-            Limit {
-                key: quantity.key(),
-                unit: quantity.unit(),
-                also_at_the_specimen: is_told && quantity.is_announced() && !trip.is_empty(),
-                warn,
-                trip,
-            }
-        });
-        levels
-            .filter(|limit| !(limit.warn.is_empty() && limit.trip.is_empty()))
-            .collect()
-    });
-    let (checked_by, stale) = match &table.link {
-        None => (
-            "this loop, before a command leaves and with every answer".to_owned(),
-            "cannot be: it is computed here".to_owned(),
-        ),
-        Some(link) => {
-            let far = if is_told {
-                "; what is announced in the handshake (*) its own end, too"
-            } else {
-                "; its protocol has no limits, so nobody else"
-            };
-            let way = match link.on_stale {
-                StaleChoice::Hold => "the last force is held",
-                StaleChoice::Extrapolate => "the force goes on along the estimated stiffness",
-                StaleChoice::Stop => "the first one trips",
-            };
-            (
-                format!("this loop, before a command leaves and with every fresh answer{far}"),
-                match link.on_stale {
-                    _ if port.coupling() == Coupling::Lockstep => format!(
-                        "cannot be: an answer is waited for; after {} s without one the link is lost",
-                        link.reply_timeout_s
-                    ),
-                    StaleChoice::Stop => way.to_owned(),
-                    _ => {
-                        let most = port.wait.map_or(0, |wait| wait.stale_in_a_row);
-                        format!("{way}; more than {most} in a row trip")
-                    }
-                },
-            )
-        }
-    };
-    SpecimenLimits {
-        name: port.name.clone(),
-        geometry: loading::facts(table),
-        checked_by,
-        axes: axes.collect(),
-        stale,
+        judged,
     }
 }
 
@@ -156,9 +119,53 @@ fn way_out(choice: ExitChoice, speed: Option<f64>) -> String {
     }
 }
 
+/// How the specimens come to where the test begins, and to rest.
+fn way_in(file: &TestFile, time: &Time) -> String {
+    if file.specimen.is_empty() {
+        return "nothing is moved".to_owned();
+    }
+    let period = time.period.value();
+    let opening = super::safety::opening(file, period);
+    let zero = f64::from(opening.zero_ticks) * period;
+    let zeroed = if opening.zero_ticks == 0 {
+        "no sensor is read before the first command".to_owned()
+    } else {
+        let confirmed = if opening.confirm {
+            " and the operator confirms what was read"
+        } else {
+            ""
+        };
+        format!("the specimens hold for {zero:.6} s while every sensor is read{confirmed}")
+    };
+    format!(
+        "{zeroed};\nthen a ramp of {} s or longer, at half of a velocity limit at most;\na hold of the operator comes to rest in {} s",
+        opening.ramp_s, file.safety.ease_s
+    )
+}
+
+/// What a tick that is late does by itself.
+fn on_miss(file: &TestFile, limits: &Limits, is_real: bool) -> String {
+    let text = match limits.on_miss {
+        _ if !is_real => return "none: on the simulated clock no tick is late".to_owned(),
+        OnMiss::Stretch => {
+            "the grid moves by whole ticks: the specimens see slower time and never a burst of commands".to_owned()
+        }
+        OnMiss::CatchUp { at_most } => {
+            format!("up to {at_most} missed ticks run back to back, beyond it the grid moves")
+        }
+        OnMiss::Stop => "late by less than a period, the next edge stands".to_owned(),
+    };
+    if file.timing.require_realtime {
+        format!("{text};\nwithout all real-time conditions nothing begins (exit code 4)")
+    } else {
+        text
+    }
+}
+
 /// All of them.
 pub(super) fn facts(
     file: &TestFile,
+    time: &Time,
     ports: &[Port],
     limits: &Limits,
     columns: &[TestQuantity],
@@ -179,27 +186,45 @@ pub(super) fn facts(
         ),
     ] {
         if columns.contains(&quantity) {
-            test.push(of_test(quantity, "", bound));
+            let judged = match (quantity, file.safety.added_energy_share) {
+                (TestQuantity::AddedEnergyShare, Some(share)) => Some(format!(
+                    "{} J count as taken in from the start",
+                    share.floor_j
+                )),
+                _ => None,
+            };
+            test.push(of_test(quantity, "", bound, judged));
         }
     }
-    for (quantity, unit, bound) in [
+    let is_real = time.clock == ClockChoice::Real;
+    let warm_up = format!("not in the {} ticks of the warm-up", limits.warmup_ticks);
+    let window = format!("in {} s, {warm_up}", file.timing.miss_window_s);
+    for (quantity, unit, bound, judged) in [
         (
             TestQuantity::MissesInARow,
             "in a row",
             count(misses.warn_in_a_row, limits.misses_in_a_row),
+            &warm_up,
         ),
         (
             TestQuantity::MissesInWindow,
             "in a window",
             count(misses.warn_in_window, misses.most_in_window),
+            &window,
         ),
         (
             TestQuantity::Misses,
             "in all",
             count(misses.warn_in_all, limits.misses_in_total),
+            &warm_up,
         ),
     ] {
-        test.push(of_test(quantity, unit, bound));
+        let judged = if is_real {
+            judged.clone()
+        } else {
+            "not checked: no deadline is missed on the simulated clock".to_owned()
+        };
+        test.push(of_test(quantity, unit, bound, Some(judged)));
     }
     if limits.divergence < f64::MAX {
         test.push(Limit {
@@ -208,6 +233,7 @@ pub(super) fn facts(
             warn: Vec::new(),
             trip: vec![limits.divergence],
             also_at_the_specimen: false,
+            judged: Some("every DOF of the structure".to_owned()),
         });
     }
     let mut always =
@@ -221,6 +247,9 @@ pub(super) fn facts(
             "a sensor or actuator that its own end calls saturated; a link that fails".to_owned(),
         );
     }
+    if file.specimen.iter().any(|table| table.geometry.is_some()) {
+        always.push("a pose that the actuators of a loading unit cannot take".to_owned());
+    }
     if limits.on_miss == OnMiss::Stop {
         always.push("a tick that is late by a whole period".to_owned());
     }
@@ -230,7 +259,7 @@ pub(super) fn facts(
             .specimen
             .iter()
             .zip(ports)
-            .map(|(table, port)| of_specimen(table, port))
+            .map(|(table, port)| specimen::of_specimen(table, port, time))
             .collect(),
         test,
         always,
@@ -238,6 +267,12 @@ pub(super) fn facts(
             "{}, the test ends and cannot go on; exit code 1, a failed link 3",
             way_out(safety.on_trip, safety.exit_speed_m_per_s)
         ),
+        at_end: format!(
+            "{};\nso, too, when the operator ends the test",
+            way_out(safety.at_end, safety.exit_speed_m_per_s)
+        ),
+        way_in: way_in(file, time),
+        on_miss: on_miss(file, limits, is_real),
         unlimited: safety.unlimited.clone(),
     }
 }

@@ -72,9 +72,7 @@ pub(super) fn native(
         test: site.loaded.file.title.clone(),
         rate: Ratio::new(per_second, seconds.saturating_mul(ticks))
             .map_or((per_second, seconds), Ratio::terms),
-        watchdog_s: link
-            .watchdog_s
-            .unwrap_or_else(|| WATCHDOG_S.max(WATCHDOG_TICKS * period_s)),
+        watchdog_s: watchdog_s(link, period_s),
         coupling,
         options,
         ..usual
@@ -90,6 +88,12 @@ pub(super) fn native(
         },
     };
     Ok((native, rules(link, time.period.value())))
+}
+
+/// Silence in s after which the specimen must hold, commanded every `period_s`.
+pub(super) fn watchdog_s(link: &LinkSpec, period_s: f64) -> f64 {
+    link.watchdog_s
+        .unwrap_or_else(|| WATCHDOG_S.max(WATCHDOG_TICKS * period_s))
 }
 
 /// Both waits of a tick, for the edge and for the reply, must leave the kernel its share of the processor: 85 % are for

@@ -36,14 +36,14 @@ impl Initial<'_> {
     }
 }
 
-/// A member of the family, and how its effective mass is stored.
+/// A member of the family, how its effective mass is stored, and 1/κ of it.
 pub(super) fn family(
     site: &mut Site<'_>,
     structure: &Structure,
     initial: &Initial<'_>,
     lambda: Lambda,
     apart: Option<&Apart>,
-) -> Result<(Stepper, String), Refused> {
+) -> Result<(Stepper, String, f64), Refused> {
     let start = match site.loaded.file.integrator.start {
         Start::Published => integrate::Start::Published,
         Start::SecondOrder => integrate::Start::SecondOrder,
@@ -59,9 +59,9 @@ pub(super) fn family(
     );
     match made {
         Ok(gui) => {
-            let storage = gui.storage().to_string();
+            let (storage, condition) = (gui.storage().to_string(), gui.reciprocal_condition());
             let method: Box<dyn Integrator> = Box::new(gui);
-            Ok((method.into(), storage))
+            Ok((method.into(), storage, condition))
         }
         Err(error) => {
             let finding = super::structure::not_definite(site, structure.mass(), &error);
@@ -70,12 +70,12 @@ pub(super) fn family(
     }
 }
 
-/// Any other method; none if the family is asked for.
+/// Any other method, and 1/κ of what it factors for α where it does; none if the family is asked for.
 pub(super) fn companion(
     site: &mut Site<'_>,
     structure: &Structure,
     initial: &Initial<'_>,
-) -> Result<Option<Stepper>, Refused> {
+) -> Result<Option<(Stepper, Option<f64>)>, Refused> {
     make(site, structure, initial).or_else(|error| {
         let at = match &error {
             MethodError::Rho { .. } => path("integrator").key("rho_infinity"),
@@ -92,7 +92,7 @@ fn make(
     site: &Site<'_>,
     structure: &Structure,
     initial: &Initial<'_>,
-) -> Result<Option<Stepper>, MethodError> {
+) -> Result<Option<(Stepper, Option<f64>)>, MethodError> {
     let table = &site.loaded.file.integrator;
     let (mass, damping, stiffness) = (structure.mass(), initial.damping, initial.stiffness);
     let dt = initial.dt;
@@ -103,18 +103,19 @@ fn make(
     };
     let newmark = |member| {
         let method = Newmark::new(mass, damping, stiffness, dt, member, newton)?;
-        Ok(offline(method))
+        Ok((offline(method), None))
     };
     let rho = table.rho_infinity.unwrap_or(f64::NAN);
     let alpha = |weights| match table.weighting.unwrap_or_default() {
         Weighting::Forces => {
-            let method: Box<dyn Integrator> =
-                Box::new(KrAlpha::new(mass, damping, stiffness, dt, weights)?);
-            Ok(method.into())
+            let method = KrAlpha::new(mass, damping, stiffness, dt, weights)?;
+            let condition = method.reciprocal_condition();
+            let method: Box<dyn Integrator> = Box::new(method);
+            Ok((method.into(), Some(condition)))
         }
         Weighting::State => {
             let method = KrAlphaAtState::new(mass, damping, stiffness, dt, weights)?;
-            Ok(offline(method))
+            Ok((offline(method), None))
         }
     };
     let stepper = match table.method {
@@ -124,16 +125,42 @@ fn make(
         Method::NewmarkExplicit => newmark(NewmarkBeta::Explicit),
         Method::CentralDifference => {
             let method = CentralDifference::new(mass, damping, stiffness, dt, newton)?;
-            Ok(offline(method))
+            Ok((offline(method), None))
         }
         Method::Chang2002 => {
             let method = Chang2002::new(mass, damping, stiffness, dt, newton)?;
-            Ok(offline(method))
+            Ok((offline(method), None))
         }
         Method::KrAlpha => alpha(AlphaWeights::kr(rho)?),
         Method::MkrAlpha => alpha(AlphaWeights::mkr(rho)?),
     };
     stepper.map(Some)
+}
+
+/// Digits of sixteen that a solve may lose without a word.
+const DIGITS: f64 = 8.0;
+
+/// Says that a solve loses digits, where it loses many.
+pub(super) fn warn_of_digits(site: &mut Site<'_>, reciprocal_condition: f64) {
+    let lost = -reciprocal_condition.log10();
+    // Written so that NaN is told.
+    if lost <= DIGITS {
+        return;
+    }
+    let kept = (-f64::EPSILON.log10() - lost).max(0.0);
+    let text = format!(
+        "what is factored for alpha has a reciprocal condition number of {reciprocal_condition:.1e}: a solve keeps about \
+         {kept:.0} of 16 digits"
+    );
+    site.warnings.push(
+        Finding::warning(path("structure"), text)
+            .at_key()
+            .label("parts that differ in stiffness so much")
+            .help(
+                "a part that hardly deforms costs the digits of those that do: a softer one, or one degree of freedom in place \
+                 of two, moves as well",
+            ),
+    );
 }
 
 fn offline(method: impl Offline + 'static) -> Stepper {

@@ -166,13 +166,16 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
     let ports = specimens.into_ports(site, dofs, settling.is_some(), gains.unwrap_or_default())?;
     let ports = critical::watched(site, structure.as_mut(), ports)?;
     let time = site.loaded.time;
+    let kept = TestQuantity::kept(&side, &ports);
+    if structure.is_some() && !names.is_empty() {
+        safety::unkept(site, &kept);
+    }
     let found = site.warnings.drain(..);
     let found = found.map(|finding| site.loaded.locator.diagnose(finding));
     let warnings: Vec<_> = site.loaded.warnings.iter().cloned().chain(found).collect();
     let of_loop = pace::limits(file, time);
-    let kept = TestQuantity::kept(&side, &ports);
     let facts = Facts {
-        limits: limits::facts(file, &ports, &of_loop, &kept),
+        limits: limits::facts(file, &time, &ports, &of_loop, &kept),
         title: file.title.clone(),
         dt: time.step.value(),
         steps: time.steps,
@@ -267,25 +270,35 @@ fn numerical(
         stiffness: &initial_stiffness,
         dt,
     };
-    let (mut proof, stepper, storage, own, audit) =
+    let (mut proof, stepper, storage, condition, own, audit) =
         match method::companion(site, &structure, &initial)? {
-            Some(stepper) => {
+            Some((stepper, condition)) => {
                 proof::warn_of_limit(site, &structure, specimens, method);
-                (None, stepper, None, None, None)
+                (None, stepper, None, condition, None, None)
             }
             None => {
                 let own = apart::own(site, &structure, specimens, &initial_stiffness)?;
                 let apart = own.as_ref().map(|own| &own.apart);
                 let proof = proof::choose(site, &structure, specimens, &initial, apart)?;
-                let (stepper, storage) =
+                let (stepper, storage, condition) =
                     method::family(site, &structure, &initial, proof.lambda, apart)?;
                 let audit = safety::audits(&site.loaded.file, n).then(|| {
                     let mass = initial.effective_mass(structure.mass(), proof.lambda, apart);
                     StepAudit::new(mass, site.loaded.time.step.value())
                 });
-                (Some(proof), stepper, Some(storage), own, audit)
+                (
+                    Some(proof),
+                    stepper,
+                    Some(storage),
+                    Some(condition),
+                    own,
+                    audit,
+                )
             }
         };
+    if let Some(condition) = condition {
+        method::warn_of_digits(site, condition);
+    }
     let (excitation, load) = excitation::excitation(site, &structure, specimens)?;
     let settling = match load {
         Some(load) => Some(settle(
@@ -313,6 +326,7 @@ fn numerical(
         dofs: n,
         method,
         storage,
+        reciprocal_condition: condition,
         lambda: proof.as_ref().map(|proof| proof.lambda),
         lambda_apart: own.map(|own| own.named).unwrap_or_default(),
         lambda_by_number: proof.as_ref().is_some_and(|proof| proof.by_number),

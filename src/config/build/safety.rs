@@ -6,7 +6,7 @@ use crate::config::{
 };
 use crate::control::limits::{Bound, BoundSpec};
 use crate::control::{Exit, Exits, Reference, Zero};
-use crate::engine::{Intake, MissLevels, Numerical, Opening, TestLimits};
+use crate::engine::{Intake, MissLevels, Numerical, Opening, TestLimits, TestQuantity};
 
 /// Wall time in s over which sensors are averaged, unless the file says otherwise.
 const ZERO_S: f64 = 0.2;
@@ -87,6 +87,30 @@ pub(super) fn test_limits(file: &TestFile, time: &Time) -> TestLimits {
             warn_in_window: half(timing.warn_misses_in_window, most_in_window),
             most_in_window,
         },
+    }
+}
+
+/// Bounds of the test that are given and of what is not known in it.
+pub(super) fn unkept(site: &mut Site<'_>, kept: &[TestQuantity]) {
+    let safety = &site.loaded.file.safety;
+    for (quantity, given, why) in [
+        (
+            TestQuantity::StabilityUsed,
+            safety.stability_used.is_some(),
+            "known where the proof of stability is, and there is none",
+        ),
+        (
+            TestQuantity::StepAudit,
+            safety.step_audit.is_some(),
+            "only the steps of the method \"gui\" are audited",
+        ),
+    ] {
+        if given && !kept.contains(&quantity) {
+            let at = path("safety").key(quantity.key());
+            let headline = format!("`{at}` has no effect: it can never trip");
+            site.warnings
+                .push(Finding::warning(at, headline).at_key().label(why));
+        }
     }
 }
 

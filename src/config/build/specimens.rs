@@ -5,6 +5,7 @@ mod entry;
 pub(in crate::config) mod loading;
 mod stand_in;
 mod sums;
+mod unwatched;
 
 use super::gear::Rows;
 use super::{Refused, Site, links, path, safety};
@@ -281,6 +282,7 @@ impl Specimens {
                 Ok(port) => {
                     let table = &site.loaded.file.specimen[index];
                     let specs = table.limits_of(axes);
+                    unwatched::unwatched(site, index, &specs, &declared);
                     let limits = specs.iter().map(LimitsSpec::limits).collect();
                     let time = site.loaded.time;
                     let per_step = table.link.as_ref().is_some_and(links::is_per_step);
@@ -304,7 +306,8 @@ impl Specimens {
                         }
                     }
                     if compensation::is_tracked(&site.loaded.file, table, axes) {
-                        port = port.with_tracking(passes);
+                        let age = compensation::velocity_age(&site.loaded.file);
+                        port = port.with_tracking(passes, age);
                     }
                     if let Some(Loading { geometry, rows }) = entry.loading {
                         port = port.with_geometry(geometry, rows);
@@ -313,6 +316,9 @@ impl Specimens {
                     port.direction = direction;
                     port.computed = table.link.as_ref().is_some_and(|link| link.computed);
                     port.exits = exits;
+                    if let Some(stands) = table.link.as_ref().and_then(|l| l.stands_at_m.as_ref()) {
+                        port.is_said_to_stand_at(stands);
+                    }
                     ports.push(port);
                 }
                 Err(error) => {

@@ -5,6 +5,7 @@ use crate::config::diagnose::Finding;
 use crate::config::document::KeyPath;
 use crate::config::specimen::{DispUnit, ForceUnit, SpecimenTable};
 use crate::link::LinkSpec;
+use crate::link::openfresco::RemoteSettings;
 use crate::link::spec::{Carrier, CommandPace, LinkCoupling, Protocol};
 
 /// The link of one specimen.
@@ -192,6 +193,53 @@ fn check_probe(specimen: &SpecimenTable, link: &LinkSpec, at: &KeyPath, findings
             .label("a slow motion gives no force")
             .help("say `probe = \"none\"` and check the wiring by hand"),
         );
+    }
+}
+
+/// Where the specimen stands is told by its link or by the file, and by one of them only.
+pub(super) fn check_standing(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
+    let Some(link) = &specimen.link else {
+        return;
+    };
+    let (at, axes) = (at.key("link"), specimen.axes());
+    let tells = match RemoteSettings::from_spec(link, axes) {
+        Ok(Some(settings)) => settings.tells_where_it_stands(),
+        Ok(None) => true,
+        // Told where the link is built.
+        Err(_) => return,
+    };
+    let here = at.key("stands_at_m");
+    match &link.stands_at_m {
+        None if tells || link.computed => {}
+        None => findings.0.push(
+            Finding::error(at.clone(), "where does this specimen stand before the test?")
+                .label("what it speaks cannot tell before the first command")
+                .help(format!(
+                    "`stands_at_m = {:?}` says it, in m as each axis counts: it is held there, and led from there to where the \
+                     test begins",
+                    vec![0.0; axes]
+                ))
+                .help("`computed = true` says that nothing moves there which could break"),
+        ),
+        Some(_) if tells => findings.0.push(
+            Finding::error(here, "the specimen itself tells where it stands")
+                .at_key()
+                .label("only for what cannot be asked: an actor site or an adapter"),
+        ),
+        Some(stands) if stands.len() != axes => {
+            let text = format!("{} displacements for {axes} axes", stands.len());
+            findings
+                .0
+                .push(Finding::error(here, text).label("one per axis"));
+        }
+        Some(stands) => {
+            if let Some(index) = stands.iter().position(|disp| !disp.is_finite()) {
+                let text = format!("axis {} stands at {}", index + 1, stands[index]);
+                findings
+                    .0
+                    .push(Finding::error(here, text).label("a finite number of m"));
+            }
+        }
     }
 }
 

@@ -6,18 +6,23 @@
 mod certificate;
 mod excitation;
 mod geometry;
+mod idle;
 mod limits;
 mod link;
 mod safety;
 mod specimen;
+mod waits;
 
 use certificate::{check_certificate, check_known};
 use excitation::check_excitation;
+use idle::{check_idle, check_idle_link, check_idle_served, check_idle_specimen};
 use limits::{check_limits, check_required};
 use specimen::{check_names, check_seeds, check_specimen};
+use waits::{check_link_waits, check_record, check_waits};
 
 use super::diagnose::Finding;
 use super::document::{Datum, KeyPath, Node};
+use super::echo::is_unprintable;
 use super::schema::{Method, Start, StructureTable, TestFile};
 use super::serve::ServeFile;
 use super::steps::{Time, not_positive};
@@ -46,17 +51,21 @@ pub(crate) fn not_finite(root: &Node) -> Vec<Finding> {
     findings
 }
 
-/// All that is wrong with `file`, in the order of its tables.
-pub(crate) fn check(file: &TestFile) -> Vec<Finding> {
+/// All that is wrong with `file`, in the order of its tables. `clock_is_chosen`: for this run alone, beside the file.
+pub(crate) fn check(file: &TestFile, clock_is_chosen: bool) -> Vec<Finding> {
     let mut findings = Findings::default();
-    let tick_s = match Time::of(&file.time) {
-        Ok(time) => Some(time.period.value()),
+    let time = match Time::of(&file.time) {
+        Ok(time) => Some(time),
         Err(finding) => {
             findings.0.push(*finding);
             None
         }
     };
+    let tick_s = time.map(|time| time.period.value());
     let root = KeyPath::root();
+    findings.printable(&root.key("title"), Some(&file.title));
+    let unlimited = file.safety.unlimited.as_deref();
+    findings.printable(&root.key("safety").key("unlimited"), unlimited);
     match &file.structure {
         Some(structure) => check_structure(structure, &root.key("structure"), &mut findings),
         None if file.specimen.is_empty() => findings.0.push(
@@ -73,12 +82,21 @@ pub(crate) fn check(file: &TestFile) -> Vec<Finding> {
         check_known(specimen, &at, &mut findings);
         check_limits(specimen, tick_s, Some(&file.safety), &at, &mut findings);
         link::check_pace(specimen, file.time.ticks_per_step, &at, &mut findings);
+        link::check_standing(specimen, &at, &mut findings);
+        let with_structure = file.structure.is_some();
+        check_idle_specimen(
+            specimen,
+            with_structure,
+            Some(&file.safety),
+            &at,
+            &mut findings,
+        );
+        if let Some(link) = &specimen.link {
+            check_link_waits(link, &at.key("link"), &mut findings);
+            check_idle_link(link, &at.key("link"), &mut findings);
+        }
     }
-    check_required(
-        &file.specimen,
-        file.safety.unlimited.as_deref(),
-        &mut findings,
-    );
+    check_required(&file.specimen, unlimited, &mut findings);
     check_names(&file.specimen, &mut findings);
     check_seeds(&file.specimen, &mut findings);
     let remote = file.specimen.iter().any(|specimen| specimen.link.is_some());
@@ -101,6 +119,8 @@ pub(crate) fn check(file: &TestFile) -> Vec<Finding> {
     if let Some(DofChoice::Listed(dofs)) = &file.record.dofs {
         findings.dofs(&record.key("dofs"), dofs);
     }
+    check_waits(file, time.as_ref(), &mut findings);
+    check_idle(file, clock_is_chosen, &mut findings);
     findings.0
 }
 
@@ -115,6 +135,16 @@ impl Findings {
             && found.is_finite()
         {
             self.0.push(not_positive(at, found));
+        }
+    }
+
+    /// A text that is shown to people holds nothing that a terminal would obey.
+    fn printable(&mut self, at: &KeyPath, text: Option<&str>) {
+        if let Some(c) = text.and_then(|text| text.chars().find(|c| is_unprintable(*c))) {
+            let headline = format!("`{at}` has a character that cannot be printed");
+            let finding = Finding::error(at.clone(), headline);
+            self.0
+                .push(finding.label(format!("{}", c.escape_unicode())));
         }
     }
 
@@ -174,6 +204,10 @@ pub(crate) fn check_served(file: &ServeFile) -> Vec<Finding> {
         check_specimen(specimen, false, &at, &mut findings);
         check_known(specimen, &at, &mut findings);
         check_limits(specimen, None, None, &at, &mut findings);
+        check_idle_specimen(specimen, false, None, &at, &mut findings);
+        if let Some(link) = &specimen.link {
+            check_link_waits(link, &at.key("link"), &mut findings);
+        }
         if specimen.compensation.is_some() {
             findings.0.push(
                 Finding::error(at.key("compensation"), "a server compensates nothing")
@@ -185,6 +219,13 @@ pub(crate) fn check_served(file: &ServeFile) -> Vec<Finding> {
     }
     let safety = file.safety.as_ref();
     let unlimited = safety.and_then(|safety| safety.unlimited.as_deref());
+    findings.printable(&root.key("title"), Some(&file.title));
+    findings.printable(&root.key("safety").key("unlimited"), unlimited);
+    if let Some(record) = &file.record {
+        findings.positive(root.key("record").key("queue_s"), Some(record.queue_s));
+        check_record(record, &mut findings);
+    }
+    check_idle_served(file.timing.as_ref(), file.record.as_ref(), &mut findings);
     check_required(&file.specimen, unlimited, &mut findings);
     check_names(&file.specimen, &mut findings);
     findings.0

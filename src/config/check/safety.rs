@@ -77,6 +77,7 @@ pub(super) fn check_safety(file: &TestFile, findings: &mut Findings) {
             }
         }
     }
+    check_confirmation(file, &at, findings);
     for (index, specimen) in file.specimen.iter().enumerate() {
         for (number, axis) in specimen.axis.iter().enumerate() {
             let place = KeyPath::root().key("specimen").index(index);
@@ -94,5 +95,33 @@ pub(super) fn check_safety(file: &TestFile, findings: &mut Findings) {
                 }
             }
         }
+    }
+}
+
+/// What was read is confirmed: something must have been.
+fn check_confirmation(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
+    let safety = &file.safety;
+    if !safety.confirm || file.specimen.is_empty() {
+        return;
+    }
+    let mut axes = file.specimen.iter().flat_map(|specimen| &specimen.axis);
+    let relative = axes.any(|axis| {
+        axis.zero_disp == ZeroChoice::Relative || axis.zero_force == ZeroChoice::Relative
+    });
+    match safety.zero_s {
+        Some(zero) if zero <= 0.0 => findings.0.push(
+            Finding::error(
+                at.key("confirm"),
+                "nothing is read before the test that could be confirmed",
+            )
+            .label("waits for the operator")
+            .beside(at.key("zero_s"), "0 here: no sensor is read"),
+        ),
+        None if !relative && file.specimen.iter().all(|specimen| specimen.link.is_none()) => {
+            let why =
+                "no sensor of a specimen that is computed is read before the test: give `zero_s`";
+            findings.idle(at, "confirm", true, why);
+        }
+        _ => {}
     }
 }

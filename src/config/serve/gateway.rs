@@ -41,6 +41,15 @@ pub(super) fn host(
     if !of_a_test {
         check_gear(table, at)?;
     }
+    if link.stands_at_m.is_some() && !of_a_test {
+        let finding = Finding::error(
+            at.key("link").key("stands_at_m"),
+            "a gateway finds its specimen as the last test left it",
+        )
+        .at_key()
+        .label("no effect here");
+        return Err(Box::new(finding));
+    }
     let n = table.axes();
     let units = table.units_of(n);
     let estimate = table.stiffness_n_per_m.as_ref();

@@ -120,7 +120,7 @@ impl Remote {
         if done.is_ok() && self.settings.peer == Peer::Element {
             done = self.ask_stiffness(until);
         }
-        if done.is_ok() && self.can_tell_where_it_stands() {
+        if done.is_ok() && self.settings.tells_where_it_stands() {
             done = self.ask_standing(until);
         }
         self.below.ask(self.link.as_deref());
@@ -246,8 +246,7 @@ impl Substructure for Remote {
             warnings: match self.standing {
                 Some(_) => Vec::new(),
                 None => vec![format!(
-                    "{address}: this protocol cannot tell where the specimen stands before its first command: if that is \
-                     not where the test begins, it jumps"
+                    "{address}: this protocol cannot tell where the specimen stands before its first command"
                 )],
             },
             simulated: false,

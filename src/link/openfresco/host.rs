@@ -340,7 +340,13 @@ mod tests {
 
     fn host(law: &str, axes: usize, nature: Nature) -> Host {
         let law: SpecimenLaw = toml::from_str(law).unwrap();
-        let mut host = Host::new(law.build(axes).unwrap(), nature, None);
+        let law = Law::new(law.build(axes).unwrap(), nature == Nature::Physical);
+        let (stiffness, mass) = law.reference();
+        // Steps are bounded, as they must be for a first one of some length to what moves.
+        let limits = toml::from_str("command_step_m = { trip = 1.0 }").unwrap();
+        let units = vec![AxisUnits::SI; axes];
+        let station = Station::new("rig".into(), Box::new(law), units, stiffness, mass);
+        let mut host = Host::of(station.limited(&vec![limits; axes]), nature, None);
         host.begin(&visitor()).unwrap();
         host
     }
@@ -465,6 +471,49 @@ mod tests {
         let fault = host.trial(Course::Step, &at(&[0.0], 0.01), Some(0.01));
         let text = host.whole(fault.unwrap_err());
         assert!(!text.contains("stands"), "{text}");
+    }
+
+    #[test]
+    fn a_first_command_whose_step_nothing_bounds_goes_a_twentieth_of_the_range_or_a_millimetre() {
+        for (limits, holds, trips) in [
+            ("command_disp_m = { trip = [-0.05, 0.05] }", 0.0049, 0.0051),
+            (
+                "command_disp_m = { warn = [-0.05, 0.05] }",
+                0.00099,
+                0.00101,
+            ),
+            (
+                "measured_force_n = { trip = [-900, 900] }",
+                0.00099,
+                0.00101,
+            ),
+            ("command_step_m = { trip = 0.02 }", 0.019, 0.021),
+            // Whoever bounds the speed has bounded the step of a tick.
+            ("command_vel_m_per_s = { trip = 10.0 }", 0.05, 0.11),
+        ] {
+            for disp in [holds, trips] {
+                let mut host = limited(limits);
+                host.begin(&visitor()).unwrap();
+                let outcome = host.trial(Course::First, &at(&[disp], 0.0), None);
+                assert_eq!(
+                    outcome.is_ok(),
+                    disp == holds,
+                    "{limits} {disp}: {outcome:?}"
+                );
+                if outcome.is_ok() {
+                    host.commit();
+                    // What follows is not judged so.
+                    let next = [disp.mul_add(2.0, 1e-4)];
+                    let next = host.trial(Course::Step, &at(&next, 0.01), Some(0.01));
+                    assert!(next.is_ok(), "{limits}: {next:?}");
+                }
+            }
+        }
+        // A formula is not moved.
+        let law: SpecimenLaw = toml::from_str(BILINEAR).unwrap();
+        let mut host = Host::new(law.build(1).unwrap(), Nature::Simulated, None);
+        host.begin(&visitor()).unwrap();
+        host.trial(Course::First, &at(&[0.04], 0.0), None).unwrap();
     }
 
     #[test]

@@ -21,6 +21,8 @@ pub enum End {
     Silent(f64),
     /// It connected and sent no sizes for so long, in s.
     NoSizes(f64),
+    /// It had not said what it wants when more came than are greeted at a time.
+    GaveWay,
     /// There was no TLS session, or it broke.
     Tls(TlsFault),
     /// It speaks TLS, and plain TCP is served.
@@ -49,6 +51,7 @@ impl End {
             | Self::Lost(_)
             | Self::Silent(_)
             | Self::NoSizes(_)
+            | Self::GaveWay
             | Self::Refused(_) => Close::Failed,
         }
     }
@@ -64,6 +67,9 @@ impl std::fmt::Display for End {
             Self::NoSizes(seconds) => write!(
                 f,
                 "the client sent no sizes within {seconds} s: it is no OpenFresco client, or the wrong dialect is served"
+            ),
+            Self::GaveWay => f.write_str(
+                "the client had sent no sizes when more came than are greeted at a time: it gave way",
             ),
             Self::Tls(TlsFault::NotTls) => {
                 f.write_str("TLS: it speaks no TLS, and TLS is served here (--transport tls)")

@@ -1,6 +1,6 @@
 //! A force server that speaks OpenFresco: one client at a time, one test after another, until told to stop.
 //!
-//! Invariants: no wait is without a limit; a client that has gone (end of stream, a reset, a half-open connection, UDP
+//! Invariants: no wait is without a limit; who has not said what he wants keeps nobody out ([`super::hall`]); a client that has gone (end of stream, a reset, a half-open connection, UDP
 //! silence) leaves the specimen at its last committed state and the port free; every message is answered by one
 //! write, with acknowledgements not delayed, and nothing is allocated for it once the sizes have come (but over TLS, where
 //! encrypting allocates). What is not here: the meaning of bytes (`dialect`), of commands (`host`), and text on a terminal.
@@ -8,17 +8,16 @@
 use std::net::SocketAddr;
 
 use super::dialect::{ExchangeFault, Machine, Role, Said};
-use super::door::{Caller, Door, DoorError, Socket, socket_to, watch_over};
+use super::door::{Door, DoorError, Socket};
+use super::hall::{Client, receive};
 use super::host::{Host, HostFault, Tally};
-use super::knock::line_to;
 use super::news::{End, News};
 use crate::link::Transport;
 use crate::link::rig::Visitor;
-use crate::link::tls::is_client_hello;
 use crate::rt::os::monotonic_ns;
 use crate::substructure::LinkFault;
 use crate::time::Nanos;
-use crate::wire::openfresco::datagrams;
+use crate::wire::openfresco::{Sizes, datagrams};
 
 /// How a server treats its clients.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -67,75 +66,16 @@ pub fn serve_openfresco(
 ) -> Result<(), DoorError> {
     let mut buffer = vec![0; CHUNK];
     let mut waste = vec![0; CHUNK];
-    while !stop() {
-        let Some(caller) = door.wait(&mut buffer, LOOK_NS)? else {
-            continue;
+    while let Some(client) = receive(door, host, settings, stop, tell, &mut buffer)? {
+        let peer = client.peer;
+        let attendance = Attendance {
+            door,
+            peer,
+            settings,
+            stop,
+            tell,
         };
-        let (Caller::Stream(_, from) | Caller::Datagram(_, from)) = &caller;
-        if !door.admits(*from) {
-            tell(&News::NotAdmitted(*from));
-            continue;
-        }
-        let mut machine = Machine::new(settings.role, door.carrier(), host.axes());
-        let (peer, end) = match (caller, &door.socket) {
-            (Caller::Stream(stream, peer), _) => {
-                tell(&News::Connected(peer));
-                // A kernel that refuses to watch serves all the same.
-                let _ = watch_over(&stream);
-                let line = line_to(door, stream, settings, stop, tell, &mut waste);
-                let end = match line {
-                    Err(end) => end,
-                    Ok(mut link) => Attendance {
-                        door,
-                        peer,
-                        settings,
-                        stop,
-                        tell,
-                    }
-                    .attend(
-                        link.as_mut(),
-                        &mut machine,
-                        host,
-                        &[],
-                        (&mut buffer, &mut waste),
-                    ),
-                };
-                (peer, end)
-            }
-            (Caller::Datagram(count, peer), Socket::Udp(socket)) => {
-                let first = buffer.get(..count).unwrap_or_default().to_vec();
-                // Judged by a machine of its own: a stranger's datagram must open nothing.
-                let mut judge = Machine::new(settings.role, door.carrier(), host.axes());
-                if judge.hear(&first, host).is_err() {
-                    tell(&News::Stray(peer, count));
-                    continue;
-                }
-                tell(&News::Connected(peer));
-                let mut link = socket_to(socket, peer)?;
-                let mut early = vec![first];
-                // What the peer sent before it had a socket of its own.
-                while let Ok((count, from)) = socket.recv_from(&mut buffer) {
-                    if from == peer {
-                        early.push(buffer.get(..count).unwrap_or_default().to_vec());
-                    } else {
-                        tell(&News::TurnedAway(from));
-                    }
-                }
-                let attendance = Attendance {
-                    door,
-                    peer,
-                    settings,
-                    stop,
-                    tell,
-                };
-                let room = (&mut buffer[..], &mut waste[..]);
-                (
-                    peer,
-                    attendance.attend(&mut link, &mut machine, host, &early, room),
-                )
-            }
-            (Caller::Datagram(..), Socket::Tcp(_)) => continue,
-        };
+        let end = attendance.attend(client, host, (&mut buffer, &mut waste));
         let tally = if host.has_begun() {
             host.tally()
         } else {
@@ -146,12 +86,17 @@ pub fn serve_openfresco(
             end => end.to_string(),
         };
         host.end(end.close(), &whole);
+        // What is known of the specimen beyond the fault itself.
+        let said = end.to_string();
+        if !said.contains(&whole) {
+            tell(&News::Told(peer, whole));
+        }
         tell(&News::Ended(peer, end, tally));
     }
     Ok(())
 }
 
-/// One client from its connection to its end.
+/// One client from its sizes to its end.
 struct Attendance<'a> {
     door: &'a Door,
     peer: SocketAddr,
@@ -163,17 +108,25 @@ struct Attendance<'a> {
 impl Attendance<'_> {
     fn attend(
         mut self,
-        link: &mut dyn Transport,
-        machine: &mut Machine,
+        client: Client,
         host: &mut Host,
-        early: &[Vec<u8>],
         (buffer, waste): (&mut [u8], &mut [u8]),
     ) -> End {
-        let connected = monotonic_ns();
-        let (mut heard_at, mut look_at) = (connected, connected + LOOK_NS);
-        let mut ready = false;
-        for datagram in early {
-            match self.take(datagram, link, machine, host, &mut ready) {
+        let Client {
+            mut link,
+            mut machine,
+            sizes,
+            early,
+            ..
+        } = client;
+        let (link, machine) = (link.as_mut(), &mut machine);
+        let mut heard_at = monotonic_ns();
+        let mut look_at = heard_at + LOOK_NS;
+        if let Err(end) = self.begin(sizes, host) {
+            return end;
+        }
+        for bytes in early {
+            match self.take(&bytes, link, machine, host) {
                 Ok(false) => {}
                 Ok(true) => return self.linger(link, buffer),
                 Err(end) => return end,
@@ -185,7 +138,7 @@ impl Attendance<'_> {
                 Ok(Some(count)) => {
                     heard_at = monotonic_ns();
                     let bytes = buffer.get(..count).unwrap_or_default();
-                    match self.take(bytes, link, machine, host, &mut ready) {
+                    match self.take(bytes, link, machine, host) {
                         Ok(false) => {}
                         Ok(true) => return self.linger(link, buffer),
                         Err(end) => return end,
@@ -212,16 +165,30 @@ impl Attendance<'_> {
             if let Err(fault) = host.attend() {
                 return fault.into();
             }
-            let limit = self.settings.setup_limit_s;
-            if !ready && seconds(now, connected) > limit {
-                return End::NoSizes(limit);
-            }
             if let Some(limit) = self.settings.idle_limit_s
                 && seconds(now, heard_at) > limit
             {
                 return End::Silent(limit);
             }
         }
+    }
+
+    /// The sizes have come: the test begins, unless it has begun.
+    fn begin(&mut self, sizes: Sizes, host: &mut Host) -> Result<(), End> {
+        (self.tell)(&News::Ready(self.peer, sizes));
+        if host.has_begun() {
+            return Ok(());
+        }
+        // Only now: a stranger who merely connects must not make a specimen move.
+        let begun = host.begin(&Visitor::unnamed(self.peer));
+        let told = begun.map_err(|text| {
+            (self.tell)(&News::Told(self.peer, text));
+            End::from(HostFault::Unavailable)
+        })?;
+        for text in told {
+            (self.tell)(&News::Told(self.peer, text));
+        }
+        Ok(())
     }
 
     /// Does what some bytes say; true at the goodbye. Real-time: yes, after the sizes.
@@ -231,11 +198,7 @@ impl Attendance<'_> {
         link: &mut dyn Transport,
         machine: &mut Machine,
         host: &mut Host,
-        ready: &mut bool,
     ) -> Result<bool, End> {
-        if !*ready && matches!(self.door.socket, Socket::Tcp(_)) && is_client_hello(bytes) {
-            return Err(End::SpeaksTls);
-        }
         let mut rest = bytes;
         while !rest.is_empty() {
             let piece = match self.door.socket {
@@ -250,22 +213,7 @@ impl Attendance<'_> {
             }
             match heard.said {
                 Said::Nothing => {}
-                Said::Ready(sizes) => {
-                    *ready = true;
-                    (self.tell)(&News::Ready(self.peer, sizes));
-                    if host.has_begun() {
-                        continue;
-                    }
-                    // Only now: a stranger who merely connects must not make a specimen move.
-                    let begun = host.begin(&Visitor::unnamed(self.peer));
-                    let told = begun.map_err(|text| {
-                        (self.tell)(&News::Told(self.peer, text));
-                        End::from(HostFault::Unavailable)
-                    })?;
-                    for text in told {
-                        (self.tell)(&News::Told(self.peer, text));
-                    }
-                }
+                Said::Ready(sizes) => self.begin(sizes, host)?,
                 Said::InitLine => (self.tell)(&News::InitLine),
                 Said::Ignored(code) => (self.tell)(&News::Ignored(code)),
                 Said::Finished => return Ok(true),
@@ -288,7 +236,7 @@ impl Attendance<'_> {
     }
 }
 
-fn lost(link: &dyn Transport, fault: LinkFault) -> End {
+pub(super) fn lost(link: &dyn Transport, fault: LinkFault) -> End {
     match (link.tls_fault(), fault) {
         (Some(why), _) => End::Tls(why),
         (None, LinkFault::Closed) => End::Vanished,
@@ -296,6 +244,6 @@ fn lost(link: &dyn Transport, fault: LinkFault) -> End {
     }
 }
 
-fn seconds(now: u64, since: u64) -> f64 {
+pub(super) fn seconds(now: u64, since: u64) -> f64 {
     now.saturating_sub(since) as f64 * 1e-9
 }

@@ -114,6 +114,14 @@ impl RemoteSettings {
         }
     }
 
+    /// True of a force server that measures when it is asked. An actor only gives back what it measured after a command, and
+    /// an adapter takes no request before one.
+    #[must_use]
+    pub fn tells_where_it_stands(&self) -> bool {
+        let can = matches!(self.peer, Peer::Element | Peer::Site);
+        can && self.daq.disp == self.axes && self.daq.force == self.axes
+    }
+
     pub(super) fn sizes(&self) -> Result<Sizes, WireError> {
         let matrices = self.peer == Peer::Element;
         Sizes::fitted(self.ctrl, self.daq, self.data_size, matrices)

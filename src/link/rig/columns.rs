@@ -76,7 +76,11 @@ pub(super) fn columns(units: &[AxisUnits], name: &str) -> Vec<Column> {
     }
     for (axis, units) in (1..).zip(units) {
         for (kind, meaning) in AXIS {
+            // A rotation stays one, and a moment too: there is nothing to bring into metres.
+            let turns = units.disp == "rad";
             let unit = match kind {
+                "target" | "meas" if turns => "rad",
+                "force" if turns => "N m",
                 "target" | "meas" => "m",
                 "force" => "N",
                 "raw_force" => units.force,

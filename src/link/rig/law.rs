@@ -17,6 +17,17 @@ struct Left {
 }
 
 impl Memory {
+    /// That of `specimen` after it was moved to `disp`, one displacement per axis in its own units.
+    #[must_use]
+    pub fn of(specimen: &mut dyn Specimen, disp: &[f64]) -> Self {
+        let still = vec![0.0; disp.len()];
+        specimen.trial(disp, &still, 0.0, &mut still.clone());
+        specimen.commit();
+        let (mut state, disp) = (Vec::new(), disp.to_vec());
+        specimen.freeze(&mut state);
+        Self(Arc::new(Mutex::new(Some(Left { state, disp }))))
+    }
+
     fn recall(&self) -> Option<Left> {
         let left = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         left.clone()
@@ -98,7 +109,12 @@ impl Rig for Law {
         self.disp.len()
     }
 
-    fn connect(&mut self, _: &Visitor) -> Result<Introduction, String> {
+    fn connect(&mut self, visitor: &Visitor) -> Result<Introduction, String> {
+        let rate = visitor.rate.filter(|(numerator, _)| *numerator > 0);
+        let every = rate.map_or(0.0, |(numerator, denominator)| {
+            denominator as f64 / numerator as f64
+        });
+        self.specimen.commanded_every(every);
         Ok(Introduction {
             standing: self.committed.clone(),
             ..Introduction::default()

@@ -23,6 +23,7 @@ pub use law::{Law, Memory};
 pub use log::LogSettings;
 pub use settings::{Close, ProbeSettings};
 pub use station::Station;
+pub(in crate::link) use station::first_words;
 
 use crate::control::limits::Hit;
 use crate::substructure::{Command, Introduction, LinkFault, LinkStats, Measurement, Retirement};

@@ -3,7 +3,10 @@
 mod allowed;
 mod announced;
 mod attempt;
+mod first;
 mod ready;
+
+pub(in crate::link) use first::words as first_words;
 
 use allowed::Allowed;
 use announced::Announced;
@@ -42,9 +45,13 @@ pub struct Station {
     begun: bool,
     /// Where the specimen stands, until the first command of a controller that did not say where that will be has passed.
     stands: Option<Vec<f64>>,
+    /// The same in m for what moves, whoever commands it.
+    leaves: Option<Vec<f64>>,
     measured: Measurement,
     tripped: Option<Trip>,
     commits: u64,
+    /// Answers of a simulated actuator that did not come to terms with what it moves.
+    unsettled: u64,
 }
 
 impl std::fmt::Debug for Station {
@@ -90,9 +97,11 @@ impl Station {
             log: None,
             begun: false,
             stands: None,
+            leaves: None,
             measured: Measurement::zeros(axes),
             tripped: None,
             commits: 0,
+            unsettled: 0,
         }
     }
 
@@ -171,6 +180,7 @@ impl Station {
         self.announced = Announced::by(visitor, &self.units);
         self.allowed = Some(Allowed::by(visitor, self.moves));
         self.commits = 0;
+        self.unsettled = 0;
         self.measured = Measurement::zeros(self.units.len());
         if let Some(settings) = &self.keeping {
             let log = Log::open(settings, &self.name, &self.units, visitor, self.away_from);
@@ -219,12 +229,22 @@ impl Station {
     /// A trip with what its link has to say.
     #[must_use]
     pub fn whole(&self, trip: Trip) -> String {
-        match (trip, self.rig.complaint(), &self.stands) {
-            (Trip::Lost(_), Some(complaint), _) => format!("{trip} ({complaint})"),
-            (Trip::Limit(hit), _, Some(stands)) if is_of_motion(hit.quantity) => format!(
-                "{trip}: the specimen stands at {}, and the first command leads away from there",
-                self.in_words(stands)
-            ),
+        match (trip, self.rig.complaint(), &self.stands, &self.leaves) {
+            (Trip::Lost(_), Some(complaint), ..) => format!("{trip} ({complaint})"),
+            (Trip::Limit(hit), _, stands, leaves) if is_of_motion(hit.quantity) => {
+                let mut text = trip.to_string();
+                if let Some(stands) = stands {
+                    text.push_str(&format!(
+                        ": the specimen stands at {}, and the first command leads away from there",
+                        self.in_words(stands)
+                    ));
+                }
+                let why = leaves.as_ref().and_then(|_| first::why(&self.limits, &hit));
+                if let Some(why) = why {
+                    text.push_str(&format!(" ({why})"));
+                }
+                text
+            }
             _ => trip.to_string(),
         }
     }
@@ -296,6 +316,13 @@ impl Station {
     pub fn end(&mut self, close: Close, text: &str) {
         if !std::mem::take(&mut self.begun) {
             return;
+        }
+        if self.unsettled > 0 {
+            let text = format!(
+                "in {} answers the servo-hydraulic actuator and the law did not come to terms: they are not exact",
+                self.unsettled
+            );
+            self.note(NoteLevel::Warning, "unsettled", &text);
         }
         // A trip is why it ended, whatever else was said about it.
         let (close, text) = match self.tripped {

@@ -3,11 +3,11 @@
 use std::sync::Arc;
 
 use crate::control::AxisUnits;
-use crate::control::limits::LimitsSpec;
+use crate::control::limits::{AxisLimits, LimitsSpec};
 use crate::link::announce::units_of;
 use crate::link::fault::{Bench, Script, ScriptError};
 use crate::link::rig::{
-    Far, FarBuild, Law, LogSettings, Memory, ProbeSettings, Station, Whereabouts,
+    Far, FarBuild, Law, LogSettings, Memory, ProbeSettings, Station, Whereabouts, first_words,
 };
 use crate::specimen::Specimen;
 use crate::wire::handshake::{Axis, Capabilities};
@@ -121,6 +121,23 @@ impl Host {
         self
     }
 
+    /// The same, and the first test finds it at `disp`, one displacement per axis in the units of the axes, where it was moved
+    /// from its virgin state.
+    ///
+    /// # Errors
+    /// What its maker says, another number of displacements, or a specimen behind a link: where that stands it says itself.
+    pub fn standing_at(mut self, disp: &[f64]) -> Result<Self, String> {
+        let Behind::Law(build) = &self.behind else {
+            return Err("the specimen is behind a link, and stands where it stands".to_owned());
+        };
+        if disp.len() != self.axes.len() {
+            let (axes, found) = (self.axes.len(), disp.len());
+            return Err(format!("{axes} displacements wanted, {found} found"));
+        }
+        self.memory = Some(Memory::of(build()?.as_mut(), disp));
+        Ok(self)
+    }
+
     /// True if a formula stays as the last test left it.
     #[must_use]
     pub const fn remembers(&self) -> bool {
@@ -162,6 +179,23 @@ impl Host {
     #[must_use]
     pub const fn is_gateway(&self) -> bool {
         matches!(self.behind, Behind::Far(..))
+    }
+
+    /// How the first command of a test is judged on axes whose steps the file does not bound, in words. `moves`: it is no mere
+    /// computation; a gateway never is.
+    #[must_use]
+    pub fn first_command(&self, moves: bool) -> Vec<String> {
+        if !(moves || self.is_gateway()) {
+            return Vec::new();
+        }
+        let bound = |index| {
+            self.limits
+                .get(index)
+                .map_or(AxisLimits::NONE, LimitsSpec::limits)
+        };
+        let limits: Vec<AxisLimits> = (0..self.axes.len()).map(bound).collect();
+        let units: Vec<AxisUnits> = self.axes.iter().map(units_of).collect();
+        first_words(&limits, &units)
     }
 
     pub(super) const fn capabilities(&self) -> Capabilities {

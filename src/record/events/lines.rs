@@ -88,11 +88,15 @@ impl<S: Store> EventLog<S> {
                 self.specimen(line, port);
                 put(line, "fault", fault_name(fault));
                 put(line, "message", fault.to_string());
+                let lost = match fault {
+                    LinkFault::Diverged => "computation lost",
+                    _ => "link lost",
+                };
                 tracing::error!(
                     tick = event.tick,
                     time = event.time,
                     specimen = port + 1,
-                    "link lost: {fault}"
+                    "{lost}: {fault}"
                 );
             }
             EventKind::Interlock { port } => {
@@ -194,6 +198,17 @@ impl<S: Store> EventLog<S> {
                     time = event.time,
                     specimen = port + 1,
                     "a sensor or actuator is at the end of its range"
+                );
+            }
+            EventKind::Unsettled { port, ticks } => {
+                self.specimen(line, port);
+                put(line, "ticks", ticks);
+                tracing::warn!(
+                    tick = event.tick,
+                    time = event.time,
+                    specimen = port + 1,
+                    ticks,
+                    "the simulated actuator did not come to terms with what it moves"
                 );
             }
             EventKind::Pace { from, to, share } => {
@@ -328,6 +343,7 @@ const fn kind_name(kind: &EventKind) -> &'static str {
         EventKind::Link { .. } => "link",
         EventKind::Interlock { .. } => "interlock",
         EventKind::Saturated { .. } => "saturated",
+        EventKind::Unsettled { .. } => "unsettled",
         EventKind::RowLost => "row_lost",
         EventKind::Diverged { .. } => "diverged",
         EventKind::StopRequested => "stop_requested",
@@ -358,5 +374,6 @@ const fn fault_name(fault: LinkFault) -> &'static str {
         LinkFault::Auth => "auth",
         LinkFault::Backpressure => "backpressure",
         LinkFault::NotFinite => "not_finite",
+        LinkFault::Diverged => "diverged",
     }
 }

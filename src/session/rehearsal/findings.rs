@@ -1,6 +1,7 @@
 //! A rehearsal judged: which limits of the file the test would meet, and where they stand.
 
-use super::{Curtain, Need, Needs, Rehearsal};
+use super::hold::depends_on_pace;
+use super::{Curtain, Held, Need, Needs, Rehearsal};
 use crate::config::{Finding, KeyPath, Loaded};
 use crate::control::Poses;
 use crate::control::limits::Quantity;
@@ -20,6 +21,7 @@ impl Rehearsal {
                 findings.extend(found);
             }
             findings.extend(nearly_singular(needs, index));
+            findings.extend(unsettled(loaded, needs, index));
         }
         findings.extend(self.end(loaded));
         findings
@@ -74,6 +76,53 @@ impl Rehearsal {
     }
 }
 
+impl Held {
+    /// Every limit on which the test would trip in its hold, and not without it.
+    #[must_use]
+    pub fn findings(&self, undisturbed: &Rehearsal, loaded: &Loaded) -> Vec<Finding> {
+        let mut findings = Vec::new();
+        for (index, needs) in self.specimens.iter().enumerate() {
+            for (axis, all) in needs.axes.iter().enumerate() {
+                let trips_anyway = |quantity| {
+                    let before = undisturbed.specimens.get(index);
+                    let before = before.and_then(|needs| needs.axes.get(axis));
+                    let before = before.into_iter().flatten();
+                    before
+                        .into_iter()
+                        .any(|need| need.quantity == quantity && need.trips())
+                };
+                let new = all.iter().filter(|need| {
+                    depends_on_pace(need.quantity)
+                        && need.trips()
+                        && self.holds(need)
+                        && !trips_anyway(need.quantity)
+                });
+                findings.extend(new.map(|need| {
+                    let (value, _) = need.needed.farther_from(need.trip, need.warn);
+                    let unit = need.quantity.unit();
+                    Finding::warning(
+                        place(loaded, index, axis, need.quantity),
+                        format!(
+                            "an operator's hold at {} s needs a {} of {} {unit} on axis {} of `{}`, and would trip",
+                            short(self.at),
+                            need.quantity.words(),
+                            short(value),
+                            axis + 1,
+                            needs.name,
+                        ),
+                    )
+                    .label(allowed(need.trip, unit))
+                    .help(
+                        "found on the simulated clock, where the test is fastest; with more ticks per step, a longer \
+                         `ease_s` or a wider limit the specimen could be held there",
+                    )
+                }));
+            }
+        }
+        findings
+    }
+}
+
 /// Beyond this condition number the actuators hold their platform badly: what they do wrong shows twenty times as large in its
 /// weakest direction as in its strongest.
 const WEAK: f64 = 20.0;
@@ -97,6 +146,26 @@ fn nearly_singular(needs: &Needs, specimen: usize) -> Option<Finding> {
         .at_key()
         .label("1 would be best")
         .help("there small errors of the actuators are large ones of the platform")
+    })
+}
+
+/// A warning where the simulated actuator and the law did not come to terms.
+fn unsettled(loaded: &Loaded, needs: &Needs, specimen: usize) -> Option<Finding> {
+    (needs.unsettled > 0).then(|| {
+        let at = KeyPath::root().key("specimen").index(specimen);
+        let keys = ["transfer", "stand_in_transfer", "identified"];
+        let place = keys.iter().map(|key| at.key(key));
+        let place = place.into_iter().find(|at| loaded.locator.holds(at));
+        Finding::warning(
+            place.unwrap_or(at),
+            format!(
+                "the servo-hydraulic actuator and the law of `{}` do not come to terms in {} ticks of the test",
+                needs.name, needs.unsettled
+            ),
+        )
+        .at_key()
+        .label("what is measured then is not exact")
+        .help("a tick is too long for a law that bends so sharply: `time.ticks_per_step` makes it finer")
     })
 }
 
@@ -146,7 +215,7 @@ fn allowed([low, high]: [f64; 2], unit: &str) -> String {
 }
 
 /// Four digits are enough to compare with a limit.
-fn short(value: f64) -> String {
+pub(super) fn short(value: f64) -> String {
     let size = value.abs();
     if size != 0.0 && !(1e-3..1e6).contains(&size) {
         return format!("{value:.3e}");

@@ -2,13 +2,17 @@
 //!
 //! The experiment is the one that would run, with the same loop, method and λ. A specimen of this process is itself; for one
 //! behind a link stands what the test file declares of it ([`StandIn`]). Limits are lifted meanwhile, so that the whole need
-//! is seen and not only its beginning, and compared afterwards ([`Rehearsal::findings`]). Nothing is spoken to, nothing moves,
-//! and nothing is written.
+//! is seen and not only its beginning, and compared afterwards ([`Rehearsal::findings`]), as is what the rig can give
+//! ([`Rehearsal::beyond_capacity`]). Nothing is spoken to, nothing moves, and nothing is written.
+//!
+//! What an operator's hold asks for is rehearsed by itself ([`rehearse_hold`]), where the test is fastest.
 //!
 //! What a stand-in cannot show is not judged: sensors that stick, late answers, and lag and noise where neither `identified`
 //! nor `stand_in_transfer` says anything of them.
 
+mod capacity;
 mod findings;
+mod hold;
 mod meter;
 
 use std::sync::{Arc, Mutex, PoisonError};
@@ -16,11 +20,13 @@ use std::time::Duration;
 
 use crossbeam_channel::Sender;
 
+pub use capacity::{Most, NEEDS, Used};
+pub use hold::{Held, rehearse_hold};
 pub use meter::{AxisNeed, Extreme};
 
 use meter::Meter;
 
-use crate::config::{self, ConfigError, Loaded, MatrixValue, SpecimenTable};
+use crate::config::{self, CapacityTable, ConfigError, Loaded, MatrixValue, SpecimenTable};
 use crate::control::Poses;
 use crate::control::limits::{AxisLimits, Bound, Quantity, Range};
 use crate::engine::{Control, Ending, Engine, Experiment, Operator, Outcome, Stop};
@@ -143,6 +149,10 @@ pub struct Needs {
     pub found: Vec<AxisNeed>,
     /// How far its platform went, if the axes are the actuators of one.
     pub poses: Option<Poses>,
+    /// Ticks in which its simulated actuator did not come to terms with what it moves.
+    pub unsettled: u64,
+    /// What its rig can give, if the file says it.
+    pub capacity: Option<CapacityTable>,
 }
 
 /// Why a rehearsal ended.
@@ -186,15 +196,21 @@ pub fn rehearse(
         experiment
     };
     let mut rehearsal = carry_out(experiment, budget);
-    for (needs, table) in rehearsal.specimens.iter_mut().zip(&loaded.file.specimen) {
+    name_stand_ins(&mut rehearsal.specimens, loaded);
+    Ok(rehearsal)
+}
+
+/// Says what stood for each specimen; of one for which nothing stood, no force is shown.
+fn name_stand_ins(specimens: &mut [Needs], loaded: &Loaded) {
+    for (needs, table) in specimens.iter_mut().zip(&loaded.file.specimen) {
         needs.stand_in = StandIn::of(table);
+        needs.capacity = table.capacity;
         if needs.stand_in == StandIn::Nothing {
             for axis in &mut needs.axes {
                 axis.retain(|need| !is_of_force(need.quantity));
             }
         }
     }
-    Ok(rehearsal)
 }
 
 /// What happens to the limits of a test that is rehearsed.
@@ -253,7 +269,17 @@ fn staged_with(
 
 /// Rehearses an experiment as it is; what stands behind its ports must not be a link.
 #[must_use]
-pub fn carry_out(mut experiment: Experiment, budget: Duration) -> Rehearsal {
+pub fn carry_out(experiment: Experiment, budget: Duration) -> Rehearsal {
+    let (operator, requests) = crossbeam_channel::bounded(1);
+    let prompter = Prompter::new(budget, operator);
+    carry_out_with(experiment, Box::new(prompter), &Control::from(requests))
+}
+
+fn carry_out_with(
+    mut experiment: Experiment,
+    prompter: Box<dyn Recorder>,
+    control: &Control,
+) -> Rehearsal {
     let began = os::monotonic_ns();
     let dt = experiment.dt;
     // Nobody is there to confirm what a formula reads.
@@ -263,23 +289,12 @@ pub fn carry_out(mut experiment: Experiment, budget: Duration) -> Rehearsal {
     let known: Vec<_> = ports
         .map(|port| (port.name.clone(), port.limits().to_vec()))
         .collect();
-    let (operator, requests) = crossbeam_channel::bounded(1);
-    let recorder = Prompter {
-        until_ns: began.saturating_add(u64::try_from(budget.as_nanos()).unwrap_or(u64::MAX)),
-        rows: 0,
-        operator,
-    };
-    let (outcome, needs, poses) = staged_with(
-        experiment,
-        Box::new(recorder),
-        Staging::WithoutLimits,
-        &Control::from(requests),
-    );
+    let (outcome, needs, poses) =
+        staged_with(experiment, prompter, Staging::WithoutLimits, control);
     let seen = needs.into_iter().zip(poses);
-    let specimens = known
-        .into_iter()
-        .zip(seen)
-        .map(|((name, limits), (found, poses))| {
+    let counts = outcome.ports.iter().map(|port| port.2.unsettled);
+    let specimens = known.into_iter().zip(seen).zip(counts).map(
+        |(((name, limits), (found, poses)), unsettled)| {
             let axes = found.iter().zip(&limits);
             Needs {
                 name,
@@ -287,8 +302,11 @@ pub fn carry_out(mut experiment: Experiment, budget: Duration) -> Rehearsal {
                 axes: axes.map(|(need, limits)| compared(need, limits)).collect(),
                 found,
                 poses,
+                unsettled,
+                capacity: None,
             }
-        });
+        },
+    );
     Rehearsal {
         time: outcome.steps as f64 * dt,
         curtain: match outcome.ending {
@@ -306,6 +324,17 @@ struct Prompter {
     until_ns: u64,
     rows: u64,
     operator: Sender<Operator>,
+}
+
+impl Prompter {
+    fn new(budget: Duration, operator: Sender<Operator>) -> Self {
+        let budget_ns = u64::try_from(budget.as_nanos()).unwrap_or(u64::MAX);
+        Self {
+            until_ns: os::monotonic_ns().saturating_add(budget_ns),
+            rows: 0,
+            operator,
+        }
+    }
 }
 
 impl Recorder for Prompter {

@@ -36,7 +36,7 @@
 //! | 32 | 8 | u64 | sequence: newest command that was in force when this was sampled |
 //! | 40 | 8 | f64 | the specimen's own time of sampling, s; 0 if it has none |
 //! | 48 | 8 | f64 | time from the arrival of that command to the sampling, s |
-//! | 56 | 4 | u32 | status: bit 0 interlock open, bit 1 holding, bit 2 saturated |
+//! | 56 | 4 | u32 | status: bit 0 interlock open, bit 1 holding, bit 2 saturated, bit 3 simulated actuator not settled |
 //! | 60 | 4 | u32 | commands missed so far: sequence numbers that never arrived |
 //! | 64 | 8n | f64 | measured displacement |
 //! | 64+8n | 8n | f64 | measured force |

@@ -5,6 +5,7 @@ use crate::compensation::{CompensationSpec, Compensator};
 use crate::config::steps::Time;
 use crate::config::{Finding, KeyPath, Method, SpecimenTable, TestFile};
 use crate::control::limits::LimitsSpec;
+use crate::integrate::{AlphaWeights, MethodError};
 
 /// One compensator per axis, if the table of specimen `index` has any.
 pub(super) fn compensators(
@@ -55,6 +56,20 @@ pub(super) fn is_tracked(file: &TestFile, table: &SpecimenTable, axes: usize) ->
         || table.transfer.is_some()
         || table.compensation.is_some()
         || table.limits_of(axes).iter().any(limited)
+}
+
+/// By how much of the time from one target to the next the velocity that comes with a target is older than this. The family's is
+/// ∇x/Δt; of the α methods ∇x/Δt = v + (γ − ½) ∇v; a prescribed one is that of its moment.
+pub(super) fn velocity_age(file: &TestFile) -> f64 {
+    let rho = file.integrator.rho_infinity.unwrap_or(f64::NAN);
+    let gamma = |weights: Result<AlphaWeights, MethodError>| weights.map_or(0.5, |w| w.gamma);
+    match file.integrator.method {
+        _ if file.structure.is_none() => 0.0,
+        Method::KrAlpha => gamma(AlphaWeights::kr(rho)),
+        Method::MkrAlpha => gamma(AlphaWeights::mkr(rho)),
+        // All others but the family move no specimen.
+        _ => 0.5,
+    }
 }
 
 /// A simulated actuator lives in test time: in a test that runs slower it would be faster than it is.

@@ -30,7 +30,10 @@ pub(super) fn behind_transfer(
     }
     let spec = drawn_transfer(spec, drawn);
     match Transfer::new(&spec, law, Some(compensation::test_time(time))) {
-        Ok(transfer) => Ok(Box::new(transfer)),
+        Ok(mut transfer) => {
+            transfer.commanded_every(time.period.value());
+            Ok(Box::new(transfer))
+        }
         Err(error) => site.refuse_key(at, error.key(), &error),
     }
 }

@@ -3,7 +3,6 @@
 use super::Remote;
 use crate::link::openfresco::asking::{Asking, Came, pause, send};
 use crate::link::openfresco::error::{Lost, RemoteError, Saying};
-use crate::link::openfresco::settings::{Peer, RemoteSettings};
 use crate::rt::os;
 use crate::substructure::{LinkFault, Measurement};
 use crate::time::Nanos;
@@ -81,15 +80,6 @@ impl Remote {
         }
         self.initial_stiffness = Some(rows);
         Ok(())
-    }
-
-    /// A force server measures when it is asked. An actor only gives back what it measured after a command, and an adapter
-    /// takes no request before one.
-    pub(super) fn can_tell_where_it_stands(&self) -> bool {
-        let RemoteSettings {
-            peer, daq, axes, ..
-        } = &self.settings;
-        matches!(peer, Peer::Element | Peer::Site) && daq.disp == *axes && daq.force == *axes
     }
 
     pub(super) fn ask_standing(&mut self, until: Nanos) -> Result<(), RemoteError> {

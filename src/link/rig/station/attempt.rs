@@ -1,6 +1,6 @@
 //! One exchange of a station: what is judged before it leaves, and what is judged of the answer.
 
-use super::{Station, USUAL_TICK_S, metres, not_finite};
+use super::{Station, USUAL_TICK_S, first, metres, not_finite};
 use crate::control::limits::Found;
 use crate::link::rig::Trip;
 use crate::link::rig::log::Exchange;
@@ -77,6 +77,12 @@ impl Station {
         if let Some(time) = time {
             self.watch.tick_is(time);
         }
+        if is_theirs
+            && let Some(leaves) = &self.leaves
+            && let Some(hit) = first::judge(&self.limits, leaves, metres(&self.units, command.disp))
+        {
+            return Err(Trip::Limit(hit));
+        }
         let found = self.watch.command(metres(&self.units, command.disp));
         self.heed(found)?;
         // Our own small motions before the test are none of the controller's.
@@ -89,11 +95,12 @@ impl Station {
         }
         self.watch.sent(metres(&self.units, command.disp));
         if is_theirs {
-            self.stands = None;
+            (self.stands, self.leaves) = (None, None);
         }
         let outcome = self.rig.trial(command, elapsed, &mut self.measured);
         *answered_ns = self.log.as_ref().map_or(0, |_| os::monotonic_ns());
         outcome.map_err(Trip::Lost)?;
+        self.unsettled += u64::from(self.measured.status.has(Status::UNSETTLED));
         if let Some(axis) = not_finite(&self.measured.disp, &self.measured.force) {
             // What is no number goes no further.
             let Measurement { disp, force, .. } = &mut self.measured;

@@ -43,10 +43,16 @@ impl Station {
             told.push(self.try_direction(&start, &amplitude, pace)?);
         }
         self.arm(visitor.first_sequence, &start)?;
-        if introduction.measured && introduction.standing.len() == start.len() {
-            self.watch
-                .stands_at(metres(&self.units, &introduction.standing));
+        let is_measured = introduction.measured && introduction.standing.len() == start.len();
+        let stands = if is_measured {
+            &introduction.standing
+        } else {
+            &start
+        };
+        if is_measured {
+            self.watch.stands_at(metres(&self.units, stands));
         }
+        self.leaves = self.moves.then(|| metres(&self.units, stands).collect());
         self.rig.at_rest(&mut self.measured);
         match not_finite(&self.measured.disp, &self.measured.force) {
             Some(axis) => Err(format!("axis {}: the force at rest is no number", axis + 1)),

@@ -1,0 +1,194 @@
+//! The limits of one specimen: what is bounded and how it is judged, what its end does by itself, and where it is left.
+
+use super::super::links;
+use super::super::specimens::loading;
+use super::{Limit, SpecimenLimits, sizes};
+use crate::config::{ClockChoice, SpecimenTable, Time};
+use crate::control::limits::{AxisLimits, Bound, Levels, Quantity};
+use crate::control::{Direction, Port};
+use crate::link::LinkSpec;
+use crate::link::spec::{Protocol, StaleChoice};
+use crate::substructure::Coupling;
+
+/// All of them.
+pub(super) fn of_specimen(table: &SpecimenTable, port: &Port, time: &Time) -> SpecimenLimits {
+    let is_told = table
+        .link
+        .as_ref()
+        .is_some_and(|link| link.protocol == Protocol::Gusset);
+    let axes = port.limits().iter().map(|axis| {
+        let levels = axis.levels().into_iter().map(|(quantity, levels)| {
+            let (warn, trip) = match levels {
+                Levels::Size(Bound { warn, trip }) => (sizes(&[warn]), sizes(&[trip])),
+                Levels::Range(range) => (sizes(&range.warn), sizes(&range.trip)),
+            };
+            Limit {
+                key: quantity.key(),
+                unit: quantity.unit(),
+                also_at_the_specimen: is_told && quantity.is_announced() && !trip.is_empty(),
+                warn,
+                trip,
+                judged: judged(quantity, axis),
+            }
+        });
+        levels
+            .filter(|limit| !(limit.warn.is_empty() && limit.trip.is_empty()))
+            .collect()
+    });
+    let axes = axes.collect();
+    let name = port.name.clone();
+    let geometry = loading::facts(table);
+    let safe_disp_m = table.safe_disp_m.clone();
+    match &table.link {
+        None => SpecimenLimits {
+            name,
+            geometry,
+            checked_by: "this loop, before a command leaves and with every answer".to_owned(),
+            axes,
+            stale: "cannot be: it is computed here".to_owned(),
+            watchdog: None,
+            ends: ends(table),
+            direction: None,
+            safe_disp_m,
+        },
+        Some(link) => {
+            let far = if is_told {
+                "; what is announced in the handshake (*) its own end, too"
+            } else {
+                "; its protocol has no limits, so nobody else"
+            };
+            SpecimenLimits {
+                name,
+                geometry,
+                checked_by: format!(
+                    "this loop, before a command leaves and with every fresh answer{far}"
+                ),
+                axes,
+                stale: stale(link, port),
+                watchdog: Some(watchdog(link, time)),
+                ends: None,
+                direction: Some(direction(link, port)),
+                safe_disp_m,
+            }
+        }
+    }
+}
+
+/// What else the file says of a bound.
+fn judged(quantity: Quantity, axis: &AxisLimits) -> Option<String> {
+    let tangents = || {
+        if axis.tangent_step > 0.0 {
+            format!("from motions beyond {} m", axis.tangent_step)
+        } else {
+            "from motions beyond ten times the noise".to_owned()
+        }
+    };
+    let over_time = || "over the last seconds of motion, after two periods of it".to_owned();
+    match quantity {
+        Quantity::FollowingError => Some(if axis.following_time > 0.0 {
+            format!("at rest; in motion {} s of it more", axis.following_time)
+        } else {
+            "at rest and in motion alike".to_owned()
+        }),
+        Quantity::StuckSensor if axis.stuck_travel > 0.0 => {
+            Some(format!("once the command has gone {} m", axis.stuck_travel))
+        }
+        Quantity::Alternation if axis.alternating_floor > 0.0 => Some(format!(
+            "of second differences beyond {} m",
+            axis.alternating_floor
+        )),
+        Quantity::StiffnessRatio | Quantity::DampingRatio => Some(tangents()),
+        Quantity::Lag | Quantity::GainError => Some(over_time()),
+        Quantity::CommandVel | Quantity::CommandAccel => Some("in wall time".to_owned()),
+        Quantity::CommandDisp
+        | Quantity::CommandStep
+        | Quantity::MeasuredDisp
+        | Quantity::MeasuredForce
+        | Quantity::ForceStep
+        | Quantity::StuckSensor
+        | Quantity::SensorDisp
+        | Quantity::SensorForce
+        | Quantity::Alternation
+        | Quantity::AddedEnergy => None,
+    }
+}
+
+fn stale(link: &LinkSpec, port: &Port) -> String {
+    let way = match link.on_stale {
+        StaleChoice::Hold => "the last force is held",
+        StaleChoice::Extrapolate => "the force goes on along the estimated stiffness",
+        StaleChoice::Stop => "the first one trips",
+    };
+    match link.on_stale {
+        _ if port.coupling() == Coupling::Lockstep => format!(
+            "cannot be: an answer is waited for; after {} s without one the link is lost",
+            link.reply_timeout_s
+        ),
+        StaleChoice::Stop => way.to_owned(),
+        StaleChoice::Hold | StaleChoice::Extrapolate => {
+            let most = port.wait.map_or(0, |wait| wait.stale_in_a_row);
+            format!("{way}; more than {most} in a row trip")
+        }
+    }
+}
+
+fn watchdog(link: &LinkSpec, time: &Time) -> String {
+    match link.protocol {
+        Protocol::Gusset => {
+            let ticks = if links::is_per_step(link) {
+                f64::from(time.ticks_per_step)
+            } else {
+                1.0
+            };
+            let after = links::watchdog_s(link, time.period.value() * ticks);
+            let unwatched = match time.clock {
+                ClockChoice::Real => "",
+                ClockChoice::Simulated => " (by wall time, whatever the clock of the test)",
+            };
+            format!(
+                "the specimen's end holds, by itself, after {after} s without a command{unwatched}"
+            )
+        }
+        Protocol::OpenFresco | Protocol::OpenFrescoShadow | Protocol::OpenFrescoAdapter => {
+            "none: its protocol has no word for it, and nobody holds the specimen if this program falls silent"
+                .to_owned()
+        }
+    }
+}
+
+fn direction(link: &LinkSpec, port: &Port) -> String {
+    match (link.probe_m, &port.direction) {
+        (Some(metres), _) => format!(
+            "each axis goes {metres} m and back before the test, {} s each way: wired the wrong way round, it is not armed",
+            link.probe_ramp_s
+        ),
+        (None, Direction::Settling(_)) => {
+            "shown by the static load: wired the wrong way round, it is not armed".to_owned()
+        }
+        (None, _) => "not looked at: neither `probe_m` nor a static load shows it".to_owned(),
+    }
+}
+
+/// Where the actuator and the sensors of a law end.
+fn ends(table: &SpecimenTable) -> Option<String> {
+    let spec = table.transfer.as_ref()?;
+    let ends = [
+        ("stroke", spec.stroke_m, "m"),
+        ("force", spec.force_limit_n, "N"),
+        ("displacement sensor", spec.disp_sensor.range_m, "m"),
+        ("load cell", spec.force_sensor.range_n, "N"),
+    ];
+    let ends: Vec<String> = ends
+        .iter()
+        .filter_map(|(what, end, unit)| Some(format!("{what} ± {} {unit}", (*end)?)))
+        .collect();
+    if ends.is_empty() {
+        return None;
+    }
+    let then = if spec.tell_saturation.unwrap_or(true) {
+        "to reach one trips"
+    } else {
+        "to reach one is not told, and the test goes on (`tell_saturation = false`)"
+    };
+    Some(format!("{}; {then}", ends.join(", ")))
+}

@@ -1,0 +1,54 @@
+//! Limits of estimates that are never made: they can never trip, and whoever relies on them must hear of it.
+
+use super::super::{Site, path};
+use crate::config::{Finding, KeyPath};
+use crate::control::Declared;
+use crate::control::limits::LimitsSpec;
+
+/// Warns of each such limit of one specimen.
+pub(super) fn unwatched(
+    site: &mut Site<'_>,
+    index: usize,
+    specs: &[LimitsSpec],
+    declared: &[Declared],
+) {
+    let at = path("specimen").index(index);
+    let mut told: Vec<KeyPath> = Vec::new();
+    for (axis, (spec, declared)) in specs.iter().zip(declared).enumerate() {
+        let known = |bound: f64| bound > 0.0 && bound.is_finite();
+        for (key, given, known, why) in [
+            (
+                "stiffness_ratio",
+                spec.stiffness_ratio.is_some(),
+                known(declared.stiffness_bound),
+                "no bound of its tangent stiffness is declared",
+            ),
+            (
+                "damping_ratio",
+                spec.damping_ratio.is_some(),
+                known(declared.damping_bound),
+                "no damping is declared, and none is estimated",
+            ),
+        ] {
+            if !given || known {
+                continue;
+            }
+            let own = at.key("axis").index(axis).key("limits").key(key);
+            let place = if site.loaded.locator.holds(&own) {
+                own
+            } else {
+                at.key("limits").key(key)
+            };
+            if told.contains(&place) {
+                continue;
+            }
+            let headline = format!(
+                "`{place}` has no effect on axis {}: it can never trip",
+                axis + 1
+            );
+            told.push(place.clone());
+            site.warnings
+                .push(Finding::warning(place, headline).at_key().label(why));
+        }
+    }
+}

@@ -1,0 +1,314 @@
+//! Keys that are given and have no effect in the file that gives them: each is told, with what it would need.
+//!
+//! A key counts as given where it differs from its default, so that a file that writes its defaults down (as
+//! `resolved.toml` does) is not told of them. What contradicts another key is no idle key but an error, and said elsewhere.
+
+mod specimen;
+
+pub(super) use specimen::{check_idle_link, check_idle_specimen};
+
+use super::Findings;
+use crate::config::diagnose::Finding;
+use crate::config::document::KeyPath;
+use crate::config::excitation::PrescribedPlace;
+use crate::config::safety::{ExitChoice, SafetyTable, ZeroChoice};
+use crate::config::schema::{RecordTable, TestFile};
+use crate::config::specimen::SpecimenTable;
+use crate::config::timetable::{ClockChoice, TimeTable};
+use crate::config::value::LambdaValue;
+use crate::rt::{OnMiss, Policy, TimingSpec};
+
+impl Findings {
+    /// `key` of the table at `at`, if it is given: it has no effect, for this reason.
+    pub(super) fn idle(&mut self, at: &KeyPath, key: &str, given: bool, why: &str) {
+        if given {
+            let at = at.key(key);
+            let headline = format!("`{at}` has no effect");
+            self.0
+                .push(Finding::warning(at, headline).at_key().label(why));
+        }
+    }
+
+    /// The same of several keys of one table.
+    fn all_idle(&mut self, at: &KeyPath, keys: &[(&str, bool)], why: &str) {
+        for (key, given) in keys {
+            self.idle(at, key, *given, why);
+        }
+    }
+}
+
+/// The whole file but its specimens. Whoever chose the clock for this one run knows what it does not keep: `clock_is_chosen`.
+pub(super) fn check_idle(file: &TestFile, clock_is_chosen: bool, findings: &mut Findings) {
+    let root = KeyPath::root();
+    check_time(file, &root.key("time"), findings);
+    let integrator = root.key("integrator");
+    let is_remote = |specimen: &SpecimenTable| specimen.link.is_some();
+    let remote = file.specimen.iter().any(is_remote);
+    findings.idle(
+        &integrator,
+        "gain_bound",
+        file.integrator.gain_bound.is_some() && file.integrator.lambda != LambdaValue::Auto,
+        "bounds an automatic λ, and `lambda` is given by number",
+    );
+    findings.idle(
+        &integrator,
+        "allow_unstable_lambda",
+        file.integrator.allow_unstable_lambda && !remote,
+        "only for a specimen behind a link: one that is computed gives a warning anyway",
+    );
+    check_excitation(file, &root.key("excitation"), findings);
+    check_safety(file, &root.key("safety"), findings);
+    check_timing(&file.timing, remote, &root.key("timing"), findings);
+    if file.time.clock == ClockChoice::Simulated && !clock_is_chosen {
+        check_clock(&file.timing, &root, findings);
+    }
+    findings.idle(
+        &root.key("record"),
+        "dofs",
+        file.record.dofs.is_some() && file.structure.is_none(),
+        "without a structure there are no DOFs",
+    );
+}
+
+fn check_time(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
+    let TimeTable {
+        prediction_order, ..
+    } = file.time;
+    findings.idle(
+        at,
+        "prediction_order",
+        prediction_order != 2 && file.specimen.is_empty(),
+        "the order of a specimen's way, and there is no specimen",
+    );
+}
+
+fn check_excitation(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
+    let each = file.excitation.prescribed_displacement.iter();
+    for (index, prescribed) in each.enumerate() {
+        let named = |specimen: &&SpecimenTable| specimen.name == prescribed.specimen;
+        let specimen = file.specimen.iter().find(named);
+        findings.idle(
+            &at.key("prescribed_displacement").index(index),
+            "at",
+            prescribed.at != PrescribedPlace::Platform
+                && specimen.is_some_and(|s| s.geometry.is_none()),
+            "for a specimen with a `geometry`: here every axis is a deformation by itself",
+        );
+    }
+}
+
+fn check_safety(file: &TestFile, at: &KeyPath, findings: &mut Findings) {
+    let safety = &file.safety;
+    let usual = SafetyTable::default();
+    findings.idle(
+        at,
+        "divergence_m",
+        safety.divergence_m.is_some() && file.structure.is_none(),
+        "a bound of the structure's DOFs, and there is no structure",
+    );
+    if file.structure.is_none() {
+        let keys = [
+            ("stability_used", safety.stability_used.is_some()),
+            ("step_audit", safety.step_audit.is_some()),
+        ];
+        findings.all_idle(
+            at,
+            &keys,
+            "a bound of the integration, and there is no structure",
+        );
+    }
+    if file.specimen.is_empty() {
+        let keys = [
+            ("zero_s", safety.zero_s.is_some_and(|zero| zero != 0.0)),
+            ("confirm", safety.confirm),
+            ("on_trip", safety.on_trip != usual.on_trip),
+            ("at_end", safety.at_end != usual.at_end),
+            ("exit_speed_m_per_s", safety.exit_speed_m_per_s.is_some()),
+            ("resume_within_m", safety.resume_within_m.is_some()),
+            ("resume_takes_force_drift", safety.resume_takes_force_drift),
+            ("added_energy_share", safety.added_energy_share.is_some()),
+            ("stability_used", safety.stability_used.is_some()),
+        ];
+        findings.all_idle(at, &keys, "there is no specimen");
+        let static_load = file.structure.as_ref().is_some_and(|structure| {
+            structure.static_load_n.is_some() || structure.gravity.is_some()
+        });
+        findings.idle(
+            at,
+            "ramp_s",
+            safety.ramp_s != usual.ramp_s && !static_load,
+            "nothing is ramped: there is neither a specimen nor a static load",
+        );
+        return;
+    }
+    let leaves = [safety.on_trip, safety.at_end];
+    findings.idle(
+        at,
+        "exit_speed_m_per_s",
+        safety.exit_speed_m_per_s.is_some() && leaves == [ExitChoice::Freeze; 2],
+        "\"freeze\" moves nothing, and is both `on_trip` and `at_end`",
+    );
+    let mut axes = file.specimen.iter().flat_map(|specimen| &specimen.axis);
+    findings.idle(
+        at,
+        "resume_takes_force_drift",
+        safety.resume_takes_force_drift
+            && !axes.any(|axis| axis.zero_force == ZeroChoice::Relative),
+        "no load cell takes its zero from what it reads: none has `zero_force = \"relative\"`",
+    );
+}
+
+/// `[timing]`, whatever the clock.
+fn check_timing(timing: &TimingSpec, remote: bool, at: &KeyPath, findings: &mut Findings) {
+    let usual = TimingSpec::default();
+    findings.idle(
+        at,
+        "priority",
+        timing.priority != usual.priority && timing.policy == Policy::Ordinary,
+        "the ordinary policy knows no priority",
+    );
+    let catches_up = timing.on_miss == OnMiss::CatchUp;
+    findings.idle(
+        at,
+        "max_catch_up_ticks",
+        timing.max_catch_up_ticks != usual.max_catch_up_ticks && !catches_up,
+        "for `on_miss = \"catch_up\"`",
+    );
+    let why = if catches_up {
+        "no specimen is behind a link"
+    } else {
+        "for `on_miss = \"catch_up\"`"
+    };
+    findings.idle(
+        at,
+        "catch_up_remote",
+        timing.catch_up_remote && !(catches_up && remote),
+        why,
+    );
+}
+
+/// On the simulated clock nobody waits for an edge, and nothing is asked of the machine: one finding for all of it.
+fn check_clock(timing: &TimingSpec, root: &KeyPath, findings: &mut Findings) {
+    let keys = of_real_time(timing);
+    let Some(first) = keys.first() else { return };
+    let named: Vec<String> = keys.iter().map(|key| format!("`{key}`")).collect();
+    let headline = format!(
+        "on the simulated clock nothing is asked of the machine and no deadline is missed: no effect has {}",
+        named.join(", ")
+    );
+    let finding = Finding::warning(root.key("timing").key(first), headline);
+    findings.0.push(
+        finding
+            .at_key()
+            .label("for the real clock")
+            .beside(root.key("time").key("clock"), "simulated here"),
+    );
+}
+
+/// Keys that only the real clock knows, as far as they are not their defaults.
+fn of_real_time(timing: &TimingSpec) -> Vec<&'static str> {
+    let usual = TimingSpec::default();
+    let TimingSpec {
+        policy,
+        priority,
+        cpu,
+        spin_us,
+        lock_memory,
+        hold_cpu_awake,
+        prefault_stack_kb,
+        require_realtime,
+        on_miss,
+        max_catch_up_ticks: _,
+        catch_up_remote: _,
+        max_consecutive_misses,
+        max_total_misses,
+        max_misses_in_window,
+        miss_window_s,
+        warn_consecutive_misses,
+        warn_total_misses,
+        warn_misses_in_window,
+        // Its ticks are run on every clock.
+        warmup_ticks: _,
+    } = timing;
+    let keys = [
+        ("policy", *policy != usual.policy),
+        ("priority", *priority != usual.priority),
+        ("cpu", cpu.is_some()),
+        ("spin_us", *spin_us != usual.spin_us),
+        ("lock_memory", *lock_memory != usual.lock_memory),
+        ("hold_cpu_awake", *hold_cpu_awake != usual.hold_cpu_awake),
+        (
+            "prefault_stack_kb",
+            *prefault_stack_kb != usual.prefault_stack_kb,
+        ),
+        ("require_realtime", *require_realtime),
+        ("on_miss", *on_miss != usual.on_miss),
+        (
+            "max_consecutive_misses",
+            *max_consecutive_misses != usual.max_consecutive_misses,
+        ),
+        ("max_total_misses", max_total_misses.is_some()),
+        ("max_misses_in_window", max_misses_in_window.is_some()),
+        ("miss_window_s", *miss_window_s != usual.miss_window_s),
+        ("warn_consecutive_misses", warn_consecutive_misses.is_some()),
+        ("warn_total_misses", warn_total_misses.is_some()),
+        ("warn_misses_in_window", warn_misses_in_window.is_some()),
+    ];
+    let given = keys.into_iter().filter(|(_, given)| *given);
+    given.map(|(key, _)| key).collect()
+}
+
+/// `[timing]` and `[record]` of a file that is only served: it has no ticks of its own, no DOFs and nothing to go on with.
+pub(super) fn check_idle_served(
+    timing: Option<&TimingSpec>,
+    record: Option<&RecordTable>,
+    findings: &mut Findings,
+) {
+    let root = KeyPath::root();
+    if let Some(timing) = timing {
+        let at = root.key("timing");
+        let usual = TimingSpec::default();
+        findings.idle(
+            &at,
+            "priority",
+            timing.priority != usual.priority && timing.policy == Policy::Ordinary,
+            "the ordinary policy knows no priority",
+        );
+        let of_the_machine = [
+            "policy",
+            "priority",
+            "cpu",
+            "spin_us",
+            "lock_memory",
+            "hold_cpu_awake",
+            "prefault_stack_kb",
+            "require_realtime",
+        ];
+        let why = "a server has no ticks of its own: the controller keeps the deadlines";
+        for key in of_real_time(timing) {
+            findings.idle(&at, key, !of_the_machine.contains(&key), why);
+        }
+        let keys = [
+            (
+                "max_catch_up_ticks",
+                timing.max_catch_up_ticks != usual.max_catch_up_ticks,
+            ),
+            ("catch_up_remote", timing.catch_up_remote),
+            ("warmup_ticks", timing.warmup_ticks.is_some()),
+        ];
+        findings.all_idle(&at, &keys, why);
+    }
+    if let Some(record) = record {
+        let at = root.key("record");
+        let usual = RecordTable::default();
+        let keys = [
+            ("dofs", record.dofs.is_some()),
+            ("checkpoint_s", record.checkpoint_s != usual.checkpoint_s),
+        ];
+        findings.all_idle(
+            &at,
+            &keys,
+            "belongs to a test: a server knows no structure and goes on with nothing",
+        );
+    }
+}

@@ -1,0 +1,227 @@
+//! Keys of `[[specimen]]` and of its link that have no effect beside the others.
+
+use super::Findings;
+use crate::config::document::KeyPath;
+use crate::config::safety::{ExitChoice, SafetyTable, ZeroChoice};
+use crate::config::specimen::SpecimenTable;
+use crate::control::limits::LimitsSpec;
+use crate::link::LinkSpec;
+use crate::link::spec::{Carrier, CommandPace, LinkCoupling, Protocol, StaleChoice};
+use crate::transfer::TransferSpec;
+
+/// One specimen; `safety` is that of the test, and absent where the file is only served.
+pub(in crate::config::check) fn check_idle_specimen(
+    specimen: &SpecimenTable,
+    with_structure: bool,
+    safety: Option<&SafetyTable>,
+    at: &KeyPath,
+    findings: &mut Findings,
+) {
+    let leaves = safety.map(|safety| [safety.on_trip, safety.at_end]);
+    findings.idle(
+        at,
+        "safe_disp_m",
+        specimen.safe_disp_m.is_some()
+            && !leaves.is_some_and(|both| both.contains(&ExitChoice::SafeDisplacement)),
+        "neither `on_trip` nor `at_end` is \"safe_displacement\"",
+    );
+    findings.idle(
+        at,
+        "mass_in_force_kg",
+        specimen.mass_in_force_kg > 0.0 && !with_structure,
+        "loads a structure, and there is none",
+    );
+    for (key, transfer) in [
+        ("transfer", &specimen.transfer),
+        ("stand_in_transfer", &specimen.stand_in_transfer),
+    ] {
+        if let Some(transfer) = transfer {
+            check_transfer(transfer, &at.key(key), findings);
+        }
+    }
+    let own = specimen.axis.iter().enumerate();
+    for (index, axis) in own {
+        let at = at.key("axis").index(index);
+        for (key, zero, given, choice) in [
+            ("offset_m", "zero_disp", axis.offset_m, axis.zero_disp),
+            ("offset_n", "zero_force", axis.offset_n, axis.zero_force),
+        ] {
+            let why = format!("`{zero} = \"relative\"`: the zero is what is read before the test");
+            let relative = choice == ZeroChoice::Relative;
+            findings.idle(&at, key, given != 0.0 && relative, &why);
+        }
+    }
+    check_limits(specimen, at, findings);
+    if safety.is_none() {
+        check_served(specimen, at, findings);
+    }
+}
+
+fn check_transfer(spec: &TransferSpec, at: &KeyPath, findings: &mut Findings) {
+    findings.idle(
+        at,
+        "seed",
+        spec.seed != 0 && !spec.is_noisy(),
+        "no sensor is noisy",
+    );
+    let ends = [
+        spec.stroke_m,
+        spec.force_limit_n,
+        spec.disp_sensor.range_m,
+        spec.force_sensor.range_n,
+    ];
+    findings.idle(
+        at,
+        "tell_saturation",
+        spec.tell_saturation.is_some() && ends.iter().all(Option::is_none),
+        "nothing ends: no `stroke_m`, `force_limit_n` or range of a sensor",
+    );
+}
+
+/// Numbers that only say how a bound is judged, where there is no such bound.
+fn check_limits(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
+    let merged = specimen.limits_of(specimen.axes().max(specimen.axis.len()));
+    let mut check = |limits: &LimitsSpec, bounds: &[LimitsSpec], at: &KeyPath| {
+        let lacks = |is_given: fn(&LimitsSpec) -> bool| !bounds.iter().any(is_given);
+        for (key, value, bound, idle) in [
+            (
+                "following_time_s",
+                limits.following_time_s,
+                "following_error_m",
+                lacks(|axis| axis.following_error_m.is_some()),
+            ),
+            (
+                "stuck_travel_m",
+                limits.stuck_travel_m,
+                "stuck_ticks",
+                lacks(|axis| axis.stuck_ticks.is_some()),
+            ),
+            (
+                "alternating_m",
+                limits.alternating_m,
+                "alternating_ticks",
+                lacks(|axis| axis.alternating_ticks.is_some()),
+            ),
+        ] {
+            let why = format!("says how `{bound}` is judged, which is not bounded");
+            findings.idle(at, key, value != 0.0 && idle, &why);
+        }
+    };
+    if let Some(all) = &specimen.limits {
+        check(all, &merged, &at.key("limits"));
+    }
+    for (index, axis) in specimen.axis.iter().enumerate() {
+        if let (Some(own), Some(merged)) = (&axis.limits, merged.get(index)) {
+            let at = at.key("axis").index(index).key("limits");
+            check(own, std::slice::from_ref(merged), &at);
+        }
+    }
+}
+
+/// What belongs to the controller's test file, in the file of a server. A gateway refuses its gear by itself.
+fn check_served(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
+    let why = "belongs to the controller's test file: a server answers in the numbers of the axes";
+    if specimen.link.is_none() {
+        findings.idle(
+            at,
+            "similitude",
+            specimen.similitude != Default::default() && specimen.geometry.is_none(),
+            why,
+        );
+        for (index, axis) in specimen.axis.iter().enumerate() {
+            let at = at.key("axis").index(index);
+            for (key, given) in [
+                ("scale", axis.scale != 1.0),
+                ("sign", axis.sign != 1),
+                ("offset_m", axis.offset_m != 0.0),
+                ("offset_n", axis.offset_n != 0.0),
+                ("zero_disp", axis.zero_disp == ZeroChoice::Relative),
+                ("zero_force", axis.zero_force == ZeroChoice::Relative),
+            ] {
+                findings.idle(&at, key, given, why);
+            }
+        }
+    }
+    if let Some(link) = &specimen.link {
+        let keys = [
+            ("on_stale", link.on_stale != StaleChoice::default()),
+            ("max_stale", link.max_stale.is_some()),
+            ("max_stale_s", link.max_stale_s.is_some()),
+            ("commands", link.commands != CommandPace::default()),
+            ("computed", link.computed),
+        ];
+        let why = "a gateway passes on each command as it comes, and waits for its answer";
+        findings.all_idle(&at.key("link"), &keys, why);
+    }
+    for (key, given) in [
+        ("reach_disp_m", specimen.reach_disp_m.is_some()),
+        ("reach_vel_m_per_s", specimen.reach_vel_m_per_s.is_some()),
+        ("hardening_bound", specimen.hardening_bound.is_some()),
+        ("stand_in", specimen.stand_in.is_some()),
+        ("stand_in_transfer", specimen.stand_in_transfer.is_some()),
+        ("identified", specimen.identified.is_some()),
+        ("capacity", specimen.capacity.is_some()),
+        ("drill", specimen.drill.is_some()),
+    ] {
+        findings.idle(at, key, given, why);
+    }
+}
+
+/// The link of one specimen of a test; `at` is its place. On the simulated clock every link is lockstep, whatever the file
+/// says for the real one.
+pub(in crate::config::check) fn check_idle_link(
+    link: &LinkSpec,
+    at: &KeyPath,
+    findings: &mut Findings,
+) {
+    let native = link.protocol == Protocol::Gusset;
+    let lockstep = !native || link.coupling == LinkCoupling::Lockstep;
+    let stale = [
+        ("max_stale", link.max_stale.is_some()),
+        ("max_stale_s", link.max_stale_s.is_some()),
+    ];
+    let why_lockstep = if native {
+        "`coupling = \"lockstep\"` waits for every answer: none is stale"
+    } else {
+        "a link of OpenFresco's protocols is lockstep: no answer is stale"
+    };
+    if lockstep {
+        let usual = StaleChoice::default();
+        findings.idle(at, "on_stale", link.on_stale != usual, why_lockstep);
+        findings.all_idle(at, &stale, why_lockstep);
+    } else if link.on_stale == StaleChoice::Stop {
+        findings.all_idle(at, &stale, "`on_stale = \"stop\"` stops at the first one");
+    }
+    findings.idle(
+        at,
+        "probe_ramp_s",
+        link.probe_ramp_s != 0.5 && link.probe_m.is_none(),
+        "the time of a motion that is not asked for: `probe_m` is missing",
+    );
+    let Some(more) = &link.openfresco else { return };
+    let at = at.key("openfresco");
+    let over_udp = link.transport == Carrier::Udp;
+    let shadow = link.protocol == Protocol::OpenFrescoShadow;
+    findings.idle(
+        &at,
+        "udp_hello",
+        more.udp_hello.is_some() && !over_udp,
+        "for `transport = \"udp\"`",
+    );
+    let why = "over UDP, for `protocol = \"openfresco-shadow\"`";
+    findings.idle(
+        &at,
+        "udp_endian",
+        more.udp_endian && !(over_udp && shadow),
+        why,
+    );
+    let why = "for `protocol = \"openfresco-shadow\"`";
+    findings.idle(&at, "version", more.version.is_some() && !shadow, why);
+    findings.idle(&at, "site", more.site != 0 && !shadow, why);
+    findings.idle(
+        &at,
+        "server",
+        more.server != Default::default() && link.protocol != Protocol::OpenFresco,
+        "for `protocol = \"openfresco\"`",
+    );
+}

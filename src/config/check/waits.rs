@@ -1,0 +1,172 @@
+//! Times that somebody waits for: each has a longest one, so that a slip of the pen (ms for s, one zero too many) shows before
+//! anything moves and not while it does.
+
+use super::Findings;
+use crate::config::diagnose::Finding;
+use crate::config::document::KeyPath;
+use crate::config::echo::number;
+use crate::config::safety::SafetyTable;
+use crate::config::schema::{RecordTable, TestFile};
+use crate::config::steps::Time;
+use crate::config::timetable::ClockChoice;
+use crate::link::LinkSpec;
+use crate::rt::TimingSpec;
+
+/// Longest time in s in which the specimens hold and nothing happens yet: zeroing, warming up, easing.
+const STANDING_S: f64 = 600.0;
+/// Longest time in s that one end owes the other something, a ramp takes, or a tick is long.
+const OWED_S: f64 = 3600.0;
+/// Longest busy loop in µs, as `[timing]` has it.
+const SPIN_US: f64 = 1e6;
+/// Slowest way out in m/s: a millimetre in a quarter of an hour.
+const SLOWEST_EXIT_M_PER_S: f64 = 1e-6;
+/// So many ticks of warm-up are no slip of the pen, however long they are.
+const FEW_TICKS: u64 = 200;
+/// Seconds of rows that a queue may hold in memory.
+const QUEUE_S: f64 = 600.0;
+/// Most trials of a certificate.
+const MOST_TRIALS: u32 = 1_000_000;
+/// Most iterations of a step: Newton's method needs a handful, or it has none.
+const MOST_ITERATIONS: u32 = 10_000;
+
+impl Findings {
+    /// At most this, where given; what is not finite is complained of elsewhere.
+    pub(super) fn at_most(
+        &mut self,
+        at: &KeyPath,
+        key: &str,
+        value: Option<f64>,
+        (most, unit): (f64, &str),
+        why: &str,
+    ) {
+        if let Some(found) = value
+            && found > most
+            && found.is_finite()
+        {
+            let at = at.key(key);
+            let headline = format!("`{at}` must be at most {} {unit}", number(most));
+            let finding = Finding::error(at, headline).label(format!("found {}", number(found)));
+            self.0.push(finding.help(why));
+        }
+    }
+}
+
+/// Everything that a test waits for, but for its links.
+pub(super) fn check_waits(file: &TestFile, time: Option<&Time>, findings: &mut Findings) {
+    let root = KeyPath::root();
+    check_safety(&file.safety, &root.key("safety"), findings);
+    check_record(&file.record, findings);
+    if let Some(time) = time {
+        check_ticks(time, &file.timing, &root, findings);
+    }
+    let trials = file.certificate.trials;
+    if trials > MOST_TRIALS {
+        let at = root.key("certificate").key("trials");
+        findings.0.push(
+            Finding::error(
+                at,
+                format!("`certificate.trials` must be at most {MOST_TRIALS}"),
+            )
+            .label(format!("found {trials}"))
+            .help("each of them is the whole test once more"),
+        );
+    }
+    if let Some(found) = file.integrator.newton_iterations
+        && found > MOST_ITERATIONS
+    {
+        let at = root.key("integrator").key("newton_iterations");
+        let headline = format!("`integrator.newton_iterations` must be at most {MOST_ITERATIONS}");
+        let finding = Finding::error(at, headline).label(format!("found {found}"));
+        findings
+            .0
+            .push(finding.help("a step that has not converged long before then does not converge"));
+    }
+}
+
+fn check_safety(safety: &SafetyTable, at: &KeyPath, findings: &mut Findings) {
+    let standing = "the specimens hold for so long, and nothing else happens";
+    for (key, value) in [("zero_s", safety.zero_s), ("ease_s", Some(safety.ease_s))] {
+        findings.at_most(at, key, value, (STANDING_S, "s"), standing);
+    }
+    let way = "the shortest time of a way; a limit of speed makes it longer where it must be";
+    findings.at_most(at, "ramp_s", Some(safety.ramp_s), (OWED_S, "s"), way);
+    if let Some(found) = safety.exit_speed_m_per_s
+        && found > 0.0
+        && found < SLOWEST_EXIT_M_PER_S
+    {
+        let at = at.key("exit_speed_m_per_s");
+        let headline = format!(
+            "`{at}` must be at least {} m/s",
+            number(SLOWEST_EXIT_M_PER_S)
+        );
+        let finding = Finding::error(at, headline).label(format!("found {}", number(found)));
+        findings.0.push(
+            finding.help("a specimen that is to be left somewhere else would never get there"),
+        );
+    }
+}
+
+/// The record of a test, or of what is served.
+pub(super) fn check_record(record: &RecordTable, findings: &mut Findings) {
+    let at = KeyPath::root().key("record");
+    let memory = "rows that wait are held in memory";
+    findings.at_most(&at, "queue_s", Some(record.queue_s), (QUEUE_S, "s"), memory);
+    let proof = "a test that is gone on with is proven from one checkpoint to the next";
+    findings.at_most(
+        &at,
+        "checkpoint_s",
+        Some(record.checkpoint_s),
+        (OWED_S, "s"),
+        proof,
+    );
+}
+
+fn check_ticks(time: &Time, timing: &TimingSpec, root: &KeyPath, findings: &mut Findings) {
+    let tick_s = time.period.value();
+    if time.clock == ClockChoice::Real && tick_s > OWED_S {
+        findings.0.push(
+            Finding::error(
+                root.key("time"),
+                format!("a tick takes {} s of wall time", number(tick_s)),
+            )
+            .label(format!("at most {OWED_S} s"))
+            .help("scale · step / `ticks_per_step`; on the simulated clock nobody waits for it"),
+        );
+    }
+    if let Some(ticks) = timing.warmup_ticks {
+        let takes = ticks as f64 * tick_s;
+        if takes > STANDING_S && ticks > FEW_TICKS {
+            let at = root.key("timing").key("warmup_ticks");
+            let most = (STANDING_S / tick_s).floor().max(FEW_TICKS as f64);
+            findings.0.push(
+                Finding::error(at, format!("`timing.warmup_ticks` must be at most {most}"))
+                    .label(format!("found {ticks}: {} s", number(takes)))
+                    .help(format!(
+                        "the specimens hold for so long, at most {STANDING_S} s"
+                    )),
+            );
+        }
+    }
+}
+
+/// What one link waits for. The longest watchdog is for the specimen's end to say.
+pub(super) fn check_link_waits(link: &LinkSpec, at: &KeyPath, findings: &mut Findings) {
+    let owed = "as long as the test stands and waits if nobody answers";
+    for (key, value) in [
+        ("connect_timeout_s", Some(link.connect_timeout_s)),
+        ("reply_timeout_s", Some(link.reply_timeout_s)),
+        ("max_stale_s", link.max_stale_s),
+    ] {
+        findings.at_most(at, key, value, (OWED_S, "s"), owed);
+    }
+    let ramp = "the time that the motion takes each way";
+    findings.at_most(
+        at,
+        "probe_ramp_s",
+        Some(link.probe_ramp_s),
+        (STANDING_S, "s"),
+        ramp,
+    );
+    let busy = "a busy loop takes a processor";
+    findings.at_most(at, "spin_us", Some(link.spin_us), (SPIN_US, "µs"), busy);
+}

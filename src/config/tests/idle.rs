@@ -1,0 +1,363 @@
+//! Keys without an effect are told of, each with its reason; a file that only writes its defaults down is not.
+
+use super::*;
+
+const LINKED: &str = r#"
+[time]
+rate_hz = 100
+duration_s = 1
+[structure.shear_building]
+mass_kg = [1000]
+stiffness_n_per_m = [1e6]
+[excitation.ground_acceleration]
+signal = { sine = { amplitude = 2.0, frequency_hz = 1.5 } }
+[[specimen]]
+name = "rig"
+storey = 1
+stiffness_n_per_m = 1e5
+[specimen.link]
+address = "127.0.0.1:4823"
+[specimen.limits]
+command_disp_m = { trip = [-0.1, 0.1] }
+measured_force_n = { trip = [-1e4, 1e4] }
+"#;
+
+const BARE: &str = r#"
+time = { rate_hz = 100, duration_s = 1 }
+structure = { shear_building = { mass_kg = [1000], stiffness_n_per_m = [1e6] } }
+excitation = { ground_acceleration = { signal = { sine = { amplitude = 2.0, frequency_hz = 1.5 } } } }
+"#;
+
+/// Headlines and labels of what is told of `text` with these overrides.
+fn told(text: &str, sets: &[&str]) -> Vec<String> {
+    let loaded = accepted(text, sets);
+    let warnings = loaded.warnings.iter();
+    let words = warnings.map(|warning| format!("{}: {}", warning.headline, warning.place.1));
+    words.collect()
+}
+
+/// Exactly one thing is told of, with these words.
+#[track_caller]
+fn idle(text: &str, sets: &[&str], path: &str, why: &str) {
+    let told = told(text, sets);
+    let [one] = told.as_slice() else {
+        panic!("{sets:?}: {told:?}");
+    };
+    shows(one, &format!("`{path}` has no effect"));
+    shows(one, why);
+}
+
+#[test]
+fn nothing_is_told_of_files_whose_keys_all_have_an_effect() {
+    for text in [GOOD, PRESCRIBED, LINKED, BARE] {
+        assert_eq!(told(text, &[]), [""; 0]);
+    }
+    let all = [
+        "specimen.0.limits.following_error_m.trip=1e-3",
+        "specimen.0.limits.following_time_s=0.01",
+        "specimen.0.limits.stuck_ticks.trip=20",
+        "specimen.0.limits.stuck_travel_m=1e-3",
+        "specimen.0.limits.alternating_ticks.trip=9",
+        "specimen.0.limits.alternating_m=1e-6",
+        "specimen.0.link.max_stale=3",
+        "specimen.0.link.probe_m=1e-3",
+        "specimen.0.link.probe_ramp_s=2",
+        "specimen.0.safe_disp_m=[0.0]",
+        "safety.on_trip=safe_displacement",
+        "safety.exit_speed_m_per_s=0.01",
+        "safety.confirm=true",
+        "timing.on_miss=catch_up",
+        "timing.catch_up_remote=true",
+        "timing.max_catch_up_ticks=7",
+        "timing.require_realtime=true",
+        "integrator.gain_bound=3",
+        "integrator.allow_unstable_lambda=true",
+    ];
+    assert_eq!(told(LINKED, &all), [""; 0]);
+}
+
+#[test]
+fn defaults_that_are_written_down_are_nothing_to_be_told_of() {
+    let loaded = accepted(LINKED, &["specimen.0.link.on_stale=stop"]);
+    let written = toml::to_string(&loaded.file).unwrap();
+    assert!(written.contains("spin_us") && written.contains("probe_ramp_s"));
+    assert_eq!(told(&written, &[]), [""; 0]);
+}
+
+#[test]
+fn keys_of_a_link_that_wait_for_another_are_told_of() {
+    let stop = "specimen.0.link.on_stale=stop";
+    for (key, value) in [("max_stale", "3"), ("max_stale_s", "0.1")] {
+        let set = format!("specimen.0.link.{key}={value}");
+        let path = format!("specimen[0].link.{key}");
+        idle(LINKED, &[stop, &set], &path, "stops at the first one");
+        let lockstep = "specimen.0.link.coupling=lockstep";
+        idle(LINKED, &[lockstep, &set], &path, "waits for every answer");
+        let openfresco = "specimen.0.link.protocol=openfresco";
+        idle(LINKED, &[openfresco, &set], &path, "is lockstep");
+    }
+    idle(
+        LINKED,
+        &[
+            "specimen.0.link.coupling=lockstep",
+            "specimen.0.link.on_stale=extrapolate",
+        ],
+        "specimen[0].link.on_stale",
+        "none is stale",
+    );
+    idle(
+        LINKED,
+        &["specimen.0.link.probe_ramp_s=2"],
+        "specimen[0].link.probe_ramp_s",
+        "`probe_m` is missing",
+    );
+    let openfresco = "specimen.0.link.protocol=openfresco";
+    for (key, value) in [
+        ("udp_hello", "true"),
+        ("udp_endian", "true"),
+        ("version", "2.7"),
+        ("site", "3"),
+    ] {
+        let set = format!("specimen.0.link.openfresco.{key}={value}");
+        let path = format!("specimen[0].link.openfresco.{key}");
+        idle(LINKED, &[openfresco, &set], &path, "for ");
+    }
+}
+
+#[test]
+fn modifiers_of_bounds_that_are_not_given_are_told_of() {
+    for (key, bound) in [
+        ("following_time_s", "following_error_m"),
+        ("stuck_travel_m", "stuck_ticks"),
+        ("alternating_m", "alternating_ticks"),
+    ] {
+        let set = format!("specimen.0.limits.{key}=1e-3");
+        let path = format!("specimen[0].limits.{key}");
+        idle(LINKED, &[&set], &path, &format!("`{bound}`"));
+        // A bound of one axis alone is enough for what is said of all.
+        let own = format!("specimen.0.axis=[{{limits={{{bound}={{trip=5}}}}}}]");
+        assert_eq!(told(LINKED, &[&set, &own]), [""; 0]);
+        let own = format!("specimen.0.axis=[{{limits={{{key}=1e-3}}}}]");
+        let path = format!("specimen[0].axis[0].limits.{key}");
+        idle(LINKED, &[&own], &path, &format!("`{bound}`"));
+    }
+}
+
+#[test]
+fn keys_of_safety_that_nothing_follows_from_are_told_of() {
+    let speed = "safety.exit_speed_m_per_s=0.01";
+    idle(
+        LINKED,
+        &[speed],
+        "safety.exit_speed_m_per_s",
+        "\"freeze\" moves nothing",
+    );
+    idle(
+        LINKED,
+        &["specimen.0.safe_disp_m=[0.01]"],
+        "specimen[0].safe_disp_m",
+        "neither `on_trip` nor `at_end`",
+    );
+    idle(
+        LINKED,
+        &["safety.resume_takes_force_drift=true"],
+        "safety.resume_takes_force_drift",
+        "zero_force",
+    );
+    idle(
+        PRESCRIBED,
+        &["safety.divergence_m=5"],
+        "safety.divergence_m",
+        "no structure",
+    );
+    let audit = "safety.step_audit={warn=1e-9}";
+    idle(PRESCRIBED, &[audit], "safety.step_audit", "no structure");
+    idle(
+        GOOD,
+        &["safety.confirm=true"],
+        "safety.confirm",
+        "give `zero_s`",
+    );
+    assert_eq!(
+        told(GOOD, &["safety.confirm=true", "safety.zero_s=0.1"]),
+        [""; 0]
+    );
+    for (key, value) in [
+        ("confirm", "true"),
+        ("zero_s", "1"),
+        ("exit_speed_m_per_s", "1"),
+        ("resume_within_m", "1"),
+        ("added_energy_share", "{warn=0.1,floor_j=1}"),
+        ("stability_used", "{warn=0.5}"),
+        ("ramp_s", "3"),
+    ] {
+        let set = format!("safety.{key}={value}");
+        idle(BARE, &[&set], &format!("safety.{key}"), "specimen");
+    }
+    let settled = "structure.static_load_n=[1.0]";
+    assert_eq!(told(BARE, &["safety.ramp_s=3", settled]), [""; 0]);
+    assert_eq!(told(BARE, &["safety.ease_s=3"]), [""; 0]);
+}
+
+#[test]
+fn a_confirmation_of_what_is_not_read_is_refused() {
+    let error = read(GOOD, &["safety.confirm=true", "safety.zero_s=0"]).unwrap_err();
+    shows(
+        &error.to_string(),
+        "nothing is read before the test that could be confirmed",
+    );
+}
+
+#[test]
+fn keys_of_a_specimen_that_need_another_are_told_of() {
+    idle(
+        PRESCRIBED,
+        &["specimen.0.mass_in_force_kg=5"],
+        "specimen[0].mass_in_force_kg",
+        "no",
+    );
+    let seed = "specimen.0.transfer={delay_s=0.01,seed=7}";
+    idle(
+        GOOD,
+        &[seed],
+        "specimen[0].transfer.seed",
+        "no sensor is noisy",
+    );
+    let silent = "specimen.0.transfer={delay_s=0.01,tell_saturation=false}";
+    idle(
+        GOOD,
+        &[silent],
+        "specimen[0].transfer.tell_saturation",
+        "nothing ends",
+    );
+    let zero = "specimen.0.axis=[{zero_disp=\"relative\",offset_m=0.01}]";
+    idle(
+        LINKED,
+        &[zero],
+        "specimen[0].axis[0].offset_m",
+        "read before the test",
+    );
+    let at = "excitation.prescribed_displacement.0.at=actuators";
+    idle(
+        PRESCRIBED,
+        &[at],
+        "excitation.prescribed_displacement[0].at",
+        "`geometry`",
+    );
+    idle(PRESCRIBED, &["record.dofs=all"], "record.dofs", "no DOFs");
+    idle(
+        BARE,
+        &["time.prediction_order=3"],
+        "time.prediction_order",
+        "no specimen",
+    );
+}
+
+#[test]
+fn keys_of_the_integrator_and_the_timing_that_need_another_are_told_of() {
+    let bound = ["integrator.gain_bound=3", "integrator.lambda=4"];
+    idle(GOOD, &bound, "integrator.gain_bound", "by number");
+    let allow = "integrator.allow_unstable_lambda=true";
+    idle(
+        GOOD,
+        &[allow],
+        "integrator.allow_unstable_lambda",
+        "behind a link",
+    );
+    let ordinary = ["timing.policy=ordinary", "timing.priority=50"];
+    idle(GOOD, &ordinary, "timing.priority", "knows no priority");
+    for set in ["max_catch_up_ticks=5", "catch_up_remote=true"] {
+        let key = set.split('=').next().unwrap();
+        let set = format!("timing.{set}");
+        idle(LINKED, &[&set], &format!("timing.{key}"), "catch_up");
+    }
+    let computed = ["timing.on_miss=catch_up", "timing.catch_up_remote=true"];
+    idle(
+        GOOD,
+        &computed,
+        "timing.catch_up_remote",
+        "no specimen is behind a link",
+    );
+}
+
+#[test]
+fn what_is_asked_of_the_machine_on_the_simulated_clock_is_told_of_once() {
+    let text = GOOD.replace("duration_s = 20", "duration_s = 20\nclock = \"simulated\"");
+    let asked = [
+        "timing.priority=50",
+        "timing.max_total_misses=3",
+        "timing.warmup_ticks=4",
+    ];
+    let told_of = told(&text, &asked);
+    let [one] = told_of.as_slice() else {
+        panic!("{told_of:?}");
+    };
+    shows(one, "`priority`, `max_total_misses`");
+    assert!(!one.contains("warmup_ticks"), "{one}");
+    // Whoever leads a test on the simulated clock this once knows it.
+    let chosen = [asked.as_slice(), &["time.clock=simulated"]].concat();
+    assert_eq!(told(GOOD, &chosen), [""; 0]);
+}
+
+#[test]
+fn what_belongs_to_the_controller_is_told_of_in_the_file_of_a_server() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("rig.toml");
+    let served = |text: &str| {
+        std::fs::write(&path, text).unwrap();
+        load_served(&path, None).unwrap().warnings
+    };
+    let usual = "[[specimen]]\nname = \"a\"\nlaw = { linear = { stiffness_n_per_m = 1e5 } }\n";
+    assert_eq!(served(usual), [""; 0]);
+    let limited = "[timing]\nspin_us = 10\npolicy = \"ordinary\"\n[record]\nqueue_s = 9\n";
+    assert_eq!(served(&format!("{usual}{limited}")), [""; 0]);
+    for (added, path) in [
+        ("axis = [{ sign = -1 }]", "specimen[0].axis[0].sign"),
+        ("axis = [{ scale = 2 }]", "specimen[0].axis[0].scale"),
+        ("similitude = { length = 10 }", "specimen[0].similitude"),
+        ("reach_disp_m = 0.1", "specimen[0].reach_disp_m"),
+        ("capacity = { stroke_m = 0.1 }", "specimen[0].capacity"),
+        ("mass_in_force_kg = 3", "specimen[0].mass_in_force_kg"),
+        ("[timing]\non_miss = \"stop\"", "timing.on_miss"),
+        ("[record]\ncheckpoint_s = 9", "record.checkpoint_s"),
+    ] {
+        let warnings = served(&format!("{usual}{added}\n"));
+        let [one] = warnings.as_slice() else {
+            panic!("{added}: {warnings:?}");
+        };
+        shows(one, &format!("`{path}` has no effect: "));
+    }
+}
+
+#[test]
+fn bounds_of_what_is_never_estimated_are_told_of_by_the_build() {
+    let told = |text: &str, sets: &[&str]| {
+        let prepared = build(&accepted(text, sets)).unwrap();
+        prepared.facts.warnings
+    };
+    let ratio = "specimen.0.limits.damping_ratio.trip=2";
+    let found = told(GOOD, &[ratio]);
+    assert_eq!(found.len(), 1, "{found:?}");
+    shows(
+        &found[0],
+        "`specimen[0].limits.damping_ratio` has no effect on axis 1: it can never trip",
+    );
+    let damped = "specimen.0.law={linear={stiffness_n_per_m=1e6,damping_n_s_per_m=100}}";
+    assert_eq!(told(GOOD, &[ratio, damped]), [""; 0]);
+    let audit = "safety.step_audit={trip=1e-3}";
+    let found = told(
+        GOOD,
+        &[
+            audit,
+            "integrator.method=kr_alpha",
+            "integrator.rho_infinity=0.5",
+        ],
+    );
+    assert!(
+        found
+            .iter()
+            .any(|text| text.contains("`safety.step_audit` has no effect")),
+        "{found:?}"
+    );
+    assert_eq!(told(GOOD, &[audit]), [""; 0]);
+}

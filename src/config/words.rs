@@ -1,0 +1,68 @@
+//! What stands in a test file and what is wanted there, in the words of TOML.
+
+use serde::de::{Expected, Unexpected};
+
+use super::echo::{number, quoted};
+
+/// What was found.
+pub(crate) fn found_in_words(found: Unexpected<'_>) -> String {
+    match found {
+        Unexpected::Bool(value) => format!("`{value}`"),
+        Unexpected::Unsigned(value) => format!("{value}"),
+        Unexpected::Signed(value) => format!("{value}"),
+        // With its point, where that is all that is wrong with it.
+        Unexpected::Float(value) => match number(value) {
+            text if text.contains(['.', 'e', 'n', 'N']) => text,
+            text => format!("{text}.0"),
+        },
+        Unexpected::Str(text) => format!("the text {}", quoted(text)),
+        Unexpected::Seq => "an array".to_owned(),
+        Unexpected::Map => "a table".to_owned(),
+        Unexpected::Other(words) => words.to_owned(),
+        other => other.to_string(),
+    }
+}
+
+/// serde names Rust's types; the reader of a test file knows TOML's.
+pub(crate) fn wanted_in_words(found: Option<Unexpected<'_>>, wanted: &dyn Expected) -> String {
+    let name = wanted.to_string();
+    if let Some(range) = found.and_then(|found| range_in_words(found, &name)) {
+        return range;
+    }
+    let words = match name.as_str() {
+        "f32" | "f64" => "a number",
+        "u8" | "u16" | "u32" | "u64" | "usize" => "a whole number, zero or greater",
+        "i8" | "i16" | "i32" | "i64" | "isize" => "a whole number",
+        "a nonzero usize" | "a nonzero u32" | "a nonzero u64" => "a whole number, one or greater",
+        "a string" | "string" | "path string" => "a text in quotes",
+        "a boolean" => "`true` or `false`",
+        "a sequence" => "an array",
+        "a map" => "a table",
+        _ if name.starts_with("struct ") => "a table",
+        _ if name.starts_with("enum ") => "one of its names",
+        _ => return name,
+    };
+    words.to_owned()
+}
+
+/// What a whole number may be, where a number was found that is none of them: too large, negative or with a point.
+fn range_in_words(found: Unexpected<'_>, wanted: &str) -> Option<String> {
+    // Larger ones than an i64 cannot be written in TOML.
+    const MOST: u64 = i64::MAX.unsigned_abs();
+    let beyond = match found {
+        Unexpected::Signed(_) | Unexpected::Unsigned(_) | Unexpected::Float(_) => true,
+        Unexpected::Other(text) => text.starts_with(|c: char| c.is_ascii_digit() || c == '-'),
+        _ => false,
+    };
+    let (least, most) = match wanted {
+        _ if !beyond => return None,
+        "u8" => (0, u8::MAX.into()),
+        "u16" => (0, u16::MAX.into()),
+        "u32" => (0, u32::MAX.into()),
+        "u64" | "usize" => (0, MOST),
+        "a nonzero u32" => (1, u32::MAX.into()),
+        "a nonzero usize" | "a nonzero u64" => (1, MOST),
+        _ => return None,
+    };
+    Some(format!("a whole number from {least} to {most}"))
+}

@@ -1,0 +1,356 @@
+//! Between the port and the specimen: everybody who came and has not said in full what he wants. Several are greeted at the
+//! same time, and the first whose greeting is complete is the client; so nobody who only connects keeps others waiting.
+//!
+//! Invariants: nobody here reaches the specimen; there are never more than [`SEATS`], and where more come whoever has said
+//! the least for the longest gives way; nobody stays longer than the set-up may take. Over UDP a guest is an address: he has
+//! no socket of his own before he is the client.
+
+use std::collections::VecDeque;
+use std::net::{SocketAddr, TcpStream, UdpSocket};
+
+use super::dialect::{Machine, Said};
+use super::door::{Caller, Door, DoorError, Socket, socket_to, stream_to, watch_over};
+use super::host::{Host, Tally};
+use super::news::{End, News};
+use super::server::{LOOK_NS, ServeSettings, lost, seconds};
+use crate::link::Transport;
+use crate::link::socket::{LOOK, SocketOptions};
+use crate::link::tls::{TlsFault, TlsStream, is_client_hello};
+use crate::rt::os::monotonic_ns;
+use crate::wire::openfresco::{Sizes, datagrams};
+
+/// Most guests at a time.
+const SEATS: usize = 16;
+/// From one look at the guests to the next, while there are any.
+const GLANCE_NS: u64 = 1_000_000;
+/// Reads of one guest in one look: nobody talks the others down.
+const MOST_READS: u32 = 8;
+
+/// Whose greeting is complete.
+pub(super) struct Client {
+    pub peer: SocketAddr,
+    pub link: Box<dyn Transport>,
+    pub machine: Machine,
+    pub sizes: Sizes,
+    /// What he has said beyond it, in pieces as they came.
+    pub early: Vec<Vec<u8>>,
+}
+
+/// Waits for a client; none if `stop` says so first.
+///
+/// # Errors
+/// [`DoorError::Port`] if the port itself fails.
+pub(super) fn receive(
+    door: &Door,
+    host: &mut Host,
+    settings: &ServeSettings,
+    stop: &dyn Fn() -> bool,
+    tell: &mut dyn FnMut(&News),
+    buffer: &mut [u8],
+) -> Result<Option<Client>, DoorError> {
+    let mut hall = Hall {
+        door,
+        settings,
+        guests: Vec::new(),
+    };
+    while !stop() {
+        let wait_ns = if hall.guests.is_empty() {
+            LOOK_NS
+        } else {
+            GLANCE_NS
+        };
+        if let Some(caller) = door.wait(buffer, wait_ns)? {
+            hall.admit(caller, host, tell, buffer);
+        }
+        if let Some(client) = hall.listen(host, tell, buffer)? {
+            for guest in hall.guests {
+                tell(&News::TurnedAway(guest.peer));
+            }
+            return Ok(Some(client));
+        }
+    }
+    for guest in hall.guests {
+        tell(&News::Ended(guest.peer, End::Stopped, Tally::default()));
+    }
+    Ok(None)
+}
+
+struct Hall<'a> {
+    door: &'a Door,
+    settings: &'a ServeSettings,
+    /// In the order in which they came.
+    guests: Vec<Guest>,
+}
+
+struct Guest {
+    peer: SocketAddr,
+    line: Line,
+    machine: Machine,
+    came_ns: u64,
+    has_spoken: bool,
+}
+
+/// How a guest is heard.
+enum Line {
+    /// Over TLS, whose handshake is not done.
+    Shaking(Box<TlsStream>),
+    Open(Box<dyn Transport>),
+    /// Datagrams that came through the door and were not read yet.
+    Letters(VecDeque<Vec<u8>>),
+}
+
+/// What a guest came to.
+enum Heard {
+    /// No more for now.
+    Nothing,
+    Ready(Sizes, Vec<Vec<u8>>),
+}
+
+impl Hall<'_> {
+    /// Somebody came, or a datagram.
+    fn admit(
+        &mut self,
+        caller: Caller,
+        host: &mut Host,
+        tell: &mut dyn FnMut(&News),
+        buffer: &[u8],
+    ) {
+        let (Caller::Stream(_, peer) | Caller::Datagram(_, peer)) = caller;
+        if !self.door.admits(peer) {
+            tell(&News::NotAdmitted(peer));
+            return;
+        }
+        let line = match caller {
+            Caller::Stream(stream, _) => {
+                tell(&News::Connected(peer));
+                self.line_to(stream)
+            }
+            Caller::Datagram(count, _) => {
+                let letter = buffer.get(..count).unwrap_or_default().to_vec();
+                let mut guests = self.guests.iter_mut();
+                let known = guests.find(|guest| guest.peer == peer);
+                if let Some(Line::Letters(letters)) = known.map(|guest| &mut guest.line) {
+                    letters.push_back(letter);
+                    return;
+                }
+                // Judged by a machine of its own: a stranger's datagram must open nothing.
+                if self.machine(host).hear(&letter, host).is_err() {
+                    tell(&News::Stray(peer, count));
+                    return;
+                }
+                tell(&News::Connected(peer));
+                Ok(Line::Letters(VecDeque::from([letter])))
+            }
+        };
+        match line {
+            Ok(line) => {
+                self.make_room(tell);
+                self.guests.push(Guest {
+                    peer,
+                    line,
+                    machine: self.machine(host),
+                    came_ns: monotonic_ns(),
+                    has_spoken: false,
+                });
+            }
+            Err(end) => tell(&News::Ended(peer, end, Tally::default())),
+        }
+    }
+
+    fn machine(&self, host: &Host) -> Machine {
+        Machine::new(self.settings.role, self.door.carrier(), host.axes())
+    }
+
+    fn line_to(&self, stream: TcpStream) -> Result<Line, End> {
+        // A kernel that refuses to watch serves all the same.
+        let _ = watch_over(&stream);
+        match &self.door.tls {
+            None => stream_to(stream)
+                .map(|link| Line::Open(Box::new(link)))
+                .ok(),
+            Some(tls) => tls
+                .accept(stream, SocketOptions::default())
+                .map(|session| Line::Shaking(Box::new(session)))
+                .ok(),
+        }
+        .ok_or(End::Vanished)
+    }
+
+    /// A seat for one more.
+    fn make_room(&mut self, tell: &mut dyn FnMut(&News)) {
+        if self.guests.len() < SEATS {
+            return;
+        }
+        let silent = self.guests.iter().position(|guest| !guest.has_spoken);
+        let guest = self.guests.remove(silent.unwrap_or(0));
+        tell(&News::Ended(guest.peer, End::GaveWay, Tally::default()));
+    }
+
+    /// Hears every guest; the first whose greeting is complete.
+    fn listen(
+        &mut self,
+        host: &mut Host,
+        tell: &mut dyn FnMut(&News),
+        buffer: &mut [u8],
+    ) -> Result<Option<Client>, DoorError> {
+        let mut index = 0;
+        while let Some(guest) = self.guests.get_mut(index) {
+            let limit_s = self.settings.setup_limit_s;
+            match guest.hear(self.door, host, tell, buffer, limit_s) {
+                Ok(Heard::Nothing) => index += 1,
+                Ok(Heard::Ready(sizes, early)) => {
+                    let guest = self.guests.remove(index);
+                    return self.client(guest, sizes, early, tell, buffer);
+                }
+                Err(end) => {
+                    let guest = self.guests.remove(index);
+                    tell(&News::Ended(guest.peer, end, Tally::default()));
+                }
+            }
+        }
+        Ok(None)
+    }
+
+    fn client(
+        &self,
+        guest: Guest,
+        sizes: Sizes,
+        mut early: Vec<Vec<u8>>,
+        tell: &mut dyn FnMut(&News),
+        buffer: &mut [u8],
+    ) -> Result<Option<Client>, DoorError> {
+        let Guest {
+            peer,
+            line,
+            machine,
+            ..
+        } = guest;
+        let link: Box<dyn Transport> = match (line, &self.door.socket) {
+            (Line::Open(link), _) => link,
+            (Line::Letters(_), Socket::Udp(socket)) => {
+                let link = socket_to(socket, peer)?;
+                // What he sent before he had a socket of his own.
+                while let Ok((count, from)) = socket.recv_from(buffer) {
+                    if from == peer {
+                        early.push(buffer.get(..count).unwrap_or_default().to_vec());
+                    } else {
+                        tell(&News::TurnedAway(from));
+                    }
+                }
+                Box::new(link)
+            }
+            // Nobody is ready before his handshake is done, and letters come over UDP.
+            (Line::Shaking(_), _) | (Line::Letters(_), Socket::Tcp(_)) => return Ok(None),
+        };
+        Ok(Some(Client {
+            peer,
+            link,
+            machine,
+            sizes,
+            early,
+        }))
+    }
+}
+
+impl Guest {
+    /// What there is to be heard from him, without waiting.
+    fn hear(
+        &mut self,
+        door: &Door,
+        host: &mut Host,
+        tell: &mut dyn FnMut(&News),
+        buffer: &mut [u8],
+        limit_s: f64,
+    ) -> Result<Heard, End> {
+        if let Line::Shaking(session) = &mut self.line
+            && session.handshake(LOOK).map_err(End::Tls)?
+            && let Line::Shaking(session) =
+                std::mem::replace(&mut self.line, Line::Letters(VecDeque::new()))
+        {
+            self.line = Line::Open(session);
+        }
+        for _ in 0..MOST_READS {
+            let bytes = match &mut self.line {
+                Line::Shaking(_) => break,
+                Line::Open(link) => match link.recv(buffer, LOOK) {
+                    Ok(Some(count)) => buffer.get(..count).unwrap_or_default().to_vec(),
+                    Ok(None) => break,
+                    Err(fault) => return Err(lost(link.as_ref(), fault)),
+                },
+                Line::Letters(letters) => match letters.pop_front() {
+                    Some(letter) => letter,
+                    None => break,
+                },
+            };
+            if matches!(door.socket, Socket::Tcp(_)) && is_client_hello(&bytes) {
+                return Err(End::SpeaksTls);
+            }
+            self.has_spoken = true;
+            if let Some((sizes, rest)) = self.digest(&bytes, door, host, tell)? {
+                let mut early = vec![rest];
+                if let Line::Letters(letters) = &mut self.line {
+                    early.extend(letters.drain(..));
+                }
+                return Ok(Heard::Ready(sizes, early));
+            }
+        }
+        if seconds(monotonic_ns(), self.came_ns) <= limit_s {
+            return Ok(Heard::Nothing);
+        }
+        Err(match &self.line {
+            Line::Shaking(_) => End::Tls(TlsFault::SlowHandshake),
+            Line::Open(_) | Line::Letters(_) => End::NoSizes(limit_s),
+        })
+    }
+
+    /// Does what some bytes of his say, up to the sizes; those, and what comes behind them.
+    fn digest(
+        &mut self,
+        bytes: &[u8],
+        door: &Door,
+        host: &mut Host,
+        tell: &mut dyn FnMut(&News),
+    ) -> Result<Option<(Sizes, Vec<u8>)>, End> {
+        let mut rest = bytes;
+        while !rest.is_empty() {
+            let piece = match door.socket {
+                Socket::Tcp(_) => usize::MAX,
+                Socket::Udp(_) => self.machine.piece(),
+            };
+            let heard = self.machine.hear(rest, host).map_err(End::Refused)?;
+            for part in datagrams(heard.reply, heard.reply.len(), piece) {
+                match (&mut self.line, &door.socket) {
+                    (Line::Open(link), _) => {
+                        let sent = link.send(part);
+                        sent.map_err(|fault| lost(link.as_ref(), fault))?;
+                    }
+                    (Line::Letters(_), Socket::Udp(socket)) => post(socket, part, self.peer)?,
+                    (Line::Shaking(_), _) | (Line::Letters(_), Socket::Tcp(_)) => {}
+                }
+            }
+            let used = heard.used;
+            match heard.said {
+                Said::Nothing => {}
+                Said::Ready(sizes) => {
+                    let rest = rest.get(used..).unwrap_or_default();
+                    return Ok(Some((sizes, rest.to_vec())));
+                }
+                Said::InitLine => tell(&News::InitLine),
+                Said::Ignored(code) => tell(&News::Ignored(code)),
+                Said::Finished => return Err(End::Finished),
+            }
+            if used == 0 {
+                break;
+            }
+            rest = rest.get(used..).unwrap_or_default();
+        }
+        Ok(None)
+    }
+}
+
+fn post(socket: &UdpSocket, part: &[u8], peer: SocketAddr) -> Result<(), End> {
+    match socket.send_to(part, peer) {
+        Ok(_) => Ok(()),
+        Err(_) => Err(End::Vanished),
+    }
+}

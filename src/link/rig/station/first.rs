@@ -1,0 +1,81 @@
+//! The first command to what moves, where the file bounds neither step nor speed nor acceleration of an axis: nothing that
+//! was declared says how far a single command may take it, and whoever commands may believe it elsewhere.
+
+use crate::control::AxisUnits;
+use crate::control::limits::{AxisLimits, Hit, Level, Quantity, Range};
+
+/// Share of the range that `command_disp_m` allows.
+const SHARE: f64 = 0.05;
+/// Without a range, in m.
+const UNDECLARED_M: f64 = 1e-3;
+
+/// How far in m a first command may take an axis; none where its own limits bound that.
+fn farthest(limits: &AxisLimits) -> Option<f64> {
+    let own = [
+        limits.command_step,
+        limits.command_vel,
+        limits.command_accel,
+    ];
+    if own.iter().any(|bound| bound.trip < f64::INFINITY) {
+        return None;
+    }
+    let Range {
+        trip: [low, high], ..
+    } = limits.command_disp;
+    let range = high - low;
+    Some(if range < f64::INFINITY {
+        SHARE * range
+    } else {
+        UNDECLARED_M
+    })
+}
+
+/// The first axis that goes too far from where it stands. Displacements in m. Real-time: yes.
+pub(super) fn judge(
+    limits: &[AxisLimits],
+    stands: &[f64],
+    disp: impl Iterator<Item = f64>,
+) -> Option<Hit> {
+    let axes = limits.iter().zip(stands.iter().zip(disp)).enumerate();
+    axes.into_iter().find_map(|(axis, (limits, (from, to)))| {
+        let bound = farthest(limits)?;
+        let value = (to - from).abs();
+        let is_near = value <= bound;
+        (!is_near).then_some(Hit {
+            axis,
+            quantity: Quantity::CommandStep,
+            level: Level::Trip,
+            value,
+            bound,
+        })
+    })
+}
+
+/// What is judged so, in words, one per axis that is.
+pub(in crate::link) fn words(limits: &[AxisLimits], units: &[AxisUnits]) -> Vec<String> {
+    let axes = (1..).zip(limits.iter().zip(units));
+    axes.filter_map(|(number, (limits, units))| {
+        let bound = farthest(limits)?;
+        let why = if limits.command_disp.trip.iter().all(|end| end.is_finite()) {
+            "a twentieth of the range of `command_disp_m`"
+        } else {
+            "for no range is declared"
+        };
+        Some(format!(
+            "axis {number}: neither `command_step_m` nor `command_vel_m_per_s` nor `command_accel_m_per_s2` bounds it: a first \
+             command may take it {} {} from where it stands ({why}), and what follows is not judged by its steps",
+            bound / units.metres,
+            units.disp
+        ))
+    })
+    .collect()
+}
+
+/// Why a first command was too far, if it is judged so.
+pub(super) fn why(limits: &[AxisLimits], hit: &Hit) -> Option<&'static str> {
+    let is_so = limits.get(hit.axis).and_then(farthest).is_some();
+    (is_so && hit.quantity == Quantity::CommandStep).then_some(
+        "no limit of step, speed or acceleration is given, so a first command may go a twentieth of its range, or 1 mm where none \
+         is declared",
+    )
+}

@@ -1,0 +1,275 @@
+//! Where the rigs of a test stand before it, what their sensors and load cells read there, how the test takes its zeros and
+//! leaves them; and a witness at each specimen of where its actuator is driven.
+//!
+//! All of it comes from a stream of chance of its own: what else happens in a test with the same seed stays as it was.
+
+use std::sync::{Arc, Mutex};
+
+use gusset::config::{AxisTable, DispUnit, ExitChoice, ForceUnit, Loaded, ZeroChoice};
+use gusset::control::limits::{LimitsSpec, RangeSpec};
+use gusset::law::{LawSpec, Reach};
+use gusset::link::NativeSetup;
+use gusset::link::serve::Host;
+use gusset::specimen::{Specimen, Uniaxial};
+
+use crate::campaign::Chance;
+
+/// Where one rig stands, in its own coordinate, and what it reads there.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Place {
+    pub stands_m: f64,
+    /// Where its specimen has no force.
+    pub slack_m: f64,
+    pub disp_bias_m: f64,
+    pub force_bias_n: f64,
+}
+
+/// What is known of one rig from outside, in the unit of its commands.
+#[derive(Debug, Clone, Default)]
+pub struct Seen {
+    pub stood: f64,
+    /// Where its actuator was driven, in this order.
+    pub driven: Arc<Mutex<Vec<f64>>>,
+}
+
+/// Draws where the rigs of `loaded` stand, and what the test makes of it.
+pub fn draw(seed: u64, loaded: &Loaded) -> (Loaded, Vec<Place>) {
+    let mut chance = Chance::new(seed.rotate_left(32) ^ 0x0051_A9D5);
+    let mut loaded = loaded.clone();
+    let mut unbounded = false;
+    let reads = loaded.file.safety.zero_s.is_none_or(|zero| zero > 0.0);
+    let places = (0..loaded.file.specimen.len())
+        .map(|index| {
+            if chance.one_in(4) {
+                return Place::default();
+            }
+            let place = a_place(&mut chance);
+            let table = &mut loaded.file.specimen[index];
+            table.axis = vec![an_axis(&mut chance, &place, reads)];
+            if let Some(link) = &mut table.link
+                && chance.one_in(4)
+            {
+                link.probe_m = Some(chance.between(2e-4, 2e-3));
+                link.probe_ramp_s = chance.between(0.03, 0.2);
+            }
+            if chance.one_in(5)
+                && let Some(limits) = &mut table.limits
+            {
+                (limits.command_vel_m_per_s, limits.command_step_m) = (None, None);
+                unbounded = true;
+            }
+            place
+        })
+        .collect();
+    loaded.file.safety.ramp_s = match chance.below(8) {
+        // A static load comes on as fast as that where nothing else bounds it.
+        _ if unbounded => chance.between(0.2, 1.0),
+        0 => 0.0,
+        1 => 1.0,
+        _ => chance.between(0.02, 0.4),
+    };
+    if chance.one_in(2) {
+        let mut exit = || match chance.below(4) {
+            0 => ExitChoice::Freeze,
+            1 => ExitChoice::ZeroForce,
+            2 => ExitChoice::ZeroDisplacement,
+            _ => ExitChoice::SafeDisplacement,
+        };
+        (loaded.file.safety.on_trip, loaded.file.safety.at_end) = (exit(), exit());
+        loaded.file.safety.exit_speed_m_per_s = Some(chance.between(0.01, 0.1));
+        for table in &mut loaded.file.specimen {
+            table.safe_disp_m = Some(vec![chance.between(-0.045, 0.045)]);
+        }
+    }
+    (loaded, places)
+}
+
+fn a_place(chance: &mut Chance) -> Place {
+    let far = match chance.below(8) {
+        0 => 0.0,
+        1..=5 => 0.02,
+        6 => 0.045,
+        // The command that holds it may not be given.
+        _ => 0.07,
+    };
+    let stands_m = chance.between(-far, far);
+    let slack_m = match chance.below(4) {
+        0 => 0.0,
+        1 => stands_m,
+        _ => stands_m + chance.between(-0.006, 0.006),
+    };
+    let reads = |chance: &mut Chance, most: f64| match chance.below(4) {
+        0 | 1 => 0.0,
+        2 => chance.between(-0.1 * most, 0.1 * most),
+        _ => chance.between(-most, most),
+    };
+    Place {
+        stands_m,
+        slack_m,
+        disp_bias_m: reads(chance, 0.01),
+        force_bias_n: reads(chance, 1.5e5),
+    }
+}
+
+/// `reads`: the sensors are read before the test, so that a zero can be taken of them.
+fn an_axis(chance: &mut Chance, place: &Place, reads: bool) -> AxisTable {
+    let mut zero = || {
+        if reads && chance.one_in(2) {
+            ZeroChoice::Relative
+        } else {
+            ZeroChoice::Absolute
+        }
+    };
+    let (zero_disp, zero_force) = (zero(), zero());
+    AxisTable {
+        scale: if chance.one_in(3) {
+            chance.between(0.8, 1.25)
+        } else {
+            1.0
+        },
+        sign: if chance.one_in(3) { -1 } else { 1 },
+        offset_m: match chance.below(3) {
+            0 => 0.0,
+            1 => place.stands_m,
+            _ => place.stands_m + chance.between(-0.01, 0.01),
+        },
+        offset_n: if chance.one_in(2) {
+            place.force_bias_n
+        } else {
+            0.0
+        },
+        unit_disp: if chance.one_in(3) {
+            DispUnit::Millimetre
+        } else {
+            DispUnit::Metre
+        },
+        unit_force: if chance.one_in(3) {
+            ForceUnit::Kilonewton
+        } else {
+            ForceUnit::Newton
+        },
+        zero_disp,
+        zero_force,
+        ..AxisTable::default()
+    }
+}
+
+/// Limits that a far end has of its own: 30 mm to either side of where it stands.
+pub fn own_limits(place: &Place) -> LimitsSpec {
+    let trip = [place.stands_m - 0.03, place.stands_m + 0.03];
+    LimitsSpec {
+        command_disp_m: Some(RangeSpec {
+            warn: None,
+            trip: Some(trip),
+        }),
+        ..LimitsSpec::default()
+    }
+}
+
+/// A far end in the units of the link whose columns yield, and what is seen of it.
+pub fn host(loaded: &Loaded, index: usize, setup: &NativeSetup, place: &Place) -> (Host, Seen) {
+    let table = &loaded.file.specimen[index];
+    let units = table.units_of(1)[0];
+    let stiffness = if index == 0 { 15e6 } else { 2e6 };
+    let text = format!(
+        "bouc_wen = {{ stiffness_n_per_m = {stiffness}, yield_force_n = {}, post_yield_ratio = 0.1, beta = 0.5, \
+         gamma = 0.5, exponent = 2 }}",
+        stiffness * 0.008
+    );
+    let spec: LawSpec = toml::from_str(&text).unwrap();
+    let seen = Seen {
+        stood: place.stands_m / units.metres,
+        driven: Arc::default(),
+    };
+    let (place, driven) = (*place, Arc::clone(&seen.driven));
+    let build = move || {
+        let law = spec.build().map_err(|error| error.to_string())?;
+        let law = Uniaxial::new(vec![law]).map_err(|error| error.to_string())?;
+        Ok(Box::new(Witnessed {
+            law,
+            metres: units.metres,
+            newtons: units.newtons,
+            place,
+            driven: Arc::clone(&driven),
+        }) as Box<dyn Specimen>)
+    };
+    let name = table.name.clone();
+    let mut host = Host::new(name, setup.axes.clone(), Box::new(build)).unwrap();
+    if seen.stood != 0.0 {
+        host = host.standing_at(&[seen.stood]).unwrap();
+    }
+    // What was done to it before nobody commanded.
+    seen.driven.lock().unwrap().clear();
+    (host, seen)
+}
+
+/// A specimen in a rig that writes down where it is driven.
+#[derive(Debug)]
+struct Witnessed {
+    law: Uniaxial,
+    metres: f64,
+    newtons: f64,
+    place: Place,
+    driven: Arc<Mutex<Vec<f64>>>,
+}
+
+impl Witnessed {
+    fn scale(&self, matrix: &mut [f64]) {
+        for value in matrix {
+            *value *= self.metres / self.newtons;
+        }
+    }
+}
+
+impl Specimen for Witnessed {
+    fn axes(&self) -> usize {
+        1
+    }
+
+    fn trial(&mut self, disp: &[f64], vel: &[f64], dt: f64, force: &mut [f64]) {
+        self.driven.lock().unwrap().push(disp[0]);
+        let strain = self.metres * disp[0] - self.place.slack_m;
+        self.law
+            .trial(&[strain], &[self.metres * vel[0]], dt, force);
+        force[0] = (force[0] + self.place.force_bias_n) / self.newtons;
+    }
+
+    fn measured(&mut self, disp: &mut [f64]) {
+        disp[0] += self.place.disp_bias_m / self.metres;
+    }
+
+    fn commit(&mut self) {
+        self.law.commit();
+    }
+
+    fn revert(&mut self) {
+        self.law.revert();
+    }
+
+    fn reference(&self, stiffness: &mut [f64], damping: &mut [f64], mass: &mut [f64]) {
+        self.law.reference(stiffness, damping, mass);
+        self.scale(stiffness);
+    }
+
+    fn tangent(&self, stiffness: &mut [f64]) {
+        self.law.tangent(stiffness);
+        self.scale(stiffness);
+    }
+
+    fn bound(
+        &self,
+        reach: &[Reach],
+        stiffness: &mut [f64],
+        damping: &mut [f64],
+    ) -> Result<(), usize> {
+        self.law.bound(reach, stiffness, damping)
+    }
+
+    fn freeze(&self, out: &mut Vec<f64>) {
+        self.law.freeze(out);
+    }
+
+    fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
+        self.law.thaw(from)
+    }
+}

@@ -1,0 +1,134 @@
+//! Where a specimen stands before its first command, over protocols that cannot tell it or do not bound that command: the
+//! test file says it, the specimen is held there and led away; and what is served and moves is not taken anywhere at once.
+
+mod link_common;
+
+use std::sync::{Arc, Mutex};
+
+use gusset::link::openfresco::{Peer, Remote, RemoteSettings};
+use gusset::substructure::{Command, Measurement, Retirement, Substructure};
+use gusset::time::Nanos;
+use gusset::wire::openfresco::Carrier;
+use link_common::{ONE_AXIS_LAW, Served, adapter, finish, gusset, linked, run, summary};
+
+const STEPS: u32 = 100;
+const K: f64 = 4e5;
+const STANDS: f64 = 0.01;
+const ADAPTER: &str = "protocol = \"openfresco-adapter\"\nprobe = \"none\"\n";
+
+/// An adapter at which every displacement that it is told is written down; at place `breaks_at` of the list its connection
+/// breaks, and another is taken.
+fn witnessed(breaks_at: usize) -> (String, Arc<Mutex<Vec<f64>>>) {
+    let told = Arc::new(Mutex::new(Vec::new()));
+    let into = Arc::clone(&told);
+    let address = adapter::start_for(2, move |disp| {
+        let mut told = into.lock().unwrap();
+        told.push(disp);
+        (told.len() != breaks_at).then_some((disp, K * disp))
+    });
+    (address, told)
+}
+
+fn largest_step(told: &[f64]) -> f64 {
+    let steps = told.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+    steps.fold(0.0, f64::max)
+}
+
+#[test]
+fn what_cannot_be_asked_is_held_where_the_file_says_and_led_to_where_the_test_begins() {
+    let folder = tempfile::tempdir().unwrap();
+    let (address, told) = witnessed(0);
+    let keys = format!("{ADAPTER}stands_at_m = [{STANDS}]");
+    let (code, said) = run(folder.path(), "run", &linked(STEPS, &address, &keys));
+    assert_eq!(code, 0, "{said}");
+    assert!(!said.contains("NOBODY KNOWS"), "{said}");
+    let told = told.lock().unwrap();
+    // Half a cosine over a second of ticks of 1 ms, and a test that moves by less in one.
+    assert!((told[0] - STANDS).abs() < 1e-6, "{}", told[0]);
+    assert!(told.len() > 1000 && largest_step(&told) < 2e-4);
+}
+
+#[test]
+fn without_it_only_a_computation_is_commanded_and_goes_there_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let (address, told) = witnessed(0);
+    let text = linked(STEPS, &address, ADAPTER);
+    let (code, said) = run(folder.path(), "run", &text);
+    assert_eq!(code, 0, "{said}");
+    assert!(said.contains("NOBODY KNOWS WHERE IT STANDS"), "{said}");
+    assert_eq!(told.lock().unwrap()[0], 0.0);
+    let text = text.replace("computed = true\n", "");
+    let (code, said) = run(folder.path(), "refused", &text);
+    assert_eq!(code, 2, "{said}");
+    for words in [
+        "where does this specimen stand before the test?",
+        "`stands_at_m = [0.0]`",
+    ] {
+        assert!(said.contains(words), "{said}");
+    }
+}
+
+#[test]
+fn a_test_that_goes_on_finds_it_where_it_was_left_and_not_where_it_once_stood() {
+    const BREAKS_AT: usize = 1060;
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let (address, told) = witnessed(BREAKS_AT);
+    let keys = format!("{ADAPTER}stands_at_m = [{STANDS}]");
+    let (code, said) = run(folder, "run", &linked(STEPS, &address, &keys));
+    assert_eq!(code, 3, "{said}");
+    assert!(summary(folder, "run").steps > 10);
+    let mut command = gusset();
+    command.arg("run").arg("--resume").arg(folder.join("run"));
+    command.arg("--out").arg(folder.join("again"));
+    let output = finish(command);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{said}");
+    let told = told.lock().unwrap();
+    assert!(told.len() > BREAKS_AT + 10 && largest_step(&told) < 2e-4);
+}
+
+/// A specimen of ±50 mm that moves, and whose steps nothing bounds.
+fn served(folder: &std::path::Path, limits: &str) -> Served {
+    let text = format!(
+        "[serve.openfresco]\nphysical = true\n[[specimen]]\nname = \"rig\"\n[specimen.limits]\n\
+         command_disp_m = {{ trip = [-0.05, 0.05] }}\n{limits}{ONE_AXIS_LAW}"
+    );
+    Served::start(folder, &text, &["--protocol", "openfresco"])
+}
+
+/// True if a client's first command is answered.
+fn goes_to(served: &Served, disp: f64) -> bool {
+    let settings = RemoteSettings::new(Peer::Element, Carrier::Stream, served.address.clone(), 1);
+    let mut client = Remote::new(settings).unwrap();
+    client.open().unwrap();
+    let command = Command {
+        sequence: 0,
+        time: 0.0,
+        dt: 0.01,
+        disp: &[disp],
+        vel: &[0.0],
+    };
+    let mut into = Measurement::zeros(1);
+    let went = client.issue(&command).is_ok()
+        && client.collect(Nanos(0), &mut into).is_ok()
+        && client.accepted(0).is_ok();
+    client.retire(Retirement::Orderly);
+    went
+}
+
+#[test]
+fn a_first_command_to_what_moves_goes_no_further_than_a_share_of_its_range() {
+    let folder = tempfile::tempdir().unwrap();
+    let open = served(folder.path(), "");
+    open.hears("note: axis 1: neither `command_step_m` nor");
+    assert!(goes_to(&open, 0.0049));
+    open.hears("the client ended the test");
+    // It is left there, and the next client believes it at zero: near enough. Then it is not.
+    assert!(goes_to(&open, 0.0));
+    assert!(!goes_to(&open, 0.0051));
+    open.hears("a first command may go a twentieth of its range");
+    drop(open);
+    let bounded = served(folder.path(), "command_step_m = { trip = 0.03 }\n");
+    assert!(goes_to(&bounded, 0.02));
+}
