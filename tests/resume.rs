@@ -2,6 +2,7 @@
 //! folder of its own. What was changed, damaged or moved meanwhile is refused, and nothing of the first run is touched.
 
 mod common;
+mod link_common;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -189,6 +190,48 @@ fn an_interrupted_test_goes_on_with_the_same_bits_again_and_again() {
 
 /// With easing the first steps are made in several ticks: a formula that remembers goes there in smaller parts. This one is
 /// exact whatever the parts, so that only roundoff is different; others differ by their own error of integration.
+/// Killed before a partner that is commanded once a step was told the target that was known already, or before it answered: it
+/// is told that one, and not the last that it had been told.
+#[test]
+fn a_partner_commanded_once_a_step_is_told_its_next_target_after_an_interruption() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let seen = link_common::ONE_AXIS;
+    let text = |ticks: u32, specimen: &str| {
+        link_common::test_file(600, specimen)
+            .replace(
+                "rate_hz = 1000",
+                &format!("rate_hz = 100\nticks_per_step = {ticks}"),
+            )
+            .replace(
+                "zero_s = 0\n",
+                "zero_s = 0\nease_s = 0\nresume_within_m = 1\n",
+            )
+    };
+    let law = "law.linear = { stiffness_n_per_m = 4e5 }\n";
+    let served = link_common::Served::start(home.path(), &text(1, &format!("{seen}{law}")), &[]);
+    for ticks in [1, 3] {
+        let link = format!(
+            "{seen}[specimen.link]\naddress = \"{}\"\ncoupling = \"lockstep\"\ncommands = \"every_step\"\nwatchdog_s = 20\n",
+            served.address
+        );
+        let test = write(home.path(), "paced.toml", &text(ticks, &link));
+        let whole = at(&format!("whole-{ticks}"));
+        completed(&test, &whole, &[]);
+        let rows = Run::open(&whole).unwrap().columns(&["state"]).unwrap()[0].len();
+        for row in rows / 2..=rows / 2 + ticks as usize {
+            let (first, second) = (
+                at(&format!("first-{ticks}-{row}")),
+                at(&format!("second-{ticks}-{row}")),
+            );
+            killed(&whole, &first, row);
+            let said = go_on(&first, &second);
+            assert_eq!(said.code, Some(0), "{}", said.stderr);
+            assert_eq!(steps(&[&first, &second]), steps(&[&whole]), "{ticks} {row}");
+        }
+    }
+}
+
 #[test]
 fn an_eased_beginning_changes_the_way_and_not_the_response() {
     let home = tempfile::tempdir().unwrap();

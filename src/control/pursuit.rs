@@ -286,6 +286,15 @@ impl Port {
         self.command_vel.fill(0.0);
     }
 
+    /// The test goes on: the target that a partner which is commanded once a step has not been told, or has not answered, is its
+    /// command again. Everything else makes its next command of the way.
+    pub fn take_up_target(&mut self) {
+        if self.pursuit.waits {
+            self.land();
+            self.prepare_command();
+        }
+    }
+
     /// Takes the live substructure of `fresh`, a port of the same test that was never used, in place of a recording; a formula
     /// stays, with all it remembers. The counts begin anew.
     pub fn go_live(&mut self, fresh: Port) {

@@ -107,6 +107,7 @@ impl Engine {
         for port in &mut self.ports {
             learned = port.thaw_compensation(learned);
             port.go_on_following();
+            port.take_up_target();
         }
         self.prepare_next();
         self.clear_commands()
