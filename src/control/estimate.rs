@@ -228,6 +228,11 @@ impl Port {
         self.estimates.rests = true;
     }
 
+    /// The rest is over.
+    pub fn stir(&mut self) {
+        self.estimates.rests = false;
+    }
+
     /// Begins with what is declared again: a trial of the direction is not part of the test.
     pub fn forget_trial(&mut self) {
         let axes = self.estimates.axes.iter_mut();

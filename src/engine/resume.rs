@@ -245,9 +245,12 @@ impl Engine {
         if self.opening.confirm {
             let _ = control.notices.try_send(Notice::AwaitingConfirmation);
             self.confirmed = false;
+            // However long it takes: what stands shows its noise and no stiffness.
+            self.ports.iter_mut().for_each(Port::rest);
             while !self.confirmed {
                 self.still_tick(Phase::Zeroing, control)?;
             }
+            self.ports.iter_mut().for_each(Port::stir);
         }
         Ok(())
     }
