@@ -9,7 +9,7 @@ use crate::substructure::{Command, LinkFault};
 const SAME: f64 = 1e-9;
 
 /// Time of a ramp in s that nothing else bounds.
-const UNBOUNDED_RAMP_S: f64 = 1.0;
+pub const UNBOUNDED_RAMP_S: f64 = 1.0;
 
 /// Whether a channel keeps its declared zero.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

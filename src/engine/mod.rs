@@ -24,6 +24,7 @@ mod settle;
 mod step;
 mod stop;
 mod tick;
+mod verdicts;
 
 pub use after::{Left, Unfinished};
 pub use audit::StepAudit;

@@ -12,6 +12,7 @@ use super::operator::Control;
 use super::phase::{Cause, Phase};
 use super::tick::Tick;
 use super::{Engine, Stop};
+use crate::control::UNBOUNDED_RAMP_S;
 use crate::integrate::State;
 use crate::linalg::Spd;
 use crate::model::Base;
@@ -81,9 +82,10 @@ impl Engine {
                 };
                 longest = longest.max(correction);
                 if correction > 0.0 {
-                    // A specimen that was found under a force of its own moves further: not faster for that.
+                    // A specimen that was found under a force of its own moves further: not faster for that, but no slower
+                    // than any way from where one stands, however small the load is.
                     let of_load = if correction > MORE_THAN_LOAD * whole / parts {
-                        ramp_s * (correction / whole)
+                        (ramp_s * (correction / whole)).min(ramp_s.max(UNBOUNDED_RAMP_S))
                     } else {
                         0.0
                     };

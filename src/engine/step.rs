@@ -9,8 +9,7 @@ use super::phase::Phase;
 use super::ride::{has_answer, tell};
 use super::tick::Tick;
 use super::{Engine, Stop};
-use crate::control::limits::{Found, Level};
-use crate::control::{OnStale, Port};
+use crate::control::Port;
 use crate::record::EventKind;
 use crate::rt::timing::TickStamps;
 use crate::substructure::{Coupling, Freshness, LinkFault, Status};
@@ -249,20 +248,6 @@ impl Engine {
         Ok(())
     }
 
-    /// A specimen whose simulated actuator did not come to terms with it is counted; told more and more seldom. Real-time: yes.
-    #[cold]
-    fn note_unsettled(&mut self, index: usize, tick: &Tick) {
-        let Some(port) = self.ports.get_mut(index) else {
-            return;
-        };
-        port.link.unsettled += 1;
-        let ticks = port.link.unsettled;
-        if ticks.is_power_of_two() {
-            let port = index as u32;
-            self.report(tick, EventKind::Unsettled { port, ticks });
-        }
-    }
-
     /// Judges the commands that stand ready. Only after it may they leave. Real-time: yes.
     pub(super) fn clear_commands(&mut self) -> Result<(), Stop> {
         for index in 0..self.ports.len() {
@@ -280,65 +265,6 @@ impl Engine {
                 let tick = self.tick_of_report();
                 self.act_on(index, &found, &tick)?;
             }
-        }
-        Ok(())
-    }
-
-    /// A warning is told, a trip ends the test. Real-time: yes.
-    #[cold]
-    fn act_on(&mut self, index: usize, found: &Found, tick: &Tick) -> Result<(), Stop> {
-        for hit in found.warning.iter().chain(&found.trip) {
-            let kind = EventKind::Limit {
-                port: index as u32,
-                axis: hit.axis as u32,
-                quantity: hit.quantity.key(),
-                trip: hit.level == Level::Trip,
-                value: hit.value,
-                bound: hit.bound,
-            };
-            self.report(tick, kind);
-        }
-        let Some(hit) = found.trip else {
-            return Ok(());
-        };
-        Err(if hit.value.is_finite() {
-            Stop::Limit { port: index, hit }
-        } else {
-            Stop::NotFinite { port: index }
-        })
-    }
-
-    /// Stale data are used as the policy says, a bounded number of times in a row.
-    #[cold]
-    fn judge_age(&mut self, index: usize, tick: &Tick) -> Result<(), Stop> {
-        let Some(port) = self.ports.get_mut(index) else {
-            return Ok(());
-        };
-        port.partner.stale += 1;
-        let age = self.sequence.saturating_sub(port.raw().sequence);
-        let (on_stale, in_a_row) = match port.wait {
-            Some(own) => (own.on_stale, own.stale_in_a_row),
-            None if self.limits.extrapolate_stale => {
-                (OnStale::Extrapolate, self.limits.stale_in_a_row)
-            }
-            None => (OnStale::Hold, self.limits.stale_in_a_row),
-        };
-        if on_stale == OnStale::Extrapolate {
-            port.extrapolate();
-        }
-        let count = port.partner.stale;
-        self.report(
-            tick,
-            EventKind::Stale {
-                port: index as u32,
-                age,
-            },
-        );
-        if on_stale == OnStale::Stop || count > in_a_row {
-            return Err(Stop::Stale {
-                port: index,
-                ticks: count,
-            });
         }
         Ok(())
     }
