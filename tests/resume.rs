@@ -210,7 +210,7 @@ fn a_partner_commanded_once_a_step_is_told_its_next_target_after_an_interruption
     };
     let law = "law.linear = { stiffness_n_per_m = 4e5 }\n";
     let served = link_common::Served::start(home.path(), &text(1, &format!("{seen}{law}")), &[]);
-    for ticks in [1, 3] {
+    for ticks in [2, 5] {
         let link = format!(
             "{seen}[specimen.link]\naddress = \"{}\"\ncoupling = \"lockstep\"\ncommands = \"every_step\"\nwatchdog_s = 20\n",
             served.address
