@@ -273,6 +273,18 @@ pub struct AxisTable {
     pub zero_force: ZeroChoice,
 }
 
+impl AxisTable {
+    /// What stands between a deformation and the axis, key by key, and whether it is given.
+    pub(super) fn gear(&self) -> [(&'static str, bool); 4] {
+        [
+            ("scale", self.scale != 1.0),
+            ("sign", self.sign != 1),
+            ("offset_m", self.offset_m != 0.0),
+            ("offset_n", self.offset_n != 0.0),
+        ]
+    }
+}
+
 impl Default for AxisTable {
     fn default() -> Self {
         Self {

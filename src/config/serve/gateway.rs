@@ -116,12 +116,7 @@ fn check_gear(table: &SpecimenTable, at: &KeyPath) -> Result<(), Box<Finding>> {
     }
     for (index, axis) in table.axis.iter().enumerate() {
         let at = at.key("axis").index(index);
-        for (key, given) in [
-            ("scale", axis.scale != 1.0),
-            ("sign", axis.sign != 1),
-            ("offset_m", axis.offset_m != 0.0),
-            ("offset_n", axis.offset_n != 0.0),
-        ] {
+        for (key, given) in axis.gear() {
             if given {
                 return refuse(at.key(key));
             }

@@ -130,14 +130,11 @@ fn check_served(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings)
         );
         for (index, axis) in specimen.axis.iter().enumerate() {
             let at = at.key("axis").index(index);
-            for (key, given) in [
-                ("scale", axis.scale != 1.0),
-                ("sign", axis.sign != 1),
-                ("offset_m", axis.offset_m != 0.0),
-                ("offset_n", axis.offset_n != 0.0),
+            let zeros = [
                 ("zero_disp", axis.zero_disp == ZeroChoice::Relative),
                 ("zero_force", axis.zero_force == ZeroChoice::Relative),
-            ] {
+            ];
+            for (key, given) in axis.gear().into_iter().chain(zeros) {
                 findings.idle(&at, key, given, why);
             }
         }
