@@ -56,9 +56,13 @@ fn test_in(home: &Path, more: &str) -> PathBuf {
 
 /// Runs it while an operator says these words, one a tick from the first tick on.
 fn record(home: &Path, words: &[Operator]) -> PathBuf {
-    let loaded = gusset::config::load(&test_in(home, ""), &[]).unwrap_or_else(|e| panic!("{e}"));
+    record_of(&test_in(home, ""), words)
+}
+
+fn record_of(test: &Path, words: &[Operator]) -> PathBuf {
+    let loaded = gusset::config::load(test, &[]).unwrap_or_else(|e| panic!("{e}"));
     let test = gusset::config::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
-    let path = home.join("run");
+    let path = loaded.path.with_file_name("run");
     let folder = RunFolder::create(&path).unwrap();
     let (says, requests) = crossbeam_channel::bounded(words.len().max(1));
     for word in words {
@@ -188,6 +192,51 @@ fn a_trip_outside_of_the_running_test_is_proven_too() {
         );
         let found = replay(&run).unwrap();
         assert!(found.is_exact(), "{found:?}");
+    }
+}
+
+/// A test that was never confirmed is not taken for one that was, and the other way round: only the operator's word in the
+/// row tells a refusal of the very first command from a trip in the wait.
+#[test]
+fn a_confirmation_stands_in_the_record() {
+    let refusing = "[specimen.limits]\ncommand_disp_m = { trip = [-1.0, 1e-9] }\n[safety]\n";
+    for (waits, last, refused) in [
+        (0, Operator::Continue, false),
+        (9, Operator::Continue, false),
+        (9, Operator::Continue, true),
+        (9, Operator::Stop, false),
+    ] {
+        let home = tempfile::tempdir().unwrap();
+        let mut text = FRAME.replace("ramp_s", "confirm = true\nramp_s");
+        if refused {
+            text = text.replace("[safety]\n", refusing);
+            text = text.replace("static_load_n = [10e3, 5e3]\n", "");
+        }
+        let test = test_in(home.path(), "");
+        std::fs::write(&test, &text).unwrap();
+        // While the sensors are read, and in the wait: a hold is no confirmation.
+        let mut words = vec![Operator::Hold; 11 + waits];
+        words.push(last);
+        let run = record_of(&test, &words);
+        let read = Run::open(&run).unwrap().columns(&["state", "hold"]);
+        let [states, said] = <[_; 2]>::try_from(read.unwrap()).unwrap();
+        let found = replay(&run).unwrap();
+        assert!(found.is_exact(), "{waits}, {last:?}: {found:?}");
+        assert_eq!(found.rows, states.len() as u64);
+        let confirmed = said.iter().position(|word| *word == 2.0);
+        if last == Operator::Stop {
+            assert_eq!(confirmed, None);
+            continue;
+        }
+        let confirmed = confirmed.unwrap();
+        assert_eq!(confirmed, 11 + waits);
+        assert!(said[..confirmed].iter().all(|word| *word == 1.0));
+        assert_eq!(states[confirmed], Phase::Zeroing.code());
+        assert_eq!(states.len() == confirmed + 1, refused);
+        change(&run, confirmed as u64, "hold", 1.0);
+        let found = replay(&run).unwrap();
+        let difference = found.difference;
+        assert_eq!(difference.is_some(), !refused, "{difference:?}");
     }
 }
 

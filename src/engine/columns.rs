@@ -18,11 +18,38 @@ use crate::time::Nanos;
 /// State of the row in which a test was given up for being late: only the clock knows why, so the row must say that.
 pub const GIVEN_UP: f64 = 14.0;
 
+/// What the operator wants in a tick: one number of its row.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Word {
+    /// A hold.
+    pub holds: bool,
+    /// He said before this tick that the test may go on.
+    pub goes_on: bool,
+}
+
+impl Word {
+    /// In the column `hold`.
+    #[inline]
+    #[must_use]
+    pub fn code(self) -> f64 {
+        f64::from(u8::from(self.holds) + 2 * u8::from(self.goes_on))
+    }
+
+    /// Of such a column; what is no code of ours is no word.
+    #[must_use]
+    pub fn of(code: f64) -> Self {
+        Self {
+            holds: code == 1.0 || code == 3.0,
+            goes_on: code == 2.0 || code == 3.0,
+        }
+    }
+}
+
 /// The row of the current tick and the place of each number in it.
 #[derive(Debug)]
 pub struct Row {
-    /// Whether the operator wants a hold.
-    pub hold: bool,
+    /// What the operator wants.
+    pub word: Word,
     /// What trips does so on the way out that the operator asked for.
     pub stopped: bool,
     /// From the ready command of the tick before to its pushed row, in s; known when that row is gone. Not a number where
@@ -60,7 +87,8 @@ const BOOKKEEPING: [(&str, &str, &str); 5] = [
     (
         "hold",
         "1",
-        "1 from the tick before which the operator asked for a hold, until he lets the test go on; -1 where a test that he stopped trips on its way out",
+        "1 from the tick before which the operator asked for a hold, until he lets the test go on; 2 more where he said before \
+         the tick that it may go on, or confirmed what was read; -1 where a test that he stopped trips on its way out",
     ),
     ("time", "s", "test time"),
 ];
@@ -155,7 +183,7 @@ impl Row {
         let values = vec![0.0; columns.len()];
         (
             Self {
-                hold: false,
+                word: Word::default(),
                 stopped: false,
                 record_before: f64::NAN,
                 values,
@@ -209,11 +237,7 @@ impl Row {
             number(tick.step),
             number(tick.sub_tick),
             state,
-            if self.stopped {
-                -1.0
-            } else {
-                f64::from(u8::from(self.hold))
-            },
+            if self.stopped { -1.0 } else { self.word.code() },
             tick.time,
             ground,
         ];

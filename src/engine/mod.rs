@@ -30,7 +30,7 @@ pub use after::{Left, Unfinished};
 pub use audit::StepAudit;
 pub use before::Opening;
 pub use checks::{TestHit, TestLimits, TestQuantity};
-pub use columns::GIVEN_UP;
+pub use columns::{GIVEN_UP, Word};
 pub use intake::Intake;
 pub use misses::MissLevels;
 pub use numerical::{Numerical, Side};
@@ -129,7 +129,8 @@ pub struct Engine {
     /// Where the phase is left for others to see.
     pub phase_cell: PhaseCell,
     hold_wanted: bool,
-    confirmed: bool,
+    /// The operator said before this tick that the test may go on.
+    goes_on: bool,
     /// Rows of the warm-up, until the first of the test is made.
     held_back: Vec<f64>,
     /// Recordings say nothing: they have no row of the warm-up.
@@ -292,7 +293,7 @@ impl Engine {
             phase: Phase::Connected,
             phase_cell: PhaseCell::default(),
             hold_wanted: false,
-            confirmed: false,
+            goes_on: false,
             held_back: Vec::new(),
             unanswered: false,
             ports,

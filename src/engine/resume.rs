@@ -244,11 +244,13 @@ impl Engine {
     pub(super) fn wait_for_confirmation(&mut self, control: &Control) -> Result<(), Stop> {
         if self.opening.confirm {
             let _ = control.notices.try_send(Notice::AwaitingConfirmation);
-            self.confirmed = false;
             // However long it takes: what stands shows its noise and no stiffness.
             self.ports.iter_mut().for_each(Port::rest);
-            while !self.confirmed {
+            loop {
                 self.still_tick(Phase::Zeroing, control)?;
+                if self.goes_on {
+                    break;
+                }
             }
             self.ports.iter_mut().for_each(Port::stir);
         }

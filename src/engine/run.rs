@@ -1,6 +1,6 @@
 //! The course of a test: settle, warm up, run to the last step, retire; and what happens when the loop is late.
 
-use super::columns::number;
+use super::columns::{Word, number};
 use super::numerical::{Side, aim_along};
 use super::operator::{Control, Operator};
 use super::phase::{Cause, Phase};
@@ -165,6 +165,7 @@ impl Engine {
         control: &Control,
     ) -> Result<(), Stop> {
         stamps.idle = self.clock_now;
+        self.goes_on = false;
         stamps.release = self.schedule.tick(self.edge);
         // A slow test has far edges: the operator is heard on the way there.
         if stamps.release.since(stamps.idle) > NAP_NS {
@@ -179,7 +180,10 @@ impl Engine {
         self.edge += 1;
         stamps.deadline = self.schedule.tick(self.edge);
         let heard = self.hear(control);
-        self.row.hold = self.hold_wanted;
+        self.row.word = Word {
+            holds: self.hold_wanted,
+            goes_on: self.goes_on,
+        };
         heard
     }
 
@@ -200,7 +204,7 @@ impl Engine {
             Ok(Operator::Hold) => self.hold_wanted = true,
             Ok(Operator::Continue) => {
                 self.hold_wanted = false;
-                self.confirmed = true;
+                self.goes_on = true;
             }
             Err(_) => {}
         }

@@ -11,7 +11,7 @@ use super::board::{Board, Snapshot, SpecimenView};
 use super::history::Bin;
 use super::latency::{KEYS, Latency};
 use super::subject::ChannelKind;
-use crate::engine::{Phase, TestQuantity};
+use crate::engine::{Phase, TestQuantity, Word};
 use crate::record::{Note, Onlooker, Progress};
 use crate::substructure::Status;
 
@@ -186,7 +186,7 @@ impl Onlooker for Tap {
             step: at(row, places.step),
             time: at(row, places.time),
             state: at(row, places.state),
-            hold: at(row, places.hold) > 0.0,
+            hold: Word::of(at(row, places.hold)).holds,
             stretched: at(row, places.stretched),
             fresh: true,
             row_ns: self.seen.row_ns,

@@ -3,7 +3,7 @@
 //! What was decided while the test ran stands in the rows: when the operator wanted a hold, when a measurement was stale,
 //! when a slow partner answered. So all of it happens again where it happened. Checkpoints are compared as they come.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Read;
 use std::sync::{Arc, Mutex};
@@ -12,14 +12,10 @@ use crossbeam_channel::Sender;
 
 use super::replay::{Difference, ReplayError};
 use crate::control::Stage;
-use crate::engine::{Experiment, GIVEN_UP, Operator, Phase};
+use crate::engine::{Experiment, GIVEN_UP, Operator, Phase, Word};
 use crate::record::{
     Column, Event, EventKind, FolderError, Journal, Layout, Recorder, Run, WarmUpRows,
 };
-use crate::substructure::Status;
-
-/// Rows to come that must be known: this one, and the two in which a confirmation shows.
-const AHEAD: usize = 3;
 
 /// A checkpoint that came out as it was recorded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -63,17 +59,13 @@ impl Recording {
 pub(super) struct Tape {
     journal: Journal<Box<dyn Read + Send>>,
     columns: Vec<Column>,
-    ahead: VecDeque<Vec<f64>>,
-    /// Rows that are done with: their memory is used again.
-    spare: Vec<Vec<f64>>,
+    /// The row that comes; empty if none is left.
+    coming: Vec<f64>,
     /// Rows that are the same.
     pub row: u64,
     /// Test time of the last of them, s.
     pub time: f64,
     places: [usize; 3],
-    /// Places of the commands, and of the specimens' statuses.
-    commands: Vec<usize>,
-    statuses: Vec<usize>,
     /// Whether the operator wanted a hold before the row that comes.
     holding: bool,
     /// Number of steps of the test, and state and step of the row before the one that comes.
@@ -102,21 +94,13 @@ impl Tape {
         only_the_test: bool,
     ) -> Self {
         let place = |name: &str| layout.index_of(name).unwrap_or(usize::MAX);
-        let places = |kind: &str| {
-            let columns = layout.columns().iter().enumerate();
-            let of_kind = columns.filter(|(_, column)| column.name.starts_with(kind));
-            of_kind.map(|(index, _)| index).collect()
-        };
         let mut tape = Self {
             journal: recording.journal,
             columns: experiment.columns(),
-            ahead: VecDeque::with_capacity(AHEAD),
-            spare: Vec::new(),
+            coming: Vec::new(),
             row: 0,
             time: f64::NAN,
             places: [place("state"), place("hold"), place("time")],
-            commands: places("cmd_"),
-            statuses: places("status_"),
             holding: false,
             steps: experiment.steps,
             before: None,
@@ -149,28 +133,23 @@ impl Tape {
     }
 
     fn fill(&mut self) {
-        while self.ahead.len() < AHEAD && self.short.is_none() {
-            match self.journal.next_row() {
-                Ok(Some(row)) => {
-                    let expected = self.row + self.ahead.len() as u64;
-                    if row.sequence == expected {
-                        let mut kept = self.spare.pop().unwrap_or_default();
-                        kept.clear();
-                        kept.extend_from_slice(row.values);
-                        self.ahead.push_back(kept);
-                    } else {
-                        self.short = Some(format!("row {expected} was lost when it was recorded"));
-                    }
-                }
-                Ok(None) => return,
-                Err(error) => self.short = Some(error.to_string()),
+        self.coming.clear();
+        if self.short.is_some() {
+            return;
+        }
+        match self.journal.next_row() {
+            Ok(Some(row)) if row.sequence == self.row => self.coming.extend_from_slice(row.values),
+            Ok(Some(_)) => {
+                self.short = Some(format!("row {} was lost when it was recorded", self.row));
             }
+            Ok(None) => {}
+            Err(error) => self.short = Some(error.to_string()),
         }
     }
 
     /// The row that comes.
     pub fn next(&self) -> Option<&Vec<f64>> {
-        self.ahead.front()
+        (!self.coming.is_empty()).then_some(&self.coming)
     }
 
     /// Whether the test trips in the row that comes.
@@ -178,14 +157,13 @@ impl Tape {
         at(self.next(), self.places[0]) == Phase::Tripped.code()
     }
 
-    fn phase(&self, ahead: usize) -> Option<f64> {
-        self.ahead.get(ahead)?.get(self.places[0]).copied()
+    fn phase(&self) -> Option<f64> {
+        self.coming.get(self.places[0]).copied()
     }
 
-    /// What the operator said before the tick of the row that comes: a wish for a hold stands in it, a confirmation shows in
-    /// the rows behind it. He is heard once a tick, so that is all.
+    /// What the operator said before the tick of the row that comes.
     fn request(&mut self) -> Option<Operator> {
-        let state = self.phase(0)?;
+        let state = self.phase()?;
         if state == GIVEN_UP {
             return Some(Operator::GiveUp);
         }
@@ -195,8 +173,7 @@ impl Tape {
             let on_its_way = before == state || is_a_trip(before);
             return (!completed && !on_its_way).then_some(Operator::Stop);
         }
-        let row = self.next()?;
-        let hold = at(Some(row), self.places[1]);
+        let hold = at(self.next(), self.places[1]);
         let on_its_way = self
             .before
             .is_some_and(|(before, _)| before == Phase::Leaving.code());
@@ -204,36 +181,12 @@ impl Tape {
             // Already its first tick on the way out trips.
             return (!on_its_way).then_some(Operator::Stop);
         }
-        let holding = hold > 0.0;
-        if holding != self.holding {
-            self.holding = holding;
-            return Some(if holding {
-                Operator::Hold
-            } else {
-                Operator::Continue
-            });
+        let word = Word::of(hold);
+        let held = std::mem::replace(&mut self.holding, word.holds);
+        if word.goes_on {
+            self.tell(Operator::Continue);
         }
-        let (now, next) = (self.phase(0)?, self.phase(1)?);
-        let confirmed =
-            now == Phase::Zeroing.code() && now != next && self.went_on_from_zeroing(next);
-        (confirmed && !holding).then_some(Operator::Continue)
-    }
-
-    /// True if the row behind the one that comes, of another phase than zeroing, says that what was read had been confirmed
-    /// before it. Nobody is led out of zeroing: rows of a way out are of a test that had gone on, and so is a trip that
-    /// anything follows, that stands in a row only for the sake of the way out, or in which a specimen has moved. A trip of
-    /// which none of it is true is the same in both.
-    fn went_on_from_zeroing(&self, next: f64) -> bool {
-        let (Some(here), Some(there)) = (self.ahead.front(), self.ahead.get(1)) else {
-            return false;
-        };
-        if !is_a_trip(next) || next == GIVEN_UP || self.ahead.len() > 2 {
-            return true;
-        }
-        let is_lost = |index: &usize| Status(at(Some(there), *index) as u32).has(Status::LOST);
-        let moved =
-            |index: &usize| at(Some(here), *index).to_bits() != at(Some(there), *index).to_bits();
-        self.statuses.iter().any(is_lost) || self.commands.iter().any(moved)
+        (word.holds && (!held || word.goes_on)).then_some(Operator::Hold)
     }
 
     /// Says what the operator said before the row that comes. Nothing left to compare with: the loop may end.
@@ -244,16 +197,20 @@ impl Tape {
             self.request()
         };
         if let Some(request) = request {
-            let _ = self.operator.try_send(request);
+            self.tell(request);
         }
+    }
+
+    fn tell(&self, request: Operator) {
+        let _ = self.operator.try_send(request);
     }
 
     /// Compares the row that was just made, and says what the operator said before the next.
     fn compare(&mut self, made: &[f64]) {
-        let Some(recorded) = self.ahead.front() else {
+        if self.coming.is_empty() {
             return;
-        };
-        let pairs = self.columns.iter().zip(recorded).zip(made);
+        }
+        let pairs = self.columns.iter().zip(&self.coming).zip(made);
         for ((column, recorded), made) in pairs {
             if !column.timing && recorded.to_bits() != made.to_bits() && self.difference.is_none() {
                 self.difference = Some(Difference {
@@ -271,7 +228,6 @@ impl Tape {
             let front = self.next();
             self.before = Some((at(front, self.places[0]), at(front, 0)));
             self.row += 1;
-            self.spare.extend(self.ahead.pop_front());
             self.fill();
         }
         self.say();
@@ -350,7 +306,7 @@ pub(super) struct Comparing(pub Shared);
 impl Recorder for Comparing {
     /// Where the rows of the test come next, nothing of the warm-up was kept.
     fn warm_up(&mut self) -> WarmUpRows {
-        with(&self.0, |tape| match tape.phase(0) {
+        with(&self.0, |tape| match tape.phase() {
             Some(state) if is_under_way(state) => WarmUpRows::Never,
             _ => WarmUpRows::AsTheyCome,
         })

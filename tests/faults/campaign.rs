@@ -17,10 +17,10 @@ use crate::rig;
 /// In CI.
 const SEEDS: u64 = 10_000;
 /// Seeds that once showed a mistake: a way out beyond the limit, a replay that ended before its test, a hold asked for when
-/// the stop was on its way, a test that was given up in its last tick.
-const AGAIN: [u64; 11] = [
+/// the stop was on its way, a test that was given up in its last tick, a first command after the confirmation that is refused.
+const AGAIN: [u64; 12] = [
     1_004_879, 1_021_428, 1_000_923, 1_004_909, 1_020_436, 2_001_360, 2_007_826, 2_020_391,
-    2_027_915, 2_045_720, 20_953_153,
+    2_027_915, 2_045_720, 20_953_153, 90_015_247,
 ];
 
 /// SplitMix64.
