@@ -44,7 +44,7 @@ pub use desk::{Answer, Request, ask};
 pub use page::{Page, PageError, conclude, hero, write_report};
 pub use ready::missing;
 pub use replay::{Difference, Replay, ReplayError, replay, replay_rows};
-pub use resume::{ResumeError, resume};
+pub use resume::{ResumeError, resume, resume_over};
 pub use signals::{Signal, Signals};
 pub use summary::ending;
 pub use watches::{Attendance, Watches, roll};

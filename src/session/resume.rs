@@ -15,9 +15,9 @@ use super::desk::{Request, ask};
 use super::recorded::Replaced;
 use super::replay::ReplayError;
 use super::retrace::{
-    Origin, Retraced, prepared, read, retrace, rows_sha256, same, sha256, take_over,
+    Build, Origin, Retraced, prepared_by, read, retrace, rows_sha256, same, sha256, take_over,
 };
-use crate::config::{ConfigError, Prepared};
+use crate::config::{self, ConfigError, Dial, Loaded, Prepared};
 use crate::control::Port;
 use crate::engine::Phase;
 use crate::record::summary::Status;
@@ -128,6 +128,28 @@ pub fn resume(
     test: Option<&Path>,
     after: &[String],
 ) -> Result<Prepared, ResumeError> {
+    resume_by(folder, test, after, &mut config::build)
+}
+
+/// The same with links over transports that are connected already: those that `dial` makes, one after the other.
+///
+/// # Errors
+/// As [`resume`].
+pub fn resume_over(
+    folder: &Path,
+    after: &[String],
+    dial: &mut Dial<'_>,
+) -> Result<Prepared, ResumeError> {
+    let build = &mut |loaded: &Loaded| config::build_over(loaded, dial);
+    resume_by(folder, None, after, build)
+}
+
+fn resume_by(
+    folder: &Path,
+    test: Option<&Path>,
+    after: &[String],
+    build: &mut Build<'_>,
+) -> Result<Prepared, ResumeError> {
     let run = Run::open(folder)?;
     if ask(folder, Request::Phase).is_ok() {
         return Err(ResumeError::Running(folder.to_owned()));
@@ -157,7 +179,7 @@ pub fn resume(
             ResumeError::NotBegun(folder.to_owned())
         });
     };
-    let mut next = prepared(&run, Replaced::Remote, true)?;
+    let mut next = prepared_by(&run, Replaced::Remote, true, build)?;
     let step = resumption.step();
     if step >= next.experiment.steps {
         // What stopped it was its way out.

@@ -13,7 +13,7 @@ use super::connect::put_standing;
 use super::recorded::{Replaced, put_recorded};
 use super::replay::ReplayError;
 use super::tape::{Comparing, Recording, Tape, Verified, with};
-use crate::config::{self, Prepared};
+use crate::config::{self, ConfigError, Loaded, Prepared};
 use crate::control::Port;
 use crate::engine::{Control, Ending, Engine, Experiment, Place, Resumption, Side};
 use crate::record::{Column, Run};
@@ -94,6 +94,9 @@ fn number(text: &str) -> f64 {
     text.parse().unwrap_or(f64::NAN)
 }
 
+/// Makes the experiment of a test file.
+pub(super) type Build<'a> = dyn FnMut(&Loaded) -> Result<Prepared, ConfigError> + 'a;
+
 pub(super) fn read(path: &Path) -> Result<Vec<u8>, ReplayError> {
     std::fs::read(path).map_err(|source| ReplayError::Unreadable {
         path: path.to_owned(),
@@ -117,6 +120,16 @@ pub(super) fn rows_sha256(run: &Run, rows: u64) -> Result<String, ReplayError> {
 
 /// The test of a run folder, as it was built, with the state of its ancestors if it has any. Nobody is connected.
 pub(super) fn prepared(run: &Run, replaced: Replaced, keys: bool) -> Result<Prepared, ReplayError> {
+    prepared_by(run, replaced, keys, &mut config::build)
+}
+
+/// The same, built by `build`.
+pub(super) fn prepared_by(
+    run: &Run,
+    replaced: Replaced,
+    keys: bool,
+    build: &mut Build<'_>,
+) -> Result<Prepared, ReplayError> {
     check_inputs(run)?;
     let folder = run.path();
     let mut loaded = config::load(&folder.join("resolved.toml"), &[])?;
@@ -135,7 +148,7 @@ pub(super) fn prepared(run: &Run, replaced: Replaced, keys: bool) -> Result<Prep
             link.key_file = None;
         }
     }
-    let mut test = config::build(&loaded)?;
+    let mut test = build(&loaded)?;
     if let Some(origin) = Origin::of(folder)? {
         let parent = origin.found_from(folder);
         let before = Run::open(&parent)?;

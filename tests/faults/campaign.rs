@@ -23,6 +23,9 @@ const AGAIN: [u64; 12] = [
     2_027_915, 2_045_720, 20_953_153, 90_015_247,
 ];
 
+/// So many tests there were to draw from when they did.
+const KNOWN_THEN: usize = 10;
+
 /// SplitMix64.
 pub struct Chance(u64);
 
@@ -56,11 +59,19 @@ impl Chance {
     }
 }
 
-/// The tests that are played, with short openings: those of the folder beside this file, by name.
+/// The tests that are played, with short openings: those of the folder beside this file, by name, and then those with several
+/// ticks a step and with compensators.
 pub fn tests() -> Vec<Loaded> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/faults/campaign");
+    let mut tests = tests_in(&folder);
+    tests.extend(tests_in(&folder.join("paced")));
+    tests
+}
+
+fn tests_in(folder: &Path) -> Vec<Loaded> {
     let entries = std::fs::read_dir(folder).unwrap();
-    let mut paths: Vec<_> = entries.map(|entry| entry.unwrap().path()).collect();
+    let paths = entries.map(|entry| entry.unwrap().path());
+    let mut paths: Vec<_> = paths.filter(|path| path.is_file()).collect();
     paths.sort();
     let read = |path: PathBuf| load(&path, &[]).unwrap_or_else(|error| panic!("{error}"));
     paths.into_iter().map(read).collect()
@@ -192,7 +203,7 @@ fn a_fault(chance: &mut Chance) -> Fault {
 }
 
 /// What happens in the test with this seed.
-fn script(seed: u64, chance: &mut Chance) -> Script {
+pub fn script(seed: u64, chance: &mut Chance) -> Script {
     let faults = chance.below(5);
     let script = Script {
         title: format!("seed {seed}"),
@@ -204,7 +215,7 @@ fn script(seed: u64, chance: &mut Chance) -> Script {
     script
 }
 
-fn operator(seed: u64, chance: &mut Chance) -> Vec<(u64, Operator)> {
+pub fn operator(seed: u64, chance: &mut Chance) -> Vec<(u64, Operator)> {
     if !chance.one_in(4) {
         // What is remembered happens as it did: the operator spoke less at the time.
         return if AGAIN.contains(&seed) {
@@ -268,7 +279,12 @@ fn one_as(
     as_played: impl Fn(&Loaded) -> Option<Loaded>,
 ) -> Case {
     let mut chance = Chance::new(seed);
-    let loaded = &tests[chance.below(tests.len() as u64) as usize];
+    let known = if AGAIN.contains(&seed) {
+        KNOWN_THEN
+    } else {
+        tests.len()
+    };
+    let loaded = &tests[chance.below(known as u64) as usize];
     let (loaded, places) = match stand {
         Stand::AtZero => (loaded.clone(), Vec::new()),
         Stand::Anywhere => rig::draw(seed, loaded),
@@ -296,7 +312,7 @@ fn one_as(
     let played = play(other.as_ref().unwrap_or(&loaded), extra, |index, setup| {
         let faults = if index == 0 { &script } else { &second };
         let place = places.get(index).copied().unwrap_or_default();
-        let (host, mut at) = rig::host(&loaded, index, setup, &place);
+        let (host, mut at) = rig::Rig::new(&loaded, index, &place).host(setup);
         if faults
             .fault
             .iter()
@@ -320,7 +336,7 @@ fn one_as(
 }
 
 /// True for what goes wrong between a command and the actuator.
-const fn moves_by_itself(kind: &Kind) -> bool {
+pub const fn moves_by_itself(kind: &Kind) -> bool {
     matches!(
         kind,
         Kind::Frozen
@@ -335,7 +351,7 @@ fn one(tests: &[Loaded], seed: u64) -> Case {
     one_as(tests, seed, Stand::Anywhere, |_| None)
 }
 
-fn from_environment(name: &str, usual: u64) -> u64 {
+pub fn from_environment(name: &str, usual: u64) -> u64 {
     match std::env::var(name) {
         Ok(text) => text
             .parse()

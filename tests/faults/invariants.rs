@@ -4,6 +4,7 @@ use gusset::config::Loaded;
 use gusset::control::limits::{AxisLimits, LimitsSpec};
 use gusset::engine::{Ending, Phase, Stop};
 use gusset::link::serve::Tapped;
+use gusset::link::spec::CommandPace;
 use gusset::record::{End, Journal};
 use gusset::wire::native::Kind;
 
@@ -29,7 +30,7 @@ pub fn check(loaded: &Loaded, played: &Played) -> Result<(), String> {
     log_is_readable(played)?;
     for (port, tap) in played.taps.iter().enumerate() {
         let wrong = |text| format!("specimen {}: {text}", port + 1);
-        commands_are_kept_in_order(tap).map_err(wrong)?;
+        commands_are_kept_in_order(tap, played.first_step > 0).map_err(wrong)?;
         commands_respect_their_limits(loaded, port, played).map_err(wrong)?;
         moves_only_when_meant(loaded, port, played).map_err(wrong)?;
         is_driven_where_it_was_told(port, played).map_err(wrong)?;
@@ -89,7 +90,8 @@ fn no_step_is_lost(played: &Played) -> Result<(), String> {
     };
     let columns = played.columns().len();
     let mut journal = Journal::new(&played.samples[..], columns);
-    let (mut next, mut rows) = (0.0, 0);
+    let (first, mut rows) = (played.first_step as f64, 0);
+    let mut next = first;
     while let Some(row) = journal.next_row().map_err(|error| error.to_string())? {
         ensure!(
             row.sequence == rows,
@@ -105,7 +107,7 @@ fn no_step_is_lost(played: &Played) -> Result<(), String> {
     }
     ensure!(journal.end() == Some(End::Clean), "{:?}", journal.end());
     ensure!(
-        next == 0.0 && outcome.steps == 0 || next == outcome.steps as f64 + 1.0,
+        next == first && outcome.steps == 0 || next == outcome.steps as f64 + 1.0,
         "{next} rows of running steps, the last step done is {}",
         outcome.steps
     );
@@ -131,8 +133,8 @@ fn log_is_readable(played: &Played) -> Result<(), String> {
     Ok(())
 }
 
-/// Every command once and again at most: none is left out, none comes back.
-fn commands_are_kept_in_order(tap: &[Tapped]) -> Result<(), String> {
+/// Every command once and again at most: none is left out, none comes back. A test that goes on goes on counting.
+fn commands_are_kept_in_order(tap: &[Tapped], goes_on: bool) -> Result<(), String> {
     let (mut last, mut armed) = (None::<u64>, false);
     for tapped in tap {
         let Tapped::Sent { kind, sequence, .. } = tapped else {
@@ -143,7 +145,8 @@ fn commands_are_kept_in_order(tap: &[Tapped]) -> Result<(), String> {
             Kind::Control => armed = true,
             Kind::Command => {
                 ensure!(armed, "command {sequence} before anything was agreed");
-                let due = last.map_or(0, |last| last + 1);
+                let first = if goes_on { *sequence } else { 0 };
+                let due = last.map_or(first, |last| last + 1);
                 ensure!(
                     *sequence == due || Some(*sequence) == last,
                     "command {sequence} where {due} was due"
@@ -178,6 +181,12 @@ fn commands_respect_their_limits(
     let tick = loaded.time.period.value();
     let runs = played.entries().find(|(_, to)| *to == "running");
     let runs = runs.map_or(u64::MAX, |(at, _)| at);
+    let leaves = played.entries().find(|(_, to)| *to == "leaving");
+    let leaves = leaves.map_or(u64::MAX, |(at, _)| at);
+    // Who is told every step only goes as far in one command as others in as many ticks.
+    let link = loaded.file.specimen[port].link.as_ref();
+    let told_by_steps = link.is_some_and(|link| link.commands == CommandPace::EveryStep);
+    let whole_step = tick * f64::from(loaded.time.ticks_per_step);
     let stood = played.stood(port);
     let mut last: Option<&Vec<f64>> = None;
     let mut of_axes = None;
@@ -202,7 +211,16 @@ fn commands_respect_their_limits(
             // The first is a step from where the rig stands.
             let from = last.and_then(|last| last.get(axis)).unwrap_or(&stood);
             let step = (to - from * metres).abs();
-            let mut allowed = limits.command_step.trip.min(limits.command_vel.trip * tick);
+            let running = at.0 >= runs && at.0 <= leaves;
+            let passes = if told_by_steps && running {
+                whole_step
+            } else {
+                tick
+            };
+            let mut allowed = limits
+                .command_step
+                .trip
+                .min(limits.command_vel.trip * passes);
             if at.0 < runs && allowed == f64::INFINITY {
                 allowed = UNBOUNDED_M_PER_S * tick;
             }

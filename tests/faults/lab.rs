@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
 use crossbeam_channel::{Receiver, Sender};
-use gusset::config::{Loaded, build, build_over};
+use gusset::config::{Files, Loaded, Prepared, build, build_over};
 use gusset::engine::{Control, Engine, Notice, Operator, Outcome, Phase};
 use gusset::link::fault::{Script, StallingClock};
 use gusset::link::serve::{Host, Simulated, Tap, Tapped};
@@ -21,6 +21,8 @@ const DELAY: f64 = 0.05;
 
 /// What a test left behind.
 pub struct Played {
+    /// The first step that is its own: one that goes on begins later.
+    pub first_step: u64,
     pub layout: Layout,
     pub samples: Vec<u8>,
     pub events_jsonl: Vec<u8>,
@@ -44,7 +46,12 @@ pub struct Extra<'a> {
     pub confirms_after: u64,
     /// Without a tap and a replay: for speed.
     pub bare: bool,
+    /// The process is killed when it looks at its clock for so manieth time.
+    pub killed_at: Option<u64>,
 }
+
+/// What unwinds a process that is killed: nobody is told anything.
+struct Killed;
 
 /// A clock that stalls as it is told, on which an operator speaks.
 struct LabClock {
@@ -55,10 +62,16 @@ struct LabClock {
     told: Receiver<Notice>,
     confirms_after: u64,
     confirms_at: AtomicU64,
+    looks: Arc<AtomicU64>,
+    killed_at: Option<u64>,
 }
 
 impl Clock for LabClock {
     fn now(&self) -> Nanos {
+        let look = self.looks.fetch_add(1, Ordering::Relaxed);
+        if self.killed_at == Some(look) {
+            std::panic::resume_unwind(Box::new(Killed));
+        }
         self.clock.now()
     }
 
@@ -99,68 +112,73 @@ impl Recorder for Shared {
     }
 }
 
+/// The wires from a test to its far ends, which `host` makes.
+pub struct Wires<'h> {
+    clock: SimClock,
+    tick_ns: u64,
+    taps: Option<Vec<Tap>>,
+    made: usize,
+    host: &'h mut dyn FnMut(usize, &NativeSetup) -> Host,
+}
+
+impl<'h> Wires<'h> {
+    pub fn new(
+        loaded: &Loaded,
+        bare: bool,
+        host: &'h mut dyn FnMut(usize, &NativeSetup) -> Host,
+    ) -> Self {
+        Self {
+            clock: SimClock::new(),
+            tick_ns: (loaded.time.period.value() * 1e9) as u64,
+            taps: (!bare).then(Vec::new),
+            made: 0,
+            host,
+        }
+    }
+
+    pub fn dial(&mut self, setup: &NativeSetup) -> Box<dyn Transport> {
+        let host = (self.host)(self.made, setup);
+        self.made += 1;
+        let delay_ns = (DELAY * self.tick_ns as f64) as u64;
+        let stream = setup.carrier.is_stream();
+        let simulated = Simulated::new(host, self.clock.clone(), delay_ns, stream);
+        Box::new(match &mut self.taps {
+            None => simulated,
+            Some(taps) => {
+                let tap = Tap::default();
+                taps.push(Arc::clone(&tap));
+                simulated.tapped(tap)
+            }
+        })
+    }
+}
+
+/// What a test recorded, however it ended.
+pub struct Recorded {
+    pub layout: Layout,
+    pub samples: Vec<u8>,
+    pub events_jsonl: Vec<u8>,
+    pub events: Vec<Event>,
+    /// None of one that was killed.
+    pub outcome: Option<Outcome>,
+    pub files: Files,
+    /// Where each specimen said that it stands.
+    pub stood: Vec<Option<Vec<f64>>>,
+    /// How often the clock was looked at.
+    pub looks: u64,
+    taps: Vec<Vec<Tapped>>,
+}
+
 /// Plays the test; `host` makes the far end of each specimen. An error is a panic, or a set-up that failed.
 pub fn play(
     loaded: &Loaded,
     extra: Extra<'_>,
     mut host: impl FnMut(usize, &NativeSetup) -> Host,
 ) -> Result<Played, String> {
-    let clock = SimClock::new();
-    let tick_ns = (loaded.time.period.value() * 1e9) as u64;
-    let mut taps: Vec<Tap> = Vec::new();
     let bare = extra.bare;
-    let mut dial = |setup: &NativeSetup| -> Box<dyn Transport> {
-        let host = host(taps.len(), setup);
-        let delay_ns = (DELAY * tick_ns as f64) as u64;
-        let stream = setup.carrier.is_stream();
-        let simulated = Simulated::new(host, clock.clone(), delay_ns, stream);
-        let tap = Tap::default();
-        taps.push(Arc::clone(&tap));
-        Box::new(if bare {
-            simulated
-        } else {
-            simulated.tapped(tap)
-        })
-    };
-    let prepared = build_over(loaded, &mut dial).map_err(|error| error.to_string())?;
-    let mut experiment = prepared.experiment;
-    for port in &mut experiment.ports {
-        port.connect().map_err(|error| error.to_string())?;
-    }
-    let stood: Vec<_> = experiment
-        .ports
-        .iter()
-        .map(|port| port.standing().map(<[f64]>::to_vec))
-        .collect();
-    let (into, requests) = crossbeam_channel::bounded(16);
-    let (notices, told) = crossbeam_channel::bounded(16);
-    let stalls = extra.script.map(Script::stalls).unwrap_or_default();
-    let lab_clock = LabClock {
-        clock: StallingClock::new(clock, tick_ns, stalls),
-        waits: AtomicU64::new(0),
-        says: extra.operator,
-        into,
-        told,
-        confirms_after: extra.confirms_after,
-        confirms_at: AtomicU64::new(u64::MAX),
-    };
-    let columns = experiment.columns();
-    let layout = Layout::new(columns).map_err(|error| error.to_string())?;
-    let image = FolderImage::new(layout.columns().len(), prepared.facts.specimens.clone());
-    let shared = Shared(Arc::new(Mutex::new((image, Vec::new()))));
-    let recorder = Box::new(shared.clone());
-    let mut engine = Engine::new(experiment, Box::new(lab_clock), recorder);
-    let control = Control {
-        notices,
-        ..Control::from(requests)
-    };
-    let outcome = catch_unwind(AssertUnwindSafe(|| engine.run(&control)))
-        .map_err(|_| "the loop panicked".to_owned())?;
-    drop(engine);
-    let mut both = shared.0.lock().unwrap();
-    let events = std::mem::take(&mut both.1);
-    let samples = both.0.samples().to_vec();
-    let events_jsonl = both.0.events().to_vec();
+    let mut wires = Wires::new(loaded, bare, &mut host);
+    let prepared = build_over(loaded, &mut |setup| wires.dial(setup));
+    let recorded = perform(prepared.map_err(|error| error.to_string())?, wires, extra)?;
     let replay = if bare {
         Replay {
             rows: 0,
@@ -171,22 +189,86 @@ pub fn play(
         }
     } else {
         let mut again = build(loaded).map_err(|error| error.to_string())?.experiment;
-        for (port, stood) in again.ports.iter_mut().zip(&stood) {
+        for (port, stood) in again.ports.iter_mut().zip(&recorded.stood) {
             port.says_it_stands_at(stood.as_deref().unwrap_or_default());
         }
-        let rows = Box::new(std::io::Cursor::new(samples.clone()));
-        replay_rows(again, &layout, rows).map_err(|error| error.to_string())?
+        let rows = Box::new(std::io::Cursor::new(recorded.samples.clone()));
+        replay_rows(again, &recorded.layout, rows).map_err(|error| error.to_string())?
     };
-    Ok(Played {
+    recorded.played(0, replay)
+}
+
+/// Connects a test that is prepared over these wires, and runs it.
+pub fn perform(prepared: Prepared, wires: Wires<'_>, extra: Extra<'_>) -> Result<Recorded, String> {
+    let mut experiment = prepared.experiment;
+    for port in &mut experiment.ports {
+        port.connect().map_err(|error| error.to_string())?;
+    }
+    let stood = experiment
+        .ports
+        .iter()
+        .map(|port| port.standing().map(<[f64]>::to_vec))
+        .collect();
+    let (into, requests) = crossbeam_channel::bounded(16);
+    let (notices, told) = crossbeam_channel::bounded(16);
+    let stalls = extra.script.map(Script::stalls).unwrap_or_default();
+    let looks = Arc::default();
+    let lab_clock = LabClock {
+        clock: StallingClock::new(wires.clock, wires.tick_ns, stalls),
+        waits: AtomicU64::new(0),
+        says: extra.operator,
+        into,
+        told,
+        confirms_after: extra.confirms_after,
+        confirms_at: AtomicU64::new(u64::MAX),
+        looks: Arc::clone(&looks),
+        killed_at: extra.killed_at,
+    };
+    let layout = Layout::new(experiment.columns()).map_err(|error| error.to_string())?;
+    let image = FolderImage::new(layout.columns().len(), prepared.facts.specimens.clone());
+    let shared = Shared(Arc::new(Mutex::new((image, Vec::new()))));
+    let recorder = Box::new(shared.clone());
+    let mut engine = Engine::new(experiment, Box::new(lab_clock), recorder);
+    let control = Control {
+        notices,
+        ..Control::from(requests)
+    };
+    let outcome = match catch_unwind(AssertUnwindSafe(|| engine.run(&control))) {
+        Ok(outcome) => Some(outcome),
+        Err(thrown) if thrown.is::<Killed>() => None,
+        Err(_) => return Err("the loop panicked".to_owned()),
+    };
+    drop(engine);
+    let mut both = shared.0.lock().unwrap();
+    let taps = wires.taps.unwrap_or_default();
+    Ok(Recorded {
         layout,
-        samples,
-        events_jsonl,
-        events,
+        samples: both.0.samples().to_vec(),
+        events_jsonl: both.0.events().to_vec(),
+        events: std::mem::take(&mut both.1),
         outcome,
+        files: prepared.files,
+        stood,
+        looks: looks.load(Ordering::Relaxed),
         taps: taps.iter().map(|tap| tap.lock().unwrap().clone()).collect(),
-        seen: Vec::new(),
-        replay,
     })
+}
+
+impl Recorded {
+    /// With its proof. An error is that it was killed.
+    pub fn played(self, first_step: u64, replay: Replay) -> Result<Played, String> {
+        Ok(Played {
+            first_step,
+            layout: self.layout,
+            samples: self.samples,
+            events_jsonl: self.events_jsonl,
+            events: self.events,
+            outcome: self.outcome.ok_or("the test was killed")?,
+            taps: self.taps,
+            seen: Vec::new(),
+            replay,
+        })
+    }
 }
 
 impl Played {

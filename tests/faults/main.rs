@@ -5,6 +5,7 @@
 
 mod actuators;
 mod campaign;
+mod interrupted;
 mod invariants;
 mod lab;
 mod rig;

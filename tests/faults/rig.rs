@@ -3,7 +3,7 @@
 //!
 //! All of it comes from a stream of chance of its own: what else happens in a test with the same seed stays as it was.
 
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, MutexGuard};
 
 use gusset::config::{AxisTable, DispUnit, ExitChoice, ForceUnit, Loaded, ZeroChoice};
 use gusset::control::limits::{LimitsSpec, RangeSpec};
@@ -166,47 +166,82 @@ pub fn own_limits(place: &Place) -> LimitsSpec {
     }
 }
 
-/// A far end in the units of the link whose columns yield, and what is seen of it.
-pub fn host(loaded: &Loaded, index: usize, setup: &NativeSetup, place: &Place) -> (Host, Seen) {
-    let table = &loaded.file.specimen[index];
-    let units = table.units_of(1)[0];
-    let stiffness = if index == 0 { 15e6 } else { 2e6 };
-    let text = format!(
-        "bouc_wen = {{ stiffness_n_per_m = {stiffness}, yield_force_n = {}, post_yield_ratio = 0.1, beta = 0.5, \
-         gamma = 0.5, exponent = 2 }}",
-        stiffness * 0.008
-    );
-    let spec: LawSpec = toml::from_str(&text).unwrap();
-    let seen = Seen {
-        stood: place.stands_m / units.metres,
-        driven: Arc::default(),
-    };
-    let (place, driven) = (*place, Arc::clone(&seen.driven));
-    let build = move || {
-        let law = spec.build().map_err(|error| error.to_string())?;
-        let law = Uniaxial::new(vec![law]).map_err(|error| error.to_string())?;
-        Ok(Box::new(Witnessed {
-            law,
+/// A rig whose columns yield. What was done to it stays done, whoever is connected to it.
+pub struct Rig {
+    name: String,
+    metres: f64,
+    newtons: f64,
+    place: Place,
+    law: Arc<Mutex<Uniaxial>>,
+    seen: Seen,
+}
+
+impl Rig {
+    pub fn new(loaded: &Loaded, index: usize, place: &Place) -> Self {
+        let table = &loaded.file.specimen[index];
+        let units = table.units_of(1)[0];
+        let stiffness = if index == 0 { 15e6 } else { 2e6 };
+        let text = format!(
+            "bouc_wen = {{ stiffness_n_per_m = {stiffness}, yield_force_n = {}, post_yield_ratio = 0.1, beta = 0.5, \
+             gamma = 0.5, exponent = 2 }}",
+            stiffness * 0.008
+        );
+        let spec: LawSpec = toml::from_str(&text).unwrap();
+        let law = Uniaxial::new(vec![spec.build().unwrap()]).unwrap();
+        Self {
+            name: table.name.clone(),
             metres: units.metres,
             newtons: units.newtons,
-            place,
-            driven: Arc::clone(&driven),
-        }) as Box<dyn Specimen>)
-    };
-    let name = table.name.clone();
-    let mut host = Host::new(name, setup.axes.clone(), Box::new(build)).unwrap();
-    if seen.stood != 0.0 {
-        host = host.standing_at(&[seen.stood]).unwrap();
+            place: *place,
+            law: Arc::new(Mutex::new(law)),
+            seen: Seen {
+                stood: place.stands_m / units.metres,
+                driven: Arc::default(),
+            },
+        }
     }
-    // What was done to it before nobody commanded.
-    seen.driven.lock().unwrap().clear();
-    (host, seen)
+
+    /// A far end in the units of the link, and what is seen of it from now on.
+    pub fn host(&mut self, setup: &NativeSetup) -> (Host, Seen) {
+        let last = self.seen.driven.lock().unwrap().last().copied();
+        let stood = last.unwrap_or(self.seen.stood);
+        self.seen = Seen {
+            stood,
+            driven: Arc::default(),
+        };
+        let (metres, newtons, place) = (self.metres, self.newtons, self.place);
+        let (law, driven) = (Arc::clone(&self.law), Arc::clone(&self.seen.driven));
+        let build = move || {
+            Ok(Box::new(Witnessed {
+                law: Arc::clone(&law),
+                metres,
+                newtons,
+                place,
+                driven: Arc::clone(&driven),
+            }) as Box<dyn Specimen>)
+        };
+        let name = self.name.clone();
+        let mut host = Host::new(name, setup.axes.clone(), Box::new(build)).unwrap();
+        if stood != 0.0 {
+            host = host.standing_at(&[stood]).unwrap();
+        }
+        // What was done to it before nobody commanded.
+        self.seen.driven.lock().unwrap().clear();
+        (host, self.seen.clone())
+    }
+
+    /// Somebody moves it while nobody is connected.
+    pub fn push(&mut self, by_m: f64) {
+        let mut driven = self.seen.driven.lock().unwrap();
+        let place = driven.last().copied().unwrap_or(self.seen.stood);
+        driven.push(place + by_m / self.metres);
+    }
 }
 
 /// A specimen in a rig that writes down where it is driven.
 #[derive(Debug)]
 struct Witnessed {
-    law: Uniaxial,
+    law: Arc<Mutex<Uniaxial>>,
     metres: f64,
     newtons: f64,
     place: Place,
@@ -214,6 +249,10 @@ struct Witnessed {
 }
 
 impl Witnessed {
+    fn law(&self) -> MutexGuard<'_, Uniaxial> {
+        self.law.lock().unwrap()
+    }
+
     fn scale(&self, matrix: &mut [f64]) {
         for value in matrix {
             *value *= self.metres / self.newtons;
@@ -229,7 +268,7 @@ impl Specimen for Witnessed {
     fn trial(&mut self, disp: &[f64], vel: &[f64], dt: f64, force: &mut [f64]) {
         self.driven.lock().unwrap().push(disp[0]);
         let strain = self.metres * disp[0] - self.place.slack_m;
-        self.law
+        self.law()
             .trial(&[strain], &[self.metres * vel[0]], dt, force);
         force[0] = (force[0] + self.place.force_bias_n) / self.newtons;
     }
@@ -239,20 +278,20 @@ impl Specimen for Witnessed {
     }
 
     fn commit(&mut self) {
-        self.law.commit();
+        self.law().commit();
     }
 
     fn revert(&mut self) {
-        self.law.revert();
+        self.law().revert();
     }
 
     fn reference(&self, stiffness: &mut [f64], damping: &mut [f64], mass: &mut [f64]) {
-        self.law.reference(stiffness, damping, mass);
+        self.law().reference(stiffness, damping, mass);
         self.scale(stiffness);
     }
 
     fn tangent(&self, stiffness: &mut [f64]) {
-        self.law.tangent(stiffness);
+        self.law().tangent(stiffness);
         self.scale(stiffness);
     }
 
@@ -262,14 +301,14 @@ impl Specimen for Witnessed {
         stiffness: &mut [f64],
         damping: &mut [f64],
     ) -> Result<(), usize> {
-        self.law.bound(reach, stiffness, damping)
+        self.law().bound(reach, stiffness, damping)
     }
 
     fn freeze(&self, out: &mut Vec<f64>) {
-        self.law.freeze(out);
+        self.law().freeze(out);
     }
 
     fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
-        self.law.thaw(from)
+        self.law().thaw(from)
     }
 }

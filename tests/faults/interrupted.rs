@@ -1,0 +1,387 @@
+//! Tests that are interrupted at any moment, killed for the most part, and go on: each determined by its seed. What must
+//! always hold holds for what goes on, too, and where nothing went wrong the response is that of the test that nobody
+//! interrupted.
+//!
+//! GUSSET_FAULT_SEEDS and GUSSET_FAULT_SEED as for the campaign, of which it takes every twentieth.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use gusset::config::{Loaded, build_over};
+use gusset::engine::{Ending, Phase, Stop};
+use gusset::link::NativeSetup;
+use gusset::link::fault::Script;
+use gusset::link::serve::Host;
+use gusset::record::{Journal, Layout, RunFolder};
+use gusset::session::{ResumeError, replay, resume_over};
+use serde_json::json;
+use sha2::{Digest, Sha256};
+
+use crate::campaign::{Chance, from_environment, moves_by_itself, operator, script, tests};
+use crate::invariants;
+use crate::lab::{Extra, Played, Recorded, Wires, perform};
+use crate::rig::{self, Rig, Seen};
+
+/// In CI.
+const SEEDS: u64 = 600;
+/// Of the largest displacement: what an eased beginning may change.
+const SLACK: f64 = 0.1;
+
+/// What is drawn for one of them.
+struct Course {
+    loaded: Loaded,
+    rigs: Vec<Rig>,
+    /// Before and after the interruption.
+    scripts: [Script; 2],
+    /// Somebody moves the first rig while nobody is connected, m.
+    pushed: Option<f64>,
+}
+
+fn draw(tests: &[Loaded], seed: u64, chance: &mut Chance) -> Course {
+    let loaded = &tests[chance.below(tests.len() as u64) as usize];
+    let (mut loaded, places) = rig::draw(seed, loaded);
+    if chance.one_in(2) {
+        // The way to every target is that of the test that nobody interrupts, to the last bit.
+        loaded.file.safety.ease_s = 0.0;
+    }
+    let rigs = places.iter().enumerate();
+    let rigs = rigs.map(|(index, place)| Rig::new(&loaded, index, place));
+    let rigs = rigs.collect();
+    let mut faults = |seed| {
+        if chance.one_in(2) {
+            return Script::default();
+        }
+        let mut script = script(seed, chance);
+        // Where the actuator of a rig stands that goes elsewhere is not seen from outside.
+        script.fault.retain(|fault| !moves_by_itself(&fault.kind));
+        script
+    };
+    let scripts = [faults(seed), faults(!seed)];
+    let pushed = chance.one_in(6).then(|| chance.between(-0.03, 0.03));
+    Course {
+        loaded,
+        rigs,
+        scripts,
+        pushed,
+    }
+}
+
+impl Course {
+    /// The far ends as the first test finds them, or the one that goes on.
+    fn far_ends<'a>(
+        &'a mut self,
+        leg: usize,
+        seen: &'a mut Vec<Seen>,
+    ) -> impl FnMut(usize, &NativeSetup) -> Host + 'a {
+        move |index, setup| {
+            let (host, at) = self.rigs[index].host(setup);
+            seen.push(at);
+            if index == 0 {
+                host.faulty(self.scripts[leg].clone()).unwrap()
+            } else {
+                host
+            }
+        }
+    }
+
+    /// Plays the test from its beginning.
+    fn first(&mut self, extra: Extra<'_>) -> Result<Recorded, String> {
+        let (loaded, mut seen) = (self.loaded.clone(), Vec::new());
+        let mut host = self.far_ends(0, &mut seen);
+        let mut wires = Wires::new(&loaded, false, &mut host);
+        let prepared = build_over(&loaded, &mut |setup| wires.dial(setup));
+        perform(prepared.map_err(|error| error.to_string())?, wires, extra)
+    }
+
+    /// Goes on with the test in `from`, after whatever tripped it, and leaves it in `to`; in words why it does not.
+    fn second(&mut self, from: &Path, to: &Path, extra: Extra<'_>) -> Result<Gone, String> {
+        let (loaded, mut seen) = (self.loaded.clone(), Vec::new());
+        let mut host = self.far_ends(1, &mut seen);
+        let mut wires = Wires::new(&loaded, false, &mut host);
+        let mut prepared = resume_over(from, &[], &mut |setup| wires.dial(setup));
+        if let Err(ResumeError::Tripped { wanted, .. }) = &prepared {
+            let named = wanted
+                .split('`')
+                .filter_map(|word| word.strip_prefix("--after-trip "));
+            let named: Vec<String> = named.map(str::to_owned).collect();
+            prepared = resume_over(from, &named, &mut |setup| wires.dial(setup));
+        }
+        let prepared = match prepared {
+            Ok(prepared) => prepared,
+            Err(error @ (ResumeError::Complete(_) | ResumeError::NotBegun(_))) => {
+                return Ok(Gone::Nowhere(error.to_string()));
+            }
+            Err(error) => return Err(error.to_string()),
+        };
+        let step = prepared
+            .experiment
+            .resume
+            .as_ref()
+            .map_or(0, |from| from.step());
+        let recorded = match perform(prepared, wires, extra) {
+            Ok(recorded) => recorded,
+            // The far end cannot be greeted, by its script.
+            Err(text) => return Ok(Gone::Nowhere(text)),
+        };
+        drop(host);
+        keep(&recorded, to)?;
+        let mut proof = replay(to).map_err(|error| error.to_string())?;
+        if recorded.samples.is_empty() {
+            // It was refused where it stands: there is nothing to be proven.
+            proof.short = None;
+        }
+        let played = recorded.played(step + 1, proof)?;
+        Ok(Gone::On(Box::new(Played { seen, ..played })))
+    }
+}
+
+/// What became of a test that was to go on.
+enum Gone {
+    On(Box<Played>),
+    /// For a good reason.
+    Nowhere(String),
+}
+
+/// The run folder as a killed process leaves it.
+fn keep(recorded: &Recorded, path: &Path) -> Result<(), String> {
+    let wrong = |error: &dyn std::error::Error| error.to_string();
+    let folder = RunFolder::create(path).map_err(|error| wrong(&error))?;
+    let files = &recorded.files;
+    folder
+        .write_test(&files.test)
+        .map_err(|error| wrong(&error))?;
+    folder
+        .write_resolved(&files.resolved)
+        .map_err(|error| wrong(&error))?;
+    if let Some(origin) = &files.origin {
+        let origin = origin.as_bytes();
+        folder
+            .write_extra("resumed.json", origin)
+            .map_err(|error| wrong(&error))?;
+    }
+    folder
+        .open_samples(&recorded.layout)
+        .map_err(|error| wrong(&error))?;
+    std::fs::write(path.join("samples.bin"), &recorded.samples).map_err(|error| wrong(&error))?;
+    let hash = |bytes: &[u8]| {
+        let digest = Sha256::digest(bytes);
+        digest
+            .iter()
+            .map(|byte| format!("{byte:02x}"))
+            .collect::<String>()
+    };
+    let hashes = json!({
+        "test.toml": hash(&files.test),
+        "resolved.toml": hash(files.resolved.as_bytes()),
+    });
+    let mut events = format!("{}\n", json!({"event": "files", "sha256": hashes}));
+    for (index, stood) in recorded.stood.iter().enumerate() {
+        if let Some(stood) = stood {
+            let words: Vec<String> = stood.iter().map(|number| format!("{number:?}")).collect();
+            let said =
+                json!({"event": "connected", "specimen": index + 1, "standing": words.join(" ")});
+            events += &format!("{said}\n");
+        }
+    }
+    let mut events = events.into_bytes();
+    events.extend_from_slice(&recorded.events_jsonl);
+    std::fs::write(path.join("events.jsonl"), events).map_err(|error| wrong(&error))
+}
+
+/// Displacements of all storeys, by steps.
+type Response = BTreeMap<u64, [f64; 3]>;
+
+/// Displacements of all storeys at the end of every step on record.
+fn response(layout: &Layout, samples: &[u8]) -> Response {
+    let at = |name: &str| layout.index_of(name).unwrap();
+    let (state, step) = (at("state"), at("step"));
+    let places = [at("x1"), at("x2"), at("x3")];
+    let mut journal = Journal::new(samples, layout.columns().len());
+    let mut found = BTreeMap::new();
+    while let Ok(Some(row)) = journal.next_row() {
+        if row.values[state] == Phase::Running.code() {
+            found.insert(
+                row.values[step] as u64,
+                places.map(|place| row.values[place]),
+            );
+        }
+    }
+    found
+}
+
+/// What the last row has in this column.
+fn last(recorded: &Recorded, column: &str) -> Option<f64> {
+    let place = recorded.layout.index_of(column)?;
+    let mut journal = Journal::new(&recorded.samples[..], recorded.layout.columns().len());
+    let mut found = None;
+    while let Ok(Some(row)) = journal.next_row() {
+        found = row.values.get(place).copied();
+    }
+    found
+}
+
+/// Largest difference of two responses as a share of the largest displacement; infinite where steps differ.
+fn difference(found: &Response, wanted: &Response) -> f64 {
+    let peak = wanted
+        .values()
+        .flatten()
+        .fold(0.0_f64, |peak, x| peak.max(x.abs()));
+    if !found.keys().eq(wanted.keys()) {
+        return f64::INFINITY;
+    }
+    let pairs = found.values().flatten().zip(wanted.values().flatten());
+    pairs.fold(0.0_f64, |most, (x, y)| most.max((x - y).abs() / peak))
+}
+
+/// The test with this seed, and how it ended.
+fn one(tests: &[Loaded], seed: u64, home: &Path) -> Result<String, String> {
+    let mut chance = Chance::new(seed ^ 0x1A7E_44B7_ED00_0000);
+    let mut course = draw(tests, seed, &mut chance);
+    let confirms_after = seed % 7;
+    let extra = |script| Extra {
+        script,
+        confirms_after,
+        ..Extra::default()
+    };
+    // Nobody interrupts it: the same test with rigs of its own.
+    let script = course.scripts[0].clone();
+    let mut again = Chance::new(seed ^ 0x1A7E_44B7_ED00_0000);
+    let whole = draw(tests, seed, &mut again).first(extra(Some(&script)))?;
+    let killed_at = chance.below(whole.looks + whole.looks / 10);
+    let stopped = chance.one_in(4);
+    let interruption = if stopped {
+        Extra {
+            operator: operator(seed, &mut chance),
+            ..extra(Some(&script))
+        }
+    } else {
+        Extra {
+            killed_at: Some(killed_at),
+            ..extra(Some(&script))
+        }
+    };
+    let first = course.first(interruption)?;
+    let (from, to) = (
+        home.join(format!("{seed}-1")),
+        home.join(format!("{seed}-2")),
+    );
+    keep(&first, &from)?;
+    if let Some(by) = course.pushed {
+        course.rigs[0].push(by);
+    }
+    let script = course.scripts[1].clone();
+    let gone = course.second(&from, &to, extra(Some(&script)));
+    let gone = gone.map_err(|text| format!("after look {killed_at} of {}: {text}", whole.looks))?;
+    for folder in [&from, &to] {
+        let _it_may_not_be_there = std::fs::remove_dir_all(folder);
+    }
+    let played = match gone {
+        Gone::Nowhere(reason) => return Ok(format!("    {reason}")),
+        Gone::On(played) => played,
+    };
+    let (reason, exit) = played.verdict();
+    let told = || {
+        format!(
+            "{:?}, exit {exit}: {reason}\n{}",
+            played.path(),
+            played.told()
+        )
+    };
+    invariants::check(&course.loaded, &played).map_err(|text| format!("{text}\n{}", told()))?;
+    let nothing_wrong = course.scripts.iter().all(|script| script.fault.is_empty());
+    if nothing_wrong && course.pushed.is_none() && !stopped {
+        let [wanted, before, after] = [
+            (&whole.layout, &whole.samples),
+            (&first.layout, &first.samples),
+            (&played.layout, &played.samples),
+        ]
+        .map(|(layout, samples)| response(layout, samples));
+        let mut found = before;
+        found.extend(after);
+        let completes =
+            whole.outcome.as_ref().map(|outcome| &outcome.ending) == Some(&Ending::Completed);
+        // On an eased way a rig comes by the peaks between two targets, too, and a law that yields remembers them; or the last
+        // command was sent and not recorded, and is sent again after one that was.
+        let eased = course.loaded.file.safety.ease_s > 0.0;
+        let is_where_left = {
+            let mut rigs = (1..).zip(&played.seen);
+            rigs.all(|(rig, seen)| last(&first, &format!("cmd_{rig}_1")) == Some(seen.stood))
+        };
+        // What a compensator is ahead by comes on anew.
+        let leads = course
+            .loaded
+            .file
+            .specimen
+            .iter()
+            .any(|one| one.compensation.is_some());
+        let exact = is_where_left && !eased && !leads;
+        let slack = if exact { 0.0 } else { SLACK };
+        let off = difference(&found, &wanted);
+        // Another way may come to a limit that was near.
+        let comparable = slack == 0.0 || played.outcome.ending == Ending::Completed;
+        if completes && comparable && off > slack {
+            let differs = wanted.iter().find(|(step, x)| found.get(step) != Some(x));
+            let found = differs.and_then(|(step, _)| found.get(step));
+            return Err(format!(
+                "another response, {off} of the peak off: {differs:?}, {found:?}\n{}",
+                told()
+            ));
+        }
+    }
+    if let (Ending::Stopped(Stop::Moved { .. }), None) = (&played.outcome.ending, course.pushed)
+        && nothing_wrong
+    {
+        return Err(format!("it stands where it was left\n{}", told()));
+    }
+    Ok(format!("{exit:3} {reason}"))
+}
+
+#[test]
+fn what_goes_on_after_an_interruption_is_safe_and_the_same_test() {
+    let seeds = from_environment("GUSSET_FAULT_SEEDS", 20 * SEEDS).div_ceil(20);
+    let first = from_environment("GUSSET_FAULT_SEED", 0);
+    let tests = tests();
+    let home = tempfile::tempdir().unwrap();
+    let next = AtomicU64::new(0);
+    let wrong = Mutex::new(Vec::new());
+    let ends = Mutex::new(BTreeMap::<String, u64>::new());
+    let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    std::thread::scope(|scope| {
+        for _ in 0..threads {
+            scope.spawn(|| {
+                loop {
+                    let number = next.fetch_add(1, Ordering::Relaxed);
+                    if number >= seeds || wrong.lock().unwrap().len() >= 5 {
+                        return;
+                    }
+                    let seed = first + number;
+                    match one(&tests, seed, home.path()) {
+                        Ok(end) => {
+                            let sort = end.chars().filter(|c| !c.is_numeric()).take(48).collect();
+                            *ends.lock().unwrap().entry(sort).or_default() += 1;
+                        }
+                        Err(text) => wrong.lock().unwrap().push((seed, text)),
+                    }
+                }
+            });
+        }
+    });
+    for (end, count) in ends.into_inner().unwrap() {
+        println!("{count:7} × {end}");
+    }
+    let mut wrong = wrong.into_inner().unwrap();
+    wrong.sort();
+    for (seed, text) in &wrong {
+        println!(
+            "SEED {seed}: {text}\nagain: GUSSET_FAULT_SEED={seed} GUSSET_FAULT_SEEDS=1 cargo test --test faults interrupted -- --nocapture\n"
+        );
+    }
+    assert!(
+        wrong.is_empty(),
+        "{} tests went wrong, the first with seed {}",
+        wrong.len(),
+        wrong[0].0
+    );
+}
