@@ -194,6 +194,8 @@ pub struct Introduction {
     pub standing: Vec<f64>,
     /// That was measured: it is near the command that would not move it, not that command itself.
     pub measured: bool,
+    /// Its force there, in its own units; empty if it does not say.
+    pub force: Vec<f64>,
     /// What the user should know although the test may run.
     pub warnings: Vec<String>,
     /// It says that it is a formula: nothing breaks.
@@ -298,6 +300,14 @@ pub trait Substructure: Send {
     /// # Errors
     /// The link is lost.
     fn attend(&mut self) -> Result<(), LinkFault> {
+        Ok(())
+    }
+
+    /// The operator holds the test: nothing is commanded until he lets it go on, and nobody need be alarmed. Real-time: yes.
+    ///
+    /// # Errors
+    /// The link is lost.
+    fn pause(&mut self) -> Result<(), LinkFault> {
         Ok(())
     }
 

@@ -21,7 +21,7 @@ const ADAPTER: &str = "protocol = \"openfresco-adapter\"\nprobe = \"none\"\n";
 fn witnessed(breaks_at: usize) -> (String, Arc<Mutex<Vec<f64>>>) {
     let told = Arc::new(Mutex::new(Vec::new()));
     let into = Arc::clone(&told);
-    let address = adapter::start_for(2, move |disp| {
+    let address = adapter::start_for(5, move |disp| {
         let mut told = into.lock().unwrap();
         told.push(disp);
         (told.len() != breaks_at).then_some((disp, K * disp))
@@ -86,6 +86,40 @@ fn a_test_that_goes_on_finds_it_where_it_was_left_and_not_where_it_once_stood() 
     assert_eq!(output.status.code(), Some(0), "{said}");
     let told = told.lock().unwrap();
     assert!(told.len() > BREAKS_AT + 10 && largest_step(&told) < 2e-4);
+}
+
+/// The first command of a client is a step from where the gateway told it to go last, or from where the file says that it
+/// stood: it is judged as such.
+#[test]
+fn a_gateway_knows_where_it_told_a_specimen_to_go_that_cannot_say_where_it_stands() {
+    let folder = tempfile::tempdir().unwrap();
+    let (address, told) = witnessed(0);
+    let text = |stands: &str| {
+        format!(
+            "[[specimen]]\nname = \"rig\"\nstiffness_n_per_m = {K}\n[specimen.limits]\ncommand_step_m = {{ trip = 0.004 }}\n\
+             command_disp_m = {{ trip = [-0.1, 0.1] }}\nmeasured_force_n = {{ trip = [-1e5, 1e5] }}\n[specimen.link]\naddress = \"{address}\"\n{ADAPTER}{stands}"
+        )
+    };
+    std::fs::write(folder.path().join("unsaid.toml"), text("")).unwrap();
+    let mut command = gusset();
+    command.arg("serve").arg(folder.path().join("unsaid.toml"));
+    let output = finish(command);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    assert!(
+        said.contains("where does this specimen stand before the test?"),
+        "{said}"
+    );
+
+    let stands = format!("stands_at_m = [{STANDS}]");
+    let served = Served::start(folder.path(), &text(&stands), &["--protocol", "openfresco"]);
+    assert!(!goes_to(&served, 0.0));
+    assert!(goes_to(&served, STANDS + 0.003));
+    assert!(!goes_to(&served, STANDS - 0.003));
+    assert!(goes_to(&served, STANDS + 0.005));
+    let told = told.lock().unwrap();
+    assert!(largest_step(&told) <= 0.003 + 1e-12, "{told:?}");
+    assert_eq!(told.last(), Some(&(STANDS + 0.005)));
 }
 
 /// A specimen of ±50 mm that moves, and whose steps nothing bounds.

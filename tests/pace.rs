@@ -12,7 +12,10 @@ use gusset::control::{Axis, HOLD_AT, Order, Port};
 use gusset::engine::{Control, Ending, Operator, Phase};
 use gusset::record::RunFolder;
 use gusset::session::{self, Watches, replay};
-use gusset::time::SimClock;
+use gusset::substructure::{
+    Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
+};
+use gusset::time::{Nanos, SimClock};
 
 /// Steps of 10 ms, springs of 2e5 N/m on the bottom storey; `ticks` of them.
 fn frame(ticks: u32, more: &str) -> String {
@@ -210,22 +213,36 @@ fn a_hold_eases_in_and_out_and_leaves_the_response_as_it_was() {
     }
 }
 
+/// A specimen in the upper storey that is told every step only.
+fn far(name: &str) -> String {
+    format!(
+        "[[specimen]]\nname = \"{name}\"\nstorey = 2\nstiffness_n_per_m = 1e5\nlink = {{ address = \"127.0.0.1:9\", coupling \
+         = \"lockstep\", commands = \"every_step\" }}\n"
+    )
+}
+
 /// A recorded test of this text, whose slow partner answers as it is told, with these words of an operator, one a tick.
 fn recorded(home: &Path, late: &[u32], words: &[Operator], ticks: u32) -> PathBuf {
-    let text = format!(
-        "{}{SPRING}[[specimen]]\nname = \"far\"\nstorey = 2\nstiffness_n_per_m = 1e5\nlink = {{ address = \"127.0.0.1:9\", \
-         coupling = \"lockstep\", commands = \"every_step\" }}\n",
-        frame(
-            ticks,
-            "safety.ease_s = 0.05\nsafety.unlimited = \"a spring\"\nsafety.zero_s = 0.01"
-        )
-    );
+    let safety = "safety.ease_s = 0.05\nsafety.unlimited = \"a spring\"\nsafety.zero_s = 0.01";
+    let text = format!("{}{SPRING}{}", frame(ticks, safety), far("far"));
+    recorded_of(home, &text, vec![Box::new(slow(late).0)], words)
+}
+
+/// A recorded test of this text, whose specimens behind the first are these.
+fn recorded_of(
+    home: &Path,
+    text: &str,
+    partners: Vec<Box<dyn Substructure>>,
+    words: &[Operator],
+) -> PathBuf {
     let path = home.join("test.toml");
     std::fs::write(&path, text).unwrap();
     let loaded = gusset::config::load(&path, &[]).unwrap_or_else(|e| panic!("{e}"));
     let mut test = gusset::config::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
-    // It is polled as a partner on the real clock would be, which a socket under the simulated clock is not.
-    test.experiment.ports[1].put_recording(Box::new(slow(late).0));
+    // They are polled as partners on the real clock would be, which a socket under the simulated clock is not.
+    for (port, partner) in test.experiment.ports[1..].iter_mut().zip(partners) {
+        port.put_recording(partner);
+    }
     let folder = RunFolder::create(&home.join("run")).unwrap();
     let (says, requests) = crossbeam_channel::bounded(words.len().max(1));
     for word in words {
@@ -255,6 +272,95 @@ fn predictions_slow_downs_and_holds_are_replayed_to_the_last_bit() {
     let found = replay(&run).unwrap();
     assert!(found.is_exact(), "{found:?}");
     assert_eq!(found.rows, states[0].len() as u64);
+}
+
+/// A spring whose answers stay away from this test time on; who waits for one gets it, if it is not dead.
+struct Late {
+    spring: Spring,
+    from: f64,
+    is_dead: bool,
+    time: f64,
+}
+
+impl Late {
+    fn boxed(from: f64, is_dead: bool) -> Box<dyn Substructure> {
+        Box::new(Self {
+            spring: Spring::new(1e5, |_| {}),
+            from,
+            is_dead,
+            time: 0.0,
+        })
+    }
+}
+
+impl Substructure for Late {
+    fn axes(&self) -> usize {
+        1
+    }
+    fn coupling(&self) -> Coupling {
+        Coupling::Lockstep
+    }
+    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+        self.time = command.time;
+        self.spring.issue(command)
+    }
+    fn is_answered(&mut self) -> Result<bool, LinkFault> {
+        Ok(self.time < self.from && self.spring.is_answered()?)
+    }
+    fn collect(&mut self, until: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+        if self.is_dead && self.time >= self.from {
+            return Err(LinkFault::Timeout);
+        }
+        self.spring.collect(until, into)
+    }
+    fn retire(&mut self, _: Retirement) {}
+}
+
+/// One partner does not answer any more and another one is slow when the operator stops the test: the specimen between them is
+/// brought home at once, the slow one when it has answered, and that a link was lost is how the test ended.
+#[test]
+fn who_owes_an_answer_when_the_test_ends_keeps_nobody_else_from_leaving() {
+    let home = tempfile::tempdir().unwrap();
+    let safety = "safety.unlimited = \"a spring\"\nsafety.zero_s = 0.01\nsafety.at_end = \"zero_displacement\"\n\
+                  safety.exit_speed_m_per_s = 0.05";
+    let text = format!(
+        "{}{SPRING}{}{}",
+        frame(10, safety),
+        far("dead"),
+        far("slow")
+    );
+    let mut words = vec![Operator::Continue; 400];
+    words.push(Operator::Stop);
+    let partners = vec![Late::boxed(0.2, true), Late::boxed(0.2, false)];
+    let run = recorded_of(home.path(), &text, partners, &words);
+    let read = gusset::record::Run::open(&run).unwrap();
+    let summary = read.summary().unwrap();
+    assert_eq!(
+        format!("{:?}", summary.status),
+        "Failed",
+        "{}",
+        summary.reason
+    );
+    let left = ["near", "dead", "slow"].map(|name| summary.left[name].as_str());
+    assert_eq!(left, ["reached", "not_reached", "reached"]);
+    let names = ["state", "cmd_1_1", "cmd_2_1", "cmd_3_1", "status_2"];
+    let columns = read.columns(&names).unwrap();
+    let leaving = |row: &usize| columns[0][*row] == Phase::Leaving.code();
+    let rows: Vec<usize> = (0..columns[0].len()).filter(leaving).collect();
+    let moving = |column: usize| {
+        let moves = |pair: &&[usize]| columns[column][pair[0]] != columns[column][pair[1]];
+        rows.windows(2)
+            .filter(moves)
+            .map(|pair| pair[1])
+            .collect::<Vec<_>>()
+    };
+    let [near, dead, slow] = [1, 2, 3].map(moving);
+    assert!(!near.is_empty() && dead.is_empty());
+    assert!(near[near.len() - 1] < slow[0], "the slow one follows");
+    let is_lost = |row: &usize| Status(columns[4][*row] as u32).has(Status::LOST);
+    assert!(!near.iter().any(is_lost) && slow.iter().all(is_lost));
+    let found = replay(&run).unwrap();
+    assert!(found.is_exact(), "{found:?}");
 }
 
 #[test]

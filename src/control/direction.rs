@@ -57,6 +57,15 @@ impl Port {
         probe.take(&self.measured, &self.force);
     }
 
+    /// What was tried has moved if it is no computation: over OpenFresco's protocols a rig that heard of no step would take the
+    /// way back for one that is taken back.
+    pub fn accept_probe(&mut self, sequence: u64) {
+        if self.is_remote() && !self.computed {
+            // A link that is lost shows at the next command.
+            let _ = self.substructure.accepted(self.pursuit.on_link(sequence));
+        }
+    }
+
     /// The exchange that was just made is none of the test's: the test's numbers go on as if it had not been. Real-time: yes.
     pub fn skip_number(&mut self) {
         self.ahead += u64::from(!self.is_recorded);

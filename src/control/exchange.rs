@@ -100,6 +100,13 @@ impl Port {
         self.owes
     }
 
+    /// False of a partner that is told nothing: it is lost, or owes an answer of the test on the way out. Real-time: yes.
+    #[inline]
+    #[must_use]
+    pub const fn is_heard(&self) -> bool {
+        !self.partner.lost && !self.partner.owes_the_last
+    }
+
     /// Takes the answer that is owed, and forgets it: a partner in lockstep takes no command before that.
     ///
     /// # Errors

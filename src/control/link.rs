@@ -24,6 +24,10 @@ pub struct LinkCount {
 pub struct Partner {
     /// It is not commanded any more.
     pub lost: bool,
+    /// That is because its link is gone: nobody here knows what it does.
+    pub gone: bool,
+    /// It owed an answer when the test ended, and is told nothing before that is here.
+    pub owes_the_last: bool,
     /// Stale measurements in a row.
     pub stale: u64,
     /// When one that is commanded once a step was seen to owe its answer.

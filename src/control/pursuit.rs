@@ -305,8 +305,22 @@ impl Port {
             self.ahead = 0;
             self.pursuit.skipped = 0;
         }
+        // When it was asked, how often it was stale: by the clock of another test.
+        self.partner = super::Partner::default();
         self.link = super::LinkCount::default();
         self.pursuit.returns.clone_from(&self.sent);
+    }
+
+    /// The operator holds the test. Who is commanded in every tick is told again where it stands, and need not know. Real-time:
+    /// yes.
+    ///
+    /// # Errors
+    /// The link is lost.
+    pub fn pause(&mut self) -> Result<(), LinkFault> {
+        if self.partner.lost || !self.is_per_step() {
+            return Ok(());
+        }
+        self.substructure.pause()
     }
 
     /// Nothing to command: see [`crate::substructure::Substructure::attend`]. Real-time: yes.

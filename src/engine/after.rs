@@ -15,6 +15,7 @@ use super::{Ending, Engine, Stop};
 use crate::control::limits::Quantity;
 use crate::control::{Departure, Port};
 use crate::rt::timing::TickStamps;
+use crate::time::Nanos;
 
 /// Where a specimen was left.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -25,6 +26,8 @@ pub enum Left {
     Reached,
     /// Somewhere else, although the test file wants it moved.
     NotReached,
+    /// Its link is lost: wherever its own watchdog holds it.
+    Lost,
 }
 
 impl Left {
@@ -35,6 +38,7 @@ impl Left {
             Left::Stayed => "stayed",
             Left::Reached => "reached",
             Left::NotReached => "not_reached",
+            Left::Lost => "lost",
         }
     }
 }
@@ -48,11 +52,20 @@ pub struct Unfinished {
     pub after: Ending,
 }
 
+/// True of a partner that is to be led away and owes an answer of the test.
+fn is_waited_for(port: &Port, tripped: bool) -> bool {
+    !port.partner.lost && port.partner.owes_the_last && port.exits.moves(tripped)
+}
+
 impl Engine {
     /// Test time stands still, the specimens hold the last command, until the operator goes on. A hold ends no step: the
     /// next tick follows as if there had been none.
     pub(super) fn stand(&mut self, after: &Tick, control: &Control) -> Result<(), Stop> {
         self.enter(Phase::Holding, Cause::Operator);
+        for (index, port) in self.ports.iter_mut().enumerate() {
+            port.pause()
+                .map_err(|fault| Stop::Link { port: index, fault })?;
+        }
         let mut tick = Tick {
             step: self.steps_done,
             dt: 0.0,
@@ -121,41 +134,29 @@ impl Engine {
         if let Ending::Stopped(stop) = ending {
             self.bear_in_mind(stop);
         }
-        self.ports.iter_mut().for_each(Port::end_test);
-        if is_known {
-            self.hear_who_owes(tripped);
+        for port in &mut self.ports {
+            port.end_test();
+            port.partner.owes_the_last = port.owes();
         }
-        let period = self.period.value();
-        let sequence = self.sequence;
-        let mut departures: Vec<Option<Departure>> = self
-            .ports
-            .iter_mut()
-            .map(|port| {
-                if port.partner.lost || !port.has_begun() || !is_known {
-                    None
-                } else {
-                    let departure = port.depart(tripped, period);
-                    // A specimen that stays where it is hears nothing more but the last words.
-                    if departure.is_some() {
-                        port.leave_number(sequence);
-                    }
-                    departure
-                }
-            })
-            .collect();
+        let can_be_led = |port: &Port| is_known && port.has_begun() && port.is_heard();
+        let led: Vec<bool> = self.ports.iter().map(can_be_led).collect();
+        let mut departures = self.departures(tripped, &led);
         self.keep_warm_up();
         for (left, (port, departure)) in
             self.left.iter_mut().zip(self.ports.iter().zip(&departures))
         {
             let is_led = is_known && port.has_begun() && port.exits.moves(tripped);
-            let stays = departure.is_none() && !is_led;
-            *left = if stays {
-                Left::Stayed
-            } else {
+            *left = if departure.is_some() || is_led {
                 Left::NotReached
+            } else if port.partner.gone {
+                Left::Lost
+            } else {
+                Left::Stayed
             };
         }
-        if departures.iter().all(Option::is_none) {
+        let follows = |port: &Port| is_known && port.has_begun() && is_waited_for(port, tripped);
+        let follow: Vec<bool> = self.ports.iter().map(follows).collect();
+        if departures.iter().all(Option::is_none) && !follow.contains(&true) {
             return Ok(());
         }
         if tripped && !self.trip_is_recorded {
@@ -169,12 +170,28 @@ impl Engine {
         self.enter(Phase::Leaving, cause);
         // Whatever ends it, the specimens stand at their last commands.
         self.all_departures(&mut departures, control)?;
-        for (left, departure) in self.left.iter_mut().zip(&departures) {
-            if departure.as_ref().is_some_and(Departure::has_arrived) {
-                *left = Left::Reached;
+        // Who owed an answer kept nobody else where they were.
+        let lost = self.hear_who_owes(&follow, control)?;
+        let mut departures = self.departures(tripped, &follow);
+        self.all_departures(&mut departures, control)?;
+        lost.map_or(Ok(()), Err)
+    }
+
+    /// The ways of those that are `led` away, as far as they can be told so now.
+    fn departures(&mut self, tripped: bool, led: &[bool]) -> Vec<Option<Departure>> {
+        let (period, sequence) = (self.period.value(), self.sequence);
+        let each = self.ports.iter_mut().zip(led).map(|(port, led)| {
+            if !led || !port.is_heard() {
+                return None;
             }
-        }
-        Ok(())
+            let departure = port.depart(tripped, period);
+            // A specimen that stays where it is hears nothing more but the last words.
+            if departure.is_some() {
+                port.leave_number(sequence);
+            }
+            departure
+        });
+        each.collect()
     }
 
     /// What stopped the test is known on the way out: who is not commanded any more, and what may be as bad as it is. Real-time:
@@ -184,6 +201,7 @@ impl Engine {
             Stop::Link { port, .. } | Stop::Interlock { port } => {
                 if let Some(port) = self.ports.get_mut(*port) {
                     port.partner.lost = true;
+                    port.partner.gone |= matches!(stop, Stop::Link { .. });
                 }
             }
             // A displacement that tripped as a command was never gone to: the way out has no excuse to go there.
@@ -196,23 +214,56 @@ impl Engine {
         }
     }
 
-    /// Whoever was told its target some ticks ago and is to be led away has answered before it is told anything else.
-    fn hear_who_owes(&mut self, tripped: bool) {
-        for index in 0..self.ports.len() {
+    /// Whoever was told its target some ticks ago and is to be led away has answered before it is told anything else. Its
+    /// patience began when it was asked. Returns the first that did not answer.
+    fn hear_who_owes(&mut self, who: &[bool], control: &Control) -> Result<Option<Stop>, Stop> {
+        let mut first = None;
+        let owe = who.iter().enumerate().filter(|(_, owes)| **owes);
+        for (index, _) in owe {
+            let now = self.clock.now();
             let Some(port) = self.ports.get_mut(index) else {
                 break;
             };
-            if port.partner.lost || !port.owes() || !port.exits.moves(tripped) {
-                continue;
-            }
             let patience = port.patience_ns(self.limits.reply_timeout_ns);
-            if let Err(fault) = port.let_answer(self.clock.now().plus(patience)) {
-                port.note_loss();
-                let stop = Stop::Link { port: index, fault };
-                self.report_stop(&stop);
-                self.bear_in_mind(&stop);
+            let until = port.partner.asked_at.unwrap_or(now).plus(patience);
+            self.await_answer(index, until, control)?;
+            let Some(port) = self.ports.get_mut(index) else {
+                break;
+            };
+            match port.let_answer(until) {
+                Ok(()) => port.partner.owes_the_last = false,
+                Err(fault) => {
+                    port.note_loss();
+                    let stop = Stop::Link { port: index, fault };
+                    self.report_stop(&stop);
+                    self.bear_in_mind(&stop);
+                    first = first.or(Some(stop));
+                }
             }
         }
+        Ok(first)
+    }
+
+    /// Until this partner has answered, or it is too late: the operator is heard, and the others hear that somebody is there.
+    fn await_answer(&mut self, index: usize, until: Nanos, control: &Control) -> Result<(), Stop> {
+        let waits_elsewhere =
+            self.clock.is_simulated() || self.ports.get(index).is_none_or(Port::is_recorded);
+        while !waits_elsewhere && self.clock.now() < until {
+            match self.ports.get_mut(index).map(Port::is_answered) {
+                Some(Ok(false)) => {}
+                _ => break,
+            }
+            self.hear(control)?;
+            for port in &mut self.ports {
+                if !port.partner.lost && !port.owes() {
+                    // A link that is lost shows at the next command.
+                    let _ = port.attend();
+                }
+            }
+            let next = self.clock.now().plus(self.schedule.period_ns());
+            self.clock.sleep_until(next);
+        }
+        Ok(())
     }
 
     /// What ended the test in no row of its own stands in one, if rows of the way out follow: a replay ends there, too.
@@ -256,6 +307,11 @@ impl Engine {
                 match departure {
                     Some(departure) => moving |= port.go_on(departure),
                     None => port.stand_still(),
+                }
+            }
+            for (left, departure) in self.left.iter_mut().zip(departures.iter()) {
+                if departure.as_ref().is_some_and(Departure::has_arrived) {
+                    *left = Left::Reached;
                 }
             }
             if !moving {

@@ -1,7 +1,7 @@
 //! Before anything of the test moves a specimen: which way round is it wired?
 //!
-//! A specimen with a probe is moved a little and back, one after the other; nothing that it does then is accepted, and
-//! afterwards it is armed anew, so that a formula forgets it. The others hold. Where there is a static load, the motion that
+//! A specimen with a probe is moved a little and back, one after the other. Of a computation nothing of that is accepted, and
+//! afterwards it is armed anew, so that it forgets it. The others hold. Where there is a static load, the motion that
 //! brings it on is listened to instead.
 
 use super::operator::Control;
@@ -77,8 +77,10 @@ impl Engine {
             if !self.recorder.row(self.row.values()) {
                 self.rows_lost += 1;
             }
-            if let Some(tried) = self.ports.get(index) {
+            let sequence = self.sequence;
+            if let Some(tried) = self.ports.get_mut(index) {
                 tried.take_probe(&mut probe);
+                tried.accept_probe(sequence);
             }
             for port in &mut self.ports {
                 port.skip_number();
@@ -125,7 +127,8 @@ impl Engine {
     /// A grid that begins shortly after now.
     pub(super) fn begin_grid(&mut self, of: GridOf) {
         self.edge = 0;
-        self.schedule = Schedule::new(self.clock.now().plus(super::run::LEAD_NS), self.period);
+        self.clock_now = self.clock.now();
+        self.schedule = Schedule::new(self.clock_now.plus(super::run::LEAD_NS), self.period);
         self.first_edge = self.schedule.tick(0);
         self.report_grid(of);
     }

@@ -125,7 +125,9 @@ impl Engine {
     ) -> Result<(), Stop> {
         let mut result = Ok(());
         for (index, port) in self.ports.iter_mut().enumerate() {
-            if !port.partner.lost {
+            if port.partner.owes_the_last {
+                port.skip_command();
+            } else if !port.partner.lost {
                 let left = if self.riding && port.is_per_step() {
                     tell(port, self.sequence, self.ride.step, self.dt, tick)
                 } else {
@@ -162,7 +164,7 @@ impl Engine {
             let Some(port) = self.ports.get(index) else {
                 break;
             };
-            if port.partner.lost || (result.is_err() && !port.owes()) {
+            if !port.is_heard() || (result.is_err() && !port.owes()) {
                 continue;
             }
             if let Err(stop) = self.collect_from(index, tick, stamps) {
@@ -224,7 +226,7 @@ impl Engine {
             return Ok(());
         }
         // A slow partner may have been asked some ticks ago.
-        let asked_at = port.partner.asked_at.unwrap_or(stamps.sent);
+        let asked_at = port.partner.asked_at.take().unwrap_or(stamps.sent);
         self.timing
             .round_trip(index, stamps.decoded.since(asked_at));
         let status = port.raw().status;
@@ -302,16 +304,13 @@ impl Engine {
     /// The step is accepted: those that are commanded once a step commit, too. Real-time: yes.
     #[inline]
     fn accept_step(&mut self) -> Result<(), Stop> {
-        for port in &mut self.ports {
-            port.partner.asked_at = None;
-        }
         self.accept_if(|_| true)
     }
 
     #[inline]
     fn accept_if(&mut self, commits: impl Fn(&Port) -> bool) -> Result<(), Stop> {
         for (index, port) in self.ports.iter_mut().enumerate() {
-            if !port.partner.lost && commits(port) {
+            if port.is_heard() && commits(port) {
                 port.accepted(self.sequence)
                     .map_err(|fault| Stop::Link { port: index, fault })?;
             }

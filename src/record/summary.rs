@@ -170,8 +170,9 @@ pub struct Summary {
     /// without a structure.
     #[serde(default)]
     pub falsified: Value,
-    /// Where each specimen was left, by name: `reached` (where the test file wants it), `not_reached`, or `stayed` (at its last
-    /// command: nothing else is asked for, or its direction, zero or place was not known yet).
+    /// Where each specimen was left, by name: `reached` (where the test file wants it), `not_reached`, `stayed` (at its last
+    /// command: nothing else is asked for, or its direction, zero or place was not known yet), or `lost` (its link is gone:
+    /// wherever its own watchdog holds it).
     #[serde(default)]
     pub left: BTreeMap<String, String>,
 }

@@ -25,7 +25,7 @@ impl Recorded {
     fn is_lost(&self, mark: Status) -> Result<(), LinkFault> {
         with(&self.tape, |tape| {
             let status = Status(at(tape.next(), self.status) as u32);
-            if tape.trips_next() && status.has(mark) {
+            if tape.is_over_next() && status.has(mark) {
                 return Err(LinkFault::Closed);
             }
             Ok(())

@@ -170,8 +170,14 @@ pub fn ending(outcome: &Outcome) -> (Finish, String) {
     let reason = match &outcome.unfinished {
         None => {
             let mut reason = words(&outcome.ending, outcome);
-            for (index, _) in not_reached(outcome) {
+            for (index, _) in left_as(outcome, Left::NotReached) {
                 reason = format!("{reason}; specimen {} did not reach its exit", index + 1);
+            }
+            for (index, _) in left_as(outcome, Left::Lost) {
+                reason = format!(
+                    "{reason}; specimen {} is held by its own watchdog",
+                    index + 1
+                );
             }
             reason
         }
@@ -190,10 +196,10 @@ pub fn ending(outcome: &Outcome) -> (Finish, String) {
     (finish, reason)
 }
 
-/// The specimens that are not where the test file wants them left.
-fn not_reached(outcome: &Outcome) -> impl Iterator<Item = (usize, &Left)> {
+/// The specimens that were left so.
+fn left_as(outcome: &Outcome, how: Left) -> impl Iterator<Item = (usize, &Left)> {
     let left = outcome.left.iter().enumerate();
-    left.filter(|(_, left)| **left == Left::NotReached)
+    left.filter(move |(_, left)| **left == how)
 }
 
 const fn finish_of(stop: &Stop) -> Finish {

@@ -152,9 +152,12 @@ impl Tape {
         (!self.coming.is_empty()).then_some(&self.coming)
     }
 
-    /// Whether the test trips in the row that comes.
-    pub fn trips_next(&self) -> bool {
-        at(self.next(), self.places[0]) == Phase::Tripped.code()
+    /// Whether the row that comes is that of a trip, or of the way out: only there a specimen can be lost.
+    pub fn is_over_next(&self) -> bool {
+        let state = at(self.next(), self.places[0]);
+        [Phase::Tripped, Phase::Leaving]
+            .iter()
+            .any(|phase| state == phase.code())
     }
 
     fn phase(&self) -> Option<f64> {

@@ -5,6 +5,7 @@
 
 mod actuators;
 mod campaign;
+mod held;
 mod interrupted;
 mod invariants;
 mod lab;

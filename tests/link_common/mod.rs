@@ -90,7 +90,7 @@ pub const TWO_AXES: &str = "rows = [[1, 0], [-1, 1]]\nstiffness_n_per_m = [[4e5,
 pub fn gateway(address: &str, table: &str, link: &str) -> String {
     format!(
         "[safety]\n{UNLIMITED}[[specimen]]\nname = \"column\"\n{table}[specimen.link]\naddress = \"{address}\"\nprobe = \"none\"\n\
-         connect_timeout_s = 2\n{link}\n"
+         connect_timeout_s = 2\n{COMPUTED}\n{link}\n"
     )
 }
 

@@ -205,6 +205,7 @@ pub(crate) fn check_served(file: &ServeFile) -> Vec<Finding> {
         check_known(specimen, &at, &mut findings);
         check_limits(specimen, None, None, &at, &mut findings);
         check_idle_specimen(specimen, false, None, &at, &mut findings);
+        link::check_standing(specimen, &at, &mut findings);
         if let Some(link) = &specimen.link {
             check_link_waits(link, &at.key("link"), &mut findings);
         }

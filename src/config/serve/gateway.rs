@@ -41,15 +41,6 @@ pub(super) fn host(
     if !of_a_test {
         check_gear(table, at)?;
     }
-    if link.stands_at_m.is_some() && !of_a_test {
-        let finding = Finding::error(
-            at.key("link").key("stands_at_m"),
-            "a gateway finds its specimen as the last test left it",
-        )
-        .at_key()
-        .label("no effect here");
-        return Err(Box::new(finding));
-    }
     let n = table.axes();
     let units = table.units_of(n);
     let estimate = table.stiffness_n_per_m.as_ref();
@@ -78,6 +69,7 @@ pub(super) fn host(
         (Some(metres), _) => ProbeSettings::Motion {
             amplitude: units.iter().map(|unit| metres / unit.metres).collect(),
             pace: Pace::of(link.probe_ramp_s, PROBE_PERIOD_S),
+            forgets: link.computed,
         },
         (None, choice) => ProbeSettings::Unchecked {
             silent: choice.is_some(),
@@ -92,7 +84,15 @@ pub(super) fn host(
     let reply_limit = Duration::try_from_secs_f64(link.reply_timeout_s).unwrap_or(Duration::MAX);
     let reply_limit_ns = u64::try_from(reply_limit.as_nanos()).unwrap_or(u64::MAX);
     let wire = wire_axes(table, n);
-    Ok(Host::gateway(table.name.clone(), wire, stiffness, build, reply_limit_ns).probed(probe))
+    let host = Host::gateway(table.name.clone(), wire, stiffness, build, reply_limit_ns);
+    Ok(match &link.stands_at_m {
+        Some(stands) => {
+            let stands = stands.iter().zip(&units);
+            host.said_to_stand_at(stands.map(|(disp, unit)| disp / unit.metres).collect())
+        }
+        None => host,
+    }
+    .probed(probe))
 }
 
 /// A key without effect is a mistake that somebody would find out with a specimen.

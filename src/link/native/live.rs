@@ -14,7 +14,7 @@ use crate::substructure::{
 use crate::time::Nanos;
 use crate::wire::WireError;
 use crate::wire::handshake::{self, Control, Welcome};
-use crate::wire::native::{Cause, Decoder, Encoder, Frame, Heartbeat, LARGEST_FRAME};
+use crate::wire::native::{Cause, Decoder, Encoder, Frame, Heartbeat, LARGEST_FRAME, Notice};
 
 /// Reads after the deadline: what is here already is taken, a flood is not.
 const EXTRA_READS: u32 = 64;
@@ -55,6 +55,8 @@ pub(super) struct Live {
     disp: Vec<f64>,
     vel: Vec<f64>,
     armed: bool,
+    /// The operator holds the test.
+    paused: bool,
     /// The request to arm that has been sent and not been answered.
     asked_to_arm: Option<Vec<u8>>,
     fault: Option<LinkFault>,
@@ -91,6 +93,7 @@ impl Live {
             disp: vec![0.0; axes],
             vel: vec![0.0; axes],
             armed: false,
+            paused: false,
             asked_to_arm: None,
             fault: None,
             detail: None,
@@ -134,6 +137,7 @@ impl Live {
             return Err(self.fail_plainly(LinkFault::Refused));
         }
         self.issued = Some(command.sequence);
+        self.paused = false;
         (self.time, self.dt) = (command.time, command.dt);
         // Lengths are equal: checked above.
         self.disp.copy_from_slice(command.disp);
@@ -275,7 +279,12 @@ impl Live {
                 Err(fault) => return Err(self.fail_plainly(fault)),
             }
         }
-        if self.transport.now().0.saturating_sub(self.sent_ns) < KEEP_ALIVE_NS {
+        let silent_ns = self.transport.now().0.saturating_sub(self.sent_ns);
+        if self.paused && !self.inbox.is_stream() && silent_ns >= self.nudge_ns {
+            // What said that nothing will come may have been lost.
+            return self.say_hold(issued);
+        }
+        if silent_ns < KEEP_ALIVE_NS {
             return Ok(());
         }
         let beat = Heartbeat {
@@ -284,6 +293,21 @@ impl Live {
             status: Status::default(),
         };
         let written = self.encoder.heartbeat(beat, &mut self.out);
+        self.send(written)
+    }
+
+    /// See [`crate::substructure::Substructure::pause`].
+    pub(super) fn pause(&mut self) -> Result<(), LinkFault> {
+        if let Some(fault) = self.fault {
+            return Err(fault);
+        }
+        self.paused = true;
+        self.issued.map_or(Ok(()), |issued| self.say_hold(issued))
+    }
+
+    fn say_hold(&mut self, sequence: u64) -> Result<(), LinkFault> {
+        let cause = Cause::Operator;
+        let written = self.encoder.hold(Notice { sequence, cause }, &mut self.out);
         self.send(written)
     }
 

@@ -154,6 +154,7 @@ impl NativeSetup {
             stiffness: welcome.stiffness,
             standing: welcome.standing,
             measured: false,
+            force: Vec::new(),
             warnings,
             simulated: welcome.capabilities.has(Capabilities::SIMULATED),
         };

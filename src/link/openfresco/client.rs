@@ -53,7 +53,7 @@ pub struct Remote {
     reply_limit_ns: u64,
     initial_stiffness: Option<Vec<f64>>,
     /// What a server measured before the first command.
-    standing: Option<Vec<f64>>,
+    standing: Option<(Vec<f64>, Vec<f64>)>,
     complaint: Option<Lost>,
     below: Below,
 }
@@ -237,12 +237,18 @@ impl Substructure for Remote {
         } = &self.settings;
         // The wire's matrix stands here by rows.
         let rows = self.initial_stiffness.as_deref().unwrap_or_default();
+        let (standing, force) = self
+            .standing
+            .as_ref()
+            .map(|(disp, force)| (disp, force))
+            .unzip();
         let column = |j: usize| rows.iter().skip(j).step_by((*axes).max(1));
         Ok(Introduction {
             peer: format!("{peer} at {address}, {}", self.settings.carrier_name()),
             stiffness: (0..*axes).flat_map(column).copied().collect(),
-            standing: self.standing.clone().unwrap_or_default(),
+            standing: standing.cloned().unwrap_or_default(),
             measured: true,
+            force: force.cloned().unwrap_or_default(),
             warnings: match self.standing {
                 Some(_) => Vec::new(),
                 None => vec![format!(

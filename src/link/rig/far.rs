@@ -27,11 +27,33 @@ struct Known {
     left: Vec<f64>,
     /// It stays where a test leaves it; a formula may begin anew each time.
     stays: bool,
+    /// It cannot tell where it stands, and stood here before the first test, as somebody says; empty if nobody does.
+    said: Vec<f64>,
 }
 
 impl Whereabouts {
     fn known(&self) -> MutexGuard<'_, Known> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Of what cannot tell where it stands: somebody says where that is before the first test. From then on it is where it was
+    /// told to go last.
+    #[must_use]
+    pub fn said(place: Vec<f64>) -> Self {
+        let whereabouts = Self::default();
+        whereabouts.known().said = place;
+        whereabouts
+    }
+
+    /// Where one stands that cannot tell; empty if nobody says so.
+    fn stated(&self) -> Vec<f64> {
+        let known = self.known();
+        if known.said.is_empty() {
+            return Vec::new();
+        }
+        let latest = [&known.left, &known.found, &known.said];
+        let latest = latest.into_iter().find(|place| !place.is_empty());
+        latest.cloned().unwrap_or_default()
     }
 
     /// Where it stands; empty if nothing is known.
@@ -83,8 +105,9 @@ pub struct Far {
     stiffness: Vec<f64>,
     axes: usize,
     link: Option<Box<dyn Substructure>>,
-    /// Where it says that it stands; empty if it does not.
+    /// Where it stands, as far as it or somebody says so, and the force there; empty if nothing is known.
     standing: Vec<f64>,
+    force: Vec<f64>,
     whereabouts: Whereabouts,
     /// The last command; empty before one.
     told: Vec<f64>,
@@ -116,6 +139,7 @@ impl Far {
             axes,
             link: None,
             standing: Vec::new(),
+            force: Vec::new(),
             whereabouts: Whereabouts::default(),
             told: Vec::new(),
             ours: 0,
@@ -149,9 +173,14 @@ impl Rig for Far {
     fn connect(&mut self, visitor: &Visitor) -> Result<Introduction, String> {
         (self.ours, self.theirs, self.unused) = (0, 0, 0);
         let mut link = (self.build)(visitor)?;
-        let introduction = link.connect().map_err(|error| error.text)?;
+        let mut introduction = link.connect().map_err(|error| error.text)?;
         self.link = Some(link);
+        if introduction.standing.is_empty() {
+            introduction.standing = self.whereabouts.stated();
+            introduction.measured = false;
+        }
         self.standing.clone_from(&introduction.standing);
+        self.force.clone_from(&introduction.force);
         self.whereabouts.begins(&introduction);
         self.told = Vec::with_capacity(self.axes);
         Ok(introduction)
@@ -161,9 +190,15 @@ impl Rig for Far {
     fn at_rest(&mut self, into: &mut Measurement) {
         into.disp.fill(0.0);
         into.force.fill(0.0);
-        for (to, stands) in into.disp.iter_mut().zip(&self.standing) {
+        let disp = into.disp.iter_mut().zip(&self.standing);
+        let force = into.force.iter_mut().zip(&self.force);
+        for (to, stands) in disp.chain(force) {
             *to = *stands;
         }
+    }
+
+    fn pause(&mut self) -> Result<(), LinkFault> {
+        self.link()?.pause()
     }
 
     fn arm(&mut self, sequence: u64, start: &[f64]) -> Result<(), LinkFault> {
@@ -261,6 +296,32 @@ mod tests {
             believed.push(whereabouts.place());
         }
         believed
+    }
+
+    #[test]
+    fn what_cannot_tell_is_where_somebody_says_and_then_where_it_was_told_to_go() {
+        let whereabouts = Whereabouts::said(vec![0.01]);
+        let mut found = Vec::new();
+        for left in [0.03, -0.02] {
+            found.push(whereabouts.stated());
+            whereabouts.begins(&Introduction {
+                standing: whereabouts.stated(),
+                ..Introduction::default()
+            });
+            whereabouts.ends(&[left]);
+        }
+        // Nobody told it anything in this one.
+        whereabouts.begins(&Introduction {
+            standing: whereabouts.stated(),
+            ..Introduction::default()
+        });
+        found.push(whereabouts.stated());
+        assert_eq!(found, [[0.01], [0.03], [-0.02]]);
+        // Nobody says where a computation stands: it is believed at zero each time.
+        let computed = Whereabouts::default();
+        computed.begins(&Introduction::default());
+        computed.ends(&[0.03]);
+        assert!(computed.stated().is_empty());
     }
 
     #[test]

@@ -49,6 +49,8 @@ pub struct Law {
     memory: Option<Memory>,
     /// A test finds it as the last one left it.
     remembers: bool,
+    /// It was driven since the last commit.
+    driven: bool,
     disp: Vec<f64>,
     committed: Vec<f64>,
     still: Vec<f64>,
@@ -72,6 +74,7 @@ impl Law {
             stands: vec![0.0; axes],
             memory: None,
             remembers,
+            driven: false,
             disp: vec![0.0; axes],
             committed: vec![0.0; axes],
             still: vec![0.0; axes],
@@ -115,8 +118,14 @@ impl Rig for Law {
             denominator as f64 / numerator as f64
         });
         self.specimen.commanded_every(every);
+        // What the test before left is forgotten when it is armed, if it is no specimen that remembers.
+        let standing = if self.remembers {
+            &self.committed
+        } else {
+            &self.stands
+        };
         Ok(Introduction {
-            standing: self.committed.clone(),
+            standing: standing.clone(),
             ..Introduction::default()
         })
     }
@@ -127,6 +136,7 @@ impl Rig for Law {
             self.committed.copy_from_slice(&self.stands);
         }
         self.specimen.revert();
+        self.driven = false;
         Ok(())
     }
 
@@ -147,6 +157,7 @@ impl Rig for Law {
         for ((own, measured), disp) in self.disp.iter_mut().zip(&mut into.disp).zip(command.disp) {
             (*own, *measured) = (*disp, *disp);
         }
+        self.driven = true;
         self.specimen
             .trial(&self.disp, command.vel, elapsed, &mut into.force);
         self.specimen.measured(&mut into.disp);
@@ -157,11 +168,13 @@ impl Rig for Law {
     fn commit(&mut self) -> Result<(), LinkFault> {
         self.specimen.commit();
         self.committed.copy_from_slice(&self.disp);
+        self.driven = false;
         Ok(())
     }
 
     fn revert(&mut self) {
         self.specimen.revert();
+        self.driven = false;
     }
 
     fn tangent(&mut self, stiffness: &mut [f64]) {
@@ -169,7 +182,13 @@ impl Rig for Law {
     }
 
     fn end(&mut self, _: Retirement) {
-        self.specimen.revert();
+        if self.remembers && self.driven {
+            // However the test ended, it is where it was driven last.
+            self.specimen.commit();
+            self.committed.copy_from_slice(&self.disp);
+        } else {
+            self.specimen.revert();
+        }
         if let Some(Memory(memory)) = &self.memory {
             let mut state = Vec::new();
             self.specimen.freeze(&mut state);

@@ -204,6 +204,14 @@ pub trait Rig: Send {
         Ok(())
     }
 
+    /// Its controller is held by an operator: see [`crate::substructure::Substructure::pause`].
+    ///
+    /// # Errors
+    /// The specimen is lost.
+    fn pause(&mut self) -> Result<(), LinkFault> {
+        Ok(())
+    }
+
     /// What went over the link so far.
     fn stats(&self) -> LinkStats {
         LinkStats::default()

@@ -18,6 +18,8 @@ pub enum ProbeSettings {
         amplitude: Vec<f64>,
         /// How fast.
         pace: Pace,
+        /// It is a computation, which forgets having been tried.
+        forgets: bool,
     },
 }
 

@@ -302,6 +302,12 @@ impl Station {
         Ok(())
     }
 
+    /// Its controller is held by an operator.
+    pub fn pause(&mut self) {
+        // A specimen that is lost shows when it is attended to.
+        let _ = self.rig.pause();
+    }
+
     /// Something for the log.
     pub fn note(&self, level: NoteLevel, event: &str, text: &str) {
         match &self.log {

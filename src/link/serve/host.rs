@@ -93,6 +93,15 @@ impl Host {
         }
     }
 
+    /// Of a gateway whose specimen cannot tell where it stands: where that is before the first test, in the units of the axes.
+    #[must_use]
+    pub fn said_to_stand_at(mut self, place: Vec<f64>) -> Self {
+        if let Behind::Far(.., whereabouts) = &mut self.behind {
+            *whereabouts = Whereabouts::said(place);
+        }
+        self
+    }
+
     /// The bounds of its axes.
     #[must_use]
     pub fn limited(mut self, limits: Vec<LimitsSpec>) -> Self {

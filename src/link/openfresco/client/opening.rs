@@ -95,7 +95,7 @@ impl Remote {
         let mut measured = Measurement::zeros(self.settings.axes);
         let filled = self.machine.measurement(&mut measured);
         filled.map_err(|error| say.wire(error))?;
-        self.standing = Some(measured.disp);
+        self.standing = Some((measured.disp, measured.force));
         Ok(())
     }
 }

@@ -39,8 +39,13 @@ impl Station {
                 self.in_words(&start)
             ));
         }
-        if let ProbeSettings::Motion { amplitude, pace } = self.probe.clone() {
-            told.push(self.try_direction(&start, &amplitude, pace)?);
+        if let ProbeSettings::Motion {
+            amplitude,
+            pace,
+            forgets,
+        } = self.probe.clone()
+        {
+            told.push(self.try_direction(&start, &amplitude, pace, forgets)?);
         }
         self.arm(visitor.first_sequence, &start)?;
         let is_measured = introduction.measured && introduction.standing.len() == start.len();
@@ -120,6 +125,7 @@ impl Station {
         start: &[f64],
         amplitude: &[f64],
         pace: Pace,
+        forgets: bool,
     ) -> Result<String, String> {
         let n = self.units.len();
         let diagonal: Vec<f64> = self.stiffness.iter().step_by(n + 1).copied().collect();
@@ -145,6 +151,11 @@ impl Station {
             self.exchange_as(Exchange::PROBING, &command, 0.0, &mut measured)
                 .map_err(|trip| format!("while its direction was tried: {}", self.whole(trip)))?;
             probe.take(&measured.disp, &measured.force);
+            if !forgets {
+                // What moved has moved: a rig that hears of no step would take the way back for one that is taken back.
+                let accepted = self.rig.commit();
+                accepted.map_err(|fault| format!("while its direction was tried: {fault}"))?;
+            }
             sequence += 1;
             edge += pace.period_ns;
             os::sleep_until_ns(edge);

@@ -290,7 +290,14 @@ impl Stand {
                     Moves::On => self.go(sequence, time, dt, now, desk)?,
                 }
             }
-            Frame::Hold(_) => self.paused = true,
+            Frame::Hold(notice) => {
+                // One that was overtaken by a command is over.
+                let newest = self.pending.map(|(pending, ..)| pending).or(self.sequence);
+                if newest.is_none_or(|newest| notice.sequence >= newest) && !self.paused {
+                    self.paused = true;
+                    self.station.pause();
+                }
+            }
             Frame::Heartbeat(_) | Frame::Measurement(_) => {}
             Frame::Retire(notice) => return Err(Wrong::End(self.retired(notice))),
             Frame::Goodbye(_) => {
