@@ -188,8 +188,6 @@ fn an_interrupted_test_goes_on_with_the_same_bits_again_and_again() {
     }
 }
 
-/// With easing the first steps are made in several ticks: a formula that remembers goes there in smaller parts. This one is
-/// exact whatever the parts, so that only roundoff is different; others differ by their own error of integration.
 /// Killed before a partner that is commanded once a step was told the target that was known already, or before it answered: it
 /// is told that one, and not the last that it had been told.
 #[test]
@@ -232,6 +230,8 @@ fn a_partner_commanded_once_a_step_is_told_its_next_target_after_an_interruption
     }
 }
 
+/// With easing the first steps are made in several ticks: a formula that remembers goes there in smaller parts. This one is
+/// exact whatever the parts, so that only roundoff is different; others differ by their own error of integration.
 #[test]
 fn an_eased_beginning_changes_the_way_and_not_the_response() {
     let home = tempfile::tempdir().unwrap();
@@ -592,6 +592,14 @@ fn a_test_that_had_tripped_goes_on_only_for_who_names_the_trip() {
         "--after-trip",
         "measured_force_n",
     ]);
+    // The rows say so, too, should the event have been lost with the process.
+    let unsaid = at("unsaid");
+    copy(&first, &unsaid);
+    std::fs::remove_file(unsaid.join("summary.json")).unwrap();
+    let events = std::fs::read_to_string(unsaid.join("events.jsonl")).unwrap();
+    let torn = events.find("limit_trip").unwrap();
+    std::fs::write(unsaid.join("events.jsonl"), &events[..torn]).unwrap();
+    refused(&unsaid, "say `--after-trip unknown` if it may go on", &[]);
     // It trips at once again, or does not: it is told either way.
     assert!(matches!(said.code, Some(0 | 1)), "{}", said.stderr);
     assert!(said.stderr.contains("IT HAD TRIPPED"), "{}", said.stderr);

@@ -22,6 +22,7 @@ use crate::control::Port;
 use crate::engine::Phase;
 use crate::record::summary::Status;
 use crate::record::{FolderError, MissingEnd, Run};
+use crate::substructure::Status as LinkStatus;
 
 /// Why a test cannot go on. Nothing was moved.
 #[derive(Debug, Error)]
@@ -111,6 +112,8 @@ impl From<ConfigError> for ResumeError {
     }
 }
 
+/// Name of a trip whose event is missing.
+const UNKNOWN: &str = "unknown";
 /// Wall time in s of which the record may be lost.
 const LOST_S: f64 = 0.05;
 /// A specimen may be so many times as far off as it was ever off its command.
@@ -228,7 +231,11 @@ fn end_before(run: &Run, after: &[String]) -> Result<String, ResumeError> {
         || "it was killed: there is no summary.json".to_owned(),
         |summary| summary.reason.clone(),
     );
-    let trips = trips(&run.events()?.events);
+    let told = run.events()?;
+    let mut trips = trips(&told.events);
+    if trips.is_empty() && has_a_row_of_a_trip(run)? {
+        trips.push(UNKNOWN.to_owned());
+    }
     let folder = || run.path().to_owned();
     if let Some(named) = after.iter().find(|named| !trips.contains(named)) {
         return Err(ResumeError::AnotherTrip {
@@ -248,14 +255,45 @@ fn end_before(run: &Run, after: &[String]) -> Result<String, ResumeError> {
             wanted: wanted.join(" "),
         });
     }
-    Ok(if trips.is_empty() {
+    let mut text = if trips.is_empty() {
         format!("it had ended before: {reason}")
     } else {
         format!(
             "IT HAD TRIPPED: {reason}; it goes on because of `--after-trip` {}",
             trips.join(", ")
         )
-    })
+    };
+    if told.unreadable > 0 {
+        text = format!(
+            "{text}; {} lines of its events cannot be read",
+            told.unreadable
+        );
+    }
+    Ok(text)
+}
+
+/// A row says that the test tripped there, for no loss and no age of a measurement. Rows are written before events: whatever
+/// ended the process in between left no more than this.
+fn has_a_row_of_a_trip(run: &Run) -> Result<bool, FolderError> {
+    let columns = run.layout().columns().iter();
+    let statuses = columns.filter(|column| column.name.starts_with("status_"));
+    let names: Vec<&str> = ["state"]
+        .into_iter()
+        .chain(statuses.map(|column| column.name.as_str()))
+        .collect();
+    let columns = run.columns(&names)?;
+    let Some((states, statuses)) = columns.split_first() else {
+        return Ok(false);
+    };
+    let of_a_link = |row: usize| {
+        let mut each = statuses.iter().filter_map(|column| column.get(row));
+        each.any(|status| {
+            let status = LinkStatus(*status as u32);
+            status.has(LinkStatus::LOST) || status.has(LinkStatus::STALE)
+        })
+    };
+    let mut rows = states.iter().enumerate();
+    Ok(rows.any(|(row, state)| *state == Phase::Tripped.code() && !of_a_link(row)))
 }
 
 /// What tripped a test, by its events: keys of limits, and the names of other alarms. A link that was lost is none.
