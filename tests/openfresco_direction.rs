@@ -4,7 +4,9 @@
 mod link_common;
 
 use gusset::record::Run;
-use link_common::{ONE_AXIS, Served, adapter, columns, gateway, run, summary, test_file};
+use link_common::{
+    ONE_AXIS, ONE_AXIS_LAW, Served, adapter, columns, gateway, run, summary, test_file,
+};
 
 const STEPS: u32 = 100;
 const K: f64 = 4e5;
@@ -70,6 +72,40 @@ fn neither_does_a_gateway_to_an_adapter_whatever_its_controller_speaks() {
             between.hears(words);
         }
     }
+}
+
+/// The way back of the small motion is no step that is taken back, although a shadow sends no time.
+#[test]
+fn a_rig_that_can_take_nothing_back_is_tried_over_a_shadow_and_by_a_gateway() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let rig = format!(
+        "[serve.openfresco]\nphysical = true\n[[specimen]]\nname = \"rig\"\n{ONE_AXIS_LAW}"
+    );
+    let rig = || Served::start(folder, &rig, &["--protocol", "openfresco-actor"]);
+    let no_computation = |text: String| {
+        text.replace("computed = true\n", "")
+            .replace("clock = \"simulated\"", "clock = \"real\"")
+    };
+    let link = format!("protocol = \"openfresco-shadow\"\nstands_at_m = [0.0]\n{PROBE}");
+    let direct = rig();
+    let (code, said) = run(
+        folder,
+        "direct",
+        &no_computation(linked(&direct.address, &link)),
+    );
+    assert_eq!(code, 0, "{said}");
+    let far = rig();
+    let file = gateway(&far.address, "stiffness_n_per_m = 4e5\n", &link);
+    let file = no_computation(file.replace("probe = \"none\"\n", ""));
+    let between = Served::start(folder, &file, &[]);
+    let (code, said) = run(
+        folder,
+        "between",
+        &linked(&between.address, "probe = \"none\""),
+    );
+    assert_eq!(code, 0, "{said}");
+    between.hears("direction: axis 1");
 }
 
 #[test]

@@ -242,6 +242,23 @@ mod tests {
         assert!(words.len() == 1 && words[0].contains("NOBODY KNOWS WHERE IT STANDS"));
     }
 
+    /// When its answer was due by the clock of a retraced test says nothing in the test that goes on.
+    #[test]
+    fn a_partner_of_a_test_that_goes_on_owes_nothing_of_the_one_before() {
+        let port = || {
+            let axes = vec![Axis::plain(vec![(0, 1.0)])];
+            Port::new("rig", axes, Box::new(Far(Vec::new())), 1, vec![1e6]).unwrap()
+        };
+        let mut retraced = port();
+        retraced.partner = Partner {
+            asked_at: Some(Nanos(5)),
+            stale: 3,
+            ..Partner::default()
+        };
+        retraced.go_live(port());
+        assert_eq!(retraced.partner, Partner::default());
+    }
+
     #[test]
     fn a_reversed_channel_is_refused_before_anything_moves() {
         let refused = meets(-1.0).unwrap_err();

@@ -197,3 +197,56 @@ impl Rig for Law {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::law::LawSpec;
+    use crate::specimen::Uniaxial;
+
+    fn spring() -> Box<dyn Specimen> {
+        let spec: LawSpec = toml::from_str("linear = { stiffness_n_per_m = 4e5 }").unwrap();
+        Box::new(Uniaxial::new(vec![spec.build().unwrap()]).unwrap())
+    }
+
+    /// A test that goes to these places, each of which but the last is accepted, and ends at once; where the law was introduced
+    /// as standing.
+    fn goes_to(law: &mut Law, places: &[f64]) -> Vec<f64> {
+        let visitor = Visitor::unnamed("127.0.0.1:1".parse().unwrap());
+        let introduced = law.connect(&visitor).unwrap().standing;
+        law.arm(0, &introduced).unwrap();
+        let mut measured = Measurement::zeros(1);
+        for (index, place) in places.iter().enumerate() {
+            if index > 0 {
+                law.commit().unwrap();
+            }
+            let command = Command {
+                sequence: index as u64,
+                time: 0.0,
+                dt: 0.0,
+                disp: &[*place],
+                vel: &[0.0],
+            };
+            law.trial(&command, 0.01, &mut measured).unwrap();
+        }
+        law.end(Retirement::Tripped);
+        introduced
+    }
+
+    #[test]
+    fn what_remembers_is_where_it_was_driven_last_however_its_test_ended() {
+        let memory = Memory::default();
+        let law = || Law::new(spring(), true).recalling(memory.clone());
+        assert_eq!(goes_to(&mut law(), &[0.01, 0.02]), [0.0]);
+        assert_eq!(memory.disp(), Some(vec![0.02]));
+        assert_eq!(goes_to(&mut law(), &[]), [0.02]);
+        assert_eq!(memory.disp(), Some(vec![0.02]), "it was not driven");
+    }
+
+    #[test]
+    fn what_does_not_remember_is_introduced_where_its_next_test_finds_it() {
+        let mut law = Law::new(spring(), false);
+        goes_to(&mut law, &[0.01, 0.02, 0.03]);
+        assert_eq!(goes_to(&mut law, &[]), [0.0]);
+    }
+}
