@@ -300,6 +300,10 @@ impl Rig for Bench {
         self.rig.attend()
     }
 
+    fn pause(&mut self) -> Result<(), LinkFault> {
+        self.rig.pause()
+    }
+
     fn stats(&self) -> LinkStats {
         self.rig.stats()
     }

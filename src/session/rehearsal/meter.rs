@@ -220,6 +220,10 @@ impl Substructure for Meter {
         self.inner.attend()
     }
 
+    fn pause(&mut self) -> Result<(), LinkFault> {
+        self.inner.pause()
+    }
+
     fn retire(&mut self, how: Retirement) {
         if let Ok(mut book) = self.book.lock() {
             *book = self.axes.iter().map(|axis| axis.need).collect();
