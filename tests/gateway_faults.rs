@@ -67,11 +67,17 @@ fn a_specimen_killed_in_mid_test_ends_the_test_and_not_the_gateway() {
         assert_eq!(code, 3, "{said}");
         let reason = summary(folder, "killed").reason;
         assert!(reason.contains("the specimen is lost"), "{reason}");
-        between.hears("test over: the specimen is lost");
+        let over = between.hears("test over: the specimen is lost");
+        assert!(
+            over.ends_with("where the specimen stands only its own watchdog knows"),
+            "{over}"
+        );
         let kept = out.join("test-0001");
         let theirs = Run::open(&kept).unwrap().summary().unwrap().clone();
         assert_eq!(theirs.status, Ended::Failed);
         assert!(theirs.reason.contains("is lost"), "{}", theirs.reason);
+        let said = theirs.reason.matches("the specimen is lost").count();
+        assert_eq!(said, 1, "{}", theirs.reason);
         assert!(theirs.link["column"].lost <= 1 && theirs.link["column"].received > 0);
         assert_eq!(event_names(&kept).last().unwrap(), "ended");
 

@@ -2,11 +2,13 @@
 
 mod common;
 
+use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 use gusset::record::Run;
+use rustix::process::{Pid, Signal, kill_process};
 
 const GUSSET: &str = env!("CARGO_BIN_EXE_gusset");
 /// A test in real time, far longer than anybody waits.
@@ -118,5 +120,116 @@ fn without_a_terminal_nothing_is_confirmed_unless_it_is_said() {
     assert!(
         text.contains("specimen \"rig\" axis 1: displacement 0"),
         "{text}"
+    );
+}
+
+/// The rows of a run in this state, of one column.
+fn of_state(run: &Path, state: f64, column: &str) -> Vec<f64> {
+    let columns = Run::open(run).unwrap().columns(&["state", column]).unwrap();
+    let rows = columns[0].iter().zip(&columns[1]);
+    rows.filter(|(now, _)| **now == state)
+        .map(|(_, value)| *value)
+        .collect()
+}
+
+fn refused(word: &str, run: &Path) -> String {
+    let said = gusset(&[word, run.to_str().unwrap()]);
+    assert_eq!(said.status.code(), Some(1), "{said:?}");
+    assert!(said.stdout.is_empty(), "{said:?}");
+    String::from_utf8(said.stderr).unwrap()
+}
+
+/// The ramp takes 4 s; the way out takes longer than anybody waits.
+const SLOWLY: &str = "ramp_s = 4\nat_end = \"zero_displacement\"\nexit_speed_m_per_s = 1e-6\n[structure]\n\
+    initial_displacement_m = [0.02]\n";
+
+#[test]
+fn a_hold_stands_in_the_ramp_and_is_refused_on_the_way_out() {
+    let home = tempfile::tempdir().unwrap();
+    let run = home.path().join("run");
+    let mut test = begin(home.path(), SLOWLY);
+    until("it ramps", || events(&run).contains("\"to\":\"ramping\""));
+    assert_eq!(say("hold", &run), "holding (ramping)");
+    assert_eq!(say("hold", &run), "holding (ramping)");
+    assert_eq!(say("continue", &run), "ramping");
+    until("it runs", || events(&run).contains("\"started\""));
+    let rows = || std::fs::metadata(run.join("samples.bin")).map_or(0, |m| m.len());
+    let before = rows();
+    until("it moves", || rows() > before + 20_000);
+    let stop = || {
+        Command::new(GUSSET)
+            .arg("stop")
+            .arg(&run)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap()
+    };
+    let first = stop();
+    until("it leaves", || events(&run).contains("\"to\":\"leaving\""));
+    for word in ["hold", "continue"] {
+        let text = refused(word, &run);
+        assert!(text.contains("it is leaving"), "{text}");
+    }
+    for stop in [first, stop()] {
+        let said = stop.wait_with_output().unwrap();
+        assert_eq!(said.stdout, b"ended\n", "{said:?}");
+        assert!(said.status.success(), "{said:?}");
+    }
+    assert_eq!(test.wait().unwrap().code(), Some(130));
+    let ramp = of_state(&run, 5.0, "cmd_1_1");
+    let still = ramp.windows(2).filter(|pair| pair[0] == pair[1]).count();
+    // From the first hold, which is said to stand, to the second, and to what ended it.
+    assert!(still > 2, "{still} of {} rows", ramp.len());
+}
+
+/// A machine that does not get round to its processes, as far as one of them can tell.
+fn send(to: &Child, signal: Signal) {
+    let pid = Pid::from_raw(i32::try_from(to.id()).unwrap()).unwrap();
+    kill_process(pid, signal).unwrap();
+}
+
+#[test]
+fn a_test_that_does_not_answer_is_asked_on_and_is_not_over() {
+    let home = tempfile::tempdir().unwrap();
+    let run = home.path().join("run");
+    let mut test = begin(home.path(), "");
+    until("it runs", || events(&run).contains("\"started\""));
+    for (word, then) in [("hold", "holding\n"), ("stop", "ended\n")] {
+        send(&test, Signal::STOP);
+        let mut told = Command::new(GUSSET)
+            .arg(word)
+            .arg(&run)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut first = String::new();
+        let mut words = BufReader::new(told.stderr.take().unwrap());
+        words.read_line(&mut first).unwrap();
+        assert!(
+            first.contains("does not answer") && first.contains("up to 60 s"),
+            "{first}"
+        );
+        assert!(told.try_wait().unwrap().is_none(), "{word} gave up");
+        if word == "stop" {
+            let next = home.path().join("next");
+            let [run, next] = [&run, &next].map(|path| path.to_str().unwrap());
+            let resumed = gusset(&["run", "--resume", run, "--out", next]);
+            assert_eq!(resumed.status.code(), Some(2), "{resumed:?}");
+            let text = String::from_utf8_lossy(&resumed.stderr);
+            assert!(text.contains("nothing says that it is over"), "{text}");
+        }
+        send(&test, Signal::CONT);
+        let said = told.wait_with_output().unwrap();
+        assert!(said.status.success(), "{said:?}");
+        assert_eq!(String::from_utf8(said.stdout).unwrap(), then);
+    }
+    assert_eq!(test.wait().unwrap().code(), Some(130));
+    let events = events(&run);
+    let asked = events.matches("\"event\":\"stop_requested\"").count();
+    assert_eq!(
+        asked, 1,
+        "what lies in the socket is not said again: {events}"
     );
 }

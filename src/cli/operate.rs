@@ -1,68 +1,258 @@
 //! `gusset stop`, `hold` and `continue`: what an operator says to a running test.
+//!
+//! A test that does not answer is not over: it is asked on, and what was said to it waits in its socket.
 
 use std::path::Path;
 use std::time::Duration;
 
-use super::answer;
 use super::args::OperateArgs;
 use super::exit::{Exit, WithExit};
-use crate::engine::Phase;
-use crate::session::{Request, ask, pause};
+use super::{answer, tell};
+use crate::engine::{Glimpse, Phase};
+use crate::rt::os::monotonic_ns;
+use crate::session::{Request, Unanswered, ask, pause};
 
-/// How long the test may take to do what it is told, unless it is told to end.
+/// How long a test that answers may take to do what it is told, unless it is told to end.
 const PATIENCE: Duration = Duration::from_secs(10);
+/// How long a test that does not answer is asked on.
+const SILENCE: Duration = Duration::from_secs(60);
+/// A desk that just closes hangs up on who waits at it: of that nothing is said.
+const WORTH_A_WORD: Duration = Duration::from_secs(1);
 /// Time between two looks.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 
 /// Says it, and waits until it is so.
 pub fn operate(args: &OperateArgs, request: Request) -> anyhow::Result<Exit> {
-    let folder = args.run.as_path();
-    let told = tell_test(folder, request)?;
-    if !told.accepted {
-        return Err(WithExit(
-            Exit::Stopped,
-            format!("{}: its queue of requests is full", folder.display()),
-        )
-        .into());
-    }
+    let word = say(&args.run, request)
+        .map_err(|(exit, text)| WithExit(exit, format!("{}: {text}", args.run.display())))?;
+    answer(word)?;
+    Ok(Exit::Done)
+}
+
+/// Why it is not so.
+type Refusal = (Exit, String);
+
+fn say(folder: &Path, request: Request) -> Result<String, Refusal> {
+    let mut is_told = false;
+    let mut before: Option<Glimpse> = None;
     let mut waited = Duration::ZERO;
+    let (mut silent_since, mut warned) = (None, false);
     loop {
-        let now = ask(folder, Request::Phase).map(|answer| answer.phase);
-        let word = match (request, now) {
-            // The desk is closed: the test is over.
-            (_, Err(_)) => Some("ended"),
-            (Request::Hold, Ok(Phase::Holding)) => Some("holding"),
-            (Request::Continue, Ok(Phase::Running)) => Some("running"),
-            (Request::Continue, Ok(Phase::Ramping | Phase::Settling | Phase::Armed)) => {
-                Some("confirmed")
+        let began = monotonic_ns();
+        // What lies in the socket is not said again: a second stop would freeze the way out.
+        let asked = if is_told { Request::Phase } else { request };
+        match ask(folder, asked) {
+            Ok(told) => {
+                silent_since = None;
+                if !told.accepted {
+                    return Err(refusal(told.seen.phase).unwrap_or_else(|| {
+                        (Exit::Stopped, "its queue of requests is full".to_owned())
+                    }));
+                }
+                let from = *before.get_or_insert(told.seen);
+                if std::mem::replace(&mut is_told, true)
+                    && let Some(outcome) = judge(request, from, told.seen, waited >= PATIENCE)
+                {
+                    return outcome;
+                }
+                waited += LOOK_EVERY;
             }
-            (Request::Hold | Request::Continue, Ok(phase)) if waited >= PATIENCE => {
-                let text = format!(
-                    "{}: it is {} after {} s",
-                    folder.display(),
-                    phase.word(),
-                    PATIENCE.as_secs()
-                );
-                return Err(WithExit(Exit::Stopped, text).into());
+            Err(Unanswered::Over(_)) if is_told => return over(request),
+            Err(Unanswered::Over(_)) if folder.join("summary.json").exists() => {
+                return Err((Exit::Usage, OVER.to_owned()));
             }
-            _ => None,
-        };
-        if let Some(word) = word {
-            answer(word)?;
-            return Ok(Exit::Done);
+            Err(error @ (Unanswered::Over(_) | Unanswered::Barred(_))) => {
+                return Err((Exit::Usage, error.to_string()));
+            }
+            Err(error @ Unanswered::Silent { left, .. }) => {
+                is_told |= left;
+                let since = *silent_since.get_or_insert(began);
+                let silent = Duration::from_nanos(monotonic_ns().saturating_sub(since));
+                if silent >= SILENCE {
+                    return Err((Exit::Link, given_up(is_told)));
+                }
+                if silent >= WORTH_A_WORD && !std::mem::replace(&mut warned, true) {
+                    let (folder, most) = (folder.display(), SILENCE.as_secs());
+                    tell(format_args!(
+                        "{folder}: {error}, which is not its end: asked on for up to {most} s"
+                    ));
+                }
+            }
         }
         pause(LOOK_EVERY);
-        waited += LOOK_EVERY;
     }
 }
 
-fn tell_test(folder: &Path, request: Request) -> anyhow::Result<crate::session::Answer> {
-    ask(folder, request).map_err(|error| {
-        let text = if folder.join("summary.json").exists() {
-            format!("{}: this test is over", folder.display())
-        } else {
-            format!("{}: no test is running here: {error}", folder.display())
-        };
-        WithExit(Exit::Usage, text).into()
-    })
+const OVER: &str = "this test is over";
+
+/// It was told, and then its desk closed.
+fn over(request: Request) -> Result<String, Refusal> {
+    let too_late = match request {
+        Request::Stop | Request::Phase => return Ok("ended".to_owned()),
+        Request::Hold => "the test ended before it held",
+        Request::Continue => "the test ended before it went on",
+    };
+    Err((Exit::Stopped, too_late.to_owned()))
+}
+
+fn given_up(is_told: bool) -> String {
+    let request = if is_told {
+        "what it was told is carried out as soon as it comes to it, if it is not yet; its specimens may move until then"
+    } else {
+        "it could not be told; its specimens may move"
+    };
+    let seconds = SILENCE.as_secs();
+    format!("it has not answered for {seconds} s and is not over: {request}")
+}
+
+/// Where nothing is held or gone on with; none where it is.
+fn refusal(phase: Phase) -> Option<Refusal> {
+    match phase {
+        Phase::Leaving => {
+            let text = "it is leaving: the way out is neither held nor gone on with; `gusset stop` freezes it";
+            Some((Exit::Stopped, text.to_owned()))
+        }
+        Phase::Tripped => {
+            let text = "it has tripped: there is nothing to hold or to go on with";
+            Some((Exit::Stopped, text.to_owned()))
+        }
+        Phase::Safe => Some((Exit::Usage, OVER.to_owned())),
+        _ => None,
+    }
+}
+
+/// What a test that was told answers for, seen `before` that and now; none if that is still to be waited for.
+fn judge(
+    request: Request,
+    before: Glimpse,
+    now: Glimpse,
+    long_enough: bool,
+) -> Option<Result<String, Refusal>> {
+    let phase = now.phase.word();
+    match request {
+        Request::Stop | Request::Phase => return None,
+        Request::Hold | Request::Continue if refusal(now.phase).is_some() => {
+            return refusal(now.phase).map(Err);
+        }
+        Request::Hold if now.phase == Phase::Holding => return Some(Ok(phase.to_owned())),
+        Request::Hold if now.stands => return Some(Ok(format!("holding ({phase})"))),
+        // Held no more, and about to go on.
+        Request::Continue if now.hold || now.phase == Phase::Holding => {}
+        Request::Continue if before.phase != Phase::Zeroing => {
+            return Some(Ok(phase.to_owned()));
+        }
+        Request::Continue if now.phase != Phase::Zeroing => {
+            return Some(Ok("confirmed".to_owned()));
+        }
+        // It was the hold that ended, if there was one.
+        Request::Continue if long_enough && before.hold => return Some(Ok(phase.to_owned())),
+        Request::Hold | Request::Continue => {}
+    }
+    let so_far = match (request, now.hold) {
+        (Request::Hold, true) => ": it comes to rest, or will",
+        (Request::Hold, false) => ": it has not heard of the hold yet",
+        (_, true) => ": it is still held",
+        (_, false) => "",
+    };
+    let text = format!("it is {phase} after {} s{so_far}", PATIENCE.as_secs());
+    long_enough.then_some(Err((Exit::Stopped, text)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const fn seen(phase: Phase, hold: bool, stands: bool) -> Glimpse {
+        Glimpse {
+            phase,
+            hold,
+            stands,
+        }
+    }
+
+    fn words(request: Request, before: Glimpse, now: Glimpse, long_enough: bool) -> String {
+        match judge(request, before, now, long_enough) {
+            None => "waits".to_owned(),
+            Some(Ok(word)) => word,
+            Some(Err((exit, text))) => format!("{exit:?}: {text}"),
+        }
+    }
+
+    #[test]
+    fn a_hold_is_one_where_something_stands_for_it_in_every_phase() {
+        use Phase::{Holding, Leaving, Probing, Ramping, Running, Safe, Tripped, Zeroing};
+        let before = seen(Running, false, false);
+        for (now, long_enough, said) in [
+            (seen(Running, false, false), false, "waits"),
+            (seen(Running, true, false), false, "waits"),
+            (seen(Holding, true, true), false, "holding"),
+            (seen(Ramping, true, false), false, "waits"),
+            (seen(Ramping, true, true), false, "holding (ramping)"),
+            (seen(Zeroing, true, true), true, "holding (zeroing)"),
+            (
+                seen(Probing, true, false),
+                true,
+                "Stopped: it is probing after 10 s: it comes to rest, or will",
+            ),
+            (
+                seen(Running, false, false),
+                true,
+                "Stopped: it is running after 10 s: it has not heard of the hold yet",
+            ),
+            (
+                seen(Tripped, false, false),
+                false,
+                "Stopped: it has tripped: there is nothing to hold or to go on with",
+            ),
+            (seen(Safe, false, false), false, "Usage: this test is over"),
+        ] {
+            assert_eq!(words(Request::Hold, before, now, long_enough), said);
+        }
+        let late = words(Request::Hold, before, seen(Leaving, false, false), false);
+        assert!(late.starts_with("Stopped: it is leaving"), "{late}");
+    }
+
+    #[test]
+    fn what_goes_on_is_named_and_only_what_waited_for_a_confirmation_is_confirmed() {
+        use Phase::{Armed, Holding, Leaving, Ramping, Running, Zeroing};
+        let held = |phase| seen(phase, true, true);
+        let free = |phase| seen(phase, false, false);
+        for (before, now, long_enough, said) in [
+            (held(Holding), held(Holding), false, "waits"),
+            (held(Holding), free(Holding), false, "waits"),
+            (held(Holding), free(Running), false, "running"),
+            (held(Ramping), held(Ramping), false, "waits"),
+            (held(Ramping), free(Ramping), false, "ramping"),
+            (free(Zeroing), free(Zeroing), false, "waits"),
+            (free(Zeroing), free(Ramping), false, "confirmed"),
+            (free(Zeroing), free(Armed), false, "confirmed"),
+            (
+                free(Zeroing),
+                free(Zeroing),
+                true,
+                "Stopped: it is zeroing after 10 s",
+            ),
+            (held(Zeroing), free(Zeroing), true, "zeroing"),
+            (
+                held(Ramping),
+                held(Ramping),
+                true,
+                "Stopped: it is ramping after 10 s: it is still held",
+            ),
+        ] {
+            assert_eq!(words(Request::Continue, before, now, long_enough), said);
+        }
+        let late = words(Request::Continue, free(Running), free(Leaving), false);
+        assert!(late.starts_with("Stopped: it is leaving"), "{late}");
+    }
+
+    #[test]
+    fn an_end_is_what_a_stop_wants_and_nothing_else() {
+        assert_eq!(over(Request::Stop).unwrap(), "ended");
+        for request in [Request::Hold, Request::Continue] {
+            assert_eq!(over(request).unwrap_err().0, Exit::Stopped);
+            let told = seen(Phase::Leaving, false, false);
+            assert!(judge(Request::Stop, told, told, true).is_none());
+        }
+    }
 }

@@ -9,6 +9,7 @@ use super::args::{RunArgs, StatusArg};
 use super::screen;
 use super::table::quantity;
 use crate::config::Facts;
+use crate::engine::Phase;
 use crate::monitor::{Board, Margin, Mark, Snapshot};
 use crate::rt::os::monotonic_ns;
 
@@ -105,12 +106,18 @@ impl<'a> Sight<'a> {
 
     /// The phase; that nothing comes any more is said before everything else.
     fn phase(&self) -> String {
-        let phase = self.board.phase();
+        let seen = self.board.glimpse();
+        let phase = seen.phase;
         // The slowest tests make a row in some seconds; then the period says what is long.
         if self.age_s > 2.0_f64.max(3.0 * self.board.subject.tick_s) {
             return format!("NO ROWS SINCE {:.0} s ({})", self.age_s, phase.word());
         }
-        phase.word().to_uppercase()
+        let word = phase.word().to_uppercase();
+        // In the test itself a hold is a phase.
+        if seen.stands && phase != Phase::Holding {
+            return format!("{word}, HELD");
+        }
+        word
     }
 
     fn lambda(&self) -> Option<String> {

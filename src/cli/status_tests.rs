@@ -1,12 +1,21 @@
 //! Tests of the status: what stands in it, at every width.
 
 use super::*;
-use crate::engine::PhaseCell;
+use crate::engine::{Glimpse, Phase, PhaseCell};
 use crate::monitor::{About, LambdaUse, Subject, Tap};
 use crate::record::{Onlooker, Progress};
 
 /// A frame of two storeys with limits on its specimen, watched for `rows` rows.
 fn board(rows: u64) -> Arc<Board> {
+    let running = Glimpse {
+        phase: Phase::Running,
+        hold: false,
+        stands: false,
+    };
+    board_seen(rows, running)
+}
+
+fn board_seen(rows: u64, seen: Glimpse) -> Arc<Board> {
     let text = include_str!("../../config/frame-bouc-wen.toml").replace(
         "name = \"ground-storey\"",
         "name = \"ground-storey\"\nlimits = { command_disp_m = { warn = [-0.05, 0.05], trip = [-0.1, 0.1] }, \
@@ -30,7 +39,7 @@ fn board(rows: u64) -> Arc<Board> {
     let subject = Subject::new(&prepared.experiment, about);
     let online = prepared.facts.structure.unwrap().online_limit;
     let phase = PhaseCell::default();
-    phase.set(crate::engine::Phase::Running);
+    phase.show(seen);
     let board = Arc::new(Board::new(subject, phase, online));
     let (_notes, written) = crossbeam_channel::bounded(1);
     let mut tap = Tap::new(Arc::clone(&board), written);
@@ -56,6 +65,26 @@ fn board(rows: u64) -> Arc<Board> {
     tap.turn(now, &Progress::default());
     tap.finish(now, &Progress::default());
     board
+}
+
+#[test]
+fn a_hold_that_has_no_phase_of_its_own_is_named_once_it_stands() {
+    for (phase, stands, wanted) in [
+        (Phase::Ramping, false, "RAMPING  "),
+        (Phase::Ramping, true, "RAMPING, HELD  "),
+        (Phase::Holding, true, "HOLDING  "),
+    ] {
+        let board = board_seen(
+            8,
+            Glimpse {
+                phase,
+                hold: true,
+                stands,
+            },
+        );
+        let line = Sight::of(&board, 1024.0).line(200);
+        assert!(line.starts_with(wanted), "{line}");
+    }
 }
 
 #[test]

@@ -75,7 +75,10 @@ impl Engine {
     pub(super) fn still_tick(&mut self, phase: Phase, control: &Control) -> Result<(), Stop> {
         let tick = self.tick_at_rest(0.0);
         let mut stamps = TickStamps::default();
-        self.wait_before_start(&mut stamps, control)?;
+        self.still = true;
+        let heard = self.wait_before_start(&mut stamps, control);
+        self.still = false;
+        heard?;
         self.exchange_again(&tick, &mut stamps)?;
         self.row_before_start(&tick, phase, &stamps);
         self.skip_numbers();

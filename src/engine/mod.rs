@@ -36,7 +36,7 @@ pub use misses::MissLevels;
 pub use numerical::{Numerical, Side};
 pub use operator::{Control, Notice, Operator, Watch};
 pub use peaks::Peaks;
-pub use phase::{Cause, Phase, PhaseCell};
+pub use phase::{Cause, Glimpse, Phase, PhaseCell};
 pub use resume::{Place, Resumption};
 pub use ride::Pacing;
 pub use settle::Settling;
@@ -129,6 +129,8 @@ pub struct Engine {
     /// Where the phase is left for others to see.
     pub phase_cell: PhaseCell,
     hold_wanted: bool,
+    /// The tick at hand moves nothing.
+    still: bool,
     /// The operator said before this tick that the test may go on.
     goes_on: bool,
     /// Rows of the warm-up, until the first of the test is made.
@@ -293,6 +295,7 @@ impl Engine {
             phase: Phase::Connected,
             phase_cell: PhaseCell::default(),
             hold_wanted: false,
+            still: false,
             goes_on: false,
             held_back: Vec::new(),
             unanswered: false,

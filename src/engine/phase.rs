@@ -84,6 +84,12 @@ impl Phase {
         }
     }
 
+    /// True if an operator's hold is heard: neither the way out nor what comes after a trip stands still for it.
+    #[must_use]
+    pub const fn can_be_held(self) -> bool {
+        !matches!(self, Phase::Leaving | Phase::Tripped | Phase::Safe)
+    }
+
     /// As the column `state` has it.
     #[must_use]
     pub const fn code(self) -> f64 {
@@ -109,22 +115,66 @@ impl Phase {
     }
 }
 
-/// The phase as it can be seen from outside of the loop: a number that the loop leaves behind.
+/// What can be seen of a test from outside of the loop.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Glimpse {
+    /// Where in its life it is.
+    pub phase: Phase,
+    /// The operator wants it held, and it has heard so.
+    #[serde(default)]
+    pub hold: bool,
+    /// For that nothing moves, and nothing will until he goes on: outside of the test itself there is no phase of its own for
+    /// it.
+    #[serde(default)]
+    pub stands: bool,
+}
+
+/// The phase and the hold as they can be seen from outside of the loop: a number that the loop leaves behind.
 #[derive(Debug, Clone, Default)]
 pub struct PhaseCell(Arc<AtomicU8>);
 
+/// The bits above the phase.
+const HOLD: u8 = 1 << 6;
+const STANDS: u8 = 1 << 7;
+
 impl PhaseCell {
-    /// Real-time: yes.
+    /// A phase in which nobody holds anything. Real-time: yes.
     pub fn set(&self, phase: Phase) {
-        self.0.store(phase as u8, Ordering::Relaxed);
+        self.show(Glimpse {
+            phase,
+            hold: false,
+            stands: false,
+        });
+    }
+
+    /// What can be seen from now on. Where no hold is heard there is none; without one nothing stands for it. Real-time: yes.
+    pub fn show(&self, seen: Glimpse) {
+        let hold = seen.hold && seen.phase.can_be_held();
+        let flags = match (hold, seen.stands) {
+            (false, _) => 0,
+            (true, false) => HOLD,
+            (true, true) => HOLD | STANDS,
+        };
+        self.0.store(seen.phase as u8 | flags, Ordering::Relaxed);
     }
 
     /// The latest.
     #[must_use]
-    pub fn get(&self) -> Phase {
-        let code = self.0.load(Ordering::Relaxed);
+    pub fn glimpse(&self) -> Glimpse {
+        let bits = self.0.load(Ordering::Relaxed);
+        let code = bits & !(HOLD | STANDS);
         let known = Phase::ALL.into_iter().find(|phase| *phase as u8 == code);
-        known.unwrap_or(Phase::Connected)
+        Glimpse {
+            phase: known.unwrap_or(Phase::Connected),
+            hold: bits & HOLD != 0,
+            stands: bits & STANDS != 0,
+        }
+    }
+
+    /// The latest phase.
+    #[must_use]
+    pub fn get(&self) -> Phase {
+        self.glimpse().phase
     }
 }
 
@@ -176,6 +226,29 @@ mod tests {
             .filter(|phase| phase.may_become(Phase::Running))
             .collect();
         assert_eq!(before, [Phase::Armed, Phase::Holding]);
+    }
+
+    #[test]
+    fn what_is_shown_is_seen_and_no_hold_where_none_is_heard() {
+        let cell = PhaseCell::default();
+        for phase in Phase::ALL {
+            for (hold, stands) in [(false, false), (false, true), (true, false), (true, true)] {
+                cell.show(Glimpse {
+                    phase,
+                    hold,
+                    stands,
+                });
+                let hold = hold && !matches!(phase, Phase::Leaving | Phase::Tripped | Phase::Safe);
+                let seen = Glimpse {
+                    phase,
+                    hold,
+                    stands: hold && stands,
+                };
+                assert_eq!(cell.glimpse(), seen);
+                cell.set(phase);
+                assert_eq!((cell.get(), cell.glimpse().hold), (phase, false));
+            }
+        }
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use super::columns::{Word, number};
 use super::numerical::{Side, aim_along};
 use super::operator::{Control, Operator};
-use super::phase::{Cause, Phase};
+use super::phase::{Cause, Glimpse, Phase};
 use super::tick::Tick;
 use super::{Ending, Engine, OnMiss, Outcome, Stop};
 use crate::control::Port;
@@ -200,7 +200,7 @@ impl Engine {
                 });
             }
             // The way out is neither held nor confirmed.
-            Ok(_) if self.phase == Phase::Leaving => {}
+            Ok(_) if !self.phase.can_be_held() => {}
             Ok(Operator::Hold) => self.hold_wanted = true,
             Ok(Operator::Continue) => {
                 self.hold_wanted = false;
@@ -208,7 +208,17 @@ impl Engine {
             }
             Err(_) => {}
         }
+        self.show();
         Ok(())
+    }
+
+    /// Leaves behind what can be seen of the test from outside. Real-time: yes.
+    fn show(&self) {
+        self.phase_cell.show(Glimpse {
+            phase: self.phase,
+            hold: self.hold_wanted,
+            stands: self.still || matches!(self.phase, Phase::Armed | Phase::Holding),
+        });
     }
 
     /// The next phase of the test's life, for the log. Real-time: yes.
@@ -216,7 +226,7 @@ impl Engine {
         let from = self.phase;
         debug_assert!(from.may_become(phase), "{from:?} to {phase:?}");
         self.phase = phase;
-        self.phase_cell.set(phase);
+        self.show();
         self.report_now(EventKind::Phase {
             from: from.word(),
             to: phase.word(),

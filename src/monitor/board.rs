@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::history::{Bin, History};
 use super::latency::LatencyView;
 use super::subject::Subject;
-use crate::engine::{Phase, PhaseCell};
+use crate::engine::{Glimpse, Phase, PhaseCell};
 use crate::integrate::OnlineLimit;
 use crate::record::MissClasses;
 
@@ -169,6 +169,12 @@ impl Board {
     #[must_use]
     pub fn phase(&self) -> Phase {
         self.phase.get()
+    }
+
+    /// The phase and the operator's hold, which are known without a row.
+    #[must_use]
+    pub fn glimpse(&self) -> Glimpse {
+        self.phase.glimpse()
     }
 
     /// How it ended, once it has.

@@ -247,15 +247,27 @@ fn integration(run: &RunData, table: Option<&Value>) -> Option<String> {
     )
 }
 
+/// A specimen behind a link, by what it is reached by.
+fn remote(link: &Value) -> String {
+    let word = |key: &str| link.get(key).and_then(Value::as_str);
+    let by = word("protocol").map(|protocol| format!(": {protocol}"));
+    let at = word("address").map(|address| format!(" at {address}"));
+    [Some("behind a link".to_owned()), by, at]
+        .into_iter()
+        .flatten()
+        .collect()
+}
+
 fn specimens(list: &[Value]) -> String {
     let describe = |(i, entry): (usize, &Value)| {
         let name = entry
             .get("name")
             .map_or_else(|| format!("specimen {}", i + 1), plain);
-        let law = ["law", "laws", "coupled", "link"]
+        let law = ["law", "laws", "coupled"]
             .iter()
             .find_map(|key| variant(entry.get(key)?));
-        law.map_or_else(|| name.clone(), |law| format!("{name} ({law})"))
+        let kind = entry.get("link").map(remote).or(law);
+        kind.map_or_else(|| name.clone(), |kind| format!("{name} ({kind})"))
     };
     match list.len() {
         0 => "none".to_owned(),
@@ -301,6 +313,22 @@ mod tests {
         assert_eq!(specimen_name(tree.as_ref(), 1), "brace");
         assert_eq!(specimen_name(tree.as_ref(), 2), "specimen 2");
         assert_eq!(specimen_name(None, 0), "specimen 0");
+    }
+
+    #[test]
+    fn a_remote_specimen_is_named_by_what_it_is_reached_by() {
+        let resolved = "[[specimen]]\nname = \"A\"\n[specimen.stand_in.law.linear]\nstiffness_n_per_m = 1.0\n\
+            [specimen.link]\naddress = \"127.0.0.1:4823\"\nprotocol = \"gusset\"\n\
+            [[specimen]]\nname = \"B\"\nlink = {}\n[[specimen]]\nname = \"C\"\nlaw = \"linear\"\n";
+        let run = RunData {
+            resolved: resolved.to_owned(),
+            ..RunData::default()
+        };
+        let tree = configuration(&run);
+        let facts = facts(&run, tree.as_ref());
+        let (_, text) = facts.iter().find(|(name, _)| name == "Specimens").unwrap();
+        let wanted = "A (behind a link: gusset at 127.0.0.1:4823), B (behind a link), C (linear)";
+        assert_eq!(text, wanted);
     }
 
     #[test]

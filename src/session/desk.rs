@@ -1,11 +1,12 @@
 //! The operator's desk: a socket in the run folder, through which other programs speak to a running test.
 //!
 //! One line of JSON in, one out: `{"request": "hold"}` and `{"accepted": true, "phase": "running"}`. Nothing here can hold
-//! the loop up: requests go through the bounded channel that it polls, the phase is a number that it leaves behind.
+//! the loop up: requests go through the bounded channel that it polls, the phase is a number that it leaves behind. Who asks
+//! keeps apart a test that is over from one that does not answer: of the second nothing is known but that it may still move.
 //! Only the user who started the test may speak (mode 0600).
 
 use std::fs::{File, Permissions};
-use std::io::{self, BufRead, BufReader, Read, Write};
+use std::io::{self, BufRead, BufReader, ErrorKind, Read, Write};
 use std::os::fd::AsRawFd;
 use std::os::unix::fs::PermissionsExt;
 use std::os::unix::net::{UnixListener, UnixStream};
@@ -16,9 +17,12 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use crossbeam_channel::Sender;
+use rustix::net::sockopt::{Timeout, set_socket_timeout};
+use rustix::net::{AddressFamily, SocketAddrUnix, SocketFlags, SocketType};
 use serde::{Deserialize, Serialize};
+use thiserror::Error;
 
-use crate::engine::{Operator, Phase, PhaseCell};
+use crate::engine::{Glimpse, Operator, PhaseCell};
 use crate::record::{Roll, What};
 
 /// The socket's name in the run folder.
@@ -49,12 +53,47 @@ struct Asked {
 }
 
 /// What the test answers.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Answer {
-    /// False if the queue of requests is full.
+    /// False if the queue of requests is full, or the phase one in which this is not heard.
     pub accepted: bool,
-    /// Where the test was when it answered.
-    pub phase: Phase,
+    /// Where the test was when it was asked.
+    #[serde(flatten)]
+    pub seen: Glimpse,
+}
+
+/// Why there is no answer.
+#[derive(Debug, Error)]
+pub enum Unanswered {
+    /// Nobody listens there: no test runs, or none any more.
+    #[error("no test is running here: {0}")]
+    Over(io::Error),
+    /// Somebody may listen there, and speaks to others only.
+    #[error("only who started the test may speak to it: {0}")]
+    Barred(io::Error),
+    /// Somebody may listen there who did not answer.
+    #[error("the test does not answer ({})", in_words(.error))]
+    Silent {
+        /// The request lies in the socket, and whoever comes to it carries it out.
+        left: bool,
+        /// The system's word.
+        error: io::Error,
+    },
+}
+
+/// What the system calls a resource that is not there just now is time that has passed.
+fn in_words(error: &io::Error) -> String {
+    match error.kind() {
+        ErrorKind::WouldBlock | ErrorKind::TimedOut => format!("{} s", PATIENCE.as_secs()),
+        ErrorKind::UnexpectedEof => "it hung up".to_owned(),
+        _ => error.to_string(),
+    }
+}
+
+impl Unanswered {
+    fn silent(left: bool) -> impl Fn(io::Error) -> Self {
+        move |error| Self::Silent { left, error }
+    }
 }
 
 /// The listening end; closed and removed when dropped.
@@ -134,14 +173,15 @@ fn serve(caller: &UnixStream, requests: &Sender<Operator>, phase: &PhaseCell) ->
     caller.set_read_timeout(Some(PATIENCE))?;
     caller.set_write_timeout(Some(PATIENCE))?;
     let asked: Asked = read_line(caller)?;
+    let seen = phase.glimpse();
+    let heard = seen.phase.can_be_held();
     let accepted = match asked.request {
         Request::Stop => requests.try_send(Operator::Stop).is_ok(),
-        Request::Hold => requests.try_send(Operator::Hold).is_ok(),
-        Request::Continue => requests.try_send(Operator::Continue).is_ok(),
+        Request::Hold => heard && requests.try_send(Operator::Hold).is_ok(),
+        Request::Continue => heard && requests.try_send(Operator::Continue).is_ok(),
         Request::Phase => true,
     };
-    let phase = phase.get();
-    write_line(caller, &Answer { accepted, phase })
+    write_line(caller, &Answer { accepted, seen })
 }
 
 fn read_line<T: serde::de::DeserializeOwned>(from: &UnixStream) -> io::Result<T> {
@@ -160,18 +200,38 @@ fn write_line(mut to: &UnixStream, value: &impl Serialize) -> io::Result<()> {
 ///
 /// # Errors
 /// Nothing runs there, or it does not answer.
-pub fn ask(folder: &Path, request: Request) -> io::Result<Answer> {
+pub fn ask(folder: &Path, request: Request) -> Result<Answer, Unanswered> {
+    let stream = reach(folder).map_err(|error| match error.kind() {
+        // The socket goes with its test; where that was killed it stays behind, and nobody listens.
+        ErrorKind::NotFound | ErrorKind::NotADirectory | ErrorKind::ConnectionRefused => {
+            Unanswered::Over(error)
+        }
+        ErrorKind::PermissionDenied => Unanswered::Barred(error),
+        _ => Unanswered::silent(false)(error),
+    })?;
+    write_line(&stream, &Asked { request }).map_err(Unanswered::silent(false))?;
+    read_line(&stream).map_err(Unanswered::silent(true))
+}
+
+/// A connection. One that is not taken up in time because too many wait before it is not waited for, either.
+fn reach(folder: &Path) -> io::Result<UnixStream> {
     let (_open, address) = short(folder)?;
-    let stream = UnixStream::connect(address)?;
-    stream.set_read_timeout(Some(PATIENCE))?;
-    stream.set_write_timeout(Some(PATIENCE))?;
-    write_line(&stream, &Asked { request })?;
-    read_line(&stream)
+    let socket = rustix::net::socket_with(
+        AddressFamily::UNIX,
+        SocketType::STREAM,
+        SocketFlags::CLOEXEC,
+        None,
+    )?;
+    set_socket_timeout(&socket, Timeout::Send, Some(PATIENCE))?;
+    set_socket_timeout(&socket, Timeout::Recv, Some(PATIENCE))?;
+    rustix::net::connect(&socket, &SocketAddrUnix::new(&address)?)?;
+    Ok(UnixStream::from(socket))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::engine::Phase;
     use crate::session::roll;
 
     #[test]
@@ -185,17 +245,68 @@ mod tests {
         let desk = Desk::open(&folder, sender, phase.clone(), &roll()).unwrap();
         phase.set(Phase::Running);
         let answer = ask(&folder, Request::Hold).unwrap();
-        let running = Answer {
-            accepted: true,
+        let running = Glimpse {
             phase: Phase::Running,
+            hold: false,
+            stands: false,
         };
-        assert_eq!(answer, running);
+        assert!(answer.accepted);
+        assert_eq!(answer.seen, running);
         let full = ask(&folder, Request::Stop).unwrap();
         assert!(!full.accepted, "one request fits");
         assert_eq!(receiver.try_recv(), Ok(Operator::Hold));
         drop(desk);
-        assert!(ask(&folder, Request::Phase).is_err());
+        let over = ask(&folder, Request::Phase).unwrap_err();
+        assert!(matches!(over, Unanswered::Over(_)), "{over}");
         assert!(!folder.join(SOCKET).exists());
+    }
+
+    #[test]
+    fn what_is_held_is_seen_and_the_way_out_is_not_held() {
+        let folder = tempfile::tempdir().unwrap();
+        let (sender, receiver) = crossbeam_channel::bounded(4);
+        let cell = PhaseCell::default();
+        let _desk = Desk::open(folder.path(), sender, cell.clone(), &roll()).unwrap();
+        let held = Glimpse {
+            phase: Phase::Ramping,
+            hold: true,
+            stands: true,
+        };
+        cell.show(held);
+        assert_eq!(ask(folder.path(), Request::Phase).unwrap().seen, held);
+        for phase in [Phase::Leaving, Phase::Tripped, Phase::Safe] {
+            cell.set(phase);
+            for request in [Request::Hold, Request::Continue] {
+                let refused = ask(folder.path(), request).unwrap();
+                assert_eq!((refused.accepted, refused.seen.phase), (false, phase));
+            }
+            assert!(ask(folder.path(), Request::Stop).unwrap().accepted);
+            assert_eq!(receiver.try_recv(), Ok(Operator::Stop));
+            assert!(receiver.try_recv().is_err());
+        }
+    }
+
+    #[test]
+    fn who_does_not_answer_is_not_over_and_who_is_over_does_not_answer() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path();
+        let over = ask(path, Request::Stop).unwrap_err();
+        assert!(matches!(over, Unanswered::Over(_)), "nothing: {over}");
+        // Listens, and does nothing, as a process that is stopped.
+        let listener = UnixListener::bind(path.join(SOCKET)).unwrap();
+        let silent = ask(path, Request::Stop).unwrap_err();
+        assert!(
+            matches!(silent, Unanswered::Silent { left: true, .. }),
+            "{silent}"
+        );
+        assert_eq!(silent.to_string(), "the test does not answer (2 s)");
+        let (lies_there, _) = listener.accept().unwrap();
+        let asked: Asked = read_line(&lies_there).unwrap();
+        assert_eq!(asked.request, Request::Stop);
+        drop(listener);
+        // A killed one leaves its socket.
+        let over = ask(path, Request::Stop).unwrap_err();
+        assert!(matches!(over, Unanswered::Over(_)), "killed: {over}");
     }
 
     #[test]

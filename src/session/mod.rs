@@ -40,7 +40,7 @@ use thiserror::Error;
 
 pub use bare::{bare_loop, loop_round};
 pub use compare::{Compared, compare, compared_name};
-pub use desk::{Answer, Request, ask};
+pub use desk::{Answer, Request, Unanswered, ask};
 pub use page::{Page, PageError, conclude, hero, write_report};
 pub use ready::missing;
 pub use replay::{Difference, Replay, ReplayError, replay, replay_rows};

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 use thiserror::Error;
 
-use super::desk::{Request, ask};
+use super::desk::{Request, Unanswered, ask};
 use super::recorded::Replaced;
 use super::replay::ReplayError;
 use super::retrace::{
@@ -36,6 +36,14 @@ pub enum ResumeError {
     /// It still runs.
     #[error("{}: this test is running", .0.display())]
     Running(PathBuf),
+    /// Whether it still runs is not known.
+    #[error("{}: {unanswered}, but nothing says that it is over: end it, or its process, first", folder.display())]
+    Unanswered {
+        /// The folder.
+        folder: PathBuf,
+        /// Why there is no answer.
+        unanswered: Unanswered,
+    },
     /// It ended before t = 0.
     #[error("{}: this test ended before its first step: run it again from its beginning", .0.display())]
     NotBegun(PathBuf),
@@ -154,8 +162,16 @@ fn resume_by(
     build: &mut Build<'_>,
 ) -> Result<Prepared, ResumeError> {
     let run = Run::open(folder)?;
-    if ask(folder, Request::Phase).is_ok() {
-        return Err(ResumeError::Running(folder.to_owned()));
+    match ask(folder, Request::Phase) {
+        Ok(_) => return Err(ResumeError::Running(folder.to_owned())),
+        Err(Unanswered::Over(_)) => {}
+        // It may be commanding the specimens this very moment.
+        Err(unanswered) => {
+            return Err(ResumeError::Unanswered {
+                folder: folder.to_owned(),
+                unanswered,
+            });
+        }
     }
     if run.summary().is_some_and(|s| s.status == Status::Completed) {
         return Err(ResumeError::Complete(folder.to_owned()));

@@ -174,6 +174,30 @@ fn hold_holds_continue_goes_on_and_stop_stops_for_who_has_the_token_alone() {
 }
 
 #[test]
+fn on_the_way_out_no_hold_is_accepted() {
+    let home = tempfile::tempdir().unwrap();
+    let home = home.path();
+    let slowly = [
+        "--set",
+        "safety.at_end=\"zero_displacement\"",
+        "--set",
+        "safety.exit_speed_m_per_s=1e-6",
+    ];
+    let running = Running::start(home, "run", &real(home, 3600.0), "127.0.0.1", &slowly);
+    running.until_phase("running");
+    until("some ticks", || running.metric("gusset_ticks_total") > 50.0);
+    assert_eq!(running.order("stop").status, 202);
+    running.until_phase("leaving");
+    for word in ["hold", "continue"] {
+        let reply = running.order(word);
+        assert_eq!(reply.status, 409, "{reply:?}");
+        assert!(reply.body.contains("neither held"), "{reply:?}");
+    }
+    assert_eq!(running.order("stop").status, 202);
+    assert_eq!(running.end().0, Some(130));
+}
+
+#[test]
 fn beyond_loopback_looking_needs_a_token_too() {
     let home = tempfile::tempdir().unwrap();
     let home = home.path();

@@ -57,7 +57,7 @@ pub enum Heard {
         /// What, and why.
         text: String,
     },
-    /// A test is over; the specimen stays where it is.
+    /// A test is over; a specimen that is not lost stays where it is.
     Ended {
         /// Why.
         text: String,
@@ -67,6 +67,8 @@ pub enum Heard {
         missed: u32,
         /// Frames that failed a check.
         corrupt: u64,
+        /// Its link is gone, and with it what is known of it.
+        is_lost: bool,
     },
 }
 
@@ -98,11 +100,18 @@ impl std::fmt::Display for Heard {
                 commands,
                 missed,
                 corrupt,
-            } => write!(
-                f,
-                "test over: {text}; {commands} commands, {missed} missed, {corrupt} frames corrupt; the specimen \
-                 stays where it is"
-            ),
+                is_lost,
+            } => {
+                let stands = if *is_lost {
+                    "where the specimen stands only its own watchdog knows"
+                } else {
+                    "the specimen stays where it is"
+                };
+                write!(
+                    f,
+                    "test over: {text}; {commands} commands, {missed} missed, {corrupt} frames corrupt; {stands}"
+                )
+            }
         }
     }
 }

@@ -19,7 +19,7 @@ use serde_json::{Value, json};
 use tokio::time::{Interval, MissedTickBehavior};
 
 use super::work::Work;
-use crate::engine::Phase;
+use crate::engine::{Glimpse, Phase};
 use crate::monitor::board::Board;
 use crate::monitor::history::{Bin, RECENT};
 use crate::monitor::latency::BOUNDS;
@@ -55,7 +55,7 @@ struct Made {
     /// Counts the states.
     version: u64,
     state_ns: u64,
-    phase: Option<Phase>,
+    seen: Option<Glimpse>,
     ended: bool,
 }
 
@@ -98,9 +98,9 @@ impl Feed {
         made.bins.extend(bins.iter().map(|bin| text_of(bin)));
         let over = made.bins.len().saturating_sub(RECENT);
         made.bins.drain(..over);
-        let phase = Some(self.board.phase());
-        if news || phase != made.phase || now.saturating_sub(made.state_ns) >= STATE_NS {
-            (made.state_ns, made.phase, made.ended) = (now, phase, ended.is_some());
+        let seen = Some(self.board.glimpse());
+        if news || seen != made.seen || now.saturating_sub(made.state_ns) >= STATE_NS {
+            (made.state_ns, made.seen, made.ended) = (now, seen, ended.is_some());
             made.state = self.state(now).to_string().into();
             made.version += 1;
         }
@@ -109,10 +109,12 @@ impl Feed {
 
     fn state(&self, now: u64) -> Value {
         let board = &self.board;
-        let latest = board.latest();
+        let (latest, seen) = (board.latest(), board.glimpse());
         let age = |at: u64| now.saturating_sub(at) as f64 * 1e-9;
         json!({
-            "phase": board.phase().word(),
+            "phase": seen.phase.word(),
+            "hold": seen.hold,
+            "stands": seen.stands,
             "sent": now as f64 * 1e-9,
             "age": (latest.row_ns > 0).then(|| age(latest.row_ns)),
             "viewers": self.viewers(),

@@ -281,9 +281,15 @@ function count(id, value, bad) {
   $(id).classList.toggle("bad", bad);
 }
 
+/** The phase; a hold that has no phase of its own beside it. */
+function named({ phase, hold, stands }) {
+  if (!hold || phase === "holding") return phase;
+  return stands ? `${phase}, held` : `${phase}, to be held`;
+}
+
 function showState() {
   const { now, phase, ended } = state;
-  $("phase").textContent = phase;
+  $("phase").textContent = named(state);
   $("phase").className = phase;
   $("time").textContent = now.rows > 0 && now.time !== null ? `${now.time.toFixed(2)} s` : "–";
   const share = test.subject.steps > 0 ? now.time / (test.subject.steps * test.subject.dt) : 0;
@@ -297,9 +303,11 @@ function showState() {
   showMargins(now);
   showLinks(now);
   const over = Boolean(ended) || phase === "safe";
-  const holds = now.hold || phase === "holding";
-  $("hold").disabled = over || holds;
-  $("continue").disabled = over || !(holds || phase === "zeroing");
+  // The way out is neither held nor gone on with.
+  const deaf = over || phase === "leaving" || phase === "tripped";
+  const holds = state.hold || phase === "holding";
+  $("hold").disabled = deaf || holds;
+  $("continue").disabled = deaf || !(holds || phase === "zeroing");
   $("stop").disabled = over;
   if (ended) {
     $("outcome").className = ended.status;
@@ -430,7 +438,7 @@ function watch() {
     document.body.classList.toggle("dead", is);
     if (is) $("phase").className = "dead";
     else if (state) $("phase").className = state.phase;
-    if (state) $("phase").textContent = is ? "no data" : state.phase;
+    if (state) $("phase").textContent = is ? "no data" : named(state);
   };
   document.body.classList.toggle("waiting", !state);
   if (over) {

@@ -17,7 +17,7 @@ use super::door::{Door, Peer};
 use super::feed::{Feed, Viewer};
 use super::gate::{Gate, Refusal};
 use crate::assets;
-use crate::engine::Operator;
+use crate::engine::{Operator, Phase};
 use crate::monitor::metrics::metrics;
 use crate::record::{Note, NoteLevel};
 use crate::rt::os::monotonic_ns;
@@ -178,7 +178,13 @@ async fn operate(
         return Err(refusal);
     }
     if site.feed.board.ended().is_some() {
-        return Err(Refusal(StatusCode::CONFLICT, "the test is over"));
+        return Err(Refusal(StatusCode::CONFLICT, OVER));
+    }
+    let phase = site.feed.board.phase();
+    if let Some(why) = unheard(request, phase) {
+        let refused = note(NoteLevel::Info, "control_request").with("accepted", false);
+        let _full = site.notes.try_send(refused.with("why", why));
+        return Err(Refusal(StatusCode::CONFLICT, why));
     }
     let accepted = site.operator.try_send(request).is_ok();
     let _full = site
@@ -189,10 +195,23 @@ async fn operate(
     } else {
         StatusCode::SERVICE_UNAVAILABLE
     };
-    let phase = site.feed.board.phase().word();
     let kind = [(header::CONTENT_TYPE, "application/json")];
-    let answer = json!({ "accepted": accepted, "phase": phase }).to_string();
+    let answer = json!({ "accepted": accepted, "phase": phase.word() }).to_string();
     Ok((status, kind, answer).into_response())
+}
+
+const OVER: &str = "the test is over";
+
+/// Why the loop would not hear this in such a phase, if it would not.
+fn unheard(request: Operator, phase: Phase) -> Option<&'static str> {
+    match phase {
+        _ if phase.can_be_held() || !matches!(request, Operator::Hold | Operator::Continue) => None,
+        Phase::Leaving => {
+            Some("the way out is neither held nor gone on with; STOP freezes it where it is")
+        }
+        Phase::Tripped => Some("the test has tripped"),
+        _ => Some(OVER),
+    }
 }
 
 impl IntoResponse for Refusal {
@@ -210,6 +229,17 @@ impl IntoResponse for Refusal {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_the_loop_would_not_hear_is_not_accepted() {
+        for phase in Phase::ALL {
+            assert_eq!(unheard(Operator::Stop, phase), None);
+            for request in [Operator::Hold, Operator::Continue] {
+                let heard = unheard(request, phase).is_none();
+                assert_eq!(heard, phase.can_be_held(), "{phase:?}");
+            }
+        }
+    }
 
     #[test]
     fn refusals_are_told_one_by_one_and_then_every_ten_seconds_with_their_number() {

@@ -19,7 +19,7 @@ use super::line::Line;
 use super::{Desk, Heard};
 use crate::link::Transport;
 use crate::link::inbox::Inbox;
-use crate::link::rig::{Close, Station};
+use crate::link::rig::{Close, Station, Trip};
 use crate::record::NoteLevel;
 use crate::substructure::{LinkFault, Measurement, Status};
 use crate::time::Nanos;
@@ -153,12 +153,22 @@ impl Stand {
             self.commands, self.missed, self.corrupt
         );
         self.station.note(NoteLevel::Info, "counts", &counts);
-        self.station.end(close, &text);
+        let lost = self
+            .station
+            .tripped()
+            .filter(|trip| matches!(trip, Trip::Lost(_)));
+        // The log has the trip already, and says it before whatever else is said.
+        let what_else = match lost {
+            Some(trip) if self.station.whole(trip) == text => "the controller was told",
+            _ => &text,
+        };
+        self.station.end(close, what_else);
         let ended = Heard::Ended {
             text,
             commands: self.commands,
             missed: self.missed,
             corrupt: self.corrupt,
+            is_lost: lost.is_some(),
         };
         (ended, self.line)
     }
