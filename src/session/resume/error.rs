@@ -1,0 +1,106 @@
+//! Why a test cannot go on.
+
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+use crate::config::ConfigError;
+use crate::record::{FolderError, MissingEnd};
+use crate::session::desk::Unanswered;
+use crate::session::replay::ReplayError;
+
+/// Why a test cannot go on. Nothing was moved.
+#[derive(Debug, Error)]
+pub enum ResumeError {
+    /// It is no run folder, it was changed, or it does not come out again.
+    #[error(transparent)]
+    Replay(#[from] ReplayError),
+    /// It ended as it should.
+    #[error("{}: this test is complete: there is nothing to go on with", .0.display())]
+    Complete(PathBuf),
+    /// It still runs.
+    #[error("{}: this test is running", .0.display())]
+    Running(PathBuf),
+    /// Whether it still runs is not known.
+    #[error("{}: {unanswered}, but nothing says that it is over: end it, or its process, first", folder.display())]
+    Unanswered {
+        /// The folder.
+        folder: PathBuf,
+        /// Why there is no answer.
+        unanswered: Unanswered,
+    },
+    /// It ended before t = 0.
+    #[error("{}: this test ended before its first step: run it again from its beginning", .0.display())]
+    NotBegun(PathBuf),
+    /// Nothing says what its files were.
+    #[error("{}: its events do not say which files it was made of, so that nothing proves that they are the same", .0.display())]
+    Unproven(PathBuf),
+    /// Another test than the one that was interrupted.
+    #[error("{} is not the test that was interrupted: its SHA-256 is {found}, but that of {} is {wanted}", given.display(), kept.display())]
+    AnotherTest {
+        /// As given.
+        given: PathBuf,
+        /// The copy in the run folder.
+        kept: PathBuf,
+        /// Of the copy.
+        wanted: String,
+        /// Of the file as given.
+        found: String,
+    },
+    /// Its summary, which would say how it ended, cannot be read.
+    #[error("{}/summary.json is damaged: {fault}: whether the test was interrupted is not known", folder.display())]
+    Summary {
+        /// The folder.
+        folder: PathBuf,
+        /// What is wrong.
+        fault: String,
+    },
+    /// Rows at its end are missing, and what was done to the specimens in those steps is not known.
+    #[error("{}: {missing}: what the specimens went through after that cannot be retraced", folder.display())]
+    Short {
+        /// The folder.
+        folder: PathBuf,
+        /// What is missing.
+        missing: MissingEnd,
+    },
+    /// It had tripped, and nobody says that it may go on all the same.
+    #[error("{}: this test had tripped ({reason}): look at its specimens, and say {wanted} if it may go on", folder.display())]
+    Tripped {
+        /// The folder.
+        folder: PathBuf,
+        /// How it ended.
+        reason: String,
+        /// What must be said.
+        wanted: String,
+    },
+    /// A trip that was none.
+    #[error("{}: no \"{named}\" ended this test: {reason}", folder.display())]
+    AnotherTrip {
+        /// The folder.
+        folder: PathBuf,
+        /// As it was named.
+        named: String,
+        /// How it ended.
+        reason: String,
+    },
+    /// The record is damaged before its first checkpoint.
+    #[error("{}: {trouble}, and no checkpoint before it: there is nothing to go on with", folder.display())]
+    Damaged {
+        /// The folder.
+        folder: PathBuf,
+        /// What is wrong.
+        trouble: String,
+    },
+}
+
+impl From<FolderError> for ResumeError {
+    fn from(error: FolderError) -> Self {
+        Self::Replay(error.into())
+    }
+}
+
+impl From<ConfigError> for ResumeError {
+    fn from(error: ConfigError) -> Self {
+        Self::Replay(error.into())
+    }
+}
