@@ -11,6 +11,7 @@ fn simulink_polls_are_served_as_recorded() {
         let mut last = SimulinkEvent::NeedMore;
         let mut ended = false;
         let mut commits = 0;
+        let mut courses = Vec::new();
         for message in &capture.messages {
             let values = doubles(&message.bytes);
             let context = format!("simulink: {}", message.what);
@@ -28,8 +29,9 @@ fn simulink_polls_are_served_as_recorded() {
                 };
                 let name = match event {
                     SimulinkEvent::Ready(_) => "sizes",
-                    SimulinkEvent::Target => {
+                    SimulinkEvent::Target(course) => {
                         assert_eq!(machine.signals(), &values[1..2], "{context}");
+                        courses.push(course);
                         "setTrialResponse"
                     }
                     SimulinkEvent::AtTarget => "getDaqResponse",
@@ -65,6 +67,8 @@ fn simulink_polls_are_served_as_recorded() {
         }
         // Five steps; the commit of the fifth is in the gap of the recording.
         assert!(ended && commits == 4);
+        assert_eq!(courses[..2], [Course::First, Course::Repeat]);
+        assert_eq!(courses[2..], [Course::Step; 5]);
     }
 }
 

@@ -8,8 +8,8 @@ use thiserror::Error;
 use super::host::{Host, HostFault};
 use crate::wire::WireError;
 use crate::wire::openfresco::{
-    Actor, ActorEvent, Carrier, Course, Event, Interface, Response, Server, ServerDialect,
-    Simulink, SimulinkEvent, Sizes,
+    Actor, ActorEvent, Carrier, Course, Event, Interface, Server, ServerDialect, Simulink,
+    SimulinkEvent, Sizes,
 };
 
 /// Which program a server takes the place of.
@@ -74,17 +74,7 @@ pub(super) enum Machine {
         machine: Simulink,
         signals: Vec<f64>,
         sizes: Option<Sizes>,
-        tracker: Targets,
     },
-}
-
-/// What `SimSimulink` has commanded since its last commit.
-#[derive(Debug, Default)]
-pub(super) struct Targets {
-    /// A command has come since.
-    commanded: bool,
-    /// Test time of that commit in s.
-    base: f64,
 }
 
 /// Site tag that our actor names itself with.
@@ -108,7 +98,6 @@ impl Machine {
                 machine: Simulink::new(carrier, interface),
                 signals: Vec::new(),
                 sizes: None,
-                tracker: Targets::default(),
             },
         }
     }
@@ -135,8 +124,7 @@ impl Machine {
                 machine,
                 signals,
                 sizes,
-                tracker,
-            } => hear_simulink(machine, signals, sizes, tracker, bytes, host),
+            } => hear_simulink(machine, signals, sizes, bytes, host),
         }
     }
 }
@@ -212,7 +200,6 @@ fn hear_simulink<'a>(
     machine: &'a mut Simulink,
     signals: &mut Vec<f64>,
     sizes: &mut Option<Sizes>,
-    tracker: &mut Targets,
     bytes: &[u8],
     host: &mut Host,
 ) -> Result<Heard<'a>, ExchangeFault> {
@@ -228,19 +215,8 @@ fn hear_simulink<'a>(
             *sizes = Some(found);
             (Said::Ready(found), SILENT)
         }
-        SimulinkEvent::Target => {
-            if let Some(sizes) = sizes {
-                let target = Response::split(sizes.ctrl(), machine.signals());
-                let course = if tracker.commanded {
-                    Course::Iteration
-                } else {
-                    Course::Step
-                };
-                let timed = sizes.ctrl().time == 1;
-                let dt = timed.then_some(target.time - tracker.base);
-                host.trial(course, &target, dt)?;
-                tracker.commanded = true;
-            }
+        SimulinkEvent::Target(course) => {
+            host.trial(course, &machine.trial(), machine.dt())?;
             (Said::Nothing, SILENT)
         }
         SimulinkEvent::AtTarget => {
@@ -253,14 +229,133 @@ fn hear_simulink<'a>(
         SimulinkEvent::SwitchedBack => (Said::Nothing, machine.answer_switch(false)?),
         SimulinkEvent::Commit => {
             host.commit();
-            tracker.commanded = false;
-            if let Some(sizes) = sizes {
-                tracker.base = Response::split(sizes.ctrl(), machine.signals()).time;
-            }
             (Said::Nothing, SILENT)
         }
         SimulinkEvent::Ignored(code) => (Said::Ignored(code), SILENT),
         SimulinkEvent::Finished => (Said::Finished, SILENT),
     };
     Ok(Heard { used, said, reply })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::link::openfresco::Nature;
+    use crate::link::rig::Visitor;
+    use crate::specimen::SpecimenLaw;
+
+    const LINEAR: &str = "law = { linear = { stiffness_n_per_m = 8000.0 } }";
+    const VISCOUS: &str = "law = { viscous = { damping_n_s_per_m = 50.0 } }";
+    /// Doubles of a vector.
+    const N: usize = 4;
+
+    /// A client of one axis that commands displacements and, if it is `timed`, times, and wants forces.
+    struct Client {
+        machine: Machine,
+        host: Host,
+        timed: i32,
+    }
+
+    impl Client {
+        fn new(role: Role, law: &str, nature: Nature, timed: bool) -> Self {
+            let law: SpecimenLaw = toml::from_str(law).unwrap();
+            let mut host = Host::new(law.build(1).unwrap(), nature, Some(0.01));
+            host.begin(&Visitor::unnamed(([127, 0, 0, 1], 1).into()))
+                .unwrap();
+            let mut machine = Machine::new(role, Carrier::Stream, 1);
+            let timed = i32::from(timed);
+            let sizes = [1, 0, 0, 0, timed, 0, 0, 0, 1, 0, N as i32];
+            let bytes: Vec<u8> = sizes.into_iter().flat_map(i32::to_le_bytes).collect();
+            machine.hear(&bytes, &mut host).unwrap();
+            Self {
+                machine,
+                host,
+                timed,
+            }
+        }
+
+        fn send(&mut self, code: f64, disp: f64, time: f64) -> Result<Vec<f64>, ExchangeFault> {
+            let values = [code, disp, time * f64::from(self.timed), 0.0];
+            let bytes: Vec<u8> = values.into_iter().flat_map(f64::to_le_bytes).collect();
+            let heard = self.machine.hear(&bytes, &mut self.host)?;
+            let words = heard.reply.chunks_exact(8);
+            Ok(words
+                .map(|word| f64::from_le_bytes(word.try_into().unwrap()))
+                .collect())
+        }
+
+        /// The force of a command, which is committed then.
+        fn step(&mut self, disp: f64, time: f64) -> f64 {
+            self.send(3.0, disp, time).unwrap();
+            // Behind the flag, where there is one.
+            let at = usize::from(matches!(self.machine, Machine::Simulink { .. }));
+            let force = self.send(6.0, 0.0, 0.0).unwrap()[at];
+            // The time stands where a command has it.
+            self.send(5.0, 0.0, time).unwrap();
+            force
+        }
+    }
+
+    #[test]
+    fn a_damper_whose_client_holds_its_command_is_at_rest_with_and_without_a_time() {
+        for role in [Role::Application, Role::Simulink] {
+            for timed in [false, true] {
+                let mut client = Client::new(role, VISCOUS, Nature::Simulated, timed);
+                let commands = [0.0, 0.001, 0.002, 0.002, 0.002, 0.001];
+                let forces = (0_i32..)
+                    .zip(commands)
+                    .map(|(k, disp)| client.step(disp, 0.01 * f64::from(k)));
+                let forces: Vec<f64> = forces.collect();
+                for (force, wanted) in forces.iter().zip([0.0, 5.0, 5.0, 0.0, 0.0, -5.0]) {
+                    assert!(
+                        (force - wanted).abs() < 1e-9,
+                        "{role:?} {timed}: {forces:?}"
+                    );
+                }
+            }
+        }
+        // Nobody commits here: each target is a step.
+        let mut client = Client::new(Role::Controller, VISCOUS, Nature::Simulated, false);
+        for (disp, wanted) in [(0.0, 0.0), (0.001, 5.0), (0.001, 0.0)] {
+            client.send(3.0, disp, 0.0).unwrap();
+            let force = client.send(6.0, 0.0, 0.0).unwrap()[0];
+            assert!((force - wanted).abs() < 1e-9, "{force} {wanted}");
+        }
+    }
+
+    #[test]
+    fn a_step_taken_back_ends_the_test_of_what_moves_whoever_asks() {
+        for role in [Role::Application, Role::Simulink] {
+            for timed in [false, true] {
+                for nature in [Nature::Simulated, Nature::Physical] {
+                    let mut client = Client::new(role, LINEAR, nature, timed);
+                    client.step(0.0, 0.0);
+                    client.step(0.0004, 0.01);
+                    client.send(3.0, 0.0008, 0.02).unwrap();
+                    client.send(3.0, 0.0009, 0.02).unwrap();
+                    let back = client.send(3.0, 0.0004, 0.01);
+                    match nature {
+                        Nature::Simulated => assert!(back.is_ok(), "{role:?}"),
+                        Nature::Physical => assert!(
+                            matches!(back, Err(ExchangeFault::Host(HostFault::TakenBack { .. }))),
+                            "{role:?} {timed}: {back:?}"
+                        ),
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_load_factor_that_falls_in_a_step_ends_no_test() {
+        for nature in [Nature::Simulated, Nature::Physical] {
+            let mut client = Client::new(Role::Application, LINEAR, nature, true);
+            client.step(0.0, 0.0);
+            client.step(0.0004, 49.0);
+            client.send(3.0, 0.0008, 56.0).unwrap();
+            client.send(3.0, 0.0008, 47.0).unwrap();
+            let force = client.send(6.0, 0.0, 0.0).unwrap()[0];
+            assert!((force - 6.4).abs() < 1e-12);
+        }
+    }
 }

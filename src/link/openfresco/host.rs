@@ -2,8 +2,8 @@
 //! to it.
 //!
 //! Invariant: the force that stands in [`Host::response`] belongs to the displacement beside it, however often and
-//! in whatever order it is asked for; and a specimen is evaluated once for each new command, never for a
-//! request. No socket, no bytes, no clock.
+//! in whatever order it is asked for; and a formula is evaluated once for each new command, what moves for each one that
+//! comes, neither ever for a request. No socket, no bytes, no clock.
 
 use thiserror::Error;
 
@@ -37,8 +37,11 @@ pub enum HostFault {
         /// Test time in s that the client goes back to.
         time: f64,
     },
-    /// Time runs backwards, past what was committed.
-    #[error("test time runs backwards to {time} s, past the last committed step")]
+    /// OpenSees gave up more than a step.
+    #[error(
+        "the client goes back to t = {time} s, past the last committed step, which a physical \
+         specimen cannot: the test must end here"
+    )]
     Reversed {
         /// Test time of the command, in s.
         time: f64,
@@ -229,17 +232,20 @@ impl Host {
             return Err(HostFault::Leap { time });
         }
         match (course, self.nature) {
-            (Course::Repeat, _) => return Ok(()),
-            (Course::Reversed, _) => return Err(HostFault::Reversed { time }),
+            (Course::Repeat, Nature::Simulated) => return Ok(()),
+            (Course::Reversed, Nature::Physical) => return Err(HostFault::Reversed { time }),
             (Course::TakenBack, Nature::Physical) => return Err(HostFault::TakenBack { time }),
-            (Course::TakenBack, Nature::Simulated) => {
+            (Course::TakenBack | Course::Reversed, Nature::Simulated) => {
                 self.tally.taken_back = self.tally.taken_back.saturating_add(1);
                 self.station.revert();
             }
-            (Course::First | Course::Step | Course::Iteration | Course::NewOrigin, _) => {}
+            // What moves may have done so since, and whoever watches it hears that its controller is there.
+            (Course::Repeat, Nature::Physical)
+            | (Course::First | Course::Step | Course::Iteration | Course::NewOrigin, _) => {}
         }
-        // A length that is zero or negative is never integrated over.
-        let dt = dt.or(self.step).filter(|dt| *dt > 0.0).unwrap_or(0.0);
+        // A length that is negative is that of a load factor, not of time; over zero nothing is integrated.
+        let known = dt.filter(|dt| *dt >= 0.0).or(self.step);
+        let dt = known.filter(|dt| *dt > 0.0).unwrap_or(0.0);
         self.time = time;
         copy(&mut self.disp, command.disp);
         copy(&mut self.accel, command.accel);
@@ -383,6 +389,50 @@ mod tests {
         host.commit();
         assert_eq!(host.tally().commands, 3);
         assert_eq!(host.tally().commits, 2);
+    }
+
+    #[test]
+    fn a_formula_passes_over_a_repeat_and_what_moves_measures_anew() {
+        for (nature, evaluated) in [(Nature::Simulated, 1), (Nature::Physical, 2)] {
+            let mut host = host(BILINEAR, 1, nature);
+            for course in [Course::Step, Course::Repeat] {
+                host.trial(course, &at(&[0.005], 0.01), Some(0.01)).unwrap();
+            }
+            assert_eq!(host.sequence, evaluated);
+            assert!((host.response().force[0] - 40.0).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_load_factor_that_falls_is_no_length_of_a_step() {
+        let law: SpecimenLaw =
+            toml::from_str("law = { viscous = { damping_n_s_per_m = 50.0 } }").unwrap();
+        let law = law.build(1).unwrap();
+        let mut host = Host::new(law, Nature::Simulated, Some(0.1));
+        host.begin(&visitor()).unwrap();
+        host.trial(Course::Iteration, &at(&[0.02], 40.0), Some(-7.0))
+            .unwrap();
+        // One step as the file says.
+        assert!((host.response().force[0] - 10.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_formula_follows_its_client_past_the_last_commit_and_what_moves_does_not() {
+        for nature in [Nature::Simulated, Nature::Physical] {
+            let mut host = host(BILINEAR, 1, nature);
+            host.trial(Course::Step, &at(&[0.004], 0.02), Some(0.02))
+                .unwrap();
+            host.commit();
+            let back = host.trial(Course::Reversed, &at(&[0.003], 0.01), Some(0.0));
+            match nature {
+                Nature::Simulated => {
+                    back.unwrap();
+                    assert!((host.response().force[0] - 24.0).abs() < 1e-12);
+                    assert_eq!(host.tally().taken_back, 1);
+                }
+                Nature::Physical => assert_eq!(back, Err(HostFault::Reversed { time: 0.01 })),
+            }
+        }
     }
 
     #[test]

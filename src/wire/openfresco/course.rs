@@ -15,17 +15,20 @@ pub enum Course {
     Step,
     /// Another try of the same step.
     Iteration,
-    /// All bits as the command before: nothing new.
+    /// All bits as the command before, and no time has passed: nothing new.
     Repeat,
-    /// The client gives the step up: it is back at the last commit, in time and displacement, and will go on
-    /// from there with another step length.
+    /// The client gives the step up: it is back at the last commit, and will go on from there with another step
+    /// length.
     TakenBack,
-    /// Time runs backwards past the last commit in the middle of a step. Nothing can be taken back so far.
+    /// In the middle of a step, time and motion run backwards past the last commit, to another place than that.
     Reversed,
     /// Time begins anew after a commit: OpenSees' `loadConst -time 0` between a gravity and a transient analysis
     /// does this. Nothing is wrong, but the length of this step is not known.
     NewOrigin,
 }
+
+/// OpenFresco's elements do not send a displacement again that has changed by no more than this.
+const UNSENT: f64 = f64::EPSILON;
 
 /// Follows commands and commits of one connection.
 #[derive(Debug)]
@@ -36,9 +39,14 @@ pub(super) struct Tracker {
     commands: u64,
     /// Commands since the last commit.
     trials: u32,
-    /// Time of the last commit, if it is known. A connection begins at 0.
+    /// Time of the last commit, if it is known, as the client counts: schemes that evaluate between or beyond two
+    /// steps commit at that time, and say the true one when they come back. A connection begins at 0.
     base: Option<f64>,
+    /// Time has begun anew since: it is later than `base`, whatever it says.
+    anew: bool,
     committed_disp: Vec<f64>,
+    /// A command since the last commit was elsewhere: there is something to take back.
+    away: bool,
     /// The last command was at the last commit: the opening zeros, or a step taken back.
     at_base: bool,
 }
@@ -50,7 +58,9 @@ impl Tracker {
             commands: 0,
             trials: 0,
             base: Some(0.0),
+            anew: false,
             committed_disp: vec![0.0; axes],
+            away: false,
             at_base: true,
         }
     }
@@ -61,61 +71,100 @@ impl Tracker {
         self.commands = self.commands.saturating_add(1);
         if first {
             self.trials = 1;
+            self.away = !self.is_home(new);
             self.at_base = match new.time() {
                 Some(time) => time == 0.0,
-                None => same_bits(new.response().disp, &self.committed_disp),
+                None => !self.away,
             };
             return Course::First;
         }
-        if new.same_bits(last) {
-            self.trials = self.trials.saturating_add(1);
+        if new.same_bits(last) && self.says_nothing_new(new) {
+            if self.trials > 0 {
+                self.trials = self.trials.saturating_add(1);
+            }
             return Course::Repeat;
         }
         if self.implicit && self.trials > 0 {
             self.commit(last, last.time());
         }
-        let course = self.compare(new, last);
-        if course == Course::NewOrigin {
-            self.base = None;
+        let home = self.is_home(new);
+        let course = self.compare(new, last, home);
+        let back = match course {
+            Course::TakenBack | Course::Reversed => true,
+            // Nothing but a look ahead from where it stands has been given up.
+            _ => self.trials > 0 && home && self.turns_back(new, last),
+        };
+        if back {
+            self.base = new.time();
         }
-        self.at_base = course == Course::TakenBack;
+        self.anew = (self.anew || course == Course::NewOrigin) && !back;
+        self.away = (self.away && !back) || !home;
+        self.at_base = back;
         self.trials = self.trials.saturating_add(1);
         course
     }
 
-    fn compare(&self, new: &Signals, last: &Signals) -> Course {
-        let disp = new.response().disp;
-        if let (Some(time), Some(last_time), Some(base)) = (new.time(), last.time(), self.base) {
-            if time < base {
-                return if self.trials == 0 {
-                    Course::NewOrigin
-                } else {
-                    Course::Reversed
-                };
+    /// Whether a command that is the last one again may be passed over. A client that sends no time and holds its
+    /// command has nothing but the commit to say that time goes on; of the same test time nothing is new.
+    fn says_nothing_new(&self, new: &Signals) -> bool {
+        new.time().is_some() || (self.trials > 0 && !self.implicit)
+    }
+
+    fn compare(&self, new: &Signals, last: &Signals, home: bool) -> Course {
+        let earlier = |time: Option<f64>| {
+            let times = new.time().zip(time);
+            times.is_some_and(|(new, other)| new < other)
+        };
+        if self.trials == 0 {
+            return if earlier(self.base) {
+                Course::NewOrigin
+            } else {
+                Course::Step
+            };
+        }
+        if home && self.away && self.turns_back(new, last) {
+            return Course::TakenBack;
+        }
+        // Of a static analysis under displacement control "time" is a load factor, which falls as it likes: only where
+        // velocities change with it, it is one.
+        if earlier(last.time()) && !self.anew && moves(new, last) {
+            if earlier(self.base) {
+                return Course::Reversed;
             }
-            if self.trials > 0 && time == base && last_time > base {
-                return Course::TakenBack;
-            }
-        } else {
-            // Without a time only the displacement tells. An iteration that comes back to the very bits of the
-            // committed displacement is not to be expected.
-            let back = same_bits(disp, &self.committed_disp);
-            let away = !same_bits(last.response().disp, &self.committed_disp);
-            if self.trials > 0 && back && away {
+            if new.time() == self.base {
                 return Course::TakenBack;
             }
         }
-        if self.trials == 0 || self.at_base {
+        if self.at_base {
             Course::Step
         } else {
             Course::Iteration
         }
     }
 
+    /// True if time does what it does in no step that goes on; a step that is led by its load factor may come back to
+    /// that of the last commit from below. Without a time only the displacement tells: an iteration that comes back to
+    /// that of the last commit is not to be expected.
+    fn turns_back(&self, new: &Signals, last: &Signals) -> bool {
+        match (new.time(), last.time()) {
+            (Some(time), Some(last)) => time < last || (time != last && self.base == Some(time)),
+            _ => true,
+        }
+    }
+
+    /// True for the displacement of the last commit.
+    fn is_home(&self, new: &Signals) -> bool {
+        let disp = new.response().disp.iter();
+        disp.zip(&self.committed_disp)
+            .all(|(new, committed)| (new - committed).abs() <= UNSENT)
+    }
+
     /// The last command is accepted at `time`, if there is one. Returns how many commands came since the last
     /// commit. Real-time: yes.
     pub(super) fn commit(&mut self, last: &Signals, time: Option<f64>) -> u32 {
         self.base = time;
+        self.anew = false;
+        self.away = false;
         for (kept, new) in self.committed_disp.iter_mut().zip(last.response().disp) {
             *kept = *new;
         }
@@ -124,6 +173,13 @@ impl Tracker {
 
     /// Test time from the last commit to `trial`, if both are known. Real-time: yes.
     pub(super) fn dt(&self, trial: &Signals) -> Option<f64> {
-        Some(trial.time()? - self.base?)
+        let base = self.base.filter(|_| !self.anew)?;
+        Some(trial.time()? - base)
     }
+}
+
+/// True if velocities or accelerations have changed.
+fn moves(new: &Signals, last: &Signals) -> bool {
+    let (new, last) = (new.response(), last.response());
+    !(same_bits(new.vel, last.vel) && same_bits(new.accel, last.accel))
 }

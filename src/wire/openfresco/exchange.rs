@@ -1,7 +1,8 @@
 //! The part of an exchange that all dialects share: one half for whoever serves, one for whoever asks.
 
 use super::action::{Action, Matrix, Reading};
-use super::course::{Course, Tracker};
+use super::course::Course;
+use super::followed::Followed;
 use super::inbox::{Carrier, Inbox};
 use super::sizes::Counts;
 use super::vector::{Response, Signals, read_matrix, write_action, write_matrix, write_vector};
@@ -20,10 +21,7 @@ enum Debt {
 #[derive(Debug)]
 pub(super) struct Served {
     daq: Counts,
-    trial: Signals,
-    incoming: Signals,
-    tracker: Tracker,
-    course: Option<Course>,
+    followed: Followed,
     outbox: Vec<u8>,
     debt: Option<Debt>,
 }
@@ -33,10 +31,7 @@ impl Served {
     pub(super) fn new(ctrl: Counts, daq: Counts, data_size: usize, implicit: bool) -> Self {
         Self {
             daq,
-            trial: Signals::zeros(ctrl),
-            incoming: Signals::zeros(ctrl),
-            tracker: Tracker::new(ctrl.disp, implicit),
-            course: None,
+            followed: Followed::new(ctrl, implicit),
             outbox: vec![0; 8 * data_size],
             debt: None,
         }
@@ -44,16 +39,12 @@ impl Served {
 
     /// A command has come. Real-time: yes.
     pub(super) fn command(&mut self, vector: &[u8]) -> Result<Course, WireError> {
-        self.incoming.read("trial response", vector, 1)?;
-        let course = self.tracker.judge(&self.incoming, &self.trial);
-        std::mem::swap(&mut self.incoming, &mut self.trial);
-        self.course = Some(course);
-        Ok(course)
+        self.followed.command("trial response", vector)
     }
 
     /// A commit has come; returns the number of commands since the last one. Real-time: yes.
     pub(super) fn commit(&mut self, vector: &[u8]) -> Result<u32, WireError> {
-        let counts = self.trial.counts();
+        let counts = self.followed.counts();
         let time = if counts.time == 1 {
             let time = get_f64(vector, 8 * (1 + counts.before_time()))?;
             finite("time of the commit", &[time])?;
@@ -61,7 +52,7 @@ impl Served {
         } else {
             None
         };
-        Ok(self.tracker.commit(&self.trial, time))
+        Ok(self.followed.commit(time))
     }
 
     pub(super) fn owe_signals(&mut self) {
@@ -70,7 +61,7 @@ impl Served {
 
     /// An error if the matrix does not fit into a vector.
     pub(super) fn owe_matrix(&mut self) -> Result<(), WireError> {
-        let n = self.trial.counts().disp;
+        let n = self.followed.counts().disp;
         super::sizes::inside(
             "data size N",
             n.saturating_mul(n),
@@ -82,15 +73,15 @@ impl Served {
     }
 
     pub(super) fn trial(&self) -> Response<'_> {
-        self.trial.response()
+        self.followed.trial()
     }
 
     pub(super) fn signals(&self) -> &[f64] {
-        self.trial.values()
+        self.followed.signals()
     }
 
     pub(super) fn dt(&self) -> Option<f64> {
-        self.tracker.dt(&self.trial)
+        self.followed.dt()
     }
 
     /// Encodes the answer that is owed. Real-time: yes.
@@ -103,7 +94,7 @@ impl Served {
     /// Encodes the matrix that is owed. Real-time: yes.
     pub(super) fn answer_matrix(&mut self, rows: &[f64]) -> Result<&[u8], WireError> {
         self.settle(Debt::Matrix)?;
-        write_matrix(&mut self.outbox, self.trial.counts().disp, rows)?;
+        write_matrix(&mut self.outbox, self.followed.counts().disp, rows)?;
         Ok(&self.outbox)
     }
 

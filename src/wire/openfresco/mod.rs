@@ -28,6 +28,7 @@ mod actor;
 mod client;
 mod course;
 mod exchange;
+mod followed;
 mod hello;
 mod inbox;
 mod opening;

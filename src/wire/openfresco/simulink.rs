@@ -5,10 +5,12 @@
 //! held back until it can say "yes".
 
 use super::action::{Action, Reading};
+use super::course::Course;
+use super::followed::Followed;
 use super::inbox::Carrier;
 use super::opening::{Came, NOT_READY, Opening};
 use super::sizes::{Counts, Interface, Sizes};
-use super::vector::{Signals, read_lead};
+use super::vector::{Response, read_lead};
 use crate::wire::WireError;
 use crate::wire::bytes::{finite, put_doubles, same_length};
 
@@ -21,8 +23,8 @@ pub enum SimulinkEvent {
     Greeted,
     /// The sizes are known and fit.
     Ready(Sizes),
-    /// A new target: [`Simulink::signals`] holds it. Raise `newTarget`.
-    Target,
+    /// A new target: [`Simulink::trial`] holds it. Raise `newTarget`.
+    Target(Course),
     /// 6: answer with [`Simulink::answer_signals`]; the flag is `atTarget`. Asked until it is 1.
     AtTarget,
     /// 4.1: answer with [`Simulink::answer_switch`]; the flag is `switchPC`. Asked until it is 1: target taken.
@@ -52,7 +54,7 @@ enum Debt {
 pub struct Simulink {
     opening: Opening,
     outbox: Vec<u8>,
-    target: Signals,
+    followed: Followed,
     daq_total: usize,
     debt: Option<Debt>,
 }
@@ -64,7 +66,7 @@ impl Simulink {
         Self {
             opening: Opening::new(carrier, interface),
             outbox: Vec::new(),
-            target: Signals::zeros(Counts::default()),
+            followed: Followed::new(Counts::default(), false),
             daq_total: 0,
             debt: None,
         }
@@ -92,7 +94,19 @@ impl Simulink {
     /// The target's signals, in the order of the control points; zeros before the first.
     #[must_use]
     pub fn signals(&self) -> &[f64] {
-        self.target.values()
+        self.followed.signals()
+    }
+
+    /// The same, signal by signal.
+    #[must_use]
+    pub fn trial(&self) -> Response<'_> {
+        self.followed.trial()
+    }
+
+    /// Test time from the last commit to the target; see [`super::Server::dt`].
+    #[must_use]
+    pub fn dt(&self) -> Option<f64> {
+        self.followed.dt()
     }
 
     /// Encodes the answer to 6: the flag `atTarget` and the measured signals, in the order of the control points.
@@ -164,7 +178,7 @@ impl Simulink {
             super::MAX_DATA_SIZE,
             sizes.data_size() as i64,
         )?;
-        self.target = Signals::zeros(*sizes.ctrl());
+        self.followed = Followed::new(*sizes.ctrl(), false);
         self.daq_total = sizes.daq().total();
         self.outbox.resize(sizes.vector_len(), 0);
         self.opening.ready(&sizes);
@@ -175,10 +189,7 @@ impl Simulink {
         let vector = self.opening.vector();
         let code = read_lead(vector)?;
         Ok(match Action::exact(code)? {
-            Some(Action::Trial) => {
-                self.target.read("target", vector, 1)?;
-                SimulinkEvent::Target
-            }
+            Some(Action::Trial) => SimulinkEvent::Target(self.followed.command("target", vector)?),
             Some(Action::Read(Reading::All)) => {
                 self.debt = Some(Debt::Signals);
                 SimulinkEvent::AtTarget
@@ -192,7 +203,11 @@ impl Simulink {
                 self.debt = Some(Debt::Switch);
                 SimulinkEvent::SwitchedBack
             }
-            Some(Action::Commit) => SimulinkEvent::Commit,
+            Some(Action::Commit) => {
+                // It says no time of its own.
+                self.followed.commit(self.followed.time());
+                SimulinkEvent::Commit
+            }
             Some(Action::Execute) => SimulinkEvent::Execute,
             Some(Action::Die) => {
                 self.opening.finish();

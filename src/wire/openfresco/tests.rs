@@ -1,5 +1,6 @@
 mod anything;
 mod both_ends;
+mod course;
 mod dialects;
 mod server;
 mod sizes;

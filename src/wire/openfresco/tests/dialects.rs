@@ -11,8 +11,7 @@ fn generic_tcp_commits_by_moving_on() {
     let mut send = |values: &[f64]| server.feed(&vector(4, values)).unwrap().1;
     assert_eq!(send(&[3.0, 0.0]), Event::Trial(Course::First));
     assert_eq!(send(&[6.0]), Event::Read(Reading::All));
-    assert_eq!(send(&[3.0, 0.0]), Event::Trial(Course::Repeat));
-    for disp in [0.1, 0.2, 0.1, 0.0, 0.1] {
+    for disp in [0.0, 0.1, 0.2, 0.2, 0.1, 0.0, 0.1] {
         assert_eq!(send(&[3.0, disp]), Event::Trial(Course::Step));
     }
     assert_eq!(send(&[99.0]), Event::Finished);
@@ -68,7 +67,10 @@ fn simulink_polls_are_told_apart_by_the_exact_double() {
         doubles(machine.answer_signals(true, &[0.5, 1.4]).unwrap()),
         [1.0, 0.5, 1.4, 0.0]
     );
-    assert_eq!(send(&mut machine, &[3.0, 0.25]), SimulinkEvent::Target);
+    assert_eq!(
+        send(&mut machine, &[3.0, 0.25]),
+        SimulinkEvent::Target(Course::First)
+    );
     assert_eq!(machine.signals(), [0.25]);
     assert_eq!(send(&mut machine, &[4.0]), SimulinkEvent::Execute);
     assert_eq!(send(&mut machine, &[4.1]), SimulinkEvent::TargetTaken);
