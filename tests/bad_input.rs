@@ -243,13 +243,16 @@ fn a_record_shorter_than_the_test_warns_and_ends_in_zeros() {
 }
 
 #[test]
-fn a_wrong_count_of_points_warns_with_both_numbers_and_a_word_is_refused() {
+fn a_wrong_count_of_points_is_refused_with_both_numbers_and_so_is_a_word() {
     let values = ["0.01"; 60].join(" ");
     for stated in ["80", "20", "0"] {
-        let word =
-            format!("the header says NPTS = {stated}, the file holds 60 values; all 60 are used");
-        warned(
-            &peer(&format!("NPTS= {stated}, DT= .01 SEC"), &values),
+        let record = peer(&format!("NPTS= {stated}, DT= .01 SEC"), &values);
+        let word = format!("the header announces NPTS = {stated} values, the file holds 60");
+        refused(
+            &with_record("a.at2"),
+            &[("a.at2", &record)],
+            "path = \"a.at2\"",
+            "\"a.at2\"",
             &[&word],
         );
     }
@@ -272,6 +275,18 @@ fn a_wrong_count_of_points_warns_with_both_numbers_and_a_word_is_refused() {
             &[words],
         );
     }
+}
+
+#[test]
+fn a_record_with_decimal_commas_is_refused_where_the_first_stands() {
+    let record = peer("NPTS= 60, DT= .01 SEC", "  0,0000000E+00  2,9552021E-03");
+    refused(
+        &with_record("a.at2"),
+        &[("a.at2", &record)],
+        "path = \"a.at2\"",
+        "\"a.at2\"",
+        &["a.at2:5:4: wanted a decimal point", "\"0,0000000E+00\""],
+    );
 }
 
 #[test]
