@@ -165,6 +165,16 @@ fn run_and_check_with_json_print_one_document_and_nothing_else() {
 }
 
 #[test]
+fn a_drill_breaks_down_in_no_rehearsal() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = FRAME.replace("storey = 1\n", "storey = 1\ndrill.panic_at_s = 0.1\n");
+    let test = write(folder.path(), "test.toml", &text);
+    let said = say(["check".as_ref(), test.as_os_str()]);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    assert!(said.stdout.contains("rehearsal") && !said.stderr.contains("internal error"));
+}
+
+#[test]
 fn run_says_in_the_end_what_the_test_came_to_and_where_it_is_unless_it_is_to_be_quiet() {
     let folder = tempfile::tempdir().unwrap();
     let test = write(folder.path(), "test.toml", FRAME);
