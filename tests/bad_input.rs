@@ -441,3 +441,30 @@ fn nothing_of_a_file_reaches_the_terminal_that_the_terminal_would_obey() {
     assert!(!said.stderr.contains('\u{1b}'), "{:?}", said.stderr);
     assert!(said.stderr.contains("\\u{1b}[2J.toml"), "{}", said.stderr);
 }
+
+#[test]
+fn a_rate_beyond_any_machine_is_refused_and_a_long_window_of_misses_is_not() {
+    let words = ["is too fast", "at most 1e9 Hz on the simulated clock"];
+    wrong_line(FRAME, "rate_hz = 200", "rate_hz = 1e10", "1e10", &words);
+    let long = FRAME.replace("rate_hz = 200", "rate_hz = 1e7");
+    let long = long.replace("duration_s = 0.5", "duration_s = 1e-4");
+    let folder = tempfile::tempdir().unwrap();
+    let text = format!("{long}\n[timing]\nmiss_window_s = 3600\n");
+    let test = write(folder.path(), "test.toml", &text);
+    let said = say(["check".as_ref(), test.as_os_str()]);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let real = ["--clock".as_ref(), "real".as_ref()];
+    let said = say(["run".as_ref(), test.as_os_str(), real[0], real[1]]);
+    assert_eq!(said.code, Some(2), "{}", said.stderr);
+    assert!(said.stderr.contains("at most 1e6 Hz on the real clock"));
+}
+
+#[test]
+fn an_excitation_that_no_memory_holds_is_refused_before_it_is_laid_out() {
+    let words = [
+        "too long for its excitation",
+        "GiB",
+        "at most 44739242 steps",
+    ];
+    wrong_line(FRAME, "duration_s = 0.5", "duration_s = 1e6", "1e6", &words);
+}
