@@ -468,3 +468,23 @@ fn an_excitation_that_no_memory_holds_is_refused_before_it_is_laid_out() {
     ];
     wrong_line(FRAME, "duration_s = 0.5", "duration_s = 1e6", "1e6", &words);
 }
+
+#[test]
+fn warnings_of_a_prescribed_displacement_name_its_own_axis() {
+    let text = "time = { rate_hz = 128, duration_s = 2, clock = \"simulated\" }\n\
+        [[excitation.prescribed_displacement]]\nspecimen = \"p\"\naxis = 2\n\
+        signal.values = { values = [0, 1, 2, 3, 2, 0], dt_s = 0.2, unit = \"mm\" }\n\
+        [[specimen]]\nname = \"p\"\n\
+        laws = [{ linear = { stiffness_n_per_m = 1e5 } }, { linear = { stiffness_n_per_m = 1e5 } }]\n";
+    let folder = tempfile::tempdir().unwrap();
+    let test = write(folder.path(), "test.toml", text);
+    let said = say(["check".as_ref(), test.as_os_str()]);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    for words in [
+        "axis 2: values: the record ends at 1 s",
+        "axis 2 starts with",
+    ] {
+        assert!(said.stderr.contains(words), "{}", said.stderr);
+    }
+    assert!(!said.stderr.contains("axis 1"), "{}", said.stderr);
+}
