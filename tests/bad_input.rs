@@ -488,3 +488,29 @@ fn warnings_of_a_prescribed_displacement_name_its_own_axis() {
     }
     assert!(!said.stderr.contains("axis 1"), "{}", said.stderr);
 }
+
+#[test]
+fn a_slip_in_the_number_of_a_fault_is_refused_in_few_digits_with_both_bounds() {
+    let complaint = |fault: &str| {
+        let text = format!("title = \"a\"\n[[fault]]\nat = 3\nkind = {{ {fault} }}\n");
+        let script = gusset::config::parse_script(Path::new("fault.toml"), text);
+        script.unwrap_err().to_string()
+    };
+    for (fault, words) in [
+        (
+            "late = { ticks = 1e300 }",
+            "`ticks` is 1e300, but must be greater than 0 and less than 1e12",
+        ),
+        (
+            "late = { ticks = 0 }",
+            "`ticks` is 0, but must be greater than 0",
+        ),
+        (
+            "noise = { disp_m = -1 }",
+            "`disp_m` is -1, but must be at least 0",
+        ),
+    ] {
+        let said = complaint(fault);
+        assert!(said.contains(words), "{said}");
+    }
+}
