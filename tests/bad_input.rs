@@ -243,13 +243,16 @@ fn a_record_shorter_than_the_test_warns_and_ends_in_zeros() {
 }
 
 #[test]
-fn a_wrong_count_of_points_warns_with_both_numbers_and_a_word_is_refused() {
+fn a_wrong_count_of_points_is_refused_with_both_numbers_and_so_is_a_word() {
     let values = ["0.01"; 60].join(" ");
     for stated in ["80", "20", "0"] {
-        let word =
-            format!("the header says NPTS = {stated}, the file holds 60 values; all 60 are used");
-        warned(
-            &peer(&format!("NPTS= {stated}, DT= .01 SEC"), &values),
+        let record = peer(&format!("NPTS= {stated}, DT= .01 SEC"), &values);
+        let word = format!("the header announces NPTS = {stated} values, the file holds 60");
+        refused(
+            &with_record("a.at2"),
+            &[("a.at2", &record)],
+            "path = \"a.at2\"",
+            "\"a.at2\"",
             &[&word],
         );
     }
@@ -272,6 +275,18 @@ fn a_wrong_count_of_points_warns_with_both_numbers_and_a_word_is_refused() {
             &[words],
         );
     }
+}
+
+#[test]
+fn a_record_with_decimal_commas_is_refused_where_the_first_stands() {
+    let record = peer("NPTS= 60, DT= .01 SEC", "  0,0000000E+00  2,9552021E-03");
+    refused(
+        &with_record("a.at2"),
+        &[("a.at2", &record)],
+        "path = \"a.at2\"",
+        "\"a.at2\"",
+        &["a.at2:5:4: wanted a decimal point", "\"0,0000000E+00\""],
+    );
 }
 
 #[test]
@@ -425,4 +440,77 @@ fn nothing_of_a_file_reaches_the_terminal_that_the_terminal_would_obey() {
     let said = run(&folder.path().join("no\u{1b}[2J.toml"), &out, &[]);
     assert!(!said.stderr.contains('\u{1b}'), "{:?}", said.stderr);
     assert!(said.stderr.contains("\\u{1b}[2J.toml"), "{}", said.stderr);
+}
+
+#[test]
+fn a_rate_beyond_any_machine_is_refused_and_a_long_window_of_misses_is_not() {
+    let words = ["is too fast", "at most 1e9 Hz on the simulated clock"];
+    wrong_line(FRAME, "rate_hz = 200", "rate_hz = 1e10", "1e10", &words);
+    let long = FRAME.replace("rate_hz = 200", "rate_hz = 1e7");
+    let long = long.replace("duration_s = 0.5", "duration_s = 1e-4");
+    let folder = tempfile::tempdir().unwrap();
+    let text = format!("{long}\n[timing]\nmiss_window_s = 3600\n");
+    let test = write(folder.path(), "test.toml", &text);
+    let said = say(["check".as_ref(), test.as_os_str()]);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let real = ["--clock".as_ref(), "real".as_ref()];
+    let said = say(["run".as_ref(), test.as_os_str(), real[0], real[1]]);
+    assert_eq!(said.code, Some(2), "{}", said.stderr);
+    assert!(said.stderr.contains("at most 1e6 Hz on the real clock"));
+}
+
+#[test]
+fn an_excitation_that_no_memory_holds_is_refused_before_it_is_laid_out() {
+    let words = [
+        "too long for its excitation",
+        "GiB",
+        "at most 44739242 steps",
+    ];
+    wrong_line(FRAME, "duration_s = 0.5", "duration_s = 1e6", "1e6", &words);
+}
+
+#[test]
+fn warnings_of_a_prescribed_displacement_name_its_own_axis() {
+    let text = "time = { rate_hz = 128, duration_s = 2, clock = \"simulated\" }\n\
+        [[excitation.prescribed_displacement]]\nspecimen = \"p\"\naxis = 2\n\
+        signal.values = { values = [0, 1, 2, 3, 2, 0], dt_s = 0.2, unit = \"mm\" }\n\
+        [[specimen]]\nname = \"p\"\n\
+        laws = [{ linear = { stiffness_n_per_m = 1e5 } }, { linear = { stiffness_n_per_m = 1e5 } }]\n";
+    let folder = tempfile::tempdir().unwrap();
+    let test = write(folder.path(), "test.toml", text);
+    let said = say(["check".as_ref(), test.as_os_str()]);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    for words in [
+        "axis 2: values: the record ends at 1 s",
+        "axis 2 starts with",
+    ] {
+        assert!(said.stderr.contains(words), "{}", said.stderr);
+    }
+    assert!(!said.stderr.contains("axis 1"), "{}", said.stderr);
+}
+
+#[test]
+fn a_slip_in_the_number_of_a_fault_is_refused_in_few_digits_with_both_bounds() {
+    let complaint = |fault: &str| {
+        let text = format!("title = \"a\"\n[[fault]]\nat = 3\nkind = {{ {fault} }}\n");
+        let script = gusset::config::parse_script(Path::new("fault.toml"), text);
+        script.unwrap_err().to_string()
+    };
+    for (fault, words) in [
+        (
+            "late = { ticks = 1e300 }",
+            "`ticks` is 1e300, but must be greater than 0 and less than 1e12",
+        ),
+        (
+            "late = { ticks = 0 }",
+            "`ticks` is 0, but must be greater than 0",
+        ),
+        (
+            "noise = { disp_m = -1 }",
+            "`disp_m` is -1, but must be at least 0",
+        ),
+    ] {
+        let said = complaint(fault);
+        assert!(said.contains(words), "{said}");
+    }
 }

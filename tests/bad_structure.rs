@@ -180,3 +180,35 @@ fn an_asymmetric_matrix_is_shown_at_its_entry_and_beside_it_the_mirror() {
         );
     }
 }
+
+#[test]
+fn a_malformed_mass_matrix_is_blamed_on_itself_and_not_on_the_specimens() {
+    let mass = "mass = [[1000, 0], [0, 1000]]";
+    let law = "law = { linear = { stiffness_n_per_m = 1e5 } }";
+    let text = format!("{MATRICES}\n[[specimen]]\nname = \"s\"\nrows = [[1, 0]]\n{law}\n");
+    for (rows, words) in [
+        (
+            "[[1000, 0], [0]]",
+            "mass: row 2 has 1 entries, but row 1 has 2",
+        ),
+        ("[[1000, 0]]", "mass: must be square, but is 1 by 2"),
+    ] {
+        wrong_line(&text, mass, &format!("mass = {rows}"), rows, &[words]);
+    }
+}
+
+#[test]
+fn a_mass_whose_products_overflow_is_refused_and_nothing_hangs() {
+    for mass in ["1e308", "1.7e308"] {
+        wrong_line(
+            MATRICES,
+            "mass = [[1000, 0], [0, 1000]]",
+            &format!("mass = [[1000, 0], [0, {mass}]]"),
+            mass,
+            &["entry (2, 2)", mass, "must be at most 1e140"],
+        );
+        let wrong = format!("mass_kg = [1000.0, {mass}]");
+        let words = [mass, "must be at most 1e140"];
+        wrong_line(FRAME, "mass_kg = [1000.0, 900.0]", &wrong, mass, &words);
+    }
+}

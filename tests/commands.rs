@@ -72,6 +72,14 @@ fn wrong_usage_ends_with_2_and_says_what_is_allowed() {
         ),
         (&["jitter", "--rates", "256"], "--model"),
         (
+            &["jitter", "--rates", "256", "--duration", "0.1"],
+            "--rates is for --model",
+        ),
+        (
+            &["jitter", "--quick", "--rate", "256"],
+            "--quick is for --model",
+        ),
+        (
             &["jitter", "--model", "dome"],
             "[possible values: chain, frame]",
         ),
@@ -162,6 +170,26 @@ fn run_and_check_with_json_print_one_document_and_nothing_else() {
         json(&out, "summary.json"),
         "what is printed is what is archived"
     );
+}
+
+#[test]
+fn the_topics_are_listed_in_one_document_with_json() {
+    let document = only_json(&["verify", "--list", "--json"]);
+    let topics = document["topics"].as_array().unwrap();
+    assert!(topics.len() > 9);
+    for topic in topics {
+        assert!(topic["name"].is_string() && topic["title"].is_string());
+    }
+}
+
+#[test]
+fn a_drill_breaks_down_in_no_rehearsal() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = FRAME.replace("storey = 1\n", "storey = 1\ndrill.panic_at_s = 0.1\n");
+    let test = write(folder.path(), "test.toml", &text);
+    let said = say(["check".as_ref(), test.as_os_str()]);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    assert!(said.stdout.contains("rehearsal") && !said.stderr.contains("internal error"));
 }
 
 #[test]

@@ -33,14 +33,21 @@ const LOOK_TICKS: u64 = 200;
 /// Beyond this rate no clock of ours ticks.
 const HIGHEST_HZ: f64 = 1e6;
 
+/// Ticks per second, where none are asked for.
+const USUAL_RATES: [&str; 5] = ["256", "512", "1024", "2048", "4096"];
+
 /// Searches at all rates, from the highest, draws and writes.
 pub fn frontier(args: &JitterArgs, model: ModelArg) -> anyhow::Result<Exit> {
     let model = match model {
         ModelArg::Chain => Scalable::Chain,
         ModelArg::Frame => Scalable::Frame,
     };
-    let mut rates = Vec::with_capacity(args.rates.len());
-    for text in &args.rates {
+    let given: Vec<&str> = match args.rates.as_slice() {
+        [] => USUAL_RATES.to_vec(),
+        given => given.iter().map(String::as_str).collect(),
+    };
+    let mut rates = Vec::with_capacity(given.len());
+    for text in given {
         let rate = Ratio::parse(text).with_context(|| format!("--rates {text:?}"))?;
         if rate.value() > HIGHEST_HZ {
             let text = format!("--rates {text:?}: wanted at most {HIGHEST_HZ} Hz");

@@ -23,6 +23,11 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<Exit> {
     if let Some(model) = args.model {
         return frontier(args, model);
     }
+    // The parser lets `requires` pass where a key that excludes --model is given, too.
+    let of_model = [("--rates", !args.rates.is_empty()), ("--quick", args.quick)];
+    if let Some((flag, _)) = of_model.into_iter().find(|(_, given)| *given) {
+        anyhow::bail!("{flag} is for --model, which is not given");
+    }
     let rate = Ratio::parse(&args.rate).with_context(|| format!("--rate {:?}", args.rate))?;
     let timing = timing(args)?;
     let test = bare_loop(rate, args.duration, timing)

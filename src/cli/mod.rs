@@ -38,6 +38,7 @@ mod verify;
 
 use std::fmt::Display;
 use std::io::{self, IsTerminal, Write};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::process::ExitCode;
 
 use clap::Parser;
@@ -55,7 +56,20 @@ use crate::session::Request;
 #[must_use]
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
-    let result = match cli.command {
+    match caught(|| dispatch(cli.command)) {
+        Ok(exit) => exit.into(),
+        Err(error) => {
+            match error.downcast_ref::<exit::Mistakes>() {
+                Some(exit::Mistakes(pictures)) => tell(pictures),
+                None => tell(format_args!("error: {}", printable(&in_one_line(&error)))),
+            }
+            exit::of(&error).into()
+        }
+    }
+}
+
+fn dispatch(command: Command) -> anyhow::Result<Exit> {
+    match command {
         Command::Run(args) => run::run(&args),
         Command::Check(args) => check::check(&args),
         Command::Identify(args) => identify::identify(&args),
@@ -71,17 +85,16 @@ pub fn main() -> ExitCode {
         Command::Verify(args) => verify::verify(&args),
         Command::Benchmark(benchmark::Of::Vrths(args)) => benchmark::vrths(&args),
         Command::Schema => schema::schema(),
-    };
-    match result {
-        Ok(exit) => exit.into(),
-        Err(error) => {
-            match error.downcast_ref::<exit::Mistakes>() {
-                Some(exit::Mistakes(pictures)) => tell(pictures),
-                None => tell(format_args!("error: {}", printable(&in_one_line(&error)))),
-            }
-            exit::of(&error).into()
-        }
     }
+}
+
+/// What `command` comes to. A panic of ours is one whatever the command: a test that runs catches its own and retires the
+/// specimens, but a rehearsal of the same law comes here.
+fn caught(command: impl FnOnce() -> anyhow::Result<Exit>) -> anyhow::Result<Exit> {
+    catch_unwind(AssertUnwindSafe(command)).unwrap_or_else(|_told_by_the_hook| {
+        let text = "this is a fault of gusset itself, not of the test";
+        Err(exit::WithExit(Exit::Panic, text.to_owned()).into())
+    })
 }
 
 /// The error and what caused it; causes that it quotes already are not said twice.
@@ -118,5 +131,19 @@ fn answer(text: impl Display) -> io::Result<()> {
 fn warn(warnings: &Diagnostics) {
     if !warnings.0.is_empty() {
         tell(warnings.render(io::stderr().is_terminal()));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_panic_of_ours_is_exit_5_and_any_other_end_is_its_own() {
+        let broken = caught(|| panic!("a bug in a law"));
+        assert_eq!(exit::of(&broken.unwrap_err()), Exit::Panic);
+        assert_eq!(caught(|| Ok(Exit::Stopped)).unwrap(), Exit::Stopped);
+        let wrong = caught(|| anyhow::bail!("wrong usage"));
+        assert_eq!(exit::of(&wrong.unwrap_err()), Exit::Usage);
     }
 }

@@ -15,6 +15,14 @@ use crate::verify::{self, Check, Effort, Part, TOPICS, Tabulation, Verdict};
 /// Proves the topics that are asked for.
 pub fn verify(args: &VerifyArgs) -> anyhow::Result<Exit> {
     if args.list {
+        if args.json {
+            let topics = TOPICS
+                .iter()
+                .map(|topic| json!({ "name": topic.name, "title": topic.title }));
+            let document = json!({ "topics": topics.collect::<Vec<_>>() });
+            answer(format_args!("{document:#}"))?;
+            return Ok(Exit::Done);
+        }
         for topic in &TOPICS {
             answer(format_args!("{:16} {}", topic.name, topic.title))?;
         }

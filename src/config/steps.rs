@@ -28,6 +28,14 @@ const MOST_TICKS: u32 = 10_000;
 /// Step numbers are recorded as doubles, which count exactly up to here (2^53).
 const MOST_STEPS: f64 = 9_007_199_254_740_992.0;
 
+/// Most ticks a second of wall time: on the real clock beyond what any machine keeps, on the simulated one as finely as it counts.
+const fn highest_hz(clock: ClockChoice) -> f64 {
+    match clock {
+        ClockChoice::Real => 1e6,
+        ClockChoice::Simulated => 1e9,
+    }
+}
+
 impl Time {
     /// The time of a test.
     ///
@@ -84,6 +92,28 @@ impl Time {
             Finding::error(time.key("scale"), format!("scale · step {error}"))
                 .label(format!("{} times {} s, over {ticks}", table.scale.0, step))
         })?;
+        let highest = highest_hz(table.clock);
+        let rate = period.inverse().value();
+        if rate > highest * (1.0 + WHOLE) {
+            let key = if table.rate_hz.is_some() {
+                "rate_hz"
+            } else {
+                "step_s"
+            };
+            let text = format!(
+                "a tick every {:e} s of wall time is too fast",
+                period.value()
+            );
+            let clock = match table.clock {
+                ClockChoice::Real => "real",
+                ClockChoice::Simulated => "simulated",
+            };
+            return Err(Box::new(
+                Finding::error(time.key(key), text)
+                    .label(format!("{rate:e} Hz"))
+                    .help(format!("at most {highest:e} Hz on the {clock} clock")),
+            ));
+        }
         Ok(Self {
             step,
             period,

@@ -14,7 +14,7 @@ pub struct MissLevels {
     pub window_ticks: u64,
     /// More than so many in the window are warned of.
     pub warn_in_window: u64,
-    /// More than so many in the window end the test; this is also how many are remembered.
+    /// More than so many in the window end the test.
     pub most_in_window: u64,
 }
 
@@ -71,12 +71,20 @@ impl MissLevels {
     }
 }
 
-/// Ticks of the latest misses, one more than are allowed.
+/// Most entries that a window keeps: looked through at every miss, and there may be a window of an hour at any rate.
+const MOST_KEPT: u64 = 1 << 14;
+
+/// The latest misses, one more than are allowed. Where that is more than [`MOST_KEPT`], several in a row share an entry and
+/// leave the window together, with the last of them: up to one in so many is counted longer than it should be, never shorter.
 #[derive(Debug)]
 pub(super) struct MissWindow {
     ticks: u64,
-    latest: Vec<u64>,
-    next: usize,
+    /// Misses that share an entry.
+    share: u64,
+    /// Tick of the last one of each entry, and how many they are.
+    latest: Vec<(u64, u64)>,
+    /// The entry written last.
+    last: usize,
 }
 
 impl MissWindow {
@@ -86,12 +94,18 @@ impl MissWindow {
             0
         } else {
             // A window cannot hold more misses than ticks.
-            levels.most_in_window.min(levels.window_ticks) + 1
+            levels
+                .most_in_window
+                .min(levels.window_ticks)
+                .saturating_add(1)
         };
+        let share = kept.div_ceil(MOST_KEPT).max(1);
         Self {
             ticks: levels.window_ticks,
-            latest: Vec::with_capacity(usize::try_from(kept).unwrap_or(0)),
-            next: 0,
+            share,
+            // One more, for the entry that is being filled.
+            latest: Vec::with_capacity((kept.div_ceil(share) + u64::from(share > 1)) as usize),
+            last: 0,
         }
     }
 
@@ -101,16 +115,28 @@ impl MissWindow {
         if self.latest.capacity() == 0 {
             return 0;
         }
-        if self.latest.len() < self.latest.capacity() {
-            // Within its capacity a push does not allocate.
-            self.latest.push(tick);
-        } else if let Some(oldest) = self.latest.get_mut(self.next) {
-            *oldest = tick;
-            self.next = (self.next + 1) % self.latest.len();
+        match self.latest.get_mut(self.last) {
+            Some((at, count)) if *count < self.share => (*at, *count) = (tick, *count + 1),
+            _ => self.begin(tick),
         }
         let ticks = self.ticks;
-        let inside = |then: &&u64| tick.saturating_sub(**then) < ticks;
-        self.latest.iter().filter(inside).count() as u64
+        let inside = |(then, _): &&(u64, u64)| tick.saturating_sub(*then) < ticks;
+        let counts = self.latest.iter().filter(inside).map(|(_, count)| count);
+        counts.sum()
+    }
+
+    /// A new entry, in place of the oldest where there is no more room. Real-time: yes.
+    fn begin(&mut self, tick: u64) {
+        if self.latest.len() < self.latest.capacity() {
+            self.last = self.latest.len();
+            // Within its capacity a push does not allocate.
+            self.latest.push((tick, 1));
+            return;
+        }
+        self.last = (self.last + 1) % self.latest.len();
+        if let Some(oldest) = self.latest.get_mut(self.last) {
+            *oldest = (tick, 1);
+        }
     }
 }
 
@@ -136,6 +162,28 @@ mod tests {
         // At 110 the one at 10 is a hundred ticks old and outside; at 120 that at 20 would be.
         assert_eq!(counted, [1, 2, 3, 3, 4, 4, 1]);
         assert_eq!(MissWindow::new(&MissLevels::NONE).note(5), 0);
+    }
+
+    #[test]
+    fn a_window_of_any_length_takes_little_memory_and_still_counts_up_to_its_bound() {
+        let levels = |window_ticks, most_in_window| MissLevels {
+            window_ticks,
+            most_in_window,
+            ..MissLevels::NONE
+        };
+        for most in [MOST_KEPT - 2, MOST_KEPT, 100_000] {
+            let mut window = MissWindow::new(&levels(1_000_000, most));
+            for tick in 0..=most {
+                assert_eq!(window.note(tick), tick + 1);
+            }
+            // Those that share an entry with one that is inside are counted, and no more.
+            let found = window.note(1_000_000 + most / 2);
+            let exact = most - most / 2 + 1;
+            assert!((exact..=exact + window.share).contains(&found), "{found}");
+        }
+        let mut endless = MissWindow::new(&levels(u64::MAX, u64::MAX - 1));
+        assert!(endless.latest.capacity() as u64 <= MOST_KEPT + 1);
+        assert_eq!([endless.note(1), endless.note(2)], [1, 2]);
     }
 
     #[test]

@@ -50,6 +50,12 @@ pub enum CourseError {
         /// Half of them.
         largest: f64,
     },
+    /// No length at all.
+    #[error("the duration is {found} s, but must be finite and greater than 0")]
+    Duration {
+        /// What was asked for.
+        found: f64,
+    },
     /// Too short for its band.
     #[error(
         "{duration_s} s is too short for a band from {from_hz} Hz to {to_hz} Hz: at least {shortest:.3} s are needed"
@@ -123,8 +129,12 @@ impl Course {
                 largest: nyquist,
             });
         }
+        let is_length = duration > 0.0 && duration.is_finite();
+        if !is_length {
+            return Err(CourseError::Duration { found: duration });
+        }
         let shortest = (LINES / (to_hz - from_hz)).max(CYCLES / from_hz);
-        let enough = duration >= shortest && duration.is_finite();
+        let enough = duration >= shortest;
         if !enough {
             return Err(CourseError::TooShort {
                 duration_s: duration,

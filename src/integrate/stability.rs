@@ -132,6 +132,14 @@ impl LambdaChoice {
 /// Why no λ can be chosen.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum StabilityError {
+    /// S leaves the range of a double.
+    #[error(
+        "stability cannot be judged with a step of {dt} s: a mass, damping or stiffness is so large that          4 M + 2 Δt (C0 − C_t) + (4 Δt²/λ) K0 − Δt² K_t overflows"
+    )]
+    Overflow {
+        /// Δt in s.
+        dt: f64,
+    },
     /// A direction that K0 does not stiffen is unstable for every λ: the tangents exceed what M and C0 hold.
     #[error(
         "no lambda is stable at the declared bounds with a step of {dt} s: {} has a tangent that its initial \
@@ -203,7 +211,7 @@ impl StabilityProof {
     /// is on the safe side of the limit by at most a relative 1e-11, 1e-6 beyond 1000 degrees of freedom.
     ///
     /// # Errors
-    /// [`StabilityError::NoneAdmissible`].
+    /// See [`StabilityError`].
     pub fn limit(&self, gain: f64, parts: &[Part]) -> Result<Option<f64>, StabilityError> {
         self.limit_of(gain, &|visit| parts.iter().for_each(visit))
     }
@@ -214,6 +222,11 @@ impl StabilityProof {
             let matrix = fixed.plus(self.per_inverse() * inverse, &following);
             Spd::factor(&matrix).is_ok()
         };
+        let is_finite =
+            |matrix: &SymMatrix| matrix.entries().all(|(_, _, value)| value.is_finite());
+        if !(is_finite(&fixed) && is_finite(&following)) {
+            return Err(StabilityError::Overflow { dt: self.dt });
+        }
         if admissible(0.0) {
             return Ok(None);
         }
@@ -249,7 +262,7 @@ impl StabilityProof {
     /// `parts` name the elements, storeys and specimens that make up K_max and C_max.
     ///
     /// # Errors
-    /// [`StabilityError::NoneAdmissible`].
+    /// See [`StabilityError`].
     pub fn choose(
         &self,
         request: Option<Lambda>,
@@ -263,7 +276,7 @@ impl StabilityProof {
     /// has two million of them.
     ///
     /// # Errors
-    /// [`StabilityError::NoneAdmissible`].
+    /// See [`StabilityError`].
     pub fn choose_of(
         &self,
         request: Option<Lambda>,
@@ -351,12 +364,16 @@ impl StabilityProof {
 }
 
 /// Unit vector of the eigenvalue of S nearest to zero from below or above: inverse iteration on S + s I, with s just
-/// large enough to make it definite.
+/// large enough to make it definite. None where there is no such vector, or none that numbers can tell.
 fn near_null(matrix: &SymMatrix) -> Option<Vec<f64>> {
     let n = matrix.n();
     let norm = (0..n)
         .map(|i| matrix.row(i).map(|(_, v)| v.abs()).sum::<f64>())
         .fold(0.0, f64::max);
+    // No shift of such a matrix would grow beyond its norm.
+    if !(norm > 0.0 && norm.is_finite()) {
+        return None;
+    }
     let identity = SymMatrix::diagonal(&vec![1.0; n]);
     let mut shift = 1e-12 * norm;
     let mut factor = loop {
@@ -382,4 +399,31 @@ fn near_null(matrix: &SymMatrix) -> Option<Vec<f64>> {
         }
     }
     Some(vector)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_matrix_of_zeros_or_beyond_the_range_of_a_double_has_no_shape_and_no_limit() {
+        for entry in [0.0, f64::INFINITY, f64::MAX] {
+            assert_eq!(near_null(&SymMatrix::diagonal(&[entry, entry])), None);
+        }
+        let zeros = || SymMatrix::zeros(2);
+        let proof = StabilityProof {
+            mass: SymMatrix::diagonal(&[1.0, 1e308]),
+            damping: zeros(),
+            stiffness: SymMatrix::diagonal(&[1.0, 1.0]),
+            damping_bound: zeros(),
+            stiffness_bound: SymMatrix::diagonal(&[1.0, 1.0]),
+            dt: 0.01,
+            late_mass: None,
+            apart: None,
+        };
+        assert_eq!(
+            proof.limit(f64::INFINITY, &[]),
+            Err(StabilityError::Overflow { dt: 0.01 })
+        );
+    }
 }

@@ -26,6 +26,22 @@ pub enum MatrixError {
         /// What was found.
         found: f64,
     },
+    /// Of a size whose products leave the range of a double.
+    #[error(
+        "entry ({}, {}) is {found:e}, but must be at most {limit:e}: its products overflow",
+        row + 1,
+        column + 1
+    )]
+    TooLarge {
+        /// Row, from 0.
+        row: usize,
+        /// Column, from 0.
+        column: usize,
+        /// What was found.
+        found: f64,
+        /// Largest size that is computed with.
+        limit: f64,
+    },
     /// An entry and its mirror differ by more than roundoff.
     #[error(
         "must be symmetric, but entry ({i}, {j}) is {here} and entry ({j}, {i}) is {there}",

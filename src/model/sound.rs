@@ -3,6 +3,9 @@
 use super::{Acceleration, ModelError};
 use crate::linalg::{MatrixError, SymMatrix};
 
+/// Largest size of an entry: its square is far inside the range of a double, with room for 1/Δt² and sums.
+const LARGEST_ENTRY: f64 = 1e140;
+
 /// Mass, damping and stiffness (n × n) and the influence vector (n) of a structure, before they are believed.
 ///
 /// # Errors
@@ -55,11 +58,22 @@ pub(super) fn check_matrix(
             found: matrix.n(),
         });
     }
-    match matrix.entries().find(|(_, _, value)| !value.is_finite()) {
+    let is_inside = |value: f64| f64::abs(value) <= LARGEST_ENTRY;
+    match matrix.entries().find(|(_, _, value)| !is_inside(*value)) {
         None => Ok(()),
         Some((row, column, found)) => Err(ModelError::Entry {
             what,
-            source: MatrixError::NotFinite { row, column, found },
+            source: if found.is_finite() {
+                let limit = LARGEST_ENTRY;
+                MatrixError::TooLarge {
+                    row,
+                    column,
+                    found,
+                    limit,
+                }
+            } else {
+                MatrixError::NotFinite { row, column, found }
+            },
         }),
     }
 }

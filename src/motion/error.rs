@@ -68,6 +68,20 @@ pub enum MotionError {
         /// The word.
         found: String,
     },
+    /// A comma where a decimal point is expected: as a gap it would make two numbers of one.
+    #[error(
+        "{file}:{line}:{column}: wanted a decimal point, found a comma inside a number (a decimal comma?): {found:?}"
+    )]
+    DecimalComma {
+        /// Name of the file.
+        file: String,
+        /// Line, from 1.
+        line: usize,
+        /// Column of the comma, from 1.
+        column: usize,
+        /// The number with its comma.
+        found: String,
+    },
     /// A header that does not say what it must.
     #[error("{file}:{line}: wanted {wanted}, found {found:?}")]
     Header {
@@ -79,6 +93,23 @@ pub enum MotionError {
         wanted: &'static str,
         /// The line, or the part of it that disappoints.
         found: String,
+    },
+    /// A header that announces another number of values than follow.
+    #[error(
+        "{file}: the header announces NPTS = {announced} values, the file holds {found}: {}",
+        if found < announced {
+            "it ends too early (correct NPTS if it is whole)"
+        } else {
+            "too many (correct NPTS if they belong to it)"
+        }
+    )]
+    Count {
+        /// Name of the file.
+        file: String,
+        /// What the header says.
+        announced: usize,
+        /// How many there are.
+        found: usize,
     },
     /// A header that promises another number of bytes than follow.
     #[error("{file}: wanted {wanted} bytes of numbers, found {found}")]
@@ -98,8 +129,20 @@ pub enum MotionError {
         /// Name of the file.
         file: String,
     },
+    /// Times that fall or stand still.
+    #[error("{file}:{line}: times must rise from row to row, found {found:?} s after {before:?} s")]
+    NotRising {
+        /// Name of the file.
+        file: String,
+        /// The line that is not later than the row before it.
+        line: usize,
+        /// Time of the row before.
+        before: f64,
+        /// Time of this one.
+        found: f64,
+    },
     /// Times that are not equally spaced.
-    #[error("{file}:{line}: the time step is not uniform: wanted {wanted} s, found {found} s")]
+    #[error("{file}:{line}: the time step is not uniform: wanted {wanted:?} s, found {found:?} s")]
     NotUniform {
         /// Name of the file.
         file: String,

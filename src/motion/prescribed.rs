@@ -41,6 +41,19 @@ impl PrescribedSpec {
     /// # Errors
     /// See [`MotionError`].
     pub fn evaluate(&self, grid: Grid, files: &Files<'_>) -> Result<Prescribed, MotionError> {
+        self.evaluate_named(grid, files, |axis| format!("axis {}", axis + 1))
+    }
+
+    /// As [`PrescribedSpec::evaluate`]; warnings call the axis with index i, from 0, `name(i)`.
+    ///
+    /// # Errors
+    /// See [`MotionError`].
+    pub fn evaluate_named(
+        &self,
+        grid: Grid,
+        files: &Files<'_>,
+        name: impl Fn(usize) -> String,
+    ) -> Result<Prescribed, MotionError> {
         let axes = self.axes.len();
         if axes == 0 {
             return Err(MotionError::Length {
@@ -78,7 +91,7 @@ impl PrescribedSpec {
                 *v = w * *v + w_rate * *d;
                 *d *= w;
             }
-            let place = format!("axis {}", axis + 1);
+            let place = name(axis);
             let of_axis = |text: String| format!("{place}: {text}");
             prescribed
                 .warnings

@@ -1,9 +1,9 @@
 //! Strong-motion and table files: bytes and a name in, numbers out.
 //!
 //! No file is opened here. What a file does not say (its step, its unit, which of several columns) is asked
-//! of the caller and never guessed; what it says wrongly (a count of points) becomes a warning that names both
-//! numbers. Every error names the file and, where there is one, the line and column. Sizes are bounded
-//! before memory is taken; arbitrary bytes never panic.
+//! of the caller and never guessed; one that contradicts itself (in its count of points) is refused. Every error
+//! names the file and, where there is one, the line and column. Sizes are bounded before memory is taken; arbitrary
+//! bytes never panic.
 //!
 //! | format | is |
 //! |---|---|

@@ -96,7 +96,7 @@ fn bands_durations_and_specimens_that_cannot_be_are_refused() {
         &["--duration", "0.5"],
         &["0.5 s is too short", "at least"],
     );
-    refused(TEST, &["--duration", "inf"], &["too short"]);
+    refused(TEST, &["--duration", "inf"], &["inf s, but must be finite"]);
     refused(
         TEST,
         &["--specimen", "story"],

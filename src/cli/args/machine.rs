@@ -31,14 +31,8 @@ pub(in crate::cli) struct JitterArgs {
     /// Find the largest model that keeps 99.99 % of its deadlines, at each of --rates.
     #[arg(long, value_enum)]
     pub model: Option<ModelArg>,
-    /// For --model: ticks per second, separated by commas.
-    #[arg(
-        long,
-        value_delimiter = ',',
-        default_value = "256,512,1024,2048,4096",
-        value_name = "HZ",
-        requires = "model"
-    )]
+    /// For --model: ticks per second, separated by commas [default: 256,512,1024,2048,4096].
+    #[arg(long, value_delimiter = ',', value_name = "HZ", requires = "model")]
     pub rates: Vec<String>,
     /// For --model: prove each size with 1000 ticks instead of 10 000.
     #[arg(long, requires = "model")]

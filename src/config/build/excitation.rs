@@ -10,19 +10,41 @@ use crate::motion::{
     base_motion, parse_table,
 };
 
-/// Most steps of a test whose loads are laid out before it: 2 GiB for each of them.
-const MOST_STEPS: u64 = 1 << 28;
+/// Most numbers of all motions of a test together, which are laid out before it: 1 GiB.
+const MOST_NUMBERS: u64 = 1 << 27;
+
+/// Numbers that the motions take for each step while they are laid out, as far as that is decided by the file: values, their
+/// rates and a copy of each in the making.
+fn numbers_per_step(excitation: &ExcitationTable) -> u64 {
+    let ExcitationTable {
+        ground_acceleration,
+        base_displacement,
+        nodal_force,
+        nodal_table: _,
+        prescribed_displacement,
+    } = excitation;
+    let counts = [
+        3 * usize::from(ground_acceleration.is_some()),
+        4 * usize::from(base_displacement.is_some()),
+        2 * nodal_force.len(),
+        4 * prescribed_displacement.len(),
+    ];
+    counts.iter().sum::<usize>() as u64
+}
 
 /// The step grid of the test.
 pub(super) fn grid(site: &mut Site<'_>) -> Result<Grid, Refused> {
     let time = site.loaded.time;
-    if time.steps > MOST_STEPS && site.loaded.file.excitation != ExcitationTable::default() {
+    let per_step = numbers_per_step(&site.loaded.file.excitation).max(1);
+    let most = MOST_NUMBERS / per_step;
+    if time.steps > most && site.loaded.file.excitation != ExcitationTable::default() {
         let text = format!(
-            "a test of {} steps is too long for an excitation, which is laid out before it",
-            time.steps
+            "a test of {} steps is too long for its excitation, which is laid out before it: {:.1} GiB",
+            time.steps,
+            time.steps as f64 * per_step as f64 * 8.0 / f64::from(1 << 30)
         );
         let finding = Finding::error(path("time").key("duration_s"), text)
-            .label(format!("at most {MOST_STEPS} steps"))
+            .label(format!("at most {most} steps"))
             .help("a longer test may vibrate freely or under a static load");
         return site.refuse(finding);
     }

@@ -74,7 +74,7 @@ fn one(
     moved: &mut Moved<'_>,
 ) -> Result<(), Refused> {
     let is_stroke = table.at == PrescribedPlace::Actuators && moved.geometry.is_some();
-    let (slots, what) = match (is_stroke, moved.geometry) {
+    let (slots, what, one) = match (is_stroke, moved.geometry) {
         (true, Some(geometry)) => {
             let (actuators, width) = (geometry.actuators(), geometry.coordinates().len());
             if actuators > width {
@@ -86,10 +86,10 @@ fn one(
                 return site.refuse(Finding::error(at.key("at"), text));
             }
             moved.first.get_or_insert(at.clone());
-            (&mut moved.strokes, "actuators")
+            (&mut moved.strokes, "actuators", "actuator")
         }
-        (_, Some(_)) => (&mut moved.own, "coordinates"),
-        (_, None) => (&mut moved.own, "axes"),
+        (_, Some(_)) => (&mut moved.own, "coordinates", "coordinate"),
+        (_, None) => (&mut moved.own, "axes", "axis"),
     };
     let count = slots.len();
     let slot = table
@@ -105,7 +105,10 @@ fn one(
         ease_in_s: table.ease_in_s,
         ease_out_s: table.ease_out_s,
     };
-    let history = with_files(site, at, &table.signal, |files| spec.evaluate(grid, files))?;
+    let called = |_| format!("{one} {}", table.axis);
+    let history = with_files(site, at, &table.signal, |files| {
+        spec.evaluate_named(grid, files, called)
+    })?;
     let name = &table.specimen;
     let texts = history.warnings().iter();
     let texts = texts.map(|text| format!("specimen \"{name}\": {text}"));

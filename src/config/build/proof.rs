@@ -6,7 +6,7 @@ use super::{Refused, Site, path};
 use crate::config::{Finding, KeyPath, LambdaValue, Method, Severity};
 use crate::integrate::{
     ACCURATE_LAMBDA, Apart, GAIN_HYBRID, GAIN_NUMERICAL, Gui, Lambda, LambdaChoice, OnlineLimit,
-    StabilityProof, Start,
+    StabilityError, StabilityProof, Start,
 };
 use crate::linalg::{Spd, SymMatrix};
 use crate::model::{ModelError, Part, Structure};
@@ -115,6 +115,9 @@ pub(super) fn choose(
                 stiffness_bound,
                 online: online(proof, specimens),
             })
+        }
+        (Err(error @ StabilityError::Overflow { .. }), _) => {
+            site.refuse(Finding::error(path("structure"), error.to_string()))
         }
         (Err(error), Some(lambda)) => {
             let finding = Finding::warning(lambda_path(), error.to_string());

@@ -30,7 +30,14 @@ pub(super) fn structure(site: &mut Site<'_>, specimens: &Specimens) -> Result<St
         return site.refuse(Finding::error(at, "the structure has no masses"));
     };
     let files = matrix_files(site, &at.key(kind), spec)?;
-    let dofs = spec.dofs(&files).unwrap_or(0);
+    let dofs = match spec.dofs(&files) {
+        Ok(dofs) => dofs,
+        // Without masses nothing can be said of the specimens' rows.
+        Err(error) => {
+            let finding = build_finding(site, &at, kind, &error);
+            return site.refuse(finding);
+        }
+    };
     specimens.check_rows(site, dofs)?;
     let (at_rest, mass) = (specimens.stiffness_at_rest(dofs), specimens.mass(dofs));
     let share = SpecimenShare {
@@ -120,6 +127,17 @@ fn build_finding(site: &Site<'_>, at: &KeyPath, kind: &str, error: &BuildError) 
         BuildError::Model(ModelError::Declared {
             element: name, key, ..
         }) => element(name).key(key),
+        BuildError::Model(ModelError::Entry {
+            what,
+            source: MatrixError::TooLarge { row, column, .. },
+        }) => {
+            let matrix = given(site, &at.key(kind), what);
+            match matrix.last_key() {
+                Some(key) if key == *what => matrix.index(*row).index(*column),
+                _ if *what == "mass" => mass_of(site, *row),
+                _ => matrix,
+            }
+        }
         BuildError::Model(ModelError::Size { what, .. } | ModelError::Entry { what, .. }) => {
             given(site, &at.key(kind), what)
         }
@@ -169,7 +187,9 @@ fn matrix_finding(matrix: KeyPath, error: &BuildError, source: &MatrixError) -> 
         }
         MatrixError::NotSquare { .. } => Finding::error(matrix, text)
             .help("a matrix has one row and one column per degree of freedom"),
-        MatrixError::NotFinite { .. } => Finding::error(matrix, text),
+        MatrixError::NotFinite { .. } | MatrixError::TooLarge { .. } => {
+            Finding::error(matrix, text)
+        }
     }
 }
 

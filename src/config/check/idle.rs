@@ -12,7 +12,7 @@ use crate::config::diagnose::Finding;
 use crate::config::document::KeyPath;
 use crate::config::excitation::PrescribedPlace;
 use crate::config::safety::{ExitChoice, SafetyTable, ZeroChoice};
-use crate::config::schema::{RecordTable, TestFile};
+use crate::config::schema::{IntegratorTable, RecordTable, TestFile};
 use crate::config::specimen::SpecimenTable;
 use crate::config::timetable::{ClockChoice, TimeTable};
 use crate::config::value::LambdaValue;
@@ -41,21 +41,9 @@ impl Findings {
 pub(super) fn check_idle(file: &TestFile, clock_is_chosen: bool, findings: &mut Findings) {
     let root = KeyPath::root();
     check_time(file, &root.key("time"), findings);
-    let integrator = root.key("integrator");
     let is_remote = |specimen: &SpecimenTable| specimen.link.is_some();
     let remote = file.specimen.iter().any(is_remote);
-    findings.idle(
-        &integrator,
-        "gain_bound",
-        file.integrator.gain_bound.is_some() && file.integrator.lambda != LambdaValue::Auto,
-        "bounds an automatic λ, and `lambda` is given by number",
-    );
-    findings.idle(
-        &integrator,
-        "allow_unstable_lambda",
-        file.integrator.allow_unstable_lambda && !remote,
-        "only for a specimen behind a link: one that is computed gives a warning anyway",
-    );
+    check_integrator(file, remote, &root.key("integrator"), findings);
     check_excitation(file, &root.key("excitation"), findings);
     check_safety(file, &root.key("safety"), findings);
     check_timing(&file.timing, remote, &root.key("timing"), findings);
@@ -67,6 +55,52 @@ pub(super) fn check_idle(file: &TestFile, clock_is_chosen: bool, findings: &mut 
         "dofs",
         file.record.dofs.is_some() && file.structure.is_none(),
         "without a structure there are no DOFs",
+    );
+}
+
+fn check_integrator(file: &TestFile, remote: bool, at: &KeyPath, findings: &mut Findings) {
+    let IntegratorTable {
+        method,
+        lambda,
+        lambda_of_element,
+        lambda_of_mode,
+        allow_unstable_lambda,
+        gain_bound,
+        start,
+        rho_infinity,
+        weighting,
+        newton_tolerance,
+        newton_iterations,
+    } = &file.integrator;
+    if file.structure.is_none() {
+        let usual = IntegratorTable::default();
+        let keys = [
+            ("method", *method != usual.method),
+            ("lambda", *lambda != usual.lambda),
+            ("lambda_of_element", !lambda_of_element.is_empty()),
+            ("lambda_of_mode", !lambda_of_mode.is_empty()),
+            ("allow_unstable_lambda", *allow_unstable_lambda),
+            ("gain_bound", gain_bound.is_some()),
+            ("start", *start != usual.start),
+            ("rho_infinity", rho_infinity.is_some()),
+            ("weighting", weighting.is_some()),
+            ("newton_tolerance", newton_tolerance.is_some()),
+            ("newton_iterations", newton_iterations.is_some()),
+        ];
+        findings.all_idle(at, &keys, "nothing is integrated: there is no structure");
+        return;
+    }
+    findings.idle(
+        at,
+        "gain_bound",
+        gain_bound.is_some() && *lambda != LambdaValue::Auto,
+        "bounds an automatic λ, and `lambda` is given by number",
+    );
+    findings.idle(
+        at,
+        "allow_unstable_lambda",
+        *allow_unstable_lambda && !remote,
+        "only for a specimen behind a link: one that is computed gives a warning anyway",
     );
 }
 

@@ -170,6 +170,16 @@ fn keys_of_safety_that_nothing_follows_from_are_told_of() {
         "safety.divergence_m",
         "no structure",
     );
+    for (key, value) in [
+        ("lambda", "1000"),
+        ("start", "\"second-order\""),
+        ("lambda_of_element", "{x=3}"),
+        ("gain_bound", "3"),
+    ] {
+        let set = format!("integrator.{key}={value}");
+        let path = format!("integrator.{key}");
+        idle(PRESCRIBED, &[&set], &path, "there is no structure");
+    }
     let audit = "safety.step_audit={warn=1e-9}";
     idle(PRESCRIBED, &[audit], "safety.step_audit", "no structure");
     idle(
@@ -360,4 +370,35 @@ fn bounds_of_what_is_never_estimated_are_told_of_by_the_build() {
         "{found:?}"
     );
     assert_eq!(told(GOOD, &[audit]), [""; 0]);
+}
+
+#[test]
+fn a_reach_is_told_of_where_the_law_is_bounded_without_it() {
+    let hardening = "specimen.0.law={square_root={stiffness_n_per_m=1e6,hardening_per_sqrt_m=1}}";
+    for key in ["reach_disp_m", "reach_vel_m_per_s"] {
+        let set = format!("specimen.0.{key}=0.1");
+        let path = format!("specimen[0].{key}");
+        for text in [GOOD, PRESCRIBED] {
+            idle(text, &[&set], &path, "has a bound without it");
+        }
+        idle(LINKED, &[&set], &path, "`hardening_bound`");
+    }
+    assert_eq!(
+        told(GOOD, &[hardening, "specimen.0.reach_disp_m=0.1"]),
+        [""; 0]
+    );
+}
+
+#[test]
+fn a_gain_beside_the_coefficients_that_it_would_make_is_told_of() {
+    let ats = |gain: &str| {
+        format!("specimen.0.compensation={{ats={{delay_s=0.02,order=1,start=[1.0,0.02]{gain}}}}}")
+    };
+    idle(
+        LINKED,
+        &[&ats(",gain=0.9")],
+        "specimen[0].compensation.ats.gain",
+        "`start`",
+    );
+    assert_eq!(told(LINKED, &[&ats("")]), [""; 0]);
 }

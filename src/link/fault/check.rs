@@ -37,11 +37,15 @@ impl Kind {
     fn wrong(self) -> Option<(&'static str, f64, &'static str)> {
         let positive = |key, value: f64| {
             let inside = value > 0.0 && value < 1e12;
-            (!inside).then_some((key, value, "greater than 0"))
+            (!inside).then_some((key, value, "greater than 0 and less than 1e12"))
         };
         let memory = |key, value: usize| {
             let inside = (1..=MEMORY).contains(&value);
             (!inside).then_some((key, value as f64, "from 1 to 64"))
+        };
+        let noise = |key, value: f64| {
+            let inside = value >= 0.0;
+            (!inside).then_some((key, value, "at least 0: it goes either way"))
         };
         let some = |disp: f64, force: f64| {
             let inside = disp != 0.0 || force != 0.0;
@@ -67,15 +71,27 @@ impl Kind {
             Self::Elsewhere { disp_m } => {
                 some(disp_m, 0.0).map(|_| ("disp_m", disp_m, "other than 0"))
             }
-            Self::Bias { disp_m, force_n }
-            | Self::Drift { disp_m, force_n }
-            | Self::Noise { disp_m, force_n } => some(disp_m, force_n),
+            Self::Bias { disp_m, force_n } | Self::Drift { disp_m, force_n } => {
+                some(disp_m, force_n)
+            }
+            Self::Noise { disp_m, force_n } => noise("disp_m", disp_m)
+                .or(noise("force_n", force_n))
+                .or(some(disp_m, force_n)),
             Self::Gain { factor } => {
                 let inside = factor != 1.0 && factor.abs() < 1e12;
                 (!inside).then_some(("factor", factor, "another number than 1"))
             }
             _ => None,
         }
+    }
+}
+
+/// A number without the three hundred digits of a slip in its exponent.
+fn short(value: f64) -> String {
+    if (1e-5..1e15).contains(&value.abs()) || value == 0.0 {
+        value.to_string()
+    } else {
+        format!("{value:e}")
     }
 }
 
@@ -90,7 +106,7 @@ impl Fault {
         };
         let place = self.kind.place();
         if let Some((key, found, wanted)) = self.kind.wrong() {
-            return wrong(key, format!("is {found}, but must be {wanted}"));
+            return wrong(key, format!("is {}, but must be {wanted}", short(found)));
         }
         if let Some(probability) = self.probability {
             let inside = probability > 0.0 && probability <= 1.0;

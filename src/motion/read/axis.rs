@@ -28,6 +28,12 @@ pub(super) fn record(
                     axis.first
                 ));
             }
+            if let (Some(slack), None) = (axis.doubt, options.dt) {
+                warnings.push(format!(
+                    "{name}: its step of {:.6} s is inferred from rounded times, to ± {slack:.1e} s; dt_s states it",
+                    axis.dt
+                ));
+            }
             Some(axis.dt)
         }
     };
@@ -133,7 +139,12 @@ fn unit_in(title: &str) -> Option<Unit> {
 struct Axis {
     first: f64,
     dt: f64,
+    /// By how much the step may be another, in s, where its times are unequal in print and too few to tell.
+    doubt: Option<f64>,
 }
+
+/// Share of a step that it may be off without a word.
+const KNOWN: f64 = 1e-3;
 
 /// The step of a column of times, or the line that breaks it.
 fn uniform(name: &str, table: &RawTable, column: usize) -> Result<Axis, MotionError> {
@@ -150,6 +161,20 @@ fn uniform(name: &str, table: &RawTable, column: usize) -> Result<Axis, MotionEr
     };
     if times.len() < 2 {
         return Err(MotionError::StepMissing { file: name.into() });
+    }
+    let falls = |strictly: bool| {
+        let fall = move |pair: &[f64]| pair[1] < pair[0] || (!strictly && pair[1] == pair[0]);
+        let row = times.windows(2).position(fall)? + 1;
+        Some(MotionError::NotRising {
+            file: name.into(),
+            line: line(row),
+            before: times[row - 1],
+            found: times[row],
+        })
+    };
+    // Print may make later times equal, never earlier.
+    if let Some(error) = falls(true) {
+        return Err(error);
     }
     let print = table.prints.get(column).copied().unwrap_or_default();
     let rounding = Rounding(print);
@@ -178,8 +203,13 @@ fn uniform(name: &str, table: &RawTable, column: usize) -> Result<Axis, MotionEr
     }
     let intervals = (times.len() - 1) as f64;
     let mean = (last - first) / intervals;
+    if mean == 0.0
+        && let Some(error) = falls(false)
+    {
+        return Err(error);
+    }
     if !(mean > 0.0 && mean.is_finite()) {
-        return Err(broken(1, f64::MIN_POSITIVE, steps[0]));
+        return Err(broken(1, mean, steps[0]));
     }
     // Against the mean: slow drift, which single steps hide in their rounding.
     for (row, time) in times.iter().enumerate() {
@@ -189,9 +219,12 @@ fn uniform(name: &str, table: &RawTable, column: usize) -> Result<Axis, MotionEr
             return Err(broken(row, wanted, *time));
         }
     }
+    let slack = (rounding.of(first) + rounding.of(last)) / intervals;
+    let is_unequal = !odd.is_empty();
     Ok(Axis {
         first,
-        dt: plain(mean, (rounding.of(first) + rounding.of(last)) / intervals),
+        dt: plain(mean, slack),
+        doubt: (is_unequal && slack > KNOWN * mean).then_some(slack),
     })
 }
 
@@ -348,11 +381,13 @@ mod tests {
             }
             other => panic!("{other}"),
         }
-        for text in ["0 1\n0 1\n0 1\n", "2 1\n1 1\n0 1\n"] {
-            assert!(matches!(
-                read("a.txt", text).unwrap_err(),
-                MotionError::NotUniform { line: 2, .. }
-            ));
+        for (text, said) in [
+            ("0 1\n0 1\n0 1\n", "found 0.0 s after 0.0 s"),
+            ("2 1\n1 1\n0 1\n", "found 1.0 s after 2.0 s"),
+            ("0 1\n-1e300 1\n", "found -1e300 s after 0.0 s"),
+        ] {
+            let wanted = format!("a.txt:2: times must rise from row to row, {said}");
+            assert_eq!(read("a.txt", text).unwrap_err().to_string(), wanted);
         }
         // A step that grows by 1e-3 of itself each line hides in no rounding.
         let text = two_columns(
@@ -381,6 +416,32 @@ mod tests {
         // No whole rate: the shortest decimal.
         let text = two_columns((0..100).map(|i| format!("{:.4}", 0.0024 * f64::from(i))));
         assert_eq!(read("a.txt", &text).unwrap().dt, 0.0024);
+    }
+
+    #[test]
+    fn a_step_that_rounded_times_leave_open_is_mentioned_unless_it_is_given() {
+        let text = "0 1\n0.01 2\n0.03 3\n0.04 4\n";
+        let record = read("a.txt", text).unwrap();
+        let [warning] = record.warnings.as_slice() else {
+            panic!("{:?}", record.warnings)
+        };
+        assert!(warning.contains("step of 0.013333 s"), "{warning}");
+        assert!(warning.contains("± 3.3e-3 s"), "{warning}");
+        let options = ReadOptions {
+            dt: Some(0.0125),
+            ..ReadOptions::default()
+        };
+        let given = parse_record("a.txt", text.as_bytes(), &options).unwrap();
+        assert!(given.warnings.iter().all(|w| !w.contains("inferred")));
+        // Equal in print, or many: nothing to tell.
+        assert!(
+            read("a.txt", "0 1\n0.1 2\n0.2 3\n")
+                .unwrap()
+                .warnings
+                .is_empty()
+        );
+        let many = two_columns((0..5000).map(|i| format!("{:.2}", f64::from(i) / 150.0)));
+        assert!(read("a.txt", &many).unwrap().warnings.is_empty());
     }
 
     #[test]

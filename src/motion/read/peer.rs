@@ -10,9 +10,12 @@
 //! ```
 //!
 //! then numbers in reading order, five to the line as `.1297983E-02` or eight as Fortran's `8F10.5`, where a full
-//! field leaves no gap. The count is checked, never trusted.
+//! field leaves no gap. A file with another count than it announces is damaged and refused, and so is one with decimal commas:
+//! read as gaps, they would make whole numbers of its digits.
 
-use super::text::{self, finite_number, lines, number, shorten, words};
+use std::ops::Range;
+
+use super::text::{self, finite_number, lines, number, refuse_decimal_comma, shorten, words};
 use super::{MOST_VALUES, Record, has_ending};
 use crate::motion::error::{MotionError, inside};
 use crate::motion::unit::Unit;
@@ -73,15 +76,19 @@ pub(super) fn parse(name: &str, text: &str, dt: Option<f64>) -> Result<Record, M
     if values.is_empty() {
         return Err(MotionError::Empty { file: name.into() });
     }
-    if counts.points != Some(values.len()) {
-        let stated = counts
-            .points
-            .map_or_else(|| "no count".to_owned(), |n| format!("NPTS = {n}"));
-        warnings.push(format!(
-            "{name}: the header says {stated}, the file holds {} values; all {} are used",
-            values.len(),
+    match counts.points {
+        None => warnings.push(format!(
+            "{name}: the header says no count; all {} values are used",
             values.len()
-        ));
+        )),
+        Some(announced) if announced != values.len() => {
+            return Err(MotionError::Count {
+                file: name.into(),
+                announced,
+                found: values.len(),
+            });
+        }
+        Some(_) => {}
     }
     let dt = chosen_step(name, counts.dt, dt, &mut warnings)?;
     Ok(Record {
@@ -126,6 +133,14 @@ struct Counts {
 impl Counts {
     fn read(file: &str, line_number: usize, line: &str) -> Result<Self, MotionError> {
         let upper = line.to_ascii_uppercase();
+        let numbers = if upper.contains('=') {
+            [value_of(&upper, "NPTS"), value_of(&upper, "DT")]
+        } else {
+            [0..upper.find("NPTS").unwrap_or(0), 0..0]
+        };
+        for part in numbers {
+            refuse_decimal_comma(file, line_number, line, part)?;
+        }
         // `NPTS, DT` after the numbers, or `NPTS=` and `DT=` before theirs.
         let (points, dt) = if upper.contains('=') {
             (after(&upper, "NPTS"), after(&upper, "DT"))
@@ -160,6 +175,18 @@ impl Counts {
     }
 }
 
+/// Where the text after `key` and an equals sign stands, up to the next blank; empty if they are not there.
+fn value_of(line: &str, key: &str) -> Range<usize> {
+    let value = line.split_once(key).and_then(|(before, rest)| {
+        let (blank, rest) = rest.split_once('=')?;
+        let start =
+            before.len() + key.len() + blank.len() + 1 + rest.len() - rest.trim_start().len();
+        let word = rest.split_whitespace().next()?;
+        blank.trim().is_empty().then_some(start..start + word.len())
+    });
+    value.unwrap_or(0..0)
+}
+
 /// The word that follows `key` and an equals sign.
 fn after<'a>(line: &'a str, key: &str) -> Option<&'a str> {
     let (_, rest) = line.split_once(key)?;
@@ -176,6 +203,7 @@ fn read_numbers(
     line: &str,
     values: &mut Vec<f64>,
 ) -> Result<(), MotionError> {
+    refuse_decimal_comma(file, line_number, line, 0..line.len())?;
     let before = values.len();
     for (start, word) in words(line) {
         if number(word).is_some() {
@@ -386,16 +414,51 @@ mod tests {
     }
 
     #[test]
-    fn a_wrong_count_is_a_warning_with_both_numbers() {
-        for npts in [5, 7] {
-            let record = read(&format!("NPTS= {npts}, DT= .01 SEC"), VALUES).unwrap();
-            assert_eq!(record.values.len(), 6);
-            let [warning] = record.warnings.as_slice() else {
-                panic!("one warning: {:?}", record.warnings)
-            };
-            assert!(warning.contains(&format!("NPTS = {npts}")), "{warning}");
-            assert!(warning.contains("6 values"), "{warning}");
+    fn a_file_with_another_count_than_it_announces_is_refused_with_both_numbers() {
+        for (npts, why) in [(0, "too many"), (5, "too many"), (7, "ends too early")] {
+            let error = read(&format!("NPTS= {npts}, DT= .01 SEC"), VALUES).unwrap_err();
+            let text = error.to_string();
+            assert!(text.contains(&format!("NPTS = {npts} values")), "{text}");
+            assert!(text.contains("holds 6: ") && text.contains(why), "{text}");
         }
+        let uncounted = read("NPTS, DT= .01 SEC", VALUES).unwrap();
+        assert!(uncounted.warnings[0].contains("no count"));
+    }
+
+    #[test]
+    fn a_decimal_comma_is_refused_where_it_stands() {
+        let message = |fourth: &str, data: &str| read(fourth, data).unwrap_err().to_string();
+        let said = |place: &str, number: &str| {
+            format!(
+                "a.AT2:{place}: wanted a decimal point, found a comma inside a number (a decimal comma?): {number:?}"
+            )
+        };
+        let good = "NPTS= 6, DT= .01 SEC";
+        for (data, place, number) in [
+            (
+                "  0,0000E+00  2,9552E-03  5,6464E-03\n",
+                "5:4",
+                "0,0000E+00",
+            ),
+            ("  0.1 0.2\n  0.3 -,5\n", "6:8", "-,5"),
+            ("0.1 0.2 ,5\n", "5:9", ",5"),
+            ("0.1;0,2;0.3\n", "5:6", "0,2"),
+            ("1,234.5 2.0\n", "5:2", "1,234.5"),
+            ("1.234,5 2.0\n", "5:6", "1.234,5"),
+        ] {
+            assert_eq!(message(good, data), said(place, number));
+        }
+        for (fourth, place, number) in [
+            ("NPTS=   6, DT=   0,0050 SEC", "4:19", "0,0050"),
+            ("NPTS=   6, DT=   ,0050 SEC,", "4:18", ",0050"),
+            ("NPTS=1,559, DT= .0050 SEC,", "4:7", "1,559"),
+            ("   6    0,00500    NPTS, DT", "4:10", "0,00500"),
+        ] {
+            assert_eq!(message(fourth, VALUES), said(place, number));
+        }
+        // Between numbers with points a comma is a gap.
+        let record = read(good, "0.1,0.2, .3 ,.4\n.5;-0.6,\n").unwrap();
+        assert_eq!(record.values, [0.1, 0.2, 0.3, 0.4, 0.5, -0.6]);
     }
 
     #[test]

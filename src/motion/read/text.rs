@@ -5,6 +5,7 @@
 //! an error. Does not know about time.
 
 use std::borrow::Cow;
+use std::ops::Range;
 
 use super::{MOST_COLUMNS, MOST_VALUES, Print, RawTable};
 use crate::motion::error::MotionError;
@@ -110,6 +111,44 @@ pub(super) fn words(line: &str) -> impl Iterator<Item = (usize, &str)> {
     })
 }
 
+/// Refuses a comma within `part` of `line` that may stand for a decimal point: with a digit right of it, unless points in what
+/// it parts show that it stands between two numbers.
+pub(super) fn refuse_decimal_comma(
+    file: &str,
+    line_number: usize,
+    line: &str,
+    part: Range<usize>,
+) -> Result<(), MotionError> {
+    let Some((at, found)) = line.get(part.clone()).and_then(decimal_comma) else {
+        return Ok(());
+    };
+    let before = line.get(..part.start + at).unwrap_or("");
+    Err(MotionError::DecimalComma {
+        file: file.to_owned(),
+        line: line_number,
+        column: before.chars().count() + 1,
+        found: shorten(found),
+    })
+}
+
+/// The first such comma, and the number that it may be part of.
+fn decimal_comma(text: &str) -> Option<(usize, &str)> {
+    let is_gap = |c: char| c.is_whitespace() || c == ',' || c == ';';
+    text.match_indices(',').find_map(|(at, _)| {
+        let (left, right) = (text.get(..at)?, text.get(at + 1..)?);
+        let left = left.rsplit(is_gap).next()?;
+        let right = right.split(is_gap).next()?;
+        let whole = right.bytes().take_while(u8::is_ascii_digit).count();
+        // A group of thousands has three digits.
+        let is_group = !left.is_empty() && !left.contains('.') && whole == 3;
+        let is_apart = whole == 0 || (right.contains('.') && !is_group);
+        if is_apart {
+            return None;
+        }
+        Some((at, text.get(at - left.len()..at + 1 + right.len())?))
+    })
+}
+
 /// Number of words in the first line that begins with a number, 0 if there is none.
 pub(super) fn first_row_width(text: &str) -> usize {
     lines(text)
@@ -173,6 +212,10 @@ fn blank(text: &str, layout: Layout, builder: &mut Builder<'_>) -> Result<(), Mo
             header_lines += 1;
             last_header = line;
             continue;
+        }
+        // Columns are counted; numbers that run on are not.
+        if layout == Layout::Running {
+            refuse_decimal_comma(builder.file, line_number, line, 0..line.len())?;
         }
         for (start, word) in words(line) {
             let value = finite_number(builder.file, line_number, line, start, word)?;

@@ -179,8 +179,8 @@ pub struct Rehearsal {
     pub specimens: Vec<Needs>,
 }
 
-/// Rehearses a test whose experiment is built, for at most `budget` of wall time. A test with a specimen behind a link is built
-/// once more, without links.
+/// Rehearses a test whose experiment is built, for at most `budget` of wall time. A test with a specimen behind a link, or one
+/// that is to break down in a drill, is built once more, without links and drills.
 ///
 /// # Errors
 /// As [`config::build`].
@@ -189,8 +189,8 @@ pub fn rehearse(
     experiment: Experiment,
     budget: Duration,
 ) -> Result<Rehearsal, ConfigError> {
-    let remote = loaded.file.specimen.iter().any(|s| s.link.is_some());
-    let experiment = if remote {
+    let only_in_the_test = |s: &SpecimenTable| s.link.is_some() || s.drill.is_some();
+    let experiment = if loaded.file.specimen.iter().any(only_in_the_test) {
         config::build_rehearsal(loaded)?.experiment
     } else {
         experiment

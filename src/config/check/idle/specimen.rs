@@ -1,10 +1,12 @@
 //! Keys of `[[specimen]]` and of its link that have no effect beside the others.
 
 use super::Findings;
+use crate::compensation::CompensationSpec;
 use crate::config::document::KeyPath;
 use crate::config::safety::{ExitChoice, SafetyTable, ZeroChoice};
 use crate::config::specimen::SpecimenTable;
 use crate::control::limits::LimitsSpec;
+use crate::law::Reach;
 use crate::link::LinkSpec;
 use crate::link::spec::{Carrier, CommandPace, LinkCoupling, Protocol, StaleChoice};
 use crate::transfer::TransferSpec;
@@ -52,6 +54,10 @@ pub(in crate::config::check) fn check_idle_specimen(
         }
     }
     check_limits(specimen, at, findings);
+    check_start(specimen, at, findings);
+    if safety.is_some() {
+        check_reach(specimen, at, findings);
+    }
     if safety.is_none() {
         check_served(specimen, at, findings);
     }
@@ -115,6 +121,52 @@ fn check_limits(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings)
             let at = at.key("axis").index(index).key("limits");
             check(own, std::slice::from_ref(merged), &at);
         }
+    }
+}
+
+/// Coefficients that are given stand in place of those that delay and gain would make. The delay must be given all the same.
+fn check_start(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
+    let Some(CompensationSpec::Ats(ats)) = &specimen.compensation else {
+        return;
+    };
+    findings.idle(
+        &at.key("compensation").key("ats"),
+        "gain",
+        ats.gain != 1.0 && ats.start.is_some(),
+        "`start` gives the coefficients that it would make",
+    );
+}
+
+/// A reach, where the tangents of the law have their bounds without it. One that turns actuators into a platform is not judged.
+fn check_reach(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
+    let axes = specimen.law_axes();
+    let far = Some(1.0);
+    let (disp, vel) = match specimen.sources().first() {
+        _ if specimen.geometry.is_some() => return,
+        None => {
+            let why = "a specimen behind a link has a bound by `hardening_bound`";
+            (
+                (specimen.link.is_some(), why),
+                (specimen.link.is_some(), why),
+            )
+        }
+        Some((_, source)) => {
+            // A law that cannot be built is an error, said elsewhere.
+            let Ok(law) = source.build(axes) else { return };
+            let is_bounded = |disp, vel| {
+                let reach = vec![Reach { disp, vel }; axes];
+                let (mut k, mut c) = (vec![0.0; axes * axes], vec![0.0; axes * axes]);
+                law.bound(&reach, &mut k, &mut c).is_ok()
+            };
+            let why = "the tangent of this law has a bound without it";
+            ((is_bounded(None, far), why), (is_bounded(far, None), why))
+        }
+    };
+    for (key, given, (idle, why)) in [
+        ("reach_disp_m", specimen.reach_disp_m, disp),
+        ("reach_vel_m_per_s", specimen.reach_vel_m_per_s, vel),
+    ] {
+        findings.idle(at, key, given.is_some() && idle, why);
     }
 }
 
