@@ -5,7 +5,7 @@ use nalgebra::DMatrix;
 use super::super::gear::{Rows, axis, scaled};
 use super::super::{Refused, Site, links, path};
 use super::loading::{Loading, at_actuators, behind_actuators, loading, offsets, own_offsets};
-use super::{Entry, Stand, order, stand_in};
+use super::{Entry, Stand, order, rest, stand_in};
 use crate::config::{Finding, KeyPath, Loaded, MatrixValue, SpecimenTable};
 use crate::control::{Axis, Order};
 use crate::law::Reach;
@@ -31,7 +31,10 @@ pub(super) fn entry(
     let laws = loading.as_ref().map_or(n, |_| table.law_axes());
     let mut law = match (table.sources().into_iter().next(), &table.link) {
         (Some((key, source)), _) => {
-            let law = built(site, at, table, (key, source), laws)?;
+            let mut law = built(site, at, table, (key, source), laws)?;
+            if site.trial.is_none() {
+                rest::says_its_force(site, at, table, (key, law.as_mut()));
+            }
             let (at, spec) = (at.key("transfer"), table.transfer.as_ref());
             let offsets = own_offsets(table, n);
             let law = stand_in::behind_transfer(site, &at, spec, law, (&offsets, &drawn))?;
