@@ -327,3 +327,30 @@ fn draws_that_no_test_can_have_are_an_error_at_their_place() {
     assert_eq!(said.code, Some(2), "{}", said.stderr);
     assert!(said.stderr.contains("--rehearse"), "{}", said.stderr);
 }
+
+/// A specimen that may be stiffer than is believed stands where it stands: an offset of its axis is no strain of it.
+#[test]
+fn an_offset_of_the_axis_changes_no_verdict() {
+    let folder = tempfile::tempdir().unwrap();
+    for belief in [
+        "stiffness_std_n_per_m = 1e3",
+        "stiffness_std_n_per_m = 1e3, delay_s = 1e-4",
+    ] {
+        for (offset, reads) in [(0.0, 0.0), (0.02, 0.0), (-0.05, 100.0)] {
+            let text = format!(
+                "[time]\nstep_s = 0.01\nduration_s = 2\nclock = \"simulated\"\n[structure.shear_building]\nmass_kg = [1000]\n\
+                 stiffness_n_per_m = [0]\n[structure.damping.modal]\nratios = [0.05]\n[excitation.ground_acceleration]\n\
+                 signal.sine = {{ amplitude = 0.1, frequency_hz = 1 }}\n[certificate]\ntrials = 8\n[[specimen]]\nname = \"s\"\n\
+                 storey = 1\nstiffness_n_per_m = 1e5\nidentified = {{ stiffness_n_per_m = 1e5, {belief} }}\n\
+                 link = {{ address = \"127.0.0.1:9\" }}\naxis = [{{ offset_m = {offset:?}, offset_n = {reads:?} }}]\n\
+                 limits = {{ command_disp_m = {{ trip = [{:?}, {:?}] }}, measured_force_n = {{ trip = [{:?}, {:?}] }} }}\n",
+                offset - 0.008,
+                offset + 0.008,
+                reads - 400.0,
+                reads + 400.0,
+            );
+            let (_, found) = certify(folder.path(), &text, &[]);
+            assert_eq!(found["trips"], 0, "{belief} {offset} {reads}: {found:#}");
+        }
+    }
+}

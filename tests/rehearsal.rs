@@ -231,6 +231,47 @@ fn what_is_declared_stands_for_a_specimen_behind_a_link() {
     assert!(linear.need("measured_force_n") != itself.need("measured_force_n"));
 }
 
+/// What stands in for a specimen has its zero where the axis of the specimen has its, whatever is believed of it.
+#[test]
+fn every_stand_in_begins_where_the_deformation_is_zero() {
+    let behind = |belief: &str, offsets: &str| {
+        let gear = "scale = 2\nsign = -1\nunit_disp = \"mm\"\nunit_force = \"kN\"";
+        let text = behind_a_link(&format!("{belief}\n"));
+        let wide = "measured_force_n = { trip = [-1e6, 1e6] }";
+        assert!(text.contains(wide));
+        Found::of(&format!("{text}[[specimen.axis]]\n{gear}\n{offsets}"))
+    };
+    let offsets = "offset_m = 0.02\noffset_n = 7\n";
+    let linear = behind("", offsets);
+    let zero = behind("", "");
+    let force = |found: &Found| found.need("measured_force_n").unwrap();
+    let (off, at_zero) = (force(&linear), force(&zero));
+    let size = at_zero[1] - at_zero[0];
+    let shift = off[0] - at_zero[0];
+    let same = |one: [f64; 2], other: [f64; 2], what: &str| {
+        for (a, b) in one.iter().zip(other) {
+            assert!((a - b).abs() < 1e-5 * size, "{what}: {one:?} {other:?}");
+        }
+    };
+    // Through a lever of 2 the specimen has a quarter of the stiffness that the structure sees.
+    for belief in [
+        "stand_in.law.linear = { stiffness_n_per_m = 1.25e5 }",
+        "identified = { noise_disp_m = 1e-12 }",
+        "stand_in_transfer = { delay_s = 0.0 }",
+    ] {
+        same(force(&behind(belief, offsets)), off, belief);
+    }
+    // What yields does so where it would without an offset.
+    let plastic =
+        "stand_in.law.elastic_plastic = { stiffness_n_per_m = 1.25e5, yield_force_n = 150 }";
+    let (far, near) = (
+        force(&behind(plastic, offsets)),
+        force(&behind(plastic, "")),
+    );
+    same(far, near.map(|force| force + shift), "plastic");
+    assert!(near[1] - near[0] < 0.99 * size, "it yields");
+}
+
 #[test]
 fn a_specimen_without_a_stand_in_has_no_force_and_check_says_so() {
     let text = format!(

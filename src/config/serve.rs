@@ -7,8 +7,8 @@ use std::path::Path;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::build::behind_actuators;
 use super::build::links::{beside, wire_axes};
+use super::build::{behind_actuators, own_offsets};
 use super::document::Node;
 use super::echo::number;
 use super::safety::SafetyTable;
@@ -23,7 +23,7 @@ use crate::link::serve::Host;
 use crate::link::spec::{Carrier, Offer};
 use crate::link::tls::ServeTlsSpec;
 use crate::rt::TimingSpec;
-use crate::specimen::{InUnits, Specimen};
+use crate::specimen::{InUnits, Mounted, Specimen};
 use crate::transfer::Transfer;
 use crate::wire::key::PreSharedKey;
 
@@ -274,6 +274,7 @@ fn host(table: &SpecimenTable, at: &KeyPath) -> Result<Host, Box<Finding>> {
         let laws = whole.law_axes();
         let law = law.build(laws).map_err(|error| error.to_string())?;
         let law = behind_actuators(&whole, law).map_err(|error| error.to_string())?;
+        let law = Mounted::around(law, &own_offsets(&whole, axes));
         let law: Box<dyn Specimen> = match &transfer {
             Some(spec) => {
                 let transfer = Transfer::new(spec, law, None);

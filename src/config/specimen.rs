@@ -256,9 +256,11 @@ pub struct AxisTable {
     pub scale: f64,
     /// 1, or −1 where the axis counts the other way.
     pub sign: i8,
-    /// Axis position in m at which the deformation is zero.
+    /// Axis position in m at which the deformation is zero. What stands in a rehearsal for a specimen behind a link has its zero
+    /// there, too; a `law` in this process is told the axis' position, as a controller of its own would be, and has its zero
+    /// where that is zero (at the reference pose if it stands at the platform of a `geometry`).
     pub offset_m: f64,
-    /// Reading of the load cell in N at which the force is zero.
+    /// Reading of the load cell in N at which the force is zero: it is taken off what a `law` in this process gives, too.
     pub offset_n: f64,
     /// Unit in which the axis is told its displacement.
     pub unit_disp: DispUnit,

@@ -21,6 +21,10 @@
 //! more than the gain times the target's change, the lead's change from point to point, and the lead over the ticks of easing.
 //! At ρ = 1 and on the grid it is r itself, to the last bit.
 //!
+//! The velocity that goes with it is its derivative at that pace, s(v) + ρ Δ(r − s)/Δg: v itself where nothing is led, and
+//! what follows a led path at once resists with the velocity of that path. What a loop of a compensator's own adds is not in
+//! it. A fit of the specimen's tangent goes on with v, which is what the specimen should have done by now.
+//!
 //! An actuator that is simulated in this process lives in test time (a tick is as long for it as it is for the test): its delay
 //! is the same at every pace, and ρ is 1 for it throughout. A specimen that is commanded once a step is compensated from target to
 //! target. Kind by kind, and what learns when: [`crate::compensation`].
@@ -46,6 +50,8 @@ pub(super) struct Compensation {
     asked: bool,
     /// That command is one of an undisturbed test.
     undisturbed: bool,
+    /// The command that stands ready, and the one in force, were made here: their velocity is not the target's.
+    led: [bool; 2],
     grid: Grid,
     /// The state before the command that stands ready was made, where a record is followed to be gone on with.
     before: Option<Vec<f64>>,
@@ -112,6 +118,7 @@ impl Port {
                 running: false,
                 asked: false,
                 undisturbed: true,
+                led: [false; 2],
                 grid: Grid::default(),
                 before: None,
             });
@@ -224,15 +231,20 @@ impl Port {
         };
         compensation.keep();
         compensation.undisturbed = true;
+        compensation.led[0] = compensation.running;
         let (tick, pace) = (compensation.tick, compensation.pace);
         let targets = self.target.iter().zip(&self.target_vel);
-        let axes = self.axes.iter().zip(&mut self.command).zip(targets);
-        for (((axis, command), (target, vel)), made) in axes.zip(&mut compensation.axes) {
+        let commands = self.command.iter_mut().zip(&mut self.command_vel);
+        let axes = self.axes.iter().zip(commands).zip(targets);
+        for (((axis, (command, command_vel)), (target, vel)), made) in
+            axes.zip(&mut compensation.axes)
+        {
             let disp = axis.disp_gain * target * made.metres;
             let vel = axis.disp_gain * vel * made.metres * pace;
             if compensation.running {
                 let led = made.ask(disp, vel, tick);
                 *command = made.one.regulate(led) / made.metres + axis.disp_offset;
+                made.lead_vel(vel, tick, 1.0, pace, axis, command_vel);
             } else {
                 let at_rest = made.at_rest(disp);
                 // Weights that sum up to 1 but for roundoff change nothing.
@@ -281,9 +293,11 @@ impl Port {
         };
         compensation.keep();
         compensation.undisturbed = false;
+        compensation.led[0] = true;
         let targets = self.target.iter().zip(&self.target_vel);
-        let axes = self.axes.iter().zip(&mut self.command).zip(targets);
-        for (index, (((axis, command), (target, vel)), made)) in
+        let commands = self.command.iter_mut().zip(&mut self.command_vel);
+        let axes = self.axes.iter().zip(commands).zip(targets);
+        for (index, (((axis, (command, command_vel)), (target, vel)), made)) in
             axes.zip(&mut compensation.axes).enumerate()
         {
             let in_metres = axis.disp_gain * made.metres;
@@ -303,6 +317,15 @@ impl Port {
             }
             let led = made.between(in_metres * target, stride.ahead, pace);
             *command = made.one.regulate(led) / made.metres + axis.disp_offset;
+            let vel = in_metres * vel * compensation.pace;
+            made.lead_vel(
+                vel,
+                compensation.tick,
+                pace,
+                compensation.pace,
+                axis,
+                command_vel,
+            );
         }
         self.lay_grid(stride);
     }
@@ -345,7 +368,20 @@ impl Port {
         self.tracking.moves = moves && self.runs;
         if let Some(compensation) = &mut self.compensation {
             compensation.asked = moves;
+            let ready = compensation.led[0];
+            compensation.led = if moves {
+                [false, ready]
+            } else {
+                [ready, false]
+            };
         }
+    }
+
+    /// The velocity of the command in force without what it is led by, if it is; in the axis' unit. Real-time: yes.
+    #[inline]
+    pub(super) fn unled_vel(compensation: Option<&Compensation>, axis: usize) -> Option<f64> {
+        let made = compensation.filter(|all| all.led[1])?;
+        Some(made.axes.get(axis)?.own_vel)
     }
 
     /// A fresh measurement is there. Real-time: yes.

@@ -287,7 +287,9 @@ impl Port {
         for (index, ((estimate, ((disp, force), target)), (vel, axis))) in
             axes.iter_mut().zip(values).zip(motion).enumerate()
         {
-            let vel = if *moves { vel / axis.vel_gain } else { 0.0 };
+            // The specimen is where the target is by now, not where the command is led.
+            let own = Self::unled_vel(self.compensation.as_ref(), index).unwrap_or(*vel);
+            let vel = if *moves { own / axis.vel_gain } else { 0.0 };
             estimate.tangent.take(Point {
                 disp: *disp,
                 vel,

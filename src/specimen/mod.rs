@@ -6,6 +6,7 @@
 mod coupled;
 mod in_process;
 mod in_units;
+mod mounted;
 mod platform;
 mod spec;
 mod stiffened;
@@ -15,6 +16,7 @@ pub use coupled::{Coupled, CoupledSpec};
 pub use in_process::InProcess;
 pub(crate) use in_process::status;
 pub use in_units::InUnits;
+pub use mounted::Mounted;
 pub use platform::{Gear, Platform};
 pub use spec::SpecimenLaw;
 pub use stiffened::Stiffened;

@@ -39,7 +39,7 @@ use settle::settle;
 use site::{Refused, Site, path};
 use specimens::Specimens;
 pub use specimens::loading::{ActuatorFacts, LoadingFacts};
-pub(in crate::config) use specimens::loading::{at_actuators, behind_actuators};
+pub(in crate::config) use specimens::loading::{at_actuators, behind_actuators, own_offsets};
 pub use trial::{Drawn, Trial};
 
 /// A test that is ready to run.

@@ -3,6 +3,7 @@
 mod compensation;
 mod entry;
 pub(in crate::config) mod loading;
+mod rest;
 mod stand_in;
 mod sums;
 mod unwatched;

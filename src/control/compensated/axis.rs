@@ -1,6 +1,7 @@
 //! The compensator of one axis, and the two points of the grid between which its lead is.
 
 use crate::compensation::Compensator;
+use crate::control::Axis;
 
 /// What is kept of one axis.
 #[derive(Debug)]
@@ -10,6 +11,8 @@ pub(super) struct Compensated {
     pub metres: f64,
     /// Of the target at the newest point, m/s of wall time.
     pub vel: f64,
+    /// The velocity of the last command before it was led, in the axis' unit.
+    pub own_vel: f64,
     /// Target and led target, at the newest point of the grid and at the one before.
     points: [(f64, f64); 2],
     /// Measurements of the undisturbed test since it was disturbed, and how many it takes to forget what was before.
@@ -24,6 +27,7 @@ impl Compensated {
             one,
             metres,
             vel: 0.0,
+            own_vel: 0.0,
             points: [(0.0, 0.0); 2],
             heard: u32::MAX,
         }
@@ -54,6 +58,26 @@ impl Compensated {
     pub fn between(&self, disp: f64, back: f64, pace: f64) -> f64 {
         let [newest, before] = self.points.map(|(disp, led)| led - self.one.stands(disp));
         self.one.stands(disp) + pace * (newest + back * (before - newest))
+    }
+
+    /// Leads the velocity of a command as its displacement is: `vel` of the target in m/s of wall time, a tick in s of it, at this
+    /// pace of an eased test, which by itself makes `of_test` seconds of test time in one of wall time. Real-time: yes.
+    pub fn lead_vel(
+        &mut self,
+        vel: f64,
+        tick: f64,
+        pace: f64,
+        of_test: f64,
+        axis: &Axis,
+        command_vel: &mut f64,
+    ) {
+        let [newest, before] = self.points.map(|(disp, led)| led - self.one.stands(disp));
+        let further = (self.one.stands(vel) - vel) + pace * (newest - before) / tick;
+        self.own_vel = *command_vel;
+        // What is not led keeps its bits.
+        if further != 0.0 {
+            *command_vel += further / (axis.disp_gain * self.metres * of_test) * axis.vel_gain;
+        }
     }
 
     /// What was measured of a command; nothing is learnt while the test is disturbed, nor as long after it as that is remembered.

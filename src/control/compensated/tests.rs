@@ -76,6 +76,8 @@ type Hold = Option<(usize, usize)>;
 struct Row {
     target: f64,
     command: f64,
+    vel: f64,
+    target_vel: f64,
     parameters: Vec<f64>,
     pace: f64,
     stood: bool,
@@ -149,6 +151,8 @@ impl Drive {
         let row = Row {
             target: self.port.target[0],
             command: self.port.sent[0],
+            vel: self.port.command_vel[0],
+            target_vel: self.port.target_vel[0],
             parameters: self.port.compensation_parameters().collect(),
             pace: self.stride.pace,
             stood,
@@ -233,6 +237,40 @@ fn bound(kind: &str, n: u32) -> (f64, f64) {
     let sees = if kind.contains("pi_lead") { 2.0 } else { 0.0 };
     let bound = 1.02 * led.max(place) + sees * place + lead / f64::from(EASE);
     (bound, lead)
+}
+
+/// At the full pace the velocity of a command is what commands change by, over the ticks of a step: within one, the lead of what
+/// takes an acceleration bends where the path does. In a hold it becomes that of the target.
+#[test]
+fn the_velocity_of_a_command_is_that_of_what_is_commanded() {
+    // PI adds what is in no lead.
+    for kind in ALL.iter().filter(|kind| !kind.starts_with("pi_lead")) {
+        for n in [1, 4] {
+            let rows = Drive::new(kind, n, false).run(5000, Some((3072, 4000)), PROMPT);
+            let most = TAU * HERTZ * SIZE;
+            for (k, w) in rows.windows(n as usize + 1).enumerate().skip(1024) {
+                let [first, .., last] = w else { continue };
+                if kind.starts_with("none") {
+                    assert_eq!(last.vel.to_bits(), last.target_vel.to_bits());
+                }
+                if k < 3000 {
+                    let moved = (last.command - first.command) / (f64::from(n) * TICK);
+                    let told = w[1..].iter().map(|row| row.vel).sum::<f64>() / f64::from(n);
+                    // With one tick a step both are the same difference, but for coefficients that adapt; with several a slope at
+                    // the end of a tick is half a tick ahead of the way it makes, ω Δt/2 = 1.5e-3 of the largest.
+                    let within = if n == 1 { 2e-3 } else { 5e-3 } * most;
+                    let off = (told - moved).abs();
+                    assert!(off < within, "{kind} {n} {k}: {off} of {most}");
+                }
+                if last.stood {
+                    let gain = if kind.contains("1.2") { 1.2 } else { 1.0 };
+                    let ahead = (last.vel - gain * last.target_vel).abs();
+                    let adapts = ADAPTS.iter().any(|word| kind.contains(word));
+                    assert!(adapts || ahead < 0.01 * most, "{kind} {n} {k}: {ahead}");
+                }
+            }
+        }
+    }
 }
 
 #[test]

@@ -9,13 +9,15 @@ use std::f64::consts::PI;
 
 use nalgebra::{Complex, DMatrix, DVector};
 
-use super::super::{spectral_radius, unstable_roots};
+use super::super::{eigenvalues, unstable_roots};
 use super::{DelayError, Delayed};
 
 /// Longest delay that is looked at, in steps.
 pub const LONGEST_STEPS: usize = 96;
 /// Growth per step below which a root counts as lying on the unit circle.
 const ROUNDOFF: f64 = 1e-10;
+/// Delays at which the eigenvalues confirm what the count of turns has found.
+const LOOKS: u32 = 6;
 
 /// Where the recursion becomes unstable.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -144,14 +146,20 @@ struct Circle<'a> {
 const SMALLEST: f64 = 1e-6;
 
 impl<'a> Circle<'a> {
-    fn new(system: &'a Delayed, dt: f64, lambda: f64) -> Self {
-        let marks = system.marks().into_iter();
+    /// `poles` are those of the recursion without delay. A mode of the structure stands at ω Δt in continuous time only: the
+    /// farther apart the two are, the surer a mark of the one misses the turn about the other.
+    fn new(system: &'a Delayed, dt: f64, lambda: f64, poles: &[Complex<f64>]) -> Self {
+        // Upon the positive real axis the grid itself is fine enough; at zero there is but the history.
+        let marked = |pole: &&Complex<f64>| pole.im > 0.0 || (pole.im == 0.0 && pole.re < 0.0);
+        let marks = poles.iter().filter(marked);
         Self {
             system,
             effective: effective(system, dt, lambda),
             dt,
             known: RefCell::default(),
-            marks: marks.map(|(at, width)| (at * dt, width * dt)).collect(),
+            marks: marks
+                .map(|pole| (pole.arg(), -libm::log(pole.norm())))
+                .collect(),
         }
     }
 
@@ -221,25 +229,61 @@ pub fn discrete(
     lambda: f64,
     hint: Option<f64>,
 ) -> Result<DiscreteLimit, DelayError> {
-    let radius = |delay: f64| {
-        spectral_radius(&recursion(system, dt, lambda, delay)?).ok_or(DelayError::Eigenvalues)
+    let poles_at = |delay: f64| {
+        eigenvalues(&recursion(system, dt, lambda, delay)?).ok_or(DelayError::Eigenvalues)
     };
-    let at_rest = radius(0.0)?;
+    let radius = |delay: f64| Ok(largest(&poles_at(delay)?));
+    let poles = poles_at(0.0)?;
+    let at_rest = largest(&poles);
     // A free body has a double root at one, which carries √ε.
     if at_rest > 1.0 + 1e-6 {
         return Err(DelayError::Unstable { radius: at_rest });
     }
     let bound = 1.0 + ROUNDOFF.max(4.0 * (at_rest - 1.0));
+    let by_eigenvalues = |delay: f64| Ok::<_, DelayError>(radius(delay)? > bound);
     // Without damping there are poles on the circle itself, and the eigenvalues have to say it.
-    let circle = (system.rows.nrows() == 1).then(|| Circle::new(system, dt, lambda));
-    let circle = circle.filter(Circle::is_damped);
-    let is_unstable = |delay: f64| {
-        let on_circle = circle.as_ref().and_then(|circle| circle.is_unstable(delay));
-        match on_circle {
-            Some(found) => Ok::<_, DelayError>(found),
-            None => Ok(radius(delay)? > bound),
+    let circle = (system.rows.nrows() == 1).then(|| Circle::new(system, dt, lambda, &poles));
+    if let Some(circle) = circle.filter(Circle::is_damped) {
+        let found = search(dt, hint, |delay| match circle.is_unstable(delay) {
+            Some(found) => Ok(found),
+            None => by_eigenvalues(delay),
+        })?;
+        if is_confirmed(found, bound, radius)? {
+            return Ok(found);
         }
-    };
+    }
+    search(dt, hint, by_eigenvalues)
+}
+
+fn largest(poles: &[Complex<f64>]) -> f64 {
+    poles.iter().map(|pole| pole.norm()).fold(0.0, f64::max)
+}
+
+/// True if the spectral radius says the same as the count of turns: within its bound at delays up to the one that was found,
+/// and not clearly inside the circle beyond it.
+fn is_confirmed(
+    found: DiscreteLimit,
+    bound: f64,
+    radius: impl Fn(f64) -> Result<f64, DelayError>,
+) -> Result<bool, DelayError> {
+    let (DiscreteLimit::At(limit) | DiscreteLimit::Beyond(limit)) = found;
+    for part in 1..=LOOKS {
+        let delay = 0.99 * limit * f64::from(part) / f64::from(LOOKS);
+        if radius(delay)? > bound {
+            return Ok(false);
+        }
+    }
+    match found {
+        DiscreteLimit::At(limit) => Ok(radius(1.01 * limit)? > 1.0 - ROUNDOFF),
+        DiscreteLimit::Beyond(_) => Ok(true),
+    }
+}
+
+fn search(
+    dt: f64,
+    hint: Option<f64>,
+    is_unstable: impl Fn(f64) -> Result<bool, DelayError>,
+) -> Result<DiscreteLimit, DelayError> {
     let longest = LONGEST_STEPS as f64 * dt;
     let fine = hint
         .map_or(8.0 * dt, |hint| (1.25 * hint).max(dt))
@@ -271,3 +315,6 @@ pub fn discrete(
     }
     Ok(DiscreteLimit::At(high))
 }
+
+#[cfg(test)]
+mod tests;

@@ -4,8 +4,8 @@ use nalgebra::DMatrix;
 
 use super::super::gear::{Rows, axis, scaled};
 use super::super::{Refused, Site, links, path};
-use super::loading::{Loading, at_actuators, behind_actuators, loading};
-use super::{Entry, Stand, order, stand_in};
+use super::loading::{Loading, at_actuators, behind_actuators, loading, offsets, own_offsets};
+use super::{Entry, Stand, order, rest, stand_in};
 use crate::config::{Finding, KeyPath, Loaded, MatrixValue, SpecimenTable};
 use crate::control::{Axis, Order};
 use crate::law::Reach;
@@ -31,9 +31,14 @@ pub(super) fn entry(
     let laws = loading.as_ref().map_or(n, |_| table.law_axes());
     let mut law = match (table.sources().into_iter().next(), &table.link) {
         (Some((key, source)), _) => {
-            let law = built(site, at, table, (key, source), laws)?;
+            let mut law = built(site, at, table, (key, source), laws)?;
+            if site.trial.is_none() {
+                rest::says_its_force(site, at, table, (key, law.as_mut()));
+            }
             let (at, spec) = (at.key("transfer"), table.transfer.as_ref());
-            Some(stand_in::behind_transfer(site, &at, spec, law, &drawn)?)
+            let offsets = own_offsets(table, n);
+            let law = stand_in::behind_transfer(site, &at, spec, law, (&offsets, &drawn))?;
+            Some(law)
         }
         (None, Some(_)) => None,
         (None, None) => {
@@ -88,7 +93,8 @@ pub(super) fn entry(
     let stiffness_at_rest = match (&table.stiffness_n_per_m, &mut law) {
         (None, Some(law)) => {
             let (still, mut force) = (vec![0.0; n], vec![0.0; n]);
-            law.trial(&still, &still, 0.0, &mut force);
+            let stands: Vec<f64> = offsets(table, n).iter().map(|(disp, _)| *disp).collect();
+            law.trial(&stands, &still, 0.0, &mut force);
             law.tangent(&mut k);
             law.revert();
             scaled(&k, |axis| axis.disp_gain)

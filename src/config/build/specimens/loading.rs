@@ -57,7 +57,26 @@ pub(super) fn loading(
     Ok((axes.collect(), Some(Loading { geometry, rows })))
 }
 
-/// The law behind its actuators, if it stands at their platform.
+/// Where each axis stands in m, and what it reads there in N, while the deformation and the force are zero.
+pub(super) fn offsets(table: &SpecimenTable, axes: usize) -> Vec<(f64, f64)> {
+    let axis = |index: usize| table.axis.get(index);
+    let axes = (0..axes).map(|index| axis(index).map(|axis| (axis.offset_m, axis.offset_n)));
+    axes.map(Option::unwrap_or_default).collect()
+}
+
+/// The same of a law in this process. It is told where its axes stand, unless it stands at a platform: that is where its
+/// actuators take it.
+pub(in crate::config) fn own_offsets(table: &SpecimenTable, axes: usize) -> Vec<(f64, f64)> {
+    let mut offsets = offsets(table, axes);
+    let is_at_platform = of_platform(table).is_some();
+    for (disp, force) in &mut offsets {
+        *disp = if is_at_platform { *disp } else { 0.0 };
+        *force = 0.0;
+    }
+    offsets
+}
+
+/// The law behind its actuators, if it stands at their platform, by their strokes: not yet off the zero of their axes.
 pub(in crate::config) fn behind_actuators(
     table: &SpecimenTable,
     law: Box<dyn Specimen>,
@@ -68,15 +87,10 @@ pub(in crate::config) fn behind_actuators(
     let geometry = spec.build(1.0)?;
     let gears = (0..geometry.actuators()).map(|index| {
         let axis = table.axis.get(index).cloned().unwrap_or_default();
-        let AxisTable {
-            scale,
-            sign,
-            offset_m,
-            ..
-        } = axis;
+        let AxisTable { scale, sign, .. } = axis;
         Gear {
             ratio: f64::from(sign) * scale,
-            offset: offset_m,
+            offset: 0.0,
         }
     });
     let gears: Vec<Gear> = gears.collect();

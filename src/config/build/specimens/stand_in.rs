@@ -2,25 +2,29 @@
 
 use super::super::trial::Drawn;
 use super::super::{Refused, Rows, Site};
+use super::loading::offsets;
 use super::{Stand, compensation};
 use crate::config::{KeyPath, SpecimenTable};
 use crate::control::Axis;
-use crate::specimen::{CoupledSpec, Specimen, Stiffened};
+use crate::specimen::{CoupledSpec, Mounted, Specimen, Stiffened};
 use crate::transfer::{ActuatorSpec, ProportionalSpec, Transfer, TransferSpec};
 
-/// The law as it was drawn, behind the actuator and the sensors of its table, if there are any.
+/// The law as it was drawn, mounted off the zero of its axes by `offsets` (m, N), behind the actuator and the sensors of its
+/// table, if there are any.
 pub(super) fn behind_transfer(
     site: &mut Site<'_>,
     at: &KeyPath,
     spec: Option<&TransferSpec>,
     law: Box<dyn Specimen>,
-    drawn: &Drawn,
+    (offsets, drawn): (&[(f64, f64)], &Drawn),
 ) -> Result<Box<dyn Specimen>, Refused> {
     let law = if drawn.stiffness == 1.0 {
         law
     } else {
         Box::new(Stiffened::new(law, drawn.stiffness))
     };
+    // Outside: a stiffer specimen stands where a softer one does.
+    let law = Mounted::around(law, offsets);
     let Some(spec) = spec else {
         return Ok(law);
     };
@@ -104,7 +108,8 @@ pub(super) fn stand_in(
         "identified"
     };
     let spec = transfer.as_ref();
-    behind_transfer(site, &at.key(key), spec, law, drawn).map(Stand::Law)
+    let offsets = offsets(known.table, known.axes.len());
+    behind_transfer(site, &at.key(key), spec, law, (&offsets, drawn)).map(Stand::Law)
 }
 
 /// A matrix of the structure's side as the law sees it, the inverse of `scaled`.

@@ -1,0 +1,114 @@
+use nalgebra::DVector;
+use rand::{RngExt as _, SeedableRng as _, rngs::Xoshiro256PlusPlus};
+
+use super::super::super::spectral_radius;
+use super::super::continuous;
+use super::*;
+
+/// A chain of storeys with Rayleigh damping; the specimen is one of them, or a part of it.
+fn drawn(random: &mut Xoshiro256PlusPlus) -> (Delayed, f64, f64) {
+    let n = random.random_range(1..=3);
+    let mut between = |low: f64, high: f64| low * libm::pow(high / low, random.random::<f64>());
+    let mass = DMatrix::from_diagonal(&DVector::from_fn(n, |_, _| between(300.0, 3000.0)));
+    let mut storeys: Vec<f64> = (0..n).map(|_| between(3e5, 3e6)).collect();
+    let specimen = between(1e5, 3e6);
+    let fastest = between(0.05, 4.0);
+    let ratio = between(1e-5, 0.05);
+    let by_stiffness = ratio * between(0.1, 1.0);
+    let place = random.random_range(0..n);
+    if random.random_bool(0.3) {
+        storeys[place] = 0.0;
+    }
+    let row_of = |storey: usize| {
+        DMatrix::from_fn(1, n, |_, dof| match dof {
+            _ if dof == storey => 1.0,
+            _ if dof + 1 == storey => -1.0,
+            _ => 0.0,
+        })
+    };
+    let mut stiffness = DMatrix::zeros(n, n);
+    for (storey, k) in storeys.iter().enumerate() {
+        stiffness += row_of(storey).transpose() * row_of(storey) * *k;
+    }
+    let rows = row_of(place);
+    let whole = &stiffness + rows.transpose() * &rows * specimen;
+    let inverse = mass.clone().try_inverse().unwrap();
+    let omegas = eigenvalues(&(inverse * &whole)).unwrap();
+    let omegas = omegas.iter().map(|square| square.re.sqrt());
+    let (low, high) = omegas.fold((f64::INFINITY, 0.0_f64), |(low, high), omega| {
+        (low.min(omega), high.max(omega))
+    });
+    let damps = random.random_bool(0.4);
+    let specimen_damping = if damps { ratio * specimen / high } else { 0.0 };
+    let system = Delayed {
+        damping: &mass * (ratio * low) + &whole * (by_stiffness / high),
+        mass,
+        stiffness,
+        rows,
+        specimen_stiffness: DMatrix::from_element(1, 1, specimen),
+        specimen_damping: DMatrix::from_element(1, 1, specimen_damping),
+        specimen_mass: 0.0,
+        weighted: None,
+    };
+    let lambda = [2.0, 4.0, if fastest < 2.0 { 11.5 } else { 4.0 }][random.random_range(0..3)];
+    (system, fastest / high, lambda)
+}
+
+/// Every structure against its own recursion, whose eigenvalues are asked at delay after delay.
+#[test]
+fn no_shorter_delay_than_the_critical_one_lets_the_recursion_grow() {
+    let mut random = Xoshiro256PlusPlus::seed_from_u64(20);
+    let mut below_the_grid = 0;
+    for case in 0..120 {
+        let (system, dt, lambda) = drawn(&mut random);
+        let hint = continuous(&system).unwrap().map(|found| found.delay);
+        let limit = discrete(&system, dt, lambda, hint).unwrap();
+        let radius =
+            |delay: f64| spectral_radius(&recursion(&system, dt, lambda, delay).unwrap()).unwrap();
+        let told = match limit {
+            DiscreteLimit::At(delay) => {
+                let above = radius(1.003 * delay);
+                assert!(above > 1.0, "case {case}: {delay} of {dt}: {above}");
+                delay
+            }
+            DiscreteLimit::Beyond(_) => 12.0 * dt,
+        };
+        below_the_grid += u32::from(told < 0.25 * dt);
+        let fractions = (1..60).map(|part| 0.997 * told * f64::from(part) / 59.0);
+        let steps = (1..96).map(|part| 0.125 * dt * f64::from(part));
+        for delay in fractions.chain(steps.filter(|delay| *delay < 0.997 * told)) {
+            let found = radius(delay);
+            // Eigenvalues of the history: n ε^(1/…) stays far below the growth of 3 % of a delay.
+            assert!(
+                found < 1.0 + 1e-10,
+                "case {case}: {told} is told, but at {delay} it grows by {found} (Δt {dt}, λ {lambda})"
+            );
+        }
+    }
+    // The short ones, of lightly damped modes, are among them.
+    assert!(below_the_grid > 12, "{below_the_grid}");
+}
+
+/// 11.3 Hz at Ω = 0.69 with ξ = 0.07 %: in continuous time 60 µs.
+#[test]
+fn a_lightly_damped_mode_of_few_steps_bears_no_more_than_in_continuous_time() {
+    let scalar = |value: f64| DMatrix::from_element(1, 1, value);
+    let (mass, specimen) = (547.621_053_729_506_1, 904_973.016_346_698_6);
+    let system = Delayed {
+        mass: scalar(mass),
+        damping: scalar(0.100_060_604_858_398_4 * mass),
+        stiffness: scalar(1_853_166.664_501_214_9),
+        rows: scalar(1.0),
+        specimen_stiffness: scalar(specimen),
+        specimen_damping: scalar(0.0),
+        specimen_mass: 0.0,
+        weighted: None,
+    };
+    let expected = continuous(&system).unwrap().unwrap().delay;
+    let found = discrete(&system, 0.009_73, 4.0, Some(expected)).unwrap();
+    let DiscreteLimit::At(found) = found else {
+        panic!("{found:?}");
+    };
+    // The apparent frequency is lower by Ω²/12 or so, 4 %; and linear interpolation leads.
+    assert!((found / expected - 1.0).abs() < 0.15, "{found} {expected}");
+}
