@@ -306,7 +306,7 @@ fn a_duration_that_is_not_a_whole_number_of_steps_is_refused_with_its_neighbours
     // 1e11 steps: a slip of the pen must not ask the machine for terabytes.
     let words = [
         "a test of 100000000000 steps is too long",
-        "at most 268435456 steps",
+        "at most 178956970 steps",
     ];
     wrong_line(FRAME, "duration_s = 0.5", "duration_s = 5e8", "5e8", &words);
     for value in ["0", "-1", "inf"] {
@@ -464,7 +464,7 @@ fn an_excitation_that_no_memory_holds_is_refused_before_it_is_laid_out() {
     let words = [
         "too long for its excitation",
         "GiB",
-        "at most 44739242 steps",
+        "at most 178956970 steps",
     ];
     wrong_line(FRAME, "duration_s = 0.5", "duration_s = 1e6", "1e6", &words);
 }

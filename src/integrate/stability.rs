@@ -380,7 +380,7 @@ fn near_null(matrix: &SymMatrix) -> Option<Vec<f64>> {
         match Spd::factor(&matrix.plus(shift, &identity)) {
             Ok(factor) => break factor,
             // Gershgorin: definite at the latest for a shift beyond the norm.
-            Err(_) if shift <= 4.0 * norm => shift *= 4.0,
+            Err(_) if shift <= norm => shift *= 4.0,
             Err(_) => return None,
         }
     };

@@ -10,8 +10,8 @@ use crate::motion::{
     base_motion, parse_table,
 };
 
-/// Most numbers of all motions of a test together, which are laid out before it: 1 GiB.
-const MOST_NUMBERS: u64 = 1 << 27;
+/// Most numbers of all motions of a test together, which are laid out before it: 4 GiB, twelve hours of a ground motion at 4096 Hz.
+const MOST_NUMBERS: u64 = 1 << 29;
 
 /// Numbers that the motions take for each step while they are laid out, as far as that is decided by the file: values, their
 /// rates and a copy of each in the making.
