@@ -370,12 +370,12 @@ fn near_null(matrix: &SymMatrix) -> Option<Vec<f64>> {
     let norm = (0..n)
         .map(|i| matrix.row(i).map(|(_, v)| v.abs()).sum::<f64>())
         .fold(0.0, f64::max);
+    let mut shift = 1e-12 * norm;
     // No shift of such a matrix would grow beyond its norm.
-    if !(norm > 0.0 && norm.is_finite()) {
+    if !(shift > 0.0 && norm.is_finite()) {
         return None;
     }
     let identity = SymMatrix::diagonal(&vec![1.0; n]);
-    let mut shift = 1e-12 * norm;
     let mut factor = loop {
         match Spd::factor(&matrix.plus(shift, &identity)) {
             Ok(factor) => break factor,
@@ -407,7 +407,7 @@ mod tests {
 
     #[test]
     fn a_matrix_of_zeros_or_beyond_the_range_of_a_double_has_no_shape_and_no_limit() {
-        for entry in [0.0, f64::INFINITY, f64::MAX] {
+        for entry in [0.0, -1e-320, f64::INFINITY, f64::MAX] {
             assert_eq!(near_null(&SymMatrix::diagonal(&[entry, entry])), None);
         }
         let zeros = || SymMatrix::zeros(2);
