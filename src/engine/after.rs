@@ -15,6 +15,7 @@ use super::{Ending, Engine, Stop};
 use crate::control::limits::Quantity;
 use crate::control::{Departure, Port};
 use crate::rt::timing::TickStamps;
+use crate::substructure::LinkFault;
 use crate::time::Nanos;
 
 /// Where a specimen was left.
@@ -226,11 +227,16 @@ impl Engine {
             };
             let patience = port.patience_ns(self.limits.reply_timeout_ns);
             let until = port.partner.asked_at.unwrap_or(now).plus(patience);
-            self.await_answer(index, until, control)?;
+            let in_time = self.await_answer(index, until, control)?;
             let Some(port) = self.ports.get_mut(index) else {
                 break;
             };
-            match port.let_answer(until) {
+            let answer = if in_time {
+                port.let_answer(until)
+            } else {
+                Err(LinkFault::Timeout)
+            };
+            match answer {
                 Ok(()) => port.partner.owes_the_last = false,
                 Err(fault) => {
                     port.note_loss();
@@ -244,14 +250,22 @@ impl Engine {
         Ok(first)
     }
 
-    /// Until this partner has answered, or it is too late: the operator is heard, and the others hear that somebody is there.
-    fn await_answer(&mut self, index: usize, until: Nanos, control: &Control) -> Result<(), Stop> {
-        let waits_elsewhere =
-            self.clock.is_simulated() || self.ports.get(index).is_none_or(Port::is_recorded);
-        while !waits_elsewhere && self.clock.now() < until {
+    /// Until this partner has answered, or its link has failed: the operator is heard meanwhile, and the others hear that somebody
+    /// is there. False if it is too late.
+    fn await_answer(
+        &mut self,
+        index: usize,
+        until: Nanos,
+        control: &Control,
+    ) -> Result<bool, Stop> {
+        if self.clock.is_simulated() || self.ports.get(index).is_none_or(Port::is_recorded) {
+            return Ok(true);
+        }
+        loop {
             match self.ports.get_mut(index).map(Port::is_answered) {
+                Some(Ok(false)) if self.clock.now() >= until => return Ok(false),
                 Some(Ok(false)) => {}
-                _ => break,
+                _ => return Ok(true),
             }
             self.hear(control)?;
             for port in &mut self.ports {
@@ -263,7 +277,6 @@ impl Engine {
             let next = self.clock.now().plus(self.schedule.period_ns());
             self.clock.sleep_until(next);
         }
-        Ok(())
     }
 
     /// What ended the test in no row of its own stands in one, if rows of the way out follow: a replay ends there, too.
