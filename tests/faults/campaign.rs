@@ -360,6 +360,25 @@ pub fn from_environment(name: &str, usual: u64) -> u64 {
     }
 }
 
+/// Plays the tests with the numbers below `count`, each once, until it is `enough`.
+pub fn on_all_processors(count: u64, enough: impl Fn() -> bool + Sync, play: impl Fn(u64) + Sync) {
+    let next = AtomicU64::new(0);
+    let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    std::thread::scope(|scope| {
+        for _ in 0..threads {
+            scope.spawn(|| {
+                loop {
+                    let number = next.fetch_add(1, Ordering::Relaxed);
+                    if number >= count || enough() {
+                        return;
+                    }
+                    play(number);
+                }
+            });
+        }
+    });
+}
+
 #[test]
 fn whatever_goes_wrong_what_must_hold_holds() {
     let seeds = from_environment("GUSSET_FAULT_SEEDS", SEEDS);
@@ -372,55 +391,44 @@ fn whatever_goes_wrong_what_must_hold_holds() {
     } else {
         Vec::new()
     };
-    let next = AtomicU64::new(0);
     let wrong = Mutex::new(Vec::new());
     let ends = Mutex::new(std::collections::BTreeMap::<String, u64>::new());
     let steps = AtomicU64::new(0);
-    let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-    std::thread::scope(|scope| {
-        for _ in 0..threads {
-            scope.spawn(|| {
-                loop {
-                    let number = next.fetch_add(1, Ordering::Relaxed);
-                    if number >= seeds + again.len() as u64 || wrong.lock().unwrap().len() >= 5 {
-                        return;
-                    }
-                    let (seed, stand) = match again.get(number as usize) {
-                        Some(again) => *again,
-                        None => (first + number - again.len() as u64, Stand::Anywhere),
-                    };
-                    let case = one_as(&tests, seed, stand, |_| None);
-                    let Case {
-                        script,
-                        loaded,
-                        played,
-                    } = case;
-                    let outcome = played.and_then(|played| {
-                        steps.fetch_add(played.outcome.steps, Ordering::Relaxed);
-                        let (reason, exit) = played.verdict();
-                        let sort: String = reason
-                            .chars()
-                            .filter(|c| !c.is_numeric())
-                            .take(48)
-                            .collect();
-                        *ends
-                            .lock()
-                            .unwrap()
-                            .entry(format!("{exit:3} {sort}"))
-                            .or_default() += 1;
-                        invariants::check(&loaded, &played).map_err(|text| {
-                            format!(
-                                "{text}\n{:?}, exit {exit}: {reason}\n{}",
-                                played.path(),
-                                played.told()
-                            )
-                        })
-                    });
-                    if let Err(text) = outcome {
-                        wrong.lock().unwrap().push((seed, text, script));
-                    }
-                }
-            });
+    let enough = || wrong.lock().unwrap().len() >= 5;
+    on_all_processors(seeds + again.len() as u64, enough, |number| {
+        let (seed, stand) = match again.get(number as usize) {
+            Some(again) => *again,
+            None => (first + number - again.len() as u64, Stand::Anywhere),
+        };
+        let case = one_as(&tests, seed, stand, |_| None);
+        let Case {
+            script,
+            loaded,
+            played,
+        } = case;
+        let outcome = played.and_then(|played| {
+            steps.fetch_add(played.outcome.steps, Ordering::Relaxed);
+            let (reason, exit) = played.verdict();
+            let sort: String = reason
+                .chars()
+                .filter(|c| !c.is_numeric())
+                .take(48)
+                .collect();
+            *ends
+                .lock()
+                .unwrap()
+                .entry(format!("{exit:3} {sort}"))
+                .or_default() += 1;
+            invariants::check(&loaded, &played).map_err(|text| {
+                format!(
+                    "{text}\n{:?}, exit {exit}: {reason}\n{}",
+                    played.path(),
+                    played.told()
+                )
+            })
+        });
+        if let Err(text) = outcome {
+            wrong.lock().unwrap().push((seed, text, script));
         }
     });
     for (end, count) in ends.into_inner().unwrap() {

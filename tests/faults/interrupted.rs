@@ -7,7 +7,6 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicU64, Ordering};
 
 use gusset::config::{Loaded, build_over};
 use gusset::engine::{Ending, Phase, Stop};
@@ -19,7 +18,9 @@ use gusset::session::{ResumeError, replay, resume_over};
 use serde_json::json;
 use sha2::{Digest, Sha256};
 
-use crate::campaign::{Chance, from_environment, moves_by_itself, operator, script, tests};
+use crate::campaign::{
+    Chance, from_environment, moves_by_itself, on_all_processors, operator, script, tests,
+};
 use crate::invariants;
 use crate::lab::{Extra, Played, Recorded, Wires, perform};
 use crate::rig::{self, Rig, Seen};
@@ -345,28 +346,17 @@ fn what_goes_on_after_an_interruption_is_safe_and_the_same_test() {
     let first = from_environment("GUSSET_FAULT_SEED", 0);
     let tests = tests();
     let home = tempfile::tempdir().unwrap();
-    let next = AtomicU64::new(0);
     let wrong = Mutex::new(Vec::new());
     let ends = Mutex::new(BTreeMap::<String, u64>::new());
-    let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-    std::thread::scope(|scope| {
-        for _ in 0..threads {
-            scope.spawn(|| {
-                loop {
-                    let number = next.fetch_add(1, Ordering::Relaxed);
-                    if number >= seeds || wrong.lock().unwrap().len() >= 5 {
-                        return;
-                    }
-                    let seed = first + number;
-                    match one(&tests, seed, home.path()) {
-                        Ok(end) => {
-                            let sort = end.chars().filter(|c| !c.is_numeric()).take(48).collect();
-                            *ends.lock().unwrap().entry(sort).or_default() += 1;
-                        }
-                        Err(text) => wrong.lock().unwrap().push((seed, text)),
-                    }
-                }
-            });
+    let enough = || wrong.lock().unwrap().len() >= 5;
+    on_all_processors(seeds, enough, |number| {
+        let seed = first + number;
+        match one(&tests, seed, home.path()) {
+            Ok(end) => {
+                let sort = end.chars().filter(|c| !c.is_numeric()).take(48).collect();
+                *ends.lock().unwrap().entry(sort).or_default() += 1;
+            }
+            Err(text) => wrong.lock().unwrap().push((seed, text)),
         }
     });
     for (end, count) in ends.into_inner().unwrap() {
