@@ -313,7 +313,10 @@ fn places(
             let off = errors.iter().map(|error| (error - beyond).abs());
             let off = off.fold(0.0, f64::max);
             let steps = command.windows(2).map(|pair| (pair[1] - pair[0]).abs());
-            let fastest = steps.fold(0.0, f64::max) * LOST_S * rate_hz;
+            // The command that stood ready may have left, and its row be lost.
+            let ready = port.command.get(axis).zip(port.sent.get(axis));
+            let ready = ready.map(|(ready, sent)| (ready - sent).abs());
+            let fastest = steps.chain(ready).fold(0.0, f64::max) * (LOST_S * rate_hz).max(1.0);
             let last = command.last().copied().unwrap_or(0.0);
             let own = SHARE * off + fastest + NOTHING * last.abs();
             let own = within.map_or(own, |metres| metres / port.metres_of(axis));
