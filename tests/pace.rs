@@ -274,20 +274,20 @@ fn predictions_slow_downs_and_holds_are_replayed_to_the_last_bit() {
     assert_eq!(found.rows, states[0].len() as u64);
 }
 
-/// A spring whose answers stay away from this test time on; who waits for one gets it, if it is not dead.
+/// A spring that is asked so many times for what it was told from this test time on, before it answers.
 struct Late {
     spring: Spring,
     from: f64,
-    is_dead: bool,
+    asked: u32,
     time: f64,
 }
 
 impl Late {
-    fn boxed(from: f64, is_dead: bool) -> Box<dyn Substructure> {
+    fn boxed(from: f64, asked: u32) -> Box<dyn Substructure> {
         Box::new(Self {
             spring: Spring::new(1e5, |_| {}),
             from,
-            is_dead,
+            asked,
             time: 0.0,
         })
     }
@@ -305,34 +305,32 @@ impl Substructure for Late {
         self.spring.issue(command)
     }
     fn is_answered(&mut self) -> Result<bool, LinkFault> {
-        Ok(self.time < self.from && self.spring.is_answered()?)
+        if self.time < self.from || self.asked == 0 {
+            return self.spring.is_answered();
+        }
+        self.asked -= 1;
+        Ok(false)
     }
     fn collect(&mut self, until: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
-        if self.is_dead && self.time >= self.from {
-            return Err(LinkFault::Timeout);
-        }
         self.spring.collect(until, into)
     }
     fn retire(&mut self, _: Retirement) {}
 }
 
-/// One partner does not answer any more and another one is slow when the operator stops the test: the specimen between them is
-/// brought home at once, the slow one when it has answered, and that a link was lost is how the test ended.
+/// One partner does not answer any more and two are slow when the operator stops the test: the specimen before them is brought
+/// home at once, a slow one as soon as it has answered, from where it then stands, and that a link was lost is how the test
+/// ended.
 #[test]
 fn who_owes_an_answer_when_the_test_ends_keeps_nobody_else_from_leaving() {
     let home = tempfile::tempdir().unwrap();
     let safety = "safety.unlimited = \"a spring\"\nsafety.zero_s = 0.01\nsafety.at_end = \"zero_displacement\"\n\
                   safety.exit_speed_m_per_s = 0.05";
-    let text = format!(
-        "{}{SPRING}{}{}",
-        frame(10, safety),
-        far("dead"),
-        far("slow")
-    );
+    let names = ["dead", "slow", "slower"];
+    let text = format!("{}{SPRING}{}", frame(10, safety), names.map(far).concat());
     let mut words = vec![Operator::Continue; 400];
     words.push(Operator::Stop);
-    let partners = vec![Late::boxed(0.2, true), Late::boxed(0.2, false)];
-    let run = recorded_of(home.path(), &text, partners, &words);
+    let partners = [u32::MAX, 300, 900].map(|asked| Late::boxed(0.2, asked));
+    let run = recorded_of(home.path(), &text, partners.into(), &words);
     let read = gusset::record::Run::open(&run).unwrap();
     let summary = read.summary().unwrap();
     assert_eq!(
@@ -341,9 +339,13 @@ fn who_owes_an_answer_when_the_test_ends_keeps_nobody_else_from_leaving() {
         "{}",
         summary.reason
     );
-    let left = ["near", "dead", "slow"].map(|name| summary.left[name].as_str());
-    assert_eq!(left, ["reached", "not_reached", "reached"]);
-    let names = ["state", "cmd_1_1", "cmd_2_1", "cmd_3_1", "status_2"];
+    let left = ["near", "dead", "slow", "slower"].map(|name| summary.left[name].as_str());
+    assert_eq!(left, ["reached", "not_reached", "reached", "reached"]);
+    let lost = |event: &&serde_json::Value| event["event"] == "link";
+    assert_eq!(read.events().unwrap().events.iter().filter(lost).count(), 1);
+    let names = [
+        "state", "cmd_1_1", "cmd_2_1", "cmd_3_1", "cmd_4_1", "status_2",
+    ];
     let columns = read.columns(&names).unwrap();
     let leaving = |row: &usize| columns[0][*row] == Phase::Leaving.code();
     let rows: Vec<usize> = (0..columns[0].len()).filter(leaving).collect();
@@ -351,14 +353,26 @@ fn who_owes_an_answer_when_the_test_ends_keeps_nobody_else_from_leaving() {
         let moves = |pair: &&[usize]| columns[column][pair[0]] != columns[column][pair[1]];
         rows.windows(2)
             .filter(moves)
-            .map(|pair| pair[1])
+            .map(|pair| pair[1] - rows[0])
             .collect::<Vec<_>>()
     };
-    let [near, dead, slow] = [1, 2, 3].map(moving);
-    assert!(!near.is_empty() && dead.is_empty());
-    assert!(near[near.len() - 1] < slow[0], "the slow one follows");
-    let is_lost = |row: &usize| Status(columns[4][*row] as u32).has(Status::LOST);
-    assert!(!near.iter().any(is_lost) && slow.iter().all(is_lost));
+    let [near, dead, slow, slower] = [1, 2, 3, 4].map(moving);
+    let begins = [&near, &slow, &slower].map(|moves| moves[0]);
+    assert!(
+        begins[0] <= 1 && (100..=110).contains(&begins[1]),
+        "{begins:?}"
+    );
+    assert!((700..=710).contains(&begins[2]), "{begins:?}");
+    assert!(dead.is_empty() && near[near.len() - 1] > begins[1]);
+    let forces = read.columns(&["raw_force_4_1"]).unwrap();
+    let there = rows[0] + begins[2] - 1;
+    let known = 1e5 * columns[4][there];
+    assert!(
+        known != 0.0 && (forces[0][there] - known).abs() < 1e-9,
+        "{known}"
+    );
+    let is_lost = |row: &&usize| Status(columns[5][**row] as u32).has(Status::LOST);
+    assert!(rows.iter().filter(is_lost).count() > 0);
     let found = replay(&run).unwrap();
     assert!(found.is_exact(), "{found:?}");
 }

@@ -107,21 +107,6 @@ impl Port {
         !self.partner.lost && !self.partner.owes_the_last
     }
 
-    /// Takes the answer that is owed, and forgets it: a partner in lockstep takes no command before that.
-    ///
-    /// # Errors
-    /// The link is lost.
-    pub fn let_answer(&mut self, deadline: Nanos) -> Result<(), LinkFault> {
-        if self.owes {
-            let answer = self.substructure.collect(deadline, &mut self.incoming);
-            copy(&self.raw, &mut self.incoming);
-            answer?;
-            self.owes = false;
-            self.answered();
-        }
-        Ok(())
-    }
-
     /// The specimen is lost: its status says so in every row from here on.
     pub fn note_loss(&mut self) {
         self.raw.status.0 |= Status::LOST.0;

@@ -92,8 +92,11 @@ impl Departure {
 }
 
 impl Port {
-    /// The test is over: the last command counts as one at rest, and nothing is estimated from here on.
+    /// The test is over: the last command counts as one at rest, and nothing is estimated from here on. Whoever owes an answer
+    /// is told nothing before it has given it.
     pub fn end_test(&mut self) {
+        self.partner.owes_the_last = self.owes();
+        self.is_waited_for();
         self.guard.watch.sent_again();
         self.rest();
         self.pause_following();

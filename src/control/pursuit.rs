@@ -266,6 +266,11 @@ impl Port {
         self.substructure.is_answered()
     }
 
+    /// Whoever owes an answer was asked for it, however often it is commanded.
+    pub(super) fn is_waited_for(&mut self) {
+        self.pursuit.asked |= self.owes();
+    }
+
     /// Its answer was taken. Real-time: yes.
     #[inline]
     pub fn answered(&mut self) {

@@ -15,8 +15,6 @@ use super::{Ending, Engine, Stop};
 use crate::control::limits::Quantity;
 use crate::control::{Departure, Port};
 use crate::rt::timing::TickStamps;
-use crate::substructure::LinkFault;
-use crate::time::Nanos;
 
 /// Where a specimen was left.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -51,11 +49,6 @@ pub struct Unfinished {
     pub stop: Stop,
     /// How the test had ended before.
     pub after: Ending,
-}
-
-/// True of a partner that is to be led away and owes an answer of the test.
-fn is_waited_for(port: &Port, tripped: bool) -> bool {
-    !port.partner.lost && port.partner.owes_the_last && port.exits.moves(tripped)
 }
 
 impl Engine {
@@ -102,7 +95,11 @@ impl Engine {
         let Err(stop) = self.lead_out(&ending, control) else {
             return ending;
         };
-        self.report_stop(&stop);
+        let is_gone = |port: usize| self.ports.get(port).is_some_and(|port| port.partner.gone);
+        // Whoever was lost while the others were led away was told of then.
+        if !matches!(stop, Stop::Link { port, .. } if is_gone(port)) {
+            self.report_stop(&stop);
+        }
         self.unfinished = Some(Unfinished {
             stop,
             after: ending,
@@ -135,19 +132,13 @@ impl Engine {
         if let Ending::Stopped(stop) = ending {
             self.bear_in_mind(stop);
         }
-        for port in &mut self.ports {
-            port.end_test();
-            port.partner.owes_the_last = port.owes();
-        }
-        let can_be_led = |port: &Port| is_known && port.has_begun() && port.is_heard();
-        let led: Vec<bool> = self.ports.iter().map(can_be_led).collect();
-        let mut departures = self.departures(tripped, &led);
-        self.keep_warm_up();
-        for (left, (port, departure)) in
-            self.left.iter_mut().zip(self.ports.iter().zip(&departures))
-        {
-            let is_led = is_known && port.has_begun() && port.exits.moves(tripped);
-            *left = if departure.is_some() || is_led {
+        self.ports.iter_mut().for_each(Port::end_test);
+        let is_led = |port: &Port| is_known && port.has_begun() && port.exits.moves(tripped);
+        let led: Vec<bool> = self.ports.iter().map(is_led).collect();
+        let mut moves = false;
+        for (left, (port, led)) in self.left.iter_mut().zip(self.ports.iter().zip(&led)) {
+            moves |= *led && !port.partner.lost;
+            *left = if *led {
                 Left::NotReached
             } else if port.partner.gone {
                 Left::Lost
@@ -155,9 +146,8 @@ impl Engine {
                 Left::Stayed
             };
         }
-        let follows = |port: &Port| is_known && port.has_begun() && is_waited_for(port, tripped);
-        let follow: Vec<bool> = self.ports.iter().map(follows).collect();
-        if departures.iter().all(Option::is_none) && !follow.contains(&true) {
+        self.keep_warm_up();
+        if !moves {
             return Ok(());
         }
         if tripped && !self.trip_is_recorded {
@@ -170,29 +160,20 @@ impl Engine {
         };
         self.enter(Phase::Leaving, cause);
         // Whatever ends it, the specimens stand at their last commands.
-        self.all_departures(&mut departures, control)?;
-        // Who owed an answer kept nobody else where they were.
-        let lost = self.hear_who_owes(&follow, control)?;
-        let mut departures = self.departures(tripped, &follow);
-        self.all_departures(&mut departures, control)?;
-        lost.map_or(Ok(()), Err)
+        self.all_departures(tripped, &led, control)
     }
 
-    /// The ways of those that are `led` away, as far as they can be told so now.
-    fn departures(&mut self, tripped: bool, led: &[bool]) -> Vec<Option<Departure>> {
+    /// The ways of those that are `led` away and can be told so now, if they have none. Who owes an answer of the test is told
+    /// nothing before.
+    fn depart(&mut self, tripped: bool, led: &[bool], departures: &mut [Option<Departure>]) {
         let (period, sequence) = (self.period.value(), self.sequence);
-        let each = self.ports.iter_mut().zip(led).map(|(port, led)| {
-            if !led || !port.is_heard() {
-                return None;
-            }
-            let departure = port.depart(tripped, period);
-            // A specimen that stays where it is hears nothing more but the last words.
-            if departure.is_some() {
+        let each = self.ports.iter_mut().zip(led).zip(departures);
+        for ((port, led), departure) in each {
+            if *led && departure.is_none() && port.is_heard() {
+                *departure = port.depart(tripped, period);
                 port.leave_number(sequence);
             }
-            departure
-        });
-        each.collect()
+        }
     }
 
     /// What stopped the test is known on the way out: who is not commanded any more, and what may be as bad as it is. Real-time:
@@ -215,68 +196,33 @@ impl Engine {
         }
     }
 
-    /// Whoever was told its target some ticks ago and is to be led away has answered before it is told anything else. Its
-    /// patience began when it was asked. Returns the first that did not answer.
-    fn hear_who_owes(&mut self, who: &[bool], control: &Control) -> Result<Option<Stop>, Stop> {
+    /// Whoever was told its target some ticks ago is asked for its answer in every tick, and hears from us until it is here: its
+    /// patience began when it was asked. Who is lost by that keeps nobody else where they are; the first of them comes back.
+    /// Real-time: yes.
+    fn hear_who_owes(
+        &mut self,
+        tick: &Tick,
+        stamps: &mut TickStamps,
+    ) -> Result<Option<Stop>, Stop> {
         let mut first = None;
-        let owe = who.iter().enumerate().filter(|(_, owes)| **owes);
-        for (index, _) in owe {
-            let now = self.clock.now();
-            let Some(port) = self.ports.get_mut(index) else {
-                break;
-            };
-            let patience = port.patience_ns(self.limits.reply_timeout_ns);
-            let until = port.partner.asked_at.unwrap_or(now).plus(patience);
-            let in_time = self.await_answer(index, until, control)?;
-            let Some(port) = self.ports.get_mut(index) else {
-                break;
-            };
-            let answer = if in_time {
-                port.let_answer(until)
-            } else {
-                Err(LinkFault::Timeout)
-            };
-            match answer {
-                Ok(()) => port.partner.owes_the_last = false,
-                Err(fault) => {
-                    port.note_loss();
-                    let stop = Stop::Link { port: index, fault };
-                    self.report_stop(&stop);
-                    self.bear_in_mind(&stop);
+        for index in 0..self.ports.len() {
+            let owes = |port: &Port| port.partner.owes_the_last && !port.partner.lost;
+            if !self.ports.get(index).is_some_and(owes) {
+                continue;
+            }
+            match self.collect_from(index, tick, stamps) {
+                Ok(()) => {}
+                Err(stop @ Stop::Link { .. }) => {
+                    self.stops_too(&stop);
                     first = first.or(Some(stop));
+                }
+                Err(stop) => {
+                    self.record_trip(tick, stamps, &stop);
+                    return Err(stop);
                 }
             }
         }
         Ok(first)
-    }
-
-    /// Until this partner has answered, or its link has failed: the operator is heard meanwhile, and the others hear that somebody
-    /// is there. False if it is too late.
-    fn await_answer(
-        &mut self,
-        index: usize,
-        until: Nanos,
-        control: &Control,
-    ) -> Result<bool, Stop> {
-        if self.clock.is_simulated() || self.ports.get(index).is_none_or(Port::is_recorded) {
-            return Ok(true);
-        }
-        loop {
-            match self.ports.get_mut(index).map(Port::is_answered) {
-                Some(Ok(false)) if self.clock.now() >= until => return Ok(false),
-                Some(Ok(false)) => {}
-                _ => return Ok(true),
-            }
-            self.hear(control)?;
-            for port in &mut self.ports {
-                if !port.partner.lost && !port.owes() {
-                    // A link that is lost shows at the next command.
-                    let _ = port.attend();
-                }
-            }
-            let next = self.clock.now().plus(self.schedule.period_ns());
-            self.clock.sleep_until(next);
-        }
     }
 
     /// What ended the test in no row of its own stands in one, if rows of the way out follow: a replay ends there, too.
@@ -308,27 +254,35 @@ impl Engine {
         }
     }
 
+    /// A link that is lost before its specimen could be told anything stops nobody else: it is what comes back at the end.
     fn all_departures(
         &mut self,
-        departures: &mut [Option<Departure>],
+        tripped: bool,
+        led: &[bool],
         control: &Control,
     ) -> Result<(), Stop> {
         self.hold_wanted = false;
+        let mut departures: Vec<Option<Departure>> = led.iter().map(|_| None).collect();
+        let mut lost = None;
         loop {
+            self.depart(tripped, led, &mut departures);
             let mut moving = false;
-            for (port, departure) in self.ports.iter_mut().zip(departures.iter_mut()) {
+            for (port, departure) in self.ports.iter_mut().zip(&mut departures) {
                 match departure {
                     Some(departure) => moving |= port.go_on(departure),
                     None => port.stand_still(),
                 }
             }
-            for (left, departure) in self.left.iter_mut().zip(departures.iter()) {
+            for (left, departure) in self.left.iter_mut().zip(&departures) {
                 if departure.as_ref().is_some_and(Departure::has_arrived) {
                     *left = Left::Reached;
                 }
             }
-            if !moving {
-                return Ok(());
+            let is_waited_for = |(port, led): (&Port, &bool)| {
+                *led && port.partner.owes_the_last && !port.partner.lost
+            };
+            if !moving && !self.ports.iter().zip(led).any(is_waited_for) {
+                return lost.map_or(Ok(()), Err);
             }
             self.clear_commands()?;
             let step = self.steps_done;
@@ -341,8 +295,12 @@ impl Engine {
             let mut stamps = TickStamps::default();
             self.wait_before_start(&mut stamps, control)?;
             self.exchange(&tick, &mut stamps)?;
+            lost = lost.or(self.hear_who_owes(&tick, &mut stamps)?);
             self.row_before_start(&tick, Phase::Leaving, &stamps);
             self.accept()?;
+            for port in &mut self.ports {
+                port.partner.owes_the_last &= port.owes();
+            }
         }
     }
 }

@@ -69,7 +69,7 @@ impl Engine {
 
     /// What was measured in the tick that ends the test, or its way out, is kept, although nothing follows from it.
     #[cold]
-    fn record_trip(&mut self, tick: &Tick, stamps: &TickStamps, stop: &Stop) {
+    pub(super) fn record_trip(&mut self, tick: &Tick, stamps: &TickStamps, stop: &Stop) {
         if matches!(
             stop,
             Stop::Limit { .. }
@@ -180,7 +180,7 @@ impl Engine {
 
     /// A second specimen ends a test that ends already: it is told, and the way out knows of it. Real-time: yes.
     #[cold]
-    fn stops_too(&mut self, stop: &Stop) {
+    pub(super) fn stops_too(&mut self, stop: &Stop) {
         // A limit that trips was told where it was judged.
         self.report_stop(stop);
         self.bear_in_mind(stop);
@@ -191,8 +191,9 @@ impl Engine {
         }
     }
 
+    /// Takes and judges the answer of one partner, if it is here: who takes several ticks for it is not waited for. Real-time: yes.
     #[inline]
-    fn collect_from(
+    pub(super) fn collect_from(
         &mut self,
         index: usize,
         tick: &Tick,
@@ -203,7 +204,7 @@ impl Engine {
         };
         let broken = |fault| Stop::Link { port: index, fault };
         let patience = port.patience_ns(self.limits.reply_timeout_ns);
-        if self.riding && port.is_per_step() {
+        if (self.riding && port.is_per_step()) || port.partner.owes_the_last {
             let simulated = self.clock.is_simulated();
             let answer = has_answer(port, stamps.sent, patience, simulated);
             if !answer.map_err(broken)? {
