@@ -313,4 +313,10 @@ pub trait Substructure: Send {
 
     /// Last words: the goodbye of the protocol. Called once, whatever happened before.
     fn retire(&mut self, how: Retirement);
+
+    /// After the last words: whether the specimen has said that it heard them. None where nobody asks for that: before it was
+    /// armed, in this process, or in a protocol that has no such answer.
+    fn has_acknowledged(&self) -> Option<bool> {
+        None
+    }
 }

@@ -160,9 +160,9 @@ fn an_open_interlock_trips_the_test_and_stays_tripped() {
         fake.write(&frame);
         while fake.frame().is_some() {}
     });
-    assert_eq!(
-        reason,
-        "specimen 1: its interlock or emergency stop is open"
+    assert!(
+        reason.starts_with("specimen 1: its interlock or emergency stop is open"),
+        "{reason}"
     );
 }
 
@@ -198,15 +198,34 @@ fn a_sampled_specimen_whose_sequence_is_frozen_runs_into_the_bound_of_stale_tick
         );
     let (code, said) = run(folder.path(), "run", &text);
     assert_eq!(code, 1, "{said}");
-    let reason = summary(folder.path(), "run").reason;
+    let found = summary(folder.path(), "run");
+    let reason = &found.reason;
     assert!(
         reason.contains("no fresh measurement for 21 ticks") && reason.contains("one old command"),
         "{reason}"
     );
+    // Nobody knows where it is.
+    assert!(found.left.values().all(|left| left == "lost"), "{reason}");
     assert!(events(folder.path(), "run").contains(&"stale".to_owned()));
 }
 
 /// The specimen's watchdog must not take a controller that waits for one that is gone.
+/// It answered every command, so it is where it was left; but nobody there knows that the test is over.
+#[test]
+fn a_specimen_that_does_not_acknowledge_the_end_is_told_of() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let address = Fake::start(|mut fake| fake.obey(|disp| (disp, 4e5 * disp), |_| {}));
+    let (code, said) = run(folder, "run", &linked(STEPS, &address, ""));
+    assert_eq!(code, 0, "{said}");
+    let found = summary(folder, "run");
+    let told = "specimen 1 did not acknowledge the end: its own watchdog holds it";
+    assert!(found.reason.contains(told) && said.contains(told), "{said}");
+    assert!(found.left.values().all(|left| left == "stayed"));
+    let told = events(folder, "run");
+    assert!(told.contains(&"unacknowledged".to_owned()), "{told:?}");
+}
+
 #[test]
 fn a_controller_that_waits_for_an_answer_says_that_it_is_there() {
     let folder = tempfile::tempdir().unwrap();

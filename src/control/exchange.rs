@@ -221,4 +221,10 @@ impl Port {
     pub fn retire(&mut self, how: Retirement) {
         self.substructure.retire(how);
     }
+
+    /// True of a specimen that should have answered the last words, and did not.
+    #[must_use]
+    pub fn is_unheard(&self) -> bool {
+        self.substructure.has_acknowledged() == Some(false)
+    }
 }

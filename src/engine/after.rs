@@ -14,6 +14,7 @@ use super::tick::Tick;
 use super::{Ending, Engine, Stop};
 use crate::control::limits::Quantity;
 use crate::control::{Departure, Port};
+use crate::record::EventKind;
 use crate::rt::timing::TickStamps;
 
 /// Where a specimen was left.
@@ -223,6 +224,23 @@ impl Engine {
             }
         }
         Ok(first)
+    }
+
+    /// Who did not answer the last words is told of. Where its last answer was not to its last command, nobody knows where it
+    /// is.
+    pub(super) fn note_unheard(&mut self) {
+        let unheard = |(_, port): &(usize, &Port)| port.is_unheard() && !port.partner.gone;
+        let unheard = self.ports.iter().enumerate().filter(unheard);
+        self.unheard = unheard.map(|(index, _)| index).collect();
+        for index in self.unheard.clone() {
+            let is_behind = |port: &Port| port.partner.stale > 0 || port.owes();
+            if self.ports.get(index).is_some_and(is_behind)
+                && let Some(left) = self.left.get_mut(index)
+            {
+                *left = Left::Lost;
+            }
+            self.report_now(EventKind::Unacknowledged { port: index as u32 });
+        }
     }
 
     /// What ended the test in no row of its own stands in one, if rows of the way out follow: a replay ends there, too.

@@ -168,6 +168,8 @@ pub struct Engine {
     retired: usize,
     /// Where each specimen was left.
     left: Vec<Left>,
+    /// Specimens that did not answer the last words.
+    unheard: Vec<usize>,
     unfinished: Option<Unfinished>,
     /// Called on the loop's thread when the warm-up is over.
     pub before_first_tick: Option<Watch>,
@@ -193,6 +195,8 @@ pub struct Outcome {
     pub unfinished: Option<Unfinished>,
     /// Where each specimen was left.
     pub left: Vec<Left>,
+    /// Specimens, from 0, that should have answered the last words, and did not.
+    pub unheard: Vec<usize>,
     /// Last step whose row was made.
     pub steps: u64,
     /// Peaks over all DOFs.
@@ -292,6 +296,7 @@ impl Engine {
             trip_is_recorded: false,
             operator_stopped: false,
             left: vec![Left::Stayed; ports.len()],
+            unheard: Vec::new(),
             phase: Phase::Connected,
             phase_cell: PhaseCell::default(),
             hold_wanted: false,
@@ -344,6 +349,7 @@ impl Engine {
             ending,
             unfinished: self.unfinished,
             left: self.left.clone(),
+            unheard: self.unheard.clone(),
             steps: self.steps_done,
             peaks: self.peaks.clone(),
             ports: self

@@ -40,6 +40,7 @@ impl Engine {
             Ending::Stopped(_) => Retirement::Tripped,
         };
         self.retire(how);
+        self.note_unheard();
         let cause = match ending {
             Ending::Stopped(Stop::Internal) => Cause::Stopped,
             // The way out has come to its end, whatever had ended the test.

@@ -122,6 +122,11 @@ pub enum EventKind {
         /// Why.
         fault: crate::substructure::LinkFault,
     },
+    /// Specimen `port` did not answer the last words: its own watchdog holds it.
+    Unacknowledged {
+        /// Specimen, from 0.
+        port: u32,
+    },
     /// The interlock of specimen `port` is open.
     Interlock {
         /// Specimen, from 0.

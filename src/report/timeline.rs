@@ -14,7 +14,7 @@ const KINDS: [(&str, &[&str], Ink); 5] = [
     ("deadline misses", &["miss"], Ink::Alarm),
     (
         "stale, late or lost answers",
-        &["stale", "link", "interlock", "saturated"],
+        &["stale", "link", "unacknowledged", "interlock", "saturated"],
         Ink::Series(1),
     ),
     (

@@ -167,13 +167,14 @@ pub fn ending(outcome: &Outcome) -> (Finish, String) {
         Ending::Completed => Finish::Completed,
         Ending::Stopped(stop) => finish_of(stop),
     };
-    let reason = match &outcome.unfinished {
+    let mut reason = match &outcome.unfinished {
         None => {
             let mut reason = words(&outcome.ending, outcome);
             for (index, _) in left_as(outcome, Left::NotReached) {
                 reason = format!("{reason}; specimen {} did not reach its exit", index + 1);
             }
-            for (index, _) in left_as(outcome, Left::Lost) {
+            let lost = left_as(outcome, Left::Lost);
+            for (index, _) in lost.filter(|(index, _)| !outcome.unheard.contains(index)) {
                 reason = format!(
                     "{reason}; specimen {} is held by its own watchdog",
                     index + 1
@@ -193,6 +194,12 @@ pub fn ending(outcome: &Outcome) -> (Finish, String) {
             }
         }
     };
+    for index in &outcome.unheard {
+        reason = format!(
+            "{reason}; specimen {} did not acknowledge the end: its own watchdog holds it",
+            index + 1
+        );
+    }
     (finish, reason)
 }
 

@@ -61,6 +61,8 @@ pub(super) struct Live {
     asked_to_arm: Option<Vec<u8>>,
     fault: Option<LinkFault>,
     detail: Option<Detail>,
+    /// Its goodbye has come; none before that was waited for.
+    acknowledged: Option<bool>,
 }
 
 impl Live {
@@ -97,6 +99,7 @@ impl Live {
             asked_to_arm: None,
             fault: None,
             detail: None,
+            acknowledged: None,
         }
     }
 

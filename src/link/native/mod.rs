@@ -153,4 +153,8 @@ impl Substructure for NativeLink {
             live.retire(how);
         }
     }
+
+    fn has_acknowledged(&self) -> Option<bool> {
+        self.live.as_ref().and_then(Live::has_acknowledged)
+    }
 }

@@ -99,6 +99,13 @@ impl<S: Store> EventLog<S> {
                     "{lost}: {fault}"
                 );
             }
+            EventKind::Unacknowledged { port } => {
+                self.specimen(line, port);
+                tracing::warn!(
+                    specimen = port + 1,
+                    "the end of the test was not acknowledged: the specimen's own watchdog holds it"
+                );
+            }
             EventKind::Interlock { port } => {
                 self.specimen(line, port);
                 tracing::error!(
@@ -341,6 +348,7 @@ const fn kind_name(kind: &EventKind) -> &'static str {
         EventKind::Miss { .. } => "miss",
         EventKind::Stale { .. } => "stale",
         EventKind::Link { .. } => "link",
+        EventKind::Unacknowledged { .. } => "unacknowledged",
         EventKind::Interlock { .. } => "interlock",
         EventKind::Saturated { .. } => "saturated",
         EventKind::Unsettled { .. } => "unsettled",

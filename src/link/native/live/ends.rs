@@ -94,8 +94,14 @@ impl Live {
         }
     }
 
+    /// See [`crate::substructure::Substructure::has_acknowledged`].
+    pub(in crate::link::native) const fn has_acknowledged(&self) -> Option<bool> {
+        self.acknowledged
+    }
+
     /// Tells the specimen, and waits a little for its goodbye. Whatever happens, this is the end.
     pub(in crate::link::native) fn retire(&mut self, how: Retirement) {
+        self.acknowledged = self.armed.then_some(false);
         if self.fault == Some(LinkFault::Closed) {
             return;
         }
@@ -136,7 +142,10 @@ impl Live {
             }
             while let Ok(Some(place)) = self.inbox.next() {
                 match self.decoder.open(self.inbox.frame(place)).map(|r| r.frame) {
-                    Ok(Frame::Goodbye(_)) => return,
+                    Ok(Frame::Goodbye(_)) => {
+                        self.acknowledged = Some(true);
+                        return;
+                    }
                     // Why it tripped, if it did.
                     Ok(Frame::Control(message)) => {
                         if let Ok(Control::Bye(bye)) = handshake::decode(message)
