@@ -291,7 +291,7 @@ static void take(size_t length, double came)
 /* Time runs from the last good frame: strangers and broken frames do not put it off. */
 static void watch(double at)
 {
-    if (at - heard > 30 + 10 * watchdog) {               /* it is gone */
+    if (at - heard > fmax(30, 10 * watchdog)) {          /* it is gone */
         armed = 0;
         over = 1;
         notice(GOODBYE, 3);

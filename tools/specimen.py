@@ -212,7 +212,7 @@ class Session:
         """From the arming to the end: how it ended, and the cause to answer goodbye with, if one is due."""
         paused = False
         heard = beaten = time.monotonic()
-        gone = 30 + 10 * self.watchdog
+        gone = max(30, 10 * self.watchdog)
         while True:
             frame = self.receive(heard + gone if paused else max(heard, beaten) + self.watchdog)
             if frame is None:

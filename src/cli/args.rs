@@ -219,7 +219,7 @@ pub(super) struct VerifyArgs {
     /// List the topics.
     #[arg(long)]
     pub list: bool,
-    /// Fewer random systems and smaller models: seconds in place of minutes.
+    /// Fewer random systems and smaller models: a few seconds.
     #[arg(long)]
     pub quick: bool,
     /// Write index.html, every figure as SVG and its data as CSV here; must not exist yet.

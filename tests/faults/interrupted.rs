@@ -2,7 +2,7 @@
 //! always hold holds for what goes on, too, and where nothing went wrong the response is that of the test that nobody
 //! interrupted.
 //!
-//! GUSSET_FAULT_SEEDS and GUSSET_FAULT_SEED as for the campaign, of which it takes every twentieth.
+//! GUSSET_FAULT_SEEDS and GUSSET_FAULT_SEED as for the campaign, of whose number it plays a twentieth.
 
 use std::collections::BTreeMap;
 use std::path::Path;

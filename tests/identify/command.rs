@@ -168,7 +168,15 @@ fn the_twin_is_a_test_that_checks_runs_and_is_identified_as_the_same() {
     let all = sum(&|i| columns[0][i].powi(2));
     assert!((off / all).sqrt() < 0.02, "{}", (off / all).sqrt());
 
-    let second = identified(&twin, &folder.join("second"), &SHORT);
+    // With the command that stands in it.
+    let text = std::fs::read_to_string(&twin).unwrap();
+    let command = text
+        .split("gusset identify identified.toml ")
+        .nth(1)
+        .unwrap();
+    let command = command.split("    ").next().unwrap();
+    let flags: Vec<&str> = command.split(' ').collect();
+    let second = identified(&twin, &folder.join("second"), &flags);
     let (one, two) = (
         best(&first, 0, "time_constant_s"),
         best(&second, 0, "time_constant_s"),

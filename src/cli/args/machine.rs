@@ -44,9 +44,10 @@ pub(in crate::cli) struct JitterArgs {
     #[arg(long, default_value_t = 90)]
     pub priority: u8,
     /// Put a memory- and cpu-hungry load on another core.
-    #[arg(long)]
+    #[arg(long, conflicts_with = "model")]
     pub load: bool,
-    /// Write .hgrm files, timing.json and a picture here; must not exist yet.
+    /// Write .hgrm files, timing.json and a picture here [default: nothing is kept]; with --model frontier.svg and frontier.csv
+    /// [default: runs/frontier-MODEL-TIME]; must not exist yet.
     #[arg(long)]
     pub out: Option<PathBuf>,
     /// Print the result as JSON on stdout.

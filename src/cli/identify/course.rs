@@ -64,8 +64,36 @@ pub(super) struct Plan {
     pub axes: Vec<Driven>,
     /// Names of specimens that are not part of it.
     pub left_out: Vec<String>,
+    /// The flags that ask for the same motion.
+    pub asked: String,
     /// The test that is run.
     pub file: TestFile,
+}
+
+const fn word(shape: Shape) -> &'static str {
+    match shape {
+        Shape::Sweep => "sweep",
+        Shape::Noise => "noise",
+        Shape::Steps => "steps",
+    }
+}
+
+/// The flags of a motion. Amplitudes that differ are found again from the limits.
+fn asked(args: &IdentifyArgs, shape: Shape, band: Band, axes: &[Driven]) -> String {
+    let mut flags = format!(
+        "--motion {} --band {},{} --duration {} --seed {}",
+        word(shape),
+        band.from_hz,
+        band.to_hz,
+        args.duration,
+        args.seed
+    );
+    if let Some(one) = axes.first()
+        && axes.iter().all(|axis| axis.amplitude == one.amplitude)
+    {
+        flags = format!("{flags} --amplitude {}", one.amplitude);
+    }
+    flags
 }
 
 impl Plan {
@@ -138,7 +166,9 @@ impl Plan {
         let what = one.map_or(&loaded.file.title, |table| &table.name);
         let title = format!("Identification of {what}");
         let others = loaded.file.specimen.iter().enumerate();
+        let asked = asked(args, shape, band, &axes);
         Ok(Self {
+            asked,
             band,
             shape,
             tick,
@@ -155,11 +185,7 @@ impl Plan {
 
     /// What will be done, for whoever stands beside the rig.
     pub fn announced(&self, loaded: &Loaded) -> Vec<String> {
-        let word = match self.shape {
-            Shape::Sweep => "sweep",
-            Shape::Noise => "noise",
-            Shape::Steps => "steps",
-        };
+        let word = word(self.shape);
         let mut lines: Vec<String> = self
             .axes
             .iter()

@@ -37,7 +37,7 @@ use outcome::Outcome;
 #[command(
     after_help = "Example:\n  gusset identify config/vrths-case-1.toml --amplitude 0.002 --out runs/floor-1\n  \
     gusset check runs/floor-1/identified.toml\n\n\
-    The motion begins and ends with a rest of one second. Limits of the test file hold; what they do not allow is refused \
+    The motion begins and ends with a rest of one second, or of 64 ticks where that is longer. Limits of the test file hold; what they do not allow is refused \
     before anything moves. Several axes are driven one after the other while the others are held; what those feel is said, too. \
     With a `geometry` the axes are the actuators, one stroke after the other. The folder is an ordinary run folder; \
     identified.toml in it is a virtual twin of the specimen with all that was found.\n\n\

@@ -1,7 +1,7 @@
 //! identified.toml: a virtual twin of what was identified, with everything that a `[[specimen]]` takes from it.
 //!
 //! It is a whole test file: the same motion, a linear specimen behind the identified actuator and sensors, and what makes up
-//! for them. `gusset check` and `gusset run` take it as it is, and so does `gusset identify`, which finds the same again.
+//! for them. `gusset check` and `gusset run` take it as it is; `gusset identify` finds the same again with the command in it.
 
 use nalgebra::DMatrix;
 use toml_edit::{DocumentMut, Item};
@@ -61,13 +61,13 @@ pub(super) fn text(
     let said = format!(
         "A virtual twin, made by `gusset identify`: {}.\n\
          #\n\
-         #   gusset run identified.toml         the same motion, with compensation\n\
-         #   gusset identify identified.toml    finds the same again\n\
+         #   gusset run identified.toml    the same motion, with compensation\n\
+         #   gusset identify identified.toml {}    finds the same again\n\
          #\n\
          # For the specimen itself take from its table below `stiffness_n_per_m`, `damping_n_s_per_m`, `identified` and\n\
          # `compensation`. `law` and `transfer` stand for the specimen and its actuator here; for a specimen behind a link they\n\
          # are its `stand_in` and `stand_in_transfer`.",
-        driven.file.title
+        driven.file.title, plan.asked
     );
     let text = format!("# {said}\n\n{document}");
     // What is written must be what a test file may say.

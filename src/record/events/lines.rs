@@ -335,7 +335,9 @@ pub(super) fn head(
 fn loud(count: &mut u64) -> bool {
     *count += 1;
     if *count == LOUD + 1 {
-        tracing::warn!("further events of this kind are in events.jsonl only");
+        tracing::warn!(
+            "further events of this kind are not shown: a run folder that is kept has them in events.jsonl"
+        );
     }
     *count <= LOUD
 }
