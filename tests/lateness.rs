@@ -279,15 +279,26 @@ fn stopping_ends_the_test_and_retires() {
 fn misses_have_bounds_in_a_row_and_in_all() {
     let every: Vec<Stall> = (10..16).map(|at| Answering(at, 1_100_000)).collect();
     let apart: Vec<Stall> = (5..15).map(|at| Answering(2 * at, 1_100_000)).collect();
-    let ending = |stalls: &[Stall], in_a_row, in_total| {
+    let run = |stalls: &[Stall], in_a_row, in_total| {
         let bounds = |limits: &mut gusset::engine::Limits| {
             limits.misses_in_a_row = in_a_row;
             limits.misses_in_total = in_total;
         };
-        run_warm(0, OnMiss::Stretch, stalls, bounds)
-            .0
-            .outcome
-            .ending
+        run_warm(0, OnMiss::Stretch, stalls, bounds).0
+    };
+    let ending =
+        |stalls: &[Stall], in_a_row, in_total| run(stalls, in_a_row, in_total).outcome.ending;
+    let trip = |run: &Run| match run.events.iter().rev().find_map(|event| match event.kind {
+        gusset::record::EventKind::TestLimit {
+            quantity,
+            trip: true,
+            value,
+            bound,
+        } => Some((quantity, value, bound)),
+        _ => None,
+    }) {
+        Some(trip) => trip,
+        None => panic!("no event says what tripped"),
     };
     let late = |found| match found {
         Ending::Stopped(Stop::Late {
@@ -298,6 +309,10 @@ fn misses_have_bounds_in_a_row_and_in_all() {
     assert_eq!(late(ending(&every, 3, 100)), (4, 4));
     assert_eq!(ending(&apart, 3, 100), Ending::Completed);
     assert_eq!(late(ending(&apart, 3, 6)), (7, 1));
+    let in_a_row = trip(&run(&every, 3, 100));
+    assert_eq!(in_a_row, ("max_consecutive_misses", 4.0, 3.0));
+    let in_all = trip(&run(&apart, 3, 6));
+    assert_eq!(in_all, ("max_total_misses", 7.0, 6.0));
 }
 
 /// Before t = 0 nothing is integrated: a stall there moves the grid, whatever the policy, is no miss, and the first command of

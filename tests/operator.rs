@@ -71,6 +71,9 @@ fn a_test_holds_goes_on_and_ends_as_it_is_told() {
     for phase in ["zeroing", "armed", "running", "holding", "safe"] {
         assert!(events.contains(&format!("\"to\":\"{phase}\"")), "{events}");
     }
+    for asked in ["hold", "continue", "stop"] {
+        assert!(events.contains(&format!("\"event\":\"{asked}_requested\"")));
+    }
     let read = Run::open(&run).unwrap();
     assert!(read.summary().is_some());
 
@@ -121,6 +124,8 @@ fn without_a_terminal_nothing_is_confirmed_unless_it_is_said() {
         text.contains("specimen \"rig\" axis 1: displacement 0"),
         "{text}"
     );
+    let told = events(&out);
+    assert!(told.contains("confirmed unseen") && told.contains("\"event\":\"confirmed\""));
 }
 
 /// The rows of a run in this state, of one column.

@@ -10,12 +10,16 @@ use crate::config::Facts;
 use crate::engine::{Notice, Operator};
 use crate::record::{Roll, What};
 
-/// Refuses a test that needs a confirmation nobody can give.
-pub fn can_confirm(facts: &Facts, yes: bool) -> anyhow::Result<()> {
+/// Refuses a test that needs a confirmation nobody can give; one that is given unseen is among its warnings.
+pub fn can_confirm(facts: &mut Facts, yes: bool) -> anyhow::Result<()> {
     if facts.confirm && !yes && !std::io::stdin().is_terminal() {
         let text = "what the sensors read must be confirmed before anything moves, and there is no terminal; `--yes` \
                     confirms it unseen; nothing was moved";
         return Err(WithExit(Exit::Usage, text.to_owned()).into());
+    }
+    if facts.confirm && yes {
+        let text = "`--yes`: what the sensors read before anything moves is confirmed unseen";
+        facts.warnings.push(text.to_owned());
     }
     Ok(())
 }

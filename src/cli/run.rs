@@ -21,12 +21,12 @@ use crate::session::{
 
 /// Runs one test.
 pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
-    let test = prepare(args)?;
+    let mut test = prepare(args)?;
     warn(&test.warnings);
     for text in &test.facts.announced {
         tell(format_args!("note: {text}"));
     }
-    attend::can_confirm(&test.facts, args.test_run.yes)?;
+    attend::can_confirm(&mut test.facts, args.test_run.yes)?;
     let asked = live::Asked::for_run(args)?;
     // Before there is a folder: from here on an interrupt leaves a whole one.
     let signals = Signals::listen().context("signals cannot be taken over")?;

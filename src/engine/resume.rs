@@ -252,6 +252,7 @@ impl Engine {
                     break;
                 }
             }
+            self.report_now(EventKind::Confirmed);
             self.ports.iter_mut().for_each(Port::stir);
         }
         Ok(())

@@ -252,7 +252,7 @@ impl Engine {
 
     /// A tick that closes no step. Real-time: yes.
     pub(super) fn pass(&mut self, tick: &Tick, stamps: &mut TickStamps) -> Result<(), Stop> {
-        let stage = self.ride.stride.stage;
+        let stride = self.ride.stride;
         // The step in progress is the last that was closed.
         let step = self.steps_done;
         let tick = Tick { step, ..*tick };
@@ -263,7 +263,7 @@ impl Engine {
             }
         }
         self.row
-            .between(&tick, stage.code(), &self.side, &self.ports);
+            .between(&tick, stride.stage.code(), &self.side, &self.ports);
         self.prepare_next();
         stamps.ready = self.clock.now();
         self.accept()?;
@@ -275,13 +275,14 @@ impl Engine {
             self.rows_lost += 1;
             self.report(&tick, EventKind::RowLost);
         }
-        self.note_stage(&tick, stage);
+        self.note_stage(&tick, &stride);
         self.clear_commands()
     }
 
     /// A change of the pace is an event; that targets become known tick by tick is not. Real-time: yes.
     #[inline]
-    pub(super) fn note_stage(&mut self, tick: &Tick, stage: Stage) {
+    pub(super) fn note_stage(&mut self, tick: &Tick, stride: &Stride) {
+        let stage = stride.stage;
         let slow = |stage| stage == Stage::SlowDown;
         if slow(stage) != slow(self.ride.stage) {
             self.report(
@@ -289,7 +290,7 @@ impl Engine {
                 EventKind::Pace {
                     from: self.ride.stage.word(),
                     to: stage.word(),
-                    share: self.ride.stride.share,
+                    share: stride.share,
                 },
             );
         }

@@ -1,5 +1,6 @@
 //! The course of a test: settle, warm up, run to the last step, retire; and what happens when the loop is late.
 
+use super::checks::TestQuantity;
 use super::columns::{Word, number};
 use super::numerical::{Side, aim_along};
 use super::operator::{Control, Operator};
@@ -202,8 +203,16 @@ impl Engine {
             }
             // The way out is neither held nor confirmed.
             Ok(_) if !self.phase.can_be_held() => {}
-            Ok(Operator::Hold) => self.hold_wanted = true,
+            Ok(Operator::Hold) => {
+                if !self.hold_wanted {
+                    self.report_now(EventKind::HoldRequested);
+                }
+                self.hold_wanted = true;
+            }
             Ok(Operator::Continue) => {
+                if self.hold_wanted {
+                    self.report_now(EventKind::ContinueRequested);
+                }
                 self.hold_wanted = false;
                 self.goes_on = true;
             }
@@ -300,10 +309,32 @@ impl Engine {
         self.judge_misses(tick)?;
         let bounds = &self.limits;
         let whole_period = stamps.woke.since(stamps.release).max(late_ns) >= period;
-        if (bounds.on_miss == OnMiss::Stop && whole_period)
-            || self.misses_in_a_row > bounds.misses_in_a_row
-            || self.misses > bounds.misses_in_total
-        {
+        let beyond = if bounds.on_miss == OnMiss::Stop && whole_period {
+            Some(("on_miss", number(late_ns) * 1e-9, number(period) * 1e-9))
+        } else if self.misses_in_a_row > bounds.misses_in_a_row {
+            let (found, bound) = (self.misses_in_a_row, bounds.misses_in_a_row);
+            Some((
+                TestQuantity::MissesInARow.key(),
+                number(found),
+                number(bound),
+            ))
+        } else if self.misses > bounds.misses_in_total {
+            let (found, bound) = (self.misses, bounds.misses_in_total);
+            Some((TestQuantity::Misses.key(), number(found), number(bound)))
+        } else {
+            None
+        };
+        if let Some((quantity, value, bound)) = beyond {
+            let trip = true;
+            self.report(
+                tick,
+                EventKind::TestLimit {
+                    quantity,
+                    trip,
+                    value,
+                    bound,
+                },
+            );
             let Engine {
                 misses: total,
                 misses_in_a_row: in_a_row,
@@ -406,6 +437,19 @@ impl Engine {
             }
             Stop::Saturated { port } => {
                 self.report_now(EventKind::Saturated { port: *port as u32 });
+            }
+            Stop::Moved {
+                port,
+                axis,
+                found,
+                left,
+                within,
+            } => {
+                self.report_now(EventKind::Moved {
+                    port: *port as u32,
+                    axis: *axis as u32,
+                    values: [*found, *left, *within],
+                });
             }
             Stop::Diverged { dof, .. } | Stop::Step(StepError::NotConverged { dof, .. }) => {
                 self.report_now(EventKind::Diverged { dof: *dof as u32 });

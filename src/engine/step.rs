@@ -32,7 +32,7 @@ impl Engine {
     /// Equilibrium at the step whose target was reached, in this tick or some ticks ago. Real-time: yes.
     #[inline]
     fn close_step(&mut self, tick: &Tick, stamps: &mut TickStamps) -> Result<(), Stop> {
-        let stage = self.ride.stride.stage;
+        let stride = self.ride.stride;
         let tick = self.step_of(tick);
         if let Err(stop) = self.resolve_poses() {
             self.record_trip(&tick, stamps, &stop);
@@ -51,7 +51,7 @@ impl Engine {
         self.row
             .timing(stamps, self.first_edge, self.schedule.stretched());
         self.hand_over(&tick);
-        self.note_stage(&tick, stage);
+        self.note_stage(&tick, &stride);
         self.check(&tick);
         self.note_peaks(&tick)?;
         advanced

@@ -153,6 +153,21 @@ pub enum EventKind {
     },
     /// The operator asked for an end.
     StopRequested,
+    /// The operator asked for a hold.
+    HoldRequested,
+    /// The operator let a test that was held, or was to be held, go on.
+    ContinueRequested,
+    /// What the sensors read before anything moves was confirmed.
+    Confirmed,
+    /// A specimen of a test that is gone on with does not stand where it was left.
+    Moved {
+        /// Specimen, from 0.
+        port: u32,
+        /// Axis, from 0.
+        axis: u32,
+        /// Where it stands, where it was left and how far off it may be, in its own unit.
+        values: [f64; 3],
+    },
     /// Specimen `port` is about to be moved a little and back, to see which way round it is wired.
     Probing {
         /// Specimen, from 0.

@@ -29,6 +29,7 @@ const KINDS: [(&str, &[&str], Ink); 5] = [
             "rows_lost",
             "not_granted",
             "misfit",
+            "moved",
             "unsettled",
         ],
         Ink::Series(4),
@@ -37,9 +38,8 @@ const KINDS: [(&str, &[&str], Ink); 5] = [
         "operator",
         &[
             "stop_requested",
-            "hold",
-            "continue",
             "hold_requested",
+            "continue_requested",
             "confirmed",
         ],
         Ink::Series(0),

@@ -118,12 +118,12 @@ pub fn identify(args: &IdentifyArgs) -> anyhow::Result<Exit> {
     for line in plan.announced(&loaded) {
         tell(line);
     }
-    let test = config::build(&driven).map_err(refused)?;
+    let mut test = config::build(&driven).map_err(refused)?;
     warn(&test.warnings);
     for text in &test.facts.announced {
         tell(format_args!("note: {text}"));
     }
-    attend::can_confirm(&test.facts, args.test_run.yes)?;
+    attend::can_confirm(&mut test.facts, args.test_run.yes)?;
     let facts = test.facts.clone();
     let (mut finished, interrupted) = carry_out(args, test, &facts)?;
     let report = session::conclude(&mut finished);

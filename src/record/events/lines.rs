@@ -25,7 +25,12 @@ impl<S: Store> EventLog<S> {
             name,
         );
         match event.kind {
-            EventKind::Started | EventKind::Ended | EventKind::StopRequested => {
+            EventKind::Started
+            | EventKind::Ended
+            | EventKind::StopRequested
+            | EventKind::HoldRequested
+            | EventKind::ContinueRequested
+            | EventKind::Confirmed => {
                 tracing::info!(tick = event.tick, time = event.time, "{name}");
             }
             EventKind::Grid { of, first_edge_ns } => {
@@ -173,6 +178,25 @@ impl<S: Store> EventLog<S> {
                     specimen = port + 1,
                     axis = axis + 1,
                     "the static load does not show which way round it is wired"
+                );
+            }
+            EventKind::Moved {
+                port,
+                axis,
+                values: [found, left, within],
+            } => {
+                self.specimen(line, port);
+                put(line, "axis", axis + 1);
+                put(line, "found", found);
+                put(line, "left", left);
+                put(line, "within", within);
+                tracing::error!(
+                    specimen = port + 1,
+                    axis = axis + 1,
+                    found,
+                    left,
+                    within,
+                    "it does not stand where it was left"
                 );
             }
             EventKind::Misfit { port, axis, what } => {
@@ -357,6 +381,10 @@ const fn kind_name(kind: &EventKind) -> &'static str {
         EventKind::RowLost => "row_lost",
         EventKind::Diverged { .. } => "diverged",
         EventKind::StopRequested => "stop_requested",
+        EventKind::HoldRequested => "hold_requested",
+        EventKind::ContinueRequested => "continue_requested",
+        EventKind::Confirmed => "confirmed",
+        EventKind::Moved { .. } => "moved",
         EventKind::Probing { .. } => "probing",
         EventKind::Direction { .. } => "direction",
         EventKind::DirectionUnknown { .. } => "direction_unknown",
