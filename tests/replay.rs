@@ -322,7 +322,21 @@ fn damage_ends_the_proof_and_what_is_foreign_is_refused() {
     )
     .unwrap();
     let said = gusset(&["replay", text]);
+    assert_eq!(said.status.code(), Some(2), "{said:?}");
+    let told = String::from_utf8_lossy(&said.stderr).into_owned();
+    assert!(told.contains("resolved.toml was changed"), "{told}");
+    // Where nothing says what it was, the rows show it.
+    let events = run.join("events.jsonl");
+    let told = std::fs::read_to_string(&events).unwrap();
+    let silent = told
+        .lines()
+        .filter(|line| !line.contains("\"event\":\"files\""));
+    let silent: String = silent.map(|line| format!("{line}\n")).collect();
+    std::fs::write(&events, silent).unwrap();
+    let said = gusset(&["replay", text]);
     assert_eq!(said.status.code(), Some(1), "{said:?}");
+    assert!(String::from_utf8_lossy(&said.stderr).contains("is not proven"));
+    std::fs::write(&events, &told).unwrap();
     std::fs::write(&resolved, &before).unwrap();
 
     let inputs = std::fs::read_dir(run.join("inputs")).unwrap();

@@ -522,13 +522,17 @@ fn a_specimen_that_does_not_stand_where_it_was_left_is_refused_and_nothing_moves
         )
         .unwrap()
     };
-    let conclude = |mut test: gusset::config::Prepared, off: f64, out: &str| {
+    let under = |mut test: gusset::config::Prepared, off: f64, out: &str, words: Vec<Operator>| {
         test.experiment.ports[0].go_live(far(off));
         test.experiment.ports[0].computed = true;
         let folder = RunFolder::create(&at(out)).unwrap();
-        let nobody = crossbeam_channel::never();
-        session::run(test, folder, nobody, Watches::default(), &mut |_| {}).unwrap()
+        let (says, requests) = crossbeam_channel::bounded(words.len() + 1);
+        for word in words {
+            says.send(word).unwrap();
+        }
+        session::run(test, folder, requests, Watches::default(), &mut |_| {}).unwrap()
     };
+    let conclude = |test, off, out: &str| under(test, off, out, Vec::new());
     let loaded = gusset::config::load(&test, &[]).unwrap_or_else(|e| panic!("{e}"));
     let whole = gusset::config::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(conclude(whole, 0.0, "whole").finish, Finish::Completed);
@@ -562,6 +566,22 @@ fn a_specimen_that_does_not_stand_where_it_was_left_is_refused_and_nothing_moves
         commands[0].iter().all(|c| Some(c) == left[0].last()),
         "nothing moved"
     );
+
+    // Of one that was ended in order everything is known: a tenth of a millimetre is somewhere else.
+    let mut words = vec![Operator::Continue; 300];
+    words.push(Operator::Stop);
+    let whole = gusset::config::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
+    let ended = under(whole, 0.0, "stopped", words);
+    assert_eq!(ended.finish, Finish::Interrupted);
+    let again = || resume(&at("stopped"), None, &[]).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(
+        conclude(again(), 1e-4, "aside").finish,
+        Finish::Stopped,
+        "it was moved by 0.1 mm"
+    );
+    let told = std::fs::read_to_string(at("aside").join("events.jsonl")).unwrap();
+    assert!(told.contains("\"event\":\"stands\"") && told.contains("\"event\":\"moved\""));
+    assert_eq!(conclude(again(), 0.0, "there").finish, Finish::Completed);
 }
 
 #[test]

@@ -29,6 +29,13 @@ pub fn replay(args: &ReplayArgs) -> anyhow::Result<Exit> {
         let notice = Notice::SummaryDamaged;
         tell(format_args!("warning: {}: {notice}", args.run.display()));
     }
+    if !found.files_proven {
+        tell(format_args!(
+            "warning: {}: its events do not say what its files were: that test.toml, resolved.toml and the inputs are those of the \
+             test is not proven",
+            args.run.display()
+        ));
+    }
     if args.json {
         let difference = found.difference.as_ref().map(|difference| {
             json!({
@@ -46,6 +53,7 @@ pub fn replay(args: &ReplayArgs) -> anyhow::Result<Exit> {
             "columns": found.columns,
             "difference": difference,
             "short": found.short,
+            "files_proven": found.files_proven,
         }))?)?;
     } else {
         if found.rows == 0 {

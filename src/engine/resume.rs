@@ -144,12 +144,13 @@ impl Engine {
             port.forget_readings();
         }
         self.read_at_rest(self.opening.zero_ticks.max(1), control)?;
-        let mut moved = None;
+        let (mut moved, mut found) = (None, Vec::new());
         for (index, (port, places)) in self.ports.iter().zip(left).enumerate() {
             for (axis, place) in places.iter().enumerate() {
                 let reading = port.reading(axis);
                 let off = (reading.disp - place.disp).abs();
                 let stands_there = off <= place.within;
+                found.push((index, axis, [reading.disp, place.disp, place.within]));
                 if !stands_there && moved.is_none() {
                     moved = Some(Stop::Moved {
                         port: index,
@@ -162,6 +163,13 @@ impl Engine {
             }
         }
         self.tell_readings(control);
+        for (port, axis, values) in found {
+            self.report_now(EventKind::Stands {
+                port: port as u32,
+                axis: axis as u32,
+                values,
+            });
+        }
         if let Some(stop) = moved {
             return Err(stop);
         }

@@ -159,6 +159,15 @@ pub enum EventKind {
     ContinueRequested,
     /// What the sensors read before anything moves was confirmed.
     Confirmed,
+    /// Where an axis of a specimen stands when a test is gone on with.
+    Stands {
+        /// Specimen, from 0.
+        port: u32,
+        /// Axis, from 0.
+        axis: u32,
+        /// What it reads, where it was left and how far off it may be, in its own unit.
+        values: [f64; 3],
+    },
     /// A specimen of a test that is gone on with does not stand where it was left.
     Moved {
         /// Specimen, from 0.

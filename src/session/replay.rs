@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex};
 use thiserror::Error;
 
 use super::recorded::{Replaced, put_recorded};
-use super::retrace::{prepared, same_columns};
+use super::retrace::{check_files, prepared, same_columns};
 use super::tape::{Comparing, Recording, Tape, with};
 use crate::config::ConfigError;
 use crate::engine::{Control, Ending, Engine, Experiment};
@@ -95,6 +95,8 @@ pub struct Replay {
     pub difference: Option<Difference>,
     /// What ends the proof before the end of the test; none if all of it is proven.
     pub short: Option<String>,
+    /// The recording says which files it is of, and they are the same.
+    pub files_proven: bool,
 }
 
 impl Replay {
@@ -111,12 +113,14 @@ impl Replay {
 /// See [`ReplayError`]. A number that differs is no error but [`Replay::difference`].
 pub fn replay(folder: &Path) -> Result<Replay, ReplayError> {
     let run = Run::open(folder)?;
+    let files_proven = check_files(&run)?;
     let experiment = prepared(&run, Replaced::All, false)?.experiment;
     let recording = Recording::of(&run)?;
     let mut found = follow(experiment, run.layout(), recording)?;
     if found.is_exact() {
         found.short = missing_end(&run, &found);
     }
+    found.files_proven = files_proven;
     Ok(found)
 }
 
@@ -176,6 +180,7 @@ fn follow(
             time: tape.time,
             difference: tape.difference.take(),
             short,
+            files_proven: false,
         }
     }))
 }

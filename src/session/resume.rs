@@ -15,20 +15,22 @@ use serde_json::Value;
 use super::desk::{Request, Unanswered, ask};
 use super::recorded::Replaced;
 use super::retrace::{
-    Build, Origin, Retraced, prepared_by, read, retrace, rows_sha256, same, sha256, take_over,
+    Build, Origin, Retraced, check_files as check_files_of, prepared_by, read, retrace,
+    rows_sha256, sha256, take_over,
 };
 use crate::config::{self, Dial, Loaded, Prepared};
 use crate::control::Port;
-use crate::engine::Phase;
-use crate::record::summary::Status;
+use crate::engine::{Left, Phase};
+use crate::record::summary::{Status, Summary};
 use crate::record::{FolderError, MissingEnd, Run};
 use crate::substructure::Status as LinkStatus;
 pub use error::ResumeError;
 
 /// Name of a trip whose event is missing.
 const UNKNOWN: &str = "unknown";
-/// Wall time in s of which the record may be lost.
+/// Wall time in s of which the record may be lost, and before that the time in which it went as fast as then.
 const LOST_S: f64 = 0.05;
+const LATEST_S: f64 = 1.0;
 /// A specimen may be so many times as far off as it was ever off its command.
 const SHARE: f64 = 1.5;
 /// Relative size of what is nothing.
@@ -257,16 +259,8 @@ fn trace(run: &Run) -> Result<(Retraced, Option<String>), ResumeError> {
 /// The files are those that the test was made of, as its first events say.
 fn check_files(run: &Run, test: Option<&Path>) -> Result<(), ResumeError> {
     let folder = run.path();
-    let events = run.events()?.events;
-    let is_files = |event: &&Value| event.get("event").and_then(Value::as_str) == Some("files");
-    let Some(files) = events.iter().find(is_files) else {
+    if !check_files_of(run)? {
         return Err(ResumeError::Unproven(folder.to_owned()));
-    };
-    let Some(hashes) = files.get("sha256").and_then(Value::as_object) else {
-        return Err(ResumeError::Unproven(folder.to_owned()));
-    };
-    for (name, wanted) in hashes {
-        same(&folder.join(name), wanted.as_str().unwrap_or_default())?;
     }
     if let Some(given) = test {
         let kept = folder.join("test.toml");
@@ -284,6 +278,19 @@ fn check_files(run: &Run, test: Option<&Path>) -> Result<(), ResumeError> {
     Ok(())
 }
 
+/// How far a command may have gone after the last row of a test that was killed, in its own unit: as fast as at the end of it,
+/// and at least to the command that stood ready.
+fn way_lost(command: &[f64], port: &Port, axis: usize, rate_hz: f64) -> f64 {
+    let latest = command
+        .len()
+        .saturating_sub((LATEST_S * rate_hz).ceil() as usize + 1);
+    let steps = command.get(latest..).unwrap_or_default().windows(2);
+    let steps = steps.map(|pair| (pair[1] - pair[0]).abs());
+    let ready = port.command.get(axis).zip(port.sent.get(axis));
+    let ready = ready.map(|(ready, sent)| (ready - sent).abs());
+    steps.chain(ready).fold(0.0, f64::max) * (LOST_S * rate_hz).max(1.0)
+}
+
 /// Where each axis was left by the last command on record, and how far off it may stand: `within` in m if that is given.
 fn places(
     run: &Run,
@@ -292,33 +299,47 @@ fn places(
     rate_hz: f64,
 ) -> Result<Vec<Vec<[String; 4]>>, ResumeError> {
     let mut all = Vec::new();
+    // A test that ended in order has every row, and who acknowledged that stands at its last command.
+    let is_all_known = |port: &Port| {
+        let known = |summary: &Summary| {
+            let left = summary.left.get(port.name.as_str());
+            summary.rows_lost == 0 && left.is_none_or(|left| left != Left::Lost.word())
+        };
+        run.summary().is_some_and(known)
+    };
     for (index, port) in ports.iter().enumerate() {
+        let is_all_known = is_all_known(port);
         let mut axes = Vec::new();
         for axis in 0..port.axes() {
             let name = |kind: &str| format!("{kind}_{}_{}", index + 1, axis + 1);
             let names = [name("cmd"), name("raw_disp"), name("raw_force")];
             let mut names: Vec<&str> = names.iter().map(String::as_str).collect();
-            names.push("state");
+            let status = format!("status_{}", index + 1);
+            names.extend(["state", &status]);
             let columns = run.columns(&names)?;
-            let [command, disp, force, state] = columns.as_slice() else {
+            let [command, disp, force, state, status] = columns.as_slice() else {
                 continue;
             };
-            // What it reads beyond its command, on the average of the test itself: the offset of its sensor.
-            let rows = disp.iter().zip(command).zip(state);
+            // What it reads beyond its command, on the average of the test itself: the offset of its sensor. An old measurement
+            // says nothing of that.
+            let rows = disp.iter().zip(command).zip(state.iter().zip(status));
             let errors: Vec<f64> = rows
-                .filter(|(_, state)| **state == Phase::Running.code())
+                .filter(|(_, (state, status))| {
+                    **state == Phase::Running.code()
+                        && !LinkStatus(**status as u32).has(LinkStatus::STALE)
+                })
                 .map(|((disp, command), _)| disp - command)
                 .collect();
             let beyond = errors.iter().sum::<f64>() / (errors.len().max(1) as f64);
             let off = errors.iter().map(|error| (error - beyond).abs());
             let off = off.fold(0.0, f64::max);
-            let steps = command.windows(2).map(|pair| (pair[1] - pair[0]).abs());
-            // The command that stood ready may have left, and its row be lost.
-            let ready = port.command.get(axis).zip(port.sent.get(axis));
-            let ready = ready.map(|(ready, sent)| (ready - sent).abs());
-            let fastest = steps.chain(ready).fold(0.0, f64::max) * (LOST_S * rate_hz).max(1.0);
             let last = command.last().copied().unwrap_or(0.0);
-            let own = SHARE * off + fastest + NOTHING * last.abs();
+            let lost = if is_all_known {
+                0.0
+            } else {
+                way_lost(command, port, axis, rate_hz)
+            };
+            let own = SHARE * off + lost + NOTHING * last.abs();
             let own = within.map_or(own, |metres| metres / port.metres_of(axis));
             // A formula stands where it is told.
             let within = if port.is_formula() {

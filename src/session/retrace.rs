@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 use sha2::{Digest, Sha256};
 
 use super::connect::put_standing;
@@ -16,7 +17,7 @@ use super::tape::{Comparing, Recording, Tape, Verified, with};
 use crate::config::{self, ConfigError, Loaded, Prepared};
 use crate::control::Port;
 use crate::engine::{Control, Ending, Engine, Experiment, Place, Resumption, Side};
-use crate::record::{Column, Run};
+use crate::record::{Column, FolderError, Run};
 
 /// Name of the file in the folder of a resumed test.
 pub(super) const ORIGIN: &str = "resumed.json";
@@ -250,6 +251,30 @@ pub(super) fn retrace(
             completed: ending == Ending::Completed,
         }
     }))
+}
+
+/// The files of the test and their SHA-256, as its events say; none if they do not.
+pub(super) fn files_of(run: &Run) -> Result<Option<Vec<(PathBuf, String)>>, FolderError> {
+    let events = run.events()?.events;
+    let is_files = |event: &&Value| event.get("event").and_then(Value::as_str) == Some("files");
+    let hashes = events.iter().find(is_files);
+    let hashes = hashes.and_then(|event| event.get("sha256")?.as_object());
+    Ok(hashes.map(|hashes| {
+        let each = hashes.iter().map(|(name, wanted)| {
+            let wanted = wanted.as_str().unwrap_or_default();
+            (run.path().join(name), wanted.to_owned())
+        });
+        each.collect()
+    }))
+}
+
+/// The files are those of the test, as far as it says which they were. True if it does.
+pub(super) fn check_files(run: &Run) -> Result<bool, ReplayError> {
+    let files = files_of(run)?;
+    for (path, wanted) in files.iter().flatten() {
+        same(path, wanted)?;
+    }
+    Ok(files.is_some())
 }
 
 pub(super) fn check_inputs(run: &Run) -> Result<(), ReplayError> {

@@ -186,6 +186,7 @@ pub fn play(
             time: 0.0,
             difference: None,
             short: None,
+            files_proven: true,
         }
     } else {
         let mut again = build(loaded).map_err(|error| error.to_string())?.experiment;

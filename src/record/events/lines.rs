@@ -180,6 +180,19 @@ impl<S: Store> EventLog<S> {
                     "the static load does not show which way round it is wired"
                 );
             }
+            EventKind::Stands {
+                port,
+                axis,
+                values: [found, left, within],
+            } => {
+                self.specimen(line, port);
+                put(line, "axis", axis + 1);
+                put(line, "found", found);
+                put(line, "left", left);
+                put(line, "within", within);
+                let specimen = port + 1;
+                tracing::info!(specimen, axis = axis + 1, found, left, within, "stands");
+            }
             EventKind::Moved {
                 port,
                 axis,
@@ -384,6 +397,7 @@ const fn kind_name(kind: &EventKind) -> &'static str {
         EventKind::HoldRequested => "hold_requested",
         EventKind::ContinueRequested => "continue_requested",
         EventKind::Confirmed => "confirmed",
+        EventKind::Stands { .. } => "stands",
         EventKind::Moved { .. } => "moved",
         EventKind::Probing { .. } => "probing",
         EventKind::Direction { .. } => "direction",
