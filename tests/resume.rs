@@ -15,7 +15,7 @@ use gusset::engine::{Operator, Phase};
 use gusset::record::{Run, RunFolder};
 use gusset::session::{self, Finish, Watches, replay, resume};
 use gusset::substructure::{
-    Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
+    Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
 };
 use gusset::time::Nanos;
 
@@ -599,7 +599,13 @@ fn a_test_that_had_tripped_goes_on_only_for_who_names_the_trip() {
     let events = std::fs::read_to_string(unsaid.join("events.jsonl")).unwrap();
     let torn = events.find("limit_trip").unwrap();
     std::fs::write(unsaid.join("events.jsonl"), &events[..torn]).unwrap();
-    refused(&unsaid, "say `--after-trip unknown` if it may go on", &[]);
+    let unknown = "say `--after-trip unknown` if it may go on";
+    refused(&unsaid, unknown, &[]);
+    // A measurement that is stale for once ends no test.
+    let rows = Run::open(&unsaid).unwrap().columns(&["state"]).unwrap()[0].len();
+    let stale = f64::from(Status::STALE.0);
+    common::change(&unsaid, rows as u64 - 1, "status_1", stale);
+    refused(&unsaid, unknown, &[]);
     // It trips at once again, or does not: it is told either way.
     assert!(matches!(said.code, Some(0 | 1)), "{}", said.stderr);
     assert!(said.stderr.contains("IT HAD TRIPPED"), "{}", said.stderr);
