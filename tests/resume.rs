@@ -623,6 +623,21 @@ fn a_test_that_had_tripped_goes_on_only_for_who_names_the_trip() {
     refused(&first, "but the rows end at", &named);
 }
 
+/// What ceased to be a number is latched as any other trip, whoever computed it.
+#[test]
+fn a_test_that_ended_with_no_finite_number_goes_on_only_for_who_says_so() {
+    let home = tempfile::tempdir().unwrap();
+    let text = "[time]\nrate_hz = 100\nduration_s = 0.5\nclock = \"simulated\"\n\
+        [[excitation.prescribed_displacement]]\nspecimen = \"spring\"\n\
+        signal.sine = { amplitude = 100, frequency_hz = 1 }\n[[specimen]]\nname = \"spring\"\n\
+        law.cubic = { stiffness_n_per_m = 1e3, cubic_n_per_m3 = 1e304 }\n";
+    let test = write(home.path(), "test.toml", text);
+    let first = home.path().join("first");
+    let said = common::run(&test, &first, &[]);
+    assert_eq!(said.code, Some(1), "{}", said.stderr);
+    refused(&first, "say `--after-trip diverged` if it may go on", &[]);
+}
+
 /// A damper's force is gone when a killed test goes on: that is no drift of its load cell, and the response is that of a test
 /// which was never interrupted. Who knows better says so before the test.
 #[test]

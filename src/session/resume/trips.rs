@@ -10,7 +10,8 @@ use crate::session::recorded::Replaced;
 use crate::session::retrace::prepared;
 use crate::substructure::Status;
 
-/// What tripped a test, by its events: keys of limits, and the names of other alarms. A link that was lost is none.
+/// What tripped a test, by its events: keys of limits, and the names of other alarms. A link that was lost is none; a number
+/// that is none has come over it, or out of a law.
 pub(super) fn of_events(events: &[Value]) -> Vec<String> {
     let mut trips = Vec::new();
     for event in events {
@@ -18,6 +19,9 @@ pub(super) fn of_events(events: &[Value]) -> Vec<String> {
         let trip = match word("event") {
             Some("limit_trip") => word("limit"),
             Some(alarm @ ("interlock" | "saturated" | "geometry" | "diverged")) => Some(alarm),
+            Some("link") => {
+                word("fault").filter(|fault| ["not_finite", "diverged"].contains(fault))
+            }
             _ => None,
         };
         let trip = trip.map(str::to_owned);
@@ -89,11 +93,19 @@ fn has_one(states: &[f64], statuses: &[Vec<f64>], bounds: &[Option<u64>]) -> boo
 #[cfg(test)]
 mod tests {
     use super::*;
+    use serde_json::json;
 
     const RUNNING: f64 = Phase::Running.code();
     const TRIPPED: f64 = Phase::Tripped.code();
     const LOST: f64 = Status::LOST.0 as f64;
     const STALE: f64 = Status::STALE.0 as f64;
+
+    #[test]
+    fn a_force_that_is_no_number_is_a_trip_and_a_link_that_is_lost_is_none() {
+        let link = |fault: &str| json!({"event": "link", "specimen": 1, "fault": fault});
+        let all = ["closed", "timeout", "not_finite", "malformed", "diverged"].map(link);
+        assert_eq!(of_events(&all), ["not_finite", "diverged"]);
+    }
 
     #[test]
     fn a_row_of_a_trip_is_one_unless_a_link_alone_can_have_ended_the_test_there() {
