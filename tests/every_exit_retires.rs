@@ -289,6 +289,11 @@ fn a_command_that_is_no_number_is_not_sent() {
             );
             assert_retired(&calls, Retirement::Tripped);
             assert_eq!(run.outcome.steps, hit);
+            // It is told as the trip of the limit of that command.
+            let told = run.events.iter().any(|event| {
+                matches!(event.kind, EventKind::Limit { port: 1, trip: true, value, .. } if !value.is_finite())
+            });
+            assert!(told, "{:?}", run.events);
         }
     }
 }

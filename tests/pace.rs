@@ -532,3 +532,97 @@ fn a_hold_with_compensation_is_replayed_to_the_last_bit() {
         assert_eq!(found.rows, columns[0].len() as u64);
     }
 }
+
+/// At what a partner is found to be lost.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Call {
+    Accepted,
+    Attend,
+    Pause,
+}
+
+/// A spring whose link is lost at the so manieth call of a kind, and stays so.
+struct Mortal {
+    spring: Spring,
+    dies_at: Call,
+    calls_left: u32,
+}
+
+impl Mortal {
+    fn lives(&mut self, call: Call) -> Result<(), LinkFault> {
+        if call == self.dies_at && self.calls_left > 0 {
+            self.calls_left -= 1;
+        }
+        if self.calls_left == 0 {
+            return Err(LinkFault::Closed);
+        }
+        Ok(())
+    }
+}
+
+impl Substructure for Mortal {
+    fn axes(&self) -> usize {
+        1
+    }
+    fn coupling(&self) -> Coupling {
+        Coupling::Lockstep
+    }
+    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+        self.spring.issue(command)
+    }
+    fn is_answered(&mut self) -> Result<bool, LinkFault> {
+        self.spring.is_answered()
+    }
+    fn collect(&mut self, until: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+        self.spring.collect(until, into)
+    }
+    fn accepted(&mut self, _: u64) -> Result<(), LinkFault> {
+        self.lives(Call::Accepted)
+    }
+    fn attend(&mut self) -> Result<(), LinkFault> {
+        self.lives(Call::Attend)
+    }
+    fn pause(&mut self) -> Result<(), LinkFault> {
+        self.lives(Call::Pause)
+    }
+    fn retire(&mut self, _: Retirement) {}
+}
+
+/// Lost between its answer and its next target, in a hold, as one begins, or when its answer was taken: what moves on moves on
+/// in the replay, too.
+#[test]
+fn a_partner_that_is_lost_outside_of_an_exchange_is_lost_there_in_the_replay() {
+    let safety = "safety.ease_s = 0.05\nsafety.unlimited = \"a spring\"\nsafety.zero_s = 0.01\n\
+                  safety.on_trip = \"zero_displacement\"\nsafety.exit_speed_m_per_s = 0.05";
+    let mut words = vec![Operator::Continue; 400];
+    words.extend([Operator::Hold; 120]);
+    let by_ticks = far("far").replace(", commands = \"every_step\"", "");
+    for (dies_at, calls, partner) in [
+        (Call::Attend, 120, far("far")),
+        (Call::Attend, 121, far("far")),
+        (Call::Attend, 500, far("far")),
+        (Call::Pause, 1, far("far")),
+        (Call::Accepted, 40, far("far")),
+        (Call::Accepted, 300, by_ticks.clone()),
+        (Call::Accepted, 301, by_ticks),
+    ] {
+        let home = tempfile::tempdir().unwrap();
+        let text = format!("{}{SPRING}{partner}", frame(10, safety));
+        let mortal = Mortal {
+            spring: slow(&[0]).0,
+            dies_at,
+            calls_left: calls,
+        };
+        let run = recorded_of(home.path(), &text, vec![Box::new(mortal)], &words);
+        let read = gusset::record::Run::open(&run).unwrap();
+        let columns = read.columns(&["state", "status_2"]).unwrap();
+        let of = |row: usize| (columns[0][row], Status(columns[1][row] as u32));
+        let lost = (0..columns[0].len()).find(|row| of(*row).1.has(Status::LOST));
+        let (state, _) = of(lost.unwrap());
+        assert_eq!(state, Phase::Tripped.code(), "{dies_at:?} {calls}");
+        assert_eq!(columns[0].last(), Some(&Phase::Leaving.code()));
+        let found = replay(&run).unwrap();
+        assert!(found.is_exact(), "{dies_at:?} {calls}: {found:?}");
+        assert_eq!(found.rows, columns[0].len() as u64);
+    }
+}

@@ -5,8 +5,9 @@ mod common;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+use common::change;
 use gusset::engine::{Operator, Phase};
-use gusset::record::{Layout, Run, RunFolder};
+use gusset::record::{Run, RunFolder};
 use gusset::session::{self, Watches, replay};
 
 const FRAME: &str = r#"
@@ -238,28 +239,6 @@ fn a_confirmation_stands_in_the_record() {
         let difference = found.difference;
         assert_eq!(difference.is_some(), !refused, "{difference:?}");
     }
-}
-
-/// Writes another number into one row, with the checksum that belongs to it.
-fn change(run: &Path, row: u64, column: &str, value: f64) {
-    let layout = std::fs::read_to_string(run.join("samples.json")).unwrap();
-    let layout = Layout::from_json(&layout).unwrap();
-    let index = layout.index_of(column).unwrap();
-    let path = run.join("samples.bin");
-    let mut bytes = std::fs::read(&path).unwrap();
-    let stride = layout.stride();
-    let at = row as usize * stride;
-    let mut journal = gusset::record::Journal::new(&bytes[at..at + stride], layout.columns().len());
-    // A row by itself does not follow from 0, but is read.
-    let (sequence, mut values) = {
-        let read = journal.next_row().unwrap().unwrap();
-        (read.sequence, read.values.to_vec())
-    };
-    values[index] = value;
-    let mut made = Vec::new();
-    gusset::record::journal::encode(sequence, &values, &mut made);
-    bytes[at..at + stride].copy_from_slice(&made);
-    std::fs::write(path, bytes).unwrap();
 }
 
 #[test]

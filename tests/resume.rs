@@ -15,7 +15,7 @@ use gusset::engine::{Operator, Phase};
 use gusset::record::{Run, RunFolder};
 use gusset::session::{self, Finish, Watches, replay, resume};
 use gusset::substructure::{
-    Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
+    Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
 };
 use gusset::time::Nanos;
 
@@ -619,7 +619,13 @@ fn a_test_that_had_tripped_goes_on_only_for_who_names_the_trip() {
     let events = std::fs::read_to_string(unsaid.join("events.jsonl")).unwrap();
     let torn = events.find("limit_trip").unwrap();
     std::fs::write(unsaid.join("events.jsonl"), &events[..torn]).unwrap();
-    refused(&unsaid, "say `--after-trip unknown` if it may go on", &[]);
+    let unknown = "say `--after-trip unknown` if it may go on";
+    refused(&unsaid, unknown, &[]);
+    // A measurement that is stale for once ends no test.
+    let rows = Run::open(&unsaid).unwrap().columns(&["state"]).unwrap()[0].len();
+    let stale = f64::from(Status::STALE.0);
+    common::change(&unsaid, rows as u64 - 1, "status_1", stale);
+    refused(&unsaid, unknown, &[]);
     // It trips at once again, or does not: it is told either way.
     assert!(matches!(said.code, Some(0 | 1)), "{}", said.stderr);
     assert!(said.stderr.contains("IT HAD TRIPPED"), "{}", said.stderr);
@@ -635,6 +641,21 @@ fn a_test_that_had_tripped_goes_on_only_for_who_names_the_trip() {
     samples.set_len(length / 2).unwrap();
     let named = ["--after-trip", "measured_force_n"];
     refused(&first, "but the rows end at", &named);
+}
+
+/// What ceased to be a number is latched as any other trip, whoever computed it.
+#[test]
+fn a_test_that_ended_with_no_finite_number_goes_on_only_for_who_says_so() {
+    let home = tempfile::tempdir().unwrap();
+    let text = "[time]\nrate_hz = 100\nduration_s = 0.5\nclock = \"simulated\"\n\
+        [[excitation.prescribed_displacement]]\nspecimen = \"spring\"\n\
+        signal.sine = { amplitude = 100, frequency_hz = 1 }\n[[specimen]]\nname = \"spring\"\n\
+        law.cubic = { stiffness_n_per_m = 1e3, cubic_n_per_m3 = 1e304 }\n";
+    let test = write(home.path(), "test.toml", text);
+    let first = home.path().join("first");
+    let said = common::run(&test, &first, &[]);
+    assert_eq!(said.code, Some(1), "{}", said.stderr);
+    refused(&first, "say `--after-trip diverged` if it may go on", &[]);
 }
 
 /// A damper's force is gone when a killed test goes on: that is no drift of its load cell, and the response is that of a test

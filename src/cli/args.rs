@@ -89,7 +89,7 @@ pub(super) struct RunArgs {
     #[arg(long, value_name = "RUN_DIR", conflicts_with_all = ["sets", "clock"])]
     pub resume: Option<PathBuf>,
     /// With --resume: the test had tripped and may go on, each trip by its name: the key of a limit, or interlock, saturated,
-    /// geometry, diverged. --yes does not say so.
+    /// geometry, diverged, not_finite, unknown (a row says that it tripped, no event says by what). --yes does not say so.
     #[arg(long, value_name = "TRIP", requires = "resume")]
     pub after_trip: Vec<String>,
     #[command(flatten)]

@@ -45,9 +45,7 @@ fn say(folder: &Path, request: Request) -> Result<String, Refusal> {
             Ok(told) => {
                 silent_since = None;
                 if !told.accepted {
-                    return Err(refusal(told.seen.phase).unwrap_or_else(|| {
-                        (Exit::Stopped, "its queue of requests is full".to_owned())
-                    }));
+                    return Err(not_taken(request, told.seen.phase));
                 }
                 let from = *before.get_or_insert(told.seen);
                 if std::mem::replace(&mut is_told, true)
@@ -105,6 +103,18 @@ fn given_up(is_told: bool) -> String {
     format!("it has not answered for {seconds} s and is not over: {request}")
 }
 
+/// It was asked, and does not take it. An end is taken in every phase: only room for it can be missing.
+fn not_taken(request: Request, phase: Phase) -> Refusal {
+    let refused = match (request, phase) {
+        (Request::Hold | Request::Continue, phase) | (Request::Stop, phase @ Phase::Safe) => {
+            refusal(phase)
+        }
+        (Request::Stop | Request::Phase, _) => None,
+    };
+    let full = "its queue of requests is full: it has not heard this one, say it again";
+    refused.unwrap_or_else(|| (Exit::Stopped, full.to_owned()))
+}
+
 /// Where nothing is held or gone on with; none where it is.
 fn refusal(phase: Phase) -> Option<Refusal> {
     match phase {
@@ -141,8 +151,9 @@ fn judge(
         Request::Continue if before.phase != Phase::Zeroing => {
             return Some(Ok(phase.to_owned()));
         }
+        // Whether it waited for a confirmation is not seen from here: what was read is taken either way.
         Request::Continue if now.phase != Phase::Zeroing => {
-            return Some(Ok("confirmed".to_owned()));
+            return Some(Ok(format!("{phase}: what was read is taken")));
         }
         // It was the hold that ended, if there was one.
         Request::Continue if long_enough && before.hold => return Some(Ok(phase.to_owned())),
@@ -213,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn what_goes_on_is_named_and_only_what_waited_for_a_confirmation_is_confirmed() {
+    fn what_goes_on_is_named_and_nothing_is_said_to_be_confirmed_that_need_not_be() {
         use Phase::{Armed, Holding, Leaving, Ramping, Running, Zeroing};
         let held = |phase| seen(phase, true, true);
         let free = |phase| seen(phase, false, false);
@@ -224,8 +235,18 @@ mod tests {
             (held(Ramping), held(Ramping), false, "waits"),
             (held(Ramping), free(Ramping), false, "ramping"),
             (free(Zeroing), free(Zeroing), false, "waits"),
-            (free(Zeroing), free(Ramping), false, "confirmed"),
-            (free(Zeroing), free(Armed), false, "confirmed"),
+            (
+                free(Zeroing),
+                free(Ramping),
+                false,
+                "ramping: what was read is taken",
+            ),
+            (
+                held(Zeroing),
+                free(Armed),
+                false,
+                "armed: what was read is taken",
+            ),
             (
                 free(Zeroing),
                 free(Zeroing),
@@ -244,6 +265,18 @@ mod tests {
         }
         let late = words(Request::Continue, free(Running), free(Leaving), false);
         assert!(late.starts_with("Stopped: it is leaving"), "{late}");
+    }
+
+    #[test]
+    fn a_stop_that_finds_no_room_is_to_be_said_again_in_every_phase() {
+        let said = |request, phase| not_taken(request, phase).1;
+        for phase in [Phase::Running, Phase::Leaving, Phase::Tripped] {
+            let text = said(Request::Stop, phase);
+            assert!(text.starts_with("its queue of requests is full"), "{text}");
+        }
+        assert_eq!(said(Request::Stop, Phase::Safe), OVER);
+        assert!(said(Request::Hold, Phase::Leaving).starts_with("it is leaving"));
+        assert!(said(Request::Continue, Phase::Running).starts_with("its queue"));
     }
 
     #[test]

@@ -258,6 +258,8 @@ impl Engine {
             dt: 0.0,
         };
         let state = if ending.is_for_being_late() {
+            // What the operator said before the tick that was late stands in its own row.
+            self.row.word.goes_on = false;
             GIVEN_UP
         } else {
             Phase::Tripped.code()

@@ -134,7 +134,8 @@ impl LambdaChoice {
 pub enum StabilityError {
     /// S leaves the range of a double.
     #[error(
-        "stability cannot be judged with a step of {dt} s: a mass, damping or stiffness is so large that          4 M + 2 Δt (C0 − C_t) + (4 Δt²/λ) K0 − Δt² K_t overflows"
+        "stability cannot be judged with a step of {dt} s: a mass, damping or stiffness is so large that \
+         4 M + 2 Δt (C0 − C_t) + (4 Δt²/λ) K0 − Δt² K_t overflows"
     )]
     Overflow {
         /// Δt in s.

@@ -18,6 +18,8 @@ struct Recorded {
     sequence: usize,
     status: usize,
     issued: u64,
+    /// Rows that there were before its last answer.
+    answered: Option<u64>,
 }
 
 impl Recorded {
@@ -49,7 +51,12 @@ impl Substructure for Recorded {
 
     fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
         let issued = self.issued;
-        self.is_lost(Status::LOST)?;
+        let told = with(&self.tape, |tape| at(tape.next(), self.sequence) as u64);
+        // One that was lost after it had answered has answered.
+        if told < issued || told <= into.sequence {
+            self.is_lost(Status::LOST)?;
+        }
+        let answered = &mut self.answered;
         with(&self.tape, |tape| {
             // The end of the recording ends the replay.
             let row = tape.next().ok_or(LinkFault::Closed)?;
@@ -61,6 +68,7 @@ impl Substructure for Recorded {
             }
             into.status = Status(at(self.status) as u32);
             into.sequence = recorded;
+            *answered = Some(tape.row);
             // Ticks in which nothing moves share a number: there the row says how old its measurement is.
             let stale = issued == recorded && into.status.has(Status::STALE);
             Ok(if issued > recorded || stale {
@@ -73,11 +81,29 @@ impl Substructure for Recorded {
 
     /// A partner that takes several ticks answers in the row in which it answered.
     fn is_answered(&mut self) -> Result<bool, LinkFault> {
-        self.is_lost(Status::LOST)?;
-        with(&self.tape, |tape| {
+        let is_here = with(&self.tape, |tape| {
             let row = tape.next().ok_or(LinkFault::Closed)?;
             Ok(at(Some(row), self.sequence) as u64 >= self.issued)
-        })
+        })?;
+        // Whether it was lost then shows when it is taken.
+        if !is_here {
+            self.is_lost(Status::LOST)?;
+        }
+        Ok(is_here)
+    }
+
+    /// Lost when it was told that its answer counts: the row of this very tick was never made.
+    fn accepted(&mut self, _: u64) -> Result<(), LinkFault> {
+        let rows = with(&self.tape, |tape| tape.row);
+        if self.answered == Some(rows) {
+            self.is_lost(Status::LOST)?;
+        }
+        Ok(())
+    }
+
+    /// Lost between its answer and the next command.
+    fn attend(&mut self) -> Result<(), LinkFault> {
+        self.is_lost(Status::LOST)
     }
 
     fn retire(&mut self, _: Retirement) {}
@@ -117,6 +143,7 @@ pub(super) fn put_recorded(
             sequence: place(&format!("seq_{s}")),
             status: place(&format!("status_{s}")),
             issued: 0,
+            answered: None,
         }));
     }
 }

@@ -7,6 +7,7 @@
 //! ended with one goes on only for someone who names it.
 
 mod error;
+mod trips;
 
 use std::path::Path;
 
@@ -22,7 +23,7 @@ use crate::config::{self, Dial, Loaded, Prepared};
 use crate::control::Port;
 use crate::engine::{Left, Phase};
 use crate::record::summary::{Status, Summary};
-use crate::record::{FolderError, MissingEnd, Run};
+use crate::record::{MissingEnd, Run};
 use crate::substructure::Status as LinkStatus;
 pub use error::ResumeError;
 
@@ -155,8 +156,8 @@ fn end_before(run: &Run, after: &[String]) -> Result<String, ResumeError> {
         |summary| summary.reason.clone(),
     );
     let told = run.events()?;
-    let mut trips = trips(&told.events);
-    if trips.is_empty() && has_a_row_of_a_trip(run)? {
+    let mut trips = trips::of_events(&told.events);
+    if trips.is_empty() && trips::has_a_row_of_one(run)? {
         trips.push(UNKNOWN.to_owned());
     }
     let folder = || run.path().to_owned();
@@ -193,46 +194,6 @@ fn end_before(run: &Run, after: &[String]) -> Result<String, ResumeError> {
         );
     }
     Ok(text)
-}
-
-/// A row says that the test tripped there, for no loss and no age of a measurement. Rows are written before events: whatever
-/// ended the process in between left no more than this.
-fn has_a_row_of_a_trip(run: &Run) -> Result<bool, FolderError> {
-    let columns = run.layout().columns().iter();
-    let statuses = columns.filter(|column| column.name.starts_with("status_"));
-    let names: Vec<&str> = ["state"]
-        .into_iter()
-        .chain(statuses.map(|column| column.name.as_str()))
-        .collect();
-    let columns = run.columns(&names)?;
-    let Some((states, statuses)) = columns.split_first() else {
-        return Ok(false);
-    };
-    let of_a_link = |row: usize| {
-        let mut each = statuses.iter().filter_map(|column| column.get(row));
-        each.any(|status| {
-            let status = LinkStatus(*status as u32);
-            status.has(LinkStatus::LOST) || status.has(LinkStatus::STALE)
-        })
-    };
-    let mut rows = states.iter().enumerate();
-    Ok(rows.any(|(row, state)| *state == Phase::Tripped.code() && !of_a_link(row)))
-}
-
-/// What tripped a test, by its events: keys of limits, and the names of other alarms. A link that was lost is none.
-fn trips(events: &[Value]) -> Vec<String> {
-    let mut trips = Vec::new();
-    for event in events {
-        let word = |key: &str| event.get(key).and_then(Value::as_str);
-        let trip = match word("event") {
-            Some("limit_trip") => word("limit"),
-            Some(alarm @ ("interlock" | "saturated" | "geometry" | "diverged")) => Some(alarm),
-            _ => None,
-        };
-        let trip = trip.map(str::to_owned);
-        trips.extend(trip.filter(|trip| !trips.contains(trip)));
-    }
-    trips
 }
 
 /// The state after the last good row; where the record is damaged, that of the last checkpoint, and what is to be said of it.

@@ -12,7 +12,7 @@ pub mod spring;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
-use gusset::record::Run;
+use gusset::record::{Journal, Layout, Run, journal};
 
 /// A frame of two storeys at 200 Hz whose bottom storey is a Bouc–Wen specimen: half a second, simulated clock.
 pub const FRAME: &str = r#"title = "Frame"
@@ -165,4 +165,26 @@ pub fn copy(from: &Path, to: &Path) {
             std::fs::copy(entry.path(), target).unwrap();
         }
     }
+}
+
+/// Writes another number into one row, with the checksum that belongs to it.
+pub fn change(run: &Path, row: u64, column: &str, value: f64) {
+    let layout = std::fs::read_to_string(run.join("samples.json")).unwrap();
+    let layout = Layout::from_json(&layout).unwrap();
+    let index = layout.index_of(column).unwrap();
+    let path = run.join("samples.bin");
+    let mut bytes = std::fs::read(&path).unwrap();
+    let stride = layout.stride();
+    let at = row as usize * stride;
+    let mut journal = Journal::new(&bytes[at..at + stride], layout.columns().len());
+    // A row by itself does not follow from 0, but is read.
+    let (sequence, mut values) = {
+        let read = journal.next_row().unwrap().unwrap();
+        (read.sequence, read.values.to_vec())
+    };
+    values[index] = value;
+    let mut made = Vec::new();
+    journal::encode(sequence, &values, &mut made);
+    bytes[at..at + stride].copy_from_slice(&made);
+    std::fs::write(path, bytes).unwrap();
 }

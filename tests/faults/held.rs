@@ -2,8 +2,10 @@
 
 use std::path::Path;
 
-use gusset::config::load;
-use gusset::engine::Operator;
+use gusset::config::{load, parse};
+use gusset::engine::{GIVEN_UP, Operator};
+use gusset::link::fault::{Fault, Kind, Script};
+use gusset::record::Journal;
 
 use crate::lab::{Extra, play};
 use crate::rig::{Place, Rig};
@@ -35,5 +37,48 @@ fn no_watchdog_is_alarmed_by_a_hold() {
             told.contains("armed") && !told.contains("HOLDING"),
             "{told}"
         );
+    }
+}
+
+/// The tick before which the operator says that the test may go on is late, and the test is given up for it.
+#[test]
+fn a_test_that_is_given_up_in_the_tick_of_a_word_comes_out_again() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/faults/campaign");
+    let text = std::fs::read_to_string(folder.join("no-misses.toml")).unwrap();
+    let moves = "[safety]\non_trip = \"zero_displacement\"\nexit_speed_m_per_s = 0.05\n";
+    let text = text.replace("[safety]\n", moves);
+    let loaded = parse(&folder.join("no-misses.toml"), text, &[]).unwrap();
+    let late = Fault {
+        at: Some(60),
+        lasts: None,
+        axis: None,
+        on: None,
+        probability: None,
+        kind: Kind::ControllerStalls { ticks: 3 },
+    };
+    let script = Script {
+        title: "late".to_owned(),
+        fault: vec![late],
+        ..Script::default()
+    };
+    for word in [Operator::Continue, Operator::Hold] {
+        let extra = Extra {
+            script: Some(&script),
+            operator: vec![(60, word)],
+            ..Extra::default()
+        };
+        let played = play(&loaded, extra, |index, setup| {
+            Rig::new(&loaded, index, &Place::default()).host(setup).0
+        });
+        let played = played.unwrap();
+        let wanted = ["state", "hold"].map(|name| played.layout.index_of(name).unwrap());
+        let columns = Journal::new(&played.samples[..], played.columns().len())
+            .columns(&wanted)
+            .unwrap();
+        let given_up = columns[0].iter().position(|state| *state == GIVEN_UP);
+        let before = given_up.unwrap() - 1;
+        let said = if word == Operator::Hold { 1.0 } else { 2.0 };
+        assert_eq!(columns[1][before], said, "{word:?}");
+        assert!(played.replay.is_exact(), "{word:?}: {:?}", played.replay);
     }
 }

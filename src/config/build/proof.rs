@@ -117,7 +117,8 @@ pub(super) fn choose(
             })
         }
         (Err(error @ StabilityError::Overflow { .. }), _) => {
-            site.refuse(Finding::error(path("structure"), error.to_string()))
+            let at = largest(structure, specimens);
+            site.refuse(Finding::error(at, error.to_string()))
         }
         (Err(error), Some(lambda)) => {
             let finding = Finding::warning(lambda_path(), error.to_string());
@@ -283,6 +284,27 @@ fn advised(mut finding: Finding, specimens: &Specimens) -> Finding {
         ));
     }
     finding
+}
+
+/// The table of what is largest in the proof: the structure, one of its elements or a specimen.
+fn largest(structure: &Structure, specimens: &Specimens) -> KeyPath {
+    let matrices = [structure.mass(), structure.stiffness(), structure.damping()];
+    let entries = matrices.into_iter().flat_map(|matrix| matrix.entries());
+    let mut size = entries.fold(0.0, |size: f64, (_, _, value)| size.max(value.abs()));
+    let mut at = path("structure");
+    let _ = structure.for_each_part(&mut |part| {
+        let found = part.stiffness_bound.max(part.damping_bound);
+        let index = structure.element_names().position(|name| name == part.name);
+        if let Some(index) = index.filter(|_| found > size) {
+            (size, at) = (found, path("structure").key("element").index(index));
+        }
+    });
+    for (index, found) in specimens.sizes().enumerate() {
+        if found > size {
+            (size, at) = (found, path("specimen").index(index));
+        }
+    }
+    at
 }
 
 /// Storeys, elements and specimens; those of a structure whose bounds are known.

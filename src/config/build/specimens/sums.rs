@@ -101,6 +101,18 @@ impl Specimens {
         parts
     }
 
+    /// The largest number that stability rests on of each specimen.
+    pub(in crate::config::build) fn sizes(&self) -> impl Iterator<Item = f64> {
+        self.0.iter().map(|entry| {
+            let bounds = entry.bounds.iter().flat_map(|(k, c)| [k, c]);
+            let all = [&entry.stiffness, &entry.damping, &entry.mass];
+            let all = all.into_iter().chain(bounds).flatten().flatten();
+            all.fold(entry.mass_in_force.abs(), |size, value| {
+                size.max(value.abs())
+            })
+        })
+    }
+
     /// How much of the damping of each of those counts in a sawtooth.
     pub(in crate::config::build) fn sawtooths(&self) -> Vec<f64> {
         let bounded = self.0.iter().filter(|entry| entry.bounds.is_ok());

@@ -56,6 +56,8 @@ pub(super) struct Stand {
     flags: Status,
     /// A command that has come and was not passed on yet: number, test time and its step.
     pending: Option<(u64, f64, f64)>,
+    /// A hold that came behind that command: the specimen hears of it after the command, which would end it.
+    hold_follows: bool,
     arrived: Nanos,
     /// The measurement of the command in force is still to be taken, at this time.
     sample_at: Option<Nanos>,
@@ -126,6 +128,7 @@ impl Stand {
             measured: Measurement::zeros(axes),
             flags: Status::default(),
             pending: None,
+            hold_follows: false,
             arrived: now,
             sample_at: None,
             begun: now,
@@ -240,9 +243,20 @@ impl Stand {
         match self.pending.take() {
             Some((sequence, time, dt)) => {
                 let now = self.line.now();
-                self.go(sequence, time, dt, now, desk)
+                self.go(sequence, time, dt, now, desk)?;
             }
-            None => Ok(()),
+            None => return Ok(()),
+        }
+        if std::mem::take(&mut self.hold_follows) {
+            self.hold();
+        }
+        Ok(())
+    }
+
+    /// The controller is held by its operator: no command need come.
+    fn hold(&mut self) {
+        if !std::mem::replace(&mut self.paused, true) {
+            self.station.pause();
         }
     }
 
@@ -296,6 +310,7 @@ impl Stand {
                     Moves::Again => self.answer(now)?,
                     Moves::On if self.station.is_remote() => {
                         self.pending = Some((sequence, time, dt));
+                        self.hold_follows = false;
                     }
                     Moves::On => self.go(sequence, time, dt, now, desk)?,
                 }
@@ -303,9 +318,11 @@ impl Stand {
             Frame::Hold(notice) => {
                 // One that was overtaken by a command is over.
                 let newest = self.pending.map(|(pending, ..)| pending).or(self.sequence);
-                if newest.is_none_or(|newest| notice.sequence >= newest) && !self.paused {
-                    self.paused = true;
-                    self.station.pause();
+                if newest.is_none_or(|newest| notice.sequence >= newest) {
+                    match self.pending {
+                        Some(_) => self.hold_follows = true,
+                        None => self.hold(),
+                    }
                 }
             }
             Frame::Heartbeat(_) | Frame::Measurement(_) => {}

@@ -1,13 +1,19 @@
+use std::sync::{Arc, Mutex};
+
 use crate::link::Transport;
+use crate::link::rig::FarBuild;
 use crate::link::serve::{Host, Simulated};
 use crate::specimen::SpecimenLaw;
-use crate::substructure::{Command, LinkFault, Measurement, Status};
-use crate::time::{Clock, SimClock};
+use crate::substructure::{
+    Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Status,
+    Substructure, Unavailable,
+};
+use crate::time::{Clock, Nanos, SimClock};
 use crate::wire::Side;
 use crate::wire::handshake::{
     self, Arm, Axis, Control, Hello, Limits, RefuseCode, Sampling, Unit, Versions, layout_hash,
 };
-use crate::wire::native::{Decoder, Encoder, Frame, LARGEST_FRAME};
+use crate::wire::native::{Cause, Decoder, Encoder, Frame, LARGEST_FRAME, Notice};
 
 /// A controller of 1000 commands a second, armed at zero for command 0, of a spring of 8 N/mm.
 struct Controller {
@@ -19,21 +25,29 @@ struct Controller {
     out: Vec<u8>,
 }
 
+fn axis() -> Axis {
+    Axis {
+        name: "axis 1".to_owned(),
+        disp_unit: Unit::Metre,
+        force_unit: Unit::Newton,
+        limits: Limits::NONE,
+    }
+}
+
 impl Controller {
     fn armed(limits: &str) -> Self {
-        let axis = Axis {
-            name: "axis 1".to_owned(),
-            disp_unit: Unit::Metre,
-            force_unit: Unit::Newton,
-            limits: Limits::NONE,
-        };
+        let axis = axis();
         let build = || {
             let text = "law = { linear = { stiffness_n_per_m = 8000.0 } }";
             let law: SpecimenLaw = toml::from_str(text).unwrap();
             Ok(law.build(1).unwrap())
         };
         let host = Host::new("rig".into(), vec![axis.clone()], Box::new(build)).unwrap();
-        let host = host.limited(vec![toml::from_str(limits).unwrap()]);
+        Self::of(host.limited(vec![toml::from_str(limits).unwrap()]), axis)
+    }
+
+    /// The same of what this host offers.
+    fn of(host: Host, axis: Axis) -> Self {
         let clock = SimClock::new();
         let mut one = Self {
             end: Simulated::new(host, clock.clone(), 0, true),
@@ -186,4 +200,117 @@ fn a_speed_is_judged_by_the_announced_rate_whatever_test_time_is_said() {
     let into = controller.told(3, 0.00208, 0.9).unwrap().unwrap();
     assert!(into.status.has(Status::INTERLOCK));
     assert_eq!(into.disp, [0.00018], "it did not go there");
+}
+
+/// What a specimen across another link is told, in order.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Told {
+    Command(u64),
+    Hold,
+}
+
+#[derive(Default)]
+struct Beyond {
+    told: Arc<Mutex<Vec<Told>>>,
+    disp: f64,
+    sequence: u64,
+}
+
+impl Substructure for Beyond {
+    fn axes(&self) -> usize {
+        1
+    }
+    fn coupling(&self) -> Coupling {
+        Coupling::Lockstep
+    }
+    fn is_remote(&self) -> bool {
+        true
+    }
+    fn connect(&mut self) -> Result<Introduction, Unavailable> {
+        Ok(Introduction {
+            standing: vec![0.0],
+            ..Introduction::default()
+        })
+    }
+    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+        (self.disp, self.sequence) = (command.disp[0], command.sequence);
+        self.told
+            .lock()
+            .unwrap()
+            .push(Told::Command(command.sequence));
+        Ok(())
+    }
+    fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+        into.sequence = self.sequence;
+        (into.disp[0], into.force[0]) = (self.disp, 8000.0 * self.disp);
+        Ok(Freshness::Fresh)
+    }
+    fn pause(&mut self) -> Result<(), LinkFault> {
+        self.told.lock().unwrap().push(Told::Hold);
+        Ok(())
+    }
+    fn retire(&mut self, _: Retirement) {}
+}
+
+#[test]
+fn a_hold_that_comes_with_the_command_before_it_is_passed_on_after_that_command() {
+    let told = Arc::<Mutex<Vec<Told>>>::default();
+    let heard = Arc::clone(&told);
+    let build: FarBuild = Arc::new(move |_| {
+        Ok(Box::new(Beyond {
+            told: Arc::clone(&heard),
+            ..Beyond::default()
+        }))
+    });
+    let host = Host::gateway(
+        "far".into(),
+        vec![axis()],
+        vec![8000.0],
+        build,
+        1_000_000_000,
+    );
+    let mut controller = Controller::of(host, axis());
+    let command = |controller: &mut Controller, sequence: u64| {
+        let command = Command {
+            sequence,
+            time: 0.0,
+            dt: 0.0,
+            disp: &[0.0],
+            vel: &[0.0],
+        };
+        let length = controller
+            .encoder
+            .command(&command, &mut controller.out)
+            .unwrap();
+        controller.send(length);
+    };
+    let hold = |controller: &mut Controller, sequence: u64| {
+        let cause = Cause::Operator;
+        let notice = Notice { sequence, cause };
+        let length = controller
+            .encoder
+            .hold(notice, &mut controller.out)
+            .unwrap();
+        controller.send(length);
+    };
+    let first = |told: &[Told]| match told[0] {
+        Told::Command(first) => first,
+        Told::Hold => panic!("{told:?}"),
+    };
+    command(&mut controller, 0);
+    hold(&mut controller, 0);
+    controller.hear().unwrap().unwrap();
+    let said = told.lock().unwrap().clone();
+    assert_eq!(said, [Told::Command(first(&said)), Told::Hold]);
+    // The watchdog is not alarmed by what need not come.
+    controller.clock.advance(600_000_000);
+    assert!(controller.hear().unwrap().is_none());
+    // One that was overtaken is over, and is not passed on at all.
+    command(&mut controller, 1);
+    hold(&mut controller, 1);
+    command(&mut controller, 2);
+    controller.hear().unwrap().unwrap();
+    let all = told.lock().unwrap().clone();
+    let newest = Told::Command(first(&all) + 2);
+    assert_eq!(all[2..], [newest]);
 }
