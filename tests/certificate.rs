@@ -354,3 +354,41 @@ fn an_offset_of_the_axis_changes_no_verdict() {
         }
     }
 }
+
+#[test]
+fn an_uncertain_specimen_behind_a_link_is_the_same_whichever_way_it_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let stiffness = 500.0 * (3.0 * TAU) * (3.0 * TAU);
+    let uncertain = |key: &str, share: f64| {
+        format!("[[uncertainty]]\nkey = \"specimen.0.{key}\"\nstd_share = {share}\n")
+    };
+    let stand_in = format!("[specimen.stand_in.law.linear]\nstiffness_n_per_m = {stiffness}\n");
+    let own = storey(&uncertain("stiffness_n_per_m", 0.2));
+    let other = uncertain("stand_in.law.linear.stiffness_n_per_m", 0.2);
+    let found = [own, storey(&format!("{stand_in}{other}"))].map(|text| {
+        // Softer by half, or stiffer: the force is another, and in the reference, too.
+        let more = ["--trials", "8", "--set", "time.duration_s=5"];
+        certify(folder.path(), &text, &more).1
+    });
+    let spread = |found: &Value| {
+        let force = line(found, "force")["text"].as_str().unwrap().to_owned();
+        (force, found["response_error"].clone())
+    };
+    assert_eq!(spread(&found[0]), spread(&found[1]));
+    let (force, _) = spread(&found[0]);
+    let numbers: Vec<&str> = force
+        .split(", ")
+        .flat_map(|part| part.split(" in ").next())
+        .collect();
+    assert_ne!(numbers[0], numbers[1], "{force}");
+    // The damping, too.
+    let damped = storey(&uncertain("damping_n_s_per_m", 0.5));
+    let damped = damped.replace("storey = 1\n", "storey = 1\ndamping_n_s_per_m = 800\n");
+    let certain = damped.split("[[uncertainty]]").next().unwrap().to_owned();
+    let force = |text: &str| {
+        let more = ["--trials", "8", "--set", "time.duration_s=5"];
+        let found = certify(folder.path(), text, &more).1;
+        line(&found, "force")["text"].as_str().unwrap().to_owned()
+    };
+    assert_ne!(force(&damped), force(&certain));
+}
