@@ -392,3 +392,45 @@ fn an_uncertain_specimen_behind_a_link_is_the_same_whichever_way_it_is_said() {
     };
     assert_ne!(force(&damped), force(&certain));
 }
+
+#[test]
+fn what_no_lambda_holds_is_unstable_and_a_no_go() {
+    let folder = tempfile::tempdir().unwrap();
+    // Beyond its yield velocity the damper damps a thousand times as much: at that bound no λ holds the sawtooth.
+    let slider = "[time]\nrate_hz = 100\nduration_s = 2\nclock = \"simulated\"\n[structure.shear_building]\n\
+        mass_kg = [1000, 1000]\nstiffness_n_per_m = [0, 1e5]\ndamping_n_s_per_m = [0, 100]\n[integrator]\nlambda = 4\n\
+        [excitation.ground_acceleration]\nsignal.sine = { amplitude = 0.2, frequency_hz = 1 }\n\
+        [[specimen]]\nname = \"damper\"\nstorey = 1\n\
+        law.biviscous = { damping_n_s_per_m = 1000, post_yield_damping_n_s_per_m = 1e6, yield_velocity_m_per_s = 0.2 }\n";
+    let said = certified(folder.path(), slider, &[]);
+    let words = "UNSTABLE: no lambda is stable at the declared bounds";
+    assert_eq!(said.code, Some(1), "{}{}", said.stdout, said.stderr);
+    assert_eq!(said.stdout.matches(words).count(), 2, "{}", said.stdout);
+    assert!(
+        !said.stdout.contains("no declared bound"),
+        "{}",
+        said.stdout
+    );
+    let (_, found) = certify(folder.path(), slider, &[]);
+    assert_eq!(line(&found, "integration")["verdict"], "no-go");
+    let said = certified(folder.path(), slider, &["--json"]);
+    let facts: Value = serde_json::from_str(&said.stdout).unwrap();
+    assert_eq!(facts["structure"]["stable"], false);
+    let test = folder.path().join("test.toml");
+    let out = folder.path().join("run");
+    let run = say([
+        "run".as_ref(),
+        test.as_os_str(),
+        "--out".as_ref(),
+        out.as_os_str(),
+    ]);
+    assert!(run.stderr.contains(words), "{}", run.stderr);
+    // Where every element has a λ of its own that keeps no gain bound, all the same each λ of the rest is stable.
+    let own = "[time]\nstep_s = 0.05\nduration_s = 1\nclock = \"simulated\"\n[structure.shear_building]\n\
+        mass_kg = [1000]\nstiffness_n_per_m = [0]\n[[structure.element]]\nname = \"bottom\"\nfrom = \"ground\"\nto = 1\n\
+        law.linear = { stiffness_n_per_m = 1e8 }\n[integrator]\nlambda = 4\nlambda_of_element = { bottom = 4 }\n\
+        [excitation.ground_acceleration]\nsignal.sine = { amplitude = 0.2, frequency_hz = 1 }\n";
+    let said = certified(folder.path(), own, &["--json"]);
+    let facts: Value = serde_json::from_str(&said.stdout).unwrap_or_default();
+    assert_eq!(facts["structure"]["stable"], true, "{}", said.stderr);
+}

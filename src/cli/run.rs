@@ -12,7 +12,7 @@ use super::exit::{Exit, Mistakes, WithExit};
 use super::live;
 use super::status::Status;
 use super::table::{Table, duration, quantity};
-use super::{answer, tell, warn};
+use super::{answer, stability, tell, warn};
 use crate::config::{self, ConfigError, Facts, Loaded, Method, Prepared};
 use crate::record::Progress;
 use crate::session::{
@@ -167,11 +167,7 @@ fn conclude(facts: &Facts, finished: &Finished, page: Option<&Page>) {
                 } else {
                     "automatic"
                 };
-                let limit = match structure.choice.as_ref().map(|choice| choice.limit) {
-                    Some(Some(limit)) => format!("limit {limit:.4}"),
-                    Some(None) => "every lambda is stable".to_owned(),
-                    None => "no proof: a tangent has no declared bound".to_owned(),
-                };
+                let limit = stability::brief(structure);
                 let own = structure.lambda_apart.iter();
                 let own: String = own
                     .map(|(name, own)| format!(", {own} for {name}"))

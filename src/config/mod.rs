@@ -53,8 +53,8 @@ use toml_edit::DocumentMut;
 
 pub use build::{
     ALL_MODES, ActuatorFacts, Analysis, DelayedMode, Dial, Drawn, Estimate, Facts, Files, Limit,
-    LimitFacts, LoadingFacts, Loop, ModeFacts, Prepared, SpecimenLimits, StructureFacts, Trial,
-    build, build_over, build_rehearsal, build_trial, estimates,
+    LimitFacts, LoadingFacts, Loop, ModeFacts, Prepared, SpecimenLimits, Stability, StructureFacts,
+    Trial, build, build_over, build_rehearsal, build_trial, estimates,
 };
 pub use certificate::{
     CapacityTable, CertificateTable, IdentifiedTable, Spread, Uncertain, UncertaintyTable,

@@ -31,7 +31,7 @@ use crate::engine::{Experiment, Numerical, Settling, Side, StepAudit, TestQuanti
 use crate::link::{NativeSetup, Transport};
 use crate::rt;
 pub use analysis::{ALL_MODES, Analysis, DelayedMode, Loop, ModeFacts};
-pub use facts::{Facts, StructureFacts};
+pub use facts::{Facts, Stability, StructureFacts};
 use gear::Rows;
 pub use limits::{Limit, LimitFacts, SpecimenLimits};
 use recorded::record_dofs;
@@ -336,7 +336,7 @@ fn numerical(
             .map(|proof| std::mem::take(&mut proof.gains))
             .unwrap_or_default(),
         online_limit: proof.as_mut().and_then(|proof| proof.online.take()),
-        choice: proof.and_then(|proof| proof.choice),
+        stability: proof.map_or(Stability::NoProof, |proof| proof.stability),
         frequencies,
         analysis,
         no_margin: None,

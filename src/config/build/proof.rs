@@ -2,7 +2,7 @@
 
 use super::method::Initial;
 use super::specimens::Specimens;
-use super::{Refused, Site, path};
+use super::{Refused, Site, Stability, path};
 use crate::config::{Finding, KeyPath, LambdaValue, Method, Severity};
 use crate::integrate::{
     ACCURATE_LAMBDA, Apart, GAIN_HYBRID, GAIN_NUMERICAL, Gui, Lambda, LambdaChoice, OnlineLimit,
@@ -17,8 +17,8 @@ pub(super) struct Proven {
     pub lambda: Lambda,
     /// Whether it was asked for by number.
     pub by_number: bool,
-    /// The proof, unless a tangent has no declared bound.
-    pub choice: Option<LambdaChoice>,
+    /// What is proven.
+    pub stability: Stability,
     /// Gain bound g.
     pub gain: f64,
     /// K_max, if every tangent has a bound.
@@ -74,7 +74,7 @@ pub(super) fn choose(
             return Ok(Proven {
                 lambda,
                 by_number: true,
-                choice: None,
+                stability: Stability::NoBound,
                 gain,
                 stiffness_bound,
                 gains: Vec::new(),
@@ -110,7 +110,7 @@ pub(super) fn choose(
                 lambda,
                 by_number,
                 gains: gains(&proof, lambda, specimens),
-                choice: Some(choice),
+                stability: Stability::Limit(choice),
                 gain,
                 stiffness_bound,
                 online: online(proof, specimens),
@@ -120,12 +120,13 @@ pub(super) fn choose(
             site.refuse(Finding::error(path("structure"), error.to_string()))
         }
         (Err(error), Some(lambda)) => {
-            let finding = Finding::warning(lambda_path(), error.to_string());
+            let why = error.to_string();
+            let finding = Finding::warning(lambda_path(), why.clone());
             beyond(site, advised(finding, specimens))?;
             Ok(Proven {
                 lambda,
                 by_number: true,
-                choice: None,
+                stability: Stability::NoLambda(why),
                 gain,
                 stiffness_bound,
                 gains: Vec::new(),

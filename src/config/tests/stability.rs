@@ -21,7 +21,7 @@ fn facts(text: &str) -> Facts {
 
 fn limit(text: &str) -> Option<f64> {
     let structure = facts(text).structure.unwrap();
-    structure.choice.unwrap().limit
+    structure.choice().unwrap().limit
 }
 
 fn refusal(text: &str) -> String {
