@@ -11,7 +11,8 @@ use super::run::{load, method_name, refused};
 use super::spectrum::Spectrum;
 use super::table::{Table, duration, quantity};
 use super::{answer, stability, tell, warn};
-use crate::config::{self, ClockChoice, Facts, Prepared, StructureFacts};
+use crate::config::{self, ClockChoice, Facts, Prepared, Stability, StructureFacts};
+use crate::integrate::Lambda;
 
 /// Checks one test.
 pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
@@ -32,7 +33,7 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
         .as_ref()
         .and_then(|structure| Spectrum::of(facts, structure));
     if let Some(folder) = &args.plot {
-        let Some(spectrum) = &spectrum else {
+        let Some(spectrum) = spectrum.as_ref().filter(|spectrum| spectrum.is_of_family()) else {
             anyhow::bail!(
                 "there are no curves: they are for the method \"gui\" and structures of up to 50000 degrees of freedom"
             );
@@ -182,14 +183,21 @@ fn describe(
             &format!("peak acceleration {}", quantity(peak, "m/s²")),
         );
     }
-    match spectrum {
+    match spectrum.filter(|spectrum| spectrum.is_of_family()) {
         Some(spectrum) => spectrum.tabulate(table),
         None => frequencies(table, facts, structure),
     }
-    let Some(lambda) = structure.lambda else {
-        table.row("method", &method_name(structure.method));
-        return;
-    };
+    match structure.lambda {
+        Some(lambda) => describe_lambda(table, structure, lambda),
+        None => table.row("method", &method_name(structure.method)),
+    }
+    stability::tabulate(table, facts, structure);
+    if let Some(spectrum) = spectrum {
+        spectrum.describe(table);
+    }
+}
+
+fn describe_lambda(table: &mut Table, structure: &StructureFacts, lambda: Lambda) {
     let how = if structure.lambda_by_number {
         "asked for by number".to_owned()
     } else {
@@ -207,10 +215,6 @@ fn describe(
             "λ",
             &format!("{lambda} for the rest ({how});\n{}", own.join(", ")),
         );
-    }
-    stability::tabulate(table, facts, structure);
-    if let Some(spectrum) = spectrum {
-        spectrum.describe(table);
     }
 }
 
@@ -256,7 +260,11 @@ fn as_json(
             "stable": stability::is_stable(structure),
             "governing": choice.and_then(|c| c.governing.as_ref()).map(ToString::to_string),
             "gain_bound": structure.gain.is_finite().then_some(structure.gain),
-            "modes": spectrum.map(Spectrum::modes_json),
+            "spectral_radius_at_bounds": match structure.stability {
+                Stability::AtBounds(radius) => Some(radius),
+                _ => None,
+            },
+            "modes": spectrum.filter(|spectrum| spectrum.is_of_family()).map(Spectrum::modes_json),
             "highest_frequency_rad_per_s": spectrum.and_then(Spectrum::highest),
             "critical_delays": spectrum.map(Spectrum::delays_json),
             "peak_ground_acceleration_m_per_s2": structure.peak_ground_accel,

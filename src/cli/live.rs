@@ -190,7 +190,7 @@ fn lambda(facts: &Facts) -> Option<LambdaUse> {
     let declared_limit = match &structure.stability {
         Stability::Limit(choice) => choice.limit.unwrap_or(f64::INFINITY),
         Stability::NoLambda(_) => 0.0,
-        Stability::NoBound | Stability::NoProof => f64::NAN,
+        _ => f64::NAN,
     };
     Some(LambdaUse {
         used: structure.lambda?.value(),

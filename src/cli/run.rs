@@ -160,7 +160,13 @@ fn conclude(facts: &Facts, finished: &Finished, page: Option<&Page>) {
     );
     if let Some(structure) = &facts.structure {
         match structure.lambda {
-            None => table.row("method", &method_name(structure.method)),
+            None => {
+                let limit = stability::brief(structure);
+                table.row(
+                    "method",
+                    &format!("{} ({limit})", method_name(structure.method)),
+                );
+            }
             Some(lambda) => {
                 let how = if structure.lambda_by_number {
                     "by number"

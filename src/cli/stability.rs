@@ -54,6 +54,12 @@ fn without_limit(stability: &Stability) -> String {
     match stability {
         Stability::NoLambda(why) => format!("UNSTABLE: {why}"),
         Stability::NoBound => NO_BOUND.to_owned(),
+        Stability::AtBounds(radius) if stability.grows() => format!(
+            "UNSTABLE: with every tangent at its declared bound it grows by a factor {radius:.6} in a step"
+        ),
+        Stability::AtBounds(radius) => format!(
+            "{NO_PROOF}; with every tangent at its declared bound its spectral radius is {radius:.6}, and nothing grows there"
+        ),
         Stability::Limit(_) | Stability::NoProof => NO_PROOF.to_owned(),
     }
 }
@@ -72,7 +78,7 @@ pub fn is_stable(structure: &StructureFacts) -> Option<bool> {
     match &structure.stability {
         Stability::Limit(choice) => Some(choice.is_stable()),
         Stability::NoLambda(_) => Some(false),
-        Stability::NoBound | Stability::NoProof => None,
+        found => found.grows().then_some(false),
     }
 }
 

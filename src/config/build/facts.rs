@@ -97,6 +97,19 @@ pub enum Stability {
     NoBound,
     /// No proof is made for this method.
     NoProof,
+    /// Nor for this one; but this is its spectral radius where every tangent is at its declared bound.
+    AtBounds(f64),
+}
+
+impl Stability {
+    /// Growth in a step that is no roundoff: where three poles meet they carry its cube root.
+    const GROWTH: f64 = 1e-5;
+
+    /// True if the recursion is known to grow at the declared bounds, for a method without a proof.
+    #[must_use]
+    pub fn grows(&self) -> bool {
+        matches!(self, Self::AtBounds(radius) if *radius > 1.0 + Self::GROWTH)
+    }
 }
 
 impl StructureFacts {
