@@ -28,7 +28,7 @@ pub struct GroundArgs {
     scale: Option<f64>,
 }
 
-/// Factor of a record of which nothing is said, for a record of the strength of El Centro.
+/// Factor of a record that has none.
 const SCALE: f64 = 0.4;
 
 fn finite(text: &str) -> Result<f64, String> {
