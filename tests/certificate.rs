@@ -290,7 +290,7 @@ fn zero_trips_of_a_few_trials_are_not_probability_zero() {
     assert_eq!(said.code, Some(1), "{}", said.stdout);
     for words in [
         "0 of 20 trials",
-        "0.0 to 16.8 %",
+        "0.0 to 16.9 %",
         "72 without a trip would do",
         "NO-GO",
     ] {

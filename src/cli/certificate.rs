@@ -274,8 +274,9 @@ fn of_trips(trials: &Trials, allowed: f64, certain: bool) -> Line {
         let (low, high) = interval(trips, count);
         let text = format!(
             "{trips} of {count} trials; with 95 % confidence the probability is {:.1} to {:.1} %, {:.1} % allowed",
-            100.0 * low,
-            100.0 * high,
+            // Outwards: an interval that is told is not narrower than the one that is known.
+            (1e3 * low).floor() / 10.0,
+            (1e3 * high).ceil() / 10.0,
             100.0 * allowed
         );
         if trips == 0 && high > allowed {
