@@ -329,8 +329,10 @@ impl Transform for ForToml {
             let paragraphs: Vec<_> = text.split("\n\n").map(|p| p.replace('\n', " ")).collect();
             *text = paragraphs.join("\n\n");
         }
-        if object.get("default").is_some_and(Value::is_null) {
-            object.remove("default");
+        match object.get_mut("default") {
+            Some(Value::Null) => drop(object.remove("default")),
+            Some(Value::Object(keys)) => keys.retain(|_, value| !value.is_null()),
+            _ => {}
         }
         if let Some(Value::Array(types)) = object.get_mut("type") {
             types.retain(|t| t != "null");
