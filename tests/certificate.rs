@@ -290,7 +290,7 @@ fn zero_trips_of_a_few_trials_are_not_probability_zero() {
     assert_eq!(said.code, Some(1), "{}", said.stdout);
     for words in [
         "0 of 20 trials",
-        "0.0 to 16.8 %",
+        "0.0 to 16.9 %",
         "72 without a trip would do",
         "NO-GO",
     ] {
@@ -353,4 +353,84 @@ fn an_offset_of_the_axis_changes_no_verdict() {
             assert_eq!(found["trips"], 0, "{belief} {offset} {reads}: {found:#}");
         }
     }
+}
+
+#[test]
+fn an_uncertain_specimen_behind_a_link_is_the_same_whichever_way_it_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let stiffness = 500.0 * (3.0 * TAU) * (3.0 * TAU);
+    let uncertain = |key: &str, share: f64| {
+        format!("[[uncertainty]]\nkey = \"specimen.0.{key}\"\nstd_share = {share}\n")
+    };
+    let stand_in = format!("[specimen.stand_in.law.linear]\nstiffness_n_per_m = {stiffness}\n");
+    let own = storey(&uncertain("stiffness_n_per_m", 0.2));
+    let other = uncertain("stand_in.law.linear.stiffness_n_per_m", 0.2);
+    let found = [own, storey(&format!("{stand_in}{other}"))].map(|text| {
+        // Softer by half, or stiffer: the force is another, and in the reference, too.
+        let more = ["--trials", "8", "--set", "time.duration_s=5"];
+        certify(folder.path(), &text, &more).1
+    });
+    let spread = |found: &Value| {
+        let force = line(found, "force")["text"].as_str().unwrap().to_owned();
+        (force, found["response_error"].clone())
+    };
+    assert_eq!(spread(&found[0]), spread(&found[1]));
+    let (force, _) = spread(&found[0]);
+    let numbers: Vec<&str> = force
+        .split(", ")
+        .flat_map(|part| part.split(" in ").next())
+        .collect();
+    assert_ne!(numbers[0], numbers[1], "{force}");
+    // The damping, too.
+    let damped = storey(&uncertain("damping_n_s_per_m", 0.5));
+    let damped = damped.replace("storey = 1\n", "storey = 1\ndamping_n_s_per_m = 800\n");
+    let certain = damped.split("[[uncertainty]]").next().unwrap().to_owned();
+    let force = |text: &str| {
+        let more = ["--trials", "8", "--set", "time.duration_s=5"];
+        let found = certify(folder.path(), text, &more).1;
+        line(&found, "force")["text"].as_str().unwrap().to_owned()
+    };
+    assert_ne!(force(&damped), force(&certain));
+}
+
+#[test]
+fn what_no_lambda_holds_is_unstable_and_a_no_go() {
+    let folder = tempfile::tempdir().unwrap();
+    // Beyond its yield velocity the damper damps a thousand times as much: at that bound no λ holds the sawtooth.
+    let slider = "[time]\nrate_hz = 100\nduration_s = 2\nclock = \"simulated\"\n[structure.shear_building]\n\
+        mass_kg = [1000, 1000]\nstiffness_n_per_m = [0, 1e5]\ndamping_n_s_per_m = [0, 100]\n[integrator]\nlambda = 4\n\
+        [excitation.ground_acceleration]\nsignal.sine = { amplitude = 0.2, frequency_hz = 1 }\n\
+        [[specimen]]\nname = \"damper\"\nstorey = 1\n\
+        law.biviscous = { damping_n_s_per_m = 1000, post_yield_damping_n_s_per_m = 1e6, yield_velocity_m_per_s = 0.2 }\n";
+    let said = certified(folder.path(), slider, &[]);
+    let words = "UNSTABLE: no lambda is stable at the declared bounds";
+    assert_eq!(said.code, Some(1), "{}{}", said.stdout, said.stderr);
+    assert_eq!(said.stdout.matches(words).count(), 2, "{}", said.stdout);
+    assert!(
+        !said.stdout.contains("no declared bound"),
+        "{}",
+        said.stdout
+    );
+    let (_, found) = certify(folder.path(), slider, &[]);
+    assert_eq!(line(&found, "integration")["verdict"], "no-go");
+    let said = certified(folder.path(), slider, &["--json"]);
+    let facts: Value = serde_json::from_str(&said.stdout).unwrap();
+    assert_eq!(facts["structure"]["stable"], false);
+    let test = folder.path().join("test.toml");
+    let out = folder.path().join("run");
+    let run = say([
+        "run".as_ref(),
+        test.as_os_str(),
+        "--out".as_ref(),
+        out.as_os_str(),
+    ]);
+    assert!(run.stderr.contains(words), "{}", run.stderr);
+    // Where every element has a λ of its own that keeps no gain bound, all the same each λ of the rest is stable.
+    let own = "[time]\nstep_s = 0.05\nduration_s = 1\nclock = \"simulated\"\n[structure.shear_building]\n\
+        mass_kg = [1000]\nstiffness_n_per_m = [0]\n[[structure.element]]\nname = \"bottom\"\nfrom = \"ground\"\nto = 1\n\
+        law.linear = { stiffness_n_per_m = 1e8 }\n[integrator]\nlambda = 4\nlambda_of_element = { bottom = 4 }\n\
+        [excitation.ground_acceleration]\nsignal.sine = { amplitude = 0.2, frequency_hz = 1 }\n";
+    let said = certified(folder.path(), own, &["--json"]);
+    let facts: Value = serde_json::from_str(&said.stdout).unwrap_or_default();
+    assert_eq!(facts["structure"]["stable"], true, "{}", said.stderr);
 }

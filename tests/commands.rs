@@ -418,3 +418,35 @@ fn a_report_can_be_written_again_from_the_folder_alone() {
     );
     assert!(fs::read_to_string(&picture).unwrap().contains("<svg"));
 }
+
+#[test]
+fn what_is_said_of_a_record_needs_one() {
+    for (key, value) in [("--scale", "3"), ("--unit", "g"), ("--record-dt", "0.02")] {
+        let said = say([
+            "benchmark",
+            "vrths",
+            "--case",
+            "1",
+            "--controller",
+            "none",
+            key,
+            value,
+        ]);
+        assert_eq!(said.code, Some(2), "{key}: {}", said.stderr);
+        assert!(
+            said.stderr.contains("--record <FILE>"),
+            "{key}: {}",
+            said.stderr
+        );
+    }
+    let said = say([
+        "benchmark",
+        "vrths",
+        "--record",
+        "none.AT2",
+        "--scale",
+        "nan",
+    ]);
+    assert_eq!(said.code, Some(2), "{}", said.stderr);
+    assert!(said.stderr.contains("a finite number"), "{}", said.stderr);
+}

@@ -169,3 +169,114 @@ fn a_test_that_finds_no_equilibrium_stops_with_its_rows() {
     );
     assert!(summary["steps"].as_u64().unwrap() < 400);
 }
+
+/// A floor of a ton on a specimen behind a link, 20 steps a second: Ω = 5, of which half more is declared.
+const HARDENING: &str = r#"
+[time]
+step_s = 0.05
+duration_s = 2
+clock = "simulated"
+
+[structure.shear_building]
+mass_kg = [1e3, 6e3]
+stiffness_n_per_m = [0, 1e5]
+damping_n_s_per_m = [0, 1e3]
+
+[excitation.ground_acceleration.signal.sine]
+amplitude = 2.0
+frequency_hz = 0.5
+
+[[specimen]]
+name = "s"
+storey = 1
+stiffness_n_per_m = 1e7
+hardening_bound = 1.5
+link = { address = "127.0.0.1:1", connect_timeout_s = 0.2 }
+limits = { command_disp_m = { trip = [-1, 1] }, measured_force_n = { trip = [-1e7, 1e7] } }
+
+[integrator]
+"#;
+
+#[test]
+fn alpha_methods_that_grow_at_the_declared_bounds_do_not_move_what_is_behind_a_link() {
+    let method = "method = \"kr_alpha\"\nrho_infinity = 1";
+    let grows = "with every tangent at its declared bound the response grows by a factor";
+    let light = HARDENING
+        .replace("hardening_bound = 1.5", "mass_in_force_kg = 60")
+        .replace("[1e3, 6e3]", "[20, 6e3]")
+        .replace("stiffness_n_per_m = 1e7", "stiffness_n_per_m = 1e4");
+    for text in [HARDENING, &light] {
+        // What the same linear method of the family, λ = 4, is refused for.
+        let (code, _, said) = gusset("check", &format!("{text}lambda = 4\n"));
+        assert_eq!(code, 2, "{said}");
+        for command in ["check", "run"] {
+            let (code, _, said) = gusset(command, &format!("{text}{method}\n"));
+            assert_eq!(code, 2, "{said}");
+            assert!(
+                said.contains(grows) && said.contains("behind this link"),
+                "{said}"
+            );
+        }
+        let allowed = format!("{text}{method}\nallow_unstable_lambda = true\n");
+        let (code, facts, said) = gusset("check", &allowed);
+        assert_eq!(code, 0, "{said}");
+        assert!(said.contains(grows), "{said}");
+        assert_eq!(facts["structure"]["stable"], false);
+        assert!(
+            facts["structure"]["spectral_radius_at_bounds"]
+                .as_f64()
+                .unwrap()
+                > 1.0
+        );
+    }
+    // A law of this program only gives a warning.
+    let (_, rest) = HARDENING.split_once("stiffness_n_per_m = 1e7").unwrap();
+    let law = "reach_disp_m = 1.0\nlaw.square_root = { stiffness_n_per_m = 1e7, hardening_per_sqrt_m = 0.5 }\n[integrator]\n";
+    let own = HARDENING.replace(&format!("stiffness_n_per_m = 1e7{rest}"), law);
+    let (code, _, said) = gusset("check", &format!("{own}{method}\n"));
+    assert_eq!(code, 0, "{said}");
+    assert!(said.contains("warning") && said.contains(grows), "{said}");
+}
+
+#[test]
+fn what_is_known_of_an_alpha_method_is_said_and_no_more() {
+    let look = |text: &str| {
+        let folder = TempDir::new().unwrap();
+        let file = folder.path().join("test.toml");
+        std::fs::write(&file, text).unwrap();
+        let mut process = Command::new(assert_cmd::cargo::cargo_bin!("gusset"));
+        let output = process
+            .args(["check", "--no-rehearsal"])
+            .arg(&file)
+            .output()
+            .unwrap();
+        assert!(output.status.success());
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let method = "method = \"mkr_alpha\"\nrho_infinity = 0.5\n";
+    // At its estimates, and half beyond them where the step is short enough.
+    let linear = look(&format!("{TEST}{method}{SPECIMEN}"));
+    let short = HARDENING.replace("step_s = 0.05", "step_s = 0.001");
+    let hardening = look(&format!("{short}{method}"));
+    for text in [&linear, &hardening] {
+        assert!(text.contains("no proof is made for this method"), "{text}");
+        assert!(
+            text.contains("in continuous time, then it grows at"),
+            "{text}"
+        );
+        assert!(
+            !text.contains("UNSTABLE") && !text.contains("by the recursion"),
+            "{text}"
+        );
+    }
+    assert!(
+        hardening.contains("its spectral radius is 0.99")
+            && hardening.contains("nothing grows there"),
+        "{hardening}"
+    );
+    let average = look(&format!("{TEST}method = \"newmark_average\"\n"));
+    assert!(
+        average.contains("no proof is made for this method"),
+        "{average}"
+    );
+}

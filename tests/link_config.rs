@@ -132,7 +132,7 @@ fn a_hardening_bound_enters_the_proof_of_stability() {
         );
         let loaded = config::parse(Path::new("test.toml"), text, &[]).unwrap();
         let structure = config::build(&loaded).unwrap().facts.structure.unwrap();
-        structure.choice.unwrap().limit
+        structure.choice().unwrap().limit
     };
     // Ω² = 4e5 · 20000 / 1000 · 1e-6 = 8 at the bound, above the 4 that even λ = ∞ would bear.
     assert!(limit("1.0").is_none());

@@ -124,7 +124,7 @@ fn floor(history: &[[f64; 2]], dof: usize) -> Vec<f64> {
 /// λ_lim of a test, as `check` would print it.
 fn limit(facts: &Facts) -> f64 {
     let structure = facts.structure.as_ref().unwrap();
-    structure.choice.as_ref().unwrap().limit.unwrap()
+    structure.choice().unwrap().limit.unwrap()
 }
 
 /// Rounded to the digits that the paper prints.

@@ -321,3 +321,18 @@ fn a_record_that_was_cut_off_is_bad_news_and_never_the_same_as_another() {
     assert!(page.contains("Damaged: this record") && !page.contains("Unfinished"));
     assert!(page.contains("is damaged; nothing behind it is read"));
 }
+
+#[test]
+fn an_audit_that_ends_without_a_number_does_not_say_that_all_is_booked_right() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = made(folder.path(), "lost", FRAME);
+    let page = |out: &Path| {
+        assert_eq!(say(["report".as_ref(), out.as_os_str()]).code, Some(0));
+        fs::read_to_string(out.join("report.html")).unwrap()
+    };
+    assert!(page(&out).contains("rows are booked right"));
+    let last = Run::open(&out).unwrap().columns(&["x1"]).unwrap()[0].len() - 1;
+    changed(&out, &[(last, place(&out, "step_audit"), f64::NAN)]);
+    let page = page(&out);
+    assert!(!page.contains("booked right") && page.contains("in the last row it is not a number"));
+}

@@ -422,3 +422,24 @@ fn misses_in_a_window_end_a_test_that_is_late_too_often() {
     // Every twelfth: nine at the most.
     assert_eq!(late(12).outcome.ending, Ending::Completed);
 }
+
+#[test]
+fn a_displacement_that_is_refused_is_no_peak() {
+    let folder = tempfile::tempdir().unwrap();
+    // Driven into a trip of the command at 20 mm, in steps of several mm.
+    let text = "[time]\nstep_s = 0.05\nduration_s = 5\nclock = \"simulated\"\n[structure.shear_building]\nmass_kg = [1e3]\n\
+        stiffness_n_per_m = [0]\n[excitation.ground_acceleration]\n\
+        signal.sine = { amplitude = 3, frequency_hz = 0.5 }\n[[specimen]]\nname = \"s\"\nstorey = 1\n\
+        law.linear = { stiffness_n_per_m = 1e5 }\nlimits = { command_disp_m = { trip = [-0.02, 0.02] } }\n";
+    let (code, said) = run(folder.path(), "run", text);
+    assert_eq!(code, 1, "{said}");
+    let rows = gusset::record::Run::open(&folder.path().join("run")).unwrap();
+    let rows = &rows.columns(&["x1"]).unwrap()[0];
+    let largest = rows.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+    let peak = summary(folder.path(), "run").peak.displacement[0];
+    assert_eq!(
+        peak,
+        Some(largest),
+        "the command that was refused never was"
+    );
+}

@@ -9,6 +9,7 @@ use super::following::Following;
 use super::progress::TrialsLine;
 use super::rehearsed::Rehearsed;
 use super::run::refused;
+use super::stability;
 use super::table::{Table, duration, quantity};
 use crate::config::{Facts, Loaded, SpecimenTable};
 use crate::session::certificate::{Band, Plan, Rehearsed as Trial, Trials, carry_out, interval};
@@ -50,7 +51,7 @@ impl Certificate {
         let trials = carry_out(loaded, &plan, facts.lambda(), count, &|done| bar.show(done));
         bar.clear();
         let trials = trials.map_err(refused)?;
-        let mut lines = vec![of_lambda(facts)];
+        let mut lines = vec![of_integration(facts)];
         lines.extend(following.iter().flat_map(|one| {
             [one.of_delay(), one.of_stability()].map(|(go, about, text)| Line { go, about, text })
         }));
@@ -172,33 +173,10 @@ impl Certificate {
     }
 }
 
-fn of_lambda(facts: &Facts) -> Line {
-    let choice = facts.structure.as_ref().map(|s| (s.lambda, &s.choice));
-    let (go, text) = match choice {
+fn of_integration(facts: &Facts) -> Line {
+    let (go, text) = match &facts.structure {
         None => (Some(true), "no structure is integrated".to_owned()),
-        Some((None, _)) => (
-            None,
-            "the method is not of the family with λ, and nothing is proven of it".to_owned(),
-        ),
-        Some((Some(lambda), None)) => (
-            None,
-            format!("λ = {lambda}, without a proof: a tangent has no declared bound"),
-        ),
-        Some((Some(lambda), Some(choice))) => {
-            let margin = if choice.margin.is_finite() {
-                format!(", margin {:.4}", choice.margin)
-            } else {
-                String::new()
-            };
-            let limit = match choice.limit {
-                Some(limit) => format!("stable up to {limit:.4}"),
-                None => "every λ is stable".to_owned(),
-            };
-            (
-                Some(choice.is_stable()),
-                format!("λ = {lambda}, {limit}{margin}"),
-            )
-        }
+        Some(structure) => stability::judged(structure),
     };
     Line {
         go,
@@ -296,8 +274,9 @@ fn of_trips(trials: &Trials, allowed: f64, certain: bool) -> Line {
         let (low, high) = interval(trips, count);
         let text = format!(
             "{trips} of {count} trials; with 95 % confidence the probability is {:.1} to {:.1} %, {:.1} % allowed",
-            100.0 * low,
-            100.0 * high,
+            // Outwards: an interval that is told is not narrower than the one that is known.
+            (1e3 * low).floor() / 10.0,
+            (1e3 * high).ceil() / 10.0,
             100.0 * allowed
         );
         if trips == 0 && high > allowed {

@@ -10,9 +10,9 @@ use super::rehearsed::Rehearsed;
 use super::run::{load, method_name, refused};
 use super::spectrum::Spectrum;
 use super::table::{Table, duration, quantity};
-use super::{answer, tell, warn};
-use crate::config::{self, ClockChoice, Facts, Prepared, StructureFacts};
-use crate::geometry::LawPlace;
+use super::{answer, stability, tell, warn};
+use crate::config::{self, ClockChoice, Facts, Prepared, Stability, StructureFacts};
+use crate::integrate::Lambda;
 
 /// Checks one test.
 pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
@@ -33,7 +33,7 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
         .as_ref()
         .and_then(|structure| Spectrum::of(facts, structure));
     if let Some(folder) = &args.plot {
-        let Some(spectrum) = &spectrum else {
+        let Some(spectrum) = spectrum.as_ref().filter(|spectrum| spectrum.is_of_family()) else {
             anyhow::bail!(
                 "there are no curves: they are for the method \"gui\" and structures of up to 50000 degrees of freedom"
             );
@@ -183,14 +183,21 @@ fn describe(
             &format!("peak acceleration {}", quantity(peak, "m/s²")),
         );
     }
-    match spectrum {
+    match spectrum.filter(|spectrum| spectrum.is_of_family()) {
         Some(spectrum) => spectrum.tabulate(table),
         None => frequencies(table, facts, structure),
     }
-    let Some(lambda) = structure.lambda else {
-        table.row("method", &method_name(structure.method));
-        return;
-    };
+    match structure.lambda {
+        Some(lambda) => describe_lambda(table, structure, lambda),
+        None => table.row("method", &method_name(structure.method)),
+    }
+    stability::tabulate(table, facts, structure);
+    if let Some(spectrum) = spectrum {
+        spectrum.describe(table);
+    }
+}
+
+fn describe_lambda(table: &mut Table, structure: &StructureFacts, lambda: Lambda) {
     let how = if structure.lambda_by_number {
         "asked for by number".to_owned()
     } else {
@@ -208,47 +215,6 @@ fn describe(
             "λ",
             &format!("{lambda} for the rest ({how});\n{}", own.join(", ")),
         );
-    }
-    match &structure.choice {
-        None => table.row("stability", "no proof: a tangent has no declared bound"),
-        Some(choice) => {
-            let limit = match choice.limit {
-                Some(limit) => format!("stable up to λ = {limit:.6}"),
-                None => "stable for every λ".to_owned(),
-            };
-            let margin = if choice.margin.is_finite() {
-                format!(", margin {:.4}", choice.margin)
-            } else {
-                String::new()
-            };
-            let verdict = if choice.is_stable() {
-                ""
-            } else {
-                " — UNSTABLE at this λ"
-            };
-            let turning = facts.limits.specimens.iter().any(|specimen| {
-                let exact = specimen.geometry.as_ref().filter(|geometry| geometry.exact);
-                exact.is_some_and(|geometry| geometry.law_at == LawPlace::Actuators)
-            });
-            let worth = if turning {
-                "which is necessary and\nsufficient at the reference pose alone: elsewhere exact actuators with laws of their own \
-                 are other springs"
-            } else {
-                "which is necessary and sufficient"
-            };
-            table.row(
-                "stability",
-                &format!(
-                    "{limit}{margin}{verdict};\nby S(λ) ⪰ 0 at the declared bounds of all tangents, {worth}"
-                ),
-            );
-            if let Some(governing) = &choice.governing {
-                table.row("governed by", &governing.to_string());
-            }
-        }
-    }
-    if let Some(spectrum) = spectrum {
-        spectrum.describe(table);
     }
 }
 
@@ -277,7 +243,7 @@ fn as_json(
         }
     };
     let structure = facts.structure.as_ref().map(|structure| {
-        let choice = structure.choice.as_ref();
+        let choice = structure.choice();
         json!({
             "dofs": structure.dofs,
             "storage": structure.storage,
@@ -291,10 +257,14 @@ fn as_json(
             "lambda_limit": choice.map(|choice| choice.limit),
             "criterion": choice.map(|_| "S(lambda) positive semi-definite at the declared bounds"),
             "margin": choice.map(|choice| number(choice.margin)),
-            "stable": choice.map(|choice| choice.is_stable()),
+            "stable": stability::is_stable(structure),
             "governing": choice.and_then(|c| c.governing.as_ref()).map(ToString::to_string),
             "gain_bound": structure.gain.is_finite().then_some(structure.gain),
-            "modes": spectrum.map(Spectrum::modes_json),
+            "spectral_radius_at_bounds": match structure.stability {
+                Stability::AtBounds(radius) => Some(radius),
+                _ => None,
+            },
+            "modes": spectrum.filter(|spectrum| spectrum.is_of_family()).map(Spectrum::modes_json),
             "highest_frequency_rad_per_s": spectrum.and_then(Spectrum::highest),
             "critical_delays": spectrum.map(Spectrum::delays_json),
             "peak_ground_acceleration_m_per_s2": structure.peak_ground_accel,

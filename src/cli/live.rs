@@ -12,7 +12,7 @@ use super::args::RunArgs;
 use super::exit::{Exit, WithExit};
 #[cfg(feature = "monitor")]
 use super::tell;
-use crate::config::{ClockChoice, Facts, Prepared};
+use crate::config::{ClockChoice, Facts, Prepared, Stability};
 #[cfg(feature = "monitor")]
 use crate::engine::Operator;
 use crate::engine::PhaseCell;
@@ -187,12 +187,14 @@ fn announce(page: &LivePage) {
 
 fn lambda(facts: &Facts) -> Option<LambdaUse> {
     let structure = facts.structure.as_ref()?;
-    let choice = structure.choice.as_ref();
+    let declared_limit = match &structure.stability {
+        Stability::Limit(choice) => choice.limit.unwrap_or(f64::INFINITY),
+        Stability::NoLambda(_) => 0.0,
+        _ => f64::NAN,
+    };
     Some(LambdaUse {
         used: structure.lambda?.value(),
-        declared_limit: choice
-            .and_then(|choice| choice.limit)
-            .unwrap_or(f64::INFINITY),
-        proven: choice.is_some(),
+        declared_limit,
+        proven: !declared_limit.is_nan(),
     })
 }

@@ -32,6 +32,7 @@ mod serve;
 mod serve_openfresco;
 mod serve_tls;
 mod spectrum;
+mod stability;
 mod status;
 mod table;
 mod verify;

@@ -12,7 +12,7 @@ use super::exit::{Exit, Mistakes, WithExit};
 use super::live;
 use super::status::Status;
 use super::table::{Table, duration, quantity};
-use super::{answer, tell, warn};
+use super::{answer, stability, tell, warn};
 use crate::config::{self, ConfigError, Facts, Loaded, Method, Prepared};
 use crate::record::Progress;
 use crate::session::{
@@ -160,18 +160,20 @@ fn conclude(facts: &Facts, finished: &Finished, page: Option<&Page>) {
     );
     if let Some(structure) = &facts.structure {
         match structure.lambda {
-            None => table.row("method", &method_name(structure.method)),
+            None => {
+                let limit = stability::brief(structure);
+                table.row(
+                    "method",
+                    &format!("{} ({limit})", method_name(structure.method)),
+                );
+            }
             Some(lambda) => {
                 let how = if structure.lambda_by_number {
                     "by number"
                 } else {
                     "automatic"
                 };
-                let limit = match structure.choice.as_ref().map(|choice| choice.limit) {
-                    Some(Some(limit)) => format!("limit {limit:.4}"),
-                    Some(None) => "every lambda is stable".to_owned(),
-                    None => "no proof: a tangent has no declared bound".to_owned(),
-                };
+                let limit = stability::brief(structure);
                 let own = structure.lambda_apart.iter();
                 let own: String = own
                     .map(|(name, own)| format!(", {own} for {name}"))

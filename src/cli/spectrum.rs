@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 
 use super::table::{Table, duration};
 use crate::config::{ALL_MODES, Facts, Loop, ModeFacts, StructureFacts};
+use crate::integrate::Lambda;
 use crate::spectral::delay::{DelayError, DiscreteLimit, recursion};
 use crate::spectral::{Apparent, Locus, spectral_radius};
 use crate::verify::{Figure, Scale, Series};
@@ -37,10 +38,10 @@ fn percent(share: f64, signed: bool) -> String {
     }
 }
 
-/// What can be said of modes and delays for the family's λ.
+/// What can be said of modes and delays: for the family by its λ, for another method of delays in continuous time alone.
 pub(super) struct Spectrum {
     dt: f64,
-    lambda: f64,
+    lambda: Option<f64>,
     modes: Vec<ModeFacts>,
     /// Whether these are all modes.
     complete: bool,
@@ -51,7 +52,8 @@ pub(super) struct Spectrum {
 struct Delay {
     specimen: Loop,
     continuous: Result<Option<(f64, f64)>, String>,
-    discrete: Result<DiscreteLimit, DelayError>,
+    /// By the recursion of the family.
+    discrete: Option<Result<DiscreteLimit, DelayError>>,
     growth: Option<f64>,
 }
 
@@ -67,7 +69,7 @@ impl Delay {
     /// Spectral radius of a recursion that is unstable with nothing delayed.
     fn radius(&self) -> Option<f64> {
         match self.discrete {
-            Err(DelayError::Unstable { radius }) => Some(radius),
+            Some(Err(DelayError::Unstable { radius })) => Some(radius),
             _ => None,
         }
     }
@@ -91,21 +93,23 @@ pub(super) const INERTIA: &str = "the inertia inside the specimen's force is as 
      however short, it grows";
 
 impl Spectrum {
-    /// None for another method than the family, or a structure that is too large.
+    /// None for a structure that is too large.
     pub(super) fn of(facts: &Facts, structure: &StructureFacts) -> Option<Self> {
-        let chosen = structure.lambda?;
-        let lambda = chosen.value();
+        let lambda = structure.lambda.map(Lambda::value);
         let analysis = structure.analysis.as_ref()?;
         let delays = analysis.loops.iter().map(|specimen| Delay {
             continuous: specimen
                 .continuous()
                 .map(|found| found.map(|critical| (critical.delay, critical.omega)))
                 .map_err(|error| error.to_string()),
-            discrete: specimen.discrete(facts.dt, lambda),
+            discrete: lambda.map(|lambda| specimen.discrete(facts.dt, lambda)),
             growth: specimen.system.growth(),
             specimen: specimen.clone(),
         });
-        let modes = analysis.modes(facts.dt, chosen);
+        let modes = structure
+            .lambda
+            .map(|chosen| analysis.modes(facts.dt, chosen));
+        let modes = modes.unwrap_or_default();
         let complete = structure.dofs <= ALL_MODES;
         let highest = if complete {
             modes.last().map(|mode| mode.frequency)
@@ -120,6 +124,11 @@ impl Spectrum {
             highest,
             delays: delays.collect(),
         })
+    }
+
+    /// Whether the method is one of the family, of which more is known.
+    pub(super) const fn is_of_family(&self) -> bool {
+        self.lambda.is_some()
     }
 
     /// One line per mode: all that are listed, and the highest.
@@ -178,7 +187,7 @@ impl Spectrum {
     pub(super) fn discrete(&self, specimen: &str) -> Option<Result<DiscreteLimit, DelayError>> {
         let mut delays = self.delays.iter();
         let found = delays.find(|delay| delay.specimen.name == specimen);
-        found.map(|found| found.discrete)
+        found.and_then(|found| found.discrete)
     }
 
     /// The highest natural frequency in rad/s, if it is known.
@@ -214,7 +223,12 @@ impl Spectrum {
                 Ok(None) => "none in continuous time: every delay is stable".to_owned(),
                 Err(error) => format!("not known in continuous time: {error}"),
             };
-            let discrete = match &delay.discrete {
+            let name = format!("critical delay, {}", delay.specimen.name);
+            let Some(discrete) = &delay.discrete else {
+                table.row(&name, &continuous);
+                continue;
+            };
+            let discrete = match discrete {
                 Ok(DiscreteLimit::At(tau)) if vanishes(*tau) => {
                     "the same by the recursion".to_owned()
                 }
@@ -229,10 +243,7 @@ impl Spectrum {
                 }
                 Err(error) => format!("not known by the recursion: {error}"),
             };
-            table.row(
-                &format!("critical delay, {}", delay.specimen.name),
-                &format!("{continuous};\n{discrete}"),
-            );
+            table.row(&name, &format!("{continuous};\n{discrete}"));
         }
     }
 
@@ -262,12 +273,12 @@ impl Spectrum {
                 Ok(None) => json!({ "delay_s": null }),
                 Err(error) => json!({ "unknown": error }),
             };
-            let discrete = match &delay.discrete {
+            let discrete = delay.discrete.as_ref().map(|found| match found {
                 Ok(DiscreteLimit::At(tau)) => json!({ "delay_s": tau }),
                 Ok(DiscreteLimit::Beyond(tau)) => json!({ "delay_s": null, "looked_to_s": tau }),
                 Err(DelayError::Unstable { radius }) => json!({ "spectral_radius": radius }),
                 Err(error) => json!({ "unknown": error.to_string() }),
-            };
+            });
             json!({
                 "specimen": delay.specimen.name,
                 "unstable_without_delay": delay.at_once(),
@@ -293,6 +304,9 @@ impl Spectrum {
     }
 
     fn figures(&self) -> Vec<(String, Figure)> {
+        let Some(lambda) = self.lambda else {
+            return Vec::new();
+        };
         let swinging: Vec<&ModeFacts> = self
             .modes
             .iter()
@@ -313,7 +327,7 @@ impl Spectrum {
                 damping: 2.0 * ratio * omega,
                 stiffness: omega * omega,
                 dt: 1.0,
-                lambda: self.lambda,
+                lambda,
             };
             Apparent::of(locus.roots(omega * omega)[0])
         };
@@ -322,7 +336,7 @@ impl Spectrum {
                 .iter()
                 .map(|&omega| apparent(omega).map_or(f64::NAN, |apparent| of(omega, apparent)));
             Series::line(
-                format!("λ = {}, ξ = {:.4}", self.lambda, ratio),
+                format!("λ = {lambda}, ξ = {ratio:.4}"),
                 omegas.clone(),
                 y.collect(),
             )
@@ -376,34 +390,34 @@ impl Spectrum {
             ),
         ];
         for (index, delay) in self.delays.iter().enumerate() {
-            figures.push((format!("delay-{}", index + 1), self.growth(delay)));
+            figures.push((format!("delay-{}", index + 1), self.growth(delay, lambda)));
         }
         figures
     }
 
     /// Spectral radius of the recursion over the delay, to twice the critical one.
-    fn growth(&self, delay: &Delay) -> Figure {
+    fn growth(&self, delay: &Delay, lambda: f64) -> Figure {
         let critical = match (&delay.discrete, &delay.continuous) {
-            (Ok(DiscreteLimit::At(tau)), _) | (_, Ok(Some((tau, _)))) => *tau,
+            (Some(Ok(DiscreteLimit::At(tau))), _) | (_, Ok(Some((tau, _)))) => *tau,
             _ => 8.0 * self.dt,
         };
         let last = (2.0 * critical).clamp(self.dt, 96.0 * self.dt);
         let delays: Vec<f64> = (0..=60).map(|i| last * f64::from(i) / 60.0).collect();
         let radius = |tau: &f64| {
-            let step = recursion(&delay.specimen.system, self.dt, self.lambda, *tau).ok();
+            let step = recursion(&delay.specimen.system, self.dt, lambda, *tau).ok();
             step.and_then(|step| spectral_radius(&step))
                 .map_or(f64::NAN, |radius| radius - 1.0)
         };
         let growth = delays.iter().map(radius).collect();
         let mut series = vec![Series::line(
-            format!("{}, λ = {}", delay.specimen.name, self.lambda),
+            format!("{}, λ = {lambda}", delay.specimen.name),
             delays,
             growth,
         )];
         if let Ok(Some((tau, _))) = &delay.continuous {
             series.push(Series::dots("continuous time", vec![*tau], vec![0.0]));
         }
-        if let Ok(DiscreteLimit::At(tau)) = &delay.discrete {
+        if let Some(Ok(DiscreteLimit::At(tau))) = &delay.discrete {
             series.push(Series::dots("recursion", vec![*tau], vec![0.0]));
         }
         Figure {

@@ -84,6 +84,8 @@ impl Loaded {
                     table.axis.resize(axes, AxisTable::default());
                 }
                 table.compensation = None::<CompensationSpec>;
+                // It loads the structure.
+                table.mass_in_force_kg = 0.0;
                 table.drill = None;
                 let axis = table.axis.iter_mut().map(|axis| &mut axis.limits);
                 for limits in axis.chain([&mut table.limits]).flatten() {
@@ -103,13 +105,19 @@ impl Loaded {
         file
     }
 
-    /// A test file made from this one, read as if it stood beside it; `said` is its first line.
+    /// A test file made from this one, read as if it stood beside it; `said` is its first line. What is found in it has the name
+    /// of this file with "driven", for its lines are others.
     ///
     /// # Errors
     /// [`ConfigError`], as for any other test file.
     pub fn beside(&self, said: &str, file: &TestFile) -> Result<Loaded, ConfigError> {
         match toml::to_string(file) {
-            Ok(text) => parse(&self.path, format!("# {said}\n\n{text}"), &[]),
+            Ok(text) => {
+                let mut name = self.path.file_name().unwrap_or_default().to_owned();
+                name.push(" (driven)");
+                let path = self.path.with_file_name(name);
+                parse(&path, format!("# {said}\n\n{text}"), &[])
+            }
             Err(error) => {
                 let text = format!("the configuration cannot be written as TOML: {error}");
                 Err(self.refuse([Finding::error(KeyPath::root(), text)]))

@@ -53,8 +53,8 @@ use toml_edit::DocumentMut;
 
 pub use build::{
     ALL_MODES, ActuatorFacts, Analysis, DelayedMode, Dial, Drawn, Estimate, Facts, Files, Limit,
-    LimitFacts, LoadingFacts, Loop, ModeFacts, Prepared, SpecimenLimits, StructureFacts, Trial,
-    build, build_over, build_rehearsal, build_trial, estimates,
+    LimitFacts, LoadingFacts, Loop, ModeFacts, Prepared, SpecimenLimits, Stability, StructureFacts,
+    Trial, build, build_over, build_rehearsal, build_trial, estimates,
 };
 pub use certificate::{
     CapacityTable, CertificateTable, IdentifiedTable, Spread, Uncertain, UncertaintyTable,
@@ -329,8 +329,10 @@ impl Transform for ForToml {
             let paragraphs: Vec<_> = text.split("\n\n").map(|p| p.replace('\n', " ")).collect();
             *text = paragraphs.join("\n\n");
         }
-        if object.get("default").is_some_and(Value::is_null) {
-            object.remove("default");
+        match object.get_mut("default") {
+            Some(Value::Null) => drop(object.remove("default")),
+            Some(Value::Object(keys)) => keys.retain(|_, value| !value.is_null()),
+            _ => {}
         }
         if let Some(Value::Array(types)) = object.get_mut("type") {
             types.retain(|t| t != "null");

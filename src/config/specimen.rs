@@ -255,6 +255,7 @@ pub struct AxisTable {
     /// Gear of a lever between deformation and axis, greater than zero.
     pub scale: f64,
     /// 1, or −1 where the axis counts the other way.
+    #[schemars(extend("enum" = [-1, 1]))]
     pub sign: i8,
     /// Axis position in m at which the deformation is zero. What stands in a rehearsal for a specimen behind a link has its zero
     /// there, too; a `law` in this process is told the axis' position, as a controller of its own would be, and has its zero

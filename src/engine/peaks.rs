@@ -32,21 +32,14 @@ impl Peaks {
         }
     }
 
-    /// Notes displacements; the first one beyond `bound`, or not a number, is returned. Real-time: yes.
+    /// Notes displacements. Real-time: yes.
     #[inline]
-    pub fn note_disp(&mut self, disp: &[f64], bound: f64) -> Option<(usize, f64)> {
+    pub fn note_disp(&mut self, disp: &[f64]) {
         let peaks = &mut self.disp;
-        if Lanes::best_for(disp.len()).run(Highest {
+        Lanes::best_for(disp.len()).run(Highest {
             peaks,
             values: disp,
-            bound,
-        }) {
-            return None;
-        }
-        disp.iter().copied().enumerate().find(|(_, value)| {
-            let size = value.abs();
-            size.is_nan() || size > bound
-        })
+        });
     }
 
     /// Notes velocities and accelerations. A DOF without mass has no acceleration: its peak becomes NaN.
@@ -57,7 +50,6 @@ impl Peaks {
         lanes.run(Highest {
             peaks: &mut self.vel,
             values: vel,
-            bound: f64::INFINITY,
         });
         lanes.run(HighestOrNone {
             peaks: &mut self.accel,
@@ -66,26 +58,56 @@ impl Peaks {
     }
 }
 
-/// Raises peaks; true if all values are within the bound.
-struct Highest<'a> {
-    peaks: &'a mut [f64],
+/// The first displacement beyond `bound`, or not a number. Real-time: yes.
+#[inline]
+pub fn first_beyond(disp: &[f64], bound: f64) -> Option<(usize, f64)> {
+    if Lanes::best_for(disp.len()).run(Inside {
+        values: disp,
+        bound,
+    }) {
+        return None;
+    }
+    disp.iter().copied().enumerate().find(|(_, value)| {
+        let size = value.abs();
+        size.is_nan() || size > bound
+    })
+}
+
+/// True if all values are within the bound.
+struct Inside<'a> {
     values: &'a [f64],
     bound: f64,
 }
 
-impl Kernel for Highest<'_> {
+impl Kernel for Inside<'_> {
     type Output = bool;
 
     #[inline(always)]
     fn run<I: Isa>(self, _: I) -> bool {
         let mut inside = 0u64;
-        for (peak, value) in self.peaks.iter_mut().zip(self.values) {
-            let size = value.abs();
+        for value in self.values {
             // Counted, not branched on; NaN is not inside.
-            inside += u64::from(size <= self.bound);
-            *peak = if size > *peak { size } else { *peak };
+            inside += u64::from(value.abs() <= self.bound);
         }
         inside == self.values.len() as u64
+    }
+}
+
+/// Raises peaks.
+struct Highest<'a> {
+    peaks: &'a mut [f64],
+    values: &'a [f64],
+}
+
+impl Kernel for Highest<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<I: Isa>(self, _: I) {
+        for (peak, value) in self.peaks.iter_mut().zip(self.values) {
+            let size = value.abs();
+            *peak = if size > *peak { size } else { *peak };
+        }
     }
 }
 
@@ -115,10 +137,12 @@ mod tests {
     #[test]
     fn the_first_displacement_out_of_bounds_is_named() {
         let mut peaks = Peaks::zeros(3);
-        assert_eq!(peaks.note_disp(&[0.5, -2.0, 1.0], 3.0), None);
-        assert_eq!(peaks.disp, [0.5, 2.0, 1.0]);
-        assert_eq!(peaks.note_disp(&[0.0, 0.0, -4.0], 3.0), Some((2, -4.0)));
-        let found = peaks.note_disp(&[0.0, f64::NAN, 0.0], 3.0);
+        peaks.note_disp(&[0.5, -2.0, 1.0]);
+        peaks.note_disp(&[-0.25, 1.0, -1.5]);
+        assert_eq!(peaks.disp, [0.5, 2.0, 1.5]);
+        assert_eq!(first_beyond(&peaks.disp, 3.0), None);
+        assert_eq!(first_beyond(&[0.0, 0.0, -4.0], 3.0), Some((2, -4.0)));
+        let found = first_beyond(&[0.0, f64::NAN, 0.0], 3.0);
         assert!(matches!(found, Some((1, value)) if value.is_nan()));
     }
 

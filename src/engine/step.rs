@@ -5,6 +5,7 @@
 //! clock's and the links', no panic.
 
 use super::numerical::{Side, seek_along};
+use super::peaks::first_beyond;
 use super::phase::Phase;
 use super::ride::{has_answer, tell};
 use super::tick::Tick;
@@ -343,12 +344,17 @@ impl Engine {
         }
         if let Side::Structure(numerical) = &self.side {
             let bound = self.limits.divergence;
-            if let Some((dof, value)) = self.peaks.note_disp(&numerical.state.disp, bound) {
+            if let Some((dof, value)) = first_beyond(&numerical.state.disp, bound) {
                 return Err(Stop::Diverged { dof, value });
             }
         }
         // A command that cannot be sent says more than the audit that it spoils.
         self.clear_commands()?;
-        self.judge_test(tick)
+        self.judge_test(tick)?;
+        // What is refused never was.
+        if let Side::Structure(numerical) = &self.side {
+            self.peaks.note_disp(&numerical.state.disp);
+        }
+        Ok(())
     }
 }

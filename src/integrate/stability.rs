@@ -115,7 +115,7 @@ pub struct LambdaChoice {
     pub limit: Option<f64>,
     /// limit / λ: stable at the declared bounds if ≥ 1; infinite without a limit.
     pub margin: f64,
-    /// Largest λ that also keeps the gain bound; `None` if every λ does.
+    /// Largest λ that also keeps the gain bound; `None` if every λ does, 0 if none does.
     pub limit_with_gain: Option<f64>,
     /// What sets the limit (of the two, the one with the gain bound if only that exists).
     pub governing: Option<Governing>,
@@ -285,14 +285,18 @@ impl StabilityProof {
         parts: Parts<'_>,
     ) -> Result<LambdaChoice, StabilityError> {
         let limit = self.limit_of(f64::INFINITY, parts)?;
-        let limit_with_gain = self.limit_of(gain, parts)?;
+        let limit_with_gain = match (self.limit_of(gain, parts), request) {
+            // Who asks for a λ need not keep the gain bound, which parts with a λ of their own may leave to none.
+            (Err(StabilityError::NoneAdmissible { .. }), Some(_)) => Some(0.0),
+            (found, _) => found?,
+        };
         let lambda = request.unwrap_or(Lambda::Finite(
             limit_with_gain.map_or(ACCURATE_LAMBDA, |limit| limit.min(ACCURATE_LAMBDA)),
         ));
         let governing = match (limit, limit_with_gain) {
             (Some(limit), _) => self.governing(1.0 / limit, f64::INFINITY, parts),
-            (None, Some(limit)) => self.governing(1.0 / limit, gain, parts),
-            (None, None) => None,
+            (None, Some(limit)) if limit > 0.0 => self.governing(1.0 / limit, gain, parts),
+            (None, _) => None,
         };
         Ok(LambdaChoice {
             lambda,

@@ -72,6 +72,16 @@ pub enum LawError {
         /// The missing parameter.
         name: &'static str,
     },
+    /// A law whose tangent has no bound of its own needs one from the user.
+    #[error(
+        "`{law}.{name}` must be given: what degrades or pinches has no bound of its own for its tangent"
+    )]
+    BoundNeeded {
+        /// The law, as the configuration spells it.
+        law: &'static str,
+        /// The missing parameter.
+        name: &'static str,
+    },
     /// A member of a list (of `parallel` or of `laws`) is wrong.
     #[error("{list} entry {index}: {reason}")]
     Entry {
@@ -139,6 +149,8 @@ impl LawError {
             | Self::Asymmetric { name, .. }
             | Self::Indefinite { name, .. }
             | Self::Exclusive { second: name, .. } => name,
+            // What is missing stands nowhere.
+            Self::BoundNeeded { law, .. } => law,
             Self::Entry { reason, .. } => reason.key(),
         }
     }

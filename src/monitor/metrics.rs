@@ -362,7 +362,8 @@ fn lambda(text: &mut Text, board: &Board, now_ns: u64) {
         lambda.used,
     );
     if lambda.proven {
-        let help = "Largest stable lambda at the declared bounds; +Inf if every one is.";
+        let help =
+            "Largest stable lambda at the declared bounds; +Inf if every one is, 0 if none is.";
         text.one(
             "gusset_lambda_limit_declared",
             gauge,

@@ -27,7 +27,7 @@ pub struct About {
 pub struct LambdaUse {
     /// In use; null for infinite.
     pub used: f64,
-    /// Largest stable one at the declared bounds: null if every λ is.
+    /// Largest stable one at the declared bounds: null if every λ is, 0 if none is.
     pub declared_limit: f64,
     /// Whether there is a proof at all.
     pub proven: bool,

@@ -159,6 +159,7 @@ pub struct Cyclic {
     /// Unit of the amplitudes; SI if absent.
     pub unit: Option<Unit>,
     /// Whole cycles at each amplitude.
+    #[schemars(range(min = 1, max = u32::MAX))]
     pub cycles_per_amplitude: u32,
     /// `sine` (the default) or `triangle`.
     #[serde(default)]

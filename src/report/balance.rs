@@ -130,22 +130,27 @@ pub(super) fn balance(rows: &Rows<'_>, why: Option<&str>) -> Option<String> {
 
 /// What the program's own exact audit says.
 fn audit(rows: &Rows<'_>) -> String {
-    let Some(peak) = rows
-        .get("step_audit")
-        .and_then(|values| metrics::peak(&values))
-    else {
+    let values = rows.get("step_audit");
+    let Some((values, peak)) = values.and_then(|values| {
+        let peak = metrics::peak(&values)?;
+        Some((values, peak))
+    }) else {
         return note("The steps of this test were not audited (column step_audit).");
     };
-    let size = if peak.value == 0.0 {
-        "nothing but roundoff is left over".to_owned()
+    let found = if values.last().is_some_and(|last| last.is_nan()) {
+        "in the last row it is not a number, so that nothing is known of that step".to_owned()
     } else {
-        format!(
-            "at most {} of the energy turned over is left over",
-            number(peak.value.abs(), 2)
-        )
+        let size = if peak.value == 0.0 {
+            "nothing but roundoff is left over".to_owned()
+        } else {
+            format!(
+                "at most {} of the energy turned over is left over",
+                number(peak.value.abs(), 2)
+            )
+        };
+        format!("{size}. It audits this program: steps, forces and rows are booked right")
     };
     note(&format!(
-        "Exact audit of the steps, ½ Δ(vᵀ M_eff v) = Σ ½ (x[i+1] − x[i−1])ᵀ (F − R − Bᵀf)[i], made while the test ran: {size}. \
-         It audits this program: steps, forces and rows are booked right."
+        "Exact audit of the steps, ½ Δ(vᵀ M_eff v) = Σ ½ (x[i+1] − x[i−1])ᵀ (F − R − Bᵀf)[i], made while the test ran: {found}."
     ))
 }

@@ -120,6 +120,23 @@ pub fn falsified(run: &RunData) -> Value {
     })
 }
 
+/// What is missing, its keys in the summary as a page calls them.
+fn in_words(missing: &[String]) -> String {
+    const NAMES: [(&str, &str); 3] = [
+        ("energy_error_j", "energy error"),
+        ("energy_error_share", "energy error as a share"),
+        ("delay_margins", "margins to critical delays"),
+    ];
+    let name = |text: &String| {
+        let found = NAMES.iter().find(|(key, _)| {
+            let rest = text.strip_prefix(key);
+            rest.is_some_and(|rest| rest.starts_with([':', ',']))
+        });
+        found.map_or_else(|| text.clone(), |(key, name)| text.replacen(key, name, 1))
+    };
+    missing.iter().map(name).collect::<Vec<_>>().join("; ")
+}
+
 fn percent(value: f64) -> String {
     format!("{}\u{a0}%", number(100.0 * value, 3))
 }
@@ -256,8 +273,27 @@ pub(super) fn falsified_section(
     let found = found(run, rows.digest())?;
     let mut markup = modes(&found, axes) + &delay_margins(&found) + &energy(&found);
     if !found.missing.is_empty() {
-        let words = format!("Not known: {}.", found.missing.join("; "));
-        markup += &note(&words);
+        markup += &note(&format!("Not known: {}.", in_words(&found.missing)));
     }
     Some(section("What the transfer systems falsified", &markup))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_page_does_not_name_keys_of_the_summary() {
+        let missing = [
+            "energy_error_j, modes: why",
+            "energy_error_share: no balance",
+            "delay_margins: too large",
+            "2 axes that did not move",
+        ];
+        assert_eq!(
+            in_words(&missing.map(str::to_owned)),
+            "energy error, modes: why; energy error as a share: no balance; margins to critical delays: too large; \
+             2 axes that did not move"
+        );
+    }
 }

@@ -16,6 +16,7 @@
 //! assert!(spectral::period_error(0.5, 0.0, f64::INFINITY).unwrap() < 0.0);
 //! ```
 
+mod alpha;
 mod apparent;
 mod bounds;
 mod companions;
@@ -26,6 +27,7 @@ mod poles;
 mod transfer;
 mod winding;
 
+pub use alpha::AlphaStep;
 pub use apparent::{
     Apparent, amplitude_decay, apparent, period_error, undamped_apparent, zero_period_error_lambda,
 };

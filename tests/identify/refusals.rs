@@ -185,3 +185,32 @@ fn redundant_actuators_and_strokes_beyond_a_length_are_refused() {
         &["actuator 2", "command_disp_m", "length_m", "--amplitude"],
     );
 }
+
+#[test]
+fn what_is_found_in_the_motion_is_not_shown_at_a_line_of_the_users_file() {
+    // Inertia in the force loads the structure, which a motion is without.
+    let heavy = TEST.replace("storey = 1\n", "storey = 1\nmass_in_force_kg = 20.0\n");
+    let quick = [
+        "--duration",
+        "8",
+        "--band",
+        "0.5,15",
+        "--amplitude",
+        "0.002",
+    ];
+    let said = attempt(&heavy, &quick, |_| {});
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    assert!(!said.stderr.contains("mass_in_force_kg"), "{}", said.stderr);
+    // A bound that the motion alone meets is shown where it stands, in a text of another name.
+    let trips = TEST.replace(
+        "command_vel_m_per_s = { trip = 0.4 }",
+        "measured_force_n = { trip = [-900.0, 900.0] }",
+    );
+    let said = attempt(&trips, &quick, |_| {});
+    assert_ne!(said.code, Some(0), "{}", said.stderr);
+    assert!(
+        said.stderr.contains("test.toml (driven):") && !said.stderr.contains("test.toml:"),
+        "{}",
+        said.stderr
+    );
+}

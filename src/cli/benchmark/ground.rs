@@ -18,14 +18,25 @@ pub struct GroundArgs {
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
     /// Unit of the record, where the file does not say it.
-    #[arg(long)]
+    #[arg(long, requires = "record")]
     unit: Option<String>,
     /// Step of the record in s, where the file does not say it.
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", requires = "record")]
     record_dt: Option<f64>,
-    /// Factor of the record.
-    #[arg(long, default_value_t = 0.4, allow_negative_numbers = true)]
-    scale: f64,
+    /// Factor of the record [default: 0.4].
+    #[arg(long, requires = "record", value_parser = finite, allow_negative_numbers = true)]
+    scale: Option<f64>,
+}
+
+/// Factor of a record that has none.
+const SCALE: f64 = 0.4;
+
+fn finite(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "a number".to_owned())?;
+    value
+        .is_finite()
+        .then_some(value)
+        .ok_or_else(|| "a finite number".to_owned())
 }
 
 impl GroundArgs {
@@ -54,7 +65,7 @@ impl GroundArgs {
                         start_s: 0.0,
                     }),
                     processing: Processing {
-                        scale_factor: self.scale,
+                        scale_factor: self.scale.unwrap_or(SCALE),
                         zero_tail: true,
                         ..Processing::default()
                     },

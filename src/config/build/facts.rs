@@ -68,8 +68,8 @@ pub struct StructureFacts {
     pub lambda_by_number: bool,
     /// Elements and modes with a λ of their own; every other λ here is that of the rest.
     pub lambda_apart: Vec<(String, Lambda)>,
-    /// λ, its limit and what governs it; none if the tangents have no declared bound.
-    pub choice: Option<LambdaChoice>,
+    /// What is known of its stability at the declared bounds.
+    pub stability: Stability,
     /// Gain bound g of the automatic choice.
     pub gain: f64,
     /// Natural frequencies at the start in rad/s, ascending, as far as they are cheap to find.
@@ -84,4 +84,41 @@ pub struct StructureFacts {
     pub online_limit: Option<OnlineLimit>,
     /// b·S⁻¹·bᵀ of every axis of every specimen, at the declared bounds; empty without a proof.
     pub(super) gains: Vec<Vec<f64>>,
+}
+
+/// What is known of the stability of an integration with every tangent up to its declared bound.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Stability {
+    /// λ, its limit and what governs it.
+    Limit(LambdaChoice),
+    /// No λ is stable there, for this reason.
+    NoLambda(String),
+    /// Nothing is proven: a tangent has no declared bound.
+    NoBound,
+    /// No proof is made for this method.
+    NoProof,
+    /// Nor for this one; but this is its spectral radius where every tangent is at its declared bound.
+    AtBounds(f64),
+}
+
+impl Stability {
+    /// Growth in a step that is no roundoff: where three poles meet they carry its cube root.
+    const GROWTH: f64 = 1e-5;
+
+    /// True if the recursion is known to grow at the declared bounds, for a method without a proof.
+    #[must_use]
+    pub fn grows(&self) -> bool {
+        matches!(self, Self::AtBounds(radius) if *radius > 1.0 + Self::GROWTH)
+    }
+}
+
+impl StructureFacts {
+    /// λ, its limit and what governs it, where λ has been judged.
+    #[must_use]
+    pub const fn choice(&self) -> Option<&LambdaChoice> {
+        match &self.stability {
+            Stability::Limit(choice) => Some(choice),
+            _ => None,
+        }
+    }
 }

@@ -4,6 +4,7 @@
 //! chosen and proven, peaks of the excitation known. A mistake becomes a [`Finding`] at its place in the file. Nothing
 //! moves, and nothing is written.
 
+mod alpha;
 mod analysis;
 mod apart;
 mod critical;
@@ -31,7 +32,7 @@ use crate::engine::{Experiment, Numerical, Settling, Side, StepAudit, TestQuanti
 use crate::link::{NativeSetup, Transport};
 use crate::rt;
 pub use analysis::{ALL_MODES, Analysis, DelayedMode, Loop, ModeFacts};
-pub use facts::{Facts, StructureFacts};
+pub use facts::{Facts, Stability, StructureFacts};
 use gear::Rows;
 pub use limits::{Limit, LimitFacts, SpecimenLimits};
 use recorded::record_dofs;
@@ -270,10 +271,12 @@ fn numerical(
         stiffness: &initial_stiffness,
         dt,
     };
+    let mut of_companion = Stability::NoProof;
     let (mut proof, stepper, storage, condition, own, audit) =
         match method::companion(site, &structure, &initial)? {
             Some((stepper, condition)) => {
                 proof::warn_of_limit(site, &structure, specimens, method);
+                of_companion = alpha::judged(site, &structure, specimens, method, &initial)?;
                 (None, stepper, None, condition, None, None)
             }
             None => {
@@ -336,7 +339,7 @@ fn numerical(
             .map(|proof| std::mem::take(&mut proof.gains))
             .unwrap_or_default(),
         online_limit: proof.as_mut().and_then(|proof| proof.online.take()),
-        choice: proof.and_then(|proof| proof.choice),
+        stability: proof.map_or(of_companion, |proof| proof.stability),
         frequencies,
         analysis,
         no_margin: None,

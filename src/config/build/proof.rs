@@ -2,7 +2,7 @@
 
 use super::method::Initial;
 use super::specimens::Specimens;
-use super::{Refused, Site, path};
+use super::{Refused, Site, Stability, path};
 use crate::config::{Finding, KeyPath, LambdaValue, Method, Severity};
 use crate::integrate::{
     ACCURATE_LAMBDA, Apart, GAIN_HYBRID, GAIN_NUMERICAL, Gui, Lambda, LambdaChoice, OnlineLimit,
@@ -17,8 +17,8 @@ pub(super) struct Proven {
     pub lambda: Lambda,
     /// Whether it was asked for by number.
     pub by_number: bool,
-    /// The proof, unless a tangent has no declared bound.
-    pub choice: Option<LambdaChoice>,
+    /// What is proven.
+    pub stability: Stability,
     /// Gain bound g.
     pub gain: f64,
     /// K_max, if every tangent has a bound.
@@ -33,9 +33,11 @@ pub(super) struct Proven {
 const MOST_ONLINE: usize = 200;
 
 /// Upper bounds of the tangents and who they come from.
-struct Bounds {
-    stiffness: SymMatrix,
-    damping: SymMatrix,
+pub(super) struct Bounds {
+    /// K_max.
+    pub stiffness: SymMatrix,
+    /// C_max, as it counts in a sawtooth.
+    pub damping: SymMatrix,
 }
 
 /// Chooses λ, or proves the one that was asked for.
@@ -74,7 +76,7 @@ pub(super) fn choose(
             return Ok(Proven {
                 lambda,
                 by_number: true,
-                choice: None,
+                stability: Stability::NoBound,
                 gain,
                 stiffness_bound,
                 gains: Vec::new(),
@@ -110,7 +112,7 @@ pub(super) fn choose(
                 lambda,
                 by_number,
                 gains: gains(&proof, lambda, specimens),
-                choice: Some(choice),
+                stability: Stability::Limit(choice),
                 gain,
                 stiffness_bound,
                 online: online(proof, specimens),
@@ -121,12 +123,13 @@ pub(super) fn choose(
             site.refuse(Finding::error(at, error.to_string()))
         }
         (Err(error), Some(lambda)) => {
-            let finding = Finding::warning(lambda_path(), error.to_string());
+            let why = error.to_string();
+            let finding = Finding::warning(lambda_path(), why.clone());
             beyond(site, advised(finding, specimens))?;
             Ok(Proven {
                 lambda,
                 by_number: true,
-                choice: None,
+                stability: Stability::NoLambda(why),
                 gain,
                 stiffness_bound,
                 gains: Vec::new(),
@@ -183,9 +186,9 @@ fn gains(proof: &StabilityProof, lambda: Lambda, specimens: &Specimens) -> Vec<V
         .collect()
 }
 
-/// Takes a λ that is known to be unstable as a warning; as an error where it would move a specimen behind a link, unless
+/// Takes a λ or a method that is known to be unstable as a warning; as an error where it would move a specimen behind a link, unless
 /// the test allows it by name.
-fn beyond(site: &mut Site<'_>, finding: Finding) -> Result<(), Refused> {
+pub(super) fn beyond(site: &mut Site<'_>, finding: Finding) -> Result<(), Refused> {
     let file = &site.loaded.file;
     let remote = file.specimen.iter().position(|table| table.link.is_some());
     let Some(index) = remote.filter(|_| !file.integrator.allow_unstable_lambda) else {
@@ -209,7 +212,7 @@ fn lambda_path() -> KeyPath {
 }
 
 /// Warns if a method of bounded stability is beyond its bound at the declared tangents: those of Newmark are stable
-/// exactly where the member of the family with their poles is, K0 and C0 following the tangents. Nothing is said of
+/// exactly where the member of the family with their poles is, K0 and C0 following the tangents. Nothing is said here of
 /// the others, and nothing where a tangent has no bound.
 pub(super) fn warn_of_limit(
     site: &mut Site<'_>,
@@ -270,7 +273,7 @@ fn unstable(choice: &LambdaChoice) -> Finding {
 }
 
 /// With what of the specimens counts for more than it seems to.
-fn advised(mut finding: Finding, specimens: &Specimens) -> Finding {
+pub(super) fn advised(mut finding: Finding, specimens: &Specimens) -> Finding {
     if let Some(name) = specimens.overcounted().first() {
         finding = finding.help(format!(
             "specimen \"{name}\" is damped and moved between the steps: in a sawtooth its damping counts twice or more, and once \
@@ -315,7 +318,7 @@ fn every_part(structure: &Structure, specimens: &Specimens, visit: &mut dyn FnMu
 }
 
 /// K_max and C_max of the whole, or a finding about whose bound is missing.
-fn bounds(
+pub(super) fn bounds(
     site: &Site<'_>,
     structure: &Structure,
     specimens: &Specimens,

@@ -1,10 +1,14 @@
 //! One rehearsal among many: what is drawn for it.
 
+use super::Estimate;
+
 /// What a rehearsal draws.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Trial {
     /// One per specimen; what is missing is nominal.
     pub specimens: Vec<Drawn>,
+    /// What the controller believes of each specimen, whatever the file that was drawn says of it; empty: what the file says.
+    pub believed: Vec<Estimate>,
     /// The masses whose inertia is inside measured forces are counted in M instead: for ideal actuators, which have none.
     pub ideal: bool,
 }
@@ -36,5 +40,6 @@ impl Default for Drawn {
 /// Nothing is drawn.
 pub(super) static NOMINAL: Trial = Trial {
     specimens: Vec::new(),
+    believed: Vec::new(),
     ideal: false,
 };

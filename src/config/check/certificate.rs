@@ -128,6 +128,11 @@ pub(super) fn check_certificate(file: &TestFile, findings: &mut Findings) {
         let found = number_at(complete, &path);
         if let Ok(number) = found {
             spread(one, &path, number.value(), index, findings);
+            if let Some((why, instead)) = unfelt(file, &path) {
+                let headline = format!("no trial of a certificate feels `{path}`");
+                let finding = Finding::error(at.clone(), headline).label(why);
+                findings.0.push(finding.help(instead));
+            }
         }
         if let Err((known, keys)) = found {
             let is_there = known == path;
@@ -152,6 +157,64 @@ pub(super) fn check_certificate(file: &TestFile, findings: &mut Findings) {
                 None => finding.help("a default that is not written down has no number to vary"),
             });
         }
+    }
+}
+
+/// Why a number is felt by no trial, and what is in its place; none for one that is felt.
+fn unfelt(file: &TestFile, path: &KeyPath) -> Option<(&'static str, &'static str)> {
+    let segments = path.segments();
+    let key = |place: usize| match segments.get(place) {
+        Some(Segment::Key(key)) => key.as_str(),
+        _ => "",
+    };
+    let of_proof = (
+        "a bound for the proof of stability, and no trial is a proof",
+        "the law's own numbers say how a specimen or an element is",
+    );
+    let last = key(segments.len().saturating_sub(1));
+    if last == "hardening_ratio" || (key(0) == "structure" && last.starts_with("reach_")) {
+        return Some(of_proof);
+    }
+    let Some(Segment::Index(index)) = segments.get(1) else {
+        return None;
+    };
+    let table = file.specimen.get(*index).filter(|_| key(0) == "specimen")?;
+    let is_remote = table.link.is_some();
+    let of_law = if !is_remote {
+        "a number of its law may vary"
+    } else if table.stand_in.is_some() {
+        "a number of its `stand_in` may vary"
+    } else {
+        "its `stiffness_n_per_m` may vary, a number of a `stand_in`, or by `identified.stiffness_std_n_per_m` its stiffness"
+    };
+    match (key(2), key(3)) {
+        ("stiffness_n_per_m" | "damping_n_s_per_m", _) => {
+            (!is_remote || table.stand_in.is_some()).then_some((
+                "what the controller believes, which is not what is true: it believes the same in every trial",
+                of_law,
+            ))
+        }
+        ("hardening_bound" | "reach_disp_m" | "reach_vel_m_per_s", _) => Some((of_proof.0, of_law)),
+        ("capacity", _) => Some((
+            "what the rig can give: trials are compared with it",
+            "an uncertain rig gives the least that it may have",
+        )),
+        ("link", which) if which != "stands_at_m" => {
+            Some(("no trial speaks over a link", of_law))
+        }
+        ("drill", _) => Some(("no trial has a drill", of_law)),
+        ("identified", "stiffness_n_per_m") => Some(("no trial is made of it", of_law)),
+        ("identified", of) if of.contains("_std") => {
+            Some(("a spread, of which trials draw", "the greatest that it may be"))
+        }
+        ("identified", _) if !is_remote => {
+            Some(("a law stands behind its own actuator", "a number of its `transfer` may vary"))
+        }
+        ("identified", _) if table.stand_in_transfer.is_some() => Some((
+            "its stand-in stands behind the actuator of `stand_in_transfer`",
+            "a number of its `stand_in_transfer` may vary",
+        )),
+        _ => None,
     }
 }
 

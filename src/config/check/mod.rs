@@ -274,7 +274,7 @@ fn check_integrator(file: &TestFile, findings: &mut Findings) {
         (
             "allow_unstable_lambda",
             table.allow_unstable_lambda,
-            of_family,
+            of_family || table.is_alpha(),
         ),
         ("start", table.start != Start::Published, of_family),
         (

@@ -127,3 +127,84 @@ fn what_is_uncertain_is_a_number_of_the_test() {
         shows(&complaint_about_set(&[set]), words);
     }
 }
+
+#[test]
+fn what_no_trial_feels_is_refused_with_what_is_in_its_place() {
+    const LINK: &str = "stiffness_n_per_m = 1e6\ndamping_n_s_per_m = 1e3\nhardening_bound = 1.5\n\
+        link = { address = \"127.0.0.1:9\", reply_timeout_s = 1.0 }\n\
+        limits = { command_disp_m = { trip = [-1, 1] }, measured_force_n = { trip = [-1e6, 1e6] } }\n";
+    let (before, _) = GOOD.split_once("law = ").unwrap();
+    let remote = |more: &str| format!("{before}{LINK}{KNOWN}{more}");
+    let law = "reach_disp_m = 0.1\nstiffness_n_per_m = 1e6\n";
+    let stand_in = "stand_in.law.linear = { stiffness_n_per_m = 1e6 }\n";
+    let transfer = "stand_in_transfer = { delay_s = 0.01 }\n";
+    for (text, key, instead) in [
+        (remote(""), "stiffness_n_per_m", None),
+        (remote(""), "damping_n_s_per_m", None),
+        (remote(""), "identified.delay_s", None),
+        (remote(""), "identified.noise_force_n", None),
+        (remote(transfer), "stand_in_transfer.delay_s", None),
+        (
+            remote(stand_in),
+            "stand_in.law.linear.stiffness_n_per_m",
+            None,
+        ),
+        (with(law), "stiffness_n_per_m", Some("of its law may vary")),
+        (with(law), "reach_disp_m", Some("of its law may vary")),
+        (
+            with(KNOWN),
+            "identified.delay_s",
+            Some("of its `transfer` may vary"),
+        ),
+        (
+            remote(stand_in),
+            "stiffness_n_per_m",
+            Some("of its `stand_in` may vary"),
+        ),
+        (
+            remote(stand_in),
+            "damping_n_s_per_m",
+            Some("of its `stand_in` may vary"),
+        ),
+        (
+            remote(""),
+            "hardening_bound",
+            Some("`identified.stiffness_std_n_per_m`"),
+        ),
+        (
+            remote(""),
+            "identified.stiffness_n_per_m",
+            Some("its `stiffness_n_per_m` may vary"),
+        ),
+        (
+            remote(""),
+            "identified.gain_std",
+            Some("the greatest that it may be"),
+        ),
+        (
+            remote(transfer),
+            "identified.delay_s",
+            Some("`stand_in_transfer` may vary"),
+        ),
+        (
+            remote(""),
+            "capacity.force_n",
+            Some("the least that it may have"),
+        ),
+        (
+            remote(""),
+            "link.reply_timeout_s",
+            Some("speaks over a link"),
+        ),
+    ] {
+        let text = format!("{text}[[uncertainty]]\nkey = \"specimen.0.{key}\"\nstd = 0.1\n");
+        match instead {
+            None => drop(accepted(&text, &[])),
+            Some(instead) => {
+                let said = read(&text, &[]).unwrap_err().to_string();
+                shows(&said, &format!("feels `specimen[0].{key}`"));
+                shows(&said, instead);
+            }
+        }
+    }
+}

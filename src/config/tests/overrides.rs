@@ -236,6 +236,15 @@ fn the_schema_is_json_and_describes_every_table() {
     );
     assert!(schema["$defs"]["ShearBuildingSpec"]["properties"]["mass_kg"].is_object());
     assert!(!json_schema().contains("\"null\""));
+    assert!(!json_schema().contains(": null"));
+    let of = |table: &str, key: &str| schema["$defs"][table]["properties"][key].clone();
+    assert_eq!(of("AxisTable", "sign")["enum"], serde_json::json!([-1, 1]));
+    for (table, key) in [
+        ("Cyclic", "cycles_per_amplitude"),
+        ("OpenFrescoSpec", "site"),
+    ] {
+        assert_eq!(of(table, key)["maximum"], u32::MAX, "{table} {key}");
+    }
 }
 
 #[test]

@@ -21,7 +21,7 @@ fn facts(text: &str) -> Facts {
 
 fn limit(text: &str) -> Option<f64> {
     let structure = facts(text).structure.unwrap();
-    structure.choice.unwrap().limit
+    structure.choice().unwrap().limit
 }
 
 fn refusal(text: &str) -> String {
@@ -213,4 +213,21 @@ fn a_structure_that_runs_away_stops_without_being_asked_to() {
     assert_eq!(bound(GOOD, &[]), 1e3);
     assert_eq!(bound(GOOD, &["safety.divergence_m=0.5"]), 0.5);
     assert_eq!(bound(PRESCRIBED, &[]), f64::MAX);
+}
+
+#[test]
+fn a_law_that_wears_says_which_bound_it_lacks_and_where() {
+    let worn = "law = { bouc_wen = { stiffness_n_per_m = 1e6, yield_force_n = 5e3, post_yield_ratio = 0.1, beta = 0.7, \
+                gamma = 0.3, exponent = 2, degradation = { stiffness = 0.02, strength = 0.005 } } }\n";
+    let (before, _) = GOOD.split_once("law = ").unwrap();
+    let made = |text: &str| read(text, &[]).and_then(|loaded| crate::config::build(&loaded));
+    let text = format!("{before}{worn}");
+    let said = made(&text).unwrap_err().to_string();
+    shows(&said, "`bouc_wen.hardening_ratio` must be given");
+    shows(&said, "no bound of its own");
+    // At the law, and not at the table that holds it.
+    let column = worn.find("{ stiffness").unwrap() + 1;
+    shows(&said, &format!(":{column}"));
+    let given = text.replace("exponent = 2", "exponent = 2, hardening_ratio = 1.2");
+    made(&given).unwrap();
 }

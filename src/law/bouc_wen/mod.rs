@@ -90,7 +90,8 @@ impl BoucWenSpec {
             )?
             .max(if worn { 1.0 } else { stiffest / virgin }),
             None if worn => {
-                return Err(LawError::ReferenceNeeded {
+                return Err(LawError::BoundNeeded {
+                    law: "bouc_wen",
                     name: "hardening_ratio",
                 });
             }

@@ -222,7 +222,8 @@ fn the_hardening_ratio_is_that_of_the_design_notes() {
         hardening_ratio: None,
         ..worn(2.0)
     };
-    let wanted = LawError::ReferenceNeeded {
+    let wanted = LawError::BoundNeeded {
+        law: "bouc_wen",
         name: "hardening_ratio",
     };
     assert_eq!(missing.build().unwrap_err(), wanted);

@@ -34,6 +34,7 @@ pub struct OpenFrescoSpec {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub version: Option<f64>,
     /// For "openfresco-shadow": our site tag.
+    #[schemars(range(max = u32::MAX))]
     pub site: u32,
 }
 

@@ -221,7 +221,8 @@ function showLambda(lambda) {
   const place = $("lambda");
   const number = (value, else_) => (value === null || value === undefined ? else_ : Number(value.toPrecision(4)).toString());
   const used = number(known.used, "∞");
-  const declared = known.proven ? `limit at the declared bounds: ${number(known.declared_limit, "none, every λ is stable")}` : "no proof: a tangent has no declared bound";
+  const limit = known.declared_limit === 0 ? "no λ is stable at the declared bounds" : `limit at the declared bounds: ${number(known.declared_limit, "none, every λ is stable")}`;
+  const declared = known.proven ? limit : "no proof: a tangent has no declared bound";
   const lines = [];
   place.classList.remove("bad");
   if (lambda) {
@@ -230,6 +231,7 @@ function showLambda(lambda) {
     lines.push(make("p", "big", lambda.limit === null ? `λ ${used}: every λ is stable` : `λ ${used} of ${number(lambda.limit)} (${margin === null ? "no room" : `${margin.toFixed(2)} ×`})`));
     lines.push(make("p", "", `largest stable λ with the tangents of the last second; the smallest so far: ${number(lambda.lowest, "none, every λ was stable")}`));
   } else {
+    place.classList.toggle("bad", known.declared_limit === 0);
     lines.push(make("p", "big", `λ ${used}`));
   }
   lines.push(make("p", "", declared));

@@ -116,7 +116,7 @@ impl Plan {
         });
         let trial = Trial {
             specimens: drawn.collect(),
-            ideal: false,
+            ..Trial::default()
         };
         (sets.collect(), trial)
     }

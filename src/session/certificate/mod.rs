@@ -20,7 +20,7 @@ pub use proportion::interval;
 use course::{Course, Reference};
 
 use super::rehearsal::{AxisNeed, Staging, staged};
-use crate::config::{self, ConfigError, Finding, KeyPath, LambdaValue, Loaded, MatrixValue, Trial};
+use crate::config::{self, ConfigError, Finding, KeyPath, LambdaValue, Loaded, Trial};
 use crate::engine::{Ending, Experiment, Stop, TestLimits};
 use crate::rt::os;
 
@@ -157,7 +157,8 @@ pub fn carry_out(
         lambda,
     };
     let shared = if plan.has_one_reference() {
-        Some(reference(&fixed.with(&[])?, &Trial::default())?)
+        let trial = fixed.unaware(Trial::default());
+        Some(reference(&fixed.with(&[])?, &trial)?)
     } else {
         None
     };
@@ -214,14 +215,17 @@ struct Fixed<'a> {
 }
 
 impl Fixed<'_> {
+    /// A trial of what was drawn, by a controller that does not know of it.
+    fn unaware(&self, trial: Trial) -> Trial {
+        Trial {
+            believed: self.estimates.clone(),
+            ..trial
+        }
+    }
+
     /// The test with other numbers.
     fn with(&self, sets: &[String]) -> Result<Loaded, ConfigError> {
         let mut drawn = self.loaded.varied(sets)?;
-        for (table, (stiffness, damping)) in drawn.file.specimen.iter_mut().zip(&self.estimates) {
-            let rows = |rows: &Vec<Vec<f64>>| MatrixValue::Rows(rows.clone());
-            table.stiffness_n_per_m = Some(rows(stiffness));
-            table.damping_n_s_per_m = Some(rows(damping));
-        }
         if let Some(lambda) = self.lambda {
             drawn.file.integrator.lambda = if lambda == f64::INFINITY {
                 LambdaValue::Infinite
@@ -245,6 +249,7 @@ fn trial(
     let mut attempt = 0;
     let (drawn, trial, prepared) = loop {
         let (sets, trial) = plan.draw(number, attempt);
+        let trial = fixed.unaware(trial);
         let made = fixed.with(&sets).and_then(|drawn| {
             let prepared = config::build_trial(&drawn, &trial)?;
             Ok((drawn, prepared))

@@ -17,13 +17,13 @@ use crate::specimen::{Specimen, SpecimenLaw};
 /// Everything that is known of one specimen.
 pub(super) fn entry(
     site: &mut Site<'_>,
-    index: usize,
+    number: usize,
     table: &SpecimenTable,
 ) -> Result<Entry, Refused> {
-    let at = &path("specimen").index(index);
+    let at = &path("specimen").index(number);
     let drawn = site
         .trial
-        .and_then(|trial| trial.specimens.get(index).copied());
+        .and_then(|trial| trial.specimens.get(number).copied());
     let drawn = drawn.unwrap_or_default();
     let rows = rows(site, at, table)?;
     let (rows, loading) = loading(site, at, table, rows)?;
@@ -68,19 +68,25 @@ pub(super) fn entry(
         law.reference(&mut k, &mut c, &mut m);
     }
     let scaled = |flat: &[f64], motion: fn(&Axis) -> f64| scaled(flat, &axes, &units, motion);
-    let stiffness = match &table.stiffness_n_per_m {
+    let said_stiffness = match &table.stiffness_n_per_m {
         Some(given) => {
             let given = estimate(site, &at.key("stiffness_n_per_m"), given, laws)?;
             seen(table, &loading, given)
         }
         None => scaled(&k, |axis| axis.disp_gain),
     };
-    let damping = match &table.damping_n_s_per_m {
+    let said_damping = match &table.damping_n_s_per_m {
         Some(given) => {
             let given = estimate(site, &at.key("damping_n_s_per_m"), given, laws)?;
             seen(table, &loading, given)
         }
         None => scaled(&c, |axis| axis.vel_gain),
+    };
+    // What was drawn is the truth, of which the controller does not know.
+    let believed = site.trial.and_then(|trial| trial.believed.get(number));
+    let (stiffness, damping) = match believed {
+        Some((stiffness, damping)) => (stiffness.clone(), damping.clone()),
+        None => (said_stiffness.clone(), said_damping.clone()),
     };
     let mut mass = scaled(&m, |axis| axis.vel_gain * axis.vel_gain / axis.disp_gain);
     let mut mass_in_force = table.mass_in_force_kg;
@@ -90,8 +96,9 @@ pub(super) fn entry(
         }
         mass_in_force = 0.0;
     }
-    let stiffness_at_rest = match (&table.stiffness_n_per_m, &mut law) {
-        (None, Some(law)) => {
+    let given = believed.is_some() || table.stiffness_n_per_m.is_some();
+    let stiffness_at_rest = match &mut law {
+        Some(law) if !given => {
             let (still, mut force) = (vec![0.0; n], vec![0.0; n]);
             let stands: Vec<f64> = offsets(table, n).iter().map(|(disp, _)| *disp).collect();
             law.trial(&stands, &still, 0.0, &mut force);
@@ -99,7 +106,7 @@ pub(super) fn entry(
             law.revert();
             scaled(&k, |axis| axis.disp_gain)
         }
-        (Some(_), _) | (None, None) => stiffness.clone(),
+        _ => stiffness.clone(),
     };
     let bounds = match &law {
         Some(law) => law.bound(&reach, &mut k, &mut c).map(|()| {
@@ -125,8 +132,9 @@ pub(super) fn entry(
                 table,
                 axes: &axes,
                 units: &units,
-                stiffness: &stiffness,
-                damping: &damping,
+                stiffness: &said_stiffness,
+                damping: &said_damping,
+                is_believed: (&said_stiffness, &said_damping) == (&stiffness, &damping),
             };
             stand_in::stand_in(site, at, &known, stand_in, &drawn)?
         }

@@ -68,8 +68,11 @@ pub(super) struct Known<'a> {
     pub table: &'a SpecimenTable,
     pub axes: &'a [Axis],
     pub units: &'a [(f64, f64)],
+    /// By the file, with what was drawn of it.
     pub stiffness: &'a Rows,
     pub damping: &'a Rows,
+    /// Whether the controller believes the same.
+    pub is_believed: bool,
 }
 
 /// In the place of a specimen behind a link: `law`, its declared stand-in, else a linear one; behind its believed actuator.
@@ -84,7 +87,7 @@ pub(super) fn stand_in(
     // What was identified is wall time; a slower test sees less of it.
     let pace = compensation::test_time(time) / time.period.value();
     let transfer = known.table.believed_transfer(pace);
-    if law.is_none() && transfer.is_none() && drawn.stiffness == 1.0 {
+    if law.is_none() && transfer.is_none() && drawn.stiffness == 1.0 && known.is_believed {
         return Ok(Stand::Believed);
     }
     let law = match law {

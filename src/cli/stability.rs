@@ -1,0 +1,106 @@
+//! What is known of the stability of an integration, in words and as JSON: `check`, the certificate and the end of `run` say the
+//! same of it.
+
+use super::table::Table;
+use crate::config::{Facts, Stability, StructureFacts};
+use crate::geometry::LawPlace;
+
+const NO_BOUND: &str = "no proof: a tangent has no declared bound";
+const NO_PROOF: &str = "no proof is made for this method";
+
+/// The rows of `check`.
+pub fn tabulate(table: &mut Table, facts: &Facts, structure: &StructureFacts) {
+    let choice = match &structure.stability {
+        Stability::Limit(choice) => choice,
+        other => return table.row("stability", &without_limit(other)),
+    };
+    let limit = match choice.limit {
+        Some(limit) => format!("stable up to λ = {limit:.6}"),
+        None => "stable for every λ".to_owned(),
+    };
+    let margin = if choice.margin.is_finite() {
+        format!(", margin {:.4}", choice.margin)
+    } else {
+        String::new()
+    };
+    let verdict = if choice.is_stable() {
+        ""
+    } else {
+        " — UNSTABLE at this λ"
+    };
+    let turning = facts.limits.specimens.iter().any(|specimen| {
+        let exact = specimen.geometry.as_ref().filter(|geometry| geometry.exact);
+        exact.is_some_and(|geometry| geometry.law_at == LawPlace::Actuators)
+    });
+    let worth = if turning {
+        "which is necessary and\nsufficient at the reference pose alone: elsewhere exact actuators with laws of their own \
+         are other springs"
+    } else {
+        "which is necessary and sufficient"
+    };
+    table.row(
+        "stability",
+        &format!(
+            "{limit}{margin}{verdict};\nby S(λ) ⪰ 0 at the declared bounds of all tangents, {worth}"
+        ),
+    );
+    if let Some(governing) = &choice.governing {
+        table.row("governed by", &governing.to_string());
+    }
+}
+
+/// Where λ has no limit that is known.
+fn without_limit(stability: &Stability) -> String {
+    match stability {
+        Stability::NoLambda(why) => format!("UNSTABLE: {why}"),
+        Stability::NoBound => NO_BOUND.to_owned(),
+        Stability::AtBounds(radius) if stability.grows() => format!(
+            "UNSTABLE: with every tangent at its declared bound it grows by a factor {radius:.6} in a step"
+        ),
+        Stability::AtBounds(radius) => format!(
+            "{NO_PROOF}; with every tangent at its declared bound its spectral radius is {radius:.6}, and nothing grows there"
+        ),
+        Stability::Limit(_) | Stability::NoProof => NO_PROOF.to_owned(),
+    }
+}
+
+/// What `run` says beside λ or the method.
+pub fn brief(structure: &StructureFacts) -> String {
+    match structure.choice().map(|choice| choice.limit) {
+        Some(Some(limit)) => format!("limit {limit:.4}"),
+        Some(None) => "every lambda is stable".to_owned(),
+        None => without_limit(&structure.stability),
+    }
+}
+
+/// Whether it is stable; none where nobody knows.
+pub fn is_stable(structure: &StructureFacts) -> Option<bool> {
+    match &structure.stability {
+        Stability::Limit(choice) => Some(choice.is_stable()),
+        Stability::NoLambda(_) => Some(false),
+        found => found.grows().then_some(false),
+    }
+}
+
+/// The same with what a certificate says of it.
+pub fn judged(structure: &StructureFacts) -> (Option<bool>, String) {
+    let method = match structure.lambda {
+        Some(lambda) => format!("λ = {lambda}"),
+        None => super::run::method_name(structure.method),
+    };
+    let text = match &structure.stability {
+        Stability::Limit(choice) => {
+            let margin = if choice.margin.is_finite() {
+                format!(", margin {:.4}", choice.margin)
+            } else {
+                String::new()
+            };
+            match choice.limit {
+                Some(limit) => format!("{method}, stable up to {limit:.4}{margin}"),
+                None => format!("{method}, every λ is stable{margin}"),
+            }
+        }
+        other => format!("{method}, {}", without_limit(other)),
+    };
+    (is_stable(structure), text)
+}

@@ -1,0 +1,97 @@
+//! KR-α and MKR-α where every tangent is at its declared bound. Nothing is proven of them beyond their estimates; but
+//! whether their recursion grows there can be seen.
+
+use super::method::Initial;
+use super::proof::{advised, beyond, bounds};
+use super::specimens::Specimens;
+use super::{Refused, Site, Stability, path};
+use crate::config::{Finding, Method, Severity};
+use crate::linalg::{Spd, SymMatrix};
+use crate::model::Structure;
+use crate::spectral::{AlphaStep, Weights, spectral_radius};
+
+/// Largest structure that is looked at: eigenvalues of six times as many rows.
+const LARGEST: usize = 40;
+/// Differences of bound and estimate that are roundoff of their sums.
+const ROUNDOFF: f64 = 1e-9;
+
+/// What can be said of `method`; growth is a warning, and an error where it would move a specimen behind a link.
+pub(super) fn judged(
+    site: &mut Site<'_>,
+    structure: &Structure,
+    specimens: &Specimens,
+    method: Method,
+    initial: &Initial<'_>,
+) -> Result<Stability, Refused> {
+    // What was built with its links has been judged.
+    if site.trial.is_some() {
+        return Ok(Stability::NoProof);
+    }
+    let rho = site.loaded.file.integrator.rho_infinity;
+    let rho = rho.unwrap_or(f64::NAN);
+    let (weights, name) = match method {
+        Method::KrAlpha => (Weights::kr(rho), "kr_alpha"),
+        Method::MkrAlpha => (Weights::mkr(rho), "mkr_alpha"),
+        _ => return Ok(Stability::NoProof),
+    };
+    let bounds = match bounds(site, structure, specimens) {
+        Ok(bounds) => bounds,
+        Err(finding) => {
+            site.warnings.push(Finding {
+                headline: format!("nothing is known of stability: {}", finding.headline),
+                severity: Severity::Warning,
+                ..*finding
+            });
+            return Ok(Stability::NoBound);
+        }
+    };
+    let late = specimens.late_mass(structure.dofs());
+    let covered = covers(initial.stiffness, &bounds.stiffness)
+        && covers(initial.damping, &bounds.damping)
+        && late.is_none();
+    if covered {
+        return Ok(Stability::NoProof);
+    }
+    let at = path("integrator").key("method");
+    let radius = if structure.dofs() <= LARGEST {
+        let step = AlphaStep {
+            weights,
+            dt: initial.dt,
+            mass: structure.mass().to_dense(),
+            initial: (initial.damping.to_dense(), initial.stiffness.to_dense()),
+            tangent: (bounds.damping.to_dense(), bounds.stiffness.to_dense()),
+            late_mass: late.map(|late| late.to_dense()),
+        };
+        step.recursion().and_then(|step| spectral_radius(&step))
+    } else {
+        None
+    };
+    let Some(radius) = radius else {
+        let headline = format!(
+            "a tangent of this structure may be beyond its estimate, or inertia inside a force is late, and nothing is proven of \
+             {name} there"
+        );
+        let help = "`method = \"gui\"` is proven at the declared bounds";
+        let finding = Finding::warning(at, headline).help(help);
+        beyond(site, advised(finding, specimens))?;
+        return Ok(Stability::NoProof);
+    };
+    let found = Stability::AtBounds(radius);
+    if found.grows() {
+        let headline = format!(
+            "with every tangent at its declared bound the response grows by a factor {radius:.6} in a step of {name}"
+        );
+        let help = "`method = \"gui\"` takes a lambda that is stable there; a smaller step, or a larger estimate of what hardens";
+        let finding = Finding::warning(at, headline).help(help);
+        beyond(site, advised(finding, specimens))?;
+    }
+    Ok(found)
+}
+
+/// True if no tangent up to `bound` is beyond the estimate: the method is then as stable as in a linear structure.
+fn covers(estimate: &SymMatrix, bound: &SymMatrix) -> bool {
+    let left = estimate.plus(-1.0, bound);
+    let largest = |matrix: &SymMatrix| matrix.entries().map(|e| e.2.abs()).fold(0.0, f64::max);
+    largest(&left) <= ROUNDOFF * largest(estimate)
+        || Spd::factor(&left.plus(ROUNDOFF, estimate)).is_ok()
+}
