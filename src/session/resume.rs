@@ -11,8 +11,6 @@ mod trips;
 
 use std::path::Path;
 
-use serde_json::Value;
-
 use super::desk::{Request, Unanswered, ask};
 use super::recorded::Replaced;
 use super::retrace::{
