@@ -113,8 +113,8 @@ impl Replay {
 /// See [`ReplayError`]. A number that differs is no error but [`Replay::difference`].
 pub fn replay(folder: &Path) -> Result<Replay, ReplayError> {
     let run = Run::open(folder)?;
-    let files_proven = check_files(&run)?;
     let experiment = prepared(&run, Replaced::All, false)?.experiment;
+    let files_proven = check_files(&run)?;
     let recording = Recording::of(&run)?;
     let mut found = follow(experiment, run.layout(), recording)?;
     if found.is_exact() {
