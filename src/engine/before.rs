@@ -94,8 +94,8 @@ impl Engine {
 
     /// Moves every specimen from its last command to the one that stands ready. Does nothing where they are the same.
     pub(super) fn ramp(&mut self, control: &Control) -> Result<(), Stop> {
-        let shortest = self.opening.ramp_s;
-        let ticks = self.ramp_ticks(|port, share| port.ramp_time(share, shortest));
+        let (tick, shortest) = (self.period.value(), self.opening.ramp_s);
+        let ticks = self.ramp_ticks(|port, share| port.ramp_time(share, tick, shortest));
         if ticks == 0 {
             return Ok(());
         }

@@ -81,6 +81,12 @@ impl Bound {
         }
     }
 
+    /// The level that is reached first.
+    #[must_use]
+    pub const fn lower(self) -> f64 {
+        self.warn.min(self.trip)
+    }
+
     /// What `value` is beyond, and the bound. Real-time: yes.
     #[must_use]
     pub fn judge(self, value: f64) -> Option<(Level, f64)> {
