@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use common::engine::{Run, run_on};
 use common::rig::{Act, Call, Log, Phase, attach, storey, two_floors};
-use gusset::engine::{Ending, OnMiss, Stop};
+use gusset::engine::{Ending, OnMiss, Stop, TestHit, TestQuantity};
 use gusset::record::EventKind;
 use gusset::rt::timing::Quantity;
 use gusset::substructure::{Coupling, Retirement};
@@ -313,6 +313,69 @@ fn misses_have_bounds_in_a_row_and_in_all() {
     assert_eq!(in_a_row, ("max_consecutive_misses", 4.0, 3.0));
     let in_all = trip(&run(&apart, 3, 6));
     assert_eq!(in_all, ("max_total_misses", 7.0, 6.0));
+}
+
+/// A loop that cannot keep its ticks when it is warm would not keep them in the test: it does not begin.
+#[test]
+fn a_warm_up_that_misses_its_deadlines_in_a_row_ends_before_the_test() {
+    const WARMUP: u64 = 60;
+    let late = |which: &dyn Fn(u64) -> bool| {
+        let stalls: Vec<Stall> = (0..WARMUP)
+            .filter(|k| which(*k))
+            .map(|k| Answering(k, 1_100_000))
+            .collect();
+        let bounds = |limits: &mut gusset::engine::Limits| {
+            limits.misses_in_a_row = 10;
+            limits.misses_in_total = 20;
+        };
+        let (run, log) = run_warm(WARMUP, OnMiss::Stretch, &stalls, bounds);
+        let told = run.events.iter().find_map(|event| match event.kind {
+            EventKind::Readiness {
+                go,
+                ticks,
+                missed,
+                in_a_row,
+                ..
+            } => Some((go, ticks, missed, in_a_row)),
+            _ => None,
+        });
+        let went = log
+            .lock()
+            .unwrap()
+            .iter()
+            .any(|call| matches!(call.1, Call::Issue { sequence, .. } if sequence >= WARMUP));
+        let started = run.events.iter().any(|e| e.kind == EventKind::Started);
+        assert_eq!((went, started), (told.unwrap().0, told.unwrap().0));
+        (run.outcome.ending, told.unwrap())
+    };
+    let of = |quantity, value, bound| {
+        Ending::Stopped(Stop::TestLimit(TestHit {
+            quantity,
+            value,
+            bound,
+            in_warm_up: true,
+        }))
+    };
+    let (ending, told) = late(&|_| true);
+    assert_eq!(ending, of(TestQuantity::MissesInARow, 30.0, 10.0));
+    assert_eq!(told, (false, 30, 30, 30));
+    let Ending::Stopped(stop) = ending else {
+        unreachable!()
+    };
+    assert_eq!(
+        stop.to_string(),
+        "not ready: the warm-up ends with 30 deadlines missed in a row, allowed 10 \
+         (max_consecutive_misses); the test was not begun"
+    );
+    // 24 of 30, of which 24 − 3 √24 are no chance: in 41 ticks 12 at least.
+    let (ending, told) = late(&|k| k % 5 != 0);
+    assert_eq!((ending, told), (Ending::Completed, (true, 30, 24, 4)));
+    let cold = late(&|k| k < WARMUP / 2);
+    assert_eq!(cold, (Ending::Completed, (true, 30, 0, 0)));
+    let hiccup = late(&|k| (40..50).contains(&k));
+    assert_eq!(hiccup, (Ending::Completed, (true, 30, 10, 10)));
+    let longer = late(&|k| (40..51).contains(&k));
+    assert_eq!(longer.0, of(TestQuantity::MissesInARow, 11.0, 10.0));
 }
 
 /// Before t = 0 nothing is integrated: a stall there moves the grid, whatever the policy, is no miss, and the first command of

@@ -440,3 +440,10 @@ fn a_stand_in_that_cannot_be_is_refused_at_its_place() {
         &["cannot be `lore`", "`law`, `laws` or `coupled`"],
     );
 }
+
+#[test]
+fn our_own_virtual_laboratory_is_possible() {
+    let test = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/faults/laboratory.toml");
+    let said = say(["check".as_ref(), test.as_os_str()]);
+    assert_eq!(said.code, Some(0), "{}{}", said.stdout, said.stderr);
+}

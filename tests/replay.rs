@@ -96,6 +96,53 @@ fn a_test_comes_out_again_to_the_last_bit_wherever_its_folder_is() {
     assert!(rows > 1537 + 10, "those before t = 0 too");
 }
 
+/// No machine makes a step of 40 000 masses in 20 µs: the test is not begun, and its specimen is led home from there.
+#[test]
+fn a_test_that_was_not_begun_comes_out_again() {
+    const SLOW: &str = r#"
+title = "slow"
+[time]
+rate_hz = 50000
+duration_s = 0.01
+[structure.chain]
+dofs = 40000
+mass_kg = 150
+stiffness_n_per_m = 2.5e5
+damping_n_s_per_m = 10
+[excitation.base_displacement.signal.sine]
+amplitude = 0.1
+frequency_hz = 1
+[timing]
+policy = "ordinary"
+[[specimen]]
+name = "first"
+storey = 1
+law.linear = { stiffness_n_per_m = 2.5e4 }
+"#;
+    for exit in [
+        "",
+        "[safety]\non_trip = \"zero_displacement\"\nexit_speed_m_per_s = 0.01\n",
+    ] {
+        let home = tempfile::tempdir().unwrap();
+        let test = home.path().join("test.toml");
+        std::fs::write(&test, format!("{SLOW}{exit}")).unwrap();
+        let path = record_of(&test, &[]);
+        let run = Run::open(&path).unwrap();
+        let reason = &run.summary().unwrap().reason;
+        assert!(reason.contains("the test was not begun"), "{reason}");
+        let events = run.events().unwrap().events;
+        let named = |name: &str| events.iter().filter(|event| event["event"] == name).count();
+        assert_eq!([named("no_go"), named("go"), named("started")], [1, 0, 0]);
+        let found = replay(&path).unwrap();
+        assert!(found.is_exact(), "{exit}: {found:?}");
+        let rows = run.columns(&["state"]).unwrap()[0].len() as u64;
+        assert!(
+            rows >= 200 && found.rows == rows,
+            "{exit}: {rows} {found:?}"
+        );
+    }
+}
+
 #[test]
 fn holds_happen_again_where_they_happened() {
     for before in [0, 1, 2, 40] {

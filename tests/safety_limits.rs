@@ -443,3 +443,24 @@ fn a_displacement_that_is_refused_is_no_peak() {
         "the command that was refused never was"
     );
 }
+
+#[test]
+fn what_is_announced_otherwise_than_it_is_kept_is_shown_as_it_is_announced() {
+    let folder = tempfile::tempdir().unwrap();
+    let limits = "[specimen.limits]\ncommand_disp_m = { trip = [-0.5, 0.5] }\ncommand_step_m = { trip = 0.01 }\n\
+                  measured_force_n = { trip = [-1e5, 1e6] }\n[specimen.link]";
+    let text = bare("127.0.0.1:1", "").replace("[specimen.link]", limits);
+    let file = write(folder.path(), "test.toml", &text);
+    let mut command = gusset();
+    command.arg("check").arg(&file);
+    let said = String::from_utf8(finish(command).stdout).unwrap();
+    for (key, words) in [
+        ("command_step_m *", "announced as a speed of "),
+        ("measured_force_n *", "announced as 1000000 N either way"),
+    ] {
+        let mut lines = said.lines();
+        let line = lines.find(|line| line.contains(key)).unwrap_or_default();
+        assert!(line.contains(words), "{said}");
+    }
+    assert!(!said.contains("command_disp_m * announced"));
+}

@@ -99,6 +99,42 @@ fn a_specimen_that_stands_elsewhere_is_tried_there_and_led_to_the_test_from_ther
     }
 }
 
+/// Whatever bounds the commands bounds the ramp: by half of it.
+#[test]
+fn the_ramp_keeps_every_bound_of_a_command() {
+    let ramp = |limits: AxisLimits| {
+        let more = "timing.warmup_ticks = 3\nsafety.ramp_s = 0.01\nstructure.initial_displacement_m = [0.02]";
+        let (run, way) = led(more, |port| {
+            port.with_limits(vec![limits], vec![(1.0, 1.0)], PERIOD)
+        });
+        assert_eq!(run.outcome.ending, Ending::Completed);
+        way[..=way.iter().position(|disp| *disp == 0.02).unwrap()].to_vec()
+    };
+    let (step, speed, accel) = (5e-4, 5e-4 / PERIOD, 40.0);
+    let by_step = ramp(AxisLimits {
+        command_step: Bound::trip(step),
+        ..AxisLimits::NONE
+    });
+    assert!(largest_step(&by_step) <= 0.5 * step);
+    let by_speed = ramp(AxisLimits {
+        command_vel: Bound::trip(speed),
+        ..AxisLimits::NONE
+    });
+    assert_eq!(by_step, by_speed, "the same bound in other units");
+    let by_accel = ramp(AxisLimits {
+        command_accel: Bound {
+            warn: accel,
+            trip: 2.0 * accel,
+        },
+        ..AxisLimits::NONE
+    });
+    let bend = |three: &[f64]| (three[0] - 2.0 * three[1] + three[2]).abs();
+    let most = by_accel.windows(3).map(bend).fold(0.0, f64::max);
+    assert!(most <= 0.5 * accel * PERIOD * PERIOD, "{most}");
+    // And no slower than that: a tick more at the most.
+    assert!(most > 0.45 * accel * PERIOD * PERIOD, "{most}");
+}
+
 /// The same with an operator who says each of these when so many commands have left.
 fn held(more: &str, says: &'static [(usize, Operator)]) -> (Run, Vec<f64>) {
     let (ask, requests) = crossbeam_channel::bounded(8);

@@ -269,7 +269,7 @@ fn host(table: &SpecimenTable, at: &KeyPath) -> Result<Host, Box<Finding>> {
     let transfer = table.transfer.clone();
     let whole = table.clone();
     check_units(table, at)?;
-    let wire = wire_axes(table, axes);
+    let wire = wire_axes(table, axes, None);
     let build = move || -> Result<Box<dyn Specimen>, String> {
         let laws = whole.law_axes();
         let law = law.build(laws).map_err(|error| error.to_string())?;

@@ -103,7 +103,7 @@ impl Port {
     }
 
     /// Acceleration in m/s² that the way out may use on an axis.
-    fn exit_accel(&self, axis: usize) -> f64 {
+    pub(super) fn exit_accel(&self, axis: usize) -> f64 {
         let limit = self.limits().get(axis).map(|limits| limits.command_accel);
         limit.map_or(f64::INFINITY, |limit| {
             SHARE_OF_ACCEL * limit.warn.min(limit.trip)

@@ -289,41 +289,49 @@ impl Port {
         self.guard.metres_of(axis)
     }
 
-    /// Shortest time in s of wall time for a ramp from the last command to the next: `shortest`, or longer where it would
-    /// be faster than `share` of a speed limit; 0 if they are the same. Where no such limit bounds it, a specimen that says
+    /// Shortest time in s of wall time for a ramp from the last command to the next, in ticks of `tick` s: `shortest`, or
+    /// longer where it would be faster than `share` of a limit of speed or of the change in one tick, or would want more
+    /// acceleration than the way out does; 0 if they are the same. Where no limit bounds its speed, a specimen that says
     /// where it stands is given a second at least: it does not jump.
     #[must_use]
-    pub fn ramp_time(&self, share: f64, shortest: f64) -> f64 {
-        self.way_time(share, shortest, UNBOUNDED_RAMP_S)
+    pub fn ramp_time(&self, share: f64, tick: f64, shortest: f64) -> f64 {
+        self.way_time(share, tick, shortest, UNBOUNDED_RAMP_S)
     }
 
     /// The same for one part of a way: where no such limit bounds it, a specimen that says where it stands is given
     /// `unbounded` s at least, and any other `shortest`.
     #[must_use]
-    pub fn way_time(&self, share: f64, shortest: f64, unbounded: f64) -> f64 {
+    pub fn way_time(&self, share: f64, tick: f64, shortest: f64, unbounded: f64) -> f64 {
         let unbounded = if self.standing.is_some() {
             unbounded
         } else {
             shortest
         };
-        self.time_of_way(share, shortest, unbounded)
+        self.time_of_way(share, tick, shortest, unbounded)
     }
 
-    fn time_of_way(&self, share: f64, shortest: f64, unbounded: f64) -> f64 {
+    fn time_of_way(&self, share: f64, tick: f64, shortest: f64, unbounded: f64) -> f64 {
         let mut time: f64 = 0.0;
         let axes = self.sent.iter().zip(&self.command).zip(self.limits());
         for (axis, ((from, to), limits)) in axes.enumerate() {
             let distance = (to - from).abs() * self.guard.metres_of(axis);
             // What the static load left of roundoff is no way to go.
             if (to - from).abs() > SAME * from.abs().max(to.abs()) {
-                // Half a cosine is π/2 times as fast in the middle as on the average.
-                let speed = share * limits.command_vel.warn.min(limits.command_vel.trip);
+                // Both bound the same.
+                let speed = share
+                    * limits
+                        .command_vel
+                        .lower()
+                        .min(limits.command_step.lower() / tick);
                 let shortest = if speed < f64::INFINITY {
                     shortest
                 } else {
                     shortest.max(unbounded)
                 };
-                time = time.max(shortest).max(FRAC_PI_2 * distance / speed);
+                // Half a cosine is π/2 times as fast in the middle as on the average, and π²/2 D/T² are its ends.
+                let by_speed = FRAC_PI_2 * distance / speed;
+                let by_accel = PI * (0.5 * distance / self.exit_accel(axis)).sqrt();
+                time = time.max(shortest).max(by_speed).max(by_accel);
             }
         }
         time

@@ -5,6 +5,7 @@
 
 use super::operator::Control;
 use super::phase::{Cause, Phase};
+use super::ready::Readiness;
 use super::tick::Tick;
 use super::{Engine, Side, Stop};
 use crate::control::Port;
@@ -94,8 +95,8 @@ impl Engine {
 
     /// Moves every specimen from its last command to the one that stands ready. Does nothing where they are the same.
     pub(super) fn ramp(&mut self, control: &Control) -> Result<(), Stop> {
-        let shortest = self.opening.ramp_s;
-        let ticks = self.ramp_ticks(|port, share| port.ramp_time(share, shortest));
+        let (tick, shortest) = (self.period.value(), self.opening.ramp_s);
+        let ticks = self.ramp_ticks(|port, share| port.ramp_time(share, tick, shortest));
         if ticks == 0 {
             return Ok(());
         }
@@ -170,7 +171,8 @@ impl Engine {
         }
     }
 
-    /// Warm-up ticks: the loop lives, the specimens hold the first command, nothing is counted as a miss.
+    /// Warm-up ticks: the loop lives, the specimens hold the first command, nothing is counted as a miss. What the last half
+    /// of them would miss in the test is judged all the same: a loop that cannot keep its ticks does not begin.
     pub(super) fn warm_up(&mut self, control: &Control) -> Result<(), Stop> {
         self.enter(Phase::Armed, Cause::Done);
         let rows = match self.recorder.warm_up() {
@@ -213,12 +215,16 @@ impl Engine {
             port.rest();
         }
         self.clear_commands()?;
+        let ticks_per_step = self.ride.tempo.ticks_per_step() as u64;
         // A processor that only waited is slow in its first steps: each tick does the work of one.
         let scratch = match &self.side {
             Side::Structure(numerical) => numerical.scratch(),
             Side::Prescribed(_) => None,
         };
+        let judged_from = self.limits.warmup_ticks / 2;
+        let mut readiness = Readiness::default();
         for k in 0..self.limits.warmup_ticks {
+            let is_judged = k >= judged_from;
             let tick = self.tick_at_rest(0.0);
             let mut stamps = TickStamps::default();
             self.wait_before_start(&mut stamps, control)?;
@@ -229,13 +235,27 @@ impl Engine {
             }
             self.warm_up_row(rows, &tick, &stamps);
             self.sequence += 1;
-            if let (Side::Structure(numerical), Some(scratch)) = (&mut self.side, &scratch) {
-                numerical.rehearse(scratch, &mut self.ports);
+            // Judged is what the test will do: a step in one of its ticks.
+            let steps = !is_judged || (k - judged_from).is_multiple_of(ticks_per_step);
+            let scratch = scratch.as_ref().filter(|_| steps);
+            if let (Side::Structure(numerical), Some(_)) = (&mut self.side, scratch) {
+                numerical.try_step(&mut self.ports);
             }
             stamps.ready = stamps.decoded;
             stamps.pushed = self.clock.now();
             self.timing.tick(&stamps);
+            if is_judged {
+                readiness.note(&stamps);
+            }
+            if let (Side::Structure(numerical), Some(scratch)) = (&mut self.side, scratch) {
+                numerical.undo(scratch);
+                // Which the test will not do: no tick is late for it.
+                let now = self.clock.now();
+                self.skip_edges_before(now);
+            }
         }
+        self.hear_if_given_up(control)?;
+        self.judge_readiness(&readiness)?;
         for port in &mut self.ports {
             port.begin_test();
             port.is_told_by_steps(true);

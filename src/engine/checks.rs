@@ -168,6 +168,8 @@ pub struct TestHit {
     pub value: f64,
     /// What is allowed.
     pub bound: f64,
+    /// It was found in the warm-up, and the test was not begun.
+    pub in_warm_up: bool,
 }
 
 impl std::fmt::Display for TestHit {
@@ -176,9 +178,18 @@ impl std::fmt::Display for TestHit {
             quantity,
             value,
             bound,
+            in_warm_up,
         } = self;
         let (words, key) = (quantity.words(), quantity.key());
         match quantity {
+            TestQuantity::MissesInARow if *in_warm_up => write!(
+                f,
+                "not ready: the warm-up ends with {value} {words}, allowed {bound} ({key}); the test was not begun"
+            ),
+            TestQuantity::MissesInWindow | TestQuantity::Misses if *in_warm_up => write!(
+                f,
+                "not ready: the warm-up lets expect {value} {words}, allowed {bound} ({key}); the test was not begun"
+            ),
             TestQuantity::StabilityUsed
             | TestQuantity::DelayUsed
             | TestQuantity::StepAudit
@@ -279,6 +290,7 @@ impl Engine {
                 quantity,
                 value,
                 bound,
+                in_warm_up: false,
             }))
         } else {
             Ok(())

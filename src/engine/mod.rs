@@ -17,6 +17,7 @@ mod operator;
 mod peaks;
 mod phase;
 mod port_columns;
+mod ready;
 mod resume;
 mod ride;
 mod run;
@@ -133,6 +134,8 @@ pub struct Engine {
     still: bool,
     /// The operator said before this tick that the test may go on.
     goes_on: bool,
+    /// What the operator asked for and was not looked at yet.
+    unheard: Option<Operator>,
     /// Rows of the warm-up, until the first of the test is made.
     held_back: Vec<f64>,
     /// Recordings say nothing: they have no row of the warm-up.
@@ -302,6 +305,7 @@ impl Engine {
             hold_wanted: false,
             still: false,
             goes_on: false,
+            unheard: None,
             held_back: Vec::new(),
             unanswered: false,
             ports,

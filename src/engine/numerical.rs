@@ -230,15 +230,25 @@ impl Numerical {
     /// Runs the whole numerical path once and leaves no trace, so that the processor, its caches and branch predictors
     /// are warm at the first tick. Real-time: yes.
     pub fn rehearse(&mut self, scratch: &Scratch, ports: &mut [Port]) {
+        self.try_step(ports);
+        self.undo(scratch);
+    }
+
+    /// The work of one step; [`Numerical::undo`] is to follow. Real-time: yes.
+    pub(super) fn try_step(&mut self, ports: &mut [Port]) {
         // What the audit and the account of energy have seen of the test stays as it is.
         let (audit, intake) = (self.audit.take(), self.intake.take());
         self.close(0, 0.0, ports);
         // An integrator does not fail.
         let _ = self.advance(0);
         self.output_accel();
+        (self.audit, self.intake) = (audit, intake);
+    }
+
+    /// Takes back what was only tried. Real-time: yes.
+    pub(super) fn undo(&mut self, scratch: &Scratch) {
         self.state.copy_from(&scratch.state);
         self.structure.thaw(&scratch.memory);
-        (self.audit, self.intake) = (audit, intake);
         for output in [&mut self.inertia, &mut self.reported_vel, &mut self.accel] {
             output.fill(0.0);
         }

@@ -192,7 +192,11 @@ impl Engine {
     /// What the operator asks for, if anything. Real-time: yes.
     #[inline]
     pub(super) fn hear(&mut self, control: &Control) -> Result<(), Stop> {
-        match control.requests.try_recv() {
+        let asked = match self.unheard.take() {
+            Some(asked) => Ok(asked),
+            None => control.requests.try_recv(),
+        };
+        match asked {
             Ok(Operator::Stop) => return Err(Stop::Operator),
             Ok(Operator::GiveUp) => {
                 return Err(Stop::Late {
@@ -220,6 +224,17 @@ impl Engine {
         }
         self.show();
         Ok(())
+    }
+
+    /// A replay says that the test was given up here: its own clock finds nothing late. What else is asked for is heard later.
+    pub(super) fn hear_if_given_up(&mut self, control: &Control) -> Result<(), Stop> {
+        if self.unheard.is_none() {
+            self.unheard = control.requests.try_recv().ok();
+        }
+        match self.unheard {
+            Some(Operator::GiveUp) => self.hear(control),
+            _ => Ok(()),
+        }
     }
 
     /// Leaves behind what can be seen of the test from outside. Real-time: yes.

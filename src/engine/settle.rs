@@ -119,7 +119,8 @@ impl Engine {
     /// Leads the specimens to the corrected place that stands ready, in `shortest` s or longer, and in `unbounded` s where no
     /// limit of speed bounds one that stood anywhere. What is no further than one tick goes is the next exchange itself.
     fn approach(&mut self, [shortest, unbounded]: [f64; 2], control: &Control) -> Result<(), Stop> {
-        let ticks = self.ramp_ticks(|port, share| port.way_time(share, shortest, unbounded));
+        let tick = self.period.value();
+        let ticks = self.ramp_ticks(|port, share| port.way_time(share, tick, shortest, unbounded));
         if ticks > 1 {
             self.lead(ticks, Phase::Settling, control)?;
             for port in &mut self.ports {

@@ -29,15 +29,17 @@ pub fn units_of(axis: &Axis) -> AxisUnits {
     }
 }
 
-/// The trip levels of an axis as they stand on the wire, in its units.
+/// The trip levels of an axis as they stand on the wire, in its units. `tick_s` is the shortest wall time from one command to
+/// the next, if it is known: what bounds the change of the command in that time bounds its speed.
 #[must_use]
-pub fn announce(limits: &AxisLimits, units: &AxisUnits) -> Limits {
+pub fn announce(limits: &AxisLimits, units: &AxisUnits, tick_s: Option<f64>) -> Limits {
+    let by_step = tick_s.map_or(f64::INFINITY, |tick_s| limits.command_step.trip / tick_s);
     let [low, high] = limits.command_disp.trip;
     let [pull, push] = limits.measured_force.trip;
     Limits {
         disp_min: low / units.metres,
         disp_max: high / units.metres,
-        speed_max: limits.command_vel.trip / units.metres,
+        speed_max: limits.command_vel.trip.min(by_step) / units.metres,
         force_max: pull.abs().max(push.abs()) / units.newtons,
     }
 }
@@ -134,16 +136,33 @@ mod tests {
 
     #[test]
     fn trip_levels_are_announced_in_the_units_of_the_axis() {
-        let wire = announce(&limits(), &MM_KN);
+        let wire = announce(&limits(), &MM_KN, None);
         assert!((wire.disp_min + 50.0).abs() < 1e-12 && (wire.disp_max - 70.0).abs() < 1e-12);
         assert!((wire.speed_max - 300.0).abs() < 1e-12);
         assert!((wire.force_max - 120.0).abs() < 1e-12, "the larger side");
-        assert_eq!(announce(&AxisLimits::NONE, &MM_KN), Limits::NONE);
+        assert_eq!(announce(&AxisLimits::NONE, &MM_KN, None), Limits::NONE);
+    }
+
+    #[test]
+    fn a_bound_of_the_change_in_one_tick_is_announced_as_the_speed_that_it_is() {
+        let speed_max = |step: f64, vel: f64| {
+            let limits = AxisLimits {
+                command_step: Bound::trip(step),
+                command_vel: Bound::trip(vel),
+                ..AxisLimits::NONE
+            };
+            announce(&limits, &MM_KN, Some(0.01)).speed_max
+        };
+        assert_eq!(speed_max(1e-3, f64::INFINITY), 100.0);
+        assert_eq!(speed_max(1e-3, 0.05), 50.0);
+        assert_eq!(speed_max(1e-3, 0.2), 100.0);
+        assert_eq!(speed_max(f64::INFINITY, 0.2), 200.0);
+        assert_eq!(speed_max(f64::INFINITY, f64::INFINITY), f64::INFINITY);
     }
 
     #[test]
     fn the_far_end_lets_pass_what_the_controller_may_send_and_nothing_beyond() {
-        let kept = kept(&announce(&limits(), &MM_KN), &MM_KN);
+        let kept = kept(&announce(&limits(), &MM_KN, None), &MM_KN);
         let tripped = |disp: f64, force: f64| {
             let mut watch = Watch::new(vec![kept], 1.0);
             let command = watch.command(std::iter::once(disp)).trip.is_some();
@@ -172,7 +191,7 @@ mod tests {
 
     #[test]
     fn what_only_the_far_end_keeps_is_said() {
-        let theirs = announce(&limits(), &MM_KN);
+        let theirs = announce(&limits(), &MM_KN, None);
         let said = unknown_to_us(&Limits::NONE, &theirs, &MM_KN).unwrap();
         assert_eq!(
             said,

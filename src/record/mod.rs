@@ -254,6 +254,21 @@ pub enum EventKind {
         /// Why.
         cause: &'static str,
     },
+    /// Whether the warm-up kept its ticks, by the last half of them: the test begins, or does not.
+    Readiness {
+        /// It does.
+        go: bool,
+        /// Ticks that were judged.
+        ticks: u64,
+        /// Those that missed their deadline.
+        missed: u64,
+        /// The most of them in a row.
+        in_a_row: u64,
+        /// What a tick took on the average.
+        mean_ns: u64,
+        /// What the longest took.
+        longest_ns: u64,
+    },
     /// A limit of specimen `port` was reached.
     Limit {
         /// Specimen, from 0.

@@ -11,7 +11,7 @@ use super::outcome;
 
 /// Rows of the timeline: words, names of the events in it, colour.
 const KINDS: [(&str, &[&str], Ink); 5] = [
-    ("deadline misses", &["miss"], Ink::Alarm),
+    ("deadline misses", &["miss", "no_go"], Ink::Alarm),
     (
         "stale, late or lost answers",
         &["stale", "link", "unacknowledged", "interlock", "saturated"],

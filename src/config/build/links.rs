@@ -60,7 +60,7 @@ pub(super) fn native(
     };
     let period_s = time.period.value() * ticks as f64;
     let (per_second, seconds) = time.period.inverse().terms();
-    let usual = native_setup(link, key, wire_axes(table, axes));
+    let usual = native_setup(link, key, wire_axes(table, axes, Some(time.period.value())));
     let mut options = usual.options;
     if coupling == Coupling::Sampled {
         let period_ns = (period_s * 1e9) as u64;
@@ -203,8 +203,13 @@ fn rules(link: &LinkSpec, period: f64) -> WaitRules {
     }
 }
 
-/// The axes as our own protocol names them, with the limits that our loop keeps. Units that it has not were refused before.
-pub(in crate::config) fn wire_axes(table: &SpecimenTable, axes: usize) -> Vec<Axis> {
+/// The axes as our own protocol names them, with the limits that our loop keeps, whose ticks are at least `tick_s` long if
+/// that is known. Units that it has not were refused before.
+pub(in crate::config) fn wire_axes(
+    table: &SpecimenTable,
+    axes: usize,
+    tick_s: Option<f64>,
+) -> Vec<Axis> {
     let names = table
         .link
         .as_ref()
@@ -230,7 +235,7 @@ pub(in crate::config) fn wire_axes(table: &SpecimenTable, axes: usize) -> Vec<Ax
                 ForceUnit::Newton | ForceUnit::PoundForce => Unit::Newton,
             };
             let limits = match (limits.get(index), units.get(index)) {
-                (Some(spec), Some(units)) => announce(&spec.limits(), units),
+                (Some(spec), Some(units)) => announce(&spec.limits(), units, tick_s),
                 _ => Limits::NONE,
             };
             Axis {

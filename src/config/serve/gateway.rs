@@ -83,7 +83,7 @@ pub(super) fn host(
     };
     let reply_limit = Duration::try_from_secs_f64(link.reply_timeout_s).unwrap_or(Duration::MAX);
     let reply_limit_ns = u64::try_from(reply_limit.as_nanos()).unwrap_or(u64::MAX);
-    let wire = wire_axes(table, n);
+    let wire = wire_axes(table, n, None);
     let host = Host::gateway(table.name.clone(), wire, stiffness, build, reply_limit_ns);
     Ok(match &link.stands_at_m {
         Some(stands) => {
@@ -141,7 +141,7 @@ fn native(
         })?),
     };
     let tls = tls_or(link, at, path)?;
-    let template = native_setup(link, key, wire_axes(table, table.axes()));
+    let template = native_setup(link, key, wire_axes(table, table.axes(), None));
     let step_rate = step_s.map(|step| ((1e9 / step) as u64, 1_000_000_000));
     let (name, watchdog_s, timed) = (table.name.clone(), link.watchdog_s, link.sample_after);
     Ok(Arc::new(move |visitor: &Visitor| {

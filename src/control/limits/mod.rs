@@ -48,12 +48,24 @@ impl std::fmt::Display for Hit {
             ..
         } = self;
         let (words, unit) = (quantity.words(), quantity.unit());
+        let [value, bound] = told_apart(*value, *bound);
         write!(
             f,
-            "axis {}: {words} {value:.6} {unit}, allowed {bound:.6} {unit}",
+            "axis {}: {words} {value} {unit}, allowed {bound} {unit}",
             axis + 1
         )
     }
+}
+
+/// Decimals of a value beside its bound, and the most of them.
+const DECIMALS: [usize; 2] = [6, 12];
+
+/// A value and its bound, with as many decimals as show which of them is larger.
+fn told_apart(value: f64, bound: f64) -> [String; 2] {
+    let differ = (DECIMALS[0]..=DECIMALS[1])
+        .map(|decimals| [value, bound].map(|number| format!("{number:.decimals$}")))
+        .find(|[value, bound]| value != bound);
+    differ.unwrap_or_else(|| [value, bound].map(|number| format!("{number:e}")))
 }
 
 /// A size that is to be warned of, and one to trip at; infinite where there is none.
@@ -79,6 +91,12 @@ impl Bound {
             warn: f64::INFINITY,
             trip,
         }
+    }
+
+    /// The level that is reached first.
+    #[must_use]
+    pub const fn lower(self) -> f64 {
+        self.warn.min(self.trip)
     }
 
     /// What `value` is beyond, and the bound. Real-time: yes.

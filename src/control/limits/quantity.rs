@@ -131,12 +131,15 @@ impl Quantity {
         }
     }
 
-    /// Whether our own protocol announces it to the specimen's end.
+    /// Whether our own protocol announces it to the specimen's end; a change in one tick as the speed that it is.
     #[must_use]
     pub const fn is_announced(self) -> bool {
         matches!(
             self,
-            Quantity::CommandDisp | Quantity::CommandVel | Quantity::MeasuredForce
+            Quantity::CommandDisp
+                | Quantity::CommandStep
+                | Quantity::CommandVel
+                | Quantity::MeasuredForce
         )
     }
 

@@ -204,6 +204,28 @@ fn a_hit_reads_as_a_sentence() {
 }
 
 #[test]
+fn a_hit_shows_which_of_its_numbers_is_larger() {
+    let words = |value: f64| {
+        let hit = Hit {
+            axis: 0,
+            quantity: Quantity::CommandStep,
+            level: Level::Trip,
+            value,
+            bound: 1e-5,
+        };
+        hit.to_string()
+    };
+    for (value, end) in [
+        (1.04e-5, "0.0000104 m, allowed 0.0000100 m"),
+        (2e-5, "0.000020 m, allowed 0.000010 m"),
+        (1e-5 + 1e-18, "1.0000000000001e-5 m, allowed 1e-5 m"),
+        (f64::NAN, "NaN m, allowed 0.000010 m"),
+    ] {
+        assert!(words(value).ends_with(end), "{}", words(value));
+    }
+}
+
+#[test]
 fn what_has_tripped_trips_again_only_if_it_gets_worse() {
     let limits = AxisLimits {
         measured_force: range(-100.0, 100.0),

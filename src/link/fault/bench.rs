@@ -21,7 +21,13 @@ pub struct Bench {
     faults: Vec<Fault>,
     units: Vec<AxisUnits>,
     dice: Dice,
+    /// Which of the faults happen to the command at hand.
+    happen: Vec<bool>,
     first: u64,
+    /// Wall time in s from one command to the next, and the command that was committed last; from `first`.
+    period: Option<f64>,
+    committed: Option<u64>,
+    number: u64,
     /// Where the actuators stand: committed, and as last tried.
     place: Vec<f64>,
     tried: Vec<f64>,
@@ -29,7 +35,7 @@ pub struct Bench {
     /// What the sensors said last.
     said: Measurement,
     past: VecDeque<(u64, Vec<f64>)>,
-    complaint: Option<&'static str>,
+    complaint: Option<String>,
 }
 
 impl std::fmt::Debug for Bench {
@@ -53,12 +59,17 @@ impl Bench {
 
     fn new(rig: Box<dyn Rig>, script: &Script, units: Vec<AxisUnits>) -> Self {
         let axes = rig.axes();
+        let faults = script.faults_at(Place::Rig);
         Self {
             rig,
-            faults: script.faults_at(Place::Rig),
+            happen: vec![false; faults.len()],
+            faults,
             units,
             dice: Dice::new(script.seed, STREAM),
             first: 0,
+            period: None,
+            committed: None,
+            number: 0,
             place: vec![0.0; axes],
             tried: vec![0.0; axes],
             vel: vec![0.0; axes],
@@ -68,9 +79,34 @@ impl Bench {
         }
     }
 
+    /// Throws the dice for every fault that concerns a command; true if any happens to it.
+    fn throw(&mut self, number: u64) -> bool {
+        for (happens, fault) in self.happen.iter_mut().zip(&self.faults) {
+            let probability = fault.probability.unwrap_or(1.0);
+            *happens = fault.concerns(number) && self.dice.happens(probability);
+        }
+        self.happen.contains(&true)
+    }
+
+    /// The faults that happen to the command at hand.
+    fn happening(&self) -> impl Iterator<Item = &Fault> {
+        happening(&self.faults, &self.happen)
+    }
+
+    /// Wall time in s since the command that was committed last; by a protocol without a rate `elapsed`, which is test time.
+    fn since_committed(&self, elapsed: f64) -> f64 {
+        let commands = match self.committed {
+            Some(committed) => self.number.saturating_sub(committed),
+            None => 1,
+        };
+        self.period
+            .map_or(elapsed, |period| commands as f64 * period)
+    }
+
     /// Where the actuators go, told to go to `self.tried`.
     fn actuate(&mut self, number: u64, elapsed: f64) {
-        for fault in self.faults.iter().filter(|fault| fault.concerns(number)) {
+        let elapsed = self.since_committed(elapsed);
+        for fault in happening(&self.faults, &self.happen) {
             let axes = self.tried.iter_mut().zip(&self.place).zip(&self.units);
             for (axis, ((to, place), units)) in axes.enumerate() {
                 if fault.axis.is_some_and(|only| only != axis + 1) {
@@ -102,9 +138,9 @@ impl Bench {
     }
 
     /// Stands where the force is too large; true if an axis does.
-    fn stalls(&mut self, number: u64, force: &[f64]) -> bool {
+    fn stalls(&mut self, force: &[f64]) -> bool {
         let mut stalls = false;
-        for fault in self.faults.iter().filter(|fault| fault.concerns(number)) {
+        for fault in happening(&self.faults, &self.happen) {
             let Kind::ForceLimit { force_n } = fault.kind else {
                 continue;
             };
@@ -122,10 +158,7 @@ impl Bench {
 
     /// What the sensors make of it.
     fn sense(&mut self, number: u64, into: &mut Measurement) {
-        for fault in self.faults.iter().filter(|fault| fault.concerns(number)) {
-            if !self.dice.happens(fault.probability.unwrap_or(1.0)) {
-                continue;
-            }
+        for fault in happening(&self.faults, &self.happen) {
             match fault.kind {
                 Kind::Interlock => into.status.0 |= Status::INTERLOCK.0,
                 Kind::Saturated => into.status.0 |= Status::SATURATED.0,
@@ -188,6 +221,18 @@ impl Bench {
     }
 }
 
+/// Those of `faults` that happen.
+fn happening<'a>(faults: &'a [Fault], happen: &'a [bool]) -> impl Iterator<Item = &'a Fault> {
+    let pairs = faults.iter().zip(happen);
+    pairs.filter_map(|(fault, happens)| happens.then_some(fault))
+}
+
+/// What a specimen says that is not where the test believes.
+fn elsewhere(disp_m: f64, axis: Option<usize>) -> String {
+    let which = axis.map_or_else(|| "every axis".to_owned(), |axis| format!("axis {axis}"));
+    format!("the specimen is not where the test believes: {which} stands {disp_m} m from there")
+}
+
 fn copy(to: &mut [f64], from: &[f64]) {
     for (to, from) in to.iter_mut().zip(from) {
         *to = *from;
@@ -204,16 +249,22 @@ impl Rig for Bench {
     }
 
     fn connect(&mut self, visitor: &Visitor) -> Result<Introduction, String> {
+        let rate = visitor.rate.filter(|(commands, _)| *commands > 0);
+        self.period = rate.map(|(commands, seconds)| seconds as f64 / commands as f64);
         self.rig.connect(visitor)
     }
 
     fn arm(&mut self, sequence: u64, start: &[f64]) -> Result<(), LinkFault> {
-        let elsewhere = |fault: &Fault| matches!(fault.kind, Kind::Elsewhere { .. });
-        if self.faults.iter().any(elsewhere) {
-            self.complaint = Some("the specimen is not where the test believes");
+        let found = self.faults.iter().find_map(|fault| match fault.kind {
+            Kind::Elsewhere { disp_m } => Some(elsewhere(disp_m, fault.axis)),
+            _ => None,
+        });
+        if found.is_some() {
+            self.complaint = found;
             return Err(LinkFault::Refused);
         }
         self.first = sequence;
+        self.committed = None;
         copy(&mut self.place, start);
         copy(&mut self.said.disp, start);
         self.said.force.fill(0.0);
@@ -232,13 +283,11 @@ impl Rig for Bench {
         into: &mut Measurement,
     ) -> Result<(), LinkFault> {
         let number = command.sequence.saturating_sub(self.first);
-        let mut concerned = false;
-        for fault in self.faults.iter().filter(|fault| fault.concerns(number)) {
-            if fault.kind == Kind::Goodbye {
-                self.complaint = Some("the specimen's end has been switched off");
-                return Err(LinkFault::Closed);
-            }
-            concerned = true;
+        self.number = number;
+        let concerned = self.throw(number);
+        if self.happening().any(|fault| fault.kind == Kind::Goodbye) {
+            self.complaint = Some("the specimen's end has been switched off".to_owned());
+            return Err(LinkFault::Closed);
         }
         copy(&mut self.tried, command.disp);
         into.status = Status::default();
@@ -272,7 +321,7 @@ impl Rig for Bench {
                     ..*command
                 };
                 self.rig.trial(&command, elapsed, into)?;
-                if attempt == 1 || !self.stalls(number, &into.force) {
+                if attempt == 1 || !self.stalls(&into.force) {
                     break;
                 }
             }
@@ -285,6 +334,7 @@ impl Rig for Bench {
 
     fn commit(&mut self) -> Result<(), LinkFault> {
         copy(&mut self.place, &self.tried);
+        self.committed = Some(self.number);
         self.rig.commit()
     }
 
@@ -309,9 +359,7 @@ impl Rig for Bench {
     }
 
     fn complaint(&self) -> Option<String> {
-        self.complaint
-            .map(str::to_owned)
-            .or_else(|| self.rig.complaint())
+        self.complaint.clone().or_else(|| self.rig.complaint())
     }
 
     fn end(&mut self, how: Retirement) {
@@ -366,6 +414,103 @@ mod tests {
             (into.disp[0], into.force[0])
         });
         each.collect()
+    }
+
+    /// The commands of 10 Hz that went, by a script of one fault, at a controller whose test time runs a tenth as fast.
+    fn go(fault: Fault, commands: &[f64]) -> Result<Vec<f64>, String> {
+        let spec: LawSpec = toml::from_str("linear = { stiffness_n_per_m = 1.0 }").unwrap();
+        let law = Uniaxial::new(vec![spec.build().unwrap()]).unwrap();
+        let script = Script {
+            seed: 3,
+            fault: vec![fault],
+            ..Script::default()
+        };
+        script.check(Some(1)).unwrap();
+        let rig = Box::new(Law::new(Box::new(law), false));
+        let mut bench = Bench::around(rig, &script, vec![AxisUnits::SI]);
+        let visitor = Visitor {
+            rate: Some((10, 1)),
+            ..Visitor::unnamed(([127, 0, 0, 1], 1).into())
+        };
+        bench.connect(&visitor).unwrap();
+        let complaint = |bench: &dyn Rig| bench.complaint().unwrap_or_default();
+        if bench.arm(0, &[0.0]).is_err() {
+            return Err(complaint(&*bench));
+        }
+        let mut into = Measurement::zeros(1);
+        let mut went = Vec::new();
+        for (disp, sequence) in commands.iter().zip(0..) {
+            let command = Command {
+                sequence,
+                time: 0.0,
+                dt: 0.01,
+                disp: &[*disp],
+                vel: &[0.0],
+            };
+            if bench.trial(&command, 0.01, &mut into).is_err() {
+                return Err(complaint(&*bench));
+            }
+            bench.commit().unwrap();
+            went.push(into.disp[0]);
+        }
+        Ok(went)
+    }
+
+    fn certain(kind: Kind) -> Fault {
+        Fault {
+            at: None,
+            lasts: None,
+            axis: None,
+            on: None,
+            probability: None,
+            kind,
+        }
+    }
+
+    #[test]
+    fn what_is_improbable_happens_to_some_commands_whatever_it_is() {
+        let commands: Vec<f64> = (1..=200).map(|k| 0.1 * f64::from(k)).collect();
+        for kind in [
+            Kind::Frozen,
+            Kind::Stroke { disp_m: 1e-3 },
+            Kind::Rate { vel_m_per_s: 1e-3 },
+            Kind::ForceLimit { force_n: 1e-3 },
+            Kind::Lag { commands: 1 },
+        ] {
+            let fault = Fault {
+                probability: Some(0.25),
+                ..certain(kind)
+            };
+            let went = go(fault, &commands).unwrap();
+            let kept = went.iter().zip(&commands).filter(|(to, asked)| to == asked);
+            // 150 of 200, with a deviation of 6.
+            assert!((120..180).contains(&kept.count()), "{kind:?}");
+        }
+        let goodbye = Fault {
+            probability: Some(0.01),
+            ..certain(Kind::Goodbye)
+        };
+        assert!(go(goodbye, &commands[..1]).is_ok());
+    }
+
+    #[test]
+    fn a_slow_actuator_is_slow_in_wall_time() {
+        let slow = certain(Kind::Rate { vel_m_per_s: 0.5 });
+        assert_eq!(
+            go(slow.clone(), &[0.04, 0.08, 0.04]).unwrap(),
+            [0.04, 0.08, 0.04]
+        );
+        assert_eq!(go(slow, &[0.04, 0.5]).unwrap(), [0.04, 0.04 + 0.05]);
+    }
+
+    #[test]
+    fn who_stands_elsewhere_says_where() {
+        let fault = Fault {
+            axis: Some(1),
+            ..certain(Kind::Elsewhere { disp_m: 0.005 })
+        };
+        let said = go(fault, &[0.0]).unwrap_err();
+        assert!(said.ends_with("axis 1 stands 0.005 m from there"), "{said}");
     }
 
     const WAY: [f64; 6] = [0.0, 1.0, 2.0, 3.0, 2.0, 0.0];

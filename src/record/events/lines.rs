@@ -311,6 +311,25 @@ impl<S: Store> EventLog<S> {
                     tracing::warn!(tick, time, value, bound, "{quantity} {level}");
                 }
             }
+            EventKind::Readiness {
+                go,
+                ticks,
+                missed,
+                in_a_row,
+                mean_ns,
+                longest_ns,
+            } => {
+                put(line, "ticks", ticks);
+                put(line, "missed", missed);
+                put(line, "in_a_row", in_a_row);
+                put(line, "mean_ns", mean_ns);
+                put(line, "longest_ns", longest_ns);
+                if go {
+                    tracing::info!(ticks, missed, in_a_row, mean_ns, longest_ns, "{name}");
+                } else {
+                    tracing::error!(ticks, missed, in_a_row, mean_ns, longest_ns, "{name}");
+                }
+            }
             EventKind::Zeroed { port, axis, values } => {
                 self.specimen(line, port);
                 put(line, "axis", u64::from(axis) + 1);
@@ -412,6 +431,8 @@ const fn kind_name(kind: &EventKind) -> &'static str {
             "limit_trip"
         }
         EventKind::Limit { .. } | EventKind::TestLimit { .. } => "limit_warning",
+        EventKind::Readiness { go: true, .. } => "go",
+        EventKind::Readiness { go: false, .. } => "no_go",
         EventKind::Zeroed { .. } => "zeroed",
     }
 }

@@ -28,7 +28,11 @@ pub(super) fn of_specimen(table: &SpecimenTable, port: &Port, time: &Time) -> Sp
                 also_at_the_specimen: is_told && quantity.is_announced() && !trip.is_empty(),
                 warn,
                 trip,
-                judged: judged(quantity, axis),
+                judged: if is_told {
+                    announced(quantity, axis, time).or_else(|| judged(quantity, axis))
+                } else {
+                    judged(quantity, axis)
+                },
             }
         });
         levels
@@ -71,6 +75,27 @@ pub(super) fn of_specimen(table: &SpecimenTable, port: &Port, time: &Time) -> Sp
                 safe_disp_m,
             }
         }
+    }
+}
+
+/// What the specimen's end is told of a bound, where that is not the bound itself.
+fn announced(quantity: Quantity, axis: &AxisLimits, time: &Time) -> Option<String> {
+    match quantity {
+        Quantity::CommandStep => {
+            let speed = axis.command_step.trip / time.period.value();
+            let speed = speed.min(axis.command_vel.trip);
+            (speed < f64::INFINITY).then(|| format!("announced as a speed of {speed} m/s"))
+        }
+        Quantity::MeasuredForce => {
+            let [low, high] = axis.measured_force.trip;
+            // The protocol has one number for both.
+            let either = low.abs().max(high.abs());
+            (low.is_finite() || high.is_finite())
+                .then_some(either)
+                .filter(|_| low != -high)
+                .map(|either| format!("announced as {either} N either way"))
+        }
+        _ => None,
     }
 }
 
