@@ -602,7 +602,6 @@ fn a_partner_that_is_lost_outside_of_an_exchange_is_lost_there_in_the_replay() {
         (Call::Attend, 121, far("far")),
         (Call::Attend, 500, far("far")),
         (Call::Pause, 1, far("far")),
-        (Call::Accepted, 40, far("far")),
         (Call::Accepted, 300, by_ticks.clone()),
         (Call::Accepted, 301, by_ticks),
     ] {

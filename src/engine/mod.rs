@@ -135,7 +135,7 @@ pub struct Engine {
     /// The operator said before this tick that the test may go on.
     goes_on: bool,
     /// What the operator asked for and was not looked at yet.
-    unheard: Option<Operator>,
+    asked: Option<Operator>,
     /// Rows of the warm-up, until the first of the test is made.
     held_back: Vec<f64>,
     /// Recordings say nothing: they have no row of the warm-up.
@@ -305,7 +305,7 @@ impl Engine {
             hold_wanted: false,
             still: false,
             goes_on: false,
-            unheard: None,
+            asked: None,
             held_back: Vec::new(),
             unanswered: false,
             ports,

@@ -192,7 +192,7 @@ impl Engine {
     /// What the operator asks for, if anything. Real-time: yes.
     #[inline]
     pub(super) fn hear(&mut self, control: &Control) -> Result<(), Stop> {
-        let asked = match self.unheard.take() {
+        let asked = match self.asked.take() {
             Some(asked) => Ok(asked),
             None => control.requests.try_recv(),
         };
@@ -228,10 +228,10 @@ impl Engine {
 
     /// A replay says that the test was given up here: its own clock finds nothing late. What else is asked for is heard later.
     pub(super) fn hear_if_given_up(&mut self, control: &Control) -> Result<(), Stop> {
-        if self.unheard.is_none() {
-            self.unheard = control.requests.try_recv().ok();
+        if self.asked.is_none() {
+            self.asked = control.requests.try_recv().ok();
         }
-        match self.unheard {
+        match self.asked {
             Some(Operator::GiveUp) => self.hear(control),
             _ => Ok(()),
         }

@@ -106,6 +106,14 @@ impl Substructure for Recorded {
         self.is_lost(Status::LOST)
     }
 
+    /// Lost as the hold began: nobody was told again where to stand.
+    fn pause(&mut self) -> Result<(), LinkFault> {
+        if with(&self.tape, |tape| tape.has_an_answer_next()) {
+            return Ok(());
+        }
+        self.is_lost(Status::LOST)
+    }
+
     fn retire(&mut self, _: Retirement) {}
 }
 

@@ -61,6 +61,10 @@ pub(super) struct Tape {
     columns: Vec<Column>,
     /// The row that comes; empty if none is left.
     coming: Vec<f64>,
+    /// The row before it.
+    passed: Vec<f64>,
+    /// Places of the numbers that the specimens answered.
+    sequences: Vec<usize>,
     /// Rows that are the same.
     pub row: u64,
     /// Test time of the last of them, s.
@@ -98,6 +102,10 @@ impl Tape {
             journal: recording.journal,
             columns: experiment.columns(),
             coming: Vec::new(),
+            passed: Vec::new(),
+            sequences: (1..=experiment.ports.len())
+                .map(|number| place(&format!("seq_{number}")))
+                .collect(),
             row: 0,
             time: f64::NAN,
             places: [place("state"), place("hold"), place("time")],
@@ -158,6 +166,13 @@ impl Tape {
         [Phase::Tripped, Phase::Leaving]
             .iter()
             .any(|phase| state == phase.code())
+    }
+
+    /// Whether anybody has answered since the row before: there was an exchange.
+    pub fn has_an_answer_next(&self) -> bool {
+        let (before, next) = (Some(&self.passed), self.next());
+        let mut places = self.sequences.iter();
+        places.any(|place| at(next, *place) > at(before, *place))
     }
 
     fn phase(&self) -> Option<f64> {
@@ -231,6 +246,7 @@ impl Tape {
             let front = self.next();
             self.before = Some((at(front, self.places[0]), at(front, 0)));
             self.row += 1;
+            std::mem::swap(&mut self.passed, &mut self.coming);
             self.fill();
         }
         self.say();

@@ -116,7 +116,11 @@ mod tests {
             has_one(&runs, &[fine.clone(), second.to_vec()], bounds)
         };
         assert!(says([0.0; 4], &bounds));
-        assert!(!has_one(&[RUNNING; 4], &[fine.clone()], &bounds));
+        assert!(!has_one(
+            &[RUNNING; 4],
+            std::slice::from_ref(&fine),
+            &bounds
+        ));
         // Somebody else's measurement is stale for once, or as often as allowed.
         assert!(says([0.0, 0.0, 0.0, STALE], &bounds));
         assert!(says([STALE, 0.0, STALE, STALE], &bounds));
