@@ -15,11 +15,17 @@ const STEPS: u32 = 50;
 /// Warm-up ticks of the test file.
 const WARM_UP: u32 = 5;
 const SHORT: &str = "connect_timeout_s = 0.3\nreply_timeout_s = 0.3";
+/// For who answers, however busy the machine is.
+const PATIENT: &str = "connect_timeout_s = 20\nreply_timeout_s = 20";
 
 /// The reason why a test against `address` fails, and whether anything had moved.
 fn fails(address: &str, keys: &str) -> (String, bool) {
+    fails_in(SHORT, address, keys)
+}
+
+fn fails_in(times: &str, address: &str, keys: &str) -> (String, bool) {
     let folder = tempfile::tempdir().unwrap();
-    let text = linked(STEPS, address, &format!("{SHORT}\n{keys}"));
+    let text = linked(STEPS, address, &format!("{times}\n{keys}"));
     let (code, said) = run(folder.path(), "run", &text);
     assert_eq!(code, 3, "{said}");
     let summary = summary(folder.path(), "run");
@@ -201,6 +207,10 @@ impl Element {
 
 /// The reason of a test against an element server that misbehaves at its eleventh force.
 fn against(script: impl FnOnce(Element) + Send + 'static) -> String {
+    against_in(PATIENT, script)
+}
+
+fn against_in(times: &str, script: impl FnOnce(Element) + Send + 'static) -> String {
     let address = server(move |mut stream| {
         let mut sizes = [0; 44];
         stream.read_exact(&mut sizes).unwrap();
@@ -211,7 +221,8 @@ fn against(script: impl FnOnce(Element) + Send + 'static) -> String {
         script(element);
     });
     let only_force = "[specimen.link.openfresco]\nanswer_signals = [0, 0, 0, 1, 0]";
-    let (reason, moved) = fails(
+    let (reason, moved) = fails_in(
+        times,
         &address,
         &format!("{}\n{only_force}", keys("openfresco", "tcp")),
     );
@@ -235,9 +246,9 @@ fn a_force_that_is_no_number_ends_the_test() {
 
 #[test]
 fn silence_half_an_answer_and_a_broken_connection_end_the_test() {
-    let silent = against(|mut element| while element.read().is_some() {});
+    let silent = against_in(SHORT, |mut element| while element.read().is_some() {});
     assert!(silent.contains("did not answer within 0.3 s"), "{silent}");
-    let half = against(|mut element| {
+    let half = against_in(SHORT, |mut element| {
         let _ = element.stream.write_all(&[0; 1000]);
         while element.read().is_some() {}
     });

@@ -197,7 +197,10 @@ pub(super) fn facts(
         }
     }
     let is_real = time.clock == ClockChoice::Real;
-    let warm_up = format!("not in the {} ticks of the warm-up", limits.warmup_ticks);
+    let warm_up = format!(
+        "not in the {} ticks of the warm-up, whose second half must keep them for the test to begin",
+        limits.warmup_ticks
+    );
     let window = format!("in {} s, {warm_up}", file.timing.miss_window_s);
     for (quantity, unit, bound, judged) in [
         (
