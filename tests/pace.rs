@@ -431,6 +431,13 @@ fn a_pace_that_makes_no_sense_is_refused() {
             ),
             "commanded at every tick",
         ),
+        (
+            format!(
+                "{}{link}, coupling = \"lockstep\" }}\n",
+                frame(4, "safety.unlimited = \"t\"").replace("ticks = 3", "ticks = 0")
+            ),
+            "needs a warm-up of one tick at least",
+        ),
         (frame(1, "safety.ease_s = -1"), "must not be negative"),
         (
             frame(1, "record.checkpoint_s = 0"),

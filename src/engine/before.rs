@@ -245,7 +245,10 @@ impl Engine {
             stamps.pushed = self.clock.now();
             self.timing.tick(&stamps);
             if is_judged {
-                readiness.note(&stamps);
+                // Whom the test asks once a step it does not wait for.
+                let asks = self.ports.iter().any(Port::is_per_step);
+                let waited_ns = u64::from(asks) * stamps.decoded.since(stamps.sent);
+                readiness.note(&stamps, waited_ns);
             }
             if let (Side::Structure(numerical), Some(scratch)) = (&mut self.side, scratch) {
                 numerical.undo(scratch);

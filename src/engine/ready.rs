@@ -26,13 +26,14 @@ pub(super) struct Readiness {
 }
 
 impl Readiness {
-    /// Takes note of a tick. Real-time: yes.
-    pub fn note(&mut self, stamps: &TickStamps) {
-        let took_ns = stamps.pushed.since(stamps.woke);
+    /// Takes note of a tick in which `waited_ns` were waited that the test does not wait. Real-time: yes.
+    pub fn note(&mut self, stamps: &TickStamps, waited_ns: u64) {
+        let pushed = stamps.pushed.minus(waited_ns);
+        let took_ns = pushed.since(stamps.woke);
         self.ticks += 1;
         self.sum_ns += took_ns;
         self.longest_ns = self.longest_ns.max(took_ns);
-        if stamps.pushed > stamps.deadline {
+        if pushed > stamps.deadline {
             self.missed += 1;
             self.now_in_a_row += 1;
             self.most_in_a_row = self.most_in_a_row.max(self.now_in_a_row);
@@ -102,27 +103,31 @@ mod tests {
     use super::*;
     use crate::time::Nanos;
 
-    fn found(lates: impl Iterator<Item = bool>) -> Readiness {
+    fn found(lates: impl Iterator<Item = bool>, waited_ns: u64) -> Readiness {
         let mut found = Readiness::default();
         for late in lates {
-            found.note(&TickStamps {
+            let stamps = TickStamps {
                 woke: Nanos(1000),
                 pushed: Nanos(if late { 2500 } else { 1500 }),
                 deadline: Nanos(2000),
                 ..TickStamps::default()
-            });
+            };
+            found.note(&stamps, waited_ns);
         }
         found
     }
 
     #[test]
     fn a_hiccup_lets_expect_nothing_and_what_is_always_late_almost_everything() {
-        assert_eq!(found((0..100).map(|k| k < 9)).expected(1_000_000), 0.0);
-        let always = found((0..100).map(|_| true));
+        assert_eq!(found((0..100).map(|k| k < 9), 0).expected(1_000_000), 0.0);
+        let always = found((0..100).map(|_| true), 0);
         assert_eq!(always.expected(1000), 700.0);
         assert_eq!((always.most_in_a_row, always.longest_ns), (100, 1500));
-        let often = found((0..100).map(|k| k % 4 < 3));
+        let often = found((0..100).map(|k| k % 4 < 3), 0);
         assert_eq!((often.missed, often.most_in_a_row), (75, 3));
         assert_eq!(Readiness::default().expected(1000), 0.0);
+        // What was only waited for a partner that the test does not wait for.
+        let waited = found((0..100).map(|_| true), 600);
+        assert_eq!((waited.missed, waited.longest_ns), (0, 900));
     }
 }

@@ -258,11 +258,12 @@ fn places(
     rate_hz: f64,
 ) -> Result<Vec<Vec<[String; 4]>>, ResumeError> {
     let mut all = Vec::new();
-    // A test that ended in order has every row, and who acknowledged that stands at its last command.
+    // A test that ended in order has every row, and who was not lost stands at its last command.
     let is_all_known = |port: &Port| {
         let known = |summary: &Summary| {
-            let left = summary.left.get(port.name.as_str());
-            summary.rows_lost == 0 && left.is_none_or(|left| left != Left::Lost.word())
+            let left = summary.left.get(port.name.as_str()).map(String::as_str);
+            let known = [Left::Stayed, Left::Reached].map(|left| Some(left.word()));
+            summary.rows_lost == 0 && known.contains(&left)
         };
         run.summary().is_some_and(known)
     };
@@ -279,19 +280,23 @@ fn places(
             let [command, disp, force, state, status] = columns.as_slice() else {
                 continue;
             };
+            let is_old = |status: f64| LinkStatus(status as u32).has(LinkStatus::STALE);
             // What it reads beyond its command, on the average of the test itself: the offset of its sensor. An old measurement
             // says nothing of that.
             let rows = disp.iter().zip(command).zip(state.iter().zip(status));
             let errors: Vec<f64> = rows
                 .filter(|(_, (state, status))| {
-                    **state == Phase::Running.code()
-                        && !LinkStatus(**status as u32).has(LinkStatus::STALE)
+                    **state == Phase::Running.code() && !is_old(**status)
                 })
                 .map(|((disp, command), _)| disp - command)
                 .collect();
             let beyond = errors.iter().sum::<f64>() / (errors.len().max(1) as f64);
-            let off = errors.iter().map(|error| (error - beyond).abs());
-            let off = off.fold(0.0, f64::max);
+            // The way out may have led it where a wrong scale reads another offset.
+            let at_last = disp.last().zip(command.last()).zip(status.last());
+            let at_last = at_last.filter(|(_, status)| !is_old(**status));
+            let at_last = at_last.map(|((disp, command), _)| disp - command);
+            let off = errors.iter().copied().chain(at_last);
+            let off = off.map(|error| (error - beyond).abs()).fold(0.0, f64::max);
             let last = command.last().copied().unwrap_or(0.0);
             let lost = if is_all_known {
                 0.0

@@ -1,6 +1,7 @@
 //! `[specimen.link]`: numbers inside their ranges, and what our own protocol cannot say.
 
 use super::Findings;
+use crate::config::TestFile;
 use crate::config::diagnose::Finding;
 use crate::config::document::KeyPath;
 use crate::config::specimen::{DispUnit, ForceUnit, SpecimenTable};
@@ -117,7 +118,7 @@ pub(super) fn check_link(
 /// How often it is commanded.
 pub(super) fn check_pace(
     specimen: &SpecimenTable,
-    ticks: u32,
+    file: &TestFile,
     at: &KeyPath,
     findings: &mut Findings,
 ) {
@@ -128,7 +129,7 @@ pub(super) fn check_pace(
         return;
     }
     let here = at.key("link").key("commands");
-    if ticks == 1 {
+    if file.time.ticks_per_step == 1 {
         findings.0.push(
             Finding::error(here, "every tick is a step here")
                 .label("\"every_step\" is for tests with more ticks than steps")
@@ -140,6 +141,13 @@ pub(super) fn check_pace(
                 .label("\"every_step\" needs `coupling = \"lockstep\"`")
                 .beside(at.key("link").key("coupling"), "sampled here"),
         );
+    } else if file.timing.warmup_ticks == Some(0) {
+        // The record must tell its first answer from what was read before.
+        let warm_up = KeyPath::root().key("timing").key("warmup_ticks");
+        let text = "a partner that is told every step needs a warm-up of one tick at least";
+        findings
+            .0
+            .push(Finding::error(warm_up, text).beside(here, "told every step here"));
     }
 }
 

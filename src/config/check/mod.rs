@@ -81,7 +81,7 @@ pub(crate) fn check(file: &TestFile, clock_is_chosen: bool) -> Vec<Finding> {
         check_specimen(specimen, file.structure.is_some(), &at, &mut findings);
         check_known(specimen, &at, &mut findings);
         check_limits(specimen, tick_s, Some(&file.safety), &at, &mut findings);
-        link::check_pace(specimen, file.time.ticks_per_step, &at, &mut findings);
+        link::check_pace(specimen, file, &at, &mut findings);
         link::check_standing(specimen, &at, &mut findings);
         let with_structure = file.structure.is_some();
         check_idle_specimen(

@@ -283,7 +283,8 @@ impl<T: Transport> Transport for FaultyWire<T> {
         if self.deaf_until > Nanos(0) && self.inner.now() < self.deaf_until {
             return Ok(());
         }
-        if !self.replies.concerns(number) {
+        // Nobody is there any more to send a goodbye later.
+        if seen.kind == FrameKind::Goodbye || !self.replies.concerns(number) {
             return self.inner.send(frame);
         }
         self.play(Way::Replies, number, frame);

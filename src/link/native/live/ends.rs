@@ -3,13 +3,15 @@
 use super::{Detail, Live};
 use crate::link::native::refused::SetupError;
 use crate::link::native::setup::{ask, explained, not_welcome};
-use crate::substructure::{LinkFault, Retirement};
+use crate::substructure::{Coupling, LinkFault, Retirement};
 use crate::time::Nanos;
 use crate::wire::handshake::{self, Arm, Bye, Control};
 use crate::wire::native::{Cause, Frame, Notice};
 
 /// How long the goodbye of a specimen is waited for, and how often it is asked for over UDP.
 const GOODBYE_NS: u64 = 300_000_000;
+/// The same of a specimen that has not answered its last command yet: it hears the last words when it has.
+const BUSY_NS: u64 = 2_000_000_000;
 const GOODBYE_REPEAT_NS: u64 = 100_000_000;
 
 impl Live {
@@ -117,7 +119,15 @@ impl Live {
             }
             return;
         }
-        let until = self.transport.now().plus(GOODBYE_NS);
+        let is_busy = self.fault.is_none()
+            && self.coupling == Coupling::Lockstep
+            && self.issued.is_some_and(|issued| !self.book.has(issued));
+        let patience = if is_busy {
+            self.reply_timeout_ns.clamp(GOODBYE_NS, BUSY_NS)
+        } else {
+            GOODBYE_NS
+        };
+        let until = self.transport.now().plus(patience);
         let notice = Notice {
             sequence: self.issued.unwrap_or_default(),
             cause,
