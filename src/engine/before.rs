@@ -244,14 +244,17 @@ impl Engine {
             stamps.ready = stamps.decoded;
             stamps.pushed = self.clock.now();
             self.timing.tick(&stamps);
+            // Whom the test asks once a step it does not wait for.
+            let waits = self.ports.iter().any(Port::is_per_step);
             if is_judged {
-                // Whom the test asks once a step it does not wait for.
-                let asks = self.ports.iter().any(Port::is_per_step);
-                let waited_ns = u64::from(asks) * stamps.decoded.since(stamps.sent);
+                let waited_ns = u64::from(waits) * stamps.decoded.since(stamps.sent);
                 readiness.note(&stamps, waited_ns);
             }
+            let undone = scratch.is_some();
             if let (Side::Structure(numerical), Some(scratch)) = (&mut self.side, scratch) {
                 numerical.undo(scratch);
+            }
+            if undone || waits {
                 // Which the test will not do: no tick is late for it.
                 let now = self.clock.now();
                 self.skip_edges_before(now);
