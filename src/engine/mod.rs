@@ -24,6 +24,7 @@ mod run;
 mod settle;
 mod step;
 mod stop;
+mod telling;
 mod tick;
 mod verdicts;
 

@@ -8,8 +8,7 @@ use super::phase::{Cause, Glimpse, Phase};
 use super::tick::Tick;
 use super::{Ending, Engine, OnMiss, Outcome, Stop};
 use crate::control::Port;
-use crate::integrate::StepError;
-use crate::record::{Event, EventKind, GridOf, MissCause};
+use crate::record::{EventKind, GridOf, MissCause};
 use crate::rt::timing::{Suspect, TickStamps};
 use crate::substructure::Retirement;
 use crate::time::Nanos;
@@ -384,92 +383,5 @@ impl Engine {
             self.timing.swallowed(late_ns + booked_ns, period, ticks);
         }
         ticks
-    }
-
-    /// Sends an event of this tick; a full queue is not waited for. Real-time: yes.
-    pub(super) fn report(&mut self, tick: &Tick, kind: EventKind) {
-        let Nanos(clock_ns) = self.clock_now;
-        let event = Event {
-            tick: tick.step,
-            time: tick.time,
-            clock_ns,
-            kind,
-        };
-        if !self.recorder.event(event) {
-            self.events_lost += 1;
-        }
-    }
-
-    /// When the grid began, from which rows count their wall time; the clock is not read for it. Real-time: yes.
-    pub(super) fn report_grid(&mut self, of: GridOf) {
-        let Nanos(first_edge_ns) = self.first_edge;
-        let tick = self.tick_of_report();
-        self.report(&tick, EventKind::Grid { of, first_edge_ns });
-    }
-
-    pub(super) fn report_now(&mut self, kind: EventKind) {
-        self.clock_now = self.clock.now();
-        let tick = self.tick_of_report();
-        self.report(&tick, kind);
-    }
-
-    pub(super) fn tick_of_report(&self) -> Tick {
-        let step = self.steps_done;
-        Tick {
-            step,
-            sub_tick: 0,
-            time: step as f64 * self.dt,
-            dt: 0.0,
-        }
-    }
-
-    /// What ends the test, or its way out, as an event at the moment of it.
-    pub(super) fn report_stop(&mut self, stop: &Stop) {
-        match stop {
-            Stop::Operator => self.report_now(EventKind::StopRequested),
-            Stop::Link { port, fault } => {
-                self.report_now(EventKind::Link {
-                    port: *port as u32,
-                    fault: *fault,
-                });
-            }
-            Stop::Interlock { port } => {
-                self.report_now(EventKind::Interlock { port: *port as u32 });
-            }
-            Stop::Misfit { port, misfit } => {
-                self.report_now(EventKind::Misfit {
-                    port: *port as u32,
-                    axis: misfit.axis() as u32,
-                    what: misfit.name(),
-                });
-            }
-            Stop::Geometry { port, fault } => {
-                self.report_now(EventKind::Geometry {
-                    port: *port as u32,
-                    actuator: fault.wrong.actuator().map(|actuator| actuator as u32),
-                    what: fault.wrong.word(),
-                });
-            }
-            Stop::Saturated { port } => {
-                self.report_now(EventKind::Saturated { port: *port as u32 });
-            }
-            Stop::Moved {
-                port,
-                axis,
-                found,
-                left,
-                within,
-            } => {
-                self.report_now(EventKind::Moved {
-                    port: *port as u32,
-                    axis: *axis as u32,
-                    values: [*found, *left, *within],
-                });
-            }
-            Stop::Diverged { dof, .. } | Stop::Step(StepError::NotConverged { dof, .. }) => {
-                self.report_now(EventKind::Diverged { dof: *dof as u32 });
-            }
-            _ => {}
-        }
     }
 }
