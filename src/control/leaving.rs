@@ -96,18 +96,26 @@ impl Port {
     /// is told nothing before it has given it.
     pub fn end_test(&mut self) {
         self.partner.owes_the_last = self.owes();
-        self.is_waited_for();
+        self.await_what_is_owed();
         self.guard.watch.sent_again();
         self.rest();
         self.pause_following();
     }
 
-    /// Acceleration in m/s² that the way out may use on an axis.
-    pub(super) fn exit_accel(&self, axis: usize) -> f64 {
+    /// Acceleration in m/s² that a way in or out may use on an axis.
+    fn exit_accel(&self, axis: usize) -> f64 {
         let limit = self.limits().get(axis).map(|limits| limits.command_accel);
         limit.map_or(f64::INFINITY, |limit| {
             SHARE_OF_ACCEL * limit.warn.min(limit.trip)
         })
+    }
+
+    /// Time in s of a way of `distance` m along half a cosine, at most at `speed` in m/s and with the acceleration that an axis
+    /// may use.
+    pub(super) fn cosine_time(&self, axis: usize, distance: f64, speed: f64) -> f64 {
+        // Half a cosine is π/2 times as fast in the middle as on the average, and π²/2 D/T² are its ends.
+        let by_speed = FRAC_PI_2 * distance / speed;
+        by_speed.max(PI * (0.5 * distance / self.exit_accel(axis)).sqrt())
     }
 
     /// Begins to leave with ticks of `tick` seconds of wall time; none where the specimen is to stay.
@@ -141,9 +149,7 @@ impl Port {
             let distance = self.sent.get(axis).zip(self.command.get(axis));
             let distance = distance.map_or(0.0, |(from, to)| (to - from).abs());
             let distance = distance * self.guard.metres_of(axis);
-            // Half a cosine is π/2 times as fast in the middle as on the average, and π²/2 D/T² are its ends.
-            let by_speed = FRAC_PI_2 * distance / speed;
-            by_speed.max(PI * (0.5 * distance / self.exit_accel(axis)).sqrt())
+            self.cosine_time(axis, distance, speed)
         });
         let seconds = times.fold(0.0, f64::max);
         Some(Departure {

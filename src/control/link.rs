@@ -34,6 +34,15 @@ pub struct Partner {
     pub asked_at: Option<Nanos>,
 }
 
+impl Partner {
+    /// True of one that may still give the answer that it owed when the test ended. Real-time: yes.
+    #[inline]
+    #[must_use]
+    pub const fn is_waited_for(&self) -> bool {
+        self.owes_the_last && !self.lost
+    }
+}
+
 /// What is done with a stale force.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum OnStale {

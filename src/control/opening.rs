@@ -328,10 +328,8 @@ impl Port {
                 } else {
                     shortest.max(unbounded)
                 };
-                // Half a cosine is π/2 times as fast in the middle as on the average, and π²/2 D/T² are its ends.
-                let by_speed = FRAC_PI_2 * distance / speed;
-                let by_accel = PI * (0.5 * distance / self.exit_accel(axis)).sqrt();
-                time = time.max(shortest).max(by_speed).max(by_accel);
+                let least = self.cosine_time(axis, distance, speed);
+                time = time.max(shortest).max(least);
             }
         }
         time

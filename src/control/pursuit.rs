@@ -267,7 +267,7 @@ impl Port {
     }
 
     /// Whoever owes an answer was asked for it, however often it is commanded.
-    pub(super) fn is_waited_for(&mut self) {
+    pub(super) fn await_what_is_owed(&mut self) {
         self.pursuit.asked |= self.owes();
     }
 

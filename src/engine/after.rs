@@ -207,8 +207,8 @@ impl Engine {
     ) -> Result<Option<Stop>, Stop> {
         let mut first = None;
         for index in 0..self.ports.len() {
-            let owes = |port: &Port| port.partner.owes_the_last && !port.partner.lost;
-            if !self.ports.get(index).is_some_and(owes) {
+            let port = self.ports.get(index);
+            if !port.is_some_and(|port| port.partner.is_waited_for()) {
                 continue;
             }
             match self.collect_from(index, tick, stamps) {
@@ -298,10 +298,9 @@ impl Engine {
                     *left = Left::Reached;
                 }
             }
-            let is_waited_for = |(port, led): (&Port, &bool)| {
-                *led && port.partner.owes_the_last && !port.partner.lost
-            };
-            if !moving && !self.ports.iter().zip(led).any(is_waited_for) {
+            let mut ports = self.ports.iter().zip(led);
+            let waits = ports.any(|(port, led)| *led && port.partner.is_waited_for());
+            if !moving && !waits {
                 return lost.map_or(Ok(()), Err);
             }
             self.clear_commands()?;

@@ -180,37 +180,20 @@ impl<S: Store> EventLog<S> {
                     "the static load does not show which way round it is wired"
                 );
             }
-            EventKind::Stands {
-                port,
-                axis,
-                values: [found, left, within],
-            } => {
+            EventKind::Stands { port, axis, values } | EventKind::Moved { port, axis, values } => {
                 self.specimen(line, port);
                 put(line, "axis", axis + 1);
+                let [found, left, within] = values;
                 put(line, "found", found);
                 put(line, "left", left);
                 put(line, "within", within);
-                let specimen = port + 1;
-                tracing::info!(specimen, axis = axis + 1, found, left, within, "stands");
-            }
-            EventKind::Moved {
-                port,
-                axis,
-                values: [found, left, within],
-            } => {
-                self.specimen(line, port);
-                put(line, "axis", axis + 1);
-                put(line, "found", found);
-                put(line, "left", left);
-                put(line, "within", within);
-                tracing::error!(
-                    specimen = port + 1,
-                    axis = axis + 1,
-                    found,
-                    left,
-                    within,
-                    "it does not stand where it was left"
-                );
+                let (specimen, axis) = (port + 1, axis + 1);
+                if matches!(event.kind, EventKind::Stands { .. }) {
+                    tracing::info!(specimen, axis, found, left, within, "stands");
+                } else {
+                    let what = "it does not stand where it was left";
+                    tracing::error!(specimen, axis, found, left, within, "{what}");
+                }
             }
             EventKind::Misfit { port, axis, what } => {
                 self.specimen(line, port);
