@@ -276,6 +276,13 @@ pub trait Substructure: Send {
     /// The link is lost.
     fn collect(&mut self, deadline: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault>;
 
+    /// An answer that never came by itself but stood in the history of a later one: its force, and the number of the command
+    /// that it belongs to. Each call takes one. Real-time: yes.
+    fn recover(&mut self, force: &mut [f64]) -> Option<u64> {
+        let _ = force;
+        None
+    }
+
     /// True if [`Substructure::collect`] would not have to wait: the answer to the last command is here. For a partner that
     /// may take several ticks; never blocks. Real-time: yes.
     ///

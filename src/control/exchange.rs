@@ -169,6 +169,16 @@ impl Port {
         }
     }
 
+    /// The force of an answer that was lost and stood in the history of a later one is in [`Port::recovered`], and this is the
+    /// number of its command in the test. Each call takes one. Real-time: yes.
+    pub fn recover(&mut self) -> Option<u64> {
+        let number = self.substructure.recover(&mut self.recovered)?;
+        for (force, axis) in self.recovered.iter_mut().zip(&self.axes) {
+            *force = axis.force_gain * (*force - axis.force_offset);
+        }
+        Some(self.pursuit.in_test(number))
+    }
+
     /// Moves a stale force along the tangent, as far as it is known and not beyond its bounds, from where it was measured to
     /// where the specimen should be by now. Real-time: yes.
     pub fn extrapolate(&mut self) {

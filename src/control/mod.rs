@@ -117,6 +117,8 @@ pub struct Port {
     /// Where the substructure writes, so that an older measurement never replaces a newer one. Between two exchanges its axes
     /// are those of `raw`.
     incoming: Measurement,
+    /// Force of an answer that was recovered last, N.
+    pub recovered: Vec<f64>,
     /// Measured displacement, brought back to the structure's metres.
     pub measured: Vec<f64>,
     /// Restoring force in N that enters equilibrium.
@@ -230,6 +232,7 @@ impl Port {
             standing: None,
             raw: Measurement::zeros(n),
             incoming: Measurement::zeros(n),
+            recovered: vec![0.0; n],
             measured: vec![0.0; n],
             force: vec![0.0; n],
             peak_force: vec![0.0; n],

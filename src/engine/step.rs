@@ -200,6 +200,27 @@ impl Engine {
         tick: &Tick,
         stamps: &mut TickStamps,
     ) -> Result<(), Stop> {
+        let known = self.newest_of(index);
+        let result = self.take_from(index, tick, stamps);
+        if self.newest_of(index) > known + 1 {
+            self.note_recovered(index, tick);
+        }
+        result
+    }
+
+    /// Number of the command that a partner answered last. Real-time: yes.
+    #[inline]
+    fn newest_of(&self, index: usize) -> u64 {
+        self.ports.get(index).map_or(0, |port| port.raw().sequence)
+    }
+
+    #[inline]
+    fn take_from(
+        &mut self,
+        index: usize,
+        tick: &Tick,
+        stamps: &mut TickStamps,
+    ) -> Result<(), Stop> {
         let Some(port) = self.ports.get_mut(index) else {
             return Ok(());
         };

@@ -3,8 +3,8 @@
 
 use super::tick::Tick;
 use super::{Engine, Stop};
-use crate::control::OnStale;
 use crate::control::limits::{Found, Level};
+use crate::control::{OnStale, Port};
 use crate::record::EventKind;
 
 impl Engine {
@@ -65,6 +65,29 @@ impl Engine {
             });
         }
         Ok(())
+    }
+
+    /// Answers that were lost and stand in a later one: the forces of their commands are kept. Real-time: yes.
+    #[cold]
+    pub(super) fn note_recovered(&mut self, index: usize, tick: &Tick) {
+        while let Some(sequence) = self.ports.get_mut(index).and_then(Port::recover) {
+            let age = self.sequence.saturating_sub(sequence);
+            let mut axis = 0;
+            while let Some(&force) = self
+                .ports
+                .get(index)
+                .and_then(|port| port.recovered.get(axis))
+            {
+                let kind = EventKind::Recovered {
+                    port: index as u32,
+                    axis: axis as u32,
+                    age,
+                    force,
+                };
+                self.report(tick, kind);
+                axis += 1;
+            }
+        }
     }
 
     /// A specimen whose simulated actuator did not come to terms with it is counted; told more and more seldom. Real-time: yes.

@@ -300,6 +300,12 @@ mod tests {
             EventKind::Ended,
             MISS,
             EventKind::Stale { port: 0, age: 3 },
+            EventKind::Recovered {
+                port: 0,
+                axis: 1,
+                age: 3,
+                force: 2.5,
+            },
             EventKind::Link {
                 port: 1,
                 fault: LinkFault::Timeout,
@@ -321,6 +327,7 @@ mod tests {
                 "ended",
                 "miss",
                 "stale",
+                "recovered",
                 "link",
                 "row_lost",
                 "diverged",

@@ -115,6 +115,17 @@ pub enum EventKind {
         /// Age in commands.
         age: u64,
     },
+    /// An answer of specimen `port` that was stale or late and never came by itself stood in the history of a later one.
+    Recovered {
+        /// Specimen, from 0.
+        port: u32,
+        /// Axis, from 0.
+        axis: u32,
+        /// Commands from the one that it answers to the newest one.
+        age: u64,
+        /// The force that belongs to it, N: what the equilibrium of its step would have had.
+        force: f64,
+    },
     /// The link of specimen `port` failed.
     Link {
         /// Specimen, from 0.

@@ -14,7 +14,14 @@ const KINDS: [(&str, &[&str], Ink); 5] = [
     ("deadline misses", &["miss", "no_go"], Ink::Alarm),
     (
         "stale, late or lost answers",
-        &["stale", "link", "unacknowledged", "interlock", "saturated"],
+        &[
+            "stale",
+            "recovered",
+            "link",
+            "unacknowledged",
+            "interlock",
+            "saturated",
+        ],
         Ink::Series(1),
     ),
     (

@@ -9,5 +9,6 @@ mod held;
 mod interrupted;
 mod invariants;
 mod lab;
+mod recovered;
 mod rig;
 mod scripts;

@@ -5,8 +5,11 @@
 
 use crate::substructure::{LinkStats, Measurement, Status};
 use crate::wire::WireError;
-use crate::wire::native::MeasurementFrame;
+use crate::wire::native::{Earlier, MeasurementFrame};
 use crate::wire::window::{Arrival, SequenceWindow};
+
+/// Recovered answers that are kept until they are taken, which is once a tick.
+const KEPT: usize = 64;
 
 /// The measurements of one session.
 #[derive(Debug)]
@@ -17,7 +20,53 @@ pub(super) struct Book {
     answered: SequenceWindow,
     /// Flags that were said outside a measurement, or in one that was overtaken.
     latched: Status,
+    recovered: Recovered,
     pub(super) stats: LinkStats,
+}
+
+/// Answers that never came by themselves but stood in the history of a later one, until somebody takes them.
+#[derive(Debug)]
+struct Recovered {
+    sequences: Vec<u64>,
+    /// One after the other, as many values each as there are axes.
+    forces: Vec<f64>,
+    taken: usize,
+}
+
+impl Recovered {
+    /// Room for all of them is made here. Real-time: no.
+    fn new(axes: usize) -> Self {
+        Self {
+            sequences: Vec::with_capacity(KEPT),
+            forces: vec![0.0; KEPT * axes],
+            taken: 0,
+        }
+    }
+
+    /// Keeps one more, if there is room. Real-time: yes.
+    fn keep(&mut self, entry: &Earlier<'_>, axes: usize) -> Result<(), WireError> {
+        let count = self.sequences.len();
+        if let Some(slot) = self.forces.get_mut(count * axes..(count + 1) * axes)
+            && count < KEPT
+        {
+            entry.read(slot)?;
+            self.sequences.push(entry.sequence());
+        }
+        Ok(())
+    }
+
+    /// The next one. Real-time: yes.
+    fn take(&mut self, force: &mut [f64]) -> Option<u64> {
+        let (taken, axes) = (self.taken, force.len());
+        let Some(sequence) = self.sequences.get(taken).copied() else {
+            self.sequences.clear();
+            self.taken = 0;
+            return None;
+        };
+        force.copy_from_slice(self.forces.get(taken * axes..(taken + 1) * axes)?);
+        self.taken += 1;
+        Some(sequence)
+    }
 }
 
 impl Book {
@@ -27,6 +76,7 @@ impl Book {
             known: None,
             answered: SequenceWindow::new(),
             latched: Status::default(),
+            recovered: Recovered::new(axes),
             stats: LinkStats::default(),
         }
     }
@@ -79,11 +129,19 @@ impl Book {
             let lost = frame.earlier().filter(|entry| {
                 entry.sequence() < sequence && since.is_none_or(|known| entry.sequence() > known)
             });
-            self.stats.recovered += lost.count() as u64;
+            for entry in lost {
+                self.stats.recovered += 1;
+                self.recovered.keep(&entry, self.newest.force.len())?;
+            }
             frame.read(&mut self.newest)?;
             self.known = Some(sequence);
         }
         Ok(())
+    }
+
+    /// The next force that was recovered, and the command that it answers. Real-time: yes.
+    pub(super) fn recover(&mut self, force: &mut [f64]) -> Option<u64> {
+        self.recovered.take(force)
     }
 
     /// The newest data known. Real-time: yes.

@@ -107,6 +107,10 @@ impl Live {
         self.book.stats
     }
 
+    pub(super) fn recover(&mut self, force: &mut [f64]) -> Option<u64> {
+        self.book.recover(force)
+    }
+
     pub(super) fn complaint(&self) -> Option<String> {
         let ours = self.detail.as_ref().map(|detail| match detail {
             Detail::Wire(error) => error.to_string(),

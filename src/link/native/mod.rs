@@ -134,6 +134,10 @@ impl Substructure for NativeLink {
             .map_or(Err(LinkFault::Closed), |live| live.collect(deadline, into))
     }
 
+    fn recover(&mut self, force: &mut [f64]) -> Option<u64> {
+        self.live.as_mut().and_then(|live| live.recover(force))
+    }
+
     fn is_answered(&mut self) -> Result<bool, LinkFault> {
         self.live
             .as_mut()

@@ -89,6 +89,17 @@ impl<S: Store> EventLog<S> {
                     );
                 }
             }
+            EventKind::Recovered {
+                port,
+                axis,
+                age,
+                force,
+            } => {
+                self.specimen(line, port);
+                put(line, "axis", axis + 1);
+                put(line, "age", age);
+                put(line, "force", force);
+            }
             EventKind::Link { port, fault } => {
                 self.specimen(line, port);
                 put(line, "fault", fault_name(fault));
@@ -388,6 +399,7 @@ const fn kind_name(kind: &EventKind) -> &'static str {
         EventKind::Ended => "ended",
         EventKind::Miss { .. } => "miss",
         EventKind::Stale { .. } => "stale",
+        EventKind::Recovered { .. } => "recovered",
         EventKind::Link { .. } => "link",
         EventKind::Unacknowledged { .. } => "unacknowledged",
         EventKind::Interlock { .. } => "interlock",
