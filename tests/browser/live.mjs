@@ -9,14 +9,16 @@ const command = (page) => page.locator("#bars .bar .value").first().textContent(
 const time = (page) => page.locator("#time").textContent();
 const count = (page, script) => page.evaluate(script);
 
-/** What is painted in every canvas of the page. */
+/** What is painted in every canvas of the page; a busy machine has some seconds for it. */
 async function plots(page) {
-  const shares = [];
-  for (let at = 0; at < (await page.locator("canvas").count()); at += 1) {
-    const ink = await painted(page, `canvas >> nth=${at}`);
-    shares.push(ink);
+  for (let look = 0; ; look += 1) {
+    const shares = [];
+    for (let at = 0; at < (await page.locator("canvas").count()); at += 1) {
+      shares.push(await painted(page, `canvas >> nth=${at}`));
+    }
+    if (look === 20 || (shares.length > 0 && shares.every((share) => share > 0.01))) return shares;
+    await page.waitForTimeout(500);
   }
-  return shares;
 }
 
 /** Elements that stick out of the page, or whose text is cut off. */
