@@ -55,6 +55,8 @@ impl InUnits<Box<dyn Specimen>> {
 }
 
 impl<S: Specimen> Specimen for InUnits<S> {
+    passed_on!(self => self.specimen);
+
     fn axes(&self) -> usize {
         self.specimen.axes()
     }
@@ -84,26 +86,6 @@ impl<S: Specimen> Specimen for InUnits<S> {
                 *disp = read / metres;
             }
         }
-    }
-
-    fn is_saturated(&self) -> bool {
-        self.specimen.is_saturated()
-    }
-
-    fn is_settled(&self) -> bool {
-        self.specimen.is_settled()
-    }
-
-    fn commanded_every(&mut self, seconds: f64) {
-        self.specimen.commanded_every(seconds);
-    }
-
-    fn commit(&mut self) {
-        self.specimen.commit();
-    }
-
-    fn revert(&mut self) {
-        self.specimen.revert();
     }
 
     fn reference(&self, stiffness: &mut [f64], damping: &mut [f64], mass: &mut [f64]) {
@@ -137,14 +119,6 @@ impl<S: Specimen> Specimen for InUnits<S> {
         self.per_motion(stiffness);
         self.per_motion(damping);
         Ok(())
-    }
-
-    fn freeze(&self, out: &mut Vec<f64>) {
-        self.specimen.freeze(out);
-    }
-
-    fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
-        self.specimen.thaw(from)
     }
 }
 

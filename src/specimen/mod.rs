@@ -3,6 +3,39 @@
 //! A [`Specimen`] is pure mathematics, so the same object serves in the loop, behind a server and in a
 //! simulated link. [`InProcess`] makes a [`Substructure`](crate::substructure::Substructure) of it.
 
+/// What a specimen around another one leaves to the one inside: `passed_on!(self => self.inner)` within its `impl Specimen`.
+macro_rules! passed_on {
+    ($self:ident => $inner:expr) => {
+        fn is_saturated(&$self) -> bool {
+            $inner.is_saturated()
+        }
+
+        fn is_settled(&$self) -> bool {
+            $inner.is_settled()
+        }
+
+        fn commanded_every(&mut $self, seconds: f64) {
+            $inner.commanded_every(seconds);
+        }
+
+        fn commit(&mut $self) {
+            $inner.commit();
+        }
+
+        fn revert(&mut $self) {
+            $inner.revert();
+        }
+
+        fn freeze(&$self, out: &mut Vec<f64>) {
+            $inner.freeze(out);
+        }
+
+        fn thaw<'a>(&mut $self, from: &'a [f64]) -> &'a [f64] {
+            $inner.thaw(from)
+        }
+    };
+}
+
 mod coupled;
 mod in_process;
 mod in_units;
@@ -89,6 +122,8 @@ pub trait Specimen: Send + std::fmt::Debug {
 }
 
 impl<S: Specimen + ?Sized> Specimen for Box<S> {
+    passed_on!(self => (**self));
+
     fn axes(&self) -> usize {
         (**self).axes()
     }
@@ -99,26 +134,6 @@ impl<S: Specimen + ?Sized> Specimen for Box<S> {
 
     fn measured(&mut self, disp: &mut [f64]) {
         (**self).measured(disp);
-    }
-
-    fn is_saturated(&self) -> bool {
-        (**self).is_saturated()
-    }
-
-    fn is_settled(&self) -> bool {
-        (**self).is_settled()
-    }
-
-    fn commanded_every(&mut self, seconds: f64) {
-        (**self).commanded_every(seconds);
-    }
-
-    fn commit(&mut self) {
-        (**self).commit();
-    }
-
-    fn revert(&mut self) {
-        (**self).revert();
     }
 
     fn reference(&self, stiffness: &mut [f64], damping: &mut [f64], mass: &mut [f64]) {
@@ -136,13 +151,5 @@ impl<S: Specimen + ?Sized> Specimen for Box<S> {
         damping: &mut [f64],
     ) -> Result<(), usize> {
         (**self).bound(reach, stiffness, damping)
-    }
-
-    fn freeze(&self, out: &mut Vec<f64>) {
-        (**self).freeze(out);
-    }
-
-    fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
-        (**self).thaw(from)
     }
 }

@@ -34,6 +34,8 @@ impl Mounted {
 }
 
 impl Specimen for Mounted {
+    passed_on!(self => self.specimen);
+
     fn axes(&self) -> usize {
         self.specimen.axes()
     }
@@ -64,26 +66,6 @@ impl Specimen for Mounted {
         }
     }
 
-    fn is_saturated(&self) -> bool {
-        self.specimen.is_saturated()
-    }
-
-    fn is_settled(&self) -> bool {
-        self.specimen.is_settled()
-    }
-
-    fn commanded_every(&mut self, seconds: f64) {
-        self.specimen.commanded_every(seconds);
-    }
-
-    fn commit(&mut self) {
-        self.specimen.commit();
-    }
-
-    fn revert(&mut self) {
-        self.specimen.revert();
-    }
-
     fn reference(&self, stiffness: &mut [f64], damping: &mut [f64], mass: &mut [f64]) {
         self.specimen.reference(stiffness, damping, mass);
     }
@@ -100,14 +82,6 @@ impl Specimen for Mounted {
         damping: &mut [f64],
     ) -> Result<(), usize> {
         self.specimen.bound(reach, stiffness, damping)
-    }
-
-    fn freeze(&self, out: &mut Vec<f64>) {
-        self.specimen.freeze(out);
-    }
-
-    fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
-        self.specimen.thaw(from)
     }
 }
 

@@ -82,6 +82,8 @@ impl<S: Specimen> Platform<S> {
 }
 
 impl<S: Specimen> Specimen for Platform<S> {
+    passed_on!(self => self.specimen);
+
     fn axes(&self) -> usize {
         self.geometry.actuators()
     }
@@ -111,26 +113,6 @@ impl<S: Specimen> Specimen for Platform<S> {
         for ((force, shared), gear) in force.iter_mut().zip(&shared).zip(&self.gears) {
             *force = shared / gear.ratio;
         }
-    }
-
-    fn is_saturated(&self) -> bool {
-        self.specimen.is_saturated()
-    }
-
-    fn is_settled(&self) -> bool {
-        self.specimen.is_settled()
-    }
-
-    fn commanded_every(&mut self, seconds: f64) {
-        self.specimen.commanded_every(seconds);
-    }
-
-    fn commit(&mut self) {
-        self.specimen.commit();
-    }
-
-    fn revert(&mut self) {
-        self.specimen.revert();
     }
 
     /// At the reference pose.
@@ -186,14 +168,6 @@ impl<S: Specimen> Specimen for Platform<S> {
             }
         }
         Ok(())
-    }
-
-    fn freeze(&self, out: &mut Vec<f64>) {
-        self.specimen.freeze(out);
-    }
-
-    fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
-        self.specimen.thaw(from)
     }
 }
 

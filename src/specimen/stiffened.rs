@@ -28,6 +28,8 @@ impl Stiffened {
 }
 
 impl Specimen for Stiffened {
+    passed_on!(self => self.inner);
+
     fn axes(&self) -> usize {
         self.inner.axes()
     }
@@ -44,26 +46,6 @@ impl Specimen for Stiffened {
 
     fn measured(&mut self, disp: &mut [f64]) {
         self.inner.measured(disp);
-    }
-
-    fn is_saturated(&self) -> bool {
-        self.inner.is_saturated()
-    }
-
-    fn is_settled(&self) -> bool {
-        self.inner.is_settled()
-    }
-
-    fn commanded_every(&mut self, seconds: f64) {
-        self.inner.commanded_every(seconds);
-    }
-
-    fn commit(&mut self) {
-        self.inner.commit();
-    }
-
-    fn revert(&mut self) {
-        self.inner.revert();
     }
 
     fn reference(&self, stiffness: &mut [f64], damping: &mut [f64], mass: &mut [f64]) {
@@ -84,14 +66,6 @@ impl Specimen for Stiffened {
         damping: &mut [f64],
     ) -> Result<(), usize> {
         self.inner.bound(reach, stiffness, damping)
-    }
-
-    fn freeze(&self, out: &mut Vec<f64>) {
-        self.inner.freeze(out);
-    }
-
-    fn thaw<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
-        self.inner.thaw(from)
     }
 }
 
