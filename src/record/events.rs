@@ -6,6 +6,7 @@
 //! the scheduler's counters, at most 0.2 s, and what comes after it waits too, so that order is kept.
 
 mod lines;
+mod names;
 
 use std::collections::VecDeque;
 

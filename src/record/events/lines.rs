@@ -7,6 +7,7 @@ use super::super::miss::{Evidence, classify};
 use super::super::utc::rfc3339;
 use super::super::{Event, EventKind};
 use super::EventLog;
+use super::names::{fault_name, kind_name};
 use crate::substructure::LinkFault;
 
 /// Log lines of one kind before they move to the debug level; the file has them all.
@@ -390,58 +391,4 @@ fn loud(count: &mut u64) -> bool {
         );
     }
     *count <= LOUD
-}
-
-const fn kind_name(kind: &EventKind) -> &'static str {
-    match kind {
-        EventKind::Started => "started",
-        EventKind::Grid { .. } => "grid",
-        EventKind::Ended => "ended",
-        EventKind::Miss { .. } => "miss",
-        EventKind::Stale { .. } => "stale",
-        EventKind::Recovered { .. } => "recovered",
-        EventKind::Link { .. } => "link",
-        EventKind::Unacknowledged { .. } => "unacknowledged",
-        EventKind::Interlock { .. } => "interlock",
-        EventKind::Saturated { .. } => "saturated",
-        EventKind::Unsettled { .. } => "unsettled",
-        EventKind::RowLost => "row_lost",
-        EventKind::Diverged { .. } => "diverged",
-        EventKind::StopRequested => "stop_requested",
-        EventKind::HoldRequested => "hold_requested",
-        EventKind::ContinueRequested => "continue_requested",
-        EventKind::Confirmed => "confirmed",
-        EventKind::Stands { .. } => "stands",
-        EventKind::Moved { .. } => "moved",
-        EventKind::Probing { .. } => "probing",
-        EventKind::Direction { .. } => "direction",
-        EventKind::DirectionUnknown { .. } => "direction_unknown",
-        EventKind::ForceChanged { .. } => "force_changed",
-        EventKind::Misfit { .. } => "misfit",
-        EventKind::Geometry { .. } => "geometry",
-        EventKind::Phase { .. } => "phase",
-        EventKind::Pace { .. } => "pace",
-        EventKind::Checkpoint { .. } => "checkpoint",
-        EventKind::Limit { trip: true, .. } | EventKind::TestLimit { trip: true, .. } => {
-            "limit_trip"
-        }
-        EventKind::Limit { .. } | EventKind::TestLimit { .. } => "limit_warning",
-        EventKind::Readiness { go: true, .. } => "go",
-        EventKind::Readiness { go: false, .. } => "no_go",
-        EventKind::Zeroed { .. } => "zeroed",
-    }
-}
-
-const fn fault_name(fault: LinkFault) -> &'static str {
-    match fault {
-        LinkFault::Closed => "closed",
-        LinkFault::Timeout => "timeout",
-        LinkFault::Malformed => "malformed",
-        LinkFault::Refused => "refused",
-        LinkFault::Version => "version",
-        LinkFault::Auth => "auth",
-        LinkFault::Backpressure => "backpressure",
-        LinkFault::NotFinite => "not_finite",
-        LinkFault::Diverged => "diverged",
-    }
 }
