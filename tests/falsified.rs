@@ -380,6 +380,7 @@ fn a_share_of_the_critical_delay_is_warned_of_and_trips_at_its_levels() {
         panic!("{:?}", run.outcome.ending);
     };
     assert_eq!((hit.quantity, hit.bound), (TestQuantity::DelayUsed, 0.6));
+    assert_eq!(hit.worst, Some((0, 0)));
     let used = run.column("delay_used");
     assert_eq!(*used.last().unwrap(), hit.value);
     assert!(

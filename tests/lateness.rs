@@ -294,6 +294,7 @@ fn misses_have_bounds_in_a_row_and_in_all() {
             trip: true,
             value,
             bound,
+            ..
         } => Some((quantity, value, bound)),
         _ => None,
     }) {
@@ -353,6 +354,7 @@ fn a_warm_up_that_misses_its_deadlines_in_a_row_ends_before_the_test() {
             quantity,
             value,
             bound,
+            worst: None,
             in_warm_up: true,
         }))
     };

@@ -90,11 +90,14 @@ impl Port {
     /// The largest share of its critical delay that an axis uses up; not a number while nothing is known. Real-time: yes.
     #[must_use]
     pub fn delay_used(&self) -> f64 {
-        let used = self
-            .lags()
-            .map(|(lag, critical)| lag.max(0.0) / critical + 0.0 * lag);
         // A number wins against none.
-        used.fold(f64::NAN, f64::max)
+        self.delay_used_by_axis().fold(f64::NAN, f64::max)
+    }
+
+    /// The share of each axis. Real-time: yes.
+    pub fn delay_used_by_axis(&self) -> impl Iterator<Item = f64> + '_ {
+        let lags = self.lags();
+        lags.map(|(lag, critical)| lag.max(0.0) / critical + 0.0 * lag)
     }
 }
 

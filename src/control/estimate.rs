@@ -338,10 +338,15 @@ impl Port {
     #[inline]
     #[must_use]
     pub fn stability_used(&self) -> Option<f64> {
-        let dt = self.estimates.dt;
-        let axes = self.estimates.axes.iter();
-        let used = axes.fold(-0.0, |sum, axis| sum + axis.stability_used(dt));
+        let used = self.stability_used_by_axis();
+        let used = used.fold(-0.0, |sum, axis| sum + axis);
         used.is_finite().then_some(used)
+    }
+
+    /// What each axis has in [`Port::stability_used`]. Real-time: yes.
+    pub fn stability_used_by_axis(&self) -> impl Iterator<Item = f64> + '_ {
+        let axes = self.estimates.axes.iter();
+        axes.map(|axis| axis.stability_used(self.estimates.dt))
     }
 
     /// Whether [`Port::stability_used`] is known. Real-time: yes.

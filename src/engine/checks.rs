@@ -123,6 +123,26 @@ impl TestQuantity {
         }
     }
 
+    /// Specimen and axis, from 0, that have the most of it, where it is made of what each of them has.
+    fn worst(self, ports: &[Port]) -> Option<(usize, usize)> {
+        let mut worst: Option<(f64, usize, usize)> = None;
+        let mut note = |port: usize, shares: &mut dyn Iterator<Item = f64>| {
+            for (axis, share) in shares.enumerate() {
+                if share > worst.map_or(0.0, |(most, ..)| most) {
+                    worst = Some((share, port, axis));
+                }
+            }
+        };
+        for (index, port) in ports.iter().enumerate() {
+            match self {
+                Self::StabilityUsed => note(index, &mut port.stability_used_by_axis()),
+                Self::DelayUsed => note(index, &mut port.delay_used_by_axis()),
+                _ => {}
+            }
+        }
+        worst.map(|(_, port, axis)| (port, axis))
+    }
+
     /// What is kept, of what belongs to no specimen alone and is judged at every step: it stands in the row, in this order.
     #[must_use]
     pub fn kept(side: &Side, ports: &[Port]) -> Vec<Self> {
@@ -168,6 +188,8 @@ pub struct TestHit {
     pub value: f64,
     /// What is allowed.
     pub bound: f64,
+    /// Specimen and axis, from 0, that have the most of it, where that can be said.
+    pub worst: Option<(usize, usize)>,
     /// It was found in the warm-up, and the test was not begun.
     pub in_warm_up: bool,
 }
@@ -178,6 +200,7 @@ impl std::fmt::Display for TestHit {
             quantity,
             value,
             bound,
+            worst,
             in_warm_up,
         } = self;
         let (words, key) = (quantity.words(), quantity.key());
@@ -194,7 +217,15 @@ impl std::fmt::Display for TestHit {
             | TestQuantity::DelayUsed
             | TestQuantity::StepAudit
             | TestQuantity::AddedEnergyShare => {
-                write!(f, "{words}: {value:.3e}, allowed {bound:.3e} ({key})")
+                write!(f, "{words}: {value:.3e}, allowed {bound:.3e} ({key})")?;
+                worst.map_or(Ok(()), |(port, axis)| {
+                    write!(
+                        f,
+                        ", most of it of specimen {}, axis {}",
+                        port + 1,
+                        axis + 1
+                    )
+                })
             }
             _ => write!(f, "{words}: {value}, allowed {bound} ({key})"),
         }
@@ -273,6 +304,7 @@ impl Engine {
     ) -> Result<(), Stop> {
         let bit = quantity.bit();
         let trip = level == Level::Trip;
+        let worst = quantity.worst(&self.ports);
         if trip || self.test_warned & bit == 0 {
             self.test_warned |= bit;
             self.report(
@@ -282,6 +314,7 @@ impl Engine {
                     trip,
                     value,
                     bound,
+                    worst: worst.map(|(port, axis)| (port as u32, axis as u32)),
                 },
             );
         }
@@ -290,6 +323,7 @@ impl Engine {
                 quantity,
                 value,
                 bound,
+                worst,
                 in_warm_up: false,
             }))
         } else {

@@ -93,6 +93,7 @@ impl Engine {
             quantity,
             value,
             bound: most as f64,
+            worst: None,
             in_warm_up: true,
         })
     }

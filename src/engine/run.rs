@@ -347,6 +347,7 @@ impl Engine {
                     trip,
                     value,
                     bound,
+                    worst: None,
                 },
             );
             let Engine {

@@ -305,6 +305,8 @@ pub enum EventKind {
         value: f64,
         /// What is allowed.
         bound: f64,
+        /// Specimen and axis, from 0, that have the most of it, where that can be said.
+        worst: Option<(u32, u32)>,
     },
     /// What was read of one axis of specimen `port` while zeroing.
     Zeroed {

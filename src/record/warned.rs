@@ -35,6 +35,7 @@ impl Warned {
                 trip: false,
                 value,
                 bound,
+                ..
             } => (None, quantity, value, bound),
             _ => return,
         };

@@ -296,14 +296,20 @@ impl<S: Store> EventLog<S> {
                 trip,
                 value,
                 bound,
+                worst,
             } => {
+                if let Some((port, axis)) = worst {
+                    self.specimen(line, port);
+                    put(line, "axis", axis + 1);
+                }
                 put(line, "limit", quantity);
                 put(line, "value", value);
                 put(line, "bound", bound);
                 if trip || loud(&mut self.logged[3]) {
                     let level = if trip { "trips" } else { "warning" };
                     let (tick, time) = (event.tick, event.time);
-                    tracing::warn!(tick, time, value, bound, "{quantity} {level}");
+                    let specimen = worst.map(|(port, _)| port + 1);
+                    tracing::warn!(tick, time, specimen, value, bound, "{quantity} {level}");
                 }
             }
             EventKind::Readiness {
