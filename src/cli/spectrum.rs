@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use super::table::{Table, duration};
 use crate::config::{ALL_MODES, Facts, Loop, ModeFacts, StructureFacts};
 use crate::integrate::Lambda;
-use crate::spectral::delay::{DelayError, DiscreteLimit};
+use crate::spectral::delay::{Critical, DelayError, DiscreteLimit, continuous};
 
 /// Modes that are listed.
 const LISTED: usize = 6;
@@ -52,6 +52,8 @@ struct Delay {
     continuous: Result<Option<(f64, f64)>, String>,
     /// By the recursion of the family.
     discrete: Option<Result<DiscreteLimit, DelayError>>,
+    /// In continuous time with every gap closed, where that is another structure.
+    closed: Option<Result<Option<Critical>, DelayError>>,
     growth: Option<f64>,
 }
 
@@ -101,6 +103,7 @@ impl Spectrum {
                 .map(|found| found.map(|critical| (critical.delay, critical.omega)))
                 .map_err(|error| error.to_string()),
             discrete: lambda.map(|lambda| specimen.discrete(facts.dt, lambda)),
+            closed: specimen.closed.as_ref().map(continuous),
             growth: specimen.system.growth(),
             specimen: specimen.clone(),
         });
@@ -221,6 +224,19 @@ impl Spectrum {
                 Ok(None) => "none in continuous time: every delay is stable".to_owned(),
                 Err(error) => format!("not known in continuous time: {error}"),
             };
+            let continuous = match &delay.closed {
+                None => continuous,
+                Some(closed) => {
+                    let closed = match closed {
+                        Ok(Some(found)) => steps(found.delay),
+                        Ok(None) => "every delay is stable".to_owned(),
+                        Err(error) => error.to_string(),
+                    };
+                    format!(
+                        "{continuous}\n(at rest: gaps are open; with all of them closed: {closed})"
+                    )
+                }
+            };
             let name = format!("critical delay, {}", delay.specimen.name);
             let Some(discrete) = &delay.discrete else {
                 table.row(&name, &continuous);
@@ -281,6 +297,10 @@ impl Spectrum {
                 "specimen": delay.specimen.name,
                 "unstable_without_delay": delay.at_once(),
                 "continuous": continuous,
+                "with_gaps_closed": delay.closed.as_ref().map(|found| match found {
+                    Ok(found) => json!({ "delay_s": found.map(|found| found.delay) }),
+                    Err(error) => json!({ "unknown": error.to_string() }),
+                }),
                 "discrete": discrete,
             })
         });

@@ -19,7 +19,7 @@ pub trait Model {
     fn restoring(&mut self, disp: &[f64], vel: &[f64], dt: f64, out: &mut [f64]);
     /// ½ vᵀ M v in J.
     fn kinetic(&self, vel: &[f64]) -> f64;
-    /// ½ xᵀ K0 x in J, K0 the initial stiffness of the structure and its specimens.
+    /// ½ xᵀ K x in J, K the tangent stiffness of the structure and its specimens at rest.
     fn strain(&self, disp: &[f64]) -> f64;
 }
 

@@ -74,7 +74,7 @@ impl Mode {
 pub struct Scale {
     /// Largest energy that went in up to any step: work of the loads and of the ground, and the kinetic energy at the beginning.
     pub input_energy_j: f64,
-    /// Largest elastic strain energy ½ xᵀ K0 x: the structure and its specimens at their initial stiffness.
+    /// Largest elastic strain energy ½ xᵀ K x: the structure and its specimens at their tangent stiffness at rest.
     pub strain_energy_j: f64,
 }
 

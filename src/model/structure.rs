@@ -181,6 +181,20 @@ impl Structure {
             .plus(1.0, &SymMatrix::from_triplets(self.dofs(), entries))
     }
 
+    /// Damping of the structure at rest: of each element its tangent there, or its reference where that is less. Takes a trial
+    /// of every law at zero and forgets it.
+    #[must_use]
+    pub fn damping_at_rest(&mut self) -> SymMatrix {
+        let at_rest = self.elements.at_rest();
+        let mut at_rest = at_rest.iter();
+        self.assemble(&self.damping, |element| {
+            let reference = element.law.reference().damping;
+            at_rest
+                .next()
+                .map_or(reference, |at| reference.min(at.damping))
+        })
+    }
+
     /// Replaces the linear C, such as by Rayleigh or modal damping.
     ///
     /// # Errors

@@ -185,7 +185,7 @@ fn modes(found: &Falsified, axes: &[Tracked<'_>]) -> String {
     });
     let delays: Vec<_> = delays.take(8).collect();
     let mut words = format!(
-        "Δζ ≈ −k φ² τ/(2 ω), summed over all axes: modes of the structure with its specimens at their initial stiffness, φ \
+        "Δζ ≈ −k φ² τ/(2 ω), summed over all axes: modes of the structure with its specimens at rest, φ \
          mass-normalised and taken at the axis, k the specimen's initial stiffness, τ the delay by FEI, else by \
          cross-correlation ({}). Negative: the test was damped too little. First order of a small delay; a mode that is \
          damped below zero grows.",
@@ -226,8 +226,8 @@ fn delay_margins(found: &Falsified) -> String {
     let heading = ["", "smallest delay margin", "at", "noise floor"];
     let words = "Delay margin: the critical delay at the specimen's stiffness less its lag, both as fitted over the last \
                  seconds of motion while the test ran, after two periods; below zero the test grows. The critical delay is \
-                 tabulated before the test over the stiffness of one axis at a time, all others on time and at their initial \
-                 stiffness, linear and in continuous time. A dash: every delay was stable, or nothing moved enough to say.";
+                 tabulated before the test over the stiffness of one axis at a time, all others on time and as stiff as at rest, \
+                 linear and in continuous time. A dash: every delay was stable, or nothing moved enough to say.";
     table(&heading, &rows) + &note(words)
 }
 
@@ -253,7 +253,7 @@ fn energy(found: &Falsified) -> String {
     }
     let scale = found.energy_scale.map_or_else(String::new, |scale| {
         format!(
-            " Largest input energy {}; largest strain energy ½ xᵀK0x {}, K0 the initial stiffness of the structure and its specimens.",
+            " Largest input energy {}; largest strain energy ½ xᵀKx {}, K the stiffness of the structure and its specimens at rest.",
             joule(scale.input_energy_j),
             joule(scale.strain_energy_j)
         )

@@ -134,7 +134,7 @@ fn structure(
 }
 
 impl Energetics {
-    /// The modes at the initial stiffness, and what delays of the specimens add to their damping.
+    /// The modes at rest, and what delays of the specimens add to their damping.
     fn modes(&self) -> Result<Vec<Mode>, String> {
         let modes: Vec<Mode> = self
             .analysis
@@ -147,7 +147,7 @@ impl Energetics {
             })
             .collect();
         if modes.is_empty() {
-            return Err("the structure has no real modes at its initial stiffness".to_owned());
+            return Err("the structure has no real modes at rest".to_owned());
         }
         Ok(modes)
     }

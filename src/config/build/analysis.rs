@@ -24,11 +24,11 @@ const LARGEST_DELAYED: usize = 40;
 #[derive(Debug, Clone)]
 pub struct Analysis {
     pub(super) mass: SymMatrix,
-    /// Tangent stiffness at rest.
-    at_rest: SymMatrix,
-    /// K0 and C0, as in M_eff.
-    pub(super) stiffness: SymMatrix,
-    pub(super) damping: SymMatrix,
+    /// What the structure feels at rest: an open gap has no stiffness.
+    pub(super) at_rest: AtRest,
+    /// K0 and C0, as in M_eff: an open gap counts as closed.
+    stiffness: SymMatrix,
+    damping: SymMatrix,
     /// What has a λ of its own.
     apart: Option<Apart>,
     /// One per specimen; empty where the structure is too large.
@@ -36,16 +36,26 @@ pub struct Analysis {
     pub(super) specimens: Vec<Attached>,
 }
 
+/// Tangents before anything moves, specimens included.
+#[derive(Debug, Clone)]
+pub(super) struct AtRest {
+    /// Of the stiffness.
+    pub stiffness: SymMatrix,
+    /// Of the damping, or its reference where that is less: a damper without a finite tangent at rest has that only.
+    pub damping: SymMatrix,
+}
+
 /// How a specimen hangs in the structure.
 #[derive(Debug, Clone)]
 pub(super) struct Attached {
     pub rows: Vec<Vec<(usize, f64)>>,
     pub stiffness: Vec<Vec<f64>>,
+    pub stiffness_at_rest: Vec<Vec<f64>>,
     pub damping: Vec<Vec<f64>>,
     pub mass_in_force: f64,
 }
 
-/// A mode of the whole at its initial stiffness, and what delays do to it.
+/// A mode of the whole at rest, and what delays do to it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DelayedMode {
     /// Natural frequency in rad/s.
@@ -88,8 +98,10 @@ impl ModeFacts {
 pub struct Loop {
     /// The specimen.
     pub name: String,
-    /// The structure with this specimen's motion delayed, all others on time.
+    /// The structure with this specimen's motion delayed, all others on time, as it stands at rest.
     pub system: Delayed,
+    /// The same at K0, where that is another one: with every gap closed.
+    pub closed: Option<Delayed>,
 }
 
 impl Attached {
@@ -131,13 +143,25 @@ impl Loop {
     }
 }
 
+/// Matrices of the axes of one specimen.
+pub(super) fn square(rows: &[Vec<f64>]) -> DMatrix<f64> {
+    DMatrix::from_fn(rows.len(), rows.len(), |i, j| rows[i][j])
+}
+
+/// Damping and stiffness that a late specimen has, and the stiffness that stands for it in the whole (m × m for m axes).
+pub(super) struct Own {
+    pub damping: DMatrix<f64>,
+    pub stiffness: DMatrix<f64>,
+    pub counted: DMatrix<f64>,
+}
+
 /// A structure whose axes at `rows` are late, all others on time: they are taken out of the damping and the stiffness of the
-/// `whole`, with what is their `own` of both (m × m for m rows).
+/// `whole`.
 pub(super) fn delayed(
     mass: DMatrix<f64>,
     whole: (&SymMatrix, &SymMatrix),
     rows: &[impl AsRef<[(usize, f64)]>],
-    own: (DMatrix<f64>, DMatrix<f64>),
+    own: Own,
     mass_in_force: f64,
 ) -> Delayed {
     let mut b = DMatrix::zeros(rows.len(), mass.nrows());
@@ -149,72 +173,91 @@ pub(super) fn delayed(
     let rest = |whole: &SymMatrix, own: &DMatrix<f64>| whole.to_dense() - b.transpose() * own * &b;
     Delayed {
         mass,
-        damping: rest(whole.0, &own.0),
-        stiffness: rest(whole.1, &own.1),
+        damping: rest(whole.0, &own.damping),
+        stiffness: rest(whole.1, &own.counted),
         rows: b,
-        specimen_damping: own.0,
-        specimen_stiffness: own.1,
+        specimen_damping: own.damping,
+        specimen_stiffness: own.stiffness,
         specimen_mass: mass_in_force,
         weighted: None,
     }
 }
 
 impl Analysis {
-    /// None for a structure that is too large.
+    /// None for a structure that is too large. `lambda` is that of a member of the family.
     pub(super) fn new(
         mass: &SymMatrix,
-        at_rest: &SymMatrix,
+        at_rest: AtRest,
         initial: &Initial<'_>,
         specimens: &Specimens,
-        apart: Option<(&Apart, Lambda)>,
+        (lambda, apart): (Option<Lambda>, Option<&Apart>),
     ) -> Option<Self> {
         let n = mass.n();
-        let (stiffness, damping) = (initial.stiffness, initial.damping);
         if n > LARGEST {
             return None;
         }
-        let weighted = apart.map(|(apart, lambda)| apart.weighted(stiffness, lambda).to_dense());
-        let loops = if n <= LARGEST_DELAYED {
-            specimens
-                .loops()
-                .map(|specimen| {
-                    let axes = specimen.rows.len();
-                    let square =
-                        |by_rows: &[Vec<f64>]| DMatrix::from_fn(axes, axes, |i, j| by_rows[i][j]);
-                    let system = delayed(
-                        mass.to_dense(),
-                        (damping, stiffness),
-                        &specimen.rows,
-                        (square(specimen.damping), square(specimen.stiffness)),
-                        specimen.mass_in_force,
-                    );
-                    Loop {
-                        name: specimen.name.to_owned(),
-                        system: Delayed {
-                            weighted: weighted.clone(),
-                            ..system
-                        },
-                    }
-                })
-                .collect()
-        } else {
-            Vec::new()
-        };
-        let specimens = specimens.loops().map(|specimen| Attached {
+        let attached = specimens.loops().map(|specimen| Attached {
             rows: specimen.rows.iter().map(|row| row.to_vec()).collect(),
             stiffness: specimen.stiffness.to_vec(),
+            stiffness_at_rest: specimen.stiffness_at_rest.to_vec(),
             damping: specimen.damping.to_vec(),
             mass_in_force: specimen.mass_in_force,
         });
-        Some(Self {
-            specimens: specimens.collect(),
+        let mut analysis = Self {
+            specimens: attached.collect(),
             mass: mass.clone(),
-            at_rest: at_rest.clone(),
-            stiffness: stiffness.clone(),
-            damping: damping.clone(),
-            apart: apart.map(|(apart, _)| apart.clone()),
-            loops,
-        })
+            at_rest,
+            stiffness: initial.stiffness.clone(),
+            damping: initial.damping.clone(),
+            apart: apart.cloned(),
+            loops: Vec::new(),
+        };
+        if n <= LARGEST_DELAYED {
+            let both = specimens.loops().zip(&analysis.specimens);
+            let loops = both.map(|(specimen, attached)| Loop {
+                name: specimen.name.to_owned(),
+                ..analysis.of(attached, initial.dt, lambda)
+            });
+            analysis.loops = loops.collect();
+        }
+        Some(analysis)
+    }
+
+    /// The loop of a specimen, without its name.
+    fn of(&self, specimen: &Attached, dt: f64, lambda: Option<Lambda>) -> Loop {
+        let own = |counted: &[Vec<f64>]| Own {
+            damping: square(&specimen.damping),
+            stiffness: square(&specimen.stiffness),
+            counted: square(counted),
+        };
+        let AtRest { stiffness, damping } = &self.at_rest;
+        let at_rest = delayed(
+            self.mass.to_dense(),
+            (damping, stiffness),
+            &specimen.rows,
+            own(&specimen.stiffness_at_rest),
+            specimen.mass_in_force,
+        );
+        // Whatever is felt, M_eff is made of K0 and C0.
+        let less = self.damping.plus(-1.0, damping);
+        let weighted = lambda.map(|lambda| self.weighted(lambda).plus(0.5 / dt, &less));
+        let closed = delayed(
+            self.mass.to_dense(),
+            (&self.damping, &self.stiffness),
+            &specimen.rows,
+            own(&specimen.stiffness),
+            specimen.mass_in_force,
+        );
+        let scale = closed.stiffness.amax();
+        let differs = (&closed.stiffness - &at_rest.stiffness).amax() > 1e-9 * scale;
+        Loop {
+            name: String::new(),
+            system: Delayed {
+                weighted: weighted.map(|weighted| weighted.to_dense()),
+                ..at_rest
+            },
+            closed: differs.then_some(closed),
+        }
     }
 
     /// K̃ of M_eff: K0/λ, or what stands for it.
@@ -249,9 +292,9 @@ impl Analysis {
     pub fn modes(&self, dt: f64, lambda: Lambda) -> Vec<ModeFacts> {
         let mass = self.moved_mass();
         let modes = if mass.n() <= ALL_MODES {
-            linalg::modes(&self.at_rest, &mass)
+            linalg::modes(&self.at_rest.stiffness, &mass)
         } else {
-            linalg::lowest_modes(&self.at_rest, &mass, LOWEST)
+            linalg::lowest_modes(&self.at_rest.stiffness, &mass, LOWEST)
         };
         let Ok(modes) = modes else {
             return Vec::new();
@@ -291,7 +334,7 @@ impl Analysis {
                 let system = Delayed {
                     mass: self.mass.to_dense(),
                     damping: self.damping.to_dense(),
-                    stiffness: self.at_rest.to_dense(),
+                    stiffness: self.at_rest.stiffness.to_dense(),
                     rows: DMatrix::zeros(1, n),
                     specimen_stiffness: none.clone(),
                     specimen_damping: none,
@@ -305,22 +348,22 @@ impl Analysis {
         }
     }
 
-    /// ½ xᵀ K0 x in J, K0 the initial stiffness of the structure and its specimens.
+    /// ½ xᵀ K x in J, K the tangent stiffness of the structure and its specimens at rest.
     #[must_use]
     pub fn strain_energy(&self, disp: &[f64]) -> f64 {
-        0.5 * self.stiffness.quadratic(disp)
+        0.5 * self.at_rest.stiffness.quadratic(disp)
     }
 
-    /// Modes of the whole at its initial stiffness, ascending, with what delays of its specimens add to their damping. All of
+    /// Modes of the whole at rest, ascending, with what delays of its specimens add to their damping. All of
     /// a small structure, the lowest of a large one; empty if there are no real modes.
     #[must_use]
     pub fn delayed_modes(&self) -> Vec<DelayedMode> {
         let mass = self.moved_mass();
         let n = mass.n();
         let modes = if n <= ALL_MODES {
-            linalg::modes(&self.stiffness, &mass)
+            linalg::modes(&self.at_rest.stiffness, &mass)
         } else {
-            linalg::lowest_modes(&self.stiffness, &mass, LOWEST)
+            linalg::lowest_modes(&self.at_rest.stiffness, &mass, LOWEST)
         };
         let Ok(modes) = modes else {
             return Vec::new();
@@ -343,6 +386,6 @@ impl Analysis {
     /// The highest natural frequency at rest in rad/s; none if a massless degree of freedom leaves it without a bound.
     #[must_use]
     pub fn highest(&self) -> Option<f64> {
-        linalg::highest_frequency(&self.at_rest, &self.moved_mass())
+        linalg::highest_frequency(&self.at_rest.stiffness, &self.moved_mass())
     }
 }

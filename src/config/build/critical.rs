@@ -1,11 +1,11 @@
 //! The critical delay of every axis over its stiffness, for the margin that is watched while the test runs.
 //!
-//! One axis is late at a time; all others, and what the axes of one specimen do to each other, are on time and at their
-//! initial stiffness.
+//! One axis is late at a time; all others, and what the axes of one specimen do to each other, are on time and as stiff as at
+//! rest.
 
 use nalgebra::DMatrix;
 
-use super::analysis::{Analysis, Attached, delayed};
+use super::analysis::{Analysis, Attached, Own, delayed};
 use super::{Refused, Site, StructureFacts, path};
 use crate::config::Finding;
 use crate::control::{CriticalDelay, Port};
@@ -76,9 +76,13 @@ impl Analysis {
             let one = |value| DMatrix::from_element(1, 1, value);
             let mut system = delayed(
                 mass,
-                (&self.damping, &self.stiffness),
+                (&self.at_rest.damping, &self.at_rest.stiffness),
                 std::slice::from_ref(row),
-                (one(damping), one(stiffness)),
+                Own {
+                    damping: one(damping),
+                    stiffness: one(stiffness),
+                    counted: one(specimen.stiffness_at_rest[axis][axis]),
+                },
                 specimen.mass_in_force,
             );
             let delay = |entry: usize| -> Result<f64, DelayError> {
@@ -209,6 +213,62 @@ mod tests {
                 "{stiffness}: {found} and not {direct}"
             );
         }
+    }
+
+    /// Neither a stopper that stays away nor a damper that does nothing at rest changes what a delay may be, however large
+    /// their shares of K0 and C0 are.
+    #[test]
+    fn an_open_gap_holds_nothing_and_an_idle_damper_damps_nothing() {
+        let with = |element: &str| {
+            analysis(&format!(
+                "{TIME}[structure.shear_building]\nmass_kg = [1000, 1000]\nstiffness_n_per_m = [71e3, 326e3]\n\
+                 damping_n_s_per_m = [400, 1400]\n{element}\
+                 [[specimen]]\nname = \"it\"\nstorey = 1\nlaw.linear = {{ stiffness_n_per_m = 129e3 }}\n"
+            ))
+        };
+        let element = |law: &str| {
+            format!("[[structure.element]]\nname = \"idle\"\nfrom = \"ground\"\nto = 1\n{law}\n")
+        };
+        let gap = "law.gap = { stiffness_n_per_m = 2e6, gap_m = 0.5, side = \"both\" }";
+        let damper = "reach_vel_m_per_s = 0.5\nlaw.power_damper = { force_at_unit_velocity_n = 2e3, exponent = 2, \
+                      reference_damping_n_s_per_m = 2000 }";
+        let plain = with("");
+        let limit = |analysis: &Analysis| continuous(&analysis.loops[0].system).unwrap().unwrap();
+        // By another formulation: |k bᵀ D⁻¹ b| = 1.
+        assert!((limit(&plain).delay - 4.453e-3).abs() < 1e-5);
+        assert!(plain.loops[0].closed.is_none());
+        let none = [vec![f64::NAN]];
+        for law in [gap, damper] {
+            let idle = with(&element(law));
+            assert_eq!(limit(&idle), limit(&plain), "{law}");
+            assert_eq!(
+                idle.critical_delays(&[true], &none),
+                plain.critical_delays(&[true], &none)
+            );
+            assert_eq!(
+                idle.strain_energy(&[0.1, 0.2]),
+                plain.strain_energy(&[0.1, 0.2])
+            );
+            let frequencies = |analysis: &Analysis| -> Vec<f64> {
+                let modes = analysis.delayed_modes();
+                modes.iter().map(|mode| mode.frequency).collect()
+            };
+            assert_eq!(frequencies(&idle), frequencies(&plain));
+            // Their shares of K0 and C0 are in M_eff all the same: the recursion has more inertia and other poles.
+            let recursion = |analysis: &Analysis| {
+                let limit = analysis.loops[0].discrete(1e-3, 4.0).unwrap();
+                let crate::spectral::delay::DiscreteLimit::At(delay) = limit else {
+                    panic!("{limit:?}");
+                };
+                delay
+            };
+            let (found, exact) = (recursion(&idle), limit(&plain).delay);
+            assert!((found / exact - 1.0).abs() < 0.01, "{law}: {found} {exact}");
+            assert_ne!(found, recursion(&plain), "{law}");
+        }
+        let closed = with(&element(gap)).loops[0].closed.clone().unwrap();
+        let closed = continuous(&closed).unwrap().unwrap().delay;
+        assert!((closed - 21.40e-3).abs() < 0.3e-3, "{closed}");
     }
 
     #[test]

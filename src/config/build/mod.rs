@@ -31,6 +31,7 @@ use super::{ConfigError, Diagnostics, Finding, KeyPath, Loaded, TestFile};
 use crate::engine::{Experiment, Numerical, Settling, Side, StepAudit, TestQuantity};
 use crate::link::{NativeSetup, Transport};
 use crate::rt;
+use analysis::AtRest;
 pub use analysis::{ALL_MODES, Analysis, DelayedMode, Loop, ModeFacts};
 pub use facts::{Facts, Stability, StructureFacts};
 use gear::Rows;
@@ -315,14 +316,19 @@ fn numerical(
         None => None,
     };
     let state = structure::initial_state(site, n)?;
+    let damping_at_rest = structure.damping_at_rest();
     let analysis = Analysis::new(
         structure.mass(),
-        &at_rest,
+        AtRest {
+            stiffness: at_rest,
+            damping: damping_at_rest.plus(1.0, &specimens.damping(n)),
+        },
         &initial,
         specimens,
-        own.as_ref()
-            .map(|own| &own.apart)
-            .zip(proof.as_ref().map(|proof| proof.lambda)),
+        (
+            proof.as_ref().map(|proof| proof.lambda),
+            own.as_ref().map(|own| &own.apart),
+        ),
     );
     let ground = excitation.ground_accel();
     let facts = StructureFacts {

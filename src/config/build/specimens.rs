@@ -62,6 +62,7 @@ pub(super) struct Loop<'a> {
     pub name: &'a str,
     pub rows: Vec<&'a [(usize, f64)]>,
     pub stiffness: &'a [Vec<f64>],
+    pub stiffness_at_rest: &'a [Vec<f64>],
     pub damping: &'a [Vec<f64>],
     pub mass_in_force: f64,
 }
@@ -184,6 +185,7 @@ impl Specimens {
             name: &entry.name,
             rows: entry.axes.iter().map(|axis| axis.row.as_slice()).collect(),
             stiffness: &entry.stiffness,
+            stiffness_at_rest: &entry.stiffness_at_rest,
             damping: &entry.damping,
             mass_in_force: entry.mass_in_force,
         })
