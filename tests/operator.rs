@@ -82,6 +82,53 @@ fn a_test_holds_goes_on_and_ends_as_it_is_told() {
     assert!(String::from_utf8_lossy(&late.stderr).contains("this test is over"));
 }
 
+/// It listens, and says nothing: an operator need not wait for its time limit.
+#[test]
+fn an_operator_who_has_enough_of_waiting_for_a_specimen_is_heard() {
+    let mute = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = mute.local_addr().unwrap();
+    for (asked, code) in [
+        (None, 130),
+        (Some(Signal::INT), 130),
+        (Some(Signal::TERM), 143),
+    ] {
+        let home = tempfile::tempdir().unwrap();
+        let run = home.path().join("run");
+        let more = format!(
+            "unlimited = \"a test\"\n[[specimen]]\nname = \"mute\"\nstorey = 1\nstiffness_n_per_m = 1e5\n\
+             link = {{ address = \"{address}\", connect_timeout_s = 3600 }}\n"
+        );
+        let mut test = begin(home.path(), &more);
+        let _visitor = mute.accept().unwrap();
+        until("it can be reached", || run.join("control.sock").exists());
+        match asked {
+            None => assert_eq!(say("stop", &run), "ended"),
+            Some(signal) => send(&test, signal),
+        }
+        let mut patience = 60_000;
+        let status = loop {
+            match test.try_wait().unwrap() {
+                Some(status) => break status,
+                None if patience == 0 => {
+                    test.kill().unwrap();
+                    panic!("it waits on");
+                }
+                None => patience -= 1,
+            }
+            gusset::session::pause(Duration::from_millis(1));
+        };
+        assert_eq!(status.code(), Some(code), "{asked:?}");
+        let summary = Run::open(&run).unwrap().summary().unwrap().clone();
+        assert!(
+            summary
+                .reason
+                .contains("while the specimens were being connected; nothing was moved"),
+            "{}",
+            summary.reason
+        );
+    }
+}
+
 #[test]
 fn where_nothing_runs_nobody_can_be_told_anything() {
     let home = tempfile::tempdir().unwrap();

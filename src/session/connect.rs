@@ -4,17 +4,24 @@
 //! Invariant: nobody is left connected and untold. If one specimen cannot take part, the others are told that nothing
 //! will come, as soon as the last of them has said what it has to say.
 
+use std::sync::mpsc;
+use std::time::Duration;
+
+use crossbeam_channel::{Receiver, Sender};
 use serde_json::Value;
 
 use crate::config::ClockChoice;
 use crate::control::Port;
-use crate::engine::Experiment;
+use crate::engine::{Control, Experiment, Operator};
 use crate::record::{Note, NoteLevel, Roll, What, Writer};
 use crate::substructure::{Introduction, LinkFault, Retirement, Unavailable};
 
 /// Where a specimen said that it stands, in the note on its connection: numbers in its own unit, one per axis, in words,
 /// since JSON's numbers need not come back to the last bit.
 const STANDING: &str = "standing";
+
+/// How often the operator's line is looked at meanwhile.
+const LOOK_EVERY: Duration = Duration::from_millis(20);
 
 fn in_words(numbers: &[f64]) -> String {
     let words: Vec<String> = numbers.iter().map(|number| format!("{number:?}")).collect();
@@ -41,25 +48,50 @@ pub(super) fn put_standing(events: &[Value], ports: &mut [Port]) {
     }
 }
 
+/// Why there is no loop.
+#[derive(Debug)]
+pub(super) enum Unconnected {
+    /// Who cannot take part, in words.
+    Refused(String),
+    /// The operator asked for an end.
+    Stopped,
+}
+
 /// Connects every specimen and notes what each says of itself: N of them take as long as the slowest. Nothing moves
-/// yet. Returns what the user should know, or who cannot take part.
+/// yet. Returns what the user should know, or why the test cannot begin; an operator who asks for an end is heard.
 pub(super) fn connect(
     experiment: &mut Experiment,
     clock: ClockChoice,
     writer: &Writer,
     roll: &Roll,
-) -> Result<Vec<String>, String> {
-    let ports = &mut experiment.ports;
-    let outcomes = connect_all(ports, roll);
+    mut line: Line,
+) -> Result<Vec<String>, Unconnected> {
+    let ports = std::mem::take(&mut experiment.ports);
+    let names: Vec<String> = ports.iter().map(|port| port.name.clone()).collect();
+    let all = connect_all(ports, roll, &mut line);
+    if line.asks_for_the_end() {
+        let connected = all.into_iter().flatten();
+        for (_, mut port, _) in connected {
+            port.retire(Retirement::Orderly);
+        }
+        return Err(Unconnected::Stopped);
+    }
+    line.put_back();
     let mut warnings = Vec::new();
     let mut refusals = Vec::new();
-    for (number, (port, outcome)) in (1u64..).zip(ports.iter().zip(outcomes)) {
+    for (number, (name, said)) in (1u64..).zip(names.iter().zip(all)) {
+        let Some((_, port, outcome)) = said else {
+            let text =
+                "internal error: its connection panicked, or the system gives no thread for it";
+            refusals.push(format!("specimen \"{name}\": {text}"));
+            continue;
+        };
         let about = |level, event| {
             Note::new(level, event)
                 .with("specimen", number)
                 .with("name", port.name.as_str())
         };
-        let outcome = outcome.and_then(|found| fit_for(clock, port, found));
+        let outcome = outcome.and_then(|found| fit_for(clock, &port, found));
         match outcome {
             Ok(introduction) => {
                 for warning in &introduction.warnings {
@@ -82,14 +114,15 @@ pub(super) fn connect(
                 writer.note(note.with("message", error.text.as_str()));
             }
         }
+        experiment.ports.push(port);
     }
     if refusals.is_empty() {
         return Ok(warnings);
     }
-    for port in ports {
+    for port in &mut experiment.ports {
         port.retire(Retirement::Orderly);
     }
-    Err(refusals.join("; "))
+    Err(Unconnected::Refused(refusals.join("; ")))
 }
 
 /// On the simulated clock commands follow each other as fast as they are answered: that is for computations.
@@ -113,52 +146,105 @@ fn fit_for(
     })
 }
 
-/// Each on a thread of its own, for they wait; those of this process have nothing to wait for. The threads that their links
-/// start stand on the roll, too.
-fn connect_all(ports: &mut [Port], roll: &Roll) -> Vec<Result<Introduction, Unavailable>> {
-    std::thread::scope(|scope| {
-        let waiting: Vec<_> = ports
-            .iter_mut()
-            .map(|port| {
-                if !port.is_remote() {
-                    return Waiting::Done(port.connect());
-                }
-                let thread = std::thread::Builder::new().name("gusset-connect".into());
-                let work = || {
-                    let stamper = roll.enter();
-                    let began_ns = stamper.now();
-                    let outcome = roll.within(|| port.connect());
-                    stamper.since(What::Connect, began_ns, 0);
-                    outcome
-                };
-                match thread.spawn_scoped(scope, work) {
-                    Ok(thread) => Waiting::Thread(thread),
-                    Err(error) => Waiting::Done(Err(Unavailable {
-                        fault: LinkFault::Closed,
-                        text: format!("the system gives no thread to connect it on: {error}"),
-                    })),
-                }
-            })
-            .collect();
-        waiting.into_iter().map(Waiting::outcome).collect()
-    })
+/// The operator's line while the loop does not listen to it yet.
+pub(super) struct Line {
+    requests: Receiver<Operator>,
+    /// Its other end; without it nothing is taken, for it could not be put back.
+    desk: Option<Sender<Operator>>,
+    /// What was said that is not for now.
+    heard: Vec<Operator>,
 }
 
-enum Waiting<'scope> {
-    Thread(std::thread::ScopedJoinHandle<'scope, Result<Introduction, Unavailable>>),
-    Done(Result<Introduction, Unavailable>),
-}
-
-impl Waiting<'_> {
-    fn outcome(self) -> Result<Introduction, Unavailable> {
-        match self {
-            Self::Done(outcome) => outcome,
-            Self::Thread(thread) => thread.join().unwrap_or_else(|_| {
-                Err(Unavailable {
-                    fault: LinkFault::Closed,
-                    text: "internal error: its connection panicked".to_owned(),
-                })
-            }),
+impl Line {
+    pub fn of(control: &Control) -> Self {
+        Self {
+            requests: control.requests.clone(),
+            desk: control.desk.clone(),
+            heard: Vec::new(),
         }
+    }
+
+    /// True once an end of the test was asked for.
+    fn asks_for_the_end(&mut self) -> bool {
+        if self.desk.is_some() {
+            self.heard.extend(self.requests.try_iter());
+        }
+        self.heard.contains(&Operator::Stop)
+    }
+
+    /// The loop hears all of it.
+    fn put_back(&mut self) {
+        if let Some(desk) = &self.desk {
+            for word in self.heard.drain(..) {
+                // As many fit as were taken.
+                let _ = desk.try_send(word);
+            }
+        }
+    }
+}
+
+/// A port that has said what it has to say, by its place.
+type Said = (usize, Port, Result<Introduction, Unavailable>);
+
+/// Each on a thread of its own, for they wait; those of this process have nothing to wait for. The threads that their links
+/// start stand on the roll, too. Who is still waited for when the operator asks for an end is left behind with its thread: it
+/// was told of nothing that could move, and its connection closes with it. None for these, and for one whose thread panicked.
+fn connect_all(ports: Vec<Port>, roll: &Roll, line: &mut Line) -> Vec<Option<Said>> {
+    let mut all: Vec<Option<Said>> = ports.iter().map(|_| None).collect();
+    let (done, mut owed) = (mpsc::channel::<Said>(), 0);
+    for (index, mut port) in ports.into_iter().enumerate() {
+        if !port.is_remote() {
+            let outcome = port.connect();
+            all[index] = Some((index, port, outcome));
+            continue;
+        }
+        let (roll, done) = (roll.clone(), done.0.clone());
+        let work = move || {
+            let stamper = roll.enter();
+            let began_ns = stamper.now();
+            let outcome = roll.within(|| port.connect());
+            stamper.since(What::Connect, began_ns, 0);
+            let _ = done.send((index, port, outcome));
+        };
+        // A system that gives no thread is told of as one that panicked: nobody was connected.
+        let thread = std::thread::Builder::new().name("gusset-connect".into());
+        owed += usize::from(thread.spawn(work).is_ok());
+    }
+    drop(done.0);
+    while owed > 0 && !line.asks_for_the_end() {
+        match done.1.recv_timeout(LOOK_EVERY) {
+            Ok(said) => {
+                let index = said.0;
+                all[index] = Some(said);
+                owed -= 1;
+            }
+            Err(mpsc::RecvTimeoutError::Timeout) => {}
+            Err(mpsc::RecvTimeoutError::Disconnected) => break,
+        }
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_said_before_the_loop_listens_is_not_lost() {
+        let (desk, requests) = crossbeam_channel::bounded(4);
+        let control = Control {
+            desk: Some(desk.clone()),
+            ..Control::from(requests.clone())
+        };
+        let mut line = Line::of(&control);
+        desk.try_send(Operator::Hold).unwrap();
+        desk.try_send(Operator::Continue).unwrap();
+        assert!(!line.asks_for_the_end());
+        assert!(requests.is_empty());
+        line.put_back();
+        let heard: Vec<Operator> = requests.try_iter().collect();
+        assert_eq!(heard, [Operator::Hold, Operator::Continue]);
+        desk.try_send(Operator::Stop).unwrap();
+        assert!(line.asks_for_the_end());
     }
 }

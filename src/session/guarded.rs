@@ -5,6 +5,7 @@
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
+use super::connect::Unconnected;
 use crate::engine::{Control, Ending, Engine, Outcome, Stop};
 use crate::rt::os;
 use crate::substructure::Retirement;
@@ -15,15 +16,15 @@ pub(super) struct Ended {
     pub outcome: Option<Outcome>,
     /// A panic of our own, in words.
     pub fault: Option<String>,
-    /// Why a specimen could not be connected, so that the loop never started.
-    pub unconnected: Option<String>,
+    /// Why the specimens are not connected, so that the loop never started.
+    pub unconnected: Option<Unconnected>,
     /// Wall time of the loop, whatever clock it ran on.
     pub wall_ns: u64,
 }
 
 impl Ended {
     /// The end of a test whose loop never ran.
-    pub fn without_loop(unconnected: Option<String>) -> Self {
+    pub fn without_loop(unconnected: Option<Unconnected>) -> Self {
         Self {
             outcome: None,
             fault: None,

@@ -49,6 +49,7 @@ pub use signals::{Signal, Signals};
 pub use summary::ending;
 pub use watches::{Attendance, Watches, roll};
 
+use connect::Line;
 use desk::Desk;
 use guarded::Ended;
 use ready::{Ready, prepare};
@@ -148,6 +149,7 @@ pub fn run(
         .desk
         .clone()
         .map(|asks| (asks, control.phase.clone()));
+    let line = Line::of(&control);
     match prepare(experiment, &facts, &files, &mut folder, control, watches) {
         Ok(ready) => {
             let roll = &ready.roll;
@@ -157,7 +159,7 @@ pub fn run(
                 let note = Note::new(NoteLevel::Warning, "warning");
                 ready.writer.note(note.with("text", text));
             }
-            Ok(carry_out(ready, &facts, folder, progress))
+            Ok(carry_out(ready, line, &facts, folder, progress))
         }
         Err(error) => {
             folder.abandon();
@@ -169,6 +171,7 @@ pub fn run(
 /// From the first edge to the finished folder. Nothing here fails: what cannot be written is told.
 fn carry_out(
     ready: Ready,
+    line: Line,
     facts: &Facts,
     mut folder: RunFolder,
     progress: &mut dyn FnMut(&Progress),
@@ -185,15 +188,15 @@ fn carry_out(
     } = ready;
     let mut facts = facts.clone();
     let began = Wall::now();
-    let mut ended = match connect::connect(&mut experiment, facts.clock, &writer, &roll) {
+    let mut ended = match connect::connect(&mut experiment, facts.clock, &writer, &roll, line) {
         Ok(warnings) => {
             facts.warnings.extend(warnings);
             let _ = go.send(experiment);
             wait_for_the_end(&done, &writer, &roll, progress)
         }
-        Err(text) => {
+        Err(why) => {
             drop(go);
-            Ended::without_loop(Some(text))
+            Ended::without_loop(Some(why))
         }
     };
     let _ = thread.join();

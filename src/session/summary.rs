@@ -6,6 +6,7 @@ use std::time::Duration;
 use serde_json::{Value, json};
 
 use super::Finish;
+use super::connect::Unconnected;
 use super::guarded::Ended;
 use crate::config::{ClockChoice, Facts};
 use crate::engine::{Ending, Left, Outcome, Stop, Unfinished};
@@ -67,7 +68,14 @@ pub(super) fn summarise(
 ) -> (Finish, Summary) {
     let outcome = ended.outcome.as_ref();
     let (finish, reason) = match (&ended.fault, &ended.unconnected, outcome) {
-        (None, Some(text), _) => (Finish::LinkFailed, format!("{text}; nothing was moved")),
+        (None, Some(Unconnected::Refused(text)), _) => {
+            (Finish::LinkFailed, format!("{text}; nothing was moved"))
+        }
+        (None, Some(Unconnected::Stopped), _) => (
+            Finish::Interrupted,
+            "stopped by the operator while the specimens were being connected; nothing was moved"
+                .to_owned(),
+        ),
         (Some(fault), _, _) => (Finish::Panicked, format!("internal error: {fault}")),
         (None, None, Some(outcome)) => ending(outcome),
         (None, None, None) => (Finish::Panicked, "internal error".to_owned()),
