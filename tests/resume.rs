@@ -685,13 +685,21 @@ fn a_force_that_was_lost_at_rest_is_told_and_not_taken_for_drift() {
         let folder = RunFolder::create(&at(out)).unwrap();
         session::run(test, folder, requests, Watches::default(), &mut |_| {}).unwrap()
     };
-    for (takes, key) in [(false, ""), (true, "resume_takes_force_drift = true\n")] {
-        let [whole, first, second] = ["whole", "first", "second"].map(|n| format!("{n}-{takes}"));
+    let takes_it = "resume_takes_force_drift = true\n";
+    for (zero, takes, key) in [
+        ("relative", false, ""),
+        ("relative", true, takes_it),
+        ("absolute", false, ""),
+    ] {
+        let [whole, first, second] =
+            ["whole", "first", "second"].map(|n| format!("{n}-{zero}-{takes}"));
         let safety = format!("[safety]\nunlimited = \"a damper\"\n{key}");
         let law = frame(200, 1, 2.0, 0.0).replace("[safety]\n", &safety);
         let linked = law.split("[specimen.law").next().unwrap().to_owned()
-            + "stiffness_n_per_m = 5e5\nlink = { address = \"127.0.0.1:9\", coupling = \"lockstep\" }\n\
-               [[specimen.axis]]\nzero_force = \"relative\"\n";
+            + &format!(
+                "stiffness_n_per_m = 5e5\nlink = {{ address = \"127.0.0.1:9\", coupling = \"lockstep\" }}\n\
+                 [[specimen.axis]]\nzero_force = \"{zero}\"\n"
+            );
         let test = test_in(home.path(), &linked);
         let loaded = gusset::config::load(&test, &[]).unwrap_or_else(|e| panic!("{e}"));
         let built = gusset::config::build(&loaded).unwrap_or_else(|e| panic!("{e}"));

@@ -177,8 +177,8 @@ impl Engine {
         self.wait_for_confirmation(control)
     }
 
-    /// Relative channels that read something else than they did. What a load cell reads less where a motion came to an end was
-    /// a force of the specimen.
+    /// Channels that read something else than they did: of relative ones it may be drift. What a load cell reads less where a
+    /// motion came to an end was a force of the specimen; that it is gone is told whatever its zero is.
     fn take_drift(&mut self, left: &[Vec<Place>]) {
         let takes_force = self.opening.takes_force_drift;
         let mut differ = Vec::new();
@@ -190,18 +190,20 @@ impl Engine {
                 }
                 let reading = port.reading(axis);
                 let noise = NOISE * reading.force_noise;
-                if port.has_relative_force(axis) && (reading.force - place.force).abs() > noise {
-                    differ.push((index as u32, axis as u32, [place.force, reading.force]));
+                if (reading.force - place.force).abs() > noise {
+                    let is_taken = takes_force && port.has_relative_force(axis);
+                    let forces = [place.force, reading.force];
+                    differ.push((index as u32, axis as u32, forces, is_taken));
                 }
             }
         }
-        for (port, axis, [left, found]) in differ {
+        for (port, axis, [left, found], is_taken) in differ {
             self.report_now(EventKind::ForceChanged {
                 port,
                 axis,
                 left,
                 found,
-                is_taken: takes_force,
+                is_taken,
             });
         }
     }

@@ -211,7 +211,7 @@ pub enum EventKind {
         /// Axis, from 0.
         axis: u32,
     },
-    /// A load cell with a relative zero reads another force than before the interruption of its test.
+    /// A load cell reads another force than before the interruption of its test.
     ForceChanged {
         /// Specimen, from 0.
         port: u32,
