@@ -224,7 +224,8 @@ fn flat(value: &Value, path: String, out: &mut Vec<(String, String)>) {
             .for_each(|(key, value)| flat(value, join(key), out)),
         Value::Array(list) if list.iter().any(Value::is_object) => {
             for (i, value) in list.iter().enumerate() {
-                flat(value, format!("{path}[{}]", i + 1), out);
+                // As `--set` and every message count them.
+                flat(value, format!("{path}.{i}"), out);
             }
         }
         other => out.push((path, super::text::shortened(&other.to_string(), 120))),
