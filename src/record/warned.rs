@@ -1,4 +1,4 @@
-//! Limits that were warned of while a test ran: how often, and how far they were passed.
+//! Limits that were warned of while a test ran: how often, and what was found when they were first passed.
 
 use super::EventKind;
 
@@ -13,7 +13,7 @@ struct Passed {
     of: Option<(u32, u32)>,
     limit: &'static str,
     times: u64,
-    /// The value that was farthest beyond its bound, and that.
+    /// What was found in the tick in which it was first passed, and what was allowed.
     value: f64,
     bound: f64,
 }
@@ -42,9 +42,6 @@ impl Warned {
         let known = self.0.iter_mut().find(|p| p.of == of && p.limit == limit);
         if let Some(passed) = known {
             passed.times += 1;
-            if (value - bound).abs() > (passed.value - passed.bound).abs() {
-                (passed.value, passed.bound) = (value, bound);
-            }
         } else {
             self.0.push(Passed {
                 of,
@@ -79,7 +76,7 @@ impl Warned {
                 times => format!("{times} times"),
             };
             format!(
-                "{whose} passed the warning level of {limit} {times}: {value:.6}, allowed {bound:.6}"
+                "{whose} passed the warning level of {limit} {times}, first with {value:.6}, allowed {bound:.6}"
             )
         };
         self.0.iter().map(sentence).collect()
@@ -91,7 +88,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_limit_is_told_once_with_its_number_and_the_worst_value() {
+    fn each_limit_is_told_once_with_its_number_and_how_it_began() {
         let mut warned = Warned::default();
         let limit = |axis, value, bound, trip| EventKind::Limit {
             port: 0,
@@ -114,8 +111,8 @@ mod tests {
         assert_eq!(
             warned.sentences(&["brace".to_owned()]),
             [
-                "specimen \"brace\" axis 1 passed the warning level of measured_force_n 3 times: -62.000000, allowed -50.000000",
-                "specimen \"brace\" axis 2 passed the warning level of measured_force_n once: 1.500000, allowed 1.000000",
+                "specimen \"brace\" axis 1 passed the warning level of measured_force_n 3 times, first with 51.000000, allowed 50.000000",
+                "specimen \"brace\" axis 2 passed the warning level of measured_force_n once, first with 1.500000, allowed 1.000000",
             ]
         );
     }
