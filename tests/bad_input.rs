@@ -58,6 +58,16 @@ fn an_unknown_key_comes_with_a_suggestion_and_the_keys_that_exist() {
     );
 }
 
+/// The unit of a target is at fault, not the signal that stands before it.
+#[test]
+fn a_unit_that_does_not_fit_is_shown_where_it_stands() {
+    let target = "target_peak = { value = 0.35, unit = \"mm\" }";
+    let text = format!("{FRAME}\n[excitation.ground_acceleration.processing]\n{target}\n");
+    let words = ["unit mm does not measure an acceleration"];
+    let under = "{ value = 0.35, unit = \"mm\" }";
+    refused(&text, &[], target, under, &words);
+}
+
 #[test]
 fn a_value_of_the_wrong_type_is_shown_with_the_type_that_is_wanted() {
     let words = [

@@ -11,6 +11,7 @@ use serde::de::{
 
 use super::document::{Datum, KeyPath, Node};
 use super::read::Kind;
+use super::suggest::listed;
 use super::words::{found_in_words, wanted_in_words};
 
 /// What went wrong in the reading.
@@ -178,7 +179,15 @@ impl<'de> Reader<'de> {
                     }),
                 })
             }
-            _ => self.visit(visitor),
+            // It is refused; serde does not say which names there are.
+            _ => self.visit(visitor).map_err(|mut error| {
+                if let Kind::WrongType { wanted, .. } = &mut error.0.kind {
+                    let one = names.first().copied().unwrap_or("name");
+                    let names = listed(names, "or");
+                    *wanted = format!("{names}; where it has parameters, `{{ {one} = ... }}`");
+                }
+                error
+            }),
         }
     }
 }
@@ -316,7 +325,7 @@ impl<'de> Variant<'de> {
         self.content.ok_or_else(|| {
             ReadError::new(Kind::WrongType {
                 found: format!("only the name {name:?}"),
-                wanted: format!("a table with its parameters, `{{ {name} = {{ ... }} }}`"),
+                wanted: format!("a table with its parameters, `{{ {name} = ... }}`"),
             })
         })
     }

@@ -192,6 +192,8 @@ pub enum MotionError {
     /// A unit of something else.
     #[error("unit {unit} does not measure {quantity}")]
     UnitMismatch {
+        /// The key whose unit it is, where the signal itself is none.
+        key: Option<&'static str>,
         /// The unit found.
         unit: Unit,
         /// What was to be measured.
@@ -289,6 +291,7 @@ impl MotionError {
         match self {
             Self::Parameter { name, .. } => Some(name),
             Self::NotApplicable { key, .. } => Some(key),
+            Self::UnitMismatch { key, .. } => *key,
             Self::UnitMissing { .. } | Self::Unreadable { .. } => Some("path"),
             _ => None,
         }

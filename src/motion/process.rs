@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use super::error::{MotionError, all_finite, finite, inside, positive};
 use super::resample::central_difference;
 use super::sampled::{Origin, Sampled};
-use super::shapes::{factor, taper};
+use super::shapes::{factor_of, taper};
 use super::signal::{Signal, Source};
 use super::unit::{Quantity, Unit};
 use super::{Files, Grid, Series, peak};
@@ -273,8 +273,8 @@ impl Processing {
                 found: 2,
             }),
             (Some(target), None) => {
-                let wanted =
-                    positive("target_peak", target.value)? * factor(Some(target.unit), quantity)?;
+                let wanted = positive("target_peak", target.value)?
+                    * factor_of("target_peak", target.unit, quantity)?;
                 ratio(wanted, peak(&values()?))
             }
             (None, Some(target)) => {
@@ -284,8 +284,8 @@ impl Processing {
                         what: "anything but an acceleration",
                     });
                 }
-                let wanted =
-                    positive("target_sa", target.value)? * factor(Some(target.unit), quantity)?;
+                let wanted = positive("target_sa", target.value)?
+                    * factor_of("target_sa", target.unit, quantity)?;
                 let period = positive("period_s", target.period_s)?;
                 let damping = target.damping_ratio;
                 let allowed = "at least 0 and less than 1";

@@ -25,8 +25,25 @@ pub(super) fn factor(unit: Option<Unit>, quantity: Quantity) -> Result<f64, Moti
     match unit {
         None => Ok(1.0),
         Some(unit) if unit.quantity() == quantity => Ok(unit.to_si()),
-        Some(unit) => Err(MotionError::UnitMismatch { unit, quantity }),
+        Some(unit) => Err(MotionError::UnitMismatch {
+            key: None,
+            unit,
+            quantity,
+        }),
     }
+}
+
+/// The same for the unit of what the processing is told under `key`.
+pub(super) fn factor_of(
+    key: &'static str,
+    unit: Unit,
+    quantity: Quantity,
+) -> Result<f64, MotionError> {
+    factor(Some(unit), quantity).map_err(|_| MotionError::UnitMismatch {
+        key: Some(key),
+        unit,
+        quantity,
+    })
 }
 
 /// Exactly one of two ways to say the same thing.

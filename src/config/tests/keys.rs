@@ -132,6 +132,10 @@ error: `specimen[0].storey` must be a whole number, zero or greater
         &complaint("law = { bilinear = {", "law = \"bilinear\" # {"),
         "a table with its parameters",
     );
+    shows(
+        &complaint("law = { bilinear = {", "law = 2 # {"),
+        "`bilinear`",
+    );
 }
 
 #[test]
