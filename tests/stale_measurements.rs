@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 
 use common::engine::{Run, run_on};
 use common::rig::{Act, Call, Log, Phase, STIFFNESS, attach, storey, two_floors};
+use gusset::control::{Reference, Zero};
 use gusset::engine::{Ending, Stop};
 use gusset::record::EventKind;
 use gusset::substructure::{Coupling, Retirement};
@@ -165,4 +166,68 @@ fn a_sampled_specimen_has_until_shortly_before_the_next_edge_and_no_longer() {
     for (edge, deadline) in edges.iter().zip(&deadlines) {
         assert_eq!(deadline - edge, 875_000, "7/8 of a tick of 1 ms");
     }
+}
+
+/// A rig whose first answers are lost, under a constant 30 kN: so many ticks of zeroing and of warm-up.
+fn begins_late(zero_ticks: u32, warmup_ticks: u64, lost: u64) -> (Run, usize) {
+    let log = Log::default();
+    let mut experiment = two_floors(STEPS, "");
+    experiment.opening.zero_ticks = zero_ticks;
+    experiment.limits.warmup_ticks = warmup_ticks;
+    experiment.limits.stale_in_a_row = 10;
+    attach(
+        &mut experiment,
+        storey(0),
+        Coupling::Sampled,
+        &log,
+        move |phase, sequence| match phase {
+            Phase::Collect if sequence < lost => Act::Miss,
+            _ => Act::Force(3e4),
+        },
+    );
+    let port = experiment.ports.pop().unwrap();
+    experiment.ports.push(port.with_references(vec![Reference {
+        disp: Zero::Absolute,
+        force: Zero::Relative,
+    }]));
+    let run = run_on(experiment, SimClock::new());
+    let calls = log.lock().unwrap();
+    let issued = calls
+        .iter()
+        .filter(|call| matches!(call.1, Call::Issue { .. }));
+    (run, issued.count())
+}
+
+#[test]
+fn a_zero_is_taken_of_answers_and_of_as_many_as_were_asked_for() {
+    for lost in [0, 1, 8] {
+        let (run, issued) = begins_late(20, 3, lost);
+        assert_eq!(run.outcome.ending, Ending::Completed, "{lost}");
+        let zeroed = run.events.iter().find_map(|event| match event.kind {
+            EventKind::Zeroed { values, .. } => Some(values),
+            _ => None,
+        });
+        assert_eq!(zeroed, Some([0.0, 3e4, 0.0, 0.0]), "{lost}");
+        assert!(run.column("force_1_1").iter().all(|force| *force == 0.0));
+        assert_eq!(issued as u64, 20 + lost + 3 + u64::from(STEPS) + 1);
+    }
+    // Not for ever.
+    let (run, _) = begins_late(20, 3, 11);
+    let wanted = Stop::Stale { port: 0, ticks: 11 };
+    assert_eq!(run.outcome.ending, Ending::Stopped(wanted));
+}
+
+/// Where nothing is read before the test, a specimen that was never heard of does not enter equilibrium with a force of zero.
+#[test]
+fn nothing_is_integrated_before_the_first_answer() {
+    for (warmup_ticks, lost) in [(1, 9), (1, 2), (0, 1)] {
+        let (run, _) = begins_late(0, warmup_ticks, lost);
+        let ticks = warmup_ticks + 1;
+        let wanted = Stop::Stale { port: 0, ticks };
+        assert_eq!(run.outcome.ending, Ending::Stopped(wanted), "{lost}");
+        assert!(run.column("x1").is_empty());
+    }
+    // It is time enough with the first step.
+    let (run, _) = begins_late(0, 9, 9);
+    assert_eq!(run.outcome.ending, Ending::Completed);
 }

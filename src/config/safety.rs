@@ -14,7 +14,8 @@ pub struct SafetyTable {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub divergence_m: Option<f64>,
     /// Wall time in s over which every sensor is averaged before anything moves, while the specimens hold where they
-    /// stand, at most 600. 0: not at all. Absent: 0.2 if a specimen is behind a link or a channel is relative, else 0.
+    /// stand, at most 600. Answers that stay away are not averaged: it takes so much longer. 0: not at all. Absent: 0.2 if a
+    /// specimen is behind a link or a channel is relative, else 0.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub zero_s: Option<f64>,
     /// Whether the operator must confirm what was read, which must then be something: not with a `zero_s` of 0. Where a channel

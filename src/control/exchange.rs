@@ -156,6 +156,7 @@ impl Port {
         }
         if is_fresh {
             self.link.received += 1;
+            self.partner.measured = true;
             self.raw.status.0 &= !Status::STALE.0;
             self.compensation_hears();
         } else {

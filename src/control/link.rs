@@ -28,6 +28,8 @@ pub struct Partner {
     pub gone: bool,
     /// It owed an answer when the test ended, and is told nothing before that is here.
     pub owes_the_last: bool,
+    /// A measurement of it has come since it was armed: before that what is known of it is made up.
+    pub measured: bool,
     /// Stale measurements in a row.
     pub stale: u64,
     /// When one that is commanded once a step was seen to owe its answer.
@@ -137,6 +139,7 @@ impl Port {
     /// # Errors
     /// The specimen is not ready, stands elsewhere, or is gone.
     pub fn arm(&mut self, sequence: u64) -> Result<(), LinkFault> {
+        self.partner.measured = false;
         let number = self.pursuit.first_number(sequence, self.ahead);
         self.substructure.arm(number, &self.command)
     }

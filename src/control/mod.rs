@@ -46,7 +46,7 @@ pub use tempo::{HOLD_AT, SLOW_FROM, Stage, Stride, Tempo};
 pub use trend::Trend;
 pub use units::AxisUnits;
 
-use crate::substructure::{Measurement, Substructure};
+use crate::substructure::{Measurement, Status, Substructure};
 
 /// One axis of a specimen as the structure sees it: the row of B and the map between the two systems of units.
 ///
@@ -303,6 +303,14 @@ impl Port {
     #[must_use]
     pub fn raw(&self) -> &Measurement {
         &self.raw
+    }
+
+    /// True if that answers the command of the exchange, and is not the newest known in place of an answer that stayed away.
+    /// Real-time: yes.
+    #[inline]
+    #[must_use]
+    pub const fn is_fresh(&self) -> bool {
+        !self.raw.status.has(Status::STALE)
     }
 }
 

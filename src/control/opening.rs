@@ -151,12 +151,22 @@ impl Port {
         outcome
     }
 
-    /// Keeps the measurement last taken for the zero.
+    /// Keeps the measurement last taken for the zero, unless it is an old one.
     pub fn take_reading(&mut self) {
+        if !self.is_fresh() {
+            return;
+        }
         let values = self.raw.disp.iter().zip(&self.raw.force);
         for (sums, (disp, force)) in self.opening.sums.iter_mut().zip(values) {
             sums.take([*disp, *force]);
         }
+    }
+
+    /// True if so many readings were kept.
+    #[must_use]
+    pub fn has_read(&self, times: u32) -> bool {
+        let mut sums = self.opening.sums.iter();
+        sums.all(|sums| sums.count >= f64::from(times))
     }
 
     /// Readings begin anew: those of an earlier opening are of another moment.

@@ -185,6 +185,12 @@ impl Engine {
         // In a replay without these rows nobody asks for anything, and nobody answers.
         let nobody = Control::unattended();
         self.unanswered = rows == WarmUpRows::Never;
+        if self.unanswered {
+            // Who never answered before the test, and is late in its first tick, ends it there: then these rows are kept.
+            for port in &mut self.ports {
+                port.partner.measured = true;
+            }
+        }
         let control = if self.unanswered { &nobody } else { control };
         if rows == WarmUpRows::IfTheyMatter {
             let ticks = usize::try_from(self.limits.warmup_ticks).unwrap_or(0);
@@ -265,8 +271,10 @@ impl Engine {
         for port in &mut self.ports {
             port.begin_test();
             port.is_told_by_steps(true);
-            // Warm-up ticks do not count.
-            port.partner.stale = 0;
+            // Warm-up ticks do not count, but for one that has not answered yet.
+            if port.partner.measured {
+                port.partner.stale = 0;
+            }
         }
         self.clear_commands()
     }

@@ -234,14 +234,15 @@ impl Engine {
         }
     }
 
-    /// Reads every sensor for so many ticks while the specimens hold where they stand.
+    /// Reads every sensor in so many ticks while the specimens hold where they stand. It takes longer where answers stay away:
+    /// bounded by how many of them may do so in a row.
     pub(super) fn read_at_rest(&mut self, ticks: u32, control: &Control) -> Result<(), Stop> {
         self.enter(Phase::Zeroing, Cause::Done);
         for port in &mut self.ports {
             port.stand_still();
         }
         self.clear_commands()?;
-        for _ in 0..ticks {
+        while !self.ports.iter().all(|port| port.has_read(ticks)) {
             self.still_tick(Phase::Zeroing, control)?;
             for port in &mut self.ports {
                 port.take_reading();

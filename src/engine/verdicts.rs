@@ -32,7 +32,8 @@ impl Engine {
         })
     }
 
-    /// Stale data are used as the policy says, a bounded number of times in a row.
+    /// Stale data are used as the policy says, a bounded number of times in a row. The test has no use for those that nobody
+    /// ever measured.
     #[cold]
     pub(super) fn judge_age(&mut self, index: usize, tick: &Tick) -> Result<(), Stop> {
         let Some(port) = self.ports.get_mut(index) else {
@@ -51,6 +52,7 @@ impl Engine {
             port.extrapolate();
         }
         let count = port.partner.stale;
+        let is_made_up = self.riding && !port.partner.measured;
         self.report(
             tick,
             EventKind::Stale {
@@ -58,7 +60,7 @@ impl Engine {
                 age,
             },
         );
-        if on_stale == OnStale::Stop || count > in_a_row {
+        if on_stale == OnStale::Stop || count > in_a_row || is_made_up {
             return Err(Stop::Stale {
                 port: index,
                 ticks: count,

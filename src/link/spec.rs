@@ -40,7 +40,8 @@ pub struct LinkSpec {
     /// longer, they follow a prediction, slow down and hold. Only with `ticks_per_step` above 1.
     #[serde(default)]
     pub commands: CommandPace,
-    /// Stale measurements in a row after which the test stops. Absent: as many as `max_stale_s` says.
+    /// Stale measurements in a row after which the test stops; without a single answer before its first tick, at once. Absent: as
+    /// many as `max_stale_s` says.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub max_stale: Option<u64>,
     /// Wall time in s with stale measurements only after which the test stops; with `max_stale`, whichever comes first.
