@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use common::engine::{Run, run_on};
 use common::rig::{Act, Call, Log, Phase, STIFFNESS, attach, storey, two_floors};
-use gusset::control::{Reference, Zero};
+use gusset::control::{Direction, Pace, Reference, Zero};
 use gusset::engine::{Ending, Stop};
 use gusset::record::EventKind;
 use gusset::substructure::{Coupling, Retirement};
@@ -230,4 +230,46 @@ fn nothing_is_integrated_before_the_first_answer() {
     // It is time enough with the first step.
     let (run, _) = begins_late(0, 9, 9);
     assert_eq!(run.outcome.ending, Ending::Completed);
+}
+
+/// Answers stay away from the middle of the way up until half of the readings at its top are over: those are made later.
+#[test]
+fn a_direction_is_told_from_answers_to_the_commands_that_count() {
+    let amplitude = 1e-3;
+    let pace = Pace {
+        ramp: 10,
+        hold: 16,
+        period_ns: 1_000_000,
+    };
+    let probed = |lost: std::ops::Range<u64>| {
+        let log = Log::default();
+        let mut experiment = two_floors(STEPS, "timing.warmup_ticks = 3");
+        experiment.limits.stale_in_a_row = 20;
+        attach(
+            &mut experiment,
+            storey(0),
+            Coupling::Sampled,
+            &log,
+            move |phase, sequence| match phase {
+                Phase::Collect if lost.contains(&sequence) => Act::Miss,
+                _ => Act::Serve,
+            },
+        );
+        experiment.ports[0].direction = Direction::Probe {
+            amplitude: vec![amplitude],
+            pace,
+        };
+        let run = run_on(experiment, SimClock::new());
+        assert_eq!(run.outcome.ending, Ending::Completed);
+        let found = run.events.iter().find_map(|event| match event.kind {
+            EventKind::Direction { disp, force, .. } => Some([disp, force]),
+            _ => None,
+        });
+        (found, run.rows.len())
+    };
+    let (whole, rows) = probed(0..0);
+    let [disp, force] = whole.unwrap();
+    assert!((disp - amplitude).abs() < 1e-15 && (force - STIFFNESS * amplitude).abs() < 1e-9);
+    // The readings at the top begin with command 16 + 10 + 8.
+    assert_eq!(probed(21..38), (whole, rows + 4));
 }

@@ -52,9 +52,13 @@ impl Port {
         goes_on
     }
 
-    /// Gives a probe what was measured. Real-time: yes.
+    /// Gives a probe what was measured, unless it is old. Real-time: yes.
     pub fn take_probe(&self, probe: &mut Probe) {
-        probe.take(&self.measured, &self.force);
+        if self.is_fresh() {
+            probe.take(&self.measured, &self.force);
+        } else {
+            probe.give_again();
+        }
     }
 
     /// What was tried has moved if it is no computation: over OpenFresco's protocols a rig that heard of no step would take the
@@ -90,8 +94,11 @@ impl Port {
         matches!(self.direction, Direction::Settling(_))
     }
 
-    /// A reading at rest, before the static load comes on. Real-time: yes.
+    /// A reading at rest, before the static load comes on; none if it is an old one. Real-time: yes.
     pub fn listen_at_rest(&mut self) {
+        if !self.is_fresh() {
+            return;
+        }
         if let Direction::Settling(trend) = &mut self.direction {
             trend.rest(&self.target, &self.measured, &self.force);
         }

@@ -185,24 +185,31 @@ impl Probe {
         }
     }
 
+    /// The hold for which the last command counts; none if it does not.
+    fn counts_for(&self) -> Option<usize> {
+        let Pace { ramp, hold, .. } = self.pace;
+        let (part, since) = match self.exchanges.checked_sub(1)? {
+            k if k < hold => (0, k),
+            k if (hold + ramp..2 * hold + ramp).contains(&k) => (1, k - hold - ramp),
+            k if k >= 2 * (hold + ramp) => (2, k - 2 * (hold + ramp)),
+            _ => return None,
+        };
+        (since >= hold / 2).then_some(part)
+    }
+
+    /// What the last command gave is not known: one that counts is the next command once more. Real-time: yes.
+    pub fn give_again(&mut self) {
+        self.exchanges -= u32::from(self.counts_for().is_some());
+    }
+
     /// What the last command gave. Real-time: yes.
     pub fn take(&mut self, disp: &[f64], force: &[f64]) {
-        let Pace { ramp, hold, .. } = self.pace;
-        let Some(exchange) = self.exchanges.checked_sub(1) else {
+        let Some(part) = self.counts_for() else {
             return;
         };
-        let part = match exchange {
-            k if k < hold => Some((0, k)),
-            k if (hold + ramp..2 * hold + ramp).contains(&k) => Some((1, k - hold - ramp)),
-            k if k >= 2 * (hold + ramp) => Some((2, k - 2 * (hold + ramp))),
-            _ => None,
-        };
-        let (Some((part, since)), Some(axis)) = (part, self.axes.get_mut(self.axis)) else {
+        let Some(axis) = self.axes.get_mut(self.axis) else {
             return;
         };
-        if since < hold / 2 {
-            return;
-        }
         if let (Some(to), Some(value)) = (axis.disp.get_mut(part), disp.get(self.axis)) {
             to.add(*value);
         }

@@ -123,7 +123,12 @@ impl Change {
         Self {
             found: reading - rest.mean,
             expected,
-            noise: SIGMAS * (rest.variance() * (1.0 + 1.0 / rest.count.max(1.0))).sqrt(),
+            // Beside a rest that nobody read nothing shows.
+            noise: if rest.count > 0.0 {
+                SIGMAS * (rest.variance() * (1.0 + 1.0 / rest.count)).sqrt()
+            } else {
+                f64::INFINITY
+            },
         }
     }
 
