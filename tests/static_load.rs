@@ -2,9 +2,13 @@
 
 mod common;
 
-use common::engine::{Run, distance, run};
-use gusset::engine::Phase;
+use common::engine::{Run, distance, prepare, run, run_on};
+use gusset::engine::{Ending, Phase};
 use gusset::rt::timing::Quantity;
+use gusset::substructure::{
+    Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
+};
+use gusset::time::{Nanos, SimClock};
 
 const STEPS: f64 = 1024.0;
 
@@ -237,4 +241,79 @@ fn a_compensator_with_a_gain_is_there_before_the_test_begins() {
     // A twentieth of 22 mm in 13 ticks, π/2 times as fast in the middle.
     assert!(largest.fold(0.0, f64::max) < 1.6 * 0.0012 / 13.0);
     assert!((way[first] * 0.9 / targets[first] - 1.0).abs() < 1e-9);
+}
+
+/// A specimen some of whose answers are lost: those to so many commands from one of them on.
+struct Lossy {
+    inner: Box<dyn Substructure>,
+    lost: std::ops::Range<u32>,
+    asked: u32,
+    unread: Measurement,
+}
+
+impl Substructure for Lossy {
+    fn axes(&self) -> usize {
+        1
+    }
+    fn coupling(&self) -> Coupling {
+        Coupling::Sampled
+    }
+    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+        self.asked += 1;
+        self.inner.issue(command)
+    }
+    fn collect(&mut self, until: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+        if self.lost.contains(&self.asked) {
+            self.inner.collect(until, &mut self.unread)?;
+            return Ok(Freshness::Stale);
+        }
+        self.inner.collect(until, into)
+    }
+    fn accepted(&mut self, sequence: u64) -> Result<(), LinkFault> {
+        self.inner.accepted(sequence)
+    }
+    fn retire(&mut self, how: Retirement) {
+        self.inner.retire(how);
+    }
+}
+
+/// 60 kN on a spring alone, in 20 ticks and 200; nine answers in a row are lost, whenever: the load comes on later for it, never
+/// beyond what it is, and never back.
+#[test]
+fn answers_that_stay_away_do_not_overload_a_specimen() {
+    for (ramp_s, every) in [(0.2, 3), (1.0, 11)] {
+        let loaded = |lost: std::ops::Range<u32>| {
+            let mut experiment = prepare(&format!(
+                "[time]\nrate_hz = 100\nduration_s = 0.1\n[structure]\nstatic_load_n = [60e3]\n\
+                 [structure.shear_building]\nmass_kg = [20e3]\nstiffness_n_per_m = [0]\n[timing]\n\
+                 warmup_ticks = 1\n[safety]\nzero_s = 0.1\nramp_s = {ramp_s}\n[[specimen]]\nname = \"s\"\n\
+                 storey = 1\nlaw = {{ linear = {{ stiffness_n_per_m = 3e6 }} }}\n"
+            ))
+            .experiment;
+            experiment.limits.stale_in_a_row = 10;
+            let port = experiment.ports.pop().unwrap();
+            experiment.ports.push(port.watched(|inner, _| {
+                Box::new(Lossy {
+                    inner,
+                    lost,
+                    asked: 0,
+                    unread: Measurement::zeros(1),
+                })
+            }));
+            let run = run_on(experiment, SimClock::new());
+            assert_eq!(run.outcome.ending, Ending::Completed);
+            run
+        };
+        let whole = loaded(0..0);
+        let begun = |run: &Run| run.rows.len() - run.column("x1").len();
+        for first in (1..begun(&whole) as u32).step_by(every) {
+            let run = loaded(first..first + 9);
+            let way = &run.all("cmd_1_1")[..=begun(&run)];
+            for pair in way.windows(2) {
+                assert!(pair[1] >= pair[0] - 1e-12, "{ramp_s} {first}: {pair:?}");
+            }
+            let last = way[way.len() - 1];
+            assert!((last - 0.02).abs() < 1e-12, "{ramp_s} {first}: {last}");
+        }
+    }
 }

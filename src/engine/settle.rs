@@ -2,7 +2,8 @@
 //!
 //! The load rises in small parts. After each exchange the displacement moves by K⁻¹·(unbalanced force), K an upper
 //! bound of the tangent: for yielding and softening laws the approach is monotone, so that a specimen is
-//! never driven back and forth. Each correction is an accepted motion of the specimen, along half a cosine: the ramp's time
+//! never driven back and forth. Corrections are made of forces that were measured where the specimens stand: while an answer
+//! stays away they hold. Each correction is an accepted motion of the specimen, along half a cosine: the ramp's time
 //! is shared over the parts, and no speed limit is used beyond the ramp's share of it.
 //! Nothing moves meanwhile: the initial displacement, which counts from the position under the static load, and the
 //! initial velocities of structure and base come after it.
@@ -12,7 +13,7 @@ use super::operator::Control;
 use super::phase::{Cause, Phase};
 use super::tick::Tick;
 use super::{Engine, Stop};
-use crate::control::UNBOUNDED_RAMP_S;
+use crate::control::{Port, UNBOUNDED_RAMP_S};
 use crate::integrate::State;
 use crate::linalg::Spd;
 use crate::model::Base;
@@ -130,7 +131,7 @@ impl Engine {
         Ok(())
     }
 
-    /// One exchange and one correction; the sizes of the correction and of the displacement.
+    /// One exchange, and one correction when everybody has answered; the sizes of the correction and of the displacement.
     fn settle_once(
         &mut self,
         settling: &mut Settling,
@@ -145,10 +146,15 @@ impl Engine {
         let mut stamps = TickStamps::default();
         self.wait_before_start(&mut stamps, control)?;
         self.exchange(&tick, &mut stamps)?;
-        self.listen()?;
         self.resolve_poses()?;
-        self.row
-            .exchange(&tick, Phase::Settling, &self.side, &self.ports);
+        self.row_before_start(&tick, Phase::Settling, &stamps);
+        self.accept()?;
+        // The same force would be taken off the load twice.
+        while !self.ports.iter().all(Port::is_fresh) {
+            self.still_tick(Phase::Settling, control)?;
+            self.resolve_poses()?;
+        }
+        self.listen()?;
         let Side::Structure(numerical) = &mut self.side else {
             return Ok((0.0, 0.0));
         };
@@ -179,13 +185,6 @@ impl Engine {
         for port in &mut self.ports {
             port.note_peak();
             port.aim(&numerical.state.disp, &still, base.disp, base.vel);
-        }
-        self.accept()?;
-        self.row.outputs(&self.side);
-        self.row
-            .timing(&stamps, self.first_edge, self.schedule.stretched());
-        if !self.recorder.row(self.row.values()) {
-            self.rows_lost += 1;
         }
         Ok((correction, largest))
     }
