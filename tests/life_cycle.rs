@@ -6,12 +6,14 @@ mod common;
 use std::sync::{Arc, Mutex};
 
 use common::engine::{Run, prepare, run_on, run_under};
+use common::rig;
 use common::spring::Spring;
 use gusset::control::limits::{AxisLimits, Bound, Quantity, Range};
 use gusset::control::{Axis, Exit, Exits, Port, Reference, Zero};
 use gusset::engine::{Control, Ending, Experiment, Left, Operator, Phase, Stop};
 use gusset::record::EventKind;
 use gusset::session::{Finish, ending};
+use gusset::substructure::Coupling;
 use gusset::time::SimClock;
 
 /// 1 kHz in wall and test time; one storey of 2 t on 3e5 N/m, beside the specimen.
@@ -582,4 +584,103 @@ fn a_stop_is_told_when_it_is_heard() {
         )
     });
     assert_eq!((heard + 1, left + 1), (left, safe));
+}
+
+/// A rig that is pushed along for 60 steps, trips as it may, and is led to zero force; `act` says what its measurements are.
+/// Every command from the last of the test on, and how it was left.
+fn led_to_zero_force(
+    limits: AxisLimits,
+    act: impl FnMut(rig::Phase, u64) -> rig::Act + Send + 'static,
+) -> (Vec<f64>, Run) {
+    let log = rig::Log::default();
+    let mut experiment = rig::two_floors(60, "timing.warmup_ticks = 0");
+    experiment.limits.stale_in_a_row = 100;
+    let axis = rig::storey(0);
+    rig::attach(&mut experiment, axis, Coupling::Sampled, &log, act);
+    let port = experiment.ports.pop().unwrap();
+    let mut port = port.with_limits(vec![limits], vec![(1.0, 1.0)], PERIOD);
+    port.exits = Exits {
+        on_trip: Exit::ZeroForce,
+        at_end: Exit::ZeroForce,
+        speed: 0.5,
+    };
+    experiment.ports.push(port);
+    let run = run_on(experiment, SimClock::new());
+    let leaving = Phase::Leaving.code();
+    let commands = run.all("cmd_1_1").into_iter().zip(run.all("state"));
+    let way = commands.filter(|(_, state)| *state == leaving);
+    (way.map(|(disp, _)| disp).collect(), run)
+}
+
+/// Answers that stay away for 48 ticks at any time of the way: whoever went by the last force would go beyond zero.
+#[test]
+fn the_way_to_zero_force_rests_while_answers_stay_away() {
+    let (whole, _) = led_to_zero_force(AxisLimits::NONE, |_, _| rig::Act::Serve);
+    let from = whole[0];
+    assert!(from.abs() > 1e-3, "{from}");
+    // Command 61 is the first of the way out: its answer is the first that counts.
+    for lost in [60, 61, 62, 80, 120] {
+        let (way, run) = led_to_zero_force(AxisLimits::NONE, move |phase, number| match phase {
+            rig::Phase::Collect if (lost..lost + 48).contains(&number) => rig::Act::Miss,
+            _ => rig::Act::Serve,
+        });
+        assert_eq!(run.outcome.left, [Left::Reached], "{lost}");
+        assert!(
+            way.iter().all(|disp| disp / from > 0.0),
+            "{lost}: to the other side"
+        );
+        assert!(way[way.len() - 1].abs() <= 0.011 * from.abs(), "{lost}");
+        let ticks = if lost == 60 { 47 } else { 48 };
+        assert_eq!(way.len(), whole.len() + ticks, "{lost}");
+    }
+}
+
+/// One false sample of any size trips the test: the way out is judged by what was measured before it and after it.
+#[test]
+fn the_sample_that_tripped_says_nothing_of_what_force_is_small() {
+    let bounded = AxisLimits {
+        measured_force: Range {
+            trip: [-1e5, 1e5],
+            ..Range::NONE
+        },
+        ..AxisLimits::NONE
+    };
+    let jumping = AxisLimits {
+        force_step: Bound::trip(1e4),
+        ..AxisLimits::NONE
+    };
+    for limits in [bounded, jumping] {
+        for glitch in [2e5, 1e7] {
+            let (way, run) = led_to_zero_force(limits, move |phase, number| match phase {
+                rig::Phase::Collect if number == 55 => rig::Act::Force(glitch),
+                _ => rig::Act::Serve,
+            });
+            let stopped = run.outcome.ending;
+            assert!(matches!(stopped, Ending::Stopped(Stop::Limit { .. })));
+            assert_eq!(run.outcome.left, [Left::Reached]);
+            let (from, last) = (way[0], way[way.len() - 1]);
+            assert!(from.abs() > 1e-3 && last.abs() <= 0.011 * from.abs());
+        }
+    }
+}
+
+/// A load cell that has gone wild and stays so: the way out is no longer than the largest force that was allowed would make it.
+#[test]
+fn a_load_cell_that_stays_wild_leads_no_further_than_its_bound() {
+    let limits = AxisLimits {
+        measured_force: Range {
+            trip: [-1e4, 1e4],
+            ..Range::NONE
+        },
+        ..AxisLimits::NONE
+    };
+    let (way, run) = led_to_zero_force(limits, |phase, number| match phase {
+        rig::Phase::Collect if number >= 55 => rig::Act::Force(1e7),
+        _ => rig::Act::Serve,
+    });
+    assert_eq!(run.outcome.left, [Left::NotReached]);
+    let far = way.iter().map(|disp| (disp - way[0]).abs());
+    let far = far.fold(0.0, f64::max);
+    // Three times as far as k̂ says.
+    assert!(far <= 3.0 * 1e4 / rig::STIFFNESS * (1.0 + 1e-9), "{far}");
 }

@@ -74,6 +74,7 @@ impl Port {
         }
         self.guard.sent(&self.command);
         self.estimates.moves = true;
+        self.carried.copy_from_slice(&self.peak_force);
         for (sent, command) in self.sent.iter_mut().zip(&self.command) {
             *sent = *command;
         }

@@ -3,6 +3,9 @@
 //! The default is to freeze, since driving a damaged specimen home can destroy it. Anything else is asked for by name, and
 //! needs a speed. Works from the last command and measurement alone.
 //!
+//! The way to zero force goes by what is measured on it: it begins with the first force that is measured at rest, since the one
+//! before may be what tripped the test, and it rests while an answer stays away.
+//!
 //! The way out keeps the limits of the commands, or it would end itself where it began: it starts from rest, since nobody
 //! judges the stop, and takes as long as half of `command_accel_m_per_s2` wants. What is estimated of a running test rests.
 
@@ -62,6 +65,8 @@ const STRAY: f64 = 3.0;
 struct Creep {
     /// k̂ in raw units of force per raw unit of displacement.
     stiffness: f64,
+    /// Largest |force| of the test in raw units, without what stopped it.
+    largest: f64,
     small: f64,
     /// Ways in the specimen's unit: of one tick, by which that may change from tick to tick, and the last.
     longest_step: f64,
@@ -79,6 +84,8 @@ pub struct Departure {
     ticks: u64,
     tick: u64,
     to_zero_force: bool,
+    /// To zero force: it is known how far that is.
+    begun: bool,
     seconds: f64,
     arrived: bool,
 }
@@ -136,6 +143,7 @@ impl Port {
                     ticks: (LONGEST_S / tick) as u64,
                     tick: 0,
                     to_zero_force: true,
+                    begun: false,
                     seconds: LONGEST_S,
                     arrived: false,
                 });
@@ -157,6 +165,7 @@ impl Port {
             ticks: (seconds / tick).ceil() as u64,
             tick: 0,
             to_zero_force: false,
+            begun: true,
             seconds: seconds.max(tick),
             arrived: false,
         })
@@ -167,21 +176,33 @@ impl Port {
         let Some(axis) = self.axes.get(index) else {
             return Creep::default();
         };
-        let stiffness = value(&self.stiffness) / (axis.force_gain * axis.disp_gain);
-        let force = value(&self.raw.force) - axis.force_offset;
-        let largest = (value(&self.peak_force) / axis.force_gain).abs();
-        // Without k̂ nobody knows how far it is, nor which way.
-        let far = STRAY * (force / stiffness).abs();
         let change = self.exit_accel(index) * tick * tick;
         Creep {
-            stiffness,
-            small: (SMALL * largest.max(force.abs())).max(NOISE * self.reading(index).force_noise),
+            stiffness: value(&self.stiffness) / (axis.force_gain * axis.disp_gain),
+            largest: (value(&self.carried) / axis.force_gain).abs(),
             // The approach slows down by a share of its step from tick to tick.
             longest_step: (speed * tick).min(change / SHARE) / self.guard.metres_of(index),
             slew: change / self.guard.metres_of(index),
-            step: 0.0,
-            farthest: if far.is_finite() { far } else { 0.0 },
             from: value(&self.sent),
+            ..Creep::default()
+        }
+    }
+
+    /// How far it is at most, and beside what it must be small, by the force that is measured at rest. What is beyond the bound at
+    /// which it trips is taken for that: more than the specimen was meant to carry is more likely the sensor.
+    fn begin(&self, creeps: &mut [Creep]) {
+        let axes = self.axes.iter().zip(self.limits()).zip(self.units());
+        let values = self.raw.force.iter().zip(axes);
+        for (index, (creep, (raw, ((axis, limits), (_, newtons))))) in
+            creeps.iter_mut().zip(values).enumerate()
+        {
+            let [least, most] = limits.measured_force.trip;
+            let force = (raw * newtons).max(least).min(most) / newtons - axis.force_offset;
+            let largest = creep.largest.max(force.abs());
+            creep.small = (SMALL * largest).max(NOISE * self.reading(index).force_noise);
+            // Without k̂ nobody knows how far it is, nor which way.
+            let far = STRAY * (force / creep.stiffness).abs();
+            creep.farthest = if far.is_finite() { far } else { 0.0 };
         }
     }
 
@@ -198,7 +219,13 @@ impl Port {
             self.ramp_to(share, departure.seconds);
             return true;
         }
-        let (mut moving, mut arrived) = (false, true);
+        // What was measured last, before its first command, is of the test.
+        let is_known = departure.tick > 1 && self.is_fresh();
+        if is_known && !departure.begun {
+            departure.begun = true;
+            self.begin(&mut departure.creeps);
+        }
+        let (mut moving, mut arrived) = (!is_known, is_known);
         let axes = self.axes.iter().zip(&mut departure.creeps);
         let values = self.sent.iter().zip(&self.raw.force);
         let commands = self.command.iter_mut().zip(&mut self.command_vel);
@@ -207,7 +234,7 @@ impl Port {
             let step =
                 (SHARE * force / creep.stiffness).clamp(-creep.longest_step, creep.longest_step);
             let is_small = force.abs() <= creep.small;
-            let on = !is_small && (sent - step - creep.from).abs() <= creep.farthest;
+            let on = is_known && !is_small && (sent - step - creep.from).abs() <= creep.farthest;
             let wanted = if on { step } else { 0.0 };
             creep.step = wanted.clamp(creep.step - creep.slew, creep.step + creep.slew);
             *command = sent - creep.step;
@@ -285,6 +312,7 @@ mod tests {
 
     #[test]
     fn without_a_stiffness_there_is_no_way_to_zero_force() {
-        assert_eq!(to_zero_force(0.0), (0, 0.01, false));
+        // One to see that there is a force.
+        assert_eq!(to_zero_force(0.0), (1, 0.01, false));
     }
 }

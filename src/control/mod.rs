@@ -125,6 +125,8 @@ pub struct Port {
     pub force: Vec<f64>,
     /// Largest |force| so far.
     pub peak_force: Vec<f64>,
+    /// The same without what was measured after the last command of the test: nothing of it has stopped anything.
+    carried: Vec<f64>,
     /// Exchanges so far.
     pub link: LinkCount,
     /// Who answers, as the loop sees it.
@@ -236,6 +238,7 @@ impl Port {
             measured: vec![0.0; n],
             force: vec![0.0; n],
             peak_force: vec![0.0; n],
+            carried: vec![0.0; n],
             link: LinkCount::default(),
             partner: Partner::default(),
             wait: None,
