@@ -352,10 +352,14 @@ mod tests {
             (&1.into(), &"brace".into(), &3.into())
         );
         assert_eq!(
-            (&lines[4]["specimen"], &lines[4]["fault"]),
+            (&lines[4]["axis"], &lines[4]["force"]),
+            (&2.into(), &2.5.into())
+        );
+        assert_eq!(
+            (&lines[5]["specimen"], &lines[5]["fault"]),
             (&2.into(), &"timeout".into())
         );
-        assert_eq!(lines[6]["dof"], 5);
+        assert_eq!(lines[7]["dof"], 5);
     }
 
     #[test]
