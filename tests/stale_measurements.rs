@@ -7,8 +7,8 @@ use std::collections::BTreeMap;
 
 use common::engine::{Run, run_on};
 use common::rig::{Act, Call, Log, Phase, STIFFNESS, attach, storey, two_floors};
-use gusset::control::{Direction, Pace, Reference, Zero};
-use gusset::engine::{Ending, Stop};
+use gusset::control::{Direction, Exit, Pace, Reference, Zero};
+use gusset::engine::{Ending, Left, Stop};
 use gusset::record::EventKind;
 use gusset::substructure::{Coupling, Retirement};
 use gusset::time::{Clock, SimClock};
@@ -112,6 +112,50 @@ fn more_in_a_row_than_allowed_end_the_test() {
         (24, Act::Miss),
     ];
     assert_eq!(run(&apart, false, 2).0.outcome.ending, Ending::Completed);
+}
+
+/// Whoever does not answer any more is not commanded any more: that keeps nobody else from where the test file wants them.
+#[test]
+fn one_who_is_silent_stays_and_the_others_are_led_out() {
+    for silent in 0..2 {
+        let log = Log::default();
+        let mut experiment = two_floors(STEPS, "timing.warmup_ticks = 0");
+        experiment.limits.stale_in_a_row = 2;
+        for number in 0..2 {
+            let act = move |phase, sequence| match phase {
+                Phase::Collect if number == silent && sequence >= 20 => Act::Miss,
+                _ => Act::Serve,
+            };
+            let coupling = Coupling::Sampled;
+            attach(&mut experiment, storey(number), coupling, &log, act);
+            experiment.ports[number].exits.on_trip = Exit::ZeroDisp;
+            experiment.ports[number].exits.speed = 0.05;
+        }
+        let run = run_on(experiment, SimClock::new());
+        let wanted = Stop::Stale {
+            port: silent,
+            ticks: 3,
+        };
+        assert_eq!(run.outcome.ending, Ending::Stopped(wanted));
+        assert_eq!(run.outcome.unfinished, None);
+        let mut left = [Left::Reached; 2];
+        left[silent] = Left::NotReached;
+        assert_eq!(run.outcome.left, left);
+        let told = |rig: usize| -> Vec<(u64, f64)> {
+            let calls = log.lock().unwrap();
+            let issued = calls.iter().filter_map(|call| match *call {
+                (of, Call::Issue { sequence, disp, .. }) if of == rig => Some((sequence, disp)),
+                _ => None,
+            });
+            issued.collect()
+        };
+        assert_eq!(
+            told(silent).last().unwrap().0,
+            22,
+            "no command after the trip"
+        );
+        assert_eq!(told(1 - silent).last().unwrap().1, 0.0);
+    }
 }
 
 /// Reply 20 is lost on the way, reply 21 is there, and at 22 reply 20 comes in, calling itself fresh, with a force that would

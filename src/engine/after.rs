@@ -2,10 +2,10 @@
 //!
 //! From the first command on every end goes through [`Engine::conclude`]. Before it, in an orderly end or a trip, each
 //! specimen is moved to where the test file wants it left; after a panic nothing is moved any more. A specimen whose link is
-//! lost or whose interlock is open is not commanded: its own watchdog holds it. Until it is known which way round the
-//! specimens are wired, where their zeros are and that they stand where they should, none is moved: their exits would be
-//! anywhere. What stops the way out stops it for all, and is part of how the test ended: a test that trips there has
-//! tripped.
+//! lost, whose measurements stayed away too long or whose interlock is open is not commanded: its own watchdog holds it. Until
+//! it is known which way round the specimens are wired, where their zeros are and that they stand where they should, none is
+//! moved: their exits would be anywhere. What stops the way out stops it for all, and is part of how the test ended: a test
+//! that trips there has tripped.
 
 use super::columns::GIVEN_UP;
 use super::operator::Control;
@@ -181,7 +181,8 @@ impl Engine {
     /// yes.
     pub(super) fn bear_in_mind(&mut self, stop: &Stop) {
         match stop {
-            Stop::Link { port, .. } | Stop::Interlock { port } => {
+            // Of one whose measurements stay away nobody knows whether it follows.
+            Stop::Link { port, .. } | Stop::Interlock { port } | Stop::Stale { port, .. } => {
                 if let Some(port) = self.ports.get_mut(*port) {
                     port.partner.lost = true;
                     port.partner.gone |= matches!(stop, Stop::Link { .. });
