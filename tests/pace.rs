@@ -274,6 +274,74 @@ fn predictions_slow_downs_and_holds_are_replayed_to_the_last_bit() {
     assert_eq!(found.rows, states[0].len() as u64);
 }
 
+/// It falls silent for good, the others stand and wait for it until the test is given up. In the test that goes on it is told
+/// its target once more: that they stand is no hold of the operator, in which it is told nothing.
+#[test]
+fn a_partner_that_fell_silent_is_told_its_target_when_the_test_goes_on() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let safety = "safety.ease_s = 0.05\nsafety.unlimited = \"a spring\"\nsafety.zero_s = 0.01";
+    let patience = "reply_timeout_s = 0.3, commands";
+    let partner = far("far").replace("commands", patience);
+    let text = format!("{}{SPRING}{partner}", frame(10, safety));
+    let [whole, silent] = [0, u32::MAX].map(|asked| {
+        let home = at(&format!("asked-{asked}"));
+        std::fs::create_dir(&home).unwrap();
+        recorded_of(&home, &text, vec![Late::boxed(0.4, asked)], &[])
+    });
+    let read = |run: &Path| gusset::record::Run::open(run).unwrap();
+    let states = read(&silent).columns(&["state"]).unwrap();
+    assert!(states[0].iter().filter(|state| **state == 13.0).count() > 200);
+    for held in [false, true] {
+        let mut test = session::resume(&silent, None, &[]).unwrap_or_else(|e| panic!("{e}"));
+        test.experiment.ports[1].put_recording(Late::boxed(0.4, 0));
+        let on = at(&format!("on-{held}"));
+        // He who holds it from its beginning on lets it go; and one that stands for ever is ended.
+        let mut words = vec![
+            if held {
+                Operator::Hold
+            } else {
+                Operator::Continue
+            };
+            300
+        ];
+        words.extend(vec![Operator::Continue; 4000]);
+        words.push(Operator::Stop);
+        let folder = RunFolder::create(&on).unwrap();
+        let control = saying(&words);
+        session::run(test, folder, control, Watches::default(), &mut |_| {}).unwrap();
+        let summary = read(&on).summary().unwrap().clone();
+        assert_eq!(format!("{:?}", summary.status), "Completed", "{held}");
+        let names = ["state", "step", "x1", "x2", "force_1_1", "force_2_1"];
+        let steps = |runs: &[&Path]| {
+            let mut all = std::collections::BTreeMap::new();
+            for columns in runs.iter().map(|run| read(run).columns(&names).unwrap()) {
+                for row in (0..columns[0].len()).filter(|row| columns[0][*row] == 3.0) {
+                    let of = |column: &Vec<f64>| column[row].to_bits();
+                    all.insert(
+                        columns[1][row] as u64,
+                        columns.iter().map(of).collect::<Vec<_>>(),
+                    );
+                }
+            }
+            all
+        };
+        assert_eq!(steps(&[&silent, &on]), steps(&[&whole]), "{held}");
+        if held {
+            // In the hold it is told nothing, although its target is known.
+            let columns = read(&on).columns(&["hold", "cmd_2_1"]).unwrap();
+            let rows = columns[0].iter().zip(&columns[1]);
+            let told: Vec<f64> = rows
+                .filter(|(hold, _)| **hold == 1.0)
+                .map(|(_, to)| *to)
+                .collect();
+            assert!(told.len() > 200 && told.iter().all(|to| *to == told[0]));
+        }
+        let found = replay(&on).unwrap();
+        assert!(found.is_exact(), "{held}: {found:?}");
+    }
+}
+
 /// A spring that is asked so many times for what it was told from this test time on, before it answers.
 struct Late {
     spring: Spring,

@@ -100,17 +100,16 @@ impl Ride {
     }
 }
 
-/// A partner that is commanded once a step is told its target as soon as that is known; else there is nothing to say.
+/// A partner that is commanded once a step is told its target as soon as that is known; else there is nothing to say. In a
+/// hold of the operator (`holds`) nothing moves: it is told afterwards. That the others stand and wait for it is none.
 /// Real-time: yes.
 pub(super) fn tell(
     port: &mut Port,
     sequence: u64,
     step: u64,
     dt: f64,
-    tick: &Tick,
+    holds: bool,
 ) -> Result<(), LinkFault> {
-    // In a hold nothing moves: it is told afterwards.
-    let holds = tick.dt == 0.0 && tick.sub_tick > 0;
     if port.wants_to_be_told() && !holds {
         let passed = if step == 0 { 0.0 } else { dt };
         return port.tell(sequence, step as f64 * dt, passed);

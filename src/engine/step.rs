@@ -125,12 +125,13 @@ impl Engine {
         issue: impl Fn(&mut Port) -> Result<(), LinkFault>,
     ) -> Result<(), Stop> {
         let mut result = Ok(());
+        let holds = self.ride.tempo.stands() && tick.sub_tick > 0;
         for (index, port) in self.ports.iter_mut().enumerate() {
             if port.partner.owes_the_last {
                 port.skip_command();
             } else if !port.partner.lost {
                 let left = if self.riding && port.is_per_step() {
-                    tell(port, self.sequence, self.ride.step, self.dt, tick)
+                    tell(port, self.sequence, self.ride.step, self.dt, holds)
                 } else {
                     issue(port)
                 };
