@@ -10,6 +10,7 @@ use common::spring::Spring;
 use gusset::control::limits::{AxisLimits, Bound, Quantity};
 use gusset::control::{Axis, Direction, Exit, Exits, Order, Pace, Port, Reference, Zero};
 use gusset::engine::{Control, Ending, Operator, Stop};
+use gusset::record::EventKind;
 use gusset::time::SimClock;
 
 const PERIOD: f64 = 1e-3;
@@ -190,6 +191,63 @@ fn a_hold_before_the_ramp_moves_nothing_and_the_test_does_not_begin_in_one() {
         assert!(way[..200].iter().all(|disp| *disp == 0.0));
         assert_eq!(run.column("x1"), free.column("x1"));
     }
+}
+
+/// In the middle of the way up, at the top, and on the way back: it comes to rest as in the test, stands, and what is found of
+/// the specimen afterwards is the same.
+#[test]
+fn a_hold_while_it_is_tried_how_a_specimen_is_wired_stands_there() {
+    const AMPLITUDE: f64 = 0.001;
+    let tried = |says: Vec<(usize, Operator)>| {
+        let (ask, requests) = crossbeam_channel::bounded(8);
+        let hears = move |told| {
+            for (_, word) in says.iter().filter(|(at, _)| *at == told) {
+                ask.send(*word).unwrap();
+            }
+        };
+        let ready = |mut port: Port| {
+            port.direction = Direction::Probe {
+                amplitude: vec![AMPLITUDE],
+                pace: Pace::of(1.0, PERIOD),
+            };
+            port
+        };
+        led_by(EASED, ready, hears, &Control::from(requests), [0.0; 2])
+    };
+    // Holds of 400 ticks and ways of 1000.
+    let (free, free_way) = tried(Vec::new());
+    for at in [900, 1500, 2300] {
+        let (run, way) = tried(vec![(at, Operator::Hold), (at + 400, Operator::Continue)]);
+        assert_eq!(run.outcome.ending, Ending::Completed);
+        let stood = &way[at + 50..at + 400];
+        assert!(stood.iter().all(|disp| *disp == stood[0]), "{at}");
+        // It goes on from there: half of the 50 ticks of each easing is lost, besides what was stood.
+        let more = way.len() - free_way.len();
+        assert!((395..=405).contains(&more), "{at}: {more}");
+        assert_eq!(way[3200 + more - 1], 0.0, "back to the last bit");
+        let speed = std::f64::consts::FRAC_PI_2 * AMPLITUDE / 1000.0;
+        let bend = speed * std::f64::consts::PI / 1000.0 + speed / 50.0;
+        for three in way[..3200 + more].windows(3) {
+            assert!((three[0] - 2.0 * three[1] + three[2]).abs() < bend, "{at}");
+        }
+        let found = |run: &Run| {
+            let mut found = run.events.iter().filter_map(|event| match event.kind {
+                EventKind::Direction { disp, force, .. } => Some((disp, force)),
+                _ => None,
+            });
+            found.next().unwrap()
+        };
+        let (usual, found) = (found(&free), found(&run));
+        assert!((found.0 / usual.0 - 1.0).abs() < 1e-12 && (found.1 / usual.1 - 1.0).abs() < 1e-9);
+        for column in ["x1", "force_1_1"] {
+            assert_eq!(run.column(column), free.column(column), "{column}");
+        }
+    }
+    // One who asks for the end in the hold gets it there.
+    let says = vec![(900, Operator::Hold), (1200, Operator::Stop)];
+    let (run, way) = tried(says);
+    assert_eq!(run.outcome.ending, Ending::Stopped(Stop::Operator));
+    assert_eq!((way.len(), way[950]), (1200, way[1199]));
 }
 
 #[test]

@@ -45,9 +45,9 @@ impl Port {
         ))
     }
 
-    /// Makes the next command of a probe; false if there is none. Real-time: yes.
-    pub fn aim_probe(&mut self, probe: &mut Probe) -> bool {
-        let goes_on = probe.next(&mut self.target, &mut self.target_vel);
+    /// Makes the next command of a probe, which goes on by `share` of an exchange; false if there is none. Real-time: yes.
+    pub fn aim_probe(&mut self, probe: &mut Probe, share: f64) -> bool {
+        let goes_on = probe.go_on(share, &mut self.target, &mut self.target_vel);
         self.command_the_target();
         goes_on
     }

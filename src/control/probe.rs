@@ -104,6 +104,8 @@ pub struct Probe {
     axis: usize,
     /// Exchanges of this axis that were begun.
     exchanges: u32,
+    /// What is missing to the end of the last of them, 0 … 1: more than 0 only after one that went slower.
+    missing: f64,
 }
 
 impl Probe {
@@ -131,13 +133,20 @@ impl Probe {
             pace,
             axis: 0,
             exchanges: 0,
+            missing: 0.0,
         }
     }
 
     /// The next command, one entry per axis; false if there is none. Real-time: yes.
     pub fn next(&mut self, disp: &mut [f64], vel: &mut [f64]) -> bool {
-        if self.exchanges >= self.pace.whole() {
-            self.exchanges = 0;
+        self.go_on(1.0, disp, vel)
+    }
+
+    /// The same by `share` (more than 0, at most 1) of an exchange: a probe that is being held, or goes on after that.
+    /// Real-time: yes.
+    pub fn go_on(&mut self, share: f64, disp: &mut [f64], vel: &mut [f64]) -> bool {
+        if self.gone() >= f64::from(self.pace.whole()) {
+            (self.exchanges, self.missing) = (0, 0.0);
             self.axis += 1;
         }
         while self.axes.get(self.axis).is_some_and(|a| a.amplitude == 0.0) {
@@ -146,40 +155,53 @@ impl Probe {
         let Some(amplitude) = self.axes.get(self.axis).map(|axis| axis.amplitude) else {
             return false;
         };
-        let (share, slope) = self.shape(self.exchanges);
+        self.missing -= share;
+        if self.missing < 0.0 {
+            self.missing += 1.0;
+            self.exchanges += 1;
+        }
+        if self.exchanges > self.pace.whole() {
+            (self.exchanges, self.missing) = (self.pace.whole(), 0.0);
+        }
+        let (part, slope) = self.shape(self.gone());
         for (to, start) in disp.iter_mut().zip(&self.start) {
             *to = *start;
         }
         vel.fill(0.0);
         if let (Some(disp), Some(vel)) = (disp.get_mut(self.axis), vel.get_mut(self.axis)) {
-            *disp += amplitude * share;
-            *vel = amplitude * slope;
+            *disp += amplitude * part;
+            *vel = amplitude * slope * share;
         }
-        self.exchanges += 1;
         true
     }
 
-    /// Part of the amplitude at an exchange, and its change per second.
-    fn shape(&self, exchange: u32) -> (f64, f64) {
-        let Pace {
-            ramp,
-            hold,
-            period_ns,
-        } = self.pace;
-        let bell = |after: u32| {
-            let way = std::f64::consts::PI * f64::from(after + 1) / f64::from(ramp);
-            let length = f64::from(ramp) * period_ns.max(1) as f64 * 1e-9;
+    /// Exchanges of this axis that lie behind.
+    fn gone(&self) -> f64 {
+        f64::from(self.exchanges) - self.missing
+    }
+
+    /// Part of the amplitude after so many exchanges, and its change per second.
+    fn shape(&self, gone: f64) -> (f64, f64) {
+        let (ramp, hold) = (f64::from(self.pace.ramp), f64::from(self.pace.hold));
+        let bell = |since: f64| {
+            let way = std::f64::consts::PI * since / ramp;
+            let length = ramp * self.pace.period_ns.max(1) as f64 * 1e-9;
             let slope = 0.5 * std::f64::consts::PI * libm::sin(way) / length;
             (0.5 * (1.0 - libm::cos(way)), slope)
         };
-        let (up, top, down, back) = (hold, hold + ramp, 2 * hold + ramp, 2 * hold + 2 * ramp);
-        match exchange {
-            k if k < up => (0.0, 0.0),
-            k if k < top => bell(k - up),
-            k if k < down => (1.0, 0.0),
-            k if k < back => {
-                let (share, slope) = bell(k - down);
-                (1.0 - share, -slope)
+        let (up, top, down, back) = (
+            hold,
+            hold + ramp,
+            2.0 * hold + ramp,
+            2.0 * hold + 2.0 * ramp,
+        );
+        match gone {
+            gone if gone <= up => (0.0, 0.0),
+            gone if gone <= top => bell(gone - up),
+            gone if gone <= down => (1.0, 0.0),
+            gone if gone <= back => {
+                let (part, slope) = bell(gone - down);
+                (1.0 - part, -slope)
             }
             _ => (0.0, 0.0),
         }

@@ -51,40 +51,39 @@ impl Engine {
         Ok(())
     }
 
+    /// A hold of the operator eases out and in as in the test: what it stretches is the time of the motion.
     fn try_direction(&mut self, index: usize, control: &Control) -> Result<(), Stop> {
         let Some(mut probe) = self.ports.get(index).and_then(crate::control::Port::probe) else {
             return Ok(());
         };
         let port = index as u32;
         self.report_now(EventKind::Probing { port });
-        while let Some(tried) = self.ports.get_mut(index) {
-            if !tried.aim_probe(&mut probe) {
+        let mut pace = f64::from(u8::from(!self.hold_wanted));
+        loop {
+            pace = self.ride.tempo.eased(pace, self.hold_wanted);
+            if pace == 0.0 {
+                self.still_tick(Phase::Probing, control)?;
+                continue;
+            }
+            let tried = self.ports.get_mut(index);
+            if !tried.is_some_and(|tried| tried.aim_probe(&mut probe, pace)) {
                 break;
             }
             self.clear_commands()?;
             let tick = Tick {
-                dt: self.tick_passes(),
+                dt: self.tick_passes() * pace,
                 ..STILL
             };
             let mut stamps = TickStamps::default();
             self.wait_before_start(&mut stamps, control)?;
             self.exchange(&tick, &mut stamps)?;
-            self.row
-                .exchange(&tick, Phase::Probing, &self.side, &self.ports);
-            self.row.outputs(&self.side);
-            self.row
-                .timing(&stamps, self.first_edge, self.schedule.stretched());
-            if !self.recorder.row(self.row.values()) {
-                self.rows_lost += 1;
-            }
+            self.row_before_start(&tick, Phase::Probing, &stamps);
             let sequence = self.sequence;
             if let Some(tried) = self.ports.get_mut(index) {
                 tried.take_probe(&mut probe);
                 tried.accept_probe(sequence);
             }
-            for port in &mut self.ports {
-                port.skip_number();
-            }
+            self.skip_numbers();
         }
         let found = probe.verdict().map_err(|misfit| Stop::Misfit {
             port: index,

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use gusset::config::{load, parse};
-use gusset::engine::{GIVEN_UP, Operator};
+use gusset::engine::{GIVEN_UP, Operator, Phase};
 use gusset::link::fault::{Fault, Kind, Script};
 use gusset::record::Journal;
 
@@ -38,6 +38,40 @@ fn no_watchdog_is_alarmed_by_a_hold() {
             "{told}"
         );
     }
+}
+
+/// While it is tried how a specimen is wired, too: it stands, and stands there again in the replay.
+#[test]
+fn a_hold_while_a_specimen_is_tried_is_kept_and_comes_out_again() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/faults/campaign");
+    let mut loaded = load(&folder.join("probed.toml"), &[]).unwrap();
+    loaded.file.safety.ease_s = 0.05;
+    let link = loaded.file.specimen[0].link.as_mut().unwrap();
+    link.probe_ramp_s = 1.0;
+    let extra = Extra {
+        // 100 ticks a second: on its way up.
+        operator: vec![(90, Operator::Hold), (190, Operator::Continue)],
+        ..Extra::default()
+    };
+    let played = play(&loaded, extra, |index, setup| {
+        Rig::new(&loaded, index, &Place::default()).host(setup).0
+    });
+    let played = played.unwrap();
+    assert_eq!(played.verdict().1, 0, "{:?}", played.verdict());
+    crate::invariants::check(&loaded, &played).unwrap();
+    let wanted = ["state", "hold", "cmd_1_1"].map(|name| played.layout.index_of(name).unwrap());
+    let columns = Journal::new(&played.samples[..], played.columns().len())
+        .columns(&wanted)
+        .unwrap();
+    let held = (0..columns[0].len()).filter(|row| columns[1][*row] == 1.0);
+    let held: Vec<usize> = held.collect();
+    assert_eq!(held.len(), 100);
+    let stood: Vec<f64> = held[5..].iter().map(|row| columns[2][*row]).collect();
+    assert!(stood[0] > 0.0 && stood.iter().all(|place| *place == stood[0]));
+    assert!(
+        held.iter()
+            .all(|row| columns[0][*row] == Phase::Probing.code())
+    );
 }
 
 /// The tick before which the operator says that the test may go on is late, and the test is given up for it.
