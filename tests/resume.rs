@@ -7,6 +7,7 @@ mod link_common;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use common::{completed, copy, say, write};
@@ -15,7 +16,8 @@ use gusset::engine::{Operator, Phase};
 use gusset::record::{Run, RunFolder};
 use gusset::session::{self, Finish, Watches, replay, resume};
 use gusset::substructure::{
-    Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
+    Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Status,
+    Substructure, Unavailable,
 };
 use gusset::time::Nanos;
 
@@ -718,4 +720,213 @@ fn a_force_that_was_lost_at_rest_is_told_and_not_taken_for_drift() {
         assert!((left - found).abs() > 1.0, "{left} {found}");
         assert_eq!(told["taken_for_drift"], takes);
     }
+}
+
+/// How the link of a rig ends, after so many commands.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum End {
+    Closed,
+    NotANumber,
+    Panic,
+}
+
+/// A spring that says where it stands, and stays there when nobody is connected.
+struct Rig {
+    place: Arc<Mutex<f64>>,
+    ends: Option<(u32, End)>,
+    told: u32,
+    sequence: u64,
+}
+
+impl Rig {
+    fn boxed(place: &Arc<Mutex<f64>>, ends: Option<(u32, End)>) -> Box<dyn Substructure> {
+        Box::new(Self {
+            place: Arc::clone(place),
+            ends,
+            told: 0,
+            sequence: 0,
+        })
+    }
+}
+
+impl Substructure for Rig {
+    fn axes(&self) -> usize {
+        1
+    }
+    fn coupling(&self) -> Coupling {
+        Coupling::Lockstep
+    }
+    fn is_remote(&self) -> bool {
+        true
+    }
+    fn connect(&mut self) -> Result<Introduction, Unavailable> {
+        Ok(Introduction {
+            standing: vec![*self.place.lock().unwrap()],
+            ..Introduction::default()
+        })
+    }
+    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+        *self.place.lock().unwrap() = command.disp[0];
+        (self.sequence, self.told) = (command.sequence, self.told + 1);
+        Ok(())
+    }
+    fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+        let disp = *self.place.lock().unwrap();
+        let end = self.ends.filter(|(at, _)| self.told >= *at);
+        let force = match end.map(|(_, end)| end) {
+            None => 3e5 * disp,
+            Some(End::Closed) => return Err(LinkFault::Closed),
+            Some(End::NotANumber) => f64::NAN,
+            Some(End::Panic) => panic!("the loop is at fault"),
+        };
+        into.sequence = self.sequence;
+        (into.disp[0], into.force[0]) = (disp, force);
+        Ok(Freshness::Fresh)
+    }
+    fn retire(&mut self, _: Retirement) {}
+}
+
+/// Two storeys, each a rig behind a link. 10 ticks of reading, 4 of warm-up, a ramp of 40 where it is one.
+fn two_rigs(home: &Path, safety: &str) -> PathBuf {
+    let rig = |name: &str, storey: u32| {
+        format!(
+            "[[specimen]]\nname = \"{name}\"\nstorey = {storey}\nstiffness_n_per_m = 3e5\nlink = {{ address = \
+             \"127.0.0.1:9\", coupling = \"lockstep\", probe = \"none\" }}\n"
+        )
+    };
+    let text = format!(
+        "[time]\nrate_hz = 200\nduration_s = 2\nclock = \"simulated\"\n[structure.shear_building]\nmass_kg = [1000, 900]\n\
+         stiffness_n_per_m = [0, 0]\n[excitation.ground_acceleration.signal.sine]\namplitude = 4\nfrequency_hz = 1.4\n\
+         [timing]\nwarmup_ticks = 4\n[safety]\nunlimited = \"springs\"\nzero_s = 0.05\nramp_s = 0.2\nease_s = 0\n{safety}\n\
+         {}{}",
+        rig("one", 1),
+        rig("other", 2)
+    );
+    write(home, "test.toml", &text)
+}
+
+/// Runs it with these rigs, and an operator who asks for the end after so many ticks.
+fn run_rigs(
+    mut test: gusset::config::Prepared,
+    rigs: [Box<dyn Substructure>; 2],
+    out: &Path,
+    stops_after: Option<usize>,
+) -> session::Finished {
+    for (port, rig) in test.experiment.ports.iter_mut().zip(rigs) {
+        port.put_recording(rig);
+        port.computed = true;
+    }
+    let ticks = stops_after.unwrap_or(0);
+    let (says, requests) = crossbeam_channel::bounded(ticks + 1);
+    for _ in 0..ticks {
+        says.send(Operator::Continue).unwrap();
+    }
+    if stops_after.is_some() {
+        says.send(Operator::Stop).unwrap();
+    }
+    let folder = RunFolder::create(out).unwrap();
+    session::run(test, folder, requests, Watches::default(), &mut |_| {}).unwrap()
+}
+
+fn built(test: &Path) -> gusset::config::Prepared {
+    let loaded = gusset::config::load(test, &[]).unwrap_or_else(|e| panic!("{e}"));
+    gusset::config::build(&loaded).unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn column(run: &Path, name: &str) -> Vec<f64> {
+    Run::open(run).unwrap().columns(&[name]).unwrap().remove(0)
+}
+
+/// Killed, stopped or refused before its first step, a test that goes on is no dead end: its specimens stand where it left them,
+/// and the state is that of the test before it.
+#[test]
+fn a_test_that_ended_on_its_way_in_to_where_it_was_to_go_on_can_go_on() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let leaves = "at_end = \"zero_displacement\"\nexit_speed_m_per_s = 0.05\n";
+    let test = two_rigs(home.path(), leaves);
+    let places: [Arc<Mutex<f64>>; 2] = Default::default();
+    let put = |to: [f64; 2]| {
+        for (place, to) in places.iter().zip(to) {
+            *place.lock().unwrap() = to;
+        }
+    };
+    let rigs = || places.each_ref().map(|place| Rig::boxed(place, None));
+    let again = |from: &str| resume(&at(from), None, &[]).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(
+        run_rigs(built(&test), rigs(), &at("whole"), None).finish,
+        Finish::Completed
+    );
+    put([0.0; 2]);
+    let ended = run_rigs(built(&test), rigs(), &at("first"), Some(190));
+    assert_eq!(ended.finish, Finish::Interrupted);
+    assert_eq!(ended.summary.left["one"], "reached");
+    let goes_on = |from: &str, to: &str| {
+        let ended = run_rigs(again(from), rigs(), &at(to), None);
+        assert_eq!(
+            ended.finish,
+            Finish::Completed,
+            "{from}: {}",
+            ended.summary.reason
+        );
+        assert_eq!(
+            steps(&[&at("first"), &at(to)]),
+            steps(&[&at("whole")]),
+            "{from}"
+        );
+        let found = replay(&at(to)).unwrap();
+        assert!(found.is_exact(), "{from}: {found:?}");
+        let warned = ended.summary.warnings.join("; ");
+        assert_eq!(
+            warned.contains("ended on its way in"),
+            from != "first",
+            "{warned}"
+        );
+    };
+    goes_on("first", "second");
+
+    // It is killed while it reads, at the beginning of its ramp and in the middle, with a tick that is not on record.
+    let states = column(&at("second"), "state");
+    let commands = ["cmd_1_1", "cmd_2_1"].map(|name| column(&at("second"), name));
+    let ramps = states
+        .iter()
+        .position(|state| *state == Phase::Ramping.code());
+    let ramps = ramps.unwrap();
+    assert!(commands[0][ramps + 20].abs() > 1e-4);
+    for row in [ramps - 5, ramps, ramps + 1, ramps + 20] {
+        let (cut, on) = (format!("cut-{row}"), format!("on-{row}"));
+        killed(&at("second"), &at(&cut), row);
+        put(commands.each_ref().map(|column| column[row]));
+        goes_on(&cut, &on);
+    }
+
+    // The operator ends it there: it is led out, and what goes on after that is killed in its ramp, too.
+    put([0.0; 2]);
+    let ended = run_rigs(again("first"), rigs(), &at("ended"), Some(35));
+    assert_eq!(ended.finish, Finish::Interrupted);
+    assert_eq!(ended.summary.left["one"], "reached");
+    let stands = *places[0].lock().unwrap();
+    assert_eq!(column(&at("ended"), "cmd_1_1").last(), Some(&stands));
+    goes_on("ended", "after-that");
+    killed(&at("after-that"), &at("cut-again"), ramps + 20);
+    put(commands.each_ref().map(|column| column[ramps + 20]));
+    goes_on("cut-again", "at-last");
+
+    // Somebody has moved it: refused, and that is no way around being refused.
+    for (from, to) in [("first", "refused"), ("refused", "refused-again")] {
+        put([5e-3, 0.0]);
+        let ended = run_rigs(again(from), rigs(), &at(to), None);
+        assert_eq!(ended.finish, Finish::Stopped, "{}", ended.summary.reason);
+        assert!(ended.summary.reason.contains("was left at"));
+    }
+    put([0.0; 2]);
+    goes_on("refused-again", "put-back");
+    put([0.5, 0.0]);
+    let ended = run_rigs(
+        again(&format!("cut-{}", ramps - 5)),
+        rigs(),
+        &at("aside"),
+        None,
+    );
+    assert_eq!(ended.finish, Finish::Stopped, "{}", ended.summary.reason);
 }

@@ -7,6 +7,7 @@
 //! ended with one goes on only for someone who names it.
 
 mod error;
+mod places;
 mod trips;
 
 use std::path::Path;
@@ -18,22 +19,13 @@ use super::retrace::{
     rows_sha256, sha256, take_over,
 };
 use crate::config::{self, Dial, Loaded, Prepared};
-use crate::control::Port;
-use crate::engine::{Left, Phase};
-use crate::record::summary::{Status, Summary};
+use crate::record::summary::Status;
 use crate::record::{MissingEnd, Run};
-use crate::substructure::Status as LinkStatus;
 pub use error::ResumeError;
+use places::places;
 
 /// Name of a trip whose event is missing.
 const UNKNOWN: &str = "unknown";
-/// Wall time in s of which the record may be lost, and before that the time in which it went as fast as then.
-const LOST_S: f64 = 0.05;
-const LATEST_S: f64 = 1.0;
-/// A specimen may be so many times as far off as it was ever off its command.
-const SHARE: f64 = 1.5;
-/// Relative size of what is nothing.
-const NOTHING: f64 = 1e-9;
 
 /// Prepares the test in `folder` to go on. `test`: the test file, if one was given; it must be the one that was
 /// interrupted. `after`: the trips after which it may go on, by their names.
@@ -88,7 +80,13 @@ fn resume_by(
             fault: fault.to_owned(),
         });
     }
-    if let Some(missing) = MissingEnd::of_run(&run) {
+    let origin = Origin::of(folder)?;
+    // One that ended on its way in has made no step of those that its summary tells of.
+    let has_steps = |missing: &MissingEnd| {
+        let before = origin.as_ref().map(|origin| origin.step);
+        before != Some(missing.steps)
+    };
+    if let Some(missing) = MissingEnd::of_run(&run).filter(has_steps) {
         return Err(ResumeError::Short {
             folder: folder.to_owned(),
             missing,
@@ -112,7 +110,8 @@ fn resume_by(
     }
     let time = step as f64 * next.facts.dt;
     let within = next.facts.resume_within;
-    let left = places(&run, &ports, within, next.facts.rate_hz)?;
+    let before = origin.filter(|_| traced.on_its_way_in);
+    let left = places(&run, &ports, within, next.facts.rate_hz, before.as_ref())?;
     let absolute = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
     let origin = Origin {
         parent: absolute.clone(),
@@ -136,13 +135,17 @@ fn resume_by(
         folder.display(),
         traced.rows
     );
-    for text in [text, ended] {
+    let on_its_way_in = before.map(|_| {
+        "it had ended on its way in, and made no step of its own: the state is that of the test before it, the specimens stand \
+         where it left them"
+            .to_owned()
+    });
+    for text in [Some(text), Some(ended), on_its_way_in, note]
+        .into_iter()
+        .flatten()
+    {
         next.facts.announced.push(text.clone());
         next.facts.warnings.push(text);
-    }
-    if let Some(note) = note {
-        next.facts.announced.push(note.clone());
-        next.facts.warnings.push(note);
     }
     Ok(next)
 }
@@ -235,86 +238,4 @@ fn check_files(run: &Run, test: Option<&Path>) -> Result<(), ResumeError> {
         }
     }
     Ok(())
-}
-
-/// How far a command may have gone after the last row of a test that was killed, in its own unit: as fast as at the end of it,
-/// and at least to the command that stood ready.
-fn way_lost(command: &[f64], port: &Port, axis: usize, rate_hz: f64) -> f64 {
-    let latest = command
-        .len()
-        .saturating_sub((LATEST_S * rate_hz).ceil() as usize + 1);
-    let steps = command.get(latest..).unwrap_or_default().windows(2);
-    let steps = steps.map(|pair| (pair[1] - pair[0]).abs());
-    let ready = port.command.get(axis).zip(port.sent.get(axis));
-    let ready = ready.map(|(ready, sent)| (ready - sent).abs());
-    steps.chain(ready).fold(0.0, f64::max) * (LOST_S * rate_hz).max(1.0)
-}
-
-/// Where each axis was left by the last command on record, and how far off it may stand: `within` in m if that is given.
-fn places(
-    run: &Run,
-    ports: &[Port],
-    within: Option<f64>,
-    rate_hz: f64,
-) -> Result<Vec<Vec<[String; 4]>>, ResumeError> {
-    let mut all = Vec::new();
-    // A test that ended in order has every row, and who was not lost stands at its last command.
-    let is_all_known = |port: &Port| {
-        let known = |summary: &Summary| {
-            let left = summary.left.get(port.name.as_str()).map(String::as_str);
-            let known = [Left::Stayed, Left::Reached].map(|left| Some(left.word()));
-            summary.rows_lost == 0 && known.contains(&left)
-        };
-        run.summary().is_some_and(known)
-    };
-    for (index, port) in ports.iter().enumerate() {
-        let is_all_known = is_all_known(port);
-        let mut axes = Vec::new();
-        for axis in 0..port.axes() {
-            let name = |kind: &str| format!("{kind}_{}_{}", index + 1, axis + 1);
-            let names = [name("cmd"), name("raw_disp"), name("raw_force")];
-            let mut names: Vec<&str> = names.iter().map(String::as_str).collect();
-            let status = format!("status_{}", index + 1);
-            names.extend(["state", &status]);
-            let columns = run.columns(&names)?;
-            let [command, disp, force, state, status] = columns.as_slice() else {
-                continue;
-            };
-            let is_old = |status: f64| LinkStatus(status as u32).has(LinkStatus::STALE);
-            // What it reads beyond its command, on the average of the test itself: the offset of its sensor. An old measurement
-            // says nothing of that.
-            let rows = disp.iter().zip(command).zip(state.iter().zip(status));
-            let errors: Vec<f64> = rows
-                .filter(|(_, (state, status))| {
-                    **state == Phase::Running.code() && !is_old(**status)
-                })
-                .map(|((disp, command), _)| disp - command)
-                .collect();
-            let beyond = errors.iter().sum::<f64>() / (errors.len().max(1) as f64);
-            // The way out may have led it where a wrong scale reads another offset.
-            let at_last = disp.last().zip(command.last()).zip(status.last());
-            let at_last = at_last.filter(|(_, status)| !is_old(**status));
-            let at_last = at_last.map(|((disp, command), _)| disp - command);
-            let off = errors.iter().copied().chain(at_last);
-            let off = off.map(|error| (error - beyond).abs()).fold(0.0, f64::max);
-            let last = command.last().copied().unwrap_or(0.0);
-            let lost = if is_all_known {
-                0.0
-            } else {
-                way_lost(command, port, axis, rate_hz)
-            };
-            let own = SHARE * off + lost + NOTHING * last.abs();
-            let own = within.map_or(own, |metres| metres / port.metres_of(axis));
-            // A formula stands where it is told.
-            let within = if port.is_formula() {
-                f64::INFINITY
-            } else {
-                own
-            };
-            let force = force.last().copied().unwrap_or(0.0);
-            axes.push([last, last + beyond, force, within].map(|value| format!("{value:?}")));
-        }
-        all.push(axes);
-    }
-    Ok(all)
 }

@@ -68,6 +68,12 @@ impl Origin {
         }
     }
 
+    /// Last command, reading and force of one axis, and how far off it may stand, all in its own unit.
+    pub fn axis(&self, port: usize, axis: usize) -> Option<[f64; 4]> {
+        let values = self.left.get(port)?.get(axis)?;
+        Some(values.each_ref().map(|value| number(value)))
+    }
+
     /// Specimens behind links stand where they were left, wherever the interrupted test was when it was retraced.
     pub fn put(&self, ports: &mut [Port]) {
         for (port, axes) in ports.iter_mut().zip(&self.left) {
@@ -151,29 +157,7 @@ pub(super) fn prepared_by(
     }
     let mut test = build(&loaded)?;
     if let Some(origin) = Origin::of(folder)? {
-        let parent = origin.found_from(folder);
-        let before = Run::open(&parent)?;
-        let found = sha256(&read(&parent.join("resolved.toml"))?);
-        if found != origin.resolved_sha256 {
-            return Err(ReplayError::Input {
-                path: parent.join("resolved.toml"),
-                wanted: origin.resolved_sha256,
-                found,
-            });
-        }
-        let found = rows_sha256(&before, origin.rows)?;
-        if found != origin.rows_sha256 {
-            return Err(ReplayError::Input {
-                path: parent.join("samples.bin"),
-                wanted: origin.rows_sha256,
-                found,
-            });
-        }
-        let traced = retrace(&before, Some(origin.rows), replaced)?;
-        let Some(state) = traced.state else {
-            return Err(ReplayError::Parent(parent));
-        };
-        let (side, ports, mut resumption) = state;
+        let (side, ports, mut resumption) = state_before(folder, &origin, replaced)?;
         resumption.left = origin.places();
         take_over(&mut test.experiment, side, ports);
         origin.put(&mut test.experiment.ports);
@@ -181,6 +165,33 @@ pub(super) fn prepared_by(
     }
     put_standing(&run.events()?.events, &mut test.experiment.ports);
     Ok(test)
+}
+
+/// What a test is made of that goes on: the numerical side, the ports, and the rest.
+type State = (Side, Vec<Port>, Resumption);
+
+/// The state that a resumed test in `folder` went on with.
+fn state_before(folder: &Path, origin: &Origin, replaced: Replaced) -> Result<State, ReplayError> {
+    let parent = origin.found_from(folder);
+    let before = Run::open(&parent)?;
+    let found = sha256(&read(&parent.join("resolved.toml"))?);
+    if found != origin.resolved_sha256 {
+        return Err(ReplayError::Input {
+            path: parent.join("resolved.toml"),
+            wanted: origin.resolved_sha256.clone(),
+            found,
+        });
+    }
+    let found = rows_sha256(&before, origin.rows)?;
+    if found != origin.rows_sha256 {
+        return Err(ReplayError::Input {
+            path: parent.join("samples.bin"),
+            wanted: origin.rows_sha256.clone(),
+            found,
+        });
+    }
+    let traced = retrace(&before, Some(origin.rows), replaced)?;
+    traced.state.ok_or(ReplayError::Parent(parent))
 }
 
 /// The retraced side and ports in place of new ones; links stay those of the new ones.
@@ -194,8 +205,11 @@ pub(super) fn take_over(experiment: &mut Experiment, side: Side, ports: Vec<Port
 
 /// What a run came to when it was retraced.
 pub(super) struct Retraced {
-    /// The state after its last good row; none if it ended before its first step, or at its last.
-    pub state: Option<(Side, Vec<Port>, Resumption)>,
+    /// The state after its last good row; none if it ended before its first step, or at its last. That of a resumed test which
+    /// ended on its way in is the state that it went on with.
+    pub state: Option<State>,
+    /// It is a resumed test, and did.
+    pub on_its_way_in: bool,
     /// Rows that came out again.
     pub rows: u64,
     /// The last checkpoint that did.
@@ -222,6 +236,12 @@ pub(super) fn retrace(
     let recorder = Box::new(Comparing(Arc::clone(&tape)));
     let mut engine = Engine::for_a_replay(experiment, recorder);
     let ending = engine.retrace(&Control::from(requests));
+    let completed = ending == Ending::Completed;
+    let mut state = if completed { None } else { engine.stand_by() };
+    let origin = Origin::of(run.path())?.filter(|_| state.is_none() && !completed);
+    if let Some(origin) = &origin {
+        state = Some(state_before(run.path(), origin, replaced)?);
+    }
     Ok(with(&tape, |tape| {
         let damage = tape.end().filter(|end| {
             use crate::record::End::{Clean, Torn};
@@ -241,14 +261,12 @@ pub(super) fn retrace(
             _ => None,
         };
         Retraced {
-            state: match ending {
-                Ending::Completed => None,
-                Ending::Stopped(_) => engine.stand_by(),
-            },
+            state,
+            on_its_way_in: origin.is_some(),
             rows: tape.row,
             verified: tape.verified,
             trouble,
-            completed: ending == Ending::Completed,
+            completed,
         }
     }))
 }
