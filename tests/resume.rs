@@ -837,6 +837,89 @@ fn column(run: &Path, name: &str) -> Vec<f64> {
     Run::open(run).unwrap().columns(&[name]).unwrap().remove(0)
 }
 
+/// The other specimen was sent its command in the tick in which the link of the one was lost: it stands there, and on record.
+/// After a panic of our own it may stand there.
+#[test]
+fn who_is_well_when_a_link_is_lost_stands_where_the_record_ends_and_the_test_can_go_on() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let test = two_rigs(home.path(), "");
+    let places: [Arc<Mutex<f64>>; 2] = Default::default();
+    let put = |to: [f64; 2]| {
+        for (place, to) in places.iter().zip(to) {
+            *place.lock().unwrap() = to;
+        }
+    };
+    let rigs = |ends| [Rig::boxed(&places[0], ends), Rig::boxed(&places[1], None)];
+    let whole = run_rigs(built(&test), rigs(None), &at("whole"), None);
+    assert_eq!(whole.finish, Finish::Completed);
+    for (end, finish, after) in [
+        (End::Closed, Finish::LinkFailed, None),
+        (End::NotANumber, Finish::LinkFailed, Some("not_finite")),
+        (End::Panic, Finish::Panicked, None),
+    ] {
+        let [first, second] = ["first", "second"].map(|name| at(&format!("{name}-{end:?}")));
+        put([0.0; 2]);
+        let ended = run_rigs(built(&test), rigs(Some((180, end))), &first, None);
+        assert_eq!(ended.finish, finish, "{}", ended.summary.reason);
+        assert_eq!(ended.summary.left["other"], "stayed");
+        let stands = [0, 1].map(|rig: usize| *places[rig].lock().unwrap());
+        let (commands, states) = (column(&first, "cmd_2_1"), column(&first, "state"));
+        if end == End::Panic {
+            assert_ne!(commands.last(), Some(&stands[1]));
+        } else {
+            assert_eq!(commands.last(), Some(&stands[1]), "{end:?}");
+            assert_eq!(states.last(), Some(&Phase::Tripped.code()));
+            let found = replay(&first).unwrap();
+            assert!(found.is_exact(), "{end:?}: {found:?}");
+            assert_eq!(found.rows, states.len() as u64);
+        }
+        let again = || {
+            let after: Vec<String> = after.iter().map(|trip: &&str| (*trip).to_owned()).collect();
+            resume(&first, None, &after).unwrap_or_else(|e| panic!("{e}"))
+        };
+        // Further than any record can lack.
+        put([stands[0], stands[1] + 0.5]);
+        let moved = run_rigs(again(), rigs(None), &at(&format!("moved-{end:?}")), None);
+        assert_eq!(moved.finish, Finish::Stopped, "{}", moved.summary.reason);
+        put(stands);
+        let ended = run_rigs(again(), rigs(None), &second, None);
+        assert_eq!(ended.finish, Finish::Completed, "{}", ended.summary.reason);
+        assert_eq!(steps(&[&first, &second]), steps(&[&at("whole")]), "{end:?}");
+        let found = replay(&second).unwrap();
+        assert!(found.is_exact(), "{end:?}: {found:?}");
+    }
+}
+
+/// Already on the way out: a link that is lost there ends it for both, and both stand where the record ends.
+#[test]
+fn a_link_that_is_lost_on_the_way_out_leaves_the_last_commands_on_record() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let leaves = "at_end = \"zero_displacement\"\nexit_speed_m_per_s = 0.01\n";
+    let test = two_rigs(home.path(), leaves);
+    // In its first tick, and later.
+    for (name, ticks) in [("first", 0), ("later", 7)] {
+        let places: [Arc<Mutex<f64>>; 2] = Default::default();
+        let ends = Some((151 + ticks, End::Closed));
+        let rigs = [Rig::boxed(&places[0], ends), Rig::boxed(&places[1], None)];
+        let ended = run_rigs(built(&test), rigs, &at(name), Some(150));
+        assert_eq!(ended.finish, Finish::LinkFailed, "{}", ended.summary.reason);
+        let leaving = column(&at(name), "state");
+        let leaving = leaving
+            .iter()
+            .filter(|state| **state == Phase::Leaving.code());
+        assert_eq!(leaving.count(), ticks as usize);
+        for (rig, place) in (1..).zip(&places) {
+            let commands = column(&at(name), &format!("cmd_{rig}_1"));
+            assert_eq!(commands.last(), Some(&*place.lock().unwrap()));
+        }
+        let found = replay(&at(name)).unwrap();
+        assert!(found.is_exact(), "{name}: {found:?}");
+        assert_eq!(found.rows, column(&at(name), "state").len() as u64);
+    }
+}
+
 /// Killed, stopped or refused before its first step, a test that goes on is no dead end: its specimens stand where it left them,
 /// and the state is that of the test before it.
 #[test]

@@ -34,8 +34,8 @@ pub struct SafetyTable {
     /// Where they are left after the last step, or when the operator ends the test.
     pub at_end: ExitChoice,
     /// `gusset run --resume`: how far in m, at the specimen, each axis may stand from where it was left. Absent: half as much
-    /// again as it was ever off its command; after a kill, or where it was lost, also the way of its last commands in 0.05 s, or
-    /// of one command where that is longer, since as much of the record can be lost.
+    /// again as it was ever off its command; after a kill or an internal error, or where it was lost, also the way of its last
+    /// commands in 0.05 s, or of one command where that is longer, since as much of the record can be lost.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub resume_within_m: Option<f64>,
     /// `gusset run --resume`: whether a load cell with a relative zero takes what it reads now beyond its last reading for drift

@@ -75,9 +75,7 @@ impl Engine {
                 .between(&tick, Phase::Holding.code(), &self.side, &self.ports);
             self.row
                 .timing(&stamps, self.first_edge, self.schedule.stretched());
-            if !self.recorder.row(self.row.values()) {
-                self.rows_lost += 1;
-            }
+            self.keep_row();
             self.skip_numbers();
         }
         self.ride.sub_tick = tick.sub_tick;
@@ -100,6 +98,9 @@ impl Engine {
         // Whoever was lost while the others were led away was told of then.
         if !matches!(stop, Stop::Link { port, .. } if is_gone(port)) {
             self.report_stop(&stop);
+        }
+        if self.sent_since_row {
+            self.record_end(&Ending::Stopped(stop));
         }
         self.unfinished = Some(Unfinished {
             stop,
@@ -148,11 +149,11 @@ impl Engine {
             };
         }
         self.keep_warm_up();
+        if tripped && !self.trip_is_recorded && (moves || self.sent_since_row) {
+            self.record_end(ending);
+        }
         if !moves {
             return Ok(());
-        }
-        if tripped && !self.trip_is_recorded {
-            self.record_end(ending);
         }
         let cause = match ending {
             _ if tripped => Cause::Stopped,
@@ -244,7 +245,8 @@ impl Engine {
         }
     }
 
-    /// What ended the test in no row of its own stands in one, if rows of the way out follow: a replay ends there, too.
+    /// What ended the test, or its way out, in no row of its own stands in one, if rows of the way out follow or commands had
+    /// left: a replay ends there, too, and where every specimen was sent last is on record.
     fn record_end(&mut self, ending: &Ending) {
         if let Ending::Stopped(Stop::Link { port, .. }) = ending
             && let Some(port) = self.ports.get_mut(*port)
@@ -265,14 +267,18 @@ impl Engine {
         } else {
             Phase::Tripped.code()
         };
+        self.row.stopped = self.stops_on_its_way_out();
         self.row.between(&tick, state, &self.side, &self.ports);
         self.row.no_outputs();
         let stamps = TickStamps::default();
         self.row
             .timing(&stamps, self.first_edge, self.schedule.stretched());
-        if !self.recorder.row(self.row.values()) {
-            self.rows_lost += 1;
-        }
+        self.keep_row();
+    }
+
+    /// What trips does so on the way out that the operator asked for.
+    pub(super) fn stops_on_its_way_out(&self) -> bool {
+        self.phase == Phase::Leaving && self.operator_stopped
     }
 
     /// A link that is lost before its specimen could be told anything stops nobody else: it is what comes back at the end.

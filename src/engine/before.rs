@@ -149,9 +149,7 @@ impl Engine {
         self.row.outputs(&self.side);
         self.row
             .timing(stamps, self.first_edge, self.schedule.stretched());
-        if !self.recorder.row(self.row.values()) {
-            self.rows_lost += 1;
-        }
+        self.keep_row();
     }
 
     /// The row of a tick of the warm-up. x, v and a stay what they were: what follows is the same with these rows and without.
@@ -166,8 +164,9 @@ impl Engine {
         if rows == WarmUpRows::IfTheyMatter {
             // Within its capacity.
             self.held_back.extend_from_slice(self.row.values());
-        } else if !self.recorder.row(self.row.values()) {
-            self.rows_lost += 1;
+            self.sent_since_row = false;
+        } else {
+            self.keep_row();
         }
     }
 

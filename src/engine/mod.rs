@@ -125,6 +125,8 @@ pub struct Engine {
     ports: Vec<Port>,
     /// The tick that tripped has a row.
     trip_is_recorded: bool,
+    /// Commands have left since the last row was made.
+    sent_since_row: bool,
     /// The operator ended the test: what trips after that does so on the way out.
     operator_stopped: bool,
     phase: Phase,
@@ -298,6 +300,7 @@ impl Engine {
             memory,
             opening,
             trip_is_recorded: false,
+            sent_since_row: false,
             operator_stopped: false,
             left: vec![Left::Stayed; ports.len()],
             unheard: Vec::new(),

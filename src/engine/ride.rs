@@ -270,8 +270,7 @@ impl Engine {
             .timing(stamps, self.first_edge, self.schedule.stretched());
         self.ride.unchecked += 1;
         self.held_back.clear();
-        if !self.recorder.row(self.row.values()) {
-            self.rows_lost += 1;
+        if !self.keep_row() {
             self.report(&tick, EventKind::RowLost);
         }
         self.note_stage(&tick, &stride);

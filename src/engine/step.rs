@@ -80,7 +80,7 @@ impl Engine {
                 | Stop::Stale { .. }
         ) {
             self.trip_is_recorded = true;
-            self.row.stopped = self.phase == Phase::Leaving && self.operator_stopped;
+            self.row.stopped = self.stops_on_its_way_out();
             self.keep_warm_up();
             if tick.step == self.ride.step {
                 self.row
@@ -92,9 +92,7 @@ impl Engine {
             self.row.no_outputs();
             self.row
                 .timing(stamps, self.first_edge, self.schedule.stretched());
-            if !self.recorder.row(self.row.values()) {
-                self.rows_lost += 1;
-            }
+            self.keep_row();
         }
     }
 
@@ -125,6 +123,7 @@ impl Engine {
         issue: impl Fn(&mut Port) -> Result<(), LinkFault>,
     ) -> Result<(), Stop> {
         let mut result = Ok(());
+        self.sent_since_row = true;
         let holds = self.ride.tempo.stands() && tick.sub_tick > 0;
         for (index, port) in self.ports.iter_mut().enumerate() {
             if port.partner.owes_the_last {
@@ -347,8 +346,7 @@ impl Engine {
     #[inline]
     fn hand_over(&mut self, tick: &Tick) {
         self.held_back.clear();
-        if !self.recorder.row(self.row.values()) {
-            self.rows_lost += 1;
+        if !self.keep_row() {
             self.report(tick, EventKind::RowLost);
         }
         self.steps_done = tick.step;

@@ -1,4 +1,4 @@
-//! What the loop tells the log: events of a tick, of this moment, and of what ends a test.
+//! What the loop tells the log: rows, events of a tick, of this moment, and of what ends a test.
 
 use super::tick::Tick;
 use super::{Engine, Stop};
@@ -7,6 +7,15 @@ use crate::record::{Event, EventKind, GridOf};
 use crate::time::Nanos;
 
 impl Engine {
+    /// Hands the finished row over; false if it was lost, which is counted and never waited for. Real-time: yes.
+    #[inline]
+    pub(super) fn keep_row(&mut self) -> bool {
+        self.sent_since_row = false;
+        let is_kept = self.recorder.row(self.row.values());
+        self.rows_lost += u64::from(!is_kept);
+        is_kept
+    }
+
     /// Sends an event of this tick; a full queue is not waited for. Real-time: yes.
     pub(super) fn report(&mut self, tick: &Tick, kind: EventKind) {
         let Nanos(clock_ns) = self.clock_now;

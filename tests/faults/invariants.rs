@@ -34,6 +34,7 @@ pub fn check(loaded: &Loaded, played: &Played) -> Result<(), String> {
         commands_respect_their_limits(loaded, port, played).map_err(wrong)?;
         moves_only_when_meant(loaded, port, played).map_err(wrong)?;
         is_driven_where_it_was_told(port, played).map_err(wrong)?;
+        every_command_stands_in_a_row(port, played).map_err(wrong)?;
     }
     let replay = &played.replay;
     ensure!(
@@ -264,6 +265,45 @@ fn is_driven_where_it_was_told(port: usize, played: &Played) -> Result<(), Strin
             "driven to {driven}, which was not commanded, or not any more"
         );
     }
+    Ok(())
+}
+
+/// Whatever ended the test: every place that was sent is on record, in this order, and the last row has the last of them.
+fn every_command_stands_in_a_row(port: usize, played: &Played) -> Result<(), String> {
+    let Some(place) = played.layout.index_of(&format!("cmd_{}_1", port + 1)) else {
+        return Err("no column of its command".to_owned());
+    };
+    let recorded = Journal::new(&played.samples[..], played.columns().len()).columns(&[place]);
+    let recorded = recorded.map_err(|error| error.to_string())?.swap_remove(0);
+    let mut rows = recorded.iter().peekable();
+    let mut last = None;
+    for tapped in &played.taps[port] {
+        let Tapped::Sent {
+            kind: Kind::Command,
+            sequence,
+            disp,
+            ..
+        } = tapped
+        else {
+            continue;
+        };
+        let Some(sent) = disp.first() else {
+            continue;
+        };
+        while rows.peek().is_some_and(|row| *row != sent) {
+            rows.next();
+        }
+        ensure!(
+            rows.peek().is_some(),
+            "command {sequence} to {sent} stands in no row"
+        );
+        last = Some(sent);
+    }
+    ensure!(
+        last.is_none() || last == recorded.last(),
+        "the record ends at {:?}, the last command was {last:?}",
+        recorded.last()
+    );
     Ok(())
 }
 

@@ -1,12 +1,13 @@
 //! Where the specimens of an interrupted test were left, and how far off they may stand.
 //!
 //! By the last commands on record, and by how far the sensors were ever off their commands while the test ran. What was
-//! killed or lost may have gone further than its record.
+//! killed, what was lost, and what failed in a tick without a row may have gone further than its record.
 
 use super::ResumeError;
 use crate::control::Port;
 use crate::engine::{Left, Phase};
 use crate::record::Run;
+use crate::record::summary::Status;
 use crate::session::retrace::Origin;
 use crate::substructure::Status as LinkStatus;
 
@@ -97,14 +98,19 @@ fn way_lost(command: &[f64], port: &Port, axis: usize, rate_hz: f64) -> f64 {
 }
 
 /// True if the specimen was sent nothing that is not on record: the test ended in order, and the specimen, which was not lost,
-/// stands at its last command.
-fn is_all_known(run: &Run, port: &Port) -> bool {
+/// stands at its last command. What failed without a row of its end, as after a panic of our own, failed in a tick whose
+/// commands had left.
+fn is_all_known(run: &Run, port: &Port, state: &[f64]) -> bool {
     let Some(summary) = run.summary() else {
         return false;
     };
     let left = summary.left.get(port.name.as_str()).map(String::as_str);
     let stands = [Left::Stayed, Left::Reached].map(|left| Some(left.word()));
-    summary.rows_lost == 0 && stands.contains(&left)
+    let ends = [Phase::Tripped, Phase::Leaving].map(Phase::code);
+    let has_its_end = state.last().is_none_or(|last| ends.contains(last));
+    summary.rows_lost == 0
+        && stands.contains(&left)
+        && (summary.status != Status::Failed || has_its_end)
 }
 
 /// Where each axis was left by the last command on record, and how far off it may stand: `within` in m if that is given.
@@ -146,7 +152,7 @@ pub(super) fn places(
                     within,
                 }),
             };
-            let lost = if is_all_known(run, port) {
+            let lost = if is_all_known(run, port, state) {
                 0.0
             } else {
                 way_lost(command, port, axis, rate_hz)
