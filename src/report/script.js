@@ -129,6 +129,8 @@
   root.classList.add("zoomable");
   moving = true;
   plots.forEach(draw);
+    // Only where the numbers are does the plot stand for the picture.
+    figure.classList.add("drawn");
   moving = false;
   document.body.append(whole);
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", again);

@@ -1,4 +1,4 @@
-// Visits a run's report as tests/browser/report.rs wants it seen: light, dark, printed, without scripts.
+// Visits a run's report as tests/browser/report.rs wants it seen: light, dark, printed, without scripts, or looked at only.
 import { visit } from "./stage.mjs";
 
 const [address, how, shot] = process.argv.slice(2);
@@ -31,8 +31,13 @@ await visit(address, options, async (page, found) => {
   found.pictures = await page.$$eval("figure svg", (all) => all.filter((svg) => svg.getBoundingClientRect().height > 50).length);
   found.unnamed = await page.$$eval("figure svg, .plot", (all) => all.filter((one) => !one.getAttribute("aria-label")).length);
   found.background = await page.evaluate(() => getComputedStyle(document.body).backgroundColor);
+  // With a picture or with a plot: a frame round nothing tells nobody anything.
+  found.empty = await page.$$eval("figure", (all) => {
+    const isSeen = (one) => one.getBoundingClientRect().height > 50;
+    return all.filter((figure) => ![...figure.querySelectorAll("svg, .plot")].some(isSeen)).length;
+  });
   if (shot) await page.screenshot({ path: shot, fullPage: true });
-  if (how === "noscript") return;
+  if (how === "noscript" || how === "look") return;
   if (how === "print") {
     await page.emulateMedia({ media: "print" });
     found.printed = {

@@ -28,13 +28,19 @@ fn report() -> &'static Path {
     page
 }
 
-fn seen(how: &str) -> Option<Value> {
-    let address = format!("file://{}", report().display());
+fn visited(page: &Path, how: &str) -> Option<Value> {
+    let address = format!("file://{}", page.display());
     let shots = std::env::var("GUSSET_BROWSER_SHOTS").unwrap_or_default();
     let shot = format!("{shots}/report-{how}.png");
     let shot = if shots.is_empty() { "" } else { &shot };
     let found = visit("report.mjs", &[&address, how, shot])?;
     assert_quiet(&found);
+    assert_eq!(found["empty"], 0, "a frame round nothing: {found:#}");
+    Some(found)
+}
+
+fn seen(how: &str) -> Option<Value> {
+    let found = visited(report(), how)?;
     assert_eq!(
         found["title"],
         "<script>document.title='taken'</script><b>&"
@@ -102,4 +108,30 @@ fn paper_and_readers_without_scripts_get_every_picture() {
         printed["pictures"].as_u64().unwrap() < all,
         "on the screen the plots stand for them"
     );
+}
+
+#[test]
+fn a_history_of_one_point_keeps_its_picture() {
+    // Two cycles of one amplitude: one window of four periods, so errors in moving windows have one point.
+    let text = "title = \"Short\"\n[time]\nrate_hz = 256\nduration_s = 4\nclock = \"simulated\"\n\
+        [[excitation.prescribed_displacement]]\nspecimen = \"column\"\nease_in_s = 0.5\n\
+        signal.cyclic = { amplitudes = [0.002], cycles_per_amplitude = 2, shape = \"sine\", frequency_hz = 0.5 }\n\
+        [[specimen]]\nname = \"column\"\nlaw.linear = { stiffness_n_per_m = 1e5 }\n";
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("run");
+    completed(&write(folder.path(), "test.toml", text), &out, &[]);
+    let page = out.join("report.html");
+    let markup = std::fs::read_to_string(&page).unwrap();
+    let figures = |part: &str| markup.matches(part).count();
+    assert!(
+        figures("<figure class=\"history\">") > figures("<script type=\"application/json\">"),
+        "a history without numbers for the script"
+    );
+    for how in ["look", "print", "noscript"] {
+        let Some(found) = visited(&page, how) else {
+            return;
+        };
+        let pictures = |found: &Value| found["pictures"].as_u64().unwrap();
+        assert!(pictures(&found) >= 2, "{found:#}");
+    }
 }
