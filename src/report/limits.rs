@@ -1,11 +1,12 @@
-//! The table of limits: what would have ended the test, who watched it, and how close the test came where that is known.
+//! The table of limits: what would have ended the test, how it was judged and who watched it; and what the specimens do at
+//! either end of a test.
 
 use serde_json::Value;
 
 use super::RunData;
 use super::html::{beside, note, paragraph, table};
 use super::outcome;
-use super::text::{NOTHING, escape, exact, number, quantity};
+use super::text::{NOTHING, exact, number, quantity};
 
 /// The limits of the run, as markup; nothing where the summary has none.
 pub(super) fn limits(run: &RunData) -> String {
@@ -54,6 +55,7 @@ pub(super) fn limits(run: &RunData) -> String {
             "warned of beyond",
             "tripped beyond",
             "kept by the specimen's end too",
+            "judged",
         ];
         markup += &beside("limits", &table(&heading, &rows));
     }
@@ -70,11 +72,59 @@ pub(super) fn limits(run: &RunData) -> String {
     if !always.is_empty() {
         markup += &note(&format!("Always: {}.", always.join("; ")));
     }
-    let on_trip = word(limits, "on_trip");
-    if !on_trip.is_empty() {
-        markup += &format!("<p class=\"note\">On a trip: {}.</p>\n", escape(&on_trip));
+    for (what, key) in [
+        ("Unlimited", "unlimited"),
+        ("The way in", "way_in"),
+        ("A late tick", "on_miss"),
+        ("On a trip", "on_trip"),
+        ("At the end", "at_end"),
+    ] {
+        let found = word(limits, key);
+        if !found.is_empty() {
+            markup += &note(&format!("{what}: {}.", one_line(&found)));
+        }
     }
-    markup
+    markup + &of_specimens(&list(limits.get("specimens")))
+}
+
+/// A text of several lines as a sentence.
+fn one_line(text: &str) -> String {
+    text.lines().map(str::trim).collect::<Vec<_>>().join(" ")
+}
+
+/// What belongs to specimens beside the sizes; of those that are alike once.
+fn of_specimens(specimens: &[Value]) -> String {
+    let mut told: Vec<(String, Vec<&str>)> = Vec::new();
+    for specimen in specimens {
+        let word = |key: &str| specimen.get(key).and_then(Value::as_str);
+        let parts = [
+            ("limits checked by", "checked_by"),
+            ("stale answers:", "stale"),
+            ("watchdog:", "watchdog"),
+            ("direction:", "direction"),
+            ("ends of its own:", "ends"),
+        ];
+        let parts = parts
+            .into_iter()
+            // The star stands for a column of this table.
+            .filter_map(|(what, key)| Some(format!("{what} {}", word(key)?.replace(" (*)", ""))));
+        let safe = specimen.get("safe_disp_m").and_then(Value::as_array);
+        let safe = safe.map(|list| {
+            let each = list.iter().filter_map(Value::as_f64);
+            let each: Vec<_> = each.map(|disp| exact(disp, "m")).collect();
+            format!("safe displacement: {}", each.join(", "))
+        });
+        let text = parts.chain(safe).collect::<Vec<_>>().join("; ");
+        let name = word("name").unwrap_or(NOTHING);
+        match told.iter_mut().find(|(known, _)| *known == text) {
+            _ if text.is_empty() => {}
+            Some((_, names)) => names.push(name),
+            None => told.push((text, vec![name])),
+        }
+    }
+    told.iter()
+        .map(|(text, names)| note(&format!("{}: {}.", names.join(", "), one_line(text))))
+        .collect()
 }
 
 fn row(who: &str, limit: &Value) -> Vec<String> {
@@ -111,6 +161,11 @@ fn row(who: &str, limit: &Value) -> Vec<String> {
         sizes("warn"),
         sizes("trip"),
         if told { "yes" } else { "no" }.to_owned(),
+        limit
+            .get("judged")
+            .and_then(Value::as_str)
+            .unwrap_or(NOTHING)
+            .to_owned(),
     ]
 }
 
@@ -141,7 +196,42 @@ fn words(key: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::words;
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn how_a_limit_is_judged_and_what_is_done_at_either_end_stand_beside_the_sizes() {
+        let miss = json!({"key": "max_total_misses", "unit": "in all", "warn": [50.0], "trip": [100.0],
+            "judged": "not checked: no deadline is missed on the simulated clock"});
+        let following = json!({"key": "following_error_m", "unit": "m", "warn": [], "trip": [0.02],
+            "judged": "at rest; in motion 0.02 s of it more"});
+        let specimen = |name: &str| {
+            json!({"name": name, "axes": [[following]], "safe_disp_m": [0.02], "watchdog": "after 0.25 s it holds",
+                "stale": "the last force is held", "checked_by": "this loop, what is announced (*) its own end, too"})
+        };
+        let run = RunData {
+            summary: Some(json!({"limits": {
+                "specimens": [specimen("a"), specimen("b")], "test": [miss],
+                "way_in": "no sensor is read;\nthen a ramp", "at_end": "every specimen is led to its `safe_disp_m`",
+                "on_trip": "every specimen holds", "on_miss": "the grid moves",
+            }})),
+            ..RunData::default()
+        };
+        let markup = limits(&run);
+        for part in [
+            "<th>judged</th>",
+            "<td>at rest; in motion 0.02 s of it more</td>",
+            "<td>not checked: no deadline is missed on the simulated clock</td>",
+            "The way in: no sensor is read; then a ramp.",
+            "A late tick: the grid moves.",
+            "On a trip: every specimen holds.",
+            "At the end: every specimen is led to its `safe_disp_m`.",
+            "a, b: limits checked by this loop, what is announced its own end, too; stale answers: the last force is held; \
+             watchdog: after 0.25 s it holds; safe displacement: 20\u{a0}mm.",
+        ] {
+            assert!(markup.contains(part), "{part} is missing in {markup}");
+        }
+    }
 
     #[test]
     fn keys_are_told_in_words_without_their_units() {
