@@ -71,7 +71,7 @@ fn two_runs_of_one_test_are_the_same_to_the_last_bit_and_one_changed_bit_is_foun
     let (said, page) = compare(folder.path(), &first, &second);
     assert!(
         said.stderr
-            .contains("they differ first at step 40, 0.2 s, in x2:"),
+            .contains("they differ first at step 40, 200\u{a0}ms, in x2:"),
         "{}",
         said.stderr
     );
@@ -88,7 +88,7 @@ fn another_test_shows_its_settings_differences_and_metrics_beside_the_first() {
     // The sine begins at zero, so the first step is the same.
     assert!(
         said.stderr
-            .contains("they differ first at step 1, 0.005 s, in ground: "),
+            .contains("they differ first at step 1, 5\u{a0}ms, in ground: "),
         "{}",
         said.stderr
     );

@@ -66,8 +66,12 @@ pub fn verdict(matched: &Result<Matched, String>) -> String {
                 alone(found).map_or_else(|| same.clone(), |more| format!("{same}; but {more}"))
             }
             Some(first) => format!(
-                "they differ first at step {}, {} s, in {}: {:e} against {:e}",
-                first.step, first.time, first.column, first.values.0, first.values.1
+                "they differ first at step {}, {}, in {}: {:e} against {:e}",
+                first.step,
+                exact(first.time, "s"),
+                first.column,
+                first.values.0,
+                first.values.1
             ),
         },
     }

@@ -152,13 +152,13 @@ fn ends(times: &[f64]) -> impl Iterator<Item = f64> {
     first.into_iter().chain(last)
 }
 
-/// One quantity against another.
+/// One quantity against another, of one thing or of several.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct LoopChart<'a> {
     pub title: &'a str,
     pub across: Quantity<'a>,
     pub up: Quantity<'a>,
-    pub line: Line<'a>,
+    pub lines: &'a [Line<'a>],
 }
 
 /// Largest distance of a left-out point from the drawn line, in display units: well below what an eye resolves.
@@ -166,11 +166,12 @@ const LOOP_TOLERANCE: f64 = 0.12;
 /// Points beyond which the tolerance is doubled, up to a pixel: a noisy loop must not make a page of megabytes.
 const LOOP_POINTS: usize = 12_000;
 
-impl LoopChart<'_> {
+impl<'a> LoopChart<'a> {
     /// Draws the chart into `area`.
     pub fn draw(&self, canvas: &mut Canvas<'_>, area: Area) {
-        let both = || self.line.x.iter().copied().zip(self.line.y.iter().copied());
-        let drawable = || both().filter(|(x, y)| is_drawable(*x) && is_drawable(*y));
+        let both = |line: &Line<'a>| line.x.iter().copied().zip(line.y.iter().copied());
+        let all = || self.lines.iter().flat_map(both);
+        let drawable = || all().filter(|(x, y)| is_drawable(*x) && is_drawable(*y));
         let x = Axis::around(drawable().map(|p| p.0));
         let y = Axis::around(drawable().map(|p| p.1));
         let (Some(x), Some(y)) = (x, y) else {
@@ -181,7 +182,8 @@ impl LoopChart<'_> {
                 "There is nothing to draw: no finite values were recorded.",
             );
         };
-        title(canvas, area, self.title, area.w);
+        let room = legend(canvas, area, self.lines);
+        title(canvas, area, self.title, room);
         let across = linear(
             &x,
             self.across,
@@ -200,20 +202,22 @@ impl LoopChart<'_> {
                 0.75,
             );
         }
-        let mut tolerance = LOOP_TOLERANCE;
-        let runs = loop {
-            let places = both().map(|(px, py)| {
-                let on = |v: f64, place: f64| if is_drawable(v) { place } else { f64::NAN };
-                (on(px, plot.across(px)), on(py, plot.up(py)))
-            });
-            let runs = thin::within(places, tolerance);
-            if tolerance >= 0.9 || runs.iter().map(Vec::len).sum::<usize>() <= LOOP_POINTS {
-                break runs;
+        for line in self.lines {
+            let mut tolerance = LOOP_TOLERANCE;
+            let runs = loop {
+                let places = both(line).map(|(px, py)| {
+                    let on = |v: f64, place: f64| if is_drawable(v) { place } else { f64::NAN };
+                    (on(px, plot.across(px)), on(py, plot.up(py)))
+                });
+                let runs = thin::within(places, tolerance);
+                if tolerance >= 0.9 || runs.iter().map(Vec::len).sum::<usize>() <= LOOP_POINTS {
+                    break runs;
+                }
+                tolerance *= 2.0;
+            };
+            for run in &runs {
+                canvas.path(run, line.ink, line.width);
             }
-            tolerance *= 2.0;
-        };
-        for run in &runs {
-            canvas.path(run, self.line.ink, self.line.width);
         }
     }
 }

@@ -1,15 +1,14 @@
 //! The sections of a comparison: histories and loops over the same axes, metrics and columns side by side.
 
 use super::RunData;
+use super::axes::AxisDigest;
 use super::canvas::Ink;
 use super::charts::Quantity;
-use super::curves::{Curves, Scale};
-use super::html::{beside, note, paragraph, section, table};
-use super::lines::{Line, TimeChart};
+use super::html::{beside, figure, note, paragraph, section, table};
+use super::lines::{Line, LoopChart, TimeChart};
 use super::matched::Matched;
 use super::metrics;
 use super::plots::history;
-use super::response::curve;
 use super::rows::Rows;
 use super::specimens;
 use super::tested::configuration;
@@ -157,7 +156,7 @@ pub(super) fn side_by_side(a: &Rows<'_>, b: &Rows<'_>) -> String {
 }
 
 /// Hysteresis of the axes that both runs have, over the same axes.
-pub(super) fn loops(first: &RunData, a: &Rows<'_>, b: &Rows<'_>) -> String {
+pub(super) fn loops<'a>(first: &RunData, a: &Rows<'a>, b: &Rows<'a>) -> String {
     let configuration = configuration(first);
     let names = specimens::tracking(a, configuration.as_ref());
     let mut figures = String::new();
@@ -169,26 +168,31 @@ pub(super) fn loops(first: &RunData, a: &Rows<'_>, b: &Rows<'_>) -> String {
             continue;
         }
         let title = format!("Hysteresis of {}", name.name);
-        let picture = Curves {
-            title: &title,
-            across: Scale {
-                words: "measured displacement",
-                unit: a.unit(&axis.axis.column("meas")),
-                range: None,
-            },
-            up: Scale {
-                words: "force",
-                unit: a.unit(&axis.axis.column("force")),
-                range: None,
-            },
-            curves: &[
-                curve("first", &axis.hysteresis.0, &axis.hysteresis.1),
-                curve("second", &other.hysteresis.0, &other.hysteresis.1),
-            ],
-            logarithmic: false,
-            square: false,
+        let line = |name, of: &'a AxisDigest, ink, width| Line {
+            name,
+            x: &of.hysteresis.0,
+            y: &of.hysteresis.1,
+            ink: Ink::Series(ink),
+            width,
         };
-        figures += &format!("<figure>{}</figure>\n", picture.svg(510.0, 400.0, true));
+        let picture = LoopChart {
+            title: &title,
+            across: Quantity {
+                words: "measured displacement",
+                unit: name.disp_unit,
+            },
+            up: Quantity {
+                words: "force",
+                unit: name.force_unit,
+            },
+            lines: &[line("first", axis, 0, 1.6), line("second", other, 1, 1.0)],
+        };
+        figures += &figure(
+            510.0,
+            400.0,
+            &format!("{title} of both runs"),
+            |canvas, area| picture.draw(canvas, area),
+        );
     }
     if figures.is_empty() {
         return String::new();

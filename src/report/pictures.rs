@@ -100,13 +100,13 @@ pub fn hero_svg(run: &RunData) -> String {
                 words: "force",
                 unit: unit_of("force"),
             },
-            line: Line {
+            lines: &[Line {
                 name: "",
                 x: &meas,
                 y: &force,
                 ink: Ink::Series(1),
                 width: 1.3,
-            },
+            }],
         };
         if outcome::text(run, "clock") == Some("simulated") {
             // Nothing was in real time: the loop's timing says nothing.

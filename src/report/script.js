@@ -55,6 +55,13 @@
     ctx.restore();
   }
 
+  /** The upright axis of these values: where all of them are one number, it stands in the middle. */
+  function upright(u, min, max) {
+    if (max > min) return uPlot.rangeNum(min, max, 0.1, true);
+    const air = Math.abs(max) * 0.05 || 1;
+    return [min - air, max + air];
+  }
+
   function draw(plot) {
     const { data, box } = plot;
     const axis = (more) => ({
@@ -73,7 +80,7 @@
       legend: { live: true },
       scales: {
         x: { time: false, range: (u, min, max) => [min, max] },
-        y: data.log ? { distr: 3 } : {},
+        y: data.log ? { distr: 3 } : { range: upright },
       },
       axes: [
         axis({ label: "test time (s)", size: 36 }),
@@ -122,6 +129,8 @@
     box.setAttribute("role", "img");
     box.setAttribute("aria-label", data.label);
     figure.append(head, box);
+    // Only where the numbers are does the plot stand for the picture.
+    figure.classList.add("drawn");
     const x = columns[0];
     plots.push({ data, box, columns, ends: [x[0], x[x.length - 1]], uplot: null });
   }
@@ -129,8 +138,6 @@
   root.classList.add("zoomable");
   moving = true;
   plots.forEach(draw);
-    // Only where the numbers are does the plot stand for the picture.
-    figure.classList.add("drawn");
   moving = false;
   document.body.append(whole);
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", again);

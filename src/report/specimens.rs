@@ -108,13 +108,13 @@ fn drawn(rows: &Rows<'_>, time: &[f64], axis: &Tracked<'_>) -> String {
             words: "force",
             unit: axis.force_unit,
         },
-        line: line("", &digest.hysteresis.0, &digest.hysteresis.1, 1, 1.3),
+        lines: &[line("", &digest.hysteresis.0, &digest.hysteresis.1, 1, 1.3)],
     };
     let subspace = LoopChart {
         title: "Synchronisation subspace: measured against target",
         across: disp("target"),
         up: disp("measured"),
-        line: line("", &digest.subspace.0, &digest.subspace.1, 2, 1.3),
+        lines: &[line("", &digest.subspace.0, &digest.subspace.1, 2, 1.3)],
     };
     let figures = figure(
         500.0,

@@ -171,13 +171,19 @@ pub(super) fn quantity(value: f64, unit: &str) -> String {
 /// `value` in `unit` with as many digits as it was given, for what was chosen and not measured: "976.5625 µs".
 pub(super) fn exact(value: f64, unit: &str) -> String {
     let Scaled { factor, unit } = scaled(value, unit);
-    let text = number(value / factor, 9);
+    format!("{}\u{a0}{unit}", trimmed(value / factor, 9))
+}
+
+/// `value` with `digits` significant digits at most: no zeros at its end.
+pub(super) fn trimmed(value: f64, digits: usize) -> String {
+    let text = number(value, digits);
+    let (text, power) = text.split_at(text.find('e').unwrap_or(text.len()));
     let text = if text.contains('.') {
         text.trim_end_matches('0').trim_end_matches('.')
     } else {
-        &text
+        text
     };
-    format!("{text}\u{a0}{unit}")
+    format!("{text}{power}")
 }
 
 /// A duration in µs with the prefix that suits it: "54 ns", "1.20 ms".
@@ -229,6 +235,10 @@ mod tests {
         assert_eq!(fixed(-0.001, 2), "0.00");
         assert_eq!(fixed(-2.5, 1), "−2.5");
         assert_eq!(number(1e-9, 3), "1.00e−9");
+        assert_eq!(trimmed(1e-10, 6), "1e−10");
+        assert_eq!(trimmed(-0.030_010, 6), "−0.03001");
+        assert_eq!(trimmed(1500.0, 6), "1500");
+        assert_eq!(exact(2.135_000_000_000_000_2, "s"), "2.135\u{a0}s");
         assert_eq!(shortened("abcdef", 4), "abc…");
         assert_eq!(plural(1, "tick", "ticks"), "1\u{a0}tick");
     }
