@@ -12,8 +12,8 @@ use super::lines::{Line, Reduce, TimeChart};
 use super::outcome;
 use super::plots::history;
 use super::rows::Rows;
-use super::text::{NOTHING, count, micros, plural, quantity, shortened};
-use super::timeline::SILENT;
+use super::text::{NOTHING, count, micros, plural, quantity, shortened, trimmed};
+use super::timeline::{SILENT, loop_seconds};
 
 /// Events that are listed one by one.
 const MOST_EVENTS: usize = 200;
@@ -285,11 +285,24 @@ pub(super) fn events(run: &RunData, timeline: &str) -> String {
             &(paragraph("No events were recorded.") + &unreadable(run)),
         );
     }
-    let rows: Vec<_> = told.iter().take(MOST_EVENTS).map(|e| event(e)).collect();
+    let start = run.events.iter().find_map(loop_seconds).unwrap_or_default();
+    let listed = told.iter().take(MOST_EVENTS);
+    let rows: Vec<_> = listed.map(|e| event(e, start)).collect();
     let mut markup = timeline.to_owned();
     markup += &table(
-        &["event", "tick", "test time", "wall time (UTC)", "details"],
+        &[
+            "event",
+            "tick",
+            "test time",
+            "loop's clock",
+            "wall time (UTC)",
+            "details",
+        ],
         &rows,
+    );
+    markup += &note(
+        "Test time goes on with the steps and stands still outside of the running test; the loop's clock, counted from the first \
+         event, goes on always.",
     );
     if let Some(more) = told.len().checked_sub(MOST_EVENTS).filter(|&n| n > 0) {
         markup += &note(&format!(
@@ -318,10 +331,12 @@ fn is_silent(event: &Value) -> bool {
     name.is_some_and(|name| SILENT.contains(&name))
 }
 
-fn event(event: &Value) -> Vec<String> {
+/// A row of the table; `start` is what the loop's clock is counted from, in s.
+fn event(event: &Value, start: f64) -> Vec<String> {
     let Some(map) = event.as_object() else {
         return vec![
             shortened(&event.to_string(), 200),
+            String::new(),
             String::new(),
             String::new(),
             String::new(),
@@ -331,8 +346,13 @@ fn event(event: &Value) -> Vec<String> {
     let plain = |value: &Value| match value {
         Value::String(text) => text.clone(),
         Value::Null => NOTHING.to_owned(),
+        Value::Number(value) if value.is_f64() => trimmed(value.as_f64().unwrap_or(f64::NAN), 6),
         other => other.to_string(),
     };
+    let clock = loop_seconds(event).map_or_else(
+        || NOTHING.to_owned(),
+        |seconds| format!("{:.4}\u{a0}s", seconds - start),
+    );
     let name = map
         .get("event")
         .or_else(|| map.get("kind"))
@@ -365,6 +385,7 @@ fn event(event: &Value) -> Vec<String> {
         name.replace('_', " "),
         tick,
         time,
+        clock,
         wall,
         shortened(&details, 300),
     ]

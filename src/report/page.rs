@@ -65,7 +65,7 @@ fn page(run: &RunData, digest: &Digest) -> String {
     let parts = [
         identified::identification(&rows, &axes),
         ground(&rows),
-        response::response(&rows),
+        response::response(run, &rows),
         specimens::specimens(run, &rows, &axes),
         falsified_section(run, &rows, &axes),
         balance(&rows, run.no_balance.as_deref()),

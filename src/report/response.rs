@@ -23,7 +23,7 @@ pub(super) const MOST_LINES: usize = 4;
 pub(super) const TAIL: usize = 50;
 
 /// Response histories and peaks; none for a test without a structure.
-pub(super) fn response(rows: &Rows<'_>) -> Option<String> {
+pub(super) fn response(run: &RunData, rows: &Rows<'_>) -> Option<String> {
     let dofs = rows.dofs();
     if dofs.is_empty() {
         return None;
@@ -95,7 +95,7 @@ pub(super) fn response(rows: &Rows<'_>) -> Option<String> {
         &(markup
             + &note_on_extremes(rows.digest().every)
             + &spectra(rows)
-            + &peaks(rows, dofs, &time)),
+            + &peaks(run, rows, dofs, &time)),
     ))
 }
 
@@ -250,7 +250,9 @@ fn decades<'a>(amplitudes: impl Iterator<Item = &'a [f64]>) -> Option<(f64, f64)
     (top > 1e-280 && top < 1e280).then_some((top * 1e-6, top * 2.0))
 }
 
-fn peaks(rows: &Rows<'_>, dofs: &[u32], time: &[f64]) -> String {
+fn peaks(run: &RunData, rows: &Rows<'_>, dofs: &[u32], time: &[f64]) -> String {
+    // Of a test that was stopped in motion the last rows are no rest.
+    let is_completed = outcome::text(run, "status") == Some("completed");
     let listed = spread(dofs, MOST_DOFS);
     let mut lines = Vec::new();
     for dof in &listed {
@@ -267,33 +269,41 @@ fn peaks(rows: &Rows<'_>, dofs: &[u32], time: &[f64]) -> String {
                 line.push(when.map_or_else(|| NOTHING.to_owned(), |t| quantity(*t, "s")));
             }
         }
+        if !is_completed {
+            lines.push(line);
+            continue;
+        }
         let name = format!("x{dof}");
         let left = rows.digest().residuals.iter().find(|(of, _)| of == dof);
         let left = left.map(|(_, value)| *value);
         line.push(left.map_or_else(|| NOTHING.to_owned(), |v| quantity(v, rows.unit(&name))));
         lines.push(line);
     }
-    let mut markup = table(
-        &[
-            "",
-            "peak displacement",
-            "at",
-            "peak velocity",
-            "peak acceleration",
-            "residual displacement",
-        ],
-        &lines,
-    );
+    let mut heading = vec![
+        "",
+        "peak displacement",
+        "at",
+        "peak velocity",
+        "peak acceleration",
+    ];
+    if is_completed {
+        heading.push("residual displacement");
+    }
+    let markup = table(&heading, &lines);
     let part = if listed.len() < dofs.len() {
         format!(" {} of {} DOFs are listed.", listed.len(), dofs.len())
     } else {
         String::new()
     };
-    markup += &note(&format!(
-        "Residual: mean of the last {} % of the recorded test.{part}",
-        100 / TAIL
-    ));
-    markup
+    let residual = if is_completed {
+        format!(
+            "Residual: mean of the last {} % of the recorded test.",
+            100 / TAIL
+        )
+    } else {
+        "No residual displacement: the test did not come to its end.".to_owned()
+    };
+    markup + &note(&format!("{residual}{part}"))
 }
 
 /// The displacement of largest magnitude, for the top of the page: DOF and value in its own unit. A rotation counts by its number.

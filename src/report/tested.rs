@@ -9,7 +9,7 @@ use super::digest::Difference;
 use super::outcome;
 use super::response::drift;
 use super::rows::SpecimenAxis;
-use super::text::{exact, plural, shortened};
+use super::text::{exact, number, plural, shortened};
 
 /// The configuration as a tree of values; none if it is not TOML.
 pub(super) fn configuration(run: &RunData) -> Option<Value> {
@@ -215,7 +215,7 @@ fn excitation(table: &Value) -> Option<String> {
             .map_or_else(|| vec![value], |list| list.iter().collect());
         let signals: Vec<_> = entries
             .iter()
-            .filter_map(|e| variant(e.get("signal")?))
+            .filter_map(|e| Some(variant(e.get("signal")?)? + &record(e)))
             .collect();
         let signals = if signals.is_empty() {
             String::new()
@@ -226,6 +226,30 @@ fn excitation(table: &Value) -> Option<String> {
     };
     let parts: Vec<_> = table.as_object()?.iter().map(describe).collect();
     Some(shortened(&parts.join("; "), 300))
+}
+
+/// The file of an excitation and what its samples are scaled by, as far as they are told.
+fn record(entry: &Value) -> String {
+    let path = entry.pointer("/signal/file/path").and_then(Value::as_str);
+    let path = path.map(|path| format!(" {path}"));
+    let processing = |key: &str| entry.get("processing")?.get(key);
+    let amount = |of: &Value| {
+        let value = number(of.get("value")?.as_f64()?, 4);
+        Some(format!("{value} {}", of.get("unit").map(plain)?))
+    };
+    let peak = processing("target_peak").and_then(amount);
+    let peak = peak.map(|peak| format!(" scaled to a peak of {peak}"));
+    let sa = processing("target_sa").and_then(|of| {
+        let period = exact(of.get("period_s")?.as_f64()?, "s");
+        Some(format!(
+            " scaled to a spectral acceleration of {} at {period}",
+            amount(of)?
+        ))
+    });
+    let factor = processing("scale_factor").and_then(Value::as_f64);
+    let factor = factor.filter(|factor| *factor != 1.0);
+    let factor = factor.map(|factor| format!(" times {}", number(factor, 4)));
+    [path, peak, sa, factor].into_iter().flatten().collect()
 }
 
 fn integration(run: &RunData, table: Option<&Value>) -> Option<String> {
@@ -313,6 +337,38 @@ mod tests {
         assert_eq!(specimen_name(tree.as_ref(), 1), "brace");
         assert_eq!(specimen_name(tree.as_ref(), 2), "specimen 2");
         assert_eq!(specimen_name(None, 0), "specimen 0");
+    }
+
+    #[test]
+    fn a_record_is_named_with_its_scale() {
+        let told = |processing: &str| {
+            let text = format!(
+                "[excitation.ground_acceleration]\nsignal.file.path = \"inputs/kobe.AT2\"\nprocessing = {processing}\n"
+            );
+            let run = RunData {
+                resolved: text,
+                ..RunData::default()
+            };
+            let facts = facts(&run, configuration(&run).as_ref());
+            let mut facts = facts.into_iter();
+            facts.find(|(name, _)| name == "Excitation").unwrap().1
+        };
+        let file = "ground acceleration: file inputs/kobe.AT2";
+        assert_eq!(told("{ scale_factor = 1.0 }"), file);
+        assert_eq!(
+            told("{ scale_factor = 0.35 }"),
+            format!("{file} times 0.3500")
+        );
+        assert_eq!(
+            told("{ target_peak = { value = 0.4, unit = \"g\" } }"),
+            format!("{file} scaled to a peak of 0.4000 g")
+        );
+        assert_eq!(
+            told(
+                "{ target_sa = { period_s = 0.5, damping_ratio = 0.05, value = 0.9, unit = \"g\" } }"
+            ),
+            format!("{file} scaled to a spectral acceleration of 0.9000 g at 500\u{a0}ms")
+        );
     }
 
     #[test]

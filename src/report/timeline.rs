@@ -67,6 +67,11 @@ fn wall_seconds(text: &str) -> Option<f64> {
     Some(((day * 24.0 + hours) * 60.0 + minutes) * 60.0 + seconds)
 }
 
+/// The loop's own clock at an event, in s; it goes on where test time stands still.
+pub(super) fn loop_seconds(event: &Value) -> Option<f64> {
+    Some(event.get("clock_ns")?.as_f64()? * 1e-9)
+}
+
 fn name(event: &Value) -> &str {
     event
         .get("event")
@@ -82,8 +87,12 @@ pub(super) fn timeline(run: &RunData) -> String {
         .events
         .iter()
         .find_map(|e| wall_seconds(e.get("wall")?.as_str()?));
+    let is_clocked = run.events.iter().all(|e| loop_seconds(e).is_some());
+    let first_of_loop = run.events.iter().find_map(loop_seconds);
     let when = |event: &Value| -> Option<f64> {
-        if is_simulated {
+        if is_simulated && is_clocked {
+            Some(loop_seconds(event)? - first_of_loop?)
+        } else if is_simulated {
             event.get("time")?.as_f64()
         } else {
             Some(wall_seconds(event.get("wall")?.as_str()?)? - first?)
@@ -118,7 +127,9 @@ pub(super) fn timeline(run: &RunData) -> String {
         .filter(|&i| placed.iter().any(|(_, event)| of_kind(i, event)))
         .collect();
     let height = 92.0 + 24.0 * used.len() as f64;
-    let words = if is_simulated {
+    let words = if is_simulated && is_clocked {
+        "clock of the loop since the first event"
+    } else if is_simulated {
         "test time"
     } else {
         "wall time since the first event"
@@ -232,5 +243,22 @@ mod tests {
             assert!(drawn.contains(part), "{part}");
         }
         assert!(!drawn.contains("operator"));
+        // After a trip test time stands where the last step ended, before the trip; the loop's clock goes on.
+        let event = |time: f64, ns: u64, to: &str| json!({"event": "phase", "to": to, "time": time, "clock_ns": ns});
+        run.events = vec![
+            event(0.0, 1_000_000_000, "running"),
+            json!({"event": "limit_trip", "time": 3.567, "clock_ns": 4_567_000_000u64}),
+            event(3.565, 4_567_000_000, "leaving"),
+            event(3.565, 9_000_000_000, "safe"),
+        ];
+        let drawn = timeline(&run);
+        assert!(
+            drawn.contains("leaving")
+                && drawn.contains("clock of the loop since the first event (s)")
+        );
+        let page = crate::report::render(&run);
+        for cell in ["<td>3.5670\u{a0}s</td>", "<td>8.0000\u{a0}s</td>"] {
+            assert!(page.contains(cell), "{cell}");
+        }
     }
 }
