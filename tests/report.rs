@@ -336,3 +336,31 @@ fn an_audit_that_ends_without_a_number_does_not_say_that_all_is_booked_right() {
     let page = page(&out);
     assert!(!page.contains("booked right") && page.contains("in the last row it is not a number"));
 }
+
+#[test]
+fn the_page_tells_the_way_out_and_how_limits_are_judged() {
+    // ±2 mm in the test, then 20 mm: 16 kN in the one, 40 kN + 0.05 · 8 MN/m · 15 mm = 46 kN in the other.
+    let text = "title = \"Way out\"\n[time]\nrate_hz = 256\nduration_s = 4\nclock = \"simulated\"\n\
+        [[excitation.prescribed_displacement]]\nspecimen = \"column\"\nease_in_s = 0.5\n\
+        signal.cyclic = { amplitudes = [0.002], cycles_per_amplitude = 2, shape = \"sine\", frequency_hz = 0.5 }\n\
+        [[specimen]]\nname = \"column\"\n\
+        law.bilinear = { stiffness_n_per_m = 8e6, yield_force_n = 40e3, post_yield_ratio = 0.05 }\n\
+        safe_disp_m = [0.02]\n\
+        [specimen.limits]\nmeasured_force_n = { warn = [-30e3, 30e3], trip = [-60e3, 60e3] }\n\
+        [safety]\nat_end = \"safe_displacement\"\nexit_speed_m_per_s = 0.05\n";
+    let folder = tempfile::tempdir().unwrap();
+    let out = made(folder.path(), "way", text);
+    let page = fs::read_to_string(out.join("report.html")).unwrap();
+    let page = page.replace("&quot;", "\"");
+    for part in [
+        "Specimen \"column\" was led to where the test file wants it left; last command 20.0\u{a0}mm as it was sent, last measured \
+         20.0\u{a0}mm and 46.0\u{a0}kN, largest force on the way out 46.0\u{a0}kN, more than in the running test.",
+        "<b>16.0\u{a0}kN</b><span>largest force of the running test, column; 46.0\u{a0}kN on the way out",
+        "1025\u{a0}steps of the running test; 161\u{a0}rows of the way out",
+        "<td>not checked: no deadline is missed on the simulated clock</td>",
+        "At the end: every specimen is led to its `safe_disp_m`, at 0.05 m/s at most",
+        "safe displacement: 20\u{a0}mm.",
+    ] {
+        assert!(page.contains(part), "{part}");
+    }
+}

@@ -9,6 +9,7 @@ use std::io;
 
 use super::axes::{AxisDigest, Grid};
 use super::first::First;
+use super::left::AxisEnd;
 use super::shaking::Shaking;
 use super::sieve::{Gap, Passed, Sieve, Stretch};
 use super::source::Source;
@@ -78,6 +79,8 @@ pub struct Digest {
     /// Axes with a recorded force.
     pub(super) all_axes: Vec<SpecimenAxis>,
     pub(super) axes: Vec<AxisDigest>,
+    /// The last of every axis, and what the way out took.
+    pub(super) ends: Vec<AxisEnd>,
     pub(super) shaking: Option<Shaking>,
     /// Amplitude spectra of displacements: DOF, (Hz, m s).
     pub(super) spectra: Vec<(u32, Vec<(f64, f64)>)>,

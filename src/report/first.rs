@@ -5,6 +5,7 @@ use std::collections::VecDeque;
 use super::digest::{
     Difference, Digest, Holder, Item, MOST_AXES, MOST_DOFS, SpecimenAxis, sieve, spread,
 };
+use super::left::Ends;
 use super::response::{MOST_LINES, TAIL};
 use super::sieve::{Sieve, Stretch, ZEROING};
 use super::source::Source;
@@ -45,6 +46,7 @@ pub(super) struct First<'a> {
     energy_thinner: Thinner,
     worst: Worst,
     readings: Vec<Read>,
+    ends: Ends,
     recorded: u64,
     /// Displacements of the last steps: DOF, place in a block, values; and how many are kept.
     tails: Vec<(u32, usize, VecDeque<f64>)>,
@@ -239,6 +241,7 @@ impl<'a> First<'a> {
             energy_thinner: Thinner::new(steps, 7, Some(0)),
             worst: Worst::new(&columns),
             readings: readings.collect(),
+            ends: Ends::new(&drawn, at),
             energy: pass,
             recorded: 0,
             tails,
@@ -267,6 +270,7 @@ impl<'a> First<'a> {
                 self.stretch(kind, stretch, block);
             }
         }
+        self.ends.take(block, self.sieve.out());
     }
 
     /// `kind` 0 for ends of steps, 1 for ticks.
@@ -328,6 +332,7 @@ impl<'a> First<'a> {
 
     pub fn finish(self, digest: &mut Digest) -> [Table; 2] {
         digest.recorded = self.recorded;
+        digest.ends = self.ends.finish();
         digest.passed = self.sieve.passed();
         digest.counted = self.step.is_some();
         digest.interval = digest.passed.step_s.filter(|_| digest.passed.is_even);

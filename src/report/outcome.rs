@@ -42,8 +42,8 @@ pub(super) fn number(run: &RunData, path: &str) -> Option<f64> {
     at(run, path)?.as_f64()
 }
 
-/// The verdict on `run`.
-pub(super) fn verdict(run: &RunData) -> Verdict {
+/// The verdict on `run`; `left` are sentences on how its specimens were left.
+pub(super) fn verdict(run: &RunData, left: &[String]) -> Verdict {
     let status = text(run, "status");
     let (mut tone, headline) = match status {
         _ if run.unfinished.is_some() => (
@@ -92,6 +92,7 @@ pub(super) fn verdict(run: &RunData) -> Verdict {
         sentences.push(ended(&format!("Status: {status}")));
     }
     sentences.extend(extent(run));
+    sentences.extend_from_slice(left);
     if let Some(lost) = number(run, "rows_lost").filter(|&n| n > 0.0) {
         tone = worse(tone);
         let gaps = match run.missing_rows {
@@ -332,11 +333,14 @@ mod tests {
     use serde_json::json;
 
     fn of(summary: Value, events: Vec<Value>) -> Verdict {
-        verdict(&RunData {
-            summary: Some(summary),
-            events,
-            ..RunData::default()
-        })
+        verdict(
+            &RunData {
+                summary: Some(summary),
+                events,
+                ..RunData::default()
+            },
+            &[],
+        )
     }
 
     #[test]
@@ -447,31 +451,40 @@ mod tests {
         );
         assert!(of(json!({"status": "odd"}), vec![]).sentences[0].contains("odd"));
         assert!(of(json!(17), vec![]).headline.starts_with("No summary"));
-        let v = verdict(&RunData {
-            unfinished: Some("killed".to_owned()),
-            ..RunData::default()
-        });
+        let v = verdict(
+            &RunData {
+                unfinished: Some("killed".to_owned()),
+                ..RunData::default()
+            },
+            &[],
+        );
         assert!(v.headline.starts_with("Unfinished") && v.sentences == ["Killed."]);
     }
 
     #[test]
     fn events_that_cannot_be_read_are_no_good_news() {
-        let v = verdict(&RunData {
-            summary: Some(json!({"status": "completed"})),
-            unreadable_events: 1,
-            ..RunData::default()
-        });
+        let v = verdict(
+            &RunData {
+                summary: Some(json!({"status": "completed"})),
+                unreadable_events: 1,
+                ..RunData::default()
+            },
+            &[],
+        );
         assert_eq!(v.tone, Tone::Warning);
         assert!(v.sentences[0].contains("events.jsonl"), "{v:?}");
     }
 
     #[test]
     fn a_record_that_is_not_whole_is_never_good_news() {
-        let v = verdict(&RunData {
-            summary: Some(json!({"status": "completed", "steps": 100, "dt": 0.01})),
-            damaged: vec!["the rows end at 0.25 s".to_owned()],
-            ..RunData::default()
-        });
+        let v = verdict(
+            &RunData {
+                summary: Some(json!({"status": "completed", "steps": 100, "dt": 0.01})),
+                damaged: vec!["the rows end at 0.25 s".to_owned()],
+                ..RunData::default()
+            },
+            &[],
+        );
         assert_eq!(v.tone, Tone::Bad);
         assert!(v.headline.starts_with("Damaged"), "{v:?}");
         assert_eq!(

@@ -9,6 +9,7 @@ use super::falsified::falsified_section;
 use super::ground::ground;
 use super::html::{beside, definitions, note, section};
 use super::identified;
+use super::left;
 use super::limits::limits;
 use super::outcome::{self, Tone, verdict};
 use super::plots::base64;
@@ -50,7 +51,7 @@ fn page(run: &RunData, digest: &Digest) -> String {
         "<header>\n<p class=\"brand\">gusset · hybrid test report</p>\n<h1>{}</h1>\n",
         escape(title)
     );
-    body += &banner(run);
+    body += &banner(run, &left::sentences(run, &rows, configuration.as_ref()));
     body += &tiles(run, &rows, &axes, &timings);
     body += "</header>\n<main>\n";
     let facts = tested::facts(run, configuration.as_ref());
@@ -92,6 +93,16 @@ fn recorded(rows: &Rows<'_>) -> String {
             " and {} between two of them, in a hold or at a trip",
             plural(others, "tick", "ticks")
         );
+    }
+    let rest = rows.recorded() - passed.ticks - passed.before - passed.leaving;
+    for (count, of) in [
+        (passed.before, "before the test"),
+        (passed.leaving, "of the way out"),
+        (rest, "of other states"),
+    ] {
+        if count > 0 {
+            text += &format!("; {} {of}", plural(count, "row", "rows"));
+        }
     }
     if passed.missing_steps > 0 {
         let are = if passed.missing_steps == 1 {
@@ -144,8 +155,8 @@ fn whole(title: &str, head: &str, style: &str, markup: &str, tail: &str) -> Stri
     )
 }
 
-fn banner(run: &RunData) -> String {
-    let verdict = verdict(run);
+fn banner(run: &RunData, left: &[String]) -> String {
+    let verdict = verdict(run, left);
     let class = match verdict.tone {
         Tone::Good => "good",
         Tone::Warning => "warning",
@@ -180,10 +191,20 @@ fn tiles(
         .iter()
         .filter_map(|axis| Some((axis, axis.peak_force()?)));
     if let Some((axis, (force, unit))) = forces.max_by(|a, b| a.1.0.abs().total_cmp(&b.1.0.abs())) {
-        tiles.push((
-            quantity(force, unit),
-            format!("largest force, {}", axis.name),
-        ));
+        let way_out = axes
+            .iter()
+            .filter_map(|axis| axis.force_on_the_way_out())
+            .filter(|(later, _)| later.abs() > force.abs())
+            .max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
+        let words = match way_out {
+            None => format!("largest force, {}", axis.name),
+            Some((later, unit)) => format!(
+                "largest force of the running test, {}; {} on the way out",
+                axis.name,
+                quantity(later, unit)
+            ),
+        };
+        tiles.push((quantity(force, unit), words));
     }
     let lags = axes.iter().filter_map(|axis| Some((axis, axis.lag()?)));
     if let Some((axis, lag)) = lags.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())) {

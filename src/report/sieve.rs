@@ -2,14 +2,22 @@
 //! missing.
 //!
 //! Invariant: a step's end is a row of state 3; ticks are these, those between two steps (11, 12, 13), those of a hold (6) and the
-//! one that tripped the running test (8). Rows that are missing part what stands before from what stands behind.
+//! one that tripped the running test (8). Of the way in are rows of states 1, 2, 4, 5 and 10, of the way out those of state 7 and any
+//! other trip. Rows that are missing part what stands before from what stands behind.
 
 /// States of rows, as the engine numbers its phases.
+const SETTLING: f64 = 1.0;
+const PROBING: f64 = 2.0;
 pub(super) const RUNNING: f64 = 3.0;
 pub(super) const ZEROING: f64 = 4.0;
+const RAMPING: f64 = 5.0;
 pub(super) const HOLDING: f64 = 6.0;
+const LEAVING: f64 = 7.0;
 pub(super) const TRIPPED: f64 = 8.0;
+const WARMING_UP: f64 = 10.0;
 pub(super) const BETWEEN: [f64; 3] = [11.0, 12.0, 13.0];
+/// Before the test.
+const BEFORE: [f64; 5] = [SETTLING, PROBING, ZEROING, RAMPING, WARMING_UP];
 
 /// Where rows are missing.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -96,6 +104,10 @@ pub(super) struct Sieve {
     is_on: bool,
     steps: Course,
     ticks: Course,
+    before: u64,
+    leaving: u64,
+    /// Places of the rows of the way out in the block that was sorted last.
+    out: Vec<usize>,
 }
 
 /// What has passed.
@@ -105,6 +117,9 @@ pub(super) struct Passed {
     pub steps: u64,
     /// Ticks of the test, these among them.
     pub ticks: u64,
+    /// Rows before the test, and of the way out.
+    pub before: u64,
+    pub leaving: u64,
     /// Steps and ticks that are missing between the first and the last.
     pub missing_steps: u64,
     pub missing_ticks: u64,
@@ -134,12 +149,16 @@ impl Sieve {
                 interval: interval.map(|dt| dt / ticks_per_step),
                 ..Course::default()
             },
+            before: 0,
+            leaving: 0,
+            out: Vec::new(),
         }
     }
 
     /// The ends of steps, and the ticks, of the next block.
     pub fn sort(&mut self, block: &[Vec<f64>]) -> [Vec<Stretch>; 2] {
         let mut found = [vec![Stretch::default()], vec![Stretch::default()]];
+        self.out.clear();
         let at = |place: Option<usize>, row: usize, none: f64| {
             place.map_or(none, |place| block[place][row])
         };
@@ -151,6 +170,11 @@ impl Sieve {
                 || BETWEEN.contains(&state)
                 || (state == TRIPPED && self.is_on);
             self.is_on = is_tick && state != TRIPPED;
+            if state == LEAVING || (state == TRIPPED && !is_tick) {
+                self.out.push(row);
+                self.leaving += 1;
+            }
+            self.before += u64::from(BEFORE.contains(&state));
             let (time, step) = (at(self.time, row, f64::NAN), at(self.step, row, f64::NAN));
             if is_step {
                 let gap = self.steps.follow(time, step);
@@ -167,11 +191,18 @@ impl Sieve {
         found
     }
 
+    /// Places of the rows of the way out in the block that was sorted last.
+    pub fn out(&self) -> &[usize] {
+        &self.out
+    }
+
     /// What has passed so far.
     pub fn passed(&self) -> Passed {
         Passed {
             steps: self.steps.rows,
             ticks: self.ticks.rows,
+            before: self.before,
+            leaving: self.leaving,
             missing_steps: self.steps.missing,
             missing_ticks: self.ticks.missing,
             step_s: self.steps.interval,
@@ -239,6 +270,8 @@ mod tests {
             assert_eq!(ticks, [0.0, 0.5, 1.0, 1.2, 1.2, 1.7, 2.0, 2.5]);
             assert!(gaps.is_empty() && holes.is_empty());
             assert!(passed.is_even && passed.missing_ticks == 0);
+            // The zeroing; a trip before the test, the one that repeats itself, and the way out.
+            assert_eq!((passed.before, passed.leaving), (1, 3));
         }
     }
 

@@ -28,12 +28,18 @@ pub(super) struct Tracked<'a> {
     pub disp_unit: &'a str,
     pub force_unit: &'a str,
     pub digest: &'a AxisDigest,
+    way_out: Option<f64>,
 }
 
 impl<'a> Tracked<'a> {
-    /// Peak force with its unit.
+    /// Peak force of the running test with its unit.
     pub fn peak_force(&self) -> Option<(f64, &'a str)> {
         self.digest.peak_force.map(|p| (p.value, self.force_unit))
+    }
+
+    /// Force of largest magnitude on the way out with its unit, where there was one.
+    pub fn force_on_the_way_out(&self) -> Option<(f64, &'a str)> {
+        self.way_out.map(|force| (force, self.force_unit))
     }
 
     /// Lag of measured behind target in s.
@@ -45,10 +51,15 @@ impl<'a> Tracked<'a> {
 /// Every axis with its name, which comes from the configuration.
 pub(super) fn tracking<'a>(rows: &Rows<'a>, configuration: Option<&Value>) -> Vec<Tracked<'a>> {
     let axes = rows.digest().axes.iter();
+    let way_out = |axis| {
+        let mut ends = rows.digest().ends.iter();
+        ends.find(|end| end.axis == axis)?.on_the_way_out
+    };
     axes.map(|digest| Tracked {
         name: axis_name(configuration, digest.axis, rows.axes()),
         disp_unit: rows.unit(&digest.axis.column("meas")),
         force_unit: rows.unit(&digest.axis.column("force")),
+        way_out: way_out(digest.axis),
         digest,
     })
     .collect()
@@ -213,6 +224,8 @@ fn content(axis: &Tracked<'_>) -> String {
 
 fn listed(axes: &[Tracked<'_>]) -> String {
     let or_dash = |text: Option<String>| text.unwrap_or_else(|| NOTHING.to_owned());
+    let force = |found: Option<(f64, &str)>| or_dash(found.map(|(f, unit)| quantity(f, unit)));
+    let has_way_out = axes.iter().any(|axis| axis.way_out.is_some());
     let row = |axis: &Tracked<'_>| {
         let work = if axis.disp_unit.starts_with("rad") {
             "N m"
@@ -221,33 +234,40 @@ fn listed(axes: &[Tracked<'_>]) -> String {
         };
         let digest = axis.digest;
         let tracking = digest.tracking.as_ref();
-        vec![
+        let mut row = vec![
             axis.name.clone(),
             or_dash(digest.peak_disp.map(|p| quantity(p.value, axis.disp_unit))),
-            or_dash(axis.peak_force().map(|(f, unit)| quantity(f, unit))),
+            force(axis.peak_force()),
             or_dash(digest.absorbed.map(|e| quantity(e, work))),
             or_dash(axis.lag().map(lag_words)),
             or_dash(tracking.map(|t| format!("{} %", number(100.0 * t.nrmse.value, 3)))),
             or_dash(tracking.map(|t| quantity(t.peak_error_m.value, axis.disp_unit))),
-        ]
+        ];
+        if has_way_out {
+            row.push(force(axis.force_on_the_way_out()));
+        }
+        row
     };
     let rows: Vec<_> = axes.iter().map(row).collect();
-    table(
-        &[
-            "",
-            "peak measured displacement",
-            "peak force",
-            "absorbed energy",
-            "lag",
-            "NRMSE",
-            "largest error",
-        ],
-        &rows,
-    ) + &note(
-        "Absorbed energy: ∮ force d(measured displacement), dissipated and what is stored at the end. Lag: measured behind \
+    let mut heading = vec![
+        "",
+        "peak measured displacement",
+        "peak force",
+        "absorbed energy",
+        "lag",
+        "NRMSE",
+        "largest error",
+    ];
+    if has_way_out {
+        heading.push("peak force on the way out");
+    }
+    table(&heading, &rows)
+        + &note(
+            "Absorbed energy: ∮ force d(measured displacement), dissipated and what is stored at the end. Lag: measured behind \
              target in test time, by cross-correlation; positive means later. \
              NRMSE: root mean square of measured − target over root mean square of the target.",
-    ) + &legend()
+        )
+        + &legend()
 }
 
 /// What went over the links, by specimen; nothing where nothing was counted.

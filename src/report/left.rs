@@ -1,0 +1,272 @@
+//! Where a test left its specimens: the last that was recorded of each axis, and the largest force on the way out.
+
+use serde_json::Value;
+
+use super::RunData;
+use super::digest::SpecimenAxis;
+use super::outcome;
+use super::rows::Rows;
+use super::tested::specimen_name;
+use super::text::{plural, quantity};
+
+/// Specimens that are told of one by one.
+const MOST_TOLD: usize = 8;
+
+/// The end of one axis; what was not recorded is not a number.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct AxisEnd {
+    pub axis: SpecimenAxis,
+    /// Of the last row, whatever its state.
+    pub command: f64,
+    pub measured: f64,
+    pub force: f64,
+    /// Force of largest magnitude on the way out, with its sign; none where no row of it was recorded.
+    pub on_the_way_out: Option<f64>,
+}
+
+/// Follows the rows to their end.
+pub(super) struct Ends {
+    /// Places of command, measured displacement and force of every axis in a block.
+    places: Vec<[Option<usize>; 3]>,
+    ends: Vec<AxisEnd>,
+}
+
+impl Ends {
+    /// Of these axes; `place` tells where a column stands in a block.
+    pub fn new(axes: &[SpecimenAxis], place: impl Fn(&str) -> Option<usize>) -> Self {
+        let places = axes
+            .iter()
+            .map(|axis| ["cmd", "meas", "force"].map(|kind| place(&axis.column(kind))));
+        let end = |&axis: &SpecimenAxis| AxisEnd {
+            axis,
+            command: f64::NAN,
+            measured: f64::NAN,
+            force: f64::NAN,
+            on_the_way_out: None,
+        };
+        Self {
+            places: places.collect(),
+            ends: axes.iter().map(end).collect(),
+        }
+    }
+
+    /// Takes the next rows, of which those at the places `out` are of the way out.
+    pub fn take(&mut self, block: &[Vec<f64>], out: &[usize]) {
+        for (end, places) in self.ends.iter_mut().zip(&self.places) {
+            let [command, measured, force] =
+                places.map(|place| block.get(place?).map(Vec::as_slice));
+            let kept = [&mut end.command, &mut end.measured, &mut end.force];
+            for (kept, column) in kept.into_iter().zip([command, measured, force]) {
+                if let Some(last) = column.and_then(<[f64]>::last) {
+                    *kept = *last;
+                }
+            }
+            let forces = out.iter().filter_map(|&row| force?.get(row).copied());
+            let all = end.on_the_way_out.into_iter().chain(forces);
+            end.on_the_way_out = all
+                .filter(|force| force.is_finite())
+                .max_by(|a, b| a.abs().total_cmp(&b.abs()));
+        }
+    }
+
+    /// The ends.
+    pub fn finish(self) -> Vec<AxisEnd> {
+        self.ends
+    }
+}
+
+/// How each specimen was left, the gravest first; nothing where the summary does not tell.
+pub(super) fn sentences(
+    run: &RunData,
+    rows: &Rows<'_>,
+    configuration: Option<&Value>,
+) -> Vec<String> {
+    let left = outcome::at(run, "left").and_then(Value::as_object);
+    let left = left.into_iter().flatten();
+    let mut left: Vec<(&str, &str)> = left
+        .filter_map(|(name, how)| Some((name.as_str(), how.as_str()?)))
+        .collect();
+    left.sort_by_key(|(_, how)| gravity(how));
+    let told = left.iter().take(MOST_TOLD).map(|(name, how)| {
+        let ends = rows.digest().ends.iter();
+        let own: Vec<_> = ends
+            .filter(|end| specimen_name(configuration, end.axis.specimen) == *name)
+            .collect();
+        let each: Vec<String> = own
+            .iter()
+            .map(|end| {
+                let which = match own.len() {
+                    1 => String::new(),
+                    _ => format!("axis {}: ", end.axis.axis),
+                };
+                which + &words(end, rows, configuration)
+            })
+            .collect();
+        let each = match each.len() {
+            0 => String::new(),
+            _ => format!("; {}", each.join("; ")),
+        };
+        format!("Specimen \"{name}\" {}{each}.", how_words(how))
+    });
+    let mut sentences: Vec<String> = told.collect();
+    let rest = left.get(MOST_TOLD..).unwrap_or_default();
+    let counts = rest.chunk_by(|a, b| a.1 == b.1).map(|same| {
+        let how = same.first().map_or("", |(_, how)| *how);
+        format!(
+            "{} {}",
+            plural(same.len() as u64, "other", "others"),
+            how_words(how)
+        )
+    });
+    sentences.extend(counts.map(|count| format!("{count}.")));
+    sentences
+}
+
+fn gravity(how: &str) -> u8 {
+    match how {
+        "lost" => 0,
+        "not_reached" => 1,
+        "reached" => 3,
+        "stayed" => 4,
+        _ => 2,
+    }
+}
+
+fn how_words(how: &str) -> String {
+    match how {
+        "stayed" => "stayed at the last command".to_owned(),
+        "reached" => "was led to where the test file wants it left".to_owned(),
+        "not_reached" => "DID NOT REACH where the test file wants it left".to_owned(),
+        "lost" => "is LOST: its own end holds it, wherever that is".to_owned(),
+        other => format!("was left: {}", other.replace('_', " ")),
+    }
+}
+
+/// The unit in which an axis is told its displacement, where it is not SI.
+fn sent_in(axis: SpecimenAxis, configuration: Option<&Value>) -> Option<String> {
+    let at = |number: u32| number.checked_sub(1).map(|place| place as usize);
+    let specimen = configuration?.get("specimen")?.get(at(axis.specimen)?)?;
+    let unit = specimen
+        .get("axis")?
+        .get(at(axis.axis)?)?
+        .get("unit_disp")?;
+    unit.as_str().filter(|unit| *unit != "m").map(str::to_owned)
+}
+
+/// The end of one axis in words.
+fn words(end: &AxisEnd, rows: &Rows<'_>, configuration: Option<&Value>) -> String {
+    let unit = |kind: &str| rows.unit(&end.axis.column(kind));
+    let mut text = format!(
+        "last command {} as it was sent, last measured {} and {}",
+        quantity(
+            end.command,
+            &sent_in(end.axis, configuration).unwrap_or_else(|| unit("meas").to_owned())
+        ),
+        quantity(end.measured, unit("meas")),
+        quantity(end.force, unit("force"))
+    );
+    if let Some(force) = end.on_the_way_out {
+        text += &format!(
+            ", largest force on the way out {}",
+            quantity(force, unit("force"))
+        );
+        let mut axes = rows.digest().axes.iter();
+        let running = axes
+            .find(|axis| axis.axis == end.axis)
+            .and_then(|axis| axis.peak_force);
+        if running.is_some_and(|peak| force.abs() > peak.value.abs()) {
+            text += ", more than in the running test";
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::render;
+    use super::super::synthetic::columns;
+    use super::*;
+    use serde_json::json;
+
+    /// One row before the test, three of it, a trip, then the way out, on which the force goes on to grow.
+    fn led_away(left: &str) -> RunData {
+        let names = [
+            "step",
+            "state",
+            "time",
+            "target_1_1",
+            "cmd_1_1",
+            "meas_1_1",
+            "force_1_1",
+        ];
+        let states = [5.0, 3.0, 3.0, 3.0, 8.0, 7.0, 7.0, 7.0];
+        let forces = [9e5, 0.0, 8e3, -16e3, 20e3, 46e3, -47e3, 30e3];
+        let mut data = vec![Vec::new(); names.len()];
+        for (i, (state, force)) in states.into_iter().zip(forces).enumerate() {
+            let at = 0.004 * i as f64;
+            let step = (i as f64 - 1.0).clamp(0.0, 3.0);
+            let row = [step, state, 0.1 * step, at, at, at - 0.001, force];
+            data.iter_mut()
+                .zip(row)
+                .for_each(|(column, v)| column.push(v));
+        }
+        RunData {
+            columns: columns(&names),
+            data,
+            summary: Some(json!({"status": "stopped", "dt": 0.1, "left": {"column": left}})),
+            resolved: "[[specimen]]\nname = \"column\"\n".to_owned(),
+            ..RunData::default()
+        }
+    }
+
+    #[test]
+    fn the_page_says_where_a_specimen_was_left_and_what_force_the_way_out_took() {
+        let page = render(&led_away("reached")).replace("&quot;", "\"");
+        for part in [
+            "Specimen \"column\" was led to where the test file wants it left; last command 28.0\u{a0}mm as it was sent, last measured \
+             27.0\u{a0}mm and 30.0\u{a0}kN, largest force on the way out −47.0\u{a0}kN, more than in the running test.",
+            "largest force of the running test, column; −47.0\u{a0}kN on the way out",
+            "<b>20.0\u{a0}kN</b>",
+            "<th>peak force on the way out</th>",
+            "8\u{a0}rows: 3\u{a0}steps of the running test and 1\u{a0}tick between two of them, in a hold or at a trip; \
+             1\u{a0}row before the test; 3\u{a0}rows of the way out",
+        ] {
+            assert!(page.contains(part), "{part} is missing");
+        }
+        let page = render(&led_away("not_reached"));
+        assert!(page.contains("DID NOT REACH where the test file wants it left; last command"));
+        let mut run = led_away("reached");
+        run.resolved += "[[specimen.axis]]\nunit_disp = \"mm\"\n";
+        let place = run
+            .columns
+            .iter()
+            .position(|column| column.name == "cmd_1_1");
+        let place = place.unwrap();
+        run.columns[place].unit = "specimen unit".to_owned();
+        run.data[place].iter_mut().for_each(|sent| *sent *= 1e3);
+        assert!(render(&run).contains("last command 28.0\u{a0}mm as it was sent"));
+        let page = render(&led_away("lost"));
+        assert!(page.contains("is LOST: its own end holds it"));
+    }
+
+    #[test]
+    fn a_specimen_that_stayed_has_no_way_out_and_of_many_the_gravest_are_told() {
+        let mut run = led_away("stayed");
+        run.data.iter_mut().for_each(|column| column.truncate(4));
+        let page = render(&run);
+        assert!(page.contains("stayed at the last command; last command 12.0\u{a0}mm"));
+        assert!(page.contains("largest force, column") && !page.contains("on the way out"));
+        let all: serde_json::Map<String, Value> = (0..12)
+            .map(|i| {
+                (
+                    format!("s{i:02}"),
+                    json!(if i == 11 { "lost" } else { "stayed" }),
+                )
+            })
+            .collect();
+        run.summary = Some(json!({"left": all}));
+        let page = render(&run);
+        assert!(page.contains("s11&quot; is LOST"));
+        assert!(page.contains("4\u{a0}others stayed at the last command."));
+    }
+}
