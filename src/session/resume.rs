@@ -140,7 +140,12 @@ fn resume_by(
          where it left them"
             .to_owned()
     });
-    for text in [Some(text), Some(ended), on_its_way_in, note]
+    // What a test tries before it begins is not tried again.
+    let tried = !std::mem::take(&mut next.facts.announced).is_empty();
+    let untried = tried.then(|| {
+        "which way round the specimens are wired is not tried again: who has changed it since begins a new test".to_owned()
+    });
+    for text in [Some(text), Some(ended), on_its_way_in, untried, note]
         .into_iter()
         .flatten()
     {
