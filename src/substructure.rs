@@ -202,6 +202,17 @@ pub struct Introduction {
     pub simulated: bool,
 }
 
+/// Who holds a specimen to which no command comes any more.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Holder {
+    /// It is computed in this process, and is over with the test.
+    Needless,
+    /// Its own end, whose watchdog was agreed on.
+    ItsWatchdog,
+    /// Nobody: its protocol has no word for it.
+    Nobody,
+}
+
 /// Why a specimen cannot take part. Nothing was moved.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[error("{text}")]
@@ -223,6 +234,15 @@ pub trait Substructure: Send {
     /// True if replies come from outside this process.
     fn is_remote(&self) -> bool {
         false
+    }
+
+    /// Who holds the specimen if commands stay away.
+    fn holder(&self) -> Holder {
+        if self.is_remote() {
+            Holder::Nobody
+        } else {
+            Holder::Needless
+        }
     }
 
     /// Connects and agrees on everything; nothing moves yet. May block, within a time limit of its own. Called once,

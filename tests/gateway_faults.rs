@@ -69,7 +69,7 @@ fn a_specimen_killed_in_mid_test_ends_the_test_and_not_the_gateway() {
         assert!(reason.contains("the specimen is lost"), "{reason}");
         let over = between.hears("test over: the specimen is lost");
         assert!(
-            over.ends_with("where the specimen stands only its own watchdog knows"),
+            over.ends_with("where the specimen stands only its own end knows"),
             "{over}"
         );
         let kept = out.join("test-0001");

@@ -272,6 +272,8 @@ fn a_specimen_that_is_killed_in_mid_test_is_a_lost_link_and_a_complete_folder() 
             "{}",
             summary.reason
         );
+        let held = "specimen 1 is held by its own watchdog";
+        assert!(summary.reason.ends_with(held), "{}", summary.reason);
         assert!(events(folder, "run").contains(&"link".to_owned()));
     }
 }

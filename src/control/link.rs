@@ -1,7 +1,7 @@
 //! What a port keeps about its link: counts, the rules of waiting, and the comparison of estimates at connect.
 
 use super::{Direction, Opinion, Port, compare_stiffness};
-use crate::substructure::{Introduction, LinkFault, LinkStats, Unavailable};
+use crate::substructure::{Holder, Introduction, LinkFault, LinkStats, Unavailable};
 use crate::time::Nanos;
 
 /// What went over one link.
@@ -151,6 +151,12 @@ impl Port {
             stats: self.substructure.stats(),
             ..self.link
         }
+    }
+
+    /// Who holds the specimen if commands stay away.
+    #[must_use]
+    pub fn holder(&self) -> Holder {
+        self.substructure.holder()
     }
 
     /// More than the fault says about why the link was lost.

@@ -2,9 +2,9 @@
 //!
 //! From the first command on every end goes through [`Engine::conclude`]. Before it, in an orderly end or a trip, each
 //! specimen is moved to where the test file wants it left; after a panic nothing is moved any more. A specimen whose link is
-//! lost, whose measurements stayed away too long or whose interlock is open is not commanded: its own watchdog holds it. Until
-//! it is known which way round the specimens are wired, where their zeros are and that they stand where they should, none is
-//! moved: their exits would be anywhere. What stops the way out stops it for all, and is part of how the test ended: a test
+//! lost, whose measurements stayed away too long or whose interlock is open is not commanded: its own end holds it, or nobody.
+//! Until it is known which way round the specimens are wired, where their zeros are and that they stand where they should, none
+//! is moved: their exits would be anywhere. What stops the way out stops it for all, and is part of how the test ended: a test
 //! that trips there has tripped.
 
 use super::columns::GIVEN_UP;
@@ -26,7 +26,7 @@ pub enum Left {
     Reached,
     /// Somewhere else, although the test file wants it moved.
     NotReached,
-    /// Its link is lost: wherever its own watchdog holds it.
+    /// Its link is lost: wherever its own end holds or leaves it.
     Lost,
 }
 

@@ -48,6 +48,7 @@ pub use tick::Tick;
 use crate::control::{LinkCount, Port, Poses};
 use crate::record::{Column, Recorder};
 use crate::rt::timing::{TickStamps, Timing};
+use crate::substructure::Holder;
 use crate::time::{Clock, Nanos, Ratio, Schedule, SimClock};
 
 /// What to do about a tick that starts, or leaves the next one to start, a period or more late.
@@ -203,6 +204,8 @@ pub struct Outcome {
     pub left: Vec<Left>,
     /// Specimens, from 0, that should have answered the last words, and did not.
     pub unheard: Vec<usize>,
+    /// Who holds each specimen if commands stay away.
+    pub holders: Vec<Holder>,
     /// Last step whose row was made.
     pub steps: u64,
     /// Peaks over all DOFs.
@@ -358,6 +361,7 @@ impl Engine {
             unfinished: self.unfinished,
             left: self.left.clone(),
             unheard: self.unheard.clone(),
+            holders: self.ports.iter().map(Port::holder).collect(),
             steps: self.steps_done,
             peaks: self.peaks.clone(),
             ports: self

@@ -172,7 +172,7 @@ pub struct Summary {
     pub falsified: Value,
     /// Where each specimen was left, by name: `reached` (where the test file wants it), `not_reached`, `stayed` (at its last
     /// command: nothing else is asked for, or its direction, zero or place was not known yet), or `lost` (its link is gone:
-    /// wherever its own watchdog holds it).
+    /// wherever its own end holds or leaves it).
     #[serde(default)]
     pub left: BTreeMap<String, String>,
 }

@@ -16,7 +16,7 @@ use crate::rt::Granted;
 use crate::rt::timing::export::write_hgrm;
 use crate::rt::timing::{Quantity, Timing};
 use crate::rt::wall::Wall;
-use crate::substructure::LinkFault;
+use crate::substructure::{Holder, LinkFault};
 
 /// When the loop began, and how long it took on the wall.
 #[derive(Debug, Clone, Copy)]
@@ -183,10 +183,16 @@ pub fn ending(outcome: &Outcome) -> (Finish, String) {
             }
             let lost = left_as(outcome, Left::Lost);
             for (index, _) in lost.filter(|(index, _)| !outcome.unheard.contains(index)) {
-                reason = format!(
-                    "{reason}; specimen {} is held by its own watchdog",
-                    index + 1
-                );
+                let number = index + 1;
+                reason.push_str(&match outcome.holders.get(index) {
+                    Some(Holder::ItsWatchdog) => {
+                        format!("; specimen {number} is held by its own watchdog")
+                    }
+                    Some(Holder::Nobody) => format!(
+                        "; nobody holds specimen {number}: it is where its own controller leaves it"
+                    ),
+                    Some(Holder::Needless) | None => String::new(),
+                });
             }
             reason
         }

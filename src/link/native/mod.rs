@@ -18,8 +18,8 @@ use crate::link::Transport;
 use crate::link::spec::Carrier;
 use crate::link::tls::TlsClient;
 use crate::substructure::{
-    Command, Coupling, Freshness, Introduction, LinkFault, LinkStats, Measurement, Retirement,
-    Substructure, Unavailable,
+    Command, Coupling, Freshness, Holder, Introduction, LinkFault, LinkStats, Measurement,
+    Retirement, Substructure, Unavailable,
 };
 use crate::time::Nanos;
 use live::Live;
@@ -88,6 +88,10 @@ impl Substructure for NativeLink {
 
     fn is_remote(&self) -> bool {
         true
+    }
+
+    fn holder(&self) -> Holder {
+        Holder::ItsWatchdog
     }
 
     fn connect(&mut self) -> Result<Introduction, Unavailable> {

@@ -103,7 +103,7 @@ impl std::fmt::Display for Heard {
                 is_lost,
             } => {
                 let stands = if *is_lost {
-                    "where the specimen stands only its own watchdog knows"
+                    "where the specimen stands only its own end knows"
                 } else {
                     "the specimen stays where it is"
                 };

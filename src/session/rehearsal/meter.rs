@@ -6,8 +6,8 @@
 use std::sync::{Arc, Mutex};
 
 use crate::substructure::{
-    Command, Coupling, Freshness, Introduction, LinkFault, LinkStats, Measurement, Retirement,
-    Substructure, Unavailable,
+    Command, Coupling, Freshness, Holder, Introduction, LinkFault, LinkStats, Measurement,
+    Retirement, Substructure, Unavailable,
 };
 use crate::time::Nanos;
 
@@ -132,6 +132,10 @@ impl Substructure for Meter {
 
     fn is_remote(&self) -> bool {
         self.inner.is_remote()
+    }
+
+    fn holder(&self) -> Holder {
+        self.inner.holder()
     }
 
     fn connect(&mut self) -> Result<Introduction, Unavailable> {
