@@ -124,7 +124,7 @@ pub enum LinkFault {
     #[error("the peer does not read: its receive window is full")]
     Backpressure,
     /// What came of a specimen is no finite number.
-    #[error("the specimen's force is not finite")]
+    #[error("a number in the specimen's answer is not finite")]
     NotFinite,
     /// The law of a specimen that is computed in this process gave no finite number. Nothing was lost but the computation.
     #[error(
