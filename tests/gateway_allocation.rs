@@ -30,7 +30,10 @@ fn an_exchange_with_its_limits_and_its_row_allocates_nothing() {
             required: false,
         }));
     station
-        .begin(&Visitor::unnamed(([127, 0, 0, 1], 1).into()))
+        .begin(
+            &Visitor::unnamed(([127, 0, 0, 1], 1).into()),
+            &mut || Ok(()),
+        )
         .unwrap();
     let mut measured = Measurement::zeros(2);
     let count = allocation_counter::measure(|| {

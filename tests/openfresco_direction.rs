@@ -3,9 +3,18 @@
 
 mod link_common;
 
+use std::io::Write;
+use std::net::TcpStream;
+use std::path::Path;
+use std::process::Stdio;
+use std::sync::mpsc::{Receiver, channel};
+use std::sync::{Arc, Mutex};
+
 use gusset::record::Run;
+use gusset::record::summary::Status;
 use link_common::{
-    ONE_AXIS, ONE_AXIS_LAW, Served, adapter, columns, gateway, run, summary, test_file,
+    ONE_AXIS, ONE_AXIS_LAW, PATIENCE, Served, adapter, columns, gateway, gusset, run, summary,
+    test_file, write,
 };
 
 const STEPS: u32 = 100;
@@ -106,6 +115,106 @@ fn a_rig_that_can_take_nothing_back_is_tried_over_a_shadow_and_by_a_gateway() {
     );
     assert_eq!(code, 0, "{said}");
     between.hears("direction: axis 1");
+}
+
+/// A gateway that would take ten seconds for each way of the small motion, and whoever waits until that goes on; every
+/// displacement that its specimen is told.
+fn trying(folder: &Path, protocol: &str) -> (Served, Receiver<()>, Arc<Mutex<Vec<f64>>>) {
+    let told = Arc::new(Mutex::new(Vec::new()));
+    let (goes_on, is_going_on) = channel();
+    let into = Arc::clone(&told);
+    let address = adapter::start(move |disp| {
+        let mut told = into.lock().unwrap();
+        told.push(disp);
+        if told.len() == 20 {
+            goes_on.send(()).unwrap();
+        }
+        (disp, K * disp)
+    });
+    let keys = format!("{ADAPTER}probe_m = 1e-4\nprobe_ramp_s = 10\n");
+    let file = gateway(&address, "stiffness_n_per_m = 4e5\n", &keys);
+    let file = file.replace("probe = \"none\"\n", "");
+    let out = folder.join("kept");
+    let arguments = ["--protocol", protocol, "--out", out.to_str().unwrap()];
+    (Served::start(folder, &file, &arguments), is_going_on, told)
+}
+
+/// How the test of the gateway ended in which the specimen never got to the other end of the small motion.
+fn broken_off(folder: &Path, told: &Mutex<Vec<f64>>) -> (Status, String) {
+    let largest = told.lock().unwrap().iter().copied().fold(0.0, f64::max);
+    assert!(largest < 1e-4, "{largest}");
+    let kept = Run::open(&folder.join("kept/test-0001")).unwrap();
+    let summary = kept.summary().unwrap();
+    (summary.status, summary.reason.clone())
+}
+
+/// The sizes of a client of one axis that commands displacements and wants forces.
+fn client(address: &str) -> TcpStream {
+    let mut stream = TcpStream::connect(address).unwrap();
+    let sizes = [1_i32, 0, 0, 0, 0, 0, 0, 0, 1, 0, 2];
+    let sizes: Vec<u8> = sizes.into_iter().flat_map(i32::to_le_bytes).collect();
+    stream.write_all(&sizes).unwrap();
+    stream
+}
+
+#[test]
+fn the_small_motion_of_a_gateway_ends_where_it_is_when_that_is_told_to_stop() {
+    for protocol in ["openfresco", "gusset"] {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        let (mut between, is_going_on, told) = trying(folder, protocol);
+        let (mut stream, mut test) = (None, None);
+        if protocol == "openfresco" {
+            stream = Some(client(&between.address));
+        } else {
+            let text = linked(&between.address, "connect_timeout_s = 60");
+            let owned = folder.to_owned();
+            test = Some(std::thread::spawn(move || run(&owned, "run", &text)));
+        }
+        is_going_on.recv_timeout(PATIENCE).unwrap();
+        assert_eq!(between.signal("INT"), 130, "{protocol}");
+        let (status, reason) = broken_off(folder, &told);
+        assert_eq!(status, Status::Interrupted, "{reason}");
+        assert!(reason.contains("was told to stop"), "{reason}");
+        if let Some(test) = test {
+            assert_eq!(test.join().unwrap().0, 3);
+            let reason = summary(folder, "run").reason;
+            assert!(reason.contains("the server was told to stop"), "{reason}");
+        }
+        drop(stream);
+    }
+}
+
+#[test]
+fn the_small_motion_of_a_gateway_ends_where_it_is_when_its_controller_leaves() {
+    for protocol in ["openfresco", "gusset"] {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        let (between, is_going_on, told) = trying(folder, protocol);
+        if protocol == "openfresco" {
+            let stream = client(&between.address);
+            is_going_on.recv_timeout(PATIENCE).unwrap();
+            drop(stream);
+        } else {
+            let text = linked(&between.address, "connect_timeout_s = 60");
+            let mut command = gusset();
+            let file = write(folder, "run.toml", &text);
+            command.arg("run").arg(file);
+            command.arg("--out").arg(folder.join("run"));
+            let mut controller = command.stderr(Stdio::null()).spawn().unwrap();
+            is_going_on.recv_timeout(PATIENCE).unwrap();
+            controller.kill().unwrap();
+            controller.wait().unwrap();
+        }
+        // Said when the folder is closed.
+        between.hears(match protocol {
+            "openfresco" => "without a goodbye; 0 commands",
+            _ => "refused: ",
+        });
+        let (status, reason) = broken_off(folder, &told);
+        assert_eq!(status, Status::Failed, "{reason}");
+        assert!(reason.contains("without a goodbye"), "{reason}");
+    }
 }
 
 #[test]

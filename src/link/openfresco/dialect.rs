@@ -260,8 +260,8 @@ mod tests {
         fn new(role: Role, law: &str, nature: Nature, timed: bool) -> Self {
             let law: SpecimenLaw = toml::from_str(law).unwrap();
             let mut host = Host::new(law.build(1).unwrap(), nature, Some(0.01));
-            host.begin(&Visitor::unnamed(([127, 0, 0, 1], 1).into()))
-                .unwrap();
+            let visitor = Visitor::unnamed(([127, 0, 0, 1], 1).into());
+            host.begin(&visitor, &mut || Ok(())).unwrap();
             let mut machine = Machine::new(role, Carrier::Stream, 1);
             let timed = i32::from(timed);
             let sizes = [1, 0, 0, 0, timed, 0, 0, 0, 1, 0, N as i32];

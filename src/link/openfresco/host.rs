@@ -8,7 +8,7 @@
 use thiserror::Error;
 
 use crate::control::AxisUnits;
-use crate::link::rig::{Close, Law, Rig as _, Station, Trip, Visitor};
+use crate::link::rig::{Close, Law, Over, Rig as _, Station, Trip, Visitor, Wanted};
 use crate::specimen::Specimen;
 use crate::substructure::{Command, Measurement};
 use crate::wire::openfresco::{Course, Matrix, Response};
@@ -169,11 +169,15 @@ impl Host {
     }
 
     /// A new client: a simulated specimen becomes virgin again, a physical one stays as it is, one across another link is
-    /// connected. Returns what whoever watches should know.
+    /// connected, and moves before the test for as long as that is `wanted`. Returns what whoever watches should know.
     ///
     /// # Errors
     /// Why there is no test.
-    pub fn begin(&mut self, visitor: &Visitor) -> Result<Vec<String>, String> {
+    pub fn begin(
+        &mut self,
+        visitor: &Visitor,
+        wanted: &mut Wanted<'_>,
+    ) -> Result<Vec<String>, Over> {
         self.tally = Tally::default();
         self.pending = false;
         self.begun = false;
@@ -181,7 +185,7 @@ impl Host {
         self.sequence = 0;
         self.vel.fill(0.0);
         self.accel.fill(0.0);
-        let told = self.station.begin(visitor)?;
+        let told = self.station.begin(visitor, wanted)?;
         self.begun = true;
         let at_rest = self.station.measured();
         self.measured.clone_from(at_rest);
@@ -353,7 +357,7 @@ mod tests {
         let units = vec![AxisUnits::SI; axes];
         let station = Station::new("rig".into(), Box::new(law), units, stiffness, mass);
         let mut host = Host::of(station.limited(&vec![limits; axes]), nature, None);
-        host.begin(&visitor()).unwrap();
+        host.begin(&visitor(), &mut || Ok(())).unwrap();
         host
     }
 
@@ -409,7 +413,7 @@ mod tests {
             toml::from_str("law = { viscous = { damping_n_s_per_m = 50.0 } }").unwrap();
         let law = law.build(1).unwrap();
         let mut host = Host::new(law, Nature::Simulated, Some(0.1));
-        host.begin(&visitor()).unwrap();
+        host.begin(&visitor(), &mut || Ok(())).unwrap();
         host.trial(Course::Iteration, &at(&[0.02], 40.0), Some(-7.0))
             .unwrap();
         // One step as the file says.
@@ -479,7 +483,7 @@ mod tests {
             host.trial(Course::Step, &at(&[0.03], 0.01), Some(0.01))
                 .unwrap();
             host.commit();
-            host.begin(&visitor()).unwrap();
+            host.begin(&visitor(), &mut || Ok(())).unwrap();
             assert!((host.response().force[0] - left).abs() < 1e-9);
         }
     }
@@ -497,7 +501,7 @@ mod tests {
     #[test]
     fn the_first_command_is_a_step_from_where_the_specimen_stands() {
         let mut host = limited("command_step_m = { trip = 0.00101 }");
-        host.begin(&visitor()).unwrap();
+        host.begin(&visitor(), &mut || Ok(())).unwrap();
         for k in 1..=40 {
             let time = 0.01 * f64::from(k);
             let command = [1e-3 * f64::from(k)];
@@ -507,7 +511,7 @@ mod tests {
         }
         host.end(Close::Completed, "");
         // As genericClient does: it begins at zero, whatever the specimen stands at.
-        let told = host.begin(&visitor()).unwrap();
+        let told = host.begin(&visitor(), &mut || Ok(())).unwrap();
         assert!(told.iter().any(|text| text.contains("stands at 0.04 m")));
         assert_eq!(host.response().disp, [0.04]);
         let fault = host.trial(Course::First, &at(&[0.0], 0.0), None);
@@ -515,7 +519,7 @@ mod tests {
         assert!(text.contains("command_step_m"), "{text}");
         assert!(text.contains("stands at 0.04 m"), "{text}");
         host.end(Close::Failed, "");
-        host.begin(&visitor()).unwrap();
+        host.begin(&visitor(), &mut || Ok(())).unwrap();
         host.trial(Course::First, &at(&[0.0395], 0.0), None)
             .unwrap();
         let fault = host.trial(Course::Step, &at(&[0.0], 0.01), Some(0.01));
@@ -543,7 +547,7 @@ mod tests {
         ] {
             for disp in [holds, trips] {
                 let mut host = limited(limits);
-                host.begin(&visitor()).unwrap();
+                host.begin(&visitor(), &mut || Ok(())).unwrap();
                 let outcome = host.trial(Course::First, &at(&[disp], 0.0), None);
                 assert_eq!(
                     outcome.is_ok(),
@@ -562,7 +566,7 @@ mod tests {
         // A formula is not moved.
         let law: SpecimenLaw = toml::from_str(BILINEAR).unwrap();
         let mut host = Host::new(law.build(1).unwrap(), Nature::Simulated, None);
-        host.begin(&visitor()).unwrap();
+        host.begin(&visitor(), &mut || Ok(())).unwrap();
         host.trial(Course::First, &at(&[0.04], 0.0), None).unwrap();
     }
 
@@ -571,7 +575,7 @@ mod tests {
         // A millimetre in 0.02 s of test time, every 0.02 s or every 0.2 ms.
         for (period_ns, holds) in [(20_000_000, true), (200_000, false)] {
             let mut host = limited("command_vel_m_per_s = { trip = 0.11 }");
-            host.begin(&visitor()).unwrap();
+            host.begin(&visitor(), &mut || Ok(())).unwrap();
             let tripped = (1..=40_u32).any(|k| {
                 host.station.now_is(Nanos(u64::from(k) * period_ns));
                 let (disp, time) = ([1e-3 * f64::from(k)], 0.02 * f64::from(k));

@@ -13,7 +13,8 @@ use super::hall::{Client, receive};
 use super::host::{Host, HostFault, Tally};
 use super::news::{End, News};
 use crate::link::Transport;
-use crate::link::rig::Visitor;
+use crate::link::rig::{Over, Visitor};
+use crate::link::socket::LOOK;
 use crate::rt::os::monotonic_ns;
 use crate::substructure::LinkFault;
 use crate::time::Nanos;
@@ -122,7 +123,8 @@ impl Attendance<'_> {
         let (link, machine) = (link.as_mut(), &mut machine);
         let mut heard_at = monotonic_ns();
         let mut look_at = heard_at + LOOK_NS;
-        if let Err(end) = self.begin(sizes, host) {
+        let mut early = early;
+        if let Err(end) = self.begin(sizes, host, link, (buffer, &mut early)) {
             return end;
         }
         for bytes in early {
@@ -173,17 +175,36 @@ impl Attendance<'_> {
         }
     }
 
-    /// The sizes have come: the test begins, unless it has begun.
-    fn begin(&mut self, sizes: Sizes, host: &mut Host) -> Result<(), End> {
+    /// The sizes have come: the test begins. What the client says meanwhile is kept in `early` for when it has.
+    fn begin(
+        &mut self,
+        sizes: Sizes,
+        host: &mut Host,
+        link: &mut dyn Transport,
+        (buffer, early): (&mut [u8], &mut Vec<Vec<u8>>),
+    ) -> Result<(), End> {
         (self.tell)(&News::Ready(self.peer, sizes));
-        if host.has_begun() {
-            return Ok(());
-        }
+        let mut unwanted = None;
+        let mut wanted = || {
+            let end = if (self.stop)() {
+                End::Stopped
+            } else {
+                match hear_early(link, buffer, early) {
+                    Ok(()) => return Ok(()),
+                    Err(fault) => lost(link, fault),
+                }
+            };
+            unwanted = Some(end);
+            let (close, text) = (end.close(), end.to_string());
+            Err(Over { close, text })
+        };
         // Only now: a stranger who merely connects must not make a specimen move.
-        let begun = host.begin(&Visitor::unnamed(self.peer));
-        let told = begun.map_err(|text| {
-            (self.tell)(&News::Told(self.peer, text));
-            End::from(HostFault::Unavailable)
+        let begun = host.begin(&Visitor::unnamed(self.peer), &mut wanted);
+        let told = begun.map_err(|over| {
+            unwanted.unwrap_or_else(|| {
+                (self.tell)(&News::Told(self.peer, over.text));
+                HostFault::Unavailable.into()
+            })
         })?;
         for text in told {
             (self.tell)(&News::Told(self.peer, text));
@@ -213,7 +234,7 @@ impl Attendance<'_> {
             }
             match heard.said {
                 Said::Nothing => {}
-                Said::Ready(sizes) => self.begin(sizes, host)?,
+                Said::Ready(sizes) => (self.tell)(&News::Ready(self.peer, sizes)),
                 Said::InitLine => (self.tell)(&News::InitLine),
                 Said::Ignored(code) => (self.tell)(&News::Ignored(code)),
                 Said::Finished => return Ok(true),
@@ -234,6 +255,20 @@ impl Attendance<'_> {
         }
         End::Finished
     }
+}
+
+/// What a client says before its specimen is ready, as far as there is room for it.
+fn hear_early(
+    link: &mut dyn Transport,
+    buffer: &mut [u8],
+    early: &mut Vec<Vec<u8>>,
+) -> Result<(), LinkFault> {
+    if early.iter().map(Vec::len).sum::<usize>() < CHUNK
+        && let Some(count) = link.recv(buffer, LOOK)?
+    {
+        early.push(buffer.get(..count).unwrap_or_default().to_vec());
+    }
+    Ok(())
 }
 
 pub(super) fn lost(link: &dyn Transport, fault: LinkFault) -> End {

@@ -21,7 +21,7 @@ use thiserror::Error;
 pub use far::{Far, FarBuild, Whereabouts};
 pub use law::{Law, Memory};
 pub use log::LogSettings;
-pub use settings::{Close, ProbeSettings};
+pub use settings::{Close, Over, ProbeSettings};
 pub use station::Station;
 pub(in crate::link) use station::first_words;
 
@@ -125,6 +125,9 @@ impl Trip {
         }
     }
 }
+
+/// Asked while a specimen is moved before a test: whether that test is still wanted, and why not.
+pub type Wanted<'a> = dyn FnMut() -> Result<(), Over> + 'a;
 
 /// Positions whose difference is this share of the larger are the same.
 const SAME: f64 = 1e-9;

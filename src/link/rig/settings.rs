@@ -35,3 +35,38 @@ pub enum Close {
     /// The specimen or the controller was lost, or nonsense came.
     Failed,
 }
+
+/// Why a test is over, or does not begin.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Over {
+    /// How it ended.
+    pub close: Close,
+    /// In words.
+    pub text: String,
+}
+
+impl Over {
+    /// The specimen or the controller was lost, or nonsense came.
+    #[must_use]
+    pub fn failed(text: impl ToString) -> Self {
+        Self {
+            close: Close::Failed,
+            text: text.to_string(),
+        }
+    }
+
+    /// Our own operator ends it.
+    #[must_use]
+    pub fn told_to_stop() -> Self {
+        Self {
+            close: Close::Interrupted,
+            text: "the server was told to stop".to_owned(),
+        }
+    }
+}
+
+impl From<String> for Over {
+    fn from(text: String) -> Self {
+        Self::failed(text)
+    }
+}

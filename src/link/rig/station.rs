@@ -12,8 +12,8 @@ use allowed::Allowed;
 use announced::Announced;
 
 use super::log::{Exchange, Log, LogSettings};
-use super::settings::{Close, ProbeSettings};
-use super::{Rig, Trip, Visitor};
+use super::settings::{Close, Over, ProbeSettings};
+use super::{Rig, Trip, Visitor, Wanted};
 use crate::control::AxisUnits;
 use crate::control::limits::{AxisLimits, LimitsSpec, Quantity, Watch};
 use crate::record::{Note, NoteLevel};
@@ -170,11 +170,15 @@ impl Station {
     }
 
     /// Gets everything ready for a controller's test: log, connection, direction, arming. Returns what whoever watches
-    /// should know. May block.
+    /// should know. May block; what moves before the test moves only for as long as the test is `wanted`.
     ///
     /// # Errors
-    /// Why there is no test; the specimen, if it was reached, has been told.
-    pub fn begin(&mut self, visitor: &Visitor) -> Result<Vec<String>, String> {
+    /// Why there is no test; the specimen, if it was reached, has been told, and holds where it is.
+    pub fn begin(
+        &mut self,
+        visitor: &Visitor,
+        wanted: &mut Wanted<'_>,
+    ) -> Result<Vec<String>, Over> {
         self.end(Close::Failed, "another controller came");
         self.tripped = None;
         self.announced = Announced::by(visitor, &self.units);
@@ -187,12 +191,14 @@ impl Station {
             self.log = Some(log.map_err(|text| format!("the log cannot be kept: {text}"))?);
         }
         self.begun = true;
-        match self.get_ready(visitor) {
+        match self.get_ready(visitor, wanted) {
             Ok(told) => Ok(told),
-            Err(text) => {
-                self.note(NoteLevel::Error, "link", &text);
-                self.end(Close::Failed, &text);
-                Err(text)
+            Err(over) => {
+                if over.close == Close::Failed {
+                    self.note(NoteLevel::Error, "link", &over.text);
+                }
+                self.end(over.close, &over.text);
+                Err(over)
             }
         }
     }

@@ -8,17 +8,19 @@ use crossbeam_channel::{Receiver, RecvTimeoutError};
 
 use super::greet::{self, Greeted};
 use super::line::Line;
-use super::stand::Stand;
+use super::stand::{Stand, lost_controller, said_goodbye};
 use super::{Desk, Heard};
 use crate::link::Transport;
 use crate::link::inbox::Inbox;
-use crate::link::rig::{Close, Visitor};
+use crate::link::rig::{Close, Over, Visitor};
+use crate::link::socket::LOOK;
 use crate::rt::throttle::Throttle;
 use crate::rt::{RtPlan, apply};
-use crate::wire::handshake::Arm;
+use crate::wire::handshake::{self, Arm, Control};
+use crate::wire::native::Frame;
 
-/// The stop flag is looked at this often.
-const LOOK: Duration = Duration::from_millis(50);
+/// The stop flag is looked at this often while nobody is there.
+const PAUSE: Duration = Duration::from_millis(50);
 
 /// A controller that has armed, on its way to the data thread.
 pub(super) struct Session {
@@ -66,7 +68,7 @@ pub(super) fn serve(desk: &Desk, sessions: &Receiver<Session>, plan: Option<&RtP
     }
     let cpu = granted.as_ref().and_then(|granted| granted.cpu);
     while !desk.stop.load(Ordering::Acquire) {
-        match sessions.recv_timeout(LOOK) {
+        match sessions.recv_timeout(PAUSE) {
             Ok(session) => {
                 desk.tell(attend(session, desk, cpu));
                 desk.give_back();
@@ -104,7 +106,9 @@ pub(super) fn get_ready(
     let peer = session.peer;
     let station = desk.host.station(false).and_then(|mut station| {
         station.keep_log_away_from(cpu);
-        for text in station.begin(&session.visitor())? {
+        let visitor = session.visitor();
+        let told = station.begin(&visitor, &mut || session.is_wanted(desk));
+        for text in told.map_err(|over| over.text)? {
             desk.tell(Heard::Told { text });
         }
         Ok(station)
@@ -141,6 +145,42 @@ pub(super) fn get_ready(
 }
 
 impl Session {
+    /// While its specimen is got ready: the controller, who waits for that, is still there, and nobody told us to stop. Other
+    /// words of his before he is armed are repeated questions and signs of life.
+    fn is_wanted(&mut self, desk: &Desk) -> Result<(), Over> {
+        if desk.stop.load(Ordering::Acquire) {
+            return Err(Over::told_to_stop());
+        }
+        match self.line.recv(self.inbox.space(), LOOK) {
+            Ok(Some(count)) => self.inbox.filled(count),
+            Ok(None) => {}
+            Err(fault) => return Err(lost_controller(&self.line, self.peer, fault)),
+        }
+        loop {
+            let place = match self.inbox.next() {
+                Ok(Some(place)) => place,
+                Ok(None) => return Ok(()),
+                Err(error) if self.inbox.is_stream() => return Err(Over::failed(error)),
+                // A datagram of anybody's.
+                Err(_) => continue,
+            };
+            let leaves = match self.greeted.decoder.open(self.inbox.frame(place)) {
+                Ok(received) => match received.frame {
+                    Frame::Retire(_) | Frame::Goodbye(_) => true,
+                    Frame::Control(message) => {
+                        matches!(handshake::decode(message), Ok(Control::Bye(_)))
+                    }
+                    _ => false,
+                },
+                Err(error) if self.inbox.is_stream() => return Err(Over::failed(error)),
+                Err(_) => false,
+            };
+            if leaves {
+                return Err(said_goodbye());
+            }
+        }
+    }
+
     fn visitor(&self) -> Visitor {
         Visitor {
             peer: self.peer,

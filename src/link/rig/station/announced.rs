@@ -86,7 +86,7 @@ mod tests {
             }],
             ..Visitor::unnamed(([127, 0, 0, 1], 1).into())
         };
-        station.begin(&visitor).unwrap();
+        station.begin(&visitor, &mut || Ok(())).unwrap();
         station
     }
 

@@ -4,14 +4,18 @@ use super::{Station, USUAL_TICK_S, metres, not_finite};
 use crate::control::limits::Watch;
 use crate::control::{AxisUnits, Opinion, Pace, Probe, compare_stiffness};
 use crate::link::rig::log::Exchange;
-use crate::link::rig::settings::ProbeSettings;
-use crate::link::rig::{Visitor, elsewhere};
+use crate::link::rig::settings::{Over, ProbeSettings};
+use crate::link::rig::{Visitor, Wanted, elsewhere};
 use crate::record::NoteLevel;
 use crate::rt::os;
 use crate::substructure::{Command, Introduction, Measurement};
 
 impl Station {
-    pub(super) fn get_ready(&mut self, visitor: &Visitor) -> Result<Vec<String>, String> {
+    pub(super) fn get_ready(
+        &mut self,
+        visitor: &Visitor,
+        wanted: &mut Wanted<'_>,
+    ) -> Result<Vec<String>, Over> {
         let mut told = Vec::new();
         if let Some(log) = &self.log {
             told.push(format!("recording into {}", log.path().display()));
@@ -29,7 +33,7 @@ impl Station {
         if !introduction.measured
             && let Some(text) = elsewhere(&introduction.standing, &visitor.start)
         {
-            return Err(text);
+            return Err(text.into());
         }
         let start = self.start(visitor, &introduction);
         self.stands = visitor.start.is_empty().then(|| start.clone());
@@ -45,7 +49,7 @@ impl Station {
             forgets,
         } = self.probe.clone()
         {
-            told.push(self.try_direction(&start, &amplitude, pace, forgets)?);
+            told.push(self.try_direction(&start, &amplitude, (pace, forgets), wanted)?);
         }
         self.arm(visitor.first_sequence, &start)?;
         let is_measured = introduction.measured && introduction.standing.len() == start.len();
@@ -60,7 +64,10 @@ impl Station {
         self.leaves = self.moves.then(|| metres(&self.units, stands).collect());
         self.rig.at_rest(&mut self.measured);
         match not_finite(&self.measured.disp, &self.measured.force) {
-            Some(axis) => Err(format!("axis {}: the force at rest is no number", axis + 1)),
+            Some(axis) => {
+                let axis = axis + 1;
+                Err(format!("axis {axis}: the force at rest is no number").into())
+            }
             None => Ok(told),
         }
     }
@@ -119,14 +126,15 @@ impl Station {
         Ok(doubts)
     }
 
-    /// The small motion that shows the direction of each axis, and its judgement.
+    /// The small motion that shows the direction of each axis, and its judgement. Whoever does not want the test any more ends
+    /// the motion where it is.
     fn try_direction(
         &mut self,
         start: &[f64],
         amplitude: &[f64],
-        pace: Pace,
-        forgets: bool,
-    ) -> Result<String, String> {
+        (pace, forgets): (Pace, bool),
+        wanted: &mut Wanted<'_>,
+    ) -> Result<String, Over> {
         let n = self.units.len();
         let diagonal: Vec<f64> = self.stiffness.iter().step_by(n + 1).copied().collect();
         let mut probe = Probe::new(start, amplitude, &diagonal, &self.units, pace);
@@ -141,6 +149,7 @@ impl Station {
         let mut measured = Measurement::zeros(n);
         let mut sequence = 0;
         while probe.next(&mut disp, &mut vel) {
+            wanted()?;
             let command = Command {
                 sequence,
                 time: 0.0,

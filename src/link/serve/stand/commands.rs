@@ -1,8 +1,8 @@
 //! What a command does, and its answer.
 
-use super::{End, Stand};
+use super::Stand;
 use crate::link::Transport;
-use crate::link::rig::Trip;
+use crate::link::rig::{Over, Trip};
 use crate::link::serve::{Desk, Heard};
 use crate::substructure::Command;
 use crate::time::Nanos;
@@ -31,7 +31,7 @@ impl Stand {
         dt: f64,
         now: Nanos,
         desk: &Desk,
-    ) -> Result<(), End> {
+    ) -> Result<(), Over> {
         if self.sample_at.is_some() {
             // Faster than agreed: what the command before gave is sampled now, not lost.
             self.answer(now)?;
@@ -103,7 +103,7 @@ impl Stand {
     }
 
     /// Sends the measurement of the command in force.
-    pub(super) fn answer(&mut self, now: Nanos) -> Result<(), End> {
+    pub(super) fn answer(&mut self, now: Nanos) -> Result<(), Over> {
         self.sample_at = None;
         self.measured.sequence = self.sequence.unwrap_or_default();
         self.measured.time = self.own_time(now);

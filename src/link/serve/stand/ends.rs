@@ -1,7 +1,7 @@
 //! How a session ends, or begins anew, and the last words that are said.
 
-use super::{End, Stand};
-use crate::link::rig::{Close, Trip};
+use super::Stand;
+use crate::link::rig::{Close, Over, Trip};
 use crate::link::serve::greet;
 use crate::wire::WireError;
 use crate::wire::handshake::{self, Bye, Control, Refuse, TEXT_LIMIT};
@@ -10,7 +10,7 @@ use crate::wire::native::{Cause, Notice};
 /// What ends a session, or a frame that failed a check.
 pub(super) enum Wrong {
     Wire(WireError),
-    End(End),
+    End(Over),
 }
 
 impl From<WireError> for Wrong {
@@ -19,14 +19,14 @@ impl From<WireError> for Wrong {
     }
 }
 
-impl From<End> for Wrong {
-    fn from(end: End) -> Self {
+impl From<Over> for Wrong {
+    fn from(end: Over) -> Self {
         Wrong::End(end)
     }
 }
 
 impl Stand {
-    pub(super) fn retired(&mut self, notice: Notice) -> End {
+    pub(super) fn retired(&mut self, notice: Notice) -> Over {
         let (close, how) = match notice.cause {
             Cause::Orderly => (Close::Completed, "in an orderly way"),
             Cause::Operator => (Close::Interrupted, "by the operator"),
@@ -43,7 +43,7 @@ impl Stand {
             }
             None => self.say_goodbye(Cause::Orderly),
         }
-        End {
+        Over {
             close,
             text: format!("retired {how}"),
         }
@@ -65,7 +65,7 @@ impl Stand {
                 }
                 self.station
                     .begin_again(arm.first_sequence, &arm.disp)
-                    .map_err(End::failed)?;
+                    .map_err(Over::failed)?;
                 (self.sequence, self.next_sequence) = (None, arm.first_sequence);
                 self.line.armed(arm.first_sequence);
                 (self.pending, self.sample_at) = (None, None);
@@ -73,7 +73,7 @@ impl Stand {
                 self.armed = arm;
             }
             other => {
-                return Err(Wrong::End(End::failed(format_args!(
+                return Err(Wrong::End(Over::failed(format_args!(
                     "the controller sent {}",
                     other.name()
                 ))));
@@ -84,22 +84,22 @@ impl Stand {
     }
 
     /// The controller hears why it is not armed again, and that this is the end.
-    fn refused(&mut self, refuse: Refuse) -> End {
+    fn refused(&mut self, refuse: Refuse) -> Over {
         let text = refuse.text.clone();
         if let Ok(message) = handshake::encode(&Control::Refuse(refuse)) {
             let written = self.encoder.control(&message, &mut self.out);
             // Who does not hear it sees the connection close.
             let _ = self.send(written);
         }
-        End::failed(format_args!("refused: {text}"))
+        Over::failed(format_args!("refused: {text}"))
     }
 
     /// The specimen across the other link is gone: the controller hears why, and that this is the end.
-    pub(super) fn lost_specimen(&mut self, trip: Trip) -> End {
+    pub(super) fn lost_specimen(&mut self, trip: Trip) -> Over {
         let text = self.station.whole(trip);
         self.say(Cause::Tripped, &text);
         self.say_goodbye(Cause::Tripped);
-        End::failed(text)
+        Over::failed(text)
     }
 
     /// Last words for people.

@@ -19,7 +19,7 @@ use super::line::Line;
 use super::{Desk, Heard};
 use crate::link::Transport;
 use crate::link::inbox::Inbox;
-use crate::link::rig::{Close, Station, Trip};
+use crate::link::rig::{Over, Station, Trip};
 use crate::record::NoteLevel;
 use crate::substructure::{LinkFault, Measurement, Status};
 use crate::time::Nanos;
@@ -70,21 +70,6 @@ pub(super) struct Stand {
     commands: u64,
     missed: u32,
     corrupt: u64,
-}
-
-/// Why a session ends.
-pub(super) struct End {
-    close: Close,
-    text: String,
-}
-
-impl End {
-    fn failed(text: impl ToString) -> Self {
-        Self {
-            close: Close::Failed,
-            text: text.to_string(),
-        }
-    }
 }
 
 /// Reads of what came while the specimen was busy, before the newest command is passed on.
@@ -150,7 +135,7 @@ impl Stand {
     }
 
     /// The books of a session are closed; what there is to tell, and the line.
-    pub(super) fn finish(mut self, End { close, text }: End) -> (Heard, Line) {
+    pub(super) fn finish(mut self, Over { close, text }: Over) -> (Heard, Line) {
         let counts = format!(
             "{} commands, {} missed, {} frames corrupt",
             self.commands, self.missed, self.corrupt
@@ -176,14 +161,11 @@ impl Stand {
         (ended, self.line)
     }
 
-    fn course(&mut self, desk: &Desk) -> End {
+    fn course(&mut self, desk: &Desk) -> Over {
         loop {
             if desk.stop.load(Ordering::Acquire) {
                 self.say_goodbye(Cause::Shutdown);
-                return End {
-                    close: Close::Interrupted,
-                    text: "the server was told to stop".to_owned(),
-                };
+                return Over::told_to_stop();
             }
             if let Err(end) = self.turn(desk).and_then(|until| self.listen(until)) {
                 return end;
@@ -192,7 +174,7 @@ impl Stand {
     }
 
     /// Does everything that is due, and says how long there is to wait.
-    pub(super) fn turn(&mut self, desk: &Desk) -> Result<Nanos, End> {
+    pub(super) fn turn(&mut self, desk: &Desk) -> Result<Nanos, Over> {
         self.take_frames(desk)?;
         self.pass_on(desk)?;
         let now = self.line.now();
@@ -201,11 +183,11 @@ impl Stand {
     }
 
     /// Waits for bytes.
-    pub(super) fn listen(&mut self, until: Nanos) -> Result<(), End> {
+    pub(super) fn listen(&mut self, until: Nanos) -> Result<(), Over> {
         match self.line.recv(self.inbox.space(), until) {
             Ok(Some(count)) => self.inbox.filled(count),
             Ok(None) => {}
-            Err(fault) => return Err(self.lost_controller(fault)),
+            Err(fault) => return Err(lost_controller(&self.line, self.peer, fault)),
         }
         Ok(())
     }
@@ -215,20 +197,9 @@ impl Stand {
         &mut self.line
     }
 
-    fn lost_controller(&self, fault: LinkFault) -> End {
-        match (self.line.tls_fault(), fault) {
-            (Some(why), _) => End::failed(format_args!("{}: TLS: {why}", self.peer)),
-            (None, LinkFault::Closed) => End::failed(format_args!(
-                "{} closed the connection without a goodbye",
-                self.peer
-            )),
-            (None, fault) => End::failed(fault),
-        }
-    }
-
     /// Passes the newest command that is here on to a specimen across another link; those that it overtook count as
     /// missed.
-    fn pass_on(&mut self, desk: &Desk) -> Result<(), End> {
+    fn pass_on(&mut self, desk: &Desk) -> Result<(), Over> {
         if self.pending.is_none() {
             return Ok(());
         }
@@ -236,7 +207,7 @@ impl Stand {
             match self.line.recv(self.inbox.space(), Nanos(0)) {
                 Ok(Some(count)) => self.inbox.filled(count),
                 Ok(None) => break,
-                Err(fault) => return Err(self.lost_controller(fault)),
+                Err(fault) => return Err(lost_controller(&self.line, self.peer, fault)),
             }
             self.take_frames(desk)?;
         }
@@ -261,7 +232,7 @@ impl Stand {
     }
 
     /// Takes every whole frame that is here; over UDP what fails a check is counted and dropped.
-    fn take_frames(&mut self, desk: &Desk) -> Result<(), End> {
+    fn take_frames(&mut self, desk: &Desk) -> Result<(), Over> {
         loop {
             let outcome = match self.inbox.next() {
                 Ok(None) => return Ok(()),
@@ -276,7 +247,7 @@ impl Stand {
                         matches!(error, WireError::Replayed { .. } | WireError::TooOld { .. });
                     self.corrupt += u64::from(!overtaken);
                     if self.inbox.is_stream() {
-                        return Err(End::failed(error));
+                        return Err(Over::failed(error));
                     }
                 }
             }
@@ -328,7 +299,7 @@ impl Stand {
             Frame::Heartbeat(_) | Frame::Measurement(_) => {}
             Frame::Retire(notice) => return Err(Wrong::End(self.retired(notice))),
             Frame::Goodbye(_) => {
-                return Err(Wrong::End(End::failed("the controller said goodbye")));
+                return Err(Wrong::End(said_goodbye()));
             }
             Frame::Control(message) => {
                 let message = message.to_vec();
@@ -338,10 +309,26 @@ impl Stand {
         Ok(())
     }
 
-    fn send(&mut self, written: Result<usize, WireError>) -> Result<(), End> {
-        let length = written.map_err(End::failed)?;
+    fn send(&mut self, written: Result<usize, WireError>) -> Result<(), Over> {
+        let length = written.map_err(Over::failed)?;
         let frame = self.out.get(..length).unwrap_or_default();
-        self.line.send(frame).map_err(End::failed)
+        self.line.send(frame).map_err(Over::failed)
+    }
+}
+
+/// The controller leaves, and says so, without a word on the specimen.
+pub(super) fn said_goodbye() -> Over {
+    Over::failed("the controller said goodbye")
+}
+
+/// Why nothing more comes from the controller.
+pub(super) fn lost_controller(line: &Line, peer: SocketAddr, fault: LinkFault) -> Over {
+    match (line.tls_fault(), fault) {
+        (Some(why), _) => Over::failed(format_args!("{peer}: TLS: {why}")),
+        (None, LinkFault::Closed) => Over::failed(format_args!(
+            "{peer} closed the connection without a goodbye"
+        )),
+        (None, fault) => Over::failed(fault),
     }
 }
 

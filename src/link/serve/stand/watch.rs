@@ -2,8 +2,9 @@
 //!
 //! The thread sleeps until shortly before the next command is expected, then reads in a busy loop until shortly after.
 
-use super::{End, Stand};
+use super::Stand;
 use crate::link::Wait;
+use crate::link::rig::Over;
 use crate::link::serve::{Desk, Heard};
 use crate::record::NoteLevel;
 use crate::substructure::Status;
@@ -46,14 +47,14 @@ impl Stand {
     }
 
     /// Everything that happens because time passes.
-    pub(super) fn keep_time(&mut self, now: Nanos, desk: &Desk) -> Result<(), End> {
+    pub(super) fn keep_time(&mut self, now: Nanos, desk: &Desk) -> Result<(), Over> {
         if self.sample_at.is_some_and(|at| now >= at) {
             self.answer(now)?;
         }
         let silent = now.since(self.heard_at);
         if silent >= GONE_NS.max(self.watchdog_ns.saturating_mul(10)) {
             self.say_goodbye(Cause::Watchdog);
-            return Err(End::failed(format_args!(
+            return Err(Over::failed(format_args!(
                 "{} has been silent for {} s",
                 self.peer,
                 silent / 1_000_000_000
@@ -86,7 +87,7 @@ impl Stand {
         self.beat(now)
     }
 
-    fn beat(&mut self, now: Nanos) -> Result<(), End> {
+    fn beat(&mut self, now: Nanos) -> Result<(), Over> {
         let beat = Heartbeat {
             sequence: self.sequence.unwrap_or_default(),
             time: self.own_time(now),
