@@ -3,13 +3,15 @@
 
 mod openfresco_ends;
 
+use std::cell::Cell;
 use std::io::{Read, Write};
 use std::net::{TcpStream, UdpSocket};
 
 use gusset::link::openfresco::{
-    Door, End, ExchangeFault, HostFault, Nature, News, Peer, Remote, RemoteSettings, Role,
-    ServeSettings,
+    Door, End, ExchangeFault, Host, HostFault, Nature, News, Peer, Remote, RemoteSettings, Role,
+    ServeSettings, serve_openfresco,
 };
+use gusset::specimen::SpecimenLaw;
 use gusset::substructure::{Command, LinkFault, Measurement, Retirement, Substructure};
 use gusset::time::Nanos;
 use gusset::wire::openfresco::{Action, Carrier, Counts, Sizes, write_action};
@@ -121,6 +123,45 @@ fn a_server_that_vanishes_or_falls_silent_is_a_fault_and_never_a_hang() {
     remote.issue(&command).unwrap();
     assert_eq!(remote.collect(Nanos(0), &mut into), Err(LinkFault::Timeout));
     assert_eq!(remote.issue(&command), Err(LinkFault::Timeout), "final");
+}
+
+/// Commands lie ready in one piece; the word to stop comes after the tenth message.
+#[test]
+fn after_the_word_to_stop_nothing_that_is_queued_is_carried_out() {
+    let door = Door::bind(Carrier::Stream, "127.0.0.1:0", None).unwrap();
+    let n = 2;
+    let mut bytes = vec![0; 44];
+    let counts = (Counts::new(1, 0, 0, 0, 0), Counts::new(0, 0, 0, 1, 0));
+    let sizes = Sizes::new(counts.0, counts.1, n).unwrap();
+    sizes.write(&mut bytes).unwrap();
+    for k in 1..=100 {
+        for action in [Action::Trial, Action::Commit] {
+            let mut vector = vec![0; 8 * n];
+            write_action(&mut vector, action).unwrap();
+            vector[8..16].copy_from_slice(&(1e-4 * f64::from(k)).to_le_bytes());
+            bytes.extend(vector);
+        }
+    }
+    let mut stream = TcpStream::connect(door.local_addr().unwrap()).unwrap();
+    stream.write_all(&bytes).unwrap();
+    let law: SpecimenLaw = toml::from_str(openfresco_ends::BILINEAR).unwrap();
+    let mut host = Host::new(law.build(1).unwrap(), Nature::Simulated, None);
+    let (is_ready, asked) = (Cell::new(false), Cell::new(0));
+    let stop = || {
+        asked.set(asked.get() + u32::from(is_ready.get()));
+        asked.get() > 10
+    };
+    let mut ended = None;
+    let settings = ServeSettings::new(Role::Application, Some(30.0));
+    serve_openfresco(&door, &mut host, &settings, &stop, &mut |news| match news {
+        News::Ready(..) => is_ready.set(true),
+        News::Ended(_, end, tally) => ended = Some((*end, tally.commands)),
+        _ => {}
+    })
+    .unwrap();
+    let (end, commands) = ended.unwrap();
+    assert_eq!(end, End::Stopped);
+    assert!(commands <= 10, "{commands}");
 }
 
 #[test]

@@ -1,8 +1,9 @@
 //! A force server that speaks OpenFresco: one client at a time, one test after another, until told to stop.
 //!
-//! Invariants: no wait is without a limit; who has not said what he wants keeps nobody out ([`super::hall`]); a client that has gone (end of stream, a reset, a half-open connection, UDP
-//! silence) leaves the specimen at its last committed state and the port free; every message is answered by one
-//! write, with acknowledgements not delayed, and nothing is allocated for it once the sizes have come (but over TLS, where
+//! Invariants: no wait is without a limit; who has not said what he wants keeps nobody out ([`super::hall`]); a client that
+//! has gone (end of stream, a reset, a half-open connection, UDP silence) leaves a formula at its last committed state, what
+//! moves where it is, and the port free; after the word to stop nothing is carried out any more; every message is answered by
+//! one write, with acknowledgements not delayed, and nothing is allocated for it once the sizes have come (but over TLS, where
 //! encrypting allocates). What is not here: the meaning of bytes (`dialect`), of commands (`host`), and text on a terminal.
 
 use std::net::SocketAddr;
@@ -212,7 +213,8 @@ impl Attendance<'_> {
         Ok(())
     }
 
-    /// Does what some bytes say; true at the goodbye. Real-time: yes, after the sizes.
+    /// Does what some bytes say, up to the word to stop: what a client has queued is carried out no more then. True at the
+    /// goodbye. Real-time: yes, after the sizes.
     fn take(
         &mut self,
         bytes: &[u8],
@@ -222,6 +224,9 @@ impl Attendance<'_> {
     ) -> Result<bool, End> {
         let mut rest = bytes;
         while !rest.is_empty() {
+            if (self.stop)() {
+                return Err(End::Stopped);
+            }
             let piece = match self.door.socket {
                 Socket::Tcp(_) => usize::MAX,
                 Socket::Udp(_) => machine.piece(),
