@@ -275,13 +275,16 @@ impl Host {
         }
     }
 
-    /// The client has gone or is refused: what was not committed is forgotten, the specimen holds, the log is closed.
+    /// The client has gone or is refused: a formula forgets what was not committed, what moves holds where it was led last, and
+    /// the log is closed.
     pub fn end(&mut self, close: Close, text: &str) {
         self.begun = false;
-        self.station.revert();
+        if self.nature == Nature::Simulated {
+            self.station.revert();
+            self.disp.copy_from_slice(&self.committed_disp);
+        }
         self.station.end(close, text);
         self.pending = false;
-        self.disp.copy_from_slice(&self.committed_disp);
         self.vel.fill(0.0);
     }
 
@@ -485,6 +488,26 @@ mod tests {
             host.commit();
             host.begin(&visitor(), &mut || Ok(())).unwrap();
             assert!((host.response().force[0] - left).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn what_a_client_did_not_commit_before_it_went_is_forgotten_by_a_formula_and_stays_with_what_moves()
+     {
+        for (nature, stands, force) in [
+            (Nature::Simulated, 0.0, 0.0),
+            (Nature::Physical, 0.01, 61.0),
+        ] {
+            let mut host = host(BILINEAR, 1, nature);
+            host.trial(Course::Step, &at(&[0.005], 0.01), Some(0.01))
+                .unwrap();
+            host.commit();
+            host.trial(Course::Step, &at(&[0.01], 0.02), Some(0.01))
+                .unwrap();
+            host.end(Close::Failed, "");
+            host.begin(&visitor(), &mut || Ok(())).unwrap();
+            assert_eq!(host.response().disp, [stands]);
+            assert!((host.response().force[0] - force).abs() < 1e-9);
         }
     }
 
