@@ -227,7 +227,7 @@ fn the_example_in_config_runs_with_its_probe_its_limits_and_its_log() {
     let reason = summary(folder, "outside").reason;
     assert!(reason.contains("command_disp_m"), "{reason}");
     let states = column(&out.join("test-0002"), "state");
-    assert_eq!((states[0], *states.last().unwrap()), (2.0, 3.0));
+    assert_eq!((states[0], *states.last().unwrap()), (2.0, 4.0));
     let largest = column(&out.join("test-0002"), "target_1_1");
     let passed_on = largest[..largest.len() - 1].iter();
     assert!(passed_on.fold(0.0, |m: f64, d| m.max(d.abs())) <= 0.05);

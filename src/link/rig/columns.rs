@@ -9,7 +9,7 @@ pub(super) const HEAD: [(&str, &str, &str, bool); 10] = [
     (
         "state",
         "1",
-        "2 = which way round it is wired is tried, 3 = running, 4 = not passed on after a trip",
+        "2 = which way round it is wired is tried, 3 = running, 4 = not passed on, at a trip before it left or after one",
         false,
     ),
     ("time", "s", "test time of the command", false),
@@ -50,7 +50,10 @@ pub(super) const HEAD: [(&str, &str, &str, bool); 10] = [
 
 pub(super) const AXIS: [(&str, &str); 7] = [
     ("target", "displacement that the controller asks for, in m"),
-    ("cmd", "the same in the unit of the axis"),
+    (
+        "cmd",
+        "the same in the unit of the axis, which is what the specimen is told unless the state is 4",
+    ),
     ("meas", "measured displacement, in m"),
     ("force", "measured force, in N"),
     ("raw_disp", "measured displacement in the unit of the axis"),

@@ -55,7 +55,7 @@ impl Exchange<'_> {
     /// Values of the column `state`.
     pub const PROBING: f64 = 2.0;
     pub const RUNNING: f64 = 3.0;
-    pub const TRIPPED: f64 = 4.0;
+    pub const KEPT_BACK: f64 = 4.0;
 }
 
 /// A test that is being recorded.
@@ -237,7 +237,7 @@ impl Log {
         if let Some(status) = self.row.last_mut() {
             *status = f64::from(measured.status.0);
         }
-        if exchange.state != Exchange::TRIPPED {
+        if exchange.state != Exchange::KEPT_BACK {
             self.timing.round_trip(0, round_trip_ns);
         }
         self.counted.exchange(exchange, &self.units);

@@ -44,7 +44,7 @@ impl Counted {
     /// Real-time: yes.
     pub fn exchange(&mut self, exchange: &Exchange<'_>, units: &[AxisUnits]) {
         self.exchanges += 1;
-        let passed_on = exchange.answered_ns != exchange.received_ns;
+        let passed_on = exchange.state != Exchange::KEPT_BACK;
         self.passed_on += u64::from(passed_on);
         let lost = matches!(exchange.trip, Some(super::Trip::Lost(_)));
         self.answered += u64::from(passed_on && !lost);

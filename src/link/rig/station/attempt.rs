@@ -19,9 +19,8 @@ impl Station {
     ) -> Result<(), Trip> {
         // Only the log wants to know the time.
         let received_ns = self.log.as_ref().map_or(0, |_| os::monotonic_ns());
-        let before = self.tripped;
-        let mut answered_ns = received_ns;
-        if before.is_none()
+        let mut answered_ns = None;
+        if self.tripped.is_none()
             && let Err(trip) = self.attempt(
                 command,
                 elapsed,
@@ -45,29 +44,26 @@ impl Station {
         }
         if let Some(log) = &mut self.log {
             log.exchange(&Exchange {
-                state: if before.is_some() {
-                    Exchange::TRIPPED
-                } else {
-                    state
-                },
+                state: answered_ns.map_or(Exchange::KEPT_BACK, |_| state),
                 command,
                 elapsed,
                 commits: self.commits,
                 measured: into,
                 trip: self.tripped,
                 received_ns,
-                answered_ns,
+                answered_ns: answered_ns.unwrap_or(received_ns),
             });
         }
         self.tripped.map_or(Ok(()), Err)
     }
 
+    /// `answered_ns` stays empty for a command that is not passed on.
     fn attempt(
         &mut self,
         command: &Command<'_>,
         elapsed: f64,
         is_theirs: bool,
-        answered_ns: &mut u64,
+        answered_ns: &mut Option<u64>,
     ) -> Result<(), Trip> {
         if let Some(axis) = not_finite(command.disp, command.vel) {
             let measured = false;
@@ -98,7 +94,7 @@ impl Station {
             (self.stands, self.leaves) = (None, None);
         }
         let outcome = self.rig.trial(command, elapsed, &mut self.measured);
-        *answered_ns = self.log.as_ref().map_or(0, |_| os::monotonic_ns());
+        *answered_ns = Some(self.log.as_ref().map_or(0, |_| os::monotonic_ns()));
         outcome.map_err(Trip::Lost)?;
         self.unsettled += u64::from(self.measured.status.has(Status::UNSETTLED));
         if let Some(axis) = not_finite(&self.measured.disp, &self.measured.force) {
