@@ -5,8 +5,13 @@ mod link_common;
 
 use std::path::Path;
 
+use gusset::control::AxisUnits;
+use gusset::control::limits::LimitsSpec;
+use gusset::link::rig::{Close, Law, LogSettings, Station, Visitor};
 use gusset::record::Run;
 use gusset::record::summary::Status;
+use gusset::specimen::SpecimenLaw;
+use gusset::substructure::{Command, Measurement};
 use link_common::{
     COMPUTED, ONE_AXIS, ONE_AXIS_LAW, Served, TWO_AXES, TWO_AXES_LAW, UNLIMITED, finish, gateway,
     gusset, run, summary, test_file,
@@ -192,6 +197,111 @@ fn a_folder_that_cannot_be_had_is_refused_before_anybody_is_served() {
     serve.args(["--listen", "127.0.0.1:0"]);
     let said = finish(serve);
     assert_eq!(said.status.code(), Some(2));
+}
+
+/// Commands one after another, as fast as they are taken: whoever writes them down is behind.
+#[test]
+fn an_event_stands_at_the_exchange_it_is_about_and_a_command_that_is_refused_is_not_running() {
+    let folder = tempfile::tempdir().unwrap();
+    let law: SpecimenLaw =
+        toml::from_str("law = { linear = { stiffness_n_per_m = 8000.0 } }").unwrap();
+    let commands: Vec<f64> = (0..3000)
+        .map(|k| 0.03 * (0.05 * f64::from(k)).sin())
+        .collect();
+    for (number, (limits, last, state)) in (1..).zip([
+        (
+            "command_disp_m = { warn = [-0.01, 0.01], trip = [-0.04, 0.04] }",
+            0.05,
+            4.0,
+        ),
+        (
+            "command_disp_m = { warn = [-0.01, 0.01] }\nmeasured_force_n = { trip = [-300, 300] }",
+            0.039,
+            3.0,
+        ),
+    ]) {
+        let rig = Law::new(law.build(1).unwrap(), false);
+        let (stiffness, mass) = rig.reference();
+        let limits: LimitsSpec = toml::from_str(limits).unwrap();
+        let units = vec![AxisUnits::SI];
+        let mut station = Station::new("rig".into(), Box::new(rig), units, stiffness, mass)
+            .limited(&[limits])
+            .recorded(Some(LogSettings {
+                root: folder.path().into(),
+                file: Vec::new(),
+                resolved: String::new(),
+                queue_s: 4.0,
+                required: true,
+            }));
+        let visitor = Visitor::unnamed(([127, 0, 0, 1], 1).into());
+        station.begin(&visitor, &mut || Ok(())).unwrap();
+        let mut measured = Measurement::zeros(1);
+        let mut trip = None;
+        for (sequence, disp) in (0..).zip(commands.iter().chain([&last, &0.0])) {
+            let command = Command {
+                sequence,
+                time: 0.01 * sequence as f64,
+                dt: 0.01,
+                disp: &[*disp],
+                vel: &[0.0],
+            };
+            trip = station.exchange(&command, 0.01, &mut measured).err();
+            station.commit();
+        }
+        assert!(trip.is_some());
+        station.end(Close::Failed, "the end");
+        let kept = folder.path().join(format!("test-000{number}"));
+        let run = Run::open(&kept).unwrap();
+        let summary = run.summary().unwrap();
+        // The last was refused in any case.
+        let passed_on = commands.len() as u64 + u64::from(state == 3.0);
+        assert_eq!(summary.rows_lost, 0);
+        assert_eq!(summary.link["rig"].sent, passed_on);
+        let (states, times) = (column(&kept, "state"), column(&kept, "time"));
+        assert!(states[..commands.len()].iter().all(|state| *state == 3.0));
+        assert_eq!(states[commands.len()..], [state, 4.0]);
+        let beyond: Vec<bool> = commands
+            .iter()
+            .chain([&last])
+            .map(|d| d.abs() > 0.01)
+            .collect();
+        let crosses = (1..beyond.len()).filter(|k| beyond[*k] && !beyond[k - 1]);
+        let events = run.events().unwrap().events;
+        let of = |name: &str| {
+            let named = events.iter().filter(|event| event["event"] == name);
+            named.cloned().collect::<Vec<_>>()
+        };
+        let controller = &of("controller")[0];
+        assert!(controller["tick"].is_null() && controller["time"].is_null());
+        let warned = of("limit");
+        let ticks: Vec<_> = warned
+            .iter()
+            .map(|e| e["tick"].as_u64().unwrap() as usize)
+            .collect();
+        assert_eq!(ticks, crosses.collect::<Vec<_>>());
+        let tripped = of("trip");
+        assert_eq!(tripped[0]["tick"], commands.len());
+        let received = column(&kept, "received_s");
+        let [first, newest] = [&warned[0], &tripped[0]];
+        for event in warned.iter().chain(&tripped) {
+            let tick = event["tick"].as_u64().unwrap() as usize;
+            // Read from decimals to the last bit but one.
+            assert!((event["time"].as_f64().unwrap() - times[tick]).abs() < 1e-12);
+        }
+        // It was made between its own command and the next.
+        let place = |event: &serde_json::Value| event["tick"].as_u64().unwrap() as usize;
+        let made = |event: &serde_json::Value| event["clock_ns"].as_u64().unwrap() as f64 * 1e-9;
+        let between = made(newest) - made(first);
+        let (from, to) = (place(first), place(newest));
+        assert!(
+            between >= received[to] - received[from + 1] - 1e-8,
+            "{between}"
+        );
+        assert!(
+            between <= received[to + 1] - received[from] + 1e-8,
+            "{between}"
+        );
+    }
 }
 
 /// config/serve, with the addresses of this test.

@@ -15,7 +15,7 @@ use serde_json::Map;
 
 use super::append::{Appender, Flushed, Store, Unit};
 use super::miss::{MissClasses, SampleWindow, SchedSample};
-use super::note::Note;
+use super::note::{Note, Position};
 use super::warned::Warned;
 use super::{Event, EventKind};
 use lines::head;
@@ -27,15 +27,6 @@ pub struct Moment {
     pub monotonic_ns: u64,
     /// UTC in ns since 1970.
     pub utc_ns: u64,
-}
-
-/// Where the test stands, for notes, which do not know.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(super) struct Position {
-    /// Tick of the latest row.
-    pub tick: Option<u64>,
-    /// Test time of the latest row in s.
-    pub time: Option<f64>,
 }
 
 /// Bytes of lines that may wait for a failing file.
@@ -123,11 +114,14 @@ impl<S: Store> EventLog<S> {
         });
     }
 
-    /// Takes a note; the simulated clock is not known here, so its `clock_ns` is null then.
+    /// Takes a note, of the test at `position` unless it knows better; the simulated clock is not known here, so its `clock_ns`
+    /// is null then.
     pub fn note(&mut self, note: Note, position: Position, now: Moment) {
+        let (position, clock_ns) = note.made.unwrap_or((position, now.monotonic_ns));
+        let age = now.monotonic_ns.saturating_sub(clock_ns);
         self.queue.push_back(Held {
-            wall_ns: now.utc_ns,
-            clock_ns: now.monotonic_ns,
+            wall_ns: now.utc_ns.saturating_sub(age),
+            clock_ns,
             seen_ns: now.monotonic_ns,
             entry: Entry::Note(note, position),
         });

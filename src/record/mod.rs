@@ -48,7 +48,7 @@ pub use layout::Layout;
 pub use memory::MemoryRecorder;
 pub use miss::{MissClasses, SchedSample};
 pub use missing::MissingEnd;
-pub use note::{Note, NoteLevel};
+pub use note::{Note, NoteLevel, Position};
 pub use onlooker::Onlooker;
 pub use ring::{RingReader, RingRecorder, RingSize, WhenFull, ring};
 pub use run::Run;

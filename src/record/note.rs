@@ -13,11 +13,22 @@ pub enum NoteLevel {
     Error,
 }
 
+/// Where a test stands.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Position {
+    /// Tick of a row.
+    pub tick: Option<u64>,
+    /// Its test time in s.
+    pub time: Option<f64>,
+}
+
 /// An event from outside the loop: a state change, a warning, what the system granted.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Note {
     /// How grave.
     pub level: NoteLevel,
+    /// Where the test stood when it was made, and CLOCK_MONOTONIC in ns then; without it, as it is taken down.
+    pub made: Option<(Position, u64)>,
     /// Name in snake_case.
     pub event: String,
     /// Further keys of the line; a key that every line has is overruled by the line's own.
@@ -30,6 +41,7 @@ impl Note {
     pub fn new(level: NoteLevel, event: &str) -> Self {
         Self {
             level,
+            made: None,
             event: event.to_owned(),
             fields: Map::new(),
         }
@@ -39,6 +51,13 @@ impl Note {
     #[must_use]
     pub fn with(mut self, key: &str, value: impl Into<Value>) -> Self {
         self.fields.insert(key.to_owned(), value.into());
+        self
+    }
+
+    /// The note as made there, and then.
+    #[must_use]
+    pub const fn made(mut self, position: Position, monotonic_ns: u64) -> Self {
+        self.made = Some((position, monotonic_ns));
         self
     }
 

@@ -11,8 +11,8 @@ use super::{Close, Trip, Visitor};
 use crate::control::AxisUnits;
 use crate::record::writer::Clocks;
 use crate::record::{
-    FolderError, Layout, Note, NoteLevel, Recorder, RingRecorder, RingSize, RunFolder, WhenFull,
-    Writer, WriterSettings, ring,
+    FolderError, Layout, Note, NoteLevel, Position, Recorder, RingRecorder, RingSize, RunFolder,
+    WhenFull, Writer, WriterSettings, ring,
 };
 use crate::rt::timing::Timing;
 use crate::rt::wall::Wall;
@@ -68,6 +68,8 @@ pub(super) struct Log {
     row: Vec<f64>,
     timing: Timing,
     counted: Counted,
+    /// Where the newest exchange stands.
+    position: Position,
     began_ns: u64,
     required: bool,
 }
@@ -103,6 +105,7 @@ impl Log {
             row,
             timing: Timing::new(&[name], true, 0),
             counted: Counted::new(units.len(), rate_hz, Wall::now()),
+            position: Position::default(),
             began_ns: os::monotonic_ns(),
             required: settings.required,
             folder,
@@ -171,9 +174,18 @@ impl Log {
         self.folder.path()
     }
 
-    /// Something that is no exchange.
+    /// An exchange begins, whose command is of that test time. Real-time: yes.
+    pub fn begins(&mut self, time: f64) {
+        self.position = Position {
+            tick: Some(self.counted.exchanges),
+            time: Some(time),
+        };
+    }
+
+    /// Something that is no exchange, at the newest one.
     pub fn note(&self, note: Note) {
-        self.writer.note(note);
+        self.writer
+            .note(note.made(self.position, os::monotonic_ns()));
     }
 
     /// The specimen holds from here on.
@@ -251,8 +263,7 @@ impl Log {
             Close::Completed | Close::Interrupted => NoteLevel::Info,
             Close::Stopped | Close::Failed => NoteLevel::Error,
         };
-        self.writer
-            .note(Note::new(level, "ended").with("text", text));
+        self.note(Note::new(level, "ended").with("text", text));
         let Self {
             folder,
             name,

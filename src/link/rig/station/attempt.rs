@@ -19,6 +19,9 @@ impl Station {
     ) -> Result<(), Trip> {
         // Only the log wants to know the time.
         let received_ns = self.log.as_ref().map_or(0, |_| os::monotonic_ns());
+        if let Some(log) = &mut self.log {
+            log.begins(command.time);
+        }
         let mut answered_ns = None;
         if self.tripped.is_none()
             && let Err(trip) = self.attempt(
