@@ -135,6 +135,12 @@ fn report_and_export_read_the_folder() {
     let mut report = gusset();
     report.arg("report").arg(&kept);
     assert!(finish(report).status.success());
+    let mut replay = gusset();
+    replay.arg("replay").arg(&kept);
+    let said = finish(replay);
+    assert_eq!(said.status.code(), Some(2));
+    let said = String::from_utf8_lossy(&said.stderr).into_owned();
+    assert!(said.contains("this is a server's record"), "{said}");
     let page = std::fs::read_to_string(kept.join("report.html")).unwrap();
     assert!(page.contains("Completed") && page.contains("<svg") && page.contains("column"));
     let csv = folder.join("rows.csv");

@@ -26,6 +26,9 @@ pub enum ReplayError {
     /// Its configuration is not one of this program.
     #[error(transparent)]
     Config(#[from] ConfigError),
+    /// A server wrote it: what it commanded came from elsewhere.
+    #[error("{}: this is a server's record of what its controller commanded: there is nothing to be computed again, but in the run folder of that controller", .0.display())]
+    Served(PathBuf),
     /// A copy of an input is not what the test read.
     #[error("{} was changed: its SHA-256 is {found}, but the test had {wanted}", path.display())]
     Input {

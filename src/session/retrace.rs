@@ -17,6 +17,7 @@ use super::tape::{Comparing, Recording, Tape, Verified, with};
 use crate::config::{self, ConfigError, Loaded, Prepared};
 use crate::control::Port;
 use crate::engine::{Control, Ending, Engine, Experiment, Place, Resumption, Side};
+use crate::link::rig::is_served;
 use crate::record::{Column, FolderError, Run};
 
 /// Name of the file in the folder of a resumed test.
@@ -137,8 +138,11 @@ pub(super) fn prepared_by(
     keys: bool,
     build: &mut Build<'_>,
 ) -> Result<Prepared, ReplayError> {
-    check_inputs(run)?;
     let folder = run.path();
+    if is_served(run.layout()) {
+        return Err(ReplayError::Served(folder.to_owned()));
+    }
+    check_inputs(run)?;
     let mut loaded = config::load(&folder.join("resolved.toml"), &[])?;
     for specimen in &mut loaded.file.specimen {
         // It came, and is over: a test that goes on is without it.

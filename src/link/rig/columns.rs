@@ -3,6 +3,9 @@
 use crate::control::AxisUnits;
 use crate::record::Column;
 
+/// No other record has this column.
+pub(super) const RECEIVED: &str = "received_s";
+
 pub(super) const HEAD: [(&str, &str, &str, bool); 10] = [
     ("step", "1", "number of the exchange, from 0", false),
     ("sub_tick", "1", "always 0: one row per exchange", false),
@@ -35,7 +38,7 @@ pub(super) const HEAD: [(&str, &str, &str, bool); 10] = [
         false,
     ),
     (
-        "received_s",
+        RECEIVED,
         "s",
         "wall time from the start of the test to the command",
         true,
