@@ -158,6 +158,18 @@ fn a_browser_and_noise_at_the_specimens_port_disturb_nothing() {
 }
 
 #[test]
+fn who_connects_and_says_nothing_keeps_no_controller_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let served = Served::start(folder.path(), &local(), &[]);
+    let connect = |_| TcpStream::connect(&served.address).unwrap();
+    let silent: Vec<_> = (0..40).map(connect).collect();
+    let (code, said) = run(folder.path(), "run", &linked(STEPS, &served.address, ""));
+    assert_eq!(code, 0, "{said}");
+    served.hears("it gave way");
+    drop(silent);
+}
+
+#[test]
 fn another_version_is_refused_with_both_versions_in_the_text() {
     let folder = tempfile::tempdir().unwrap();
     let served = Served::start(folder.path(), &local(), &[]);

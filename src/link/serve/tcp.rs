@@ -1,11 +1,11 @@
 //! TCP: accept, greet, hand over.
 
-use std::collections::HashMap;
-use std::net::{IpAddr, SocketAddr};
+use std::net::SocketAddr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use tokio::net::{TcpListener, TcpStream};
+use tokio::task::AbortHandle;
 use tokio::time::timeout;
 
 use super::caller::{Caller, Lost};
@@ -22,42 +22,75 @@ use crate::wire::{Side, WireError};
 const HELLO_LIMIT: Duration = Duration::from_secs(5);
 /// From the welcome to the arming: a large model takes a while to get ready.
 const ARM_LIMIT: Duration = Duration::from_secs(60);
-/// Connections that have not armed yet; more are closed unheard, which is told once until there is room again.
+/// Connections that have not armed yet. Where more come, whoever has been silent for the longest gives way; if all have said
+/// who they are, what comes is closed unheard, which is told once until there is room again.
 const MOST_WAITING: usize = 64;
 /// Of them from one address: one machine does not keep out the others.
 const MOST_OF_ONE: usize = 16;
 /// Pause after a failed accept, for instance without file descriptors left.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
 
-/// Who waits, by address.
+/// Who waits, in the order in which they came.
 #[derive(Debug, Default)]
-struct Waiting(Mutex<HashMap<IpAddr, usize>>);
+struct Waiting(Mutex<Vec<Guest>>);
+
+#[derive(Debug)]
+struct Guest {
+    peer: SocketAddr,
+    task: AbortHandle,
+    /// It said who it is, and was welcomed.
+    has_spoken: bool,
+}
+
+/// Room for one more.
+enum Room {
+    Free,
+    /// This one was sent away for it.
+    Of(SocketAddr),
+    None,
+}
 
 impl Waiting {
-    /// The number of those that wait, by address.
-    fn all(&self) -> MutexGuard<'_, HashMap<IpAddr, usize>> {
+    fn all(&self) -> MutexGuard<'_, Vec<Guest>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// True if there was room for one more.
-    fn enter(&self, address: IpAddr) -> bool {
+    /// Room for `peer`: where there are too many, of all or at its address, a silent one of those gives way.
+    fn room_for(&self, peer: SocketAddr) -> Room {
         let mut all = self.all();
-        let own = all.get(&address).copied().unwrap_or(0);
-        let room = own < MOST_OF_ONE && all.values().sum::<usize>() < MOST_WAITING;
-        if room {
-            all.insert(address, own + 1);
+        let at_home = |guest: &Guest| guest.peer.ip() == peer.ip();
+        let too_many_of_one = all.iter().filter(|guest| at_home(guest)).count() >= MOST_OF_ONE;
+        if !too_many_of_one && all.len() < MOST_WAITING {
+            return Room::Free;
         }
-        room
+        let may_go = |guest: &Guest| !guest.has_spoken && (!too_many_of_one || at_home(guest));
+        match all.iter().position(may_go) {
+            Some(index) => {
+                let guest = all.remove(index);
+                guest.task.abort();
+                Room::Of(guest.peer)
+            }
+            None => Room::None,
+        }
     }
 
-    fn leave(&self, address: IpAddr) {
+    fn enter(&self, peer: SocketAddr, task: AbortHandle) {
+        self.all().push(Guest {
+            peer,
+            task,
+            has_spoken: false,
+        });
+    }
+
+    fn has_spoken(&self, peer: SocketAddr) {
         let mut all = self.all();
-        if let Some(count) = all.get_mut(&address) {
-            *count -= 1;
-            if *count == 0 {
-                all.remove(&address);
-            }
+        if let Some(guest) = all.iter_mut().find(|guest| guest.peer == peer) {
+            guest.has_spoken = true;
         }
+    }
+
+    fn leave(&self, peer: SocketAddr) {
+        self.all().retain(|guest| guest.peer != peer);
     }
 }
 
@@ -68,20 +101,29 @@ pub(super) async fn accept(listener: TcpListener, desk: Arc<Desk>) {
     loop {
         match listener.accept().await {
             Ok((stream, peer)) => {
-                if !waiting.enter(peer.ip()) {
-                    if !full {
-                        let text = "closed unheard: too many wait already".to_owned();
+                match waiting.room_for(peer) {
+                    Room::Free => full = false,
+                    Room::Of(peer) => {
+                        full = false;
+                        let text = "it had said nothing when more came than may wait: it gave way";
+                        let text = text.to_owned();
                         desk.tell(Heard::Refused { peer, text });
                     }
-                    full = true;
-                    continue;
+                    Room::None => {
+                        if !std::mem::replace(&mut full, true) {
+                            let text = "closed unheard: too many wait already".to_owned();
+                            desk.tell(Heard::Refused { peer, text });
+                        }
+                        continue;
+                    }
                 }
-                full = false;
-                let (desk, waiting) = (Arc::clone(&desk), Arc::clone(&waiting));
-                tokio::spawn(async move {
-                    attend(stream, peer, &desk).await;
-                    waiting.leave(peer.ip());
+                let (desk, theirs) = (Arc::clone(&desk), Arc::clone(&waiting));
+                let task = tokio::spawn(async move {
+                    attend(stream, peer, &desk, &theirs).await;
+                    theirs.leave(peer);
                 });
+                // On this thread: it has not begun yet.
+                waiting.enter(peer, task.abort_handle());
             }
             Err(_) => tokio::time::sleep(ACCEPT_PAUSE).await,
         }
@@ -105,10 +147,10 @@ impl From<Lost> for Ended {
     }
 }
 
-async fn attend(stream: TcpStream, peer: SocketAddr, desk: &Desk) {
+async fn attend(stream: TcpStream, peer: SocketAddr, desk: &Desk, waiting: &Waiting) {
     let let_in = Caller::let_in(stream, desk.tls.as_ref());
     let refused = match timeout(HELLO_LIMIT, let_in).await {
-        Ok(Ok(caller)) => return greet(caller, peer, desk).await,
+        Ok(Ok(caller)) => return greet(caller, peer, desk, waiting).await,
         Ok(Err(lost)) => lost.into(),
         Err(_) => silent("end of the TLS handshake", HELLO_LIMIT),
     };
@@ -117,13 +159,14 @@ async fn attend(stream: TcpStream, peer: SocketAddr, desk: &Desk) {
     }
 }
 
-async fn greet(mut stream: Caller, peer: SocketAddr, desk: &Desk) {
+async fn greet(mut stream: Caller, peer: SocketAddr, desk: &Desk, waiting: &Waiting) {
     let mut inbox = Inbox::new(true);
     let outcome = async {
         let greeted = match timeout(HELLO_LIMIT, hello(&mut stream, &mut inbox, desk)).await {
             Ok(outcome) => outcome?,
             Err(_) => return Err(silent("hello", HELLO_LIMIT)),
         };
+        waiting.has_spoken(peer);
         desk.tell(Heard::Hello {
             peer,
             software: greeted.software.clone(),
