@@ -87,7 +87,9 @@ pub(super) fn timeline(run: &RunData) -> String {
         .events
         .iter()
         .find_map(|e| wall_seconds(e.get("wall")?.as_str()?));
-    let is_clocked = run.events.iter().all(|e| loop_seconds(e).is_some());
+    // Before there is a loop neither clock goes.
+    let mut timed = run.events.iter().filter(|e| e.get("time").is_some());
+    let is_clocked = timed.all(|e| loop_seconds(e).is_some());
     let first_of_loop = run.events.iter().find_map(loop_seconds);
     let when = |event: &Value| -> Option<f64> {
         if is_simulated && is_clocked {
@@ -246,6 +248,7 @@ mod tests {
         // After a trip test time stands where the last step ended, before the trip; the loop's clock goes on.
         let event = |time: f64, ns: u64, to: &str| json!({"event": "phase", "to": to, "time": time, "clock_ns": ns});
         run.events = vec![
+            json!({"event": "connected"}),
             event(0.0, 1_000_000_000, "running"),
             json!({"event": "limit_trip", "time": 3.567, "clock_ns": 4_567_000_000u64}),
             event(3.565, 4_567_000_000, "leaving"),
