@@ -25,6 +25,9 @@ pub const HEAD: usize = 8;
 /// Bytes of a record after the columns: checksum and marker.
 pub const TAIL: usize = 8;
 
+/// The column that only a server's record has.
+pub const COMMITS: &str = "commits";
+
 const FORMAT: &str = "gusset-samples";
 const VERSION: u32 = 1;
 /// Names that the fields of the record itself have.
@@ -143,6 +146,12 @@ impl Layout {
     #[must_use]
     pub fn index_of(&self, name: &str) -> Option<usize> {
         self.columns.iter().position(|column| column.name == name)
+    }
+
+    /// True of a server's record of a controller's test: exchanges and no steps.
+    #[must_use]
+    pub fn is_served(&self) -> bool {
+        self.index_of(COMMITS).is_some()
     }
 
     /// The text of `samples.json`, with the lines that open the file in NumPy and MATLAB.

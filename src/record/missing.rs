@@ -21,8 +21,7 @@ impl MissingEnd {
     /// served specimen counts commands and no steps.
     #[must_use]
     pub fn of(run: &Run, ends_s: Option<f64>) -> Option<Self> {
-        let is_served = run.layout().index_of("commits").is_some();
-        let summary = run.summary().filter(|_| !is_served)?;
+        let summary = run.summary().filter(|_| !run.layout().is_served())?;
         Self::of_test(summary, ends_s)
     }
 

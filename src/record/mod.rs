@@ -44,7 +44,7 @@ pub mod writer;
 pub use folder::{FolderError, RunFolder};
 pub use image::FolderImage;
 pub use journal::{End, Journal};
-pub use layout::Layout;
+pub use layout::{COMMITS, Layout};
 pub use memory::MemoryRecorder;
 pub use miss::{MissClasses, SchedSample};
 pub use missing::MissingEnd;

@@ -17,7 +17,6 @@ use super::tape::{Comparing, Recording, Tape, Verified, with};
 use crate::config::{self, ConfigError, Loaded, Prepared};
 use crate::control::Port;
 use crate::engine::{Control, Ending, Engine, Experiment, Place, Resumption, Side};
-use crate::link::rig::is_served;
 use crate::record::{Column, FolderError, Run};
 
 /// Name of the file in the folder of a resumed test.
@@ -139,7 +138,7 @@ pub(super) fn prepared_by(
     build: &mut Build<'_>,
 ) -> Result<Prepared, ReplayError> {
     let folder = run.path();
-    if is_served(run.layout()) {
+    if run.layout().is_served() {
         return Err(ReplayError::Served(folder.to_owned()));
     }
     check_inputs(run)?;

@@ -1,10 +1,7 @@
 //! The columns of a server's rows: one row per exchange. Those that `gusset export` and `gusset report` know have their names.
 
 use crate::control::AxisUnits;
-use crate::record::Column;
-
-/// No other record has this column.
-pub(super) const RECEIVED: &str = "received_s";
+use crate::record::{COMMITS, Column};
 
 pub(super) const HEAD: [(&str, &str, &str, bool); 10] = [
     ("step", "1", "number of the exchange, from 0", false),
@@ -28,7 +25,7 @@ pub(super) const HEAD: [(&str, &str, &str, bool); 10] = [
         "the controller's number of the command",
         false,
     ),
-    ("commits", "1", "commands accepted so far", false),
+    (COMMITS, "1", "commands accepted so far", false),
     (
         "trip",
         "1",
@@ -38,7 +35,7 @@ pub(super) const HEAD: [(&str, &str, &str, bool); 10] = [
         false,
     ),
     (
-        RECEIVED,
+        "received_s",
         "s",
         "wall time from the start of the test to the command",
         true,

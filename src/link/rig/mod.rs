@@ -26,7 +26,6 @@ pub use station::Station;
 pub(in crate::link) use station::first_words;
 
 use crate::control::limits::Hit;
-use crate::record::Layout;
 use crate::substructure::{Command, Introduction, LinkFault, LinkStats, Measurement, Retirement};
 use crate::wire::handshake::{Limits, Sampling};
 
@@ -125,12 +124,6 @@ impl Trip {
             Self::Lost(_) => 70,
         }
     }
-}
-
-/// True for the columns of a server's record of a controller's test.
-#[must_use]
-pub fn is_served(layout: &Layout) -> bool {
-    layout.index_of(columns::RECEIVED).is_some()
 }
 
 /// Asked while a specimen is moved before a test: whether that test is still wanted, and why not.
