@@ -223,6 +223,8 @@ fn a_sampled_test_over_tls_ends_when_the_peer_stops_in_the_middle_of_a_record() 
         );
     let test = Running::start(folder, "run", &text);
     served.hears("armed for");
+    // Who never answered does not enter the first step at all.
+    test.moves();
     stall.store(true, Ordering::Release);
     let (code, said) = test.wait();
     assert_eq!(code, 3, "{said}");
