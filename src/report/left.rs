@@ -137,7 +137,7 @@ fn how_words(how: &str) -> String {
         "stayed" => "stayed at the last command".to_owned(),
         "reached" => "was led to where the test file wants it left".to_owned(),
         "not_reached" => "DID NOT REACH where the test file wants it left".to_owned(),
-        "lost" => "is LOST: its own end holds it, wherever that is".to_owned(),
+        "lost" => "is LOST: its own end holds it, or nobody does".to_owned(),
         other => format!("was left: {}", other.replace('_', " ")),
     }
 }
