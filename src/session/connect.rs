@@ -71,7 +71,7 @@ pub(super) fn connect(
     let all = connect_all(ports, roll, &mut line);
     if line.asks_for_the_end() {
         let connected = all.into_iter().flatten();
-        for (_, mut port, _) in connected {
+        for (mut port, _) in connected {
             port.retire(Retirement::Orderly);
         }
         return Err(Unconnected::Stopped);
@@ -80,7 +80,7 @@ pub(super) fn connect(
     let mut warnings = Vec::new();
     let mut refusals = Vec::new();
     for (number, (name, said)) in (1u64..).zip(names.iter().zip(all)) {
-        let Some((_, port, outcome)) = said else {
+        let Some((port, outcome)) = said else {
             let text =
                 "internal error: its connection panicked, or the system gives no thread for it";
             refusals.push(format!("specimen \"{name}\": {text}"));
@@ -183,38 +183,38 @@ impl Line {
     }
 }
 
-/// A port that has said what it has to say, by its place.
-type Said = (usize, Port, Result<Introduction, Unavailable>);
+/// A port that has said what it has to say.
+type Said = (Port, Result<Introduction, Unavailable>);
 
 /// Each on a thread of its own, for they wait; those of this process have nothing to wait for. The threads that their links
 /// start stand on the roll, too. Who is still waited for when the operator asks for an end is left behind with its thread: it
 /// was told of nothing that could move, and its connection closes with it. None for these, and for one whose thread panicked.
 fn connect_all(ports: Vec<Port>, roll: &Roll, line: &mut Line) -> Vec<Option<Said>> {
     let mut all: Vec<Option<Said>> = ports.iter().map(|_| None).collect();
-    let (done, mut owed) = (mpsc::channel::<Said>(), 0);
+    let (done, said) = mpsc::channel::<(usize, Said)>();
+    let mut owed = 0;
     for (index, mut port) in ports.into_iter().enumerate() {
         if !port.is_remote() {
             let outcome = port.connect();
-            all[index] = Some((index, port, outcome));
+            all[index] = Some((port, outcome));
             continue;
         }
-        let (roll, done) = (roll.clone(), done.0.clone());
+        let (roll, done) = (roll.clone(), done.clone());
         let work = move || {
             let stamper = roll.enter();
             let began_ns = stamper.now();
             let outcome = roll.within(|| port.connect());
             stamper.since(What::Connect, began_ns, 0);
-            let _ = done.send((index, port, outcome));
+            let _ = done.send((index, (port, outcome)));
         };
         // A system that gives no thread is told of as one that panicked: nobody was connected.
         let thread = std::thread::Builder::new().name("gusset-connect".into());
         owed += usize::from(thread.spawn(work).is_ok());
     }
-    drop(done.0);
+    drop(done);
     while owed > 0 && !line.asks_for_the_end() {
-        match done.1.recv_timeout(LOOK_EVERY) {
-            Ok(said) => {
-                let index = said.0;
+        match said.recv_timeout(LOOK_EVERY) {
+            Ok((index, said)) => {
                 all[index] = Some(said);
                 owed -= 1;
             }
