@@ -417,6 +417,44 @@ fn a_rehearsal_that_takes_too_long_says_how_far_it_came() {
     );
 }
 
+/// What a tick takes is told, and a warning where the real clock leaves little time for it.
+#[test]
+fn a_machine_that_is_slow_for_the_ticks_is_warned_of() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = FRAME.replace("duration_s = 0.5", "duration_s = 5");
+    let warned = |text: &str, tick_s: f64| {
+        let test = write(folder.path(), "test.toml", text);
+        let loaded = gusset::config::load(&test, &[]).unwrap();
+        let built = gusset::config::build(&loaded).unwrap();
+        let mut found = rehearse(&loaded, built.experiment, Duration::from_secs(60)).unwrap();
+        let measured = found.tick_s.unwrap();
+        assert!(
+            measured > 0.0 && 500.0 * measured < found.wall_s,
+            "{measured}"
+        );
+        found.tick_s = Some(tick_s);
+        let findings = found.findings(&loaded);
+        let texts: Vec<_> = findings.into_iter().map(|found| found.headline).collect();
+        texts.join("; ")
+    };
+    let real = text.replace("\"simulated\"", "\"real\"");
+    // A tick has 5 ms.
+    assert_eq!(warned(&real, 2.4e-3), "");
+    let little = warned(&real, 2.6e-3);
+    assert!(
+        little.contains("little time left") && little.contains("2.6 ms"),
+        "{little}"
+    );
+    let cannot = warned(&real, 5.1e-3);
+    assert!(
+        cannot.contains("cannot keep") && cannot.contains("there are 5 ms"),
+        "{cannot}"
+    );
+    assert_eq!(warned(&text, 5.1e-3), "");
+    let scaled = real.replace("clock =", "scale = 2\nclock =");
+    assert_eq!(warned(&scaled, 4.9e-3), "");
+}
+
 #[test]
 fn a_stand_in_that_cannot_be_is_refused_at_its_place() {
     let refused = |text: &str, words: &[&str]| {

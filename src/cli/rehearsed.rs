@@ -93,17 +93,20 @@ impl Rehearsed {
             time,
             curtain,
             wall_s,
+            tick_s,
             specimens,
         } = &self.rehearsal;
+        let each = tick_s.map(|tick| format!(", {} a tick", duration(tick)));
         let how = match curtain {
             Curtain::Completed => "",
             Curtain::OutOfTime => ", then there was no more time",
             Curtain::Stopped(_) => ", then the test would stop",
         };
         let text = format!(
-            "{} of test time on the simulated clock in {}{how}",
+            "{} of test time on the simulated clock in {}{}{how}",
             duration(*time),
-            duration(*wall_s)
+            duration(*wall_s),
+            each.unwrap_or_default()
         );
         table.row("rehearsal", &text);
         for needs in specimens {
@@ -144,6 +147,7 @@ impl Rehearsed {
             time,
             curtain,
             wall_s,
+            tick_s,
             specimens,
         } = &self.rehearsal;
         let level = |value: f64| value.is_finite().then_some(value);
@@ -194,6 +198,7 @@ impl Rehearsed {
         json!({
             "time_s": time,
             "wall_s": wall_s,
+            "tick_s": tick_s,
             "complete": *curtain == Curtain::Completed,
             "stopped": match curtain {
                 Curtain::Stopped(stop) => Some(stop.to_string()),

@@ -2,10 +2,13 @@
 
 use super::hold::depends_on_pace;
 use super::{Curtain, Held, Need, Needs, Rehearsal};
-use crate::config::{Finding, KeyPath, Loaded};
+use crate::config::{ClockChoice, Finding, KeyPath, Loaded};
 use crate::control::Poses;
 use crate::control::limits::Quantity;
 use crate::engine::Stop;
+
+/// Part of a tick that may be needed for what it computes before a warning: a late one has to be caught up with.
+const MUCH: f64 = 0.5;
 
 impl Rehearsal {
     /// Every limit that the test would meet, at its place in the file: a trip is an error, a warning a warning.
@@ -24,7 +27,34 @@ impl Rehearsal {
             findings.extend(unsettled(loaded, needs, index));
         }
         findings.extend(self.end(loaded));
+        findings.extend(self.slow(loaded));
         findings
+    }
+
+    /// A warning where the machine at hand needs much of a tick for what a tick computes.
+    fn slow(&self, loaded: &Loaded) -> Option<Finding> {
+        let period = loaded.time.period.value();
+        let took = self.tick_s?;
+        let matters = loaded.time.clock == ClockChoice::Real && took > MUCH * period;
+        matters.then(|| {
+            let text = if took > period {
+                "this machine cannot keep the ticks of the test"
+            } else {
+                "this machine has little time left in the ticks of the test"
+            };
+            Finding::warning(
+                KeyPath::root().key("time"),
+                format!(
+                    "{text}: one took {} ms in the rehearsal, and there are {} ms for it",
+                    short(took * 1e3),
+                    short(period * 1e3)
+                ),
+            )
+            .help(
+                "an average, with what stood for the specimens and without links; the warm-up of the test decides whether \
+                 it begins. A longer step, `time.scale` or fewer DOFs give more time",
+            )
+        })
     }
 
     /// What ended the rehearsal before the test's end.

@@ -3,7 +3,8 @@
 
 use std::time::Duration;
 
-use super::{Need, Needs, Prompter, Rehearsal, carry_out_with, name_stand_ins};
+use super::prompter::Prompter;
+use super::{Need, Needs, Rehearsal, carry_out_with, name_stand_ins};
 use crate::config::{self, ConfigError, Loaded};
 use crate::control::limits::Quantity;
 use crate::engine::{Control, Operator};
@@ -144,7 +145,7 @@ impl Recorder for Holding {
                 _ => None,
             };
             if let Some(request) = request {
-                let _room_for_both = self.prompter.operator.try_send(request);
+                self.prompter.ask(request);
             }
             self.rows += 1;
         }

@@ -14,23 +14,23 @@ mod capacity;
 mod findings;
 mod hold;
 mod meter;
+mod prompter;
 
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
-
-use crossbeam_channel::Sender;
 
 pub use capacity::{Most, NEEDS, Used};
 pub use hold::{Held, rehearse_hold};
 pub use meter::{AxisNeed, Extreme};
 
 use meter::Meter;
+use prompter::Prompter;
 
 use crate::config::{self, CapacityTable, ConfigError, Loaded, MatrixValue, SpecimenTable};
 use crate::control::Poses;
 use crate::control::limits::{AxisLimits, Bound, Quantity, Range};
-use crate::engine::{Control, Ending, Engine, Experiment, Operator, Outcome, Stop};
-use crate::record::{Event, Recorder};
+use crate::engine::{Control, Ending, Engine, Experiment, Outcome, Stop};
+use crate::record::Recorder;
 use crate::rt::os;
 use crate::substructure::Substructure;
 use crate::time::SimClock;
@@ -175,6 +175,8 @@ pub struct Rehearsal {
     pub curtain: Curtain,
     /// Wall time that it took, s.
     pub wall_s: f64,
+    /// What one tick took on the average, s; nothing where there were too few to tell.
+    pub tick_s: Option<f64>,
     /// One entry per specimen.
     pub specimens: Vec<Needs>,
 }
@@ -272,7 +274,12 @@ fn staged_with(
 pub fn carry_out(experiment: Experiment, budget: Duration) -> Rehearsal {
     let (operator, requests) = crossbeam_channel::bounded(1);
     let prompter = Prompter::new(budget, operator);
-    carry_out_with(experiment, Box::new(prompter), &Control::from(requests))
+    let pace = prompter.pace();
+    let rehearsal = carry_out_with(experiment, Box::new(prompter), &Control::from(requests));
+    Rehearsal {
+        tick_s: pace.tick_s(),
+        ..rehearsal
+    }
 }
 
 fn carry_out_with(
@@ -316,38 +323,7 @@ fn carry_out_with(
         },
         specimens: specimens.collect(),
         wall_s: os::monotonic_ns().saturating_sub(began) as f64 * 1e-9,
-    }
-}
-
-/// Sees to it that a rehearsal ends in time; keeps nothing.
-struct Prompter {
-    until_ns: u64,
-    rows: u64,
-    operator: Sender<Operator>,
-}
-
-impl Prompter {
-    fn new(budget: Duration, operator: Sender<Operator>) -> Self {
-        let budget_ns = u64::try_from(budget.as_nanos()).unwrap_or(u64::MAX);
-        Self {
-            until_ns: os::monotonic_ns().saturating_add(budget_ns),
-            rows: 0,
-            operator,
-        }
-    }
-}
-
-impl Recorder for Prompter {
-    fn row(&mut self, _: &[f64]) -> bool {
-        self.rows += 1;
-        if self.rows.is_multiple_of(64) && os::monotonic_ns() > self.until_ns {
-            let _asked_already = self.operator.try_send(Operator::Stop);
-        }
-        true
-    }
-
-    fn event(&mut self, _: Event) -> bool {
-        true
+        tick_s: None,
     }
 }
 
