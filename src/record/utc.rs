@@ -29,6 +29,44 @@ pub fn rfc3339(utc_ns: u64) -> String {
     format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}.{ns:09}Z")
 }
 
+/// Nanoseconds since 1970 of such a text, with any number of decimals; none if it is no such text.
+#[must_use]
+pub fn instant(text: &str) -> Option<u64> {
+    let (date, time) = text.strip_suffix('Z')?.split_once('T')?;
+    let [year, month, day] = numbers(date, '-')?;
+    let (whole, decimals) = time.split_once('.').unwrap_or((time, "0"));
+    let [hour, minute, second] = numbers(whole, ':')?;
+    let is_date = year >= 1970 && (1..=12).contains(&month) && (1..=31).contains(&day);
+    // 60 is a leap second.
+    if !(is_date && hour < 24 && minute < 60 && second <= 60) {
+        return None;
+    }
+    let ns: u64 = format!("{decimals:0<9}").get(..9)?.parse().ok()?;
+    // The way back of `civil`, from the same source.
+    let (year, march_month) = if month > 2 {
+        (year, month - 3)
+    } else {
+        (year - 1, month + 9)
+    };
+    let (era, year_of_era) = (year / 400, year % 400);
+    let day_of_year = (153 * march_month + 2) / 5 + day - 1;
+    let day_of_era = year_of_era * 365 + year_of_era / 4 - year_of_era / 100 + day_of_year;
+    let days = (era * 146_097 + day_of_era).checked_sub(719_468)?;
+    let seconds = ((days * 24 + hour) * 60 + minute) * 60 + second;
+    seconds.checked_mul(1_000_000_000)?.checked_add(ns)
+}
+
+/// Three whole numbers of at most four digits.
+fn numbers(text: &str, between: char) -> Option<[u64; 3]> {
+    let is_short = |part: &&str| part.len() <= 4 && part.bytes().all(|b| b.is_ascii_digit());
+    let mut parts = text.split(between).filter(is_short);
+    let found = [(); 3].map(|()| parts.next().and_then(|part| part.parse().ok()));
+    let [Some(first), Some(second), Some(third)] = found else {
+        return None;
+    };
+    parts.next().is_none().then_some([first, second, third])
+}
+
 /// For file names: `20260301-120000`.
 #[must_use]
 pub fn stamp(utc_ns: u64) -> String {
@@ -53,6 +91,17 @@ mod tests {
             (4_107_542_400, "2100-03-01T00:00:00.000000007Z"),
         ] {
             assert_eq!(rfc3339(seconds * 1_000_000_000 + 7), text);
+            assert_eq!(instant(text), Some(seconds * 1_000_000_000 + 7));
+        }
+        assert_eq!(instant("1970-01-02T00:00:00.5Z"), Some(86_400_500_000_000));
+        for none in [
+            "",
+            "soon",
+            "2026-13-01T00:00:00Z",
+            "2026-03-01T12:00Z",
+            "1969-12-31T23:59:59Z",
+        ] {
+            assert_eq!(instant(none), None, "{none}");
         }
         assert_eq!(stamp(1_772_366_400_999_999_999), "20260301-120000");
     }
@@ -64,6 +113,8 @@ mod tests {
         for days in 0..146_097u64 {
             let found = civil(days * 86_400 * 1_000_000_000);
             assert_eq!((found.0, found.1, found.2), (year, month, day));
+            let at = days * 86_400 * 1_000_000_000;
+            assert_eq!(instant(&rfc3339(at)), Some(at));
             let leap = (year % 4 == 0 && year % 100 != 0) || year % 400 == 0;
             let length = match month {
                 2 => 28 + u64::from(leap),

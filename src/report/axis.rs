@@ -3,7 +3,7 @@
 //! Invariant: `lo < hi`, both finite, and for a logarithmic axis both positive; so [`Axis::place`] never
 //! divides by zero. Numbers too large to take differences of are treated like NaN: they are gaps.
 
-use super::text::{fixed, micros};
+use super::text::{fixed, micros, number};
 
 /// Digits of a logarithmic axis that have a label: the first row that gives enough of them.
 const NAMED: [&[i32]; 4] = [
@@ -14,6 +14,9 @@ const NAMED: [&[i32]; 4] = [
 ];
 /// So few labels are too few to read an axis by.
 const FEWEST: usize = 3;
+
+/// Most decimals of a small number on an axis.
+const DECIMALS: i32 = 6;
 
 /// Numbers beyond this are not drawn: a diverged test reaches them, and their differences overflow.
 const LARGEST: f64 = 1e290;
@@ -112,14 +115,22 @@ impl Axis {
     pub fn ticks(&self, about: usize, factor: f64) -> Vec<Tick> {
         let (lo, hi) = (self.lo / factor, self.hi / factor);
         let step = round_step((hi - lo) / about.max(1) as f64);
-        let decimals = (-libm::floor(libm::log10(step) + 1e-9)).clamp(0.0, 12.0) as usize;
+        let exponent = libm::floor(libm::log10(step) + 1e-9) as i32;
+        let largest = libm::floor(libm::log10(lo.abs().max(hi.abs()))) as i32;
+        // Digits enough to tell one tick from the next; long rows of zeros are written as powers.
+        let label = |at: f64| match at {
+            at if exponent >= -DECIMALS => fixed(at, (-exponent).max(0) as usize),
+            at if at.abs() < 0.5 * step => "0".to_owned(),
+            at if largest >= 0 => fixed(at, (-exponent).min(12) as usize),
+            at => number(at, (largest - exponent).max(0) as usize + 1),
+        };
         let first = (lo / step).ceil();
         (0..4 * about.max(1))
             .map(|k| (first + k as f64) * step)
             .take_while(|at| *at <= hi + 1e-4 * (hi - lo))
             .map(|at| Tick {
                 at: at * factor,
-                label: fixed(at, decimals),
+                label: label(at),
             })
             .collect()
     }

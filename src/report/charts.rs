@@ -19,6 +19,9 @@ pub(super) const FOOT: f64 = 40.0;
 /// Room kept for numbers at the left, so that pictures above each other mostly share their time axis.
 const LEAST_LABEL: f64 = 30.0;
 
+/// Least room right of the frame.
+const LEAST_MARGIN: f64 = 10.0;
+
 /// A rectangle in display units.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Area {
@@ -123,10 +126,16 @@ impl Plot {
         } else {
             FOOT
         };
+        // Half of the last number may stand beyond the end of its axis.
+        let wide = area.w - left;
+        let beyond = across.ticks.iter().map(|tick| {
+            text_width(&tick.label, LABEL) / 2.0 + 2.0 - (1.0 - x.place(tick.at)) * wide
+        });
+        let margin = beyond.fold(LEAST_MARGIN, f64::max);
         let inner = Area {
             x: area.x + left,
             y: area.y + HEAD,
-            w: (area.w - left - 10.0).max(10.0),
+            w: (wide - margin).max(10.0),
             h: (area.h - HEAD - foot).max(10.0),
         };
         let plot = Self { inner, x, y };
@@ -168,8 +177,12 @@ impl Plot {
         }
         canvas.line((inner.x, bottom), (right, bottom), Ink::Frame, 1.0);
         if named {
-            let words = fitted(&up.name, LABEL, area.h);
-            let at = (area.x + 7.0, inner.y + inner.h / 2.0);
+            // Where it is longer than the axis it goes on below it, and leaves the title alone.
+            let room = area.y + area.h - inner.y;
+            let words = fitted(&up.name, LABEL, room);
+            let half = text_width(&words, LABEL) / 2.0;
+            let middle = (inner.y + inner.h / 2.0).max(inner.y + half.min(room / 2.0));
+            let at = (area.x + 7.0, middle);
             canvas.text(&words, at, small.anchored(Anchor::Middle).upright());
         }
         let words = fitted(&across.name, LABEL, area.w);

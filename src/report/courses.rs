@@ -42,7 +42,7 @@ pub(super) fn errors(axis: &Tracked<'_>) -> String {
             line("FDB", &found.fdb[place], 1, 1.1),
         ];
         let chart = TimeChart::history(title, Quantity { words, unit }, &lines);
-        markup += &history(150.0, &format!("{}: {title}", axis.name), &chart);
+        markup += &history(180.0, &format!("{}: {title}", axis.name), &chart);
     }
     markup
 }

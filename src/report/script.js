@@ -7,7 +7,11 @@
   const colour = (name) => getComputedStyle(root).getPropertyValue(name).trim();
   const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
   const gaps = (values) => Array.from(values, (v) => (Number.isFinite(v) ? v : null));
-  const digits = (v) => (v === null || v === undefined ? "–" : Number(v.toPrecision(5)).toString().replace("-", "−"));
+  const rounded = (v, digits) =>
+    v === null || v === undefined ? "–" : String(Number(v.toPrecision(digits))).replace("-", "−");
+  const digits = (v) => rounded(v, 5);
+  // A moment is told apart from the next tick's, also late in a long test.
+  const moment = (t) => rounded(t, 10);
   let range = null;
   let moving = false;
 
@@ -83,15 +87,15 @@
         y: data.log ? { distr: 3 } : { range: upright },
       },
       axes: [
-        axis({ label: "test time (s)", size: 36 }),
+        axis({ label: "test time (s)", size: 36, space: 70, values: (u, all) => all.map(moment) }),
         axis({
           label: data.axis,
           size: 58,
-          values: (u, all) => all.map((v) => (v === null ? "" : String(Number(v.toPrecision(6))).replace("-", "−"))),
+          values: (u, all) => all.map((v) => (v === null ? "" : rounded(v, 6))),
         }),
       ],
       series: [
-        { label: "t (s)", value: (u, v) => digits(v) },
+        { label: "t (s)", value: (u, v) => moment(v) },
         ...data.series.map((s) => ({
           label: s.name,
           stroke: colour(s.ink),

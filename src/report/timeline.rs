@@ -8,6 +8,7 @@ use super::canvas::{Anchor, Ink, Lettering, fitted};
 use super::charts::{Area, LABEL, Quantity, linear, title};
 use super::html::figure;
 use super::outcome;
+use crate::record::utc;
 
 /// Rows of the timeline: words, names of the events in it, colour.
 const KINDS: [(&str, &[&str], Ink); 5] = [
@@ -56,17 +57,6 @@ const KINDS: [(&str, &[&str], Ink); 5] = [
 /// Events that say nothing to a reader of a timeline.
 pub(super) const SILENT: [&str; 3] = ["checkpoint", "files", "grid"];
 
-/// Nanoseconds of an RFC 3339 time since midnight of the day in it, days counted by their number: enough for differences.
-fn wall_seconds(text: &str) -> Option<f64> {
-    let (date, time) = text.trim_end_matches('Z').split_once('T')?;
-    let mut parts = time.split(':');
-    let hours: f64 = parts.next()?.parse().ok()?;
-    let minutes: f64 = parts.next()?.parse().ok()?;
-    let seconds: f64 = parts.next()?.parse().ok()?;
-    let day: f64 = date.rsplit('-').next()?.parse().ok()?;
-    Some(((day * 24.0 + hours) * 60.0 + minutes) * 60.0 + seconds)
-}
-
 /// The loop's own clock at an event, in s; it goes on where test time stands still.
 pub(super) fn loop_seconds(event: &Value) -> Option<f64> {
     Some(event.get("clock_ns")?.as_f64()? * 1e-9)
@@ -83,12 +73,11 @@ fn name(event: &Value) -> &str {
 /// The timeline; nothing where fewer than two events have a time.
 pub(super) fn timeline(run: &RunData) -> String {
     let is_simulated = outcome::text(run, "clock") == Some("simulated");
-    let first = run
-        .events
-        .iter()
-        .find_map(|e| wall_seconds(e.get("wall")?.as_str()?));
+    let wall_ns = |event: &Value| utc::instant(event.get("wall")?.as_str()?);
+    let first = run.events.iter().find_map(wall_ns);
     // Before there is a loop neither clock goes.
-    let mut timed = run.events.iter().filter(|e| e.get("time").is_some());
+    let has_time = |event: &&Value| event.get("time").is_some_and(|time| !time.is_null());
+    let mut timed = run.events.iter().filter(has_time);
     let is_clocked = timed.all(|e| loop_seconds(e).is_some());
     let first_of_loop = run.events.iter().find_map(loop_seconds);
     let when = |event: &Value| -> Option<f64> {
@@ -97,7 +86,8 @@ pub(super) fn timeline(run: &RunData) -> String {
         } else if is_simulated {
             event.get("time")?.as_f64()
         } else {
-            Some(wall_seconds(event.get("wall")?.as_str()?)? - first?)
+            let since = i128::from(wall_ns(event)?) - i128::from(first?);
+            Some(since as f64 * 1e-9)
         }
     };
     let placed: Vec<(f64, &Value)> = run
@@ -220,14 +210,18 @@ mod tests {
     use serde_json::json;
 
     #[test]
-    fn wall_times_become_differences() {
-        let at = |text: &str| wall_seconds(text).unwrap();
-        assert_eq!(
-            at("2025-03-04T09:12:19.5Z") - at("2025-03-04T09:12:07.25Z"),
-            12.25
-        );
-        assert_eq!(at("2025-03-05T00:00:01Z") - at("2025-03-04T23:59:59Z"), 2.0);
-        assert_eq!(wall_seconds("soon"), None);
+    fn a_real_test_over_the_end_of_a_month_takes_its_few_seconds() {
+        let event = |second: &str, kind: &str| json!({"event": kind, "wall": second, "time": 0.0});
+        let run = RunData {
+            summary: Some(json!({"clock": "real"})),
+            events: vec![
+                event("2026-11-30T23:59:58.250Z", "connected"),
+                event("2026-12-01T00:00:10.500Z", "miss"),
+            ],
+            ..RunData::default()
+        };
+        let drawn = timeline(&run);
+        assert!(drawn.contains(">12<") && !drawn.contains(">14<"), "{drawn}");
     }
 
     #[test]
@@ -249,6 +243,7 @@ mod tests {
         let event = |time: f64, ns: u64, to: &str| json!({"event": "phase", "to": to, "time": time, "clock_ns": ns});
         run.events = vec![
             json!({"event": "connected"}),
+            json!({"event": "files", "time": null, "clock_ns": null}),
             event(0.0, 1_000_000_000, "running"),
             json!({"event": "limit_trip", "time": 3.567, "clock_ns": 4_567_000_000u64}),
             event(3.565, 4_567_000_000, "leaving"),
