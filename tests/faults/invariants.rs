@@ -6,6 +6,7 @@ use gusset::engine::{Ending, Phase, Stop};
 use gusset::link::serve::Tapped;
 use gusset::link::spec::CommandPace;
 use gusset::record::{End, Journal};
+use gusset::time::Nanos;
 use gusset::wire::native::Kind;
 
 use crate::lab::Played;
@@ -160,6 +161,19 @@ fn commands_are_kept_in_order(tap: &[Tapped], goes_on: bool) -> Result<(), Strin
     Ok(())
 }
 
+/// When each command left, its number, and where it goes.
+fn commands(tap: &[Tapped]) -> impl Iterator<Item = (Nanos, u64, &Vec<f64>)> {
+    tap.iter().filter_map(|tapped| match tapped {
+        Tapped::Sent {
+            at,
+            kind: Kind::Command,
+            sequence,
+            disp,
+        } => Some((*at, *sequence, disp)),
+        _ => None,
+    })
+}
+
 /// Limits of each axis of a specimen, and metres in one unit of its commands.
 fn limits(loaded: &Loaded, port: usize, axes: usize) -> Vec<(AxisLimits, f64)> {
     let table = &loaded.file.specimen[port];
@@ -191,16 +205,7 @@ fn commands_respect_their_limits(
     let stood = played.stood(port);
     let mut last: Option<&Vec<f64>> = None;
     let mut of_axes = None;
-    for tapped in &played.taps[port] {
-        let Tapped::Sent {
-            at,
-            kind: Kind::Command,
-            sequence,
-            disp,
-        } = tapped
-        else {
-            continue;
-        };
+    for (at, sequence, disp) in commands(&played.taps[port]) {
         let limits = of_axes.get_or_insert_with(|| limits(loaded, port, disp.len()));
         for (axis, ((limits, metres), to)) in limits.iter().zip(disp).enumerate() {
             let to = to * metres;
@@ -247,14 +252,7 @@ fn is_driven_where_it_was_told(port: usize, played: &Played) -> Result<(), Strin
     let Some(seen) = played.seen.get(port) else {
         return Ok(());
     };
-    let sent = played.taps[port].iter().filter_map(|tapped| match tapped {
-        Tapped::Sent {
-            kind: Kind::Command,
-            disp,
-            ..
-        } => disp.first().copied(),
-        _ => None,
-    });
+    let sent = commands(&played.taps[port]).filter_map(|(_, _, disp)| disp.first().copied());
     let mut places = std::iter::once(seen.stood).chain(sent).peekable();
     for driven in seen.driven.lock().unwrap().iter() {
         while places.peek().is_some_and(|place| place != driven) {
@@ -277,16 +275,7 @@ fn every_command_stands_in_a_row(port: usize, played: &Played) -> Result<(), Str
     let recorded = recorded.map_err(|error| error.to_string())?.swap_remove(0);
     let mut rows = recorded.iter().peekable();
     let mut last = None;
-    for tapped in &played.taps[port] {
-        let Tapped::Sent {
-            kind: Kind::Command,
-            sequence,
-            disp,
-            ..
-        } = tapped
-        else {
-            continue;
-        };
+    for (_, sequence, disp) in commands(&played.taps[port]) {
         let Some(sent) = disp.first() else {
             continue;
         };
