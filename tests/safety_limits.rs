@@ -141,6 +141,12 @@ fn limits_that_contradict_each_other_are_shown_with_both_places() {
             &["`stiffness_ratio` warns at 1.3"],
         ),
         (
+            "alternating_ticks = { trip = 2.7 }",
+            "",
+            "",
+            &["`alternating_ticks` is 2.7, but must be a whole number"],
+        ),
+        (
             "",
             "step_audit = { trip = 0 }",
             "",

@@ -117,6 +117,14 @@ pub enum LimitsError {
         /// What was found.
         found: f64,
     },
+    /// A size that is counted and no whole number.
+    #[error("a level of `{key}` is {found}, but must be a whole number of at least 1")]
+    NotWhole {
+        /// The bound.
+        key: &'static str,
+        /// What was found.
+        found: f64,
+    },
     /// The smallest value is not below the largest.
     #[error("`{key}` goes from {low} to {high}, which leaves no room")]
     Inverted {
@@ -146,6 +154,7 @@ impl LimitsError {
         match self {
             Self::Empty { key }
             | Self::NotPositive { key, .. }
+            | Self::NotWhole { key, .. }
             | Self::Inverted { key, .. }
             | Self::Order { key, .. } => key,
         }
@@ -169,6 +178,15 @@ impl BoundSpec {
             (None, None) => Err(LimitsError::Empty { key }),
             (Some(warn), Some(trip)) if warn >= trip => Err(LimitsError::Order { key, warn, trip }),
             _ => Ok(()),
+        }
+    }
+
+    /// The same of a count.
+    fn check_count(self, key: &'static str) -> Result<(), LimitsError> {
+        let mut levels = [self.warn, self.trip].into_iter().flatten();
+        match levels.find(|level| level.fract() != 0.0 && level.is_finite()) {
+            Some(found) => Err(LimitsError::NotWhole { key, found }),
+            None => self.check(key),
         }
     }
 
@@ -266,8 +284,6 @@ impl LimitsSpec {
             ("command_accel_m_per_s2", self.command_accel_m_per_s2),
             ("following_error_m", self.following_error_m),
             ("force_step_n", self.force_step_n),
-            ("stuck_ticks", self.stuck_ticks),
-            ("alternating_ticks", self.alternating_ticks),
             ("stiffness_ratio", self.stiffness_ratio),
             ("damping_ratio", self.damping_ratio),
             ("added_energy_j", self.added_energy_j),
@@ -275,6 +291,12 @@ impl LimitsSpec {
             ("gain_error", self.gain_error),
         ] {
             spec.map_or(Ok(()), |spec| spec.check(key))?;
+        }
+        for (key, spec) in [
+            ("stuck_ticks", self.stuck_ticks),
+            ("alternating_ticks", self.alternating_ticks),
+        ] {
+            spec.map_or(Ok(()), |spec| spec.check_count(key))?;
         }
         for (key, found) in [
             ("following_time_s", self.following_time_s),
@@ -348,6 +370,12 @@ mod tests {
                 "warns at 5",
             ),
             ("sensor_disp_m = {}", "neither"),
+            (
+                "alternating_ticks = { trip = 2.7 }",
+                "is 2.7, but must be a whole number of at least 1",
+            ),
+            ("stuck_ticks = { warn = 0.5, trip = 4 }", "is 0.5"),
+            ("stuck_ticks = {}", "neither"),
             ("stuck_travel_m = -1", "must be greater than 0"),
         ] {
             let error = read(text).check().unwrap_err();
