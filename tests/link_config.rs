@@ -37,6 +37,7 @@ fn numbers_outside_their_ranges_are_shown_at_their_keys() {
         ("reply_timeout_s = 0", "reply_timeout_s"),
         ("connect_timeout_s = -1", "connect_timeout_s"),
         ("watchdog_s = 0", "watchdog_s"),
+        ("watchdog_s = 3601", "watchdog_s` must be at most 3600 s"),
         ("sample_after = 1.5", "a fraction of the tick, at most 1"),
         ("max_stale = 0", "must be 1 or greater"),
         ("spin_us = -1", "must be zero or greater"),

@@ -229,8 +229,8 @@ fn other_axes_units_and_names_are_refused_in_words() {
         ),
         (
             format!("{ONE_AXIS}{ONE_AXIS_LAW}"),
-            "watchdog_s = 1e4",
-            "watchdog time 10000 s",
+            "watchdog_s = 3e3",
+            "watchdog time 3000 s",
         ),
     ];
     for (specimen, keys, words) in cases {

@@ -100,8 +100,8 @@ pub struct SpecimenTable {
     /// Displacement of each axis in m, at the specimen's scale, at which it is left by "safe_displacement".
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub safe_disp_m: Option<Vec<f64>>,
-    /// A specimen at the other end of a network. Its waits have longest ones: `connect_timeout_s`, `reply_timeout_s` and
-    /// `max_stale_s` 3600 s, `probe_ramp_s` 600 s; and `spin_us` is at most 1e6.
+    /// A specimen at the other end of a network. Its waits have longest ones: `connect_timeout_s`, `reply_timeout_s`,
+    /// `max_stale_s` and `watchdog_s` 3600 s, `probe_ramp_s` 600 s; and `spin_us` is at most 1e6.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub link: Option<LinkSpec>,
     /// What stands for a specimen behind a link when `check` rehearses the test: `law`, `laws` or `coupled`, as for a

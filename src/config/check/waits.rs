@@ -149,7 +149,7 @@ fn check_ticks(time: &Time, timing: &TimingSpec, root: &KeyPath, findings: &mut 
     }
 }
 
-/// What one link waits for. The longest watchdog is for the specimen's end to say.
+/// What one link waits for, and its other end. Which of these watchdogs it takes is for the specimen's end to say.
 pub(super) fn check_link_waits(link: &LinkSpec, at: &KeyPath, findings: &mut Findings) {
     let owed = "as long as the test stands and waits if nobody answers";
     for (key, value) in [
@@ -159,6 +159,8 @@ pub(super) fn check_link_waits(link: &LinkSpec, at: &KeyPath, findings: &mut Fin
     ] {
         findings.at_most(at, key, value, (OWED_S, "s"), owed);
     }
+    let silent = "the specimen's end hears nothing for so long before it holds";
+    findings.at_most(at, "watchdog_s", link.watchdog_s, (OWED_S, "s"), silent);
     let ramp = "the time that the motion takes each way";
     findings.at_most(
         at,
