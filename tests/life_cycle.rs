@@ -635,6 +635,21 @@ fn the_way_to_zero_force_rests_while_answers_stay_away() {
     }
 }
 
+/// One false sample near zero, anywhere on the way, is not where the force is small.
+#[test]
+fn the_way_to_zero_force_does_not_end_at_a_glitch() {
+    let (whole, _) = led_to_zero_force(AxisLimits::NONE, |_, _| rig::Act::Serve);
+    for at in [63, 80, 120] {
+        let (way, run) = led_to_zero_force(AxisLimits::NONE, move |phase, number| match phase {
+            rig::Phase::Collect if number == at => rig::Act::Force(0.0),
+            _ => rig::Act::Serve,
+        });
+        assert_eq!(run.outcome.left, [Left::Reached], "{at}");
+        assert!(way[way.len() - 1].abs() <= 0.011 * whole[0].abs(), "{at}");
+        assert_eq!(way.len(), whole.len() + 1, "{at}: it rests for one tick");
+    }
+}
+
 /// One false sample of any size trips the test: the way out is judged by what was measured before it and after it.
 #[test]
 fn the_sample_that_tripped_says_nothing_of_what_force_is_small() {

@@ -137,8 +137,8 @@ pub enum ExitChoice {
     /// Where it is.
     #[default]
     Freeze,
-    /// Where its forces are small: a hundredth of the largest of the test, but for the measurement that tripped it, or within
-    /// the noise. While answers stay away it rests.
+    /// Where its forces are small in two answers in a row: a hundredth of the largest of the test, but for the measurement that
+    /// tripped it, or within the noise. While answers stay away it rests.
     ZeroForce,
     /// At zero deformation.
     ZeroDisplacement,

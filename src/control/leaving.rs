@@ -4,7 +4,8 @@
 //! needs a speed. Works from the last command and measurement alone.
 //!
 //! The way to zero force goes by what is measured on it: it begins with the first force that is measured at rest, since the one
-//! before may be what tripped the test, and it rests while an answer stays away.
+//! before may be what tripped the test, and it rests while an answer stays away. It ends where two answers in a row are small: one
+//! may be a glitch.
 //!
 //! The way out keeps the limits of the commands, or it would end itself where it began: it starts from rest, since nobody
 //! judges the stop, and takes as long as half of `command_accel_m_per_s2` wants. What is estimated of a running test rests.
@@ -87,6 +88,8 @@ pub struct Departure {
     /// To zero force: it is known how far that is.
     begun: bool,
     seconds: f64,
+    /// To zero force: all forces of the last answer were small.
+    was_small: bool,
     arrived: bool,
 }
 
@@ -145,6 +148,7 @@ impl Port {
                     to_zero_force: true,
                     begun: false,
                     seconds: LONGEST_S,
+                    was_small: false,
                     arrived: false,
                 });
             }
@@ -167,6 +171,7 @@ impl Port {
             to_zero_force: false,
             begun: true,
             seconds: seconds.max(tick),
+            was_small: false,
             arrived: false,
         })
     }
@@ -225,7 +230,7 @@ impl Port {
             departure.begun = true;
             self.begin(&mut departure.creeps);
         }
-        let (mut moving, mut arrived) = (!is_known, is_known);
+        let (mut moving, mut all_small) = (!is_known, is_known);
         let axes = self.axes.iter().zip(&mut departure.creeps);
         let values = self.sent.iter().zip(&self.raw.force);
         let commands = self.command.iter_mut().zip(&mut self.command_vel);
@@ -240,10 +245,13 @@ impl Port {
             *command = sent - creep.step;
             *vel = 0.0;
             moving |= on || creep.step != 0.0;
-            arrived &= is_small;
+            all_small &= is_small;
         }
-        departure.arrived = arrived;
-        moving
+        departure.arrived = all_small && departure.was_small;
+        if is_known {
+            departure.was_small = all_small;
+        }
+        moving || (all_small && !departure.arrived)
     }
 }
 
