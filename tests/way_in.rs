@@ -6,11 +6,13 @@ mod common;
 use std::sync::{Arc, Mutex};
 
 use common::engine::{Run, prepare, run_on, run_under};
+use common::rig;
 use common::spring::Spring;
 use gusset::control::limits::{AxisLimits, Bound, Quantity};
 use gusset::control::{Axis, Direction, Exit, Exits, Order, Pace, Port, Reference, Zero};
-use gusset::engine::{Control, Ending, Operator, Stop};
+use gusset::engine::{Control, Ending, Left, Operator, Stop};
 use gusset::record::EventKind;
+use gusset::substructure::Coupling;
 use gusset::time::SimClock;
 
 const PERIOD: f64 = 1e-3;
@@ -97,6 +99,63 @@ fn a_specimen_that_stands_elsewhere_is_tried_there_and_led_to_the_test_from_ther
         // Half the limit, by what the ramp may use.
         let to_the_test = &way[..way.iter().position(|disp| *disp == 0.0).unwrap()];
         assert!(largest_step(to_the_test) < 0.0501 * PERIOD, "{more}");
+    }
+}
+
+/// Without zeroing, too: the ramp waits for the first answer of everybody, within the bounds of waiting, and who gave none is
+/// not moved on the way out either.
+#[test]
+fn nobody_is_moved_before_all_have_answered() {
+    let stale = Stop::Stale { port: 1, ticks: 21 };
+    for (silent, stops, ends) in [
+        (8, None, Ending::Completed),
+        (100, None, Ending::Stopped(stale)),
+        (100, Some(8), Ending::Stopped(Stop::Operator)),
+    ] {
+        let log = rig::Log::default();
+        let more = "timing.warmup_ticks = 3\nstructure.initial_displacement_m = [0.01, 0.03]";
+        let mut experiment = rig::two_floors(20, more);
+        experiment.opening.ramp_s = 0.05;
+        experiment.limits.stale_in_a_row = 20;
+        for number in 0..2 {
+            let act = move |phase, sequence| match phase {
+                rig::Phase::Collect if number == 1 && sequence < silent => rig::Act::Miss,
+                _ => rig::Act::Serve,
+            };
+            let axis = rig::storey(number);
+            rig::attach(&mut experiment, axis, Coupling::Sampled, &log, act);
+            let port = &mut experiment.ports[number];
+            (port.exits.on_trip, port.exits.speed) = (Exit::Safe(vec![0.002]), 0.5);
+            if stops.is_some() {
+                port.exits.at_end = Exit::Safe(vec![0.002]);
+            }
+        }
+        let (ask, requests) = crossbeam_channel::bounded(16);
+        for _ in 0..stops.unwrap_or(0) {
+            ask.send(Operator::Continue).unwrap();
+        }
+        if stops.is_some() {
+            ask.send(Operator::Stop).unwrap();
+        }
+        let run = run_under(experiment, SimClock::new(), &Control::from(requests));
+        assert_eq!(run.outcome.ending, ends);
+        let told = |of: usize| -> Vec<f64> {
+            let calls = log.lock().unwrap();
+            let issued = calls.iter().filter_map(|call| match *call {
+                (rig, rig::Call::Issue { disp, .. }) if rig == of => Some(disp),
+                _ => None,
+            });
+            issued.collect()
+        };
+        let stands = |way: Vec<f64>| way.iter().take_while(|disp| **disp == 0.0).count();
+        let never_moves = told(1).iter().all(|disp| *disp == 0.0);
+        if ends == Ending::Completed {
+            assert_eq!((stands(told(0)), stands(told(1))), (9, 9));
+        } else {
+            let stood = stands(told(0));
+            assert_eq!((stood, never_moves), (stops.unwrap_or(21), true));
+            assert_eq!(run.outcome.left, [Left::Reached, Left::Stayed]);
+        }
     }
 }
 
@@ -324,9 +383,11 @@ fn beside_the_test_a_tick_takes_its_share_of_the_step() {
     assert_eq!(run.outcome.ending, Ending::Completed);
     let passed = passed.lock().unwrap();
     let ramp = (0.4 / period).ceil() as usize;
-    let behind = ramp + 3 + 81;
+    // Before it moves it is asked where it stands.
+    assert_eq!(passed[0], 0.0);
+    let behind = 1 + ramp + 3 + 81;
     assert!(passed.len() > behind + 8);
-    for dt in passed[..ramp].iter().chain(&passed[behind..]) {
+    for dt in passed[1..=ramp].iter().chain(&passed[behind..]) {
         assert!((dt - 0.01 / 8.0).abs() < 1e-15, "{dt}");
     }
 }

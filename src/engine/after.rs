@@ -135,7 +135,11 @@ impl Engine {
             self.bear_in_mind(stop);
         }
         self.ports.iter_mut().for_each(Port::end_test);
-        let is_led = |port: &Port| is_known && port.has_begun() && port.exits.moves(tripped);
+        let is_led = |port: &Port| {
+            // Of one that never answered nobody knows where it is.
+            let answers = port.partner.measured || port.partner.owes_the_last;
+            is_known && port.has_begun() && answers && port.exits.moves(tripped)
+        };
         let led: Vec<bool> = self.ports.iter().map(is_led).collect();
         let mut moves = false;
         for (left, (port, led)) in self.left.iter_mut().zip(self.ports.iter().zip(&led)) {

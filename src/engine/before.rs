@@ -114,13 +114,24 @@ impl Engine {
     }
 
     /// Leads every specimen from its last command to the one that stands ready, in so many ticks. A hold of the operator
-    /// eases out and in as in the test: what it stretches is the time of the way.
+    /// eases out and in as in the test: what it stretches is the time of the way. Nobody moves before all have answered: how
+    /// long that may take is bounded by how many answers may stay away in a row.
     pub(super) fn lead(&mut self, ticks: u64, phase: Phase, control: &Control) -> Result<(), Stop> {
         for port in &mut self.ports {
             port.begin_ramp();
         }
         let (whole, passes) = (ticks as f64, self.tick_passes());
         let seconds = whole * passes;
+        let all_answered = |ports: &[Port]| ports.iter().all(|port| port.partner.measured);
+        if !all_answered(&self.ports) {
+            for port in &mut self.ports {
+                port.ramp_to(0.0, seconds);
+            }
+            self.clear_commands()?;
+        }
+        while !all_answered(&self.ports) {
+            self.still_tick(phase, control)?;
+        }
         let (mut gone, mut pace) = (0.0, f64::from(u8::from(!self.hold_wanted)));
         while gone < whole {
             pace = self.ride.tempo.eased(pace, self.hold_wanted);
