@@ -294,6 +294,24 @@ fn the_ways_out_are_slow_and_end_where_they_should() {
     }
 }
 
+/// The tick of a trip is no step that was made: what follows from it is told at that tick, and not before it.
+#[test]
+fn no_event_goes_back_in_test_time() {
+    let (run, _) = after_a_trip(Exit::ZeroDisp);
+    let is_trip = |kind: &EventKind| matches!(kind, EventKind::Limit { trip: true, .. });
+    let trip = run.events.iter().position(|event| is_trip(&event.kind));
+    let follows = &run.events[trip.unwrap()..];
+    let place = (run.outcome.steps + 1, follows[0].time);
+    assert!(follows.len() >= 5, "tripped, leaving, safe and the end");
+    assert!(
+        follows
+            .iter()
+            .all(|event| (event.tick, event.time) == place)
+    );
+    let times: Vec<f64> = run.events.iter().map(|event| event.time).collect();
+    assert!(times.is_sorted(), "{times:?}");
+}
+
 /// Ends at its last step and is then led to 0.3 m, which may not be commanded where `bound` is smaller.
 fn led_after_its_end(bound: f64) -> Lab {
     let mut lab = Lab::new(SHORT);

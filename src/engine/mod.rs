@@ -131,6 +131,8 @@ pub struct Engine {
     /// The operator ended the test: what trips after that does so on the way out.
     operator_stopped: bool,
     phase: Phase,
+    /// The farthest tick that was exchanged.
+    at: Tick,
     /// Where the phase is left for others to see.
     pub phase_cell: PhaseCell,
     hold_wanted: bool,
@@ -308,6 +310,7 @@ impl Engine {
             left: vec![Left::Stayed; ports.len()],
             unheard: Vec::new(),
             phase: Phase::Connected,
+            at: Tick::before_start(0.0),
             phase_cell: PhaseCell::default(),
             hold_wanted: false,
             still: false,

@@ -123,6 +123,9 @@ impl Engine {
         issue: impl Fn(&mut Port) -> Result<(), LinkFault>,
     ) -> Result<(), Stop> {
         let mut result = Ok(());
+        if tick.time > self.at.time {
+            self.at = *tick;
+        }
         self.sent_since_row = true;
         let holds = self.ride.tempo.stands() && tick.sub_tick > 0;
         for (index, port) in self.ports.iter_mut().enumerate() {

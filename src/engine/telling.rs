@@ -16,12 +16,18 @@ impl Engine {
         is_kept
     }
 
-    /// Sends an event of this tick; a full queue is not waited for. Real-time: yes.
+    /// Sends an event of this tick; a full queue is not waited for. On the way out test time stands where the test ended.
+    /// Real-time: yes.
     pub(super) fn report(&mut self, tick: &Tick, kind: EventKind) {
         let Nanos(clock_ns) = self.clock_now;
+        let Tick { step, time, .. } = if self.phase.can_be_held() {
+            *tick
+        } else {
+            self.tick_of_report()
+        };
         let event = Event {
-            tick: tick.step,
-            time: tick.time,
+            tick: step,
+            time,
             clock_ns,
             kind,
         };
@@ -43,13 +49,20 @@ impl Engine {
         self.report(&tick, kind);
     }
 
+    /// Where the test is: at the last tick that was exchanged, whose step may never end, or at the last step that was made.
+    /// Real-time: yes.
     pub(super) fn tick_of_report(&self) -> Tick {
         let step = self.steps_done;
-        Tick {
+        let made = Tick {
             step,
             sub_tick: 0,
             time: step as f64 * self.dt,
             dt: 0.0,
+        };
+        if self.at.time > made.time {
+            self.at
+        } else {
+            made
         }
     }
 

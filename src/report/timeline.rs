@@ -239,7 +239,7 @@ mod tests {
             assert!(drawn.contains(part), "{part}");
         }
         assert!(!drawn.contains("operator"));
-        // After a trip test time stands where the last step ended, before the trip; the loop's clock goes on.
+        // After a trip test time stands, in older records where the last step ended, before the trip; the loop's clock goes on.
         let event = |time: f64, ns: u64, to: &str| json!({"event": "phase", "to": to, "time": time, "clock_ns": ns});
         run.events = vec![
             json!({"event": "connected"}),
