@@ -114,47 +114,53 @@ fn more_in_a_row_than_allowed_end_the_test() {
     assert_eq!(run(&apart, false, 2).0.outcome.ending, Ending::Completed);
 }
 
-/// Whoever does not answer any more is not commanded any more: that keeps nobody else from where the test file wants them.
+/// Whoever does not answer any more, or whose answers say nothing, is not commanded any more: that keeps nobody else from where
+/// the test file wants them.
 #[test]
-fn one_who_is_silent_stays_and_the_others_are_led_out() {
-    for silent in 0..2 {
-        let log = Log::default();
-        let mut experiment = two_floors(STEPS, "timing.warmup_ticks = 0");
-        experiment.limits.stale_in_a_row = 2;
-        for number in 0..2 {
-            let act = move |phase, sequence| match phase {
-                Phase::Collect if number == silent && sequence >= 20 => Act::Miss,
-                _ => Act::Serve,
+fn one_who_is_silent_or_saturated_stays_and_the_others_are_led_out() {
+    for (ill, last) in [(Act::Miss, 22), (Act::Saturated, 20)] {
+        for port in 0..2 {
+            let log = Log::default();
+            let mut experiment = two_floors(STEPS, "timing.warmup_ticks = 0");
+            experiment.limits.stale_in_a_row = 2;
+            for number in 0..2 {
+                let act = move |phase, sequence| match phase {
+                    Phase::Collect if number == port && sequence >= 20 => ill,
+                    _ => Act::Serve,
+                };
+                let coupling = Coupling::Sampled;
+                attach(&mut experiment, storey(number), coupling, &log, act);
+                experiment.ports[number].exits.on_trip = Exit::ZeroDisp;
+                experiment.ports[number].exits.speed = 0.05;
+            }
+            let run = run_on(experiment, SimClock::new());
+            let wanted = match ill {
+                Act::Miss => Stop::Stale { port, ticks: 3 },
+                _ => Stop::Saturated { port },
             };
-            let coupling = Coupling::Sampled;
-            attach(&mut experiment, storey(number), coupling, &log, act);
-            experiment.ports[number].exits.on_trip = Exit::ZeroDisp;
-            experiment.ports[number].exits.speed = 0.05;
+            assert_eq!(run.outcome.ending, Ending::Stopped(wanted));
+            assert_eq!(run.outcome.unfinished, None);
+            let mut left = [Left::Reached; 2];
+            left[port] = Left::NotReached;
+            assert_eq!(run.outcome.left, left);
+            let told = |rig: usize| -> Vec<(u64, f64)> {
+                let calls = log.lock().unwrap();
+                let issued = calls.iter().filter_map(|call| match *call {
+                    (of, Call::Issue { sequence, disp, .. }) if of == rig => Some((sequence, disp)),
+                    _ => None,
+                });
+                issued.collect()
+            };
+            let (of_ill, of_other) = (told(port), told(1 - port));
+            assert_eq!(of_ill.last().unwrap().0, last, "no command after the trip");
+            assert_eq!(of_other.last().unwrap().1, 0.0);
+            // What ended the test, and all that follows from it, is told at the tick in which it did.
+            let (tick, time) = (last, last as f64 * 1e-3);
+            let follows = run.events.iter().skip_while(|event| event.tick < tick);
+            let mut follows = follows.peekable();
+            assert!(follows.peek().is_some());
+            assert!(follows.all(|event| (event.tick, event.time) == (tick, time)));
         }
-        let run = run_on(experiment, SimClock::new());
-        let wanted = Stop::Stale {
-            port: silent,
-            ticks: 3,
-        };
-        assert_eq!(run.outcome.ending, Ending::Stopped(wanted));
-        assert_eq!(run.outcome.unfinished, None);
-        let mut left = [Left::Reached; 2];
-        left[silent] = Left::NotReached;
-        assert_eq!(run.outcome.left, left);
-        let told = |rig: usize| -> Vec<(u64, f64)> {
-            let calls = log.lock().unwrap();
-            let issued = calls.iter().filter_map(|call| match *call {
-                (of, Call::Issue { sequence, disp, .. }) if of == rig => Some((sequence, disp)),
-                _ => None,
-            });
-            issued.collect()
-        };
-        assert_eq!(
-            told(silent).last().unwrap().0,
-            22,
-            "no command after the trip"
-        );
-        assert_eq!(told(1 - silent).last().unwrap().1, 0.0);
     }
 }
 

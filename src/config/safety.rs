@@ -29,7 +29,9 @@ pub struct SafetyTable {
     /// steps after a resumed test's start are eased in the same way. What a compensator is ahead by changes no faster than that,
     /// also where a late target slows the test down. 0: at once, at the next tick. At most 600.
     pub ease_s: f64,
-    /// Where the specimens are left after a trip. "zero_force" needs a stiffness of every axis.
+    /// Where the specimens are left after a trip. "zero_force" needs a stiffness of every axis. One that cannot be relied on is not
+    /// moved, whatever is chosen: its link is lost, its answers stay away, its interlock is open, or it reports a sensor or actuator
+    /// at the end of its range.
     pub on_trip: ExitChoice,
     /// Where they are left after the last step, or when the operator ends the test.
     pub at_end: ExitChoice,

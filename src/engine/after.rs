@@ -2,7 +2,8 @@
 //!
 //! From the first command on every end goes through [`Engine::conclude`]. Before it, in an orderly end or a trip, each
 //! specimen is moved to where the test file wants it left; after a panic nothing is moved any more. A specimen whose link is
-//! lost, whose measurements stayed away too long or whose interlock is open is not commanded: its own end holds it, or nobody.
+//! lost, whose measurements stayed away too long or say nothing, since a sensor of it is saturated, or whose interlock is open
+//! is not commanded: its own end holds it, or nobody.
 //! Until it is known which way round the specimens are wired, where their zeros are and that they stand where they should, none
 //! is moved: their exits would be anywhere. What stops the way out stops it for all, and is part of how the test ended: a test
 //! that trips there has tripped.
@@ -186,8 +187,11 @@ impl Engine {
     /// yes.
     pub(super) fn bear_in_mind(&mut self, stop: &Stop) {
         match stop {
-            // Of one whose measurements stay away nobody knows whether it follows.
-            Stop::Link { port, .. } | Stop::Interlock { port } | Stop::Stale { port, .. } => {
+            // Of one whose measurements stay away nobody knows whether it follows, of a saturated one what it feels.
+            Stop::Link { port, .. }
+            | Stop::Interlock { port }
+            | Stop::Saturated { port }
+            | Stop::Stale { port, .. } => {
                 if let Some(port) = self.ports.get_mut(*port) {
                     port.partner.lost = true;
                     port.partner.gone |= matches!(stop, Stop::Link { .. });

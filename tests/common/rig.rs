@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex};
 use gusset::control::{Axis, Port};
 use gusset::engine::Experiment;
 use gusset::substructure::{
-    Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
+    Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
 };
 use gusset::time::Nanos;
 
@@ -39,6 +39,8 @@ pub enum Act {
     Fail(LinkFault),
     /// It answers with this force.
     Force(f64),
+    /// A sensor of it is at the end of its range.
+    Saturated,
     /// Its answer is not there yet.
     Miss,
     /// An answer of this age in commands arrives and calls itself fresh, with a force that would do harm.
@@ -95,6 +97,10 @@ impl<F: FnMut(Phase, u64) -> Act + Send> Substructure for Rig<F> {
             Act::Miss => return Ok(Freshness::Stale),
             Act::Serve => (0, STIFFNESS * self.disp),
             Act::Force(force) => (0, force),
+            Act::Saturated => {
+                into.status.0 |= Status::SATURATED.0;
+                (0, STIFFNESS * self.disp)
+            }
             Act::Late(age) => (age, 1e12),
         };
         into.sequence = self.sequence - age;
