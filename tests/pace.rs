@@ -408,7 +408,7 @@ fn who_owes_an_answer_when_the_test_ends_keeps_nobody_else_from_leaving() {
         summary.reason
     );
     let left = ["near", "dead", "slow", "slower"].map(|name| summary.left[name].as_str());
-    assert_eq!(left, ["reached", "not_reached", "reached", "reached"]);
+    assert_eq!(left, ["reached", "lost", "reached", "reached"]);
     let lost = |event: &&serde_json::Value| event["event"] == "link";
     assert_eq!(read.events().unwrap().events.iter().filter(lost).count(), 1);
     let names = [

@@ -103,6 +103,11 @@ impl Engine {
         if self.sent_since_row {
             self.record_end(&Ending::Stopped(stop));
         }
+        if let Stop::Link { port, .. } = stop
+            && let Some(left) = self.left.get_mut(port)
+        {
+            *left = Left::Lost;
+        }
         self.unfinished = Some(Unfinished {
             stop,
             after: ending,
@@ -145,10 +150,10 @@ impl Engine {
         let mut moves = false;
         for (left, (port, led)) in self.left.iter_mut().zip(self.ports.iter().zip(&led)) {
             moves |= *led && !port.partner.lost;
-            *left = if *led {
-                Left::NotReached
-            } else if port.partner.gone {
+            *left = if port.partner.gone {
                 Left::Lost
+            } else if *led {
+                Left::NotReached
             } else {
                 Left::Stayed
             };

@@ -181,19 +181,6 @@ pub fn ending(outcome: &Outcome) -> (Finish, String) {
             for (index, _) in left_as(outcome, Left::NotReached) {
                 reason = format!("{reason}; specimen {} did not reach its exit", index + 1);
             }
-            let lost = left_as(outcome, Left::Lost);
-            for (index, _) in lost.filter(|(index, _)| !outcome.unheard.contains(index)) {
-                let number = index + 1;
-                reason.push_str(&match outcome.holders.get(index) {
-                    Some(Holder::ItsWatchdog) => {
-                        format!("; specimen {number} is held by its own watchdog")
-                    }
-                    Some(Holder::Nobody) => format!(
-                        "; nobody holds specimen {number}: it is where its own controller leaves it"
-                    ),
-                    Some(Holder::Needless) | None => String::new(),
-                });
-            }
             reason
         }
         Some(Unfinished { stop, after }) => {
@@ -208,6 +195,19 @@ pub fn ending(outcome: &Outcome) -> (Finish, String) {
             }
         }
     };
+    let lost = left_as(outcome, Left::Lost);
+    for (index, _) in lost.filter(|(index, _)| !outcome.unheard.contains(index)) {
+        let number = index + 1;
+        reason.push_str(&match outcome.holders.get(index) {
+            Some(Holder::ItsWatchdog) => {
+                format!("; specimen {number} is held by its own watchdog")
+            }
+            Some(Holder::Nobody) => format!(
+                "; nobody holds specimen {number}: it is where its own controller leaves it"
+            ),
+            Some(Holder::Needless) | None => String::new(),
+        });
+    }
     for index in &outcome.unheard {
         reason = format!(
             "{reason}; specimen {} did not acknowledge the end: its own watchdog holds it",
