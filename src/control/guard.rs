@@ -15,6 +15,8 @@ pub(super) struct Guard {
     units: Vec<(f64, f64)>,
     /// Wall time in s from command to command of a specimen that is told once a step, beside the test and in it.
     ticks: Option<[f64; 2]>,
+    /// The watch of an interrupted test over a specimen that is told once a step: its commands were, and will be, of whole steps.
+    interrupted: Option<Watch>,
     /// True if the command that stands ready may leave.
     pub cleared: bool,
 }
@@ -27,7 +29,25 @@ impl Guard {
             declared: vec![AxisLimits::NONE; axes],
             units: vec![(1.0, 1.0); axes],
             ticks: None,
+            interrupted: None,
             cleared: false,
+        }
+    }
+
+    /// What is commanded from here on is none of the test, until [`Guard::go_on`]. Where the last command of the test is to leave
+    /// once more, it is `told_again`.
+    pub fn interrupt(&mut self, told_again: bool) {
+        let mut watch = self.watch.clone();
+        if told_again {
+            watch.takes_back_the_last();
+        }
+        self.interrupted = Some(watch);
+    }
+
+    /// The interrupted test goes on.
+    pub fn go_on(&mut self) {
+        if let Some(before) = self.interrupted.take() {
+            self.watch.goes_on_from(&before);
         }
     }
 
@@ -99,6 +119,7 @@ impl Port {
                 watch: Watch::new(limits, tick),
                 units,
                 ticks: None,
+                interrupted: None,
                 cleared: false,
             };
         }

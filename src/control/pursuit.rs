@@ -279,6 +279,9 @@ impl Port {
 
     /// It is told its target once more: what it answered, if it did, is lost.
     pub fn ask_again(&mut self) {
+        if self.pursuit.per_step {
+            self.guard.interrupt(self.pursuit.asked);
+        }
         self.pursuit.waits |= self.pursuit.asked;
         self.pursuit.asked = false;
     }
@@ -292,8 +295,9 @@ impl Port {
     }
 
     /// The test goes on: the target that a partner which is commanded once a step has not been told, or has not answered, is its
-    /// command again. Everything else makes its next command of the way.
+    /// command again, and judged by those that it was told before. Everything else makes its next command of the way.
     pub fn take_up_target(&mut self) {
+        self.guard.go_on();
         if self.pursuit.waits {
             self.land();
             self.prepare_command();

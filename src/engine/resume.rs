@@ -110,7 +110,11 @@ impl Engine {
             port.take_up_target();
         }
         self.prepare_next();
-        self.clear_commands()
+        // As in the running test: who is commanded once a step has no other command ready than the one that it waits for.
+        self.riding = true;
+        let cleared = self.clear_commands();
+        self.riding = false;
+        cleared
     }
 
     /// Specimens that say where they stand must stand where they were left; nothing has moved yet.

@@ -182,6 +182,22 @@ impl Watch {
         }
     }
 
+    /// The test goes on where an interrupted one stood that was watched by `before`: what was commanded since then is none of it.
+    pub fn goes_on_from(&mut self, before: &Self) {
+        for (axis, before) in self.axes.iter_mut().zip(&before.axes) {
+            axis.past.command = before.past.command;
+        }
+        (self.sent, self.tick_before) = (before.sent, before.tick_before);
+    }
+
+    /// The last command has not counted, and leaves once more. It was judged: here it comes as fast as the one before.
+    pub fn takes_back_the_last(&mut self) {
+        for Axis { past, .. } in &mut self.axes {
+            let [last, before] = past.command;
+            past.command = [before, 2.0 * before - last];
+        }
+    }
+
     /// The next measurement is the first: it can neither jump nor be stuck. Real-time: yes.
     pub fn forget_measurements(&mut self) {
         self.measured = false;
