@@ -45,6 +45,9 @@ impl Status {
     /// The same: the measurement is older than its command.
     pub const STALE: Status = Status(1 << 18);
 
+    /// The same: the operator did not wait for the answer to the last command.
+    pub const OWED: Status = Status(1 << 19);
+
     /// True if every bit of `flag` is set.
     #[must_use]
     pub const fn has(self, flag: Status) -> bool {
@@ -303,12 +306,14 @@ pub trait Substructure: Send {
         None
     }
 
-    /// True if [`Substructure::collect`] would not have to wait: the answer to the last command is here. For a partner that
-    /// may take several ticks; never blocks. Real-time: yes.
+    /// True if [`Substructure::collect`] would not have to wait: the answer to the last command is here, or comes within
+    /// `wait_ns` of wall time. Never blocks longer, and not at all with 0: a partner may take several ticks, and whoever waits
+    /// for one may have something else to look at. Real-time: yes.
     ///
     /// # Errors
     /// The link is lost.
-    fn is_answered(&mut self) -> Result<bool, LinkFault> {
+    fn is_answered(&mut self, wait_ns: u64) -> Result<bool, LinkFault> {
+        let _ = wait_ns;
         Ok(true)
     }
 

@@ -5,18 +5,26 @@ mod link_common;
 use std::io::{Read, Write};
 use std::net::{TcpStream, UdpSocket};
 use std::path::Path;
+use std::sync::mpsc;
 
+use gusset::engine::NOT_AWAITED;
+use gusset::record::Run;
 use gusset::record::summary::Status as Ended;
 use gusset::substructure::Status;
 use gusset::wire::native::Frame;
 use link_common::relay::{Fates, Relay};
 use link_common::{
-    Fake, ONE_AXIS, ONE_AXIS_LAW, Running, Served, events, linked, run, summary, test_file,
+    Fake, ONE_AXIS, ONE_AXIS_LAW, PATIENCE, Running, Served, events, finish, gusset, linked, run,
+    summary, test_file,
 };
 
 const STEPS: u32 = 50;
 /// Warm-up ticks of the test file.
 const WARM_UP: u32 = 5;
+
+/// Of `[timing]`: on the real clock no machine is too slow.
+const PATIENT: &str = "[timing]\npolicy = \"ordinary\"\nmax_total_misses = 1000000\nmax_consecutive_misses = 1000000\n\
+                       max_misses_in_window = 1000000\n";
 
 fn local(steps: u32) -> String {
     test_file(steps, &format!("{ONE_AXIS}{ONE_AXIS_LAW}"))
@@ -248,6 +256,55 @@ fn a_controller_that_waits_for_an_answer_says_that_it_is_there() {
     let text = linked(STEPS, &address, "watchdog_s = 0.02\nreply_timeout_s = 10");
     let (code, said) = run(folder.path(), "run", &text);
     assert_eq!(code, 0, "{said}");
+}
+
+/// The answer of a lockstep specimen stays away: an operator need not wait for its time limit, on either clock. It had not
+/// answered its last command, so nobody knows where it is, and the commands that had left stand in a row that comes out again.
+#[test]
+fn an_operator_who_has_enough_of_waiting_for_an_answer_is_heard() {
+    for (word, clock, code) in [
+        ("INT", "real", 130),
+        ("TERM", "simulated", 143),
+        ("stop", "real", 130),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        let (owes, is_waited_for) = mpsc::channel();
+        let address = Fake::start(move |mut fake| {
+            fake.behave(WARM_UP + 10);
+            fake.command().unwrap();
+            owes.send(()).unwrap();
+            while fake.frame().is_some() {}
+        });
+        let keys = "coupling = \"lockstep\"\nreply_timeout_s = 3600";
+        let text = linked(STEPS, &address, keys)
+            .replace("\"simulated\"", &format!("\"{clock}\""))
+            .replace("[timing]\n", PATIENT);
+        let test = Running::start(folder, "run", &text);
+        is_waited_for.recv_timeout(PATIENCE).unwrap();
+        if word == "stop" {
+            let mut stop = gusset();
+            stop.arg("stop").arg(folder.join("run"));
+            assert!(finish(stop).status.success());
+        } else {
+            test.signal(word);
+        }
+        let (found, said) = test.wait();
+        assert_eq!(found, code, "{word}: {said}");
+        let summary = summary(folder, "run");
+        assert!(summary.reason.starts_with("stopped by the operator"));
+        assert_eq!(summary.left["column"], "lost");
+        let told = events(folder, "run");
+        assert!(told.contains(&"stop_requested".to_owned()), "{told:?}");
+        let run = Run::open(&folder.join("run")).unwrap();
+        let columns = run.columns(&["state", "status_1", "cmd_1_1"]).unwrap();
+        let last = columns[0].len() - 1;
+        assert_eq!(columns[0][last], NOT_AWAITED, "{word}");
+        assert!(Status(columns[1][last] as u32).has(Status::OWED));
+        assert_ne!(columns[2][last].to_bits(), columns[2][last - 1].to_bits());
+        let replayed = ::gusset::session::replay(run.path()).unwrap();
+        assert!(replayed.is_exact(), "{replayed:?}");
+    }
 }
 
 #[test]

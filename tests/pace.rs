@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex};
 use common::engine::{Run, prepare, run, run_on, run_under};
 use common::spring::Spring;
 use gusset::control::{Axis, HOLD_AT, Order, Port};
-use gusset::engine::{Control, Ending, Operator, Phase};
+use gusset::engine::{Control, Ending, NOT_AWAITED, Operator, Phase};
 use gusset::record::RunFolder;
 use gusset::session::{self, Watches, replay};
 use gusset::substructure::{
@@ -372,9 +372,9 @@ impl Substructure for Late {
         self.time = command.time;
         self.spring.issue(command)
     }
-    fn is_answered(&mut self) -> Result<bool, LinkFault> {
-        if self.time < self.from || self.asked == 0 {
-            return self.spring.is_answered();
+    fn is_answered(&mut self, wait_ns: u64) -> Result<bool, LinkFault> {
+        if wait_ns > 0 || self.time < self.from || self.asked == 0 {
+            return self.spring.is_answered(wait_ns);
         }
         self.asked -= 1;
         Ok(false)
@@ -608,6 +608,98 @@ fn a_hold_with_compensation_is_replayed_to_the_last_bit() {
     }
 }
 
+/// A spring that answers so many times when it is waited for, and then only after so many looks.
+struct Owing {
+    spring: Spring,
+    waits_left: u32,
+    late: u32,
+}
+
+impl Substructure for Owing {
+    fn axes(&self) -> usize {
+        1
+    }
+    fn coupling(&self) -> Coupling {
+        Coupling::Lockstep
+    }
+    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+        self.spring.issue(command)
+    }
+    fn is_answered(&mut self, wait_ns: u64) -> Result<bool, LinkFault> {
+        if wait_ns > 0 && self.waits_left > 0 {
+            self.waits_left -= 1;
+            return Ok(true);
+        }
+        self.late = self.late.saturating_sub(1);
+        Ok(self.late == 0)
+    }
+    fn collect(&mut self, until: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+        self.spring.collect(until, into)
+    }
+    fn retire(&mut self, _: Retirement) {}
+}
+
+/// The operator does not wait for an answer: while the sensors are read, in the test, in a hold, on the way out that he asked
+/// for so. The commands of that tick stand in a row of their own, who is well is led out at once, who owes an answer when it is
+/// here, and all of it happens again in a replay.
+#[test]
+fn a_wait_that_the_operator_ends_is_ended_there_in_the_replay() {
+    let safety = "safety.ease_s = 0.05\nsafety.unlimited = \"a spring\"\nsafety.zero_s = 0.01\n";
+    let leaves = "safety.at_end = \"zero_displacement\"\nsafety.exit_speed_m_per_s = 0.05";
+    let mut words = vec![Operator::Continue; 400];
+    words.extend([Operator::Hold; 120]);
+    let never = u32::MAX;
+    let mut ways = std::collections::BTreeSet::new();
+    // After so many answers the first does not come, and after so many looks it does; the same of a second.
+    for (first, second, exits) in [
+        ((3, never), (never, 0), ""),
+        ((3, never), (never, 0), leaves),
+        ((200, never), (never, 0), ""),
+        ((200, 2), (never, 0), leaves),
+        ((200, 40), (never, 0), leaves),
+        ((200, never), (never, 0), leaves),
+        ((500, 40), (never, 0), leaves),
+        ((500, never), (never, 0), ""),
+        ((200, 40), (200, 70), leaves),
+        ((200, 40), (201, 70), leaves),
+        ((200, 40), (230, 70), leaves),
+    ] {
+        let home = tempfile::tempdir().unwrap();
+        let names =
+            ["far", "farther"].map(|name| far(name).replace(", commands = \"every_step\"", ""));
+        let text = format!(
+            "{}{SPRING}{}",
+            frame(10, &format!("{safety}{exits}")),
+            names.concat()
+        );
+        let partners = [first, second].map(|(waits_left, late)| {
+            Box::new(Owing {
+                spring: Spring::new(1e5, |_| {}),
+                waits_left,
+                late,
+            }) as Box<dyn Substructure>
+        });
+        let run = recorded_of(home.path(), &text, partners.into(), &words);
+        let case = format!("{first:?} {second:?} {exits}");
+        let read = gusset::record::Run::open(&run).unwrap();
+        let columns = read.columns(&["state", "status_2", "cmd_1_1"]).unwrap();
+        let end = columns[0].iter().position(|state| *state == NOT_AWAITED);
+        let end = end.unwrap_or_else(|| panic!("{case}"));
+        assert!(Status(columns[1][end] as u32).has(Status::OWED), "{case}");
+        ways.insert((columns[0][end - 1] as u32, end + 1 < columns[0].len()));
+        let found = replay(&run).unwrap();
+        assert!(found.is_exact(), "{case}: {found:?}");
+        assert_eq!(found.rows, columns[0].len() as u64, "{case}");
+    }
+    let states = [Phase::Zeroing, Phase::Holding].map(|phase| phase.code() as u32);
+    assert!(states.iter().all(|state| ways.contains(&(*state, false))));
+    // Between two steps of the test, and what follows is the way out.
+    assert!(
+        ways.contains(&(11, true)) || ways.contains(&(12, true)),
+        "{ways:?}"
+    );
+}
+
 /// At what a partner is found to be lost.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Call {
@@ -645,8 +737,8 @@ impl Substructure for Mortal {
     fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
         self.spring.issue(command)
     }
-    fn is_answered(&mut self) -> Result<bool, LinkFault> {
-        self.spring.is_answered()
+    fn is_answered(&mut self, wait_ns: u64) -> Result<bool, LinkFault> {
+        self.spring.is_answered(wait_ns)
     }
     fn collect(&mut self, until: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
         self.spring.collect(until, into)

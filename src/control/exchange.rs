@@ -158,7 +158,7 @@ impl Port {
         if is_fresh {
             self.link.received += 1;
             self.partner.measured = true;
-            self.raw.status.0 &= !Status::STALE.0;
+            self.raw.status.0 &= !(Status::STALE.0 | Status::OWED.0);
             self.compensation_hears();
         } else {
             self.link.stale += 1;
@@ -232,6 +232,12 @@ impl Port {
     /// Last words.
     pub fn retire(&mut self, how: Retirement) {
         self.substructure.retire(how);
+    }
+
+    /// True of a specimen that need not answer the last words.
+    #[must_use]
+    pub fn is_left_unasked(&self) -> bool {
+        self.substructure.has_acknowledged().is_none()
     }
 
     /// True of a specimen that should have answered the last words, and did not.

@@ -6,7 +6,7 @@
 
 use super::path::Path;
 use super::{Order, Port, Stride};
-use crate::substructure::LinkFault;
+use crate::substructure::{Coupling, LinkFault, Status};
 
 /// What a port keeps of its way.
 #[derive(Debug)]
@@ -258,12 +258,32 @@ impl Port {
         self.pursuit.skipped += u64::from(!self.is_recorded);
     }
 
-    /// True if its answer is here. Real-time: yes.
+    /// True if its answer is here, or comes within `wait_ns` of wall time. Real-time: yes.
     ///
     /// # Errors
     /// The link is lost.
-    pub fn is_answered(&mut self) -> Result<bool, LinkFault> {
-        self.substructure.is_answered()
+    #[inline]
+    pub fn is_answered(&mut self, wait_ns: u64) -> Result<bool, LinkFault> {
+        self.substructure.is_answered(wait_ns)
+    }
+
+    /// True if its answer has to be waited for: it is owed, and comes from outside this process. A recording says whether it
+    /// was. Real-time: yes.
+    #[inline]
+    #[must_use]
+    pub fn is_awaited(&self) -> bool {
+        (self.is_remote() || self.is_recorded) && self.coupling() == Coupling::Lockstep
+    }
+
+    /// Its answer is not waited for any more: its status says so until it comes. Real-time: yes.
+    pub fn leave_owing(&mut self) {
+        self.raw.status.0 |= Status::OWED.0;
+    }
+
+    /// True while it is so.
+    #[must_use]
+    pub const fn is_left_owing(&self) -> bool {
+        self.raw.status.has(Status::OWED)
     }
 
     /// Whoever owes an answer was asked for it, however often it is commanded.

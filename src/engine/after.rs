@@ -71,7 +71,7 @@ impl Engine {
             tick.sub_tick += 1;
             let mut stamps = TickStamps::default();
             self.wait_before_start(&mut stamps, control)?;
-            self.exchange_again(&tick, &mut stamps)?;
+            self.exchange_again(&tick, &mut stamps, control)?;
             self.row
                 .between(&tick, Phase::Holding.code(), &self.side, &self.ports);
             self.row
@@ -219,6 +219,7 @@ impl Engine {
         &mut self,
         tick: &Tick,
         stamps: &mut TickStamps,
+        control: &Control,
     ) -> Result<Option<Stop>, Stop> {
         let mut first = None;
         for index in 0..self.ports.len() {
@@ -226,7 +227,7 @@ impl Engine {
             if !port.is_some_and(|port| port.partner.is_waited_for()) {
                 continue;
             }
-            match self.collect_from(index, tick, stamps) {
+            match self.collect_from(index, tick, stamps, Some(control)) {
                 Ok(()) => {}
                 Err(stop @ Stop::Link { .. }) => {
                     self.stops_too(&stop);
@@ -255,6 +256,12 @@ impl Engine {
                 *left = Left::Lost;
             }
             self.report_now(EventKind::Unacknowledged { port: index as u32 });
+        }
+        // Where nobody asks for that, the answer that is owed would have been the last that is heard of it.
+        for (port, left) in self.ports.iter().zip(&mut self.left) {
+            if port.is_left_unasked() && port.is_left_owing() && !port.partner.gone {
+                *left = Left::Lost;
+            }
         }
     }
 
@@ -333,8 +340,8 @@ impl Engine {
             };
             let mut stamps = TickStamps::default();
             self.wait_before_start(&mut stamps, control)?;
-            self.exchange(&tick, &mut stamps)?;
-            lost = lost.or(self.hear_who_owes(&tick, &mut stamps)?);
+            self.exchange(&tick, &mut stamps, control)?;
+            lost = lost.or(self.hear_who_owes(&tick, &mut stamps, control)?);
             self.row_before_start(&tick, Phase::Leaving, &stamps);
             self.accept()?;
             for port in &mut self.ports {

@@ -80,7 +80,7 @@ impl Engine {
         let heard = self.wait_before_start(&mut stamps, control);
         self.still = false;
         heard?;
-        self.exchange_again(&tick, &mut stamps)?;
+        self.exchange_again(&tick, &mut stamps, control)?;
         self.row_before_start(&tick, phase, &stamps);
         self.skip_numbers();
         Ok(())
@@ -147,7 +147,7 @@ impl Engine {
             let tick = self.tick_at_rest(passes * pace);
             let mut stamps = TickStamps::default();
             self.wait_before_start(&mut stamps, control)?;
-            self.exchange(&tick, &mut stamps)?;
+            self.exchange(&tick, &mut stamps, control)?;
             self.row_before_start(&tick, phase, &stamps);
             self.accept()?;
         }
@@ -245,9 +245,9 @@ impl Engine {
             let mut stamps = TickStamps::default();
             self.wait_before_start(&mut stamps, control)?;
             if k == 0 {
-                self.exchange(&tick, &mut stamps)?;
+                self.exchange(&tick, &mut stamps, control)?;
             } else {
-                self.exchange_again(&tick, &mut stamps)?;
+                self.exchange_again(&tick, &mut stamps, control)?;
             }
             self.warm_up_row(rows, &tick, &stamps);
             self.sequence += 1;

@@ -17,6 +17,8 @@ use crate::time::Nanos;
 
 /// State of the row in which a test was given up for being late: only the clock knows why, so the row must say that.
 pub const GIVEN_UP: f64 = 14.0;
+/// State of the row in which the operator ended the test while an answer was waited for.
+pub const NOT_AWAITED: f64 = 15.0;
 
 /// What the operator wants in a tick: one number of its row.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -81,8 +83,8 @@ const BOOKKEEPING: [(&str, &str, &str); 5] = [
         "state",
         "1",
         "phase: 1 settling under the static load, 2 trying which way round a specimen is wired, 3 running, 4 zeroing, \
-         5 ramping, 6 holding, 7 leaving, 8 tripped, 10 warming up (kept where it mattered), 14 given up for being late; \
-         between two steps: 11 towards a known target, 12 along the prediction, 13 slowing down",
+         5 ramping, 6 holding, 7 leaving, 8 tripped, 10 warming up (kept where it mattered), 14 given up for being late, \
+         15 ended by the operator while an answer was waited for; between two steps: 11 towards a known target, 12 along the prediction, 13 slowing down",
     ),
     (
         "hold",

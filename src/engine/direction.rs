@@ -76,7 +76,7 @@ impl Engine {
             };
             let mut stamps = TickStamps::default();
             self.wait_before_start(&mut stamps, control)?;
-            self.exchange(&tick, &mut stamps)?;
+            self.exchange(&tick, &mut stamps, control)?;
             self.row_before_start(&tick, Phase::Probing, &stamps);
             let sequence = self.sequence;
             if let Some(tried) = self.ports.get_mut(index) {
@@ -141,7 +141,7 @@ impl Engine {
         for _ in 0..readings {
             let mut stamps = TickStamps::default();
             self.wait_before_start(&mut stamps, control)?;
-            self.exchange_again(&STILL, &mut stamps)?;
+            self.exchange_again(&STILL, &mut stamps, control)?;
             self.row_before_start(&STILL, Phase::Settling, &stamps);
             for port in &mut self.ports {
                 port.listen_at_rest();

@@ -27,12 +27,13 @@ mod stop;
 mod telling;
 mod tick;
 mod verdicts;
+mod waiting;
 
 pub use after::{Left, Unfinished};
 pub use audit::StepAudit;
 pub use before::Opening;
 pub use checks::{TestHit, TestLimits, TestQuantity};
-pub use columns::{GIVEN_UP, Word};
+pub use columns::{GIVEN_UP, NOT_AWAITED, Word};
 pub use intake::Intake;
 pub use misses::MissLevels;
 pub use numerical::{Numerical, Side};
@@ -50,6 +51,7 @@ use crate::record::{Column, Recorder};
 use crate::rt::timing::{TickStamps, Timing};
 use crate::substructure::Holder;
 use crate::time::{Clock, Nanos, Ratio, Schedule, SimClock};
+use operator::Asked;
 
 /// What to do about a tick that starts, or leaves the next one to start, a period or more late.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -141,7 +143,7 @@ pub struct Engine {
     /// The operator said before this tick that the test may go on.
     goes_on: bool,
     /// What the operator asked for and was not looked at yet.
-    asked: Option<Operator>,
+    asked: Asked,
     /// Rows of the warm-up, until the first of the test is made.
     held_back: Vec<f64>,
     /// Recordings say nothing: they have no row of the warm-up.
@@ -315,7 +317,7 @@ impl Engine {
             hold_wanted: false,
             still: false,
             goes_on: false,
-            asked: None,
+            asked: Asked::default(),
             held_back: Vec::new(),
             unanswered: false,
             ports,

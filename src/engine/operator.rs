@@ -1,5 +1,7 @@
 //! What passes between the loop and whoever attends it: requests in, notices out.
 
+use std::collections::VecDeque;
+
 use crossbeam_channel::{Receiver, Sender};
 
 use super::phase::PhaseCell;
@@ -66,6 +68,53 @@ impl Control {
             phase: PhaseCell::default(),
             desk: None,
         }
+    }
+}
+
+/// Words that are taken off the line before their turn, at most.
+const MOST_ASKED: usize = 16;
+
+/// What the operator has said and is not heard yet: one word a tick. Only an end is heard before its turn, by whoever waits.
+#[derive(Debug)]
+pub(super) struct Asked(VecDeque<Operator>);
+
+impl Default for Asked {
+    /// With all the room that it will ever need.
+    fn default() -> Self {
+        Self(VecDeque::with_capacity(MOST_ASKED))
+    }
+}
+
+impl Asked {
+    /// The next word stays where it is. Real-time: yes.
+    pub fn next(&mut self, control: &Control) -> Option<Operator> {
+        if self.0.is_empty()
+            && let Ok(word) = control.requests.try_recv()
+        {
+            self.0.push_back(word);
+        }
+        self.0.front().copied()
+    }
+
+    /// The next word is heard. Real-time: yes.
+    #[inline]
+    pub fn take(&mut self, control: &Control) -> Option<Operator> {
+        let first = self.0.pop_front();
+        first.or_else(|| control.requests.try_recv().ok())
+    }
+
+    /// Whether an end was asked for: then it is heard, and what was said before it is over. Real-time: yes.
+    pub fn takes_an_end(&mut self, control: &Control) -> bool {
+        while self.0.len() < MOST_ASKED
+            && let Ok(word) = control.requests.try_recv()
+        {
+            self.0.push_back(word);
+        }
+        let end = self.0.iter().position(|word| *word == Operator::Stop);
+        if let Some(end) = end {
+            self.0.drain(..=end);
+        }
+        end.is_some()
     }
 }
 

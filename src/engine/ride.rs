@@ -130,7 +130,7 @@ pub(super) fn has_answer(
         return Ok(false);
     }
     // A socket has a wall clock of its own: under the simulated clock it is waited for.
-    if (simulated && port.is_remote()) || port.is_answered()? {
+    if (simulated && port.is_remote()) || port.is_answered(0)? {
         return Ok(true);
     }
     let asked_at = port.partner.asked_at.get_or_insert(now);
@@ -166,7 +166,7 @@ impl Engine {
             self.wait_for_edge(&mut stamps, control)?;
             let stalled = self.stretch_after_stall(stamps.woke.since(stamps.release), 0);
             let tick = self.ride.tick(self.dt);
-            self.tick(&tick, &mut stamps)?;
+            self.tick(&tick, &mut stamps, control)?;
             self.close_tick(&tick, stamps, stalled)?;
             if self.hold_wanted && self.ride.tempo.stands() && self.ride.step <= self.steps {
                 self.stand(&tick, control)?;

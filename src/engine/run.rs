@@ -191,13 +191,9 @@ impl Engine {
     /// What the operator asks for, if anything. Real-time: yes.
     #[inline]
     pub(super) fn hear(&mut self, control: &Control) -> Result<(), Stop> {
-        let asked = match self.asked.take() {
-            Some(asked) => Ok(asked),
-            None => control.requests.try_recv(),
-        };
-        match asked {
-            Ok(Operator::Stop) => return Err(Stop::Operator),
-            Ok(Operator::GiveUp) => {
+        match self.asked.take(control) {
+            Some(Operator::Stop) => return Err(Stop::Operator),
+            Some(Operator::GiveUp) => {
                 return Err(Stop::Late {
                     total: self.misses,
                     in_a_row: self.misses_in_a_row,
@@ -205,21 +201,21 @@ impl Engine {
                 });
             }
             // The way out is neither held nor confirmed.
-            Ok(_) if !self.phase.can_be_held() => {}
-            Ok(Operator::Hold) => {
+            Some(_) if !self.phase.can_be_held() => {}
+            Some(Operator::Hold) => {
                 if !self.hold_wanted {
                     self.report_now(EventKind::HoldRequested);
                 }
                 self.hold_wanted = true;
             }
-            Ok(Operator::Continue) => {
+            Some(Operator::Continue) => {
                 if self.hold_wanted {
                     self.report_now(EventKind::ContinueRequested);
                 }
                 self.hold_wanted = false;
                 self.goes_on = true;
             }
-            Err(_) => {}
+            None => {}
         }
         self.show();
         Ok(())
@@ -227,10 +223,7 @@ impl Engine {
 
     /// A replay says that the test was given up here: its own clock finds nothing late. What else is asked for is heard later.
     pub(super) fn hear_if_given_up(&mut self, control: &Control) -> Result<(), Stop> {
-        if self.asked.is_none() {
-            self.asked = control.requests.try_recv().ok();
-        }
-        match self.asked {
+        match self.asked.next(control) {
             Some(Operator::GiveUp) => self.hear(control),
             _ => Ok(()),
         }

@@ -145,7 +145,7 @@ impl Engine {
         let tick = Tick::before_start(self.tick_passes());
         let mut stamps = TickStamps::default();
         self.wait_before_start(&mut stamps, control)?;
-        self.exchange(&tick, &mut stamps)?;
+        self.exchange(&tick, &mut stamps, control)?;
         self.resolve_poses()?;
         self.row_before_start(&tick, Phase::Settling, &stamps);
         self.accept()?;

@@ -4,7 +4,9 @@
 //! is never skipped. Everything here is on the real-time path: no allocation, no lock, no system call but the
 //! clock's and the links', no panic.
 
+use super::columns::NOT_AWAITED;
 use super::numerical::{Side, seek_along};
+use super::operator::Control;
 use super::peaks::first_beyond;
 use super::phase::Phase;
 use super::ride::{has_answer, tell};
@@ -20,8 +22,13 @@ impl Engine {
     /// answered, the step is closed and the next target made; the next command stands ready on return, and the row is
     /// handed over. Real-time: yes.
     #[inline]
-    pub(super) fn tick(&mut self, tick: &Tick, stamps: &mut TickStamps) -> Result<(), Stop> {
-        self.exchange(tick, stamps)?;
+    pub(super) fn tick(
+        &mut self,
+        tick: &Tick,
+        stamps: &mut TickStamps,
+        control: &Control,
+    ) -> Result<(), Stop> {
+        self.exchange(tick, stamps, control)?;
         self.arrive();
         if self.can_close() {
             self.close_step(tick, stamps)
@@ -71,22 +78,29 @@ impl Engine {
     /// What was measured in the tick that ends the test, or its way out, is kept, although nothing follows from it.
     #[cold]
     pub(super) fn record_trip(&mut self, tick: &Tick, stamps: &TickStamps, stop: &Stop) {
-        if matches!(
-            stop,
-            Stop::Limit { .. }
-                | Stop::Interlock { .. }
-                | Stop::Saturated { .. }
-                | Stop::Geometry { .. }
-                | Stop::Stale { .. }
-        ) {
+        let is_not_awaited = *stop == Stop::Operator;
+        if is_not_awaited
+            || matches!(
+                stop,
+                Stop::Limit { .. }
+                    | Stop::Interlock { .. }
+                    | Stop::Saturated { .. }
+                    | Stop::Geometry { .. }
+                    | Stop::Stale { .. }
+            )
+        {
             self.trip_is_recorded = true;
             self.row.stopped = self.stops_on_its_way_out();
             self.keep_warm_up();
-            if tick.step == self.ride.step {
+            if tick.step == self.ride.step && !is_not_awaited {
                 self.row
                     .exchange(tick, Phase::Tripped, &self.side, &self.ports);
             } else {
-                let state = Phase::Tripped.code();
+                let state = if is_not_awaited {
+                    NOT_AWAITED
+                } else {
+                    Phase::Tripped.code()
+                };
                 self.row.between(tick, state, &self.side, &self.ports);
             }
             self.row.no_outputs();
@@ -98,9 +112,14 @@ impl Engine {
 
     /// Issue to all before collecting from any, so that several links cost one round trip.
     #[inline]
-    pub(super) fn exchange(&mut self, tick: &Tick, stamps: &mut TickStamps) -> Result<(), Stop> {
+    pub(super) fn exchange(
+        &mut self,
+        tick: &Tick,
+        stamps: &mut TickStamps,
+        control: &Control,
+    ) -> Result<(), Stop> {
         let sequence = self.sequence;
-        self.exchange_by(tick, stamps, |port| {
+        self.exchange_by(tick, stamps, control, |port| {
             port.issue(sequence, tick.time, tick.dt)
         })
     }
@@ -110,9 +129,12 @@ impl Engine {
         &mut self,
         tick: &Tick,
         stamps: &mut TickStamps,
+        control: &Control,
     ) -> Result<(), Stop> {
         let sequence = self.sequence;
-        self.exchange_by(tick, stamps, |port| port.repeat(sequence, tick.time))
+        self.exchange_by(tick, stamps, control, |port| {
+            port.repeat(sequence, tick.time)
+        })
     }
 
     #[inline]
@@ -120,6 +142,7 @@ impl Engine {
         &mut self,
         tick: &Tick,
         stamps: &mut TickStamps,
+        control: &Control,
         issue: impl Fn(&mut Port) -> Result<(), LinkFault>,
     ) -> Result<(), Stop> {
         let mut result = Ok(());
@@ -145,7 +168,7 @@ impl Engine {
         }
         stamps.sent = self.clock.now();
         stamps.decoded = stamps.sent;
-        let result = self.collect_all(tick, stamps, result);
+        let result = self.collect_all(tick, stamps, control, result);
         if self.riding {
             self.ports.iter_mut().for_each(Port::note_peak);
         }
@@ -156,14 +179,17 @@ impl Engine {
     }
 
     /// Takes and judges what every partner answers. What stops the test does not stop this: whoever owes an answer is heard,
-    /// or it could not be told anything on the way out. The first stop counts. Real-time: yes.
+    /// or it could not be told anything on the way out. Only the operator's word ends a wait, and with it all of them. The first
+    /// stop counts. Real-time: yes.
     #[inline]
     fn collect_all(
         &mut self,
         tick: &Tick,
         stamps: &mut TickStamps,
+        control: &Control,
         mut result: Result<(), Stop>,
     ) -> Result<(), Stop> {
+        let mut control = Some(control);
         for index in 0..self.ports.len() {
             let Some(port) = self.ports.get(index) else {
                 break;
@@ -171,10 +197,14 @@ impl Engine {
             if !port.is_heard() || (result.is_err() && !port.owes()) {
                 continue;
             }
-            if let Err(stop) = self.collect_from(index, tick, stamps) {
+            if let Err(stop) = self.collect_from(index, tick, stamps, control) {
+                let was_heard = control.is_none() && stop == Stop::Operator;
+                if stop == Stop::Operator {
+                    control = None;
+                }
                 if result.is_ok() {
                     result = Err(stop);
-                } else {
+                } else if !was_heard {
                     self.stops_too(&stop);
                 }
             }
@@ -195,16 +225,18 @@ impl Engine {
         }
     }
 
-    /// Takes and judges the answer of one partner, if it is here: who takes several ticks for it is not waited for. Real-time: yes.
+    /// Takes and judges the answer of one partner, if it is here: who takes several ticks for it is not waited for, and nobody
+    /// without a `control`. Real-time: yes.
     #[inline]
     pub(super) fn collect_from(
         &mut self,
         index: usize,
         tick: &Tick,
         stamps: &mut TickStamps,
+        control: Option<&Control>,
     ) -> Result<(), Stop> {
         let known = self.newest_of(index);
-        let result = self.take_from(index, tick, stamps);
+        let result = self.take_from(index, tick, stamps, control);
         if self.newest_of(index) > known + 1 {
             self.note_recovered(index, tick);
         }
@@ -223,6 +255,7 @@ impl Engine {
         index: usize,
         tick: &Tick,
         stamps: &mut TickStamps,
+        control: Option<&Control>,
     ) -> Result<(), Stop> {
         let Some(port) = self.ports.get_mut(index) else {
             return Ok(());
@@ -236,7 +269,11 @@ impl Engine {
                 return Ok(());
             }
         }
-        // A lockstep partner is waited for, a sampled one has until its share of the tick is over.
+        self.wait_for(index, control)?;
+        let Some(port) = self.ports.get_mut(index) else {
+            return Ok(());
+        };
+        // A lockstep partner was waited for, a sampled one has until its share of the tick is over.
         let deadline = match port.coupling() {
             Coupling::Lockstep => stamps.sent.plus(patience),
             // The edge was counted when the tick began: this is the one that ends it.

@@ -48,6 +48,11 @@ pub trait Transport: Send {
         Nanos(os::monotonic_ns())
     }
 
+    /// True if time itself is simulated: then a wait takes none of the wall's.
+    fn is_simulated(&self) -> bool {
+        false
+    }
+
     /// What ended a TLS session or holds it up, where that is more than the [`LinkFault`] says. Real-time: yes.
     fn tls_fault(&self) -> Option<TlsFault> {
         None

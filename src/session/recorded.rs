@@ -79,11 +79,16 @@ impl Substructure for Recorded {
         })
     }
 
-    /// A partner that takes several ticks answers in the row in which it answered.
-    fn is_answered(&mut self) -> Result<bool, LinkFault> {
+    /// A partner that takes several ticks answers in the row in which it answered. Who is waited for answers, unless the row
+    /// says that the operator ended the wait.
+    fn is_answered(&mut self, wait_ns: u64) -> Result<bool, LinkFault> {
         let is_here = with(&self.tape, |tape| {
             let row = tape.next().ok_or(LinkFault::Closed)?;
-            Ok(at(Some(row), self.sequence) as u64 >= self.issued)
+            if Status(at(Some(row), self.status) as u32).has(Status::OWED) {
+                // Who was asked for it was waited for, too, where the wait ended in this row.
+                return Ok(wait_ns == 0 && tape.waits_in_vain_next());
+            }
+            Ok(wait_ns > 0 || at(Some(row), self.sequence) as u64 >= self.issued)
         })?;
         // Whether it was lost then shows when it is taken.
         if !is_here {

@@ -12,7 +12,7 @@ use crossbeam_channel::Sender;
 
 use super::replay::{Difference, ReplayError};
 use crate::control::Stage;
-use crate::engine::{Experiment, GIVEN_UP, Operator, Phase, Word};
+use crate::engine::{Experiment, GIVEN_UP, NOT_AWAITED, Operator, Phase, Word};
 use crate::record::{
     Column, Event, EventKind, FolderError, Journal, Layout, Recorder, Run, WarmUpRows,
 };
@@ -160,12 +160,15 @@ impl Tape {
         (!self.coming.is_empty()).then_some(&self.coming)
     }
 
-    /// Whether the row that comes is that of a trip, or of the way out: only there a specimen can be lost.
+    /// Whether the row that comes is that of a test's end, or of the way out: only there a specimen can be lost.
     pub fn is_over_next(&self) -> bool {
         let state = at(self.next(), self.places[0]);
-        [Phase::Tripped, Phase::Leaving]
-            .iter()
-            .any(|phase| state == phase.code())
+        [Phase::Tripped.code(), Phase::Leaving.code(), NOT_AWAITED].contains(&state)
+    }
+
+    /// Whether the row that comes is that in which the operator ended a wait.
+    pub fn waits_in_vain_next(&self) -> bool {
+        at(self.next(), self.places[0]) == NOT_AWAITED
     }
 
     /// Whether anybody has answered since the row before: there was an exchange.
@@ -194,7 +197,7 @@ impl Tape {
         let hold = at(self.next(), self.places[1]);
         let on_its_way = self
             .before
-            .is_some_and(|(before, _)| before == Phase::Leaving.code());
+            .is_some_and(|(before, _)| before == Phase::Leaving.code() || before == NOT_AWAITED);
         if hold < 0.0 {
             // Already its first tick on the way out trips.
             return (!on_its_way).then_some(Operator::Stop);
@@ -299,7 +302,7 @@ fn is_under_way(state: f64) -> bool {
 
 /// True of the row that ended a test before its time.
 fn is_a_trip(state: f64) -> bool {
-    state == Phase::Tripped.code() || state == GIVEN_UP
+    [Phase::Tripped.code(), GIVEN_UP, NOT_AWAITED].contains(&state)
 }
 
 /// A number of a row; NaN where there is none.

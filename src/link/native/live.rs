@@ -8,6 +8,7 @@ use super::book::Book;
 use super::setup::{NativeSetup, watchdog_ns};
 use crate::link::Transport;
 use crate::link::inbox::Inbox;
+use crate::link::socket::LOOK;
 use crate::substructure::{
     Command, Coupling, Freshness, LinkFault, LinkStats, Measurement, Status,
 };
@@ -50,6 +51,8 @@ pub(super) struct Live {
     sent_ns: u64,
     /// The newest command, to be sent again.
     issued: Option<u64>,
+    /// Since when its answer is waited for.
+    awaited_since: Option<Nanos>,
     time: f64,
     dt: f64,
     disp: Vec<f64>,
@@ -90,6 +93,7 @@ impl Live {
             nudge_ns: (watchdog_ns(welcome) / 4).max(1_000_000),
             connect_limit: setup.connect_limit,
             issued: None,
+            awaited_since: None,
             time: 0.0,
             dt: 0.0,
             disp: vec![0.0; axes],
@@ -144,6 +148,7 @@ impl Live {
             return Err(self.fail_plainly(LinkFault::Refused));
         }
         self.issued = Some(command.sequence);
+        self.awaited_since = None;
         self.paused = false;
         (self.time, self.dt) = (command.time, command.dt);
         // Lengths are equal: checked above.
@@ -189,37 +194,15 @@ impl Live {
         // Nothing was asked, so nothing will ever come.
         let issued = self.issued.ok_or(LinkFault::Timeout)?;
         let lockstep = self.coupling == Coupling::Lockstep;
-        let (deadline, mut nudge) = if lockstep {
-            let now = self.transport.now();
-            (now.plus(self.reply_timeout_ns), now.plus(self.nudge_ns))
+        let (deadline, nudge) = if lockstep {
+            let nudge = self.transport.now().plus(self.nudge_ns);
+            (self.patience_ends(), nudge)
         } else {
             (deadline, Nanos(u64::MAX))
         };
-        let mut extra = EXTRA_READS;
-        loop {
-            self.take_frames(issued)?;
-            if self.book.has(issued) {
-                self.book.copy_into(into);
-                return Ok(Freshness::Fresh);
-            }
-            let until = deadline.min(nudge);
-            match self.transport.recv(self.inbox.space(), until) {
-                Ok(Some(count)) => {
-                    self.inbox.filled(count);
-                    if self.transport.now() >= deadline {
-                        extra -= 1;
-                        if extra == 0 {
-                            break;
-                        }
-                    }
-                }
-                Ok(None) if until < deadline => {
-                    self.nudge(issued)?;
-                    nudge = self.transport.now().plus(self.nudge_ns);
-                }
-                Ok(None) => break,
-                Err(fault) => return Err(self.fail_plainly(fault)),
-            }
+        if self.hear_answer(issued, deadline, nudge)? {
+            self.book.copy_into(into);
+            return Ok(Freshness::Fresh);
         }
         if lockstep {
             let seconds = self.reply_timeout_ns as f64 * 1e-9;
@@ -229,25 +212,68 @@ impl Live {
         Ok(Freshness::Stale)
     }
 
-    /// True if the answer to the last command is here. What was lost is asked for again, as [`Live::collect`] does while it
-    /// waits. Does not block. Real-time: yes.
-    pub(super) fn is_answered(&mut self) -> Result<bool, LinkFault> {
-        if let Some(fault) = self.fault {
-            return Err(fault);
-        }
-        let issued = self.issued.ok_or(LinkFault::Timeout)?;
-        for _ in 0..EXTRA_READS {
+    /// Until when a lockstep answer is waited for. Real-time: yes.
+    fn patience_ends(&mut self) -> Nanos {
+        let now = self.transport.now();
+        let since = *self.awaited_since.get_or_insert(now);
+        since.plus(self.reply_timeout_ns)
+    }
+
+    /// Hears what comes up to `deadline`, or up to the answer: then true. From `nudge` on it is asked for now and then.
+    /// Real-time: yes.
+    fn hear_answer(
+        &mut self,
+        issued: u64,
+        deadline: Nanos,
+        mut nudge: Nanos,
+    ) -> Result<bool, LinkFault> {
+        let mut extra = EXTRA_READS;
+        loop {
             self.take_frames(issued)?;
             if self.book.has(issued) {
                 return Ok(true);
             }
-            match self.transport.recv(self.inbox.space(), Nanos(0)) {
-                Ok(Some(count)) => self.inbox.filled(count),
-                Ok(None) => break,
+            let until = deadline.min(nudge);
+            match self.transport.recv(self.inbox.space(), until) {
+                Ok(Some(count)) => {
+                    self.inbox.filled(count);
+                    if self.transport.now() >= deadline {
+                        extra -= 1;
+                        if extra == 0 {
+                            return Ok(false);
+                        }
+                    }
+                }
+                Ok(None) if until < deadline => {
+                    self.nudge(issued)?;
+                    nudge = self.transport.now().plus(self.nudge_ns);
+                }
+                Ok(None) => return Ok(false),
                 Err(fault) => return Err(self.fail_plainly(fault)),
             }
         }
-        if self.transport.now().0.saturating_sub(self.sent_ns) >= self.nudge_ns {
+    }
+
+    /// True if the answer to the last command is here, or comes within `wait_ns` and within its time limit. What was lost is
+    /// asked for again, as [`Live::collect`] does while it waits. On simulated time no wait takes any: then that is its affair.
+    /// Real-time: yes.
+    pub(super) fn is_answered(&mut self, wait_ns: u64) -> Result<bool, LinkFault> {
+        if let Some(fault) = self.fault {
+            return Err(fault);
+        }
+        let issued = self.issued.ok_or(LinkFault::Timeout)?;
+        if wait_ns > 0 && self.transport.is_simulated() {
+            return Ok(true);
+        }
+        let deadline = match wait_ns {
+            0 => LOOK,
+            wait_ns => self.transport.now().plus(wait_ns).min(self.patience_ends()),
+        };
+        let nudge = Nanos(self.sent_ns).plus(self.nudge_ns);
+        if self.hear_answer(issued, deadline, nudge)? {
+            return Ok(true);
+        }
+        if self.transport.now() >= Nanos(self.sent_ns).plus(self.nudge_ns) {
             self.nudge(issued)?;
         }
         Ok(false)

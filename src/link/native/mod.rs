@@ -142,10 +142,10 @@ impl Substructure for NativeLink {
         self.live.as_mut().and_then(|live| live.recover(force))
     }
 
-    fn is_answered(&mut self) -> Result<bool, LinkFault> {
+    fn is_answered(&mut self, wait_ns: u64) -> Result<bool, LinkFault> {
         self.live
             .as_mut()
-            .map_or(Err(LinkFault::Closed), Live::is_answered)
+            .map_or(Err(LinkFault::Closed), |live| live.is_answered(wait_ns))
     }
 
     fn attend(&mut self) -> Result<(), LinkFault> {

@@ -332,14 +332,21 @@ impl Substructure for Remote {
         }
     }
 
-    fn is_answered(&mut self) -> Result<bool, LinkFault> {
+    fn is_answered(&mut self, wait_ns: u64) -> Result<bool, LinkFault> {
+        let until = match wait_ns {
+            0 => LOOK,
+            wait_ns => {
+                let limit = self.sent_at.plus(self.reply_limit_ns);
+                Nanos(os::monotonic_ns()).plus(wait_ns).min(limit)
+            }
+        };
         loop {
             match self.phase {
                 Phase::Faulted(fault) => return Err(fault),
                 Phase::Issued => {}
                 _ => return Ok(true),
             }
-            match self.hear(Nanos(0)) {
+            match self.hear(until) {
                 Ok(Came::Signals) => self.phase = Phase::Answered,
                 Ok(_) => {}
                 Err(Lost::Link(LinkFault::Timeout)) => return Ok(false),

@@ -183,4 +183,8 @@ impl Transport for Simulated {
     fn now(&self) -> Nanos {
         self.clock.now()
     }
+
+    fn is_simulated(&self) -> bool {
+        true
+    }
 }

@@ -212,8 +212,8 @@ impl Substructure for Meter {
         Ok(freshness)
     }
 
-    fn is_answered(&mut self) -> Result<bool, LinkFault> {
-        self.inner.is_answered()
+    fn is_answered(&mut self, wait_ns: u64) -> Result<bool, LinkFault> {
+        self.inner.is_answered(wait_ns)
     }
 
     fn accepted(&mut self, sequence: u64) -> Result<(), LinkFault> {
