@@ -362,7 +362,7 @@ fn ours(carrier: Carrier, key: Option<PreSharedKey>, recorder: &mut RingRecorder
         options: spinning(),
     });
     link.connect().unwrap();
-    link.arm(0, &[0.0; AXES]).unwrap();
+    link.arm(0, &[0.0; AXES], &mut || true).unwrap();
     let mut measured = Measurement::zeros(AXES);
     let times = measure(recorder, |sequence| {
         let command = Command {

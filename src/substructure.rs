@@ -267,14 +267,20 @@ pub trait Substructure: Send {
     }
 
     /// The last word before commands move the specimen: the number of the first command, and where it will be. May
-    /// block, within a time limit of its own; on the loop's thread. A second time, after commands that only tried the
-    /// specimen: what is a formula begins anew.
+    /// block, within a time limit of its own and for as long as it is `wanted`; on the loop's thread. A second time, after
+    /// commands that only tried the specimen: what is a formula begins anew. False if it was not wanted any more before the
+    /// specimen was ready.
     ///
     /// # Errors
     /// The specimen is not ready, stands elsewhere, or is gone.
-    fn arm(&mut self, sequence: u64, disp: &[f64]) -> Result<(), LinkFault> {
-        let _ = (sequence, disp);
-        Ok(())
+    fn arm(
+        &mut self,
+        sequence: u64,
+        disp: &[f64],
+        wanted: &mut dyn FnMut() -> bool,
+    ) -> Result<bool, LinkFault> {
+        let _ = (sequence, disp, wanted);
+        Ok(true)
     }
 
     /// What went over the link so far.

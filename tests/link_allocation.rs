@@ -61,7 +61,7 @@ fn linked(carrier: Carrier, key: Option<PreSharedKey>, coupling: Coupling) -> Na
     });
     let introduction = link.connect().unwrap();
     assert_eq!(introduction.stiffness, [2e6, 0.0, 0.0, 2e6]);
-    link.arm(0, &[0.0, 0.0]).unwrap();
+    link.arm(0, &[0.0, 0.0], &mut || true).unwrap();
     link
 }
 
@@ -148,7 +148,7 @@ fn a_link_that_was_never_connected_is_closed_and_not_a_panic() {
             reply_timeout: Duration::from_secs(1),
             options: SocketOptions::default(),
         });
-        let refused = link.arm(0, &[0.0, 0.0]);
+        let refused = link.arm(0, &[0.0, 0.0], &mut || true);
         link.retire(Retirement::Tripped);
         tell.send(refused).unwrap();
     });

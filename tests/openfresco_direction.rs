@@ -13,8 +13,8 @@ use std::sync::{Arc, Mutex};
 use gusset::record::Run;
 use gusset::record::summary::Status;
 use link_common::{
-    ONE_AXIS, ONE_AXIS_LAW, PATIENCE, Served, adapter, columns, gateway, gusset, run, summary,
-    test_file, write,
+    ONE_AXIS, ONE_AXIS_LAW, PATIENCE, Running, Served, adapter, columns, gateway, gusset, run,
+    summary, test_file, write,
 };
 
 const STEPS: u32 = 100;
@@ -119,7 +119,11 @@ fn a_rig_that_can_take_nothing_back_is_tried_over_a_shadow_and_by_a_gateway() {
 
 /// A gateway that would take ten seconds for each way of the small motion, and whoever waits until that goes on; every
 /// displacement that its specimen is told.
-fn trying(folder: &Path, protocol: &str) -> (Served, Receiver<()>, Arc<Mutex<Vec<f64>>>) {
+fn trying(
+    folder: &Path,
+    protocol: &str,
+    transport: &str,
+) -> (Served, Receiver<()>, Arc<Mutex<Vec<f64>>>) {
     let told = Arc::new(Mutex::new(Vec::new()));
     let (goes_on, is_going_on) = channel();
     let into = Arc::clone(&told);
@@ -135,8 +139,10 @@ fn trying(folder: &Path, protocol: &str) -> (Served, Receiver<()>, Arc<Mutex<Vec
     let file = gateway(&address, "stiffness_n_per_m = 4e5\n", &keys);
     let file = file.replace("probe = \"none\"\n", "");
     let out = folder.join("kept");
-    let arguments = ["--protocol", protocol, "--out", out.to_str().unwrap()];
-    (Served::start(folder, &file, &arguments), is_going_on, told)
+    let out = ["--out", out.to_str().unwrap()];
+    let arguments = ["--protocol", protocol, "--transport", transport];
+    let served = Served::start(folder, &file, &[&arguments[..], &out].concat());
+    (served, is_going_on, told)
 }
 
 /// How the test of the gateway ended in which the specimen never got to the other end of the small motion.
@@ -162,7 +168,7 @@ fn the_small_motion_of_a_gateway_ends_where_it_is_when_that_is_told_to_stop() {
     for protocol in ["openfresco", "gusset"] {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
-        let (mut between, is_going_on, told) = trying(folder, protocol);
+        let (mut between, is_going_on, told) = trying(folder, protocol, "tcp");
         let (mut stream, mut test) = (None, None);
         if protocol == "openfresco" {
             stream = Some(client(&between.address));
@@ -190,7 +196,7 @@ fn the_small_motion_of_a_gateway_ends_where_it_is_when_its_controller_leaves() {
     for protocol in ["openfresco", "gusset"] {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
-        let (between, is_going_on, told) = trying(folder, protocol);
+        let (between, is_going_on, told) = trying(folder, protocol, "tcp");
         if protocol == "openfresco" {
             let stream = client(&between.address);
             is_going_on.recv_timeout(PATIENCE).unwrap();
@@ -214,6 +220,31 @@ fn the_small_motion_of_a_gateway_ends_where_it_is_when_its_controller_leaves() {
         let (status, reason) = broken_off(folder, &told);
         assert_eq!(status, Status::Failed, "{reason}");
         assert!(reason.contains("without a goodbye"), "{reason}");
+    }
+}
+
+/// An operator need not wait until a gateway has tried its specimen: it is told so, and tries it no further.
+#[test]
+fn a_test_that_waits_for_a_gateway_to_be_armed_ends_when_it_is_told_to() {
+    for (transport, signal, code) in [("tcp", "INT", 130), ("udp", "TERM", 143)] {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        let (between, is_going_on, told) = trying(folder, "gusset", transport);
+        let keys = format!("transport = \"{transport}\"\nconnect_timeout_s = 60");
+        let test = Running::start(folder, "run", &linked(&between.address, &keys));
+        is_going_on.recv_timeout(PATIENCE).unwrap();
+        test.signal(signal);
+        let (found, said) = test.wait();
+        assert_eq!(found, code, "{said}");
+        between.hears("refused: ");
+        let (status, reason) = broken_off(folder, &told);
+        assert_eq!(status, Status::Failed, "{reason}");
+        assert!(reason.contains("said goodbye"), "{reason}");
+        let summary = summary(folder, "run");
+        assert_eq!(summary.status, Status::Interrupted);
+        let reason = summary.reason;
+        assert!(reason.contains("stopped by the operator"), "{reason}");
+        assert!(reason.contains("specimen 1 was being armed"), "{reason}");
     }
 }
 

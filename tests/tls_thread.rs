@@ -87,7 +87,7 @@ impl Ends {
         let mut link = NativeLink::over_tls(setup, self.client.clone());
         let introduction = link.connect().unwrap();
         assert!(introduction.peer.contains("TLS"), "{}", introduction.peer);
-        link.arm(0, &[0.0]).unwrap();
+        link.arm(0, &[0.0], &mut || true).unwrap();
         link
     }
 }

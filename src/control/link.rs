@@ -134,14 +134,19 @@ impl Port {
         self.substructure.ask_to_arm(number, &self.command)
     }
 
-    /// The last word before commands move the specimen: command `sequence` stands ready.
+    /// The last word before commands move the specimen: command `sequence` stands ready. False if that was not `wanted` any
+    /// more while it was waited for.
     ///
     /// # Errors
     /// The specimen is not ready, stands elsewhere, or is gone.
-    pub fn arm(&mut self, sequence: u64) -> Result<(), LinkFault> {
+    pub fn arm(
+        &mut self,
+        sequence: u64,
+        wanted: &mut dyn FnMut() -> bool,
+    ) -> Result<bool, LinkFault> {
         self.partner.measured = false;
         let number = self.pursuit.first_number(sequence, self.ahead);
-        self.substructure.arm(number, &self.command)
+        self.substructure.arm(number, &self.command, wanted)
     }
 
     /// Everything that was counted.

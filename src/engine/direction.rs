@@ -37,7 +37,7 @@ impl Engine {
         self.enter(Phase::Probing, Cause::Done);
         self.aim_where_it_stands();
         self.take_their_word();
-        self.arm()?;
+        self.arm(control)?;
         self.begin_grid(GridOf::Directions);
         for index in 0..self.ports.len() {
             self.try_direction(index, control)?;

@@ -181,6 +181,8 @@ pub struct Engine {
     left: Vec<Left>,
     /// Specimens that did not answer the last words.
     unheard: Vec<usize>,
+    /// Those that were still waited for when the operator ended the test before they were armed.
+    unarmed: Vec<usize>,
     unfinished: Option<Unfinished>,
     /// Called on the loop's thread when the warm-up is over.
     pub before_first_tick: Option<Watch>,
@@ -208,6 +210,8 @@ pub struct Outcome {
     pub left: Vec<Left>,
     /// Specimens, from 0, that should have answered the last words, and did not.
     pub unheard: Vec<usize>,
+    /// Specimens, from 0, whose own ends were getting them ready when the operator ended the test.
+    pub unarmed: Vec<usize>,
     /// Who holds each specimen if commands stay away.
     pub holders: Vec<Holder>,
     /// Last step whose row was made.
@@ -311,6 +315,7 @@ impl Engine {
             operator_stopped: false,
             left: vec![Left::Stayed; ports.len()],
             unheard: Vec::new(),
+            unarmed: Vec::new(),
             phase: Phase::Connected,
             at: Tick::before_start(0.0),
             phase_cell: PhaseCell::default(),
@@ -366,6 +371,7 @@ impl Engine {
             unfinished: self.unfinished,
             left: self.left.clone(),
             unheard: self.unheard.clone(),
+            unarmed: self.unarmed.clone(),
             holders: self.ports.iter().map(Port::holder).collect(),
             steps: self.steps_done,
             peaks: self.peaks.clone(),

@@ -92,7 +92,7 @@ impl Engine {
             port.ask_again();
         }
         self.stand_where_left(&from.left)?;
-        self.arm()?;
+        self.arm(control)?;
         self.begin_grid(GridOf::Opening);
         self.read_again(&from.left, control)?;
         for port in &mut self.ports {

@@ -113,7 +113,7 @@ impl Engine {
             }
         }
         self.take_their_word();
-        self.arm()?;
+        self.arm(control)?;
         self.begin_grid(GridOf::Opening);
         self.zero(control)?;
         self.aim_at_start();
@@ -128,19 +128,6 @@ impl Engine {
     /// Specimens that say where they stand are commanded to stay there, whatever the test begins with.
     pub(super) fn take_their_word(&mut self) {
         self.ports.iter_mut().for_each(Port::take_its_word);
-    }
-
-    /// Arms all specimens: all are asked before any is waited for, so that they get ready at the same time.
-    pub(super) fn arm(&mut self) -> Result<(), Stop> {
-        for (index, port) in self.ports.iter_mut().enumerate() {
-            port.ask_to_arm(self.sequence)
-                .map_err(|fault| Stop::Link { port: index, fault })?;
-        }
-        for (index, port) in self.ports.iter_mut().enumerate() {
-            port.arm(self.sequence)
-                .map_err(|fault| Stop::Link { port: index, fault })?;
-        }
-        Ok(())
     }
 
     /// Command 0 is B·x[0]: held, and measured, before anything moves.

@@ -1,13 +1,36 @@
-//! What the loop waits for specimens, outside of its own edges: until those have answered that owe an answer for each command.
-//! Meanwhile an operator who asks for an end is heard; what else he says is heard in its turn.
+//! What the loop waits for specimens, outside of its own edges: until they are armed, and until those have answered that owe an
+//! answer for each command. Meanwhile an operator who asks for an end is heard; what else he says is heard in its turn.
 
 use super::operator::Control;
 use super::{Engine, Stop};
+use crate::substructure::Holder;
 
 /// He is listened to this often.
 const LISTEN_NS: u64 = 50_000_000;
 
 impl Engine {
+    /// Arms all specimens: all are asked before any is waited for, so that they get ready at the same time. An operator who
+    /// asks for an end meanwhile is heard at once.
+    pub(super) fn arm(&mut self, control: &Control) -> Result<(), Stop> {
+        for (index, port) in self.ports.iter_mut().enumerate() {
+            port.ask_to_arm(self.sequence)
+                .map_err(|fault| Stop::Link { port: index, fault })?;
+        }
+        let asked = &mut self.asked;
+        let mut wanted = || !asked.takes_an_end(control);
+        for (index, port) in self.ports.iter_mut().enumerate() {
+            let is_armed = port.arm(self.sequence, &mut wanted);
+            if !is_armed.map_err(|fault| Stop::Link { port: index, fault })? {
+                let waited_for = self.ports.iter().enumerate().skip(index);
+                let gets_ready =
+                    waited_for.filter(|(_, port)| port.holder() == Holder::ItsWatchdog);
+                self.unarmed = gets_ready.map(|(index, _)| index).collect();
+                return Err(Stop::Operator);
+            }
+        }
+        Ok(())
+    }
+
     /// Waits for the answer that a lockstep partner owes, part by part: in between the operator is heard, and an end that he
     /// asks for ends the wait. That its own time limit has passed shows when its answer is taken. Real-time: yes.
     #[inline]

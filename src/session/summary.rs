@@ -208,6 +208,12 @@ pub fn ending(outcome: &Outcome) -> (Finish, String) {
             Some(Holder::Needless) | None => String::new(),
         });
     }
+    for index in &outcome.unarmed {
+        reason = format!(
+            "{reason}; specimen {} was being armed: if it was tried how it is wired, it moved a little, and its own end holds it",
+            index + 1
+        );
+    }
     for index in &outcome.unheard {
         reason = format!(
             "{reason}; specimen {} did not acknowledge the end: its own watchdog holds it",

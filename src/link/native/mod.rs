@@ -110,10 +110,15 @@ impl Substructure for NativeLink {
         })
     }
 
-    fn arm(&mut self, sequence: u64, disp: &[f64]) -> Result<(), LinkFault> {
-        self.live
-            .as_mut()
-            .map_or(Err(LinkFault::Closed), |live| live.arm(sequence, disp))
+    fn arm(
+        &mut self,
+        sequence: u64,
+        disp: &[f64],
+        wanted: &mut dyn FnMut() -> bool,
+    ) -> Result<bool, LinkFault> {
+        self.live.as_mut().map_or(Err(LinkFault::Closed), |live| {
+            live.arm(sequence, disp, wanted)
+        })
     }
 
     fn stats(&self) -> LinkStats {

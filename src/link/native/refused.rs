@@ -52,6 +52,9 @@ pub enum SetupError {
     /// It answers that it is armed, for another place than was asked for.
     #[error("the specimen is armed for another place than it was asked to be")]
     ArmedElsewhere,
+    /// Nobody wants it any more.
+    #[error("it is not wanted any more")]
+    Unwanted,
     /// The system has no random numbers.
     #[error("no random numbers: {0}")]
     Random(#[from] std::io::Error),
@@ -92,7 +95,7 @@ impl SetupError {
             Self::Tls(fault) => fault.link(),
             Self::Lost(fault) => *fault,
             Self::Bare | Self::SpeaksTls | Self::ArmedElsewhere => LinkFault::Malformed,
-            Self::Connect(_) | Self::Random(_) => LinkFault::Closed,
+            Self::Connect(_) | Self::Unwanted | Self::Random(_) => LinkFault::Closed,
             Self::Wire(error) => error.fault(),
             Self::Refused { code, .. } => match code {
                 RefuseCode::Version => LinkFault::Version,

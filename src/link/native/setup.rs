@@ -23,6 +23,8 @@ pub(in crate::link) const SOFTWARE: &str = concat!("gusset ", env!("CARGO_PKG_VE
 
 /// A question whose answer is missing is repeated after so long, over UDP.
 const REPEAT_NS: u64 = 200_000_000;
+/// Whether the answer is still wanted is asked this often.
+const LISTEN_NS: u64 = 50_000_000;
 
 /// What a controller wants of a specimen that speaks our own protocol.
 #[derive(Debug, Clone)]
@@ -99,6 +101,8 @@ impl NativeSetup {
                 let frame = out.get(..length).unwrap_or_default();
                 transport.send(frame).map_err(SetupError::Lost)
             },
+            // Who connects waits on a thread of its own, which is left behind.
+            &mut || true,
             |frame| {
                 let received = decoder.open(frame)?;
                 let Frame::Control(message) = received.frame else {
@@ -245,13 +249,14 @@ pub(super) fn not_welcome(message: Control, expected: &'static str) -> SetupErro
     }
 }
 
-/// Asks and waits for the answer; over UDP the question is repeated until there is one, and what makes no sense is
-/// passed over, but named if nothing better comes.
+/// Asks and waits for the answer as long as it is `wanted`; over UDP the question is repeated until there is one, and what
+/// makes no sense is passed over, but named if nothing better comes.
 pub(super) fn ask<R>(
     transport: &mut dyn Transport,
     inbox: &mut Inbox,
     (question, limit): (&'static str, Duration),
     mut put: impl FnMut(&mut dyn Transport) -> Result<(), SetupError>,
+    wanted: &mut dyn FnMut() -> bool,
     mut judge: impl FnMut(&[u8]) -> Result<Option<R>, SetupError>,
 ) -> Result<R, SetupError> {
     let limit_ns = u64::try_from(limit.as_nanos()).unwrap_or(u64::MAX);
@@ -291,8 +296,19 @@ pub(super) fn ask<R>(
         } else {
             deadline.min(repeat)
         };
-        match transport.recv(inbox.space(), until) {
+        // A wait on simulated time takes none of whoever may not want it any more.
+        let look = if transport.is_simulated() {
+            deadline
+        } else {
+            transport.now().plus(LISTEN_NS)
+        };
+        match transport.recv(inbox.space(), until.min(look)) {
             Ok(Some(count)) => inbox.filled(count),
+            Ok(None) if look < until => {
+                if !wanted() {
+                    return Err(SetupError::Unwanted);
+                }
+            }
             Ok(None) if until < deadline => {
                 put(transport)?;
                 repeat = transport.now().plus(REPEAT_NS);

@@ -206,7 +206,7 @@ impl Rig for Far {
         let first = self.ours;
         let link = self.link()?;
         link.ask_to_arm(first, start)?;
-        link.arm(first, start)
+        link.arm(first, start, &mut || true).map(|_| ())
     }
 
     fn trial(

@@ -146,8 +146,13 @@ impl Substructure for Meter {
         self.inner.ask_to_arm(sequence, disp)
     }
 
-    fn arm(&mut self, sequence: u64, disp: &[f64]) -> Result<(), LinkFault> {
-        self.inner.arm(sequence, disp)
+    fn arm(
+        &mut self,
+        sequence: u64,
+        disp: &[f64],
+        wanted: &mut dyn FnMut() -> bool,
+    ) -> Result<bool, LinkFault> {
+        self.inner.arm(sequence, disp, wanted)
     }
 
     fn stats(&self) -> LinkStats {

@@ -34,12 +34,14 @@ impl Live {
         self.send(written)
     }
 
-    /// The last question before anything moves. Blocks within the time limit.
+    /// The last question before anything moves. Blocks within the time limit, as long as the answer is `wanted`: false if it
+    /// is not any more.
     pub(in crate::link::native) fn arm(
         &mut self,
         sequence: u64,
         disp: &[f64],
-    ) -> Result<(), LinkFault> {
+        wanted: &mut dyn FnMut() -> bool,
+    ) -> Result<bool, LinkFault> {
         if self.asked_to_arm.is_none() {
             self.ask_to_arm(sequence, disp)?;
         }
@@ -66,6 +68,7 @@ impl Live {
                 let frame = out.get(..length).unwrap_or_default();
                 transport.send(frame).map_err(SetupError::Lost)
             },
+            wanted,
             |frame| match decoder.open(frame)?.frame {
                 Frame::Control(message) => match handshake::decode(message)? {
                     Control::Arm(arm)
@@ -87,8 +90,10 @@ impl Live {
         match answer {
             Ok(()) => {
                 self.armed = true;
-                Ok(())
+                Ok(true)
             }
+            // It is told so in the last words.
+            Err(SetupError::Unwanted) => Ok(false),
             Err(error) => {
                 let error = explained(error, self.transport.as_ref());
                 Err(self.fail(error.fault(), Detail::Said(error.to_string())))
