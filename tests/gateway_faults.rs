@@ -9,7 +9,7 @@ use std::process::Command;
 use gusset::record::Run;
 use gusset::record::summary::Status as Ended;
 use link_common::{
-    Fake, ONE_AXIS, ONE_AXIS_LAW, Served, finish, gateway, gusset, run, summary, test_file,
+    Fake, ONE_AXIS, ONE_AXIS_LAW, Running, Served, finish, gateway, gusset, run, summary, test_file,
 };
 
 const STEPS: u32 = 100;
@@ -229,6 +229,39 @@ fn a_gateway_that_is_told_to_stop_ends_the_test_at_both_ends() {
     specimen.hears("retired");
     let kept = Run::open(&folder.join("kept/test-0001")).unwrap();
     assert_eq!(kept.summary().unwrap().status, Ended::Interrupted);
+}
+
+/// Its far end takes the connection and says nothing: whoever has enough of waiting for it is heard, the gateway's operator
+/// and that of the test.
+#[test]
+fn a_gateway_that_waits_for_its_specimen_hears_its_operator_and_its_controller() {
+    for is_told in [true, false] {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        let out = folder.join("kept");
+        let mute = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+        let address = mute.local_addr().unwrap().to_string();
+        let file = gateway(&address, KNOWN, "");
+        let file = file.replace("connect_timeout_s = 2", "connect_timeout_s = 50");
+        let mut between = Served::start(folder, &file, &["--out", out.to_str().unwrap()]);
+        let keys = "connect_timeout_s = 50";
+        let test = Running::start(folder, "run", &through(STEPS, &between.address, keys));
+        let _gateway = mute.accept().unwrap();
+        let kept = || Run::open(&out.join("test-0001")).unwrap();
+        if is_told {
+            assert_eq!(between.signal("INT"), 130);
+            let (code, said) = test.wait();
+            assert_eq!(code, 3, "{said}");
+            let reason = summary(folder, "run").reason;
+            assert!(reason.contains("the server was told to stop"), "{reason}");
+            assert_eq!(kept().summary().unwrap().status, Ended::Interrupted);
+        } else {
+            assert_eq!(test.interrupt().0, 130);
+            between.hears("refused: ");
+            let reason = kept().summary().unwrap().reason.clone();
+            assert!(reason.contains("the controller said goodbye"), "{reason}");
+        }
+    }
 }
 
 /// After a kill −9 the folder says that it is unfinished, and every row up to the last moments is there.

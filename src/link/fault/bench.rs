@@ -7,7 +7,7 @@ use std::collections::VecDeque;
 use super::dice::Dice;
 use super::spec::{Channel, Fault, Kind, MEMORY, Place, Script};
 use crate::control::AxisUnits;
-use crate::link::rig::{Rig, Visitor};
+use crate::link::rig::{Over, Rig, Visitor, Wanted};
 use crate::substructure::{
     Command, Introduction, LinkFault, LinkStats, Measurement, Retirement, Status,
 };
@@ -248,13 +248,22 @@ impl Rig for Bench {
         self.rig.is_remote()
     }
 
-    fn connect(&mut self, visitor: &Visitor) -> Result<Introduction, String> {
+    fn connect(
+        &mut self,
+        visitor: &Visitor,
+        wanted: &mut Wanted<'_>,
+    ) -> Result<Introduction, Over> {
         let rate = visitor.rate.filter(|(commands, _)| *commands > 0);
         self.period = rate.map(|(commands, seconds)| seconds as f64 / commands as f64);
-        self.rig.connect(visitor)
+        self.rig.connect(visitor, wanted)
     }
 
-    fn arm(&mut self, sequence: u64, start: &[f64]) -> Result<(), LinkFault> {
+    fn arm(
+        &mut self,
+        sequence: u64,
+        start: &[f64],
+        wanted: &mut dyn FnMut() -> bool,
+    ) -> Result<bool, LinkFault> {
         let found = self.faults.iter().find_map(|fault| match fault.kind {
             Kind::Elsewhere { disp_m } => Some(elsewhere(disp_m, fault.axis)),
             _ => None,
@@ -269,7 +278,7 @@ impl Rig for Bench {
         copy(&mut self.said.disp, start);
         self.said.force.fill(0.0);
         self.past.clear();
-        self.rig.arm(sequence, start)
+        self.rig.arm(sequence, start, wanted)
     }
 
     fn at_rest(&mut self, into: &mut Measurement) {
@@ -399,7 +408,7 @@ mod tests {
             ..AxisUnits::SI
         };
         let mut bench = Bench::around(Box::new(rig), &script, vec![units]);
-        bench.arm(5, &[0.0]).unwrap();
+        bench.arm(5, &[0.0], &mut || true).unwrap();
         let mut into = Measurement::zeros(1);
         let each = commands.iter().zip(5..).map(|(disp, sequence)| {
             let command = Command {
@@ -432,9 +441,9 @@ mod tests {
             rate: Some((10, 1)),
             ..Visitor::unnamed(([127, 0, 0, 1], 1).into())
         };
-        bench.connect(&visitor).unwrap();
+        bench.connect(&visitor, &mut || Ok(())).unwrap();
         let complaint = |bench: &dyn Rig| bench.complaint().unwrap_or_default();
-        if bench.arm(0, &[0.0]).is_err() {
+        if bench.arm(0, &[0.0], &mut || true).is_err() {
             return Err(complaint(&*bench));
         }
         let mut into = Measurement::zeros(1);

@@ -4,14 +4,19 @@
 //! the next test finds a gateway that owes nothing to the last one, and a specimen that was restarted meanwhile. Every
 //! exchange is waited for, up to the link's own time limit; commands are numbered anew, with the controller's gaps.
 
+use std::sync::mpsc::{self, RecvTimeoutError};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
-use super::{Rig, Visitor};
+use super::{Over, Rig, Visitor, Wanted};
 use crate::rt::os;
 use crate::substructure::{
     Command, Freshness, Introduction, LinkFault, LinkStats, Measurement, Retirement, Substructure,
 };
 use crate::time::Nanos;
+
+/// How often it is asked meanwhile whether a connection is still wanted.
+const LOOK_EVERY: Duration = Duration::from_millis(20);
 
 /// Where a specimen across a link stands, as far as its last tests tell: shared by those who make its connections and those
 /// who ask.
@@ -161,6 +166,35 @@ impl Far {
     }
 }
 
+/// Connects a link on a thread of its own, for it waits. One that is not wanted any more is left behind with its thread: its
+/// far end was told of nothing that could move, and its connection closes with it.
+fn connected(
+    mut link: Box<dyn Substructure>,
+    wanted: &mut Wanted<'_>,
+) -> Result<(Box<dyn Substructure>, Introduction), Over> {
+    let (done, said) = mpsc::channel();
+    let work = move || {
+        let outcome = link.connect();
+        let _ = done.send((link, outcome));
+    };
+    let thread = std::thread::Builder::new().name("gusset-connect".into());
+    thread
+        .spawn(work)
+        .map_err(|error| Over::failed(format_args!("no thread to connect it on: {error}")))?;
+    loop {
+        match said.recv_timeout(LOOK_EVERY) {
+            Ok((link, outcome)) => {
+                let introduction = outcome.map_err(|error| Over::failed(error.text))?;
+                return Ok((link, introduction));
+            }
+            Err(RecvTimeoutError::Timeout) => wanted()?,
+            Err(RecvTimeoutError::Disconnected) => {
+                return Err(Over::failed("internal error: its connection panicked"));
+            }
+        }
+    }
+}
+
 impl Rig for Far {
     fn axes(&self) -> usize {
         self.axes
@@ -170,10 +204,13 @@ impl Rig for Far {
         true
     }
 
-    fn connect(&mut self, visitor: &Visitor) -> Result<Introduction, String> {
+    fn connect(
+        &mut self,
+        visitor: &Visitor,
+        wanted: &mut Wanted<'_>,
+    ) -> Result<Introduction, Over> {
         (self.ours, self.theirs, self.unused) = (0, 0, 0);
-        let mut link = (self.build)(visitor)?;
-        let mut introduction = link.connect().map_err(|error| error.text)?;
+        let (link, mut introduction) = connected((self.build)(visitor)?, wanted)?;
         self.link = Some(link);
         if introduction.standing.is_empty() {
             introduction.standing = self.whereabouts.stated();
@@ -201,12 +238,17 @@ impl Rig for Far {
         self.link()?.pause()
     }
 
-    fn arm(&mut self, sequence: u64, start: &[f64]) -> Result<(), LinkFault> {
+    fn arm(
+        &mut self,
+        sequence: u64,
+        start: &[f64],
+        wanted: &mut dyn FnMut() -> bool,
+    ) -> Result<bool, LinkFault> {
         (self.ours, self.theirs) = (self.unused, sequence);
         let first = self.ours;
         let link = self.link()?;
         link.ask_to_arm(first, start)?;
-        link.arm(first, start, &mut || true).map(|_| ())
+        link.arm(first, start, wanted)
     }
 
     fn trial(

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use super::{Rig, Visitor};
+use super::{Over, Rig, Visitor, Wanted};
 use crate::specimen::{Specimen, status};
 use crate::substructure::{Command, Introduction, LinkFault, Measurement, Retirement};
 
@@ -112,7 +112,7 @@ impl Rig for Law {
         self.disp.len()
     }
 
-    fn connect(&mut self, visitor: &Visitor) -> Result<Introduction, String> {
+    fn connect(&mut self, visitor: &Visitor, _: &mut Wanted<'_>) -> Result<Introduction, Over> {
         let rate = visitor.rate.filter(|(numerator, _)| *numerator > 0);
         let every = rate.map_or(0.0, |(numerator, denominator)| {
             denominator as f64 / numerator as f64
@@ -130,14 +130,14 @@ impl Rig for Law {
         })
     }
 
-    fn arm(&mut self, _: u64, _: &[f64]) -> Result<(), LinkFault> {
+    fn arm(&mut self, _: u64, _: &[f64], _: &mut dyn FnMut() -> bool) -> Result<bool, LinkFault> {
         if !self.remembers {
             self.specimen.thaw(&self.virgin);
             self.committed.copy_from_slice(&self.stands);
         }
         self.specimen.revert();
         self.driven = false;
-        Ok(())
+        Ok(true)
     }
 
     fn at_rest(&mut self, into: &mut Measurement) {
@@ -213,8 +213,8 @@ mod tests {
     /// as standing.
     fn goes_to(law: &mut Law, places: &[f64]) -> Vec<f64> {
         let visitor = Visitor::unnamed("127.0.0.1:1".parse().unwrap());
-        let introduced = law.connect(&visitor).unwrap().standing;
-        law.arm(0, &introduced).unwrap();
+        let introduced = law.connect(&visitor, &mut || Ok(())).unwrap().standing;
+        law.arm(0, &introduced, &mut || true).unwrap();
         let mut measured = Measurement::zeros(1);
         for (index, place) in places.iter().enumerate() {
             if index > 0 {

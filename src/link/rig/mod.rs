@@ -126,7 +126,7 @@ impl Trip {
     }
 }
 
-/// Asked while a specimen is moved before a test: whether that test is still wanted, and why not.
+/// Asked while a specimen is waited for or moved before a test: whether that test is still wanted, and why not.
 pub type Wanted<'a> = dyn FnMut() -> Result<(), Over> + 'a;
 
 /// Positions whose difference is this share of the larger are the same.
@@ -157,17 +157,25 @@ pub trait Rig: Send {
         false
     }
 
-    /// Gets ready for a controller; nothing moves. May block, within time limits of its own.
+    /// Gets ready for a controller; nothing moves. May block, within time limits of its own and for as long as the test is
+    /// `wanted`.
     ///
     /// # Errors
-    /// The specimen cannot take part.
-    fn connect(&mut self, visitor: &Visitor) -> Result<Introduction, String>;
+    /// The specimen cannot take part, or need not.
+    fn connect(&mut self, visitor: &Visitor, wanted: &mut Wanted<'_>)
+    -> Result<Introduction, Over>;
 
-    /// From here on commands come, from this number and this place on. A formula begins anew. May block.
+    /// From here on commands come, from this number and this place on. A formula begins anew. May block, for as long as it is
+    /// `wanted`: false if it is not any more.
     ///
     /// # Errors
     /// The specimen is not ready, or gone.
-    fn arm(&mut self, sequence: u64, start: &[f64]) -> Result<(), LinkFault>;
+    fn arm(
+        &mut self,
+        sequence: u64,
+        start: &[f64],
+        wanted: &mut dyn FnMut() -> bool,
+    ) -> Result<bool, LinkFault>;
 
     /// What can be said of the specimen before the first command. Zeros if nothing.
     fn at_rest(&mut self, into: &mut Measurement) {

@@ -170,7 +170,7 @@ impl Station {
     }
 
     /// Gets everything ready for a controller's test: log, connection, direction, arming. Returns what whoever watches
-    /// should know. May block; what moves before the test moves only for as long as the test is `wanted`.
+    /// should know. May block and move what is to be tried, for as long as the test is `wanted`.
     ///
     /// # Errors
     /// Why there is no test; the specimen, if it was reached, has been told, and holds where it is.
@@ -203,13 +203,19 @@ impl Station {
         }
     }
 
-    /// The controller begins anew after commands that only tried the specimen: a formula forgets them.
+    /// The controller begins anew after commands that only tried the specimen: a formula forgets them. May block, for as long
+    /// as that is `wanted`.
     ///
     /// # Errors
-    /// The specimen is not ready, or gone.
-    pub fn begin_again(&mut self, sequence: u64, start: &[f64]) -> Result<(), String> {
+    /// The specimen is not ready, or gone, or need not be ready.
+    pub fn begin_again(
+        &mut self,
+        sequence: u64,
+        start: &[f64],
+        wanted: &mut Wanted<'_>,
+    ) -> Result<(), Over> {
         self.note(NoteLevel::Info, "armed_again", "the controller begins anew");
-        self.arm(sequence, start)
+        self.arm(sequence, start, wanted)
     }
 
     /// The present wall time, by a clock other than the machine's. Real-time: yes.

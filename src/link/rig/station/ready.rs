@@ -20,7 +20,7 @@ impl Station {
         if let Some(log) = &self.log {
             told.push(format!("recording into {}", log.path().display()));
         }
-        let introduction = self.rig.connect(visitor)?;
+        let introduction = self.rig.connect(visitor, wanted)?;
         if self.rig.is_remote() {
             let text = format!("specimen \"{}\": {}", self.name, introduction.peer);
             self.note(NoteLevel::Info, "connected", &introduction.peer);
@@ -51,7 +51,7 @@ impl Station {
         {
             told.push(self.try_direction(&start, &amplitude, (pace, forgets), wanted)?);
         }
-        self.arm(visitor.first_sequence, &start)?;
+        self.arm(visitor.first_sequence, &start, wanted)?;
         let is_measured = introduction.measured && introduction.standing.len() == start.len();
         let stands = if is_measured {
             &introduction.standing
@@ -143,7 +143,7 @@ impl Station {
             "probing",
             "a small motion and back, axis after axis",
         );
-        self.arm(0, start)?;
+        self.arm(0, start, wanted)?;
         let (mut disp, mut vel) = (start.to_vec(), vec![0.0; n]);
         let mut edge = os::monotonic_ns();
         let mut measured = Measurement::zeros(n);
@@ -186,7 +186,12 @@ impl Station {
         Ok(text)
     }
 
-    pub(super) fn arm(&mut self, sequence: u64, start: &[f64]) -> Result<(), String> {
+    pub(super) fn arm(
+        &mut self,
+        sequence: u64,
+        start: &[f64],
+        wanted: &mut Wanted<'_>,
+    ) -> Result<(), Over> {
         self.watch = Watch::new(self.limits.clone(), USUAL_TICK_S);
         self.watch.stands_at(metres(&self.units, start));
         if let Some(announced) = &mut self.announced {
@@ -195,12 +200,16 @@ impl Station {
         if let Some(allowed) = &mut self.allowed {
             allowed.begin(sequence);
         }
-        self.rig.arm(sequence, start).map_err(|fault| {
+        let mut unwanted = None;
+        let mut is_wanted = || wanted().map_err(|over| unwanted = Some(over)).is_ok();
+        let outcome = self.rig.arm(sequence, start, &mut is_wanted);
+        if let Some(over) = unwanted {
+            return Err(over);
+        }
+        outcome.map(|_| ()).map_err(|fault| {
             let why = self.rig.complaint().unwrap_or_default();
-            format!(
-                "it is not armed: {fault}{}{why}",
-                if why.is_empty() { "" } else { ": " }
-            )
+            let between = if why.is_empty() { "" } else { ": " };
+            Over::failed(format_args!("it is not armed: {fault}{between}{why}"))
         })
     }
 }

@@ -1,8 +1,10 @@
 //! How a session ends, or begins anew, and the last words that are said.
 
+use std::sync::atomic::Ordering;
+
 use super::Stand;
 use crate::link::rig::{Close, Over, Trip};
-use crate::link::serve::greet;
+use crate::link::serve::{Desk, greet};
 use crate::wire::WireError;
 use crate::wire::handshake::{self, Bye, Control, Refuse, TEXT_LIMIT};
 use crate::wire::native::{Cause, Notice};
@@ -51,7 +53,7 @@ impl Stand {
 
     /// The answer to the arming was lost: it is given again. A later one, after commands that only tried the specimen:
     /// the test begins anew, where the specimen stands. Any other message now is the end.
-    pub(super) fn again_armed(&mut self, message: &[u8]) -> Result<(), Wrong> {
+    pub(super) fn again_armed(&mut self, message: &[u8], desk: &Desk) -> Result<(), Wrong> {
         match handshake::decode(message)? {
             Control::Arm(arm) if arm == self.armed => {}
             Control::Arm(arm) => {
@@ -63,9 +65,19 @@ impl Stand {
                     // An earlier one, late.
                     return Ok(());
                 }
-                self.station
-                    .begin_again(arm.first_sequence, &arm.disp)
-                    .map_err(Over::failed)?;
+                let mut wanted = || {
+                    if desk.stop.load(Ordering::Acquire) {
+                        return Err(Over::told_to_stop());
+                    }
+                    Ok(())
+                };
+                let begun = self
+                    .station
+                    .begin_again(arm.first_sequence, &arm.disp, &mut wanted);
+                if begun == Err(Over::told_to_stop()) {
+                    self.say_goodbye(Cause::Shutdown);
+                }
+                begun?;
                 (self.sequence, self.next_sequence) = (None, arm.first_sequence);
                 self.line.armed(arm.first_sequence);
                 (self.pending, self.sample_at) = (None, None);

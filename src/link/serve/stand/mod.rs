@@ -303,7 +303,7 @@ impl Stand {
             }
             Frame::Control(message) => {
                 let message = message.to_vec();
-                self.again_armed(&message)?;
+                self.again_armed(&message, desk)?;
             }
         }
         Ok(())
