@@ -223,6 +223,22 @@ fn the_small_motion_of_a_gateway_ends_where_it_is_when_its_controller_leaves() {
     }
 }
 
+/// Over UDP no connection tells that a controller is gone: that it does not ask to be armed any more does.
+#[test]
+fn the_small_motion_of_a_gateway_ends_where_it_is_when_its_controller_is_killed_over_udp() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let (between, is_going_on, told) = trying(folder, "gusset", "udp");
+    let keys = "transport = \"udp\"\nconnect_timeout_s = 60";
+    let mut test = Running::start(folder, "run", &linked(&between.address, keys));
+    is_going_on.recv_timeout(PATIENCE).unwrap();
+    test.kill();
+    between.hears("refused: ");
+    let (status, reason) = broken_off(folder, &told);
+    assert_eq!(status, Status::Failed, "{reason}");
+    assert!(reason.contains("has been silent for 2 s"), "{reason}");
+}
+
 /// An operator need not wait until a gateway has tried its specimen: it is told so, and tries it no further.
 #[test]
 fn a_test_that_waits_for_a_gateway_to_be_armed_ends_when_it_is_told_to() {

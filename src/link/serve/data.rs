@@ -8,7 +8,7 @@ use crossbeam_channel::{Receiver, RecvTimeoutError};
 
 use super::greet::{self, Greeted};
 use super::line::Line;
-use super::stand::{Stand, lost_controller, said_goodbye};
+use super::stand::{Stand, gone_silent, lost_controller, said_goodbye};
 use super::{Desk, Heard};
 use crate::link::Transport;
 use crate::link::inbox::Inbox;
@@ -16,11 +16,16 @@ use crate::link::rig::{Close, Over, Visitor};
 use crate::link::socket::LOOK;
 use crate::rt::throttle::Throttle;
 use crate::rt::{RtPlan, apply};
+use crate::time::Nanos;
 use crate::wire::handshake::{self, Arm, Control};
 use crate::wire::native::Frame;
 
 /// The stop flag is looked at this often while nobody is there.
 const PAUSE: Duration = Duration::from_millis(50);
+
+/// Over UDP a controller asks to be armed again and again until it is. One that has not for so long, and not for the time of
+/// its watchdog, is gone: many of its questions would have been lost in a row.
+const SILENT_NS: u64 = 2_000_000_000;
 
 /// A controller that has armed, on its way to the data thread.
 pub(super) struct Session {
@@ -29,6 +34,8 @@ pub(super) struct Session {
     pub(super) peer: SocketAddr,
     pub(super) greeted: Greeted,
     pub(super) arm: Arm,
+    /// When something of it was heard last.
+    pub(super) heard_at: Nanos,
 }
 
 impl Session {
@@ -43,6 +50,7 @@ impl Session {
         arm: Arm,
     ) {
         let session = Session {
+            heard_at: line.now(),
             line,
             inbox,
             peer,
@@ -159,19 +167,22 @@ impl Session {
         loop {
             let place = match self.inbox.next() {
                 Ok(Some(place)) => place,
-                Ok(None) => return Ok(()),
+                Ok(None) => return self.is_heard(),
                 Err(error) if self.inbox.is_stream() => return Err(Over::failed(error)),
                 // A datagram of anybody's.
                 Err(_) => continue,
             };
             let leaves = match self.greeted.decoder.open(self.inbox.frame(place)) {
-                Ok(received) => match received.frame {
-                    Frame::Retire(_) | Frame::Goodbye(_) => true,
-                    Frame::Control(message) => {
-                        matches!(handshake::decode(message), Ok(Control::Bye(_)))
+                Ok(received) => {
+                    self.heard_at = self.line.now();
+                    match received.frame {
+                        Frame::Retire(_) | Frame::Goodbye(_) => true,
+                        Frame::Control(message) => {
+                            matches!(handshake::decode(message), Ok(Control::Bye(_)))
+                        }
+                        _ => false,
                     }
-                    _ => false,
-                },
+                }
                 Err(error) if self.inbox.is_stream() => return Err(Over::failed(error)),
                 Err(_) => false,
             };
@@ -179,6 +190,15 @@ impl Session {
                 return Err(said_goodbye());
             }
         }
+    }
+
+    /// Where no connection tells that a controller is gone, its silence does.
+    fn is_heard(&self) -> Result<(), Over> {
+        let silent = self.line.now().since(self.heard_at);
+        if self.inbox.is_stream() || silent < SILENT_NS.max(self.greeted.watchdog_ns) {
+            return Ok(());
+        }
+        Err(gone_silent(self.peer, silent))
     }
 
     fn visitor(&self) -> Visitor {

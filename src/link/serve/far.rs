@@ -189,6 +189,7 @@ impl Waiting {
                 Some(mut known) => match arming(desk, &mut known, frame) {
                     Ok(Some(arm)) => {
                         let session = Session {
+                            heard_at: line.now(),
                             line,
                             inbox,
                             peer: PEER,

@@ -83,6 +83,7 @@ impl Stand {
             peer,
             greeted,
             arm,
+            heard_at: _,
         } = session;
         let axes = station.axes();
         let now = line.now();
@@ -314,6 +315,12 @@ impl Stand {
         let frame = self.out.get(..length).unwrap_or_default();
         self.line.send(frame).map_err(Over::failed)
     }
+}
+
+/// Nothing was heard of the controller for so many ns.
+pub(super) fn gone_silent(peer: SocketAddr, silent_ns: u64) -> Over {
+    let seconds = silent_ns / 1_000_000_000;
+    Over::failed(format_args!("{peer} has been silent for {seconds} s"))
 }
 
 /// The controller leaves, and says so, without a word on the specimen.

@@ -2,7 +2,7 @@
 //!
 //! The thread sleeps until shortly before the next command is expected, then reads in a busy loop until shortly after.
 
-use super::Stand;
+use super::{Stand, gone_silent};
 use crate::link::Wait;
 use crate::link::rig::Over;
 use crate::link::serve::{Desk, Heard};
@@ -54,11 +54,7 @@ impl Stand {
         let silent = now.since(self.heard_at);
         if silent >= GONE_NS.max(self.watchdog_ns.saturating_mul(10)) {
             self.say_goodbye(Cause::Watchdog);
-            return Err(Over::failed(format_args!(
-                "{} has been silent for {} s",
-                self.peer,
-                silent / 1_000_000_000
-            )));
+            return Err(gone_silent(self.peer, silent));
         }
         if now.since(self.attended) >= LOOK_NS {
             self.attended = now;
