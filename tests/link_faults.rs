@@ -276,7 +276,7 @@ fn an_operator_who_has_enough_of_waiting_for_an_answer_is_heard() {
             owes.send(()).unwrap();
             while fake.frame().is_some() {}
         });
-        let keys = "coupling = \"lockstep\"\nreply_timeout_s = 3600";
+        let keys = "coupling = \"lockstep\"\nreply_timeout_s = 50";
         let text = linked(STEPS, &address, keys)
             .replace("\"simulated\"", &format!("\"{clock}\""))
             .replace("[timing]\n", PATIENT);
