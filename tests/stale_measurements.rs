@@ -90,6 +90,28 @@ fn a_missing_measurement_is_extrapolated_along_the_estimate() {
     assert_eq!(run.column("raw_force_1_1")[22], STIFFNESS * target[19]);
 }
 
+/// At the peak of the force the answer stays away: what the loop goes on with is larger than all that came.
+#[test]
+fn an_estimate_is_no_peak() {
+    let (whole, _) = run(&[], true, 10);
+    let force = whole.column("force_1_1");
+    let largest = |force: &[f64]| force.iter().fold(0.0f64, |most, f| most.max(f.abs()));
+    assert_eq!(whole.outcome.ports[0].1, [largest(&force)]);
+    let peak = force.iter().position(|f| f.abs() == largest(&force));
+    let peak = peak.unwrap() as u64;
+    let (run, _) = run(&[(peak, Act::Miss)], true, 10);
+    let (force, status) = (run.column("force_1_1"), run.column("status_1"));
+    assert!(status[peak as usize] >= 262_144.0);
+    let answered: Vec<f64> = force
+        .iter()
+        .zip(&status)
+        .filter(|(_, s)| **s < 262_144.0)
+        .map(|(f, _)| *f)
+        .collect();
+    assert!(largest(&answered) < largest(&force));
+    assert_eq!(run.outcome.ports[0].1, [largest(&answered)]);
+}
+
 #[test]
 fn more_in_a_row_than_allowed_end_the_test() {
     let three: Vec<_> = (20..23).map(|at| (at, Act::Miss)).collect();

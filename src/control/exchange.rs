@@ -207,9 +207,13 @@ impl Port {
         }
     }
 
-    /// Notes the peak of the force, whatever is made of it. Real-time: yes.
+    /// Notes the peak of the force, whatever is made of it. What stands in for an answer that stayed away was not measured: it
+    /// is no peak; nor is a force that is recovered later, which moved nothing and which no recording holds. Real-time: yes.
     #[inline]
     pub fn note_peak(&mut self) {
+        if !self.is_fresh() {
+            return;
+        }
         for (peak, force) in self.peak_force.iter_mut().zip(&self.force) {
             let size = force.abs();
             if size > *peak && size < f64::INFINITY {

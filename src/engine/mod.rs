@@ -218,7 +218,7 @@ pub struct Outcome {
     pub steps: u64,
     /// Peaks over all DOFs.
     pub peaks: Peaks,
-    /// Peaks and counts of each specimen: name, largest |force| per axis, exchanges.
+    /// Peaks and counts of each specimen: name, largest |force| per axis of answers that came in time, exchanges.
     pub ports: Vec<(String, Vec<f64>, LinkCount)>,
     /// Histograms of every timing quantity.
     pub timing: Timing,
