@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use common::engine::{Run, run_on};
 use common::rig::{Act, Call, Log, Phase, STIFFNESS, attach, storey, two_floors};
 use gusset::control::{Direction, Exit, Pace, Reference, Zero};
-use gusset::engine::{Ending, Left, Stop};
+use gusset::engine::{Ending, Left, Phase as Ended, Stop};
 use gusset::record::EventKind;
 use gusset::substructure::{Coupling, Retirement};
 use gusset::time::{Clock, SimClock};
@@ -121,6 +121,13 @@ fn more_in_a_row_than_allowed_end_the_test() {
     let wanted = Stop::Stale { port: 0, ticks: 3 };
     assert_eq!(stopped.outcome.ending, Ending::Stopped(wanted));
     assert_eq!(calls.last(), Some(&(0, Call::Retire(Retirement::Tripped))));
+    // Its row is that of its step, which has one tick.
+    let [step, sub_tick, state] = ["step", "sub_tick", "state"].map(|name| stopped.all(name));
+    let row = state
+        .iter()
+        .position(|s| *s == Ended::Tripped.code())
+        .unwrap();
+    assert_eq!((step[row], sub_tick[row]), (22.0, 0.0));
     assert!(
         !calls
             .iter()

@@ -93,8 +93,11 @@ impl Engine {
             self.row.stopped = self.stops_on_its_way_out();
             self.keep_warm_up();
             if tick.step == self.ride.step && !is_not_awaited {
+                // Of the test it is the row of its step, as one that is closed is.
+                let sub_tick = if self.riding { 0 } else { tick.sub_tick };
+                let tick = Tick { sub_tick, ..*tick };
                 self.row
-                    .exchange(tick, Phase::Tripped, &self.side, &self.ports);
+                    .exchange(&tick, Phase::Tripped, &self.side, &self.ports);
             } else {
                 let state = if is_not_awaited {
                     NOT_AWAITED
