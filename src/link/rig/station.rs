@@ -48,6 +48,8 @@ pub struct Station {
     /// The same in m for what moves, whoever commands it.
     leaves: Option<Vec<f64>>,
     measured: Measurement,
+    /// What its sensors read when all of them last gave a number.
+    sound: Measurement,
     tripped: Option<Trip>,
     commits: u64,
     /// Answers of a simulated actuator that did not come to terms with what it moves.
@@ -99,6 +101,7 @@ impl Station {
             stands: None,
             leaves: None,
             measured: Measurement::zeros(axes),
+            sound: Measurement::zeros(axes),
             tripped: None,
             commits: 0,
             unsettled: 0,
@@ -186,6 +189,7 @@ impl Station {
         self.commits = 0;
         self.unsettled = 0;
         self.measured = Measurement::zeros(self.units.len());
+        self.sound = Measurement::zeros(self.units.len());
         if let Some(settings) = &self.keeping {
             let log = Log::open(settings, &self.name, &self.units, visitor, self.away_from);
             self.log = Some(log.map_err(|text| format!("the log cannot be kept: {text}"))?);

@@ -101,16 +101,12 @@ impl Station {
         outcome.map_err(Trip::Lost)?;
         self.unsettled += u64::from(self.measured.status.has(Status::UNSETTLED));
         if let Some(axis) = not_finite(&self.measured.disp, &self.measured.force) {
-            // What is no number goes no further.
-            let Measurement { disp, force, .. } = &mut self.measured;
-            for value in disp.iter_mut().chain(force) {
-                if !value.is_finite() {
-                    *value = 0.0;
-                }
-            }
+            self.answer_what_was_read();
             let measured = true;
             return Err(Trip::NotFinite { axis, measured });
         }
+        self.sound.disp.clone_from(&self.measured.disp);
+        self.sound.force.clone_from(&self.measured.force);
         let values = metres(&self.units, &self.measured.disp).zip(
             self.measured
                 .force
@@ -132,6 +128,24 @@ impl Station {
         Ok(())
     }
 
+    /// What is no number goes no further: such an axis is answered with what it read before, and the status says that a sensor
+    /// is at its end. Real-time: yes.
+    fn answer_what_was_read(&mut self) {
+        let Measurement {
+            disp,
+            force,
+            status,
+            ..
+        } = &mut self.measured;
+        let before = self.sound.disp.iter().zip(&self.sound.force);
+        for ((disp, force), before) in disp.iter_mut().zip(force).zip(before) {
+            if !(disp.is_finite() && force.is_finite()) {
+                (*disp, *force) = (*before.0, *before.1);
+            }
+        }
+        status.0 |= Status::SATURATED.0;
+    }
+
     /// The time that a command has for its motion, if anything is known of it. Our own small motions before the test keep to
     /// a pace of ours. Real-time: yes.
     fn time_of(&mut self, sequence: u64, elapsed: f64, is_theirs: bool) -> Option<f64> {
@@ -151,5 +165,88 @@ impl Station {
             self.note(NoteLevel::Warning, "limit", &text);
         }
         found.trip.map_or(Ok(()), |hit| Err(Trip::Limit(hit)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Station;
+    use super::*;
+    use crate::control::AxisUnits;
+    use crate::link::rig::{Rig, Visitor};
+    use crate::substructure::{Introduction, LinkFault, Retirement};
+
+    /// Two springs of 10 N/m; after the command with number 2 the load cell of the second says no number.
+    #[derive(Debug)]
+    struct Broken;
+
+    impl Rig for Broken {
+        fn axes(&self) -> usize {
+            2
+        }
+        fn connect(&mut self, _: &Visitor) -> Result<Introduction, String> {
+            Ok(Introduction::default())
+        }
+        fn arm(&mut self, _: u64, _: &[f64]) -> Result<(), LinkFault> {
+            Ok(())
+        }
+        fn trial(
+            &mut self,
+            command: &Command<'_>,
+            _: f64,
+            into: &mut Measurement,
+        ) -> Result<(), LinkFault> {
+            into.disp.copy_from_slice(command.disp);
+            into.force = command.disp.iter().map(|disp| 10.0 * disp).collect();
+            if command.sequence > 2 {
+                into.force[1] = f64::NAN;
+            }
+            Ok(())
+        }
+        fn commit(&mut self) -> Result<(), LinkFault> {
+            Ok(())
+        }
+        fn revert(&mut self) {}
+        fn tangent(&mut self, _: &mut [f64]) {}
+        fn end(&mut self, _: Retirement) {}
+    }
+
+    #[test]
+    fn a_sensor_without_a_number_is_answered_with_what_it_read_last_and_marked() {
+        let units = vec![AxisUnits::SI; 2];
+        let mut station = Station::new(
+            "rig".into(),
+            Box::new(Broken),
+            units,
+            vec![0.0; 4],
+            vec![0.0; 4],
+        );
+        let visitor = Visitor::unnamed(([127, 0, 0, 1], 1).into());
+        station.begin(&visitor, &mut || Ok(())).unwrap();
+        let mut into = Measurement::zeros(2);
+        let mut exchange = |sequence: u64| {
+            let disp = [0.5 * sequence as f64, 0.25 * sequence as f64];
+            let command = Command {
+                sequence,
+                time: 0.0,
+                dt: 0.01,
+                disp: &disp,
+                vel: &[0.0; 2],
+            };
+            let trip = station.exchange(&command, 0.01, &mut into).err();
+            (trip, into.clone())
+        };
+        for sequence in 0..=2 {
+            assert_eq!(exchange(sequence).0, None);
+        }
+        let (axis, measured) = (1, true);
+        let is_none = Some(Trip::NotFinite { axis, measured });
+        // And so it stays.
+        for sequence in 3..=4 {
+            let (trip, into) = exchange(sequence);
+            assert_eq!(trip, is_none);
+            assert_eq!((into.disp, into.force), (vec![1.5, 0.5], vec![15.0, 5.0]));
+            assert!(into.status.has(Status::INTERLOCK) && into.status.has(Status::SATURATED));
+        }
     }
 }

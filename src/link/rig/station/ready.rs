@@ -68,7 +68,11 @@ impl Station {
                 let axis = axis + 1;
                 Err(format!("axis {axis}: the force at rest is no number").into())
             }
-            None => Ok(told),
+            None => {
+                self.sound.disp.clone_from(&self.measured.disp);
+                self.sound.force.clone_from(&self.measured.force);
+                Ok(told)
+            }
         }
     }
 
