@@ -151,7 +151,7 @@ fn report_and_export_read_the_folder() {
     let mut lines = text.lines();
     assert_eq!(
         lines.next(),
-        Some("time,target_1_1,cmd_1_1,meas_1_1,force_1_1")
+        Some("time,target_1_1,cmd_1_1,meas_1_1,force_1_1,status_1")
     );
     assert_eq!(lines.count(), STEPS as usize + 1 + WARM_UP);
 }

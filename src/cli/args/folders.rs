@@ -51,7 +51,7 @@ pub(in crate::cli) struct ExportArgs {
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 pub(in crate::cli) enum FormatArg {
-    /// Comma-separated values, 17 significant digits.
+    /// Comma-separated values, 17 significant digits; bit 262144 of `status_1` marks rows without a measurement of specimen 1.
     Csv,
     /// NumPy archive, one array per column.
     Npz,

@@ -1,9 +1,10 @@
 //! Which rows and which columns an export has, whatever its format.
 //!
 //! Rows: from t = 0 the last tick of each step, or every tick. Columns: `time`; `x<dof>` of all recorded DOFs, then
-//! `v<dof>`, then `a<dof>`; then for each specimen s and axis j `target_s_j`, `cmd_s_j`, `meas_s_j`, `force_s_j`; a
-//! format that holds numbers as they are goes on with all other columns of the log and the sequence numbers of the
-//! rows. The columns are found by name in `samples.json`.
+//! `v<dof>`, then `a<dof>`; then for each specimen s and axis j `target_s_j`, `cmd_s_j`, `meas_s_j`, `force_s_j`; then
+//! `status_s` of each specimen where it was recorded, which marks the rows whose measurement is none of that tick; a format that
+//! holds numbers as they are goes on with all other columns of the log and the sequence numbers of the rows. The columns are
+//! found by name in `samples.json`.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io;
@@ -137,11 +138,14 @@ impl Plan {
         let (step, time) = (need("step")?, need("time")?);
         let mut dofs: BTreeMap<u32, [Option<usize>; 3]> = BTreeMap::new();
         let mut axes: BTreeMap<(u32, u32), [Option<usize>; 4]> = BTreeMap::new();
+        let mut statuses: BTreeMap<u32, usize> = BTreeMap::new();
         for (place, column) in layout.columns().iter().enumerate() {
             if let Some((kind, dof)) = dof_column(&column.name) {
                 dofs.entry(dof).or_default()[kind] = Some(place);
             } else if let Some((kind, axis)) = axis_column(&column.name) {
                 axes.entry(axis).or_default()[kind] = Some(place);
+            } else if let Some(specimen) = status_column(&column.name) {
+                statuses.entry(specimen).or_insert(place);
             }
         }
         let mut wanted = vec![("time".to_owned(), "s", Some(time))];
@@ -154,6 +158,9 @@ impl Plan {
             for ((word, unit), place) in AXIS.iter().zip(found) {
                 wanted.push((format!("{word}_{specimen}_{axis}"), unit, *place));
             }
+        }
+        for (specimen, place) in statuses {
+            wanted.push((format!("status_{specimen}"), "1", Some(place)));
         }
         let csv = wanted.len();
         let taken: BTreeSet<usize> = wanted.iter().filter_map(|(_, _, place)| *place).collect();
@@ -305,6 +312,11 @@ fn axis_column(name: &str) -> Option<(usize, (u32, u32))> {
     let kind = AXIS.iter().position(|(known, _)| *known == word)?;
     let (specimen, axis) = rest.split_once('_')?;
     Some((kind, (number(specimen)?, number(axis)?)))
+}
+
+/// `status_2` → 2.
+fn status_column(name: &str) -> Option<u32> {
+    number(name.strip_prefix("status_")?)
 }
 
 /// A number from 1 as we write it: no sign, no leading zero.

@@ -91,14 +91,24 @@ fn per_step_it_is_the_last_tick_of_each_step_from_t_0_and_per_tick_all() {
 fn a_column_that_was_not_recorded_stays_empty_in_its_place() {
     let temp = tempfile::tempdir().unwrap();
     let path = temp.path().join("run");
-    let names = ["step", "time", "x1", "force_2_1", "x01", "force_1", "a0"];
-    recorded(&path, &names, &[&[0.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0]]);
+    let names = [
+        "step",
+        "status_2",
+        "time",
+        "x1",
+        "force_2_1",
+        "x01",
+        "force_1",
+        "a0",
+    ];
+    let row = [0.0, 262_144.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0];
+    recorded(&path, &names, &[&row]);
     let out = temp.path().join("out.csv");
     export_csv(&Run::open(&path).unwrap(), Rows::Step, &out).unwrap();
     assert_eq!(
         std::fs::read_to_string(&out).unwrap(),
-        "time,x1,v1,a1,target_2_1,cmd_2_1,meas_2_1,force_2_1\n\
-         0.0000000000000000e0,1.0000000000000000e0,,,,,,2.0000000000000000e0\n"
+        "time,x1,v1,a1,target_2_1,cmd_2_1,meas_2_1,force_2_1,status_2\n\
+         0.0000000000000000e0,1.0000000000000000e0,,,,,,2.0000000000000000e0,2.6214400000000000e5\n"
     );
 }
 
