@@ -25,7 +25,7 @@ pub mod tracking;
 pub mod windows;
 
 pub use response::{
-    Denominator, Identified, Peak, absorbed_energy, identify, lag, largest_error, loading, nrmse,
-    peak, residual,
+    Denominator, Identified, Peak, absorbed_energy, bridged, identify, lag, largest_error, loading,
+    nrmse, peak, residual,
 };
 pub use tracking::{Judged, Noise, Tracking};

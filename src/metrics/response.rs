@@ -4,6 +4,8 @@
 //! takes no part. Each returns `None` where the number does not exist (no data, no motion) instead of a NaN.
 //! Nothing here knows of columns, units or pictures.
 
+use std::borrow::Cow;
+
 /// Largest magnitude of a series, with its sign.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Peak {
@@ -288,6 +290,40 @@ fn filled(values: &[f64]) -> Option<Vec<f64>> {
     Some(out.collect())
 }
 
+/// `measured` with what is missing of it put as far off `command` as a straight line from the sample before to the one behind is:
+/// for what needs samples at even times. As it is where nothing is missing, or everything.
+#[must_use]
+pub fn bridged<'a>(command: &[f64], measured: &'a [f64]) -> Cow<'a, [f64]> {
+    if measured.iter().all(|m| m.is_finite()) {
+        return Cow::Borrowed(measured);
+    }
+    let errors: Vec<f64> = measured.iter().zip(command).map(|(m, c)| m - c).collect();
+    let mut out = measured.to_vec();
+    let mut before = None;
+    let mut at = 0;
+    while at < errors.len() {
+        if errors[at].is_finite() {
+            before = Some(at);
+            at += 1;
+            continue;
+        }
+        let behind = (at..errors.len()).find(|&i| errors[i].is_finite());
+        let Some((from, to)) = before.or(behind).zip(behind.or(before)) else {
+            break;
+        };
+        let end = behind.unwrap_or(errors.len());
+        for i in at..end {
+            let share = i.saturating_sub(from) as f64 / (to - from).max(1) as f64;
+            let error = errors[from] + share * (errors[to] - errors[from]);
+            if !out[i].is_finite() {
+                out[i] = command[i] + error;
+            }
+        }
+        at = end;
+    }
+    Cow::Owned(out)
+}
+
 /// What the root mean square of the error is divided by.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Denominator {
@@ -344,6 +380,18 @@ mod tests {
 
     fn sampled(n: usize, f: impl Fn(f64) -> f64) -> Vec<f64> {
         (0..n).map(|i| f(i as f64 * DT)).collect()
+    }
+
+    #[test]
+    fn a_gap_is_bridged_by_the_error_on_both_sides_of_it() {
+        let nan = f64::NAN;
+        let command = [0.0, 1.0, 4.0, 9.0, 4.0, 1.0, 0.0];
+        let measured = [nan, 1.0, 4.0, nan, nan, 1.75, nan];
+        let found = bridged(&command, &measured);
+        // Errors 0 before, then 0, 0, 0.25, 0.5, 0.75, and as behind.
+        assert_eq!(*found, [0.0, 1.0, 4.0, 9.25, 4.5, 1.75, 0.75]);
+        assert!(matches!(bridged(&command, &command), Cow::Borrowed(_)));
+        assert!(bridged(&command, &[nan; 7]).iter().all(|m| m.is_nan()));
     }
 
     /// Many sines of fixed phases up to `top_hz`: noise that can be delayed by any fraction exactly.

@@ -8,7 +8,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::fourier::{Evaluation, Spectrum, evaluate};
-use super::response::{Denominator, lag, nrmse, peak};
+use super::response::{Denominator, bridged, lag, nrmse, peak};
 use super::windows::Windows;
 
 /// Samples that are correlated at most: a longer test is correlated around its largest target.
@@ -252,7 +252,7 @@ impl Tracking {
         let of_energy = noise_m.zip(noise_n).map(|(sigma_m, sigma_n)| {
             (sigma_m * sigma_m * s.forced + sigma_n * sigma_n * s.slipped).sqrt()
         });
-        let delay = delay(target, measured, dt);
+        let delay = delay(target, &bridged(target, measured), dt);
         let index = index.map(|found| Index {
             amplitude: Judged::scattered(found.amplitude, of_slope, 1.0),
             phase_rad: Judged::scattered(found.phase, of_slope, 0.0),

@@ -145,7 +145,7 @@ impl AxisDigest {
         };
         let (from, to) = close_up(time, target, meas);
         found.close_up = [time, target, meas].map(|v| short(v.get(from..to).unwrap_or_default()));
-        found.absorbed = metrics::absorbed_energy(meas, force).filter(|_| grid.is_whole);
+        found.absorbed = grid.is_whole.then(|| absorbed(meas, force)).flatten();
         if let Some((rows, dt)) = grid.rows(held, time) {
             let [time, target, meas, force] = [time, target, meas, force].map(|v| rows.of(v));
             found.dt = Some(dt);
@@ -158,12 +158,13 @@ impl AxisDigest {
     fn follow(&mut self, time: &[f64], target: &[f64], meas: &[f64], force: &[f64], dt: f64) {
         let n = target.len().min(meas.len());
         let of = |values: &[f64]| Spectrum::of(values, dt);
-        let (c, m) = (of(&target[..n]), of(&meas[..n]));
+        let whole = metrics::bridged(target, meas);
+        let (c, m) = (of(&target[..n]), of(&whole[..n]));
         let index = c.as_ref().zip(m.as_ref()).and_then(|(c, m)| evaluate(c, m));
         self.tracking = Tracking::with_index(target, meas, force, dt, self.noise, index);
         if let Some(tracking) = &mut self.tracking {
             let sigma = self.noise.map(|noise| noise.disp_std_m);
-            let found = windows::look(target, meas, dt, sigma);
+            let found = windows::look(target, &whole, dt, sigma);
             tracking.windows = found.as_ref().map(|(windows, _)| *windows);
             self.course = found.map(|(_, histories)| {
                 let middle = histories.middle.iter();
@@ -176,7 +177,7 @@ impl AxisDigest {
         self.spectra[0] = is_moving(&c);
         self.spectra[1] = is_moving(&m);
         drop((c, m));
-        let error: Vec<f64> = meas.iter().zip(target).map(|(m, c)| m - c).collect();
+        let error: Vec<f64> = whole.iter().zip(target).map(|(m, c)| m - c).collect();
         self.spectra[2] = envelope(&error, dt).unwrap_or_default();
         let first = metrics::loading(meas, FIRST_LOADING).min(force.len());
         self.whole = metrics::identify(meas, force, dt);
@@ -193,6 +194,14 @@ impl AxisDigest {
     pub fn is_drawable(&self) -> bool {
         !self.hysteresis.0.is_empty()
     }
+}
+
+/// Energy that went into the specimen, straight across what was not measured.
+fn absorbed(meas: &[f64], force: &[f64]) -> Option<f64> {
+    let known = meas.iter().zip(force);
+    let known = known.filter(|(d, f)| d.is_finite() && f.is_finite());
+    let (disp, force): (Vec<f64>, Vec<f64>) = known.unzip();
+    metrics::absorbed_energy(&disp, &force)
 }
 
 /// Every n-th sample of what is too long for a close-up: a slow test is smooth.

@@ -1,7 +1,8 @@
 //! What a page needs of the rows, read from them in one pass, or in a few where a test is so long that the columns that are
 //! needed whole do not fit into memory together.
 //!
-//! Invariant: only rows of the running test are physics ([`super::sieve`]); those in which it zeroed its sensors
+//! Invariant: only rows of the running test are physics ([`super::sieve`]), and of them only those are measurements that the specimen
+//! answered ([`super::stale`]); those in which it zeroed its sensors
 //! (`state` 4) are what noise is known from. What needs steps at even times is not there where some are missing. Nothing here fails
 //! but the reading itself.
 
@@ -13,6 +14,7 @@ use super::left::AxisEnd;
 use super::shaking::Shaking;
 use super::sieve::{Gap, Passed, Sieve, Stretch};
 use super::source::Source;
+use super::stale::{Stale, status_of};
 use super::table::Table;
 use super::worst::WorstTick;
 use crate::metrics::energy::Model;
@@ -79,6 +81,8 @@ pub struct Digest {
     /// Axes with a recorded force.
     pub(super) all_axes: Vec<SpecimenAxis>,
     pub(super) axes: Vec<AxisDigest>,
+    /// Specimens of which some ticks of the test have no measurement, and how many.
+    pub(super) stale: Vec<(u32, u64)>,
     /// The last of every axis, and what the way out took.
     pub(super) ends: Vec<AxisEnd>,
     pub(super) shaking: Option<Shaking>,
@@ -141,6 +145,14 @@ impl Item {
     /// True if it is made of every tick, and not of the ends of steps.
     pub const fn is_of_ticks(self) -> bool {
         matches!(self, Item::Axis(_))
+    }
+
+    /// The specimen that it is of.
+    const fn specimen(self) -> Option<u32> {
+        match self {
+            Item::Axis(axis) => Some(axis.specimen),
+            Item::Ground | Item::Dof(_) => None,
+        }
     }
 
     /// Names of the columns that it is made of.
@@ -312,6 +324,9 @@ impl Holder {
 fn hold(source: &dyn Source, batch: &[Item]) -> io::Result<[Table; 2]> {
     let mut names: Vec<String> = ["state", "step", "time"].map(str::to_owned).into();
     names.extend(batch.iter().flat_map(|item| item.columns()));
+    let mut specimens: Vec<u32> = batch.iter().filter_map(|item| item.specimen()).collect();
+    specimens.dedup();
+    names.extend(specimens.into_iter().map(status_of));
     let place = |name: &String| source.columns().iter().position(|c| c.name == *name);
     let wanted: Vec<usize> = names.iter().filter_map(place).collect();
     let columns: Vec<Column> = wanted
@@ -320,7 +335,9 @@ fn hold(source: &dyn Source, batch: &[Item]) -> io::Result<[Table; 2]> {
         .collect();
     let mut sieve = sieve(source, &columns);
     let mut holder = Holder::new(&columns, batch);
+    let stale = Stale::new(&columns);
     source.read(&wanted, &mut |block| {
+        let block = &*stale.left_out(block);
         for (kind, stretches) in sieve.sort(block).iter().enumerate() {
             for stretch in stretches {
                 holder.take(kind, stretch, block);

@@ -10,6 +10,7 @@ use super::response::{MOST_LINES, TAIL};
 use super::sieve::{Sieve, Stretch, ZEROING};
 use super::source::Source;
 use super::specimens::ERROR;
+use super::stale::Stale;
 use super::table::{Table, Thinner};
 use super::worst::Worst;
 use crate::metrics::energy::{Balance, Energies, Model};
@@ -47,6 +48,7 @@ pub(super) struct First<'a> {
     worst: Worst,
     readings: Vec<Read>,
     ends: Ends,
+    stale: Stale,
     recorded: u64,
     /// Displacements of the last steps: DOF, place in a block, values; and how many are kept.
     tails: Vec<(u32, usize, VecDeque<f64>)>,
@@ -242,6 +244,7 @@ impl<'a> First<'a> {
             worst: Worst::new(&columns),
             readings: readings.collect(),
             ends: Ends::new(&drawn, at),
+            stale: Stale::new(&columns),
             energy: pass,
             recorded: 0,
             tails,
@@ -254,23 +257,29 @@ impl<'a> First<'a> {
     pub fn take(&mut self, block: &[Vec<f64>]) {
         let rows = block.first().map_or(0, Vec::len);
         self.recorded += rows as u64;
+        // Equilibrium, at the ends of steps, is of what the loop used; all else of what was measured.
+        let measured = &*self.stale.left_out(block);
         let is_zeroing = |row: &usize| self.state.is_some_and(|at| block[at][*row] == ZEROING);
         for row in (0..rows).filter(is_zeroing) {
             for read in &mut self.readings {
                 if read.disp.len() < MOST_READINGS {
                     let [disp, force] = read.places;
-                    read.disp.push(block[disp][row]);
-                    read.force.push(block[force][row]);
+                    read.disp.push(measured[disp][row]);
+                    read.force.push(measured[force][row]);
                 }
             }
         }
-        for (kind, stretches) in self.sieve.sort(block).iter().enumerate() {
+        let sorted = self.sieve.sort(block);
+        for (kind, (stretches, block)) in sorted.iter().zip([block, measured]).enumerate() {
             for stretch in stretches {
                 self.holder.take(kind, stretch, block);
                 self.stretch(kind, stretch, block);
             }
         }
-        self.ends.take(block, self.sieve.out());
+        for stretch in &sorted[1] {
+            self.stale.count(stretch, block);
+        }
+        self.ends.take(measured, self.sieve.out());
     }
 
     /// `kind` 0 for ends of steps, 1 for ticks.
@@ -333,6 +342,7 @@ impl<'a> First<'a> {
     pub fn finish(self, digest: &mut Digest) -> [Table; 2] {
         digest.recorded = self.recorded;
         digest.ends = self.ends.finish();
+        digest.stale = self.stale.found();
         digest.passed = self.sieve.passed();
         digest.counted = self.step.is_some();
         digest.interval = digest.passed.step_s.filter(|_| digest.passed.is_even);

@@ -16,7 +16,7 @@ const MOST_TOLD: usize = 8;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct AxisEnd {
     pub axis: SpecimenAxis,
-    /// Of the last row, whatever its state.
+    /// Of the last row that has them, whatever its state.
     pub command: f64,
     pub measured: f64,
     pub force: f64,
@@ -57,9 +57,8 @@ impl Ends {
                 places.map(|place| block.get(place?).map(Vec::as_slice));
             let kept = [&mut end.command, &mut end.measured, &mut end.force];
             for (kept, column) in kept.into_iter().zip([command, measured, force]) {
-                if let Some(last) = column.and_then(<[f64]>::last) {
-                    *kept = *last;
-                }
+                let known = column.and_then(|all| all.iter().rfind(|v| !v.is_nan()));
+                *kept = known.copied().unwrap_or(*kept);
             }
             let forces = out.iter().filter_map(|&row| force?.get(row).copied());
             let all = end.on_the_way_out.into_iter().chain(forces);

@@ -15,7 +15,7 @@
 //! | `outcome`, `left`, `tested`, `sketch`, `limits` | the verdict in words; how specimens were left; what was tested; a picture of it; what would have ended it |
 //! | `ground`, `response`, `specimens`, `identified`, `courses`, `judged`, `falsified`, `balance`, `loops`, `timeline` | sections |
 //! | `compare`, `overlays`, `matched` | the page of two runs; their rows, number against number |
-//! | `source`, `sieve`, `digest`, `first`, `axes`, `shaking`, `worst`, `table` | rows read in blocks, and what is kept of them |
+//! | `source`, `sieve`, `stale`, `digest`, `first`, `axes`, `shaking`, `worst`, `table` | rows read in blocks, and what is kept of them |
 //! | `pictures` | the pictures that stand alone |
 //! | `plots`, `charts`, `lines`, `bars` | histories that can be zoomed; the frame of every picture; histories and loops; histograms |
 //! | `curves` | several curves over one pair of axes |
@@ -58,6 +58,7 @@ mod sieve;
 mod sketch;
 mod source;
 mod specimens;
+mod stale;
 #[cfg(test)]
 mod synthetic;
 mod table;

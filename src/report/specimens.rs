@@ -14,7 +14,7 @@ use super::outcome;
 use super::plots::history;
 use super::response::{amplitudes, curve};
 use super::rows::Rows;
-use super::tested::axis_name;
+use super::tested::{axis_name, configuration, specimen_name};
 use super::text::{NOTHING, count, number, quantity};
 
 /// Kind of the column of measured − target.
@@ -80,7 +80,7 @@ pub(super) fn specimens(run: &RunData, rows: &Rows<'_>, axes: &[Tracked<'_>]) ->
         ));
     }
     let time = rows.tick_time();
-    let mut markup = String::new();
+    let mut markup = unanswered(run, rows);
     for axis in axes.iter().take(MOST_DRAWN) {
         markup += &drawn(rows, &time, axis);
     }
@@ -91,6 +91,26 @@ pub(super) fn specimens(run: &RunData, rows: &Rows<'_>, axes: &[Tracked<'_>]) ->
         ));
     }
     Some(section(heading, &(markup + &listed(axes) + &traffic(run))))
+}
+
+/// Which specimens did not answer in every tick, and what that means for the section; nothing where all did.
+fn unanswered(run: &RunData, rows: &Rows<'_>) -> String {
+    let digest = rows.digest();
+    if digest.stale.is_empty() {
+        return String::new();
+    }
+    let configuration = configuration(run);
+    let told = digest.stale.iter().map(|(specimen, ticks)| {
+        let name = specimen_name(configuration.as_ref(), *specimen);
+        format!("{name} {} of {}", count(*ticks), count(digest.passed.ticks))
+    });
+    note(&format!(
+        "Samples that are estimates, since the answer stayed away: {}. The loop went on with the last answer, or along the tangent. \
+         These rows are left out here: lines are broken, and peaks, lag, tracking metrics, stiffness and damping are of the others; \
+         absorbed energy goes straight across. Equilibrium, the energy balance and the energy that the transfer system added are of \
+         what the loop used. Forces that were told later are among the events (recovered), and in no peak.",
+        told.collect::<Vec<_>>().join(", ")
+    ))
 }
 
 fn drawn(rows: &Rows<'_>, time: &[f64], axis: &Tracked<'_>) -> String {
