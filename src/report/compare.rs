@@ -1,5 +1,7 @@
 //! The page of two runs: a rehearsal against the test, yesterday's against today's.
 
+use std::collections::HashMap;
+
 use serde_json::Value;
 
 use super::RunData;
@@ -10,10 +12,11 @@ use super::overlays::{columns, loops, overlaid, side_by_side, tracking};
 use super::page::zoomable;
 use super::rows::Rows;
 use super::tested::configuration;
-use super::text::{NOTHING, count, escape, exact, plural};
+use super::text::{NOTHING, count, escape, exact, plural, shortened};
 
-/// Rows of a table of settings.
+/// Rows of a table of settings, and letters of a value in it.
 const MOST_LISTED: usize = 60;
+const MOST_SHOWN: usize = 120;
 
 /// Two runs on one page: `matched` is what comes of their rows, or why they cannot be compared row by row. `names` are what
 /// the runs are called.
@@ -187,31 +190,77 @@ fn settings(first: &RunData, second: &RunData) -> String {
     let (mut left, mut right) = (Vec::new(), Vec::new());
     flat(&a, String::new(), &mut left);
     flat(&b, String::new(), &mut right);
-    let value = |list: &[(String, String)], key: &str| {
-        list.iter()
-            .find(|(k, _)| k == key)
-            .map_or_else(|| NOTHING.to_owned(), |(_, v)| v.clone())
-    };
-    let mut keys: Vec<&String> = left.iter().map(|(k, _)| k).collect();
-    keys.extend(
-        right
-            .iter()
-            .map(|(k, _)| k)
-            .filter(|k| !left.iter().any(|(known, _)| known == *k)),
-    );
-    let rows: Vec<Vec<String>> = keys
+    let known =
+        |list: &[(String, String)]| -> HashMap<String, String> { list.iter().cloned().collect() };
+    let (of_left, of_right) = (known(&left), known(&right));
+    let nothing = || NOTHING.to_owned();
+    // What both say otherwise, and what only one of them says.
+    let mut kinds: [Vec<Vec<String>>; 3] = Default::default();
+    for (key, value) in left {
+        match of_right.get(&key) {
+            Some(other) if *other == value => {}
+            Some(other) => {
+                let [value, other] = around_difference(&value, other);
+                kinds[0].push(vec![key, value, other]);
+            }
+            None => kinds[1].push(vec![key, shortened(&value, MOST_SHOWN), nothing()]),
+        }
+    }
+    for (key, value) in right
         .into_iter()
-        .map(|key| vec![key.clone(), value(&left, key), value(&right, key)])
-        .filter(|row| row[1] != row[2])
-        .take(MOST_LISTED)
-        .collect();
-    if rows.is_empty() {
+        .filter(|(key, _)| !of_left.contains_key(key))
+    {
+        kinds[2].push(vec![key, nothing(), shortened(&value, MOST_SHOWN)]);
+    }
+    let all: usize = kinds.iter().map(Vec::len).sum();
+    if all == 0 {
         return note("The resolved configurations are alike.");
     }
+    let shares = shares(kinds.each_ref().map(Vec::len), MOST_LISTED);
+    let listed = kinds.into_iter().zip(shares);
+    let rows: Vec<Vec<String>> = listed
+        .flat_map(|(rows, share)| rows.into_iter().take(share))
+        .collect();
+    let more = match all - rows.len() {
+        0 => String::new(),
+        more => note(&format!(
+            "{} differ{}.",
+            plural(more as u64, "more key", "more keys"),
+            if more == 1 { "s" } else { "" }
+        )),
+    };
     format!(
-        "<h3>Settings that differ</h3>\n{}",
+        "<h3>Settings that differ</h3>\n{}{more}",
         beside("plain", &table(&["key", "first", "second"], &rows))
     )
+}
+
+/// How many of each list are shown where `room` are shown in all: one after the other has its turn, so that none crowds out another.
+fn shares(lengths: [usize; 3], room: usize) -> [usize; 3] {
+    let mut shares = [0; 3];
+    let (mut left, mut is_over) = (room, false);
+    while left > 0 && !is_over {
+        is_over = true;
+        for (share, length) in shares.iter_mut().zip(lengths) {
+            if *share < length && left > 0 {
+                (*share, left, is_over) = (*share + 1, left - 1, false);
+            }
+        }
+    }
+    shares
+}
+
+/// Two texts that are not alike, so short that a table has room for them, with the place at which they part.
+fn around_difference(one: &str, other: &str) -> [String; 2] {
+    let alike = one.chars().zip(other.chars()).take_while(|(a, b)| a == b);
+    let before = alike.count().saturating_sub(MOST_SHOWN / 3);
+    [one, other].map(|text| {
+        if before == 0 || text.chars().count() <= MOST_SHOWN {
+            return shortened(text, MOST_SHOWN);
+        }
+        let rest: String = text.chars().skip(before).collect();
+        shortened(&format!("…{rest}"), MOST_SHOWN)
+    })
 }
 
 fn flat(value: &Value, path: String, out: &mut Vec<(String, String)>) {
@@ -232,7 +281,7 @@ fn flat(value: &Value, path: String, out: &mut Vec<(String, String)>) {
                 flat(value, format!("{path}.{i}"), out);
             }
         }
-        other => out.push((path, super::text::shortened(&other.to_string(), 120))),
+        other => out.push((path, other.to_string())),
     }
 }
 
@@ -265,5 +314,46 @@ mod tests {
         assert!(!damaged.contains("verdict good"));
         assert!(damaged.contains("Second run: row 7 of the samples is damaged."));
         assert!(verdict(&found((0, 9))).contains("no counterpart"));
+    }
+    fn configured(resolved: String) -> RunData {
+        RunData {
+            resolved,
+            ..RunData::default()
+        }
+    }
+
+    #[test]
+    fn a_difference_far_along_a_list_is_found_and_shown() {
+        let listed = |last: f64| {
+            let values: Vec<String> = (0..200).map(|i| format!("{i}.5")).collect();
+            configured(format!("mass_kg = [{}, {last:?}]\n", values.join(", ")))
+        };
+        let alike = settings(&listed(7.25), &listed(7.25));
+        assert!(alike.contains("are alike"), "{alike}");
+        let page = settings(&listed(7.25), &listed(8.25));
+        assert!(!page.contains("alike"), "{page}");
+        for part in ["mass_kg", "…", "199.5,7.25]", "199.5,8.25]"] {
+            assert!(page.contains(part), "{part} is missing in {page}");
+        }
+        // The list itself is not shown to where they part.
+        assert!(!page.contains("100.5"), "{page}");
+    }
+
+    #[test]
+    fn what_is_not_listed_is_counted_and_neither_run_crowds_out_the_other() {
+        let keys = |name: &str, count: usize| -> String {
+            (0..count).map(|i| format!("{name}{i:03} = 1\n")).collect()
+        };
+        let first = configured(keys("a", 100) + "both = 1\n");
+        let second = configured(keys("b", 25) + "both = 2\n");
+        let page = settings(&first, &second);
+        let rows = page.matches("<tr>").count() - 1;
+        assert_eq!(rows, MOST_LISTED);
+        for key in ["both", "a033", "b024"] {
+            assert!(page.contains(&format!("<td>{key}</td>")), "{key}");
+        }
+        assert!(page.contains("66\u{a0}more keys differ."), "{page}");
+        assert_eq!(shares([3, 100, 0], 60), [3, 57, 0]);
+        assert_eq!(shares([1, 2, 0], 60), [1, 2, 0]);
     }
 }
