@@ -69,7 +69,12 @@ pub fn verdict(matched: &Result<Matched, String>) -> String {
                 alone(found).map_or_else(|| same.clone(), |more| format!("{same}; but {more}"))
             }
             Some(first) => format!(
-                "they differ first at step {}, {}, in {}: {:e} against {:e}",
+                "{}they differ first at step {}, {}, in {}: {:e} against {:e}",
+                if found.only_counts {
+                    "every number of structure and specimens is the same, only the count of ticks, holds and commands is not: "
+                } else {
+                    ""
+                },
                 first.step,
                 exact(first.time, "s"),
                 first.column,
@@ -126,7 +131,7 @@ fn banner(matched: &Result<Matched, String>, damages: &[String]) -> String {
                 more.extend(alone(found).map(|text| format!("{text}.")));
             }
             more.push(
-                "Compared were all ticks of the running tests, number by number; columns that depend on wall time were not."
+                "Compared were all ticks of the running tests that have one at the same test time in the other, number by number; columns that depend on wall time were not."
                     .to_owned(),
             );
             (class, headline, more)

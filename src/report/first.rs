@@ -103,7 +103,7 @@ impl Part {
 }
 
 /// True of a column that is of a specimen or of the loop's own timing: it has something new at every tick.
-fn is_of_tick(column: &Column) -> bool {
+pub(super) fn is_of_tick(column: &Column) -> bool {
     let number = column.name.rsplit_once('_').map(|(_, number)| number);
     column.timing || number.is_some_and(|number| number.parse::<u32>().is_ok())
 }

@@ -1,16 +1,22 @@
-//! Two recordings row by row: the same step in both, number against number.
+//! Two recordings row by row: the same test time in both, number against number.
 //!
-//! Invariant: rows are told in the order of their steps; what depends on wall time is never compared. Two missing values are
+//! Invariant: rows are told in the order of their times. Of those at one time the end of a step belongs to the end of a step, and a
+//! tick between two steps, where a test waits or slows down, to no other than such a one. What depends on wall time is never compared. Two missing values are
 //! equal, and so are no others but those of the same bits.
 
+use super::first::is_of_tick;
 use super::sieve::{BETWEEN, RUNNING, TRIPPED};
 use super::table::{Table, Thinner};
 use crate::record::Column;
 
+/// Columns that say where a row stands in the test.
+const BOOKKEEPING: [&str; 5] = ["step", "sub_tick", "state", "hold", "time"];
 /// Rows that are handed on together.
 const BLOCK: usize = 1024;
 /// Columns of which pictures are made.
 const MOST_DRAWN: usize = 60;
+/// Times that are apart by no more than this share of themselves, and of a second, are the same: steps may be 1e-9 apart.
+const SAME: f64 = 2e-9;
 
 /// The first number that is not the same.
 #[derive(Debug, Clone, PartialEq)]
@@ -42,22 +48,44 @@ pub(super) struct Apart {
 /// What came of a comparison.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Matched {
-    /// Rows of steps that both have.
+    /// Rows of times that both have.
     pub rows: u64,
-    /// Rows of steps that only the one or only the other has.
+    /// Rows of times that only the one or only the other has.
     pub alone: (u64, u64),
     /// Columns that were compared.
     pub columns: usize,
-    /// The first difference; none if all is the same.
+    /// The first difference; none if all is the same. How ticks and commands were counted is told only where nothing else differs.
     pub first: Option<FirstDifference>,
+    /// True if nothing differs but that count.
+    pub only_counts: bool,
     pub(super) apart: Vec<Apart>,
-    /// `time`, and for some columns `a:<name>`, `b:<name>`, `d:<name>`, of rows that both have.
-    pub(super) table: Table,
+    /// `time`, and for some columns `a:<name>`, `b:<name>`, `d:<name>`, of rows that both have: those of the structure at the ends
+    /// of steps, those of specimens at every tick.
+    pub(super) tables: [Table; 2],
+}
+
+impl Matched {
+    /// The table that holds the column of this name.
+    pub(super) fn table_of(&self, name: &str) -> Option<&Table> {
+        let name = format!("a:{name}");
+        self.tables.iter().find(|table| table.get(&name).is_some())
+    }
+}
+
+/// Columns that are drawn, side by side.
+#[derive(Debug)]
+struct Drawn {
+    /// Which of the pairs.
+    pairs: Vec<usize>,
+    block: Vec<Vec<f64>>,
+    thinner: Thinner,
 }
 
 #[derive(Debug, Clone)]
 struct Pair {
     places: (usize, usize),
+    /// It says how ticks and commands were counted.
+    counts: bool,
     sum: f64,
     count: f64,
     apart: Apart,
@@ -69,12 +97,12 @@ pub struct Matcher {
     key: [(usize, usize); 3],
     time: (usize, usize),
     pairs: Vec<Pair>,
-    drawn: Vec<usize>,
-    block: Vec<Vec<f64>>,
-    thinner: Thinner,
+    /// At the ends of steps, and at every tick.
+    drawn: [Drawn; 2],
     rows: u64,
     alone: (u64, u64),
-    first: Option<FirstDifference>,
+    /// The first difference, and the first of how ticks and commands were counted.
+    first: [Option<FirstDifference>; 2],
 }
 
 /// Which row comes first.
@@ -112,14 +140,15 @@ impl Matcher {
             };
             is_compared.then_some(Pair {
                 places: (i, other),
+                counts: BOOKKEEPING.contains(&column.name.as_str())
+                    || column.name.starts_with("seq_"),
                 sum: 0.0,
                 count: 0.0,
                 apart,
             })
         });
         let pairs: Vec<Pair> = pairs.collect();
-        let bookkeeping = ["step", "sub_tick", "state", "hold", "time"];
-        let is_physics = |pair: &Pair| !bookkeeping.contains(&pair.apart.column.name.as_str());
+        let is_physics = |pair: &Pair| !BOOKKEEPING.contains(&pair.apart.column.name.as_str());
         if !pairs.iter().any(is_physics) {
             return None;
         }
@@ -138,17 +167,18 @@ impl Matcher {
             .filter(|&i| is_drawn(&pairs[i]))
             .take(MOST_DRAWN)
             .collect();
-        let width = 1 + 3 * drawn.len();
+        let (ticks, steps): (Vec<usize>, Vec<usize>) = drawn
+            .into_iter()
+            .partition(|&i| is_of_tick(&pairs[i].apart.column));
+        let drawn = [steps, ticks].map(|of| Drawn::new(of, rows));
         Some(Self {
             key,
             time,
-            block: vec![Vec::with_capacity(BLOCK); width],
-            thinner: Thinner::new(rows, width, Some(0)),
             pairs,
             drawn,
             rows: 0,
             alone: (0, 0),
-            first: None,
+            first: [None, None],
         })
     }
 
@@ -165,41 +195,92 @@ impl Matcher {
         state.is_some_and(is_of_test)
     }
 
-    /// Compares a row of each run, if they are of one tick; says which of them to go on from.
+    /// Compares a row of each run, if they are of one time; says which of them to go on from.
     pub fn take(&mut self, first: &[f64], second: &[f64]) -> Next {
-        for (a, b) in &self.key[..2] {
-            let (a, b) = (first[*a], second[*b]);
-            if a < b {
-                self.alone.0 += 1;
-                return Next::First;
-            }
-            if b < a {
-                self.alone.1 += 1;
-                return Next::Second;
-            }
+        let next = self.next(first, second);
+        match next {
+            Next::First => self.alone.0 += 1,
+            Next::Second => self.alone.1 += 1,
+            Next::Both => self.compare(first, second),
         }
+        next
+    }
+
+    /// Whether these rows belong together, or which of them is alone.
+    fn next(&self, first: &[f64], second: &[f64]) -> Next {
+        let (a, b) = (first[self.time.0], second[self.time.1]);
+        let near = SAME * (1.0 + a.abs());
+        if a < b - near {
+            return Next::First;
+        }
+        if b < a - near {
+            return Next::Second;
+        }
+        let (a, b) = (first[self.key[2].0], second[self.key[2].1]);
+        match (BETWEEN.contains(&a), BETWEEN.contains(&b)) {
+            (true, false) if b == RUNNING => Next::First,
+            (false, true) if a == RUNNING => Next::Second,
+            _ => Next::Both,
+        }
+    }
+
+    fn compare(&mut self, first: &[f64], second: &[f64]) {
         self.rows += 1;
         let step = first[self.key[0].0] as u64;
         let time = first[self.time.0];
         for pair in &mut self.pairs {
             let (a, b) = (first[pair.places.0], second[pair.places.1]);
-            pair.take(a, b, step, time, &mut self.first);
+            let found = &mut self.first[usize::from(pair.counts)];
+            pair.take(a, b, step, time, found);
         }
-        let values = self.drawn.iter().flat_map(|&i| {
-            let (a, b) = self.pairs[i].places;
+        let ends_step = [first[self.key[2].0], second[self.key[2].1]].contains(&RUNNING);
+        for (drawn, is_due) in self.drawn.iter_mut().zip([ends_step, true]) {
+            if is_due {
+                drawn.take(&self.pairs, time, first, second);
+            }
+        }
+    }
+
+    /// The result, with rows that only one of the runs has left at its end.
+    #[must_use]
+    pub fn finish(self, left: (u64, u64)) -> Matched {
+        let tables = self.drawn.map(|drawn| drawn.finish(&self.pairs));
+        let apart: Vec<Apart> = self.pairs.into_iter().map(Pair::finish).collect();
+        let [number, counted] = self.first;
+        Matched {
+            rows: self.rows,
+            alone: (self.alone.0 + left.0, self.alone.1 + left.1),
+            columns: apart.len(),
+            only_counts: number.is_none() && counted.is_some(),
+            first: number.or(counted),
+            apart,
+            tables,
+        }
+    }
+}
+
+impl Drawn {
+    fn new(pairs: Vec<usize>, rows: u64) -> Self {
+        let width = 1 + 3 * pairs.len();
+        Self {
+            pairs,
+            block: vec![Vec::with_capacity(BLOCK); width],
+            thinner: Thinner::new(rows, width, Some(0)),
+        }
+    }
+
+    fn take(&mut self, pairs: &[Pair], time: f64, first: &[f64], second: &[f64]) {
+        let values = self.pairs.iter().flat_map(|&i| {
+            let (a, b) = pairs[i].places;
             [first[a], second[b], second[b] - first[a]]
         });
-        for (column, value) in self
-            .block
-            .iter_mut()
-            .zip(std::iter::once(time).chain(values))
-        {
+        let values = std::iter::once(time).chain(values);
+        for (column, value) in self.block.iter_mut().zip(values) {
             column.push(value);
         }
         if self.block[0].len() == BLOCK {
             self.hand_on();
         }
-        Next::Both
     }
 
     fn hand_on(&mut self) {
@@ -208,9 +289,7 @@ impl Matcher {
         self.block.iter_mut().for_each(Vec::clear);
     }
 
-    /// The result, with rows that only one of the runs has left at its end.
-    #[must_use]
-    pub fn finish(mut self, left: (u64, u64)) -> Matched {
+    fn finish(mut self, pairs: &[Pair]) -> Table {
         self.hand_on();
         let column = |name: String, from: &Column| Column {
             name,
@@ -222,20 +301,12 @@ impl Matcher {
             meaning: String::new(),
             timing: false,
         }];
-        for &i in &self.drawn {
-            let from = &self.pairs[i].apart.column;
+        for &i in &self.pairs {
+            let from = &pairs[i].apart.column;
             columns
                 .extend(["a", "b", "d"].map(|side| column(format!("{side}:{}", from.name), from)));
         }
-        let apart: Vec<Apart> = self.pairs.into_iter().map(Pair::finish).collect();
-        Matched {
-            rows: self.rows,
-            alone: (self.alone.0 + left.0, self.alone.1 + left.1),
-            columns: apart.len(),
-            first: self.first,
-            apart,
-            table: Table::new(columns.into_iter().zip(self.thinner.finish()).collect()),
-        }
+        Table::new(columns.into_iter().zip(self.thinner.finish()).collect())
     }
 }
 
@@ -312,23 +383,23 @@ mod tests {
         // Twenty of fifty are 0.5 apart.
         assert!((apart.rms - f64::sqrt(0.25 * 20.0 / 50.0)).abs() < 1e-15);
         assert!(found.apart.iter().all(|a| a.column.name != "compute_s"));
-        assert_eq!(found.table.get("d:x1").unwrap()[49], 0.5);
+        assert_eq!(found.tables[0].get("d:x1").unwrap()[49], 0.5);
     }
 
     #[test]
     fn one_bit_is_a_difference_and_two_gaps_are_none() {
         let mut m = matcher();
         m.take(&row(0.0, f64::NAN, 0.0), &row(0.0, -f64::NAN, 0.0));
-        assert!(m.first.is_none());
+        assert_eq!(m.first, [None, None]);
         m.take(
             &row(1.0, 1.0, 0.0),
             &row(1.0, f64::from_bits(1.0f64.to_bits() + 1), 0.0),
         );
-        assert_eq!(m.first.as_ref().unwrap().step, 1);
+        assert_eq!(m.first[0].as_ref().unwrap().step, 1);
         let mut m = matcher();
         m.take(&row(0.0, 1.0, 0.0), &row(0.0, f64::NAN, 0.0));
         assert_eq!(
-            m.first.as_ref().unwrap().column,
+            m.first[0].as_ref().unwrap().column,
             "x1",
             "a gap against a number is a difference"
         );
@@ -348,6 +419,94 @@ mod tests {
         assert_eq!(m.take(&row(5.0, 0.0, 0.0), &row(5.0, 0.0, 0.0)), Next::Both);
         let found = m.finish((2, 0));
         assert_eq!((found.rows, found.alone), (1, (3, 1)));
+    }
+
+    const OF_TICKS: [&str; 8] = [
+        "step",
+        "sub_tick",
+        "state",
+        "hold",
+        "time",
+        "x1",
+        "force_1_1",
+        "seq_1",
+    ];
+
+    /// Step, tick in it, state and time of rows, with the displacement of the last step, a force that goes with the time, and the
+    /// number of the command; run against run.
+    fn matched(first: &[[f64; 4]], second: &[[f64; 4]]) -> Matched {
+        let names = columns(&OF_TICKS);
+        let mut m = Matcher::new(&names, &names, 100).unwrap();
+        let rows = |of: &[[f64; 4]]| -> Vec<[f64; 8]> {
+            let numbered = of.iter().enumerate();
+            let row = |(number, &[step, tick, state, time]): (usize, &[f64; 4])| {
+                let hold = f64::from(u8::from(state == 13.0));
+                [
+                    step,
+                    tick,
+                    state,
+                    hold,
+                    time,
+                    step * step,
+                    libm::sin(time),
+                    number as f64,
+                ]
+            };
+            numbered.map(row).collect()
+        };
+        let (first, second) = (rows(first), rows(second));
+        let (mut i, mut j) = (0, 0);
+        while i < first.len() && j < second.len() {
+            let next = m.take(&first[i], &second[j]);
+            i += usize::from(next != Next::Second);
+            j += usize::from(next != Next::First);
+        }
+        m.finish(((first.len() - i) as u64, (second.len() - j) as u64))
+    }
+
+    /// Four steps of two ticks each, and in the second run a hold that eases in and out in the third step.
+    #[test]
+    fn rows_are_matched_by_their_time_and_a_hold_makes_no_difference() {
+        let straight: Vec<[f64; 4]> = (0..=8)
+            .map(|k| {
+                let (step, tick) = (f64::from(k / 2), f64::from(k % 2));
+                let state = if tick == 0.0 { 3.0 } else { 11.0 };
+                [step, tick, state, step + 0.5 * tick]
+            })
+            .collect();
+        let mut held = straight.clone();
+        let slow = [
+            [2.0, 1.0, 13.0, 2.25],
+            [2.0, 2.0, 13.0, 2.25],
+            [2.0, 3.0, 13.0, 2.5],
+            [2.0, 4.0, 13.0, 2.75],
+            // It waits at its target.
+            [2.0, 5.0, 13.0, 3.0],
+        ];
+        held.splice(5..6, slow);
+        let found = matched(&straight, &held);
+        assert_eq!((found.rows, found.alone), (9, (0, 4)));
+        assert!(found.only_counts, "{:?}", found.first);
+        let apart = |name: &str| found.apart.iter().find(|a| a.column.name == name).unwrap();
+        assert_eq!(
+            (apart("force_1_1").largest, apart("x1").largest),
+            (0.0, 0.0)
+        );
+        assert_eq!(apart("seq_1").largest, 4.0);
+        // Displacements where there is a new one, forces at every tick.
+        let [steps, ticks] = &found.tables;
+        assert_eq!(steps.get("time").unwrap(), [0.0, 1.0, 2.0, 3.0, 4.0]);
+        assert_eq!(steps.get("a:x1").unwrap(), [0.0, 1.0, 4.0, 9.0, 16.0]);
+        assert_eq!(ticks.get("a:force_1_1").unwrap().len(), 9);
+        assert!(ticks.get("a:x1").is_none() && found.table_of("force_1_1") == Some(ticks));
+        // The other way round, and with a trip in place of a step.
+        let back = matched(&held, &straight);
+        assert_eq!((back.rows, back.alone), (9, (4, 0)));
+        let mut tripped = straight[..7].to_vec();
+        tripped[6][2] = TRIPPED;
+        let found = matched(&straight, &tripped);
+        assert_eq!((found.rows, found.alone), (7, (2, 0)));
+        assert_eq!(found.first.unwrap().column, "state");
     }
 
     #[test]

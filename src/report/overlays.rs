@@ -4,13 +4,14 @@ use super::RunData;
 use super::axes::AxisDigest;
 use super::canvas::Ink;
 use super::charts::Quantity;
-use super::html::{beside, figure, note, paragraph, section, table};
+use super::html::{self, beside, figure, note, paragraph, section};
 use super::lines::{Line, LoopChart, TimeChart};
 use super::matched::Matched;
 use super::metrics;
 use super::plots::history;
 use super::rows::Rows;
 use super::specimens;
+use super::table::Table;
 use super::tested::configuration;
 use super::text::{NOTHING, count, number, quantity};
 use crate::metrics::tracking::Judged;
@@ -49,24 +50,28 @@ fn drawn(names: &[String]) -> Vec<(String, String)> {
 /// Histories of rows that both runs have, with their difference.
 pub(super) fn overlaid(matched: &Matched) -> String {
     let heading = "Histories";
-    let Some(time) = matched.table.get("time").filter(|time| time.len() > 1) else {
+    if matched.rows < 2 {
         return section(
             heading,
             &paragraph("There is nothing to draw: the runs have no step in common."),
         );
-    };
-    let names: Vec<String> = matched
-        .table
-        .names()
+    }
+    let tables = matched.tables.iter();
+    let names: Vec<String> = tables
+        .flat_map(Table::names)
         .filter_map(|n| n.strip_prefix("a:"))
         .map(str::to_owned)
         .collect();
     let mut markup = String::new();
     for (name, title) in drawn(&names) {
-        let column = |side: &str| matched.table.get(&format!("{side}:{name}"));
+        let Some(table) = matched.table_of(&name) else {
+            continue;
+        };
+        let column = |side: &str| table.get(&format!("{side}:{name}"));
         let (Some(a), Some(b), Some(d)) = (column("a"), column("b"), column("d")) else {
             continue;
         };
+        let time = table.get("time").unwrap_or_default();
         let words = if name.starts_with("force") {
             "force"
         } else {
@@ -74,7 +79,7 @@ pub(super) fn overlaid(matched: &Matched) -> String {
         };
         let up = |words| Quantity {
             words,
-            unit: matched.table.unit(&format!("a:{name}")),
+            unit: table.unit(&format!("a:{name}")),
         };
         let line = |name, y, ink, width| Line {
             name,
@@ -281,7 +286,7 @@ pub(super) fn tracking(first: &RunData, second: &RunData, a: &Rows<'_>, b: &Rows
     if rows.is_empty() {
         return String::new();
     }
-    section("Tracking", &table(&["", "first", "second"], &rows))
+    section("Tracking", &html::table(&["", "first", "second"], &rows))
 }
 
 /// How far each column is apart.
@@ -327,7 +332,7 @@ pub(super) fn columns(matched: &Matched) -> String {
         "of the largest value",
         "root mean square",
     ];
-    let mut markup = table(&heading, &rows);
+    let mut markup = html::table(&heading, &rows);
     if apart.len() > MOST_LISTED {
         markup += &note(&format!(
             "{} of {} columns that differ are listed.",
