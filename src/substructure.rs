@@ -165,8 +165,10 @@ impl LinkFault {
 /// How a substructure is left at the end of a test.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Retirement {
-    /// The test ran to its end or was stopped in an orderly way.
+    /// The test ran to its end.
     Orderly,
+    /// An operator ended it in an orderly way.
+    Operator,
     /// The test was tripped or failed; the specimen holds where it is.
     Tripped,
 }

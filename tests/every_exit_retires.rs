@@ -326,18 +326,18 @@ fn an_operator_who_asks_at_any_tick_gets_an_orderly_end() {
         );
         let run = run_under(experiment, SimClock::new(), &Control::from(requests));
         let calls = log.lock().unwrap().clone();
-        assert_retired(&calls, Retirement::Orderly);
+        let (wanted, how) = if at + 1 == issued {
+            (Ending::Completed, Retirement::Orderly)
+        } else {
+            (Ending::Stopped(Stop::Operator), Retirement::Operator)
+        };
+        assert_retired(&calls, how);
         // Polled once a tick: the tick in which it came is finished, the next one does not begin.
         let sent = calls
             .iter()
             .filter(|c| matches!(c, (0, Call::Issue { .. })))
             .count() as u64;
         assert_eq!(sent, at + 1);
-        let wanted = if at + 1 == issued {
-            Ending::Completed
-        } else {
-            Ending::Stopped(Stop::Operator)
-        };
         assert_eq!(run.outcome.ending, wanted);
     }
 }

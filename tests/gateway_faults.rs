@@ -226,7 +226,7 @@ fn a_gateway_that_is_told_to_stop_ends_the_test_at_both_ends() {
     between.hears("armed for");
     assert_eq!(between.signal("TERM"), 143);
     assert_eq!(test.join().unwrap().0, 3);
-    specimen.hears("retired");
+    specimen.hears("retired by the operator");
     let kept = Run::open(&folder.join("kept/test-0001")).unwrap();
     assert_eq!(kept.summary().unwrap().status, Ended::Interrupted);
 }
@@ -261,6 +261,31 @@ fn a_gateway_that_waits_for_its_specimen_hears_its_operator_and_its_controller()
             let reason = kept().summary().unwrap().reason.clone();
             assert!(reason.contains("the controller said goodbye"), "{reason}");
         }
+    }
+}
+
+#[test]
+fn an_operator_who_ends_a_test_is_named_by_the_gateway_and_by_the_specimen() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let [kept, theirs] = ["kept", "theirs"].map(|name| folder.join(name));
+    let out = ["--out", theirs.to_str().unwrap()];
+    let specimen = Served::start(folder, &local(), &out);
+    let between = Served::start(
+        folder,
+        &gateway(&specimen.address, KNOWN, ""),
+        &["--out", kept.to_str().unwrap()],
+    );
+    let test = Running::start(folder, "run", &through(1_000_000, &between.address, ""));
+    between.hears("armed for");
+    test.moves();
+    let (code, said) = test.interrupt();
+    assert_eq!(code, 130, "{said}");
+    for (served, records) in [(&between, &kept), (&specimen, &theirs)] {
+        served.hears("retired by the operator");
+        let record = Run::open(&records.join("test-0001")).unwrap();
+        let summary = record.summary().unwrap();
+        assert_eq!(summary.status, Ended::Interrupted, "{}", summary.reason);
     }
 }
 

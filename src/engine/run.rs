@@ -36,7 +36,8 @@ impl Engine {
     /// panic in there it is for the caller who caught it, with [`Stop::Internal`].
     pub fn conclude(&mut self, ending: Ending) -> Outcome {
         let how = match ending {
-            Ending::Completed | Ending::Stopped(Stop::Operator) => Retirement::Orderly,
+            Ending::Completed => Retirement::Orderly,
+            Ending::Stopped(Stop::Operator) => Retirement::Operator,
             Ending::Stopped(_) => Retirement::Tripped,
         };
         self.retire(how);

@@ -72,7 +72,7 @@ pub(super) fn connect(
     if line.asks_for_the_end() {
         let connected = all.into_iter().flatten();
         for (mut port, _) in connected {
-            port.retire(Retirement::Orderly);
+            port.retire(Retirement::Operator);
         }
         return Err(Unconnected::Stopped);
     }

@@ -98,7 +98,7 @@ fn every_way_out_says_goodbye_over_every_link() {
             Way::Operator,
             Finish::Interrupted,
             Status::Interrupted,
-            "in an orderly way",
+            "by the operator",
         ),
         (
             Way::Limit,

@@ -30,7 +30,7 @@ pub enum Close {
     Completed,
     /// A limit, an interlock, or the controller's own trip.
     Stopped,
-    /// Our own operator.
+    /// An operator: our own, or the controller's.
     Interrupted,
     /// The specimen or the controller was lost, or nonsense came.
     Failed,

@@ -354,7 +354,8 @@ impl Station {
         };
         let stats = self.rig.stats();
         self.rig.end(match close {
-            Close::Completed | Close::Interrupted => Retirement::Orderly,
+            Close::Completed => Retirement::Orderly,
+            Close::Interrupted => Retirement::Operator,
             Close::Stopped | Close::Failed => Retirement::Tripped,
         });
         if let Some(log) = self.log.take() {

@@ -92,9 +92,9 @@ impl Kind {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[repr(u32)]
 pub enum Cause {
-    /// It ran to its end or was stopped in an orderly way.
+    /// It ran to its end.
     Orderly = 0,
-    /// A limit, a fault or an operator tripped it.
+    /// A limit or a fault tripped it.
     Tripped = 1,
     /// An operator asked for it.
     Operator = 2,
@@ -140,6 +140,7 @@ impl From<Retirement> for Cause {
     fn from(how: Retirement) -> Self {
         match how {
             Retirement::Orderly => Cause::Orderly,
+            Retirement::Operator => Cause::Operator,
             Retirement::Tripped => Cause::Tripped,
         }
     }

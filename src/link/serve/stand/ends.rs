@@ -34,7 +34,8 @@ impl Stand {
             Cause::Operator => (Close::Interrupted, "by the operator"),
             _ => (Close::Stopped, "because the test tripped"),
         };
-        if close == Close::Completed && self.sequence.is_some() {
+        let is_orderly = matches!(close, Close::Completed | Close::Interrupted);
+        if is_orderly && self.sequence.is_some() {
             self.station.commit();
         }
         match self.station.tripped() {
