@@ -128,6 +128,7 @@ impl Engine {
                     return Err(Stop::Moved {
                         port: index,
                         axis,
+                        read: false,
                         found: *found,
                         left: *left,
                         within: place.within,
@@ -159,6 +160,7 @@ impl Engine {
                     moved = Some(Stop::Moved {
                         port: index,
                         axis,
+                        read: true,
                         found: reading.disp,
                         left: place.disp,
                         within: place.within,

@@ -99,18 +99,21 @@ pub enum Stop {
     TestLimit(TestHit),
     /// A specimen does not stand where an interrupted test left it. Nothing was moved.
     #[error(
-        "specimen {}, axis {}: it reads {found:.6e} but was left at {left:.6e}, and may be off by {within:.3e} (its own unit)",
+        "specimen {}, axis {}: {} {found:.6e} but was left at {left:.6e}, and may be off by {within:.3e} (its own unit)",
         port + 1,
-        axis + 1
+        axis + 1,
+        if *read { "it reads" } else { "it says that it stands at" }
     )]
     Moved {
         /// Specimen, from 0.
         port: usize,
         /// Axis, from 0.
         axis: usize,
-        /// What it reads.
+        /// Its sensor was read; otherwise it says where it stands.
+        read: bool,
+        /// What it reads, or says.
         found: f64,
-        /// What it would read where it was left.
+        /// What it would read, or say, where it was left.
         left: f64,
         /// How far it may be off.
         within: f64,

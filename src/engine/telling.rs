@@ -102,6 +102,7 @@ impl Engine {
                 found,
                 left,
                 within,
+                ..
             } => {
                 self.report_now(EventKind::Moved {
                     port: *port as u32,

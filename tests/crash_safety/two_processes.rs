@@ -6,7 +6,8 @@ use gusset::record::summary::Status;
 use gusset::record::{End, Run};
 
 use crate::link_common::{
-    ONE_AXIS, ONE_AXIS_LAW, Running, Served, linked, run, summary, test_file,
+    ONE_AXIS, ONE_AXIS_LAW, Running, Served, finish, gateway, gusset, linked, run, summary,
+    test_file,
 };
 use crate::{is_whole, rows};
 
@@ -195,22 +196,33 @@ fn a_specimen_that_stops_for_less_than_that_is_waited_for() {
 /// How far in m from where it was left a specimen may be found; more than it moves in the instant that no row tells of.
 const NEAR: f64 = 1e-3;
 
-/// The last command of a test on record, 0 before the first.
-fn last_command(folder: &Path) -> f64 {
+/// The commands of a test on record.
+fn commands(folder: &Path) -> Vec<f64> {
     let Ok(run) = Run::open(&folder.join("killed")) else {
-        return 0.0;
+        return Vec::new();
     };
     let commands = run.columns(&["cmd_1_1"]).map(|mut all| all.remove(0));
-    commands.unwrap_or_default().last().copied().unwrap_or(0.0)
+    commands.unwrap_or_default()
 }
 
-/// A test on a specimen that stays where it is left, or begins anew with each controller, killed in its midst; and the
-/// command line that goes on with it into `next`.
-fn killed_on(folder: &Path, remembers: bool) -> Served {
+/// A specimen that stays where it is left, or begins anew with each controller.
+fn that_remembers(folder: &Path, remembers: bool) -> Served {
     let text = format!(
         "[serve]\nremembers = {remembers}\n[[specimen]]\nname = \"column\"\n{ONE_AXIS_LAW}"
     );
-    let served = Served::start(folder, &text, &["--transport", "tcp"]);
+    Served::start(folder, &text, &["--transport", "tcp"])
+}
+
+/// A test on such a specimen that was killed in its midst.
+fn killed_on(folder: &Path, remembers: bool) -> Served {
+    let served = that_remembers(folder, remembers);
+    far_from_its_start(folder, &served).kill();
+    served.hears("the specimen stays where it is");
+    served
+}
+
+/// A test on what is served, in its midst.
+fn far_from_its_start(folder: &Path, served: &Served) -> Running {
     let keys = "max_stale = 100000";
     let text = in_real_time(LONG, &served.address, "tcp", keys);
     let text = text.replace(
@@ -218,14 +230,12 @@ fn killed_on(folder: &Path, remembers: bool) -> Served {
         &format!("[safety]\nresume_within_m = {NEAR}\n"),
     );
     assert!(text.contains("resume_within_m"));
-    let mut test = Running::start(folder, "killed", &text);
+    let test = Running::start(folder, "killed", &text);
     served.hears("armed for");
-    while last_command(folder).abs() < 3.0 * NEAR {
+    while commands(folder).last().copied().unwrap_or(0.0).abs() < 3.0 * NEAR {
         test.moves();
     }
-    test.kill();
-    served.hears("the specimen stays where it is");
-    served
+    test
 }
 
 /// Goes on with the killed test; the words that it begins with are told.
@@ -277,11 +287,42 @@ fn a_killed_test_does_not_go_on_with_a_specimen_that_says_it_stands_elsewhere_an
     assert_eq!(code, 1, "{said}");
     let summary = summary(folder, "next");
     assert!(
-        summary.reason.contains("axis 1: it reads 0"),
+        summary
+            .reason
+            .contains("axis 1: it says that it stands at 0"),
         "{}",
         summary.reason
     );
     let run = Run::open(&folder.join("next")).unwrap();
     assert!(rows(&run).0.is_empty(), "nothing was sent");
     drop(served);
+}
+
+/// A gateway learns with its next test only whether what says that it is a computation stays where a test left it. It is held
+/// before, so that the last command is on record.
+#[test]
+fn a_killed_test_goes_on_through_a_gateway_that_has_not_seen_its_specimen_since() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let specimen = that_remembers(folder, true);
+    let file = gateway(&specimen.address, "stiffness_n_per_m = 4e5\n", "");
+    let between = Served::start(folder, &file, &["--transport", "tcp"]);
+    let mut test = far_from_its_start(folder, &between);
+    let mut hold = gusset();
+    hold.arg("hold").arg(folder.join("killed"));
+    assert!(finish(hold).status.success());
+    while !commands(folder)
+        .windows(2)
+        .last()
+        .is_some_and(|pair| pair[0] == pair[1])
+    {
+        test.moves();
+    }
+    test.kill();
+    between.hears("the specimen stays where it is");
+    let test = go_on(folder);
+    between.hears("armed for");
+    test.moves();
+    let (code, said) = test.interrupt();
+    assert_eq!(code, 130, "{said}");
 }

@@ -25,13 +25,13 @@ pub struct Whereabouts(Arc<Mutex<Known>>);
 
 #[derive(Debug, Default)]
 struct Known {
-    /// Best of what is known; empty if nothing is.
+    /// Empty if it is not known.
     place: Vec<f64>,
     /// Where the last test found it, and where it left it.
     found: Vec<f64>,
     left: Vec<f64>,
-    /// It stays where a test leaves it; a formula may begin anew each time.
-    stays: bool,
+    /// Whether it stays where a test leaves it: a formula may begin anew each time. None until it is known.
+    stays: Option<bool>,
     /// It cannot tell where it stands, and stood here before the first test, as somebody says; empty if nobody does.
     said: Vec<f64>,
 }
@@ -74,9 +74,10 @@ impl Whereabouts {
         let from_left = distance(here, &known.left);
         let from_found = distance(here, &known.found);
         known.stays = if known.left.is_empty() || from_left == from_found {
-            known.stays || !(introduction.simulated || introduction.measured)
+            let moves = !(introduction.simulated || introduction.measured);
+            known.stays.or(moves.then_some(true))
         } else {
-            from_left < from_found
+            Some(from_left < from_found)
         };
         known.place.clone_from(here);
         known.found.clone_from(here);
@@ -88,8 +89,11 @@ impl Whereabouts {
         let mut known = self.known();
         if !known.found.is_empty() {
             known.left = left.to_vec();
-            if known.stays {
-                known.place = left.to_vec();
+            match known.stays {
+                Some(true) => known.place = left.to_vec(),
+                Some(false) => {}
+                // Its next connection shows it. Whoever goes on where the test ended, or begins anew, is held against that.
+                None => known.place.clear(),
             }
         }
     }
@@ -371,9 +375,9 @@ mod tests {
         let rig = believed(false, &[(0.01, 0.04), (0.04, -0.02)]);
         assert_eq!(rig, [vec![], vec![0.04], vec![-0.02]]);
         let formula = believed(true, &[(0.0, 0.04), (0.0, -0.02)]);
-        assert_eq!(formula, [vec![], vec![0.0], vec![0.0]]);
+        assert_eq!(formula, [vec![], vec![], vec![0.0]]);
         let stays = believed(true, &[(0.0, 0.04), (0.04, -0.02), (-0.02, 0.03)]);
-        assert_eq!(stays, [vec![], vec![0.0], vec![-0.02], vec![0.03]]);
+        assert_eq!(stays, [vec![], vec![], vec![-0.02], vec![0.03]]);
         let driven_home = believed(false, &[(0.0, 0.04), (0.0, 0.03), (0.0, 0.02)]);
         assert_eq!(driven_home, [vec![], vec![0.04], vec![0.0], vec![0.0]]);
     }
