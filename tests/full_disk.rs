@@ -3,6 +3,8 @@
 mod common;
 
 use std::fs;
+use std::io::Write;
+use std::os::unix::net::UnixStream;
 use std::path::Path;
 use std::process::Command;
 
@@ -114,6 +116,36 @@ fn a_disk_without_room_for_anything_is_told_before_the_test_and_leaves_nothing()
         said.stderr
     );
     assert!(!out.exists());
+}
+
+/// As a service's output may be, whose reader is gone or asleep.
+#[test]
+fn a_socket_that_nobody_empties_ends_nothing_and_holds_up_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let limits = "[specimen.limits]\ncommand_disp_m = { warn = [-1e-6, 1e-6], trip = [-1, 1] }\n";
+    let test = write(folder.path(), "test.toml", &format!("{FRAME}{limits}"));
+    let (theirs, _unread) = UnixStream::pair().unwrap();
+    theirs.set_nonblocking(true).unwrap();
+    while (&theirs).write(b".").is_ok() {}
+    theirs.set_nonblocking(false).unwrap();
+    let out = folder.path().join("out");
+    // A test that hangs is ended, and fails.
+    let mut command = Command::new("timeout");
+    command
+        .args(["-s", "KILL", "60"])
+        .arg(assert_cmd::cargo::cargo_bin!("gusset"))
+        .arg("run")
+        .arg(&test)
+        .args(["--quiet", "--out"])
+        .arg(&out);
+    let status = command
+        .stderr(std::os::fd::OwnedFd::from(theirs))
+        .status()
+        .unwrap();
+    assert_eq!(status.code(), Some(0));
+    assert_eq!(json(&out, "summary.json")["status"], "completed");
+    let events = fs::read_to_string(out.join("events.jsonl")).unwrap();
+    assert!(events.contains("\"limit_warning\""), "{events}");
 }
 
 #[test]

@@ -1,19 +1,20 @@
 //! What is said on stderr while something runs: to a reader who may not be reading.
 //!
-//! A terminal that is halted (Ctrl-S), a connection that sleeps or a pipe that nobody empties takes no more than its buffer
-//! holds, and then keeps whoever writes to it. That must be neither a specimen's end, nor the writer of the rows, nor a loop
+//! A terminal that is halted (Ctrl-S), a connection that sleeps, or a pipe or socket that nobody empties takes no more than its
+//! buffer holds, and then keeps whoever writes to it. That must be neither a specimen's end, nor the writer of the rows, nor a loop
 //! that panics on its way to retirement. So what is said here waits [`PATIENCE_MS`] once and is dropped from then on, until
 //! the reader is back; then it is told how much it missed. A regular file is always written to.
 
 use std::fmt::Display;
 use std::fs::{File, OpenOptions};
 use std::io::{self, Write};
-use std::os::fd::AsFd;
+use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
 use std::sync::{Mutex, OnceLock, PoisonError};
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::OFlags;
+use rustix::net::SendFlags;
 
 /// So long a reader is waited for, ms: well below the shortest watchdog.
 const PATIENCE_MS: i64 = 5;
@@ -77,37 +78,54 @@ impl<W: Hasty> Aside<W> {
     }
 }
 
-/// Stderr; opened anew where it can make its writer wait, because whether a file waits is shared with whoever else has it.
-struct Stderr(Option<File>);
+/// Stderr, so that it does not make its writer wait. Whether a file waits is shared with whoever else has it, and not ours
+/// to change.
+enum Stderr {
+    /// A regular file, which has no reader; and what cannot be opened.
+    Plain,
+    /// A pipe or a terminal, opened anew.
+    Anew(File),
+    /// A socket, which cannot be opened, but asked each time not to wait.
+    Socket(File),
+}
 
 impl Stderr {
     fn open() -> Self {
-        let can_wait = || {
-            let file = File::from(io::stderr().as_fd().try_clone_to_owned().ok()?);
-            let kind = file.metadata().ok()?.file_type();
-            (kind.is_fifo() || kind.is_char_device()).then_some(())
-        };
+        Self::of(io::stderr().as_fd()).unwrap_or(Self::Plain)
+    }
+
+    fn of(stderr: BorrowedFd<'_>) -> io::Result<Self> {
+        let file = File::from(stderr.try_clone_to_owned()?);
+        let kind = file.metadata()?.file_type();
+        if kind.is_socket() {
+            return Ok(Self::Socket(file));
+        }
+        if !(kind.is_fifo() || kind.is_char_device()) {
+            return Ok(Self::Plain);
+        }
         let flags = OFlags::NONBLOCK | OFlags::NOCTTY;
-        Self(can_wait().and_then(|()| {
-            OpenOptions::new()
-                .write(true)
-                .custom_flags(flags.bits().cast_signed())
-                .open("/proc/self/fd/2")
-                .ok()
-        }))
+        let anew = OpenOptions::new()
+            .write(true)
+            .custom_flags(flags.bits().cast_signed())
+            .open("/proc/self/fd/2")?;
+        Ok(Self::Anew(anew))
     }
 }
 
 impl Hasty for Stderr {
     fn offer(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        match &mut self.0 {
-            Some(file) => file.write(bytes),
-            None => io::stderr().write(bytes),
+        match self {
+            Self::Plain => io::stderr().write(bytes),
+            Self::Anew(file) => file.write(bytes),
+            Self::Socket(file) => {
+                let flags = SendFlags::DONTWAIT | SendFlags::NOSIGNAL;
+                Ok(rustix::net::send(file, bytes, flags)?)
+            }
         }
     }
 
     fn wait(&mut self) {
-        if let Some(file) = &self.0 {
+        if let Self::Anew(file) | Self::Socket(file) = self {
             let patience = Timespec {
                 tv_sec: 0,
                 tv_nsec: PATIENCE_MS * 1_000_000,
@@ -164,6 +182,7 @@ pub fn tell_panics() {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::io::Read;
 
     /// A pipe of so much room.
     #[derive(Default)]
@@ -211,6 +230,29 @@ mod tests {
         let shown = String::from_utf8(aside.out.shown).unwrap();
         let words = "[nobody read: 3 messages are missing here]";
         assert_eq!(shown, format!("one\nseco\n{words}\nlast\nmore\n"));
+    }
+
+    #[test]
+    fn a_socket_that_nobody_empties_is_not_waited_for_although_its_own_writes_would() {
+        let (writer, mut reader) = std::os::unix::net::UnixStream::pair().unwrap();
+        writer.set_nonblocking(true).unwrap();
+        while (&writer).write(b".").is_ok() {}
+        writer.set_nonblocking(false).unwrap();
+        let mut aside = Aside::new(Stderr::of(writer.as_fd()).unwrap());
+        for _ in 0..2 {
+            aside.say(b"unheard\n");
+        }
+        assert_eq!(aside.missed, 2);
+
+        reader.set_nonblocking(true).unwrap();
+        let mut heard = Vec::new();
+        let _it_is_empty = reader.read_to_end(&mut heard);
+        aside.say(b"heard\n");
+        heard.clear();
+        let _it_is_empty = reader.read_to_end(&mut heard);
+        let words = "[nobody read: 2 messages are missing here]";
+        let heard = String::from_utf8(heard).unwrap();
+        assert_eq!(heard, format!("{words}\nheard\n"));
     }
 
     #[test]
