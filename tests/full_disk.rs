@@ -8,7 +8,7 @@ use std::os::unix::net::UnixStream;
 use std::path::Path;
 use std::process::Command;
 
-use common::{FRAME, PATIENT, Said, gusset, json, say, write};
+use common::{FRAME, PATIENT, Said, completed, gusset, json, say, write};
 use gusset::record::Run;
 
 /// The binary with no file longer than so many kB.
@@ -116,6 +116,30 @@ fn a_disk_without_room_for_anything_is_told_before_the_test_and_leaves_nothing()
         said.stderr
     );
     assert!(!out.exists());
+}
+
+#[test]
+fn every_command_tells_that_a_file_has_reached_its_limit_and_leaves_no_part_of_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let test = write(folder.path(), "test.toml", FRAME);
+    let out = folder.path().join("out");
+    completed(&test, &out, &[]);
+    let page = fs::read(out.join("report.html")).unwrap();
+    let table = folder.path().join("rows.csv");
+    let export = ["export".as_ref(), out.as_os_str(), "--out".as_ref()];
+    let export = [&export[..], &[table.as_os_str()]].concat();
+    let report = ["report".as_ref(), out.as_os_str()];
+    let commands = [&["schema".as_ref()][..], &export, &report];
+    for arguments in commands {
+        let schema = fs::File::create(folder.path().join("schema.json")).unwrap();
+        let mut command = under_limit(8);
+        command.args(arguments).stdout(schema);
+        let said: Said = command.output().unwrap().into();
+        assert_eq!(said.code, Some(2), "{arguments:?}: {}", said.stderr);
+        assert!(said.stderr.contains("File too large"), "{}", said.stderr);
+    }
+    assert!(!table.exists());
+    assert_eq!(fs::read(out.join("report.html")).unwrap(), page);
 }
 
 /// As a service's output may be, whose reader is gone or asleep.

@@ -50,12 +50,14 @@ pub use exit::Exit;
 use args::{Cli, Command};
 
 use crate::config::{Diagnostics, printable};
+use crate::rt::os;
 use crate::session::Request;
 
 /// Runs the command line and returns the exit code of contracts: 0 done, 1 stopped, 2 wrong usage, 3 link, 4 no real
 /// time, 5 our own fault, 130 and 143 interrupted.
 #[must_use]
 pub fn main() -> ExitCode {
+    os::ignore_file_size_signal();
     let cli = Cli::parse();
     match caught(|| dispatch(cli.command)) {
         Ok(exit) => exit.into(),

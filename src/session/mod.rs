@@ -137,7 +137,6 @@ pub fn run(
     watches: Watches,
     progress: &mut dyn FnMut(&Progress),
 ) -> Result<Finished, SessionError> {
-    os::ignore_file_size_signal();
     let Prepared {
         experiment,
         facts,

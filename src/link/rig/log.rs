@@ -83,7 +83,6 @@ impl Log {
         visitor: &Visitor,
         away_from: Option<usize>,
     ) -> Result<Self, String> {
-        os::ignore_file_size_signal();
         let folder = next_folder(&settings.root).map_err(|error| error.to_string())?;
         let rate_hz = visitor
             .rate
