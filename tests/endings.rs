@@ -3,6 +3,7 @@
 mod common;
 
 use std::fs;
+use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
@@ -154,6 +155,53 @@ fn ctrl_c_is_heard_while_a_slow_test_waits_for_its_next_edge() {
 fn sigterm_and_a_lost_terminal_end_in_an_orderly_way_with_143() {
     interrupted("TERM", 143);
     interrupted("HUP", 143);
+}
+
+/// Signals that a process ignores, as the system tells: bit n − 1 for signal n.
+fn ignored(process: u32) -> u64 {
+    let status = fs::read_to_string(format!("/proc/{process}/status")).unwrap();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    u64::from_str_radix(mask.unwrap().trim(), 16).unwrap()
+}
+
+/// What `nohup` does for a command, and that a file at its size limit ends none.
+#[test]
+fn a_run_and_every_server_leave_a_hang_up_ignored_that_was_so_when_they_began() {
+    const HUNG_UP: u64 = 1;
+    const FILE_SIZE: u64 = 1 << 24;
+    let start = |ignore: &str, arguments: &[&std::ffi::OsStr]| {
+        let mut command = Command::new("bash");
+        command
+            .args(["-c", &format!("{ignore} exec \"$0\" \"$@\"")])
+            .arg(assert_cmd::cargo::cargo_bin!("gusset"))
+            .args(arguments);
+        command.stdin(Stdio::null()).stdout(Stdio::piped());
+        Running(Some(command.stderr(Stdio::null()).spawn().unwrap()))
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let test = long(folder.path());
+    for (ignore, wanted) in [("", FILE_SIZE), ("trap '' HUP;", FILE_SIZE | HUNG_UP)] {
+        for protocol in ["gusset", "openfresco"] {
+            let specimen = ["--specimen", "storey", "--listen", "127.0.0.1:0"];
+            let mut arguments = vec!["serve".as_ref(), test.as_os_str()];
+            arguments.extend(specimen.map(std::ffi::OsStr::new));
+            arguments.extend(["--protocol", protocol].map(std::ffi::OsStr::new));
+            let mut served = start(ignore, &arguments);
+            let mut line = String::new();
+            let mut said = BufReader::new(served.child().stdout.take().unwrap());
+            said.read_line(&mut line).unwrap();
+            assert!(line.starts_with("listening on"), "{line}");
+            let found = ignored(served.child().id());
+            assert_eq!(found & (FILE_SIZE | HUNG_UP), wanted, "{protocol}");
+        }
+        let out = folder.path().join(format!("out-{wanted}"));
+        let arguments = ["run".as_ref(), test.as_os_str(), "--out".as_ref()];
+        let arguments = [&arguments[..], &[out.as_os_str()]].concat();
+        let mut running = start(ignore, &arguments);
+        running.until_rows(&out, 1);
+        let found = ignored(running.child().id());
+        assert_eq!(found & (FILE_SIZE | HUNG_UP), wanted);
+    }
 }
 
 #[test]

@@ -220,15 +220,17 @@ fn a_long_test_that_is_kept(
 
 #[test]
 fn a_gateway_that_is_told_to_stop_ends_the_test_at_both_ends() {
-    let folder = tempfile::tempdir().unwrap();
-    let folder = folder.path();
-    let (specimen, mut between, test) = a_long_test_that_is_kept(folder);
-    between.hears("armed for");
-    assert_eq!(between.signal("TERM"), 143);
-    assert_eq!(test.join().unwrap().0, 3);
-    specimen.hears("retired by the operator");
-    let kept = Run::open(&folder.join("kept/test-0001")).unwrap();
-    assert_eq!(kept.summary().unwrap().status, Ended::Interrupted);
+    for signal in ["TERM", "HUP"] {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        let (specimen, mut between, test) = a_long_test_that_is_kept(folder);
+        between.hears("armed for");
+        assert_eq!(between.signal(signal), 143);
+        assert_eq!(test.join().unwrap().0, 3);
+        specimen.hears("retired by the operator");
+        let kept = Run::open(&folder.join("kept/test-0001")).unwrap();
+        assert_eq!(kept.summary().unwrap().status, Ended::Interrupted);
+    }
 }
 
 /// Its far end takes the connection and says nothing: whoever has enough of waiting for it is heard, the gateway's operator

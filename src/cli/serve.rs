@@ -6,9 +6,6 @@ use std::os::unix::ffi::OsStrExt;
 use std::os::unix::net::UnixDatagram;
 use std::path::Path;
 
-use anyhow::Context;
-use tokio::signal::unix::{SignalKind, signal};
-
 use super::args::{ProtocolArg, ServeArgs, TransportArg};
 use super::aside::remark;
 use super::exit::{Exit, WithExit};
@@ -21,11 +18,13 @@ use crate::link::serve::{Heard, Host, ServeError, ServeOptions, Server, USUAL_LI
 use crate::link::spec::{Carrier, Offer};
 use crate::link::tls::ClientCertificate;
 use crate::rt::RtPlan;
+use crate::session::{Signal, Taken};
+use anyhow::Context;
 
 /// The budget of the data thread's busy loop is judged for this period; the true one is the controller's.
 const USUAL_PERIOD_NS: u64 = 1_000_000;
 
-/// Hosts one specimen until SIGINT or SIGTERM.
+/// Hosts one specimen until SIGINT, SIGTERM or SIGHUP.
 pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
     let mut served = config::load_served(&args.file, args.specimen.as_deref()).map_err(refused)?;
     for warning in &served.warnings {
@@ -160,12 +159,11 @@ fn play(path: &Path, host: Host, protocol: Offer) -> anyhow::Result<Host> {
 
 /// Says that the port is open, and waits for the end.
 async fn until_signal(address: SocketAddr) -> anyhow::Result<Exit> {
-    let mut interrupt = signal(SignalKind::interrupt())?;
-    let mut terminate = signal(SignalKind::terminate())?;
+    let mut signals = Taken::over()?;
     say_ready(address)?;
-    Ok(tokio::select! {
-        _ = interrupt.recv() => Exit::Interrupted,
-        _ = terminate.recv() => Exit::Terminated,
+    Ok(match signals.next().await {
+        Signal::Interrupt => Exit::Interrupted,
+        Signal::Terminate => Exit::Terminated,
     })
 }
 

@@ -45,7 +45,7 @@ pub use page::{Page, PageError, conclude, hero, write_report};
 pub use ready::missing;
 pub use replay::{Difference, Replay, ReplayError, replay, replay_rows};
 pub use resume::{ResumeError, resume, resume_over};
-pub use signals::{Signal, Signals};
+pub use signals::{Signal, Signals, Taken};
 pub use summary::ending;
 pub use watches::{Attendance, Watches, roll};
 

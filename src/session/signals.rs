@@ -5,10 +5,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
 
 use crossbeam_channel::{Receiver, Sender};
-use tokio::signal::unix::{SignalKind, signal};
+use tokio::signal::unix::{self, SignalKind, signal};
 
 use crate::engine::Operator;
 use crate::record::{Roll, What};
+use crate::rt::os;
 
 /// A signal that ended a test.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -17,6 +18,45 @@ pub enum Signal {
     Interrupt,
     /// SIGTERM, or SIGHUP: the terminal, or the connection it came through, is gone.
     Terminate,
+}
+
+/// SIGINT, SIGTERM and SIGHUP, taken over from the system's default, which would end the process at once. A SIGHUP that was
+/// ignored before stays so: that is asked for when somebody leaves what he has started (nohup(1)).
+#[derive(Debug)]
+pub struct Taken {
+    interrupt: unix::Signal,
+    terminate: unix::Signal,
+    hang_up: Option<unix::Signal>,
+}
+
+impl Taken {
+    /// Within an asynchronous runtime, which hears them.
+    ///
+    /// # Errors
+    /// The system gives no handler.
+    pub fn over() -> io::Result<Self> {
+        let hang_up = !os::is_hang_up_ignored();
+        Ok(Self {
+            interrupt: signal(SignalKind::interrupt())?,
+            terminate: signal(SignalKind::terminate())?,
+            hang_up: hang_up.then(|| signal(SignalKind::hangup())).transpose()?,
+        })
+    }
+
+    /// The next of them.
+    pub async fn next(&mut self) -> Signal {
+        let hang_up = async {
+            match &mut self.hang_up {
+                Some(signal) => signal.recv().await,
+                None => std::future::pending().await,
+            }
+        };
+        tokio::select! {
+            _ = self.interrupt.recv() => Signal::Interrupt,
+            _ = self.terminate.recv() => Signal::Terminate,
+            _ = hang_up => Signal::Terminate,
+        }
+    }
 }
 
 /// Listens on a thread of its own for as long as the process lives.
@@ -32,7 +72,7 @@ const INTERRUPT: u8 = 1;
 const TERMINATE: u8 = 2;
 
 impl Signals {
-    /// Takes SIGINT, SIGTERM and SIGHUP over from the system's default, which would end the process at once.
+    /// Takes the signals over: see [`Taken`].
     ///
     /// # Errors
     /// The system gives no thread or no handler.
@@ -42,13 +82,9 @@ impl Signals {
         let runtime = tokio::runtime::Builder::new_current_thread()
             .enable_io()
             .build()?;
-        let (mut interrupt, mut terminate, mut hang_up) = {
+        let mut taken = {
             let _inside = runtime.enter();
-            (
-                signal(SignalKind::interrupt())?,
-                signal(SignalKind::terminate())?,
-                signal(SignalKind::hangup())?,
-            )
+            Taken::over()?
         };
         let (noted, requests) = (Arc::clone(&seen), sender.clone());
         let roll = super::roll();
@@ -59,10 +95,9 @@ impl Signals {
                 let stamper = for_thread.enter();
                 runtime.block_on(async move {
                     loop {
-                        let which = tokio::select! {
-                            _ = interrupt.recv() => INTERRUPT,
-                            _ = terminate.recv() => TERMINATE,
-                            _ = hang_up.recv() => TERMINATE,
+                        let which = match taken.next().await {
+                            Signal::Interrupt => INTERRUPT,
+                            Signal::Terminate => TERMINATE,
                         };
                         let began_ns = stamper.now();
                         // The first signal names the cause; a full queue already holds the request.
