@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-use common::{FRAME, PATIENT, Said, completed, gusset, json, run, say, write};
+use common::{FRAME, PATIENT, Said, completed, json, run, say, write};
 use gusset::record::Run;
 
 /// A test that lasts longer than this file may, on the real clock.
@@ -23,18 +23,32 @@ fn long(folder: &Path) -> std::path::PathBuf {
     )
 }
 
-/// A running test; killed if the test of it fails.
+/// The binary, for which a hang-up is what `hang_up` says, whatever it is for these tests.
+fn gusset_that_is(hang_up: &str) -> Command {
+    let mut command = Command::new("env");
+    command
+        .arg(hang_up)
+        .arg(assert_cmd::cargo::cargo_bin!("gusset"))
+        .stdin(Stdio::null());
+    command
+}
+
+/// A running test, or server; killed if the test of it fails.
 struct Running(Option<Child>);
 
 impl Running {
     fn start(test: &Path, out: &Path) -> Self {
-        let mut command = gusset();
+        let mut command = gusset_that_is("--default-signal=HUP");
         command
             .arg("run")
             .arg(test)
             .arg("--out")
             .arg(out)
             .args(PATIENT);
+        Self::of(command)
+    }
+
+    fn of(mut command: Command) -> Self {
         let child = command
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
@@ -169,38 +183,36 @@ fn ignored(process: u32) -> u64 {
 fn a_run_and_every_server_leave_a_hang_up_ignored_that_was_so_when_they_began() {
     const HUNG_UP: u64 = 1;
     const FILE_SIZE: u64 = 1 << 24;
-    let start = |ignore: &str, arguments: &[&std::ffi::OsStr]| {
-        let mut command = Command::new("bash");
-        command
-            .args(["-c", &format!("{ignore} exec \"$0\" \"$@\"")])
-            .arg(assert_cmd::cargo::cargo_bin!("gusset"))
-            .args(arguments);
-        command.stdin(Stdio::null()).stdout(Stdio::piped());
-        Running(Some(command.stderr(Stdio::null()).spawn().unwrap()))
-    };
     let folder = tempfile::tempdir().unwrap();
     let test = long(folder.path());
-    for (ignore, wanted) in [("", FILE_SIZE), ("trap '' HUP;", FILE_SIZE | HUNG_UP)] {
+    let cases = [
+        ("--default-signal=HUP", FILE_SIZE),
+        ("--ignore-signal=HUP", FILE_SIZE | HUNG_UP),
+    ];
+    for (hang_up, wanted) in cases {
+        let of_interest = |running: &mut Running| {
+            let found = ignored(running.child().id());
+            found & (FILE_SIZE | HUNG_UP)
+        };
         for protocol in ["gusset", "openfresco"] {
-            let specimen = ["--specimen", "storey", "--listen", "127.0.0.1:0"];
-            let mut arguments = vec!["serve".as_ref(), test.as_os_str()];
-            arguments.extend(specimen.map(std::ffi::OsStr::new));
-            arguments.extend(["--protocol", protocol].map(std::ffi::OsStr::new));
-            let mut served = start(ignore, &arguments);
+            let mut command = gusset_that_is(hang_up);
+            command.arg("serve").arg(&test);
+            command.args(["--specimen", "storey", "--listen", "127.0.0.1:0"]);
+            command.args(["--protocol", protocol]);
+            let mut served = Running::of(command);
             let mut line = String::new();
             let mut said = BufReader::new(served.child().stdout.take().unwrap());
             said.read_line(&mut line).unwrap();
             assert!(line.starts_with("listening on"), "{line}");
-            let found = ignored(served.child().id());
-            assert_eq!(found & (FILE_SIZE | HUNG_UP), wanted, "{protocol}");
+            assert_eq!(of_interest(&mut served), wanted, "{protocol}");
         }
         let out = folder.path().join(format!("out-{wanted}"));
-        let arguments = ["run".as_ref(), test.as_os_str(), "--out".as_ref()];
-        let arguments = [&arguments[..], &[out.as_os_str()]].concat();
-        let mut running = start(ignore, &arguments);
+        let mut command = gusset_that_is(hang_up);
+        command.arg("run").arg(&test).arg("--out").arg(&out);
+        command.args(PATIENT);
+        let mut running = Running::of(command);
         running.until_rows(&out, 1);
-        let found = ignored(running.child().id());
-        assert_eq!(found & (FILE_SIZE | HUNG_UP), wanted);
+        assert_eq!(of_interest(&mut running), wanted);
     }
 }
 

@@ -215,7 +215,10 @@ impl Served {
         let number = STARTED.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
         let file = write(folder, &format!("serve-{number}.toml"), text);
         let given = arguments.contains(&"--listen");
-        let mut child = gusset()
+        // A hang-up is one for it, also where it is none for these tests.
+        let mut child = Command::new("env")
+            .arg("--default-signal=HUP")
+            .arg(assert_cmd::cargo::cargo_bin!("gusset"))
             .arg("serve")
             .arg(file)
             .args(if given {
