@@ -173,7 +173,7 @@ mod tests {
     use super::super::Station;
     use super::*;
     use crate::control::AxisUnits;
-    use crate::link::rig::{Rig, Visitor};
+    use crate::link::rig::{Over, Rig, Visitor, Wanted};
     use crate::substructure::{Introduction, LinkFault, Retirement};
 
     /// Two springs of 10 N/m; after the command with number 2 the load cell of the second says no number.
@@ -184,11 +184,16 @@ mod tests {
         fn axes(&self) -> usize {
             2
         }
-        fn connect(&mut self, _: &Visitor) -> Result<Introduction, String> {
+        fn connect(&mut self, _: &Visitor, _: &mut Wanted<'_>) -> Result<Introduction, Over> {
             Ok(Introduction::default())
         }
-        fn arm(&mut self, _: u64, _: &[f64]) -> Result<(), LinkFault> {
-            Ok(())
+        fn arm(
+            &mut self,
+            _: u64,
+            _: &[f64],
+            _: &mut dyn FnMut() -> bool,
+        ) -> Result<bool, LinkFault> {
+            Ok(true)
         }
         fn trial(
             &mut self,
