@@ -24,6 +24,9 @@ pub(super) const COEFFICIENTS: &[Parameter] = &[
     },
 ];
 
+/// Static gain of a lead, in shares of that which it begins with: what an actuator's own may be, and no more.
+pub(super) const GAIN: (f64, f64) = (0.7, 1.4);
+
 /// Coefficients that move towards a goal, within bounds and no faster than they may.
 #[derive(Debug, Clone)]
 pub(super) struct Bounded {
@@ -110,6 +113,33 @@ impl Bounded {
         {
             let change = (goal - *value).clamp(-rate, *rate);
             *value = (*value + change).clamp(*lower, *upper);
+        }
+    }
+
+    /// Goes towards `goal` on a straight line, for coefficients that mean something together only: what both ends of the line fit,
+    /// all between them do. The slowest of them gives the pace, and where one stands at its bound all do. What is not a number
+    /// moves nothing. Real-time: yes.
+    pub fn approach_as_one(&mut self, goal: &[f64]) {
+        if !goal.iter().all(|goal| goal.is_finite()) {
+            return;
+        }
+        let mut share = 1.0f64;
+        let limits = self.bounds.iter().zip(&self.rates);
+        for ((value, goal), ((lower, upper), rate)) in self.values.iter().zip(goal).zip(limits) {
+            let way = goal - value;
+            let room = if way > 0.0 {
+                upper - value
+            } else {
+                value - lower
+            };
+            let most = room.min(*rate);
+            if way.abs() > most {
+                share = share.min(most / way.abs());
+            }
+        }
+        let bounds = self.bounds.iter();
+        for ((value, goal), (lower, upper)) in self.values.iter_mut().zip(goal).zip(bounds) {
+            *value = (*value + share * (goal - *value)).clamp(*lower, *upper);
         }
     }
 

@@ -4,7 +4,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::adaptive::{Bounded, COEFFICIENTS, Regressors};
+use super::adaptive::{Bounded, COEFFICIENTS, GAIN, Regressors};
 use super::filter::Differences;
 use super::{CompensationError, Compensator, Parameter, inside};
 
@@ -53,7 +53,7 @@ pub(super) struct Amb {
 impl AmbSpec {
     pub(super) fn build(&self, dt: f64) -> Result<Amb, CompensationError> {
         let defaults = self.start.iter().enumerate().map(|(j, a)| match j {
-            0 => (0.7 * a, 1.4 * a),
+            0 => (GAIN.0 * a, GAIN.1 * a),
             _ => (0.0, 3.0 * a),
         });
         let a = Bounded::new(

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::adaptive::{Bounded, COEFFICIENTS, Regressors};
+use super::adaptive::{Bounded, COEFFICIENTS, GAIN, Regressors};
 use super::filter::Differences;
 use super::least_squares::Window;
 use super::{CompensationError, Compensator, Parameter, history, inside, not_negative, positive};
@@ -114,7 +114,7 @@ impl AtsSpec {
             }
         };
         let defaults = start.iter().enumerate().map(|(j, a)| match j {
-            0 => (0.7 * a, 1.4 * a),
+            0 => (GAIN.0 * a, GAIN.1 * a),
             // One that begins at zero may still find the discretisation's own term.
             _ => (0.0, (j as f64 + 1.0) * a + dt.powi(j as i32)),
         });

@@ -3,13 +3,16 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::adaptive::Bounded;
+use super::adaptive::{Bounded, GAIN};
 use super::filter::{History, LowPass};
+use super::polynomial::lagrange_weights;
 use super::{CompensationError, Compensator, Parameter, history, inside, not_negative, positive};
 
 const TAPS: usize = 4;
 
-/// θᵀ \[d, d(t − s), d(t − 2s), d(t − 3s)\], θ by recursive least squares of commands on measurements taken the same way.
+/// θᵀ \[d, d(t − s), d(t − 2s), d(t − 3s)\], θ by recursive least squares of commands on measurements taken the same way. The
+/// weights go together: all of them as fast as the slowest may, and none where one would pass its bound. Their sum, which is the
+/// gain of what stands, is kept from 0.7 to 1.4: while a motion begins next to nothing is known of it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RecursiveFirSpec {
@@ -27,10 +30,11 @@ pub struct RecursiveFirSpec {
     /// Corner of the filter of commands and measurements, in Hz. Default: 20.
     #[serde(default = "twenty")]
     pub filter_hz: f64,
-    /// Lower bounds of the weights. Default: the start less 4 (1 + τ/s), for weights of the third order are so large.
+    /// Lower bounds of the weights. Default: the start less the largest weight of an extrapolation of the third order by τ, and at
+    /// least 4 (1 + τ/s).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lower: Option<Vec<f64>>,
-    /// Upper bounds. Default: the start and 4 (1 + τ/s).
+    /// Upper bounds. Default: the start and as much.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub upper: Option<Vec<f64>>,
     /// Greatest change of each weight per second. Default: half of the way between its bounds.
@@ -114,7 +118,8 @@ impl RecursiveFirSpec {
         )?;
         let eta = delay / (spacing * dt);
         let start = vec![1.0 + eta, -eta, 0.0, 0.0];
-        let way = 4.0 * (1.0 + eta);
+        let third = lagrange_weights(3, eta).into_iter().map(f64::abs);
+        let way = third.fold(4.0 * (1.0 + eta), f64::max);
         let defaults = start
             .iter()
             .map(|theta| (theta - way, theta + way))
@@ -169,6 +174,31 @@ impl RecursiveFir {
         } else {
             self.forgetting
         }
+    }
+
+    /// What fits best of all weights whose sum is within its bounds: the estimate, if its own is.
+    fn goal(&self) -> [f64; TAPS] {
+        let mut goal = self.estimate;
+        let sum: f64 = goal.iter().sum();
+        let off = sum.clamp(GAIN.0, GAIN.1) - sum;
+        if off == 0.0 {
+            return goal;
+        }
+        let mut along = [0.0; TAPS];
+        for (along, row) in along.iter_mut().zip(&self.covariance) {
+            *along = row.iter().sum();
+        }
+        let variance: f64 = along.iter().sum();
+        // Positive but for roundoff: then the sum is known too well for another to fit.
+        let share = if variance > 0.0 {
+            off / variance
+        } else {
+            f64::NAN
+        };
+        for (goal, along) in goal.iter_mut().zip(along) {
+            *goal += share * along;
+        }
+        goal
     }
 
     fn slots(&mut self) -> impl Iterator<Item = &mut f64> {
@@ -242,7 +272,8 @@ impl Compensator for RecursiveFir {
                 self.covariance[j][i] = value;
             }
         }
-        self.theta.approach(&self.estimate);
+        let goal = self.goal();
+        self.theta.approach_as_one(&goal);
     }
 
     fn notice(&mut self, command: f64, measured: f64) {

@@ -233,6 +233,64 @@ fn forgetting_does_not_let_a_filter_wind_up_where_nothing_moves() {
     assert!(most < 1.2 * largest, "{most} for {largest}");
 }
 
+/// Numbers of the congruent kind, evenly from −1 to 1.
+fn scatter(state: &mut u64) -> f64 {
+    *state = state
+        .wrapping_mul(6_364_136_223_846_793_005)
+        .wrapping_add(1);
+    (*state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+}
+
+/// A pure delay and a first-order lag, as they are published for four weights that mean something together only.
+#[test]
+fn weights_that_go_together_lead_a_motion_of_any_size() {
+    let (delay, lag) = (0.012, 0.006);
+    for rate in [250.0, 1000.0] {
+        let dt = 1.0 / rate;
+        let spec: CompensationSpec = toml::from_str("recursive_fir = { delay_s = 0.015 }").unwrap();
+        for size in [0.02, 0.05, 0.1, 0.2] {
+            for (sweeps, noise) in [(false, 0.0), (false, 1e-5), (true, 0.0), (true, 1e-5)] {
+                let mut fir = spec.build(dt).unwrap();
+                fir.reset(0.0);
+                let decay = libm::exp(-dt / lag);
+                let mut on_the_way =
+                    std::collections::VecDeque::from(vec![0.0; (delay * rate) as usize]);
+                let (mut x, mut seed, mut most, mut late) = (0.0, 1, 0.0f64, 0.0f64);
+                let n = (10.0 * rate) as i32;
+                for k in 0..n {
+                    let t = f64::from(k) * dt;
+                    let eased = t.min(1.0) * t.min(1.0) * (3.0 - 2.0 * t.min(1.0));
+                    // 0.3 to 4 Hz in ten seconds, or 1 Hz.
+                    let turns = if sweeps { 0.3 * t + 0.185 * t * t } else { t };
+                    let target = size * eased * libm::sin(2.0 * PI * turns);
+                    let command = fir.predict(target, 0.0, 0.0);
+                    on_the_way.push_back(command);
+                    x += (1.0 - decay) * (on_the_way.pop_front().unwrap() - x);
+                    // The root mean square of even numbers is 1/√3.
+                    fir.observe(command, x + noise * 3.0_f64.sqrt() * scatter(&mut seed));
+                    most = most.max(command.abs());
+                    if k > n - 2 * rate as i32 {
+                        late = late.max((x - target).abs());
+                    }
+                    let sum = fir.stands(1.0);
+                    assert!(
+                        (0.7 - 1e-9..=1.4 + 1e-9).contains(&sum),
+                        "{size} {sweeps}: {sum}"
+                    );
+                }
+                let all = format!(
+                    "{rate} {size} {sweeps} {noise}: {most} {late} {:?}",
+                    fir.parameters()
+                );
+                // What a lag asks for at 4 Hz is 1 % more than the target.
+                assert!(most < 1.1 * size, "{all}");
+                // At the end of the sweep what the smallest motion has told of three more weights than one is least: 1.2 %.
+                assert!(late < 0.02 * size, "{all}");
+            }
+        }
+    }
+}
+
 #[test]
 fn what_adapts_stays_within_bounds_and_rates_whatever_it_hears() {
     for text in [
