@@ -102,8 +102,9 @@ pub trait Compensator: Send + std::fmt::Debug {
         let _ = disp;
     }
 
-    /// What was measured while `command` was in force. Called before the next `predict`, once a tick, or not at all in a tick
-    /// without a fresh measurement.
+    /// What was measured while `command` was in force. Called before the next `predict`, once a tick. In a tick without a fresh
+    /// measurement it is not called: the ticks that are missing are noticed before the next that is measured, or are so many that
+    /// nothing is learnt for as long as is remembered.
     fn observe(&mut self, command: f64, measured: f64) {
         let _ = (command, measured);
     }

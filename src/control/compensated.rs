@@ -3,7 +3,9 @@
 //!
 //! Until the test runs they hold: whatever comes before (static load, ramps, warm-up) is quasi-static, passes as a place at
 //! rest does, with the gain that a compensator makes up for and no lead, and is the history that the first prediction starts
-//! from. A tick in which time stands still, or without a fresh measurement, teaches them nothing.
+//! from. A tick in which time stands still, or without a fresh measurement, teaches them nothing; one without a measurement is
+//! filled in when the next comes, so that what filters and differentiates goes on in ticks, and after many of them in a row nothing
+//! is learnt for as long as after a hold.
 //!
 //! In the running test a compensator is asked for its lead on one grid of test time only: N points a step, where the ticks of
 //! an undisturbed test end. While test time is stretched ([`super::Tempo`]) the path that it sees is that of the undisturbed
@@ -30,6 +32,7 @@
 //! target. Kind by kind, and what learns when: [`crate::compensation`].
 
 mod axis;
+mod gap;
 
 use axis::Compensated;
 
@@ -384,8 +387,8 @@ impl Port {
         Some(made.axes.get(axis)?.own_vel)
     }
 
-    /// A fresh measurement is there. Real-time: yes.
-    pub(super) fn compensation_hears(&mut self) {
+    /// The answer to a command is there, or an old one in place of it. Real-time: yes.
+    pub(super) fn compensation_hears(&mut self, is_fresh: bool) {
         let Some(Compensation {
             axes: made,
             running: true,
@@ -401,8 +404,10 @@ impl Port {
         for (((axis, sent), raw), made) in axes.zip(made) {
             let command = (sent - axis.disp_offset) * made.metres;
             let measured = (raw - axis.measured_offset - axis.disp_offset) * made.metres;
-            if measured.is_finite() {
+            if is_fresh && measured.is_finite() {
                 made.hear(command, measured, *undisturbed);
+            } else {
+                made.lacks(command, *undisturbed);
             }
         }
     }

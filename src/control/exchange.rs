@@ -159,11 +159,11 @@ impl Port {
             self.link.received += 1;
             self.partner.measured = true;
             self.raw.status.0 &= !(Status::STALE.0 | Status::OWED.0);
-            self.compensation_hears();
         } else {
             self.link.stale += 1;
             self.raw.status.0 |= Status::STALE.0;
         }
+        self.compensation_hears(is_fresh);
         match (finite, is_fresh) {
             (false, _) => Err(LinkFault::NotFinite),
             (true, true) => Ok(Freshness::Fresh),

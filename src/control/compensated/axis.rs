@@ -1,5 +1,6 @@
 //! The compensator of one axis, and the two points of the grid between which its lead is.
 
+use super::gap::Gap;
 use crate::compensation::Compensator;
 use crate::control::Axis;
 
@@ -15,15 +16,19 @@ pub(super) struct Compensated {
     pub own_vel: f64,
     /// Target and led target, at the newest point of the grid and at the one before.
     points: [(f64, f64); 2],
-    /// Measurements of the undisturbed test since it was disturbed, and how many it takes to forget what was before.
+    /// Ticks of the undisturbed test since it was disturbed, measured or filled in, and how many it takes to forget what was
+    /// before.
     heard: u32,
     memory: u32,
+    gap: Gap,
 }
 
 impl Compensated {
     pub fn new(one: Box<dyn Compensator>, metres: f64) -> Self {
+        let memory = one.memory();
         Self {
-            memory: one.memory(),
+            memory,
+            gap: Gap::new(memory),
             one,
             metres,
             vel: 0.0,
@@ -38,6 +43,7 @@ impl Compensated {
         self.one.reset(disp);
         let command = self.one.predict(disp, 0.0, 0.0);
         self.one.reset(disp);
+        self.gap.begin(disp);
         let led = self.one.stands(disp);
         self.points = [(disp, led); 2];
         command
@@ -80,15 +86,14 @@ impl Compensated {
         }
     }
 
-    /// What was measured of a command; nothing is learnt while the test is disturbed, nor as long after it as that is remembered.
-    /// Real-time: yes.
+    /// What was measured of a command; nothing is learnt while the test is disturbed, nor as long after it as that is remembered,
+    /// nor of what is filled in. Real-time: yes.
     #[inline]
     pub fn hear(&mut self, command: f64, measured: f64, undisturbed: bool) {
-        self.heard = if undisturbed {
-            self.heard.saturating_add(1)
-        } else {
-            0
-        };
+        let one = &mut self.one;
+        self.gap
+            .fill(measured, |command, measured| one.notice(command, measured));
+        self.count(undisturbed);
         if self.heard > self.memory {
             self.one.observe(command, measured);
         } else {
@@ -96,9 +101,29 @@ impl Compensated {
         }
     }
 
+    /// The measurement of a command stays away: it is filled in when the next one comes, if that is soon. Real-time: yes.
+    #[inline]
+    pub fn lacks(&mut self, command: f64, undisturbed: bool) {
+        if self.gap.takes(command) {
+            self.count(undisturbed);
+        } else {
+            self.misses();
+        }
+    }
+
+    #[inline]
+    fn count(&mut self, undisturbed: bool) {
+        self.heard = if undisturbed {
+            self.heard.saturating_add(1)
+        } else {
+            0
+        };
+    }
+
     pub fn freeze(&self, out: &mut Vec<f64>) {
         out.extend([f64::from(self.heard), self.vel]);
         out.extend(self.points.iter().flat_map(|(disp, led)| [disp, led]));
+        self.gap.freeze(out);
         self.one.freeze(out);
     }
 
@@ -109,14 +134,20 @@ impl Compensated {
         else {
             return from;
         };
-        self.heard = if recent { heard as u32 } else { 0 };
         self.vel = vel;
         self.points = [(disp, led), (disp_before, led_before)];
+        let rest = self.gap.thaw(rest);
+        if recent {
+            self.heard = heard as u32;
+        } else {
+            self.misses();
+        }
         self.one.thaw(rest)
     }
 
     /// What is measured next does not follow what was measured last. Real-time: yes.
     pub fn misses(&mut self) {
         self.heard = 0;
+        self.gap.forget();
     }
 }

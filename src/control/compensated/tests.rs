@@ -41,6 +41,11 @@ struct Lag {
     decay: f64,
     told: f64,
     disp: f64,
+    /// True of a command whose answer is lost.
+    loses: fn(u64) -> bool,
+    number: u64,
+    /// What was answered last.
+    known: f64,
 }
 
 impl Substructure for Lag {
@@ -51,13 +56,21 @@ impl Substructure for Lag {
         Coupling::Lockstep
     }
     fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
-        self.told = command.disp[0];
+        (self.told, self.number) = (command.disp[0], command.sequence);
         self.disp += (1.0 - self.decay) * (self.gain * self.told - self.disp);
         Ok(())
     }
     fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
-        (into.disp[0], into.force[0]) = (self.disp, 1e5 * self.disp);
-        Ok(Freshness::Fresh)
+        let is_lost = (self.loses)(self.number);
+        if !is_lost {
+            (into.sequence, self.known) = (self.number, self.disp);
+        }
+        (into.disp[0], into.force[0]) = (self.known, 1e5 * self.known);
+        Ok(if is_lost {
+            Freshness::Stale
+        } else {
+            Freshness::Fresh
+        })
     }
     fn retire(&mut self, _: Retirement) {}
 }
@@ -98,12 +111,20 @@ struct Drive {
 
 impl Drive {
     fn new(kind: &str, n: u32, in_test_time: bool) -> Self {
+        Self::losing(kind, n, in_test_time, |_| false)
+    }
+
+    /// The same of which some answers are lost.
+    fn losing(kind: &str, n: u32, in_test_time: bool, loses: fn(u64) -> bool) -> Self {
         let spec: CompensationSpec = toml::from_str(kind).unwrap();
         let lag = Lag {
             gain: if kind.contains("1.2") { 1.0 / 1.2 } else { 1.0 },
             decay: libm::exp(-TICK / 0.02),
             told: 0.0,
             disp: 0.0,
+            loses,
+            number: 0,
+            known: 0.0,
         };
         let axis = Axis::plain(vec![(0, 1.0)]);
         let port = Port::new("rig", vec![axis], Box::new(lag), 1, vec![1e5]).unwrap();
@@ -405,6 +426,111 @@ fn nothing_is_learnt_while_time_is_stretched_nor_before_that_is_forgotten() {
         assert!(learnt(slow - 2, slow - 1), "{kind}");
         assert!(!learnt(slow - 1, again + memory - 1), "{kind}");
         assert!(learnt(again + memory - 1, again + memory), "{kind}");
+    }
+}
+
+/// One answer in so many is lost, as by a hash of its number.
+fn is_lost(number: u64, one_in: u64) -> bool {
+    let mixed = (number + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    ((mixed ^ (mixed >> 29)).wrapping_mul(0xbf58_476d_1ce4_e5b9) >> 33).is_multiple_of(one_in)
+}
+
+const LEARN: [&str; 3] = [
+    "ats = { delay_s = 0.015 }",
+    "amb = {}",
+    "recursive_fir = { delay_s = 0.015 }",
+];
+
+/// Delay in s that a kind makes up for by its parameters, at the target's frequency.
+fn delay_of(kind: &str, parameters: &[f64]) -> f64 {
+    let omega = TAU * HERTZ;
+    let response: nalgebra::Complex<f64> = (0..)
+        .zip(parameters)
+        .map(|(j, a)| {
+            let (sine, cosine) = libm::sincos(-omega * TICK * f64::from(j));
+            if kind.contains("fir") {
+                nalgebra::Complex::new(cosine, sine) * *a
+            } else {
+                nalgebra::Complex::new(0.0, omega).powi(j) * *a
+            }
+        })
+        .sum();
+    response.arg() / omega
+}
+
+/// What is learnt of a motion is learnt whether or not some of its answers are lost: the time base is that of the ticks.
+#[test]
+fn lost_measurements_do_not_unlearn_the_delay() {
+    for kind in LEARN {
+        let learns = |loses: fn(u64) -> bool| {
+            let rows = Drive::losing(kind, 1, false, loses).run(16_000, None, PROMPT);
+            delay_of(kind, &rows.last().unwrap().parameters)
+        };
+        let whole = learns(|_| false);
+        // The lag is 20 ms.
+        assert!((whole - 0.02).abs() < 1e-3, "{kind}: {whole}");
+        let few: fn(u64) -> bool = |number| is_lost(number, 50);
+        let many: fn(u64) -> bool = |number| is_lost(number, 5);
+        for loses in [few, many] {
+            let found = learns(loses);
+            // A straight line across g ticks is off by (ω g Δt)²/8 of the motion, 1e-5 for g = 3.
+            assert!(
+                (found - whole).abs() < 2e-3 * whole,
+                "{kind}: {found} {whole}"
+            );
+        }
+    }
+}
+
+/// Frozen where an answer is missing: what is filled in later is filled in, too.
+#[test]
+fn what_is_frozen_in_a_gap_is_filled_in_with_the_same_bits() {
+    let loses: fn(u64) -> bool = |number| (2048..2060).contains(&number);
+    for kind in LEARN {
+        let mut one = Drive::losing(kind, 1, true, loses);
+        let mut two = Drive::losing(kind, 1, true, loses);
+        for k in 0..2055 {
+            one.tick(k, false, PROMPT);
+            two.tick(k, false, PROMPT);
+        }
+        let mut state = vec![];
+        one.port.freeze_compensation(&mut state);
+        let spec: CompensationSpec = toml::from_str(kind).unwrap();
+        let made = vec![spec.build(TICK).unwrap()];
+        two.port = two.port.with_compensation(made, vec![1.0], TICK, 1.0);
+        two.port = two.port.with_delay_in_test_time();
+        assert!(two.port.thaw_compensation(&state).is_empty(), "{kind}");
+        let last = one.port.compensation_parameters().last();
+        for k in 2055..2300 {
+            let (one, two) = (one.tick(k, false, PROMPT), two.tick(k, false, PROMPT));
+            assert_eq!(one.command.to_bits(), two.command.to_bits(), "{kind} {k}");
+        }
+        assert_ne!(one.port.compensation_parameters().last(), last, "{kind}");
+    }
+}
+
+/// After a gap that no straight line crosses nothing is learnt until what was before it is forgotten.
+#[test]
+fn a_long_gap_is_not_learnt_of() {
+    for kind in LEARN {
+        let spec: CompensationSpec = toml::from_str(kind).unwrap();
+        let memory = spec.build(TICK).unwrap().memory() as usize;
+        let end = 2048 + memory / 8;
+        let short: fn(u64) -> bool = |number| (2048..2080).contains(&number);
+        let long: fn(u64) -> bool = |number| (2048..2200).contains(&number);
+        assert!((2080..2150).contains(&end), "{kind}: {end}");
+        for (loses, last) in [(short, 2079), (long, 2199)] {
+            let rows = Drive::losing(kind, 1, false, loses).run(5000, None, PROMPT);
+            let learnt = |row: usize| rows[row - 1].parameters != rows[row].parameters;
+            assert!(learnt(2047), "{kind}");
+            assert!((2048..=last).all(|row| !learnt(row)), "{kind}");
+            if last < end {
+                assert!(learnt(last + 1), "{kind}");
+            } else {
+                assert!((last..=last + memory).all(|row| !learnt(row)), "{kind}");
+                assert!(learnt(last + memory + 1), "{kind}");
+            }
+        }
     }
 }
 
