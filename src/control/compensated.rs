@@ -236,6 +236,7 @@ impl Port {
         compensation.undisturbed = true;
         compensation.led[0] = compensation.running;
         let (tick, pace) = (compensation.tick, compensation.pace);
+        let is_published = self.tracking.has_published();
         let targets = self.target.iter().zip(&self.target_vel);
         let commands = self.command.iter_mut().zip(&mut self.command_vel);
         let axes = self.axes.iter().zip(commands).zip(targets);
@@ -245,7 +246,7 @@ impl Port {
             let disp = axis.disp_gain * target * made.metres;
             let vel = axis.disp_gain * vel * made.metres * pace;
             if compensation.running {
-                let led = made.ask(disp, vel, tick);
+                let led = made.ask(disp, is_published.then_some(vel), tick);
                 *command = made.one.regulate(led) / made.metres + axis.disp_offset;
                 made.lead_vel(vel, tick, 1.0, pace, axis, command_vel);
             } else {
@@ -259,9 +260,9 @@ impl Port {
         }
     }
 
-    /// Makes the command at the end of a stride, with steps of `dt` seconds of test time. Real-time: yes.
+    /// Makes the command at the end of a stride. Real-time: yes.
     #[inline]
-    pub(super) fn compensate_along(&mut self, stride: &Stride, dt: f64) {
+    pub(super) fn compensate_along(&mut self, stride: &Stride) {
         let Some(compensation) = &mut self.compensation else {
             return;
         };
@@ -275,7 +276,7 @@ impl Port {
             self.compensate();
             self.lay_grid(stride);
         } else {
-            self.compensate_between(stride, pace, dt);
+            self.compensate_between(stride, pace);
         }
     }
 
@@ -290,7 +291,7 @@ impl Port {
     }
 
     /// The same where the pace is not the full one, or has not always been in this step. Real-time: yes.
-    fn compensate_between(&mut self, stride: &Stride, pace: f64, dt: f64) {
+    fn compensate_between(&mut self, stride: &Stride, pace: f64) {
         let Some(compensation) = &mut self.compensation else {
             return;
         };
@@ -308,14 +309,12 @@ impl Port {
             let mut point = compensation.grid.point;
             while point < stride.point {
                 point += 1.0;
-                let (disp, vel) = if point == stride.point && stride.ahead == 0.0 {
-                    (*target, *vel)
-                } else {
-                    let share = point * stride.spacing;
-                    let whole = stride.spacing == 1.0;
-                    self.pursuit.point(index, share, whole, dt)
-                };
-                let vel = in_metres * vel * compensation.pace;
+                let whole = stride.spacing == 1.0;
+                let (mut disp, vel) = self.pursuit.point(index, point * stride.spacing, whole);
+                if point == stride.point && stride.ahead == 0.0 {
+                    disp = *target;
+                }
+                let vel = vel.map(|vel| in_metres * vel * compensation.pace);
                 made.ask(in_metres * disp, vel, compensation.tick);
             }
             let led = made.between(in_metres * target, stride.ahead, pace);
@@ -344,7 +343,7 @@ impl Port {
     /// The next target is known: a point ahead of the command that was asked for while it was foretold is put right, so that
     /// the next lead is not one of the difference. Real-time: yes.
     #[inline]
-    pub(super) fn amend_compensation(&mut self, dt: f64) {
+    pub(super) fn amend_compensation(&mut self) {
         let Some(compensation) = &mut self.compensation else {
             return;
         };
@@ -357,11 +356,11 @@ impl Port {
             return;
         }
         for (index, (axis, made)) in self.axes.iter().zip(&mut compensation.axes).enumerate() {
-            let (disp, vel) = self
-                .pursuit
-                .point(index, point * spacing, spacing == 1.0, dt);
-            made.one.amend(axis.disp_gain * disp * made.metres);
-            made.vel = axis.disp_gain * vel * made.metres * compensation.pace;
+            let share = point * spacing;
+            let (disp, vel) = self.pursuit.point(index, share, spacing == 1.0);
+            let in_metres = axis.disp_gain * made.metres;
+            let vel = vel.map(|vel| in_metres * vel * compensation.pace);
+            made.amend(in_metres * disp, vel, compensation.tick);
         }
     }
 

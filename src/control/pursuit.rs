@@ -73,16 +73,13 @@ impl Pursuit {
         (number + self.shift.1).saturating_sub(self.shift.0)
     }
 
-    /// Where an axis is, and the velocity there in m/s, at a point of the way beyond now: a whole step after the last target it
-    /// is the integrator's own, if that is known. Steps take `dt` seconds. Real-time: yes.
-    pub fn point(&self, axis: usize, share: f64, whole: bool, dt: f64) -> (f64, f64) {
+    /// Where an axis is at a point of the way beyond now, and a whole step after the last target, if the next is known, the
+    /// integrator's own velocity there in m/s. Real-time: yes.
+    pub fn point(&self, axis: usize, share: f64, whole: bool) -> (f64, Option<f64>) {
         let goal = self.goal.get(axis).zip(self.goal_vel.get(axis));
         match goal {
-            Some((goal, vel)) if whole && self.path.is_known() => (*goal, *vel),
-            _ => {
-                let point = self.path.at(axis, share);
-                (point.disp, point.slope / dt)
-            }
+            Some((goal, vel)) if whole && self.path.is_known() => (*goal, Some(*vel)),
+            _ => (self.path.at(axis, share).disp, None),
         }
     }
 
@@ -153,9 +150,9 @@ impl Port {
         }
     }
 
-    /// The next target is known from here on, `share` of the step of `dt` seconds after the last. Real-time: yes.
+    /// The next target is known from here on, `share` of the step after the last. Real-time: yes.
     #[inline]
-    pub fn know(&mut self, share: f64, dt: f64) {
+    pub fn know(&mut self, share: f64) {
         self.pursuit.path.aim(&self.pursuit.goal, share);
         self.guard.aims_at(&self.axes, &self.pursuit.goal);
         if self.pursuit.per_step {
@@ -163,7 +160,7 @@ impl Port {
             self.land();
             self.prepare_command();
         } else {
-            self.amend_compensation(dt);
+            self.amend_compensation();
         }
     }
 
@@ -203,7 +200,7 @@ impl Port {
             self.tracking.is_on_the_way();
         }
         self.command_the_target();
-        self.compensate_along(stride, dt);
+        self.compensate_along(stride);
     }
 
     /// Keeps what belongs to the target that was just reached, until the slowest partner has answered. Real-time: yes.

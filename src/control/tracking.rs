@@ -140,6 +140,12 @@ impl Tracking {
         self.vel_of = VelOf::Published;
     }
 
+    /// True if it did. Real-time: yes.
+    #[inline]
+    pub fn has_published(&self) -> bool {
+        self.vel_of == VelOf::Published
+    }
+
     /// The target lies on a way, and its velocity is the slope of that. Real-time: yes.
     #[inline]
     pub fn is_on_the_way(&mut self) {

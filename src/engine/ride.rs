@@ -227,7 +227,7 @@ impl Engine {
         let share = self.ride.tempo.share();
         self.ride.tempo.know();
         for port in &mut self.ports {
-            port.know(share, self.dt);
+            port.know(share);
         }
         self.prepare_next();
     }

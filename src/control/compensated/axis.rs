@@ -10,7 +10,8 @@ pub(super) struct Compensated {
     pub one: Box<dyn Compensator>,
     /// Metres in one unit of the axis.
     pub metres: f64,
-    /// Of the target at the newest point, m/s of wall time.
+    /// Target at the newest point, as it came out, and its velocity in m/s of wall time.
+    disp: f64,
     pub vel: f64,
     /// The velocity of the last command before it was led, in the axis' unit.
     pub own_vel: f64,
@@ -31,6 +32,7 @@ impl Compensated {
             gap: Gap::new(memory),
             one,
             metres,
+            disp: 0.0,
             vel: 0.0,
             own_vel: 0.0,
             points: [(0.0, 0.0); 2],
@@ -44,20 +46,31 @@ impl Compensated {
         let command = self.one.predict(disp, 0.0, 0.0);
         self.one.reset(disp);
         self.gap.begin(disp);
+        self.disp = disp;
         let led = self.one.stands(disp);
         self.points = [(disp, led); 2];
         command
     }
 
-    /// Asks for the next point: led target of this target, whose velocity is in m/s of wall time. Real-time: yes.
+    /// Asks for the next point: led target of this target. `vel` is the integrator's own velocity in m/s of wall time, which is its
+    /// ∇d/Δt; on the way from target to target it has none, and that of the points is taken. Real-time: yes.
     #[inline]
-    pub fn ask(&mut self, disp: f64, vel: f64, tick: f64) -> f64 {
+    pub fn ask(&mut self, disp: f64, vel: Option<f64>, tick: f64) -> f64 {
+        let vel = vel.unwrap_or((disp - self.disp) / tick);
         let accel = (vel - self.vel) / tick;
         let led = self.one.lead(disp, vel, accel);
-        self.vel = vel;
+        (self.disp, self.vel) = (disp, vel);
         let [newest, _] = self.points;
         self.points = [(disp, led), newest];
         led
+    }
+
+    /// The newest point was foretold, and came out otherwise; `vel` as in [`Compensated::ask`]. Real-time: yes.
+    #[inline]
+    pub fn amend(&mut self, disp: f64, vel: Option<f64>, tick: f64) {
+        self.one.amend(disp);
+        self.vel = vel.unwrap_or(self.vel + (disp - self.disp) / tick);
+        self.disp = disp;
     }
 
     /// The led target of `disp`, so many points before the newest, at this pace. Real-time: yes.
@@ -121,7 +134,7 @@ impl Compensated {
     }
 
     pub fn freeze(&self, out: &mut Vec<f64>) {
-        out.extend([f64::from(self.heard), self.vel]);
+        out.extend([f64::from(self.heard), self.disp, self.vel]);
         out.extend(self.points.iter().flat_map(|(disp, led)| [disp, led]));
         self.gap.freeze(out);
         self.one.freeze(out);
@@ -129,13 +142,13 @@ impl Compensated {
 
     /// Takes it back; what was measured before counts only if it is `recent`.
     pub fn thaw<'a>(&mut self, from: &'a [f64], recent: bool) -> &'a [f64] {
-        let Some((&[heard, vel, disp, led, disp_before, led_before], rest)) =
-            from.split_first_chunk::<6>()
+        let Some((&[heard, disp, vel, newest, led, before, led_before], rest)) =
+            from.split_first_chunk::<7>()
         else {
             return from;
         };
-        self.vel = vel;
-        self.points = [(disp, led), (disp_before, led_before)];
+        (self.disp, self.vel) = (disp, vel);
+        self.points = [(newest, led), (before, led_before)];
         let rest = self.gap.thaw(rest);
         if recent {
             self.heard = heard as u32;

@@ -204,7 +204,7 @@ impl Drive {
                     .seek_at(&mut std::iter::once((now, (now - before) / dt)));
                 let share = self.tempo.share();
                 self.tempo.know();
-                self.port.know(share, dt);
+                self.port.know(share);
             }
             self.waits = self.waits.saturating_sub(1);
         }
@@ -362,16 +362,20 @@ fn an_undisturbed_test_has_the_bits_of_a_prediction_in_every_tick() {
             let spec: CompensationSpec = toml::from_str(kind).unwrap();
             let mut plain = spec.build(TICK).unwrap();
             plain.reset(0.0);
-            let (mut last_vel, mut heard) = (0.0, None);
+            let (mut last, mut last_vel, mut heard) = (0.0, 0.0, None);
             for k in 0..3000 {
-                let vel = drive.port.target_vel[0];
+                // Between two targets it is the difference of the points.
+                let vel = match n {
+                    1 => drive.port.target_vel[0],
+                    _ => (drive.port.target[0] - last) / TICK,
+                };
                 let row = drive.tick(k, false, PROMPT);
                 if let Some((command, measured)) = heard {
                     plain.observe(command, measured);
                     let command = plain.predict(row.target, vel, (vel - last_vel) / TICK);
                     assert_eq!(row.command.to_bits(), command.to_bits(), "{kind} {n} {k}");
                 }
-                last_vel = vel;
+                (last, last_vel) = (row.target, vel);
                 heard = Some((row.command, drive.port.measured[0]));
             }
         }
@@ -529,6 +533,25 @@ fn a_long_gap_is_not_learnt_of() {
             } else {
                 assert!((last..=last + memory).all(|row| !learnt(row)), "{kind}");
                 assert!(learnt(last + memory + 1), "{kind}");
+            }
+        }
+    }
+}
+
+/// With the difference of its own points a Newton form is the polynomial of order 2 on nodes a tick apart, at every number of ticks
+/// a step and every pace.
+#[test]
+fn newton_is_the_polynomial_that_it_says_it_is() {
+    for n in [1, 4, 10] {
+        for hold in [None, Some((2048, 2700))] {
+            let late = |step: usize| if step == 900 { 9 } else { 0 };
+            let run = |kind| Drive::new(kind, n, false).run(4000, hold, late);
+            let newton = run("newton = { delay_s = 0.02 }");
+            let polynomial = run("polynomial = { order = 2, delay_s = 0.02, nodes = \"step\" }");
+            for (k, (a, b)) in newton.iter().zip(&polynomial).enumerate() {
+                // Weights of (τ/Δt)²/2 = 210 at roundoff of 1 cm.
+                let off = (a.command - b.command).abs();
+                assert!(off < 210.0 * 16.0 * f64::EPSILON * SIZE, "{n} {k}: {off}");
             }
         }
     }
