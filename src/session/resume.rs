@@ -111,7 +111,8 @@ fn resume_by(
     let time = step as f64 * next.facts.dt;
     let within = next.facts.resume_within;
     let before = origin.filter(|_| traced.on_its_way_in);
-    let left = places(&run, &ports, within, next.facts.rate_hz, before.as_ref())?;
+    let pace = (next.facts.rate_hz, next.facts.ticks_per_step);
+    let left = places(&run, &ports, within, pace, before.as_ref())?;
     let absolute = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
     let origin = Origin {
         parent: absolute.clone(),

@@ -85,8 +85,9 @@ impl Axis<'_> {
 }
 
 /// How far a command may have gone after the last row of a test that was killed, in its own unit: as fast as at the end of it,
-/// and at least to the command that stood ready.
-fn way_lost(command: &[f64], port: &Port, axis: usize, rate_hz: f64) -> f64 {
+/// and at least to the command that stood ready. Who is commanded once a step goes the way of a whole one with each command, and
+/// gets that much fewer of them.
+fn way_lost(command: &[f64], port: &Port, axis: usize, rate_hz: f64, ticks_per_step: u32) -> f64 {
     let latest = command
         .len()
         .saturating_sub((LATEST_S * rate_hz).ceil() as usize + 1);
@@ -94,7 +95,13 @@ fn way_lost(command: &[f64], port: &Port, axis: usize, rate_hz: f64) -> f64 {
     let steps = steps.map(|pair| (pair[1] - pair[0]).abs());
     let ready = port.command.get(axis).zip(port.sent.get(axis));
     let ready = ready.map(|(ready, sent)| (ready - sent).abs());
-    steps.chain(ready).fold(0.0, f64::max) * (LOST_S * rate_hz).max(1.0)
+    let ticks = (LOST_S * rate_hz).max(1.0);
+    let commands = if port.is_per_step() {
+        (ticks / f64::from(ticks_per_step)).ceil()
+    } else {
+        ticks
+    };
+    steps.chain(ready).fold(0.0, f64::max) * commands
 }
 
 /// True if the specimen was sent nothing that is not on record: the test ended in order, and the specimen, which was not lost,
@@ -119,7 +126,7 @@ pub(super) fn places(
     run: &Run,
     ports: &[Port],
     within: Option<f64>,
-    rate_hz: f64,
+    (rate_hz, ticks_per_step): (f64, u32),
     before: Option<&Origin>,
 ) -> Result<Vec<Vec<[String; 4]>>, ResumeError> {
     let mut all = Vec::new();
@@ -155,7 +162,7 @@ pub(super) fn places(
             let lost = if is_all_known(run, port, state) {
                 0.0
             } else {
-                way_lost(command, port, axis, rate_hz)
+                way_lost(command, port, axis, rate_hz, ticks_per_step)
             };
             let own = place.within + lost + NOTHING * place.command.abs();
             let own = within.map_or(own, |metres| metres / port.metres_of(axis));
@@ -171,4 +178,27 @@ pub(super) fn places(
         all.push(axes);
     }
     Ok(all)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::{Axis as Seen, Believed, Order};
+
+    #[test]
+    fn who_is_commanded_once_a_step_loses_commands_by_steps_and_not_by_ticks() {
+        // 500 ticks a second, twenty a step of 12 mm: in 50 ms are 25 of its parts, or two whole ones at the most.
+        let (rate_hz, ticks) = (500.0, 20);
+        for (per_step, wanted) in [(false, 25.0 * 0.6e-3), (true, 2.0 * 12e-3)] {
+            let axes = vec![Seen::plain(vec![(0, 1.0)])];
+            let rig = Believed::new(axes.clone(), vec![vec![1e5]], Vec::new());
+            let port = Port::new("rig", axes, Box::new(rig), 1, vec![1e5]).unwrap();
+            let port = port.with_pace(per_step, Order::Quadratic);
+            let steps = (0..600).map(|row| f64::from(row) / f64::from(ticks));
+            let steps = steps.map(|steps| if per_step { steps.floor() } else { steps });
+            let command: Vec<f64> = steps.map(|steps| 12e-3 * steps).collect();
+            let way = way_lost(&command, &port, 0, rate_hz, ticks);
+            assert!((way - wanted).abs() < 1e-12, "{per_step}: {way}");
+        }
+    }
 }
