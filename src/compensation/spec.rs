@@ -95,6 +95,18 @@ impl CompensationSpec {
         }
     }
 
+    /// True of what takes second differences of targets, or higher ones, from tick to tick.
+    #[must_use]
+    pub fn takes_curvature(&self) -> bool {
+        match self {
+            Self::None(_) | Self::Inverse(_) | Self::PiLead(_) => false,
+            Self::Polynomial(spec) => spec.nodes == Nodes::Step && spec.order > 1,
+            Self::ModelInverse(spec) => spec.coefficients.iter().skip(2).any(|a| *a != 0.0),
+            Self::Ats(spec) => spec.order > 1,
+            Self::Newton(_) | Self::Amb(_) | Self::RecursiveFir(_) => true,
+        }
+    }
+
     /// The key of its kind.
     #[must_use]
     pub const fn kind(&self) -> &'static str {

@@ -9,6 +9,7 @@ mod overrides;
 mod stability;
 mod values;
 mod waits;
+mod way;
 
 const GOOD: &str = r#"# three storeys, the lowest in the laboratory
 title = "three storeys"

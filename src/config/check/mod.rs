@@ -12,6 +12,7 @@ mod link;
 mod safety;
 mod specimen;
 mod waits;
+mod way;
 
 use certificate::{check_certificate, check_known};
 use excitation::check_excitation;
@@ -19,6 +20,7 @@ use idle::{check_idle, check_idle_link, check_idle_served, check_idle_specimen};
 use limits::{check_limits, check_required};
 use specimen::{check_names, check_seeds, check_specimen};
 use waits::{check_link_waits, check_record, check_waits};
+use way::check_way;
 
 use super::diagnose::Finding;
 use super::document::{Datum, KeyPath, Node};
@@ -82,6 +84,7 @@ pub(crate) fn check(file: &TestFile, clock_is_chosen: bool) -> Vec<Finding> {
         check_known(specimen, &at, &mut findings);
         check_limits(specimen, tick_s, Some(&file.safety), &at, &mut findings);
         link::check_pace(specimen, file, &at, &mut findings);
+        check_way(specimen, file, &at, &mut findings);
         link::check_standing(specimen, &at, &mut findings);
         let with_structure = file.structure.is_some();
         check_idle_specimen(

@@ -1,0 +1,47 @@
+//! The way between two targets, and what of it a compensator sees.
+
+use super::Findings;
+use crate::config::diagnose::Finding;
+use crate::config::document::KeyPath;
+use crate::config::schema::TestFile;
+use crate::config::specimen::SpecimenTable;
+use crate::link::spec::CommandPace;
+
+/// Value and slope of the way are continuous, its curvature is not: what takes it from tick to tick hands its jumps on.
+pub(super) fn check_way(
+    specimen: &SpecimenTable,
+    file: &TestFile,
+    at: &KeyPath,
+    findings: &mut Findings,
+) {
+    let from_target_to_target = file.time.ticks_per_step == 1
+        || specimen
+            .link
+            .as_ref()
+            .is_some_and(|link| link.commands == CommandPace::EveryStep);
+    let Some(spec) = &specimen.compensation else {
+        return;
+    };
+    if from_target_to_target || !spec.takes_curvature() {
+        return;
+    }
+    let time = KeyPath::root().key("time");
+    let headline = format!(
+        "`{}` hands on that the way between two targets is bent otherwise behind each of them",
+        spec.kind()
+    );
+    let first = if file.time.prediction_order < 3 {
+        "`prediction_order = 3` in [time] makes the jumps of the curvature several times smaller; "
+    } else {
+        ""
+    };
+    findings.0.push(
+        Finding::warning(at.key("compensation").key(spec.kind()), headline)
+            .at_key()
+            .label("takes second differences or higher ones from tick to tick: its commands jerk at each target")
+            .beside(time.key("ticks_per_step"), "several ticks a step here")
+            .help(format!(
+                "{first}`polynomial` with nodes = \"delay\" takes differences over its delay and hardly sees them"
+            )),
+    );
+}
