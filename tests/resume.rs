@@ -469,6 +469,46 @@ fn what_was_changed_or_is_complete_is_refused_and_damage_goes_back_to_a_checkpoi
     refused(&run, "no checkpoint before it", &[]);
 }
 
+/// A test and those that it goes on with are moved together, or one by one to another place; without them it says what is missing.
+#[test]
+fn a_test_that_went_on_is_replayed_and_goes_on_wherever_it_was_moved_with_those_before_it() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let test = test_in(home.path(), &frame(200, 1, 2.0, 0.0));
+    completed(&test, &at("whole"), &[]);
+    killed(&at("whole"), &at("here/first"), 200);
+    assert_eq!(go_on(&at("here/first"), &at("here/second")).code, Some(0));
+    killed(&at("here/second"), &at("here/third"), 120);
+    let said = go_on(&at("here/third"), &at("here/deep/fourth"));
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let origin = common::json(&at("here/deep/fourth"), "resumed.json");
+    assert_eq!(origin["parent"], "../../third");
+
+    std::fs::rename(at("here"), at("there")).unwrap();
+    let said = go_on(&at("there/third"), &at("there/fifth"));
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    for name in ["there/second", "there/deep/fourth", "there/fifth"] {
+        let found = replay(&at(name)).unwrap_or_else(|e| panic!("{name}: {e}"));
+        assert!(found.is_exact(), "{name}: {found:?}");
+    }
+    // Side by side is enough, and another test of that name is not the one.
+    std::fs::rename(at("there/deep/fourth"), at("there/fourth")).unwrap();
+    copy(&at("whole"), &at("third"));
+    assert!(replay(&at("there/fourth")).unwrap().is_exact());
+    copy(&at("there/second"), &at("alone/second"));
+    let lost = replay(&at("alone/second")).unwrap_err().to_string();
+    for word in [
+        "alone/second/resumed.json",
+        "here/first",
+        "neither there nor beside",
+    ] {
+        assert!(lost.contains(word), "{lost}");
+    }
+    copy(&at("there/third"), &at("alone/first"));
+    let other = replay(&at("alone/second")).unwrap_err().to_string();
+    assert!(other.contains("was changed"), "{other}");
+}
+
 /// A spring behind a link of the test's own, whose sensor reads `off` more than where it was told to go.
 struct Far {
     off: f64,

@@ -1,6 +1,6 @@
 //! What a test is made of, in its run folder, and on record with its digests.
 
-use super::retrace::{ORIGIN, sha256};
+use super::retrace::{ORIGIN, Origin, sha256};
 use crate::config::Files;
 use crate::record::{FolderError, Note, NoteLevel, RunFolder};
 
@@ -12,7 +12,8 @@ pub(super) fn keep(files: &Files, folder: &mut RunFolder) -> Result<(), FolderEr
         folder.add_input(path, bytes)?;
     }
     if let Some(origin) = &files.origin {
-        folder.write_extra(ORIGIN, origin.as_bytes())?;
+        let near = Origin::text_for(origin, folder.path());
+        folder.write_extra(ORIGIN, near.as_ref().unwrap_or(origin).as_bytes())?;
     }
     Ok(())
 }

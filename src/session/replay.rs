@@ -55,6 +55,14 @@ pub enum ReplayError {
         /// What is wrong with it.
         source: serde_json::Error,
     },
+    /// The interrupted test that this one goes on with is nowhere to be found.
+    #[error("{} names the interrupted test that this one goes on with, {}: it is neither there nor beside this one, and nothing can be computed without it", path.display(), parent.display())]
+    NoParent {
+        /// `resumed.json`.
+        path: PathBuf,
+        /// Where the interrupted test was.
+        parent: PathBuf,
+    },
     /// The interrupted test that this one goes on with does not come out again.
     #[error("the test that this one goes on with, {}, does not come out again", .0.display())]
     Parent(PathBuf),

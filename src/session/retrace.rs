@@ -3,7 +3,7 @@
 //! A test that went on after an interruption has its parent's rows before its own: `resumed.json` names the parent, the rows
 //! that count, and their digest. So the state is made of the whole line of ancestors.
 
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
 use serde::{Deserialize, Serialize};
@@ -58,14 +58,51 @@ impl Origin {
         }
     }
 
-    /// The parent's folder, wherever both are now.
-    fn found_from(&self, folder: &Path) -> PathBuf {
-        let beside = folder.join(&self.parent);
-        if beside.exists() {
-            beside
-        } else {
-            self.parent_absolute.clone()
+    /// Its text for the folder of the test that goes on: from there the parent is found as long as both are moved together.
+    pub fn text_for(text: &str, folder: &Path) -> Option<String> {
+        let mut origin: Self = serde_json::from_str(text).ok()?;
+        let (folder, parent) = (folder.canonicalize(), origin.parent_absolute.canonicalize());
+        origin.parent = way_between(&folder.ok()?, &parent.ok()?)?;
+        serde_json::to_string_pretty(&origin).ok()
+    }
+
+    /// The parent's run, wherever both are now: where it was from here, beside this one, or where it was then. What is there is
+    /// the one if its digests are.
+    fn parent_from(&self, folder: &Path) -> Result<Run, ReplayError> {
+        let beside = self
+            .parent_absolute
+            .file_name()
+            .map(|name| folder.join("..").join(name));
+        let places = [Some(folder.join(&self.parent)), beside];
+        let places = places.into_iter().flatten();
+        let mut wrong = None;
+        for place in places.chain([self.parent_absolute.clone()]) {
+            if place.exists() {
+                match self.proven(&place) {
+                    Ok(run) => return Ok(run),
+                    Err(error) => wrong.get_or_insert(error),
+                };
+            }
         }
+        Err(wrong.unwrap_or_else(|| ReplayError::NoParent {
+            path: folder.join(ORIGIN),
+            parent: self.parent_absolute.clone(),
+        }))
+    }
+
+    /// The run in a folder, if it is the parent.
+    fn proven(&self, parent: &Path) -> Result<Run, ReplayError> {
+        let run = Run::open(parent)?;
+        same(&parent.join("resolved.toml"), &self.resolved_sha256)?;
+        let found = rows_sha256(&run, self.rows)?;
+        if found != self.rows_sha256 {
+            return Err(ReplayError::Input {
+                path: parent.join("samples.bin"),
+                wanted: self.rows_sha256.clone(),
+                found,
+            });
+        }
+        Ok(run)
     }
 
     /// Last command, reading and force of one axis, and how far off it may stand, all in its own unit.
@@ -94,6 +131,14 @@ impl Origin {
         let specimen = |axes: &Vec<[String; 4]>| axes.iter().map(place).collect();
         self.left.iter().map(specimen).collect()
     }
+}
+
+/// The way from one folder to another, both absolute; none where they have nothing in common but the root.
+fn way_between(from: &Path, to: &Path) -> Option<PathBuf> {
+    let pairs = from.components().zip(to.components());
+    let common = pairs.take_while(|(one, other)| one == other).count();
+    let up = from.components().skip(common).map(|_| Component::ParentDir);
+    (common > 1).then(|| up.chain(to.components().skip(common)).collect())
 }
 
 /// What is no number is nowhere.
@@ -175,26 +220,10 @@ type State = (Side, Vec<Port>, Resumption);
 
 /// The state that a resumed test in `folder` went on with.
 fn state_before(folder: &Path, origin: &Origin, replaced: Replaced) -> Result<State, ReplayError> {
-    let parent = origin.found_from(folder);
-    let before = Run::open(&parent)?;
-    let found = sha256(&read(&parent.join("resolved.toml"))?);
-    if found != origin.resolved_sha256 {
-        return Err(ReplayError::Input {
-            path: parent.join("resolved.toml"),
-            wanted: origin.resolved_sha256.clone(),
-            found,
-        });
-    }
-    let found = rows_sha256(&before, origin.rows)?;
-    if found != origin.rows_sha256 {
-        return Err(ReplayError::Input {
-            path: parent.join("samples.bin"),
-            wanted: origin.rows_sha256.clone(),
-            found,
-        });
-    }
+    let before = origin.parent_from(folder)?;
     let traced = retrace(&before, Some(origin.rows), replaced)?;
-    traced.state.ok_or(ReplayError::Parent(parent))
+    let parent = || ReplayError::Parent(before.path().to_owned());
+    traced.state.ok_or_else(parent)
 }
 
 /// The retraced side and ports in place of new ones; links stay those of the new ones.
@@ -350,6 +379,23 @@ mod tests {
             timing: name.ends_with("_s"),
         };
         names.iter().map(column).collect()
+    }
+
+    #[test]
+    fn the_way_to_the_parent_is_short_and_stays_on_this_side_of_the_root() {
+        let way = |from: &str, to: &str| way_between(Path::new(from), Path::new(to));
+        for (from, to, wanted) in [
+            ("/data/runs/two", "/data/runs/one", "../one"),
+            (
+                "/data/may/two",
+                "/data/april/deep/one",
+                "../../april/deep/one",
+            ),
+            ("/data/one/two", "/data/one", ".."),
+        ] {
+            assert_eq!(way(from, to), Some(PathBuf::from(wanted)), "{from} {to}");
+        }
+        assert_eq!(way("/data/two", "/other/one"), None);
     }
 
     #[test]
