@@ -381,6 +381,12 @@ fn a_killed_test_goes_on() {
         "{}",
         said.stderr
     );
+    // It runs, whatever became of its socket.
+    std::fs::remove_file(at("first/control.sock")).unwrap();
+    let said = go_on(&at("first"), &at("too-early"));
+    assert_eq!(said.code, Some(2), "it still runs: {}", said.stderr);
+    let silent = "the test does not answer (there is no control.sock)";
+    assert!(said.stderr.contains(silent), "{}", said.stderr);
     running.kill().unwrap();
     running.wait().unwrap();
     assert!(!at("first/summary.json").exists());

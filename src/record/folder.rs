@@ -144,6 +144,11 @@ impl RunFolder {
         })
     }
 
+    /// For a test that runs into it: who asks is told so until this is dropped ([`super::is_claimed`]).
+    pub fn claim(&self) {
+        self.hold.claim();
+    }
+
     /// What became of it since it was made. What is written from now on goes to where it was moved.
     pub fn find_again(&mut self) -> Whereabouts {
         let found = self.hold.find(&self.path, "samples.bin");

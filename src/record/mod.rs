@@ -54,7 +54,7 @@ pub use ring::{RingReader, RingRecorder, RingSize, WhenFull, ring};
 pub use run::Run;
 pub use summary::Summary;
 pub use threads::{Roll, Stamper, ThreadLog, What};
-pub use whereabouts::Whereabouts;
+pub use whereabouts::{Whereabouts, is_claimed};
 pub use writer::{Beside, Progress, Recorded, Writer, WriterSettings};
 
 use serde::{Deserialize, Serialize};

@@ -1,6 +1,7 @@
-//! Where a run folder is when its test is over: somebody may have moved or deleted it meanwhile.
+//! Where a run folder is when its test is over: somebody may have moved or deleted it meanwhile. And whether it is over: a
+//! test claims its folder by a lock, which goes with the process however that ends.
 
-use std::fs::{self, File, Metadata};
+use std::fs::{self, File, Metadata, TryLockError};
 use std::io;
 use std::os::fd::AsRawFd;
 use std::os::unix::fs::MetadataExt;
@@ -28,6 +29,12 @@ impl Hold {
         File::open(folder).map(Self)
     }
 
+    /// Tells who asks with [`is_claimed`] until this is dropped, and keeps nobody out.
+    pub fn claim(&self) {
+        // A file system without locks tells less, and is no reason not to record there.
+        let _who_asks_is_not_told = self.0.try_lock();
+    }
+
     /// What became of the folder that was at `path`, and of `file` in it.
     pub fn find(&self, path: &Path, file: &str) -> Whereabouts {
         let Ok(held) = self.0.metadata() else {
@@ -47,9 +54,29 @@ impl Hold {
     }
 }
 
+/// True if a test that runs has claimed this folder; false also where that cannot be known.
+#[must_use]
+pub fn is_claimed(folder: &Path) -> bool {
+    let asked = File::open(folder).map(|folder| folder.try_lock_shared());
+    matches!(asked, Ok(Err(TryLockError::WouldBlock)))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_folder_is_claimed_until_the_hold_on_it_is_gone() {
+        let temp = tempfile::tempdir().unwrap();
+        let hold = Hold::on(temp.path()).unwrap();
+        assert!(!is_claimed(temp.path()));
+        hold.claim();
+        assert!(is_claimed(temp.path()));
+        assert!(is_claimed(temp.path()), "who asks takes nothing");
+        drop(hold);
+        assert!(!is_claimed(temp.path()));
+        assert!(!is_claimed(&temp.path().join("none")));
+    }
 
     #[test]
     fn a_folder_is_found_again_unless_it_or_its_file_is_gone() {

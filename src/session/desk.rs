@@ -23,7 +23,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::engine::{Glimpse, Operator, PhaseCell};
-use crate::record::{Roll, What};
+use crate::record::{Roll, What, is_claimed};
 
 /// The socket's name in the run folder.
 const SOCKET: &str = "control.sock";
@@ -86,6 +86,7 @@ fn in_words(error: &io::Error) -> String {
     match error.kind() {
         ErrorKind::WouldBlock | ErrorKind::TimedOut => format!("{} s", PATIENCE.as_secs()),
         ErrorKind::UnexpectedEof => "it hung up".to_owned(),
+        ErrorKind::NotFound => format!("there is no {SOCKET}"),
         _ => error.to_string(),
     }
 }
@@ -202,11 +203,14 @@ fn write_line(mut to: &UnixStream, value: &impl Serialize) -> io::Result<()> {
 /// Nothing runs there, or it does not answer.
 pub fn ask(folder: &Path, request: Request) -> Result<Answer, Unanswered> {
     let stream = reach(folder).map_err(|error| match error.kind() {
-        // The socket goes with its test; where that was killed it stays behind, and nobody listens.
-        ErrorKind::NotFound | ErrorKind::NotADirectory | ErrorKind::ConnectionRefused => {
+        ErrorKind::PermissionDenied => Unanswered::Barred(error),
+        // The socket goes with its test; where that was killed it stays behind, and nobody listens. One that has claimed the
+        // folder does not listen yet, or its socket was deleted.
+        ErrorKind::NotFound | ErrorKind::NotADirectory | ErrorKind::ConnectionRefused
+            if !is_claimed(folder) =>
+        {
             Unanswered::Over(error)
         }
-        ErrorKind::PermissionDenied => Unanswered::Barred(error),
         _ => Unanswered::silent(false)(error),
     })?;
     write_line(&stream, &Asked { request }).map_err(Unanswered::silent(false))?;
@@ -232,6 +236,7 @@ fn reach(folder: &Path) -> io::Result<UnixStream> {
 mod tests {
     use super::*;
     use crate::engine::Phase;
+    use crate::record::RunFolder;
     use crate::session::roll;
 
     #[test]
@@ -307,6 +312,22 @@ mod tests {
         // A killed one leaves its socket.
         let over = ask(path, Request::Stop).unwrap_err();
         assert!(matches!(over, Unanswered::Over(_)), "killed: {over}");
+    }
+
+    #[test]
+    fn a_test_whose_socket_is_gone_is_not_over_as_long_as_it_has_claimed_its_folder() {
+        let home = tempfile::tempdir().unwrap();
+        let path = home.path().join("run");
+        let folder = RunFolder::create(&path).unwrap();
+        folder.claim();
+        let silent = ask(&path, Request::Stop).unwrap_err();
+        assert_eq!(
+            silent.to_string(),
+            "the test does not answer (there is no control.sock)"
+        );
+        drop(folder);
+        let over = ask(&path, Request::Stop).unwrap_err();
+        assert!(matches!(over, Unanswered::Over(_)), "{over}");
     }
 
     #[test]

@@ -148,6 +148,9 @@ pub fn run(
         .desk
         .clone()
         .map(|asks| (asks, control.phase.clone()));
+    if desk.is_some() {
+        folder.claim();
+    }
     let line = Line::of(&control);
     match prepare(experiment, &facts, &files, &mut folder, control, watches) {
         Ok(ready) => {
