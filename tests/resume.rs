@@ -50,7 +50,7 @@ fn test_in(home: &Path, text: &str) -> PathBuf {
     write(home, "test.toml", text)
 }
 
-/// What a kill leaves of a run: no summary, its rows up to `row` and a torn one, its events up to some earlier time.
+/// What a kill leaves of a run: no summary, its rows up to `row` and a torn one, and the events that came with them.
 fn killed(run: &Path, to: &Path, row: usize) {
     copy(run, to);
     for name in ["summary.json", "report.html", "timing.json"] {
@@ -59,6 +59,34 @@ fn killed(run: &Path, to: &Path, row: usize) {
     let stride = Run::open(run).unwrap().layout().stride();
     let bytes = std::fs::read(run.join("samples.bin")).unwrap();
     std::fs::write(to.join("samples.bin"), &bytes[..row * stride + 17]).unwrap();
+    let mut events = Run::open(run).unwrap().events().unwrap().events;
+    // On the way in of one that goes on rows have no time yet, but events have.
+    let begins = events.iter().find(|event| event["event"] == "phase");
+    let begins = begins.and_then(|event| event["time"].as_f64());
+    let ends = column(run, "time")[row - 1].max(begins.unwrap_or(0.0));
+    events.retain_mut(|event| {
+        let is_later = event["time"].as_f64().is_some_and(|time| time > ends);
+        // Notes from before the loop have the time at which the writer came to them: here it may have been busy.
+        let is_note = ["sha256", "standing"]
+            .iter()
+            .any(|key| event.get(key).is_some());
+        if is_later && is_note {
+            event["time"] = serde_json::Value::Null;
+        }
+        is_note || !is_later
+    });
+    let lines: String = events.iter().map(|event| format!("{event}\n")).collect();
+    std::fs::write(to.join("events.jsonl"), lines).unwrap();
+}
+
+/// Rows that never reached the file of a run.
+fn without_rows(run: &Path, rows: std::ops::Range<usize>) {
+    let stride = Run::open(run).unwrap().layout().stride();
+    let path = run.join("samples.bin");
+    let mut bytes = std::fs::read(&path).unwrap();
+    let end = (rows.end * stride).min(bytes.len());
+    bytes.drain(rows.start * stride..end);
+    std::fs::write(path, bytes).unwrap();
 }
 
 /// Step → the bits of its row, over runs that follow each other; a step that is there twice is the later one's.
@@ -473,6 +501,43 @@ fn what_was_changed_or_is_complete_is_refused_and_damage_goes_back_to_a_checkpoi
     rows[(first + 3) * stride + 20] ^= 1;
     std::fs::write(run.join("samples.bin"), &rows).unwrap();
     refused(&run, "no checkpoint before it", &[]);
+}
+
+/// Without a summary the events prove that the test went further, as after a disk that filled up: what it did to its specimens
+/// then is not done to them a second time, and whoever reads the record is told.
+#[test]
+fn a_record_without_a_summary_that_ends_before_its_events_is_refused_and_told_of() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let test = test_in(home.path(), &frame(200, 1, 2.0, 0.0));
+    completed(&test, &at("whole"), &[]);
+    let rows = column(&at("whole"), "time").len();
+    let ended = |name: &str, lost: usize| {
+        copy(&at("whole"), &at(name));
+        std::fs::remove_file(at(name).join("summary.json")).unwrap();
+        without_rows(&at(name), rows - lost..rows);
+        at(name)
+    };
+    let short = ended("short", 100);
+    let missing = "there are events up to 2 s, but the rows end at 1.5 s";
+    refused(&short, missing, &[]);
+    let csv = at("short.csv");
+    for (command, code, more) in [
+        ("report", 0, None),
+        ("replay", 1, None),
+        ("export", 0, Some(["--out", csv.to_str().unwrap()])),
+    ] {
+        let mut args = vec![command, short.to_str().unwrap()];
+        args.extend(more.into_iter().flatten());
+        let said = say(args);
+        assert_eq!(said.code, Some(code), "{command}: {}", said.stderr);
+        let told = format!("{}{}", said.stdout, said.stderr);
+        assert!(told.contains(missing), "{command}: {told}");
+    }
+    let page = std::fs::read_to_string(short.join("report.html")).unwrap();
+    assert!(page.contains("re are events up to 2 s"), "it says so, too");
+    // All of it is there: only its summary was not written any more.
+    refused(&ended("closing", 0), "this test is complete", &[]);
 }
 
 /// A test and those that it goes on with are moved together, or one by one to another place; without them it says what is missing.

@@ -127,6 +127,11 @@ impl<S: Store> EventLog<S> {
         });
     }
 
+    /// True if anything is to be turned into lines.
+    pub fn is_waiting(&self) -> bool {
+        !self.queue.is_empty()
+    }
+
     /// Turns what is ripe into lines and writes them.
     pub fn turn(&mut self, now: Moment) -> Flushed {
         self.take_samples();

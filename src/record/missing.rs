@@ -1,28 +1,52 @@
 //! What a record lacks at its end: rows that are whole may be too few.
+//!
+//! The summary tells how far the test went. Where there is none, the events do: the writer brings a row to its file before the
+//! events of its tick, so that a kill leaves no event that is more than one step ahead of the last row.
+
+use serde_json::Value;
 
 use super::run::Run;
 use super::summary::Summary;
 
+/// Notes of the writer that carry the number of the last row it took.
+const UNWRITTEN: [&str; 2] = ["write_failed", "rows_lost"];
+
 /// The rows end before the test did.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MissingEnd {
-    /// Steps that the summary tells of.
-    pub steps: u64,
-    /// Test time of the last of them, s.
+    /// Who tells that the test went further.
+    pub told_by: ToldBy,
+    /// How far it went at least: test time, s.
     pub until_s: f64,
     /// Test time of the last row, s; none without a row.
     pub ends_s: Option<f64>,
-    /// Steps that are missing.
+    /// Steps that are missing at least; of rows that could not be written, rows.
     pub missing: u64,
 }
 
+/// Who tells that a test went further than its rows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ToldBy {
+    /// The summary, of so many steps.
+    Summary(u64),
+    /// Without one, an event of a later step.
+    Events,
+    /// Without one, and where test time stood still: the writer, which had taken rows that its file did not.
+    Writer,
+}
+
 impl MissingEnd {
-    /// Of a run whose last row is of this test time; none if nothing is missing, or if that cannot be known: the summary of a
-    /// served specimen counts commands and no steps.
+    /// Of a run whose last row is of this test time; none if nothing is missing, or if that cannot be known: a served specimen
+    /// counts commands and no steps. Without a summary it is the last row of the file that counts.
     #[must_use]
     pub fn of(run: &Run, ends_s: Option<f64>) -> Option<Self> {
-        let summary = run.summary().filter(|_| !run.layout().is_served())?;
-        Self::of_test(summary, ends_s)
+        if run.layout().is_served() {
+            return None;
+        }
+        match run.summary() {
+            Some(summary) => Self::of_test(summary, ends_s),
+            None => Self::of_unfinished(run),
+        }
     }
 
     fn of_test(summary: &Summary, ends_s: Option<f64>) -> Option<Self> {
@@ -32,11 +56,68 @@ impl MissingEnd {
         });
         let left = ends_s.map_or(f64::INFINITY, |ends| (until_s - ends) / summary.dt);
         (!is_there).then_some(Self {
-            steps: summary.steps,
+            told_by: ToldBy::Summary(summary.steps),
             until_s,
             ends_s,
             // The step at t = 0 is one more.
             missing: (left.round() as u64).min(summary.steps + 1),
+        })
+    }
+
+    fn of_unfinished(run: &Run) -> Option<Self> {
+        // Before the rows: the test may still be running.
+        let told = run.events().ok()?.events;
+        let last = run.last_row().ok()?;
+        if last.is_none() && run.rows_made().ok()? > 0 {
+            // Whoever reads the rows tells of the damage.
+            return None;
+        }
+        let place = run.layout().index_of("time")?;
+        let last = last.and_then(|(number, row)| Some((number, *row.get(place)?)));
+        Self::of_events(&told, last)
+    }
+
+    /// `last`: number and test time of the last row.
+    fn of_events(told: &[Value], last: Option<(u64, f64)>) -> Option<Self> {
+        let number = |event: &Value, key: &str| event.get(key).and_then(Value::as_f64);
+        let name = |event: &Value| {
+            event
+                .get("event")
+                .and_then(Value::as_str)
+                .map(str::to_owned)
+        };
+        let ends_s = last.map(|(_, time)| time);
+        // A test that goes on with another is there from its first event on; rows of its way in do not say so.
+        let first = told
+            .iter()
+            .find(|event| name(event).as_deref() == Some("phase"));
+        let begins = first.and_then(|event| number(event, "time")).unwrap_or(0.0);
+        let ends = ends_s.map_or(begins, |ends| ends.max(begins));
+        let later = |event: &Value| {
+            let (time, tick) = (number(event, "time")?, number(event, "tick")?);
+            let missing = ((time - ends) / (time / tick)).round();
+            (missing > 1.0).then_some((time, missing as u64))
+        };
+        let latest = told.iter().filter_map(later);
+        let latest = latest.max_by(|one, other| one.0.total_cmp(&other.0));
+        let unwritten = |event: &Value| {
+            let taken = event.get("tick")?.as_u64()? + 1;
+            let missing = taken.saturating_sub(last.map_or(0, |(number, _)| number + 1));
+            let is_one = UNWRITTEN.contains(&name(event)?.as_str()) && missing > 0;
+            Some((number(event, "time")?, missing)).filter(|_| is_one)
+        };
+        let (told_by, (until_s, missing)) = match latest {
+            Some(latest) => (ToldBy::Events, latest),
+            None => (
+                ToldBy::Writer,
+                told.iter().filter_map(unwritten).next_back()?,
+            ),
+        };
+        Some(Self {
+            told_by,
+            until_s,
+            ends_s,
+            missing,
         })
     }
 
@@ -46,7 +127,7 @@ impl MissingEnd {
         let place = run.layout().index_of("time")?;
         let last = run.last_row().ok()?;
         let time = match &last {
-            Some(row) => Some(*row.get(place)?),
+            Some((_, row)) => Some(*row.get(place)?),
             None => None,
         };
         Self::of(run, time)
@@ -55,8 +136,19 @@ impl MissingEnd {
 
 impl std::fmt::Display for MissingEnd {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { steps, until_s, .. } = self;
-        write!(f, "the summary tells of {steps} steps, {until_s} s, but ")?;
+        let Self {
+            until_s, missing, ..
+        } = self;
+        match self.told_by {
+            ToldBy::Summary(steps) => {
+                write!(f, "the summary tells of {steps} steps, {until_s} s, but ")?;
+            }
+            ToldBy::Events => write!(f, "there are events up to {until_s} s, but ")?,
+            ToldBy::Writer => write!(
+                f,
+                "there are events of {missing} rows more that could not be written, up to {until_s} s, and "
+            )?,
+        }
         match self.ends_s {
             Some(ends) => write!(f, "the rows end at {ends} s"),
             None => write!(f, "there is no row"),
@@ -68,6 +160,7 @@ impl std::fmt::Display for MissingEnd {
 mod tests {
     use super::*;
     use crate::record::summary::tests::example;
+    use serde_json::json;
 
     #[test]
     fn rows_that_end_a_step_too_early_are_missed_and_none_that_end_in_time() {
@@ -98,5 +191,63 @@ mod tests {
             None,
             "nothing was moved"
         );
+    }
+
+    fn loop_event(step: u64, name: &str) -> Value {
+        json!({"tick": step, "time": step as f64 * 0.01, "event": name})
+    }
+
+    #[test]
+    fn without_a_summary_events_that_are_more_than_a_step_ahead_of_the_rows_tell_of_more() {
+        let begins = loop_event(0, "phase");
+        let missing = |more: &[Value], last| {
+            let told: Vec<Value> = [&begins].into_iter().chain(more).cloned().collect();
+            MissingEnd::of_events(&told, last)
+        };
+        let at = |step: u64| Some((step + 20, step as f64 * 0.01));
+        let told = [loop_event(99, "checkpoint"), loop_event(101, "ended")];
+        assert_eq!(missing(&[], None), None);
+        assert_eq!(missing(&told, at(101)), None);
+        // An event of a tick is made before its row.
+        assert_eq!(missing(&told, at(100)), None);
+        let found = missing(&told, at(90)).unwrap();
+        assert_eq!((found.told_by, found.missing), (ToldBy::Events, 11));
+        let words = "there are events up to 1.01 s, but the rows end at 0.9 s";
+        assert_eq!(found.to_string(), words);
+        assert_eq!(missing(&told, None).unwrap().missing, 101);
+        // Lines without a time or a tick of a test tell nothing.
+        let mute = [
+            json!({"tick": null, "time": null, "event": "files"}),
+            json!({"tick": 0, "time": 0.0, "event": "grid"}),
+            json!({"event": "torn"}),
+        ];
+        assert_eq!(missing(&mute, at(0)), None);
+    }
+
+    #[test]
+    fn rows_that_the_writer_took_and_could_not_write_are_missed_where_test_time_stood_still() {
+        let held = |row: u64, name: &str| json!({"tick": row, "time": 3.0, "event": name});
+        let failed = [held(700, "write_failed"), held(900, "rows_lost")];
+        let missing = |last| MissingEnd::of_events(&failed, Some((last, 3.0)));
+        let found = missing(650).unwrap();
+        assert_eq!((found.told_by, found.missing), (ToldBy::Writer, 250));
+        assert!(found.to_string().contains("250 rows more"), "{found}");
+        assert_eq!(missing(900), None, "what was lost lies between rows");
+        let other = [held(900, "warning")];
+        assert_eq!(MissingEnd::of_events(&other, Some((650, 3.0))), None);
+    }
+
+    #[test]
+    fn a_test_that_goes_on_misses_nothing_on_its_way_in() {
+        let told = [
+            loop_event(300, "phase"),
+            loop_event(300, "started"),
+            loop_event(301, "limit_warning"),
+        ];
+        for last in [None, Some((12, 0.0)), Some((40, 3.0))] {
+            assert_eq!(MissingEnd::of_events(&told, last), None);
+        }
+        let later = [&told[..], &[loop_event(302, "ended")]].concat();
+        assert!(MissingEnd::of_events(&later, Some((12, 0.0))).is_some());
     }
 }

@@ -47,7 +47,7 @@ pub use journal::{End, Journal};
 pub use layout::{COMMITS, Layout};
 pub use memory::MemoryRecorder;
 pub use miss::{MissClasses, SchedSample};
-pub use missing::MissingEnd;
+pub use missing::{MissingEnd, ToldBy};
 pub use note::{Note, NoteLevel, Position};
 pub use onlooker::Onlooker;
 pub use ring::{RingReader, RingRecorder, RingSize, WhenFull, ring};

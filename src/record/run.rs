@@ -106,16 +106,16 @@ impl Run {
         Ok(Journal::new(file, self.layout.columns().len()))
     }
 
-    /// The last whole and sound row of its file; `None` if there is no such row there. What stands before it is not looked at.
+    /// The last whole row of its file with its number, if it is sound; `None` if there is no such row there. What stands before
+    /// it is not looked at.
     ///
     /// # Errors
     /// The system refuses, or there is no `samples.bin`.
-    pub fn last_row(&self) -> Result<Option<Vec<f64>>, FolderError> {
+    pub fn last_row(&self) -> Result<Option<(u64, Vec<f64>)>, FolderError> {
         let path = self.path.join("samples.bin");
         let mut file = File::open(&path).map_err(at(&path))?;
         let stride = self.layout.stride() as u64;
-        let rows = file.metadata().map_err(at(&path))?.len() / stride;
-        let Some(last) = rows.checked_sub(1) else {
+        let Some(last) = self.places()?.checked_sub(1) else {
             return Ok(None);
         };
         file.seek(SeekFrom::Start(last * stride))
@@ -123,7 +123,26 @@ impl Run {
         // Its number stands by itself here: what was lost before it is counted by whoever reads from the first.
         let mut journal = Journal::new(file, self.layout.columns().len());
         let row = journal.next_row().map_err(at(&path))?;
-        Ok(row.map(|row| row.values.to_vec()))
+        Ok(row.map(|row| (row.sequence, row.values.to_vec())))
+    }
+
+    /// Rows that were made as far as its file tells, lost ones included: by the number of its last row, or, where that is
+    /// damaged, by its length.
+    ///
+    /// # Errors
+    /// The system refuses, or there is no `samples.bin`.
+    pub fn rows_made(&self) -> Result<u64, FolderError> {
+        match self.last_row()? {
+            Some((number, _)) => Ok(number.saturating_add(1)),
+            None => self.places(),
+        }
+    }
+
+    /// Whole rows that its file has room for.
+    fn places(&self) -> Result<u64, FolderError> {
+        let path = self.path.join("samples.bin");
+        let file = fs::metadata(&path).map_err(at(&path))?;
+        Ok(file.len() / self.layout.stride() as u64)
     }
 
     /// Whole columns by name, in the order asked for.

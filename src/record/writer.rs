@@ -2,6 +2,8 @@
 //!
 //! * It polls the ring every 2 ms; nobody wakes it but [`Writer::finish`].
 //! * What it has goes to the system at least every 20 ms, so a kill −9 costs the rows of the last 25 ms or so.
+//! * Rows go before the events that came with them: an event that is ahead of the last row tells of rows that are lost
+//!   ([`super::MissingEnd`]).
 //! * A second thread brings the files to the disk every 0.9 s, so that a sync that takes long holds up nothing but the
 //!   next sync; with the time of flush and sync a power cut costs about the last second. A write may still be held up
 //!   by the file system while it syncs; the ring covers that with four seconds ([`super::RingSize::for_rate`]).

@@ -20,7 +20,7 @@ use super::retrace::{
 };
 use crate::config::{self, Dial, Loaded, Prepared};
 use crate::record::summary::Status;
-use crate::record::{MissingEnd, Run};
+use crate::record::{MissingEnd, Run, ToldBy};
 pub use error::ResumeError;
 use places::places;
 
@@ -84,7 +84,7 @@ fn resume_by(
     // One that ended on its way in has made no step of those that its summary tells of.
     let has_steps = |missing: &MissingEnd| {
         let before = origin.as_ref().map(|origin| origin.step);
-        before != Some(missing.steps)
+        before.is_none_or(|step| missing.told_by != ToldBy::Summary(step))
     };
     if let Some(missing) = MissingEnd::of_run(&run).filter(has_steps) {
         return Err(ResumeError::Short {

@@ -99,10 +99,11 @@ impl<S: Store, E: Store> Drain<S, E> {
 
     /// Takes what waits and passes it on; true if so much was there that the next turn should follow at once.
     pub(super) fn turn(&mut self, now: Moment) -> bool {
+        // Counted before the rows: those that were there before an event are then surely taken before it.
+        let events = self.ring.events_waiting().min(PER_TURN);
         let (waiting, bytes) = (self.ring.waiting(), self.journal.bytes());
         self.take_rows(waiting, now);
         // A note that was sent before an event stands before it: set-up is told of before the loop it leads to.
-        let events = self.ring.events_waiting().min(PER_TURN);
         let mut notes = 0;
         for note in self.notes.try_iter().take(PER_TURN) {
             self.events.note(note, self.position, now);
@@ -112,7 +113,9 @@ impl<S: Store, E: Store> Drain<S, E> {
             self.events.event(event, now);
         }
         let since = now.monotonic_ns.saturating_sub(self.flushed_ns);
-        if since >= nanos(self.settings.flush_every) {
+        // No event is in its file before the rows that it stands behind: one without them tells that they are lost.
+        let is_behind = self.events.is_waiting() && self.journal.waiting() > 0;
+        if since >= nanos(self.settings.flush_every) || is_behind {
             self.flush_rows(now);
         }
         self.shout_losses(now, false);

@@ -93,6 +93,33 @@ fn what_was_pushed_before_a_kill_is_readable_after_it_up_to_the_last_flush() {
 }
 
 #[test]
+fn an_event_or_a_note_is_in_its_file_no_earlier_than_the_rows_before_it() {
+    let (mut recorder, reader) = small(64);
+    let (samples, events) = (SmallDisk::with_room(1 << 20), SmallDisk::with_room(1 << 20));
+    let (mut drain, notes) = drain(
+        reader,
+        samples.clone(),
+        events.clone(),
+        WriterSettings::default(),
+    );
+    drain.turn(at(1000 * MS));
+    push(&mut recorder, 0..3);
+    recorder.event(Event {
+        tick: 2,
+        time: 0.5,
+        clock_ns: 1002 * MS,
+        kind: EventKind::HoldRequested,
+    });
+    drain.turn(at(1002 * MS));
+    let seen = || (numbers(&samples.bytes()).0.len(), lines(&events).len());
+    assert_eq!(seen(), (3, 1));
+    push(&mut recorder, 3..5);
+    notes.send(Note::new(NoteLevel::Info, "told")).unwrap();
+    drain.turn(at(1004 * MS));
+    assert_eq!(seen(), (5, 2));
+}
+
+#[test]
 fn rows_lost_to_a_full_ring_are_counted_shouted_and_show_as_a_gap() {
     let (mut recorder, reader) = small(4);
     let (samples, events) = (SmallDisk::with_room(1 << 20), SmallDisk::with_room(1 << 20));
