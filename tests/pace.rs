@@ -293,7 +293,7 @@ fn a_partner_that_fell_silent_is_told_its_target_when_the_test_goes_on() {
     let states = read(&silent).columns(&["state"]).unwrap();
     assert!(states[0].iter().filter(|state| **state == 13.0).count() > 200);
     for held in [false, true] {
-        let mut test = session::resume(&silent, None, &[]).unwrap_or_else(|e| panic!("{e}"));
+        let mut test = session::resume(&silent, None, &[], None).unwrap_or_else(|e| panic!("{e}"));
         test.experiment.ports[1].put_recording(Late::boxed(0.4, 0));
         let on = at(&format!("on-{held}"));
         // He who holds it from its beginning on lets it go; and one that stands for ever is ended.

@@ -14,7 +14,7 @@ use common::{completed, copy, say, write};
 use gusset::control::{Axis, Port};
 use gusset::engine::{Operator, Phase};
 use gusset::record::{Run, RunFolder};
-use gusset::session::{self, Finish, Watches, replay, resume};
+use gusset::session::{self, Finish, ResumeError, Watches, replay, resume};
 use gusset::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Status,
     Substructure, Unavailable,
@@ -521,6 +521,7 @@ fn a_record_without_a_summary_that_ends_before_its_events_is_refused_and_told_of
     let short = ended("short", 100);
     let missing = "there are events up to 2 s, but the rows end at 1.5 s";
     refused(&short, missing, &[]);
+    refused(&short, missing, &["--back-to-step", "300"]);
     let csv = at("short.csv");
     for (command, code, more) in [
         ("report", 0, None),
@@ -538,6 +539,59 @@ fn a_record_without_a_summary_that_ends_before_its_events_is_refused_and_told_of
     assert!(page.contains("re are events up to 2 s"), "it says so, too");
     // All of it is there: only its summary was not written any more.
     refused(&ended("closing", 0), "this test is complete", &[]);
+}
+
+/// Where rows are missing between others, a formula is made anew from the checkpoint before them. A rig remembers.
+#[test]
+fn a_gap_in_the_record_is_gone_back_over_with_a_rig_only_for_who_names_the_step() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let test = two_rigs(home.path(), "[record]\ncheckpoint_s = 0.1");
+    let places: [Arc<Mutex<f64>>; 2] = Default::default();
+    let rigs = || places.each_ref().map(|place| Rig::boxed(place, None));
+    let whole = run_rigs(built(&test), rigs(), &at("whole"), None);
+    assert_eq!(whole.finish, Finish::Completed);
+    killed(&at("whole"), &at("first"), 380);
+    killed(&at("whole"), &at("gap"), 380);
+    without_rows(&at("gap"), 200..260);
+    let again = |from: &str, back_to| resume(&at(from), None, &[], back_to);
+    let refusal = again("gap", None).err().unwrap();
+    let ResumeError::Back { step, again_s, .. } = &refusal else {
+        panic!("{refusal}");
+    };
+    let text = refusal.to_string();
+    let named = format!("`--back-to-step {step}`");
+    assert!(text.contains("row 200 was lost"), "{text}");
+    assert!(
+        text.contains(&named) && text.contains("one, other"),
+        "{text}"
+    );
+    assert!((0.9..1.1).contains(again_s), "{text}");
+    for (from, named) in [("gap", step + 1), ("first", *step)] {
+        let other = again(from, Some(named)).err().unwrap();
+        assert!(matches!(other, ResumeError::AnotherStep { .. }), "{other}");
+    }
+    let next = again("gap", Some(*step)).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(next.experiment.resume.map(|from| from.step()), Some(*step));
+    assert!(again("first", None).is_ok(), "nothing is missing there");
+    let said = say([
+        "run",
+        "--resume",
+        at("gap").to_str().unwrap(),
+        "--out",
+        at("out").to_str().unwrap(),
+    ]);
+    assert_eq!(said.code, Some(2), "{}", said.stderr);
+    assert!(said.stderr.contains(&named), "{}", said.stderr);
+
+    let test = test_in(home.path(), &frame(200, 1, 2.0, 0.0));
+    completed(&test, &at("formula"), &[]);
+    killed(&at("formula"), &at("anew"), 380);
+    without_rows(&at("anew"), 200..260);
+    let said = go_on(&at("anew"), &at("after"));
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let note = "the last checkpoint before that";
+    assert!(said.stderr.contains(note), "{}", said.stderr);
 }
 
 /// A test and those that it goes on with are moved together, or one by one to another place; without them it says what is missing.
@@ -662,7 +716,7 @@ fn a_specimen_that_does_not_stand_where_it_was_left_is_refused_and_nothing_moves
     let whole = gusset::config::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(conclude(whole, 0.0, "whole").finish, Finish::Completed);
     killed(&at("whole"), &at("first"), 400);
-    let again = || resume(&at("first"), None, &[]).unwrap_or_else(|e| panic!("{e}"));
+    let again = || resume(&at("first"), None, &[], None).unwrap_or_else(|e| panic!("{e}"));
     let ended = conclude(again(), 0.0, "second");
     assert_eq!(ended.finish, Finish::Completed, "{}", ended.summary.reason);
     assert_eq!(
@@ -698,7 +752,7 @@ fn a_specimen_that_does_not_stand_where_it_was_left_is_refused_and_nothing_moves
     let whole = gusset::config::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
     let ended = under(whole, 0.0, "stopped", words);
     assert_eq!(ended.finish, Finish::Interrupted);
-    let again = || resume(&at("stopped"), None, &[]).unwrap_or_else(|e| panic!("{e}"));
+    let again = || resume(&at("stopped"), None, &[], None).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(
         conclude(again(), 1e-4, "aside").finish,
         Finish::Stopped,
@@ -830,7 +884,7 @@ fn a_force_that_was_lost_at_rest_is_told_and_not_taken_for_drift() {
         let built = gusset::config::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
         assert_eq!(conclude(built, &whole).finish, Finish::Completed);
         killed(&at(&whole), &at(&first), 400);
-        let next = resume(&at(&first), None, &[]).unwrap_or_else(|e| panic!("{e}"));
+        let next = resume(&at(&first), None, &[], None).unwrap_or_else(|e| panic!("{e}"));
         assert_eq!(conclude(next, &second).finish, Finish::Completed);
         let same = steps(&[&at(&first), &at(&second)]) == steps(&[&at(&whole)]);
         assert_eq!(same, !takes);
@@ -999,7 +1053,7 @@ fn who_is_well_when_a_link_is_lost_stands_where_the_record_ends_and_the_test_can
         }
         let again = || {
             let after: Vec<String> = after.iter().map(|trip: &&str| (*trip).to_owned()).collect();
-            resume(&first, None, &after).unwrap_or_else(|e| panic!("{e}"))
+            resume(&first, None, &after, None).unwrap_or_else(|e| panic!("{e}"))
         };
         // Further than any record can lack.
         put([stands[0], stands[1] + 0.5]);
@@ -1058,7 +1112,7 @@ fn a_test_that_ended_on_its_way_in_to_where_it_was_to_go_on_can_go_on() {
         }
     };
     let rigs = || places.each_ref().map(|place| Rig::boxed(place, None));
-    let again = |from: &str| resume(&at(from), None, &[]).unwrap_or_else(|e| panic!("{e}"));
+    let again = |from: &str| resume(&at(from), None, &[], None).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(
         run_rigs(built(&test), rigs(), &at("whole"), None).finish,
         Finish::Completed

@@ -92,6 +92,10 @@ pub(super) struct RunArgs {
     /// geometry, diverged, not_finite, unknown (a row says that it tripped, no event says by what). --yes does not say so.
     #[arg(long, value_name = "TRIP", requires = "resume")]
     pub after_trip: Vec<String>,
+    /// With --resume: the record is damaged or has a gap, and the test may go on after the last checkpoint before that, this
+    /// step, though specimens behind links are then led once more through what they have been through; a refusal names it.
+    #[arg(long, value_name = "STEP", requires = "resume")]
+    pub back_to_step: Option<u64>,
     #[command(flatten)]
     pub test_run: TestRunArgs,
     /// Print the summary as JSON on stdout.

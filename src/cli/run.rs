@@ -93,11 +93,11 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
 /// The test that is asked for: a new one, or an interrupted one that goes on.
 fn prepare(args: &RunArgs) -> anyhow::Result<Prepared> {
     if let Some(folder) = &args.resume {
-        return session::resume(folder, args.test.as_deref(), &args.after_trip).map_err(|error| {
-            match error {
-                ResumeError::Replay(ReplayError::Config(error)) => refused(error),
-                other => WithExit(Exit::Usage, format!("{other}\nnothing was moved")).into(),
-            }
+        let (test, trips) = (args.test.as_deref(), &args.after_trip);
+        let next = session::resume(folder, test, trips, args.back_to_step);
+        return next.map_err(|error| match error {
+            ResumeError::Replay(ReplayError::Config(error)) => refused(error),
+            other => WithExit(Exit::Usage, format!("{other}\nnothing was moved")).into(),
         });
     }
     let test = args.test.as_deref().context("no test file is given")?;

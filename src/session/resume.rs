@@ -2,9 +2,10 @@
 //!
 //! There is no snapshot of the state to be torn or stale. The record holds what was measured, and the loop makes the same
 //! state of it bit for bit, some hundred times faster than the test ran; digests of the state, written while it ran
-//! (checkpoints), prove that it is the same. Where the record is damaged the last checkpoint that came out again counts.
-//! Files that were changed since are refused. Nothing of the interrupted test is written to. A trip stays latched: a test that
-//! ended with one goes on only for someone who names it.
+//! (checkpoints), prove that it is the same. Where the record is damaged the last checkpoint that came out again counts;
+//! specimens that are not made anew are led through the steps after it once more, so that further back than a kill can lose
+//! the test goes only for someone who names the step. Files that were changed since are refused. Nothing of the interrupted
+//! test is written to. A trip stays latched: a test that ended with one goes on only for someone who names it.
 
 mod error;
 mod places;
@@ -19,16 +20,18 @@ use super::retrace::{
     rows_sha256, sha256, take_over,
 };
 use crate::config::{self, Dial, Loaded, Prepared};
+use crate::control::Port;
 use crate::record::summary::Status;
 use crate::record::{MissingEnd, Run, ToldBy};
 pub use error::ResumeError;
-use places::places;
+use places::{places, ticks_lost};
 
 /// Name of a trip whose event is missing.
 const UNKNOWN: &str = "unknown";
 
 /// Prepares the test in `folder` to go on. `test`: the test file, if one was given; it must be the one that was
-/// interrupted. `after`: the trips after which it may go on, by their names.
+/// interrupted. `after`: the trips after which it may go on, by their names. `back_to`: the step that it may go back to where
+/// its record is damaged, though specimens are then led once more through what they have been through.
 ///
 /// # Errors
 /// See [`ResumeError`].
@@ -36,8 +39,9 @@ pub fn resume(
     folder: &Path,
     test: Option<&Path>,
     after: &[String],
+    back_to: Option<u64>,
 ) -> Result<Prepared, ResumeError> {
-    resume_by(folder, test, after, &mut config::build)
+    resume_by(folder, test, after, back_to, &mut config::build)
 }
 
 /// The same with links over transports that are connected already: those that `dial` makes, one after the other.
@@ -50,13 +54,14 @@ pub fn resume_over(
     dial: &mut Dial<'_>,
 ) -> Result<Prepared, ResumeError> {
     let build = &mut |loaded: &Loaded| config::build_over(loaded, dial);
-    resume_by(folder, None, after, build)
+    resume_by(folder, None, after, None, build)
 }
 
 fn resume_by(
     folder: &Path,
     test: Option<&Path>,
     after: &[String],
+    back_to: Option<u64>,
     build: &mut Build<'_>,
 ) -> Result<Prepared, ResumeError> {
     let run = Run::open(folder)?;
@@ -94,8 +99,8 @@ fn resume_by(
     }
     check_files(&run, test)?;
     let ended = end_before(&run, after)?;
-    let (traced, note) = trace(&run)?;
-    let Some((side, ports, mut resumption)) = traced.state else {
+    let (mut traced, note) = trace(&run)?;
+    let Some((side, ports, mut resumption)) = traced.state.take() else {
         return Err(if traced.completed {
             ResumeError::Complete(folder.to_owned())
         } else {
@@ -108,6 +113,7 @@ fn resume_by(
         // What stopped it was its way out.
         return Err(ResumeError::Complete(folder.to_owned()));
     }
+    check_way_back(&run, &traced, &ports, step, back_to, next.facts.rate_hz)?;
     let time = step as f64 * next.facts.dt;
     let within = next.facts.resume_within;
     let before = origin.filter(|_| traced.on_its_way_in);
@@ -203,7 +209,8 @@ fn end_before(run: &Run, after: &[String]) -> Result<String, ResumeError> {
     Ok(text)
 }
 
-/// The state after the last good row; where the record is damaged, that of the last checkpoint, and what is to be said of it.
+/// The state after the last good row; where the record is damaged, that of the last checkpoint, the trouble with what comes
+/// after it, and what is to be said of it.
 fn trace(run: &Run) -> Result<(Retraced, Option<String>), ResumeError> {
     let traced = retrace(run, None, Replaced::Remote)?;
     let Some(trouble) = traced.trouble.clone() else {
@@ -221,7 +228,48 @@ fn trace(run: &Run) -> Result<(Retraced, Option<String>), ResumeError> {
         "{trouble}: the test goes on after the last checkpoint before that, step {}",
         checkpoint.step
     );
-    Ok((again, Some(note)))
+    let trouble = Some(trouble);
+    Ok((Retraced { trouble, ..again }, Some(note)))
+}
+
+/// No specimen that is not made anew is led through more than a kill can lose once more, unless the step is named after which
+/// that begins.
+fn check_way_back(
+    run: &Run,
+    traced: &Retraced,
+    ports: &[Port],
+    step: u64,
+    named: Option<u64>,
+    rate_hz: f64,
+) -> Result<(), ResumeError> {
+    let folder = run.path().to_owned();
+    if let Some(named) = named {
+        let is_it = named == step;
+        return is_it.then_some(()).ok_or(ResumeError::AnotherStep {
+            folder,
+            named,
+            step,
+        });
+    }
+    let Some(trouble) = &traced.trouble else {
+        return Ok(());
+    };
+    let again = run.rows_made()?.saturating_sub(traced.rows) as f64;
+    let remember: Vec<&str> = ports
+        .iter()
+        .filter(|port| !port.is_formula())
+        .map(|port| port.name.as_str())
+        .collect();
+    if again <= ticks_lost(rate_hz) || remember.is_empty() {
+        return Ok(());
+    }
+    Err(ResumeError::Back {
+        folder,
+        trouble: trouble.clone(),
+        step,
+        again_s: again / rate_hz,
+        specimens: remember.join(", "),
+    })
 }
 
 /// The files are those that the test was made of, as its first events say.

@@ -83,6 +83,31 @@ pub enum ResumeError {
         /// How it ended.
         reason: String,
     },
+    /// The record is damaged, and specimens that are not made anew would be led once more through what came after its last
+    /// checkpoint before that.
+    #[error("{}: {trouble}: the test could go on only after step {step}, and the last {again_s} s would be done once more to {specimens}: say `--back-to-step {step}` if that may be", folder.display())]
+    Back {
+        /// The folder.
+        folder: PathBuf,
+        /// What is wrong.
+        trouble: String,
+        /// Step of the checkpoint.
+        step: u64,
+        /// Wall time in s that the ticks took which would be made again.
+        again_s: f64,
+        /// Names of the specimens.
+        specimens: String,
+    },
+    /// It goes on after another step than the one that was named.
+    #[error("{}: this test goes on after step {step}, not after step {named}", folder.display())]
+    AnotherStep {
+        /// The folder.
+        folder: PathBuf,
+        /// As it was named.
+        named: u64,
+        /// Where it goes on.
+        step: u64,
+    },
     /// The record is damaged before its first checkpoint.
     #[error("{}: {trouble}, and no checkpoint before it: there is nothing to go on with", folder.display())]
     Damaged {

@@ -84,6 +84,11 @@ impl Axis<'_> {
     }
 }
 
+/// Ticks of which the record may be lost.
+pub(super) fn ticks_lost(rate_hz: f64) -> f64 {
+    (LOST_S * rate_hz).max(1.0)
+}
+
 /// How far a command may have gone after the last row of a test that was killed, in its own unit: as fast as at the end of it,
 /// and at least to the command that stood ready. Who is commanded once a step goes the way of a whole one with each command, and
 /// gets that much fewer of them.
@@ -95,7 +100,7 @@ fn way_lost(command: &[f64], port: &Port, axis: usize, rate_hz: f64, ticks_per_s
     let steps = steps.map(|pair| (pair[1] - pair[0]).abs());
     let ready = port.command.get(axis).zip(port.sent.get(axis));
     let ready = ready.map(|(ready, sent)| (ready - sent).abs());
-    let ticks = (LOST_S * rate_hz).max(1.0);
+    let ticks = ticks_lost(rate_hz);
     let commands = if port.is_per_step() {
         (ticks / f64::from(ticks_per_step)).ceil()
     } else {
