@@ -45,10 +45,8 @@ const PARTS: [(&str, &str, &str, Ink); 6] = [
 ];
 
 fn column<'a>(digest: &'a Digest, name: &str) -> Option<&'a [f64]> {
-    let found = digest.energy.iter().find(|(column, _)| column.name == name);
-    found
-        .map(|(_, values)| values.as_slice())
-        .filter(|values| !values.is_empty())
+    let found = digest.energy.get(name);
+    found.filter(|values| !values.is_empty())
 }
 
 /// The section; none for a test without a structure. `why` says why there is no balance, where there is none.
@@ -93,21 +91,16 @@ pub(super) fn balance(rows: &Rows<'_>, why: Option<&str>) -> Option<String> {
         },
         &lines,
     );
-    let last = |key: &str| {
-        column(digest, key).and_then(|v| v.iter().rev().copied().find(|v| v.is_finite()))
-    };
-    let input = column(digest, "input")
-        .and_then(metrics::peak)
-        .map(|p| p.value.abs());
+    let marks = |key: &str| digest.energy.marks(key);
+    let input = marks("input").peak.map(|peak| peak.value.abs());
     let share = |value: f64| {
         input
-            .filter(|i| *i > 0.0)
+            .filter(|i| *i > 0.0 && value.is_finite())
             .map(|i| format!("{} %", number(100.0 * value / i, 3)))
     };
     let or_dash = |text: Option<String>| text.unwrap_or_else(|| NOTHING.to_owned());
     let listed = PARTS.iter().filter_map(|(key, name, meaning, _)| {
-        let end = last(key)?;
-        let peak = column(digest, key).and_then(metrics::peak)?;
+        let (end, peak) = (marks(key).last?, marks(key).peak?);
         Some(vec![
             format!("{name}: {meaning}"),
             quantity(end, "J"),

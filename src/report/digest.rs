@@ -89,7 +89,7 @@ pub struct Digest {
     /// Amplitude spectra of displacements: DOF, (Hz, m s).
     pub(super) spectra: Vec<(u32, Vec<(f64, f64)>)>,
     /// Energies over time; empty where there is no model.
-    pub(super) energy: Vec<(Column, Vec<f64>)>,
+    pub(super) energy: Table,
     /// What energy errors are measured by; none where there is no model.
     pub(super) scale: Option<Scale>,
     pub(super) worst: Vec<WorstTick>,

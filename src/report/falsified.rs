@@ -18,16 +18,14 @@ const MOST_MODES: usize = 12;
 /// Time in which the loop's estimate of a lag forgets, s of test time (see the columns `lag`).
 const FORGETS_S: f64 = 2.0;
 
-/// The smallest margin of every axis that has a column of it. Thinning has kept it.
+/// The smallest margin of every axis that has a column of it.
 fn margins(run: &RunData, digest: &Digest) -> Vec<Margin> {
     let configuration = super::tested::configuration(run);
     let rows = Rows::new(digest);
-    let time = rows.tick_time();
     let watched = digest.axes.iter().filter_map(|axis| {
-        let values = rows.get(&axis.axis.column(MARGIN))?;
-        let known = values.iter().zip(time.iter());
-        let known = known.filter(|(margin, _)| margin.is_finite());
-        let smallest = known.min_by(|a, b| a.0.total_cmp(b.0));
+        let name = axis.axis.column(MARGIN);
+        rows.get(&name)?;
+        let smallest = rows.marks(&name).least;
         // Of a fit over the whole test; weights that fade as e^(−t/T) count 2 T of samples.
         let whole = axis
             .tracking
@@ -39,8 +37,8 @@ fn margins(run: &RunData, digest: &Digest) -> Vec<Margin> {
         Some(Margin {
             specimen: super::tested::specimen_name(configuration.as_ref(), axis.axis.specimen),
             axis: axis.axis.axis,
-            smallest_s: smallest.map(|(margin, _)| *margin),
-            at_s: smallest.map(|(_, time)| *time),
+            smallest_s: smallest.map(|mark| mark.value),
+            at_s: smallest.map(|mark| mark.time),
             floor_s: floor,
         })
     });
@@ -201,12 +199,12 @@ fn modes(found: &Falsified, axes: &[Tracked<'_>]) -> String {
 }
 
 /// How far each axis was from the delay at which the test would have grown.
-fn delay_margins(found: &Falsified) -> String {
+fn delay_margins(found: &Falsified, rows: &Rows<'_>) -> String {
     if found.delay_margins.is_empty() {
         return String::new();
     }
     let second = |v: f64| quantity(v, "s");
-    let rows: Vec<Vec<String>> = found
+    let listed: Vec<Vec<String>> = found
         .delay_margins
         .iter()
         .map(|margin| {
@@ -218,7 +216,7 @@ fn delay_margins(found: &Falsified) -> String {
             vec![
                 name,
                 or_dash(margin.smallest_s, second),
-                or_dash(margin.at_s, second),
+                or_dash(margin.at_s, |time| rows.moment(time)),
                 or_dash(margin.floor_s, second),
             ]
         })
@@ -228,7 +226,7 @@ fn delay_margins(found: &Falsified) -> String {
                  seconds of motion while the test ran, after two periods; below zero the test grows. The critical delay is \
                  tabulated before the test over the stiffness of one axis at a time, all others on time and as stiff as at rest, \
                  linear and in continuous time. A dash: every delay was stable, or nothing moved enough to say.";
-    table(&heading, &rows) + &note(words)
+    table(&heading, &listed) + &note(words)
 }
 
 /// The energy that the transfer systems added, by itself and against that of the test.
@@ -271,7 +269,7 @@ pub(super) fn falsified_section(
     axes: &[Tracked<'_>],
 ) -> Option<String> {
     let found = found(run, rows.digest())?;
-    let mut markup = modes(&found, axes) + &delay_margins(&found) + &energy(&found);
+    let mut markup = modes(&found, axes) + &delay_margins(&found, rows) + &energy(&found);
     if !found.missing.is_empty() {
         markup += &note(&format!("Not known: {}.", in_words(&found.missing)));
     }

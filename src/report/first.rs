@@ -98,7 +98,7 @@ impl Part {
     fn finish(self, columns: &[Column]) -> Table {
         let kept = self.places.iter().map(|&at| columns[at].clone());
         let made = self.made.into_iter().map(|(column, _, _)| column);
-        Table::new(kept.chain(made).zip(self.thinner.finish()).collect())
+        self.thinner.table(kept.chain(made))
     }
 }
 
@@ -361,8 +361,7 @@ impl<'a> First<'a> {
         digest.residuals = residuals.collect();
         if let Some(energy) = self.energy.filter(|_| whole) {
             digest.scale = Some(energy.balance.scale());
-            let values = self.energy_thinner.finish();
-            digest.energy = energy_columns().into_iter().zip(values).collect();
+            digest.energy = self.energy_thinner.table(energy_columns());
         }
         let [table, ticks] = self.parts.map(|part| part.finish(&self.columns));
         (digest.table, digest.ticks) = (table, ticks);

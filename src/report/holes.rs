@@ -21,7 +21,11 @@ fn what_needs_every_step_is_left_out_where_some_are_missing_and_the_page_says_so
         (digest.interval, digest.passed.step_s),
         (None, Some(1.0 / RATE))
     );
-    assert!(digest.shaking.is_none() && digest.spectra.is_empty() && digest.energy.is_empty());
+    assert!(
+        digest.shaking.is_none()
+            && digest.spectra.is_empty()
+            && digest.energy == table::Table::default()
+    );
     let page = render(&run);
     let of_whole = render(&whole);
     for word in ["Arias intensity", "FEI delay", "Frequency content"] {
@@ -229,6 +233,83 @@ fn what_is_left_is_the_mean_of_the_last_rows_and_not_of_their_extremes() {
         "{:?}",
         digest.residuals
     );
+}
+
+/// A mass of 2 kg, free.
+struct Mass;
+
+impl metrics::energy::Model for Mass {
+    fn dofs(&self) -> usize {
+        1
+    }
+    fn load(&self, _: u64, out: &mut [f64]) {
+        out.fill(0.0);
+    }
+    fn damping(&self, _: &[f64], out: &mut [f64]) {
+        out.fill(0.0);
+    }
+    fn restoring(&mut self, _: &[f64], _: &[f64], _: f64, out: &mut [f64]) {
+        out.fill(0.0);
+    }
+    fn kinetic(&self, vel: &[f64]) -> f64 {
+        vel[0] * vel[0]
+    }
+    fn strain(&self, _: &[f64]) -> f64 {
+        0.0
+    }
+}
+
+#[test]
+fn numbers_of_a_long_test_are_those_of_single_rows_though_its_pictures_are_thinned() {
+    let names = [
+        "state",
+        "step",
+        "time",
+        "x1",
+        "target_1_1",
+        "meas_1_1",
+        "force_1_1",
+        "margin_1_1",
+    ];
+    let (rows, dt) = (100_000u32, 1.0 / 1024.0);
+    let disp = |k: u32| 0.01 * libm::sin(0.7 * f64::from(k));
+    let (lowest, highest) = (55_555, 77_777);
+    let of = |name: &str, k: u32| match name {
+        "state" => 3.0,
+        "step" => f64::from(k),
+        "time" => dt * f64::from(k),
+        "x1" if k == highest => 0.5,
+        "force_1_1" => 0.0,
+        "margin_1_1" if k == lowest => 0.001,
+        "margin_1_1" => 0.02,
+        _ => disp(k),
+    };
+    let columns = columns(&names);
+    let data = names.map(|name| (0..rows).map(|k| of(name, k)).collect::<Vec<_>>());
+    let memory = source::Memory {
+        columns: &columns,
+        data: &data,
+        step_s: Some(dt),
+        ticks_per_step: 1,
+    };
+    let digest = Digest::of(&memory, &[], Some(&mut Mass)).unwrap();
+    assert!(digest.every > 1);
+    let run = RunData {
+        columns: columns.clone(),
+        digest: Some(digest),
+        ..RunData::default()
+    };
+    let margin = &falsified(&run)["delay_margins"][0];
+    assert_eq!(margin["at_s"], dt * f64::from(lowest));
+    assert_eq!(margin["smallest_s"], 0.001);
+    let page = render(&run);
+    let vel = (disp(rows - 1) - disp(rows - 3)) / (2.0 * dt);
+    let end = text::quantity(vel * vel, "J");
+    assert!(
+        page.contains(&format!("kinetic: ½ vᵀM v</td><td>{end}</td>")),
+        "{end}"
+    );
+    assert!(page.contains("<td>DOF 1</td><td>500\u{a0}mm</td><td>75.9541\u{a0}s</td>"));
 }
 
 #[test]

@@ -95,7 +95,7 @@ pub(super) fn response(run: &RunData, rows: &Rows<'_>) -> Option<String> {
         &(markup
             + &note_on_extremes(rows.digest().every)
             + &spectra(rows)
-            + &peaks(run, rows, dofs, &time)),
+            + &peaks(run, rows, dofs)),
     ))
 }
 
@@ -250,7 +250,7 @@ fn decades<'a>(amplitudes: impl Iterator<Item = &'a [f64]>) -> Option<(f64, f64)
     (top > 1e-280 && top < 1e280).then_some((top * 1e-6, top * 2.0))
 }
 
-fn peaks(run: &RunData, rows: &Rows<'_>, dofs: &[u32], time: &[f64]) -> String {
+fn peaks(run: &RunData, rows: &Rows<'_>, dofs: &[u32]) -> String {
     // Of a test that was stopped in motion the last rows are no rest.
     let is_completed = outcome::text(run, "status") == Some("completed");
     let listed = spread(dofs, MOST_DOFS);
@@ -259,14 +259,13 @@ fn peaks(run: &RunData, rows: &Rows<'_>, dofs: &[u32], time: &[f64]) -> String {
         let mut line = vec![format!("DOF {dof}")];
         for letter in ["x", "v", "a"] {
             let name = format!("{letter}{dof}");
-            let peak = rows.get(&name).and_then(|values| metrics::peak(&values));
+            let peak = rows.marks(&name).peak;
             line.push(peak.map_or_else(
                 || NOTHING.to_owned(),
                 |p| quantity(p.value, rows.unit(&name)),
             ));
             if letter == "x" {
-                let when = peak.and_then(|p| time.get(p.index));
-                line.push(when.map_or_else(|| NOTHING.to_owned(), |t| quantity(*t, "s")));
+                line.push(peak.map_or_else(|| NOTHING.to_owned(), |p| rows.moment(p.time)));
             }
         }
         if !is_completed {

@@ -5,7 +5,8 @@ use std::borrow::Cow;
 use super::digest::Digest;
 pub(super) use super::digest::SpecimenAxis;
 use super::sieve::Passed;
-use super::table::Table;
+use super::table::{Marks, Table};
+use super::text::moment;
 
 /// A view of a run's rows in which the test was running; of a long test the extremes of every few.
 pub(super) struct Rows<'a> {
@@ -41,13 +42,29 @@ impl<'a> Rows<'a> {
             .map(Cow::Borrowed)
     }
 
-    /// Test time of the entries of a column.
-    pub fn time_of(&self, name: &str) -> Option<Cow<'a, [f64]>> {
-        let table = match self.digest.table.get(name) {
+    /// The table that a column stands in.
+    fn table_of(&self, name: &str) -> &'a Table {
+        match self.digest.table.get(name) {
             Some(_) => &self.digest.table,
             None => &self.digest.ticks,
-        };
-        table.get("time").map(Cow::Borrowed)
+        }
+    }
+
+    /// Test time of the entries of a column.
+    pub fn time_of(&self, name: &str) -> Option<Cow<'a, [f64]>> {
+        self.table_of(name).get("time").map(Cow::Borrowed)
+    }
+
+    /// Extremes and last value of a column, each that of a single row.
+    pub fn marks(&self, name: &str) -> Marks {
+        self.table_of(name).marks(name)
+    }
+
+    /// A test time with the digits that name its tick.
+    pub fn moment(&self, time: f64) -> String {
+        let ticks = self.digest.ticks_per_step.max(1) as f64;
+        let tick = self.digest.passed.step_s.map(|step| step / ticks);
+        moment(time, tick)
     }
 
     /// Test time of the columns of specimens.
@@ -63,10 +80,7 @@ impl<'a> Rows<'a> {
 
     /// Unit of a column.
     pub fn unit(&self, name: &str) -> &'a str {
-        match self.digest.table.get(name) {
-            Some(_) => self.digest.table.unit(name),
-            None => self.digest.ticks.unit(name),
-        }
+        self.table_of(name).unit(name)
     }
 
     /// Unit of the displacement of a DOF; that of all that are not recorded where this is not.

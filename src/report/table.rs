@@ -2,7 +2,8 @@
 //!
 //! Invariant: every value stood in the rows, no finite extreme is lost, and all columns have one length. Of `every` rows two
 //! are left, in the order in which the extremes came; of a test short enough `every` is one and all rows are there. Where rows are
-//! missing stands an entry without a number, so that no line is drawn across.
+//! missing stands an entry without a number, so that no line is drawn across. What a page says in numbers is marked before the rows
+//! are thinned: an entry keeps neither the time of an extreme nor which row was the last.
 
 use std::collections::HashMap;
 
@@ -12,12 +13,52 @@ use crate::record::Column;
 /// Entries of a column at most, give or take one pair.
 pub(super) const MOST: usize = 24_576;
 
+/// A value of a column, and the time of its row.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Mark {
+    pub time: f64,
+    pub value: f64,
+}
+
+/// What is marked of a column, whether its rows are thinned or not.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Marks {
+    /// The finite value of largest magnitude, and the smallest; the first of those that are equal.
+    pub peak: Option<Mark>,
+    pub least: Option<Mark>,
+    /// What stands in the last row, a number or not.
+    pub last: Option<f64>,
+}
+
+impl Marks {
+    fn take(&mut self, time: Option<&[f64]>, values: &[f64]) {
+        for (row, &value) in values.iter().enumerate() {
+            if !value.is_finite() {
+                continue;
+            }
+            let time = || time.and_then(|time| time.get(row).copied());
+            let mark = || Mark {
+                time: time().unwrap_or(f64::NAN),
+                value,
+            };
+            if self.peak.is_none_or(|peak| value.abs() > peak.value.abs()) {
+                self.peak = Some(mark());
+            }
+            if self.least.is_none_or(|least| value < least.value) {
+                self.least = Some(mark());
+            }
+        }
+        self.last = values.last().copied().or(self.last);
+    }
+}
+
 /// One column on its way.
 #[derive(Debug, Clone)]
 struct Thinning {
     lo: (usize, f64),
     hi: (usize, f64),
     out: Vec<f64>,
+    marks: Marks,
 }
 
 /// Columns that are thinned side by side.
@@ -42,6 +83,7 @@ impl Thinner {
             lo: (0, f64::NAN),
             hi: (0, f64::NAN),
             out: Vec::new(),
+            marks: Marks::default(),
         };
         Self {
             every,
@@ -59,6 +101,10 @@ impl Thinner {
     /// Takes rows: one slice per column, all of one length.
     pub fn take(&mut self, block: &[&[f64]]) {
         let rows = block.first().map_or(0, |column| column.len());
+        let time = self.time.and_then(|place| block.get(place).copied());
+        for (column, values) in self.columns.iter_mut().zip(block) {
+            column.marks.take(time, values);
+        }
         if self.every == 1 {
             for (column, values) in self.columns.iter_mut().zip(block) {
                 column.out.extend_from_slice(values);
@@ -122,6 +168,15 @@ impl Thinner {
         }
         self.columns.into_iter().map(|column| column.out).collect()
     }
+
+    /// The columns by name, with what was marked of them.
+    pub fn table(self, names: impl IntoIterator<Item = Column>) -> Table {
+        let marks = self.columns.iter().map(|column| column.marks).collect();
+        Table {
+            marks,
+            ..Table::new(names.into_iter().zip(self.finish()).collect())
+        }
+    }
 }
 
 impl Thinning {
@@ -155,6 +210,8 @@ impl Thinning {
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct Table {
     columns: Vec<(Column, Vec<f64>)>,
+    /// As many, or none where nothing was marked.
+    marks: Vec<Marks>,
     places: HashMap<String, usize>,
 }
 
@@ -165,12 +222,23 @@ impl Table {
         let places = names
             .map(|(i, (column, _))| (column.name.clone(), i))
             .collect();
-        Self { columns, places }
+        Self {
+            columns,
+            marks: Vec::new(),
+            places,
+        }
     }
 
     /// A column.
     pub fn get(&self, name: &str) -> Option<&[f64]> {
         Some(&self.columns.get(*self.places.get(name)?)?.1)
+    }
+
+    /// What was marked of a column; nothing of one that is not there.
+    pub fn marks(&self, name: &str) -> Marks {
+        let place = self.places.get(name);
+        let marks = place.and_then(|place| self.marks.get(*place));
+        marks.copied().unwrap_or_default()
     }
 
     /// Unit of a column; "1" of one that is not there.
@@ -223,6 +291,38 @@ mod tests {
                 prop_assert_eq!(out[0][2 * i], (i * every) as f64);
             }
         }
+    }
+
+    #[test]
+    fn marks_are_of_single_rows_however_few_entries_are_left() {
+        let (time, values) = ([0.0, 1.0, 2.0, 3.0, 4.0], [1.0, -7.0, 7.0, f64::NAN, 5.0]);
+        let marks = |every: usize, rows: usize| {
+            let mut thinner = Thinner {
+                every,
+                ..Thinner::new(0, 2, Some(0))
+            };
+            for (t, v) in time[..rows].chunks(2).zip(values.chunks(2)) {
+                thinner.take(&[t, &v[..t.len()]]);
+            }
+            let names = ["time", "x1"].map(|name| Column {
+                name: name.to_owned(),
+                unit: "1".to_owned(),
+                meaning: String::new(),
+                timing: false,
+            });
+            thinner.table(names).marks("x1")
+        };
+        for every in [1, 4] {
+            let found = marks(every, 5);
+            let lowest = Some(Mark {
+                time: 1.0,
+                value: -7.0,
+            });
+            assert_eq!((found.peak, found.least), (lowest, lowest));
+            assert_eq!(found.last, Some(5.0));
+            assert!(marks(every, 4).last.is_some_and(f64::is_nan));
+        }
+        assert_eq!(Table::default().marks("x1"), Marks::default());
     }
 
     #[test]

@@ -174,6 +174,14 @@ pub(super) fn exact(value: f64, unit: &str) -> String {
     format!("{}\u{a0}{unit}", trimmed(value / factor, 9))
 }
 
+/// A test time in s with the digits that tell its tick from the next, `tick_s` later; those of [`exact`] where that is not known.
+pub(super) fn moment(time: f64, tick_s: Option<f64>) -> String {
+    let ticks = tick_s.map(|tick| (time / tick).abs());
+    let digits = ticks.filter(|ticks| *ticks >= 1.0 && ticks.is_finite());
+    let digits = digits.map_or(9, |ticks| libm::log10(ticks) as usize + 2);
+    format!("{}\u{a0}s", trimmed(time, digits))
+}
+
 /// `value` with `digits` significant digits at most: no zeros at its end.
 pub(super) fn trimmed(value: f64, digits: usize) -> String {
     let text = number(value, digits);
@@ -226,6 +234,23 @@ mod tests {
         assert_eq!(quantity(f64::NAN, "m"), NOTHING);
         assert_eq!(quantity(0.0, "m"), "0\u{a0}m");
         assert_eq!(micros(977.0), "977\u{a0}µs");
+    }
+
+    #[test]
+    fn a_moment_names_its_tick() {
+        for (rate, tick, told) in [
+            (200.0, 170_477.0, "852.385"),
+            (4096.0, 409_579.0, "99.99487"),
+            (4096.0, 10_485_760_001.0, "2\u{202f}560\u{202f}000.00024"),
+            (500.0, 83.0, "0.166"),
+            (200.0, 0.0, "0"),
+        ] {
+            let text = moment(tick / rate, Some(1.0 / rate));
+            assert_eq!(text, format!("{told}\u{a0}s"));
+            assert_ne!(text, moment((tick + 1.0) / rate, Some(1.0 / rate)));
+        }
+        assert_eq!(moment(852.385, None), "852.385\u{a0}s");
+        assert_eq!(moment(f64::NAN, Some(0.1)), format!("{NOTHING}\u{a0}s"));
     }
 
     #[test]
