@@ -364,3 +364,51 @@ fn the_page_tells_the_way_out_and_how_limits_are_judged() {
         assert!(page.contains(part), "{part}");
     }
 }
+
+/// The page of a test that need not complete.
+fn page_of(folder: &Path, name: &str, text: &str) -> (PathBuf, String) {
+    let test = write(folder, &format!("{name}.toml"), text);
+    let out = folder.join(name);
+    common::run(&test, &out, &[]);
+    let page = fs::read_to_string(out.join("report.html")).unwrap();
+    (out, page.replace("&quot;", "\""))
+}
+
+/// Two storeys of which the lower one is a spring of 6 MN/m, at 500 Hz; `more` are tables of the test.
+fn two_storeys(seconds: f64, structure: &str, more: &str) -> String {
+    format!(
+        "title = \"Two storeys\"\n[time]\nrate_hz = 500\nduration_s = {seconds}\nclock = \"simulated\"\n[structure]\n{structure}\n\
+         [structure.shear_building]\nmass_kg = [10e3, 10e3]\nstiffness_n_per_m = [0, 5e6]\ndamping_n_s_per_m = [5e3, 5e3]\n\
+         [[specimen]]\nname = \"col\"\nstorey = 1\nlaw.linear = {{ stiffness_n_per_m = 6e6, damping_n_s_per_m = 0 }}\n{more}"
+    )
+}
+
+#[test]
+fn a_test_in_which_nothing_moves_has_no_empty_pictures() {
+    let still =
+        "[excitation.ground_acceleration]\nsignal.sine = { amplitude = 0, frequency_hz = 0.5 }\n";
+    let folder = tempfile::tempdir().unwrap();
+    let (out, page) = page_of(folder.path(), "still", &two_storeys(0.5, "", still));
+    assert!(page.contains("every energy is zero from the first step to the last"));
+    assert!(!page.contains("no finite values were recorded"));
+    let loops = page
+        .split("<svg")
+        .find(|svg| svg.contains("Force against measured"));
+    assert!(
+        loops
+            .unwrap()
+            .split("</svg>")
+            .next()
+            .unwrap()
+            .contains("<circle")
+    );
+    let picture = folder.path().join("still.svg");
+    let said = say([
+        "report".as_ref(),
+        out.as_os_str(),
+        "--picture".as_ref(),
+        picture.as_os_str(),
+    ]);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    assert!(fs::read_to_string(picture).unwrap().contains("<circle"));
+}

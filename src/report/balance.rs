@@ -109,13 +109,18 @@ pub(super) fn balance(rows: &Rows<'_>, why: Option<&str>) -> Option<String> {
         ])
     });
     let listed: Vec<_> = listed.collect();
-    let markup = history(280.0, "Energy balance over test time", &chart)
+    let picture = if lines.is_empty() {
+        note("No picture: every energy is zero from the first step to the last.")
+    } else {
+        history(280.0, "Energy balance over test time", &chart)
+    };
+    let markup = picture
         + &table(
             &["", "at the end", "of the largest input", "largest"],
             &listed,
         )
         + &note(
-            "Work of a force in a step: half the way from the step before to the step after. The picture is of second order in Δt.",
+            "Work of a force in a step: half the way from the step before to the step after. The balance is of second order in Δt.",
         )
         + &audit(rows);
     Some(section(heading, &markup))

@@ -165,6 +165,8 @@ pub(super) struct LoopChart<'a> {
 const LOOP_TOLERANCE: f64 = 0.12;
 /// Points beyond which the tolerance is doubled, up to a pixel: a noisy loop must not make a page of megabytes.
 const LOOP_POINTS: usize = 12_000;
+/// Radius of what is one point, in display units.
+const DOT: f64 = 3.0;
 
 impl<'a> LoopChart<'a> {
     /// Draws the chart into `area`.
@@ -217,6 +219,12 @@ impl<'a> LoopChart<'a> {
             };
             for run in &runs {
                 canvas.path(run, line.ink, line.width);
+                // A line of no length is not seen.
+                if let Some(&at) = run.first()
+                    && run.iter().all(|point| *point == at)
+                {
+                    canvas.dot(at, line.ink, DOT);
+                }
             }
         }
     }
