@@ -384,6 +384,39 @@ fn two_storeys(seconds: f64, structure: &str, more: &str) -> String {
 }
 
 #[test]
+fn coordinates_of_a_base_that_is_displaced_are_absolute_and_the_lowest_storey_drifts_against_it() {
+    let base =
+        "[excitation.base_displacement]\nsignal.sine = { amplitude = 0.1, frequency_hz = 0.5 }\n";
+    let folder = tempfile::tempdir().unwrap();
+    let (out, page) = page_of(folder.path(), "base", &two_storeys(3.0, "", base));
+    let columns = Run::open(&out).unwrap().columns(&["x1", "ground"]).unwrap();
+    let drifts = columns[0].iter().zip(&columns[1]).map(|(x, g)| x - g);
+    let drift = drifts.fold(0.0, |most: f64, drift| {
+        if drift.abs() > most.abs() {
+            drift
+        } else {
+            most
+        }
+    });
+    // The base moves by 100 mm: the drift is far less than x1.
+    assert!((0.01..0.05).contains(&drift.abs()), "{drift}");
+    let told = format!("{:.1}\u{a0}mm", 1e3 * drift).replace('-', "\u{2212}");
+    assert!(page.contains(&format!("Largest drifts: storey 1 {told}, storey 2 ")));
+    for title in [
+        "Displacement, absolute",
+        "Velocity, absolute",
+        "Acceleration, absolute",
+    ] {
+        assert!(page.contains(title), "{title}");
+    }
+    assert!(!page.contains("relative to the ground"));
+
+    let ground = base.replace("base_displacement", "ground_acceleration");
+    let (_, page) = page_of(folder.path(), "ground", &two_storeys(1.0, "", &ground));
+    assert!(page.contains("Acceleration, relative to the ground") && !page.contains(", absolute"));
+}
+
+#[test]
 fn a_test_in_which_nothing_moves_has_no_empty_pictures() {
     let still =
         "[excitation.ground_acceleration]\nsignal.sine = { amplitude = 0, frequency_hz = 0.5 }\n";

@@ -43,12 +43,14 @@ pub(super) fn response(run: &RunData, rows: &Rows<'_>) -> Option<String> {
         ));
     };
     let shown = spread(dofs, MOST_LINES);
+    let against = measured_against(rows);
     let mut markup = String::new();
-    for (letter, title, words) in [
+    for (letter, name, words) in [
         ("x", "Displacement", "displacement"),
         ("v", "Velocity", "velocity"),
-        ("a", "Acceleration, relative to the ground", "acceleration"),
+        ("a", "Acceleration", "acceleration"),
     ] {
+        let title = &format!("{name}{against}");
         let series: Vec<(usize, String, Cow<'_, [f64]>)> = shown
             .iter()
             .enumerate()
@@ -79,7 +81,7 @@ pub(super) fn response(run: &RunData, rows: &Rows<'_>) -> Option<String> {
                 size(b).total_cmp(&size(a))
             });
             let chart = TimeChart::history(title, Quantity { words, unit }, &lines);
-            markup += &history(240.0, &format!("{title} over test time"), &chart);
+            markup += &history(240.0, &format!("{name} over test time"), &chart);
         }
     }
     markup += &drifts(rows, &time);
@@ -97,6 +99,17 @@ pub(super) fn response(run: &RunData, rows: &Rows<'_>) -> Option<String> {
             + &spectra(rows)
             + &peaks(run, rows, dofs)),
     ))
+}
+
+/// What displacements, velocities and accelerations are measured against, as a title goes on; nothing where the ground rests.
+fn measured_against(rows: &Rows<'_>) -> &'static str {
+    let shakes = rows.marks("ground").peak.is_some_and(|p| p.value != 0.0);
+    match rows.unit("ground") {
+        // Coordinates are absolute where the base is displaced.
+        "m" => ", absolute",
+        _ if shakes => ", relative to the ground",
+        _ => "",
+    }
 }
 
 /// The column of a DOF as a picture names it.

@@ -37,11 +37,19 @@ pub fn drifts(resolved: &str) -> Vec<Difference> {
             .as_array()
     });
     let storeys = masses.map_or(0, Vec::len);
+    let base = tree
+        .as_ref()
+        .and_then(|t| t.get("excitation")?.get("base_displacement"));
+    let below = |storey: usize| match storey {
+        // Coordinates are absolute where the base is displaced: the ground is no longer at zero.
+        1 => base.map(|_| "ground".to_owned()),
+        _ => Some(format!("x{}", storey - 1)),
+    };
     let of_storey = |storey: usize| Difference {
         name: drift(storey),
         meaning: format!("drift of storey {storey}"),
         of: format!("x{storey}"),
-        less: (storey > 1).then(|| format!("x{}", storey - 1)),
+        less: below(storey),
     };
     (1..=storeys).map(of_storey).collect()
 }
@@ -337,6 +345,20 @@ mod tests {
         assert_eq!(specimen_name(tree.as_ref(), 1), "brace");
         assert_eq!(specimen_name(tree.as_ref(), 2), "specimen 2");
         assert_eq!(specimen_name(None, 0), "specimen 0");
+    }
+
+    #[test]
+    fn the_lowest_storey_drifts_against_the_ground_where_that_is_not_at_zero() {
+        let of = |excitation: &str| {
+            let text = format!(
+                "[structure.shear_building]\nmass_kg = [1.0, 2.0]\n[excitation.{excitation}.signal.sine]\namplitude = 0.1\n"
+            );
+            let drifts = drifts(&text).into_iter();
+            drifts.map(|drift| drift.less).collect::<Vec<_>>()
+        };
+        let (x1, ground) = (Some("x1".to_owned()), Some("ground".to_owned()));
+        assert_eq!(of("ground_acceleration"), [None, x1.clone()]);
+        assert_eq!(of("base_displacement"), [ground, x1]);
     }
 
     #[test]
