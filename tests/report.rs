@@ -417,6 +417,40 @@ fn coordinates_of_a_base_that_is_displaced_are_absolute_and_the_lowest_storey_dr
 }
 
 #[test]
+fn the_row_of_a_trip_is_in_the_tables_as_it_is_in_the_summary() {
+    let more = "[specimen.limits]\nmeasured_force_n = { trip = [-59e3, 59e3] }\n\
+        [excitation.ground_acceleration]\nsignal.sine = { amplitude = 3, frequency_hz = 1.5 }\n";
+    let folder = tempfile::tempdir().unwrap();
+    let (out, page) = page_of(folder.path(), "trip", &two_storeys(2.0, "", more));
+    let run = Run::open(&out).unwrap();
+    let columns = run.columns(&["state", "time", "x1", "x2"]).unwrap();
+    let last = columns[0].iter().rposition(|state| *state == 8.0).unwrap();
+    let peak = &json(&out, "summary.json")["peak"]["displacement"];
+    assert_eq!(
+        peak[0],
+        columns[2][last].abs(),
+        "it trips where it is largest"
+    );
+    let millimetres = |metres: f64| {
+        let decimals = if metres.abs() < 0.01 { 2 } else { 1 };
+        format!("{:.decimals$}\u{a0}mm", 1e3 * metres).replace('-', "\u{2212}")
+    };
+    let time = format!("{}\u{a0}s", columns[1][last]);
+    let row = format!(
+        "<td>DOF 1</td><td>{}</td><td>{time}</td>",
+        millimetres(columns[2][last])
+    );
+    assert!(page.contains(&row), "{row}");
+    let drift = format!("Largest drifts: storey 1 {}", millimetres(columns[2][last]));
+    assert!(page.contains(&drift), "{drift}");
+    let tile = format!(
+        "<b>{}</b><span>largest displacement, DOF 2<",
+        millimetres(columns[3][last])
+    );
+    assert!(page.contains(&tile), "{tile}");
+}
+
+#[test]
 fn a_test_in_which_nothing_moves_has_no_empty_pictures() {
     let still =
         "[excitation.ground_acceleration]\nsignal.sine = { amplitude = 0, frequency_hz = 0.5 }\n";

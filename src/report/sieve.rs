@@ -2,8 +2,9 @@
 //! missing.
 //!
 //! Invariant: a step's end is a row of state 3; ticks are these, those between two steps (11, 12, 13), those of a hold (6) and the
-//! one that tripped the running test (8). Of the way in are rows of states 1, 2, 4, 5 and 10, of the way out those of state 7 and any
-//! other trip. Rows that are missing part what stands before from what stands behind.
+//! one that tripped the running test (8). If that one came to the end of a step, the displacement there is in its row, and no velocity
+//! and no acceleration: it is among the ends of steps, and no step that was made. Of the way in are rows of states 1, 2, 4, 5 and 10,
+//! of the way out those of state 7 and any other trip. Rows that are missing part what stands before from what stands behind.
 
 /// States of rows, as the engine numbers its phases.
 const SETTLING: f64 = 1.0;
@@ -47,6 +48,7 @@ impl Stretch {
 /// Rows that should come at even times.
 #[derive(Debug, Clone, Copy, Default)]
 struct Course {
+    /// Time and step of the last row.
     last: Option<(f64, f64)>,
     interval: Option<f64>,
     rows: u64,
@@ -55,6 +57,11 @@ struct Course {
 }
 
 impl Course {
+    /// Number of the last row's step, if it is known.
+    fn step(&self) -> f64 {
+        self.last.map_or(f64::NAN, |(_, step)| step)
+    }
+
     /// One more row; what is missing before it. `step` is not a number where steps do not count it.
     fn follow(&mut self, time: f64, step: f64) -> Option<Gap> {
         self.rows += 1;
@@ -104,6 +111,8 @@ pub(super) struct Sieve {
     is_on: bool,
     steps: Course,
     ticks: Course,
+    /// Trips at the end of a step.
+    cut_short: u64,
     before: u64,
     leaving: u64,
     /// Places of the rows of the way out in the block that was sorted last.
@@ -113,7 +122,7 @@ pub(super) struct Sieve {
 /// What has passed.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Passed {
-    /// Ends of steps.
+    /// Steps that were made, by their ends.
     pub steps: u64,
     /// Ticks of the test, these among them.
     pub ticks: u64,
@@ -149,6 +158,7 @@ impl Sieve {
                 interval: interval.map(|dt| dt / ticks_per_step),
                 ..Course::default()
             },
+            cut_short: 0,
             before: 0,
             leaving: 0,
             out: Vec::new(),
@@ -164,18 +174,18 @@ impl Sieve {
         };
         for row in 0..block.first().map_or(0, Vec::len) {
             let state = at(self.state, row, RUNNING);
-            let is_step = state == RUNNING;
-            let is_tick = is_step
-                || state == HOLDING
-                || BETWEEN.contains(&state)
-                || (state == TRIPPED && self.is_on);
-            self.is_on = is_tick && state != TRIPPED;
+            let (time, step) = (at(self.time, row, f64::NAN), at(self.step, row, f64::NAN));
+            let is_trip = state == TRIPPED && self.is_on;
+            let cuts_short = is_trip && step > self.steps.step();
+            let is_step = state == RUNNING || cuts_short;
+            let is_tick = is_step || is_trip || state == HOLDING || BETWEEN.contains(&state);
+            self.is_on = is_tick && !is_trip;
+            self.before += u64::from(BEFORE.contains(&state));
             if state == LEAVING || (state == TRIPPED && !is_tick) {
                 self.out.push(row);
                 self.leaving += 1;
             }
-            self.before += u64::from(BEFORE.contains(&state));
-            let (time, step) = (at(self.time, row, f64::NAN), at(self.step, row, f64::NAN));
+            self.cut_short += u64::from(cuts_short);
             if is_step {
                 let gap = self.steps.follow(time, step);
                 put(&mut found[0], gap, row);
@@ -199,7 +209,7 @@ impl Sieve {
     /// What has passed so far.
     pub fn passed(&self) -> Passed {
         Passed {
-            steps: self.steps.rows,
+            steps: self.steps.rows - self.cut_short,
             ticks: self.ticks.rows,
             before: self.before,
             leaving: self.leaving,
@@ -272,6 +282,24 @@ mod tests {
             assert!(passed.is_even && passed.missing_ticks == 0);
             // The zeroing; a trip before the test, the one that repeats itself, and the way out.
             assert_eq!((passed.before, passed.leaving), (1, 3));
+        }
+    }
+
+    #[test]
+    fn a_trip_at_the_end_of_a_step_is_where_the_structure_came_to_and_no_step_that_was_made() {
+        let running = [(0.0, 0.0, RUNNING), (1.0, 1.0, RUNNING)];
+        for (trip, ends) in [
+            ((2.0, 2.0, TRIPPED), vec![0.0, 1.0, 2.0]),
+            // Between two steps; and one of which only what had been is on record.
+            ((1.0, 1.5, TRIPPED), vec![0.0, 1.0]),
+            ((1.0, 1.0, TRIPPED), vec![0.0, 1.0]),
+        ] {
+            let out = [(1.0, 1.0, LEAVING), (1.0, 1.0, TRIPPED)];
+            let rows = [running.as_slice(), &[trip], &out].concat();
+            let (gaps, steps, _, ticks, passed) = sorted(&rows, Some(1.0), 2, 100);
+            assert_eq!(steps, ends);
+            assert_eq!((ticks.len(), passed.steps, passed.leaving), (3, 2, 2));
+            assert!(gaps.is_empty() && passed.is_even);
         }
     }
 
