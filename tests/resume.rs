@@ -218,6 +218,77 @@ fn an_interrupted_test_goes_on_with_the_same_bits_again_and_again() {
     }
 }
 
+/// The list of measures under a heading of a page.
+fn measures(page: &str, heading: &str) -> String {
+    let (_, section) = page.split_once(heading).unwrap();
+    let (_, list) = section.split_once("<dl>").unwrap();
+    list.split_once("</dl>").unwrap().0.to_owned()
+}
+
+#[test]
+fn the_page_of_a_test_that_went_on_says_which_steps_it_is_of_and_what_it_tells_of_the_whole() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    // The record is strongest at its beginning.
+    let text = frame(200, 1, 3.0, 0.0);
+    let test = test_in(home.path(), &text);
+    let faded: String = (0..1200)
+        .map(|k| f64::from(k) * 0.005)
+        .map(|t| format!("{t:.3},{:.6}\n", 4.0 * (9.0 * t).sin() * (-t).exp()))
+        .collect();
+    write(home.path(), "motion.csv", &format!("t,a\n{faded}"));
+    completed(&test, &at("whole"), &[]);
+    killed(&at("whole"), &at("first"), 420);
+    let said = go_on(&at("first"), &at("second"));
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let page = |name: &str| std::fs::read_to_string(at(name).join("report.html")).unwrap();
+    let (whole, second) = (page("whole"), page("second"));
+    let ground = "<h2>Ground motion</h2>";
+    assert_eq!(measures(&second, ground), measures(&whole, ground));
+    assert!(measures(&whole, ground).contains("Arias intensity"));
+    let steps = steps(&[&at("second")]);
+    let (from, to) = (steps.keys().next().unwrap(), steps.keys().last().unwrap());
+    let part = format!(
+        "of steps {from} to {to} only; the steps before are in {}.",
+        at("first").canonicalize().unwrap().display()
+    );
+    assert!(
+        second.contains(&format!("<p>This page is {part}")),
+        "{part}"
+    );
+    for heading in ["Response of the structure", "Specimens", "Energy"] {
+        let told = format!("<h2>{heading}</h2>\n<p class=\"note\">O{}", &part[1..]);
+        assert!(second.contains(&told), "{told}");
+    }
+    assert!(
+        second.contains("what its nonlinear elements went through before is in another folder")
+    );
+    assert!(!whole.contains("This page is of"));
+
+    // Both tiles tell of the whole test, and so does the summary.
+    let peak = |name: &str| common::json(&at(name), "summary.json")["peak"].clone();
+    assert_eq!(peak("second"), peak("whole"));
+    let tile = |page: &str, words: &str| {
+        let (before, _) = page.split_once(words).unwrap();
+        let (_, value) = before.rsplit_once("<b>").unwrap();
+        value
+            .split_once("</b>")
+            .unwrap()
+            .0
+            .trim_start_matches('\u{2212}')
+            .to_owned()
+    };
+    for words in ["largest displacement, DOF 2", "largest force, storey"] {
+        assert_eq!(tile(&second, words), tile(&whole, words));
+        assert!(second.contains(&format!("{words}, of the whole test<")));
+        assert!(whole.contains(&format!("{words}<")));
+    }
+    assert!(
+        second.contains(&format!(", of steps {from} to {to}<")),
+        "the lag"
+    );
+}
+
 /// Killed before a partner that is commanded once a step was told the target that was known already, or before it answered: it
 /// is told that one, and not the last that it had been told. It is judged by the targets before, not by where it was held meanwhile:
 /// its speed does not trip as an acceleration from rest.

@@ -59,7 +59,8 @@ impl<'de> Deserialize<'de> for Lambda {
     }
 }
 
-/// Largest magnitudes over the run, all DOFs whether recorded or not. What does not exist or is not finite is null.
+/// Largest magnitudes over the run, all DOFs whether recorded or not; of a run that went on with another one over the whole test,
+/// the steps in the other folder too. What does not exist or is not finite is null.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Peak {
     /// Per DOF, m.
@@ -158,7 +159,8 @@ pub struct Summary {
     /// The machine that the test ran on: what its own files say.
     #[serde(default)]
     pub machine: Value,
-    /// Tracking metrics by specimen, one entry per axis, each with its noise floor; null before they are known.
+    /// Tracking metrics by specimen, one entry per axis, each with its noise floor; null before they are known. Of the rows in this
+    /// folder, as `falsified` is: no steps that are in another one.
     #[serde(default)]
     pub metrics: Value,
     /// Why metrics are null though an axis may have moved, in words: rows were lost. Empty where all that there is to be known is

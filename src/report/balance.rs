@@ -3,7 +3,7 @@
 use super::canvas::Ink;
 use super::charts::Quantity;
 use super::digest::Digest;
-use super::html::{note, paragraph, section, table};
+use super::html::{note, paragraph, table};
 use super::lines::{Line, TimeChart};
 use super::metrics;
 use super::plots::history;
@@ -64,7 +64,7 @@ pub(super) fn balance(rows: &Rows<'_>, why: Option<&str>) -> Option<String> {
                 "not every DOF and axis is recorded, or the structure is too large for it",
             ),
         };
-        return Some(section(
+        return Some(rows.section(
             heading,
             &(paragraph(&format!("No energy balance is drawn: {why}.")) + &audit(rows)),
         ));
@@ -123,7 +123,7 @@ pub(super) fn balance(rows: &Rows<'_>, why: Option<&str>) -> Option<String> {
             "Work of a force in a step: half the way from the step before to the step after. The balance is of second order in Δt.",
         )
         + &audit(rows);
-    Some(section(heading, &markup))
+    Some(rows.section(heading, &markup))
 }
 
 /// What the program's own exact audit says.

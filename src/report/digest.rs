@@ -13,7 +13,7 @@ use super::first::First;
 use super::left::AxisEnd;
 use super::shaking::Shaking;
 use super::sieve::{Gap, Passed, Sieve, Stretch};
-use super::source::Source;
+use super::source::{Earlier, Source};
 use super::stale::{Stale, status_of};
 use super::table::Table;
 use super::worst::WorstTick;
@@ -68,6 +68,8 @@ pub struct Digest {
     pub(super) recorded: u64,
     /// What has passed of the test, and what is missing of it.
     pub(super) passed: Passed,
+    /// What of the test stands in another folder; the ground there is among `shaking`.
+    pub(super) earlier: Option<Earlier>,
     /// Ticks in a step.
     pub(super) ticks_per_step: u64,
     /// True if steps are known by their numbers.
@@ -178,6 +180,14 @@ impl Digest {
         broken.map(|axis| axis.axis).filter(move |_| is_timed)
     }
 
+    /// Motion of the ground at the steps before the first of the rows; empty where there are none, or it is not known.
+    pub(super) fn ground_before(&self) -> &[f64] {
+        let first = self.passed.range.map_or(0, |(first, _)| first);
+        let known = self.earlier.as_ref().map(|earlier| &earlier.ground);
+        let whole = known.filter(|ground| ground.len() as u64 == first);
+        whole.map_or(&[], Vec::as_slice)
+    }
+
     /// Reads `source`; `differences` are made of its columns, `model` closes the energy balance.
     ///
     /// # Errors
@@ -198,6 +208,7 @@ impl Digest {
             dofs,
             all_axes,
             ticks_per_step: source.ticks_per_step().max(1),
+            earlier: source.earlier().cloned(),
             ..Self::default()
         };
         let mut noise: Vec<(SpecimenAxis, Option<Noise>)> = Vec::new();
@@ -238,8 +249,11 @@ impl Digest {
         match item {
             Item::Ground => {
                 let ground = held.get("ground").zip(self.interval);
-                self.shaking =
-                    ground.and_then(|(ground, dt)| Shaking::of(ground, held.unit("ground"), dt));
+                let unit = held.unit("ground");
+                self.shaking = ground.and_then(|(ground, dt)| match self.ground_before() {
+                    [] => Shaking::of(ground, unit, dt),
+                    before => Shaking::of(&[before, ground].concat(), unit, dt),
+                });
             }
             Item::Dof(dof) => {
                 let disp = held.get(&format!("x{dof}")).zip(self.interval);

@@ -5,7 +5,7 @@ use serde_json::Value;
 use super::RunData;
 use super::courses::MARGIN;
 use super::digest::{Digest, MISSING};
-use super::html::{note, section, table};
+use super::html::{note, table};
 use super::rows::Rows;
 use super::specimens::Tracked;
 use super::text::{NOTHING, number, plural, quantity};
@@ -273,7 +273,7 @@ pub(super) fn falsified_section(
     if !found.missing.is_empty() {
         markup += &note(&format!("Not known: {}.", in_words(&found.missing)));
     }
-    Some(section("What the transfer systems falsified", &markup))
+    Some(rows.section("What the transfer systems falsified", &markup))
 }
 
 #[cfg(test)]

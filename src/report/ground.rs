@@ -10,13 +10,43 @@ use super::plots::history;
 use super::response::{amplitudes, curve};
 use super::rows::Rows;
 use super::shaking::{RATIO, Shaking};
+use super::table::{Mark, Thinner};
 use super::text::{number, quantity};
 
-/// Ground motion, if there was one.
+/// The ground at the steps before the first of the rows, as far as it is known: times, values, and the largest of them.
+fn before(rows: &Rows<'_>) -> ([Vec<f64>; 2], Option<Mark>) {
+    let ground = rows.digest().ground_before();
+    let step = rows.passed().step_s.unwrap_or(f64::NAN);
+    let time: Vec<f64> = (0..ground.len()).map(|k| k as f64 * step).collect();
+    let peak = metrics::peak(ground).map(|peak| Mark {
+        time: peak.index as f64 * step,
+        value: peak.value,
+    });
+    let mut thinner = Thinner::new(ground.len() as u64, 2, Some(0));
+    thinner.take(&[&time, ground]);
+    let mut columns = thinner.finish().into_iter();
+    let columns = [(); 2].map(|()| columns.next().unwrap_or_default());
+    (columns, peak)
+}
+
+/// Ground motion, if there was one: of the whole test, also where its first steps are in another folder.
 pub(super) fn ground(rows: &Rows<'_>) -> Option<String> {
-    let time = rows.get("time")?;
-    let ground = rows.filled("ground")?;
-    let peak = metrics::peak(&ground).filter(|p| p.value != 0.0)?;
+    let (time, ground) = (rows.get("time")?, rows.filled("ground")?);
+    let ([time_before, ground_before], peak) = before(rows);
+    let is_whole = !ground_before.is_empty();
+    let (time, ground) = (
+        [&time_before, &*time].concat(),
+        [&ground_before, &*ground].concat(),
+    );
+    let peaks = peak.into_iter().chain(rows.marks("ground").peak);
+    let peak = peaks.reduce(|first, then| {
+        if then.value.abs() > first.value.abs() {
+            then
+        } else {
+            first
+        }
+    });
+    let peak = peak.filter(|peak| peak.value != 0.0)?;
     let is_base = rows.unit("ground") == "m";
     let (words, unit, name) = if is_base {
         ("displacement", "m", "Largest base displacement")
@@ -32,9 +62,7 @@ pub(super) fn ground(rows: &Rows<'_>) -> Option<String> {
     }];
     let chart = TimeChart::history("Ground motion", Quantity { words, unit }, &lines);
     let mut markup = history(220.0, "Ground motion over test time", &chart);
-    let when = time
-        .get(peak.index)
-        .map_or_else(String::new, |t| format!(" at {}", quantity(*t, "s")));
+    let when = format!(" at {}", rows.moment(peak.time));
     let largest = quantity(peak.value.abs(), unit);
     let in_g = format!(" ({} g)", number(peak.value.abs() / 9.806_65, 3));
     let in_g = if is_base { "" } else { &in_g };
@@ -46,7 +74,13 @@ pub(super) fn ground(rows: &Rows<'_>) -> Option<String> {
     } else {
         markup += &definitions(&facts);
     }
-    Some(section("Ground motion", &markup))
+    let heading = "Ground motion";
+    if !is_whole {
+        return Some(rows.section(heading, &markup));
+    }
+    let whole =
+        "Of the whole test: at the steps that are in another folder as the test file has it.";
+    Some(section(heading, &(note(whole) + &markup)))
 }
 
 fn measures(shaking: &Shaking) -> Vec<(String, String)> {

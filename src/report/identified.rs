@@ -5,7 +5,7 @@ use serde_json::Value;
 use super::RunData;
 use super::axes::FIRST_LOADING;
 use super::digest::MISSING;
-use super::html::{note, section, table};
+use super::html::{note, table};
 use super::rows::Rows;
 use super::specimens::{Tracked, lag_words, tracking};
 use super::text::{NOTHING, number, plural, quantity};
@@ -41,7 +41,7 @@ pub fn identified(run: &RunData) -> Vec<IdentifiedAxis> {
         return Vec::new();
     }
     let configuration = super::tested::configuration(run);
-    let axes = tracking(&rows, configuration.as_ref());
+    let axes = tracking(run, &rows, configuration.as_ref());
     axes.into_iter()
         .map(|axis| {
             let (whole, initial) = (axis.digest.whole, axis.digest.initial);
@@ -126,5 +126,5 @@ pub(super) fn identification(rows: &Rows<'_>, axes: &[Tracked<'_>]) -> Option<St
         plural(axes.len() as u64, "axis by itself", "axes each by itself"),
         100.0 * FIRST_LOADING
     );
-    Some(section("Identified specimen", &(markup + &note(&how))))
+    Some(rows.section("Identified specimen", &(markup + &note(&how))))
 }

@@ -66,7 +66,7 @@ pub(super) fn timing(run: &RunData, rows: &Rows<'_>, timings: &[Timing]) -> Stri
             markup += &beside("grid", &figures);
         }
     }
-    section(
+    rows.section(
         heading,
         &(markup + &over_time(run, rows) + &worst(run, rows)),
     )

@@ -81,7 +81,7 @@ pub use matched::{FirstDifference, Matched, Matcher, Next};
 pub(crate) use page::frame;
 pub use page::render;
 pub use pictures::{hero_svg, jitter_svg};
-pub use source::{BLOCK, Source};
+pub use source::{BLOCK, Earlier, Source};
 pub use tested::{drifts, ticks_per_step};
 pub(crate) use text::escape;
 

@@ -42,8 +42,8 @@ pub(super) fn number(run: &RunData, path: &str) -> Option<f64> {
     at(run, path)?.as_f64()
 }
 
-/// The verdict on `run`; `left` are sentences on how its specimens were left.
-pub(super) fn verdict(run: &RunData, left: &[String]) -> Verdict {
+/// The verdict on `run`; `more` are sentences on which steps of the test these are and how its specimens were left.
+pub(super) fn verdict(run: &RunData, more: &[String]) -> Verdict {
     let status = text(run, "status");
     let (mut tone, headline) = match status {
         _ if run.unfinished.is_some() => (
@@ -92,7 +92,7 @@ pub(super) fn verdict(run: &RunData, left: &[String]) -> Verdict {
         sentences.push(ended(&format!("Status: {status}")));
     }
     sentences.extend(extent(run));
-    sentences.extend_from_slice(left);
+    sentences.extend_from_slice(more);
     if let Some(lost) = number(run, "rows_lost").filter(|&n| n > 0.0) {
         tone = worse(tone);
         let gaps = match run.missing_rows {

@@ -40,7 +40,7 @@ pub fn render(run: &RunData) -> String {
 fn page(run: &RunData, digest: &Digest) -> String {
     let rows = Rows::new(digest);
     let configuration = tested::configuration(run);
-    let axes = specimens::tracking(&rows, configuration.as_ref());
+    let axes = specimens::tracking(run, &rows, configuration.as_ref());
     let timings = loops::timings(run);
     let title = if run.title.trim().is_empty() {
         "Untitled test"
@@ -51,7 +51,10 @@ fn page(run: &RunData, digest: &Digest) -> String {
         "<header>\n<p class=\"brand\">gusset · hybrid test report</p>\n<h1>{}</h1>\n",
         escape(title)
     );
-    body += &banner(run, &left::sentences(run, &rows, configuration.as_ref()));
+    let part = rows.part().map(|part| format!("This page is of {part}."));
+    let left = left::sentences(run, &rows, configuration.as_ref());
+    let more: Vec<String> = part.into_iter().chain(left).collect();
+    body += &banner(run, &more);
     body += &tiles(run, &rows, &axes, &timings);
     body += "</header>\n<main>\n";
     let facts = tested::facts(run, configuration.as_ref());
@@ -155,8 +158,8 @@ fn whole(title: &str, head: &str, style: &str, markup: &str, tail: &str) -> Stri
     )
 }
 
-fn banner(run: &RunData, left: &[String]) -> String {
-    let verdict = verdict(run, left);
+fn banner(run: &RunData, more: &[String]) -> String {
+    let verdict = verdict(run, more);
     let class = match verdict.tone {
         Tone::Good => "good",
         Tone::Warning => "warning",
@@ -173,6 +176,46 @@ fn banner(run: &RunData, left: &[String]) -> String {
     )
 }
 
+/// The largest displacement and the largest force: of the whole test, as far as the summary tells of it.
+fn extremes(
+    run: &RunData,
+    rows: &Rows<'_>,
+    axes: &[specimens::Tracked<'_>],
+) -> Vec<(String, String)> {
+    let of = match (rows.part(), outcome::at(run, "peak")) {
+        (None, _) => String::new(),
+        (Some(_), Some(_)) => ", of the whole test".to_owned(),
+        (Some(_), None) => of_steps(rows),
+    };
+    let mut tiles = Vec::new();
+    if let Some((dof, value)) = response::largest_displacement(run, rows) {
+        let words = format!("largest displacement, DOF {dof}{of}");
+        tiles.push((quantity(value, rows.disp_unit(dof)), words));
+    }
+    if let Some((axis, (force, unit))) =
+        specimens::largest(axes, specimens::Tracked::largest_force)
+    {
+        let way_out = specimens::largest(axes, specimens::Tracked::force_on_the_way_out);
+        let way_out = way_out.filter(|(_, (later, _))| later.abs() > force.abs());
+        let words = match way_out {
+            None => format!("largest force, {}{of}", axis.name),
+            Some((_, (later, unit))) => format!(
+                "largest force of the running test, {}{of}; {} on the way out",
+                axis.name,
+                quantity(later, unit)
+            ),
+        };
+        tiles.push((quantity(force, unit), words));
+    }
+    tiles
+}
+
+/// Which steps a number is of, where they are not all of the test.
+fn of_steps(rows: &Rows<'_>) -> String {
+    let steps = rows.steps().map(|steps| format!(", of {steps}"));
+    steps.unwrap_or_default()
+}
+
 /// The numbers one looks for first.
 fn tiles(
     run: &RunData,
@@ -180,32 +223,7 @@ fn tiles(
     axes: &[specimens::Tracked<'_>],
     timings: &[histogram::Timing],
 ) -> String {
-    let mut tiles: Vec<(String, String)> = Vec::new();
-    if let Some((dof, value)) = response::largest_displacement(run, rows) {
-        tiles.push((
-            quantity(value, rows.disp_unit(dof)),
-            format!("largest displacement, DOF {dof}"),
-        ));
-    }
-    let forces = axes
-        .iter()
-        .filter_map(|axis| Some((axis, axis.peak_force()?)));
-    if let Some((axis, (force, unit))) = forces.max_by(|a, b| a.1.0.abs().total_cmp(&b.1.0.abs())) {
-        let way_out = axes
-            .iter()
-            .filter_map(|axis| axis.force_on_the_way_out())
-            .filter(|(later, _)| later.abs() > force.abs())
-            .max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
-        let words = match way_out {
-            None => format!("largest force, {}", axis.name),
-            Some((later, unit)) => format!(
-                "largest force of the running test, {}; {} on the way out",
-                axis.name,
-                quantity(later, unit)
-            ),
-        };
-        tiles.push((quantity(force, unit), words));
-    }
+    let mut tiles = extremes(run, rows, axes);
     let lags = axes.iter().filter_map(|axis| Some((axis, axis.lag()?)));
     if let Some((axis, lag)) = lags.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())) {
         let lag = if lag.abs() < 1e-9 {
@@ -214,7 +232,7 @@ fn tiles(
             quantity(lag, "s")
         };
         let largest = if axes.len() > 1 { "largest lag" } else { "lag" };
-        tiles.push((lag, format!("{largest}, {}", axis.name)));
+        tiles.push((lag, format!("{largest}, {}{}", axis.name, of_steps(rows))));
     }
     if outcome::text(run, "clock") != Some("simulated") {
         if let Some(misses) = outcome::number(run, "deadline_misses") {

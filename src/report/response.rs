@@ -9,7 +9,7 @@ use super::canvas::Ink;
 use super::charts::Quantity;
 use super::curves::{Curve, Curves, Scale};
 use super::digest::{MOST_DOFS, spread};
-use super::html::{note, paragraph, section, table};
+use super::html::{note, paragraph, table};
 use super::lines::{Line, TimeChart};
 use super::metrics;
 use super::outcome;
@@ -29,7 +29,7 @@ pub(super) fn response(run: &RunData, rows: &Rows<'_>) -> Option<String> {
         return None;
     }
     if rows.running() == 0 {
-        return Some(section(
+        return Some(rows.section(
             "Response of the structure",
             &paragraph(
                 "No row was recorded while the test was running, so there is no response to show.",
@@ -37,7 +37,7 @@ pub(super) fn response(run: &RunData, rows: &Rows<'_>) -> Option<String> {
         ));
     }
     let Some(time) = rows.get("time") else {
-        return Some(section(
+        return Some(rows.section(
             "Response of the structure",
             &paragraph("The rows have no time column, so no history can be drawn."),
         ));
@@ -92,7 +92,7 @@ pub(super) fn response(run: &RunData, rows: &Rows<'_>) -> Option<String> {
             dofs.len()
         ));
     }
-    Some(section(
+    Some(rows.section(
         "Response of the structure",
         &(markup
             + &note_on_extremes(rows.digest().every)

@@ -4,9 +4,11 @@ use std::borrow::Cow;
 
 use super::digest::Digest;
 pub(super) use super::digest::SpecimenAxis;
+use super::html::{note, section};
 use super::sieve::Passed;
+use super::source::Earlier;
 use super::table::{Marks, Table};
-use super::text::moment;
+use super::text::{count, moment};
 
 /// A view of a run's rows in which the test was running; of a long test the extremes of every few.
 pub(super) struct Rows<'a> {
@@ -32,6 +34,30 @@ impl<'a> Rows<'a> {
     /// Number of all rows.
     pub const fn recorded(&self) -> u64 {
         self.digest.recorded
+    }
+
+    /// Which steps are in these rows, where the test was gone on with and others are in another folder.
+    pub fn steps(&self) -> Option<String> {
+        self.digest.earlier.as_ref()?;
+        let (first, last) = self.digest.passed.range?;
+        Some(format!("steps {} to {}", count(first), count(last)))
+    }
+
+    /// The same with where the others are.
+    pub fn part(&self) -> Option<String> {
+        let Earlier { folder, step, .. } = self.digest.earlier.as_ref()?;
+        let before = count(*step);
+        Some(self.steps().map_or_else(
+            || format!("no step of the test; those up to {before} are in {folder}"),
+            |steps| format!("{steps} only; the steps before are in {folder}"),
+        ))
+    }
+
+    /// A section on what is in these rows: it says so where they are not the whole test.
+    pub fn section(&self, heading: &str, markup: &str) -> String {
+        let part = self.part();
+        let part = part.map_or_else(String::new, |part| note(&format!("Of {part}.")));
+        section(heading, &(part + markup))
     }
 
     /// A column: of the structure at the ends of steps, of specimens at every tick. `time` is that of the ends of steps.

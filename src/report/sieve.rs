@@ -48,7 +48,9 @@ impl Stretch {
 /// Rows that should come at even times.
 #[derive(Debug, Clone, Copy, Default)]
 struct Course {
-    /// Time and step of the last row.
+    /// Step of the first row.
+    first: Option<f64>,
+    /// Time and step of the last.
     last: Option<(f64, f64)>,
     interval: Option<f64>,
     rows: u64,
@@ -62,9 +64,16 @@ impl Course {
         self.last.map_or(f64::NAN, |(_, step)| step)
     }
 
+    /// Steps of the first and the last row, if they are known.
+    fn range(&self) -> Option<(u64, u64)> {
+        let (first, last) = (self.first?, self.step());
+        (first >= 0.0 && last >= first).then_some((first as u64, last as u64))
+    }
+
     /// One more row; what is missing before it. `step` is not a number where steps do not count it.
     fn follow(&mut self, time: f64, step: f64) -> Option<Gap> {
         self.rows += 1;
+        self.first = self.first.or(Some(step));
         let (before, step_before) = self.last.replace((time, step))?;
         let apart = time - before;
         if self.interval.is_none() {
@@ -132,6 +141,8 @@ pub(super) struct Passed {
     /// Steps and ticks that are missing between the first and the last.
     pub missing_steps: u64,
     pub missing_ticks: u64,
+    /// Numbers of the first and the last end of a step, where they are known.
+    pub range: Option<(u64, u64)>,
     /// Test time from step to step in s, as it is known or as the first two are apart.
     pub step_s: Option<f64>,
     /// True if all steps are this far from the next.
@@ -213,6 +224,7 @@ impl Sieve {
             ticks: self.ticks.rows,
             before: self.before,
             leaving: self.leaving,
+            range: self.steps.range(),
             missing_steps: self.steps.missing,
             missing_ticks: self.ticks.missing,
             step_s: self.steps.interval,
@@ -320,6 +332,7 @@ mod tests {
             assert_eq!((gaps, holes), (vec![gap], vec![gap]));
             assert_eq!(steps.len(), 7);
             assert_eq!((passed.missing_steps, passed.missing_ticks), (3, 3));
+            assert_eq!(passed.range, Some((0, 9)));
             assert_eq!((passed.step_s, passed.is_even), (Some(0.25), false));
         }
         // A tick between two steps is missing, and no step.

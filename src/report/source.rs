@@ -4,6 +4,17 @@ use std::io;
 
 use crate::record::Column;
 
+/// What of a test stands in another folder: one that was gone on with begins after its first step.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Earlier {
+    /// The folder.
+    pub folder: String,
+    /// The last step that stands there.
+    pub step: u64,
+    /// Motion of the ground at the steps from 0 to that one, as the column `ground` has it; empty where it is not known.
+    pub ground: Vec<f64>,
+}
+
 /// Recorded rows that can be read from the first to the last, more than once.
 pub trait Source {
     /// The columns of a row.
@@ -18,6 +29,11 @@ pub trait Source {
     /// Ticks in a step.
     fn ticks_per_step(&self) -> u64 {
         1
+    }
+
+    /// What of the test stands in another folder, if something does.
+    fn earlier(&self) -> Option<&Earlier> {
+        None
     }
 
     /// Reads the columns at the places `wanted` from the first row to the last, in blocks of one vector per wanted column, all

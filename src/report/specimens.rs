@@ -7,13 +7,13 @@ use super::axes::AxisDigest;
 use super::canvas::Ink;
 use super::charts::Quantity;
 use super::courses::{errors, estimates};
-use super::html::{beside, figure, note, paragraph, section, table};
+use super::html::{beside, figure, note, paragraph, table};
 use super::judged::{legend, table_of};
 use super::lines::{Line, LoopChart, TimeChart};
 use super::outcome;
 use super::plots::history;
 use super::response::{amplitudes, curve};
-use super::rows::Rows;
+use super::rows::{Rows, SpecimenAxis};
 use super::tested::{axis_name, configuration, specimen_name};
 use super::text::{NOTHING, count, number, quantity};
 
@@ -28,6 +28,8 @@ pub(super) struct Tracked<'a> {
     pub disp_unit: &'a str,
     pub force_unit: &'a str,
     pub digest: &'a AxisDigest,
+    /// Magnitude of the largest force as the summary has it: also of steps that are in another folder.
+    told_force: Option<f64>,
     way_out: Option<f64>,
 }
 
@@ -35,6 +37,14 @@ impl<'a> Tracked<'a> {
     /// Peak force of the running test with its unit.
     pub fn peak_force(&self) -> Option<(f64, &'a str)> {
         self.digest.peak_force.map(|p| (p.value, self.force_unit))
+    }
+
+    /// The same of all of the test that is known; without a sign where only the summary tells of it.
+    pub fn largest_force(&self) -> Option<(f64, &'a str)> {
+        let own = self.digest.peak_force.map(|p| p.value);
+        let told = self.told_force;
+        let told = told.filter(|told| own.is_none_or(|own| *told > own.abs()));
+        Some((told.or(own)?, self.force_unit))
     }
 
     /// Force of largest magnitude on the way out with its unit, where there was one.
@@ -49,20 +59,39 @@ impl<'a> Tracked<'a> {
 }
 
 /// Every axis with its name, which comes from the configuration.
-pub(super) fn tracking<'a>(rows: &Rows<'a>, configuration: Option<&Value>) -> Vec<Tracked<'a>> {
+pub(super) fn tracking<'a>(
+    run: &RunData,
+    rows: &Rows<'a>,
+    configuration: Option<&Value>,
+) -> Vec<Tracked<'a>> {
     let axes = rows.digest().axes.iter();
-    let way_out = |axis| {
+    let end = |axis| {
         let mut ends = rows.digest().ends.iter();
-        ends.find(|end| end.axis == axis)?.on_the_way_out
+        ends.find(|end| end.axis == axis)
+    };
+    let told_force = |axis: SpecimenAxis| {
+        let forces = outcome::at(run, "peak.force")?;
+        let own = forces.get(specimen_name(configuration, axis.specimen))?;
+        own.get(axis.axis.checked_sub(1)? as usize)?.as_f64()
     };
     axes.map(|digest| Tracked {
         name: axis_name(configuration, digest.axis, rows.axes()),
         disp_unit: rows.unit(&digest.axis.column("meas")),
         force_unit: rows.unit(&digest.axis.column("force")),
-        way_out: way_out(digest.axis),
+        told_force: told_force(digest.axis),
+        way_out: end(digest.axis).and_then(|end| end.on_the_way_out),
         digest,
     })
     .collect()
+}
+
+/// The axis of which a force is largest, with that force and its unit.
+pub(super) fn largest<'a, 'b>(
+    axes: &'b [Tracked<'a>],
+    force: impl Fn(&Tracked<'a>) -> Option<(f64, &'a str)>,
+) -> Option<(&'b Tracked<'a>, (f64, &'a str))> {
+    let forces = axes.iter().filter_map(|axis| Some((axis, force(axis)?)));
+    forces.max_by(|a, b| a.1.0.abs().total_cmp(&b.1.0.abs()))
 }
 
 /// The section on specimens; none if there are none.
@@ -72,7 +101,7 @@ pub(super) fn specimens(run: &RunData, rows: &Rows<'_>, axes: &[Tracked<'_>]) ->
     }
     let heading = "Specimens";
     if rows.running() == 0 {
-        return Some(section(
+        return Some(rows.section(
             heading,
             &paragraph(
                 "No row was recorded while the test was running, so there is no measurement to show.",
@@ -90,7 +119,7 @@ pub(super) fn specimens(run: &RunData, rows: &Rows<'_>, axes: &[Tracked<'_>]) ->
             "The pictures show {MOST_DRAWN} of {all} axes; the samples hold them all."
         ));
     }
-    Some(section(heading, &(markup + &listed(axes) + &traffic(run))))
+    Some(rows.section(heading, &(markup + &listed(axes) + &traffic(run))))
 }
 
 /// Which specimens did not answer in every tick, and what that means for the section; nothing where all did.

@@ -42,30 +42,48 @@ pub(super) struct Known {
     pub modes: Result<Vec<Mode>, String>,
     /// Why no margin to a critical delay was watched, if none was.
     pub no_margin: Option<String>,
+    /// Motion of the ground up to the step that was asked for, as the rows have it; empty where it is not known.
+    pub ground_before: Vec<f64>,
 }
 
-/// The structure of the run in `folder`, with this `resolved.toml` and these columns.
-pub(super) fn known(folder: &Path, resolved: &str, columns: &[Column]) -> Known {
+/// The structure of the run in `folder`, with this `resolved.toml` and these columns, of which the steps up to `before` are in
+/// another folder.
+pub(super) fn known(
+    folder: &Path,
+    resolved: &str,
+    columns: &[Column],
+    before: Option<u64>,
+) -> Known {
     let without = |balance| Known {
         modes: match &balance {
             Without::Structure => Ok(Vec::new()),
             Without::Because(why) => Err(why.clone()),
         },
         no_margin: None,
+        ground_before: Vec::new(),
         balance: Err(balance),
     };
     match structure(folder, resolved, columns) {
         Ok((energetics, has_base, no_margin)) => {
             let modes = energetics.modes();
-            let base = "the base is displaced, and the force that does it is not recorded";
+            let ground = before.map(|step| energetics.ground(step));
+            let has_past =
+                before.is_some() && energetics.structure.element_names().next().is_some();
+            let why = if has_base {
+                Some("the base is displaced, and the force that does it is not recorded")
+            } else if has_past {
+                Some("what its nonlinear elements went through before is in another folder")
+            } else {
+                None
+            };
             Known {
-                balance: if has_base {
-                    Err(Without::Because(base.to_owned()))
-                } else {
-                    Ok(energetics)
+                balance: match why {
+                    Some(why) => Err(Without::Because(why.to_owned())),
+                    None => Ok(energetics),
                 },
                 modes,
                 no_margin,
+                ground_before: ground.unwrap_or_default(),
             }
         }
         Err(why) => without(why),
@@ -134,6 +152,20 @@ fn structure(
 }
 
 impl Energetics {
+    /// Motion of the ground at the steps from 0 to `last`: displacement of the base where that moves, else acceleration.
+    fn ground(&self, last: u64) -> Vec<f64> {
+        let excitation = &self.excitation;
+        let at = |step: usize| {
+            if excitation.has_base() {
+                excitation.base(step).0
+            } else {
+                excitation.ground(step)
+            }
+        };
+        let last = usize::try_from(last).unwrap_or(usize::MAX).min(self.steps);
+        (0..=last).map(at).collect()
+    }
+
     /// The modes at rest, and what delays of the specimens add to their damping.
     fn modes(&self) -> Result<Vec<Mode>, String> {
         let modes: Vec<Mode> = self

@@ -8,11 +8,12 @@ use thiserror::Error;
 
 use super::Finished;
 use super::energetics::{Without, known};
+use super::retrace::Origin;
 use crate::metrics::energy::Model;
 use crate::record::{Column, End, FolderError, MissingEnd, Run, atomic};
 use crate::report::{
-    BLOCK, Digest, IdentifiedAxis, RunData, Source, drifts, falsified, hero_svg, identified,
-    missing_metrics, render, ticks_per_step, tracking_metrics,
+    BLOCK, Digest, Earlier, IdentifiedAxis, RunData, Source, drifts, falsified, hero_svg,
+    identified, missing_metrics, render, ticks_per_step, tracking_metrics,
 };
 
 /// Why there is no report.
@@ -88,6 +89,7 @@ struct OnDisk<'a> {
     path: PathBuf,
     step_s: Option<f64>,
     ticks_per_step: u64,
+    earlier: Option<Earlier>,
     /// How the rows ended where they ended.
     end: Cell<Option<RowsEnd>>,
 }
@@ -118,6 +120,10 @@ impl Source for OnDisk<'_> {
 
     fn ticks_per_step(&self) -> u64 {
         self.ticks_per_step
+    }
+
+    fn earlier(&self) -> Option<&Earlier> {
+        self.earlier.as_ref()
     }
 
     fn read(&self, wanted: &[usize], take: &mut dyn FnMut(&[Vec<f64>])) -> io::Result<()> {
@@ -191,7 +197,15 @@ pub(super) fn read(folder: &Path) -> Result<RunData, PageError> {
     let recorded = summary
         .as_ref()
         .and_then(|summary| summary.get("dt")?.as_f64());
-    let known = known(folder, &resolved, run.layout().columns());
+    // One that cannot be read is for a replay to refuse.
+    let origin = Origin::of(folder).ok().flatten();
+    let step = origin.as_ref().map(|origin| origin.step);
+    let known = known(folder, &resolved, run.layout().columns(), step);
+    let earlier = origin.map(|origin| Earlier {
+        folder: origin.parent.display().to_string(),
+        step: origin.step,
+        ground: known.ground_before,
+    });
     let (mut model, no_balance) = match known.balance {
         Ok(model) => (Some(model), None),
         Err(Without::Structure) => (None, None),
@@ -201,6 +215,7 @@ pub(super) fn read(folder: &Path) -> Result<RunData, PageError> {
         path: at("samples.bin"),
         step_s: recorded.or_else(configured),
         ticks_per_step: ticks_per_step(&resolved),
+        earlier,
         end: Cell::new(None),
         run: &run,
     };
