@@ -451,6 +451,26 @@ fn the_row_of_a_trip_is_in_the_tables_as_it_is_in_the_summary() {
 }
 
 #[test]
+fn a_test_that_tripped_on_its_way_in_has_made_no_step_and_no_way_out() {
+    let more = "[specimen.limits]\nmeasured_force_n = { trip = [-59e3, 59e3] }\n\
+        [excitation.ground_acceleration]\nsignal.sine = { amplitude = 3, frequency_hz = 0.5 }\n";
+    let text = two_storeys(2.0, "initial_displacement_m = [0.01, 0.01]", more);
+    let folder = tempfile::tempdir().unwrap();
+    let (_, page) = page_of(folder.path(), "way_in", &text);
+    for part in [
+        "<b>10.0\u{a0}mm</b><span>displacement at the start, DOF 1: no step was made<",
+        "<b>59.0\u{a0}kN</b><span>largest force before the first step, col<",
+        "and 59.0\u{a0}kN, largest force before the first step 59.0\u{a0}kN.",
+        "0\u{a0}steps of the running test; ",
+    ] {
+        assert!(page.contains(part), "{part}");
+    }
+    for part in ["on the way out", "of the way out", "largest displacement"] {
+        assert!(!page.contains(part), "{part}");
+    }
+}
+
+#[test]
 fn a_test_in_which_nothing_moves_has_no_empty_pictures() {
     let still =
         "[excitation.ground_acceleration]\nsignal.sine = { amplitude = 0, frequency_hz = 0.5 }\n";

@@ -279,7 +279,7 @@ impl<'a> First<'a> {
         for stretch in &sorted[1] {
             self.stale.count(stretch, block);
         }
-        self.ends.take(measured, self.sieve.out());
+        self.ends.take(measured, self.sieve.ways());
     }
 
     /// `kind` 0 for ends of steps, 1 for ticks.

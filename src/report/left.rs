@@ -1,4 +1,4 @@
-//! Where a test left its specimens: the last that was recorded of each axis, and the largest force on the way out.
+//! Where a test left its specimens: the last that was recorded of each axis, and the largest force on the way in and out.
 
 use serde_json::Value;
 
@@ -20,7 +20,8 @@ pub(super) struct AxisEnd {
     pub command: f64,
     pub measured: f64,
     pub force: f64,
-    /// Force of largest magnitude on the way out, with its sign; none where no row of it was recorded.
+    /// Force of largest magnitude on the way in, and on the way out, with its sign; none where no row of it was recorded.
+    pub on_the_way_in: Option<f64>,
     pub on_the_way_out: Option<f64>,
 }
 
@@ -42,6 +43,7 @@ impl Ends {
             command: f64::NAN,
             measured: f64::NAN,
             force: f64::NAN,
+            on_the_way_in: None,
             on_the_way_out: None,
         };
         Self {
@@ -50,8 +52,8 @@ impl Ends {
         }
     }
 
-    /// Takes the next rows, of which those at the places `out` are of the way out.
-    pub fn take(&mut self, block: &[Vec<f64>], out: &[usize]) {
+    /// Takes the next rows, of which those at these places are of the way in and of the way out.
+    pub fn take(&mut self, block: &[Vec<f64>], ways: [&[usize]; 2]) {
         for (end, places) in self.ends.iter_mut().zip(&self.places) {
             let [command, measured, force] =
                 places.map(|place| block.get(place?).map(Vec::as_slice));
@@ -60,11 +62,16 @@ impl Ends {
                 let known = column.and_then(|all| all.iter().rfind(|v| !v.is_nan()));
                 *kept = known.copied().unwrap_or(*kept);
             }
-            let forces = out.iter().filter_map(|&row| force?.get(row).copied());
-            let all = end.on_the_way_out.into_iter().chain(forces);
-            end.on_the_way_out = all
-                .filter(|force| force.is_finite())
-                .max_by(|a, b| a.abs().total_cmp(&b.abs()));
+            let largest = [&mut end.on_the_way_in, &mut end.on_the_way_out];
+            for (largest, rows) in largest.into_iter().zip(ways) {
+                let forces = rows.iter().filter_map(|&row| force?.get(row).copied());
+                *largest = largest
+                    .iter()
+                    .copied()
+                    .chain(forces)
+                    .filter(|force| force.is_finite())
+                    .max_by(|a, b| a.abs().total_cmp(&b.abs()));
+            }
         }
     }
 
@@ -164,6 +171,13 @@ fn words(end: &AxisEnd, rows: &Rows<'_>, configuration: Option<&Value>) -> Strin
         quantity(end.measured, unit("meas")),
         quantity(end.force, unit("force"))
     );
+    // Of a test that ran its own forces are told.
+    if let Some(force) = end.on_the_way_in.filter(|_| rows.passed().ticks == 0) {
+        text += &format!(
+            ", largest force before the first step {}",
+            quantity(force, unit("force"))
+        );
+    }
     if let Some(force) = end.on_the_way_out {
         text += &format!(
             ", largest force on the way out {}",

@@ -176,12 +176,14 @@ fn banner(run: &RunData, more: &[String]) -> String {
     )
 }
 
-/// The largest displacement and the largest force: of the whole test, as far as the summary tells of it.
+/// The largest displacement and the largest force: of the whole test, as far as the summary tells of it; of one that made no step,
+/// what was before the first.
 fn extremes(
     run: &RunData,
     rows: &Rows<'_>,
     axes: &[specimens::Tracked<'_>],
 ) -> Vec<(String, String)> {
+    let has_run = rows.running() > 0 || outcome::number(run, "steps").is_some_and(|n| n > 0.0);
     let of = match (rows.part(), outcome::at(run, "peak")) {
         (None, _) => String::new(),
         (Some(_), Some(_)) => ", of the whole test".to_owned(),
@@ -189,10 +191,20 @@ fn extremes(
     };
     let mut tiles = Vec::new();
     if let Some((dof, value)) = response::largest_displacement(run, rows) {
-        let words = format!("largest displacement, DOF {dof}{of}");
+        let words = if has_run {
+            format!("largest displacement, DOF {dof}{of}")
+        } else {
+            format!("displacement at the start, DOF {dof}: no step was made")
+        };
         tiles.push((quantity(value, rows.disp_unit(dof)), words));
     }
-    if let Some((axis, (force, unit))) =
+    if !has_run {
+        let way_in = specimens::largest(axes, specimens::Tracked::force_on_the_way_in);
+        tiles.extend(way_in.map(|(axis, (force, unit))| {
+            let words = format!("largest force before the first step, {}", axis.name);
+            (quantity(force, unit), words)
+        }));
+    } else if let Some((axis, (force, unit))) =
         specimens::largest(axes, specimens::Tracked::largest_force)
     {
         let way_out = specimens::largest(axes, specimens::Tracked::force_on_the_way_out);

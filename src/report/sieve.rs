@@ -3,8 +3,9 @@
 //!
 //! Invariant: a step's end is a row of state 3; ticks are these, those between two steps (11, 12, 13), those of a hold (6) and the
 //! one that tripped the running test (8). If that one came to the end of a step, the displacement there is in its row, and no velocity
-//! and no acceleration: it is among the ends of steps, and no step that was made. Of the way in are rows of states 1, 2, 4, 5 and 10,
-//! of the way out those of state 7 and any other trip. Rows that are missing part what stands before from what stands behind.
+//! and no acceleration: it is among the ends of steps, and no step that was made. Of the way in are rows of states 1, 2, 4, 5 and 10
+//! and a trip before the first tick, of the way out those of state 7 and any other trip. Rows that are missing part what stands before
+//! from what stands behind.
 
 /// States of rows, as the engine numbers its phases.
 const SETTLING: f64 = 1.0;
@@ -124,7 +125,8 @@ pub(super) struct Sieve {
     cut_short: u64,
     before: u64,
     leaving: u64,
-    /// Places of the rows of the way out in the block that was sorted last.
+    /// Places of the rows of the way in, and of the way out, in the block that was sorted last.
+    early: Vec<usize>,
     out: Vec<usize>,
 }
 
@@ -172,6 +174,7 @@ impl Sieve {
             cut_short: 0,
             before: 0,
             leaving: 0,
+            early: Vec::new(),
             out: Vec::new(),
         }
     }
@@ -179,6 +182,7 @@ impl Sieve {
     /// The ends of steps, and the ticks, of the next block.
     pub fn sort(&mut self, block: &[Vec<f64>]) -> [Vec<Stretch>; 2] {
         let mut found = [vec![Stretch::default()], vec![Stretch::default()]];
+        self.early.clear();
         self.out.clear();
         let at = |place: Option<usize>, row: usize, none: f64| {
             place.map_or(none, |place| block[place][row])
@@ -191,8 +195,10 @@ impl Sieve {
             let is_step = state == RUNNING || cuts_short;
             let is_tick = is_step || is_trip || state == HOLDING || BETWEEN.contains(&state);
             self.is_on = is_tick && !is_trip;
-            self.before += u64::from(BEFORE.contains(&state));
-            if state == LEAVING || (state == TRIPPED && !is_tick) {
+            if BEFORE.contains(&state) || (state == TRIPPED && self.ticks.rows == 0) {
+                self.early.push(row);
+                self.before += 1;
+            } else if state == LEAVING || (state == TRIPPED && !is_tick) {
                 self.out.push(row);
                 self.leaving += 1;
             }
@@ -212,9 +218,9 @@ impl Sieve {
         found
     }
 
-    /// Places of the rows of the way out in the block that was sorted last.
-    pub fn out(&self) -> &[usize] {
-        &self.out
+    /// Places of the rows of the way in, and of the way out, in the block that was sorted last.
+    pub fn ways(&self) -> [&[usize]; 2] {
+        [&self.early, &self.out]
     }
 
     /// What has passed so far.
@@ -292,8 +298,8 @@ mod tests {
             assert_eq!(ticks, [0.0, 0.5, 1.0, 1.2, 1.2, 1.7, 2.0, 2.5]);
             assert!(gaps.is_empty() && holes.is_empty());
             assert!(passed.is_even && passed.missing_ticks == 0);
-            // The zeroing; a trip before the test, the one that repeats itself, and the way out.
-            assert_eq!((passed.before, passed.leaving), (1, 3));
+            // The zeroing and a trip before the test; the one that repeats itself and the way out.
+            assert_eq!((passed.before, passed.leaving), (2, 2));
         }
     }
 

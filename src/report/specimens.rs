@@ -30,6 +30,7 @@ pub(super) struct Tracked<'a> {
     pub digest: &'a AxisDigest,
     /// Magnitude of the largest force as the summary has it: also of steps that are in another folder.
     told_force: Option<f64>,
+    way_in: Option<f64>,
     way_out: Option<f64>,
 }
 
@@ -45,6 +46,11 @@ impl<'a> Tracked<'a> {
         let told = self.told_force;
         let told = told.filter(|told| own.is_none_or(|own| *told > own.abs()));
         Some((told.or(own)?, self.force_unit))
+    }
+
+    /// Force of largest magnitude on the way in with its unit, where there was one.
+    pub fn force_on_the_way_in(&self) -> Option<(f64, &'a str)> {
+        self.way_in.map(|force| (force, self.force_unit))
     }
 
     /// Force of largest magnitude on the way out with its unit, where there was one.
@@ -79,6 +85,7 @@ pub(super) fn tracking<'a>(
         disp_unit: rows.unit(&digest.axis.column("meas")),
         force_unit: rows.unit(&digest.axis.column("force")),
         told_force: told_force(digest.axis),
+        way_in: end(digest.axis).and_then(|end| end.on_the_way_in),
         way_out: end(digest.axis).and_then(|end| end.on_the_way_out),
         digest,
     })
