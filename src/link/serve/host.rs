@@ -154,7 +154,7 @@ impl Host {
     }
 
     /// Where the specimen stands; empty if that is not known before a controller arms it: a gateway learns it with its first
-    /// test.
+    /// test, and with its next whether what may be a computation stays where that left it.
     #[must_use]
     pub fn standing(&self) -> Vec<f64> {
         match &self.behind {
