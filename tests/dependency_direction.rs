@@ -43,7 +43,8 @@ const ALLOWED: &[(&str, &[&str])] = &[
         ],
     ),
     ("rt", &["time"]),
-    ("report", &["assets", "metrics", "record"]),
+    // Substructures say what the bits of a status column mean.
+    ("report", &["assets", "metrics", "record", "substructure"]),
     // Looks at what passes and sends an operator's requests; decides nothing.
     (
         "monitor",

@@ -221,7 +221,7 @@ fn a_project_folder_has_every_part_and_says_truly_what_is_in_it() {
     );
     let measured = head("experimental_output/1-storey/measured.csv");
     assert!(
-        measured.starts_with("time,target_1_1,cmd_1_1,meas_1_1,force_1_1,raw_disp_1_1,"),
+        measured.starts_with("time,target_1_1,cmd_1_1,meas_1_1,force_1_1,status_1,raw_disp_1_1,"),
         "{measured}"
     );
     assert!(!measured.contains("x1"), "{measured}");

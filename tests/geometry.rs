@@ -7,6 +7,7 @@ mod link_common;
 use std::path::Path;
 
 use common::engine::{distance, prepare, run};
+use common::killed::killed;
 use common::{completed, json, physics, same_physics, say, write};
 use gusset::record::Run;
 use link_common::{Served, columns};
@@ -233,18 +234,11 @@ fn replay_and_resume_find_the_same_bits_with_several_ticks_a_step() {
     completed(&test, &whole, &[]);
     let said = say(["replay".as_ref(), whole.as_os_str()]);
     assert_eq!(said.code, Some(0), "{} {}", said.stdout, said.stderr);
-    // What a kill leaves: no summary, and its rows up to some tick.
-    let killed = home.join("killed");
-    common::copy(&whole, &killed);
-    for name in ["summary.json", "report.html", "timing.json"] {
-        let _ = std::fs::remove_file(killed.join(name));
-    }
-    let stride = Run::open(&whole).unwrap().layout().stride();
-    let bytes = std::fs::read(whole.join("samples.bin")).unwrap();
-    std::fs::write(killed.join("samples.bin"), &bytes[..1500 * stride + 17]).unwrap();
+    let kept = home.join("killed");
+    killed(&whole, &kept, 1500);
     let next = home.join("next");
     let said = say(["run", "--resume"].map(Path::new).into_iter().chain([
-        killed.as_path(),
+        kept.as_path(),
         Path::new("--out"),
         &next,
     ]));

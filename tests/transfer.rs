@@ -147,17 +147,8 @@ fn a_test_behind_an_actuator_is_replayed_and_goes_on_with_the_same_bits() {
         let found = replay(&at("whole")).unwrap();
         assert!(found.is_exact(), "{name}: {found:?}");
 
-        // What a kill leaves: the rows up to the middle, a torn one, and no summary.
-        common::copy(&at("whole"), &at("first"));
-        for file in ["summary.json", "report.html", "timing.json"] {
-            let _ = std::fs::remove_file(at("first").join(file));
-        }
-        let whole = Run::open(&at("whole")).unwrap();
-        let stride = whole.layout().stride();
-        let count = whole.columns(&["state"]).unwrap()[0].len();
-        let bytes = std::fs::read(at("whole/samples.bin")).unwrap();
-        let torn = &bytes[..(count / 2 + 3) * stride + 17];
-        std::fs::write(at("first/samples.bin"), torn).unwrap();
+        let count = common::killed::column(&at("whole"), "state").len();
+        common::killed::killed(&at("whole"), &at("first"), count / 2 + 3);
         let said = common::say([
             "run".as_ref(),
             "--resume".as_ref(),

@@ -4,7 +4,6 @@
 //! is never skipped. Everything here is on the real-time path: no allocation, no lock, no system call but the
 //! clock's and the links', no panic.
 
-use super::columns::NOT_AWAITED;
 use super::numerical::{Side, seek_along};
 use super::operator::Control;
 use super::peaks::first_beyond;
@@ -73,44 +72,6 @@ impl Engine {
             found.map_err(|fault| Stop::Geometry { port: index, fault })?;
         }
         Ok(())
-    }
-
-    /// What was measured in the tick that ends the test, or its way out, is kept, although nothing follows from it.
-    #[cold]
-    pub(super) fn record_trip(&mut self, tick: &Tick, stamps: &TickStamps, stop: &Stop) {
-        let is_not_awaited = *stop == Stop::Operator;
-        if is_not_awaited
-            || matches!(
-                stop,
-                Stop::Limit { .. }
-                    | Stop::Interlock { .. }
-                    | Stop::Saturated { .. }
-                    | Stop::Geometry { .. }
-                    | Stop::Stale { .. }
-            )
-        {
-            self.trip_is_recorded = true;
-            self.row.stopped = self.stops_on_its_way_out();
-            self.keep_warm_up();
-            if tick.step == self.ride.step && !is_not_awaited {
-                // Of the test it is the row of its step, as one that is closed is.
-                let sub_tick = if self.riding { 0 } else { tick.sub_tick };
-                let tick = Tick { sub_tick, ..*tick };
-                self.row
-                    .exchange(&tick, Phase::Tripped, &self.side, &self.ports);
-            } else {
-                let state = if is_not_awaited {
-                    NOT_AWAITED
-                } else {
-                    Phase::Tripped.code()
-                };
-                self.row.between(tick, state, &self.side, &self.ports);
-            }
-            self.row.no_outputs();
-            self.row
-                .timing(stamps, self.first_edge, self.schedule.stretched());
-            self.keep_row();
-        }
     }
 
     /// Issue to all before collecting from any, so that several links cost one round trip.

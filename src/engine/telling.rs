@@ -1,9 +1,12 @@
 //! What the loop tells the log: rows, events of a tick, of this moment, and of what ends a test.
 
+use super::columns::NOT_AWAITED;
+use super::phase::Phase;
 use super::tick::Tick;
 use super::{Engine, Stop};
 use crate::integrate::StepError;
 use crate::record::{Event, EventKind, GridOf};
+use crate::rt::timing::TickStamps;
 use crate::time::Nanos;
 
 impl Engine {
@@ -14,6 +17,44 @@ impl Engine {
         let is_kept = self.recorder.row(self.row.values());
         self.rows_lost += u64::from(!is_kept);
         is_kept
+    }
+
+    /// What was measured in the tick that ends the test, or its way out, is kept, although nothing follows from it.
+    #[cold]
+    pub(super) fn record_trip(&mut self, tick: &Tick, stamps: &TickStamps, stop: &Stop) {
+        let is_not_awaited = *stop == Stop::Operator;
+        if is_not_awaited
+            || matches!(
+                stop,
+                Stop::Limit { .. }
+                    | Stop::Interlock { .. }
+                    | Stop::Saturated { .. }
+                    | Stop::Geometry { .. }
+                    | Stop::Stale { .. }
+            )
+        {
+            self.trip_is_recorded = true;
+            self.row.stopped = self.stops_on_its_way_out();
+            self.keep_warm_up();
+            if tick.step == self.ride.step && !is_not_awaited {
+                // Of the test it is the row of its step, as one that is closed is.
+                let sub_tick = if self.riding { 0 } else { tick.sub_tick };
+                let tick = Tick { sub_tick, ..*tick };
+                self.row
+                    .exchange(&tick, Phase::Tripped, &self.side, &self.ports);
+            } else {
+                let state = if is_not_awaited {
+                    NOT_AWAITED
+                } else {
+                    Phase::Tripped.code()
+                };
+                self.row.between(tick, state, &self.side, &self.ports);
+            }
+            self.row.no_outputs();
+            self.row
+                .timing(stamps, self.first_edge, self.schedule.stretched());
+            self.keep_row();
+        }
     }
 
     /// Sends an event of this tick; a full queue is not waited for. On the way out test time stands where the test ended.

@@ -5,6 +5,7 @@
 )]
 
 pub mod engine;
+pub mod killed;
 pub mod refusal;
 pub mod rig;
 pub mod spring;
