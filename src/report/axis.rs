@@ -118,11 +118,14 @@ impl Axis {
         let exponent = libm::floor(libm::log10(step) + 1e-9) as i32;
         let largest = libm::floor(libm::log10(lo.abs().max(hi.abs()))) as i32;
         // Digits enough to tell one tick from the next; long rows of zeros are written as powers.
-        let label = |at: f64| match at {
-            at if exponent >= -DECIMALS => fixed(at, (-exponent).max(0) as usize),
-            at if at.abs() < 0.5 * step => "0".to_owned(),
-            at if largest >= 0 => fixed(at, (-exponent).min(12) as usize),
-            at => number(at, (largest - exponent).max(0) as usize + 1),
+        let label = |at: f64| {
+            if exponent >= -DECIMALS || largest >= 0 {
+                fixed(at, (-exponent).clamp(0, 12) as usize)
+            } else if at.abs() < 0.5 * step {
+                "0".to_owned()
+            } else {
+                number(at, (largest - exponent).max(0) as usize + 1)
+            }
         };
         let first = (lo / step).ceil();
         (0..4 * about.max(1))
@@ -229,6 +232,10 @@ mod tests {
         let axis = Axis::exactly(0.0, 0.9).unwrap();
         let labels: Vec<_> = axis.ticks(4, 1.0).into_iter().map(|t| t.label).collect();
         assert_eq!(labels, ["0.0", "0.2", "0.4", "0.6", "0.8"]);
+        // Numbers that would be a row of zeros are written as powers.
+        let axis = Axis::exactly(0.0, 4e-13).unwrap();
+        let labels: Vec<_> = axis.ticks(4, 1.0).into_iter().map(|t| t.label).collect();
+        assert_eq!(labels, ["0", "1e−13", "2e−13", "3e−13", "4e−13"]);
         // A record of whole seconds ends one sample before the last of them.
         let axis = Axis::exactly(0.0, 39.999).unwrap();
         assert_eq!(axis.ticks(4, 1.0).last().unwrap().label, "40");

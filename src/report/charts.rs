@@ -111,6 +111,15 @@ pub(super) fn left_of(up: &Scaled) -> f64 {
     widest + if up.name.is_empty() { 10.0 } else { 30.0 }
 }
 
+/// Room right of the frame: half of the last number may stand beyond the end of an axis that has so much room with it.
+pub(super) fn right_of(across: &Scaled, x: Axis, wide: f64) -> f64 {
+    let beyond = across
+        .ticks
+        .iter()
+        .map(|tick| text_width(&tick.label, LABEL) / 2.0 + 2.0 - (1.0 - x.place(tick.at)) * wide);
+    beyond.fold(LEAST_MARGIN, f64::max)
+}
+
 impl Plot {
     /// Draws frame, grid, numbers and names, and says where the lines go.
     pub fn frame(
@@ -126,12 +135,8 @@ impl Plot {
         } else {
             FOOT
         };
-        // Half of the last number may stand beyond the end of its axis.
         let wide = area.w - left;
-        let beyond = across.ticks.iter().map(|tick| {
-            text_width(&tick.label, LABEL) / 2.0 + 2.0 - (1.0 - x.place(tick.at)) * wide
-        });
-        let margin = beyond.fold(LEAST_MARGIN, f64::max);
+        let margin = right_of(across, x, wide);
         let inner = Area {
             x: area.x + left,
             y: area.y + HEAD,

@@ -7,7 +7,7 @@
 use super::axis::{Axis, is_drawable};
 use super::canvas::{Anchor, Canvas, Ink, Lettering, Skin, fitted, picture, text_width};
 use super::charts::{
-    Area, FOOT, HEAD, LABEL, Plot, Quantity, Scaled, left_of, linear, sentence, title,
+    Area, FOOT, HEAD, LABEL, Plot, Quantity, Scaled, left_of, linear, right_of, sentence, title,
 };
 use super::text::fixed;
 use super::thin;
@@ -60,8 +60,6 @@ const TOLERANCE: f64 = 0.15;
 const DASH: (f64, f64) = (6.0, 4.0);
 /// Margin round a picture that is a file of its own.
 const EDGE: f64 = 12.0;
-/// Room right of the frame for half of the last number.
-const MARGIN: f64 = 14.0;
 /// Further outside than this many times the range nothing is drawn.
 const FAR: f64 = 2.0;
 
@@ -96,16 +94,16 @@ impl Curves<'_> {
         let taken = self.legend(canvas, area);
         let rest = Area {
             y: area.y + taken,
-            w: area.w - MARGIN,
             h: area.h - taken,
             ..area
         };
         let across = self.ticks(&x, self.across, (area.w / 80.0).clamp(3.0, 10.0));
         let up = self.ticks(&y, self.up, (rest.h / 50.0).clamp(3.0, 8.0));
         let rest = if self.square {
-            let side = (rest.w - left_of(&up) - 10.0).min(rest.h - HEAD - FOOT);
+            let (left, right) = (left_of(&up), right_of(&across, x, rest.w));
+            let side = (rest.w - left - right).min(rest.h - HEAD - FOOT);
             Area {
-                w: side + left_of(&up) + 10.0,
+                w: side + left + right,
                 h: side + HEAD + FOOT,
                 ..rest
             }
