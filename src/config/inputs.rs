@@ -4,7 +4,8 @@
 //! the run folder's `inputs/`, so that the folder alone is enough to run the test again. What the bytes mean is not
 //! decided here.
 
-use std::io;
+use std::fs::File;
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
@@ -16,6 +17,34 @@ use super::suggest;
 
 /// Folder of the run folder that holds the copies.
 pub const INPUTS_FOLDER: &str = "inputs";
+
+/// MiB of the longest file that a test may name: 12 hours of a record at 1 kHz, with 20 bytes to a sample, have room.
+const LONGEST_MIB: u64 = 1024;
+
+/// The bytes of the file at `path`, or of a pipe; a device that never ends is given up.
+///
+/// # Errors
+/// The system refuses, or there are more than `longest_mib` MiB.
+pub(super) fn read_at_most(longest_mib: u64, path: &Path) -> io::Result<Vec<u8>> {
+    let longest = longest_mib << 20;
+    let mut bytes = Vec::new();
+    File::open(path)?
+        .take(longest + 1)
+        .read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > longest {
+        let reason = format!("more than the {longest_mib} MiB that it may have");
+        return Err(io::Error::new(io::ErrorKind::FileTooLarge, reason));
+    }
+    Ok(bytes)
+}
+
+/// The bytes of a file that a test names.
+///
+/// # Errors
+/// The system refuses, or the file is longer than any record.
+pub(crate) fn read_input(path: &Path) -> io::Result<Vec<u8>> {
+    read_at_most(LONGEST_MIB, path)
+}
 
 /// One file that the test read.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -147,7 +176,7 @@ impl Inputs {
             self.files[known].requested.push(requested.to_owned());
             return Ok(known);
         }
-        let bytes = std::fs::read(&real).map_err(refused)?;
+        let bytes = read_input(&real).map_err(refused)?;
         self.files.push(Input {
             requested: vec![requested.to_owned()],
             name: self.unique_name(&path),
@@ -267,5 +296,15 @@ mod tests {
                 .to_string()
                 .contains("is a folder")
         );
+    }
+
+    #[test]
+    fn a_file_that_never_ends_is_given_up() {
+        let error = read_at_most(1, Path::new("/dev/zero")).unwrap_err();
+        assert_eq!(error.to_string(), "more than the 1 MiB that it may have");
+        let folder = tempfile::tempdir().unwrap();
+        let full = folder.path().join("full");
+        std::fs::write(&full, vec![b'1'; 1 << 20]).unwrap();
+        assert_eq!(read_at_most(1, &full).unwrap().len(), 1 << 20);
     }
 }

@@ -67,6 +67,7 @@ pub use echo::printable;
 pub use excitation::{
     ExcitationTable, GroundTable, NodalFileTable, NodalForceTable, PrescribedPlace, PrescribedTable,
 };
+pub(crate) use inputs::read_input;
 pub use inputs::{INPUTS_FOLDER, Input, InputError, Inputs};
 pub use locator::Locator;
 pub use overrides::Override;
@@ -153,11 +154,15 @@ pub fn load(path: &Path, sets: &[String]) -> Result<Loaded, ConfigError> {
     parse(path, read_text(path)?, sets)
 }
 
+/// A test's matrices may stand in it.
+const LONGEST_TEST_MIB: u64 = 64;
+
 fn read_text(path: &Path) -> Result<String, ConfigError> {
-    let bytes = std::fs::read(path).map_err(|source| ConfigError::Unreadable {
-        path: path.to_owned(),
-        source,
-    })?;
+    let bytes =
+        inputs::read_at_most(LONGEST_TEST_MIB, path).map_err(|source| ConfigError::Unreadable {
+            path: path.to_owned(),
+            source,
+        })?;
     String::from_utf8(bytes).map_err(|error| {
         let at = error.utf8_error().valid_up_to();
         let newlines = error.as_bytes()[..at].iter().filter(|byte| **byte == b'\n');

@@ -7,6 +7,7 @@ use clap::Args;
 
 use crate::benchmark::{DURATION_S, RATE_HZ};
 use crate::cli::tell;
+use crate::config::read_input;
 use crate::motion::{
     CloughPenzien, Envelope, FileSignal, Grid, JenningsHousner, KanaiTajimi, Motion, Processing,
     Quantity, Resample, Signal, Unit,
@@ -73,7 +74,7 @@ impl GroundArgs {
             }
             None => synthetic(seed),
         };
-        let files = |name: &str| std::fs::read(Path::new(name));
+        let files = |name: &str| read_input(Path::new(name));
         let series = motion.evaluate(Quantity::Acceleration, grid, &files)?;
         for warning in &series.warnings {
             tell(format_args!("warning: {warning}"));

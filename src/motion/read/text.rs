@@ -34,6 +34,8 @@ pub(super) fn decode<'a>(name: &str, bytes: &'a [u8]) -> Result<Cow<'a, str>, Mo
         });
     }
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    // The end-of-file mark of DOS, on old records.
+    let bytes = bytes.strip_suffix(b"\x1a").unwrap_or(bytes);
     Ok(String::from_utf8_lossy(bytes))
 }
 
@@ -416,6 +418,13 @@ mod tests {
             assert_eq!(table.values, [1.0, 2.0, 3.0], "{end:?}");
             assert_eq!(table.lines, [1, 2, 3], "{end:?}");
         }
+    }
+
+    #[test]
+    fn marks_at_the_ends_of_a_file_are_no_text() {
+        let table = parse("a.txt", b"\xef\xbb\xbf1\r\n2\r\n\x1a", Layout::Blank).unwrap();
+        assert_eq!(table.values, [1.0, 2.0]);
+        assert!(parse("a.txt", b"1\n\x1a2\n", Layout::Blank).is_err());
     }
 
     #[test]
