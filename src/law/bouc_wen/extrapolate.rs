@@ -8,6 +8,8 @@
 const COLUMNS: usize = 8;
 /// Largest difference of the last two columns, of 1 + |state|. The accepted column is orders better.
 const TOLERANCE: f64 = 1e-13;
+/// The same of the two columns before them: one small difference may be a coincidence.
+const ON_THE_WAY: f64 = 1e-6;
 /// Inner steps, refused ones included: at most 73 slopes each.
 const BUDGET: u32 = 2048;
 
@@ -46,6 +48,7 @@ fn attempt<const N: usize>(
 ) -> Option<([f64; N], usize)> {
     let first = slope(state);
     let mut row = [[0.0; N]; COLUMNS];
+    let mut before = f64::INFINITY;
     for j in 0..COLUMNS {
         let mut entry = midpoint(state, &first, step, 2 * (j + 1), slope);
         let mut difference = f64::INFINITY;
@@ -67,7 +70,7 @@ fn attempt<const N: usize>(
             *above = entry;
             entry = next;
         }
-        if j >= 2 && difference <= TOLERANCE {
+        if difference <= TOLERANCE && before <= ON_THE_WAY {
             return Some((entry, j + 1));
         }
         // With four columns an equation that is smooth over the step has converged this far.
@@ -75,6 +78,7 @@ fn attempt<const N: usize>(
             return None;
         }
         row[j] = entry;
+        before = difference;
     }
     None
 }

@@ -197,6 +197,42 @@ fn one_step_equals_many_partial_steps() {
 }
 
 #[test]
+fn a_long_step_of_a_worn_law_equals_many_short_ones() {
+    // Steps of many yield displacements (1 mm each), as an isolator at a coarse rate or a trial of an iteration makes them.
+    let paths = [3.0, 6.0, 7.0, 10.0, 15.0, 30.0]
+        .into_iter()
+        .flat_map(|far| {
+            [
+                vec![far * 1e-3],
+                vec![far * 1e-3, -0.7e-3 * far, 0.3e-3 * far],
+            ]
+        });
+    let paths: Vec<Vec<f64>> = paths.collect();
+    let wears = [(0.01, 0.0), (0.2, 0.0), (0.0, 0.0), (0.05, 0.1)];
+    for exponent in [1.0, 1.6, 2.0, 3.0, 5.0] {
+        for (beta, gamma) in [(0.5, 0.5), (1.0, 3.0), (2.0, 6.0), (0.9, 0.1)] {
+            for (strength, stiffness) in wears {
+                let spec = BoucWenSpec {
+                    hardening_ratio: Some(10.0),
+                    degradation: Some(DegradationSpec {
+                        strength,
+                        stiffness,
+                    }),
+                    ..spec(beta, gamma, exponent)
+                };
+                for path in &paths {
+                    let off = farthest(&walk(&spec, path, 1), &walk(&spec, path, 640));
+                    assert!(
+                        off < 1190.0 * 1e-9,
+                        "{exponent} {beta} {gamma} {strength} {stiffness} {path:?}: {off:e}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
 fn the_force_saturates_at_the_yield_force_and_the_post_yield_slope() {
     for exponent in [1.0, 2.0, 2.5] {
         // From the virgin state far out: ζ = 1, F = α k x + (1 − α) F_y.

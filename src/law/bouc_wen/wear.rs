@@ -55,6 +55,9 @@ pub(super) struct Point {
     pub(super) energy: f64,
 }
 
+/// |y| beyond zero that is rounding.
+const BEYOND: f64 = 1e-9;
+
 #[derive(Debug, Clone)]
 pub(super) struct Wear {
     strength: f64,
@@ -127,32 +130,30 @@ impl Wear {
                 at = Point { y: 0.0, energy };
             }
             if at.y < 0.0 || rest < 0.0 {
-                let [y, energy] = self.follow(parameters, start, tau, |y| y.min(-0.0))?;
-                return Some(Point {
-                    y: y.min(-0.0),
-                    energy,
-                });
+                return self.follow(parameters, start, tau, -1.0);
             }
         }
-        let [y, energy] = self.follow(parameters, at, rest, |y| y.max(0.0))?;
-        Some(Point { y, energy })
+        self.follow(parameters, at, rest, 1.0)
     }
 
-    /// The stretch on which y keeps its sign, `side` keeping the stages on that side.
-    fn follow(
-        &self,
-        parameters: &Parameters,
-        from: Point,
-        tau: f64,
-        side: impl Fn(f64) -> f64,
-    ) -> Option<[f64; 2]> {
-        integrate([from.y, from.energy], tau, |s| {
+    /// The stretch on which y keeps its sign, which is `side`.
+    ///
+    /// Stages of a step that is too long lie beyond zero, where the law is another. To take zero for them makes the slope a
+    /// constant, on which the extrapolation agrees with itself and not with the law: such a step is none.
+    fn follow(&self, parameters: &Parameters, from: Point, tau: f64, side: f64) -> Option<Point> {
+        let kept = |y: f64| match side * y {
+            inside if inside >= 0.0 => y,
+            rounded if rounded > -BEYOND => 0.0 * side,
+            _ => f64::NAN,
+        };
+        let [y, energy] = integrate([from.y, from.energy], tau, |s| {
             let point = Point {
-                y: side(s[0]),
+                y: kept(s[0]),
                 energy: s[1],
             };
             [self.slope(parameters, point), point.y]
-        })
+        })?;
+        Some(Point { y: kept(y), energy })
     }
 
     /// False if y < 0 cannot reach zero within τ: on the way ε falls, so ν does, h ≤ 1 ≤ η, and |y| shrinks.
