@@ -178,21 +178,24 @@ fn ignored(process: u32) -> u64 {
     u64::from_str_radix(mask.unwrap().trim(), 16).unwrap()
 }
 
-/// What `nohup` does for a command, and that a file at its size limit ends none.
+/// What `nohup` does for a command, that a file at its size limit ends none, and that Ctrl-Z and a terminal's rules for those in
+/// the background stop none.
 #[test]
 fn a_run_and_every_server_leave_a_hang_up_ignored_that_was_so_when_they_began() {
     const HUNG_UP: u64 = 1;
     const FILE_SIZE: u64 = 1 << 24;
+    const STOPS: u64 = 0b111 << 19;
+    const ALWAYS: u64 = FILE_SIZE | STOPS;
     let folder = tempfile::tempdir().unwrap();
     let test = long(folder.path());
     let cases = [
-        ("--default-signal=HUP", FILE_SIZE),
-        ("--ignore-signal=HUP", FILE_SIZE | HUNG_UP),
+        ("--default-signal=HUP", ALWAYS),
+        ("--ignore-signal=HUP", ALWAYS | HUNG_UP),
     ];
     for (hang_up, wanted) in cases {
         let of_interest = |running: &mut Running| {
             let found = ignored(running.child().id());
-            found & (FILE_SIZE | HUNG_UP)
+            found & (ALWAYS | HUNG_UP)
         };
         for protocol in ["gusset", "openfresco"] {
             let mut command = gusset_that_is(hang_up);

@@ -206,6 +206,15 @@ pub fn ignore_file_size_signal() {
     unsafe { libc::signal(libc::SIGXFSZ, libc::SIG_IGN) };
 }
 
+/// The terminal stops nobody who holds a specimen: neither Ctrl-Z (SIGTSTP), nor reading (SIGTTIN) or, after `stty tostop`,
+/// writing (SIGTTOU) from the background. SIGSTOP still does.
+pub fn ignore_stops_of_the_terminal() {
+    for signal in [libc::SIGTSTP, libc::SIGTTIN, libc::SIGTTOU] {
+        // SAFETY: SIG_IGN is a valid disposition of these; no handler of ours runs and no memory is passed.
+        unsafe { libc::signal(signal, libc::SIG_IGN) };
+    }
+}
+
 /// Asks the kernel to poll the network card for up to `us` microseconds while a read on this socket finds nothing
 /// (SO_BUSY_POLL, socket(7)).
 ///

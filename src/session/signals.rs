@@ -21,7 +21,8 @@ pub enum Signal {
 }
 
 /// SIGINT, SIGTERM and SIGHUP, taken over from the system's default, which would end the process at once. A SIGHUP that was
-/// ignored before stays so: that is asked for when somebody leaves what he has started (nohup(1)).
+/// ignored before stays so: that is asked for when somebody leaves what he has started (nohup(1)). What would only stop the
+/// process, with a specimen in its hands, is not heard.
 #[derive(Debug)]
 pub struct Taken {
     interrupt: unix::Signal,
@@ -35,6 +36,7 @@ impl Taken {
     /// # Errors
     /// The system gives no handler.
     pub fn over() -> io::Result<Self> {
+        os::ignore_stops_of_the_terminal();
         let hang_up = !os::is_hang_up_ignored();
         Ok(Self {
             interrupt: signal(SignalKind::interrupt())?,
