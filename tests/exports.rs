@@ -265,6 +265,7 @@ fn what_cannot_be_exported_is_said_and_leaves_nothing_behind() {
         change(&at(name));
         at(name)
     };
+    std::os::unix::fs::symlink(at("nothing"), at("dangling")).unwrap();
     fs::create_dir(at("empty")).unwrap();
     fs::create_dir(at("foreign")).unwrap();
     write(&at("foreign"), "notes.txt", "hello");
@@ -329,6 +330,8 @@ fn what_cannot_be_exported_is_said_and_leaves_nothing_behind() {
             said.stderr
         );
         let said = export(&run, format, &at("empty"), &[]);
+        assert!(said.stderr.contains("exists already"), "{}", said.stderr);
+        let said = export(&run, format, &at("dangling"), &[]);
         assert!(said.stderr.contains("exists already"), "{}", said.stderr);
         let said = export(&run, format, &at("nowhere/deep/out"), &[]);
         assert_eq!(said.code, Some(2));

@@ -11,7 +11,9 @@ use crate::record::export::{self, Choice, Format, Rows};
 /// Writes a run in a form that other programs read.
 pub fn export(args: &ExportArgs) -> anyhow::Result<Exit> {
     let run = Run::open(&args.run)?;
-    anyhow::ensure!(!args.out.exists(), "{} exists already", args.out.display());
+    // A link that leads nowhere is there, too.
+    let is_free = args.out.symlink_metadata().is_err();
+    anyhow::ensure!(is_free, "{} exists already", args.out.display());
     let choice = Choice {
         rows: match args.rate {
             RateArg::Step => Rows::Step,

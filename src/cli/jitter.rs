@@ -160,18 +160,8 @@ fn conclude(title: &str, args: &JitterArgs, finished: &Finished) {
     let summary = &finished.summary;
     let mut table = Table::new(&format!("{title}, {:.3} s", summary.wall_seconds));
     table.timing(&summary.timing);
-    let classes = &summary.miss_classes;
-    table.row(
-        "deadline misses",
-        &format!(
-            "{} in {} ticks: ours {}, preempted {}, taken away {}",
-            summary.deadline_misses,
-            summary.steps + 1,
-            classes.ours,
-            classes.preempted,
-            classes.taken_away
-        ),
-    );
+    table.row("ticks", &(summary.steps + 1).to_string());
+    table.misses(summary);
     if let Some(granted) = &finished.granted {
         if let Some(cpu) = granted.cpu {
             table.row("core", &cpu.to_string());

@@ -224,15 +224,7 @@ fn conclude(facts: &Facts, finished: &Finished, page: Option<&Page>) {
     }
     if let Some(granted) = &finished.granted {
         table.timing(&summary.timing);
-        let classes = &summary.miss_classes;
-        let mut misses = format!("{}", summary.deadline_misses);
-        if summary.deadline_misses > 0 {
-            misses.push_str(&format!(
-                " (ours {}, preempted {}, taken away {}, late reply {})",
-                classes.ours, classes.preempted, classes.taken_away, classes.late_reply
-            ));
-        }
-        table.row("deadline misses", &misses);
+        table.misses(summary);
         for text in session::missing(granted) {
             table.row("not granted", &text);
         }

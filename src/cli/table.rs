@@ -5,6 +5,7 @@ use std::fmt;
 use serde_json::Value;
 
 use crate::config::printable;
+use crate::record::Summary;
 use crate::rt::timing::Quantity;
 
 /// A titled table of two columns, with timing blocks.
@@ -50,6 +51,26 @@ impl Table {
                 self.row(&format!("  {}", quantity.key().replace('_', " ")), &text);
             }
         }
+    }
+
+    /// The deadline misses of a run, and their causes.
+    pub fn misses(&mut self, summary: &Summary) {
+        let mut found = summary.deadline_misses.to_string();
+        if summary.deadline_misses > 0 {
+            let of = &summary.miss_classes;
+            // The loop waits for nobody: of very many misses some are counted, and their causes are lost before they are written.
+            let untold = summary.deadline_misses.saturating_sub(of.total());
+            let causes = [
+                ("ours", of.ours),
+                ("preempted", of.preempted),
+                ("taken away", of.taken_away),
+                ("late reply", of.late_reply),
+                ("cause not told", untold),
+            ];
+            let causes = causes.map(|(cause, count)| format!("{cause} {count}"));
+            found.push_str(&format!(": {}", causes.join(", ")));
+        }
+        self.row("deadline misses", &found);
     }
 }
 

@@ -78,6 +78,7 @@ pub(super) fn check_certificate(file: &TestFile, findings: &mut Findings) {
         return;
     }
     let complete = toml::Value::try_from(file).ok();
+    let mut known: Vec<KeyPath> = Vec::new();
     for (index, one) in file.uncertainty.iter().enumerate() {
         let at = KeyPath::root().key("uncertainty").index(index);
         let given: Vec<_> = [
@@ -109,9 +110,19 @@ pub(super) fn check_certificate(file: &TestFile, findings: &mut Findings) {
             Err(error) => {
                 let headline = format!("{:?} is no dotted path: {}", one.key, error.message);
                 findings.0.push(Finding::error(at, headline));
+                known.push(KeyPath::root());
                 continue;
             }
         };
+        if let Some(first) = known.iter().position(|other| *other == path) {
+            let headline = format!("`{path}` is uncertain twice");
+            let finding = Finding::error(at, headline);
+            let label = format!("the spread of `uncertainty[{first}]` would not be drawn");
+            findings.0.push(finding.label(label));
+            known.push(path);
+            continue;
+        }
+        known.push(path.clone());
         let root = match path.segments().first() {
             Some(Segment::Key(key)) => key.as_str(),
             _ => "",

@@ -100,6 +100,11 @@ fn what_is_uncertain_is_a_number_of_the_test() {
         (key, "specimen.0.name", "is not a number"),
         (key, "time.duration_s", "all else is a decision"),
         (key, "specimen..law", "is no dotted path"),
+        (
+            "std = 100",
+            "std = 100\n[[uncertainty]]\nkey = \"specimen[0].law.bilinear.yield_force_n\"\nstd = 1",
+            "the spread of `uncertainty[0]` would not be drawn",
+        ),
         ("std = 100", "std = -1", "must be greater than zero"),
         (
             "std = 100",
