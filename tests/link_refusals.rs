@@ -229,8 +229,8 @@ fn other_axes_units_and_names_are_refused_in_words() {
         ),
         (
             format!("{ONE_AXIS}{ONE_AXIS_LAW}"),
-            "watchdog_s = 3e3",
-            "watchdog time 3000 s",
+            "watchdog_s = 1e-4",
+            "watchdog time 0.0001 s, 0.001 (one period) to 3600 s wanted",
         ),
     ];
     for (specimen, keys, words) in cases {
@@ -240,6 +240,16 @@ fn other_axes_units_and_names_are_refused_in_words() {
         assert!(reason.contains(words), "{reason}");
         served.hears(words);
     }
+}
+
+/// What a test file may ask for and what the specimen's end takes is one limit.
+#[test]
+fn the_longest_watchdog_of_a_test_file_is_taken_at_the_door() {
+    let folder = tempfile::tempdir().unwrap();
+    let served = Served::start(folder.path(), &local(), &[]);
+    let text = linked(STEPS, &served.address, "watchdog_s = 3600");
+    let (code, said) = run(folder.path(), "run", &text);
+    assert_eq!(code, 0, "{said}");
 }
 
 #[test]

@@ -7,6 +7,9 @@ use super::openfresco::{OpenFrescoSpec, Role};
 use super::tls::TlsSpec;
 use crate::wire::openfresco::{APPLICATION_PORT, CONTROLLER_PORT, SITE_PORT};
 
+/// Longest silence in s after which a specimen must hold, whoever hosts it or asks for it.
+pub const WATCHDOG_MAX_S: f64 = 3600.0;
+
 /// A specimen at the other end of a network.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
@@ -48,7 +51,7 @@ pub struct LinkSpec {
     /// Absent: as many as `max_stale` says; without that 0.1 s, at least ten ticks.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub max_stale_s: Option<f64>,
-    /// The specimen must hold when no command has come for so long, in s. Default: 0.25 s, at least ten ticks.
+    /// The specimen must hold when no command has come for so long, in s, at most 3600. Default: 0.25 s, at least ten ticks.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub watchdog_s: Option<f64>,
     /// The force is sampled after this fraction of the tick, above 0, at most 1. Default: when the command comes.

@@ -11,7 +11,7 @@ use crate::control::{OnStale, WaitRules};
 use crate::link::announce::announce;
 use crate::link::openfresco::{Remote, RemoteSettings};
 use crate::link::secret::read_key;
-use crate::link::spec::{Carrier, CommandPace, LinkCoupling, StaleChoice};
+use crate::link::spec::{Carrier, CommandPace, LinkCoupling, StaleChoice, WATCHDOG_MAX_S};
 use crate::link::tls::{FileError, TlsClient, TlsSpec};
 use crate::link::{LinkSpec, NativeLink, NativeSetup, SocketOptions, Wait};
 use crate::rt::throttle::Throttle;
@@ -93,7 +93,7 @@ pub(super) fn native(
 /// Silence in s after which the specimen must hold, commanded every `period_s`.
 pub(super) fn watchdog_s(link: &LinkSpec, period_s: f64) -> f64 {
     link.watchdog_s
-        .unwrap_or_else(|| WATCHDOG_S.max(WATCHDOG_TICKS * period_s))
+        .unwrap_or_else(|| WATCHDOG_S.max((WATCHDOG_TICKS * period_s).min(WATCHDOG_MAX_S)))
 }
 
 /// Both waits of a tick, for the edge and for the reply, must leave the kernel its share of the processor: 85 % are for

@@ -10,6 +10,7 @@ use crate::config::schema::{RecordTable, TestFile};
 use crate::config::steps::Time;
 use crate::config::timetable::ClockChoice;
 use crate::link::LinkSpec;
+use crate::link::spec::WATCHDOG_MAX_S;
 use crate::rt::TimingSpec;
 
 /// Longest time in s in which the specimens hold and nothing happens yet: zeroing, warming up, easing.
@@ -149,7 +150,7 @@ fn check_ticks(time: &Time, timing: &TimingSpec, root: &KeyPath, findings: &mut 
     }
 }
 
-/// What one link waits for, and its other end. Which of these watchdogs it takes is for the specimen's end to say.
+/// What one link waits for, and its other end.
 pub(super) fn check_link_waits(link: &LinkSpec, at: &KeyPath, findings: &mut Findings) {
     let owed = "as long as the test stands and waits if nobody answers";
     for (key, value) in [
@@ -160,7 +161,13 @@ pub(super) fn check_link_waits(link: &LinkSpec, at: &KeyPath, findings: &mut Fin
         findings.at_most(at, key, value, (OWED_S, "s"), owed);
     }
     let silent = "the specimen's end hears nothing for so long before it holds";
-    findings.at_most(at, "watchdog_s", link.watchdog_s, (OWED_S, "s"), silent);
+    findings.at_most(
+        at,
+        "watchdog_s",
+        link.watchdog_s,
+        (WATCHDOG_MAX_S, "s"),
+        silent,
+    );
     let ramp = "the time that the motion takes each way";
     findings.at_most(
         at,

@@ -4,6 +4,7 @@ use super::Desk;
 use crate::link::native::{SOFTWARE, fit};
 use crate::link::rig::elsewhere;
 use crate::link::secret::random;
+use crate::link::spec::WATCHDOG_MAX_S;
 use crate::wire::handshake::{
     self, Arm, Control, Hello, Limits, Refuse, RefuseCode, Sampling, TEXT_LIMIT, Terms, Versions,
     Welcome, layout_hash,
@@ -14,8 +15,6 @@ use crate::wire::{Side, WireError};
 
 /// Most commands per second that are taken on.
 const RATE_MAX_HZ: f64 = 100_000.0;
-/// Longest watchdog time.
-const WATCHDOG_MAX_S: f64 = 600.0;
 
 /// A controller that has been welcomed and has not armed yet.
 pub(super) struct Greeted {
