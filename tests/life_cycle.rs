@@ -610,6 +610,14 @@ fn led_to_zero_force(
     limits: AxisLimits,
     act: impl FnMut(rig::Phase, u64) -> rig::Act + Send + 'static,
 ) -> (Vec<f64>, Run) {
+    led_to(Exit::ZeroForce, limits, act)
+}
+
+fn led_to(
+    exit: Exit,
+    limits: AxisLimits,
+    act: impl FnMut(rig::Phase, u64) -> rig::Act + Send + 'static,
+) -> (Vec<f64>, Run) {
     let log = rig::Log::default();
     let mut experiment = rig::two_floors(60, "timing.warmup_ticks = 0");
     experiment.limits.stale_in_a_row = 100;
@@ -618,8 +626,8 @@ fn led_to_zero_force(
     let port = experiment.ports.pop().unwrap();
     let mut port = port.with_limits(vec![limits], vec![(1.0, 1.0)], PERIOD);
     port.exits = Exits {
-        on_trip: Exit::ZeroForce,
-        at_end: Exit::ZeroForce,
+        on_trip: exit.clone(),
+        at_end: exit,
         speed: 0.5,
     };
     experiment.ports.push(port);
@@ -716,4 +724,36 @@ fn a_load_cell_that_stays_wild_leads_no_further_than_its_bound() {
     let far = far.fold(0.0, f64::max);
     // Three times as far as k̂ says.
     assert!(far <= 3.0 * 1e4 / rig::STIFFNESS * (1.0 + 1e-9), "{far}");
+}
+
+/// What a load cell reads beyond its range leads nobody, whether it stays there or not. To a displacement no force is needed.
+#[test]
+fn a_load_cell_out_of_its_range_leads_its_specimen_nowhere() {
+    let limits = AxisLimits {
+        sensor_force: Range {
+            trip: [-1e5, 1e5],
+            ..Range::NONE
+        },
+        ..AxisLimits::NONE
+    };
+    for lasts in [1, u64::MAX] {
+        for (exit, left) in [
+            (Exit::ZeroForce, Left::NotReached),
+            (Exit::ZeroDisp, Left::Reached),
+        ] {
+            let (way, run) = led_to(exit, limits, move |phase, number| match phase {
+                rig::Phase::Collect if number >= 55 && number - 55 < lasts => rig::Act::Force(2e5),
+                _ => rig::Act::Serve,
+            });
+            let Ending::Stopped(Stop::Limit { hit, .. }) = run.outcome.ending else {
+                panic!("{:?}", run.outcome.ending);
+            };
+            assert_eq!(hit.quantity, Quantity::SensorForce);
+            assert_eq!(run.outcome.left, [left], "{lasts}");
+            let (_, reason) = ending(&run.outcome);
+            let told = "did not reach its exit: its load cell is out of its range";
+            assert_eq!(reason.contains(told), left == Left::NotReached, "{reason}");
+            assert_eq!(way.is_empty(), left == Left::NotReached, "{way:?}");
+        }
+    }
 }

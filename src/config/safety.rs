@@ -31,7 +31,8 @@ pub struct SafetyTable {
     pub ease_s: f64,
     /// Where the specimens are left after a trip. "zero_force" needs a stiffness of every axis. One that cannot be relied on is not
     /// moved, whatever is chosen: its link is lost, its answers stay away, its interlock is open, or it reports a sensor or actuator
-    /// at the end of its range.
+    /// at the end of its range. Where `sensor_force_n` tripped, "zero_force" leaves the specimen at its last command: there is no
+    /// force to go by. The ways to a displacement do not need one.
     pub on_trip: ExitChoice,
     /// Where they are left after the last step, or when the operator ends the test.
     pub at_end: ExitChoice,

@@ -5,7 +5,7 @@
 //!
 //! The way to zero force goes by what is measured on it: it begins with the first force that is measured at rest, since the one
 //! before may be what tripped the test, and it rests while an answer stays away. It ends where two answers in a row are small: one
-//! may be a glitch.
+//! may be a glitch. It is not gone where a load cell came out of its range: the ways to a displacement do not go by that.
 //!
 //! The way out keeps the limits of the commands, or it would end itself where it began: it starts from rest, since nobody
 //! judges the stop, and takes as long as half of `command_accel_m_per_s2` wants. What is estimated of a running test rests.
@@ -40,11 +40,16 @@ pub struct Exits {
 }
 
 impl Exits {
-    /// True if a specimen is to be moved when a test has tripped, or has ended well.
+    /// Where a specimen is left when a test has tripped, or has ended well.
+    #[must_use]
+    pub const fn after(&self, tripped: bool) -> &Exit {
+        if tripped { &self.on_trip } else { &self.at_end }
+    }
+
+    /// True if it is to be moved there.
     #[must_use]
     pub fn moves(&self, tripped: bool) -> bool {
-        let exit = if tripped { &self.on_trip } else { &self.at_end };
-        *exit != Exit::Freeze
+        *self.after(tripped) != Exit::Freeze
     }
 }
 
@@ -112,6 +117,12 @@ impl Port {
         self.pause_following();
     }
 
+    /// True if what its way out goes by is known: no force that its load cell cannot read.
+    #[must_use]
+    pub fn can_be_led(&self, tripped: bool) -> bool {
+        !(self.partner.unfelt && *self.exits.after(tripped) == Exit::ZeroForce)
+    }
+
     /// Acceleration in m/s² that a way in or out may use on an axis.
     fn exit_accel(&self, axis: usize) -> f64 {
         let limit = self.limits().get(axis).map(|limits| limits.command_accel);
@@ -130,12 +141,7 @@ impl Port {
 
     /// Begins to leave with ticks of `tick` seconds of wall time; none where the specimen is to stay.
     pub fn depart(&mut self, tripped: bool, tick: f64) -> Option<Departure> {
-        let Exits {
-            on_trip,
-            at_end,
-            speed,
-        } = self.exits.clone();
-        let exit = if tripped { on_trip } else { at_end };
+        let (exit, speed) = (self.exits.after(tripped).clone(), self.exits.speed);
         self.leave_pose();
         let goal = match exit {
             Exit::Freeze => return None,

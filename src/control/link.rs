@@ -26,6 +26,8 @@ pub struct Partner {
     pub lost: bool,
     /// That is because its link is gone: nobody here knows what it does.
     pub gone: bool,
+    /// Its load cell is out of its range: what it reads leads nobody.
+    pub unfelt: bool,
     /// It owed an answer when the test ended, and is told nothing before that is here.
     pub owes_the_last: bool,
     /// A measurement of it has come since it was armed: before that what is known of it is made up.

@@ -3,7 +3,7 @@
 //! From the first command on every end goes through [`Engine::conclude`]. Before it, in an orderly end or a trip, each
 //! specimen is moved to where the test file wants it left; after a panic nothing is moved any more. A specimen whose link is
 //! lost, whose measurements stayed away too long or say nothing, since a sensor of it is saturated, or whose interlock is open
-//! is not commanded: its own end holds it, or nobody.
+//! is not commanded: its own end holds it, or nobody. One whose load cell came out of its range stays where a force would lead it.
 //! Until it is known which way round the specimens are wired, where their zeros are and that they stand where they should, none
 //! is moved: their exits would be anywhere. What stops the way out stops it for all, and is part of how the test ended: a test
 //! that trips there has tripped.
@@ -146,13 +146,14 @@ impl Engine {
             let answers = port.partner.measured || port.partner.owes_the_last;
             is_known && port.has_begun() && answers && port.exits.moves(tripped)
         };
-        let led: Vec<bool> = self.ports.iter().map(is_led).collect();
+        let mut led: Vec<bool> = self.ports.iter().map(is_led).collect();
         let mut moves = false;
-        for (left, (port, led)) in self.left.iter_mut().zip(self.ports.iter().zip(&led)) {
+        for (left, (port, led)) in self.left.iter_mut().zip(self.ports.iter().zip(&mut led)) {
+            let is_wanted = std::mem::replace(led, *led && port.can_be_led(tripped));
             moves |= *led && !port.partner.lost;
             *left = if port.partner.gone {
                 Left::Lost
-            } else if *led {
+            } else if is_wanted {
                 Left::NotReached
             } else {
                 Left::Stayed
@@ -206,6 +207,7 @@ impl Engine {
             Stop::Limit { port, hit } if hit.quantity != Quantity::CommandDisp => {
                 if let Some(port) = self.ports.get_mut(*port) {
                     port.excuse(hit);
+                    port.partner.unfelt |= hit.quantity == Quantity::SensorForce;
                 }
             }
             _ => {}

@@ -9,6 +9,7 @@ use super::Finish;
 use super::connect::Unconnected;
 use super::guarded::Ended;
 use crate::config::{ClockChoice, Facts};
+use crate::control::limits::Quantity as Limited;
 use crate::engine::{Ending, Left, Outcome, Stop, Unfinished};
 use crate::record::summary::{ClockKind, Lambda, LinkCounts, Peak, Status};
 use crate::record::{FolderError, Recorded, RunFolder, Summary};
@@ -180,6 +181,11 @@ pub fn ending(outcome: &Outcome) -> (Finish, String) {
             let mut reason = words(&outcome.ending, outcome);
             for (index, _) in left_as(outcome, Left::NotReached) {
                 reason = format!("{reason}; specimen {} did not reach its exit", index + 1);
+                if is_unfelt(&outcome.ending, index) {
+                    reason.push_str(
+                        ": its load cell is out of its range, so it was not led by force",
+                    );
+                }
             }
             reason
         }
@@ -224,6 +230,15 @@ pub fn ending(outcome: &Outcome) -> (Finish, String) {
 }
 
 /// The specimens that were left so.
+/// True if a reading of its load cell that says nothing ended the test. Nothing else keeps a specimen from an exit that it was led
+/// to to the end.
+fn is_unfelt(ending: &Ending, index: usize) -> bool {
+    let Ending::Stopped(Stop::Limit { port, hit }) = ending else {
+        return false;
+    };
+    *port == index && hit.quantity == Limited::SensorForce
+}
+
 fn left_as(outcome: &Outcome, how: Left) -> impl Iterator<Item = (usize, &Left)> {
     let left = outcome.left.iter().enumerate();
     left.filter(move |(_, left)| **left == how)

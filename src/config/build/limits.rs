@@ -114,7 +114,10 @@ fn way_out(choice: ExitChoice, speed: Option<f64>) -> String {
     };
     match choice {
         ExitChoice::Freeze => "every specimen holds its last command".to_owned(),
-        ExitChoice::ZeroForce => led("where its forces are small"),
+        ExitChoice::ZeroForce => format!(
+            "{}; one whose `sensor_force_n` tripped stays: no force is known to go by",
+            led("where its forces are small")
+        ),
         ExitChoice::ZeroDisplacement => led("zero deformation"),
         ExitChoice::SafeDisplacement => led("its `safe_disp_m`"),
     }

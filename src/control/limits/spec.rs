@@ -33,7 +33,7 @@ pub struct LimitsSpec {
     /// Range of the displacement sensor, in m: a reading outside of it says nothing.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sensor_disp_m: Option<RangeSpec>,
-    /// Range of the load cell, in N: a reading outside of it says nothing.
+    /// Range of the load cell, in N: a reading outside of it says nothing, and leads no specimen to zero force.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sensor_force_n: Option<RangeSpec>,
     /// |measured − commanded| displacement at rest, in m.
