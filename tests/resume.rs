@@ -260,7 +260,7 @@ fn the_page_of_a_test_that_went_on_says_which_steps_it_is_of_and_what_it_tells_o
 
 /// Killed before a partner that is commanded once a step was told the target that was known already, or before it answered: it
 /// is told that one, and not the last that it had been told. It is judged by the targets before, not by where it was held meanwhile:
-/// its speed does not trip as an acceleration from rest.
+/// its speed does not trip as an acceleration from rest, at neither end.
 #[test]
 fn a_partner_commanded_once_a_step_is_told_its_next_target_after_an_interruption() {
     let home = tempfile::tempdir().unwrap();
@@ -278,7 +278,6 @@ fn a_partner_commanded_once_a_step_is_told_its_next_target_after_an_interruption
             )
     };
     let law = "law.linear = { stiffness_n_per_m = 4e5 }\n";
-    let served = link_common::Served::start(home.path(), &text(1, &format!("{seen}{law}")), &[]);
     // Targets are the same whatever the ticks.
     let formula = write(
         home.path(),
@@ -289,10 +288,13 @@ fn a_partner_commanded_once_a_step_is_told_its_next_target_after_an_interruption
     let targets = column(&at("formula"), "target_1_1");
     let bends = targets.windows(3).map(|d| (d[2] - 2.0 * d[1] + d[0]).abs());
     let accel = 1.2 * bends.fold(0.0, f64::max) / (0.01 * 0.01);
+    let limits = format!("[specimen.limits]\ncommand_accel_m_per_s2 = {{ trip = {accel} }}\n");
+    let served = text(1, &format!("{seen}{law}{limits}"));
+    let served = link_common::Served::start(home.path(), &served, &[]);
     for ticks in [2, 5] {
         let link = format!(
             "{seen}[specimen.link]\naddress = \"{}\"\ncoupling = \"lockstep\"\ncommands = \"every_step\"\nwatchdog_s = 20\n\
-             [specimen.limits]\ncommand_accel_m_per_s2 = {{ trip = {accel} }}\n",
+             {limits}",
             served.address
         );
         let test = write(home.path(), "paced.toml", &text(ticks, &link));

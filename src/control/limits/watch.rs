@@ -190,6 +190,21 @@ impl Watch {
         (self.sent, self.tick_before) = (before.sent, before.tick_before);
     }
 
+    /// True if this is the last command once more. Real-time: yes.
+    pub fn is_at(&self, disp: impl Iterator<Item = f64>) -> bool {
+        let mut axes = self.axes.iter().zip(disp);
+        axes.all(|(axis, disp)| axis.past.command[0] == disp)
+    }
+
+    /// What stands came here by these steps before, in a test that goes on: its speed is not one that begins at rest. Real-time:
+    /// yes.
+    pub fn came_by(&mut self, steps: impl Iterator<Item = f64>) {
+        for (Axis { past, .. }, step) in self.axes.iter_mut().zip(steps) {
+            past.command[1] = past.command[0] - step;
+        }
+        self.tick_before = 0.0;
+    }
+
     /// The last command has not counted, and leaves once more. It was judged: here it comes as fast as the one before.
     pub fn takes_back_the_last(&mut self) {
         for Axis { past, .. } in &mut self.axes {

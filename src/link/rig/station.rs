@@ -47,6 +47,9 @@ pub struct Station {
     stands: Option<Vec<f64>>,
     /// The same in m for what moves, whoever commands it.
     leaves: Option<Vec<f64>>,
+    /// Test time of the first command since it was armed, and whether one has moved it since that passed.
+    goes_on_from: Option<f64>,
+    runs: bool,
     measured: Measurement,
     /// What its sensors read when all of them last gave a number.
     sound: Measurement,
@@ -100,6 +103,8 @@ impl Station {
             begun: false,
             stands: None,
             leaves: None,
+            goes_on_from: None,
+            runs: false,
             measured: Measurement::zeros(axes),
             sound: Measurement::zeros(axes),
             tripped: None,

@@ -82,6 +82,9 @@ impl Station {
         {
             return Err(Trip::Limit(hit));
         }
+        if is_theirs {
+            self.take_up_pace(command, elapsed);
+        }
         let found = self.watch.command(metres(&self.units, command.disp));
         self.heed(found)?;
         // Our own small motions before the test are none of the controller's.
@@ -146,6 +149,21 @@ impl Station {
         status.0 |= Status::SATURATED.0;
     }
 
+    /// A test that goes on begins at its own speed. By that, as it is announced, the acceleration of the first command that moves is
+    /// judged, and not from the rest in which the specimen waited. What moves while test time stands still is none of it. Real-time:
+    /// yes.
+    fn take_up_pace(&mut self, command: &Command<'_>, elapsed: f64) {
+        let from = *self.goes_on_from.get_or_insert(command.time);
+        // A test that begins does so at rest.
+        let goes_on = from > 0.0 && command.time > from;
+        let disp = metres(&self.units, command.disp);
+        if goes_on && !self.runs && !self.watch.is_at(disp) {
+            self.runs = true;
+            let steps = metres(&self.units, command.vel).map(|vel| vel * elapsed);
+            self.watch.came_by(steps);
+        }
+    }
+
     /// The time that a command has for its motion, if anything is known of it. Our own small motions before the test keep to
     /// a pace of ours. Real-time: yes.
     fn time_of(&mut self, sequence: u64, elapsed: f64, is_theirs: bool) -> Option<f64> {
@@ -176,9 +194,11 @@ mod tests {
     use crate::link::rig::{Over, Rig, Visitor, Wanted};
     use crate::substructure::{Introduction, LinkFault, Retirement};
 
-    /// Two springs of 10 N/m; after the command with number 2 the load cell of the second says no number.
+    /// Two springs of 10 N/m; from the command with this number on the load cell of the second says no number.
     #[derive(Debug)]
-    struct Broken;
+    struct Broken {
+        from: u64,
+    }
 
     impl Rig for Broken {
         fn axes(&self) -> usize {
@@ -203,7 +223,7 @@ mod tests {
         ) -> Result<(), LinkFault> {
             into.disp.copy_from_slice(command.disp);
             into.force = command.disp.iter().map(|disp| 10.0 * disp).collect();
-            if command.sequence > 2 {
+            if command.sequence >= self.from {
                 into.force[1] = f64::NAN;
             }
             Ok(())
@@ -221,7 +241,7 @@ mod tests {
         let units = vec![AxisUnits::SI; 2];
         let mut station = Station::new(
             "rig".into(),
-            Box::new(Broken),
+            Box::new(Broken { from: 3 }),
             units,
             vec![0.0; 4],
             vec![0.0; 4],
@@ -253,5 +273,50 @@ mod tests {
             assert_eq!((into.disp, into.force), (vec![1.5, 0.5], vec![15.0, 5.0]));
             assert!(into.status.has(Status::INTERLOCK) && into.status.has(Status::SATURATED));
         }
+    }
+
+    /// Stands for three commands at test time `from`, and then goes on by 0.1 m in each 0.01 s, with a limit that bounds any change
+    /// of that speed. Whether it trips, and where.
+    fn goes_on(from: f64, vel: f64, steps: &[f64]) -> Option<u64> {
+        let limits: crate::control::limits::LimitsSpec =
+            toml::from_str("command_accel_m_per_s2 = { trip = 50.0 }").unwrap();
+        let units = vec![AxisUnits::SI; 2];
+        let rig = Box::new(Broken { from: u64::MAX });
+        let station = Station::new("rig".into(), rig, units, vec![0.0; 4], vec![0.0; 4]);
+        let mut station = station.limited(&[limits.clone(), limits]);
+        let visitor = Visitor::unnamed(([127, 0, 0, 1], 1).into());
+        station.begin(&visitor, &mut || Ok(())).unwrap();
+        let mut into = Measurement::zeros(2);
+        let (mut time, mut disp) = (from, [0.0; 2]);
+        let still = [0.0; 3];
+        (0..)
+            .zip(still.iter().chain(steps))
+            .find_map(|(sequence, step)| {
+                let dt = if sequence < 3 { 0.0 } else { 0.01 };
+                time += dt;
+                disp = disp.map(|disp| disp + step);
+                let command = Command {
+                    sequence,
+                    time,
+                    dt,
+                    disp: &disp,
+                    vel: &[if dt > 0.0 { vel } else { 0.0 }; 2],
+                };
+                let trip = station.exchange(&command, 0.01, &mut into).err();
+                trip.map(|_| sequence)
+            })
+    }
+
+    #[test]
+    fn the_first_step_of_a_test_that_goes_on_is_judged_by_its_announced_speed_and_no_other_is() {
+        let steady = [0.1; 5];
+        assert_eq!(goes_on(2.0, 10.0, &steady), None);
+        // It begins, or comes faster than it says, or changes its speed later.
+        assert_eq!(goes_on(0.0, 10.0, &steady), Some(3));
+        assert_eq!(goes_on(2.0, 0.0, &steady), Some(3));
+        assert_eq!(goes_on(2.0, 10.0, &[0.1, 0.1, 0.0]), Some(5));
+        assert_eq!(goes_on(2.0, 10.0, &[0.1, 0.2]), Some(4));
+        // It is told once more where it stands.
+        assert_eq!(goes_on(2.0, 10.0, &[0.0, 0.1, 0.1]), None);
     }
 }

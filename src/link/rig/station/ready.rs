@@ -198,6 +198,7 @@ impl Station {
     ) -> Result<(), Over> {
         self.watch = Watch::new(self.limits.clone(), USUAL_TICK_S);
         self.watch.stands_at(metres(&self.units, start));
+        (self.goes_on_from, self.runs) = (None, false);
         if let Some(announced) = &mut self.announced {
             announced.begin(metres(&self.units, start));
         }
