@@ -293,6 +293,12 @@ fn a_partner_that_fell_silent_is_told_its_target_when_the_test_goes_on() {
     let states = read(&silent).columns(&["state"]).unwrap();
     assert!(states[0].iter().filter(|state| **state == 13.0).count() > 200);
     for held in [false, true] {
+        // Each interruption is gone on with once.
+        let silent = {
+            let same = at(&format!("silent-{held}"));
+            common::copy(&silent, &same);
+            same
+        };
         let mut test = session::resume(&silent, None, &[], None).unwrap_or_else(|e| panic!("{e}"));
         test.experiment.ports[1].put_recording(Late::boxed(0.4, 0));
         let on = at(&format!("on-{held}"));

@@ -310,6 +310,7 @@ fn a_partner_commanded_once_a_step_is_told_its_next_target_after_an_interruption
             let said = go_on(&first, &second);
             assert_eq!(said.code, Some(0), "{}", said.stderr);
             assert_eq!(steps(&[&first, &second]), steps(&[&whole]), "{ticks} {row}");
+            refused(&first, "it went on after step", &[]);
         }
     }
 }
@@ -768,6 +769,8 @@ fn a_specimen_that_does_not_stand_where_it_was_left_is_refused_and_nothing_moves
     let found = replay(&at("second")).unwrap();
     assert!(found.is_exact(), "{found:?}");
 
+    killed(&at("whole"), &at("other"), 400);
+    let again = || resume(&at("other"), None, &[], None).unwrap_or_else(|e| panic!("{e}"));
     let ended = conclude(again(), 0.05, "moved");
     assert_eq!(ended.finish, Finish::Stopped);
     assert!(
@@ -1159,6 +1162,10 @@ fn a_test_that_ended_on_its_way_in_to_where_it_was_to_go_on_can_go_on() {
     let ended = run_rigs(built(&test), rigs(), &at("first"), Some(190));
     assert_eq!(ended.finish, Finish::Interrupted);
     assert_eq!(ended.summary.left["one"], "reached");
+    // The same interruption of other specimens, since each goes on once.
+    for name in ["same", "third"] {
+        copy(&at("first"), &at(name));
+    }
     let goes_on = |from: &str, to: &str| {
         let ended = run_rigs(again(from), rigs(), &at(to), None);
         assert_eq!(
@@ -1180,6 +1187,8 @@ fn a_test_that_ended_on_its_way_in_to_where_it_was_to_go_on_can_go_on() {
             from != "first",
             "{warned}"
         );
+        let again = resume(&at(from), None, &[], None).err().unwrap();
+        assert!(matches!(again, ResumeError::WentOn { .. }), "{again}");
     };
     goes_on("first", "second");
 
@@ -1200,18 +1209,24 @@ fn a_test_that_ended_on_its_way_in_to_where_it_was_to_go_on_can_go_on() {
 
     // The operator ends it there: it is led out, and what goes on after that is killed in its ramp, too.
     put([0.0; 2]);
-    let ended = run_rigs(again("first"), rigs(), &at("ended"), Some(35));
+    let ended = run_rigs(again("same"), rigs(), &at("ended"), Some(35));
     assert_eq!(ended.finish, Finish::Interrupted);
     assert_eq!(ended.summary.left["one"], "reached");
     let stands = *places[0].lock().unwrap();
     assert_eq!(column(&at("ended"), "cmd_1_1").last(), Some(&stands));
     goes_on("ended", "after-that");
+    // By that the test went on with which that one did, too.
+    let went_on = resume(&at("same"), None, &[], None)
+        .err()
+        .unwrap()
+        .to_string();
+    assert!(went_on.contains("after-that, to its end"), "{went_on}");
     killed(&at("after-that"), &at("cut-again"), ramps + 20);
     put(commands.each_ref().map(|column| column[ramps + 20]));
     goes_on("cut-again", "at-last");
 
     // Somebody has moved it: refused, and that is no way around being refused.
-    for (from, to) in [("first", "refused"), ("refused", "refused-again")] {
+    for (from, to) in [("third", "refused"), ("refused", "refused-again")] {
         put([5e-3, 0.0]);
         let ended = run_rigs(again(from), rigs(), &at(to), None);
         assert_eq!(ended.finish, Finish::Stopped, "{}", ended.summary.reason);
@@ -1220,11 +1235,112 @@ fn a_test_that_ended_on_its_way_in_to_where_it_was_to_go_on_can_go_on() {
     put([0.0; 2]);
     goes_on("refused-again", "put-back");
     put([0.5, 0.0]);
-    let ended = run_rigs(
-        again(&format!("cut-{}", ramps - 5)),
-        rigs(),
-        &at("aside"),
-        None,
-    );
+    killed(&at("second"), &at("cut-anew"), ramps - 5);
+    let ended = run_rigs(again("cut-anew"), rigs(), &at("aside"), None);
     assert_eq!(ended.finish, Finish::Stopped, "{}", ended.summary.reason);
+}
+
+/// What specimens that remember went through once they do not go through again: neither after an end nor after a kill of the test
+/// that led them, wherever its folder is, nor if they came back near to where they were. What was refused has led them nowhere.
+#[test]
+fn the_same_interruption_is_gone_on_with_once() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let test = two_rigs(home.path(), "");
+    let places: [Arc<Mutex<f64>>; 2] = Default::default();
+    let put = |to: [f64; 2]| {
+        for (place, to) in places.iter().zip(to) {
+            *place.lock().unwrap() = to;
+        }
+    };
+    let rigs = || places.each_ref().map(|place| Rig::boxed(place, None));
+    let ended = run_rigs(built(&test), rigs(), &at("first"), Some(190));
+    assert_eq!(ended.finish, Finish::Interrupted);
+    let stands = [0, 1].map(|rig: usize| *places[rig].lock().unwrap());
+    let mark = at("first/continued.json");
+    let again = |back_to| resume(&at("first"), None, &[], back_to);
+    let next = || again(None).unwrap_or_else(|e| panic!("{e}"));
+
+    put([stands[0], stands[1] + 0.5]);
+    let ended = run_rigs(next(), rigs(), &at("refused"), None);
+    assert_eq!(ended.finish, Finish::Stopped, "{}", ended.summary.reason);
+    std::fs::remove_dir_all(at("refused")).unwrap();
+    assert!(!mark.exists(), "it takes its word back");
+    put(stands);
+    // What cannot say that it goes on does not begin.
+    let partial = format!("first/.continued.json.partial-{}", std::process::id());
+    std::fs::create_dir(at(&partial)).unwrap();
+    let folder = RunFolder::create(&at("unsaid")).unwrap();
+    let (_says, requests) = crossbeam_channel::bounded(1);
+    let unsaid = session::run(next(), folder, requests, Watches::default(), &mut |_| {});
+    let unsaid = unsaid.unwrap_err().to_string();
+    let told = "must say that this one goes on with it";
+    assert!(unsaid.contains(told), "{unsaid}");
+    assert!(!at("unsaid").exists() && !mark.exists());
+    std::fs::remove_dir(at(&partial)).unwrap();
+
+    let step = next().experiment.resume.unwrap().step();
+    let ended = run_rigs(next(), rigs(), &at("second"), Some(100));
+    assert_eq!(ended.finish, Finish::Interrupted);
+    let reached = ended.summary.steps;
+    assert!(reached > step + 10);
+    put(stands);
+    let refusal = |folder: &str, words: &[&str]| {
+        let refused = resume(&at(folder), None, &[], None).err().unwrap();
+        assert!(matches!(refused, ResumeError::WentOn { .. }), "{refused}");
+        let text = refused.to_string();
+        for word in words {
+            assert!(text.contains(word), "{word}: {text}");
+        }
+    };
+    let after = format!("it went on after step {step} in");
+    let far = format!("second, as far as step {reached}");
+    let allowed = format!("say `--back-to-step {step}`");
+    refusal("first", &[&after, &far, &allowed, "--resume"]);
+    let found = replay(&at("first")).unwrap();
+    assert!(found.is_exact(), "{found:?}");
+    for command in ["report", "stop"] {
+        let said = say([command, at("first").to_str().unwrap()]);
+        assert!(
+            matches!(said.code, Some(0 | 2)),
+            "{command}: {}",
+            said.stderr
+        );
+    }
+    // It ended a while ago, and may be gone: what was said of it still holds.
+    copy(&at("first"), &at("kept/first"));
+    std::fs::rename(at("second"), at("elsewhere")).unwrap();
+    let gone = "is not there any more";
+    refusal("first", &[&after, &far, &allowed, gone]);
+    // Moved together they find each other.
+    copy(&at("elsewhere"), &at("kept/second"));
+    refusal("kept/first", &[&after, "kept/"]);
+
+    // A kill leaves no word of how far it came but its own record.
+    let said = std::fs::read_to_string(&mark).unwrap();
+    let unknown = said.replace(&format!("\"reached\": {reached}"), "\"reached\": null");
+    assert_ne!(said, unknown);
+    std::fs::write(&mark, unknown).unwrap();
+    refusal("first", &[&after, "nobody knows how far", gone]);
+    let states = column(&at("elsewhere"), "state");
+    let begins = states
+        .iter()
+        .position(|state| *state == Phase::Running.code());
+    let begins = begins.unwrap();
+    for (row, has_led) in [(begins - 1, false), (begins, false), (begins + 1, true)] {
+        let _ = std::fs::remove_dir_all(at("second"));
+        killed(&at("elsewhere"), &at("second"), row);
+        assert_eq!(again(None).is_err(), has_led, "{row}");
+    }
+    refusal("first", &["second, as far as step", "--resume"]);
+
+    // Who names the step leads them through it once more.
+    let other = again(Some(step + 1)).err().unwrap();
+    assert!(matches!(other, ResumeError::AnotherStep { .. }), "{other}");
+    let next = again(Some(step)).unwrap_or_else(|e| panic!("{e}"));
+    let warned = next.facts.warnings.join("; ");
+    assert!(warned.contains("led once more"), "{warned}");
+    let ended = run_rigs(next, rigs(), &at("once-more"), None);
+    assert_eq!(ended.finish, Finish::Completed, "{}", ended.summary.reason);
+    refusal("first", &["once-more, to its end", &allowed]);
 }

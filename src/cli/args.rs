@@ -85,7 +85,7 @@ pub(super) struct RunArgs {
     #[arg(required_unless_present = "resume")]
     pub test: Option<PathBuf>,
     /// Goes on with an interrupted test where its folder's record ends, into a folder of its own; refused if a specimen does
-    /// not stand where it was left, or a file was changed.
+    /// not stand where it was left, a file was changed, or a test went on already that moved specimens which remember it.
     #[arg(long, value_name = "RUN_DIR", conflicts_with_all = ["sets", "clock"])]
     pub resume: Option<PathBuf>,
     /// With --resume: the test had tripped and may go on, each trip by its name: the key of a limit, or interlock, saturated,
@@ -93,7 +93,8 @@ pub(super) struct RunArgs {
     #[arg(long, value_name = "TRIP", requires = "resume")]
     pub after_trip: Vec<String>,
     /// With --resume: the record is damaged or has a gap, and the test may go on after the last checkpoint before that, this
-    /// step, though specimens behind links are then led once more through what they have been through; a refusal names it.
+    /// step, or another test went on after this step already: though specimens behind links are then led once more through what
+    /// they have been through; a refusal names it.
     #[arg(long, value_name = "STEP", requires = "resume")]
     pub back_to_step: Option<u64>,
     #[command(flatten)]

@@ -16,6 +16,7 @@ mod bare;
 pub mod certificate;
 mod compare;
 mod connect;
+mod continued;
 mod desk;
 mod energetics;
 mod guarded;
@@ -40,6 +41,7 @@ use thiserror::Error;
 
 pub use bare::{bare_loop, loop_round};
 pub use compare::{Compared, compare, compared_name};
+pub use continued::{Now, Unsaid, WentOn};
 pub use desk::{Answer, Request, Unanswered, ask};
 pub use page::{Page, PageError, conclude, hero, write_report};
 pub use ready::missing;
@@ -50,6 +52,7 @@ pub use summary::ending;
 pub use watches::{Attendance, Watches, roll};
 
 use connect::Line;
+use continued::Word;
 use desk::Desk;
 use guarded::Ended;
 use ready::{Ready, prepare};
@@ -70,6 +73,9 @@ pub enum SessionError {
     /// The run folder refuses.
     #[error(transparent)]
     Folder(#[from] FolderError),
+    /// It goes on with an interrupted test that cannot be told so.
+    #[error(transparent)]
+    Unsaid(#[from] Unsaid),
     /// The writer refuses.
     #[error(transparent)]
     Writer(#[from] WriterError),
@@ -152,6 +158,15 @@ pub fn run(
         folder.claim();
     }
     let line = Line::of(&control);
+    let kept = archive::keep(&files, &mut folder).map_err(SessionError::from);
+    let said = kept.and_then(|()| Ok(Word::say(&files, &experiment.ports, folder.path())?));
+    let word = match said {
+        Ok(word) => word,
+        Err(error) => {
+            folder.abandon();
+            return Err(error);
+        }
+    };
     match prepare(experiment, &facts, &files, &mut folder, control, watches) {
         Ok(ready) => {
             let roll = &ready.roll;
@@ -161,9 +176,14 @@ pub fn run(
                 let note = Note::new(NoteLevel::Warning, "warning");
                 ready.writer.note(note.with("text", text));
             }
-            Ok(carry_out(ready, line, &facts, folder, progress))
+            let mut finished = carry_out(ready, line, &facts, folder, progress);
+            if let Err(error) = word.end(&finished.path) {
+                finished.unwritten.push(error.to_string());
+            }
+            Ok(finished)
         }
         Err(error) => {
+            word.take_back();
             folder.abandon();
             Err(error)
         }

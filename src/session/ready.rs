@@ -39,7 +39,6 @@ pub(super) fn prepare(
     control: Control,
     mut watches: Watches,
 ) -> Result<Ready, SessionError> {
-    archive::keep(files, folder)?;
     let columns = experiment.columns();
     let layout = Layout::new(columns).map_err(|e| SessionError::Recording(e.to_string()))?;
     let samples = folder.open_samples(&layout)?;

@@ -13,6 +13,7 @@ mod trips;
 
 use std::path::Path;
 
+use super::continued::{self, Now};
 use super::desk::{Request, Unanswered, ask};
 use super::recorded::Replaced;
 use super::retrace::{
@@ -31,7 +32,8 @@ const UNKNOWN: &str = "unknown";
 
 /// Prepares the test in `folder` to go on. `test`: the test file, if one was given; it must be the one that was
 /// interrupted. `after`: the trips after which it may go on, by their names. `back_to`: the step that it may go back to where
-/// its record is damaged, though specimens are then led once more through what they have been through.
+/// its record is damaged, or after which another went on already, though specimens are then led once more through what they
+/// have been through.
 ///
 /// # Errors
 /// See [`ResumeError`].
@@ -75,6 +77,15 @@ fn resume_by(
                 unanswered,
             });
         }
+    }
+    let went_on = continued::last_of(folder)?;
+    if let Some(before) = &went_on
+        && (back_to.is_none() || before.now == Now::Running)
+    {
+        return Err(ResumeError::WentOn {
+            folder: folder.to_owned(),
+            before: before.clone(),
+        });
     }
     if run.summary().is_some_and(|s| s.status == Status::Completed) {
         return Err(ResumeError::Complete(folder.to_owned()));
@@ -152,7 +163,10 @@ fn resume_by(
     let untried = tried.then(|| {
         "which way round the specimens are wired is not tried again: who has changed it since begins a new test".to_owned()
     });
-    for text in [Some(text), Some(ended), on_its_way_in, untried, note]
+    let again = went_on.map(|before| {
+        format!("{before}: the specimens are led once more through the steps after step {step}, because of `--back-to-step`")
+    });
+    for text in [Some(text), Some(ended), again, on_its_way_in, untried, note]
         .into_iter()
         .flatten()
     {

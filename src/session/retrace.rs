@@ -61,22 +61,14 @@ impl Origin {
     /// Its text for the folder of the test that goes on: from there the parent is found as long as both are moved together.
     pub fn text_for(text: &str, folder: &Path) -> Option<String> {
         let mut origin: Self = serde_json::from_str(text).ok()?;
-        let (folder, parent) = (folder.canonicalize(), origin.parent_absolute.canonicalize());
-        origin.parent = way_between(&folder.ok()?, &parent.ok()?)?;
+        origin.parent = way_from(folder, &origin.parent_absolute)?;
         serde_json::to_string_pretty(&origin).ok()
     }
 
-    /// The parent's run, wherever both are now: where it was from here, beside this one, or where it was then. What is there is
-    /// the one if its digests are.
-    fn parent_from(&self, folder: &Path) -> Result<Run, ReplayError> {
-        let beside = self
-            .parent_absolute
-            .file_name()
-            .map(|name| folder.join("..").join(name));
-        let places = [Some(folder.join(&self.parent)), beside];
-        let places = places.into_iter().flatten();
+    /// The parent's run, wherever both are now. What is there is the one if its digests are.
+    pub fn parent_from(&self, folder: &Path) -> Result<Run, ReplayError> {
         let mut wrong = None;
-        for place in places.chain([self.parent_absolute.clone()]) {
+        for place in places(folder, &self.parent, &self.parent_absolute) {
             if place.exists() {
                 match self.proven(&place) {
                     Ok(run) => return Ok(run),
@@ -131,6 +123,24 @@ impl Origin {
         let specimen = |axes: &Vec<[String; 4]>| axes.iter().map(place).collect();
         self.left.iter().map(specimen).collect()
     }
+}
+
+/// Where another folder may be now: where it was from `folder`, beside that one, or where it was then.
+pub(super) fn places(
+    folder: &Path,
+    near: &Path,
+    absolute: &Path,
+) -> impl Iterator<Item = PathBuf> + use<> {
+    let beside = absolute
+        .file_name()
+        .map(|name| folder.join("..").join(name));
+    let places = [Some(folder.join(near)), beside, Some(absolute.to_owned())];
+    places.into_iter().flatten()
+}
+
+/// The way from one folder to another, which are both there; none where they have nothing in common but the root.
+pub(super) fn way_from(folder: &Path, to: &Path) -> Option<PathBuf> {
+    way_between(&folder.canonicalize().ok()?, &to.canonicalize().ok()?)
 }
 
 /// The way from one folder to another, both absolute; none where they have nothing in common but the root.

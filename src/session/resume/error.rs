@@ -6,6 +6,7 @@ use thiserror::Error;
 
 use crate::config::ConfigError;
 use crate::record::{FolderError, MissingEnd};
+use crate::session::continued::{Now, WentOn};
 use crate::session::desk::Unanswered;
 use crate::session::replay::ReplayError;
 
@@ -28,6 +29,14 @@ pub enum ResumeError {
         folder: PathBuf,
         /// Why there is no answer.
         unanswered: Unanswered,
+    },
+    /// Another went on with it already, and its specimens have been through the steps that follow.
+    #[error("{}: {before}: {}", folder.display(), what_may_be(before))]
+    WentOn {
+        /// The folder.
+        folder: PathBuf,
+        /// The one that did.
+        before: WentOn,
     },
     /// It ended before t = 0.
     #[error("{}: this test ended before its first step: run it again from its beginning", .0.display())]
@@ -116,6 +125,21 @@ pub enum ResumeError {
         /// What is wrong.
         trouble: String,
     },
+}
+
+/// What is left to whoever finds that a test went on already.
+fn what_may_be(before: &WentOn) -> String {
+    let folder = before.folder.display();
+    let again = format!(
+        "say `--back-to-step {}` if its specimens may be led through those steps once more",
+        before.after
+    );
+    match before.now {
+        Now::Running => "one test at a time moves its specimens".to_owned(),
+        Now::Complete => again,
+        Now::Ended => format!("go on with that one (`--resume {folder}`), or {again}"),
+        Now::Gone => format!("put it back and go on with that one, or {again}"),
+    }
 }
 
 impl From<FolderError> for ResumeError {

@@ -1,0 +1,376 @@
+//! Which tests went on with an interrupted one: `continued.json` in its folder, so that its specimens are not led through the
+//! same steps twice.
+//!
+//! It is written before anything moves, so that a test which cannot say so does not begin; at its end it says how far it came.
+//! Of one that was killed its own record says that. What ended before it moved anything as part of the test has led nobody
+//! through anything, and takes its word back. Who goes on with such a one goes on with the test before it, too, back to the last
+//! that made steps. Where every specimen is a formula, which is made anew, nothing is said and nothing is asked.
+
+use std::fs::File;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::retrace::{Origin, places, way_from};
+use crate::config::Files;
+use crate::control::Port;
+use crate::engine::{GIVEN_UP, Phase};
+use crate::record::summary::Status;
+use crate::record::{FolderError, MissingEnd, Run, ToldBy, atomic, is_claimed};
+
+/// Name of the file in the folder of an interrupted test.
+const CONTINUED: &str = "continued.json";
+
+/// Phases in which nothing moves as part of the test.
+const BESIDE: [Phase; 9] = [
+    Phase::Connected,
+    Phase::Probing,
+    Phase::Zeroing,
+    Phase::Ramping,
+    Phase::Settling,
+    Phase::Armed,
+    Phase::Leaving,
+    Phase::Tripped,
+    Phase::Safe,
+];
+
+/// A test that went on with an interrupted one.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Continuation {
+    /// Its folder, from that of the interrupted test, or absolute.
+    folder: PathBuf,
+    /// The same, absolute, when it began.
+    folder_absolute: PathBuf,
+    /// SHA-256 of the rows that it went on after, as its `resumed.json` has it.
+    rows_sha256: String,
+    /// Step after which it went on.
+    after_step: u64,
+    /// Last step that it was in, once that is known.
+    reached: Option<u64>,
+}
+
+/// How far a test came that went on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Way {
+    /// It has moved nothing as part of the test.
+    None,
+    /// Into this step.
+    To(u64),
+    /// Its record does not say.
+    Unknown,
+}
+
+/// A test went on already with the one that is to go on.
+#[derive(Debug, Clone, PartialEq)]
+pub struct WentOn {
+    /// Its folder; where it was, if it is not there any more.
+    pub folder: PathBuf,
+    /// Step after which it went on.
+    pub after: u64,
+    /// Last step that it was in, if that is known.
+    pub reached: Option<u64>,
+    /// What became of it.
+    pub now: Now,
+}
+
+/// What became of a test that went on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Now {
+    /// It runs.
+    Running,
+    /// It came to the last step of the test.
+    Complete,
+    /// It ended before that.
+    Ended,
+    /// Its folder is nowhere to be found.
+    Gone,
+}
+
+impl std::fmt::Display for WentOn {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { after, now, .. } = self;
+        let folder = self.folder.display();
+        if *now == Now::Running {
+            return write!(f, "it is going on this moment, in {folder}");
+        }
+        write!(f, "it went on after step {after} in {folder}, ")?;
+        match (self.reached, now) {
+            (_, Now::Complete) => write!(f, "to its end"),
+            (Some(step), _) => write!(f, "as far as step {step}"),
+            (None, _) => write!(f, "nobody knows how far"),
+        }?;
+        match now {
+            Now::Gone => write!(f, "; that folder is not there any more"),
+            Now::Running | Now::Complete | Now::Ended => Ok(()),
+        }
+    }
+}
+
+impl Continuation {
+    /// Its folder, wherever both are now.
+    fn found(&self, parent: &Path) -> Option<PathBuf> {
+        let is_it = |place: &PathBuf| {
+            let origin = Origin::of(place).ok().flatten();
+            origin.is_some_and(|origin| origin.rows_sha256 == self.rows_sha256)
+        };
+        places(parent, &self.folder, &self.folder_absolute).find(is_it)
+    }
+
+    /// What is known of it; none if it has moved nothing as part of the test.
+    fn told(&self, parent: &Path) -> Option<WentOn> {
+        let found = self.found(parent);
+        let way = match (self.reached, &found) {
+            (Some(step), _) => Way::To(step),
+            (None, Some(place)) => way_of(place, self.after_step),
+            (None, None) => Way::Unknown,
+        };
+        let now = match &found {
+            Some(place) if is_claimed(place) => Now::Running,
+            Some(place) => {
+                let run = Run::open(place).ok();
+                let summary = run.as_ref().and_then(Run::summary);
+                match summary.is_some_and(|summary| summary.status == Status::Completed) {
+                    true => Now::Complete,
+                    false => Now::Ended,
+                }
+            }
+            None => Now::Gone,
+        };
+        (way != Way::None || now == Now::Running).then(|| WentOn {
+            folder: found.unwrap_or_else(|| self.folder_absolute.clone()),
+            after: self.after_step,
+            reached: match way {
+                Way::To(step) => Some(step),
+                Way::None | Way::Unknown => None,
+            },
+            now,
+        })
+    }
+}
+
+/// How far the test in `folder` came that went on after step `after`.
+fn way_of(folder: &Path, after: u64) -> Way {
+    let run = match Run::open(folder) {
+        Ok(run) => run,
+        Err(FolderError::NoSamples(_)) => return Way::None,
+        Err(_) => return Way::Unknown,
+    };
+    let told = run.summary().map(|summary| summary.steps);
+    if let Some(step) = told.filter(|step| *step > after) {
+        return Way::To(step);
+    }
+    let Ok(columns) = run.columns(&["state", "step"]) else {
+        return Way::Unknown;
+    };
+    let [states, steps] = columns.as_slice() else {
+        return Way::Unknown;
+    };
+    let is_beside =
+        |state: &f64| *state == GIVEN_UP || BESIDE.iter().any(|phase| *state == phase.code());
+    let mut rows = states.iter().zip(steps).rev();
+    match rows.find(|(state, _)| !is_beside(state)) {
+        Some((_, step)) => Way::To(*step as u64),
+        None => match MissingEnd::of_run(&run) {
+            Some(missing) if missing.told_by != ToldBy::Summary(after) => Way::Unknown,
+            _ if run.summary_fault().is_some() => Way::Unknown,
+            _ => Way::None,
+        },
+    }
+}
+
+/// The last test that went on with the one in `folder`; none if nobody did.
+///
+/// # Errors
+/// What its folder says of that cannot be read.
+pub(super) fn last_of(folder: &Path) -> Result<Option<WentOn>, FolderError> {
+    let all = read(folder)?;
+    let mut told = all.iter().rev().filter_map(|one| one.told(folder));
+    let last = told.next();
+    Ok(told.find(|one| one.now == Now::Running).or(last))
+}
+
+fn read(folder: &Path) -> Result<Vec<Continuation>, FolderError> {
+    let path = folder.join(CONTINUED);
+    match std::fs::read(&path) {
+        Ok(text) => {
+            serde_json::from_slice(&text).map_err(|source| FolderError::Damaged { path, source })
+        }
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(Vec::new()),
+        Err(source) => Err(FolderError::Io { path, source }),
+    }
+}
+
+/// Changes what a folder says; nobody else does at the same time.
+fn change<R>(
+    folder: &Path,
+    how: impl FnOnce(&mut Vec<Continuation>) -> R,
+) -> Result<R, FolderError> {
+    let io = |path: &Path| {
+        let path = path.to_owned();
+        |source| FolderError::Io { path, source }
+    };
+    // Not the folder: who claims that runs into it.
+    let path = folder.join("events.jsonl");
+    let held = File::open(&path).map_err(io(&path))?;
+    // A file system without locks keeps nobody out, and is no reason not to say it there.
+    let _nobody_else = held.lock();
+    let before = read(folder)?;
+    let mut all = before.clone();
+    let result = how(&mut all);
+    let path = folder.join(CONTINUED);
+    if all.is_empty() && !before.is_empty() {
+        std::fs::remove_file(&path).map_err(io(&path))?;
+    } else if all != before {
+        let source = |source| FolderError::Damaged {
+            path: path.clone(),
+            source,
+        };
+        let mut text = serde_json::to_string_pretty(&all).map_err(source)?;
+        text.push('\n');
+        atomic::write(&path, text.as_bytes()).map_err(io(&path))?;
+    }
+    Ok(result)
+}
+
+/// The word of a test that goes on, in the folders of those that it goes on with.
+#[derive(Debug, Default)]
+pub(super) struct Word {
+    said_in: Vec<PathBuf>,
+    folder: PathBuf,
+    after: u64,
+}
+
+impl Word {
+    /// Says that the test of these files goes on in `folder`, where that is one with specimens that are not made anew.
+    pub fn say(files: &Files, ports: &[Port], folder: &Path) -> Result<Self, Unsaid> {
+        let origin = files.origin.as_deref().map(serde_json::from_str::<Origin>);
+        let Some(Ok(origin)) = origin.filter(|_| !ports.iter().all(Port::is_formula)) else {
+            return Ok(Self::default());
+        };
+        let mut word = Self {
+            said_in: Vec::new(),
+            folder: std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned()),
+            after: origin.step,
+        };
+        for parent in line_of(&origin) {
+            if let Err(unsaid) = word.say_in(&parent, &origin) {
+                word.take_back();
+                return Err(unsaid);
+            }
+            word.said_in.push(parent);
+        }
+        Ok(word)
+    }
+
+    fn say_in(&self, parent: &Path, origin: &Origin) -> Result<(), Unsaid> {
+        let own = Continuation {
+            folder: way_from(parent, &self.folder).unwrap_or_else(|| self.folder.clone()),
+            folder_absolute: self.folder.clone(),
+            rows_sha256: origin.rows_sha256.clone(),
+            after_step: origin.step,
+            reached: None,
+        };
+        let said = change(parent, |all| {
+            let mut running = None;
+            all.retain_mut(|one| {
+                if one.folder_absolute == self.folder {
+                    // What was in this folder before is gone.
+                    one.reached.get_or_insert(one.after_step);
+                    return true;
+                }
+                let told = one.told(parent);
+                let is_something = told.is_some();
+                running = told
+                    .filter(|told| told.now == Now::Running)
+                    .or(running.take());
+                is_something
+            });
+            if let Some(running) = running {
+                return Err(running);
+            }
+            all.push(own);
+            Ok(())
+        });
+        match said {
+            Ok(Ok(())) => Ok(()),
+            Ok(Err(other)) => Err(Unsaid::Running {
+                folder: parent.to_owned(),
+                other,
+            }),
+            Err(error) => Err(Unsaid::Folder(error)),
+        }
+    }
+
+    /// Nothing has moved.
+    pub fn take_back(self) {
+        let _what_is_not_taken_back_names_a_folder_that_is_gone = self.end_as(Way::None);
+    }
+
+    /// The test is over, and recorded in `folder` as far as it came.
+    pub fn end(self, folder: &Path) -> Result<(), FolderError> {
+        let way = way_of(folder, self.after);
+        self.end_as(way)
+    }
+
+    fn end_as(self, way: Way) -> Result<(), FolderError> {
+        let mut result = Ok(());
+        for parent in &self.said_in {
+            let ended = change(parent, |all| {
+                let own = all
+                    .iter()
+                    .rposition(|one| one.folder_absolute == self.folder && one.reached.is_none());
+                match (own, way) {
+                    (Some(own), Way::None) => drop(all.remove(own)),
+                    (Some(own), Way::To(step)) => {
+                        if let Some(own) = all.get_mut(own) {
+                            own.reached = Some(step);
+                        }
+                    }
+                    (_, Way::Unknown) | (None, _) => {}
+                }
+            });
+            result = result.and(ended);
+        }
+        result
+    }
+}
+
+/// Why a test that goes on cannot say so.
+#[derive(Debug, thiserror::Error)]
+pub enum Unsaid {
+    /// The folder refuses.
+    #[error(
+        "the folder of the interrupted test must say that this one goes on with it, or its specimens could be led through the \
+         same steps again: {0}; go on with a copy of it where that may be written"
+    )]
+    Folder(FolderError),
+    /// Another goes on with it.
+    #[error("{}: {other}", folder.display())]
+    Running {
+        /// The folder of the interrupted test.
+        folder: PathBuf,
+        /// The other.
+        other: WentOn,
+    },
+}
+
+/// The test that another goes on with, and where it made no steps of its own those before it, too.
+fn line_of(origin: &Origin) -> Vec<PathBuf> {
+    let mut line = vec![origin.parent_absolute.clone()];
+    loop {
+        let Some(last) = line.last() else {
+            return line;
+        };
+        let Ok(Some(before)) = Origin::of(last) else {
+            return line;
+        };
+        if way_of(last, before.step) != Way::None {
+            return line;
+        }
+        let Ok(parent) = before.parent_from(last) else {
+            return line;
+        };
+        line.push(parent.path().to_owned());
+    }
+}
