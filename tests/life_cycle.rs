@@ -416,7 +416,7 @@ fn a_relative_zero_takes_position_and_force_for_zero() {
 #[test]
 fn offsets_that_must_be_confirmed_are_waited_for_and_nothing_moves_meanwhile() {
     let text = format!("{SHORT}\nsafety.confirm = true\nstructure.initial_displacement_m = [0.02]");
-    let says = &[(300, Operator::Continue)];
+    let says = &[(300, Operator::Confirm)];
     let (run, way) = Lab::new(&text).run_with_operator(says);
     assert_eq!(run.outcome.ending, Ending::Completed);
     assert!(way[..=300].iter().all(|disp| *disp == 0.0));
@@ -425,6 +425,80 @@ fn offsets_that_must_be_confirmed_are_waited_for_and_nothing_moves_meanwhile() {
     assert_eq!(run.outcome.ending, Ending::Stopped(Stop::Operator));
     assert!(way.iter().all(|disp| *disp == 0.0));
     assert_eq!(phases(&run), ["zeroing", "safe"]);
+}
+
+/// What the operator asked for and confirmed, in its order.
+fn said(run: &Run) -> Vec<&'static str> {
+    let words = run.events.iter().filter_map(|event| match event.kind {
+        EventKind::HoldRequested => Some("hold"),
+        EventKind::ContinueRequested => Some("continue"),
+        EventKind::Zeroed { .. } => Some("read"),
+        EventKind::Confirmed => Some("confirmed"),
+        EventKind::Started => Some("started"),
+        _ => None,
+    });
+    words.collect()
+}
+
+#[test]
+fn who_confirms_ends_no_hold_and_who_ends_a_hold_confirms_nothing() {
+    type Said = (&'static [(u64, Operator)], [&'static str; 5]);
+    use Operator::{Confirm, Continue, Hold};
+    let text = format!("{SHORT}\nsafety.confirm = true\nstructure.initial_displacement_m = [0.02]");
+    let cases: [Said; 3] = [
+        // Confirmed while somebody else holds it, and before it is read.
+        (
+            &[(2, Hold), (3, Confirm), (20, Confirm), (300, Continue)],
+            ["hold", "read", "confirmed", "continue", "started"],
+        ),
+        // Nobody is asked yet, and more is said than one hold wants.
+        (
+            &[(0, Hold), (0, Continue), (0, Continue), (300, Confirm)],
+            ["hold", "continue", "read", "confirmed", "started"],
+        ),
+        // Asked and held: what comes in a row ends the hold, whoever says it.
+        (
+            &[
+                (3, Hold),
+                (20, Continue),
+                (20, Continue),
+                (21, Continue),
+                (300, Confirm),
+            ],
+            ["hold", "read", "continue", "confirmed", "started"],
+        ),
+    ];
+    for (says, words) in cases {
+        let (run, way) = Lab::new(&text).run_with_operator(says);
+        assert_eq!(run.outcome.ending, Ending::Completed);
+        assert_eq!(said(&run), words, "{says:?}");
+        assert!(way[..=300].iter().all(|disp| *disp == 0.0), "{says:?}");
+        assert!(way[303] > 0.0, "{says:?}");
+    }
+    // They are heard one after the other, after the sensors have been read.
+    let text = text.replace("zero_s = 0.005", "zero_s = 0.001");
+    let says = &[(0, Hold), (0, Continue), (0, Continue), (300, Confirm)];
+    let (run, way) = Lab::new(&text).run_with_operator(says);
+    let words = ["read", "hold", "continue", "confirmed", "started"];
+    assert_eq!(said(&run), words);
+    assert!(way[..=300].iter().all(|disp| *disp == 0.0));
+}
+
+#[test]
+fn a_confirmation_that_comes_late_ends_no_hold_of_the_test() {
+    let text = format!("{SHORT}\nsafety.confirm = true");
+    let says = &[
+        (20, Operator::Confirm),
+        (150, Operator::Hold),
+        (200, Operator::Confirm),
+        (400, Operator::Continue),
+    ];
+    let (run, way) = Lab::new(&text).run_with_operator(says);
+    let words = ["read", "confirmed", "started", "hold", "continue"];
+    assert_eq!(said(&run), words);
+    assert!(way[152..=400].iter().all(|disp| *disp == way[152]));
+    assert!(way[403] != way[400]);
+    assert_eq!(run.outcome.ending, Ending::Completed);
 }
 
 #[test]

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use common::change;
-use gusset::engine::{Operator, Phase};
+use gusset::engine::{Operator, Phase, Word};
 use gusset::record::{Run, RunFolder};
 use gusset::session::{self, Watches, replay};
 
@@ -244,15 +244,20 @@ fn a_trip_outside_of_the_running_test_is_proven_too() {
 }
 
 /// A test that was never confirmed is not taken for one that was, and the other way round: only the operator's word in the
-/// row tells a refusal of the very first command from a trip in the wait.
+/// row tells a refusal of the very first command from a trip in the wait. The first tick of the wait is that of the word after
+/// eleven.
 #[test]
 fn a_confirmation_stands_in_the_record() {
+    use Operator::{Confirm, Continue, Stop};
     let refusing = "[specimen.limits]\ncommand_disp_m = { trip = [-1.0, 1e-9] }\n[safety]\n";
-    for (waits, last, refused) in [
-        (0, Operator::Continue, false),
-        (9, Operator::Continue, false),
-        (9, Operator::Continue, true),
-        (9, Operator::Stop, false),
+    for (waits, says, refused) in [
+        (0, [Continue, Confirm], false),
+        (9, [Continue, Confirm], false),
+        (9, [Continue, Confirm], true),
+        (0, [Confirm, Continue], false),
+        (9, [Confirm, Continue], false),
+        (9, [Continue, Continue], false),
+        (9, [Continue, Stop], false),
     ] {
         let home = tempfile::tempdir().unwrap();
         let mut text = FRAME.replace("ramp_s", "confirm = true\nramp_s");
@@ -262,23 +267,25 @@ fn a_confirmation_stands_in_the_record() {
         }
         let test = test_in(home.path(), "");
         std::fs::write(&test, &text).unwrap();
-        // While the sensors are read, and in the wait: a hold is no confirmation.
+        // While the sensors are read, and in the wait: a hold is no confirmation, and its end is none.
         let mut words = vec![Operator::Hold; 11 + waits];
-        words.push(last);
+        words.extend(says);
+        let place = says.iter().position(|word| *word == Confirm);
+        if place.is_none() {
+            words.push(Stop);
+        }
         let run = record_of(&test, &words);
         let read = Run::open(&run).unwrap().columns(&["state", "hold"]);
         let [states, said] = <[_; 2]>::try_from(read.unwrap()).unwrap();
         let found = replay(&run).unwrap();
-        assert!(found.is_exact(), "{waits}, {last:?}: {found:?}");
+        assert!(found.is_exact(), "{waits}, {says:?}: {found:?}");
         assert_eq!(found.rows, states.len() as u64);
-        let confirmed = said.iter().position(|word| *word == 2.0);
-        if last == Operator::Stop {
-            assert_eq!(confirmed, None);
+        let confirmed = said.iter().position(|word| Word::of(*word).confirms);
+        assert_eq!(confirmed, place.map(|place| 11 + waits + place));
+        let Some(confirmed) = confirmed else {
             continue;
-        }
-        let confirmed = confirmed.unwrap();
-        assert_eq!(confirmed, 11 + waits);
-        assert!(said[..confirmed].iter().all(|word| *word == 1.0));
+        };
+        assert!(said[..11 + waits].iter().all(|word| *word == 1.0));
         assert_eq!(states[confirmed], Phase::Zeroing.code());
         assert_eq!(states.len() == confirmed + 1, refused);
         change(&run, confirmed as u64, "hold", 1.0);

@@ -52,7 +52,7 @@ pub(super) enum Command {
     /// Let a running test stand still: test time stops, the specimens hold.
     #[command(after_help = "Example:\n  gusset hold runs/first")]
     Hold(OperateArgs),
-    /// Let a test that holds go on, or confirm what its sensors read.
+    /// Let a test that is held go on; of one that is not, confirm what its sensors read if it asks for that.
     #[command(after_help = "Example:\n  gusset continue runs/first")]
     Continue(OperateArgs),
     /// Feed a recorded test through the loop again and prove that every number comes out bit for bit the same.
@@ -125,7 +125,7 @@ pub(super) struct TestRunArgs {
     /// Overrides any key by its dotted path, e.g. --set integrator.lambda=4 --set specimen.0.storey=2.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub sets: Vec<String>,
-    /// Confirm what the sensors read before the test, unseen.
+    /// Confirm what the sensors read before the test, unseen. A hold is not ended by it.
     #[arg(long)]
     pub yes: bool,
 }

@@ -65,7 +65,7 @@ pub fn attend(
                                 continue;
                             }
                         }
-                        let _ = operator.try_send(Operator::Continue);
+                        let _ = operator.try_send(Operator::Confirm);
                     }
                 }
                 stamper.since(What::Tell, began_ns, 0);

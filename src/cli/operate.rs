@@ -8,7 +8,7 @@ use std::time::Duration;
 use super::args::OperateArgs;
 use super::exit::{Exit, WithExit};
 use super::{answer, tell};
-use crate::engine::{Glimpse, Phase};
+use crate::engine::{Glimpse, Operator, Phase};
 use crate::rt::os::monotonic_ns;
 use crate::session::{Request, Unanswered, ask, pause};
 
@@ -34,7 +34,7 @@ type Refusal = (Exit, String);
 
 fn say(folder: &Path, request: Request) -> Result<String, Refusal> {
     let mut is_told = false;
-    let mut before: Option<Glimpse> = None;
+    let mut confirms = false;
     let mut waited = Duration::ZERO;
     let (mut silent_since, mut warned) = (None, false);
     loop {
@@ -47,11 +47,14 @@ fn say(folder: &Path, request: Request) -> Result<String, Refusal> {
                 if !told.accepted {
                     return Err(not_taken(request, told.seen.phase));
                 }
-                let from = *before.get_or_insert(told.seen);
-                if std::mem::replace(&mut is_told, true)
-                    && let Some(outcome) = judge(request, from, told.seen, waited >= PATIENCE)
-                {
-                    return outcome;
+                let long_enough = waited >= PATIENCE;
+                if std::mem::replace(&mut is_told, true) {
+                    if let Some(outcome) = judge(request, confirms, told.seen, long_enough) {
+                        return outcome;
+                    }
+                } else {
+                    // As the desk has taken it.
+                    confirms = Operator::to_go_on(told.seen) == Operator::Confirm;
                 }
                 waited += LOOK_EVERY;
             }
@@ -131,10 +134,11 @@ fn refusal(phase: Phase) -> Option<Refusal> {
     }
 }
 
-/// What a test that was told answers for, seen `before` that and now; none if that is still to be waited for.
+/// What a test that was told answers for, seen now; none if that is still to be waited for. Who wants it to go on `confirms`
+/// what was read, or ends a hold, and is told which.
 fn judge(
     request: Request,
-    before: Glimpse,
+    confirms: bool,
     now: Glimpse,
     long_enough: bool,
 ) -> Option<Result<String, Refusal>> {
@@ -146,22 +150,27 @@ fn judge(
         }
         Request::Hold if now.phase == Phase::Holding => return Some(Ok(phase.to_owned())),
         Request::Hold if now.stands => return Some(Ok(format!("holding ({phase})"))),
-        // Held no more, and about to go on.
-        Request::Continue if now.hold || now.phase == Phase::Holding => {}
-        Request::Continue if before.phase != Phase::Zeroing => {
-            return Some(Ok(phase.to_owned()));
+        Request::Continue if confirms && now.phase == Phase::Zeroing => {}
+        Request::Continue if confirms => {
+            // By somebody else, meanwhile.
+            let held = if now.hold { ", and it is held" } else { "" };
+            return Some(Ok(format!("{phase}: what was read is confirmed{held}")));
         }
-        // Whether it waited for a confirmation is not seen from here: what was read is taken either way.
-        Request::Continue if now.phase != Phase::Zeroing => {
-            return Some(Ok(format!("{phase}: what was read is taken")));
+        // Held no more, and about to go on; or its loop does not listen yet.
+        Request::Continue if now.hold || matches!(now.phase, Phase::Holding | Phase::Connected) => {
         }
-        // It was the hold that ended, if there was one.
-        Request::Continue if long_enough && before.hold => return Some(Ok(phase.to_owned())),
-        Request::Hold | Request::Continue => {}
+        Request::Continue if now.unconfirmed => {
+            let text = "it is not held; what was read is still to be confirmed, by another `gusset continue`";
+            return Some(Ok(format!("{phase}: {text}")));
+        }
+        Request::Continue => return Some(Ok(phase.to_owned())),
+        Request::Hold => {}
     }
     let so_far = match (request, now.hold) {
         (Request::Hold, true) => ": it comes to rest, or will",
         (Request::Hold, false) => ": it has not heard of the hold yet",
+        _ if confirms && now.unconfirmed => ": what was read is not confirmed yet",
+        _ if now.phase == Phase::Connected => ": it has not heard of it yet",
         (_, true) => ": it is still held",
         (_, false) => "",
     };
@@ -175,14 +184,14 @@ mod tests {
 
     const fn seen(phase: Phase, hold: bool, stands: bool) -> Glimpse {
         Glimpse {
-            phase,
             hold,
             stands,
+            ..Glimpse::of(phase)
         }
     }
 
-    fn words(request: Request, before: Glimpse, now: Glimpse, long_enough: bool) -> String {
-        match judge(request, before, now, long_enough) {
+    fn words(request: Request, confirms: bool, now: Glimpse, long_enough: bool) -> String {
+        match judge(request, confirms, now, long_enough) {
             None => "waits".to_owned(),
             Some(Ok(word)) => word,
             Some(Err((exit, text))) => format!("{exit:?}: {text}"),
@@ -192,7 +201,6 @@ mod tests {
     #[test]
     fn a_hold_is_one_where_something_stands_for_it_in_every_phase() {
         use Phase::{Holding, Leaving, Probing, Ramping, Running, Safe, Tripped, Zeroing};
-        let before = seen(Running, false, false);
         for (now, long_enough, said) in [
             (seen(Running, false, false), false, "waits"),
             (seen(Running, true, false), false, "waits"),
@@ -217,53 +225,73 @@ mod tests {
             ),
             (seen(Safe, false, false), false, "Usage: this test is over"),
         ] {
-            assert_eq!(words(Request::Hold, before, now, long_enough), said);
+            assert_eq!(words(Request::Hold, false, now, long_enough), said);
         }
-        let late = words(Request::Hold, before, seen(Leaving, false, false), false);
+        let late = words(Request::Hold, false, seen(Leaving, false, false), false);
         assert!(late.starts_with("Stopped: it is leaving"), "{late}");
     }
 
     #[test]
-    fn what_goes_on_is_named_and_nothing_is_said_to_be_confirmed_that_need_not_be() {
-        use Phase::{Armed, Holding, Leaving, Ramping, Running, Zeroing};
+    fn who_goes_on_is_told_whether_he_ended_a_hold_or_confirmed_what_was_read() {
+        use Phase::{Armed, Connected, Holding, Leaving, Ramping, Running, Zeroing};
         let held = |phase| seen(phase, true, true);
         let free = |phase| seen(phase, false, false);
-        for (before, now, long_enough, said) in [
-            (held(Holding), held(Holding), false, "waits"),
-            (held(Holding), free(Holding), false, "waits"),
-            (held(Holding), free(Running), false, "running"),
-            (held(Ramping), held(Ramping), false, "waits"),
-            (held(Ramping), free(Ramping), false, "ramping"),
-            (free(Zeroing), free(Zeroing), false, "waits"),
+        let asks = |seen| Glimpse {
+            unconfirmed: true,
+            ..seen
+        };
+        for (confirms, now, long_enough, said) in [
+            (false, held(Holding), false, "waits"),
+            (false, free(Holding), false, "waits"),
+            (false, free(Running), false, "running"),
+            (false, held(Ramping), false, "waits"),
+            (false, free(Ramping), false, "ramping"),
+            // Its loop does not listen yet: a hold may lie before this.
+            (false, free(Connected), false, "waits"),
             (
-                free(Zeroing),
-                free(Ramping),
                 false,
-                "ramping: what was read is taken",
+                free(Connected),
+                true,
+                "Stopped: it is connected after 10 s: it has not heard of it yet",
+            ),
+            (false, asks(held(Zeroing)), false, "waits"),
+            (
+                false,
+                asks(free(Zeroing)),
+                false,
+                "zeroing: it is not held; what was read is still to be confirmed, by another `gusset continue`",
+            ),
+            (false, free(Zeroing), false, "zeroing"),
+            (true, asks(free(Zeroing)), false, "waits"),
+            (true, free(Zeroing), false, "waits"),
+            (
+                true,
+                asks(free(Zeroing)),
+                true,
+                "Stopped: it is zeroing after 10 s: what was read is not confirmed yet",
             ),
             (
-                held(Zeroing),
+                true,
                 free(Armed),
                 false,
-                "armed: what was read is taken",
+                "armed: what was read is confirmed",
             ),
             (
-                free(Zeroing),
-                free(Zeroing),
                 true,
-                "Stopped: it is zeroing after 10 s",
-            ),
-            (held(Zeroing), free(Zeroing), true, "zeroing"),
-            (
                 held(Ramping),
+                false,
+                "ramping: what was read is confirmed, and it is held",
+            ),
+            (
+                false,
                 held(Ramping),
                 true,
                 "Stopped: it is ramping after 10 s: it is still held",
             ),
         ] {
-            assert_eq!(words(Request::Continue, before, now, long_enough), said);
+            assert_eq!(words(Request::Continue, confirms, now, long_enough), said);
         }
-        let late = words(Request::Continue, free(Running), free(Leaving), false);
+        let late = words(Request::Continue, false, free(Leaving), false);
         assert!(late.starts_with("Stopped: it is leaving"), "{late}");
     }
 
@@ -285,7 +313,7 @@ mod tests {
         for request in [Request::Hold, Request::Continue] {
             assert_eq!(over(request).unwrap_err().0, Exit::Stopped);
             let told = seen(Phase::Leaving, false, false);
-            assert!(judge(Request::Stop, told, told, true).is_none());
+            assert!(judge(Request::Stop, false, told, true).is_none());
         }
     }
 }

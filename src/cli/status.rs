@@ -112,12 +112,15 @@ impl<'a> Sight<'a> {
         if self.age_s > 2.0_f64.max(3.0 * self.board.subject.tick_s) {
             return format!("NO ROWS SINCE {:.0} s ({})", self.age_s, phase.word());
         }
-        let word = phase.word().to_uppercase();
+        let mut words = phase.word().to_uppercase();
+        if seen.unconfirmed {
+            words.push_str(", TO BE CONFIRMED");
+        }
         // In the test itself a hold is a phase.
         if seen.stands && phase != Phase::Holding {
-            return format!("{word}, HELD");
+            words.push_str(", HELD");
         }
-        word
+        words
     }
 
     fn lambda(&self) -> Option<String> {

@@ -7,12 +7,7 @@ use crate::record::{Onlooker, Progress};
 
 /// A frame of two storeys with limits on its specimen, watched for `rows` rows.
 fn board(rows: u64) -> Arc<Board> {
-    let running = Glimpse {
-        phase: Phase::Running,
-        hold: false,
-        stands: false,
-    };
-    board_seen(rows, running)
+    board_seen(rows, Glimpse::of(Phase::Running))
 }
 
 fn board_seen(rows: u64, seen: Glimpse) -> Arc<Board> {
@@ -68,11 +63,18 @@ fn board_seen(rows: u64, seen: Glimpse) -> Arc<Board> {
 }
 
 #[test]
-fn a_hold_that_has_no_phase_of_its_own_is_named_once_it_stands() {
-    for (phase, stands, wanted) in [
-        (Phase::Ramping, false, "RAMPING  "),
-        (Phase::Ramping, true, "RAMPING, HELD  "),
-        (Phase::Holding, true, "HOLDING  "),
+fn a_hold_that_has_no_phase_of_its_own_is_named_once_it_stands_and_so_is_what_is_to_be_confirmed() {
+    for (phase, stands, unconfirmed, wanted) in [
+        (Phase::Ramping, false, false, "RAMPING  "),
+        (Phase::Ramping, true, false, "RAMPING, HELD  "),
+        (Phase::Holding, true, false, "HOLDING  "),
+        (Phase::Zeroing, false, true, "ZEROING, TO BE CONFIRMED  "),
+        (
+            Phase::Zeroing,
+            true,
+            true,
+            "ZEROING, TO BE CONFIRMED, HELD  ",
+        ),
     ] {
         let board = board_seen(
             8,
@@ -80,6 +82,7 @@ fn a_hold_that_has_no_phase_of_its_own_is_named_once_it_stands() {
                 phase,
                 hold: true,
                 stands,
+                unconfirmed,
             },
         );
         let line = Sight::of(&board, 1024.0).line(200);

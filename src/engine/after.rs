@@ -8,7 +8,7 @@
 //! is moved: their exits would be anywhere. What stops the way out stops it for all, and is part of how the test ended: a test
 //! that trips there has tripped.
 
-use super::columns::GIVEN_UP;
+use super::columns::{GIVEN_UP, Word};
 use super::operator::Control;
 use super::phase::{Cause, Phase};
 use super::tick::Tick;
@@ -284,7 +284,10 @@ impl Engine {
         };
         let state = if ending.is_for_being_late() {
             // What the operator said before the tick that was late stands in its own row.
-            self.row.word.goes_on = false;
+            self.row.word = Word {
+                holds: self.row.word.holds,
+                ..Word::default()
+            };
             GIVEN_UP
         } else {
             Phase::Tripped.code()

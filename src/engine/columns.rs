@@ -27,6 +27,8 @@ pub struct Word {
     pub holds: bool,
     /// He said before this tick that the test may go on.
     pub goes_on: bool,
+    /// He confirmed before this tick what was read.
+    pub confirms: bool,
 }
 
 impl Word {
@@ -34,15 +36,19 @@ impl Word {
     #[inline]
     #[must_use]
     pub fn code(self) -> f64 {
-        f64::from(u8::from(self.holds) + 2 * u8::from(self.goes_on))
+        let (holds, goes_on) = (u8::from(self.holds), u8::from(self.goes_on));
+        f64::from(holds + 2 * goes_on + 4 * u8::from(self.confirms))
     }
 
     /// Of such a column; what is no code of ours is no word.
     #[must_use]
     pub fn of(code: f64) -> Self {
+        let bits = code as u8;
+        let has = |bit: u8| f64::from(bits) == code && bits < 8 && bits & bit != 0;
         Self {
-            holds: code == 1.0 || code == 3.0,
-            goes_on: code == 2.0 || code == 3.0,
+            holds: has(1),
+            goes_on: has(2),
+            confirms: has(4),
         }
     }
 }
@@ -90,7 +96,7 @@ const BOOKKEEPING: [(&str, &str, &str); 5] = [
         "hold",
         "1",
         "1 from the tick before which the operator asked for a hold, until he lets the test go on; 2 more where he said before \
-         the tick that it may go on, or confirmed what was read; -1 where a test that he stopped trips on its way out",
+         the tick that it may go on; 4 more where he confirmed before it what was read; -1 where a test that he stopped trips on its way out",
     ),
     ("time", "s", "test time"),
 ];

@@ -142,6 +142,8 @@ pub struct Engine {
     still: bool,
     /// The operator said before this tick that the test may go on.
     goes_on: bool,
+    /// The operator is asked to confirm what was read.
+    unconfirmed: bool,
     /// What the operator asked for and was not looked at yet.
     asked: Asked,
     /// Rows of the warm-up, until the first of the test is made.
@@ -322,6 +324,7 @@ impl Engine {
             hold_wanted: false,
             still: false,
             goes_on: false,
+            unconfirmed: false,
             asked: Asked::default(),
             held_back: Vec::new(),
             unanswered: false,

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use crossbeam_channel::{Receiver, Sender};
 
-use super::phase::PhaseCell;
+use super::phase::{Glimpse, PhaseCell};
 
 /// What an operator can ask of a running test.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -13,10 +13,25 @@ pub enum Operator {
     Stop,
     /// Let test time stand still.
     Hold,
-    /// Go on after a hold; confirm the offsets.
+    /// Go on after a hold. Nothing is confirmed by it.
     Continue,
+    /// What the sensors read is right. Heard only while that is asked; no hold ends by it.
+    Confirm,
     /// Give the test up as being late. No operator asks for it: a replay does, whose clock is never late.
     GiveUp,
+}
+
+impl Operator {
+    /// What somebody says who sees this and wants the test to go on. He answers the question that stands, and as long as the
+    /// test is held he only ends that: nobody confirms what he was not asked.
+    #[must_use]
+    pub const fn to_go_on(seen: Glimpse) -> Self {
+        if seen.unconfirmed && !seen.hold {
+            Self::Confirm
+        } else {
+            Self::Continue
+        }
+    }
 }
 
 /// What the loop tells whoever attends it, besides rows and events. Never waited on.
@@ -31,7 +46,7 @@ pub enum Notice {
         /// In the axis' own units.
         reading: crate::control::Reading,
     },
-    /// The offsets are to be confirmed with [`Operator::Continue`].
+    /// What was read is to be confirmed with [`Operator::Confirm`].
     AwaitingConfirmation,
 }
 

@@ -127,6 +127,22 @@ pub struct Glimpse {
     /// it.
     #[serde(default)]
     pub stands: bool,
+    /// What the sensors read is known, and the operator is asked to confirm it.
+    #[serde(default)]
+    pub unconfirmed: bool,
+}
+
+impl Glimpse {
+    /// A phase in which nobody holds anything, and nobody is asked.
+    #[must_use]
+    pub const fn of(phase: Phase) -> Self {
+        Self {
+            phase,
+            hold: false,
+            stands: false,
+            unconfirmed: false,
+        }
+    }
 }
 
 /// The phase and the hold as they can be seen from outside of the loop: a number that the loop leaves behind.
@@ -134,27 +150,27 @@ pub struct Glimpse {
 pub struct PhaseCell(Arc<AtomicU8>);
 
 /// The bits above the phase.
+const UNCONFIRMED: u8 = 1 << 5;
 const HOLD: u8 = 1 << 6;
 const STANDS: u8 = 1 << 7;
 
 impl PhaseCell {
     /// A phase in which nobody holds anything. Real-time: yes.
     pub fn set(&self, phase: Phase) {
-        self.show(Glimpse {
-            phase,
-            hold: false,
-            stands: false,
-        });
+        self.show(Glimpse::of(phase));
     }
 
-    /// What can be seen from now on. Where no hold is heard there is none; without one nothing stands for it. Real-time: yes.
+    /// What can be seen from now on. Where no hold is heard there is none; without one nothing stands for it. Nothing is to be
+    /// confirmed but where the sensors are read. Real-time: yes.
     pub fn show(&self, seen: Glimpse) {
         let hold = seen.hold && seen.phase.can_be_held();
-        let flags = match (hold, seen.stands) {
-            (false, _) => 0,
-            (true, false) => HOLD,
-            (true, true) => HOLD | STANDS,
-        };
+        let flag = |is: bool, bit: u8| if is { bit } else { 0 };
+        let flags = flag(hold, HOLD)
+            | flag(hold && seen.stands, STANDS)
+            | flag(
+                seen.unconfirmed && seen.phase == Phase::Zeroing,
+                UNCONFIRMED,
+            );
         self.0.store(seen.phase as u8 | flags, Ordering::Relaxed);
     }
 
@@ -162,12 +178,13 @@ impl PhaseCell {
     #[must_use]
     pub fn glimpse(&self) -> Glimpse {
         let bits = self.0.load(Ordering::Relaxed);
-        let code = bits & !(HOLD | STANDS);
+        let code = bits & !(HOLD | STANDS | UNCONFIRMED);
         let known = Phase::ALL.into_iter().find(|phase| *phase as u8 == code);
         Glimpse {
             phase: known.unwrap_or(Phase::Connected),
             hold: bits & HOLD != 0,
             stands: bits & STANDS != 0,
+            unconfirmed: bits & UNCONFIRMED != 0,
         }
     }
 
@@ -232,21 +249,24 @@ mod tests {
     fn what_is_shown_is_seen_and_no_hold_where_none_is_heard() {
         let cell = PhaseCell::default();
         for phase in Phase::ALL {
-            for (hold, stands) in [(false, false), (false, true), (true, false), (true, true)] {
+            for bits in 0..8 {
+                let [hold, stands, unconfirmed] = [1, 2, 4].map(|bit| bits & bit != 0);
                 cell.show(Glimpse {
                     phase,
                     hold,
                     stands,
+                    unconfirmed,
                 });
                 let hold = hold && !matches!(phase, Phase::Leaving | Phase::Tripped | Phase::Safe);
                 let seen = Glimpse {
                     phase,
                     hold,
                     stands: hold && stands,
+                    unconfirmed: unconfirmed && phase == Phase::Zeroing,
                 };
                 assert_eq!(cell.glimpse(), seen);
                 cell.set(phase);
-                assert_eq!((cell.get(), cell.glimpse().hold), (phase, false));
+                assert_eq!(cell.glimpse(), Glimpse::of(phase));
             }
         }
     }

@@ -257,17 +257,18 @@ impl Engine {
         Ok(())
     }
 
-    /// Waits until the operator has confirmed what was read, if he must.
+    /// Waits until the operator has confirmed what was read, if he must. A hold is another matter: it neither begins nor ends
+    /// here.
     pub(super) fn wait_for_confirmation(&mut self, control: &Control) -> Result<(), Stop> {
         if self.opening.confirm {
+            self.unconfirmed = true;
+            // Whoever is told sees the question.
+            self.show();
             let _ = control.notices.try_send(Notice::AwaitingConfirmation);
             // However long it takes: what stands shows its noise and no stiffness.
             self.ports.iter_mut().for_each(Port::rest);
-            loop {
+            while self.unconfirmed {
                 self.still_tick(Phase::Zeroing, control)?;
-                if self.goes_on {
-                    break;
-                }
             }
             self.report_now(EventKind::Confirmed);
             self.ports.iter_mut().for_each(Port::stir);

@@ -155,6 +155,7 @@ impl Engine {
     ) -> Result<(), Stop> {
         stamps.idle = self.clock_now;
         self.goes_on = false;
+        let was_asked = self.unconfirmed;
         stamps.release = self.schedule.tick(self.edge);
         // A slow test has far edges: the operator is heard on the way there.
         if stamps.release.since(stamps.idle) > NAP_NS {
@@ -172,6 +173,7 @@ impl Engine {
         self.row.word = Word {
             holds: self.hold_wanted,
             goes_on: self.goes_on,
+            confirms: was_asked && !self.unconfirmed,
         };
         heard
     }
@@ -203,6 +205,7 @@ impl Engine {
                 self.hold_wanted = false;
                 self.goes_on = true;
             }
+            Some(Operator::Confirm) => self.unconfirmed = false,
             None => {}
         }
         self.show();
@@ -218,10 +221,11 @@ impl Engine {
     }
 
     /// Leaves behind what can be seen of the test from outside. Real-time: yes.
-    fn show(&self) {
+    pub(super) fn show(&self) {
         self.phase_cell.show(Glimpse {
             phase: self.phase,
             hold: self.hold_wanted,
+            unconfirmed: self.unconfirmed,
             stands: self.still || matches!(self.phase, Phase::Armed | Phase::Holding),
         });
     }

@@ -40,7 +40,7 @@ pub enum Request {
     Stop,
     /// Let test time stand still.
     Hold,
-    /// Go on, or confirm the offsets.
+    /// Go on after a hold; where there is none, confirm what the sensors read: as the answer has it seen.
     Continue,
     /// Where in its life it is.
     Phase,
@@ -179,7 +179,7 @@ fn serve(caller: &UnixStream, requests: &Sender<Operator>, phase: &PhaseCell) ->
     let accepted = match asked.request {
         Request::Stop => requests.try_send(Operator::Stop).is_ok(),
         Request::Hold => heard && requests.try_send(Operator::Hold).is_ok(),
-        Request::Continue => heard && requests.try_send(Operator::Continue).is_ok(),
+        Request::Continue => heard && requests.try_send(Operator::to_go_on(seen)).is_ok(),
         Request::Phase => true,
     };
     write_line(caller, &Answer { accepted, seen })
@@ -250,13 +250,8 @@ mod tests {
         let desk = Desk::open(&folder, sender, phase.clone(), &roll()).unwrap();
         phase.set(Phase::Running);
         let answer = ask(&folder, Request::Hold).unwrap();
-        let running = Glimpse {
-            phase: Phase::Running,
-            hold: false,
-            stands: false,
-        };
         assert!(answer.accepted);
-        assert_eq!(answer.seen, running);
+        assert_eq!(answer.seen, Glimpse::of(Phase::Running));
         let full = ask(&folder, Request::Stop).unwrap();
         assert!(!full.accepted, "one request fits");
         assert_eq!(receiver.try_recv(), Ok(Operator::Hold));
@@ -276,6 +271,7 @@ mod tests {
             phase: Phase::Ramping,
             hold: true,
             stands: true,
+            unconfirmed: false,
         };
         cell.show(held);
         assert_eq!(ask(folder.path(), Request::Phase).unwrap().seen, held);
@@ -288,6 +284,30 @@ mod tests {
             assert!(ask(folder.path(), Request::Stop).unwrap().accepted);
             assert_eq!(receiver.try_recv(), Ok(Operator::Stop));
             assert!(receiver.try_recv().is_err());
+        }
+    }
+
+    /// Said before the question, or to a test that is held, it is no answer to it.
+    #[test]
+    fn what_was_read_is_confirmed_by_who_was_asked_and_holds_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let (sender, receiver) = crossbeam_channel::bounded(4);
+        let cell = PhaseCell::default();
+        let _desk = Desk::open(folder.path(), sender, cell.clone(), &roll()).unwrap();
+        for (hold, unconfirmed, word) in [
+            (false, false, Operator::Continue),
+            (true, true, Operator::Continue),
+            (false, true, Operator::Confirm),
+        ] {
+            let seen = Glimpse {
+                phase: Phase::Zeroing,
+                hold,
+                stands: hold,
+                unconfirmed,
+            };
+            cell.show(seen);
+            assert_eq!(ask(folder.path(), Request::Continue).unwrap().seen, seen);
+            assert_eq!(receiver.try_recv(), Ok(word), "{seen:?}");
         }
     }
 

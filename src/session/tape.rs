@@ -204,6 +204,9 @@ impl Tape {
         }
         let word = Word::of(hold);
         let held = std::mem::replace(&mut self.holding, word.holds);
+        if word.confirms {
+            self.tell(Operator::Confirm);
+        }
         if word.goes_on {
             self.tell(Operator::Continue);
         }

@@ -87,7 +87,7 @@ impl Clock for LabClock {
             }
         }
         if self.confirms_at.load(Ordering::Relaxed) == wait {
-            let _ = self.into.try_send(Operator::Continue);
+            let _ = self.into.try_send(Operator::Confirm);
         }
         self.clock.sleep_until(at);
     }

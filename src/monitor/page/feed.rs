@@ -115,6 +115,7 @@ impl Feed {
             "phase": seen.phase.word(),
             "hold": seen.hold,
             "stands": seen.stands,
+            "unconfirmed": seen.unconfirmed,
             "sent": now as f64 * 1e-9,
             "age": (latest.row_ns > 0).then(|| age(latest.row_ns)),
             "viewers": self.viewers(),

@@ -283,10 +283,11 @@ function count(id, value, bad) {
   $(id).classList.toggle("bad", bad);
 }
 
-/** The phase; a hold that has no phase of its own beside it. */
-function named({ phase, hold, stands }) {
-  if (!hold || phase === "holding") return phase;
-  return stands ? `${phase}, held` : `${phase}, to be held`;
+/** The phase; what is to be confirmed in it, and a hold that has no phase of its own beside it. */
+function named({ phase, hold, stands, unconfirmed }) {
+  const words = unconfirmed ? [phase, "to be confirmed"] : [phase];
+  if (hold && phase !== "holding") words.push(stands ? "held" : "to be held");
+  return words.join(", ");
 }
 
 function showState() {
@@ -309,7 +310,7 @@ function showState() {
   const deaf = over || phase === "leaving" || phase === "tripped";
   const holds = state.hold || phase === "holding";
   $("hold").disabled = deaf || holds;
-  $("continue").disabled = deaf || !(holds || phase === "zeroing");
+  $("continue").disabled = deaf || !(holds || state.unconfirmed);
   $("stop").disabled = over;
   if (ended) {
     $("outcome").className = ended.status;
@@ -484,7 +485,8 @@ async function order(what) {
     const answer = await fetch(`/control/${what}`, { method: "POST", headers, cache: "no-store" });
     if (answer.status === 202) {
       sessionStorage.setItem("control", token);
-      return say(`${what.toUpperCase()} accepted ${new Date().toLocaleTimeString()}`);
+      const as = (await answer.json()).confirms ? " as a confirmation of what was read" : "";
+      return say(`${what.toUpperCase()} accepted${as} ${new Date().toLocaleTimeString()}`);
     }
     const text = answer.status === 503 ? "the queue of requests is full; try again" : (await answer.text()).trim();
     return say(`${what.toUpperCase()} REFUSED: ${text}`, true);
@@ -496,7 +498,8 @@ async function order(what) {
 $("token").value = secret("control");
 $("operate").addEventListener("submit", (event) => event.preventDefault());
 $("hold").addEventListener("click", () => order("hold"));
-$("continue").addEventListener("click", () => order("continue"));
+// The second half of a double click is none: the first may have ended a hold, and this would confirm what was read.
+$("continue").addEventListener("click", (event) => { if (event.detail < 2) order("continue"); });
 $("stop").addEventListener("click", () => $("sure").showModal());
 $("sure").addEventListener("close", () => {
   if ($("sure").returnValue === "yes") order("stop");

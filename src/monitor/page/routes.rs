@@ -154,9 +154,10 @@ async fn operate(
     Path(what): Path<String>,
     headers: HeaderMap,
 ) -> Result<Response, Refusal> {
+    let seen = site.feed.board.glimpse();
     let (request, word) = match what.as_str() {
         "hold" => (Operator::Hold, "hold"),
-        "continue" => (Operator::Continue, "continue"),
+        "continue" => (Operator::to_go_on(seen), "continue"),
         "stop" => (Operator::Stop, "stop"),
         // Also what may be here if the token is right is only said to those who have it.
         _ => {
@@ -180,23 +181,23 @@ async fn operate(
     if site.feed.board.ended().is_some() {
         return Err(Refusal(StatusCode::CONFLICT, OVER));
     }
-    let phase = site.feed.board.phase();
-    if let Some(why) = unheard(request, phase) {
+    if let Some(why) = unheard(request, seen.phase) {
         let refused = note(NoteLevel::Info, "control_request").with("accepted", false);
         let _full = site.notes.try_send(refused.with("why", why));
         return Err(Refusal(StatusCode::CONFLICT, why));
     }
     let accepted = site.operator.try_send(request).is_ok();
-    let _full = site
-        .notes
-        .try_send(note(NoteLevel::Info, "control_request").with("accepted", accepted));
+    let confirms = request == Operator::Confirm;
+    let told = note(NoteLevel::Info, "control_request").with("accepted", accepted);
+    let _full = site.notes.try_send(told.with("confirms", confirms));
     let status = if accepted {
         StatusCode::ACCEPTED
     } else {
         StatusCode::SERVICE_UNAVAILABLE
     };
     let kind = [(header::CONTENT_TYPE, "application/json")];
-    let answer = json!({ "accepted": accepted, "phase": phase.word() }).to_string();
+    let phase = seen.phase.word();
+    let answer = json!({ "accepted": accepted, "phase": phase, "confirms": confirms }).to_string();
     Ok((status, kind, answer).into_response())
 }
 
@@ -205,7 +206,7 @@ const OVER: &str = "the test is over";
 /// Why the loop would not hear this in such a phase, if it would not.
 fn unheard(request: Operator, phase: Phase) -> Option<&'static str> {
     match phase {
-        _ if phase.can_be_held() || !matches!(request, Operator::Hold | Operator::Continue) => None,
+        _ if phase.can_be_held() || request == Operator::Stop => None,
         Phase::Leaving => {
             Some("the way out is neither held nor gone on with; STOP freezes it where it is")
         }
@@ -234,7 +235,7 @@ mod tests {
     fn what_the_loop_would_not_hear_is_not_accepted() {
         for phase in Phase::ALL {
             assert_eq!(unheard(Operator::Stop, phase), None);
-            for request in [Operator::Hold, Operator::Continue] {
+            for request in [Operator::Hold, Operator::Continue, Operator::Confirm] {
                 let heard = unheard(request, phase).is_none();
                 assert_eq!(heard, phase.can_be_held(), "{phase:?}");
             }
