@@ -1,14 +1,22 @@
 //! The operator at the terminal where a test was started: what was read while zeroing, and whether to go on.
 
-use std::io::{BufRead, IsTerminal};
+use std::io::IsTerminal;
+use std::path::PathBuf;
+use std::time::Duration;
 
-use crossbeam_channel::{Receiver, Sender};
+use crossbeam_channel::{Receiver, Sender, TrySendError};
 
 use super::aside::remark;
 use super::exit::{Exit, WithExit};
+use super::question::{Answered, Question};
 use crate::config::Facts;
-use crate::engine::{Notice, Operator};
+use crate::control::Reading;
+use crate::engine::{Notice, Operator, PhaseCell};
 use crate::record::{Roll, What};
+use crate::session::pause;
+
+/// Time between two looks for room on the operator's line.
+const ROOM: Duration = Duration::from_millis(5);
 
 /// Refuses a test that needs a confirmation nobody can give; one that is given unseen is among its warnings.
 pub fn can_confirm(facts: &mut Facts, yes: bool) -> anyhow::Result<()> {
@@ -24,52 +32,122 @@ pub fn can_confirm(facts: &mut Facts, yes: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Listens to the loop's notices for as long as it sends any; asks for the confirmation, or gives it.
-pub fn attend(
-    names: Vec<String>,
-    notices: Receiver<Notice>,
-    operator: Sender<Operator>,
-    yes: bool,
-    roll: &Roll,
-) -> std::io::Result<()> {
-    let roll = roll.clone();
-    std::thread::Builder::new()
-        .name("gusset-attend".into())
-        .spawn(move || {
-            let stamper = roll.enter();
-            for notice in notices {
-                let began_ns = stamper.now();
-                match notice {
-                    Notice::Zeroed {
-                        port,
-                        axis,
-                        reading,
-                    } => {
-                        let name = names.get(port).map_or("", String::as_str);
-                        remark(format_args!(
-                            "specimen \"{name}\" axis {}: displacement {:.6} (noise {:.1e}), force {:.6} (noise {:.1e}), \
-                             in its own units",
-                            axis + 1,
-                            reading.disp,
-                            reading.disp_noise,
-                            reading.force,
-                            reading.force_noise,
-                        ));
-                    }
-                    Notice::AwaitingConfirmation => {
-                        if !yes {
-                            remark("Enter: these are right, go on. Ctrl-C: end.");
-                            let mut line = String::new();
-                            // A terminal that hangs up ends the test through its signal.
-                            if std::io::stdin().lock().read_line(&mut line).unwrap_or(0) == 0 {
-                                continue;
+/// Who attends a test where it was started.
+pub struct Attendant {
+    /// The specimens'.
+    pub names: Vec<String>,
+    /// The run folder.
+    pub run: PathBuf,
+    /// Where the test stands.
+    pub phase: PhaseCell,
+    /// The operator's end of the line.
+    pub operator: Sender<Operator>,
+    /// What is read is confirmed unseen.
+    pub yes: bool,
+}
+
+impl Attendant {
+    /// Listens to the loop's notices for as long as it sends any; asks for the confirmation, or gives it.
+    pub fn attend(self, notices: Receiver<Notice>, roll: &Roll) -> std::io::Result<()> {
+        let roll = roll.clone();
+        std::thread::Builder::new()
+            .name("gusset-attend".into())
+            .spawn(move || {
+                let stamper = roll.enter();
+                for notice in notices {
+                    let began_ns = stamper.now();
+                    match notice {
+                        Notice::Zeroed {
+                            port,
+                            axis,
+                            reading,
+                        } => self.tell(port, axis, reading),
+                        Notice::AwaitingConfirmation => {
+                            if self.yes || self.is_confirmed_here() {
+                                self.confirm();
                             }
                         }
-                        let _ = operator.try_send(Operator::Confirm);
                     }
+                    stamper.since(What::Tell, began_ns, 0);
                 }
-                stamper.since(What::Tell, began_ns, 0);
-            }
-        })
-        .map(drop)
+            })
+            .map(drop)
+    }
+
+    fn tell(&self, port: usize, axis: usize, reading: Reading) {
+        let name = self.names.get(port).map_or("", String::as_str);
+        remark(format_args!(
+            "specimen \"{name}\" axis {}: displacement {:.6} (noise {:.1e}), force {:.6} (noise {:.1e}), in its own units",
+            axis + 1,
+            reading.disp,
+            reading.disp_noise,
+            reading.force,
+            reading.force_noise,
+        ));
+    }
+
+    /// Asks at the terminal, as long as nobody else has confirmed it.
+    fn is_confirmed_here(&self) -> bool {
+        let run = self.run.display();
+        let question = Question {
+            here: "Enter, y or yes: these are right, go on. Ctrl-C: end.",
+            elsewhere: &format!(
+                "what was read is to be confirmed: from another terminal, with `gusset continue {run}`"
+            ),
+        };
+        let answered = question.ask(|| self.phase.glimpse().unconfirmed);
+        if answered == Answered::Over && self.phase.get().can_be_held() {
+            remark("confirmed from elsewhere: nothing is asked here any more");
+        }
+        answered == Answered::Yes
+    }
+
+    /// Says that what was read is right, and nothing else: who holds the test still does.
+    fn confirm(&self) {
+        while self.phase.glimpse().unconfirmed
+            && matches!(
+                self.operator.try_send(Operator::Confirm),
+                Err(TrySendError::Full(_))
+            )
+        {
+            // The loop makes room, a word a tick.
+            pause(ROOM);
+        }
+        if self.phase.glimpse().hold {
+            let run = self.run.display();
+            remark(format_args!(
+                "confirmed; the test is held until `gusset continue {run}`"
+            ));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::engine::{Glimpse, Phase};
+
+    #[test]
+    fn a_confirmation_ends_no_hold_and_is_not_said_where_nobody_asks_for_it() {
+        let (operator, heard) = crossbeam_channel::bounded(4);
+        let attendant = Attendant {
+            names: Vec::new(),
+            run: PathBuf::from("run"),
+            phase: PhaseCell::default(),
+            operator,
+            yes: true,
+        };
+        for (hold, unconfirmed) in [(false, true), (true, true), (false, false), (true, false)] {
+            attendant.phase.show(Glimpse {
+                phase: Phase::Zeroing,
+                hold,
+                stands: hold,
+                unconfirmed,
+            });
+            attendant.confirm();
+            let said: Vec<Operator> = heard.try_iter().collect();
+            let wanted = [Operator::Confirm];
+            assert_eq!(said, wanted[..usize::from(unconfirmed)]);
+        }
+    }
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use anyhow::Context;
 
-use super::attend;
+use super::attend::Attendant;
 use super::exit::{Exit, WithExit};
 use super::tell;
 use crate::config::Facts;
@@ -27,14 +27,26 @@ pub(super) fn folder(out: Option<&Path>, title: &str) -> anyhow::Result<RunFolde
 }
 
 /// The loop hears the signals and the desk; its notices are attended to from now on.
-pub(super) fn attended(signals: &Signals, facts: &Facts, yes: bool) -> anyhow::Result<Control> {
+pub(super) fn attended(
+    signals: &Signals,
+    facts: &Facts,
+    folder: &RunFolder,
+    yes: bool,
+) -> anyhow::Result<Control> {
     let (notices, heard) = crossbeam_channel::bounded(NOTICES);
-    let names = facts.specimens.clone();
-    attend::attend(names, heard, signals.operator(), yes, &signals.roll())?;
+    let phase = PhaseCell::default();
+    let attendant = Attendant {
+        names: facts.specimens.clone(),
+        run: folder.path().to_owned(),
+        phase: phase.clone(),
+        operator: signals.operator(),
+        yes,
+    };
+    attendant.attend(heard, &signals.roll())?;
     Ok(Control {
         requests: signals.requests(),
         notices,
-        phase: PhaseCell::default(),
+        phase,
         desk: Some(signals.operator()),
     })
 }

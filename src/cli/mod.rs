@@ -22,6 +22,7 @@ mod limits;
 mod live;
 mod operate;
 mod progress;
+mod question;
 mod rehearsed;
 mod replay;
 mod report;

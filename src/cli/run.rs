@@ -33,7 +33,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<Exit> {
     let folder = conduct::folder(args.test_run.out.as_deref(), &test.facts.title)?;
     let facts = test.facts.clone();
     let mut status = Status::new(&facts, args);
-    let control = conduct::attended(&signals, &facts, args.test_run.yes)?;
+    let control = conduct::attended(&signals, &facts, &folder, args.test_run.yes)?;
     // Who is not looked at is not tapped.
     let mut looked = (asked.is_wanted() || status.is_shown())
         .then(|| live::Looked::at(&test, folder.path(), control.phase.clone()));

@@ -197,7 +197,7 @@ fn carry_out(
     let signals = Signals::listen().context("signals cannot be taken over")?;
     let folder = conduct::folder(args.test_run.out.as_deref(), &facts.title)?;
     let line = ProgressLine::new(facts, !args.quiet);
-    let control = conduct::attended(&signals, facts, args.test_run.yes)?;
+    let control = conduct::attended(&signals, facts, &folder, args.test_run.yes)?;
     let watches = Watches {
         roll: Some(signals.roll()),
         ..Watches::default()
