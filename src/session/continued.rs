@@ -127,14 +127,8 @@ impl Continuation {
         };
         let now = match &found {
             Some(place) if is_claimed(place) => Now::Running,
-            Some(place) => {
-                let run = Run::open(place).ok();
-                let summary = run.as_ref().and_then(Run::summary);
-                match summary.is_some_and(|summary| summary.status == Status::Completed) {
-                    true => Now::Complete,
-                    false => Now::Ended,
-                }
-            }
+            Some(place) if is_complete(place) => Now::Complete,
+            Some(_) => Now::Ended,
             None => Now::Gone,
         };
         (way != Way::None || now == Now::Running).then(|| WentOn {
@@ -147,6 +141,12 @@ impl Continuation {
             now,
         })
     }
+}
+
+fn is_complete(folder: &Path) -> bool {
+    let run = Run::open(folder);
+    let summary = run.as_ref().ok().and_then(Run::summary);
+    summary.is_some_and(|summary| summary.status == Status::Completed)
 }
 
 /// How far the test in `folder` came that went on after step `after`.
