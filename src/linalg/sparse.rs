@@ -3,8 +3,8 @@
 //! faer's simplicial factorisation is scalar arithmetic in a fixed order. Its supernodal one picks vector width
 //! and fused multiply-add by processor, which would break the promise of equal bits on every machine, so it is
 //! not used. The factor is copied into [`Panels`]: a solve is bound by the memory it touches. Of nested dissection
-//! and faer's approximate minimum degree the numbering with the smaller factor is taken. This is the only file
-//! that names faer.
+//! and faer's approximate minimum degree the numbering with the smaller factor is taken. Nothing else that a test
+//! computes with names faer.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::perm::PermRef;

@@ -112,3 +112,36 @@ fn a_lightly_damped_mode_of_few_steps_bears_no_more_than_in_continuous_time() {
     // The apparent frequency is lower by Ω²/12 or so, 4 %; and linear interpolation leads.
     assert!((found / expected - 1.0).abs() < 0.15, "{found} {expected}");
 }
+
+/// Three axes that are alike, each between the ground and a mass of its own: what one of them bears is what all of them bear. The
+/// history of their commands is where an iteration without a foreign shift stands still.
+#[test]
+fn axes_that_are_alike_bear_what_one_of_them_does() {
+    let alike = |axes: usize, damps: bool| {
+        let all = |value: f64| DMatrix::identity(axes, axes) * value;
+        Delayed {
+            mass: all(1000.0),
+            damping: all(600.0),
+            stiffness: all(5e5),
+            rows: all(1.0),
+            specimen_stiffness: all(1e6),
+            specimen_damping: all(if damps { 200.0 } else { 0.0 }),
+            specimen_mass: 0.0,
+            weighted: None,
+        }
+    };
+    for dt in [1e-4, 2e-4, 5e-3] {
+        for damps in [false, true] {
+            let found = |axes| match discrete(&alike(axes, damps), dt, 4.0, None) {
+                Ok(DiscreteLimit::At(delay)) => delay,
+                other => panic!("{axes} {dt} {damps}: {other:?}"),
+            };
+            let (one, three) = (found(1), found(3));
+            // Of several axes it is the delay at which they grow by more than roundoff, which is a little longer.
+            assert!(
+                (three / one - 1.0).abs() < 1e-4,
+                "{dt} {damps}: {three} {one}"
+            );
+        }
+    }
+}
