@@ -46,7 +46,9 @@ fn an_exchange_with_its_limits_and_its_row_allocates_nothing() {
                 disp: &[way, -way],
                 vel: &[0.0, 0.0],
             };
-            station.exchange(&command, 0.01, &mut measured).unwrap();
+            station
+                .exchange(&command, 0.01, &mut || true, &mut measured)
+                .unwrap();
             station.commit();
         }
     });

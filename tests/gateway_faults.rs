@@ -5,11 +5,15 @@ mod link_common;
 
 use std::path::Path;
 use std::process::Command;
+use std::sync::mpsc::channel;
 
 use gusset::record::Run;
 use gusset::record::summary::Status as Ended;
+use gusset::substructure::Status;
+use gusset::wire::native::{Cause, Frame};
 use link_common::{
-    Fake, ONE_AXIS, ONE_AXIS_LAW, Running, Served, finish, gateway, gusset, run, summary, test_file,
+    Fake, ONE_AXIS, ONE_AXIS_LAW, PATIENCE, Running, Served, finish, gateway, gusset, run, summary,
+    test_file,
 };
 
 const STEPS: u32 = 100;
@@ -263,6 +267,50 @@ fn a_gateway_that_waits_for_its_specimen_hears_its_operator_and_its_controller()
             let reason = kept().summary().unwrap().reason.clone();
             assert!(reason.contains("the controller said goodbye"), "{reason}");
         }
+    }
+}
+
+/// In the running test its far end takes long over an answer: who has enough of that is heard, and both ends hear of it. An operator
+/// who is heard only when the time for an answer is over ends a test whose specimen is lost.
+#[test]
+fn a_gateway_that_waits_for_an_answer_in_the_test_hears_its_operator() {
+    for protocol in ["gusset", "openfresco"] {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        let out = folder.join("kept");
+        let (tell, told) = channel();
+        let address = Fake::start(move |mut fake| {
+            for _ in 0..20 {
+                let (sequence, disp) = fake.command().unwrap();
+                let answer = fake.reading(sequence, disp, 4e5 * disp, Status::default());
+                fake.write(&answer);
+            }
+            fake.command().unwrap();
+            tell.send(None).unwrap();
+            while let Some(frame) = fake.frame() {
+                if let Frame::Retire(notice) = fake.decoder.open(&frame).unwrap().frame {
+                    tell.send(Some(notice.cause)).unwrap();
+                }
+            }
+        });
+        let file = gateway(&address, KNOWN, "reply_timeout_s = 20");
+        let kept = ["--out", out.to_str().unwrap(), "--protocol", protocol];
+        let mut between = Served::start(folder, &file, &kept);
+        let keys = format!("protocol = \"{protocol}\"\nprobe = \"none\"\nreply_timeout_s = 60");
+        let test = Running::start(folder, "run", &through(STEPS, &between.address, &keys));
+        assert_eq!(told.recv_timeout(PATIENCE).unwrap(), None);
+        assert_eq!(between.signal("TERM"), 143, "{protocol}");
+        let kept = Run::open(&out.join("test-0001")).unwrap();
+        let summary = kept.summary().unwrap();
+        assert_eq!(summary.status, Ended::Interrupted, "{}", summary.reason);
+        let cause = told.recv_timeout(PATIENCE).unwrap();
+        assert_eq!(cause, Some(Cause::Operator), "{protocol}");
+        assert_eq!(test.wait().0, 3, "{protocol}");
+        // Whoever reads the log sees which command was not answered.
+        let status = kept.columns(&["status_1"]).unwrap().remove(0);
+        let (last, before) = status.split_last().unwrap();
+        assert_eq!(*last as u32, Status::OWED.0);
+        assert!(before.iter().all(|status| *status == 0.0));
     }
 }
 

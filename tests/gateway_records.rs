@@ -251,7 +251,9 @@ fn an_event_stands_at_the_exchange_it_is_about_and_a_command_that_is_refused_is_
                 disp: &[*disp],
                 vel: &[0.0],
             };
-            trip = station.exchange(&command, 0.01, &mut measured).err();
+            trip = station
+                .exchange(&command, 0.01, &mut || true, &mut measured)
+                .err();
             station.commit();
         }
         assert!(trip.is_some());

@@ -289,8 +289,9 @@ impl Rig for Bench {
         &mut self,
         command: &Command<'_>,
         elapsed: f64,
+        wanted: &mut dyn FnMut() -> bool,
         into: &mut Measurement,
-    ) -> Result<(), LinkFault> {
+    ) -> Result<bool, LinkFault> {
         let number = command.sequence.saturating_sub(self.first);
         self.number = number;
         let concerned = self.throw(number);
@@ -308,7 +309,9 @@ impl Rig for Bench {
             self.remember(number, command.disp);
         }
         if !concerned {
-            self.rig.trial(command, elapsed, into)?;
+            if !self.rig.trial(command, elapsed, wanted, into)? {
+                return Ok(false);
+            }
         } else {
             self.actuate(number, elapsed);
             for attempt in 0..2 {
@@ -329,7 +332,9 @@ impl Rig for Bench {
                     vel: &self.vel,
                     ..*command
                 };
-                self.rig.trial(&command, elapsed, into)?;
+                if !self.rig.trial(&command, elapsed, wanted, into)? {
+                    return Ok(false);
+                }
                 if attempt == 1 || !self.stalls(&into.force) {
                     break;
                 }
@@ -338,7 +343,7 @@ impl Rig for Bench {
         }
         copy(&mut self.said.disp, &into.disp);
         copy(&mut self.said.force, &into.force);
-        Ok(())
+        Ok(true)
     }
 
     fn commit(&mut self) -> Result<(), LinkFault> {
@@ -418,7 +423,7 @@ mod tests {
                 disp: &[*disp],
                 vel: &[0.0],
             };
-            bench.trial(&command, 0.1, &mut into).unwrap();
+            bench.trial(&command, 0.1, &mut || true, &mut into).unwrap();
             bench.commit().unwrap();
             (into.disp[0], into.force[0])
         });
@@ -456,7 +461,8 @@ mod tests {
                 disp: &[*disp],
                 vel: &[0.0],
             };
-            if bench.trial(&command, 0.01, &mut into).is_err() {
+            let tried = bench.trial(&command, 0.01, &mut || true, &mut into);
+            if tried.is_err() {
                 return Err(complaint(&*bench));
             }
             bench.commit().unwrap();

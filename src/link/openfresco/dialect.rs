@@ -111,20 +111,24 @@ impl Machine {
         }
     }
 
-    /// Takes one message or a part of it and does what it says. Real-time: yes, after the sizes.
+    /// Takes one message or a part of it and does what it says; a specimen's answer is waited for as long as it is `wanted`.
+    /// Real-time: yes, after the sizes.
     pub(super) fn hear(
         &mut self,
         bytes: &[u8],
         host: &mut Host,
+        wanted: &mut dyn FnMut() -> bool,
     ) -> Result<Heard<'_>, ExchangeFault> {
         match self {
-            Self::Vectors { machine, implicit } => hear_server(machine, *implicit, bytes, host),
-            Self::Actor(machine) => hear_actor(machine, bytes, host),
+            Self::Vectors { machine, implicit } => {
+                hear_server(machine, *implicit, bytes, host, wanted)
+            }
+            Self::Actor(machine) => hear_actor(machine, bytes, host, wanted),
             Self::Simulink {
                 machine,
                 signals,
                 sizes,
-            } => hear_simulink(machine, signals, sizes, bytes, host),
+            } => hear_simulink(machine, signals, sizes, bytes, host, wanted),
         }
     }
 }
@@ -137,6 +141,7 @@ fn hear_server<'a>(
     implicit: bool,
     bytes: &[u8],
     host: &mut Host,
+    wanted: &mut dyn FnMut() -> bool,
 ) -> Result<Heard<'a>, ExchangeFault> {
     let (used, event) = machine.feed(bytes)?;
     let (said, reply) = match event {
@@ -150,7 +155,7 @@ fn hear_server<'a>(
             }
             let dt = machine.dt();
             if let Some(trial) = machine.trial() {
-                host.trial(course, &trial, dt)?;
+                host.trial(course, &trial, dt, wanted)?;
             }
             (Said::Nothing, SILENT)
         }
@@ -170,6 +175,7 @@ fn hear_actor<'a>(
     machine: &'a mut Actor,
     bytes: &[u8],
     host: &mut Host,
+    wanted: &mut dyn FnMut() -> bool,
 ) -> Result<Heard<'a>, ExchangeFault> {
     let (used, event) = machine.feed(bytes)?;
     let (said, reply) = match event {
@@ -179,7 +185,7 @@ fn hear_actor<'a>(
         ActorEvent::Trial(course) => {
             let dt = machine.dt();
             if let Some(trial) = machine.trial() {
-                host.trial(course, &trial, dt)?;
+                host.trial(course, &trial, dt, wanted)?;
             }
             (Said::Nothing, SILENT)
         }
@@ -202,6 +208,7 @@ fn hear_simulink<'a>(
     sizes: &mut Option<Sizes>,
     bytes: &[u8],
     host: &mut Host,
+    wanted: &mut dyn FnMut() -> bool,
 ) -> Result<Heard<'a>, ExchangeFault> {
     let (used, event) = machine.feed(bytes)?;
     let (said, reply) = match event {
@@ -216,7 +223,7 @@ fn hear_simulink<'a>(
             (Said::Ready(found), SILENT)
         }
         SimulinkEvent::Target(course) => {
-            host.trial(course, &machine.trial(), machine.dt())?;
+            host.trial(course, &machine.trial(), machine.dt(), wanted)?;
             (Said::Nothing, SILENT)
         }
         SimulinkEvent::AtTarget => {
@@ -266,7 +273,7 @@ mod tests {
             let timed = i32::from(timed);
             let sizes = [1, 0, 0, 0, timed, 0, 0, 0, 1, 0, N as i32];
             let bytes: Vec<u8> = sizes.into_iter().flat_map(i32::to_le_bytes).collect();
-            machine.hear(&bytes, &mut host).unwrap();
+            machine.hear(&bytes, &mut host, &mut || true).unwrap();
             Self {
                 machine,
                 host,
@@ -277,7 +284,7 @@ mod tests {
         fn send(&mut self, code: f64, disp: f64, time: f64) -> Result<Vec<f64>, ExchangeFault> {
             let values = [code, disp, time * f64::from(self.timed), 0.0];
             let bytes: Vec<u8> = values.into_iter().flat_map(f64::to_le_bytes).collect();
-            let heard = self.machine.hear(&bytes, &mut self.host)?;
+            let heard = self.machine.hear(&bytes, &mut self.host, &mut || true)?;
             let words = heard.reply.chunks_exact(8);
             Ok(words
                 .map(|word| f64::from_le_bytes(word.try_into().unwrap()))

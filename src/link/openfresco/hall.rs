@@ -134,7 +134,8 @@ impl Hall<'_> {
                     return;
                 }
                 // Judged by a machine of its own: a stranger's datagram must open nothing.
-                if self.machine(host).hear(&letter, host).is_err() {
+                let mut machine = self.machine(host);
+                if machine.hear(&letter, host, &mut || true).is_err() {
                     tell(&News::Stray(peer, count));
                     return;
                 }
@@ -317,7 +318,9 @@ impl Guest {
                 Socket::Tcp(_) => usize::MAX,
                 Socket::Udp(_) => self.machine.piece(),
             };
-            let heard = self.machine.hear(rest, host).map_err(End::Refused)?;
+            // Before the sizes no specimen is asked for anything.
+            let heard = self.machine.hear(rest, host, &mut || true);
+            let heard = heard.map_err(End::Refused)?;
             for part in datagrams(heard.reply, heard.reply.len(), piece) {
                 match (&mut self.line, &door.socket) {
                     (Line::Open(link), _) => {

@@ -55,6 +55,9 @@ pub enum HostFault {
     /// The specimen holds: a limit, an interlock, or a lost link.
     #[error("the specimen holds: {0}")]
     Tripped(#[from] Trip),
+    /// The server was told to stop while the specimen's answer was waited for.
+    #[error("the server was told to stop")]
+    Unwanted,
     /// The specimen cannot take part in this test; why was told when the sizes came.
     #[error("the specimen cannot take part")]
     Unavailable,
@@ -217,7 +220,8 @@ impl Host {
         }
     }
 
-    /// A command has come. `dt` is the test time since the last commit, where it is known. Real-time: yes.
+    /// A command has come. `dt` is the test time since the last commit, where it is known; an answer is waited for as long as it is
+    /// `wanted`. Real-time: yes.
     ///
     /// # Errors
     /// A step taken back from a physical specimen, a time that cannot be, a force that is not finite.
@@ -226,6 +230,7 @@ impl Host {
         course: Course,
         command: &Response<'_>,
         dt: Option<f64>,
+        wanted: &mut dyn FnMut() -> bool,
     ) -> Result<(), HostFault> {
         if !self.begun {
             return Err(HostFault::Unavailable);
@@ -261,7 +266,7 @@ impl Host {
         } else {
             copy(&mut self.vel, command.vel);
         }
-        self.evaluate(dt)?;
+        self.evaluate(dt, wanted)?;
         self.pending = true;
         Ok(())
     }
@@ -317,7 +322,7 @@ impl Host {
         }
     }
 
-    fn evaluate(&mut self, dt: f64) -> Result<(), HostFault> {
+    fn evaluate(&mut self, dt: f64, wanted: &mut dyn FnMut() -> bool) -> Result<(), HostFault> {
         let command = Command {
             sequence: self.sequence,
             time: self.time,
@@ -326,7 +331,12 @@ impl Host {
             vel: &self.vel,
         };
         self.sequence += 1;
-        Ok(self.station.exchange(&command, dt, &mut self.measured)?)
+        let measured = &mut self.measured;
+        if self.station.exchange(&command, dt, wanted, measured)? {
+            Ok(())
+        } else {
+            Err(HostFault::Unwanted)
+        }
     }
 }
 
@@ -381,16 +391,23 @@ mod tests {
     #[test]
     fn iterations_start_from_the_committed_state_and_repeats_change_nothing() {
         let mut host = host(BILINEAR, 1, Nature::Simulated);
-        host.trial(Course::Step, &at(&[0.03], 0.01), Some(0.01))
+        host.trial(Course::Step, &at(&[0.03], 0.01), Some(0.01), &mut || true)
             .unwrap();
         let plastic = host.response().force[0];
         // 60 at 7.5 mm, then 400 N/m.
         assert!((plastic - (60.0 + 400.0 * 0.0225)).abs() < 1e-9);
-        host.trial(Course::Iteration, &at(&[0.005], 0.01), Some(0.01))
-            .unwrap();
+        host.trial(
+            Course::Iteration,
+            &at(&[0.005], 0.01),
+            Some(0.01),
+            &mut || true,
+        )
+        .unwrap();
         assert!((host.response().force[0] - 40.0).abs() < 1e-12);
-        host.trial(Course::Repeat, &at(&[0.005], 0.01), Some(0.01))
-            .unwrap();
+        host.trial(Course::Repeat, &at(&[0.005], 0.01), Some(0.01), &mut || {
+            true
+        })
+        .unwrap();
         assert!((host.response().force[0] - 40.0).abs() < 1e-12);
         host.commit();
         host.commit();
@@ -403,7 +420,8 @@ mod tests {
         for (nature, evaluated) in [(Nature::Simulated, 1), (Nature::Physical, 2)] {
             let mut host = host(BILINEAR, 1, nature);
             for course in [Course::Step, Course::Repeat] {
-                host.trial(course, &at(&[0.005], 0.01), Some(0.01)).unwrap();
+                host.trial(course, &at(&[0.005], 0.01), Some(0.01), &mut || true)
+                    .unwrap();
             }
             assert_eq!(host.sequence, evaluated);
             assert!((host.response().force[0] - 40.0).abs() < 1e-12);
@@ -417,8 +435,13 @@ mod tests {
         let law = law.build(1).unwrap();
         let mut host = Host::new(law, Nature::Simulated, Some(0.1));
         host.begin(&visitor(), &mut || Ok(())).unwrap();
-        host.trial(Course::Iteration, &at(&[0.02], 40.0), Some(-7.0))
-            .unwrap();
+        host.trial(
+            Course::Iteration,
+            &at(&[0.02], 40.0),
+            Some(-7.0),
+            &mut || true,
+        )
+        .unwrap();
         // One step as the file says.
         assert!((host.response().force[0] - 10.0).abs() < 1e-12);
     }
@@ -427,10 +450,15 @@ mod tests {
     fn a_formula_follows_its_client_past_the_last_commit_and_what_moves_does_not() {
         for nature in [Nature::Simulated, Nature::Physical] {
             let mut host = host(BILINEAR, 1, nature);
-            host.trial(Course::Step, &at(&[0.004], 0.02), Some(0.02))
+            host.trial(Course::Step, &at(&[0.004], 0.02), Some(0.02), &mut || true)
                 .unwrap();
             host.commit();
-            let back = host.trial(Course::Reversed, &at(&[0.003], 0.01), Some(0.0));
+            let back = host.trial(
+                Course::Reversed,
+                &at(&[0.003], 0.01),
+                Some(0.0),
+                &mut || true,
+            );
             match nature {
                 Nature::Simulated => {
                     back.unwrap();
@@ -446,7 +474,7 @@ mod tests {
     fn a_time_that_cannot_be_is_refused() {
         let mut host = host(BILINEAR, 1, Nature::Simulated);
         for time in [1e300, -1e300] {
-            let fault = host.trial(Course::Step, &at(&[0.001], time), Some(time));
+            let fault = host.trial(Course::Step, &at(&[0.001], time), Some(time), &mut || true);
             assert_eq!(fault, Err(HostFault::Leap { time }));
         }
     }
@@ -455,14 +483,19 @@ mod tests {
     fn a_step_taken_back_is_forgotten_by_a_formula_and_refused_by_what_moves() {
         for nature in [Nature::Simulated, Nature::Physical] {
             let mut host = host(BILINEAR, 1, nature);
-            host.trial(Course::First, &at(&[0.0], 0.0), Some(0.0))
+            host.trial(Course::First, &at(&[0.0], 0.0), Some(0.0), &mut || true)
                 .unwrap();
-            host.trial(Course::Step, &at(&[0.004], 0.01), Some(0.01))
+            host.trial(Course::Step, &at(&[0.004], 0.01), Some(0.01), &mut || true)
                 .unwrap();
             host.commit();
-            host.trial(Course::Step, &at(&[0.5], 0.02), Some(0.01))
+            host.trial(Course::Step, &at(&[0.5], 0.02), Some(0.01), &mut || true)
                 .unwrap();
-            let back = host.trial(Course::TakenBack, &at(&[0.004], 0.01), Some(0.0));
+            let back = host.trial(
+                Course::TakenBack,
+                &at(&[0.004], 0.01),
+                Some(0.0),
+                &mut || true,
+            );
             match nature {
                 Nature::Simulated => {
                     back.unwrap();
@@ -473,8 +506,10 @@ mod tests {
                     assert_eq!(host.committed_disp, [0.004]);
                 }
             }
-            host.trial(Course::Step, &at(&[0.006], 0.015), Some(0.005))
-                .unwrap();
+            host.trial(Course::Step, &at(&[0.006], 0.015), Some(0.005), &mut || {
+                true
+            })
+            .unwrap();
             assert!((host.response().force[0] - 48.0).abs() < 1e-12);
         }
     }
@@ -483,7 +518,7 @@ mod tests {
     fn a_new_client_finds_a_formula_virgin_and_a_rig_as_it_was_left() {
         for (nature, left) in [(Nature::Simulated, 0.0), (Nature::Physical, 69.0)] {
             let mut host = host(BILINEAR, 1, nature);
-            host.trial(Course::Step, &at(&[0.03], 0.01), Some(0.01))
+            host.trial(Course::Step, &at(&[0.03], 0.01), Some(0.01), &mut || true)
                 .unwrap();
             host.commit();
             host.begin(&visitor(), &mut || Ok(())).unwrap();
@@ -499,10 +534,10 @@ mod tests {
             (Nature::Physical, 0.01, 61.0),
         ] {
             let mut host = host(BILINEAR, 1, nature);
-            host.trial(Course::Step, &at(&[0.005], 0.01), Some(0.01))
+            host.trial(Course::Step, &at(&[0.005], 0.01), Some(0.01), &mut || true)
                 .unwrap();
             host.commit();
-            host.trial(Course::Step, &at(&[0.01], 0.02), Some(0.01))
+            host.trial(Course::Step, &at(&[0.01], 0.02), Some(0.01), &mut || true)
                 .unwrap();
             host.end(Close::Failed, "");
             host.begin(&visitor(), &mut || Ok(())).unwrap();
@@ -528,7 +563,7 @@ mod tests {
         for k in 1..=40 {
             let time = 0.01 * f64::from(k);
             let command = [1e-3 * f64::from(k)];
-            host.trial(Course::Step, &at(&command, time), Some(0.01))
+            host.trial(Course::Step, &at(&command, time), Some(0.01), &mut || true)
                 .unwrap();
             host.commit();
         }
@@ -537,15 +572,15 @@ mod tests {
         let told = host.begin(&visitor(), &mut || Ok(())).unwrap();
         assert!(told.iter().any(|text| text.contains("stands at 0.04 m")));
         assert_eq!(host.response().disp, [0.04]);
-        let fault = host.trial(Course::First, &at(&[0.0], 0.0), None);
+        let fault = host.trial(Course::First, &at(&[0.0], 0.0), None, &mut || true);
         let text = host.whole(fault.unwrap_err());
         assert!(text.contains("command_step_m"), "{text}");
         assert!(text.contains("stands at 0.04 m"), "{text}");
         host.end(Close::Failed, "");
         host.begin(&visitor(), &mut || Ok(())).unwrap();
-        host.trial(Course::First, &at(&[0.0395], 0.0), None)
+        host.trial(Course::First, &at(&[0.0395], 0.0), None, &mut || true)
             .unwrap();
-        let fault = host.trial(Course::Step, &at(&[0.0], 0.01), Some(0.01));
+        let fault = host.trial(Course::Step, &at(&[0.0], 0.01), Some(0.01), &mut || true);
         let text = host.whole(fault.unwrap_err());
         assert!(!text.contains("stands"), "{text}");
     }
@@ -571,7 +606,7 @@ mod tests {
             for disp in [holds, trips] {
                 let mut host = limited(limits);
                 host.begin(&visitor(), &mut || Ok(())).unwrap();
-                let outcome = host.trial(Course::First, &at(&[disp], 0.0), None);
+                let outcome = host.trial(Course::First, &at(&[disp], 0.0), None, &mut || true);
                 assert_eq!(
                     outcome.is_ok(),
                     disp == holds,
@@ -581,7 +616,7 @@ mod tests {
                     host.commit();
                     // What follows is not judged so.
                     let next = [disp.mul_add(2.0, 1e-4)];
-                    let next = host.trial(Course::Step, &at(&next, 0.01), Some(0.01));
+                    let next = host.trial(Course::Step, &at(&next, 0.01), Some(0.01), &mut || true);
                     assert!(next.is_ok(), "{limits}: {next:?}");
                 }
             }
@@ -590,7 +625,8 @@ mod tests {
         let law: SpecimenLaw = toml::from_str(BILINEAR).unwrap();
         let mut host = Host::new(law.build(1).unwrap(), Nature::Simulated, None);
         host.begin(&visitor(), &mut || Ok(())).unwrap();
-        host.trial(Course::First, &at(&[0.04], 0.0), None).unwrap();
+        host.trial(Course::First, &at(&[0.04], 0.0), None, &mut || true)
+            .unwrap();
     }
 
     #[test]
@@ -602,7 +638,7 @@ mod tests {
             let tripped = (1..=40_u32).any(|k| {
                 host.station.now_is(Nanos(u64::from(k) * period_ns));
                 let (disp, time) = ([1e-3 * f64::from(k)], 0.02 * f64::from(k));
-                let outcome = host.trial(Course::Step, &at(&disp, time), Some(0.02));
+                let outcome = host.trial(Course::Step, &at(&disp, time), Some(0.02), &mut || true);
                 host.commit();
                 outcome.is_err()
             });
@@ -617,12 +653,17 @@ mod tests {
             1,
             Nature::Simulated,
         );
-        host.trial(Course::Step, &at(&[0.02], 0.1), Some(0.1))
+        host.trial(Course::Step, &at(&[0.02], 0.1), Some(0.1), &mut || true)
             .unwrap();
         assert!((host.response().force[0] - 10.0).abs() < 1e-12);
         // Time that does not pass drives no rate effect.
-        host.trial(Course::Iteration, &at(&[0.04], 0.0), Some(-1.0))
-            .unwrap();
+        host.trial(
+            Course::Iteration,
+            &at(&[0.04], 0.0),
+            Some(-1.0),
+            &mut || true,
+        )
+        .unwrap();
         assert_eq!(host.response().force[0], 0.0);
     }
 

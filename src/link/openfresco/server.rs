@@ -231,7 +231,12 @@ impl Attendance<'_> {
                 Socket::Tcp(_) => usize::MAX,
                 Socket::Udp(_) => machine.piece(),
             };
-            let heard = machine.hear(rest, host).map_err(End::Refused)?;
+            let mut wanted = || !(self.stop)();
+            let heard = machine.hear(rest, host, &mut wanted);
+            let heard = heard.map_err(|fault| match fault {
+                ExchangeFault::Host(HostFault::Unwanted) => End::Stopped,
+                fault => End::Refused(fault),
+            })?;
             for part in datagrams(heard.reply, heard.reply.len(), piece) {
                 if let Err(fault) = link.send(part) {
                     return Err(lost(link, fault));

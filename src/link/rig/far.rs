@@ -2,7 +2,8 @@
 //!
 //! Each controller's test has a connection of its own, made when the controller arms and closed when its test is over: so
 //! the next test finds a gateway that owes nothing to the last one, and a specimen that was restarted meanwhile. Every
-//! exchange is waited for, up to the link's own time limit; commands are numbered anew, with the controller's gaps.
+//! exchange is waited for, up to the link's own time limit and for as long as it is wanted; commands are numbered anew, with
+//! the controller's gaps.
 
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -15,8 +16,10 @@ use crate::substructure::{
 };
 use crate::time::Nanos;
 
-/// How often it is asked meanwhile whether a connection is still wanted.
+/// How often it is asked whether a connection that is waited for is still wanted.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
+/// The same of an answer.
+const LISTEN_NS: u64 = 50_000_000;
 
 /// Where a specimen across a link stands, as far as its last tests tell: shared by those who make its connections and those
 /// who ask.
@@ -259,8 +262,9 @@ impl Rig for Far {
         &mut self,
         command: &Command<'_>,
         _: f64,
+        wanted: &mut dyn FnMut() -> bool,
         into: &mut Measurement,
-    ) -> Result<(), LinkFault> {
+    ) -> Result<bool, LinkFault> {
         // The last number of all is none of the protocol's.
         let sequence = (self.ours)
             .checked_add(command.sequence.saturating_sub(self.theirs))
@@ -276,9 +280,18 @@ impl Rig for Far {
         // Within its capacity.
         self.told.clear();
         self.told.extend_from_slice(command.disp);
+        let parts = self.reply_limit_ns.div_ceil(LISTEN_NS);
         let link = self.link()?;
+        for _ in 0..parts {
+            if link.is_answered(LISTEN_NS)? {
+                break;
+            }
+            if !wanted() {
+                return Ok(false);
+            }
+        }
         match link.collect(deadline, into)? {
-            Freshness::Fresh => Ok(()),
+            Freshness::Fresh => Ok(true),
             // The time limit of a link that does not keep one itself.
             Freshness::Stale => Err(LinkFault::Timeout),
         }

@@ -152,8 +152,9 @@ impl Rig for Law {
         &mut self,
         command: &Command<'_>,
         elapsed: f64,
+        _: &mut dyn FnMut() -> bool,
         into: &mut Measurement,
-    ) -> Result<(), LinkFault> {
+    ) -> Result<bool, LinkFault> {
         for ((own, measured), disp) in self.disp.iter_mut().zip(&mut into.disp).zip(command.disp) {
             (*own, *measured) = (*disp, *disp);
         }
@@ -162,7 +163,7 @@ impl Rig for Law {
             .trial(&self.disp, command.vel, elapsed, &mut into.force);
         self.specimen.measured(&mut into.disp);
         into.status = status(self.specimen.as_ref());
-        Ok(())
+        Ok(true)
     }
 
     fn commit(&mut self) -> Result<(), LinkFault> {
@@ -227,7 +228,8 @@ mod tests {
                 disp: &[*place],
                 vel: &[0.0],
             };
-            law.trial(&command, 0.01, &mut measured).unwrap();
+            law.trial(&command, 0.01, &mut || true, &mut measured)
+                .unwrap();
         }
         law.end(Retirement::Tripped);
         introduced

@@ -184,7 +184,8 @@ pub trait Rig: Send {
     }
 
     /// Takes the place of a command, from the last committed state, and measures. `elapsed` is the test time since the
-    /// last commit in s. Real-time: yes, as far as the link is.
+    /// last commit in s. May block for an answer, for as long as it is `wanted`: false if it is not any more, and then the answer
+    /// is still owed. Real-time: yes, as far as the link is.
     ///
     /// # Errors
     /// The specimen is lost.
@@ -192,8 +193,9 @@ pub trait Rig: Send {
         &mut self,
         command: &Command<'_>,
         elapsed: f64,
+        wanted: &mut dyn FnMut() -> bool,
         into: &mut Measurement,
-    ) -> Result<(), LinkFault>;
+    ) -> Result<bool, LinkFault>;
 
     /// The last command is accepted. Real-time: yes.
     ///

@@ -271,7 +271,8 @@ impl Station {
     }
 
     /// One exchange: limits, rig, limits, log. `elapsed` is the test time since the last commit. `into` holds what was
-    /// measured last, with the interlock flag while a trip is latched. Real-time: yes, as far as the rig is.
+    /// measured last, with the interlock flag while a trip is latched. False if the answer is owed, and not `wanted` any more.
+    /// Real-time: yes, as far as the rig is.
     ///
     /// # Errors
     /// The specimen holds; this command, or the one that tripped, was not passed on or must be the last.
@@ -279,9 +280,10 @@ impl Station {
         &mut self,
         command: &Command<'_>,
         elapsed: f64,
+        wanted: &mut dyn FnMut() -> bool,
         into: &mut Measurement,
-    ) -> Result<(), Trip> {
-        self.exchange_as(Exchange::RUNNING, command, elapsed, into)
+    ) -> Result<bool, Trip> {
+        self.exchange_as(Exchange::RUNNING, command, elapsed, wanted, into)
     }
 
     fn trip(&mut self, trip: Trip) {

@@ -104,8 +104,8 @@ mod tests {
                 disp: &[disp],
                 vel: &[0.0],
             };
-            trip = match station.exchange(&command, 1e-5, &mut into) {
-                Ok(()) => None,
+            trip = match station.exchange(&command, 1e-5, &mut || true, &mut into) {
+                Ok(_) => None,
                 Err(Trip::Announced(hit)) => Some(hit.quantity),
                 Err(other) => panic!("{other}"),
             };

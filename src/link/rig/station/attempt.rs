@@ -15,23 +15,22 @@ impl Station {
         state: f64,
         command: &Command<'_>,
         elapsed: f64,
+        wanted: &mut dyn FnMut() -> bool,
         into: &mut Measurement,
-    ) -> Result<(), Trip> {
+    ) -> Result<bool, Trip> {
         // Only the log wants to know the time.
         let received_ns = self.log.as_ref().map_or(0, |_| os::monotonic_ns());
         if let Some(log) = &mut self.log {
             log.begins(command.time);
         }
         let mut answered_ns = None;
-        if self.tripped.is_none()
-            && let Err(trip) = self.attempt(
-                command,
-                elapsed,
-                state == Exchange::RUNNING,
-                &mut answered_ns,
-            )
-        {
-            self.trip(trip);
+        let mut is_answered = true;
+        if self.tripped.is_none() {
+            let is_theirs = state == Exchange::RUNNING;
+            match self.attempt(command, elapsed, is_theirs, wanted, &mut answered_ns) {
+                Ok(answered) => is_answered = answered,
+                Err(trip) => self.trip(trip),
+            }
         }
         into.sequence = command.sequence;
         into.time = self.measured.time;
@@ -45,6 +44,9 @@ impl Station {
         if self.tripped.is_some() {
             into.status.0 |= Status::INTERLOCK.0;
         }
+        if !is_answered {
+            into.status.0 |= Status::OWED.0;
+        }
         if let Some(log) = &mut self.log {
             log.exchange(&Exchange {
                 state: answered_ns.map_or(Exchange::KEPT_BACK, |_| state),
@@ -57,17 +59,19 @@ impl Station {
                 answered_ns: answered_ns.unwrap_or(received_ns),
             });
         }
-        self.tripped.map_or(Ok(()), Err)
+        self.tripped.map_or(Ok(is_answered), Err)
     }
 
-    /// `answered_ns` stays empty for a command that is not passed on.
+    /// `answered_ns` stays empty for a command that is not passed on. False if its answer is owed, and not
+    /// `wanted` any more.
     fn attempt(
         &mut self,
         command: &Command<'_>,
         elapsed: f64,
         is_theirs: bool,
+        wanted: &mut dyn FnMut() -> bool,
         answered_ns: &mut Option<u64>,
-    ) -> Result<(), Trip> {
+    ) -> Result<bool, Trip> {
         if let Some(axis) = not_finite(command.disp, command.vel) {
             let measured = false;
             return Err(Trip::NotFinite { axis, measured });
@@ -99,9 +103,11 @@ impl Station {
         if is_theirs {
             (self.stands, self.leaves) = (None, None);
         }
-        let outcome = self.rig.trial(command, elapsed, &mut self.measured);
+        let outcome = self.rig.trial(command, elapsed, wanted, &mut self.measured);
         *answered_ns = Some(self.log.as_ref().map_or(0, |_| os::monotonic_ns()));
-        outcome.map_err(Trip::Lost)?;
+        if !outcome.map_err(Trip::Lost)? {
+            return Ok(false);
+        }
         self.unsettled += u64::from(self.measured.status.has(Status::UNSETTLED));
         if let Some(axis) = not_finite(&self.measured.disp, &self.measured.force) {
             self.answer_what_was_read();
@@ -128,7 +134,7 @@ impl Station {
         if self.measured.status.has(Status::INTERLOCK) {
             return Err(Trip::Interlock);
         }
-        Ok(())
+        Ok(true)
     }
 
     /// What is no number goes no further: such an axis is answered with what it read before, and the status says that a sensor
@@ -219,14 +225,15 @@ mod tests {
             &mut self,
             command: &Command<'_>,
             _: f64,
+            _: &mut dyn FnMut() -> bool,
             into: &mut Measurement,
-        ) -> Result<(), LinkFault> {
+        ) -> Result<bool, LinkFault> {
             into.disp.copy_from_slice(command.disp);
             into.force = command.disp.iter().map(|disp| 10.0 * disp).collect();
             if command.sequence >= self.from {
                 into.force[1] = f64::NAN;
             }
-            Ok(())
+            Ok(true)
         }
         fn commit(&mut self) -> Result<(), LinkFault> {
             Ok(())
@@ -258,7 +265,9 @@ mod tests {
                 disp: &disp,
                 vel: &[0.0; 2],
             };
-            let trip = station.exchange(&command, 0.01, &mut into).err();
+            let trip = station
+                .exchange(&command, 0.01, &mut || true, &mut into)
+                .err();
             (trip, into.clone())
         };
         for sequence in 0..=2 {

@@ -154,6 +154,8 @@ impl Station {
         let mut sequence = 0;
         while probe.next(&mut disp, &mut vel) {
             wanted()?;
+            let mut unwanted = None;
+            let mut is_wanted = || wanted().map_err(|over| unwanted = Some(over)).is_ok();
             let command = Command {
                 sequence,
                 time: 0.0,
@@ -161,7 +163,12 @@ impl Station {
                 disp: &disp,
                 vel: &vel,
             };
-            self.exchange_as(Exchange::PROBING, &command, 0.0, &mut measured)
+            let state = Exchange::PROBING;
+            let outcome = self.exchange_as(state, &command, 0.0, &mut is_wanted, &mut measured);
+            if let Some(over) = unwanted {
+                return Err(over);
+            }
+            outcome
                 .map_err(|trip| format!("while its direction was tried: {}", self.whole(trip)))?;
             probe.take(&measured.disp, &measured.force);
             if !forgets {

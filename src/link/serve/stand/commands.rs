@@ -1,5 +1,7 @@
 //! What a command does, and its answer.
 
+use std::sync::atomic::Ordering;
+
 use super::Stand;
 use crate::link::Transport;
 use crate::link::rig::{Over, Trip};
@@ -74,7 +76,8 @@ impl Stand {
         };
         self.station.now_is(now);
         let held = self.station.tripped().is_some();
-        let outcome = self.station.exchange(&command, dt_here, &mut self.measured);
+        let mut wanted = || !desk.stop.load(Ordering::Acquire);
+        let outcome = (self.station).exchange(&command, dt_here, &mut wanted, &mut self.measured);
         self.flags = self.measured.status;
         self.commands += 1;
         self.arrived = now;
@@ -84,7 +87,8 @@ impl Stand {
                 let text = self.station.whole(trip);
                 desk.tell(Heard::Tripped { sequence, text });
             }
-            Err(_) | Ok(()) => {}
+            Ok(false) => return Err(self.told_to_stop()),
+            Err(_) | Ok(true) => {}
         }
         match self.sample_after_ns {
             Some(after) => {

@@ -75,10 +75,13 @@ impl Stand {
                 let begun = self
                     .station
                     .begin_again(arm.first_sequence, &arm.disp, &mut wanted);
-                if begun == Err(Over::told_to_stop()) {
-                    self.say_goodbye(Cause::Shutdown);
-                }
-                begun?;
+                begun.map_err(|over| {
+                    if over == Over::told_to_stop() {
+                        self.told_to_stop()
+                    } else {
+                        over
+                    }
+                })?;
                 (self.sequence, self.next_sequence) = (None, arm.first_sequence);
                 self.line.armed(arm.first_sequence);
                 (self.pending, self.sample_at) = (None, None);
@@ -113,6 +116,12 @@ impl Stand {
         self.say(Cause::Tripped, &text);
         self.say_goodbye(Cause::Tripped);
         Over::failed(text)
+    }
+
+    /// Our own operator ends the test: the controller hears it.
+    pub(super) fn told_to_stop(&mut self) -> Over {
+        self.say_goodbye(Cause::Shutdown);
+        Over::told_to_stop()
     }
 
     /// Last words for people.

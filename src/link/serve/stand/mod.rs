@@ -25,7 +25,7 @@ use crate::substructure::{LinkFault, Measurement, Status};
 use crate::time::Nanos;
 use crate::wire::WireError;
 use crate::wire::handshake::Arm;
-use crate::wire::native::{Cause, Decoder, Encoder, Frame, LARGEST_FRAME};
+use crate::wire::native::{Decoder, Encoder, Frame, LARGEST_FRAME};
 
 /// The specimen and its controller.
 pub(super) struct Stand {
@@ -165,8 +165,7 @@ impl Stand {
     fn course(&mut self, desk: &Desk) -> Over {
         loop {
             if desk.stop.load(Ordering::Acquire) {
-                self.say_goodbye(Cause::Shutdown);
-                return Over::told_to_stop();
+                return self.told_to_stop();
             }
             if let Err(end) = self.turn(desk).and_then(|until| self.listen(until)) {
                 return end;
