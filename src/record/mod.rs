@@ -12,7 +12,7 @@
 //! | [`events`], [`note`], [`miss`] | lines of `events.jsonl`; events from outside the loop; the class of a miss |
 //! | [`threads`] | `threads.bin`: what the other threads did, and when |
 //! | [`folder`], [`run`], [`summary`] | the run folder, written; read; `summary.json` |
-//! | `missing` | what the rows lack at their end |
+//! | `missing`, `intact` | what the rows lack at their end; what others did to a file |
 //! | [`export`] | CSV, NumPy, MATLAB, HDF5, a trace of the loop, a project folder |
 //! | [`atomic`], [`utc`] | files that appear whole; calendar text |
 //!
@@ -24,6 +24,7 @@ pub mod events;
 pub mod export;
 pub mod folder;
 pub mod image;
+mod intact;
 pub mod journal;
 pub mod layout;
 pub mod memory;
@@ -43,6 +44,7 @@ pub mod writer;
 
 pub use folder::{FolderError, RunFolder};
 pub use image::FolderImage;
+pub use intact::{Extent, Meddled, is_same_file};
 pub use journal::{End, Journal};
 pub use layout::{COMMITS, Layout};
 pub use memory::MemoryRecorder;

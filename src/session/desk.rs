@@ -1,36 +1,41 @@
 //! The operator's desk: a socket in the run folder, through which other programs speak to a running test.
 //!
 //! One line of JSON in, one out: `{"request": "hold"}` and `{"accepted": true, "phase": "running"}`. Nothing here can hold
-//! the loop up: requests go through the bounded channel that it polls, the phase is a number that it leaves behind. Who asks
-//! keeps apart a test that is over from one that does not answer: of the second nothing is known but that it may still move.
-//! Only the user who started the test may speak (mode 0600).
+//! the loop up: requests go through the bounded channel that it polls, the phase is a number that it leaves behind. Nobody
+//! waits at the desk for another, nor its end for anybody. Who asks keeps apart a test that is over from one that does not
+//! answer: of the second nothing is known but that it may still move. Only the user who started the test may speak (mode
+//! 0600).
 
-use std::fs::{File, Permissions};
+use std::fs::{self, File, Metadata, Permissions};
 use std::io::{self, BufRead, BufReader, ErrorKind, Read, Write};
 use std::os::fd::AsRawFd;
 use std::os::unix::fs::PermissionsExt;
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
 use crossbeam_channel::Sender;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::net::sockopt::{Timeout, set_socket_timeout};
 use rustix::net::{AddressFamily, SocketAddrUnix, SocketFlags, SocketType};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::engine::{Glimpse, Operator, PhaseCell};
-use crate::record::{Roll, What, is_claimed};
+use crate::record::{Roll, Stamper, What, is_claimed, is_same_file};
+use crate::rt::os::monotonic_ns;
 
 /// The socket's name in the run folder.
 const SOCKET: &str = "control.sock";
 /// How long the other end may take for its line.
 const PATIENCE: Duration = Duration::from_secs(2);
 /// Longest line.
-const LONGEST: u64 = 256;
+const LONGEST: usize = 256;
+/// Callers that are listened to at once; others wait for one of them.
+const MOST_CALLERS: usize = 64;
+/// Until what cannot be done just now is tried again.
+const BREATH: Duration = Duration::from_millis(10);
 
 /// What can be asked of a running test.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -55,7 +60,7 @@ struct Asked {
 /// What the test answers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Answer {
-    /// False if the queue of requests is full, or the phase one in which this is not heard.
+    /// False if the queue of requests is full, or the phase one in which this is not heard. An end is always heard.
     pub accepted: bool,
     /// Where the test was when it was asked.
     #[serde(flatten)]
@@ -100,16 +105,18 @@ impl Unanswered {
 /// The listening end; closed and removed when dropped.
 #[derive(Debug)]
 pub struct Desk {
-    path: PathBuf,
-    closing: Arc<AtomicBool>,
+    /// Whatever it is called by now: where it was, the folder of another test may stand.
+    folder: File,
+    /// As it was made.
+    socket: Metadata,
+    /// The thread ends when this does.
+    open: Option<UnixStream>,
     thread: Option<JoinHandle<()>>,
 }
 
-/// A path of any length, short enough for a socket's address: through the folder's descriptor.
-fn short(folder: &Path) -> io::Result<(File, PathBuf)> {
-    let open = File::open(folder)?;
-    let through = format!("/proc/self/fd/{}/{SOCKET}", open.as_raw_fd());
-    Ok((open, PathBuf::from(through)))
+/// The socket in a folder by a path that is short enough for an address, however long the folder's is.
+fn address(folder: &File) -> PathBuf {
+    PathBuf::from(format!("/proc/self/fd/{}/{SOCKET}", folder.as_raw_fd()))
 }
 
 impl Desk {
@@ -123,29 +130,35 @@ impl Desk {
         phase: PhaseCell,
         roll: &Roll,
     ) -> io::Result<Self> {
-        let (_open, address) = short(folder)?;
-        let listener = UnixListener::bind(address)?;
-        let path = folder.join(SOCKET);
-        std::fs::set_permissions(&path, Permissions::from_mode(0o600))?;
-        let closing = Arc::new(AtomicBool::new(false));
-        let (closed, roll) = (Arc::clone(&closing), roll.clone());
+        let folder = File::open(folder)?;
+        let address = address(&folder);
+        let listener = UnixListener::bind(&address)?;
+        let socket = fs::symlink_metadata(&address)?;
+        fs::set_permissions(&address, Permissions::from_mode(0o600))?;
+        listener.set_nonblocking(true)?;
+        let (open, closed) = UnixStream::pair()?;
+        let roll = roll.clone();
+        let work = move || {
+            let mut counter = Counter {
+                listener,
+                closed,
+                callers: Vec::new(),
+                owed: 0,
+                requests,
+                phase,
+                stamper: roll.enter(),
+            };
+            while counter.waits() {
+                counter.turn();
+            }
+        };
         let thread = std::thread::Builder::new()
             .name("gusset-desk".into())
-            .spawn(move || {
-                let stamper = roll.enter();
-                for caller in listener.incoming() {
-                    if closed.load(Ordering::Relaxed) {
-                        return;
-                    }
-                    let began_ns = stamper.now();
-                    // Whoever speaks nonsense or not at all gets no answer.
-                    let _ = caller.and_then(|caller| serve(&caller, &requests, &phase));
-                    stamper.since(What::Request, began_ns, 0);
-                }
-            })?;
+            .spawn(work)?;
         Ok(Self {
-            path,
-            closing,
+            folder,
+            socket,
+            open: Some(open),
             thread: Some(thread),
         })
     }
@@ -153,41 +166,161 @@ impl Desk {
 
 impl Drop for Desk {
     fn drop(&mut self) {
-        self.closing.store(true, Ordering::Relaxed);
-        // Wakes the thread up.
-        let woken = self
-            .path
-            .parent()
-            .map(short)
-            .and_then(Result::ok)
-            .is_some_and(|(_open, address)| UnixStream::connect(address).is_ok());
-        let _ = std::fs::remove_file(&self.path);
-        if let Some(thread) = self.thread.take()
-            && woken
-        {
+        self.open = None;
+        if let Some(thread) = self.thread.take() {
+            // It waits for nothing but this and what comes.
             let _ = thread.join();
+        }
+        let address = address(&self.folder);
+        if fs::symlink_metadata(&address).is_ok_and(|found| is_same_file(&found, &self.socket)) {
+            let _ = fs::remove_file(&address);
         }
     }
 }
 
-fn serve(caller: &UnixStream, requests: &Sender<Operator>, phase: &PhaseCell) -> io::Result<()> {
-    caller.set_read_timeout(Some(PATIENCE))?;
-    caller.set_write_timeout(Some(PATIENCE))?;
-    let asked: Asked = read_line(caller)?;
-    let seen = phase.glimpse();
-    let heard = seen.phase.can_be_held();
-    let accepted = match asked.request {
-        Request::Stop => requests.try_send(Operator::Stop).is_ok(),
-        Request::Hold => heard && requests.try_send(Operator::Hold).is_ok(),
-        Request::Continue => heard && requests.try_send(Operator::to_go_on(seen)).is_ok(),
-        Request::Phase => true,
-    };
-    write_line(caller, &Answer { accepted, seen })
+/// The desk's thread: it waits for all at once, and for each only so long.
+struct Counter {
+    listener: UnixListener,
+    /// Readable when the desk closes.
+    closed: UnixStream,
+    callers: Vec<Caller>,
+    /// Ends that were asked for and found no room yet.
+    owed: u32,
+    requests: Sender<Operator>,
+    phase: PhaseCell,
+    stamper: Stamper,
+}
+
+/// Who has come and not said a whole line.
+struct Caller {
+    stream: UnixStream,
+    line: Vec<u8>,
+    until_ns: u64,
+}
+
+impl Counter {
+    /// Waits until there is something to do; false if the desk closes.
+    fn waits(&self) -> bool {
+        let mut ends = vec![PollFd::new(&self.closed, PollFlags::IN)];
+        if self.callers.len() < MOST_CALLERS {
+            ends.push(PollFd::new(&self.listener, PollFlags::IN));
+        }
+        let streams = self.callers.iter();
+        ends.extend(streams.map(|caller| PollFd::new(&caller.stream, PollFlags::IN)));
+        let now_ns = monotonic_ns();
+        let patience = self.callers.iter().map(|caller| caller.until_ns);
+        let again = (self.owed > 0).then_some(now_ns.saturating_add(nanos(BREATH)));
+        let longest = patience.chain(again).min().map(|until_ns| {
+            let wait_ns = until_ns.saturating_sub(now_ns);
+            Timespec {
+                tv_sec: (wait_ns / 1_000_000_000) as i64,
+                tv_nsec: (wait_ns % 1_000_000_000) as _,
+            }
+        });
+        // One that is interrupted has found nothing.
+        let _ = poll(&mut ends, longest.as_ref());
+        ends.first().is_none_or(|end| end.revents().is_empty())
+    }
+
+    /// Whatever can be done without waiting.
+    fn turn(&mut self) {
+        self.pass_on();
+        if self.callers.len() < MOST_CALLERS {
+            self.accept();
+        }
+        let callers = std::mem::take(&mut self.callers);
+        for mut caller in callers {
+            let began_ns = self.stamper.now();
+            match caller.hear() {
+                Heard::Part if monotonic_ns() < caller.until_ns => self.callers.push(caller),
+                // Whoever speaks nonsense or not at all gets no answer.
+                Heard::Part => {}
+                Heard::Whole => {
+                    let _ = self.serve(&caller);
+                    self.stamper.since(What::Request, began_ns, 0);
+                }
+            }
+        }
+    }
+
+    fn accept(&mut self) {
+        match self.listener.accept() {
+            Ok((stream, _)) if stream.set_nonblocking(true).is_ok() => {
+                self.callers.push(Caller {
+                    stream,
+                    line: Vec::new(),
+                    until_ns: monotonic_ns().saturating_add(nanos(PATIENCE)),
+                });
+            }
+            Err(error) if error.kind() != ErrorKind::WouldBlock => super::pause(BREATH),
+            Ok(_) | Err(_) => {}
+        }
+    }
+
+    fn serve(&mut self, caller: &Caller) -> io::Result<()> {
+        let asked: Asked = serde_json::from_slice(&caller.line)?;
+        let seen = self.phase.glimpse();
+        let heard = seen.phase.can_be_held();
+        let accepted = match asked.request {
+            Request::Stop => {
+                self.owed = self.owed.saturating_add(1);
+                self.pass_on();
+                true
+            }
+            Request::Hold => heard && self.requests.try_send(Operator::Hold).is_ok(),
+            Request::Continue => heard && self.requests.try_send(Operator::to_go_on(seen)).is_ok(),
+            Request::Phase => true,
+        };
+        write_line(&caller.stream, &Answer { accepted, seen })
+    }
+
+    /// An end that finds no room in the queue waits for it.
+    fn pass_on(&mut self) {
+        while self.owed > 0 && self.requests.try_send(Operator::Stop).is_ok() {
+            self.owed -= 1;
+        }
+    }
+}
+
+enum Heard {
+    /// More may come.
+    Part,
+    /// A line, or all that there will be.
+    Whole,
+}
+
+impl Caller {
+    /// What has come by now.
+    fn hear(&mut self) -> Heard {
+        let mut bytes = [0; LONGEST];
+        let room = bytes.get_mut(self.line.len()..).unwrap_or_default();
+        match self.stream.read(room) {
+            Ok(0) => Heard::Whole,
+            Ok(count) => {
+                let come = room.get(..count).unwrap_or_default();
+                let end = come.iter().position(|byte| *byte == b'\n');
+                self.line.extend(come.iter().take(end.unwrap_or(count)));
+                if end.is_some() || self.line.len() == LONGEST {
+                    Heard::Whole
+                } else {
+                    Heard::Part
+                }
+            }
+            Err(error) => match error.kind() {
+                ErrorKind::WouldBlock | ErrorKind::Interrupted => Heard::Part,
+                _ => Heard::Whole,
+            },
+        }
+    }
+}
+
+fn nanos(time: Duration) -> u64 {
+    u64::try_from(time.as_nanos()).unwrap_or(u64::MAX)
 }
 
 fn read_line<T: serde::de::DeserializeOwned>(from: &UnixStream) -> io::Result<T> {
     let mut line = String::new();
-    BufReader::new(from.take(LONGEST)).read_line(&mut line)?;
+    BufReader::new(from.take(LONGEST as u64)).read_line(&mut line)?;
     serde_json::from_str(&line).map_err(io::Error::from)
 }
 
@@ -219,7 +352,7 @@ pub fn ask(folder: &Path, request: Request) -> Result<Answer, Unanswered> {
 
 /// A connection. One that is not taken up in time because too many wait before it is not waited for, either.
 fn reach(folder: &Path) -> io::Result<UnixStream> {
-    let (_open, address) = short(folder)?;
+    let folder = File::open(folder)?;
     let socket = rustix::net::socket_with(
         AddressFamily::UNIX,
         SocketType::STREAM,
@@ -228,7 +361,7 @@ fn reach(folder: &Path) -> io::Result<UnixStream> {
     )?;
     set_socket_timeout(&socket, Timeout::Send, Some(PATIENCE))?;
     set_socket_timeout(&socket, Timeout::Recv, Some(PATIENCE))?;
-    rustix::net::connect(&socket, &SocketAddrUnix::new(&address)?)?;
+    rustix::net::connect(&socket, &SocketAddrUnix::new(address(&folder))?)?;
     Ok(UnixStream::from(socket))
 }
 
@@ -252,9 +385,15 @@ mod tests {
         let answer = ask(&folder, Request::Hold).unwrap();
         assert!(answer.accepted);
         assert_eq!(answer.seen, Glimpse::of(Phase::Running));
-        let full = ask(&folder, Request::Stop).unwrap();
+        let full = ask(&folder, Request::Continue).unwrap();
         assert!(!full.accepted, "one request fits");
-        assert_eq!(receiver.try_recv(), Ok(Operator::Hold));
+        // An end waits for room, and as many as were asked for.
+        for _ in 0..2 {
+            assert!(ask(&folder, Request::Stop).unwrap().accepted);
+        }
+        for heard in [Operator::Hold, Operator::Stop, Operator::Stop] {
+            assert_eq!(receiver.recv(), Ok(heard));
+        }
         drop(desk);
         let over = ask(&folder, Request::Phase).unwrap_err();
         assert!(matches!(over, Unanswered::Over(_)), "{over}");
@@ -365,5 +504,61 @@ mod tests {
         }
         assert!(ask(folder.path(), Request::Continue).unwrap().accepted);
         assert_eq!(receiver.try_recv(), Ok(Operator::Continue));
+    }
+
+    #[test]
+    fn a_desk_whose_folder_was_moved_leaves_that_of_another_test_alone_and_takes_its_own_with_it() {
+        let home = tempfile::tempdir().unwrap();
+        let (path, moved) = (home.path().join("run"), home.path().join("moved"));
+        let open = || {
+            fs::create_dir(&path).unwrap();
+            let (sender, receiver) = crossbeam_channel::bounded(4);
+            let desk = Desk::open(&path, sender, PhaseCell::default(), &roll()).unwrap();
+            (desk, receiver)
+        };
+        let (first, _first_hears) = open();
+        fs::rename(&path, &moved).unwrap();
+        let (_second, second_hears) = open();
+        assert!(ask(&moved, Request::Hold).unwrap().accepted);
+        // Ends: it waits for no word from the other.
+        drop(first);
+        assert!(!moved.join(SOCKET).exists());
+        assert!(ask(&path, Request::Hold).unwrap().accepted);
+        assert_eq!(second_hears.try_recv(), Ok(Operator::Hold));
+
+        // Somebody's file of that name is none of its own.
+        let (third, _third_hears) = {
+            fs::rename(&path, home.path().join("second")).unwrap();
+            open()
+        };
+        fs::remove_file(path.join(SOCKET)).unwrap();
+        fs::write(path.join(SOCKET), "").unwrap();
+        drop(third);
+        assert!(path.join(SOCKET).exists());
+    }
+
+    #[test]
+    fn nobody_waits_for_those_who_say_nothing_and_they_are_not_waited_for_without_end() {
+        let folder = tempfile::tempdir().unwrap();
+        let (sender, receiver) = crossbeam_channel::bounded(4);
+        let desk = Desk::open(folder.path(), sender, PhaseCell::default(), &roll()).unwrap();
+        let call = || UnixStream::connect(folder.path().join(SOCKET)).unwrap();
+        // Each of them alone would be waited for as long as the one who speaks waits in all.
+        let silent: Vec<UnixStream> = (0..8).map(|_| call()).collect();
+        assert!(ask(folder.path(), Request::Stop).unwrap().accepted);
+        assert_eq!(receiver.try_recv(), Ok(Operator::Stop));
+        // One who says something all the time, but no line, has no more time than others.
+        let mut slow = call();
+        let is_hung_up = (0..120).any(|_| {
+            crate::session::pause(Duration::from_millis(100));
+            slow.write_all(b" ").is_err()
+        });
+        assert!(is_hung_up, "he was listened to for 12 s");
+        for mut silent in silent {
+            assert_eq!(silent.read(&mut [0]).unwrap(), 0);
+        }
+        let mut last = call();
+        drop(desk);
+        assert!(matches!(last.read(&mut [0]), Ok(0) | Err(_)));
     }
 }

@@ -311,7 +311,9 @@ mod tests {
                     disp: &disp,
                     vel: &[if dt > 0.0 { vel } else { 0.0 }; 2],
                 };
-                let trip = station.exchange(&command, 0.01, &mut || true, &mut into).err();
+                let trip = station
+                    .exchange(&command, 0.01, &mut || true, &mut into)
+                    .err();
                 trip.map(|_| sequence)
             })
     }
