@@ -163,12 +163,19 @@ fn judge(
             let text = "it is not held; what was read is still to be confirmed, by another `gusset continue`";
             return Some(Ok(format!("{phase}: {text}")));
         }
+        Request::Continue if now.phase == Phase::Zeroing => {
+            return Some(Ok(format!(
+                "{phase}: it is not held, and asks for no confirmation yet"
+            )));
+        }
         Request::Continue => return Some(Ok(phase.to_owned())),
         Request::Hold => {}
     }
     let so_far = match (request, now.hold) {
         (Request::Hold, true) => ": it comes to rest, or will",
-        (Request::Hold, false) => ": it has not heard of the hold yet",
+        (Request::Hold, false) => {
+            ": nothing holds it: it has not heard of the hold yet, or was told since to go on"
+        }
         _ if confirms && now.unconfirmed => ": what was read is not confirmed yet",
         _ if now.phase == Phase::Connected => ": it has not heard of it yet",
         (_, true) => ": it is still held",
@@ -216,7 +223,7 @@ mod tests {
             (
                 seen(Running, false, false),
                 true,
-                "Stopped: it is running after 10 s: it has not heard of the hold yet",
+                "Stopped: it is running after 10 s: nothing holds it: it has not heard of the hold yet, or was told since to go on",
             ),
             (
                 seen(Tripped, false, false),
