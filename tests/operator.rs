@@ -285,3 +285,81 @@ fn a_test_that_does_not_answer_is_asked_on_and_is_not_over() {
         "what lies in the socket is not said again: {events}"
     );
 }
+
+/// What becomes of the folder of the first of two tests into one place.
+#[derive(Debug, Clone, Copy)]
+enum Fate {
+    Moved,
+    Deleted,
+    /// It is a link to the folder that leads elsewhere.
+    Relinked,
+}
+
+#[test]
+fn a_test_whose_folder_is_taken_away_ends_and_leaves_alone_the_test_that_runs_in_its_place() {
+    for fate in [Fate::Moved, Fate::Deleted, Fate::Relinked] {
+        let home = tempfile::tempdir().unwrap();
+        let place = |name: &str| home.path().join(name);
+        let run = place("run");
+        let lead_to = |name: &str| {
+            std::fs::create_dir(place(name)).unwrap();
+            std::os::unix::fs::symlink(place(name), &run).unwrap();
+        };
+        if matches!(fate, Fate::Relinked) {
+            lead_to("old");
+        }
+        let mut first = begin(home.path(), "");
+        until("it runs", || events(&run).contains("\"started\""));
+        match fate {
+            Fate::Moved => std::fs::rename(&run, place("old")).unwrap(),
+            Fate::Deleted => std::fs::remove_dir_all(&run).unwrap(),
+            Fate::Relinked => {
+                std::fs::remove_file(&run).unwrap();
+                lead_to("new");
+            }
+        }
+        let mut second = begin(home.path(), "");
+        until("it runs", || events(&run).contains("\"started\""));
+
+        send(&first, Signal::INT);
+        let mut ended = None;
+        until("the first ends", || {
+            ended = first.try_wait().unwrap();
+            ended.is_some()
+        });
+        assert_eq!(ended.unwrap().code(), Some(130), "{fate:?}");
+        let mut said = String::new();
+        let mut words = first.stderr.take().unwrap();
+        std::io::Read::read_to_string(&mut words, &mut said).unwrap();
+        match fate {
+            Fate::Deleted => {
+                let deleted = "the run folder was deleted while the test ran";
+                for words in [
+                    deleted,
+                    "ROWS ARE LOST",
+                    "summary.json: the folder of this run",
+                ] {
+                    assert!(said.contains(words), "{words}: {said}");
+                }
+            }
+            Fate::Moved | Fate::Relinked => {
+                assert!(said.contains("was moved to "), "{said}");
+                assert!(Run::open(&place("old")).unwrap().summary().is_some());
+                assert!(place("old").join("report.html").exists());
+                assert!(!place("old").join("control.sock").exists());
+            }
+        }
+        for name in [
+            "summary.json",
+            "timing.json",
+            "tick_time.hgrm",
+            "report.html",
+        ] {
+            assert!(!run.join(name).exists(), "{fate:?}: {name}");
+        }
+        assert_eq!(say("hold", &run), "holding", "{fate:?}");
+        assert_eq!(say("stop", &run), "ended", "{fate:?}");
+        assert_eq!(second.wait().unwrap().code(), Some(130));
+        assert!(run.join("report.html").exists());
+    }
+}

@@ -1,6 +1,6 @@
 //! `gusset jitter`: the loop's own timing on this machine.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::Context;
 use serde_json::json;
@@ -73,9 +73,13 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<Exit> {
     for text in &finished.unwritten {
         tell(format_args!("warning: not written: {text}"));
     }
-    let bins = read_json(&finished.path.join("timing.json"));
+    let kept = &finished.folder;
+    let bins = kept
+        .is_there()
+        .then(|| read_json(&kept.path().join("timing.json")));
+    let bins = bins.unwrap_or_default();
     if args.out.is_some() {
-        draw(&facts.title, &finished.path, &bins, 1e6 / facts.rate_hz)?;
+        draw(&facts.title, kept, &bins, 1e6 / facts.rate_hz)?;
     } else {
         // Ours alone: its name carries this process' number.
         let _ = std::fs::remove_dir_all(&scratch);
@@ -138,7 +142,7 @@ fn as_json(
 /// The picture of the histogram.
 fn draw(
     title: &str,
-    folder: &Path,
+    folder: &RunFolder,
     timing: &serde_json::Value,
     period_us: f64,
 ) -> anyhow::Result<()> {
@@ -151,9 +155,7 @@ fn draw(
         .collect();
     let percentiles: Percentiles = serde_json::from_value(entry.clone()).unwrap_or_default();
     let picture = jitter_svg(title, &histogram, &percentiles, Some(period_us));
-    let path: PathBuf = folder.join("jitter.svg");
-    crate::record::atomic::write(&path, picture.as_bytes())
-        .with_context(|| path.display().to_string())
+    Ok(folder.write_extra("jitter.svg", picture.as_bytes())?)
 }
 
 fn conclude(title: &str, args: &JitterArgs, finished: &Finished) {

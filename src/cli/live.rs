@@ -148,7 +148,7 @@ impl Looked {
             status,
             reason: finished.summary.reason.clone(),
             report: report.map(|path| path.display().to_string()),
-            data: finished.path.display().to_string(),
+            data: finished.folder.path().display().to_string(),
         }
     }
 }

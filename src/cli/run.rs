@@ -235,8 +235,8 @@ fn conclude(facts: &Facts, finished: &Finished, page: Option<&Page>) {
     if let Some(page) = page {
         table.row("report", &page.path.display().to_string());
     }
-    let data = finished.path.display();
-    if finished.path.exists() {
+    let data = finished.folder.path().display();
+    if finished.folder.is_there() {
         table.row("data", &data.to_string());
     } else {
         table.row("DATA LOST", &format!("{data} was deleted"));

@@ -16,7 +16,7 @@ use super::layout::{Layout, LayoutError};
 use super::summary::{InputFile, Summary};
 use super::threads;
 use super::utc::stamp;
-use super::whereabouts::{Hold, Whereabouts};
+use super::whereabouts::{Hold, Whereabouts, is_claimed};
 
 /// Why a run folder cannot be written or read.
 #[derive(Debug, Error)]
@@ -24,6 +24,12 @@ pub enum FolderError {
     /// The folder holds something already.
     #[error("{} exists and is not empty: a run is never written over another", .0.display())]
     Occupied(PathBuf),
+    /// The folder is empty, and yet that of a test.
+    #[error("a test runs into {}, though it is empty: a run is never written over another", .0.display())]
+    Claimed(PathBuf),
+    /// A file of a run whose folder was deleted, whatever stands in its place.
+    #[error("{}: the folder of this run is not there any more", .0.display())]
+    Lost(PathBuf),
     /// There is nothing of this name.
     #[error("{} does not exist", .0.display())]
     Missing(PathBuf),
@@ -118,7 +124,8 @@ impl RunFolder {
     /// Makes the folder, and those above it. An empty folder is taken as it is.
     ///
     /// # Errors
-    /// [`FolderError::Occupied`] if it holds anything, [`FolderError::NotAFolder`] if it is a file, or the system refuses.
+    /// [`FolderError::Occupied`] if it holds anything, [`FolderError::Claimed`] if it held what others deleted,
+    /// [`FolderError::NotAFolder`] if it is a file, or the system refuses.
     pub fn create(path: &Path) -> Result<Self, FolderError> {
         if path.exists() && !path.is_dir() {
             return Err(FolderError::NotAFolder(path.to_owned()));
@@ -127,6 +134,9 @@ impl RunFolder {
         fs::create_dir_all(path).map_err(at(path))?;
         if fs::read_dir(path).map_err(at(path))?.next().is_some() {
             return Err(FolderError::Occupied(path.to_owned()));
+        }
+        if is_claimed(path) {
+            return Err(FolderError::Claimed(path.to_owned()));
         }
         // Two runs that start at once may both have found it empty: only one of them can make this file.
         match File::create_new(path.join("events.jsonl")) {
@@ -144,14 +154,25 @@ impl RunFolder {
         })
     }
 
-    /// For a test that runs into it: who asks is told so until this is dropped ([`super::is_claimed`]).
+    /// For a test that runs into it: who asks is told so until its end ([`super::is_claimed`]).
     pub fn claim(&self) {
         self.hold.claim();
     }
 
+    /// The test is over.
+    pub fn release(&self) {
+        self.hold.release();
+    }
+
+    /// False if it was moved or deleted, whatever stands in its place. Then nothing is written there.
+    #[must_use]
+    pub fn is_there(&self) -> bool {
+        self.hold.is_at(&self.path)
+    }
+
     /// What became of it since it was made. What is written from now on goes to where it was moved.
     pub fn find_again(&mut self) -> Whereabouts {
-        let found = self.hold.find(&self.path, "samples.bin");
+        let found = self.hold.find(&self.path);
         if let Whereabouts::Moved(place) = &found {
             self.path.clone_from(place);
         }
@@ -161,6 +182,9 @@ impl RunFolder {
     /// Takes the folder of a test that never began away again; only what this made is removed, and what the system
     /// does not let go of stays.
     pub fn abandon(self) {
+        if !self.is_there() {
+            return;
+        }
         let own = [
             "events.jsonl",
             "samples.json",
@@ -235,6 +259,15 @@ impl RunFolder {
         self.write(name, bytes)
     }
 
+    /// A folder of this name in it, for whoever runs the test.
+    ///
+    /// # Errors
+    /// [`FolderError::Lost`], or the system refuses.
+    pub fn make(&self, name: &str) -> Result<(), FolderError> {
+        let folder = self.place(name)?;
+        fs::create_dir_all(&folder).map_err(at(&folder))
+    }
+
     /// A copy under `inputs/` of a file that the test read. The same bytes under the same name are kept once; other
     /// bytes under a name that is taken get a number before the extension.
     ///
@@ -259,8 +292,7 @@ impl RunFolder {
                 Some(_) => number += 1,
             }
         };
-        let folder = self.path.join("inputs");
-        fs::create_dir_all(&folder).map_err(at(&folder))?;
+        self.make("inputs")?;
         self.write(&path, bytes)?;
         let input = InputFile {
             path,
@@ -347,8 +379,18 @@ impl RunFolder {
     }
 
     fn write(&self, name: &str, bytes: &[u8]) -> Result<(), FolderError> {
-        let path = self.path.join(name);
+        let path = self.place(name)?;
         atomic::write(&path, bytes).map_err(at(&path))
+    }
+
+    /// Where a file of this name is to be written.
+    fn place(&self, name: &str) -> Result<PathBuf, FolderError> {
+        let path = self.path.join(name);
+        if self.is_there() {
+            Ok(path)
+        } else {
+            Err(FolderError::Lost(path))
+        }
     }
 }
 
@@ -510,6 +552,41 @@ pub(super) mod tests {
         assert!(!new.exists());
         assert_eq!(fs::read_dir(&old).unwrap().count(), 0);
         assert_eq!(fs::read_dir(&shared).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn nothing_is_written_into_a_folder_that_stands_where_this_one_was() {
+        let temp = tempfile::tempdir().unwrap();
+        let path = temp.path().join("run");
+        let mut folder = recorded(&path, &["x1"], &[]);
+        assert!(folder.is_there());
+        fs::remove_dir_all(&path).unwrap();
+        let _other = RunFolder::create(&path).unwrap();
+        assert!(!folder.is_there());
+        assert_eq!(folder.find_again(), Whereabouts::Gone);
+        for refused in [
+            folder.write_summary(&example()),
+            folder.write_extra("report.html", b""),
+            folder.make("identification"),
+            folder.add_input(Path::new("a.csv"), b"1").map(|_| ()),
+        ] {
+            assert!(matches!(refused, Err(FolderError::Lost(_))), "{refused:?}");
+        }
+        folder.abandon();
+        assert_eq!(fs::read_dir(&path).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_folder_that_was_emptied_under_a_running_test_is_still_its_own() {
+        let temp = tempfile::tempdir().unwrap();
+        let path = temp.path().join("run");
+        let folder = RunFolder::create(&path).unwrap();
+        folder.claim();
+        fs::remove_file(path.join("events.jsonl")).unwrap();
+        let refused = RunFolder::create(&path).unwrap_err();
+        assert!(matches!(refused, FolderError::Claimed(_)), "{refused}");
+        folder.release();
+        RunFolder::create(&path).unwrap();
     }
 
     #[test]

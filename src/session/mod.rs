@@ -20,6 +20,7 @@ mod continued;
 mod desk;
 mod energetics;
 mod guarded;
+mod kept;
 mod page;
 mod ready;
 mod recorded;
@@ -33,7 +34,6 @@ mod summary;
 mod tape;
 mod watches;
 
-use std::path::PathBuf;
 use std::sync::mpsc;
 use std::time::Duration;
 
@@ -61,8 +61,7 @@ use crate::config::{Facts, Prepared};
 use crate::engine::Control;
 use crate::record::writer::WriterError;
 use crate::record::{
-    FolderError, Note, NoteLevel, Progress, Recorded, Roll, RunFolder, Summary, What, Whereabouts,
-    Writer,
+    FolderError, Note, NoteLevel, Progress, Recorded, Roll, RunFolder, Summary, What, Writer,
 };
 use crate::rt::wall::Wall;
 use crate::rt::{Granted, os};
@@ -116,8 +115,8 @@ pub enum Finish {
 pub struct Finished {
     /// How it ended.
     pub finish: Finish,
-    /// The run folder.
-    pub path: PathBuf,
+    /// The run folder. Others may move or delete it at any time: what is added to it is written by itself.
+    pub folder: RunFolder,
     /// What stands in summary.json.
     pub summary: Summary,
     /// What the recording came to.
@@ -232,16 +231,7 @@ fn carry_out(
         ended.fault.get_or_insert(error.to_string());
         Recorded::default()
     });
-    match folder.find_again() {
-        Whereabouts::There => {}
-        Whereabouts::Moved(place) => {
-            let place = place.display();
-            let text = format!("the run folder was moved to {place} while the test ran");
-            tracing::warn!("{text}");
-            facts.warnings.push(text);
-        }
-        Whereabouts::Gone => recorded.lose_all("the record was deleted while the test ran"),
-    }
+    kept::look_over(&mut folder, &mut facts, &mut recorded);
     roll.close();
     let mut unwritten = Vec::new();
     let span = summary::Span {
@@ -262,9 +252,10 @@ fn carry_out(
     if let Err(error) = folder.write_summary(&summary) {
         unwritten.push(error.to_string());
     }
+    folder.release();
     Finished {
         finish,
-        path: folder.path().to_owned(),
+        folder,
         summary,
         recorded,
         granted,

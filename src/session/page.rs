@@ -16,6 +16,9 @@ use crate::report::{
     identified, missing_metrics, render, ticks_per_step, tracking_metrics,
 };
 
+/// Its name in the run folder.
+const PAGE: &str = "report.html";
+
 /// Why there is no report.
 #[derive(Debug, Error)]
 pub enum PageError {
@@ -49,7 +52,8 @@ pub struct Page {
 /// [`PageError`].
 pub fn write_report(folder: &Path) -> Result<Page, PageError> {
     let run = read(folder)?;
-    page(folder, &run)
+    let path = write(&folder.join(PAGE), &render(&run))?;
+    Ok(page(path, &run))
 }
 
 /// Writes report.html into the folder of a run that has just ended, and the tracking metrics into its summary, which is
@@ -58,29 +62,30 @@ pub fn write_report(folder: &Path) -> Result<Page, PageError> {
 /// # Errors
 /// [`PageError`]; the summary is then the one that was written before.
 pub fn conclude(finished: &mut Finished) -> Result<Page, PageError> {
-    let mut run = read(&finished.path)?;
-    finished.summary.metrics = tracking_metrics(&run);
-    finished.summary.metrics_missing = missing_metrics(&run);
-    finished.summary.falsified = falsified(&run);
-    let path = finished.path.join("summary.json");
-    let text =
-        serde_json::to_string_pretty(&finished.summary).map_err(|source| PageError::File {
-            path: path.clone(),
-            source: source.into(),
-        })?;
-    write(&path, &(text.clone() + "\n"))?;
+    let Finished {
+        folder, summary, ..
+    } = finished;
+    if !folder.is_there() {
+        return Err(FolderError::Lost(folder.path().join(PAGE)).into());
+    }
+    let mut run = read(folder.path())?;
+    summary.metrics = tracking_metrics(&run);
+    summary.metrics_missing = missing_metrics(&run);
+    summary.falsified = falsified(&run);
+    folder.write_summary(summary)?;
     // As whoever writes the report again will read it.
-    run.summary = serde_json::from_str(&text).ok();
-    page(&finished.path, &run)
+    let text = serde_json::to_string(summary).ok();
+    run.summary = text.and_then(|text| serde_json::from_str(&text).ok());
+    folder.write_extra(PAGE, render(&run).as_bytes())?;
+    Ok(page(folder.path().join(PAGE), &run))
 }
 
-fn page(folder: &Path, run: &RunData) -> Result<Page, PageError> {
-    let path = write(&folder.join("report.html"), &render(run))?;
-    Ok(Page {
+fn page(path: PathBuf, run: &RunData) -> Page {
+    Page {
         path,
         identified: identified(run),
         damaged: run.damaged.clone(),
-    })
+    }
 }
 
 /// The rows of a run folder, read from the file as often as they are needed.

@@ -11,7 +11,7 @@ mod page;
 mod text;
 mod twin;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::Context;
 use clap::{Args, ValueEnum};
@@ -26,7 +26,7 @@ use super::run::refused;
 use super::{answer, tell, warn};
 use crate::config::{self, Facts, Loaded, Prepared};
 use crate::identify::Shape;
-use crate::record::{Progress, atomic};
+use crate::record::{Progress, RunFolder};
 use crate::session::{self, Finish, Finished, Signal, Signals, Watches};
 
 use course::Plan;
@@ -150,14 +150,17 @@ pub fn identify(args: &IdentifyArgs) -> anyhow::Result<Exit> {
             return Err(WithExit(exit, text).into());
         }
     }
-    let outcome = Outcome::read(&finished.path, &plan, &driven)?;
-    keep(&outcome, &plan, &driven, &finished.path)?;
+    if !finished.folder.is_there() {
+        let text = "the run folder was deleted, and nothing is identified";
+        return Err(WithExit(Exit::Stopped, text.to_owned()).into());
+    }
+    let folder = finished.folder.path();
+    let outcome = Outcome::read(folder, &plan, &driven)?;
+    keep(&outcome, &plan, &driven, &finished.folder)?;
     if args.json {
-        answer(serde_json::to_string_pretty(
-            &outcome.as_json(&finished.path),
-        )?)?;
+        answer(serde_json::to_string_pretty(&outcome.as_json(folder))?)?;
     } else {
-        answer(text::table(&outcome, &finished.path))?;
+        answer(text::table(&outcome, folder))?;
     }
     match outcome.first_error() {
         None => Ok(Exit::Done),
@@ -218,22 +221,21 @@ fn carry_out(
     Ok((finished, exit))
 }
 
+/// Folder of the pictures in the run folder.
+const PICTURES: &str = "identification";
+
 /// Writes what was found into the run folder.
-fn keep(outcome: &Outcome, plan: &Plan, driven: &Loaded, folder: &Path) -> anyhow::Result<()> {
-    let pictures = folder.join("identification");
-    std::fs::create_dir(&pictures).with_context(|| pictures.display().to_string())?;
-    let json = serde_json::to_string_pretty(&outcome.as_json(folder))?;
-    let mut files = vec![(folder.join("identification.json"), json)];
+fn keep(outcome: &Outcome, plan: &Plan, driven: &Loaded, folder: &RunFolder) -> anyhow::Result<()> {
+    folder.make(PICTURES)?;
+    let json = serde_json::to_string_pretty(&outcome.as_json(folder.path()))?;
+    let mut files = vec![("identification.json".to_owned(), json)];
     if let Some(twin) = twin::text(outcome, plan, driven)? {
-        files.push((folder.join("identified.toml"), twin));
+        files.push(("identified.toml".to_owned(), twin));
     }
-    let page = page::files(outcome, driven);
-    files.extend(
-        page.into_iter()
-            .map(|(name, text)| (pictures.join(name), text)),
-    );
-    for (path, text) in files {
-        atomic::write(&path, text.as_bytes()).with_context(|| path.display().to_string())?;
+    let page = page::files(outcome, driven).into_iter();
+    files.extend(page.map(|(name, text)| (format!("{PICTURES}/{name}"), text)));
+    for (name, text) in files {
+        folder.write_extra(&name, text.as_bytes())?;
     }
     Ok(())
 }
