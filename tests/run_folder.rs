@@ -7,8 +7,10 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use common::engine::prepare;
 use common::{FRAME, PATIENT, completed, copy, json, names, run, same_physics, say, write};
-use gusset::record::Run;
+use gusset::record::{Run, RunFolder};
+use gusset::session::{self, Finish, Watches};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 use tempfile::TempDir;
@@ -405,4 +407,106 @@ fn without_out_a_run_is_named_after_its_title_and_its_start() {
         names.len() == 2 && names.iter().all(|name| name.starts_with("frame-20")),
         "{names:?}"
     );
+}
+
+/// A test on the simulated clock whose folder others lay hands on at its last tick, when rows are in the file.
+fn meddled(meddle: fn(&Path), is_required: bool) -> session::Finished {
+    let home = tempfile::tempdir().unwrap();
+    let mut text = FRAME.replace("duration_s = 0.5", "duration_s = 20");
+    if is_required {
+        text.push_str("[record]\nrequired = true\n");
+    }
+    let path = home.path().join("run");
+    let folder = RunFolder::create(&path).unwrap();
+    let watches = Watches {
+        after_last_tick: Some(Box::new(move || {
+            // The writer brings them there by itself.
+            while fs::metadata(path.join("samples.bin")).map_or(0, |file| file.len()) < 10_000 {
+                session::pause(std::time::Duration::from_millis(1));
+            }
+            meddle(&path);
+        })),
+        ..Watches::default()
+    };
+    let nobody = crossbeam_channel::never();
+    session::run(prepare(&text), folder, nobody, watches, &mut |_| {}).unwrap()
+}
+
+#[test]
+fn what_others_do_to_the_record_of_a_running_test_is_told_and_what_cannot_be_read_is_lost() {
+    /// What is done, what is said of it, and the least and the most of 4001 rows that it costs.
+    type Case = (fn(&Path), &'static [&'static str], [u64; 2]);
+    let cases: [Case; 7] = [
+        (|_| {}, &[], [0, 0]),
+        (
+            |run| {
+                let file = fs::File::options()
+                    .write(true)
+                    .open(run.join("samples.bin"));
+                file.unwrap().set_len(100).unwrap();
+            },
+            &["samples.bin was changed by others while the test ran"],
+            [1, 4001],
+        ),
+        (
+            |run| drop(fs::File::create(run.join("samples.bin")).unwrap()),
+            &["samples.bin was changed by others while the test ran"],
+            [1, 4001],
+        ),
+        (
+            |run| {
+                fs::copy(run.join("samples.bin"), run.join("x")).unwrap();
+                fs::rename(run.join("x"), run.join("samples.bin")).unwrap();
+            },
+            &["samples.bin was replaced by another file while the test ran"],
+            // It may be that all were in the copy.
+            [0, 4001],
+        ),
+        (
+            |run| fs::remove_file(run.join("samples.bin")).unwrap(),
+            &["samples.bin was deleted while the test ran"],
+            [4001, 4001],
+        ),
+        (
+            |run| fs::remove_file(run.join("events.jsonl")).unwrap(),
+            &["events.jsonl was deleted while the test ran"],
+            [0, 0],
+        ),
+        (
+            |run| {
+                fs::remove_file(run.join("samples.json")).unwrap();
+                fs::remove_file(run.join("test.toml")).unwrap();
+            },
+            &[
+                "samples.json was deleted while the test ran",
+                "test.toml was deleted while the test ran",
+            ],
+            [4001, 4001],
+        ),
+    ];
+    for (meddle, said, [least, most]) in cases {
+        let finished = meddled(meddle, false);
+        let summary = &finished.summary;
+        assert_eq!(finished.finish, Finish::Completed, "{said:?}");
+        assert_eq!(summary.steps, 4000);
+        let lost = summary.rows_lost;
+        assert!((least..=most).contains(&lost), "{said:?}: {lost} lost");
+        for text in said {
+            let told = summary.warnings.iter().any(|told| told.starts_with(text));
+            assert!(told, "{text}: {:?}", summary.warnings);
+        }
+        let is_whole = said.is_empty();
+        let told = |text: &String| text.contains("while the test ran");
+        assert_eq!(summary.warnings.iter().any(told), !is_whole);
+
+        let finished = meddled(meddle, true);
+        let wanted = if is_whole {
+            Finish::Completed
+        } else {
+            Finish::Stopped
+        };
+        assert_eq!(finished.finish, wanted, "{said:?}");
+        let reason = &finished.summary.reason;
+        assert_eq!(reason.contains("[record] required"), !is_whole, "{reason}");
+    }
 }

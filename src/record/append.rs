@@ -8,6 +8,8 @@
 use std::fs::File;
 use std::io::{self, Seek, SeekFrom, Write};
 
+use super::intact::Extent;
+
 /// Pause between two attempts on a store that failed.
 const RETRY_NS: u64 = 100_000_000;
 
@@ -29,6 +31,12 @@ pub trait Store: Write + Send {
     fn syncer(&self) -> io::Result<Syncer> {
         Ok(Box::new(|| Ok(())))
     }
+
+    /// The store as it is, if `written` bytes were; none if it is no file.
+    fn extent(&self, written: u64) -> Option<Extent> {
+        let _no_file = written;
+        None
+    }
 }
 
 impl Store for File {
@@ -41,6 +49,10 @@ impl Store for File {
         let handle = self.try_clone()?;
         Ok(Box::new(move || handle.sync_data()))
     }
+
+    fn extent(&self, written: u64) -> Option<Extent> {
+        Extent::of(self, written).ok()
+    }
 }
 
 impl Store for Box<dyn Store> {
@@ -50,6 +62,10 @@ impl Store for Box<dyn Store> {
 
     fn syncer(&self) -> io::Result<Syncer> {
         (**self).syncer()
+    }
+
+    fn extent(&self, written: u64) -> Option<Extent> {
+        (**self).extent(written)
     }
 }
 
@@ -161,6 +177,13 @@ impl<S: Store> Appender<S> {
     #[must_use]
     pub const fn is_torn(&self) -> bool {
         self.torn
+    }
+
+    /// The file as it is, and what was written; none if it is no file, or holds a torn tail of our own.
+    #[must_use]
+    pub fn extent(&self) -> Option<Extent> {
+        let whole = (!self.torn).then_some(&self.store);
+        whole.and_then(|store| store.extent(self.length))
     }
 
     /// The store.

@@ -14,6 +14,7 @@ use crossbeam_channel::Receiver;
 use serde_json::Map;
 
 use super::append::{Appender, Flushed, Store, Unit};
+use super::intact::Extent;
 use super::miss::{MissClasses, SampleWindow, SchedSample};
 use super::note::{Note, Position};
 use super::warned::Warned;
@@ -96,6 +97,11 @@ impl<S: Store> EventLog<S> {
     /// The store.
     pub const fn store(&self) -> &S {
         self.lines.store()
+    }
+
+    /// The file as it is, and what was written: see [`Appender::extent`].
+    pub fn extent(&self) -> Option<Extent> {
+        self.lines.extent()
     }
 
     /// Takes an event of the loop.

@@ -8,6 +8,7 @@
 use std::io::{self, Read};
 
 use super::append::{Appender, Flushed, Store, Unit};
+use super::intact::Extent;
 use super::layout::{HEAD, MARKER, TAIL, stride};
 use super::strides::{Next, Strides};
 
@@ -79,6 +80,12 @@ impl<S: Store> JournalWriter<S> {
     #[must_use]
     pub const fn bytes(&self) -> u64 {
         self.appender.length()
+    }
+
+    /// The file as it is, and what was written: see [`Appender::extent`].
+    #[must_use]
+    pub fn extent(&self) -> Option<Extent> {
+        self.appender.extent()
     }
 
     /// Rows that wait for the store.

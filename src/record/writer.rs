@@ -7,6 +7,7 @@
 //! * A second thread brings the files to the disk every 0.9 s, so that a sync that takes long holds up nothing but the
 //!   next sync; with the time of flush and sync a power cut costs about the last second. A write may still be held up
 //!   by the file system while it syncs; the ring covers that with four seconds ([`super::RingSize::for_rate`]).
+//! * What others do to its files while it writes them is told once of each, as often as it has them synced.
 //! * A file that refuses (disk full) ends nothing: rows wait in bounded memory, are offered again every 100 ms, and
 //!   what finds no room is counted and shouted. The file holds whole rows at all times.
 //!
@@ -33,6 +34,7 @@ use sync::SyncThread;
 
 use super::append::Store;
 use super::events::Moment;
+use super::intact::Extent;
 use super::miss::{MissClasses, SchedSample};
 use super::note::Note;
 use super::onlooker::Onlooker;
@@ -131,13 +133,20 @@ pub struct Recorded {
     pub sync_failures: u64,
     /// The first error of a file, if there was one.
     pub first_error: Option<String>,
+    /// Its files as it left them.
+    pub files: Vec<(&'static str, Extent)>,
+    /// What others did to the record while it was written, in sentences, as far as that was looked for.
+    pub damaged: Vec<String>,
 }
 
 impl Recorded {
-    /// What was in the file is lost, too.
-    pub fn lose_all(&mut self, why: &str) {
-        self.rows_lost_file += std::mem::take(&mut self.rows_written);
-        self.first_error = Some(why.to_owned());
+    /// So many rows that were in the file are lost, too.
+    pub fn lose(&mut self, rows: u64, why: &str) {
+        self.rows_written -= rows.min(self.rows_written);
+        self.rows_lost_file += rows;
+        if rows > 0 {
+            self.first_error = Some(why.to_owned());
+        }
     }
 
     /// All rows lost: `rows_lost` of the summary.

@@ -35,6 +35,7 @@ const KINDS: [(&str, &[&str], Ink); 5] = [
             "diverged",
             "row_lost",
             "rows_lost",
+            "record_damaged",
             "not_granted",
             "misfit",
             "moved",

@@ -1,9 +1,9 @@
 //! What became of the record while the test ran: others may have moved, deleted or changed what was being written.
 
 use crate::config::Facts;
-use crate::record::{Recorded, RunFolder, Whereabouts};
+use crate::record::{FolderError, Meddled, Recorded, Run, RunFolder, Whereabouts};
 
-/// Finds the folder again; what was in one that is gone is lost.
+/// Finds the folder again and counts as lost what cannot be read in it any more.
 pub(super) fn look_over(folder: &mut RunFolder, facts: &mut Facts, recorded: &mut Recorded) {
     match folder.find_again() {
         Whereabouts::There => {}
@@ -14,7 +14,48 @@ pub(super) fn look_over(folder: &mut RunFolder, facts: &mut Facts, recorded: &mu
             facts.warnings.push(text);
         }
         Whereabouts::Gone => {
-            recorded.lose_all("the run folder was deleted while the test ran");
+            let text = "the run folder was deleted while the test ran";
+            tracing::error!("{text}");
+            recorded.damaged.push(text.to_owned());
+            recorded.lose(recorded.rows_written, text);
+            return;
         }
     }
+    let damaged = meddled(folder, recorded);
+    let Some(first) = damaged.first() else {
+        return;
+    };
+    let readable = readable(folder).unwrap_or(0);
+    recorded.lose(recorded.rows_written.saturating_sub(readable), first);
+    for text in &damaged {
+        tracing::error!("{text}");
+    }
+    recorded.damaged = damaged;
+}
+
+/// What others did to its files, in sentences: to those of the writer, as that left them, and to those without which nobody reads
+/// or repeats a run.
+fn meddled(folder: &RunFolder, recorded: &Recorded) -> Vec<String> {
+    let at = |name: &str| folder.path().join(name);
+    let written = recorded.files.iter().filter_map(|(name, extent)| {
+        let meddled = extent.meddled_at(&at(name))?;
+        Some(format!("{name} {meddled}"))
+    });
+    let needed = ["samples.json", "test.toml", "resolved.toml"];
+    let inputs = folder.inputs().iter().map(|input| input.path.as_str());
+    let gone = needed.into_iter().chain(inputs);
+    let gone = gone.filter(|name| !at(name).exists());
+    let gone = gone.map(|name| format!("{name} {}", Meddled::Deleted));
+    written.chain(gone).collect()
+}
+
+/// Rows that whoever reads the folder gets.
+fn readable(folder: &RunFolder) -> Result<u64, FolderError> {
+    let mut journal = Run::open(folder.path())?.journal()?;
+    let mut rows = 0;
+    // What cannot be read ends the rows, too.
+    while let Ok(Some(_)) = journal.next_row() {
+        rows += 1;
+    }
+    Ok(rows)
 }

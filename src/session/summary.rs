@@ -86,10 +86,15 @@ pub(super) fn summarise(
             Finish::Stopped,
             format!("{} rows lost, and [record] required", recorded.rows_lost()),
         ),
+        Finish::Completed if facts.record_required && !recorded.damaged.is_empty() => (
+            Finish::Stopped,
+            format!("{}, and [record] required", recorded.damaged.join("; ")),
+        ),
         _ => (finish, reason),
     };
     let mut warnings = facts.warnings.clone();
     warnings.extend(recorded.warned.iter().cloned());
+    warnings.extend(recorded.damaged.iter().cloned());
     warnings.extend(unwritten.iter().map(|text| format!("not written: {text}")));
     if recorded.rows_lost() > 0 {
         let cause = recorded

@@ -26,7 +26,7 @@ pub struct Facts {
     pub specimens: Vec<String>,
     /// What is asked of the machine.
     pub timing: TimingSpec,
-    /// Whether a lost row makes the test a failed one.
+    /// Whether a lost row or a damaged record makes the test a failed one.
     pub record_required: bool,
     /// Seconds of rows that the queue to the writer holds.
     pub queue_s: f64,

@@ -10,6 +10,7 @@ use super::sync::{Lengths, SyncThread};
 use super::{Progress, Recorded, WriterSettings, lock};
 use crate::record::append::{Flushed, Store};
 use crate::record::events::{EventContext, EventLog, Moment};
+use crate::record::intact::Extent;
 use crate::record::journal::JournalWriter;
 use crate::record::miss::SchedSample;
 use crate::record::note::{Note, NoteLevel, Position};
@@ -21,6 +22,8 @@ use crate::record::threads::{ThreadLog, What};
 pub(super) const CHUNK: usize = 256 << 10;
 /// Events and notes taken in one turn.
 const PER_TURN: usize = 8192;
+/// What it writes, besides stamps.
+const FILES: [&str; 2] = ["samples.bin", "events.jsonl"];
 /// Pause between two shouts about lost rows.
 const SHOUT_NS: u64 = 1_000_000_000;
 
@@ -42,6 +45,7 @@ pub(super) struct Drain<S, E> {
     pub(super) synced_ns: u64,
     synced_bytes: u64,
     shouted: Option<(u64, u64)>,
+    meddled: [bool; FILES.len()],
     first_error: Option<String>,
 }
 
@@ -78,6 +82,7 @@ impl<S: Store, E: Store> Drain<S, E> {
             synced_ns: 0,
             synced_bytes: 0,
             shouted: None,
+            meddled: Default::default(),
             first_error: None,
         }
     }
@@ -165,6 +170,8 @@ impl<S: Store, E: Store> Drain<S, E> {
         // Last of all, and told of nowhere but here and in the file itself: nothing of the test is missing.
         let stamps_lost = self.stamps.finish(now.monotonic_ns);
         let unwritten = self.events.waiting();
+        let extents = FILES.into_iter().zip(self.extents());
+        let extents = extents.filter_map(|(file, extent)| Some((file, extent?)));
         Recorded {
             rows_written: self.journal.rows(),
             rows_lost_queue: self.ring.lost().rows(),
@@ -176,6 +183,8 @@ impl<S: Store, E: Store> Drain<S, E> {
             stamps_lost,
             sync_failures,
             first_error: self.first_error,
+            files: extents.collect(),
+            damaged: Vec::new(),
         }
     }
 
@@ -255,11 +264,31 @@ impl<S: Store, E: Store> Drain<S, E> {
         [self.journal.bytes(), self.events.length()]
     }
 
+    fn extents(&self) -> [Option<Extent>; FILES.len()] {
+        [self.journal.extent(), self.events.extent()]
+    }
+
+    /// Says what others did to the files, once of each.
+    fn look_over(&mut self, now: Moment) {
+        let each = FILES.into_iter().zip(self.extents());
+        for ((file, extent), told) in each.zip(&mut self.meddled) {
+            let meddled = extent.and_then(|extent| extent.meddled());
+            if let Some(meddled) = meddled.filter(|_| !*told) {
+                *told = true;
+                let note = Note::new(NoteLevel::Error, "record_damaged")
+                    .with("file", file)
+                    .with("text", format!("{file} {meddled}"));
+                self.events.note(note, self.position, now);
+            }
+        }
+    }
+
     fn ask_for_sync(&mut self, now: Moment) {
         let lengths = self.lengths();
         let bytes = lengths.iter().sum();
         let since = now.monotonic_ns.saturating_sub(self.synced_ns);
         if bytes != self.synced_bytes && since >= nanos(self.settings.sync_every) {
+            self.look_over(now);
             if let Some(sync) = &self.sync {
                 sync.ask(lengths);
             }

@@ -565,3 +565,49 @@ fn while_the_disk_has_no_room_for_rows_stamps_take_none_of_it() {
     assert!(!threads.bytes().is_empty());
     assert_eq!(numbers(&disk.bytes()).0, [0, 1, 2, 3, 4]);
 }
+
+#[test]
+fn what_others_do_to_the_files_is_told_once_of_each_while_it_runs() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let open = |name: &str| {
+        let mut options = std::fs::OpenOptions::new();
+        options.create_new(true).append(true);
+        options.open(path(name)).unwrap()
+    };
+    let (mut recorder, reader) = small(64);
+    let events = SmallDisk::with_room(1 << 20);
+    let settings = WriterSettings::default();
+    let (mut drain, _notes) = drain(reader, open("samples.bin"), events.clone(), settings);
+    let mut turn = |number: u64| {
+        push(&mut recorder, number..number + 1);
+        drain.turn(at(number * 1000 * MS));
+        drain.turn(at(number * 1000 * MS + MS));
+        lines(&events)
+    };
+    assert_eq!((turn(1).len(), turn(2).len()), (0, 0));
+    std::fs::File::options()
+        .write(true)
+        .open(path("samples.bin"))
+        .unwrap()
+        .set_len(10)
+        .unwrap();
+    turn(3);
+    let told = turn(4);
+    assert_eq!(told.len(), 1, "{told:?}");
+    assert_eq!(
+        (&told[0]["event"], &told[0]["file"]),
+        (&"record_damaged".into(), &"samples.bin".into())
+    );
+    let text = told[0]["text"].as_str().unwrap();
+    assert!(
+        text.starts_with("samples.bin was changed by others"),
+        "{text}"
+    );
+    let recorded = drain.finish(at(5000 * MS));
+    let [(file, extent)] = recorded.files.as_slice() else {
+        panic!("{:?}", recorded.files);
+    };
+    assert_eq!(*file, "samples.bin");
+    assert!(extent.meddled_at(&path(file)).is_some());
+}
