@@ -268,7 +268,12 @@ mod tests {
                 false,
                 "zeroing: it is not held; what was read is still to be confirmed, by another `gusset continue`",
             ),
-            (false, free(Zeroing), false, "zeroing"),
+            (
+                false,
+                free(Zeroing),
+                false,
+                "zeroing: it is not held, and asks for no confirmation yet",
+            ),
             (true, asks(free(Zeroing)), false, "waits"),
             (true, free(Zeroing), false, "waits"),
             (

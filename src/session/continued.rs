@@ -17,7 +17,7 @@ use crate::config::Files;
 use crate::control::Port;
 use crate::engine::{GIVEN_UP, Phase};
 use crate::record::summary::Status;
-use crate::record::{FolderError, MissingEnd, Run, ToldBy, atomic, is_claimed};
+use crate::record::{FolderError, MissingEnd, Run, RunFolder, ToldBy, atomic, is_claimed};
 
 /// Name of the file in the folder of an interrupted test.
 const CONTINUED: &str = "continued.json";
@@ -307,10 +307,11 @@ impl Word {
         let _what_is_not_taken_back_names_a_folder_that_is_gone = self.end_as(Way::None);
     }
 
-    /// The test is over, and recorded in `folder` as far as it came.
-    pub fn end(self, folder: &Path) -> Result<(), FolderError> {
-        let way = way_of(folder, self.after);
-        self.end_as(way)
+    /// The test is over, and recorded in its folder as far as it came, if that is still there.
+    pub fn end(self, folder: &RunFolder) -> Result<(), FolderError> {
+        let is_there = folder.is_there();
+        let way = is_there.then(|| way_of(folder.path(), self.after));
+        self.end_as(way.unwrap_or(Way::Unknown))
     }
 
     fn end_as(self, way: Way) -> Result<(), FolderError> {

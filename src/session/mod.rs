@@ -176,7 +176,7 @@ pub fn run(
                 ready.writer.note(note.with("text", text));
             }
             let mut finished = carry_out(ready, line, &facts, folder, progress);
-            if let Err(error) = word.end(&finished.path) {
+            if let Err(error) = word.end(&finished.folder) {
                 finished.unwritten.push(error.to_string());
             }
             Ok(finished)
