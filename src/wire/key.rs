@@ -44,7 +44,7 @@ impl PreSharedKey {
                 field: "length of the pre-shared key",
                 lowest: SHORTEST_KEY as i64,
                 highest: LONGEST_KEY as i64,
-                found: i64::try_from(secret.len()).unwrap_or(i64::MAX),
+                found: secret.len() as i128,
             })
         }
     }

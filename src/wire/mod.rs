@@ -117,7 +117,7 @@ pub enum WireError {
         /// Which field.
         field: &'static str,
         /// Its value.
-        found: u32,
+        found: u64,
     },
     /// A reserved field is not zero.
     #[error("{field} is {found:#x}, bits outside {allowed:#x} must be zero")]
@@ -148,8 +148,8 @@ pub enum WireError {
         lowest: i64,
         /// Largest value allowed.
         highest: i64,
-        /// What was found.
-        found: i64,
+        /// What was found: any number that a field can hold.
+        found: i128,
     },
     /// The checksum does not match: the frame was damaged.
     #[error("the checksum of the frame is {found:08x}, its bytes give {expected:08x}")]

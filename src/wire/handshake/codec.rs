@@ -6,7 +6,7 @@ use bincode::config::{Configuration, Fixint, Limit, LittleEndian};
 use bincode::error::{DecodeError, EncodeError};
 
 use super::{
-    Arm, Axis, Bye, Control, Hello, NAME_LIMIT, Refuse, Sampling, TEXT_LIMIT, Unit, Welcome,
+    Arm, Axis, Bye, Control, Hello, Limits, NAME_LIMIT, Refuse, Sampling, TEXT_LIMIT, Unit, Welcome,
 };
 use crate::wire::bytes::{finite, same_length};
 use crate::wire::key::{PROOF_LEN, PreSharedKey, Proof, SessionKey, same};
@@ -166,7 +166,7 @@ fn check_hello(hello: &Hello) -> Result<(), WireError> {
             field: "highest version",
             lowest: i64::from(hello.versions.lowest),
             highest: i64::from(u16::MAX),
-            found: i64::from(hello.versions.highest),
+            found: hello.versions.highest.into(),
         });
     }
     for (field, term) in [
@@ -178,7 +178,7 @@ fn check_hello(hello: &Hello) -> Result<(), WireError> {
                 field,
                 lowest: 1,
                 highest: 1_000_000_000_000,
-                found: i64::try_from(term).unwrap_or(i64::MAX),
+                found: term.into(),
             });
         }
     }
@@ -229,18 +229,37 @@ fn check_axes(axes: &[Axis]) -> Result<(), WireError> {
         if !Unit::conjugate(axis.disp_unit, axis.force_unit) {
             return Err(WireError::Code {
                 field: "force unit of an axis",
-                found: axis.force_unit as u32,
+                found: axis.force_unit as u64,
             });
         }
-        let limits = axis.limits;
-        let inside =
-            limits.disp_min < limits.disp_max && limits.speed_max > 0.0 && limits.force_max > 0.0;
-        if !inside {
-            return Err(WireError::Range {
-                field: "limits of an axis",
-                index,
-                found: limits.disp_max,
-            });
+        let Limits {
+            disp_min,
+            disp_max,
+            speed_max,
+            force_max,
+        } = axis.limits;
+        // Written as "is inside", so that NaN fails.
+        for (field, found, inside) in [
+            (
+                "smallest displacement of an axis",
+                disp_min,
+                !disp_min.is_nan(),
+            ),
+            (
+                "largest displacement of an axis",
+                disp_max,
+                disp_max > disp_min,
+            ),
+            ("largest speed of an axis", speed_max, speed_max > 0.0),
+            ("largest force of an axis", force_max, force_max > 0.0),
+        ] {
+            if !inside {
+                return Err(WireError::Range {
+                    field,
+                    index,
+                    found,
+                });
+            }
         }
     }
     Ok(())
@@ -278,7 +297,7 @@ fn count(field: &'static str, found: usize) -> Result<(), WireError> {
             field,
             lowest: 1,
             highest: MAX_AXES as i64,
-            found: i64::try_from(found).unwrap_or(i64::MAX),
+            found: found as i128,
         })
     }
 }

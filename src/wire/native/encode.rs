@@ -180,7 +180,7 @@ impl Encoder {
                 field: "length of the control message",
                 lowest: 0,
                 highest: CONTROL_LIMIT as i64,
-                found: i64::try_from(message.len()).unwrap_or(i64::MAX),
+                found: message.len() as i128,
             });
         }
         let body = self.begin(Kind::Control, message.len(), out)?;
@@ -277,7 +277,7 @@ pub(super) fn a_sequence(sequence: u64) -> Result<(), WireError> {
     if sequence == NO_SEQUENCE {
         Err(WireError::Code {
             field: "sequence",
-            found: u32::MAX,
+            found: sequence,
         })
     } else {
         Ok(())
@@ -292,7 +292,7 @@ pub(super) fn axes_inside(axes: usize) -> Result<(), WireError> {
             field: "axes",
             lowest: 1,
             highest: MAX_AXES as i64,
-            found: i64::try_from(axes).unwrap_or(i64::MAX),
+            found: axes as i128,
         })
     }
 }

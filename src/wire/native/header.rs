@@ -84,7 +84,7 @@ impl Header {
                 field: "axes of a frame without vectors",
                 lowest: 0,
                 highest: 0,
-                found: axes as i64,
+                found: axes as i128,
             });
         }
         reserved("header reserve", 0, reserve)?;
@@ -99,7 +99,7 @@ impl Header {
                 field: "length of the frame",
                 lowest: shortest as i64,
                 highest: longest as i64,
-                found: length as i64,
+                found: length as i128,
             });
         }
         Ok(Self {

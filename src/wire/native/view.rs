@@ -62,7 +62,7 @@ impl Kind {
             _ => {
                 return Err(WireError::Code {
                     field: "frame kind",
-                    found: code as u32,
+                    found: code as u64,
                 });
             }
         })
@@ -131,7 +131,7 @@ impl Cause {
         let known = Self::ALL.into_iter().find(|cause| cause.code() == code);
         known.ok_or(WireError::Code {
             field: "cause",
-            found: code,
+            found: code.into(),
         })
     }
 }

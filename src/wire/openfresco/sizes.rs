@@ -290,7 +290,7 @@ pub(super) fn inside(
             field,
             lowest: lowest as i64,
             highest: highest as i64,
-            found,
+            found: found.into(),
         }),
     }
 }

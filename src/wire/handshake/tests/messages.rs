@@ -147,19 +147,31 @@ fn nonsense_is_refused_when_it_leaves_and_when_it_comes() {
         fails(&|m| m.axes[0].disp_unit = Unit::Radian),
         WireError::Code { .. }
     ));
-    for change in [
-        |m: &mut Hello| m.axes[0].limits.disp_max = f64::NAN,
-        |m: &mut Hello| m.axes[0].limits.disp_min = 1.0,
-        |m: &mut Hello| m.axes[0].limits.speed_max = 0.0,
-        |m: &mut Hello| m.axes[0].limits.force_max = f64::NAN,
+    type Change = fn(&mut Hello);
+    let nan = f64::NAN;
+    for (change, words) in [
+        (
+            (|m| m.axes[0].limits.disp_min = f64::NAN) as Change,
+            format!("smallest displacement of an axis[0] is {nan}, outside its range"),
+        ),
+        (
+            |m| m.axes[1].limits.disp_max = -1.0,
+            "largest displacement of an axis[1] is -1, outside its range".to_owned(),
+        ),
+        (
+            |m| m.axes[0].limits.speed_max = 0.0,
+            "largest speed of an axis[0] is 0, outside its range".to_owned(),
+        ),
+        (
+            |m| m.axes[0].limits.force_max = f64::NAN,
+            format!("largest force of an axis[0] is {nan}, outside its range"),
+        ),
+        (
+            |m| m.rate_numerator = u64::MAX,
+            "numerator of the rate is 18446744073709551615, 1 to 1000000000000 allowed".to_owned(),
+        ),
     ] {
-        assert!(matches!(
-            fails(&change),
-            WireError::Range {
-                field: "limits of an axis",
-                ..
-            }
-        ));
+        assert_eq!(fails(&change).to_string(), words);
     }
     for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
         assert!(matches!(

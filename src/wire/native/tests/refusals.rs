@@ -216,7 +216,7 @@ fn each_wrong_field_has_its_own_error() {
         with(32, &[0xFF; 8]),
         Some(WireError::Code {
             field: "sequence",
-            ..
+            found: u64::MAX
         })
     ));
     let nan = f64::NAN.to_le_bytes();

@@ -55,7 +55,7 @@ fn nonsense_in_the_sizes_is_refused_with_the_number_that_is_wrong() {
                 found: number,
                 ..
             }) => {
-                assert_eq!((found, number), (field, i64::from(value)));
+                assert_eq!((found, number), (field, i128::from(value)));
             }
             other => panic!("{index} {value}: {other:?}"),
         }
