@@ -6,15 +6,16 @@ mod link_common;
 
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use common::engine::run_on;
 use gusset::config;
 use gusset::engine::{Ending, Stop, TestQuantity};
 use gusset::record::EventKind;
 use gusset::time::{Clock, Nanos, SimClock};
+use gusset::wire::handshake::Limits;
 use link_common::{
-    ONE_AXIS, ONE_AXIS_LAW, Served, UNLIMITED, finish, gateway, gusset, linked, run, summary,
+    Fake, ONE_AXIS, ONE_AXIS_LAW, Served, UNLIMITED, finish, gateway, gusset, linked, run, summary,
     test_file, write,
 };
 
@@ -209,6 +210,48 @@ fn both_ends_know_the_limits_of_the_other_before_anything_moves() {
         "{reason}"
     );
     assert!(!reason.contains("interlock"), "{reason}");
+}
+
+/// Other ends than ours may let pass what they will not do.
+#[test]
+fn an_end_that_keeps_narrower_limits_than_the_test_and_welcomes_it_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let cases: [(fn(&mut Limits), &str); 2] = [
+        (
+            |own| own.disp_max = 0.01,
+            "axis \"axis 1\": largest displacement is 0.5 m here, beyond 0.01 m there (narrow [specimen.limits]",
+        ),
+        (
+            |own| own.force_max = 5e3,
+            "axis \"axis 1\": largest force is 1000000 N here, beyond 5000 N there",
+        ),
+    ];
+    for (number, (change, words)) in cases.into_iter().enumerate() {
+        for through in ["", "a gateway"] {
+            let armed = Arc::new(AtomicBool::new(false));
+            let is_armed = Arc::clone(&armed);
+            let address = Fake::start_welcoming(
+                move |welcome| change(&mut welcome.axes[0].limits),
+                move |_| is_armed.store(true, Ordering::Relaxed),
+            );
+            let table = format!("stiffness_n_per_m = 4e5\n{LIMITS}");
+            let file = gateway(&address, &table, "").replace(UNLIMITED, "");
+            let between = (!through.is_empty()).then(|| Served::start(folder, &file, &[]));
+            let address = between
+                .as_ref()
+                .map_or(&address, |between| &between.address);
+            let text =
+                bare(address, "").replace("[specimen.link]", &format!("{LIMITS}[specimen.link]"));
+            let name = format!("narrow-{number}{}", through.len());
+            let (code, said) = run(folder, &name, &text);
+            assert_eq!(code, 3, "{said}");
+            let reason = summary(folder, &name).reason;
+            assert!(reason.contains(words), "{reason}");
+            let unmoved = reason.ends_with("nothing was moved") || between.is_some();
+            assert!(unmoved && !armed.load(Ordering::Relaxed), "{reason}");
+        }
+    }
 }
 
 #[test]

@@ -35,7 +35,15 @@ impl Fake {
         before: impl Fn(&'static str) + Send + 'static,
         script: impl FnOnce(Fake) + Send + 'static,
     ) -> String {
-        Self::start_saying(stiffness, before, |arm| arm, script)
+        Self::start_as(stiffness, before, |_| {}, |arm| arm, script)
+    }
+
+    /// The same, welcoming its controller with what `change` makes of the usual welcome.
+    pub fn start_welcoming(
+        change: impl FnOnce(&mut Welcome) + Send + 'static,
+        script: impl FnOnce(Fake) + Send + 'static,
+    ) -> String {
+        Self::start_as(4e5, |_| {}, change, |arm| arm, script)
     }
 
     /// The same; what `answer` makes of the request to arm is answered to it.
@@ -45,11 +53,21 @@ impl Fake {
         answer: impl FnOnce(Control) -> Control + Send + 'static,
         script: impl FnOnce(Fake) + Send + 'static,
     ) -> String {
+        Self::start_as(stiffness, before, |_| {}, answer, script)
+    }
+
+    fn start_as(
+        stiffness: f64,
+        before: impl Fn(&'static str) + Send + 'static,
+        change: impl FnOnce(&mut Welcome) + Send + 'static,
+        answer: impl FnOnce(Control) -> Control + Send + 'static,
+        script: impl FnOnce(Fake) + Send + 'static,
+    ) -> String {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = listener.local_addr().unwrap().to_string();
         std::thread::spawn(move || {
             let (stream, _) = listener.accept().unwrap();
-            if let Some(fake) = Fake::greet(stream, stiffness, &before, answer) {
+            if let Some(fake) = Fake::greet(stream, stiffness, &before, change, answer) {
                 script(fake);
             }
         });
@@ -60,6 +78,7 @@ impl Fake {
         stream: TcpStream,
         stiffness: f64,
         before: &dyn Fn(&'static str),
+        change: impl FnOnce(&mut Welcome),
         answer: impl FnOnce(Control) -> Control,
     ) -> Option<Self> {
         stream.set_read_timeout(Some(PATIENCE)).unwrap();
@@ -74,7 +93,9 @@ impl Fake {
             other => panic!("{other:?}"),
         };
         before("welcome");
-        fake.say(&Control::Welcome(welcome(&hello, stiffness)));
+        let mut welcome = welcome(&hello, stiffness);
+        change(&mut welcome);
+        fake.say(&Control::Welcome(welcome));
         fake.encoder = Encoder::new(Side::Specimen, 1, 7, None).unwrap();
         fake.decoder = Decoder::new(Side::Controller, 1, 7, None).unwrap();
         let arm = fake.control()?;

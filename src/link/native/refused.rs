@@ -6,7 +6,7 @@ use crate::link::ConnectError;
 use crate::link::tls::TlsFault;
 use crate::substructure::{LinkFault, Unavailable};
 use crate::wire::WireError;
-use crate::wire::handshake::RefuseCode;
+use crate::wire::handshake::{RefuseCode, Wider};
 
 /// Why a set-up failed. Nothing was moved.
 #[derive(Debug, Error)]
@@ -49,6 +49,18 @@ pub enum SetupError {
         /// In the specimen's words.
         text: String,
     },
+    /// It keeps narrower limits than the test, and did not say so to the Hello.
+    #[error(
+        "axis \"{axis}\": {what} is {promised} {unit} here, beyond {own} {unit} there{}",
+        advice(RefuseCode::Limits),
+        what = wider.what, promised = wider.promised, own = wider.own, unit = wider.unit
+    )]
+    Wider {
+        /// Name of the axis.
+        axis: String,
+        /// The limit.
+        wider: Wider,
+    },
     /// It answers that it is armed, for another place than was asked for.
     #[error("the specimen is armed for another place than it was asked to be")]
     ArmedElsewhere,
@@ -66,6 +78,7 @@ fn advice(code: RefuseCode) -> &'static str {
         RefuseCode::Key => " (give both ends the same key file)",
         RefuseCode::Axes => " (compare the number and the names of the axes: `axis_names`)",
         RefuseCode::Units => " (compare `unit_disp` and `unit_force`)",
+        RefuseCode::Limits => " (narrow [specimen.limits] to what the specimen's end keeps)",
         RefuseCode::Version => " (one of the two programs is too old)",
         _ => "",
     }
@@ -95,6 +108,7 @@ impl SetupError {
             Self::Tls(fault) => fault.link(),
             Self::Lost(fault) => *fault,
             Self::Bare | Self::SpeaksTls | Self::ArmedElsewhere => LinkFault::Malformed,
+            Self::Wider { .. } => LinkFault::Refused,
             Self::Connect(_) | Self::Unwanted | Self::Random(_) => LinkFault::Closed,
             Self::Wire(error) => error.fault(),
             Self::Refused { code, .. } => match code {

@@ -140,6 +140,11 @@ impl NativeSetup {
             None => None,
         };
         handshake::check_welcome(&hello, &welcome)?;
+        if let Some(wider) = handshake::wider(&welcome.axes, &hello.axes) {
+            let axis = hello.axes.into_iter().nth(wider.axis);
+            let axis = axis.map(|axis| axis.name).unwrap_or_default();
+            return Err(SetupError::Wider { axis, wider });
+        }
         let axes = self.axes.len();
         let live = Live::new(
             transport,

@@ -74,8 +74,16 @@ pub fn agree(hello: &Hello, terms: &Terms) -> Result<u16, Refuse> {
         );
         return Err(refuse(RefuseCode::Rate, text));
     }
-    for (mine, theirs) in terms.axes.iter().zip(&hello.axes) {
-        within(mine, theirs).map_err(|text| refuse(RefuseCode::Limits, text))?;
+    if let Some(wider) = wider(&terms.axes, &hello.axes) {
+        let Wider {
+            what,
+            promised,
+            own,
+            unit,
+            ..
+        } = wider;
+        let text = format!("{what} is {promised} {unit} there, beyond {own} {unit} here");
+        return Err(refuse(RefuseCode::Limits, text));
     }
     let period_s = 1.0 / rate_hz;
     if !(hello.watchdog_s >= period_s && hello.watchdog_s <= terms.watchdog_max_s) {
@@ -94,8 +102,8 @@ pub fn agree(hello: &Hello, terms: &Terms) -> Result<u16, Refuse> {
     Ok(version)
 }
 
-/// The controller's check of a Welcome against its own Hello: the specimen must have taken it as it was.
-/// The proof is checked apart, by [`super::verify_welcome`].
+/// The controller's check of a Welcome against its own Hello: the specimen must have taken it as it was. Its limits are
+/// compared apart, by [`wider`]. The proof is checked apart, by [`super::verify_welcome`].
 ///
 /// # Errors
 /// What differs.
@@ -189,47 +197,75 @@ fn same_axes(hello: &Hello, terms: &Terms) -> Result<(), (RefuseCode, String)> {
     Ok(())
 }
 
-/// The controller promises limits; they must lie within those of the specimen. What it does not promise at all, an infinite
-/// one, the specimen keeps alone.
-fn within(specimen: &Axis, controller: &Axis) -> Result<(), String> {
-    let (own, promised) = (specimen.limits, controller.limits);
-    let unit = specimen.disp_unit.symbol();
-    let cases = [
-        (
-            "smallest displacement",
-            promised.disp_min >= own.disp_min,
-            promised.disp_min,
-            own.disp_min,
-            unit,
-        ),
-        (
-            "largest displacement",
-            promised.disp_max <= own.disp_max,
-            promised.disp_max,
-            own.disp_max,
-            unit,
-        ),
-        (
-            "largest speed per second",
-            promised.speed_max <= own.speed_max,
-            promised.speed_max,
-            own.speed_max,
-            unit,
-        ),
-        (
-            "largest force",
-            promised.force_max <= own.force_max,
-            promised.force_max,
-            own.force_max,
-            specimen.force_unit.symbol(),
-        ),
-    ];
-    for (what, inside, there, here, unit) in cases {
-        if !inside && there.is_finite() {
-            return Err(format!(
-                "{what} is {there} {unit} there, beyond {here} {unit} here"
-            ));
-        }
-    }
-    Ok(())
+/// A limit of the controller's that goes beyond the specimen's own.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Wider {
+    /// Axis, from 0.
+    pub axis: usize,
+    /// Which limit, in words.
+    pub what: &'static str,
+    /// The controller's.
+    pub promised: f64,
+    /// The specimen's own.
+    pub own: f64,
+    /// Unit of both.
+    pub unit: &'static str,
+}
+
+/// Limits that differ by this share of the larger are the same, reckoned in different units.
+const ROUNDING: f64 = 1e-9;
+
+/// The controller promises limits, which must lie within those of the specimen: the first that does not. What it does not
+/// promise at all, an infinite one, the specimen keeps alone.
+#[must_use]
+pub fn wider(specimen: &[Axis], controller: &[Axis]) -> Option<Wider> {
+    let mut axes = specimen.iter().zip(controller).enumerate();
+    axes.find_map(|(axis, (specimen, controller))| {
+        let (own, promised) = (specimen.limits, controller.limits);
+        let unit = specimen.disp_unit.symbol();
+        let cases = [
+            // It is a largest one, the other way.
+            (
+                "smallest displacement",
+                -1.0,
+                promised.disp_min,
+                own.disp_min,
+                unit,
+            ),
+            (
+                "largest displacement",
+                1.0,
+                promised.disp_max,
+                own.disp_max,
+                unit,
+            ),
+            (
+                "largest speed per second",
+                1.0,
+                promised.speed_max,
+                own.speed_max,
+                unit,
+            ),
+            (
+                "largest force",
+                1.0,
+                promised.force_max,
+                own.force_max,
+                specimen.force_unit.symbol(),
+            ),
+        ];
+        cases
+            .into_iter()
+            .find_map(|(what, way, promised, own, unit)| {
+                let slack = ROUNDING * promised.abs().max(own.abs());
+                let inside = way * (promised - own) <= slack;
+                (promised.is_finite() && !inside).then_some(Wider {
+                    axis,
+                    what,
+                    promised,
+                    own,
+                    unit,
+                })
+            })
+    })
 }

@@ -30,7 +30,7 @@ mod agree;
 mod codec;
 mod layout;
 
-pub use agree::{Terms, agree, check_welcome};
+pub use agree::{Terms, Wider, agree, check_welcome, wider};
 pub use codec::{LIMIT, decode, encode, prove_hello, prove_welcome, verify_hello, verify_welcome};
 pub use layout::{layout_hash, layout_text};
 

@@ -126,6 +126,64 @@ fn a_controller_does_not_take_a_welcome_that_changed_the_terms() {
     }
 }
 
+#[test]
+fn limits_narrower_than_what_was_promised_are_found_and_those_that_differ_by_rounding_are_not() {
+    let mut hello = hello();
+    let found = |hello: &Hello, change: fn(&mut Limits)| {
+        let mut welcome = welcome(hello);
+        change(&mut welcome.axes[1].limits);
+        let wider = wider(&welcome.axes, &hello.axes);
+        wider.map(|wider| {
+            (
+                wider.axis,
+                wider.what,
+                wider.promised,
+                wider.own,
+                wider.unit,
+            )
+        })
+    };
+    let equal: [fn(&mut Limits); 4] = [
+        |_| {},
+        |own| *own = Limits::NONE,
+        |own| own.disp_min *= 1.0 - 1e-12,
+        |own| own.force_max *= 1.0 - 1e-12,
+    ];
+    for change in equal {
+        assert_eq!(found(&hello, change), None);
+    }
+    let narrower: [(fn(&mut Limits), &str, f64, &str); 4] = [
+        (
+            |own| own.disp_min = -0.01,
+            "smallest displacement",
+            -0.01,
+            "m",
+        ),
+        (|own| own.disp_max = 0.01, "largest displacement", 0.01, "m"),
+        (
+            |own| own.speed_max = 0.05,
+            "largest speed per second",
+            0.05,
+            "m",
+        ),
+        (|own| own.force_max = 5.0, "largest force", 5.0, "kN"),
+    ];
+    let promised = hello.axes[1].limits;
+    let promised = [
+        promised.disp_min,
+        promised.disp_max,
+        promised.speed_max,
+        promised.force_max,
+    ];
+    for ((change, what, own, unit), promised) in narrower.into_iter().zip(promised) {
+        assert_eq!(found(&hello, change), Some((1, what, promised, own, unit)));
+    }
+    hello.axes[1].limits = Limits::NONE;
+    for (change, ..) in narrower {
+        assert_eq!(found(&hello, change), None, "nothing was promised");
+    }
+}
+
 fn secret(byte: u8) -> PreSharedKey {
     PreSharedKey::new(&[byte; 32]).unwrap()
 }
