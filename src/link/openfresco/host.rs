@@ -480,6 +480,18 @@ mod tests {
     }
 
     #[test]
+    fn a_step_that_hardly_takes_time_passes_no_limit_that_is_not_there() {
+        for time in [5e-324, 1e-200] {
+            let mut host = host(BILINEAR, 1, Nature::Simulated);
+            for _ in 0..2 {
+                host.trial(Course::Step, &at(&[time], time), Some(time))
+                    .unwrap();
+                host.commit();
+            }
+        }
+    }
+
+    #[test]
     fn a_step_taken_back_is_forgotten_by_a_formula_and_refused_by_what_moves() {
         for nature in [Nature::Simulated, Nature::Physical] {
             let mut host = host(BILINEAR, 1, nature);

@@ -77,7 +77,7 @@ impl Allowed {
                 .unwrap_or(USUAL_TICK_S)
                 .min(passed.max(USUAL_TICK_S))
                 .min(self.credit_s),
-            None => return said,
+            None => return said.map(|said| said.max(SHORTEST_S)),
         };
         self.credit_s = (self.credit_s - time).clamp(0.0, self.burst());
         Some(time.max(SHORTEST_S))
