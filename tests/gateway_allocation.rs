@@ -26,6 +26,7 @@ fn an_exchange_with_its_limits_and_its_row_allocates_nothing() {
             root: folder.path().into(),
             file: Vec::new(),
             resolved: String::new(),
+            inputs: Vec::new(),
             queue_s: 4.0,
             required: false,
         }));

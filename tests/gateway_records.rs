@@ -157,6 +157,46 @@ fn report_and_export_read_the_folder() {
 }
 
 #[test]
+fn a_test_on_which_faults_were_played_says_so_in_its_folder_and_on_its_page() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let out = folder.join("kept");
+    let script = "title = \"a spike\" # of 7 N\n[[fault]]\nat = 60\nfor = 1\nkind = { bias = { force_n = 7.0 } }\n";
+    let path = link_common::write(folder, "spike.toml", script);
+    let local = test_file(STEPS, &format!("{ONE_AXIS}{ONE_AXIS_LAW}"));
+    let arguments = [
+        "--out",
+        out.to_str().unwrap(),
+        "--fault",
+        path.to_str().unwrap(),
+    ];
+    let served = Served::start(folder, &local, &arguments);
+    let (code, said) = run(folder, "run", &linked(ONE_AXIS, &served.address, ""));
+    assert_eq!(code, 0, "{said}");
+    served.hears("test over");
+    let kept = out.join("test-0001");
+    let run = Run::open(&kept).unwrap();
+    let summary = run.summary().unwrap();
+    assert_eq!(summary.warnings, ["FAULTS are played: a spike"]);
+    let [copy] = summary.inputs.as_slice() else {
+        panic!("{:?}", summary.inputs)
+    };
+    let copied = std::fs::read_to_string(kept.join(&copy.path)).unwrap();
+    assert_eq!(copied, script, "byte for byte");
+    let mut report = gusset();
+    report.arg("report").arg(&kept);
+    assert!(finish(report).status.success());
+    let page = std::fs::read_to_string(kept.join("report.html")).unwrap();
+    let head = page.split("</header>").next().unwrap();
+    for words in [
+        "FAULTS were played on it",
+        "Warning: FAULTS are played: a spike",
+    ] {
+        assert!(head.contains(words), "{words}");
+    }
+}
+
+#[test]
 fn over_openfresco_the_rows_hold_what_opensees_would_command() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
@@ -236,6 +276,7 @@ fn an_event_stands_at_the_exchange_it_is_about_and_a_command_that_is_refused_is_
                 root: folder.path().into(),
                 file: Vec::new(),
                 resolved: String::new(),
+                inputs: Vec::new(),
                 queue_s: 4.0,
                 required: true,
             }));

@@ -53,6 +53,12 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
         Some(TransportArg::Tls) => Carrier::Tls,
         None => served.serve.transport.unwrap_or_default(),
     };
+    let mut inputs = Vec::new();
+    if let Some(path) = &args.fault {
+        let text = config::read_text(path).map_err(refused)?;
+        inputs.push((path.clone(), text.clone().into_bytes()));
+        served.host = play(path, text, served.host, protocol)?;
+    }
     if let Some(root) = &args.out {
         served.file.serve.protocol = Some(protocol);
         served.file.serve.transport = Some(carrier);
@@ -69,15 +75,13 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
             file: served.text.clone().into_bytes(),
             resolved: toml::to_string(&served.file)
                 .context("the configuration cannot be written")?,
+            inputs,
             queue_s: record.queue_s,
             required: record.required,
         });
         // A folder that cannot be had is known now, and not when a controller comes.
         std::fs::create_dir_all(root)
             .map_err(|error| WithExit(Exit::Usage, format!("{}: {error}", root.display())))?;
-    }
-    if let Some(path) = &args.fault {
-        served.host = play(path, served.host, protocol)?;
     }
     if let Some((role, port)) = protocol.openfresco() {
         return serve_openfresco::serve(args, &served, role, port, carrier);
@@ -130,9 +134,9 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
     Ok(exit)
 }
 
-/// The host with the faults of the script at `path`.
-fn play(path: &Path, host: Host, protocol: Offer) -> anyhow::Result<Host> {
-    let script = config::load_script(path).map_err(refused)?;
+/// The host with the faults of the script at `path`, whose text this is.
+fn play(path: &Path, text: String, host: Host, protocol: Offer) -> anyhow::Result<Host> {
+    let script = config::parse_script(path, text).map_err(refused)?;
     let wrong = |text: String| WithExit(Exit::Usage, format!("{}: {text}", path.display()));
     if protocol != Offer::Gusset {
         let text = "faults are played over our own protocol only (--protocol gusset)";

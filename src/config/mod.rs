@@ -157,7 +157,11 @@ pub fn load(path: &Path, sets: &[String]) -> Result<Loaded, ConfigError> {
 /// A test's matrices may stand in it.
 const LONGEST_TEST_MIB: u64 = 64;
 
-fn read_text(path: &Path) -> Result<String, ConfigError> {
+/// The text of a file that [`parse`] or [`parse_script`] takes.
+///
+/// # Errors
+/// [`ConfigError`]: it cannot be read, or is no text.
+pub fn read_text(path: &Path) -> Result<String, ConfigError> {
     let bytes =
         inputs::read_at_most(LONGEST_TEST_MIB, path).map_err(|source| ConfigError::Unreadable {
             path: path.to_owned(),

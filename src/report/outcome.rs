@@ -71,6 +71,10 @@ pub(super) fn verdict(run: &RunData, more: &[String]) -> Verdict {
         let limits = if warned == 1 { "limit" } else { "limits" };
         headline += &format!("; {warned} {limits} warned");
     }
+    if events(run, "faults").next().is_some() {
+        tone = worse(tone);
+        headline += "; FAULTS were played on it";
+    }
     let mut sentences = Vec::new();
     if let Some(why) = &run.unfinished {
         sentences.push(ended(why));
@@ -135,15 +139,19 @@ pub(super) fn verdict(run: &RunData, more: &[String]) -> Verdict {
 
 /// Number of limits whose warning level was passed, each counted once however often it was.
 fn warned(run: &RunData) -> usize {
-    let warnings = run.events.iter().filter(|event| {
-        let kind = event.get("event").or_else(|| event.get("kind"));
-        kind.and_then(Value::as_str) == Some("limit_warning")
-    });
     let which = |event: &Value| {
         ["specimen", "axis", "limit"].map(|key| event.get(key).map(ToString::to_string))
     };
-    let limits: BTreeSet<_> = warnings.map(which).collect();
+    let limits: BTreeSet<_> = events(run, "limit_warning").map(which).collect();
     limits.len()
+}
+
+/// The events of this name.
+fn events<'a>(run: &'a RunData, name: &'a str) -> impl Iterator<Item = &'a Value> {
+    run.events.iter().filter(move |event| {
+        let kind = event.get("event").or_else(|| event.get("kind"));
+        kind.and_then(Value::as_str) == Some(name)
+    })
 }
 
 const fn worse(tone: Tone) -> Tone {

@@ -40,6 +40,7 @@ const KINDS: [(&str, &[&str], Ink); 5] = [
             "misfit",
             "moved",
             "unsettled",
+            "faults",
         ],
         Ink::Series(4),
     ),

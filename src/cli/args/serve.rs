@@ -46,7 +46,7 @@ pub(in crate::cli) struct ServeArgs {
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Play the faults of this script on every controller's test, the same each time: a laboratory in which things go
-    /// wrong. For a specimen that is computed; config/faults has scripts.
+    /// wrong. For a specimen that is computed; config/faults has scripts. What --out records says so and keeps the script.
     #[arg(long, value_name = "SCRIPT")]
     pub fault: Option<PathBuf>,
     /// Busy loop around the moment at which the next command is expected, on either side of it.

@@ -326,6 +326,12 @@ impl Fault {
 }
 
 impl Script {
+    /// That it is played, for whoever watches a test or reads its record.
+    #[must_use]
+    pub fn words(&self) -> String {
+        format!("FAULTS are played: {}", self.title)
+    }
+
     /// The first fault that happens at the controller and not at the specimen, from 0.
     #[must_use]
     pub fn at_the_controller(&self) -> Option<usize> {

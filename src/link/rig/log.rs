@@ -28,6 +28,8 @@ pub struct LogSettings {
     pub file: Vec<u8>,
     /// The complete configuration.
     pub resolved: String,
+    /// What was read besides: its name, and its bytes.
+    pub inputs: Vec<(PathBuf, Vec<u8>)>,
     /// Seconds of rows that the queue to the writer holds.
     pub queue_s: f64,
     /// A lost row makes the test a failed one.
@@ -68,6 +70,8 @@ pub(super) struct Log {
     row: Vec<f64>,
     timing: Timing,
     counted: Counted,
+    /// What the summary warns of.
+    warnings: Vec<String>,
     /// Where the newest exchange stands.
     position: Position,
     began_ns: u64,
@@ -83,12 +87,12 @@ impl Log {
         visitor: &Visitor,
         away_from: Option<usize>,
     ) -> Result<Self, String> {
-        let folder = next_folder(&settings.root).map_err(|error| error.to_string())?;
+        let mut folder = next_folder(&settings.root).map_err(|error| error.to_string())?;
         let rate_hz = visitor
             .rate
             .map(|(above, below)| above as f64 / below as f64)
             .filter(|rate| rate.is_finite());
-        let made = Self::make(settings, &folder, name, units, rate_hz, away_from);
+        let made = Self::make(settings, &mut folder, name, units, rate_hz, away_from);
         let (writer, recorder, row) = match made {
             Ok(made) => made,
             Err(text) => {
@@ -104,6 +108,7 @@ impl Log {
             row,
             timing: Timing::new(&[name], true, 0),
             counted: Counted::new(units.len(), rate_hz, Wall::now()),
+            warnings: Vec::new(),
             position: Position::default(),
             began_ns: os::monotonic_ns(),
             required: settings.required,
@@ -120,7 +125,7 @@ impl Log {
 
     fn make(
         settings: &LogSettings,
-        folder: &RunFolder,
+        folder: &mut RunFolder,
         name: &str,
         units: &[AxisUnits],
         rate_hz: Option<f64>,
@@ -129,6 +134,9 @@ impl Log {
         let words = |error: FolderError| error.to_string();
         folder.write_test(&settings.file).map_err(words)?;
         folder.write_resolved(&settings.resolved).map_err(words)?;
+        for (path, bytes) in &settings.inputs {
+            folder.add_input(path, bytes).map_err(words)?;
+        }
         let layout = Layout::new(columns(units, name)).map_err(|error| error.to_string())?;
         let samples = folder.open_samples(&layout).map_err(words)?;
         let events = folder.open_events().map_err(words)?;
@@ -185,6 +193,12 @@ impl Log {
     pub fn note(&self, note: Note) {
         self.writer
             .note(note.made(self.position, os::monotonic_ns()));
+    }
+
+    /// Something that whoever reads the summary must know.
+    pub fn warn(&mut self, event: &str, text: &str) {
+        self.note(Note::new(NoteLevel::Warning, event).with("text", text));
+        self.warnings.push(text.to_owned());
     }
 
     /// The specimen holds from here on.
@@ -269,6 +283,7 @@ impl Log {
             writer,
             timing,
             counted,
+            warnings,
             began_ns,
             required,
             ..
@@ -282,6 +297,8 @@ impl Log {
                 wall_seconds,
                 required,
                 commits,
+                warnings,
+                inputs: folder.inputs().to_vec(),
             },
             &name,
             &counted,

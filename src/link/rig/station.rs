@@ -39,6 +39,8 @@ pub struct Station {
     /// The wall time of whoever commands it; the machine's own until that is told.
     now: Option<Nanos>,
     probe: ProbeSettings,
+    /// What is played on every test, in words.
+    played: Option<String>,
     keeping: Option<LogSettings>,
     away_from: Option<usize>,
     log: Option<Log>,
@@ -97,6 +99,7 @@ impl Station {
             stiffness,
             mass,
             probe,
+            played: None,
             keeping: None,
             away_from: None,
             log: None,
@@ -133,6 +136,13 @@ impl Station {
     #[must_use]
     pub fn moving(mut self) -> Self {
         self.moves = true;
+        self
+    }
+
+    /// Faults are played on every test, as these words say: its record says so, too.
+    #[must_use]
+    pub fn played(mut self, words: Option<String>) -> Self {
+        self.played = words;
         self
     }
 
@@ -197,7 +207,11 @@ impl Station {
         self.sound = Measurement::zeros(self.units.len());
         if let Some(settings) = &self.keeping {
             let log = Log::open(settings, &self.name, &self.units, visitor, self.away_from);
-            self.log = Some(log.map_err(|text| format!("the log cannot be kept: {text}"))?);
+            let mut log = log.map_err(|text| format!("the log cannot be kept: {text}"))?;
+            if let Some(words) = &self.played {
+                log.warn("faults", words);
+            }
+            self.log = Some(log);
         }
         self.begun = true;
         match self.get_ready(visitor, wanted) {

@@ -7,7 +7,7 @@ use serde_json::json;
 use super::Close;
 use super::log::Exchange;
 use crate::control::AxisUnits;
-use crate::record::summary::{ClockKind, LinkCounts, Peak, Status};
+use crate::record::summary::{ClockKind, InputFile, LinkCounts, Peak, Status};
 use crate::record::{MissClasses, Recorded, Summary};
 use crate::rt::timing::Timing;
 use crate::rt::wall::Wall;
@@ -69,6 +69,8 @@ pub(super) struct End<'a> {
     pub wall_seconds: f64,
     pub required: bool,
     pub commits: u64,
+    pub warnings: Vec<String>,
+    pub inputs: Vec<InputFile>,
 }
 
 pub(super) fn summarise(
@@ -79,7 +81,7 @@ pub(super) fn summarise(
     timing: &Timing,
     recorded: &Recorded,
 ) -> Summary {
-    let mut warnings = Vec::new();
+    let mut warnings = end.warnings;
     if recorded.rows_lost() > 0 {
         let cause = recorded.first_error.as_deref();
         let cause = cause.unwrap_or("the queue was full");
@@ -128,7 +130,7 @@ pub(super) fn summarise(
         link: BTreeMap::from([(name.to_owned(), link)]),
         version: env!("CARGO_PKG_VERSION").to_owned(),
         rows_lost: recorded.rows_lost(),
-        inputs: Vec::new(),
+        inputs: end.inputs,
         miss_classes: MissClasses::default(),
         warnings,
         limits: serde_json::Value::Null,

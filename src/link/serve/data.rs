@@ -103,7 +103,7 @@ pub(super) fn get_ready(
     cpu: Option<usize>,
 ) -> Result<Stand, Box<(Heard, Line)>> {
     if let Some(script) = &desk.host.faults {
-        let text = format!("FAULTS are played: {}", script.title);
+        let text = script.words();
         desk.tell(Heard::Told { text });
         session.line = session.line.played(
             script,

@@ -244,6 +244,7 @@ impl Host {
         Ok(Station::new(self.name.clone(), rig, units, stiffness, mass)
             .limited(&self.limits)
             .probed(self.probe.clone())
+            .played(self.faults.as_ref().map(|script| script.words()))
             .recorded(self.log.clone()))
     }
 }

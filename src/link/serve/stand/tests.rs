@@ -1,3 +1,5 @@
+mod records;
+
 use std::sync::{Arc, Mutex};
 
 use crate::link::Transport;
@@ -34,16 +36,20 @@ fn axis() -> Axis {
     }
 }
 
+/// A spring of 8 N/mm.
+fn host() -> Host {
+    let build = || {
+        let text = "law = { linear = { stiffness_n_per_m = 8000.0 } }";
+        let law: SpecimenLaw = toml::from_str(text).unwrap();
+        Ok(law.build(1).unwrap())
+    };
+    Host::new("rig".into(), vec![axis()], Box::new(build)).unwrap()
+}
+
 impl Controller {
     fn armed(limits: &str) -> Self {
-        let axis = axis();
-        let build = || {
-            let text = "law = { linear = { stiffness_n_per_m = 8000.0 } }";
-            let law: SpecimenLaw = toml::from_str(text).unwrap();
-            Ok(law.build(1).unwrap())
-        };
-        let host = Host::new("rig".into(), vec![axis.clone()], Box::new(build)).unwrap();
-        Self::of(host.limited(vec![toml::from_str(limits).unwrap()]), axis)
+        let limits = vec![toml::from_str(limits).unwrap()];
+        Self::of(host().limited(limits), axis())
     }
 
     /// The same of what this host offers.
@@ -113,13 +119,7 @@ impl Controller {
         }))
     }
 
-    /// The measurement that is answered, if anything is.
-    fn told(
-        &mut self,
-        sequence: u64,
-        disp: f64,
-        dt: f64,
-    ) -> Result<Option<Measurement>, LinkFault> {
+    fn tell(&mut self, sequence: u64, disp: f64, dt: f64) {
         let command = Command {
             sequence,
             time: 0.0,
@@ -129,6 +129,16 @@ impl Controller {
         };
         let length = self.encoder.command(&command, &mut self.out).unwrap();
         self.send(length);
+    }
+
+    /// The measurement that is answered, if anything is.
+    fn told(
+        &mut self,
+        sequence: u64,
+        disp: f64,
+        dt: f64,
+    ) -> Result<Option<Measurement>, LinkFault> {
+        self.tell(sequence, disp, dt);
         let Some(frame) = self.hear()? else {
             return Ok(None);
         };
@@ -271,20 +281,6 @@ fn a_hold_that_comes_with_the_command_before_it_is_passed_on_after_that_command(
         1_000_000_000,
     );
     let mut controller = Controller::of(host, axis());
-    let command = |controller: &mut Controller, sequence: u64| {
-        let command = Command {
-            sequence,
-            time: 0.0,
-            dt: 0.0,
-            disp: &[0.0],
-            vel: &[0.0],
-        };
-        let length = controller
-            .encoder
-            .command(&command, &mut controller.out)
-            .unwrap();
-        controller.send(length);
-    };
     let hold = |controller: &mut Controller, sequence: u64| {
         let cause = Cause::Operator;
         let notice = Notice { sequence, cause };
@@ -298,7 +294,7 @@ fn a_hold_that_comes_with_the_command_before_it_is_passed_on_after_that_command(
         Told::Command(first) => first,
         Told::Hold => panic!("{told:?}"),
     };
-    command(&mut controller, 0);
+    controller.tell(0, 0.0, 0.0);
     hold(&mut controller, 0);
     controller.hear().unwrap().unwrap();
     let said = told.lock().unwrap().clone();
@@ -307,9 +303,9 @@ fn a_hold_that_comes_with_the_command_before_it_is_passed_on_after_that_command(
     controller.clock.advance(600_000_000);
     assert!(controller.hear().unwrap().is_none());
     // One that was overtaken is over, and is not passed on at all.
-    command(&mut controller, 1);
+    controller.tell(1, 0.0, 0.0);
     hold(&mut controller, 1);
-    command(&mut controller, 2);
+    controller.tell(2, 0.0, 0.0);
     controller.hear().unwrap().unwrap();
     let all = told.lock().unwrap().clone();
     let newest = Told::Command(first(&all) + 2);

@@ -1,0 +1,81 @@
+//! What the record of a test says of its course: the faults that were played on it.
+
+use std::path::Path;
+
+use super::*;
+use crate::link::fault::Script;
+use crate::link::rig::{LogSettings, Visitor};
+use crate::record::Run;
+use crate::record::summary::{Status as Ended, Summary};
+
+const TITLE: &str = "what goes wrong";
+const SAID: &str = "FAULTS are played: what goes wrong";
+/// The bytes of a script are kept as they are, whatever they say.
+const BYTES: &str = "# a script\n";
+
+fn scripted(fault: &str) -> Host {
+    let text = format!("title = \"{TITLE}\"\n[[fault]]\n{fault}\n");
+    let script: Script = toml::from_str(&text).unwrap();
+    host().faulty(script).unwrap()
+}
+
+fn kept(root: &Path) -> LogSettings {
+    LogSettings {
+        root: root.into(),
+        file: Vec::new(),
+        resolved: String::new(),
+        inputs: vec![("scripts/wrong.toml".into(), BYTES.into())],
+        queue_s: 4.0,
+        required: true,
+    }
+}
+
+/// The events with their texts, and the summary.
+fn record(root: &Path) -> (Vec<(String, String)>, Summary) {
+    let run = Run::open(&root.join("test-0001")).unwrap();
+    let word = |event: &serde_json::Value, key: &str| event[key].as_str().unwrap_or("").to_owned();
+    let events = run.events().unwrap().events;
+    let events = events.iter().map(|e| (word(e, "event"), word(e, "text")));
+    (events.collect(), run.summary().unwrap().clone())
+}
+
+impl Controller {
+    fn leave(&mut self, sequence: u64) {
+        let cause = Cause::Orderly;
+        let notice = Notice { sequence, cause };
+        let length = self.encoder.retire(notice, &mut self.out).unwrap();
+        self.send(length);
+        self.hear().unwrap().unwrap();
+    }
+}
+
+#[test]
+fn a_record_says_that_faults_were_played_and_keeps_their_script() {
+    let root = tempfile::tempdir().unwrap();
+    let root = root.path();
+    let host = scripted("at = 1\nkind = { bias = { force_n = 500.0 } }");
+    let mut controller = Controller::of(host.recorded(kept(root)), axis());
+    let forces = [0, 1].map(|k| controller.told(k, 0.001, 0.001).unwrap().unwrap().force[0]);
+    assert_eq!(forces, [8.0, 508.0]);
+    controller.leave(1);
+    let (events, summary) = record(root);
+    assert_eq!(events[1], ("faults".into(), SAID.into()));
+    assert_eq!(summary.status, Ended::Completed);
+    assert_eq!(summary.warnings, [SAID]);
+    assert_eq!(summary.inputs.len(), 1);
+    assert_eq!(summary.inputs[0].path, "inputs/wrong.toml");
+    let copy = std::fs::read_to_string(root.join("test-0001/inputs/wrong.toml"));
+    assert_eq!(copy.unwrap(), BYTES);
+}
+
+#[test]
+fn so_does_the_record_of_a_test_that_they_did_not_let_begin() {
+    let root = tempfile::tempdir().unwrap();
+    let host = scripted("kind = { elsewhere = { disp_m = 0.01 } }").recorded(kept(root.path()));
+    let visitor = Visitor::unnamed(([127, 0, 0, 1], 1).into());
+    let mut station = host.station(false).unwrap();
+    assert!(station.begin(&visitor, &mut || Ok(())).is_err());
+    let (events, summary) = record(root.path());
+    assert_eq!(events[1], ("faults".into(), SAID.into()));
+    assert_eq!(summary.warnings, [SAID]);
+}
