@@ -6,6 +6,7 @@ use super::Stand;
 use crate::link::Transport;
 use crate::link::rig::{Over, Trip};
 use crate::link::serve::{Desk, Heard};
+use crate::record::NoteLevel;
 use crate::substructure::Command;
 use crate::time::Nanos;
 use crate::wire::WireError;
@@ -40,7 +41,10 @@ impl Stand {
         }
         if self.holding {
             self.holding = false;
-            desk.tell(Heard::Resumed { sequence });
+            let resumed = Heard::Resumed { sequence };
+            let text = resumed.to_string();
+            self.station.note(NoteLevel::Info, "commands_again", &text);
+            desk.tell(resumed);
         }
         self.paused = false;
         let gap = sequence.saturating_sub(self.next_sequence);

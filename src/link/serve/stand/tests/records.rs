@@ -1,4 +1,4 @@
-//! What the record of a test says of its course: the faults that were played on it.
+//! What the record of a test says of its course: the faults that were played on it, a hold and its end.
 
 use std::path::Path;
 
@@ -78,4 +78,25 @@ fn so_does_the_record_of_a_test_that_they_did_not_let_begin() {
     let (events, summary) = record(root.path());
     assert_eq!(events[1], ("faults".into(), SAID.into()));
     assert_eq!(summary.warnings, [SAID]);
+}
+
+#[test]
+fn a_hold_stands_in_the_record_with_its_end() {
+    let root = tempfile::tempdir().unwrap();
+    let mut controller = Controller::of(host().recorded(kept(root.path())), axis());
+    assert_eq!(controller.command(0, 0.0, 0.001), FINE);
+    assert_eq!(controller.command(1, 0.001, 0.001), FINE);
+    controller.clock.advance(600_000_000);
+    // Signs of life.
+    while controller.hear().unwrap().is_some() {}
+    assert_eq!(controller.command(4, 0.002, 0.001), FINE);
+    controller.leave(4);
+    let (events, summary) = record(root.path());
+    let names: Vec<&str> = events.iter().map(|(name, _)| name.as_str()).collect();
+    assert_eq!(
+        names,
+        ["controller", "holding", "commands_again", "counts", "ended"]
+    );
+    assert_eq!(events[2].1, "commands come again, from 4");
+    assert!(summary.warnings.is_empty());
 }
