@@ -3,6 +3,7 @@
 mod allowed;
 mod announced;
 mod attempt;
+mod ending;
 mod first;
 mod ready;
 
@@ -17,7 +18,7 @@ use super::{Rig, Trip, Visitor, Wanted};
 use crate::control::AxisUnits;
 use crate::control::limits::{AxisLimits, LimitsSpec, Quantity, Watch};
 use crate::record::{Note, NoteLevel};
-use crate::substructure::{Command, Measurement, Retirement};
+use crate::substructure::{Command, LinkStats, Measurement};
 use crate::time::Nanos;
 
 /// From one command to the next in s, until it is known.
@@ -59,6 +60,8 @@ pub struct Station {
     commits: u64,
     /// Answers of a simulated actuator that did not come to terms with what it moves.
     unsettled: u64,
+    /// Of a specimen in this process: what its controller's link did to its commands, which have no other.
+    link: LinkStats,
 }
 
 impl std::fmt::Debug for Station {
@@ -113,6 +116,7 @@ impl Station {
             tripped: None,
             commits: 0,
             unsettled: 0,
+            link: LinkStats::default(),
         }
     }
 
@@ -203,6 +207,7 @@ impl Station {
         self.allowed = Some(Allowed::by(visitor, self.moves));
         self.commits = 0;
         self.unsettled = 0;
+        self.link = LinkStats::default();
         self.measured = Measurement::zeros(self.units.len());
         self.sound = Measurement::zeros(self.units.len());
         if let Some(settings) = &self.keeping {
@@ -353,41 +358,6 @@ impl Station {
             // Whoever watches the server is told of these.
             None => {}
         }
-    }
-
-    /// The controller's test is over: last words to the specimen, and the log is closed. Nothing if there is no test.
-    pub fn end(&mut self, close: Close, text: &str) {
-        if !std::mem::take(&mut self.begun) {
-            return;
-        }
-        if self.unsettled > 0 {
-            let text = format!(
-                "in {} answers the servo-hydraulic actuator and the law did not come to terms: they are not exact",
-                self.unsettled
-            );
-            self.note(NoteLevel::Warning, "unsettled", &text);
-        }
-        // A trip is why it ended, whatever else was said about it.
-        let (close, text) = match self.tripped {
-            Some(trip @ Trip::Lost(_)) => (Close::Failed, format!("{}; {text}", self.whole(trip))),
-            Some(trip) => (Close::Stopped, format!("{trip}; {text}")),
-            None => (close, text.to_owned()),
-        };
-        let stats = self.rig.stats();
-        self.rig.end(match close {
-            Close::Completed => Retirement::Orderly,
-            Close::Interrupted => Retirement::Operator,
-            Close::Stopped | Close::Failed => Retirement::Tripped,
-        });
-        if let Some(log) = self.log.take() {
-            log.close(close, &text, &stats, self.commits);
-        }
-    }
-}
-
-impl Drop for Station {
-    fn drop(&mut self) {
-        self.end(Close::Failed, "internal error: the test was dropped");
     }
 }
 

@@ -20,7 +20,6 @@ use super::{Desk, Heard};
 use crate::link::Transport;
 use crate::link::inbox::Inbox;
 use crate::link::rig::{Over, Station, Trip};
-use crate::record::NoteLevel;
 use crate::substructure::{LinkFault, Measurement, Status};
 use crate::time::Nanos;
 use crate::wire::WireError;
@@ -137,11 +136,8 @@ impl Stand {
 
     /// The books of a session are closed; what there is to tell, and the line.
     pub(super) fn finish(mut self, Over { close, text }: Over) -> (Heard, Line) {
-        let counts = format!(
-            "{} commands, {} missed, {} frames corrupt",
-            self.commands, self.missed, self.corrupt
-        );
-        self.station.note(NoteLevel::Info, "counts", &counts);
+        self.station
+            .counted(self.commands, self.missed, self.corrupt);
         let lost = self
             .station
             .tripped()

@@ -1,4 +1,5 @@
-//! What the record of a test says of its course: the faults that were played on it, a hold and its end.
+//! What the record of a test says of its course: the faults that were played on it, a hold and its end, what was lost
+//! on the way.
 
 use std::path::Path;
 
@@ -81,7 +82,7 @@ fn so_does_the_record_of_a_test_that_they_did_not_let_begin() {
 }
 
 #[test]
-fn a_hold_stands_in_the_record_with_its_end() {
+fn a_hold_stands_in_the_record_with_its_end_and_commands_that_were_lost_are_the_links() {
     let root = tempfile::tempdir().unwrap();
     let mut controller = Controller::of(host().recorded(kept(root.path())), axis());
     assert_eq!(controller.command(0, 0.0, 0.001), FINE);
@@ -98,5 +99,10 @@ fn a_hold_stands_in_the_record_with_its_end() {
         ["controller", "holding", "commands_again", "counts", "ended"]
     );
     assert_eq!(events[2].1, "commands come again, from 4");
+    assert_eq!(events[3].1, "3 commands, 2 missed, 0 frames corrupt");
+    assert_eq!(
+        (summary.link["rig"].missed, summary.link["rig"].sent),
+        (2, 3)
+    );
     assert!(summary.warnings.is_empty());
 }

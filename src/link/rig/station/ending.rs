@@ -1,0 +1,57 @@
+//! How a controller's test at a station ends: its books are closed, and the specimen hears the last word.
+
+use super::{Close, Station, Trip};
+use crate::record::NoteLevel;
+use crate::substructure::{LinkStats, Retirement};
+
+impl Station {
+    /// What came of the controller: commands, those that never arrived, and frames that failed a check.
+    pub fn counted(&mut self, commands: u64, missed: u32, corrupt: u64) {
+        let text = format!("{commands} commands, {missed} missed, {corrupt} frames corrupt");
+        self.note(NoteLevel::Info, "counts", &text);
+        self.link = LinkStats {
+            missed: missed.into(),
+            corrupt,
+            ..LinkStats::default()
+        };
+    }
+
+    /// The controller's test is over: last words to the specimen, and the log is closed. Nothing if there is no test.
+    pub fn end(&mut self, close: Close, text: &str) {
+        if !std::mem::take(&mut self.begun) {
+            return;
+        }
+        if self.unsettled > 0 {
+            let text = format!(
+                "in {} answers the servo-hydraulic actuator and the law did not come to terms: they are not exact",
+                self.unsettled
+            );
+            self.note(NoteLevel::Warning, "unsettled", &text);
+        }
+        // A trip is why it ended, whatever else was said about it.
+        let (close, text) = match self.tripped {
+            Some(trip @ Trip::Lost(_)) => (Close::Failed, format!("{}; {text}", self.whole(trip))),
+            Some(trip) => (Close::Stopped, format!("{trip}; {text}")),
+            None => (close, text.to_owned()),
+        };
+        let stats = if self.rig.is_remote() {
+            self.rig.stats()
+        } else {
+            self.link
+        };
+        self.rig.end(match close {
+            Close::Completed => Retirement::Orderly,
+            Close::Interrupted => Retirement::Operator,
+            Close::Stopped | Close::Failed => Retirement::Tripped,
+        });
+        if let Some(log) = self.log.take() {
+            log.close(close, &text, &stats, self.commits);
+        }
+    }
+}
+
+impl Drop for Station {
+    fn drop(&mut self) {
+        self.end(Close::Failed, "internal error: the test was dropped");
+    }
+}
