@@ -62,8 +62,9 @@ impl OneWay {
 #[derive(Debug)]
 pub struct FaultyWire<T> {
     inner: T,
-    /// What happens to the connection, until it has happened.
+    /// What happens to the connection, once after each arming, and what of it has not happened yet.
     events: Vec<Fault>,
+    coming: Vec<Fault>,
     dice: Dice,
     tick_ns: f64,
     first: u64,
@@ -100,6 +101,7 @@ impl<T: Transport> FaultyWire<T> {
         Self {
             origin: inner.now(),
             inner,
+            coming: events.clone(),
             events,
             dice: Dice::new(script.seed, STREAM),
             tick_ns: tick_ns as f64,
@@ -115,9 +117,10 @@ impl<T: Transport> FaultyWire<T> {
         }
     }
 
-    /// Commands count from this number on.
+    /// Commands count from this number on, and the script begins anew.
     pub fn armed(&mut self, first: u64) {
         (self.first, self.newest, self.heard) = (first, 0, false);
+        self.coming.clone_from(&self.events);
     }
 
     /// The transport below.
@@ -242,11 +245,11 @@ impl<T: Transport> FaultyWire<T> {
         }
         while is_new
             && let Some(index) = self
-                .events
+                .coming
                 .iter()
                 .position(|fault| fault.at.unwrap_or(0) <= number)
         {
-            let fault = self.events.swap_remove(index);
+            let fault = self.coming.swap_remove(index);
             if !self.dice.happens(fault.probability.unwrap_or(1.0)) {
                 continue;
             }

@@ -1,5 +1,5 @@
-//! What the record of a test says of its course: the faults that were played on it, a hold and its end, what was lost
-//! on the way.
+//! What the record of a test says of its course: the faults that were played on it, a hold and its end, what was lost on the
+//! way; and that a script is played anew after each arming.
 
 use std::path::Path;
 
@@ -105,4 +105,20 @@ fn a_hold_stands_in_the_record_with_its_end_and_commands_that_were_lost_are_the_
         (2, 3)
     );
     assert!(summary.warnings.is_empty());
+}
+
+#[test]
+fn what_happens_once_happens_after_each_arming() {
+    let mut controller = Controller::of(
+        scripted("at = 2\nkind = { hangs = { ticks = 3.0 } }"),
+        axis(),
+    );
+    let answers = |controller: &mut Controller, first: u64| {
+        [0, 1, 2].map(|k| controller.told(first + k, 0.0, 0.001).unwrap().is_some())
+    };
+    assert_eq!(answers(&mut controller, 0), [true, true, false]);
+    controller.clock.advance(10_000_000);
+    while controller.hear().unwrap().is_some() {}
+    assert!(matches!(controller.arm(10, 0.0), Some(Control::Arm(_))));
+    assert_eq!(answers(&mut controller, 10), [true, true, false]);
 }
