@@ -123,6 +123,12 @@ impl<T: Transport> FaultyWire<T> {
         self.coming.clone_from(&self.events);
     }
 
+    /// True once the script has closed the connection.
+    #[must_use]
+    pub const fn is_closed(&self) -> bool {
+        self.closed
+    }
+
     /// The transport below.
     pub fn inner_mut(&mut self) -> &mut T {
         &mut self.inner

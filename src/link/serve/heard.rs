@@ -61,7 +61,7 @@ pub enum Heard {
     Ended {
         /// Why.
         text: String,
-        /// Commands that moved it.
+        /// New commands, with those that a trip has kept back.
         commands: u64,
         /// Commands that never arrived.
         missed: u32,

@@ -42,6 +42,14 @@ impl Line {
         }
     }
 
+    /// True if a fault that is played has closed it.
+    pub fn is_cut(&self) -> bool {
+        match self {
+            Line::Plain(_) => false,
+            Line::Faulty(faulty) => faulty.is_closed(),
+        }
+    }
+
     pub fn set_wait(&mut self, wait: Wait) {
         match self.carried() {
             Carried::Tcp(tcp) => tcp.set_wait(wait),

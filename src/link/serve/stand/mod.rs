@@ -153,7 +153,8 @@ impl Stand {
             commands: self.commands,
             missed: self.missed,
             corrupt: self.corrupt,
-            is_lost: lost.is_some(),
+            // A formula in this process is where it was, whatever was played on it.
+            is_lost: lost.is_some() && self.station.is_remote(),
         };
         (ended, self.line)
     }
@@ -326,6 +327,9 @@ pub(super) fn said_goodbye() -> Over {
 /// Why nothing more comes from the controller.
 pub(super) fn lost_controller(line: &Line, peer: SocketAddr, fault: LinkFault) -> Over {
     match (line.tls_fault(), fault) {
+        _ if line.is_cut() => Over::failed(format_args!(
+            "the connection to {peer} is cut: a fault that is played (closed)"
+        )),
         (Some(why), _) => Over::failed(format_args!("{peer}: TLS: {why}")),
         (None, LinkFault::Closed) => Over::failed(format_args!(
             "{peer} closed the connection without a goodbye"

@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex};
 
 use crate::link::Transport;
 use crate::link::rig::FarBuild;
-use crate::link::serve::{Host, Simulated};
+use crate::link::serve::{Heard, Host, Simulated, Tap, Tapped};
 use crate::specimen::SpecimenLaw;
 use crate::substructure::{
     Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Status,
@@ -25,6 +25,7 @@ struct Controller {
     decoder: Decoder,
     session: u64,
     out: Vec<u8>,
+    tap: Tap,
 }
 
 fn axis() -> Axis {
@@ -54,14 +55,15 @@ impl Controller {
 
     /// The same of what this host offers.
     fn of(host: Host, axis: Axis) -> Self {
-        let clock = SimClock::new();
+        let (clock, tap) = (SimClock::new(), Tap::default());
         let mut one = Self {
-            end: Simulated::new(host, clock.clone(), 0, true),
+            end: Simulated::new(host, clock.clone(), 0, true).tapped(Arc::clone(&tap)),
             clock,
             encoder: Encoder::greeting(Side::Controller),
             decoder: Decoder::greeting(Side::Specimen),
             session: 0,
             out: vec![0; LARGEST_FRAME],
+            tap,
         };
         let hello = Hello {
             proof: [0; 32],

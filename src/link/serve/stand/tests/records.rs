@@ -48,6 +48,19 @@ impl Controller {
         self.send(length);
         self.hear().unwrap().unwrap();
     }
+
+    /// Whether the last test left the specimen where only its own end knows.
+    fn lost_it(&self) -> bool {
+        let tap = self.tap.lock().unwrap();
+        let lost = tap.iter().rev().find_map(|tapped| match tapped {
+            Tapped::Heard {
+                what: Heard::Ended { is_lost, .. },
+                ..
+            } => Some(*is_lost),
+            _ => None,
+        });
+        lost.unwrap()
+    }
 }
 
 #[test]
@@ -121,4 +134,23 @@ fn what_happens_once_happens_after_each_arming() {
     while controller.hear().unwrap().is_some() {}
     assert!(matches!(controller.arm(10, 0.0), Some(Control::Arm(_))));
     assert_eq!(answers(&mut controller, 10), [true, true, false]);
+}
+
+#[test]
+fn who_closed_the_connection_and_where_a_formula_stays_is_said_as_it_is() {
+    for (kind, words) in [
+        ("closed", "is cut: a fault that is played (closed)"),
+        ("goodbye", "the specimen's end has been switched off"),
+    ] {
+        let root = tempfile::tempdir().unwrap();
+        let host = scripted(&format!("at = 1\nkind = \"{kind}\""));
+        let mut controller = Controller::of(host.recorded(kept(root.path())), axis());
+        assert_eq!(controller.command(0, 0.001, 0.001), FINE);
+        controller.tell(1, 0.002, 0.001);
+        while let Ok(Some(_)) = controller.hear() {}
+        let (_, summary) = record(root.path());
+        assert_eq!(summary.status, Ended::Failed);
+        assert!(summary.reason.contains(words), "{}", summary.reason);
+        assert!(!controller.lost_it(), "a formula in this process");
+    }
 }
