@@ -10,7 +10,7 @@ use super::screen;
 use super::table::quantity;
 use crate::config::Facts;
 use crate::engine::Phase;
-use crate::monitor::{Board, Margin, Mark, Snapshot};
+use crate::monitor::{Board, Margin, Mark, Snapshot, share};
 use crate::rt::os::monotonic_ns;
 
 /// Limits of one axis that are shown at most.
@@ -182,8 +182,7 @@ impl<'a> Sight<'a> {
             let marks = axis.marks.iter().zip(&view.limits);
             marks.filter_map(move |(mark, values)| {
                 let used = used(mark, values[0]);
-                used.is_finite()
-                    .then(|| (place, name.clone(), mark, *values, used))
+                (!used.is_nan()).then(|| (place, name.clone(), mark, *values, used))
             })
         })
     }
@@ -320,11 +319,11 @@ impl<'a> Sight<'a> {
 
 /// Share of the level at which a limit trips, on the side of the value; of the warning level where it never trips.
 fn used(mark: &Mark, value: f64) -> f64 {
-    let side = usize::from(value >= 0.0 || mark.size);
-    let level = [mark.trip[side], mark.warn[side]]
+    let shares = [mark.trip, mark.warn].map(|levels| share(levels, value));
+    shares
         .into_iter()
-        .find(|level| level.is_finite() && *level != 0.0);
-    level.map_or(f64::NAN, |level| value / level)
+        .find(|share| !share.is_nan())
+        .unwrap_or(f64::NAN)
 }
 
 /// A value between its levels: `│` where it trips, `┊` where it warns, `·` where it has been, `●` where it is.

@@ -140,6 +140,12 @@ impl Port {
         }
     }
 
+    /// Wall time in s from command to command, beside the test and in it, where that was said.
+    #[must_use]
+    pub const fn command_ticks(&self) -> Option<[f64; 2]> {
+        self.guard.ticks
+    }
+
     /// The limits, one entry per axis.
     #[must_use]
     pub fn limits(&self) -> &[AxisLimits] {

@@ -36,7 +36,7 @@ pub use estimate::Declared;
 pub use leaving::{Departure, Exit, Exits};
 pub use link::{LinkCount, OnStale, Partner, WaitRules};
 pub use misfit::{Channel, Misfit};
-pub use opening::{Reading, Reference, UNBOUNDED_RAMP_S, Zero};
+pub use opening::{DispZero, Reading, Reference, UNBOUNDED_RAMP_S, Zero};
 pub use path::{Order, Path, Point};
 pub use posed::{PoseRow, Poses};
 pub use probe::{Found, Pace, Probe};

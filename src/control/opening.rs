@@ -43,6 +43,21 @@ pub struct Reading {
     pub force_noise: f64,
 }
 
+/// How the readings of a displacement sensor belong to the commands of its axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DispZero {
+    /// Specimen displacement units per metre of the structure.
+    pub gain: f64,
+    /// Command at which the deformation is zero, in the specimen's unit.
+    pub command: f64,
+    /// What the sensor reads there beyond it.
+    pub measured: f64,
+    /// Whether the zero is one that is read.
+    pub is_relative: bool,
+    /// Whether that is still to come.
+    pub is_awaited: bool,
+}
+
 /// Sums over the readings of one axis, about the first of them so that a large offset does not eat the noise.
 #[derive(Debug, Clone, Copy, Default)]
 struct Sums {
@@ -229,6 +244,18 @@ impl Port {
     pub fn has_relative_force(&self, index: usize) -> bool {
         let reference = self.opening.references.get(index);
         reference.is_some_and(|of| of.force == Zero::Relative)
+    }
+
+    /// How the displacement sensor of each axis belongs to its commands, as it stands now.
+    pub fn disp_zeros(&self) -> impl Iterator<Item = DispZero> {
+        let axes = self.axes.iter().zip(&self.opening.references).enumerate();
+        axes.map(|(index, (axis, reference))| DispZero {
+            gain: axis.disp_gain,
+            command: axis.disp_offset,
+            measured: axis.measured_offset,
+            is_relative: reference.disp == Zero::Relative,
+            is_awaited: self.opening.awaits_zero(index),
+        })
     }
 
     /// True if it is neither behind a link nor a recording.

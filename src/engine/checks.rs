@@ -3,7 +3,7 @@
 use super::misses::{MissLevels, Missed};
 use super::numerical::Side;
 use super::tick::Tick;
-use super::{Engine, Stop};
+use super::{Engine, Limits, Stop};
 use crate::control::Port;
 use crate::control::limits::{Bound, Level};
 use crate::record::EventKind;
@@ -29,6 +29,17 @@ pub enum TestQuantity {
 }
 
 impl TestQuantity {
+    /// All of them.
+    pub const ALL: [Self; 7] = [
+        Self::StabilityUsed,
+        Self::DelayUsed,
+        Self::StepAudit,
+        Self::AddedEnergyShare,
+        Self::MissesInARow,
+        Self::MissesInWindow,
+        Self::Misses,
+    ];
+
     /// Those that stand in the row.
     const RECORDED: [Self; 4] = [
         Self::StabilityUsed,
@@ -76,7 +87,8 @@ impl TestQuantity {
     }
 
     /// Whether it counts deadlines that were missed.
-    pub(super) const fn is_of_misses(self) -> bool {
+    #[must_use]
+    pub const fn is_of_misses(self) -> bool {
         matches!(
             self,
             Self::MissesInARow | Self::MissesInWindow | Self::Misses
@@ -175,6 +187,35 @@ impl Default for TestLimits {
             step_audit: Bound::NONE,
             added_energy_share: Bound::NONE,
             misses: MissLevels::NONE,
+        }
+    }
+}
+
+impl Limits {
+    /// The levels of what belongs to the test as a whole, infinite where there is none.
+    #[must_use]
+    pub fn of_test(&self, quantity: TestQuantity) -> Bound {
+        let test = &self.test;
+        let counts = |warn: u64, trip: u64| {
+            let level = |count: u64| match count {
+                u64::MAX => f64::INFINITY,
+                count => count as f64,
+            };
+            Bound {
+                warn: level(warn),
+                trip: level(trip),
+            }
+        };
+        match quantity {
+            TestQuantity::StabilityUsed => test.stability_used,
+            TestQuantity::DelayUsed => test.delay_used,
+            TestQuantity::StepAudit => test.step_audit,
+            TestQuantity::AddedEnergyShare => test.added_energy_share,
+            TestQuantity::MissesInARow => counts(test.misses.warn_in_a_row, self.misses_in_a_row),
+            TestQuantity::MissesInWindow => {
+                counts(test.misses.warn_in_window, test.misses.most_in_window)
+            }
+            TestQuantity::Misses => counts(test.misses.warn_in_all, self.misses_in_total),
         }
     }
 }

@@ -77,7 +77,7 @@ const MOST_KEPT: u64 = 1 << 14;
 /// The latest misses, one more than are allowed. Where that is more than [`MOST_KEPT`], several in a row share an entry and
 /// leave the window together, with the last of them: up to one in so many is counted longer than it should be, never shorter.
 #[derive(Debug)]
-pub(super) struct MissWindow {
+pub struct MissWindow {
     ticks: u64,
     /// Misses that share an entry.
     share: u64,
@@ -89,6 +89,7 @@ pub(super) struct MissWindow {
 
 impl MissWindow {
     /// For these levels; remembers nothing where there is no bound.
+    #[must_use]
     pub fn new(levels: &MissLevels) -> Self {
         let kept = if levels.window_ticks == 0 {
             0
@@ -119,6 +120,12 @@ impl MissWindow {
             Some((at, count)) if *count < self.share => (*at, *count) = (tick, *count + 1),
             _ => self.begin(tick),
         }
+        self.at(tick)
+    }
+
+    /// How many there are among the last ticks up to `tick`. Real-time: yes.
+    #[must_use]
+    pub fn at(&self, tick: u64) -> u64 {
         let ticks = self.ticks;
         let inside = |(then, _): &&(u64, u64)| tick.saturating_sub(*then) < ticks;
         let counts = self.latest.iter().filter(inside).map(|(_, count)| count);

@@ -35,7 +35,7 @@ pub use before::Opening;
 pub use checks::{TestHit, TestLimits, TestQuantity};
 pub use columns::{GIVEN_UP, NOT_AWAITED, Word};
 pub use intake::Intake;
-pub use misses::MissLevels;
+pub use misses::{MissLevels, MissWindow};
 pub use numerical::{Numerical, Side};
 pub use operator::{Control, Notice, Operator, Watch};
 pub use peaks::Peaks;

@@ -1,12 +1,14 @@
 //! One axis of a specimen, row by row: present values, what its limits are held against, and its hysteresis loop.
 //!
-//! The values are those that the loop judges, found again from the rows; where a rule needs more than rows tell (a sawtooth
+//! Commands and measurements come as [`super::specimen`] has reckoned them; where a rule needs more than rows tell (a sawtooth
 //! between targets) there is no value. Nothing here decides anything.
 
 use super::board::AxisView;
+use super::specimen::Course;
 use super::subject::WatchedAxis;
 use super::tap::at;
-use crate::control::limits::Quantity;
+use crate::control::limits::{Asked, Quantity, Seen};
+use crate::engine::Phase;
 
 /// What one row says of an axis, SI at the specimen's own scale.
 #[derive(Debug, Clone, Copy)]
@@ -17,20 +19,42 @@ pub(super) struct Now {
     pub error: f64,
 }
 
+/// What a row is of its specimen.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Told {
+    /// It was commanded.
+    pub is_told: bool,
+    /// It has answered.
+    pub is_fresh: bool,
+    /// Its answer stayed away: what stands in the row was not measured then.
+    pub is_silent: bool,
+}
+
+/// Where the displacement sensor has its zero, in the specimen's unit.
+#[derive(Debug, Clone, Copy)]
+struct SensorZero {
+    /// Command at which the deformation is zero.
+    command: f64,
+    /// What the sensor reads there beyond it.
+    beyond: f64,
+    /// It is still to be taken.
+    is_awaited: bool,
+    /// It may have been taken since the last row.
+    is_new: bool,
+}
+
 /// Past values of an axis.
 #[derive(Debug, Clone)]
 pub(super) struct AxisTap {
+    /// The command, and what was measured last.
     pub now: Now,
-    tick_s: f64,
-    /// Sequence number of the last row.
-    sequence: Option<u64>,
-    /// Change of the command in the last tick, if the row before was the one before.
-    change: Option<f64>,
-    force_change: f64,
-    accel: f64,
-    speed: f64,
-    stuck: f64,
-    travel: f64,
+    /// The same, not a number where nothing was measured.
+    pub drawn: Now,
+    /// What the last command was judged by.
+    pub asked: Option<Asked>,
+    /// What the last measurement was judged by.
+    pub seen: Option<Seen>,
+    zero: SensorZero,
     stiffness: f64,
     tangent_damping: f64,
     added: f64,
@@ -48,23 +72,25 @@ pub(super) struct AxisTap {
 }
 
 impl AxisTap {
-    pub fn new(axis: &WatchedAxis, tick_s: f64) -> Self {
+    pub fn new(axis: &WatchedAxis) -> Self {
         let none = f64::NAN;
+        let nothing = Now {
+            command: none,
+            measured: none,
+            force: none,
+            error: none,
+        };
         Self {
-            now: Now {
-                command: none,
-                measured: none,
-                force: none,
-                error: none,
+            now: nothing,
+            drawn: nothing,
+            asked: None,
+            seen: None,
+            zero: SensorZero {
+                command: axis.zero.command,
+                beyond: axis.zero.measured,
+                is_awaited: axis.zero.is_awaited,
+                is_new: false,
             },
-            tick_s,
-            sequence: None,
-            change: None,
-            force_change: none,
-            accel: none,
-            speed: 0.0,
-            stuck: 0.0,
-            travel: 0.0,
             stiffness: none,
             tangent_damping: none,
             added: none,
@@ -79,41 +105,74 @@ impl AxisTap {
         }
     }
 
-    pub fn row(&mut self, sequence: u64, row: &[f64], axis: &WatchedAxis) {
+    /// Whether its command is another than that of the last row.
+    pub fn moves(&self, row: &[f64], axis: &WatchedAxis) -> bool {
+        let command = at(row, axis.places.command) * axis.metres;
+        command.to_bits() != self.now.command.to_bits()
+    }
+
+    /// Takes the command of a row, and the zero that the sensor has by it.
+    pub fn begin(&mut self, row: &[f64], axis: &WatchedAxis, state: f64, course: Course) {
         let places = &axis.places;
-        let command = at(row, places.command) * axis.metres;
-        let measured = at(row, places.raw_disp) * axis.metres;
-        let force = at(row, places.raw_force) * axis.newtons;
-        let before = self.now;
-        let follows = self.sequence.is_some_and(|last| last + 1 == sequence);
-        self.sequence = Some(sequence);
-        let change = follows.then_some(command - before.command);
-        self.accel = match (change, self.change) {
-            (Some(now), Some(before)) => (now - before).abs() / (self.tick_s * self.tick_s),
-            _ => f64::NAN,
-        };
-        self.change = change;
-        self.speed = change.map_or(0.0, |change| change.abs() / self.tick_s);
-        self.force_change = if follows {
-            (force - before.force).abs()
-        } else {
-            f64::NAN
-        };
-        let moved = measured.to_bits() != before.measured.to_bits()
-            || force.to_bits() != before.force.to_bits();
-        // As long as the command does not travel an unchanged reading is none that is stuck.
-        self.travel += change.map_or(0.0, f64::abs);
-        if moved {
-            (self.stuck, self.travel) = (0.0, 0.0);
-        } else if self.travel > axis.stuck_travel {
-            self.stuck += 1.0;
+        let command = at(row, places.command);
+        self.now.command = command * axis.metres;
+        if !axis.zero.is_relative {
+            return;
         }
-        self.now = Now {
-            command,
-            measured,
-            force,
-            error: measured - command,
+        if state == Phase::Zeroing.code() {
+            self.zero.is_new = true;
+            // Commands count from the one that the zero is taken at. A test that is gone on with has its zero, and takes the
+            // drift of the sensor only.
+            if self.zero.is_awaited {
+                self.zero.command = command;
+            }
+        } else if self.zero.is_new && matches!(course, Course::Opening | Course::Test) {
+            let stands = axis.zero.gain * at(row, places.measured) + self.zero.command;
+            self.zero.beyond = at(row, places.raw_disp) - stands;
+            (self.zero.is_new, self.zero.is_awaited) = (false, false);
+        }
+    }
+
+    /// Displacement and force of a fresh answer, and the displacement that is held against the command, SI.
+    pub fn measured(&self, row: &[f64], axis: &WatchedAxis) -> (f64, f64, f64) {
+        let disp = at(row, axis.places.raw_disp);
+        let force = at(row, axis.places.raw_force);
+        let stands = if self.zero.is_awaited {
+            self.now.command
+        } else {
+            (disp - self.zero.beyond) * axis.metres
         };
+        (disp * axis.metres, force * axis.newtons, stands)
+    }
+
+    /// Takes the rest of a row; `values` are those of [`AxisTap::measured`].
+    pub fn row(
+        &mut self,
+        row: &[f64],
+        axis: &WatchedAxis,
+        told: Told,
+        values: Option<(f64, f64, f64)>,
+    ) {
+        let places = &axis.places;
+        if let Some((measured, force, stands)) = values {
+            let is_known = !self.zero.is_awaited;
+            self.now = Now {
+                command: self.now.command,
+                measured,
+                force,
+                error: if is_known {
+                    stands - self.now.command
+                } else {
+                    f64::NAN
+                },
+            };
+            self.take_point(at(row, places.measured), at(row, places.force));
+        }
+        self.drawn = self.now;
+        if told.is_silent {
+            let none = f64::NAN;
+            (self.drawn.measured, self.drawn.force, self.drawn.error) = (none, none, none);
+        }
         self.stiffness = at(row, places.stiffness);
         self.stiffest[1] = self.stiffest[1].max(self.stiffness);
         self.tangent_damping = at(row, places.damping);
@@ -124,29 +183,39 @@ impl AxisTap {
         let margin = at(row, places.margin);
         self.margin = [margin, self.margin[1].min(margin)];
         for place in 0..self.limits.len() {
-            let mark = axis.marks.get(place).map(|mark| mark.quantity);
-            let value = mark.map_or(f64::NAN, |quantity| self.value(quantity, axis));
+            let Some(quantity) = axis.marks.get(place).map(|mark| mark.quantity) else {
+                continue;
+            };
+            let is_judged = if quantity.is_of_command() {
+                told.is_told
+            } else {
+                told.is_fresh
+            };
+            if !is_judged {
+                continue;
+            }
+            let value = self.value(quantity, axis);
             if let Some(kept) = self.limits.get_mut(place) {
                 *kept = [value, kept[1].min(value), kept[2].max(value)];
             }
         }
-        self.take_point(at(row, places.measured), at(row, places.force));
     }
 
     /// What a limit is held against.
     fn value(&self, quantity: Quantity, axis: &WatchedAxis) -> f64 {
+        let asked = |of: fn(&Asked) -> f64| self.asked.as_ref().map_or(f64::NAN, of);
+        let seen = |of: fn(&Seen) -> f64| self.seen.as_ref().map_or(f64::NAN, of);
         match quantity {
-            Quantity::CommandDisp => self.now.command,
-            Quantity::CommandStep => self.change.map_or(f64::NAN, f64::abs),
-            Quantity::CommandVel => self.change.map_or(f64::NAN, |_| self.speed),
-            Quantity::CommandAccel => self.accel,
-            Quantity::MeasuredDisp | Quantity::SensorDisp => self.now.measured,
-            Quantity::MeasuredForce | Quantity::SensorForce => self.now.force,
-            Quantity::FollowingError => {
-                (self.now.error.abs() - axis.following_time * self.speed).max(0.0)
-            }
-            Quantity::ForceStep => self.force_change,
-            Quantity::StuckSensor => self.stuck,
+            Quantity::CommandDisp => asked(|asked| asked.disp),
+            Quantity::CommandStep => asked(|asked| asked.step),
+            Quantity::CommandVel => asked(|asked| asked.vel),
+            Quantity::CommandAccel => asked(|asked| asked.accel),
+            Quantity::MeasuredDisp | Quantity::SensorDisp => seen(|seen| seen.disp),
+            Quantity::MeasuredForce | Quantity::SensorForce => seen(|seen| seen.force),
+            // Within the share of motion there is none.
+            Quantity::FollowingError => seen(|seen| seen.error.max(0.0)),
+            Quantity::ForceStep => seen(|seen| seen.jump),
+            Quantity::StuckSensor => seen(|seen| seen.stuck),
             Quantity::StiffnessRatio => self.stiffness / axis.stiffness_bound,
             Quantity::DampingRatio => self.tangent_damping / axis.damping_bound,
             Quantity::AddedEnergy => self.added,

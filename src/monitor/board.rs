@@ -8,12 +8,13 @@ use serde::Serialize;
 use super::history::{Bin, History};
 use super::latency::LatencyView;
 use super::subject::Subject;
+use super::tap::WINDOW_NS;
 use crate::engine::{Glimpse, Phase, PhaseCell};
 use crate::integrate::OnlineLimit;
 use crate::record::MissClasses;
 
-/// Time between two looks for the limit of λ, in ns.
-const MARGIN_EVERY_NS: u64 = 500_000_000;
+/// Least time between two looks for the limit of λ, ns: no tangent is forgotten before one.
+pub(super) const MARGIN_EVERY_NS: u64 = WINDOW_NS / 2;
 
 /// Where a test stands, as far as rows tell.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
@@ -21,7 +22,7 @@ pub struct Snapshot {
     /// Monotonic clock when it was made, ns.
     #[serde(skip)]
     pub now_ns: u64,
-    /// Monotonic clock when the last row came, ns; 0 before the first.
+    /// Monotonic clock when the last row came, ns, or when rows were held back last; 0 before the first.
     #[serde(skip)]
     pub row_ns: u64,
     /// Rows seen; rows that were lost on the way here are not in it.
@@ -32,12 +33,10 @@ pub struct Snapshot {
     pub steps: u64,
     /// Test time in s.
     pub time: f64,
-    /// Wall time of the grid since the first row, s.
+    /// Periods of the controller since the first row, s.
     pub elapsed: f64,
     /// The column `state`.
     pub state: f64,
-    /// Whether the operator asked for a hold.
-    pub hold: bool,
     /// Whole ticks by which the grid was moved.
     pub stretched: f64,
     /// Rows in the file.
@@ -58,7 +57,7 @@ pub struct Snapshot {
     pub test: Vec<[f64; 2]>,
 }
 
-/// One axis, SI at the specimen's own scale; not a number where there is none.
+/// One axis, SI at the specimen's own scale; what was measured is of its last answer. Not a number where there is none.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct AxisView {
     /// Displacement that was sent.
@@ -67,7 +66,7 @@ pub struct AxisView {
     pub measured: f64,
     /// Force that was measured.
     pub force: f64,
-    /// Measured − commanded.
+    /// Measured − commanded, less what the sensor reads beyond the command where its zero was taken.
     pub error: f64,
     /// Tangent stiffness as estimated, at the structure.
     pub stiffness: f64,
@@ -183,8 +182,9 @@ impl Board {
         lock(&self.ended).clone()
     }
 
-    /// Tells how it ended.
+    /// Tells how it ended. The room of λ of its last while is found when it is looked at next.
     pub fn end(&self, ended: Ended) {
+        lock(&self.margin).0 = 0;
         *lock(&self.ended) = Some(ended);
     }
 
@@ -211,8 +211,8 @@ impl Board {
         }
     }
 
-    /// The room that λ has with the tangents of the last while; none without a proof. Found anew at most twice a second, on
-    /// the caller's thread.
+    /// The room that λ has with the tangents of the last while; none without a proof. Found anew once a while at most, on the
+    /// caller's thread: who calls it as often misses none.
     pub fn margin(&self, now_ns: u64) -> Option<Margin> {
         let online = self.online.as_ref()?;
         let mut guard = lock(&self.margin);
@@ -230,5 +230,10 @@ impl Board {
             (*at, *known) = (now_ns, Some(Margin { limit, lowest }));
         }
         *known
+    }
+    /// The same without looking for it.
+    #[cfg(test)]
+    pub(super) fn known_margin(&self) -> Option<Margin> {
+        lock(&self.margin).1
     }
 }

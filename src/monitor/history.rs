@@ -14,7 +14,7 @@ pub const WHOLE: usize = 2048;
 /// Some rows in a row.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bin {
-    /// Wall time of the grid at its last row, in s since the first row.
+    /// Periods of the controller from the first row to its last, s.
     pub until: f64,
     /// Test time of its last row.
     pub time: f64,

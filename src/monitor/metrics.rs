@@ -7,7 +7,7 @@ use std::fmt::Write;
 
 use super::board::{Board, Snapshot};
 use super::latency::{BOUNDS, LatencyView};
-use super::subject::Mark;
+use super::marks::share;
 use crate::engine::Phase;
 use crate::substructure::Status;
 
@@ -78,6 +78,7 @@ pub fn metrics(board: &Board, now_ns: u64, viewers: usize) -> String {
     test(&mut text, board, &latest, now_ns, viewers);
     timing(&mut text, &latest);
     specimens(&mut text, board, &latest);
+    whole(&mut text, board, &latest);
     links(&mut text, board, &latest);
     lambda(&mut text, board, now_ns);
     text.0
@@ -118,7 +119,7 @@ fn test(text: &mut Text, board: &Board, latest: &Snapshot, now_ns: u64, viewers:
         text.sample(name, &[("status", &ended.status)], 1.0);
     }
     let gauge = "gauge";
-    let hold = f64::from(u8::from(latest.hold));
+    let hold = f64::from(u8::from(board.glimpse().hold));
     text.one(
         "gusset_hold_requested",
         gauge,
@@ -139,7 +140,7 @@ fn test(text: &mut Text, board: &Board, latest: &Snapshot, now_ns: u64, viewers:
     text.one("gusset_tick_period_seconds", gauge, help, subject.tick_s);
     if latest.row_ns > 0 {
         let age = now_ns.saturating_sub(latest.row_ns) as f64 * 1e-9;
-        let help = "Wall time since the last row came from the loop.";
+        let help = "Wall time since the last row came from the loop; 0 in the warm-up, whose rows are held back.";
         text.one("gusset_last_row_age_seconds", gauge, help, age);
     }
     text.one(
@@ -238,7 +239,7 @@ fn specimens(text: &mut Text, board: &Board, latest: &Snapshot) {
     );
     let help = "Force that was measured, at the specimen.";
     family("gusset_measured_force_newtons", help, &|view| view.force);
-    let help = "Measured minus sent displacement, at the specimen.";
+    let help = "Measured minus sent displacement less what the sensor reads beyond it at its zero, at the specimen.";
     family("gusset_following_error_meters", help, &|view| view.error);
     let help = "Tangent stiffness as estimated, at the structure.";
     family(
@@ -276,9 +277,9 @@ fn specimens(text: &mut Text, board: &Board, latest: &Snapshot) {
                     ("limit", mark.key),
                 ];
                 let share = if peak {
-                    share(mark, *low).max(share(mark, *high))
+                    share(mark.trip, *low).max(share(mark.trip, *high))
                 } else {
-                    share(mark, *value)
+                    share(mark.trip, *value)
                 };
                 text.sample(name, &labels, share);
             }
@@ -286,17 +287,26 @@ fn specimens(text: &mut Text, board: &Board, latest: &Snapshot) {
     }
 }
 
-/// A value over the level at which its limit trips, on its side; not a number without such a level.
-fn share(mark: &Mark, value: f64) -> f64 {
-    let level = if value < 0.0 {
-        mark.trip[0]
-    } else {
-        mark.trip[1]
-    };
-    if level.is_finite() && level != 0.0 {
-        value / level
-    } else {
-        f64::NAN
+/// The same of what belongs to no specimen alone.
+fn whole(text: &mut Text, board: &Board, latest: &Snapshot) {
+    let marks = || board.subject.test.iter().zip(&latest.test);
+    for (name, help, place) in [
+        (
+            "gusset_test_limit_used_ratio",
+            "Of the test as a whole: present value over the level at which the limit trips.",
+            0,
+        ),
+        (
+            "gusset_test_limit_used_worst_ratio",
+            "The same of the worst value so far.",
+            1,
+        ),
+    ] {
+        text.family(name, "gauge", help);
+        for (mark, values) in marks() {
+            let used = share([f64::NEG_INFINITY, mark.trip], values[place]);
+            text.sample(name, &[("limit", mark.key)], used);
+        }
     }
 }
 

@@ -9,12 +9,13 @@
 //! skips the rest; nothing queues without bound. Requests of an operator go the same way as those of
 //! `gusset hold RUN_DIR`: through the bounded channel that the loop polls once a tick.
 //!
-//! What it does not do: judge. Limits are kept by the loop; here their levels and the present values are only shown.
+//! What it does not do: judge. Limits are kept by the loop; here their levels and the present values are only shown, reckoned as
+//! the loop does it.
 //!
 //! | file | holds |
 //! |---|---|
-//! | `subject` | what is watched: names, units, limits, places in a row |
-//! | `tap`, `axis`, `latency` | the look at the rows: one row, one axis, the timing columns |
+//! | `subject`, `marks` | what is watched: names, units, places in a row; limits |
+//! | `tap`, `specimen`, `axis`, `late`, `latency` | the look at the rows: one row, one specimen, one axis, missed deadlines, the timing columns |
 //! | `history` | the course of the test, thinned without losing a peak |
 //! | `board` | where the writer puts up what he sees |
 //! | `metrics` | the text for Prometheus |
@@ -23,19 +24,22 @@
 mod axis;
 mod board;
 mod history;
+mod late;
 mod latency;
+mod marks;
 mod metrics;
 #[cfg(feature = "monitor")]
 pub mod page;
+mod specimen;
 mod subject;
 mod tap;
 
 pub use board::{AxisView, Board, Ended, Margin, Snapshot, SpecimenView};
 pub use history::{Bin, History};
 pub use latency::{BOUNDS as LATENCY_BOUNDS, LatencyView};
+pub use marks::{Mark, TestMark, share};
 pub use metrics::metrics;
 pub use subject::{
-    About, Channel, ChannelKind, LambdaUse, Mark, Places, Subject, TestMark, WatchedAxis,
-    WatchedSpecimen,
+    About, Channel, ChannelKind, LambdaUse, Places, Subject, WatchedAxis, WatchedSpecimen,
 };
 pub use tap::Tap;

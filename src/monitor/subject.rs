@@ -2,8 +2,10 @@
 
 use serde::Serialize;
 
-use crate::control::limits::{Levels, Quantity};
-use crate::engine::{Experiment, TestQuantity};
+use super::marks::{Mark, TestMark, mark, test_marks};
+use crate::control::DispZero;
+use crate::control::limits::{AxisLimits, Watch};
+use crate::engine::{Experiment, MissLevels};
 use crate::record::Column;
 
 /// Degrees of freedom that are drawn at most.
@@ -59,6 +61,8 @@ pub struct Subject {
     /// Where the rest stands in a row.
     #[serde(skip)]
     pub places: Places,
+    #[serde(skip)]
+    pub(super) miss_levels: MissLevels,
 }
 
 /// A specimen that is watched.
@@ -72,6 +76,24 @@ pub struct WatchedSpecimen {
     pub axes: Vec<WatchedAxis>,
     #[serde(skip)]
     pub(super) status: Option<usize>,
+    /// Place of the number of the command that was answered last.
+    #[serde(skip)]
+    pub(super) newest: Option<usize>,
+    /// Commanded once a step while the test runs.
+    #[serde(skip)]
+    pub(super) per_step: bool,
+    /// Wall time in s from command to command, beside the test and in it.
+    #[serde(skip)]
+    pub(super) ticks: [f64; 2],
+    #[serde(skip)]
+    limits: Vec<AxisLimits>,
+}
+
+impl WatchedSpecimen {
+    /// What the loop reckons its limits with.
+    pub(super) fn watch(&self) -> Watch {
+        Watch::new(self.limits.clone(), self.ticks[0])
+    }
 }
 
 /// An axis that is watched, SI at the specimen's own scale.
@@ -86,51 +108,13 @@ pub struct WatchedAxis {
     #[serde(skip)]
     pub(super) newtons: f64,
     #[serde(skip)]
-    pub(super) following_time: f64,
-    #[serde(skip)]
-    pub(super) stuck_travel: f64,
+    pub(super) zero: DispZero,
     #[serde(skip)]
     pub(super) stiffness_bound: f64,
     #[serde(skip)]
     pub(super) damping_bound: f64,
     #[serde(skip)]
     pub(super) places: AxisPlaces,
-}
-
-/// One limit with its levels, SI.
-#[derive(Debug, Clone, Serialize)]
-pub struct Mark {
-    /// Key of the test file.
-    pub key: &'static str,
-    /// In words.
-    pub words: &'static str,
-    /// Unit.
-    pub unit: &'static str,
-    /// Warned of outside of these two; null where there is none.
-    pub warn: [f64; 2],
-    /// Trips outside of these two.
-    pub trip: [f64; 2],
-    /// Whether it is a size, from 0 up.
-    pub size: bool,
-    #[serde(skip)]
-    pub(super) quantity: Quantity,
-}
-
-/// A limit of the test as a whole.
-#[derive(Debug, Clone, Serialize)]
-pub struct TestMark {
-    /// Key of the test file.
-    pub key: &'static str,
-    /// In words.
-    pub words: &'static str,
-    /// Warned of beyond; null: never.
-    pub warn: f64,
-    /// Trips beyond; null: never.
-    pub trip: f64,
-    #[serde(skip)]
-    pub(super) quantity: TestQuantity,
-    #[serde(skip)]
-    pub(super) place: Option<usize>,
 }
 
 /// Something that is drawn over time.
@@ -172,7 +156,6 @@ pub enum ChannelKind {
 pub struct Places {
     pub step: Option<usize>,
     pub state: Option<usize>,
-    pub hold: Option<usize>,
     pub time: Option<usize>,
     pub ground: Option<usize>,
     pub release: Option<usize>,
@@ -180,6 +163,8 @@ pub struct Places {
     pub dofs: Vec<usize>,
     /// Wake-up lateness, command lateness, round trip, compute.
     pub timing: [Option<usize>; 4],
+    /// From the next command ready to the row handed over, of the tick before.
+    pub record_before: Option<usize>,
 }
 
 /// Places in a row of one axis.
@@ -204,28 +189,33 @@ impl Subject {
     pub fn new(experiment: &Experiment, about: About) -> Self {
         let columns = experiment.columns();
         let find = |name: &str| columns.iter().position(|column| column.name == name);
+        let tick_s = experiment.period.value();
         let specimens: Vec<_> = (1..)
             .zip(&experiment.ports)
             .map(|(number, port)| WatchedSpecimen {
                 name: port.name.clone(),
                 remote: port.is_remote(),
                 status: find(&format!("status_{number}")),
+                newest: find(&format!("seq_{number}")),
+                per_step: port.is_per_step(),
+                ticks: port.command_ticks().unwrap_or([tick_s; 2]),
+                limits: port.limits().to_vec(),
                 axes: (1..)
                     .zip(
                         port.limits()
                             .iter()
                             .zip(port.units())
-                            .zip(port.tangent_bounds()),
+                            .zip(port.tangent_bounds())
+                            .zip(port.disp_zeros()),
                     )
-                    .map(|(axis, ((limits, (metres, newtons)), bounds))| {
+                    .map(|(axis, (((limits, (metres, newtons)), bounds), zero))| {
                         let place = |kind: &str| find(&format!("{kind}_{number}_{axis}"));
                         WatchedAxis {
                             marks: limits.levels().into_iter().filter_map(mark).collect(),
                             has_margin: place("margin").is_some(),
                             metres: *metres,
                             newtons: *newtons,
-                            following_time: limits.following_time,
-                            stuck_travel: limits.stuck_travel,
+                            zero,
                             stiffness_bound: bounds.0,
                             damping_bound: bounds.1,
                             places: AxisPlaces {
@@ -250,7 +240,6 @@ impl Subject {
         let places = Places {
             step: find("step"),
             state: find("state"),
-            hold: find("hold"),
             time: find("time"),
             ground: find("ground"),
             release: find("release_s"),
@@ -260,6 +249,7 @@ impl Subject {
                 .filter_map(|dof| find(&format!("x{}", dof + 1)))
                 .collect(),
             timing: super::latency::COLUMNS.map(find),
+            record_before: find("record_before_s"),
         };
         Self {
             channels: channels(&dofs, &places, &columns, &specimens),
@@ -268,10 +258,11 @@ impl Subject {
             real_clock: about.real_clock,
             steps: experiment.steps,
             dt: experiment.dt,
-            tick_s: experiment.period.value(),
+            tick_s,
             test: test_marks(experiment, &columns),
             specimens,
             lambda: about.lambda,
+            miss_levels: experiment.limits.test.misses,
             places,
         }
     }
@@ -335,71 +326,4 @@ fn channels(
         }
     }
     all
-}
-
-fn mark((quantity, levels): (Quantity, Levels)) -> Option<Mark> {
-    let (warn, trip, size) = match levels {
-        Levels::Size(bound) => (
-            [f64::NEG_INFINITY, bound.warn],
-            [f64::NEG_INFINITY, bound.trip],
-            true,
-        ),
-        Levels::Range(range) => (range.warn, range.trip, false),
-    };
-    let limited = warn.iter().chain(&trip).any(|level| level.is_finite());
-    limited.then(|| Mark {
-        key: quantity.key(),
-        words: quantity.words(),
-        unit: quantity.unit(),
-        warn,
-        trip,
-        size,
-        quantity,
-    })
-}
-
-fn test_marks(experiment: &Experiment, columns: &[Column]) -> Vec<TestMark> {
-    let limits = &experiment.limits;
-    let levels = [
-        (
-            TestQuantity::StabilityUsed,
-            limits.test.stability_used.warn,
-            limits.test.stability_used.trip,
-        ),
-        (
-            TestQuantity::DelayUsed,
-            limits.test.delay_used.warn,
-            limits.test.delay_used.trip,
-        ),
-        (
-            TestQuantity::StepAudit,
-            limits.test.step_audit.warn,
-            limits.test.step_audit.trip,
-        ),
-        (
-            TestQuantity::Misses,
-            of_count(limits.test.misses.warn_in_all),
-            of_count(limits.misses_in_total),
-        ),
-    ];
-    let marks = levels.into_iter().map(|(quantity, warn, trip)| TestMark {
-        key: quantity.key(),
-        words: quantity.words(),
-        warn,
-        trip,
-        quantity,
-        place: columns.iter().position(|c| c.name == quantity.key()),
-    });
-    marks
-        .filter(|mark| mark.place.is_some() || mark.quantity == TestQuantity::Misses)
-        .collect()
-}
-
-/// Where no count is too many there is no level.
-fn of_count(count: u64) -> f64 {
-    if count == u64::MAX {
-        f64::INFINITY
-    } else {
-        count as f64
-    }
 }

@@ -7,13 +7,14 @@ use std::sync::Arc;
 use crossbeam_channel::Receiver;
 
 use super::axis::AxisTap;
-use super::board::{Board, Snapshot, SpecimenView};
+use super::board::{Board, Snapshot};
 use super::history::Bin;
+use super::late::Late;
 use super::latency::{KEYS, Latency};
+use super::specimen::{RowHead, SpecimenTap};
 use super::subject::ChannelKind;
-use crate::engine::{Phase, TestQuantity, Word};
+use crate::engine::{Phase, TestQuantity};
 use crate::record::{Note, Onlooker, Progress};
-use crate::substructure::Status;
 
 /// Bins a second of wall time at most, on the real clock.
 const BINS_HZ: f64 = 60.0;
@@ -24,7 +25,7 @@ const SNAPSHOT_NS: u64 = 50_000_000;
 /// Bins that may wait for the board.
 const WAITING: usize = 512;
 /// Time over which the stiffest tangent is kept: once to twice this, ns.
-const WINDOW_NS: u64 = 500_000_000;
+pub(super) const WINDOW_NS: u64 = 1_000_000_000;
 
 /// Looks at every row of a test and keeps a [`Board`] up to date.
 #[derive(Debug)]
@@ -34,9 +35,9 @@ pub struct Tap {
     rows_per_bin: u64,
     open: Open,
     waiting: Vec<Bin>,
-    axes: Vec<AxisTap>,
-    specimens: Vec<SpecimenView>,
+    specimens: Vec<SpecimenTap>,
     test: Vec<[f64; 2]>,
+    late: Late,
     timing: Vec<Latency>,
     seen: Seen,
     last_snapshot_ns: u64,
@@ -53,7 +54,6 @@ struct Seen {
     step: f64,
     time: f64,
     state: f64,
-    hold: bool,
     stretched: f64,
     /// A row came since the last turn.
     fresh: bool,
@@ -80,12 +80,9 @@ impl Tap {
                 values: vec![[f32::NAN; 2]; subject.channels.len()],
             },
             waiting: Vec::new(),
-            axes: subject
-                .axes()
-                .map(|(_, _, axis)| AxisTap::new(axis, subject.tick_s))
-                .collect(),
-            specimens: vec![SpecimenView::default(); subject.specimens.len()],
+            specimens: subject.specimens.iter().map(SpecimenTap::new).collect(),
             test: vec![[f64::NAN; 2]; subject.test.len()],
+            late: Late::new(subject.tick_s, &subject.miss_levels),
             timing: if subject.real_clock {
                 KEYS.map(|_| Latency::new()).into()
             } else {
@@ -111,7 +108,9 @@ impl Tap {
             time: self.seen.time,
             state: self.seen.state,
             values: std::mem::replace(&mut self.open.values, fresh),
-            loops: self.axes.iter_mut().map(AxisTap::take_loop).collect(),
+            loops: axes_mut(&mut self.specimens)
+                .map(AxisTap::take_loop)
+                .collect(),
         };
         if self.waiting.len() < WAITING {
             self.waiting.push(bin);
@@ -130,15 +129,14 @@ impl Tap {
             time: seen.time,
             elapsed: seen.elapsed,
             state: seen.state,
-            hold: seen.hold,
             stretched: seen.stretched,
             rows_written: progress.rows_written,
             rows_lost: progress.rows_lost,
             events: progress.events,
             misses: progress.misses,
             timing: views.map(|(key, latency)| latency.view(key)).collect(),
-            axes: self.axes.iter().map(AxisTap::view).collect(),
-            specimens: self.specimens.clone(),
+            axes: axes(&self.specimens).map(AxisTap::view).collect(),
+            specimens: self.specimens.iter().map(|tap| tap.view.clone()).collect(),
             test: self.test_values(progress),
         }
     }
@@ -149,14 +147,45 @@ impl Tap {
         marks
             .map(|(mark, values)| match mark.quantity {
                 TestQuantity::Misses => [misses; 2],
+                quantity if quantity.is_of_misses() => self.late.of(quantity),
                 _ => *values,
             })
             .collect()
     }
 
-    fn count_timing(&mut self, row: &[f64]) {
+    /// Puts the values of a row into the open bin.
+    fn fill(&mut self, row: &[f64]) {
+        let subject = &self.board.subject;
+        let places = &subject.places;
+        let mut dofs = places.dofs.iter();
+        let mut axes = axes(&self.specimens);
+        let mut axis = None;
+        for (slot, channel) in self.open.values.iter_mut().zip(&subject.channels) {
+            let value = match channel.kind {
+                ChannelKind::Dof => at(row, dofs.next().copied()),
+                ChannelKind::Ground => at(row, places.ground),
+                ChannelKind::Lateness => at(row, places.timing[0]),
+                ChannelKind::Command => {
+                    // The first of an axis' channels.
+                    axis = axes.next();
+                    axis.map_or(f64::NAN, |axis| axis.drawn.command)
+                }
+                ChannelKind::Measured => axis.map_or(f64::NAN, |axis| axis.drawn.measured),
+                ChannelKind::Error => axis.map_or(f64::NAN, |axis| axis.drawn.error),
+                ChannelKind::Force => axis.map_or(f64::NAN, |axis| axis.drawn.force),
+            };
+            let value = value as f32;
+            *slot = [slot[0].min(value), slot[1].max(value)];
+        }
+    }
+
+    fn count_timing(&mut self, rows_before: u64, row: &[f64]) {
         // While the specimens are led to where the test begins nobody is promised a deadline.
         let running = self.seen.state == Phase::Running.code() || self.seen.state > 10.0;
+        // A count, if it is known.
+        let tick = rows_before + self.seen.stretched.max(0.0) as u64;
+        self.late
+            .row(tick, running, row, &self.board.subject.places);
         if !running {
             return;
         }
@@ -165,6 +194,15 @@ impl Tap {
             latency.count(at(row, place));
         }
     }
+}
+
+/// Every axis of every specimen, in order.
+fn axes(specimens: &[SpecimenTap]) -> impl Iterator<Item = &AxisTap> {
+    specimens.iter().flat_map(|specimen| &specimen.axes)
+}
+
+fn axes_mut(specimens: &mut [SpecimenTap]) -> impl Iterator<Item = &mut AxisTap> {
+    specimens.iter_mut().flat_map(|specimen| &mut specimen.axes)
 }
 
 /// The number at a place; not a number where there is none.
@@ -186,46 +224,24 @@ impl Onlooker for Tap {
             step: at(row, places.step),
             time: at(row, places.time),
             state: at(row, places.state),
-            hold: Word::of(at(row, places.hold)).holds,
             stretched: at(row, places.stretched),
             fresh: true,
             row_ns: self.seen.row_ns,
         };
-        for (view, specimen) in self.specimens.iter_mut().zip(&subject.specimens) {
-            let status = at(row, specimen.status);
-            // Flags below 2²⁴ are whole numbers in every float.
-            view.status = if status >= 0.0 { status as u32 } else { 0 };
-            view.exchanges += 1;
-            view.stale += u64::from(Status(view.status).has(Status::STALE));
-        }
-        for (tap, (_, _, axis)) in self.axes.iter_mut().zip(subject.axes()) {
-            tap.row(sequence, row, axis);
+        let head = RowHead {
+            sequence,
+            step: self.seen.step,
+            state: self.seen.state,
+        };
+        for (tap, specimen) in self.specimens.iter_mut().zip(&subject.specimens) {
+            tap.row(head, row, specimen);
         }
         for (mark, kept) in subject.test.iter().zip(&mut self.test) {
             let value = at(row, mark.place);
             *kept = [value, kept[1].max(value)];
         }
-        self.count_timing(row);
-        let mut dofs = places.dofs.iter();
-        let mut axes = self.axes.iter();
-        let mut axis = None;
-        for (slot, channel) in self.open.values.iter_mut().zip(&subject.channels) {
-            let value = match channel.kind {
-                ChannelKind::Dof => at(row, dofs.next().copied()),
-                ChannelKind::Ground => at(row, places.ground),
-                ChannelKind::Lateness => at(row, places.timing[0]),
-                ChannelKind::Command => {
-                    // The first of an axis' channels.
-                    axis = axes.next();
-                    axis.map_or(f64::NAN, |axis| axis.now.command)
-                }
-                ChannelKind::Measured => axis.map_or(f64::NAN, |axis| axis.now.measured),
-                ChannelKind::Error => axis.map_or(f64::NAN, |axis| axis.now.error),
-                ChannelKind::Force => axis.map_or(f64::NAN, |axis| axis.now.force),
-            };
-            let value = value as f32;
-            *slot = [slot[0].min(value), slot[1].max(value)];
-        }
+        self.count_timing(sequence - first, row);
+        self.fill(row);
         self.open.rows += 1;
         if self.open.rows >= self.rows_per_bin && self.board.subject.real_clock {
             self.close_bin();
@@ -233,7 +249,9 @@ impl Onlooker for Tap {
     }
 
     fn turn(&mut self, now_ns: u64, progress: &Progress) {
-        if std::mem::take(&mut self.seen.fresh) {
+        // The rows of the warm-up are held back: that none comes is no sign of anything.
+        let is_held_back = self.board.phase() == Phase::Armed;
+        if std::mem::take(&mut self.seen.fresh) || is_held_back {
             self.seen.row_ns = now_ns;
         }
         // Where a test runs faster than in real time, by the wall and by the rows.
@@ -247,7 +265,7 @@ impl Onlooker for Tap {
         }
         if now_ns.saturating_sub(self.window_ns) >= WINDOW_NS {
             self.window_ns = now_ns;
-            self.axes.iter_mut().for_each(AxisTap::next_window);
+            axes_mut(&mut self.specimens).for_each(AxisTap::next_window);
         }
         if now_ns.saturating_sub(self.last_snapshot_ns) >= SNAPSHOT_NS
             && self.board.try_show(self.snapshot(now_ns, progress))

@@ -4,6 +4,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 mod exposition;
+mod judged;
 mod web;
 
 use std::net::TcpListener;

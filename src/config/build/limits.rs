@@ -174,21 +174,9 @@ pub(super) fn facts(
     limits: &Limits,
     columns: &[TestQuantity],
 ) -> LimitFacts {
-    let misses = limits.test.misses;
-    let count = |warn: u64, trip: u64| Bound {
-        warn: warn as f64,
-        trip: trip as f64,
-    };
     let mut test = Vec::new();
-    for (quantity, bound) in [
-        (TestQuantity::StabilityUsed, limits.test.stability_used),
-        (TestQuantity::DelayUsed, limits.test.delay_used),
-        (TestQuantity::StepAudit, limits.test.step_audit),
-        (
-            TestQuantity::AddedEnergyShare,
-            limits.test.added_energy_share,
-        ),
-    ] {
+    for quantity in TestQuantity::ALL {
+        let bound = limits.of_test(quantity);
         if columns.contains(&quantity) {
             let judged = match (quantity, file.safety.added_energy_share) {
                 (TestQuantity::AddedEnergyShare, Some(share)) => Some(format!(
@@ -206,26 +194,12 @@ pub(super) fn facts(
         limits.warmup_ticks
     );
     let window = format!("in {} s, {warm_up}", file.timing.miss_window_s);
-    for (quantity, unit, bound, judged) in [
-        (
-            TestQuantity::MissesInARow,
-            "in a row",
-            count(misses.warn_in_a_row, limits.misses_in_a_row),
-            &warm_up,
-        ),
-        (
-            TestQuantity::MissesInWindow,
-            "in a window",
-            count(misses.warn_in_window, misses.most_in_window),
-            &window,
-        ),
-        (
-            TestQuantity::Misses,
-            "in all",
-            count(misses.warn_in_all, limits.misses_in_total),
-            &warm_up,
-        ),
+    for (quantity, unit, judged) in [
+        (TestQuantity::MissesInARow, "in a row", &warm_up),
+        (TestQuantity::MissesInWindow, "in a window", &window),
+        (TestQuantity::Misses, "in all", &warm_up),
     ] {
+        let bound = limits.of_test(quantity);
         let judged = if is_real {
             judged.clone()
         } else {

@@ -23,23 +23,33 @@ pub(super) struct Calm {
     added_energy: f64,
 }
 
-/// What is judged of a command: it and its differences.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Asked {
+/// What is judged of a command: it and its differences, SI.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Asked {
+    /// Displacement.
     pub disp: f64,
+    /// Size of its change.
     pub step: f64,
+    /// The same over wall time.
     pub vel: f64,
+    /// Size of its second difference over wall time squared.
     pub accel: f64,
+    /// Turns of a growing sawtooth.
     pub alternating: f64,
 }
 
-/// What is judged of a measurement.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Seen {
+/// What is judged of a measurement, SI.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Seen {
+    /// Displacement as the sensor reads it.
     pub disp: f64,
+    /// Force as the load cell reads it.
     pub force: f64,
+    /// Size of the following error beyond the share of motion; less than 0 within that.
     pub error: f64,
+    /// Size of the change of the force.
     pub jump: f64,
+    /// Measurements in a row that were the same to the last bit.
     pub stuck: f64,
 }
 

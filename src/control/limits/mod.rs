@@ -10,6 +10,7 @@ mod sawtooth;
 mod spec;
 mod watch;
 
+pub use calm::{Asked, Seen};
 pub use quantity::Quantity;
 pub use spec::{BoundSpec, LimitsError, LimitsSpec, RangeSpec};
 pub use watch::{Estimated, Watch};

@@ -131,6 +131,19 @@ impl Quantity {
         }
     }
 
+    /// Whether it is of what is commanded, and not of what is measured.
+    #[must_use]
+    pub const fn is_of_command(self) -> bool {
+        matches!(
+            self,
+            Quantity::CommandDisp
+                | Quantity::CommandStep
+                | Quantity::CommandVel
+                | Quantity::CommandAccel
+                | Quantity::Alternation
+        )
+    }
+
     /// Whether our own protocol announces it to the specimen's end; a change in one tick as the speed that it is.
     #[must_use]
     pub const fn is_announced(self) -> bool {

@@ -33,6 +33,13 @@ struct Axis {
     past: Past,
 }
 
+/// Wall time in s to the next command, and that to the last; 0: no other.
+#[derive(Debug, Clone, Copy)]
+struct Pace {
+    tick: f64,
+    before: f64,
+}
+
 /// Watches the limits of one specimen. Real-time after `new`.
 #[derive(Debug, Clone)]
 pub struct Watch {
@@ -77,6 +84,46 @@ impl Watch {
         self.tick = tick;
     }
 
+    const fn pace(&self) -> Pace {
+        Pace {
+            tick: self.tick,
+            before: self.tick_before,
+        }
+    }
+
+    /// What the next command of one axis is judged by, for who only shows it; not a number where a difference has nothing to
+    /// differ from.
+    #[must_use]
+    pub fn asked(&self, axis: usize, disp: f64) -> Option<Asked> {
+        let Axis { limits, past, .. } = self.axes.get(axis)?;
+        let mut asked = past.asked(disp, self.pace(), self.aims, limits);
+        if self.sent < 1 {
+            (asked.step, asked.vel) = (f64::NAN, f64::NAN);
+        }
+        if self.sent < 2 {
+            asked.accel = f64::NAN;
+        }
+        Some(asked)
+    }
+
+    /// Takes a fresh measurement, as [`Watch::judge_measured`] does, and tells of each axis what it is judged by, for who only
+    /// shows it; not a number where a difference has nothing to differ from.
+    pub fn seen(
+        &mut self,
+        values: impl Iterator<Item = (f64, f64, f64)>,
+        mut tell: impl FnMut(usize, Seen),
+    ) {
+        let seen_before = self.measured;
+        for ((index, axis), values) in self.axes.iter_mut().enumerate().zip(values) {
+            let mut seen = axis.past.seen(values, seen_before, &axis.limits);
+            if !seen_before {
+                seen.jump = f64::NAN;
+            }
+            tell(index, seen);
+        }
+        self.measured = true;
+    }
+
     /// The specimen is known to stand at `disp`: the first command is a step from there.
     pub fn stands_at(&mut self, disp: impl Iterator<Item = f64>) {
         for (Axis { past, .. }, disp) in self.axes.iter_mut().zip(disp) {
@@ -98,30 +145,10 @@ impl Watch {
     /// The same, added to `found`. Real-time: yes.
     #[inline]
     pub fn judge_command(&mut self, disp: impl Iterator<Item = f64>, found: &mut Found) {
-        let (tick, sent, aims) = (self.tick, self.sent, self.aims);
-        let even = self.tick_before == tick || self.tick_before == 0.0;
-        let tick_before = self.tick_before;
+        let (pace, sent, aims) = (self.pace(), self.sent, self.aims);
         for ((index, axis), disp) in self.axes.iter_mut().enumerate().zip(disp) {
             let Axis { limits, calm, past } = axis;
-            let [last, before] = past.command;
-            let sawtooth = if aims {
-                past.sawtooth.ticks
-            } else {
-                past.sawtooth.after(disp, limits.alternating_floor).ticks
-            };
-            let step = (disp - last).abs();
-            let asked = Asked {
-                disp,
-                step,
-                vel: step / tick,
-                accel: if even {
-                    (disp - 2.0 * last + before).abs() / (tick * tick)
-                } else {
-                    let change = (disp - last) / tick - (last - before) / tick_before;
-                    change.abs() / (0.5 * (tick + tick_before))
-                },
-                alternating: f64::from(sawtooth),
-            };
+            let asked = past.asked(disp, pace, aims, limits);
             if !(sent >= 2 && past.warned == 0 && calm.covers_command(&asked)) {
                 past.look(index, found).at_command(&asked, limits, sent);
             }
@@ -239,30 +266,13 @@ impl Watch {
         found: &mut Found,
     ) {
         let seen_before = self.measured;
-        for ((index, axis), (disp, force, stands)) in self.axes.iter_mut().enumerate().zip(values) {
+        for ((index, axis), values) in self.axes.iter_mut().enumerate().zip(values) {
             let Axis { limits, calm, past } = axis;
-            let moved = disp.to_bits() != past.measured.to_bits()
-                || force.to_bits() != past.force.to_bits();
-            if moved || !seen_before {
-                (past.stuck_ticks, past.stuck_travel) = (0, 0.0);
-            } else if past.stuck_travel > limits.stuck_travel {
-                past.stuck_ticks = past.stuck_ticks.saturating_add(1);
-            }
-            let error = (stands - past.command[0]).abs();
-            let seen = Seen {
-                disp,
-                force,
-                // The share of motion is taken off, so that both levels get the same.
-                error: error - limits.following_time * past.speed,
-                jump: (force - past.force).abs(),
-                stuck: f64::from(past.stuck_ticks),
-            };
+            let seen = past.seen(values, seen_before, limits);
             if !(seen_before && past.warned == 0 && calm.covers_measurement(&seen)) {
                 past.look(index, found)
                     .at_measurement(&seen, limits, seen_before);
             }
-            past.measured = disp;
-            past.force = force;
         }
         self.measured = true;
     }
@@ -339,6 +349,59 @@ impl Limit for Range {
 }
 
 impl Past {
+    /// What the next command is judged by. Real-time: yes.
+    #[inline]
+    fn asked(&self, disp: f64, pace: Pace, aims: bool, limits: &AxisLimits) -> Asked {
+        let Pace { tick, before } = pace;
+        let [last, last_but_one] = self.command;
+        let sawtooth = if aims {
+            self.sawtooth.ticks
+        } else {
+            self.sawtooth.after(disp, limits.alternating_floor).ticks
+        };
+        let step = (disp - last).abs();
+        Asked {
+            disp,
+            step,
+            vel: step / tick,
+            accel: if before == tick || before == 0.0 {
+                (disp - 2.0 * last + last_but_one).abs() / (tick * tick)
+            } else {
+                let change = (disp - last) / tick - (last - last_but_one) / before;
+                change.abs() / (0.5 * (tick + before))
+            },
+            alternating: f64::from(sawtooth),
+        }
+    }
+
+    /// Takes a fresh measurement; what it is judged by. Real-time: yes.
+    #[inline]
+    fn seen(
+        &mut self,
+        (disp, force, stands): (f64, f64, f64),
+        seen_before: bool,
+        limits: &AxisLimits,
+    ) -> Seen {
+        let moved =
+            disp.to_bits() != self.measured.to_bits() || force.to_bits() != self.force.to_bits();
+        if moved || !seen_before {
+            (self.stuck_ticks, self.stuck_travel) = (0, 0.0);
+        } else if self.stuck_travel > limits.stuck_travel {
+            self.stuck_ticks = self.stuck_ticks.saturating_add(1);
+        }
+        let error = (stands - self.command[0]).abs();
+        let seen = Seen {
+            disp,
+            force,
+            // The share of motion is taken off, so that both levels get the same.
+            error: error - limits.following_time * self.speed,
+            jump: (force - self.force).abs(),
+            stuck: f64::from(self.stuck_ticks),
+        };
+        (self.measured, self.force) = (disp, force);
+        seen
+    }
+
     fn look<'a>(&'a mut self, axis: usize, found: &'a mut Found) -> Look<'a> {
         Look {
             axis,

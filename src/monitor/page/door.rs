@@ -20,8 +20,11 @@ use tokio::time::{Instant, Sleep};
 const MOST: usize = 96;
 /// Bytes that the system may keep for one viewer: a slow one skips instead of reading what was long ago.
 const SEND_BUFFER: usize = 128 << 10;
-/// How long a caller stays who is told nothing: who is silent, does not come to the end of his request, or asks no more. A
-/// viewer is told something ten times a second.
+/// How long a caller stays who has not asked anything: who is silent, or does not come to the end of his first request. Whoever waits
+/// at the door, with a STOP perhaps, waits no longer.
+const NOTHING_ASKED: Duration = Duration::from_secs(3);
+/// How long a caller stays who is told nothing more: who asks no more, or takes nothing. A viewer is told something ten times a
+/// second.
 const NOTHING_TOLD: Duration = Duration::from_secs(20);
 /// How long what was sent may stay without an answer of the other machine, ms.
 const NO_ANSWER_MS: u32 = 30_000;
@@ -86,7 +89,7 @@ impl Caller {
     fn new(stream: TcpStream, place: OwnedSemaphorePermit) -> Self {
         Self {
             stream,
-            untold: Box::pin(tokio::time::sleep(NOTHING_TOLD)),
+            untold: Box::pin(tokio::time::sleep(NOTHING_ASKED)),
             _place: place,
         }
     }

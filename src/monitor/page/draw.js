@@ -204,7 +204,8 @@ function drawLoop(canvas, whole, recent) {
     ctx.beginPath();
     let down = false;
     for (let at = 0; at < disps.length; at += 1) {
-      if (disps[at] === null || forces[at] === null) { down = false; continue; }
+      // Nothing was measured there; the next answer goes on from the last.
+      if (disps[at] === null || forces[at] === null) continue;
       if (down) ctx.lineTo(x(disps[at]), y(forces[at]));
       else ctx.moveTo(x(disps[at]), y(forces[at]));
       down = true;
@@ -214,8 +215,8 @@ function drawLoop(canvas, whole, recent) {
   };
   line(whole, "--c0", 0.45, 1);
   line(recent, "--c1", 1, 2);
-  const last = recent[0].length - 1;
-  if (last >= 0 && recent[0][last] !== null) {
+  const last = recent[0].findLastIndex((disp) => disp !== null);
+  if (last >= 0) {
     ctx.fillStyle = css("--ink");
     ctx.beginPath();
     ctx.arc(x(recent[0][last]), y(recent[1][last]), 4, 0, 2 * Math.PI);

@@ -30,9 +30,10 @@ use tokio::sync::Notify;
 
 pub use gate::{Token, TokenError};
 
-use super::board::{Board, Ended};
+use super::board::{Board, Ended, MARGIN_EVERY_NS};
 use crate::engine::Operator;
 use crate::record::{Note, NoteLevel, Roll};
+use crate::rt::os::monotonic_ns;
 use door::Door;
 use feed::Feed;
 use gate::Gate;
@@ -253,6 +254,15 @@ async fn serve(door: Door, site: Site, stop: Arc<Notify>) {
         ended.closed().await;
     };
     let mut seen = overdue.clone();
+    let board = Arc::clone(&site.feed.board);
+    let room = async move {
+        // Whether anybody looks or not: the smallest so far is the smallest of the test.
+        let mut beat = tokio::time::interval(Duration::from_nanos(MARGIN_EVERY_NS / 2));
+        loop {
+            beat.tick().await;
+            board.margin(monotonic_ns());
+        }
+    };
     let server = routes::serve(door, site, async move {
         let _gone = seen.wait_for(|ended| *ended).await;
     });
@@ -264,6 +274,7 @@ async fn serve(door: Door, site: Site, stop: Arc<Notify>) {
         // A listener that fails is tried again inside; the server ends only when it was asked to.
         () = server => {}
         () = patience => {}
+        () = room => {}
         () = shutdown => {}
     }
 }
@@ -345,5 +356,61 @@ mod tests {
         assert!(far.link().starts_with("http://127.0.0.1:") && far.link().contains("/#view="));
         assert_ne!(far.control.text(), far.view.as_ref().unwrap().text());
         assert_ne!(near.control.text(), far.control.text());
+    }
+
+    #[test]
+    fn the_room_of_lambda_is_found_also_while_nobody_looks() {
+        use crate::monitor::{About, AxisView, Snapshot, Subject};
+
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("test.toml");
+        let text = include_str!("../../../config/paper-4-2-hardening.toml");
+        std::fs::write(&path, text).unwrap();
+        let loaded = crate::config::load(&path, &[]).unwrap();
+        let prepared = crate::config::build(&loaded).unwrap();
+        let about = About {
+            title: String::new(),
+            run: String::new(),
+            real_clock: true,
+            lambda: None,
+        };
+        let subject = Subject::new(&prepared.experiment, about);
+        let online = prepared.facts.structure.unwrap().online_limit.unwrap();
+        let limit = online.limit([(3e7, None)]).value();
+        let board = Board::new(subject, crate::engine::PhaseCell::default(), Some(online));
+        let board = Arc::new(board);
+        let stiff = AxisView {
+            command: 0.0,
+            measured: 0.0,
+            force: 0.0,
+            error: 0.0,
+            stiffness: 3e7,
+            stiffest: 3e7,
+            damping: f64::NAN,
+            added: 0.0,
+            margin: [f64::NAN; 2],
+            limits: Vec::new(),
+        };
+        assert!(board.try_show(Snapshot {
+            rows: 1,
+            axes: vec![stiff],
+            ..Snapshot::default()
+        }));
+        let roll = Roll::new(monotonic_ns, || crate::record::threads::Who {
+            name: String::new(),
+            id: crate::rt::os::thread_id(),
+        });
+        let (operator, _asked) = crossbeam_channel::bounded(1);
+        let (notes, _written) = crossbeam_channel::bounded(1);
+        let page = LivePage::bind("127.0.0.1:0", None).unwrap();
+        let serving = page.serve(Arc::clone(&board), operator, notes, roll);
+        let began_ns = monotonic_ns();
+        while board.known_margin().is_none() {
+            let waited_ns = monotonic_ns() - began_ns;
+            assert!(waited_ns < 60_000_000_000, "nobody finds it");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        assert_eq!(board.known_margin().unwrap().lowest, limit);
+        drop(serving);
     }
 }

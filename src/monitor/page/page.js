@@ -173,8 +173,10 @@ function showLimits(now) {
     const [value, low, high] = bar.values(now) ?? [null, null, null];
     bar.value.textContent = nice(value, bar.unit);
     bar.present.hidden = value === null;
-    if (value === null) continue;
-    bar.present.style.left = bar.at(value);
+    if (value !== null) bar.present.style.left = bar.at(value);
+    // What has been stays, also where there is no present value.
+    bar.soFar.hidden = high === null;
+    if (high === null) continue;
     const from = bar.size ? 0 : low;
     bar.soFar.style.left = bar.at(from);
     bar.soFar.style.width = `calc(${bar.at(high)} - ${bar.at(from)})`;
@@ -229,7 +231,7 @@ function showLambda(lambda) {
     const margin = known.used === null || lambda.limit === null ? null : lambda.limit / known.used;
     place.classList.toggle("bad", (margin !== null && margin < 1) || (known.used === null && lambda.limit !== null));
     lines.push(make("p", "big", lambda.limit === null ? `λ ${used}: every λ is stable` : `λ ${used} of ${number(lambda.limit)} (${margin === null ? "no room" : `${margin.toFixed(2)} ×`})`));
-    lines.push(make("p", "", `largest stable λ with the tangents of the last second; the smallest so far: ${number(lambda.lowest, "none, every λ was stable")}`));
+    lines.push(make("p", "", `largest stable λ with the tangents of the last seconds; the smallest so far: ${number(lambda.lowest, "none, every λ was stable")}`));
   } else {
     place.classList.toggle("bad", known.declared_limit === 0);
     lines.push(make("p", "big", `λ ${used}`));

@@ -1,0 +1,132 @@
+//! The limits that are shown: what they are called, their levels, and how much of them a value uses up.
+
+use serde::Serialize;
+
+use crate::control::limits::{Bound, Levels, Quantity};
+use crate::engine::{Experiment, TestQuantity};
+use crate::record::Column;
+
+/// One limit with its levels, SI.
+#[derive(Debug, Clone, Serialize)]
+pub struct Mark {
+    /// Key of the test file.
+    pub key: &'static str,
+    /// In words.
+    pub words: &'static str,
+    /// Unit.
+    pub unit: &'static str,
+    /// Warned of outside of these two; null where there is none.
+    pub warn: [f64; 2],
+    /// Trips outside of these two.
+    pub trip: [f64; 2],
+    /// Whether it is a size, from 0 up.
+    pub size: bool,
+    #[serde(skip)]
+    pub(super) quantity: Quantity,
+}
+
+/// A limit of the test as a whole.
+#[derive(Debug, Clone, Serialize)]
+pub struct TestMark {
+    /// Key of the test file.
+    pub key: &'static str,
+    /// In words.
+    pub words: &'static str,
+    /// Warned of beyond; null: never.
+    pub warn: f64,
+    /// Trips beyond; null: never.
+    pub trip: f64,
+    #[serde(skip)]
+    pub(super) quantity: TestQuantity,
+    #[serde(skip)]
+    pub(super) place: Option<usize>,
+}
+
+/// A limit, if it has a level.
+pub(super) fn mark((quantity, levels): (Quantity, Levels)) -> Option<Mark> {
+    let (warn, trip, size) = match levels {
+        Levels::Size(bound) => (
+            [f64::NEG_INFINITY, bound.warn],
+            [f64::NEG_INFINITY, bound.trip],
+            true,
+        ),
+        Levels::Range(range) => (range.warn, range.trip, false),
+    };
+    let limited = warn.iter().chain(&trip).any(|level| level.is_finite());
+    limited.then(|| Mark {
+        key: quantity.key(),
+        words: quantity.words(),
+        unit: quantity.unit(),
+        warn,
+        trip,
+        size,
+        quantity,
+    })
+}
+
+/// Every limit of the test as a whole that is judged in it.
+pub(super) fn test_marks(experiment: &Experiment, columns: &[Column]) -> Vec<TestMark> {
+    let marks = TestQuantity::ALL.into_iter().map(|quantity| {
+        let Bound { warn, trip } = experiment.limits.of_test(quantity);
+        TestMark {
+            key: quantity.key(),
+            words: quantity.words(),
+            warn,
+            trip,
+            quantity,
+            place: columns.iter().position(|c| c.name == quantity.key()),
+        }
+    });
+    marks
+        .filter(|mark| mark.place.is_some() || mark.quantity.is_of_misses())
+        .collect()
+}
+
+/// A value over the level at which its limit is reached, on its side: more than 1 is beyond. Where both ends are on one side of zero,
+/// the closer end counts. Not a number where there is no level.
+#[must_use]
+pub fn share([low, high]: [f64; 2], value: f64) -> f64 {
+    if low > 0.0 {
+        let below = if value > 0.0 {
+            low / value
+        } else {
+            f64::INFINITY
+        };
+        return below.max(value / high);
+    }
+    if high < 0.0 {
+        return share([-high, -low], -value);
+    }
+    let level = if value < 0.0 { low } else { high };
+    match level.is_finite() {
+        true if value == 0.0 => 0.0,
+        true => (value / level).abs(),
+        false => f64::NAN,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::share;
+
+    #[test]
+    fn more_than_one_is_beyond_wherever_zero_is() {
+        let none = f64::INFINITY;
+        for (levels, value, wanted) in [
+            ([-10.0, 20.0], -5.0, 0.5),
+            ([-10.0, 20.0], 5.0, 0.25),
+            ([-none, 20.0], 5.0, 0.25),
+            ([0.0, 20.0], -1.0, none),
+            ([10.0, 50.0], 50.0, 1.0),
+            ([10.0, 50.0], 5.0, 2.0),
+            ([10.0, 50.0], -5.0, none),
+            ([-50.0, -10.0], -20.0, 0.5),
+            ([-50.0, -10.0], -60.0, 1.2),
+            ([10.0, none], 40.0, 0.25),
+        ] {
+            assert_eq!(share(levels, value), wanted, "{levels:?} {value}");
+        }
+        assert!(share([-none, 20.0], -5.0).is_nan());
+        assert!(share([-none, none], 5.0).is_nan());
+    }
+}
