@@ -484,7 +484,7 @@ mod tests {
         for time in [5e-324, 1e-200] {
             let mut host = host(BILINEAR, 1, Nature::Simulated);
             for _ in 0..2 {
-                host.trial(Course::Step, &at(&[time], time), Some(time))
+                host.trial(Course::Step, &at(&[time], time), Some(time), &mut || true)
                     .unwrap();
                 host.commit();
             }
