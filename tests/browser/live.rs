@@ -86,7 +86,7 @@ fn an_operator_holds_goes_on_and_stops_from_the_page_and_sees_what_happens() {
     for seen in [&found["clipped"], &found["second"]["clipped"]] {
         assert_eq!(*seen, serde_json::json!([]), "{found:#}");
     }
-    assert_eq!(found["bars"], 6, "three of the axis, three of the test");
+    assert_eq!(found["bars"], 8, "three of the axis, five of the test");
     assert!(
         found["value"].as_str().unwrap().ends_with("mm"),
         "{found:#}"
