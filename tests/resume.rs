@@ -904,7 +904,7 @@ fn a_force_that_was_lost_at_rest_is_told_and_not_taken_for_drift() {
         test.experiment.ports[0].computed = true;
         let (ask, requests) = crossbeam_channel::bounded(100);
         for _ in 0..100 {
-            ask.send(Operator::Continue).unwrap();
+            ask.send(Operator::Confirm).unwrap();
         }
         let folder = RunFolder::create(&at(out)).unwrap();
         session::run(test, folder, requests, Watches::default(), &mut |_| {}).unwrap()

@@ -408,7 +408,7 @@ mod tests {
         while board.known_margin().is_none() {
             let waited_ns = monotonic_ns() - began_ns;
             assert!(waited_ns < 60_000_000_000, "nobody finds it");
-            std::thread::sleep(Duration::from_millis(5));
+            std::thread::park_timeout(Duration::from_millis(5));
         }
         assert_eq!(board.known_margin().unwrap().lowest, limit);
         drop(serving);

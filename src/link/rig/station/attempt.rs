@@ -292,7 +292,7 @@ mod tests {
         let units = vec![AxisUnits::SI; 2];
         let rig = Box::new(Broken { from: u64::MAX });
         let station = Station::new("rig".into(), rig, units, vec![0.0; 4], vec![0.0; 4]);
-        let mut station = station.limited(&[limits.clone(), limits]);
+        let mut station = station.limited(&[limits; 2]);
         let visitor = Visitor::unnamed(([127, 0, 0, 1], 1).into());
         station.begin(&visitor, &mut || Ok(())).unwrap();
         let mut into = Measurement::zeros(2);

@@ -152,7 +152,8 @@ fn limits_narrower_than_what_was_promised_are_found_and_those_that_differ_by_rou
     for change in equal {
         assert_eq!(found(&hello, change), None);
     }
-    let narrower: [(fn(&mut Limits), &str, f64, &str); 4] = [
+    type Narrower = (fn(&mut Limits), &'static str, f64, &'static str);
+    let narrower: [Narrower; 4] = [
         (
             |own| own.disp_min = -0.01,
             "smallest displacement",
