@@ -215,9 +215,10 @@ fn both_ends_know_the_limits_of_the_other_before_anything_moves() {
 /// Other ends than ours may let pass what they will not do.
 #[test]
 fn an_end_that_keeps_narrower_limits_than_the_test_and_welcomes_it_is_refused() {
+    type Change = fn(&mut Limits);
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let cases: [(fn(&mut Limits), &str); 2] = [
+    let cases: [(Change, &str); 2] = [
         (
             |own| own.disp_max = 0.01,
             "axis \"axis 1\": largest displacement is 0.5 m here, beyond 0.01 m there (narrow [specimen.limits]",

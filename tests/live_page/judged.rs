@@ -191,10 +191,8 @@ fn shown(per_step: bool, limits: AxisLimits) -> (Arc<Board>, Arc<Snapshot>, Vec<
     let (board, mut tap) = looked_at(&experiment, &PhaseCell::default());
     let run = run_on(experiment, SimClock::new());
     assert!(run.rows.len() > 250, "{:?}", run.outcome.ending);
-    let mut number = 0;
-    for row in &run.rows {
+    for (number, row) in (0..).zip(&run.rows) {
         tap.row(number, row);
-        number += 1;
     }
     tap.finish(1, &Progress::default());
     let warnings = run.events.iter().filter_map(|event| match event.kind {
