@@ -5,6 +5,7 @@
 //! judged before it leaves, and what is not a number trips. Not here: what a trip leads to.
 
 mod calm;
+mod look;
 mod quantity;
 mod sawtooth;
 mod spec;

@@ -1,8 +1,9 @@
 //! The look at one specimen, tick by tick: past values, differences, and what was warned of already.
 
 use super::calm::{Asked, Calm, Seen};
+use super::look::Look;
 use super::sawtooth::Sawtooth;
-use super::{AxisLimits, Bound, Found, Hit, Level, Quantity, Range};
+use super::{AxisLimits, Found, Hit, Quantity};
 
 /// Beyond so many times the value that tripped, it trips again.
 const WORSE: f64 = 1.05;
@@ -330,24 +331,6 @@ pub struct Estimated {
     pub added_energy: f64,
 }
 
-/// What a value is judged by.
-trait Limit {
-    /// What `value` is beyond, and the bound. Real-time: yes.
-    fn judge(&self, value: f64) -> Option<(Level, f64)>;
-}
-
-impl Limit for Bound {
-    fn judge(&self, value: f64) -> Option<(Level, f64)> {
-        Bound::judge(*self, value)
-    }
-}
-
-impl Limit for Range {
-    fn judge(&self, value: f64) -> Option<(Level, f64)> {
-        Range::judge(self, value)
-    }
-}
-
 impl Past {
     /// What the next command is judged by. Real-time: yes.
     #[inline]
@@ -408,92 +391,6 @@ impl Past {
             warned: &mut self.warned,
             excused: self.excused,
             found,
-        }
-    }
-}
-
-/// The look at one axis.
-struct Look<'a> {
-    axis: usize,
-    warned: &'a mut u32,
-    excused: Option<(Quantity, f64)>,
-    found: &'a mut Found,
-}
-
-impl Look<'_> {
-    /// A command; `sent` have left before it, and differences need something to differ from.
-    #[cold]
-    fn at_command(&mut self, asked: &Asked, limits: &AxisLimits, sent: u8) {
-        self.at(Quantity::CommandDisp, asked.disp, &limits.command_disp);
-        if sent >= 1 {
-            self.at(Quantity::CommandStep, asked.step, &limits.command_step);
-            self.at(Quantity::CommandVel, asked.vel, &limits.command_vel);
-        }
-        if sent >= 2 {
-            self.at(Quantity::CommandAccel, asked.accel, &limits.command_accel);
-        }
-        let sawtooth = &limits.alternating_ticks;
-        self.at(Quantity::Alternation, asked.alternating, sawtooth);
-    }
-
-    /// A measurement, and whether there was one before it.
-    #[cold]
-    fn at_measurement(&mut self, seen: &Seen, limits: &AxisLimits, seen_before: bool) {
-        // A sensor at the end of its range comes first: what it reads is not what is.
-        self.at(Quantity::SensorDisp, seen.disp, &limits.sensor_disp);
-        self.at(Quantity::SensorForce, seen.force, &limits.sensor_force);
-        self.at(Quantity::MeasuredDisp, seen.disp, &limits.measured_disp);
-        self.at(Quantity::MeasuredForce, seen.force, &limits.measured_force);
-        self.at(
-            Quantity::FollowingError,
-            seen.error,
-            &limits.following_error,
-        );
-        if seen_before {
-            self.at(Quantity::ForceStep, seen.jump, &limits.force_step);
-            self.at(Quantity::StuckSensor, seen.stuck, &limits.stuck_ticks);
-        }
-    }
-
-    /// What is known of some quantities.
-    fn at_known<const N: usize>(&mut self, values: [(Quantity, f64, Bound); N]) {
-        for (quantity, value, bound) in values {
-            if value.is_finite() {
-                self.at(quantity, value, &bound);
-            }
-        }
-    }
-
-    fn is_excused(&self, quantity: Quantity, value: f64) -> bool {
-        self.excused
-            .is_some_and(|(excused, worst)| excused == quantity && value.abs() <= worst)
-    }
-
-    /// Judges `value`; keeps the first trip, and the first warning that is new.
-    fn at(&mut self, quantity: Quantity, value: f64, limit: &impl Limit) {
-        let bit = quantity.bit();
-        let Some((level, bound)) = limit.judge(value) else {
-            *self.warned &= !bit;
-            return;
-        };
-        let hit = Hit {
-            axis: self.axis,
-            quantity,
-            level,
-            value,
-            bound,
-        };
-        match level {
-            Level::Trip if self.is_excused(quantity, value) => {}
-            Level::Trip => {
-                self.found.trip.get_or_insert(hit);
-            }
-            // A second new warning of the same tick is given in the next: its bit is not set yet.
-            Level::Warning if *self.warned & bit == 0 && self.found.warning.is_none() => {
-                *self.warned |= bit;
-                self.found.warning = Some(hit);
-            }
-            Level::Warning => {}
         }
     }
 }
