@@ -60,15 +60,19 @@ impl Table {
             let of = &summary.miss_classes;
             // The loop waits for nobody: of very many misses some are counted, and their causes are lost before they are written.
             let untold = summary.deadline_misses.saturating_sub(of.total());
-            let causes = [
+            let mut causes = vec![
                 ("ours", of.ours),
                 ("preempted", of.preempted),
                 ("taken away", of.taken_away),
                 ("late reply", of.late_reply),
-                ("cause not told", untold),
             ];
-            let causes = causes.map(|(cause, count)| format!("{cause} {count}"));
-            found.push_str(&format!(": {}", causes.join(", ")));
+            if untold > 0 {
+                causes.push(("cause not told", untold));
+            }
+            let causes = causes
+                .iter()
+                .map(|(cause, count)| format!("{cause} {count}"));
+            found.push_str(&format!(": {}", causes.collect::<Vec<_>>().join(", ")));
         }
         self.row("deadline misses", &found);
     }
