@@ -1055,6 +1055,13 @@ fn built(test: &Path) -> gusset::config::Prepared {
     gusset::config::build(&loaded).unwrap_or_else(|e| panic!("{e}"))
 }
 
+/// Where two rigs stand, whoever put them there.
+fn put(places: &[Arc<Mutex<f64>>; 2], to: [f64; 2]) {
+    for (place, to) in places.iter().zip(to) {
+        *place.lock().unwrap() = to;
+    }
+}
+
 /// The other specimen was sent its command in the tick in which the link of the one was lost: it stands there, and on record.
 /// After a panic of our own it may stand there.
 #[test]
@@ -1063,11 +1070,7 @@ fn who_is_well_when_a_link_is_lost_stands_where_the_record_ends_and_the_test_can
     let at = |name: &str| home.path().join(name);
     let test = two_rigs(home.path(), "");
     let places: [Arc<Mutex<f64>>; 2] = Default::default();
-    let put = |to: [f64; 2]| {
-        for (place, to) in places.iter().zip(to) {
-            *place.lock().unwrap() = to;
-        }
-    };
+    let put = |to: [f64; 2]| put(&places, to);
     let rigs = |ends| [Rig::boxed(&places[0], ends), Rig::boxed(&places[1], None)];
     let whole = run_rigs(built(&test), rigs(None), &at("whole"), None);
     assert_eq!(whole.finish, Finish::Completed);
@@ -1147,11 +1150,7 @@ fn a_test_that_ended_on_its_way_in_to_where_it_was_to_go_on_can_go_on() {
     let leaves = "at_end = \"zero_displacement\"\nexit_speed_m_per_s = 0.05\n";
     let test = two_rigs(home.path(), leaves);
     let places: [Arc<Mutex<f64>>; 2] = Default::default();
-    let put = |to: [f64; 2]| {
-        for (place, to) in places.iter().zip(to) {
-            *place.lock().unwrap() = to;
-        }
-    };
+    let put = |to: [f64; 2]| put(&places, to);
     let rigs = || places.each_ref().map(|place| Rig::boxed(place, None));
     let again = |from: &str| resume(&at(from), None, &[], None).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(
@@ -1248,11 +1247,7 @@ fn the_same_interruption_is_gone_on_with_once() {
     let at = |name: &str| home.path().join(name);
     let test = two_rigs(home.path(), "");
     let places: [Arc<Mutex<f64>>; 2] = Default::default();
-    let put = |to: [f64; 2]| {
-        for (place, to) in places.iter().zip(to) {
-            *place.lock().unwrap() = to;
-        }
-    };
+    let put = |to: [f64; 2]| put(&places, to);
     let rigs = || places.each_ref().map(|place| Rig::boxed(place, None));
     let ended = run_rigs(built(&test), rigs(), &at("first"), Some(190));
     assert_eq!(ended.finish, Finish::Interrupted);
