@@ -106,7 +106,7 @@ impl Attendant {
     fn confirm(&self) {
         while self.phase.glimpse().unconfirmed
             && matches!(
-                self.operator.try_send(Operator::Confirm),
+                Operator::Confirm.say_into(&self.operator),
                 Err(TrySendError::Full(_))
             )
         {

@@ -45,7 +45,7 @@ fn say(folder: &Path, request: Request) -> Result<String, Refusal> {
             Ok(told) => {
                 silent_since = None;
                 if !told.accepted {
-                    return Err(not_taken(request, told.seen.phase));
+                    return Err(not_taken(told.seen.phase));
                 }
                 let long_enough = waited >= PATIENCE;
                 if std::mem::replace(&mut is_told, true) {
@@ -106,16 +106,10 @@ fn given_up(is_told: bool) -> String {
     format!("it has not answered for {seconds} s and is not over: {request}")
 }
 
-/// It was asked, and does not take it. An end is taken in every phase: only room for it can be missing.
-fn not_taken(request: Request, phase: Phase) -> Refusal {
-    let refused = match (request, phase) {
-        (Request::Hold | Request::Continue, phase) | (Request::Stop, phase @ Phase::Safe) => {
-            refusal(phase)
-        }
-        (Request::Stop | Request::Phase, _) => None,
-    };
+/// It was asked, and does not take it; an end is always taken.
+fn not_taken(phase: Phase) -> Refusal {
     let full = "its queue of requests is full: it has not heard this one, say it again";
-    refused.unwrap_or_else(|| (Exit::Stopped, full.to_owned()))
+    refusal(phase).unwrap_or_else(|| (Exit::Stopped, full.to_owned()))
 }
 
 /// Where nothing is held or gone on with; none where it is.
@@ -308,15 +302,10 @@ mod tests {
     }
 
     #[test]
-    fn a_stop_that_finds_no_room_is_to_be_said_again_in_every_phase() {
-        let said = |request, phase| not_taken(request, phase).1;
-        for phase in [Phase::Running, Phase::Leaving, Phase::Tripped] {
-            let text = said(Request::Stop, phase);
-            assert!(text.starts_with("its queue of requests is full"), "{text}");
-        }
-        assert_eq!(said(Request::Stop, Phase::Safe), OVER);
-        assert!(said(Request::Hold, Phase::Leaving).starts_with("it is leaving"));
-        assert!(said(Request::Continue, Phase::Running).starts_with("its queue"));
+    fn who_is_not_taken_is_told_that_it_is_too_late_or_to_say_it_again() {
+        let said = |phase| not_taken(phase).1;
+        assert!(said(Phase::Leaving).starts_with("it is leaving"));
+        assert!(said(Phase::Running).starts_with("its queue"));
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use crossbeam_channel::{Receiver, Sender};
+use crossbeam_channel::{Receiver, Sender, TrySendError};
 
 use super::phase::{Glimpse, PhaseCell};
 
@@ -30,6 +30,26 @@ impl Operator {
             Self::Confirm
         } else {
             Self::Continue
+        }
+    }
+
+    /// Into the operator's line (with room for two words at least). Half of the room is kept for ends: none is lost behind
+    /// other words. One more end than there is room for would mean nothing that those before it do not.
+    ///
+    /// # Errors
+    /// There is no room, or nobody listens any more.
+    pub fn say_into(self, line: &Sender<Self>) -> Result<(), TrySendError<Self>> {
+        let is_end = self == Self::Stop;
+        if !is_end
+            && line
+                .capacity()
+                .is_some_and(|room| line.len() >= room.div_ceil(2))
+        {
+            return Err(TrySendError::Full(self));
+        }
+        match line.try_send(self) {
+            Err(TrySendError::Full(_)) if is_end => Ok(()),
+            said => said,
         }
     }
 }
@@ -136,3 +156,34 @@ impl Asked {
 /// Something to do on the loop's own thread just before the first and just after the last tick of the grid: tests put
 /// a guard there that counts system calls and allocations.
 pub type Watch = Box<dyn FnMut() + Send>;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_end_finds_room_behind_any_number_of_other_words() {
+        let (line, hears) = crossbeam_channel::bounded(4);
+        let said = [Operator::Hold; 9].map(|word| word.say_into(&line).is_ok());
+        assert_eq!(said.map(usize::from).iter().sum::<usize>(), 2);
+        for _ in 0..9 {
+            assert_eq!(Operator::Stop.say_into(&line), Ok(()));
+        }
+        let full = Operator::Confirm.say_into(&line);
+        assert_eq!(full, Err(TrySendError::Full(Operator::Confirm)));
+        let heard: Vec<Operator> = hears.try_iter().collect();
+        assert_eq!(
+            heard,
+            [
+                Operator::Hold,
+                Operator::Hold,
+                Operator::Stop,
+                Operator::Stop
+            ]
+        );
+        drop(hears);
+        for word in [Operator::Stop, Operator::Hold] {
+            assert_eq!(word.say_into(&line), Err(TrySendError::Disconnected(word)));
+        }
+    }
+}

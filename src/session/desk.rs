@@ -143,7 +143,6 @@ impl Desk {
                 listener,
                 closed,
                 callers: Vec::new(),
-                owed: 0,
                 requests,
                 phase,
                 stamper: roll.enter(),
@@ -184,8 +183,6 @@ struct Counter {
     /// Readable when the desk closes.
     closed: UnixStream,
     callers: Vec<Caller>,
-    /// Ends that were asked for and found no room yet.
-    owed: u32,
     requests: Sender<Operator>,
     phase: PhaseCell,
     stamper: Stamper,
@@ -209,8 +206,7 @@ impl Counter {
         ends.extend(streams.map(|caller| PollFd::new(&caller.stream, PollFlags::IN)));
         let now_ns = monotonic_ns();
         let patience = self.callers.iter().map(|caller| caller.until_ns);
-        let again = (self.owed > 0).then_some(now_ns.saturating_add(nanos(BREATH)));
-        let longest = patience.chain(again).min().map(|until_ns| {
+        let longest = patience.min().map(|until_ns| {
             let wait_ns = until_ns.saturating_sub(now_ns);
             Timespec {
                 tv_sec: (wait_ns / 1_000_000_000) as i64,
@@ -224,7 +220,6 @@ impl Counter {
 
     /// Whatever can be done without waiting.
     fn turn(&mut self) {
-        self.pass_on();
         if self.callers.len() < MOST_CALLERS {
             self.accept();
         }
@@ -257,28 +252,18 @@ impl Counter {
         }
     }
 
-    fn serve(&mut self, caller: &Caller) -> io::Result<()> {
+    fn serve(&self, caller: &Caller) -> io::Result<()> {
         let asked: Asked = serde_json::from_slice(&caller.line)?;
         let seen = self.phase.glimpse();
         let heard = seen.phase.can_be_held();
+        let is_taken = |word: Operator| word.say_into(&self.requests).is_ok();
         let accepted = match asked.request {
-            Request::Stop => {
-                self.owed = self.owed.saturating_add(1);
-                self.pass_on();
-                true
-            }
-            Request::Hold => heard && self.requests.try_send(Operator::Hold).is_ok(),
-            Request::Continue => heard && self.requests.try_send(Operator::to_go_on(seen)).is_ok(),
+            Request::Stop => is_taken(Operator::Stop),
+            Request::Hold => heard && is_taken(Operator::Hold),
+            Request::Continue => heard && is_taken(Operator::to_go_on(seen)),
             Request::Phase => true,
         };
         write_line(&caller.stream, &Answer { accepted, seen })
-    }
-
-    /// An end that finds no room in the queue waits for it.
-    fn pass_on(&mut self) {
-        while self.owed > 0 && self.requests.try_send(Operator::Stop).is_ok() {
-            self.owed -= 1;
-        }
     }
 }
 
@@ -378,22 +363,22 @@ mod tests {
         // Longer than an address of a socket may be.
         let folder = home.path().join("a".repeat(100)).join("b".repeat(100));
         std::fs::create_dir_all(&folder).unwrap();
-        let (sender, receiver) = crossbeam_channel::bounded(1);
+        let (sender, receiver) = crossbeam_channel::bounded(4);
         let phase = PhaseCell::default();
         let desk = Desk::open(&folder, sender, phase.clone(), &roll()).unwrap();
         phase.set(Phase::Running);
         let answer = ask(&folder, Request::Hold).unwrap();
         assert!(answer.accepted);
         assert_eq!(answer.seen, Glimpse::of(Phase::Running));
-        let full = ask(&folder, Request::Continue).unwrap();
-        assert!(!full.accepted, "one request fits");
-        // An end waits for room, and as many as were asked for.
+        assert!(ask(&folder, Request::Continue).unwrap().accepted);
+        let full = ask(&folder, Request::Hold).unwrap();
+        assert!(!full.accepted, "the rest of the room is for ends");
         for _ in 0..2 {
             assert!(ask(&folder, Request::Stop).unwrap().accepted);
         }
-        for heard in [Operator::Hold, Operator::Stop, Operator::Stop] {
-            assert_eq!(receiver.recv(), Ok(heard));
-        }
+        let heard: Vec<Operator> = receiver.try_iter().collect();
+        let [hold, go_on, stop] = [Operator::Hold, Operator::Continue, Operator::Stop];
+        assert_eq!(heard, [hold, go_on, stop, stop]);
         drop(desk);
         let over = ask(&folder, Request::Phase).unwrap_err();
         assert!(matches!(over, Unanswered::Over(_)), "{over}");

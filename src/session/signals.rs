@@ -102,10 +102,10 @@ impl Signals {
                             Signal::Terminate => TERMINATE,
                         };
                         let began_ns = stamper.now();
-                        // The first signal names the cause; a full queue already holds the request.
+                        // The first signal names the cause.
                         let _ =
                             noted.compare_exchange(0, which, Ordering::Relaxed, Ordering::Relaxed);
-                        let _ = requests.try_send(Operator::Stop);
+                        let _ = Operator::Stop.say_into(&requests);
                         stamper.since(What::Signal, began_ns, 0);
                     }
                 });

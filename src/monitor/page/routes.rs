@@ -186,7 +186,7 @@ async fn operate(
         let _full = site.notes.try_send(refused.with("why", why));
         return Err(Refusal(StatusCode::CONFLICT, why));
     }
-    let accepted = site.operator.try_send(request).is_ok();
+    let accepted = request.say_into(&site.operator).is_ok();
     let confirms = request == Operator::Confirm;
     let told = note(NoteLevel::Info, "control_request").with("accepted", accepted);
     let _full = site.notes.try_send(told.with("confirms", confirms));
