@@ -327,9 +327,12 @@ impl StabilityProof {
         }
         let late = self.late_mass.as_ref();
         let moving = self.mass.quadratic(&shape) + late.map_or(0.0, |late| late.quadratic(&shape));
-        let frequency = (self.stiffness_bound.quadratic(&shape) / moving).sqrt();
-        let frequency = if moving > 0.0 {
-            frequency
+        let heaviest = (0..n)
+            .map(|dof| self.mass.get(dof, dof))
+            .fold(0.0, f64::max);
+        // What rounding left of a shape where it has no part moves nothing.
+        let frequency = if moving > heaviest * (64.0 * f64::EPSILON).powi(2) {
+            (self.stiffness_bound.quadratic(&shape) / moving).sqrt()
         } else {
             f64::INFINITY
         };

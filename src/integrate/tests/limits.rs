@@ -265,6 +265,35 @@ fn automatic_lambda_follows_its_rule_and_names_what_governs() {
 }
 
 #[test]
+fn a_critical_shape_of_a_dof_without_mass_has_no_frequency() {
+    let coupled = [(0, 0, 4e6), (0, 1, -2e6), (1, 1, 3e6)];
+    let stiffness = SymMatrix::from_triplets(2, coupled);
+    let proof = |mass: f64| StabilityProof {
+        mass: SymMatrix::diagonal(&[1e3, mass]),
+        damping: SymMatrix::zeros(2),
+        stiffness: stiffness.clone(),
+        damping_bound: SymMatrix::zeros(2),
+        stiffness_bound: stiffness.clone(),
+        dt: 1.0 / 1024.0,
+        late_mass: None,
+        apart: None,
+    };
+    for (mass, said) in [
+        (0.0, "which moves no mass)"),
+        // The stiff end of √(k/m), little as that is.
+        (1e-9, "at 54772255.75"),
+    ] {
+        let lambda = Some(Lambda::Finite(2.0));
+        let choice = proof(mass).choose(lambda, GAIN_NUMERICAL, &[]).unwrap();
+        let governing = choice.governing.unwrap().to_string();
+        assert!(
+            governing.starts_with("degree of freedom 2") && governing.contains(said),
+            "{governing}"
+        );
+    }
+}
+
+#[test]
 fn what_no_lambda_can_hold_is_an_error_with_a_name() {
     // A damper that C0 does not know: 2 Δt c_max > 4 m and nothing in K0.
     let proof = StabilityProof {
