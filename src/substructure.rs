@@ -228,6 +228,9 @@ pub struct Unavailable {
     pub text: String,
 }
 
+/// Whoever waits for a specimen is asked this often whether its answer is still wanted.
+pub(crate) const LISTEN_NS: u64 = 50_000_000;
+
 /// Anything that answers a displacement with a force.
 pub trait Substructure: Send {
     /// Number of axes; fixed for the whole test.

@@ -3,10 +3,7 @@
 
 use super::operator::Control;
 use super::{Engine, Stop};
-use crate::substructure::Holder;
-
-/// He is listened to this often.
-const LISTEN_NS: u64 = 50_000_000;
+use crate::substructure::{Holder, LISTEN_NS};
 
 impl Engine {
     /// Arms all specimens: all are asked before any is waited for, so that they get ready at the same time. An operator who

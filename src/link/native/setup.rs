@@ -10,7 +10,7 @@ use crate::link::secret::random;
 use crate::link::spec::Carrier;
 use crate::link::tls::{TlsClient, is_alert};
 use crate::link::{ConnectError, SocketOptions, TcpTransport, Transport, UdpTransport};
-use crate::substructure::{Coupling, Introduction, LinkFault};
+use crate::substructure::{Coupling, Introduction, LISTEN_NS, LinkFault};
 use crate::wire::handshake::{
     self, Axis, Capabilities, Control, Hello, Limits, Sampling, Versions, Welcome, layout_hash,
 };
@@ -23,8 +23,6 @@ pub(in crate::link) const SOFTWARE: &str = concat!("gusset ", env!("CARGO_PKG_VE
 
 /// A question whose answer is missing is repeated after so long, over UDP.
 const REPEAT_NS: u64 = 200_000_000;
-/// Whether the answer is still wanted is asked this often.
-const LISTEN_NS: u64 = 50_000_000;
 
 /// What a controller wants of a specimen that speaks our own protocol.
 #[derive(Debug, Clone)]

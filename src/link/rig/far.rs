@@ -12,14 +12,13 @@ use std::time::Duration;
 use super::{Over, Rig, Visitor, Wanted};
 use crate::rt::os;
 use crate::substructure::{
-    Command, Freshness, Introduction, LinkFault, LinkStats, Measurement, Retirement, Substructure,
+    Command, Freshness, Introduction, LISTEN_NS, LinkFault, LinkStats, Measurement, Retirement,
+    Substructure,
 };
 use crate::time::Nanos;
 
 /// How often it is asked whether a connection that is waited for is still wanted.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
-/// The same of an answer.
-const LISTEN_NS: u64 = 50_000_000;
 
 /// Where a specimen across a link stands, as far as its last tests tell: shared by those who make its connections and those
 /// who ask.
