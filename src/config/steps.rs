@@ -4,6 +4,7 @@ use super::diagnose::Finding;
 use super::document::KeyPath;
 use super::echo;
 use super::timetable::{ClockChoice, TimeTable};
+use crate::link::LinkSpec;
 use crate::time::Ratio;
 
 /// Step and length of a test, exact.
@@ -37,6 +38,15 @@ const fn highest_hz(clock: ClockChoice) -> f64 {
 }
 
 impl Time {
+    /// Ticks from one command over this link to the next.
+    pub fn ticks_between_commands(&self, link: &LinkSpec) -> u32 {
+        if link.is_per_step() {
+            self.ticks_per_step
+        } else {
+            1
+        }
+    }
+
     /// The time of a test.
     ///
     /// # Errors

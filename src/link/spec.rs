@@ -128,6 +128,12 @@ const STALE_S: f64 = 0.1;
 const STALE_TICKS: u64 = 10;
 
 impl LinkSpec {
+    /// True of a partner that is commanded once a step, however many ticks that has.
+    #[must_use]
+    pub fn is_per_step(&self) -> bool {
+        self.commands == CommandPace::EveryStep
+    }
+
     /// Stale measurements in a row that are put up with, with ticks of `period` seconds.
     #[must_use]
     pub fn stale_bound(&self, period: f64) -> u64 {

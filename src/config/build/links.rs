@@ -11,7 +11,7 @@ use crate::control::{OnStale, WaitRules};
 use crate::link::announce::announce;
 use crate::link::openfresco::{Remote, RemoteSettings};
 use crate::link::secret::read_key;
-use crate::link::spec::{Carrier, CommandPace, LinkCoupling, StaleChoice, WATCHDOG_MAX_S};
+use crate::link::spec::{Carrier, LinkCoupling, StaleChoice, WATCHDOG_MAX_S};
 use crate::link::tls::{FileError, TlsClient, TlsSpec};
 use crate::link::{LinkSpec, NativeLink, NativeSetup, SocketOptions, Wait};
 use crate::rt::throttle::Throttle;
@@ -53,12 +53,8 @@ pub(super) fn native(
         _ => Coupling::Lockstep,
     };
     // A partner that is commanded once a step counts steps.
-    let ticks = if is_per_step(link) {
-        u64::from(time.ticks_per_step)
-    } else {
-        1
-    };
-    let period_s = time.period.value() * ticks as f64;
+    let ticks = time.ticks_between_commands(link);
+    let period_s = time.period.value() * f64::from(ticks);
     let (per_second, seconds) = time.period.inverse().terms();
     let usual = native_setup(link, key, wire_axes(table, axes, Some(time.period.value())));
     let mut options = usual.options;
@@ -70,7 +66,7 @@ pub(super) fn native(
     }
     let setup = NativeSetup {
         test: site.loaded.file.title.clone(),
-        rate: Ratio::new(per_second, seconds.saturating_mul(ticks))
+        rate: Ratio::new(per_second, seconds.saturating_mul(ticks.into()))
             .map_or((per_second, seconds), Ratio::terms),
         watchdog_s: watchdog_s(link, period_s),
         coupling,
@@ -184,11 +180,6 @@ pub(super) fn openfresco(
         }
         Err(error) => site.refuse_key(&at.key("link"), error.key(), &error),
     }
-}
-
-/// True if the specimen is commanded once a step.
-pub(super) fn is_per_step(link: &LinkSpec) -> bool {
-    link.commands == CommandPace::EveryStep
 }
 
 fn rules(link: &LinkSpec, period: f64) -> WaitRules {

@@ -9,7 +9,7 @@ mod sums;
 mod unwatched;
 
 use super::gear::Rows;
-use super::{Refused, Site, links, path, safety};
+use super::{Refused, Site, path, safety};
 use crate::config::{Finding, Loaded};
 use crate::control::limits::LimitsSpec;
 use crate::control::{Axis, Believed, Declared, Direction, Order, Pace, Port, Trend, WaitRules};
@@ -288,7 +288,7 @@ impl Specimens {
                     unwatched::unwatched(site, index, &specs, &declared);
                     let limits = specs.iter().map(LimitsSpec::limits).collect();
                     let time = site.loaded.time;
-                    let per_step = table.link.as_ref().is_some_and(links::is_per_step);
+                    let per_step = table.link.as_ref().is_some_and(LinkSpec::is_per_step);
                     let ticks = if per_step { time.ticks_per_step } else { 1 };
                     let period = time.period.value();
                     let tick = period * f64::from(ticks);

@@ -7,7 +7,7 @@ use crate::config::document::KeyPath;
 use crate::config::specimen::{DispUnit, ForceUnit, SpecimenTable};
 use crate::link::LinkSpec;
 use crate::link::openfresco::RemoteSettings;
-use crate::link::spec::{Carrier, CommandPace, LinkCoupling, Protocol};
+use crate::link::spec::{Carrier, LinkCoupling, Protocol};
 
 /// The link of one specimen.
 pub(super) fn check_link(
@@ -125,7 +125,7 @@ pub(super) fn check_pace(
     let Some(link) = &specimen.link else {
         return;
     };
-    if link.commands != CommandPace::EveryStep {
+    if !link.is_per_step() {
         return;
     }
     let here = at.key("link").key("commands");

@@ -95,7 +95,7 @@ pub(crate) fn check(file: &TestFile, clock_is_chosen: bool) -> Vec<Finding> {
             &mut findings,
         );
         if let Some(link) = &specimen.link {
-            check_link_waits(link, &at.key("link"), &mut findings);
+            check_link_waits(link, time.as_ref(), &at.key("link"), &mut findings);
             check_idle_link(link, &at.key("link"), &mut findings);
         }
     }
@@ -210,7 +210,7 @@ pub(crate) fn check_served(file: &ServeFile) -> Vec<Finding> {
         check_idle_specimen(specimen, false, None, &at, &mut findings);
         link::check_standing(specimen, &at, &mut findings);
         if let Some(link) = &specimen.link {
-            check_link_waits(link, &at.key("link"), &mut findings);
+            check_link_waits(link, None, &at.key("link"), &mut findings);
         }
         if specimen.compensation.is_some() {
             findings.0.push(

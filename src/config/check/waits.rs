@@ -150,8 +150,13 @@ fn check_ticks(time: &Time, timing: &TimingSpec, root: &KeyPath, findings: &mut 
     }
 }
 
-/// What one link waits for, and its other end.
-pub(super) fn check_link_waits(link: &LinkSpec, at: &KeyPath, findings: &mut Findings) {
+/// What one link waits for, and its other end, in a test of this time.
+pub(super) fn check_link_waits(
+    link: &LinkSpec,
+    time: Option<&Time>,
+    at: &KeyPath,
+    findings: &mut Findings,
+) {
     let owed = "as long as the test stands and waits if nobody answers";
     for (key, value) in [
         ("connect_timeout_s", Some(link.connect_timeout_s)),
@@ -168,6 +173,19 @@ pub(super) fn check_link_waits(link: &LinkSpec, at: &KeyPath, findings: &mut Fin
         (WATCHDOG_MAX_S, "s"),
         silent,
     );
+    if let (Some(watchdog_s), Some(time)) = (link.watchdog_s, time) {
+        let apart_s = time.period.value() * f64::from(time.ticks_between_commands(link));
+        if watchdog_s > 0.0 && watchdog_s < apart_s {
+            let at = at.key("watchdog_s");
+            let headline = format!("`{at}` must be at least {} s", number(apart_s));
+            let finding = Finding::error(at, headline);
+            findings.0.push(
+                finding
+                    .label(format!("found {}", number(watchdog_s)))
+                    .help("from one command to the next: the specimen's end would hold in between"),
+            );
+        }
+    }
     let ramp = "the time that the motion takes each way";
     findings.at_most(
         at,

@@ -5,7 +5,7 @@ use crate::config::diagnose::Finding;
 use crate::config::document::KeyPath;
 use crate::config::schema::TestFile;
 use crate::config::specimen::SpecimenTable;
-use crate::link::spec::CommandPace;
+use crate::link::LinkSpec;
 
 /// Value and slope of the way are continuous, its curvature is not: what takes it from tick to tick hands its jumps on.
 pub(super) fn check_way(
@@ -14,11 +14,8 @@ pub(super) fn check_way(
     at: &KeyPath,
     findings: &mut Findings,
 ) {
-    let from_target_to_target = file.time.ticks_per_step == 1
-        || specimen
-            .link
-            .as_ref()
-            .is_some_and(|link| link.commands == CommandPace::EveryStep);
+    let from_target_to_target =
+        file.time.ticks_per_step == 1 || specimen.link.as_ref().is_some_and(LinkSpec::is_per_step);
     let Some(spec) = &specimen.compensation else {
         return;
     };

@@ -160,11 +160,7 @@ fn stale(link: &LinkSpec, port: &Port) -> String {
 fn watchdog(link: &LinkSpec, time: &Time) -> String {
     match link.protocol {
         Protocol::Gusset => {
-            let ticks = if links::is_per_step(link) {
-                f64::from(time.ticks_per_step)
-            } else {
-                1.0
-            };
+            let ticks = f64::from(time.ticks_between_commands(link));
             let after = links::watchdog_s(link, time.period.value() * ticks);
             let unwatched = match time.clock {
                 ClockChoice::Real => "",

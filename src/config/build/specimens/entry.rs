@@ -10,6 +10,7 @@ use crate::config::{Finding, KeyPath, Loaded, MatrixValue, SpecimenTable};
 use crate::control::{Axis, Order};
 use crate::law::Reach;
 use crate::linalg::SymMatrix;
+use crate::link::LinkSpec;
 use crate::link::spec::Protocol;
 use crate::model::StructureSpec;
 use crate::specimen::{Specimen, SpecimenLaw};
@@ -169,7 +170,7 @@ pub(super) fn entry(
 /// as its order goes, and each difference of a sawtooth is twice the one before it; a specimen that is told its target alone
 /// is told the velocity ∇ of the integrator.
 fn sawtooth(loaded: &Loaded, table: &SpecimenTable) -> f64 {
-    let told_once = table.link.as_ref().is_some_and(links::is_per_step);
+    let told_once = table.link.as_ref().is_some_and(LinkSpec::is_per_step);
     if loaded.time.ticks_per_step == 1 || told_once {
         return 1.0;
     }
