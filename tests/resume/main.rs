@@ -1,0 +1,134 @@
+//! An interrupted test goes on where its record ends: the same bits as if nothing had happened, from its folder alone, into a
+//! folder of its own. What was changed, damaged or moved meanwhile is refused, and nothing of the first run is touched.
+
+#[path = "../common/mod.rs"]
+mod common;
+#[path = "../link_common/mod.rs"]
+mod link_common;
+
+mod refusals;
+mod rigs;
+mod same_bits;
+mod standing;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::Stdio;
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+use common::killed::{column, killed};
+use common::{completed, copy, say, write};
+use gusset::control::{Axis, Port};
+use gusset::engine::{Operator, Phase};
+use gusset::record::{Run, RunFolder};
+use gusset::session::{self, Finish, ResumeError, Watches, replay, resume};
+use gusset::substructure::{
+    Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Status,
+    Substructure, Unavailable,
+};
+use gusset::time::Nanos;
+
+/// A frame whose bottom storey is a Bouc–Wen formula and whose upper storey has a yielding element: both remember.
+fn frame(rate: u32, ticks: u32, seconds: f64, ease: f64) -> String {
+    format!(
+        "title = \"Interrupted\"\n[time]\nrate_hz = {rate}\nduration_s = {seconds}\nclock = \"simulated\"\nticks_per_step = \
+         {ticks}\n[structure]\nstatic_load_n = [500.0, 200.0]\n[structure.shear_building]\nmass_kg = [1000.0, 900.0]\n\
+         stiffness_n_per_m = [0, 2e5]\n[[structure.element]]\nfrom = 1\nto = 2\nlaw.bilinear = {{ stiffness_n_per_m = 2e5, \
+         yield_force_n = 800.0, post_yield_ratio = 0.1 }}\n[excitation.ground_acceleration.signal.file]\npath = \
+         \"motion.csv\"\nunit = \"m/s2\"\n[timing]\nwarmup_ticks = 4\n[safety]\nramp_s = 0.1\nease_s = {ease}\n[record]\n\
+         checkpoint_s = 0.1\n[[specimen]]\nname = \"storey\"\nstorey = 1\n[specimen.law.bouc_wen]\nstiffness_n_per_m = 5e5\n\
+         yield_force_n = 1.5e3\npost_yield_ratio = 0.1\nbeta = 0.5\ngamma = 0.5\nexponent = 1.5\n"
+    )
+}
+
+fn test_in(home: &Path, text: &str) -> PathBuf {
+    let line = |k: i32| {
+        let t = f64::from(k) * 0.005;
+        format!(
+            "{t:.3},{:.6}\n",
+            4.0 * (9.0 * t).sin() + 2.0 * (23.0 * t).cos()
+        )
+    };
+    write(
+        home,
+        "motion.csv",
+        &format!("t,a\n{}", (0..1200).map(line).collect::<String>()),
+    );
+    write(home, "test.toml", text)
+}
+
+/// Rows that never reached the file of a run.
+fn without_rows(run: &Path, rows: std::ops::Range<usize>) {
+    let stride = Run::open(run).unwrap().layout().stride();
+    let path = run.join("samples.bin");
+    let mut bytes = std::fs::read(&path).unwrap();
+    let end = (rows.end * stride).min(bytes.len());
+    bytes.drain(rows.start * stride..end);
+    std::fs::write(path, bytes).unwrap();
+}
+
+/// Step → the bits of its row, over runs that follow each other; a step that is there twice is the later one's.
+fn steps(runs: &[&Path]) -> BTreeMap<u64, Vec<u64>> {
+    let names = [
+        "x1",
+        "x2",
+        "v1",
+        "v2",
+        "a1",
+        "a2",
+        "force_1_1",
+        "target_1_1",
+        "cmd_1_1",
+        "ground",
+        "time",
+    ];
+    let mut all = BTreeMap::new();
+    for run in runs {
+        let run = Run::open(run).unwrap();
+        let head = run.columns(&["step", "state"]).unwrap();
+        let columns = run.columns(&names).unwrap();
+        for row in 0..head[0].len() {
+            if head[1][row] == 3.0 {
+                let bits = columns.iter().map(|column| column[row].to_bits()).collect();
+                all.insert(head[0][row] as u64, bits);
+            }
+        }
+    }
+    all
+}
+
+fn go_on(from: &Path, out: &Path) -> common::Said {
+    say([
+        "run",
+        "--resume",
+        from.to_str().unwrap(),
+        "--out",
+        out.to_str().unwrap(),
+    ])
+}
+
+fn bytes(folder: &Path) -> Vec<(String, Vec<u8>)> {
+    let files = common::names(folder)
+        .into_iter()
+        .filter(|name| folder.join(name).is_file());
+    files
+        .map(|name| (name.clone(), std::fs::read(folder.join(name)).unwrap()))
+        .collect()
+}
+
+fn refused(from: &Path, word: &str, more: &[&str]) {
+    let out = from.with_extension("out");
+    let mut args = vec![
+        "run",
+        "--resume",
+        from.to_str().unwrap(),
+        "--out",
+        out.to_str().unwrap(),
+    ];
+    args.extend(more);
+    let said = say(args);
+    assert_eq!(said.code, Some(2), "{}", said.stderr);
+    assert!(said.stderr.contains(word), "{word}: {}", said.stderr);
+    assert!(!out.exists(), "nothing began");
+}

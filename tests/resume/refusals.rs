@@ -1,0 +1,230 @@
+//! What cannot be gone on with, or only by who says so.
+
+use super::rigs::{Rig, built, run_rigs, two_rigs};
+use super::*;
+
+#[test]
+fn what_was_changed_or_is_complete_is_refused_and_damage_goes_back_to_a_checkpoint() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let test = test_in(home.path(), &frame(200, 1, 2.0, 0.0));
+    completed(&test, &at("whole"), &[]);
+    refused(&at("whole"), "this test is complete", &[]);
+    let fresh = |name: &str| {
+        killed(&at("whole"), &at(name), 300);
+        at(name)
+    };
+    for file in ["test.toml", "resolved.toml", "inputs/motion.csv"] {
+        let run = fresh(&format!("changed-{}", file.len()));
+        let text = std::fs::read_to_string(run.join(file)).unwrap();
+        std::fs::write(run.join(file), format!("{text} ")).unwrap();
+        refused(&run, "was changed", &[]);
+    }
+    let run = fresh("another");
+    let other = write(home.path(), "other.toml", &frame(200, 1, 2.5, 0.0));
+    refused(
+        &run,
+        "is not the test that was interrupted",
+        &[other.to_str().unwrap()],
+    );
+    let run = fresh("nameless");
+    std::fs::write(run.join("events.jsonl"), "").unwrap();
+    refused(&run, "do not say which files", &[]);
+    let run = at("early");
+    killed(&at("whole"), &run, 1);
+    refused(&run, "before its first step", &[]);
+
+    // One bit of row 250 is wrong: everything before it stands, and the last checkpoint before it is where it goes on.
+    let run = fresh("damaged");
+    let stride = Run::open(&run).unwrap().layout().stride();
+    let mut rows = std::fs::read(run.join("samples.bin")).unwrap();
+    rows[250 * stride + 20] ^= 1;
+    std::fs::write(run.join("samples.bin"), &rows).unwrap();
+    let said = go_on(&run, &at("after"));
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    assert!(
+        said.stderr.contains("the last checkpoint before that"),
+        "{}",
+        said.stderr
+    );
+    let mut parts = steps(&[&run]);
+    let after = steps(&[&at("after")]);
+    let begins = *after.keys().next().unwrap();
+    assert!((140..=170).contains(&begins), "{begins}");
+    parts.retain(|step, _| *step < begins);
+    parts.extend(after);
+    assert_eq!(parts, steps(&[&at("whole")]));
+
+    let run = fresh("worse");
+    let mut rows = std::fs::read(run.join("samples.bin")).unwrap();
+    let states = Run::open(&run).unwrap().columns(&["state"]).unwrap();
+    let first = states[0].iter().position(|s| *s == 3.0).unwrap();
+    rows[(first + 3) * stride + 20] ^= 1;
+    std::fs::write(run.join("samples.bin"), &rows).unwrap();
+    refused(&run, "no checkpoint before it", &[]);
+}
+
+/// Without a summary the events prove that the test went further, as after a disk that filled up: what it did to its specimens
+/// then is not done to them a second time, and whoever reads the record is told.
+#[test]
+fn a_record_without_a_summary_that_ends_before_its_events_is_refused_and_told_of() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let test = test_in(home.path(), &frame(200, 1, 2.0, 0.0));
+    completed(&test, &at("whole"), &[]);
+    let rows = column(&at("whole"), "time").len();
+    let ended = |name: &str, lost: usize| {
+        copy(&at("whole"), &at(name));
+        std::fs::remove_file(at(name).join("summary.json")).unwrap();
+        without_rows(&at(name), rows - lost..rows);
+        at(name)
+    };
+    let short = ended("short", 100);
+    let missing = "there are events up to 2 s, but the rows end at 1.5 s";
+    refused(&short, missing, &[]);
+    refused(&short, missing, &["--back-to-step", "300"]);
+    let csv = at("short.csv");
+    for (command, code, more) in [
+        ("report", 0, None),
+        ("replay", 1, None),
+        ("export", 0, Some(["--out", csv.to_str().unwrap()])),
+    ] {
+        let mut args = vec![command, short.to_str().unwrap()];
+        args.extend(more.into_iter().flatten());
+        let said = say(args);
+        assert_eq!(said.code, Some(code), "{command}: {}", said.stderr);
+        let told = format!("{}{}", said.stdout, said.stderr);
+        assert!(told.contains(missing), "{command}: {told}");
+    }
+    let page = std::fs::read_to_string(short.join("report.html")).unwrap();
+    assert!(page.contains("re are events up to 2 s"), "it says so, too");
+    // All of it is there: only its summary was not written any more.
+    refused(&ended("closing", 0), "this test is complete", &[]);
+}
+
+/// Where rows are missing between others, a formula is made anew from the checkpoint before them. A rig remembers.
+#[test]
+fn a_gap_in_the_record_is_gone_back_over_with_a_rig_only_for_who_names_the_step() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let test = two_rigs(home.path(), "[record]\ncheckpoint_s = 0.1");
+    let places: [Arc<Mutex<f64>>; 2] = Default::default();
+    let rigs = || places.each_ref().map(|place| Rig::boxed(place, None));
+    let whole = run_rigs(built(&test), rigs(), &at("whole"), None);
+    assert_eq!(whole.finish, Finish::Completed);
+    killed(&at("whole"), &at("first"), 380);
+    killed(&at("whole"), &at("gap"), 380);
+    without_rows(&at("gap"), 200..260);
+    let again = |from: &str, back_to| resume(&at(from), None, &[], back_to);
+    let refusal = again("gap", None).err().unwrap();
+    let ResumeError::Back { step, again_s, .. } = &refusal else {
+        panic!("{refusal}");
+    };
+    let text = refusal.to_string();
+    let named = format!("`--back-to-step {step}`");
+    assert!(text.contains("row 200 was lost"), "{text}");
+    assert!(
+        text.contains(&named) && text.contains("one, other"),
+        "{text}"
+    );
+    assert!((0.9..1.1).contains(again_s), "{text}");
+    for (from, named) in [("gap", step + 1), ("first", *step)] {
+        let other = again(from, Some(named)).err().unwrap();
+        assert!(matches!(other, ResumeError::AnotherStep { .. }), "{other}");
+    }
+    let next = again("gap", Some(*step)).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(next.experiment.resume.map(|from| from.step()), Some(*step));
+    assert!(again("first", None).is_ok(), "nothing is missing there");
+    let said = say([
+        "run",
+        "--resume",
+        at("gap").to_str().unwrap(),
+        "--out",
+        at("out").to_str().unwrap(),
+    ]);
+    assert_eq!(said.code, Some(2), "{}", said.stderr);
+    assert!(said.stderr.contains(&named), "{}", said.stderr);
+
+    let test = test_in(home.path(), &frame(200, 1, 2.0, 0.0));
+    completed(&test, &at("formula"), &[]);
+    killed(&at("formula"), &at("anew"), 380);
+    without_rows(&at("anew"), 200..260);
+    let said = go_on(&at("anew"), &at("after"));
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let note = "the last checkpoint before that";
+    assert!(said.stderr.contains(note), "{}", said.stderr);
+}
+
+#[test]
+fn a_test_that_had_tripped_goes_on_only_for_who_names_the_trip() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    // One specimen whose force comes to its limit in the middle of the test.
+    let text = frame(200, 1, 2.0, 0.0)
+        + "[specimen.limits]\nmeasured_force_n = { trip = [-1.2e3, 1.2e3] }\n";
+    let test = test_in(home.path(), &text);
+    let said = common::run(&test, &at("first"), &[]);
+    assert_eq!(said.code, Some(1), "{}", said.stderr);
+    let wanted = "say `--after-trip measured_force_n` if it may go on";
+    refused(&at("first"), wanted, &[]);
+    refused(&at("first"), wanted, &["--yes"]);
+    refused(
+        &at("first"),
+        "no \"interlock\" ended this test",
+        &["--after-trip", "interlock"],
+    );
+    let (first, second) = (at("first"), at("second"));
+    let said = say([
+        "run",
+        "--resume",
+        first.to_str().unwrap(),
+        "--out",
+        second.to_str().unwrap(),
+        "--after-trip",
+        "measured_force_n",
+    ]);
+    // The rows say so, too, should the event have been lost with the process.
+    let unsaid = at("unsaid");
+    copy(&first, &unsaid);
+    std::fs::remove_file(unsaid.join("summary.json")).unwrap();
+    let events = std::fs::read_to_string(unsaid.join("events.jsonl")).unwrap();
+    let torn = events.find("limit_trip").unwrap();
+    std::fs::write(unsaid.join("events.jsonl"), &events[..torn]).unwrap();
+    let unknown = "say `--after-trip unknown` if it may go on";
+    refused(&unsaid, unknown, &[]);
+    // A measurement that is stale for once ends no test.
+    let rows = Run::open(&unsaid).unwrap().columns(&["state"]).unwrap()[0].len();
+    let stale = f64::from(Status::STALE.0);
+    common::change(&unsaid, rows as u64 - 1, "status_1", stale);
+    refused(&unsaid, unknown, &[]);
+    // It trips at once again, or does not: it is told either way.
+    assert!(matches!(said.code, Some(0 | 1)), "{}", said.stderr);
+    assert!(said.stderr.contains("IT HAD TRIPPED"), "{}", said.stderr);
+    let summary = common::json(&second, "summary.json");
+    let warnings = summary["warnings"].to_string();
+    assert!(warnings.contains("IT HAD TRIPPED"), "{warnings}");
+    // What was done to the specimen in steps without a row is not known.
+    let samples = std::fs::File::options()
+        .write(true)
+        .open(first.join("samples.bin"))
+        .unwrap();
+    let length = samples.metadata().unwrap().len();
+    samples.set_len(length / 2).unwrap();
+    let named = ["--after-trip", "measured_force_n"];
+    refused(&first, "but the rows end at", &named);
+}
+
+/// What ceased to be a number is latched as any other trip, whoever computed it.
+#[test]
+fn a_test_that_ended_with_no_finite_number_goes_on_only_for_who_says_so() {
+    let home = tempfile::tempdir().unwrap();
+    let text = "[time]\nrate_hz = 100\nduration_s = 0.5\nclock = \"simulated\"\n\
+        [[excitation.prescribed_displacement]]\nspecimen = \"spring\"\n\
+        signal.sine = { amplitude = 100, frequency_hz = 1 }\n[[specimen]]\nname = \"spring\"\n\
+        law.cubic = { stiffness_n_per_m = 1e3, cubic_n_per_m3 = 1e304 }\n";
+    let test = write(home.path(), "test.toml", text);
+    let first = home.path().join("first");
+    let said = common::run(&test, &first, &[]);
+    assert_eq!(said.code, Some(1), "{}", said.stderr);
+    refused(&first, "say `--after-trip diverged` if it may go on", &[]);
+}

@@ -1,0 +1,399 @@
+//! Two rigs of which one ends the test: where both stand, and how the test goes on.
+
+use super::*;
+
+/// How the link of a rig ends, after so many commands.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum End {
+    Closed,
+    NotANumber,
+    Panic,
+}
+
+/// A spring that says where it stands, and stays there when nobody is connected.
+pub struct Rig {
+    place: Arc<Mutex<f64>>,
+    ends: Option<(u32, End)>,
+    told: u32,
+    sequence: u64,
+}
+
+impl Rig {
+    pub fn boxed(place: &Arc<Mutex<f64>>, ends: Option<(u32, End)>) -> Box<dyn Substructure> {
+        Box::new(Self {
+            place: Arc::clone(place),
+            ends,
+            told: 0,
+            sequence: 0,
+        })
+    }
+}
+
+impl Substructure for Rig {
+    fn axes(&self) -> usize {
+        1
+    }
+    fn coupling(&self) -> Coupling {
+        Coupling::Lockstep
+    }
+    fn is_remote(&self) -> bool {
+        true
+    }
+    fn connect(&mut self) -> Result<Introduction, Unavailable> {
+        Ok(Introduction {
+            standing: vec![*self.place.lock().unwrap()],
+            ..Introduction::default()
+        })
+    }
+    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+        *self.place.lock().unwrap() = command.disp[0];
+        (self.sequence, self.told) = (command.sequence, self.told + 1);
+        Ok(())
+    }
+    fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+        let disp = *self.place.lock().unwrap();
+        let end = self.ends.filter(|(at, _)| self.told >= *at);
+        let force = match end.map(|(_, end)| end) {
+            None => 3e5 * disp,
+            Some(End::Closed) => return Err(LinkFault::Closed),
+            Some(End::NotANumber) => f64::NAN,
+            Some(End::Panic) => panic!("the loop is at fault"),
+        };
+        into.sequence = self.sequence;
+        (into.disp[0], into.force[0]) = (disp, force);
+        Ok(Freshness::Fresh)
+    }
+    fn retire(&mut self, _: Retirement) {}
+}
+
+/// Two storeys, each a rig behind a link. 10 ticks of reading, 4 of warm-up, a ramp of 40 where it is one.
+pub fn two_rigs(home: &Path, safety: &str) -> PathBuf {
+    let rig = |name: &str, storey: u32| {
+        format!(
+            "[[specimen]]\nname = \"{name}\"\nstorey = {storey}\nstiffness_n_per_m = 3e5\nlink = {{ address = \
+             \"127.0.0.1:9\", coupling = \"lockstep\", probe = \"none\" }}\n"
+        )
+    };
+    let text = format!(
+        "[time]\nrate_hz = 200\nduration_s = 2\nclock = \"simulated\"\n[structure.shear_building]\nmass_kg = [1000, 900]\n\
+         stiffness_n_per_m = [0, 0]\n[excitation.ground_acceleration.signal.sine]\namplitude = 4\nfrequency_hz = 1.4\n\
+         [timing]\nwarmup_ticks = 4\n[safety]\nunlimited = \"springs\"\nzero_s = 0.05\nramp_s = 0.2\nease_s = 0\n{safety}\n\
+         {}{}",
+        rig("one", 1),
+        rig("other", 2)
+    );
+    write(home, "test.toml", &text)
+}
+
+/// Runs it with these rigs, and an operator who asks for the end after so many ticks.
+pub fn run_rigs(
+    mut test: gusset::config::Prepared,
+    rigs: [Box<dyn Substructure>; 2],
+    out: &Path,
+    stops_after: Option<usize>,
+) -> session::Finished {
+    for (port, rig) in test.experiment.ports.iter_mut().zip(rigs) {
+        port.put_recording(rig);
+        port.computed = true;
+    }
+    let ticks = stops_after.unwrap_or(0);
+    let (says, requests) = crossbeam_channel::bounded(ticks + 1);
+    for _ in 0..ticks {
+        says.send(Operator::Continue).unwrap();
+    }
+    if stops_after.is_some() {
+        says.send(Operator::Stop).unwrap();
+    }
+    let folder = RunFolder::create(out).unwrap();
+    session::run(test, folder, requests, Watches::default(), &mut |_| {}).unwrap()
+}
+
+pub fn built(test: &Path) -> gusset::config::Prepared {
+    let loaded = gusset::config::load(test, &[]).unwrap_or_else(|e| panic!("{e}"));
+    gusset::config::build(&loaded).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// Where two rigs stand, whoever put them there.
+fn put(places: &[Arc<Mutex<f64>>; 2], to: [f64; 2]) {
+    for (place, to) in places.iter().zip(to) {
+        *place.lock().unwrap() = to;
+    }
+}
+
+/// The other specimen was sent its command in the tick in which the link of the one was lost: it stands there, and on record.
+/// After a panic of our own it may stand there.
+#[test]
+fn who_is_well_when_a_link_is_lost_stands_where_the_record_ends_and_the_test_can_go_on() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let test = two_rigs(home.path(), "");
+    let places: [Arc<Mutex<f64>>; 2] = Default::default();
+    let put = |to: [f64; 2]| put(&places, to);
+    let rigs = |ends| [Rig::boxed(&places[0], ends), Rig::boxed(&places[1], None)];
+    let whole = run_rigs(built(&test), rigs(None), &at("whole"), None);
+    assert_eq!(whole.finish, Finish::Completed);
+    for (end, finish, after) in [
+        (End::Closed, Finish::LinkFailed, None),
+        (End::NotANumber, Finish::LinkFailed, Some("not_finite")),
+        (End::Panic, Finish::Panicked, None),
+    ] {
+        let [first, second] = ["first", "second"].map(|name| at(&format!("{name}-{end:?}")));
+        put([0.0; 2]);
+        let ended = run_rigs(built(&test), rigs(Some((180, end))), &first, None);
+        assert_eq!(ended.finish, finish, "{}", ended.summary.reason);
+        assert_eq!(ended.summary.left["other"], "stayed");
+        let stands = [0, 1].map(|rig: usize| *places[rig].lock().unwrap());
+        let (commands, states) = (column(&first, "cmd_2_1"), column(&first, "state"));
+        if end == End::Panic {
+            assert_ne!(commands.last(), Some(&stands[1]));
+        } else {
+            assert_eq!(commands.last(), Some(&stands[1]), "{end:?}");
+            assert_eq!(states.last(), Some(&Phase::Tripped.code()));
+            let found = replay(&first).unwrap();
+            assert!(found.is_exact(), "{end:?}: {found:?}");
+            assert_eq!(found.rows, states.len() as u64);
+        }
+        let again = || {
+            let after: Vec<String> = after.iter().map(|trip: &&str| (*trip).to_owned()).collect();
+            resume(&first, None, &after, None).unwrap_or_else(|e| panic!("{e}"))
+        };
+        // Further than any record can lack.
+        put([stands[0], stands[1] + 0.5]);
+        let moved = run_rigs(again(), rigs(None), &at(&format!("moved-{end:?}")), None);
+        assert_eq!(moved.finish, Finish::Stopped, "{}", moved.summary.reason);
+        put(stands);
+        let ended = run_rigs(again(), rigs(None), &second, None);
+        assert_eq!(ended.finish, Finish::Completed, "{}", ended.summary.reason);
+        assert_eq!(steps(&[&first, &second]), steps(&[&at("whole")]), "{end:?}");
+        let found = replay(&second).unwrap();
+        assert!(found.is_exact(), "{end:?}: {found:?}");
+    }
+}
+
+/// Already on the way out: a link that is lost there ends it for both, and both stand where the record ends.
+#[test]
+fn a_link_that_is_lost_on_the_way_out_leaves_the_last_commands_on_record() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let leaves = "at_end = \"zero_displacement\"\nexit_speed_m_per_s = 0.01\n";
+    let test = two_rigs(home.path(), leaves);
+    // In its first tick, and later.
+    for (name, ticks) in [("first", 0), ("later", 7)] {
+        let places: [Arc<Mutex<f64>>; 2] = Default::default();
+        let ends = Some((151 + ticks, End::Closed));
+        let rigs = [Rig::boxed(&places[0], ends), Rig::boxed(&places[1], None)];
+        let ended = run_rigs(built(&test), rigs, &at(name), Some(150));
+        assert_eq!(ended.finish, Finish::LinkFailed, "{}", ended.summary.reason);
+        let leaving = column(&at(name), "state");
+        let leaving = leaving
+            .iter()
+            .filter(|state| **state == Phase::Leaving.code());
+        assert_eq!(leaving.count(), ticks as usize);
+        for (rig, place) in (1..).zip(&places) {
+            let commands = column(&at(name), &format!("cmd_{rig}_1"));
+            assert_eq!(commands.last(), Some(&*place.lock().unwrap()));
+        }
+        let found = replay(&at(name)).unwrap();
+        assert!(found.is_exact(), "{name}: {found:?}");
+        assert_eq!(found.rows, column(&at(name), "state").len() as u64);
+    }
+}
+
+/// Killed, stopped or refused before its first step, a test that goes on is no dead end: its specimens stand where it left them,
+/// and the state is that of the test before it.
+#[test]
+fn a_test_that_ended_on_its_way_in_to_where_it_was_to_go_on_can_go_on() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let leaves = "at_end = \"zero_displacement\"\nexit_speed_m_per_s = 0.05\n";
+    let test = two_rigs(home.path(), leaves);
+    let places: [Arc<Mutex<f64>>; 2] = Default::default();
+    let put = |to: [f64; 2]| put(&places, to);
+    let rigs = || places.each_ref().map(|place| Rig::boxed(place, None));
+    let again = |from: &str| resume(&at(from), None, &[], None).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(
+        run_rigs(built(&test), rigs(), &at("whole"), None).finish,
+        Finish::Completed
+    );
+    put([0.0; 2]);
+    let ended = run_rigs(built(&test), rigs(), &at("first"), Some(190));
+    assert_eq!(ended.finish, Finish::Interrupted);
+    assert_eq!(ended.summary.left["one"], "reached");
+    // The same interruption of other specimens, since each goes on once.
+    for name in ["same", "third"] {
+        copy(&at("first"), &at(name));
+    }
+    let goes_on = |from: &str, to: &str| {
+        let ended = run_rigs(again(from), rigs(), &at(to), None);
+        assert_eq!(
+            ended.finish,
+            Finish::Completed,
+            "{from}: {}",
+            ended.summary.reason
+        );
+        assert_eq!(
+            steps(&[&at("first"), &at(to)]),
+            steps(&[&at("whole")]),
+            "{from}"
+        );
+        let found = replay(&at(to)).unwrap();
+        assert!(found.is_exact(), "{from}: {found:?}");
+        let warned = ended.summary.warnings.join("; ");
+        assert_eq!(
+            warned.contains("ended on its way in"),
+            from != "first",
+            "{warned}"
+        );
+        let again = resume(&at(from), None, &[], None).err().unwrap();
+        assert!(matches!(again, ResumeError::WentOn { .. }), "{again}");
+    };
+    goes_on("first", "second");
+
+    // It is killed while it reads, at the beginning of its ramp and in the middle, with a tick that is not on record.
+    let states = column(&at("second"), "state");
+    let commands = ["cmd_1_1", "cmd_2_1"].map(|name| column(&at("second"), name));
+    let ramps = states
+        .iter()
+        .position(|state| *state == Phase::Ramping.code());
+    let ramps = ramps.unwrap();
+    assert!(commands[0][ramps + 20].abs() > 1e-4);
+    for row in [ramps - 5, ramps, ramps + 1, ramps + 20] {
+        let (cut, on) = (format!("cut-{row}"), format!("on-{row}"));
+        killed(&at("second"), &at(&cut), row);
+        put(commands.each_ref().map(|column| column[row]));
+        goes_on(&cut, &on);
+    }
+
+    // The operator ends it there: it is led out, and what goes on after that is killed in its ramp, too.
+    put([0.0; 2]);
+    let ended = run_rigs(again("same"), rigs(), &at("ended"), Some(35));
+    assert_eq!(ended.finish, Finish::Interrupted);
+    assert_eq!(ended.summary.left["one"], "reached");
+    let stands = *places[0].lock().unwrap();
+    assert_eq!(column(&at("ended"), "cmd_1_1").last(), Some(&stands));
+    goes_on("ended", "after-that");
+    // By that the test went on with which that one did, too.
+    let went_on = resume(&at("same"), None, &[], None)
+        .err()
+        .unwrap()
+        .to_string();
+    assert!(went_on.contains("after-that, to its end"), "{went_on}");
+    killed(&at("after-that"), &at("cut-again"), ramps + 20);
+    put(commands.each_ref().map(|column| column[ramps + 20]));
+    goes_on("cut-again", "at-last");
+
+    // Somebody has moved it: refused, and that is no way around being refused.
+    for (from, to) in [("third", "refused"), ("refused", "refused-again")] {
+        put([5e-3, 0.0]);
+        let ended = run_rigs(again(from), rigs(), &at(to), None);
+        assert_eq!(ended.finish, Finish::Stopped, "{}", ended.summary.reason);
+        assert!(ended.summary.reason.contains("was left at"));
+    }
+    put([0.0; 2]);
+    goes_on("refused-again", "put-back");
+    put([0.5, 0.0]);
+    killed(&at("second"), &at("cut-anew"), ramps - 5);
+    let ended = run_rigs(again("cut-anew"), rigs(), &at("aside"), None);
+    assert_eq!(ended.finish, Finish::Stopped, "{}", ended.summary.reason);
+}
+
+/// What specimens that remember went through once they do not go through again: neither after an end nor after a kill of the test
+/// that led them, wherever its folder is, nor if they came back near to where they were. What was refused has led them nowhere.
+#[test]
+fn the_same_interruption_is_gone_on_with_once() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let test = two_rigs(home.path(), "");
+    let places: [Arc<Mutex<f64>>; 2] = Default::default();
+    let put = |to: [f64; 2]| put(&places, to);
+    let rigs = || places.each_ref().map(|place| Rig::boxed(place, None));
+    let ended = run_rigs(built(&test), rigs(), &at("first"), Some(190));
+    assert_eq!(ended.finish, Finish::Interrupted);
+    let stands = [0, 1].map(|rig: usize| *places[rig].lock().unwrap());
+    let mark = at("first/continued.json");
+    let again = |back_to| resume(&at("first"), None, &[], back_to);
+    let next = || again(None).unwrap_or_else(|e| panic!("{e}"));
+
+    put([stands[0], stands[1] + 0.5]);
+    let ended = run_rigs(next(), rigs(), &at("refused"), None);
+    assert_eq!(ended.finish, Finish::Stopped, "{}", ended.summary.reason);
+    std::fs::remove_dir_all(at("refused")).unwrap();
+    assert!(!mark.exists(), "it takes its word back");
+    put(stands);
+    // What cannot say that it goes on does not begin.
+    let partial = format!("first/.continued.json.partial-{}", std::process::id());
+    std::fs::create_dir(at(&partial)).unwrap();
+    let folder = RunFolder::create(&at("unsaid")).unwrap();
+    let (_says, requests) = crossbeam_channel::bounded(1);
+    let unsaid = session::run(next(), folder, requests, Watches::default(), &mut |_| {});
+    let unsaid = unsaid.unwrap_err().to_string();
+    let told = "must say that this one goes on with it";
+    assert!(unsaid.contains(told), "{unsaid}");
+    assert!(!at("unsaid").exists() && !mark.exists());
+    std::fs::remove_dir(at(&partial)).unwrap();
+
+    let step = next().experiment.resume.unwrap().step();
+    let ended = run_rigs(next(), rigs(), &at("second"), Some(100));
+    assert_eq!(ended.finish, Finish::Interrupted);
+    let reached = ended.summary.steps;
+    assert!(reached > step + 10);
+    put(stands);
+    let refusal = |folder: &str, words: &[&str]| {
+        let refused = resume(&at(folder), None, &[], None).err().unwrap();
+        assert!(matches!(refused, ResumeError::WentOn { .. }), "{refused}");
+        let text = refused.to_string();
+        for word in words {
+            assert!(text.contains(word), "{word}: {text}");
+        }
+    };
+    let after = format!("it went on after step {step} in");
+    let far = format!("second, as far as step {reached}");
+    let allowed = format!("say `--back-to-step {step}`");
+    refusal("first", &[&after, &far, &allowed, "--resume"]);
+    let found = replay(&at("first")).unwrap();
+    assert!(found.is_exact(), "{found:?}");
+    for command in ["report", "stop"] {
+        let said = say([command, at("first").to_str().unwrap()]);
+        assert!(
+            matches!(said.code, Some(0 | 2)),
+            "{command}: {}",
+            said.stderr
+        );
+    }
+    // It ended a while ago, and may be gone: what was said of it still holds.
+    copy(&at("first"), &at("kept/first"));
+    std::fs::rename(at("second"), at("elsewhere")).unwrap();
+    let gone = "is not there any more";
+    refusal("first", &[&after, &far, &allowed, gone]);
+    // Moved together they find each other.
+    copy(&at("elsewhere"), &at("kept/second"));
+    refusal("kept/first", &[&after, "kept/"]);
+
+    // A kill leaves no word of how far it came but its own record.
+    let said = std::fs::read_to_string(&mark).unwrap();
+    let unknown = said.replace(&format!("\"reached\": {reached}"), "\"reached\": null");
+    assert_ne!(said, unknown);
+    std::fs::write(&mark, unknown).unwrap();
+    refusal("first", &[&after, "nobody knows how far", gone]);
+    let states = column(&at("elsewhere"), "state");
+    let begins = states
+        .iter()
+        .position(|state| *state == Phase::Running.code());
+    let begins = begins.unwrap();
+    for (row, has_led) in [(begins - 1, false), (begins, false), (begins + 1, true)] {
+        let _ = std::fs::remove_dir_all(at("second"));
+        killed(&at("elsewhere"), &at("second"), row);
+        assert_eq!(again(None).is_err(), has_led, "{row}");
+    }
+    refusal("first", &["second, as far as step", "--resume"]);
+
+    // Who names the step leads them through it once more.
+    let other = again(Some(step + 1)).err().unwrap();
+    assert!(matches!(other, ResumeError::AnotherStep { .. }), "{other}");
+    let next = again(Some(step)).unwrap_or_else(|e| panic!("{e}"));
+    let warned = next.facts.warnings.join("; ");
+    assert!(warned.contains("led once more"), "{warned}");
+    let ended = run_rigs(next, rigs(), &at("once-more"), None);
+    assert_eq!(ended.finish, Finish::Completed, "{}", ended.summary.reason);
+    refusal("first", &["once-more, to its end", &allowed]);
+}

@@ -1,0 +1,402 @@
+//! It goes on with the same bits as if nothing had happened, whatever it was in the middle of.
+
+use super::*;
+
+#[test]
+fn an_interrupted_test_goes_on_with_the_same_bits_again_and_again() {
+    // With one tick a step, and with ticks in between: also in the middle of the way from one target to the next.
+    for (rate, ticks, ease) in [(200, 1, 0.0), (100, 5, 0.0)] {
+        let home = tempfile::tempdir().unwrap();
+        let at = |name: &str| home.path().join(name);
+        let test = test_in(home.path(), &frame(rate, ticks, 3.0, ease));
+        completed(&test, &at("whole"), &[]);
+        let rows = Run::open(&at("whole"))
+            .unwrap()
+            .columns(&["state"])
+            .unwrap()[0]
+            .len();
+        killed(&at("whole"), &at("first"), rows / 2 + 3);
+        let before = bytes(&at("first"));
+        let said = go_on(&at("first"), &at("second"));
+        assert_eq!(said.code, Some(0), "{}", said.stderr);
+        assert!(said.stderr.contains("resumed from"), "{}", said.stderr);
+        assert_eq!(bytes(&at("first")), before, "nothing is written over");
+        assert_eq!(
+            steps(&[&at("first"), &at("second")]),
+            steps(&[&at("whole")])
+        );
+        let second = steps(&[&at("second")]);
+        let first = steps(&[&at("first")]);
+        assert_eq!(
+            second.keys().next().unwrap(),
+            &(first.keys().last().unwrap() + 1)
+        );
+
+        // Its own interruption, and the proof of all three.
+        let rows = Run::open(&at("second"))
+            .unwrap()
+            .columns(&["state"])
+            .unwrap()[0]
+            .len();
+        killed(&at("second"), &at("third"), rows / 2);
+        let said = go_on(&at("third"), &at("fourth"));
+        assert!(!said.stderr.contains("checkpoint"), "{}", said.stderr);
+        assert_eq!(said.code, Some(0), "{}", said.stderr);
+        assert_eq!(
+            steps(&[&at("first"), &at("third"), &at("fourth")]),
+            steps(&[&at("whole")])
+        );
+        for (before, after) in [("first", "second"), ("third", "fourth")] {
+            let command = |name: &str| Run::open(&at(name)).unwrap().columns(&["cmd_1_1"]).unwrap();
+            let (before, after) = (command(before), command(after));
+            assert_eq!(
+                before[0].last(),
+                after[0].first(),
+                "it begins where it was left"
+            );
+        }
+        let (third, fourth) = (steps(&[&at("third")]), steps(&[&at("fourth")]));
+        assert_eq!(
+            fourth.keys().next().unwrap(),
+            &(third.keys().last().unwrap() + 1)
+        );
+        for name in ["first", "second", "fourth"] {
+            let found = replay(&at(name)).unwrap();
+            assert!(found.difference.is_none(), "{name}: {found:?}");
+            assert_eq!(found.is_exact(), name != "first", "{name}: {found:?}");
+        }
+        assert!(at("second/report.html").exists());
+        let csv = at("second.csv");
+        let said = say([
+            "export",
+            at("second").to_str().unwrap(),
+            "--out",
+            csv.to_str().unwrap(),
+        ]);
+        assert_eq!(said.code, Some(0), "{}", said.stderr);
+        assert!(std::fs::read_to_string(csv).unwrap().lines().count() > second.len());
+        let origin = common::json(&at("second"), "resumed.json");
+        assert_eq!(origin["step"], *first.keys().last().unwrap());
+        let warned = common::json(&at("second"), "summary.json")["warnings"].to_string();
+        assert!(warned.contains("resumed from"), "{warned}");
+    }
+}
+
+/// The list of measures under a heading of a page.
+fn measures(page: &str, heading: &str) -> String {
+    let (_, section) = page.split_once(heading).unwrap();
+    let (_, list) = section.split_once("<dl>").unwrap();
+    list.split_once("</dl>").unwrap().0.to_owned()
+}
+
+#[test]
+fn the_page_of_a_test_that_went_on_says_which_steps_it_is_of_and_what_it_tells_of_the_whole() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    // The record is strongest at its beginning.
+    let text = frame(200, 1, 3.0, 0.0);
+    let test = test_in(home.path(), &text);
+    let faded: String = (0..1200)
+        .map(|k| f64::from(k) * 0.005)
+        .map(|t| format!("{t:.3},{:.6}\n", 4.0 * (9.0 * t).sin() * (-t).exp()))
+        .collect();
+    write(home.path(), "motion.csv", &format!("t,a\n{faded}"));
+    completed(&test, &at("whole"), &[]);
+    killed(&at("whole"), &at("first"), 420);
+    let said = go_on(&at("first"), &at("second"));
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let page = |name: &str| std::fs::read_to_string(at(name).join("report.html")).unwrap();
+    let (whole, second) = (page("whole"), page("second"));
+    let ground = "<h2>Ground motion</h2>";
+    assert_eq!(measures(&second, ground), measures(&whole, ground));
+    assert!(measures(&whole, ground).contains("Arias intensity"));
+    let steps = steps(&[&at("second")]);
+    let (from, to) = (steps.keys().next().unwrap(), steps.keys().last().unwrap());
+    let part = format!("of steps {from} to {to} only; the steps before are in ../first.");
+    assert!(
+        second.contains(&format!("<p>This page is {part}")),
+        "{part}"
+    );
+    for heading in ["Response of the structure", "Specimens", "Energy"] {
+        let told = format!("<h2>{heading}</h2>\n<p class=\"note\">O{}", &part[1..]);
+        assert!(second.contains(&told), "{told}");
+    }
+    assert!(
+        second.contains("what its nonlinear elements went through before is in another folder")
+    );
+    assert!(!whole.contains("This page is of"));
+
+    // Both tiles tell of the whole test, and so does the summary.
+    let peak = |name: &str| common::json(&at(name), "summary.json")["peak"].clone();
+    assert_eq!(peak("second"), peak("whole"));
+    let tile = |page: &str, words: &str| {
+        let (before, _) = page.split_once(words).unwrap();
+        let (_, value) = before.rsplit_once("<b>").unwrap();
+        value
+            .split_once("</b>")
+            .unwrap()
+            .0
+            .trim_start_matches('\u{2212}')
+            .to_owned()
+    };
+    for words in ["largest displacement, DOF 2", "largest force, storey"] {
+        assert_eq!(tile(&second, words), tile(&whole, words));
+        assert!(second.contains(&format!("{words}, of the whole test<")));
+        assert!(whole.contains(&format!("{words}<")));
+    }
+    assert!(
+        second.contains(&format!(", of steps {from} to {to}<")),
+        "the lag"
+    );
+}
+
+/// Killed before a partner that is commanded once a step was told the target that was known already, or before it answered: it
+/// is told that one, and not the last that it had been told. It is judged by the targets before, not by where it was held meanwhile:
+/// its speed does not trip as an acceleration from rest, at neither end.
+#[test]
+fn a_partner_commanded_once_a_step_is_told_its_next_target_after_an_interruption() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let seen = link_common::ONE_AXIS;
+    let text = |ticks: u32, specimen: &str| {
+        link_common::test_file(600, specimen)
+            .replace(
+                "rate_hz = 1000",
+                &format!("rate_hz = 100\nticks_per_step = {ticks}"),
+            )
+            .replace(
+                "zero_s = 0\n",
+                "zero_s = 0\nease_s = 0\nresume_within_m = 1\n",
+            )
+    };
+    let law = "law.linear = { stiffness_n_per_m = 4e5 }\n";
+    // Targets are the same whatever the ticks.
+    let formula = write(
+        home.path(),
+        "formula.toml",
+        &text(1, &format!("{seen}{law}")),
+    );
+    completed(&formula, &at("formula"), &[]);
+    let targets = column(&at("formula"), "target_1_1");
+    let bends = targets.windows(3).map(|d| (d[2] - 2.0 * d[1] + d[0]).abs());
+    let accel = 1.2 * bends.fold(0.0, f64::max) / (0.01 * 0.01);
+    let limits = format!("[specimen.limits]\ncommand_accel_m_per_s2 = {{ trip = {accel} }}\n");
+    let served = text(1, &format!("{seen}{law}{limits}"));
+    let served = link_common::Served::start(home.path(), &served, &[]);
+    for ticks in [2, 5] {
+        let link = format!(
+            "{seen}[specimen.link]\naddress = \"{}\"\ncoupling = \"lockstep\"\ncommands = \"every_step\"\nwatchdog_s = 20\n\
+             {limits}",
+            served.address
+        );
+        let test = write(home.path(), "paced.toml", &text(ticks, &link));
+        let whole = at(&format!("whole-{ticks}"));
+        completed(&test, &whole, &[]);
+        let rows = Run::open(&whole).unwrap().columns(&["state"]).unwrap()[0].len();
+        for row in rows / 2..=rows / 2 + ticks as usize {
+            let (first, second) = (
+                at(&format!("first-{ticks}-{row}")),
+                at(&format!("second-{ticks}-{row}")),
+            );
+            killed(&whole, &first, row);
+            let said = go_on(&first, &second);
+            assert_eq!(said.code, Some(0), "{}", said.stderr);
+            assert_eq!(steps(&[&first, &second]), steps(&[&whole]), "{ticks} {row}");
+            refused(&first, "it went on after step", &[]);
+        }
+    }
+}
+
+/// With easing the first steps are made in several ticks: a formula that remembers goes there in smaller parts. This one is
+/// exact whatever the parts, so that only roundoff is different; others differ by their own error of integration.
+#[test]
+fn an_eased_beginning_changes_the_way_and_not_the_response() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let test = test_in(home.path(), &frame(200, 1, 2.0, 0.1));
+    completed(&test, &at("whole"), &[]);
+    killed(&at("whole"), &at("first"), 300);
+    assert_eq!(go_on(&at("first"), &at("second")).code, Some(0));
+    let (one, other) = (
+        steps(&[&at("first"), &at("second")]),
+        steps(&[&at("whole")]),
+    );
+    let x = |bits: &Vec<u64>| f64::from_bits(bits[0]);
+    let size = other.values().map(|b| x(b).abs()).fold(0.0, f64::max);
+    let off = one
+        .values()
+        .zip(other.values())
+        .map(|(a, b)| (x(a) - x(b)).abs())
+        .fold(0.0, f64::max);
+    assert_eq!(one.len(), other.len());
+    assert!(off < 1e-9 * size, "{off} of {size}");
+    let found = replay(&at("second")).unwrap();
+    assert!(found.is_exact(), "{found:?}");
+}
+
+/// A test with a compensator that was killed at full pace, in the ease of a hold, in the hold and behind it: it goes on without a
+/// kick, and what it then is comes out again to the last bit.
+#[test]
+fn a_compensated_test_that_was_killed_in_a_hold_goes_on_without_a_kick() {
+    for (ticks, made) in [
+        (1, "model_inverse = { coefficients = [1.0, 0.02, 1e-4] }"),
+        (4, "ats = { delay_s = 0.02 }"),
+    ] {
+        let home = tempfile::tempdir().unwrap();
+        let at = |name: &str| home.path().join(name);
+        let text = format!(
+            "{}[specimen.compensation]\n{made}\n",
+            frame(400, ticks, 2.0, 0.2)
+        );
+        let test = test_in(home.path(), &text);
+        let loaded = gusset::config::load(&test, &[]).unwrap_or_else(|e| panic!("{e}"));
+        let test = gusset::config::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
+        let folder = RunFolder::create(&at("whole")).unwrap();
+        let mut words = vec![Operator::Continue; 500 * ticks as usize];
+        words.extend(vec![Operator::Hold; 150 * ticks as usize]);
+        words.push(Operator::Continue);
+        let (says, requests) = crossbeam_channel::bounded(words.len());
+        for word in words {
+            says.send(word).unwrap();
+        }
+        session::run(test, folder, requests, Watches::default(), &mut |_| {}).unwrap();
+        assert!(replay(&at("whole")).unwrap().is_exact());
+        let columns =
+            |name: &str, names: &[&str]| Run::open(&at(name)).unwrap().columns(names).unwrap();
+        let jump = |commands: &[f64]| {
+            let steps = commands.windows(2).map(|w| (w[1] - w[0]).abs());
+            steps.fold(0.0, f64::max)
+        };
+        let whole = columns("whole", &["state", "cmd_1_1", "target_1_1"]);
+        let lead = whole[1].iter().zip(&whole[2]).map(|(c, d)| (c - d).abs());
+        let lead = lead.fold(0.0, f64::max);
+        let usual = jump(&whole[1]);
+        // Easing takes 80 steps.
+        let bound = 1.02 * usual + lead / (80.0 * f64::from(ticks));
+        assert!(lead > 5.0 * bound, "{lead} {bound}");
+        let holds = |row: &usize| whole[0][*row] == Phase::Holding.code();
+        let begins = (0..whole[0].len()).find(holds).unwrap();
+        for (count, row) in [
+            begins / 2,
+            begins - 20 * ticks as usize,
+            begins + 9,
+            begins + 200 * ticks as usize,
+        ]
+        .into_iter()
+        .enumerate()
+        {
+            let (first, second) = (format!("first-{count}"), format!("second-{count}"));
+            killed(&at("whole"), &at(&first), row);
+            let said = go_on(&at(&first), &at(&second));
+            assert_eq!(said.code, Some(0), "{}", said.stderr);
+            let (before, after) = (
+                columns(&first, &["cmd_1_1"]),
+                columns(&second, &["cmd_1_1"]),
+            );
+            assert_eq!(
+                before[0].last(),
+                after[0].first(),
+                "it begins where it was left"
+            );
+            let found = jump(&after[0]);
+            assert!(found <= bound, "{made} {ticks} {count}: {found} {bound}");
+            let found = replay(&at(&second)).unwrap();
+            assert!(found.is_exact(), "{made} {count}: {found:?}");
+        }
+    }
+}
+
+#[test]
+#[expect(clippy::disallowed_methods, reason = "another process is waited for")]
+fn a_killed_test_goes_on() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let test = test_in(home.path(), &frame(200, 1, 3.0, 0.0));
+    completed(&test, &at("whole"), &[]);
+    let mut running = common::gusset()
+        .args([
+            "run",
+            test.to_str().unwrap(),
+            "--out",
+            at("first").to_str().unwrap(),
+            "--clock",
+            "real",
+        ])
+        .args(["--quiet", "--set", "timing.policy=\"ordinary\""])
+        .args(common::PATIENT)
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let began = Instant::now();
+    let enough =
+        |rows: u64| std::fs::metadata(at("first/samples.bin")).is_ok_and(|m| m.len() > rows * 300);
+    while !enough(200) {
+        assert!(
+            began.elapsed() < Duration::from_secs(60),
+            "nothing is recorded"
+        );
+        std::thread::yield_now();
+    }
+    let said = go_on(&at("first"), &at("too-early"));
+    assert_eq!(said.code, Some(2), "it still runs: {}", said.stderr);
+    assert!(
+        said.stderr.contains("this test is running"),
+        "{}",
+        said.stderr
+    );
+    // It runs, whatever became of its socket.
+    std::fs::remove_file(at("first/control.sock")).unwrap();
+    let said = go_on(&at("first"), &at("too-early"));
+    assert_eq!(said.code, Some(2), "it still runs: {}", said.stderr);
+    let silent = "the test does not answer (there is no control.sock)";
+    assert!(said.stderr.contains(silent), "{}", said.stderr);
+    running.kill().unwrap();
+    running.wait().unwrap();
+    assert!(!at("first/summary.json").exists());
+    let said = go_on(&at("first"), &at("second"));
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    assert_eq!(
+        steps(&[&at("first"), &at("second")]),
+        steps(&[&at("whole")])
+    );
+}
+
+/// A test and those that it goes on with are moved together, or one by one to another place; without them it says what is missing.
+#[test]
+fn a_test_that_went_on_is_replayed_and_goes_on_wherever_it_was_moved_with_those_before_it() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let test = test_in(home.path(), &frame(200, 1, 2.0, 0.0));
+    completed(&test, &at("whole"), &[]);
+    killed(&at("whole"), &at("here/first"), 200);
+    assert_eq!(go_on(&at("here/first"), &at("here/second")).code, Some(0));
+    killed(&at("here/second"), &at("here/third"), 120);
+    let said = go_on(&at("here/third"), &at("here/deep/fourth"));
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let origin = common::json(&at("here/deep/fourth"), "resumed.json");
+    assert_eq!(origin["parent"], "../../third");
+
+    std::fs::rename(at("here"), at("there")).unwrap();
+    let said = go_on(&at("there/third"), &at("there/fifth"));
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    for name in ["there/second", "there/deep/fourth", "there/fifth"] {
+        let found = replay(&at(name)).unwrap_or_else(|e| panic!("{name}: {e}"));
+        assert!(found.is_exact(), "{name}: {found:?}");
+    }
+    // Side by side is enough, and another test of that name is not the one.
+    std::fs::rename(at("there/deep/fourth"), at("there/fourth")).unwrap();
+    copy(&at("whole"), &at("third"));
+    assert!(replay(&at("there/fourth")).unwrap().is_exact());
+    copy(&at("there/second"), &at("alone/second"));
+    let lost = replay(&at("alone/second")).unwrap_err().to_string();
+    for word in [
+        "alone/second/resumed.json",
+        "here/first",
+        "neither there nor beside",
+    ] {
+        assert!(lost.contains(word), "{lost}");
+    }
+    copy(&at("there/third"), &at("alone/first"));
+    let other = replay(&at("alone/second")).unwrap_err().to_string();
+    assert!(other.contains("was changed"), "{other}");
+}

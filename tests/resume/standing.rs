@@ -1,0 +1,196 @@
+//! Where a specimen across a link stands, and what it bears there.
+
+use super::*;
+
+/// A spring behind a link of the test's own, whose sensor reads `off` more than where it was told to go.
+struct Far {
+    off: f64,
+    damping: f64,
+    disp: f64,
+    vel: f64,
+    sequence: u64,
+}
+
+impl Substructure for Far {
+    fn axes(&self) -> usize {
+        1
+    }
+    fn coupling(&self) -> Coupling {
+        Coupling::Lockstep
+    }
+    fn is_remote(&self) -> bool {
+        true
+    }
+    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+        (self.disp, self.sequence) = (command.disp[0], command.sequence);
+        self.vel = command.vel[0];
+        Ok(())
+    }
+    fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+        into.sequence = self.sequence;
+        (into.disp[0], into.force[0]) = (
+            self.disp + self.off,
+            3e5 * self.disp + self.damping * self.vel,
+        );
+        Ok(Freshness::Fresh)
+    }
+    fn retire(&mut self, _: Retirement) {}
+}
+
+#[test]
+fn a_specimen_that_does_not_stand_where_it_was_left_is_refused_and_nothing_moves() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let law = frame(200, 1, 2.0, 0.0);
+    let linked = law
+        .split("[specimen.law")
+        .next()
+        .unwrap()
+        .replace(
+            "[safety]\n",
+            "[safety]\nunlimited = \"a spring\"\non_trip = \"zero_displacement\"\nexit_speed_m_per_s = 0.01\n",
+        )
+        + "stiffness_n_per_m = 5e5\nlink = { address = \"127.0.0.1:9\", coupling = \"lockstep\" }\n";
+    let test = test_in(home.path(), &linked);
+    let far = |off: f64| -> Port {
+        let far = Far {
+            off,
+            damping: 0.0,
+            disp: 0.0,
+            vel: 0.0,
+            sequence: 0,
+        };
+        Port::new(
+            "far",
+            vec![Axis::plain(vec![(0, 1.0)])],
+            Box::new(far),
+            2,
+            vec![5e5],
+        )
+        .unwrap()
+    };
+    let under = |mut test: gusset::config::Prepared, off: f64, out: &str, words: Vec<Operator>| {
+        test.experiment.ports[0].go_live(far(off));
+        test.experiment.ports[0].computed = true;
+        let folder = RunFolder::create(&at(out)).unwrap();
+        let (says, requests) = crossbeam_channel::bounded(words.len() + 1);
+        for word in words {
+            says.send(word).unwrap();
+        }
+        session::run(test, folder, requests, Watches::default(), &mut |_| {}).unwrap()
+    };
+    let conclude = |test, off, out: &str| under(test, off, out, Vec::new());
+    let loaded = gusset::config::load(&test, &[]).unwrap_or_else(|e| panic!("{e}"));
+    let whole = gusset::config::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(conclude(whole, 0.0, "whole").finish, Finish::Completed);
+    killed(&at("whole"), &at("first"), 400);
+    let again = || resume(&at("first"), None, &[], None).unwrap_or_else(|e| panic!("{e}"));
+    let ended = conclude(again(), 0.0, "second");
+    assert_eq!(ended.finish, Finish::Completed, "{}", ended.summary.reason);
+    assert_eq!(
+        steps(&[&at("first"), &at("second")]),
+        steps(&[&at("whole")])
+    );
+    let found = replay(&at("second")).unwrap();
+    assert!(found.is_exact(), "{found:?}");
+
+    killed(&at("whole"), &at("other"), 400);
+    let again = || resume(&at("other"), None, &[], None).unwrap_or_else(|e| panic!("{e}"));
+    let ended = conclude(again(), 0.05, "moved");
+    assert_eq!(ended.finish, Finish::Stopped);
+    assert!(
+        ended.summary.reason.contains("was left at"),
+        "{}",
+        ended.summary.reason
+    );
+    let commands = Run::open(&at("moved"))
+        .unwrap()
+        .columns(&["cmd_1_1"])
+        .unwrap();
+    let left = Run::open(&at("first"))
+        .unwrap()
+        .columns(&["cmd_1_1"])
+        .unwrap();
+    assert!(
+        commands[0].iter().all(|c| Some(c) == left[0].last()),
+        "nothing moved"
+    );
+
+    // Of one that was ended in order everything is known: a tenth of a millimetre is somewhere else.
+    let mut words = vec![Operator::Continue; 300];
+    words.push(Operator::Stop);
+    let whole = gusset::config::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
+    let ended = under(whole, 0.0, "stopped", words);
+    assert_eq!(ended.finish, Finish::Interrupted);
+    let again = || resume(&at("stopped"), None, &[], None).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(
+        conclude(again(), 1e-4, "aside").finish,
+        Finish::Stopped,
+        "it was moved by 0.1 mm"
+    );
+    let told = std::fs::read_to_string(at("aside").join("events.jsonl")).unwrap();
+    assert!(told.contains("\"event\":\"stands\"") && told.contains("\"event\":\"moved\""));
+    assert_eq!(conclude(again(), 0.0, "there").finish, Finish::Completed);
+}
+
+/// A damper's force is gone when a killed test goes on: that is no drift of its load cell, and the response is that of a test
+/// which was never interrupted. Who knows better says so before the test.
+#[test]
+fn a_force_that_was_lost_at_rest_is_told_and_not_taken_for_drift() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let far = || {
+        let far = Far {
+            off: 0.0,
+            damping: 2e4,
+            disp: 0.0,
+            vel: 0.0,
+            sequence: 0,
+        };
+        let axes = vec![Axis::plain(vec![(0, 1.0)])];
+        Port::new("far", axes, Box::new(far), 2, vec![5e5]).unwrap()
+    };
+    let conclude = |mut test: gusset::config::Prepared, out: &str| {
+        test.experiment.ports[0].go_live(far());
+        test.experiment.ports[0].computed = true;
+        let (ask, requests) = crossbeam_channel::bounded(100);
+        for _ in 0..100 {
+            ask.send(Operator::Confirm).unwrap();
+        }
+        let folder = RunFolder::create(&at(out)).unwrap();
+        session::run(test, folder, requests, Watches::default(), &mut |_| {}).unwrap()
+    };
+    let takes_it = "resume_takes_force_drift = true\n";
+    for (zero, takes, key) in [
+        ("relative", false, ""),
+        ("relative", true, takes_it),
+        ("absolute", false, ""),
+    ] {
+        let [whole, first, second] =
+            ["whole", "first", "second"].map(|n| format!("{n}-{zero}-{takes}"));
+        let safety = format!("[safety]\nunlimited = \"a damper\"\n{key}");
+        let law = frame(200, 1, 2.0, 0.0).replace("[safety]\n", &safety);
+        let linked = law.split("[specimen.law").next().unwrap().to_owned()
+            + &format!(
+                "stiffness_n_per_m = 5e5\nlink = {{ address = \"127.0.0.1:9\", coupling = \"lockstep\" }}\n\
+                 [[specimen.axis]]\nzero_force = \"{zero}\"\n"
+            );
+        let test = test_in(home.path(), &linked);
+        let loaded = gusset::config::load(&test, &[]).unwrap_or_else(|e| panic!("{e}"));
+        let built = gusset::config::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(conclude(built, &whole).finish, Finish::Completed);
+        killed(&at(&whole), &at(&first), 400);
+        let next = resume(&at(&first), None, &[], None).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(conclude(next, &second).finish, Finish::Completed);
+        let same = steps(&[&at(&first), &at(&second)]) == steps(&[&at(&whole)]);
+        assert_eq!(same, !takes);
+        let events = Run::open(&at(&second)).unwrap().events().unwrap().events;
+        let told = events
+            .iter()
+            .find(|e| e["event"] == "force_changed")
+            .unwrap();
+        let [left, found] = ["left", "found"].map(|key| told[key].as_f64().unwrap());
+        assert!((left - found).abs() > 1.0, "{left} {found}");
+        assert_eq!(told["taken_for_drift"], takes);
+    }
+}
