@@ -120,6 +120,7 @@ impl<T: Transport> FaultyWire<T> {
     /// Commands count from this number on, and the script begins anew.
     pub fn armed(&mut self, first: u64) {
         (self.first, self.newest, self.heard) = (first, 0, false);
+        self.deaf_until = Nanos(0);
         self.coming.clone_from(&self.events);
     }
 
