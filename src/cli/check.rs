@@ -183,6 +183,10 @@ fn describe(
             &format!("peak acceleration {}", quantity(peak, "m/s²")),
         );
     }
+    if let Some((dof, peak)) = structure.peak_nodal_force {
+        let peak = quantity(peak, "N");
+        table.row("nodal forces", &format!("peak {peak} at DOF {}", dof + 1));
+    }
     match spectrum.filter(|spectrum| spectrum.is_of_family()) {
         Some(spectrum) => spectrum.tabulate(table),
         None => frequencies(table, facts, structure),
@@ -268,6 +272,7 @@ fn as_json(
             "highest_frequency_rad_per_s": spectrum.and_then(Spectrum::highest),
             "critical_delays": spectrum.map(Spectrum::delays_json),
             "peak_ground_acceleration_m_per_s2": structure.peak_ground_accel,
+            "peak_nodal_force_n": structure.peak_nodal_force.map(|(_, peak)| peak),
         })
     });
     json!({

@@ -5,6 +5,7 @@ use super::*;
 mod certificate;
 mod idle;
 mod keys;
+mod nodal;
 mod overrides;
 mod stability;
 mod values;

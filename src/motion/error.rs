@@ -165,6 +165,16 @@ pub enum MotionError {
         /// As this row has it.
         found: usize,
     },
+    /// Times in another unit than the second.
+    #[error(
+        "{file}: its times stand in a column {column:?}, but s is wanted; dt_s says its step in s"
+    )]
+    TimeUnit {
+        /// Name of the file.
+        file: String,
+        /// What it calls the column of times.
+        column: String,
+    },
     /// A column that the file does not have.
     #[error("{file}: no column {wanted}: it has {available}")]
     ColumnUnknown {

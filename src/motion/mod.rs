@@ -266,6 +266,15 @@ impl Excitation {
         self.ground.as_deref()
     }
 
+    /// The degree of freedom, from 0, and the largest force in N of a table of forces, with its sign.
+    #[must_use]
+    pub fn peak_of_table(&self) -> Option<(usize, f64)> {
+        let table = self.table.as_ref()?;
+        let forces = table.dofs.iter().cycle().zip(&table.values);
+        let peak = forces.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+        peak.map(|(dof, force)| (*dof, *force))
+    }
+
     /// The constant part of the load in N, if there is one: what holds before t = 0.
     #[must_use]
     pub fn constant(&self) -> Option<&[f64]> {

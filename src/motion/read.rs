@@ -109,6 +109,21 @@ impl Table {
     pub fn rows(&self) -> usize {
         self.values.len().checked_div(self.columns).unwrap_or(0)
     }
+
+    /// The column that is called a time, in whatever unit, if one is; from 0.
+    #[must_use]
+    pub fn column_of_times(&self) -> Option<usize> {
+        let before = |name: &String| axis::is_time(name.split(['(', '[']).next().unwrap_or(""));
+        self.names
+            .iter()
+            .position(|name| axis::is_time(name) || before(name))
+    }
+
+    /// The unit in the brackets of a column's name.
+    #[must_use]
+    pub fn unit_of(&self, column: usize) -> Option<Unit> {
+        self.names.get(column).and_then(|name| axis::unit_in(name))
+    }
 }
 
 /// Reads a record. `name` decides the format if `options` does not, and stands in every error.

@@ -8,6 +8,35 @@ use serde::{Deserialize, Serialize};
 /// Standard acceleration of gravity in m/s² (CGPM 1901): what `g` means here.
 pub const STANDARD_GRAVITY: f64 = 9.806_65;
 
+/// True of a header's word for the second.
+#[must_use]
+pub fn is_second(text: &str) -> bool {
+    let plain = text.trim().trim_end_matches('.').to_ascii_lowercase();
+    matches!(plain.as_str(), "s" | "sec" | "secs" | "second" | "seconds")
+}
+
+/// True of a header's word for another unit of time.
+#[must_use]
+pub fn is_time_but_no_second(text: &str) -> bool {
+    let plain = text.trim().trim_end_matches('.').to_lowercase();
+    let plain = plain.strip_suffix('s').unwrap_or(&plain);
+    matches!(
+        plain,
+        "m" | "msec"
+            | "millisec"
+            | "millisecond"
+            | "u"
+            | "µ"
+            | "μ"
+            | "usec"
+            | "microsecond"
+            | "n"
+            | "nsec"
+            | "nanosecond"
+    ) && text.trim().len() > 1
+        || matches!(plain, "min" | "minute" | "h" | "hr" | "hour" | "d" | "day")
+}
+
 /// What a signal is of; the context gives it, and with it the SI unit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quantity {

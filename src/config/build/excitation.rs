@@ -3,15 +3,18 @@
 use super::specimens::Specimens;
 use super::structure::vector;
 use super::{Refused, Site, path};
-use crate::config::{ExcitationTable, Finding, KeyPath};
+use crate::config::{ExcitationTable, Finding, KeyPath, NodalFileTable};
 use crate::model::Structure;
 use crate::motion::{
     Excitation, Grid, LoadTerm, Motion, MotionError, NodalTable, Processing, Quantity, Signal,
-    base_motion, parse_table,
+    Unit, base_motion, parse_table,
 };
 
 /// Most numbers of all motions of a test together, which are laid out before it: 4 GiB, twelve hours of a ground motion at 4096 Hz.
 const MOST_NUMBERS: u64 = 1 << 29;
+
+/// Names that are listed in one warning, at most.
+const MOST_NAMED: usize = 12;
 
 /// Numbers that the motions take for each step while they are laid out, as far as that is decided by the file: values, their
 /// rates and a copy of each in the making.
@@ -179,38 +182,7 @@ pub(super) fn excitation(
     }
     if let Some(nodal) = &table.nodal_table {
         let at = at.key("nodal_table");
-        let bytes = site.read(at.key("file"), &nodal.file)?;
-        let parsed = match parse_table(&nodal.file, &bytes) {
-            Ok(parsed) => parsed,
-            Err(error) => {
-                return site.refuse(Finding::error(at.key("file"), error.to_string()));
-            }
-        };
-        if parsed.columns != n {
-            let text = format!(
-                "{} has {} columns, but the structure has {n} DOFs: one column per DOF is wanted",
-                nodal.file, parsed.columns
-            );
-            return site.refuse(Finding::error(at.key("file"), text));
-        }
-        if parsed.rows() < grid.points() {
-            let text = format!(
-                "{} has {} rows, but the test from t = 0 to its end has {} steps: the rest is zero",
-                nodal.file,
-                parsed.rows(),
-                grid.points()
-            );
-            site.warnings.push(Finding::warning(at.key("file"), text));
-        }
-        let values = parsed
-            .values
-            .iter()
-            .map(|value| value * nodal.scale)
-            .collect();
-        let table = NodalTable {
-            dofs: (0..n).collect(),
-            values,
-        };
+        let table = nodal_table(site, &at, nodal, n, grid)?;
         excitation = added(site, &at, || excitation.with_table(table))?;
     }
     let load = static_load(site, structure)?;
@@ -218,6 +190,91 @@ pub(super) fn excitation(
         excitation = added(site, &path("structure"), || excitation.with_constant(load))?;
     }
     Ok((excitation, load))
+}
+
+/// A force on every DOF, from a file whose columns are taken in order: what their names say against that is told.
+fn nodal_table(
+    site: &mut Site<'_>,
+    at: &KeyPath,
+    nodal: &NodalFileTable,
+    n: usize,
+    grid: Grid,
+) -> Result<NodalTable, Refused> {
+    let file = &nodal.file;
+    let bytes = site.read(at.key("file"), file)?;
+    let at = at.key("file");
+    let parsed = match parse_table(file, &bytes) {
+        Ok(parsed) => parsed,
+        Err(error) => return site.refuse(Finding::error(at, error.to_string())),
+    };
+    if let Some(name) = parsed
+        .column_of_times()
+        .and_then(|time| parsed.names.get(time))
+    {
+        let text = format!(
+            "{file} has a column {name:?}: its rows are the steps, and every column is a DOF"
+        );
+        return site.refuse(Finding::error(at, text));
+    }
+    if parsed.columns != n {
+        let text = format!(
+            "{file} has {} columns, but the structure has {n} DOFs: one column per DOF is wanted",
+            parsed.columns
+        );
+        return site.refuse(Finding::error(at, text));
+    }
+    let is_other = |column: &usize| {
+        parsed
+            .unit_of(*column)
+            .is_some_and(|unit| unit != Unit::Newton)
+    };
+    if nodal.scale == 1.0
+        && let Some(name) = (0..n)
+            .find(is_other)
+            .and_then(|column| parsed.names.get(column))
+    {
+        let text = format!("{file} has a column {name:?}, but N is wanted");
+        let help = "`scale` makes N of all its numbers";
+        return site.refuse(Finding::error(at, text).help(help));
+    }
+    let mut texts = parsed.warnings.clone();
+    if !are_numbered(&parsed.names) {
+        let named = parsed.names.iter().enumerate();
+        let named = named.map(|(index, name)| format!("{name:?} is DOF {}", index + 1));
+        let list: Vec<String> = named.take(MOST_NAMED).collect();
+        texts.push(format!(
+            "the columns of {file} are taken in order: {}",
+            list.join(", ")
+        ));
+    }
+    if parsed.rows() < grid.points() {
+        texts.push(format!(
+            "{file} has {} rows, but the test from t = 0 to its end has {} steps: the rest is zero",
+            parsed.rows(),
+            grid.points()
+        ));
+    }
+    let warnings = texts
+        .into_iter()
+        .map(|text| Finding::warning(at.clone(), text));
+    site.warnings.extend(warnings);
+    Ok(NodalTable {
+        dofs: (0..n).collect(),
+        values: parsed
+            .values
+            .iter()
+            .map(|value| value * nodal.scale)
+            .collect(),
+    })
+}
+
+/// True of `F1`, `F2`, `F3`, and of no names at all.
+fn are_numbered(names: &[String]) -> bool {
+    names.iter().enumerate().all(|(index, name)| {
+        let plain = name.split(['(', '[']).next().unwrap_or("").trim_end();
+        let digits = plain.trim_start_matches(|c: char| !c.is_ascii_digit());
+        digits.parse() == Ok(index + 1)
+    })
 }
 
 fn added(

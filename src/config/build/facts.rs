@@ -76,6 +76,8 @@ pub struct StructureFacts {
     pub frequencies: Vec<f64>,
     /// Largest |ground acceleration| in m/s².
     pub peak_ground_accel: Option<f64>,
+    /// Degree of freedom, from 0, and largest force in N of a table of nodal forces.
+    pub peak_nodal_force: Option<(usize, f64)>,
     /// What modes and delays can be analysed from, for structures that are not too large.
     pub analysis: Option<Analysis>,
     /// Why no margin to a critical delay is watched; none where one is.

@@ -349,6 +349,7 @@ fn numerical(
         frequencies,
         analysis,
         no_margin: None,
+        peak_nodal_force: excitation.peak_of_table(),
         peak_ground_accel: ground.map(|a| a.iter().fold(0.0, |m: f64, v| m.max(v.abs()))),
     };
     let accel = match crate::model::Acceleration::new(structure.mass()) {

@@ -7,7 +7,7 @@
 use super::peer::chosen_step;
 use super::{Column, Print, RawTable, ReadOptions, Record};
 use crate::motion::error::MotionError;
-use crate::motion::unit::Unit;
+use crate::motion::unit::{Unit, is_second, is_time_but_no_second};
 
 /// Chooses the columns and makes a record of them.
 pub(super) fn record(
@@ -20,6 +20,14 @@ pub(super) fn record(
     let stated = match time {
         None => None,
         Some(time) => {
+            if let (Some(title), None) = (table.names.get(time), options.dt)
+                && states_no_seconds(title)
+            {
+                return Err(MotionError::TimeUnit {
+                    file: name.into(),
+                    column: title.clone(),
+                });
+            }
             let axis = uniform(name, &table, time)?;
             // Many files begin with their first step; more than that is worth a word.
             if axis.first.abs() > 1.5 * axis.dt {
@@ -117,7 +125,7 @@ fn available(table: &RawTable) -> String {
 }
 
 /// `t`, `time`, `time_s`, `Time (s)`, `time [sec]`.
-fn is_time(name: &str) -> bool {
+pub(super) fn is_time(name: &str) -> bool {
     let plain: String = name
         .to_ascii_lowercase()
         .chars()
@@ -129,11 +137,26 @@ fn is_time(name: &str) -> bool {
     )
 }
 
+/// `time (ms)`, `t [min]`, `time_ms`: what is in brackets must be seconds, what stands behind the name may be no other unit.
+fn states_no_seconds(title: &str) -> bool {
+    match in_brackets(title) {
+        Some(inner) => !is_second(inner),
+        None => {
+            let mut words = title.split(|c: char| !c.is_alphanumeric());
+            words.next_back().is_some_and(is_time_but_no_second)
+        }
+    }
+}
+
 /// The unit in the brackets of a column's name: `accel (g)`, `a [m/s2]`.
-fn unit_in(title: &str) -> Option<Unit> {
+pub(super) fn unit_in(title: &str) -> Option<Unit> {
+    in_brackets(title).and_then(Unit::from_header)
+}
+
+fn in_brackets(title: &str) -> Option<&str> {
     let (_, rest) = title.split_once(['(', '['])?;
     let (inner, _) = rest.split_once([')', ']'])?;
-    Unit::from_header(inner)
+    Some(inner)
 }
 
 struct Axis {
@@ -359,6 +382,45 @@ mod tests {
                 .to_string(),
             "a.txt:1: wanted 1 columns, found 3"
         );
+    }
+
+    #[test]
+    fn times_in_another_unit_than_the_second_are_refused_unless_the_step_is_given() {
+        let refused = |name: &str, text: &str, options: &ReadOptions| {
+            let error = parse_record(name, text.as_bytes(), options).unwrap_err();
+            let text = error.to_string();
+            assert!(text.contains("but s is wanted"), "{text}");
+        };
+        let chosen = |column: &str| ReadOptions {
+            column: Some(Column::Number(2)),
+            time_column: Some(Column::Name(column.into())),
+            ..ReadOptions::default()
+        };
+        let usual = ReadOptions::default();
+        for time in [
+            "time (ms)",
+            "t [min]",
+            "time_ms",
+            "time (samples)",
+            "Time_µs",
+        ] {
+            let text = format!("{time},acc (g)\n0,1\n10,2\n20,3\n");
+            refused("a.csv", &text, &chosen(time));
+            let given = ReadOptions {
+                dt: Some(0.01),
+                ..chosen(time)
+            };
+            assert_eq!(
+                parse_record("a.csv", text.as_bytes(), &given).unwrap().dt,
+                0.01
+            );
+        }
+        refused("a.txt", "time(ms) acc(g)\n0 1\n10 2\n20 3\n", &usual);
+        for time in ["time (s)", "t[sec]", "Time_Seconds", "time", "at", "t_end"] {
+            let text = format!("{time},acc (g)\n0,1\n10,2\n20,3\n");
+            let read = parse_record("a.csv", text.as_bytes(), &chosen(time));
+            assert_eq!(read.unwrap().dt, 10.0, "{time}");
+        }
     }
 
     #[test]

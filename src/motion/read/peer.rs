@@ -18,7 +18,7 @@ use std::ops::Range;
 use super::text::{self, finite_number, lines, number, refuse_decimal_comma, shorten, words};
 use super::{MOST_VALUES, Record, has_ending};
 use crate::motion::error::{MotionError, inside};
-use crate::motion::unit::Unit;
+use crate::motion::unit::{Unit, is_time_but_no_second};
 
 /// Lines among which the header must end.
 const LONGEST_HEADER: usize = 40;
@@ -156,6 +156,12 @@ impl Counts {
             wanted,
             found: shorten(found),
         };
+        // `DT = 5.0 MSEC`, `6 5.0 NPTS, DT (MSEC)`: one of the three words behind it.
+        let (_, behind) = upper.split_once("DT").unwrap_or_default();
+        let is_other = |word: &str| is_time_but_no_second(word.trim_matches(['(', ')', '[', ']']));
+        if words(behind).take(3).any(|(_, word)| is_other(word)) {
+            return Err(refuse("a time step DT in seconds", behind.trim()));
+        }
         let points = points
             .map(|word| {
                 // Some tools print the count as a real number.
