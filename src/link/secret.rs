@@ -52,10 +52,14 @@ pub fn read_key(path: &Path) -> Result<PreSharedKey, KeyError> {
             bytes.pop();
         }
     }
-    PreSharedKey::new(&bytes).map_err(|error| KeyError::Unusable {
+    let unusable = |reason| KeyError::Unusable {
         path: name(),
-        reason: error.to_string(),
-    })
+        reason,
+    };
+    if bytes.len() > LONGEST_KEY {
+        return Err(unusable(format!("it has more than {LONGEST_KEY} bytes")));
+    }
+    PreSharedKey::new(&bytes).map_err(|error| unusable(error.to_string()))
 }
 
 /// Random bytes of the operating system: nonces and session numbers.
@@ -95,7 +99,8 @@ mod tests {
         );
         let short = read_key(&write("e", b"short")).unwrap_err();
         assert!(short.to_string().contains("holds no key"));
-        assert!(read_key(&write("f", &[7; 5000])).is_err());
+        let long = read_key(&write("f", &[7; 5000])).unwrap_err();
+        assert!(long.to_string().ends_with("it has more than 4096 bytes"));
         assert!(read_key(&folder.path().join("none")).is_err());
     }
 

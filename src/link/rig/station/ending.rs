@@ -28,10 +28,15 @@ impl Station {
             );
             self.note(NoteLevel::Warning, "unsettled", &text);
         }
-        // A trip is why it ended, whatever else was said about it.
-        let (close, text) = match self.tripped {
-            Some(trip @ Trip::Lost(_)) => (Close::Failed, format!("{}; {text}", self.whole(trip))),
-            Some(trip) => (Close::Stopped, format!("{trip}; {text}")),
+        // A trip is why it ended, whatever else was said about it, and who says it again says nothing else.
+        let why = match self.tripped {
+            Some(trip @ Trip::Lost(_)) => Some((Close::Failed, self.whole(trip))),
+            Some(trip) => Some((Close::Stopped, trip.to_string())),
+            None => None,
+        };
+        let (close, text) = match why {
+            Some((close, why)) if !text.contains(&why) => (close, format!("{why}; {text}")),
+            Some((close, _)) => (close, text.to_owned()),
             None => (close, text.to_owned()),
         };
         let stats = if self.rig.is_remote() {
