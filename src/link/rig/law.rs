@@ -183,7 +183,8 @@ impl Rig for Law {
     }
 
     fn end(&mut self, _: Retirement) {
-        if self.remembers && self.driven {
+        let is_kept = self.remembers || self.memory.is_some();
+        if is_kept && self.driven {
             // However the test ended, it is where it was driven last.
             self.specimen.commit();
             self.committed.copy_from_slice(&self.disp);
@@ -237,12 +238,15 @@ mod tests {
 
     #[test]
     fn what_remembers_is_where_it_was_driven_last_however_its_test_ended() {
-        let memory = Memory::default();
-        let law = || Law::new(spring(), true).recalling(memory.clone());
-        assert_eq!(goes_to(&mut law(), &[0.01, 0.02]), [0.0]);
-        assert_eq!(memory.disp(), Some(vec![0.02]));
-        assert_eq!(goes_to(&mut law(), &[]), [0.02]);
-        assert_eq!(memory.disp(), Some(vec![0.02]), "it was not driven");
+        // By itself from test to test, or one for each test, as over our own protocol.
+        for remembers in [true, false] {
+            let memory = Memory::default();
+            let law = || Law::new(spring(), remembers).recalling(memory.clone());
+            assert_eq!(goes_to(&mut law(), &[0.01, 0.02]), [0.0]);
+            assert_eq!(memory.disp(), Some(vec![0.02]));
+            assert_eq!(goes_to(&mut law(), &[]), [0.02]);
+            assert_eq!(memory.disp(), Some(vec![0.02]), "it was not driven");
+        }
     }
 
     #[test]
