@@ -256,6 +256,17 @@ impl Port {
         }
     }
 
+    /// The test is interrupted: what is measured from here on is not compared with what was measured in it, and no energy is
+    /// counted until it goes on.
+    pub fn leave_test(&mut self) {
+        self.guard.watch.forget_measurements();
+        self.estimates.counts = false;
+        self.estimates.has_last = false;
+        for axis in &mut self.estimates.axes {
+            axis.tangent.forget_samples();
+        }
+    }
+
     /// Begins the estimates anew, with the noise that was read.
     pub(super) fn estimate_above_noise(&mut self) {
         self.estimates.rests = false;

@@ -68,6 +68,11 @@ impl Tangent {
         };
     }
 
+    /// What was measured last has nothing to do with what comes next; the values stay.
+    pub fn forget_samples(&mut self) {
+        self.begin(self.step);
+    }
+
     /// N/m. Real-time: yes.
     #[inline]
     #[must_use]

@@ -22,7 +22,7 @@ pub struct Place {
     pub disp: f64,
     /// What its load cell read last.
     pub force: f64,
-    /// How far from it it may stand.
+    /// How far from it it may stand; infinite for a formula, which stands where it is told.
     pub within: f64,
 }
 
@@ -147,6 +147,9 @@ impl Engine {
         }
         for port in &mut self.ports {
             port.forget_readings();
+            port.leave_test();
+            // What stands shows its noise and no stiffness.
+            port.rest();
         }
         self.read_at_rest(self.opening.zero_ticks.max(1), control)?;
         let (mut moved, mut found) = (None, Vec::new());
@@ -180,7 +183,9 @@ impl Engine {
             return Err(stop);
         }
         self.take_drift(left);
-        self.wait_for_confirmation(control)
+        self.wait_for_confirmation(control)?;
+        self.ports.iter_mut().for_each(Port::stir);
+        Ok(())
     }
 
     /// Channels that read something else than they did: of relative ones it may be drift. What a load cell reads less where a
@@ -190,6 +195,10 @@ impl Engine {
         let mut differ = Vec::new();
         for (index, (port, places)) in self.ports.iter_mut().zip(left).enumerate() {
             for (axis, place) in places.iter().enumerate() {
+                // A formula has no sensors that drift: it stays where the test was, whatever way out is on record.
+                if place.within.is_infinite() {
+                    continue;
+                }
                 port.take_disp_drift(axis, place.disp);
                 if takes_force {
                     port.take_force_drift(axis, place.force);

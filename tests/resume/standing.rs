@@ -133,55 +133,58 @@ fn a_specimen_that_does_not_stand_where_it_was_left_is_refused_and_nothing_moves
     assert_eq!(conclude(again(), 0.0, "there").finish, Finish::Completed);
 }
 
+/// Runs a test with a damper behind its link, to its end.
+fn concluded(mut test: gusset::config::Prepared, out: &Path) -> session::Finished {
+    let far = Far {
+        off: 0.0,
+        damping: 2e4,
+        disp: 0.0,
+        vel: 0.0,
+        sequence: 0,
+    };
+    let axes = vec![Axis::plain(vec![(0, 1.0)])];
+    let far = Port::new("far", axes, Box::new(far), 2, vec![5e5]).unwrap();
+    test.experiment.ports[0].go_live(far);
+    test.experiment.ports[0].computed = true;
+    let (ask, requests) = crossbeam_channel::bounded(100);
+    for _ in 0..100 {
+        ask.send(Operator::Confirm).unwrap();
+    }
+    let folder = RunFolder::create(out).unwrap();
+    session::run(test, folder, requests, Watches::default(), &mut |_| {}).unwrap()
+}
+
+/// The frame whose bottom storey is the damper.
+fn damped(home: &Path, safety: &str, specimen: &str) -> gusset::config::Prepared {
+    let safety = format!("[safety]\nunlimited = \"a damper\"\n{safety}");
+    let law = frame(200, 1, 2.0, 0.0).replace("[safety]\n", &safety);
+    let linked = law.split("[specimen.law").next().unwrap().to_owned()
+        + "stiffness_n_per_m = 5e5\nlink = { address = \"127.0.0.1:9\", coupling = \"lockstep\" }\n"
+        + specimen;
+    let test = test_in(home, &linked);
+    let loaded = gusset::config::load(&test, &[]).unwrap_or_else(|e| panic!("{e}"));
+    gusset::config::build(&loaded).unwrap_or_else(|e| panic!("{e}"))
+}
+
 /// A damper's force is gone when a killed test goes on: that is no drift of its load cell, and the response is that of a test
 /// which was never interrupted. Who knows better says so before the test.
 #[test]
 fn a_force_that_was_lost_at_rest_is_told_and_not_taken_for_drift() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
-    let far = || {
-        let far = Far {
-            off: 0.0,
-            damping: 2e4,
-            disp: 0.0,
-            vel: 0.0,
-            sequence: 0,
-        };
-        let axes = vec![Axis::plain(vec![(0, 1.0)])];
-        Port::new("far", axes, Box::new(far), 2, vec![5e5]).unwrap()
-    };
-    let conclude = |mut test: gusset::config::Prepared, out: &str| {
-        test.experiment.ports[0].go_live(far());
-        test.experiment.ports[0].computed = true;
-        let (ask, requests) = crossbeam_channel::bounded(100);
-        for _ in 0..100 {
-            ask.send(Operator::Confirm).unwrap();
-        }
-        let folder = RunFolder::create(&at(out)).unwrap();
-        session::run(test, folder, requests, Watches::default(), &mut |_| {}).unwrap()
-    };
-    let takes_it = "resume_takes_force_drift = true\n";
     for (zero, takes, key) in [
         ("relative", false, ""),
-        ("relative", true, takes_it),
+        ("relative", true, "resume_takes_force_drift = true\n"),
         ("absolute", false, ""),
     ] {
         let [whole, first, second] =
             ["whole", "first", "second"].map(|n| format!("{n}-{zero}-{takes}"));
-        let safety = format!("[safety]\nunlimited = \"a damper\"\n{key}");
-        let law = frame(200, 1, 2.0, 0.0).replace("[safety]\n", &safety);
-        let linked = law.split("[specimen.law").next().unwrap().to_owned()
-            + &format!(
-                "stiffness_n_per_m = 5e5\nlink = {{ address = \"127.0.0.1:9\", coupling = \"lockstep\" }}\n\
-                 [[specimen.axis]]\nzero_force = \"{zero}\"\n"
-            );
-        let test = test_in(home.path(), &linked);
-        let loaded = gusset::config::load(&test, &[]).unwrap_or_else(|e| panic!("{e}"));
-        let built = gusset::config::build(&loaded).unwrap_or_else(|e| panic!("{e}"));
-        assert_eq!(conclude(built, &whole).finish, Finish::Completed);
+        let axis = format!("[[specimen.axis]]\nzero_force = \"{zero}\"\n");
+        let built = damped(home.path(), key, &axis);
+        assert_eq!(concluded(built, &at(&whole)).finish, Finish::Completed);
         killed(&at(&whole), &at(&first), 400);
         let next = resume(&at(&first), None, &[], None).unwrap_or_else(|e| panic!("{e}"));
-        assert_eq!(conclude(next, &second).finish, Finish::Completed);
+        assert_eq!(concluded(next, &at(&second)).finish, Finish::Completed);
         let same = steps(&[&at(&first), &at(&second)]) == steps(&[&at(&whole)]);
         assert_eq!(same, !takes);
         let events = Run::open(&at(&second)).unwrap().events().unwrap().events;
@@ -193,4 +196,76 @@ fn a_force_that_was_lost_at_rest_is_told_and_not_taken_for_drift() {
         assert!((left - found).abs() > 1.0, "{left} {found}");
         assert_eq!(told["taken_for_drift"], takes);
     }
+}
+
+/// The force of a motion is gone at rest: no sensor has jumped.
+#[test]
+fn what_is_read_at_rest_is_not_held_against_the_last_measurement_of_the_interrupted_test() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let free = damped(home.path(), "", "");
+    assert_eq!(concluded(free, &at("free")).finish, Finish::Completed);
+    let forces = column(&at("free"), "raw_force_1_1");
+    let steps = forces.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+    let most = 1.2 * steps.fold(0.0, f64::max);
+
+    let limits = format!("[specimen.limits]\nforce_step_n = {{ trip = {most} }}\n");
+    let watched = damped(home.path(), "", &limits);
+    assert_eq!(concluded(watched, &at("whole")).finish, Finish::Completed);
+    killed(&at("whole"), &at("first"), 400);
+    let next = resume(&at("first"), None, &[], None).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(concluded(next, &at("second")).finish, Finish::Completed);
+    let events = Run::open(&at("second")).unwrap().events().unwrap().events;
+    let changed = events.iter().find(|e| e["event"] == "force_changed");
+    let [left, found] = ["left", "found"].map(|key| changed.unwrap()[key].as_f64().unwrap());
+    assert!((left - found).abs() > most, "{left} {found} {most}");
+}
+
+/// It stays where the test was: the way out, which its record tells of, is no drift of any sensor.
+#[test]
+fn a_formula_with_relative_zeros_that_was_led_out_goes_on_with_the_same_bits() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let safety = "[safety]\nzero_s = 0.05\nat_end = \"zero_displacement\"\nresume_takes_force_drift = true\n";
+    let law = frame(200, 1, 2.0, 0.0).replace("[safety]\n", safety)
+        + "[[specimen.axis]]\nzero_disp = \"relative\"\nzero_force = \"relative\"\n";
+    let test = test_in(home.path(), &law);
+    let conclude = |test, out: &str, words: usize| {
+        let (says, requests) = crossbeam_channel::bounded(words + 2);
+        for _ in 0..words {
+            says.send(Operator::Continue).unwrap();
+        }
+        if words > 0 {
+            says.send(Operator::Stop).unwrap();
+        }
+        let folder = RunFolder::create(&at(out)).unwrap();
+        session::run(test, folder, requests, Watches::default(), &mut |_| {}).unwrap()
+    };
+    assert_eq!(
+        conclude(rigs::built(&test), "whole", 0).finish,
+        Finish::Completed
+    );
+    let ended = conclude(rigs::built(&test), "first", 300);
+    assert_eq!(ended.finish, Finish::Interrupted);
+    let way = column(&at("first"), "cmd_1_1");
+    let furthest = way.iter().fold(0.0, |most: f64, cmd| most.max(cmd.abs()));
+    assert!(
+        way.last().unwrap().abs() < 1e-3 * furthest,
+        "it was led out"
+    );
+
+    let next = resume(&at("first"), None, &[], None).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(conclude(next, "second", 0).finish, Finish::Completed);
+    assert_eq!(
+        steps(&[&at("first"), &at("second")]),
+        steps(&[&at("whole")])
+    );
+    let [meas, target] = ["meas_1_1", "target_1_1"].map(|name| column(&at("second"), name));
+    let off = meas.iter().zip(&target).zip(column(&at("second"), "state"));
+    let off = off
+        .filter(|(_, state)| *state == 3.0)
+        .map(|((m, t), _)| (m - t).abs());
+    assert!(off.fold(0.0, f64::max) < 1e-12);
+    let found = replay(&at("second")).unwrap();
+    assert!(found.is_exact(), "{found:?}");
 }
