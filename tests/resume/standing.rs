@@ -226,7 +226,7 @@ fn what_is_read_at_rest_is_not_held_against_the_last_measurement_of_the_interrup
 fn a_formula_with_relative_zeros_that_was_led_out_goes_on_with_the_same_bits() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
-    let safety = "[safety]\nzero_s = 0.05\nat_end = \"zero_displacement\"\nresume_takes_force_drift = true\n";
+    let safety = "[safety]\nzero_s = 0.05\nat_end = \"zero_displacement\"\nexit_speed_m_per_s = 0.05\nresume_takes_force_drift = true\n";
     let law = frame(200, 1, 2.0, 0.0).replace("[safety]\n", safety)
         + "[[specimen.axis]]\nzero_disp = \"relative\"\nzero_force = \"relative\"\n";
     let test = test_in(home.path(), &law);
