@@ -471,6 +471,33 @@ fn a_test_that_tripped_on_its_way_in_has_made_no_step_and_no_way_out() {
 }
 
 #[test]
+fn a_test_that_made_no_step_is_told_of_with_the_largest_force_before_it() {
+    let more = "[specimen.limits]\nmeasured_force_n = { trip = [-59e3, 59e3] }\n\
+        [excitation.ground_acceleration]\nsignal.sine = { amplitude = 3, frequency_hz = 0.5 }\n";
+    let text = two_storeys(2.0, "initial_displacement_m = [0.01, 0.01]", more);
+    let folder = tempfile::tempdir().unwrap();
+    let test = write(folder.path(), "way_in.toml", &text);
+    let out = folder.path().join("way_in");
+    let said = common::run(&test, &out, &[]);
+    let forces = Run::open(&out).unwrap().columns(&["force_1_1"]).unwrap();
+    let largest = forces[0].iter().map(|force| force.abs());
+    let largest = largest.fold(0.0, f64::max);
+    assert!(largest > 59e3);
+    let summary = json(&out, "summary.json");
+    assert_eq!(summary["steps"], 0);
+    assert_eq!(summary["force_on_the_way_in"]["col"][0], largest);
+    assert_eq!(summary["peak"]["force"]["col"][0], 0.0);
+    let mut lines = said.stderr.lines().map(str::trim_start);
+    let line = lines.find(|line| line.starts_with("peak force"));
+    let line = line.unwrap_or_else(|| panic!("{}", said.stderr));
+    let kilonewtons = format!("{:.1}", 1e-3 * largest);
+    assert!(
+        line.starts_with("peak force before the first step, col") && line.contains(&kilonewtons),
+        "{line}"
+    );
+}
+
+#[test]
 fn a_test_in_which_nothing_moves_has_no_empty_pictures() {
     let still =
         "[excitation.ground_acceleration]\nsignal.sine = { amplitude = 0, frequency_hz = 0.5 }\n";
