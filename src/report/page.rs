@@ -85,10 +85,15 @@ fn page(run: &RunData, digest: &Digest) -> String {
 /// How many rows there are of what, and whether some are missing between them.
 fn recorded(rows: &Rows<'_>) -> String {
     let passed = rows.passed();
+    // A server records what it is commanded: which of it is a step, the controller knows.
+    let (step, steps, of) = match rows.get("commits") {
+        Some(_) => ("command", "commands", "a controller"),
+        None => ("step", "steps", "the running test"),
+    };
     let mut text = format!(
-        "{}: {} of the running test",
+        "{}: {} of {of}",
         plural(rows.recorded(), "row", "rows"),
-        plural(passed.steps, "step", "steps")
+        plural(passed.steps, step, steps)
     );
     let others = passed.ticks - passed.steps;
     if others > 0 {
@@ -116,15 +121,19 @@ fn recorded(rows: &Rows<'_>) -> String {
         text += &format!(
             "; {} {are} MISSING between the first and the last: lines are broken there, and what needs all of them (lag, tracking, \
              spectra, intensities, energies) is left out",
-            plural(passed.missing_steps, "STEP", "STEPS")
+            plural(
+                passed.missing_steps,
+                &step.to_uppercase(),
+                &steps.to_uppercase()
+            )
         );
     } else if passed.missing_ticks > 0 {
         text += &format!(
-            "; no step is missing between the first and the last, but {} BETWEEN THEM",
+            "; no {step} is missing between the first and the last, but {} BETWEEN THEM",
             plural(passed.missing_ticks, "TICK IS", "TICKS ARE")
         );
     } else if rows.digest().counted {
-        text += "; no step is missing between the first and the last";
+        text += &format!("; no {step} is missing between the first and the last");
     }
     text
 }

@@ -222,10 +222,13 @@ fn drawn(rows: &Rows<'_>, time: &[f64], axis: &Tracked<'_>) -> String {
     markup += &errors(axis);
     markup += &estimates(rows, time, axis);
     if rows.digest().broken().any(|broken| broken == digest.axis) {
-        markup += &note(
+        markup += &note(if rows.passed().missing_ticks > 0 {
             "Rows are missing in the record: lag, tracking metrics, frequency content and absorbed energy of this axis are left out. \
-             Peaks are those of the rows that are there.",
-        );
+             Peaks are those of the rows that are there."
+        } else {
+            "No row is missing, but the rows are not at even times: lag, tracking metrics and frequency content of this axis are \
+             left out."
+        });
     }
     markup + &table_of(&axis.name, digest, axis.disp_unit, axis.force_unit)
 }
