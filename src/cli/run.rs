@@ -214,9 +214,14 @@ fn conclude(facts: &Facts, finished: &Finished, page: Option<&Page>) {
             } else {
                 String::new()
             };
+            let seen = if facts.scaled.contains(name) {
+                " as the structure sees it"
+            } else {
+                ""
+            };
             table.row(
                 &format!("{what}, {name}"),
-                &format!("{}{axis}", quantity(value, "N")),
+                &format!("{}{axis}{seen}", quantity(value, "N")),
             );
         }
     }

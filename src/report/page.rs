@@ -15,6 +15,7 @@ use super::outcome::{self, Tone, verdict};
 use super::plots::base64;
 use super::response;
 use super::rows::Rows;
+use super::scale;
 use super::sketch::sketch;
 use super::specimens;
 use super::tested;
@@ -61,9 +62,10 @@ fn page(run: &RunData, digest: &Digest) -> String {
     let recorded = recorded(&rows);
     let facts = [facts, vec![("Recorded".to_owned(), recorded)]].concat();
     let drawn = beside("sketch", &sketch(configuration.as_ref()));
+    let ends = scale::of_both_ends(&rows, configuration.as_ref());
     body += &section(
         "What was tested",
-        &(definitions(&facts) + &drawn + &limits(run)),
+        &(definitions(&facts) + &drawn + &ends + &limits(run)),
     );
     body += HINT;
     let parts = [
@@ -210,7 +212,7 @@ fn extremes(
     if !has_run {
         let way_in = specimens::largest(axes, specimens::Tracked::force_on_the_way_in);
         tiles.extend(way_in.map(|(axis, (force, unit))| {
-            let words = format!("largest force before the first step, {}", axis.name);
+            let words = format!("largest force before the first step, {}", axis.force_of());
             (quantity(force, unit), words)
         }));
     } else if let Some((axis, (force, unit))) =
@@ -219,10 +221,10 @@ fn extremes(
         let way_out = specimens::largest(axes, specimens::Tracked::force_on_the_way_out);
         let way_out = way_out.filter(|(_, (later, _))| later.abs() > force.abs());
         let words = match way_out {
-            None => format!("largest force, {}{of}", axis.name),
+            None => format!("largest force, {}{of}", axis.force_of()),
             Some((_, (later, unit))) => format!(
                 "largest force of the running test, {}{of}; {} on the way out",
-                axis.name,
+                axis.force_of(),
                 quantity(later, unit)
             ),
         };
