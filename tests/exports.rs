@@ -338,10 +338,16 @@ fn what_cannot_be_exported_is_said_and_leaves_nothing_behind() {
         assert!(said.stderr.contains("cannot write"), "{}", said.stderr);
         assert_eq!(names(temp.path()), before, "{format}");
     }
+    let said = export(&run, "csv", Path::new("-"), &[]);
+    assert!(
+        said.code == Some(2) && said.stderr.contains("--out -: an export is a file"),
+        "{}",
+        said.stderr
+    );
     let said = export(&untimed, "trace", &out, &[]);
     assert!(
         said.stderr
-            .contains("the samples have no column \"release_s\""),
+            .contains("no loop to draw a timeline of: the samples have no column \"release_s\""),
         "{}",
         said.stderr
     );

@@ -354,7 +354,7 @@ fn the_page_tells_the_way_out_and_how_limits_are_judged() {
     let page = page.replace("&quot;", "\"");
     for part in [
         "Specimen \"column\" was led to where the test file wants it left; last command 20.0\u{a0}mm as it was sent, last measured \
-         20.0\u{a0}mm and 46.0\u{a0}kN, largest force on the way out 46.0\u{a0}kN, more than in the running test.",
+         20.0\u{a0}mm and 46.0\u{a0}kN as they came, largest force on the way out 46.0\u{a0}kN, more than in the running test.",
         "<b>16.0\u{a0}kN</b><span>largest force of the running test, column; 46.0\u{a0}kN on the way out",
         "1025\u{a0}steps of the running test; 161\u{a0}rows of the way out",
         "<td>not checked: no deadline is missed on the simulated clock</td>",
@@ -460,13 +460,65 @@ fn a_test_that_tripped_on_its_way_in_has_made_no_step_and_no_way_out() {
     for part in [
         "<b>10.0\u{a0}mm</b><span>displacement at the start, DOF 1: no step was made<",
         "<b>59.0\u{a0}kN</b><span>largest force before the first step, col<",
-        "and 59.0\u{a0}kN, largest force before the first step 59.0\u{a0}kN.",
+        "and 59.0\u{a0}kN as they came, largest force before the first step 59.0\u{a0}kN.",
         "0\u{a0}steps of the running test; ",
     ] {
         assert!(page.contains(part), "{part}");
     }
     for part in ["on the way out", "of the way out", "largest displacement"] {
         assert!(!page.contains(part), "{part}");
+    }
+}
+
+#[test]
+fn a_test_that_made_no_step_is_told_of_with_the_largest_force_before_it() {
+    let more = "[specimen.limits]\nmeasured_force_n = { trip = [-59e3, 59e3] }\n\
+        [excitation.ground_acceleration]\nsignal.sine = { amplitude = 3, frequency_hz = 0.5 }\n";
+    let text = two_storeys(2.0, "initial_displacement_m = [0.01, 0.01]", more);
+    let folder = tempfile::tempdir().unwrap();
+    let test = write(folder.path(), "way_in.toml", &text);
+    let out = folder.path().join("way_in");
+    let said = common::run(&test, &out, &[]);
+    let forces = Run::open(&out).unwrap().columns(&["force_1_1"]).unwrap();
+    let largest = forces[0].iter().map(|force| force.abs());
+    let largest = largest.fold(0.0, f64::max);
+    assert!(largest > 59e3);
+    let summary = json(&out, "summary.json");
+    assert_eq!(summary["steps"], 0);
+    assert_eq!(summary["force_on_the_way_in"]["col"][0], largest);
+    assert_eq!(summary["peak"]["force"]["col"][0], 0.0);
+    let mut lines = said.stderr.lines().map(str::trim_start);
+    let line = lines.find(|line| line.starts_with("peak force"));
+    let line = line.unwrap_or_else(|| panic!("{}", said.stderr));
+    let kilonewtons = format!("{:.1}", 1e-3 * largest);
+    assert!(
+        line.starts_with("peak force before the first step, col") && line.contains(&kilonewtons),
+        "{line}"
+    );
+}
+
+#[test]
+fn forces_of_a_specimen_at_another_scale_are_said_to_be_those_of_the_structure() {
+    let folder = tempfile::tempdir().unwrap();
+    let shaken =
+        "[excitation.ground_acceleration]\nsignal.sine = { amplitude = 1, frequency_hz = 1 }\n";
+    for (name, scale) in [("plain", ""), ("scaled", "length = 3.0\nforce = 9.0\n")] {
+        let text = two_storeys(1.0, "", &format!("[specimen.similitude]\n{scale}{shaken}"));
+        let test = write(folder.path(), &format!("{name}.toml"), &text);
+        let out = folder.path().join(name);
+        let said = completed(&test, &out, &[]);
+        let page = fs::read_to_string(out.join("report.html")).unwrap();
+        let is_scaled = !scale.is_empty();
+        let words = "as the structure sees it";
+        let told = said.stderr.lines().find(|line| line.contains("peak force"));
+        assert_eq!(told.unwrap().ends_with(words), is_scaled, "{}", said.stderr);
+        for part in [
+            &format!("<span>largest force, col, {words}<"),
+            "col: 1\u{a0}m of the specimen is 3\u{a0}m of the structure, 1\u{a0}N is 9\u{a0}N.",
+            "All of it as the structure sees it: ",
+        ] {
+            assert_eq!(page.contains(part), is_scaled, "{part}");
+        }
     }
 }
 

@@ -11,6 +11,10 @@ use crate::record::export::{self, Choice, Format, Rows};
 /// Writes a run in a form that other programs read.
 pub fn export(args: &ExportArgs) -> anyhow::Result<Exit> {
     let run = Run::open(&args.run)?;
+    anyhow::ensure!(
+        args.out.as_os_str() != "-",
+        "--out -: an export is a file and is not written to the terminal; ./- is a file of that name"
+    );
     // A link that leads nowhere is there, too.
     let is_free = args.out.symlink_metadata().is_err();
     anyhow::ensure!(is_free, "{} exists already", args.out.display());

@@ -199,15 +199,29 @@ fn conclude(facts: &Facts, finished: &Finished, page: Option<&Page>) {
         }
     }
     for (name, forces) in &summary.peak.force {
-        if let Some((axis, value)) = largest(forces) {
+        // A test without a step has been nowhere but on its way in.
+        let before = summary.force_on_the_way_in.get(name);
+        let before = before.filter(|_| summary.steps == 0);
+        let what = match before {
+            Some(_) => "peak force before the first step",
+            None => "peak force",
+        };
+        let each = [Some(forces), before].into_iter().flatten();
+        let each = each.filter_map(|forces| largest(forces));
+        if let Some((axis, value)) = each.max_by(|a, b| a.1.total_cmp(&b.1)) {
             let axis = if forces.len() > 1 {
                 format!(" on axis {axis}")
             } else {
                 String::new()
             };
+            let seen = if facts.scaled.contains(name) {
+                " as the structure sees it"
+            } else {
+                ""
+            };
             table.row(
-                &format!("peak force, {name}"),
-                &format!("{}{axis}", quantity(value, "N")),
+                &format!("{what}, {name}"),
+                &format!("{}{axis}{seen}", quantity(value, "N")),
             );
         }
     }

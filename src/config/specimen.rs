@@ -194,6 +194,14 @@ impl SpecimenTable {
         (0..axes).map(merged).collect()
     }
 
+    /// True if a displacement or a force of an axis is another for the structure, units apart.
+    #[must_use]
+    pub fn is_scaled(&self) -> bool {
+        let is_geared = |axis: &AxisTable| axis.scale != 1.0 || axis.sign != 1;
+        let similitude = &self.similitude;
+        self.axis.iter().any(is_geared) || similitude.length != 1.0 || similitude.force != 1.0
+    }
+
     /// Units of each of `axes` axes.
     #[must_use]
     pub fn units_of(&self, axes: usize) -> Vec<AxisUnits> {

@@ -16,6 +16,17 @@ fn copy(from: &Measurement, to: &mut Measurement) {
     }
 }
 
+/// Raises peaks to forces that are larger. Real-time: yes.
+#[inline]
+fn raise(peaks: &mut [f64], forces: &[f64]) {
+    for (peak, force) in peaks.iter_mut().zip(forces) {
+        let size = force.abs();
+        if size > *peak && size < f64::INFINITY {
+            *peak = size;
+        }
+    }
+}
+
 impl Port {
     /// Makes the next command from the structure's state. Real-time: yes.
     pub fn aim(&mut self, disp: &[f64], vel: &[f64], base_disp: f64, base_vel: f64) {
@@ -211,14 +222,15 @@ impl Port {
     /// is no peak; nor is a force that is recovered later, which moved nothing and which no recording holds. Real-time: yes.
     #[inline]
     pub fn note_peak(&mut self) {
-        if !self.is_fresh() {
-            return;
+        if self.is_fresh() {
+            raise(&mut self.peak_force, &self.force);
         }
-        for (peak, force) in self.peak_force.iter_mut().zip(&self.force) {
-            let size = force.abs();
-            if size > *peak && size < f64::INFINITY {
-                *peak = size;
-            }
+    }
+
+    /// The same before the test. Real-time: yes.
+    pub fn note_force_on_the_way_in(&mut self) {
+        if self.is_fresh() {
+            raise(&mut self.force_on_the_way_in, &self.force);
         }
     }
 

@@ -125,6 +125,8 @@ pub struct Port {
     pub force: Vec<f64>,
     /// Largest |force| so far.
     pub peak_force: Vec<f64>,
+    /// The same of every exchange before the test.
+    pub force_on_the_way_in: Vec<f64>,
     /// The same without what was measured after the last command of the test: nothing of it has stopped anything.
     carried: Vec<f64>,
     /// Exchanges so far.
@@ -238,6 +240,7 @@ impl Port {
             measured: vec![0.0; n],
             force: vec![0.0; n],
             peak_force: vec![0.0; n],
+            force_on_the_way_in: vec![0.0; n],
             carried: vec![0.0; n],
             link: LinkCount::default(),
             partner: Partner::default(),

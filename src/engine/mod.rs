@@ -222,6 +222,8 @@ pub struct Outcome {
     pub peaks: Peaks,
     /// Peaks and counts of each specimen: name, largest |force| per axis of answers that came in time, exchanges.
     pub ports: Vec<(String, Vec<f64>, LinkCount)>,
+    /// Largest |force| of each specimen before the test, one per axis.
+    pub forces_on_the_way_in: Vec<Vec<f64>>,
     /// Histograms of every timing quantity.
     pub timing: Timing,
     /// Deadline misses.
@@ -388,6 +390,9 @@ impl Engine {
                         port.link_count(),
                     )
                 })
+                .collect(),
+            forces_on_the_way_in: (self.ports.iter())
+                .map(|port| port.force_on_the_way_in.clone())
                 .collect(),
             // Megabytes, and nobody asks for them twice.
             timing: std::mem::replace(&mut self.timing, Timing::counting()),

@@ -84,6 +84,16 @@ impl Phase {
         }
     }
 
+    /// True of everything before the first tick of the test. Real-time: yes.
+    #[must_use]
+    pub const fn is_on_the_way_in(self) -> bool {
+        use Phase::{Armed, Connected, Probing, Ramping, Settling, Zeroing};
+        matches!(
+            self,
+            Connected | Probing | Zeroing | Ramping | Settling | Armed
+        )
+    }
+
     /// True if an operator's hold is heard: neither the way out nor what comes after a trip stands still for it.
     #[must_use]
     pub const fn can_be_held(self) -> bool {

@@ -135,6 +135,9 @@ impl Engine {
         let result = self.collect_all(tick, stamps, control, result);
         if self.riding {
             self.ports.iter_mut().for_each(Port::note_peak);
+        } else if self.phase.is_on_the_way_in() {
+            let ports = self.ports.iter_mut();
+            ports.for_each(Port::note_force_on_the_way_in);
         }
         if let Err(stop) = &result {
             self.record_trip(tick, stamps, stop);

@@ -166,7 +166,7 @@ impl AxisTap {
                     f64::NAN
                 },
             };
-            self.take_point(at(row, places.measured), at(row, places.force));
+            self.take_point(measured, force);
         }
         self.drawn = self.now;
         if told.is_silent {
@@ -225,7 +225,7 @@ impl AxisTap {
         }
     }
 
-    /// A point of the loop as the structure sees it.
+    /// A point of the loop, of the specimen's own end as the histories beside it are.
     fn take_point(&mut self, disp: f64, force: f64) {
         let point = [disp as f32, force as f32];
         if !(point[0].is_finite() && point[1].is_finite()) {
@@ -268,5 +268,49 @@ impl AxisTap {
             margin: self.margin,
             limits: self.limits.clone(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::subject::AxisPlaces;
+    use super::*;
+    use crate::control::DispZero;
+
+    #[test]
+    fn the_loop_is_of_the_same_end_as_the_histories() {
+        // In millimetres and kilonewtons, the other way round, at a third of the structure's lengths.
+        let axis = WatchedAxis {
+            marks: Vec::new(),
+            has_margin: false,
+            metres: 1e-3,
+            newtons: 1e3,
+            zero: DispZero {
+                gain: -1e3 / 3.0,
+                command: 0.0,
+                measured: 0.0,
+                is_relative: false,
+                is_awaited: false,
+            },
+            stiffness_bound: f64::INFINITY,
+            damping_bound: f64::INFINITY,
+            places: AxisPlaces {
+                measured: Some(0),
+                raw_disp: Some(1),
+                raw_force: Some(2),
+                ..AxisPlaces::default()
+            },
+        };
+        let told = Told {
+            is_told: true,
+            is_fresh: true,
+            is_silent: false,
+        };
+        let mut tap = AxisTap::new(&axis);
+        let row = [-6e-3, 2.0, 4.0];
+        let values = tap.measured(&row, &axis);
+        tap.row(&row, &axis, told, Some(values));
+        assert_eq!((tap.drawn.measured, tap.drawn.force), (2e-3, 4e3));
+        assert_eq!(tap.take_loop(), [[2e-3, 4e3]; 2]);
     }
 }

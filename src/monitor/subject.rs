@@ -172,7 +172,6 @@ pub struct Places {
 pub(super) struct AxisPlaces {
     pub command: Option<usize>,
     pub measured: Option<usize>,
-    pub force: Option<usize>,
     pub raw_disp: Option<usize>,
     pub raw_force: Option<usize>,
     pub stiffness: Option<usize>,
@@ -221,7 +220,6 @@ impl Subject {
                             places: AxisPlaces {
                                 command: place("cmd"),
                                 measured: place("meas"),
-                                force: place("force"),
                                 raw_disp: place("raw_disp"),
                                 raw_force: place("raw_force"),
                                 stiffness: place("kt"),

@@ -177,6 +177,10 @@ pub struct Summary {
     /// wherever its own end holds or leaves it).
     #[serde(default)]
     pub left: BTreeMap<String, String>,
+    /// Largest |force| before t = 0, zeroing, ramp and static load included: per specimen by name, one value per axis, N. Of a test
+    /// that made no step it is all there is; in `peak` are steps, and the corrections of a static load.
+    #[serde(default)]
+    pub force_on_the_way_in: BTreeMap<String, Vec<Option<f64>>>,
 }
 
 #[cfg(test)]
@@ -215,6 +219,7 @@ pub(super) mod tests {
             metrics_missing: Vec::new(),
             falsified: Value::Null,
             left: BTreeMap::new(),
+            force_on_the_way_in: BTreeMap::new(),
         }
     }
 
@@ -255,6 +260,7 @@ pub(super) mod tests {
             "metrics_missing",
             "falsified",
             "left",
+            "force_on_the_way_in",
         ];
         assert_eq!(keys, [&contract[..], &additions[..]].concat());
         assert_eq!(

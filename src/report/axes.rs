@@ -80,8 +80,9 @@ impl Even {
 }
 
 impl Grid {
-    /// Rows at even times and their interval: all ticks but those of a hold, or, where the test slowed down, the ends of its steps.
-    /// None where some of these are missing.
+    /// Rows at even times and their interval: all ticks but those of a hold, or, where the test slowed down, the ends of its steps;
+    /// of those at one time, which a controller that stands still commands again and again, the last. None where some of these are
+    /// missing.
     fn rows(&self, held: &Table, time: &[f64]) -> Option<(Even, f64)> {
         let step_s = self.step_s?;
         let tick_s = step_s / self.ticks_per_step.max(1) as f64;
@@ -89,12 +90,12 @@ impl Grid {
             return Some((Even::All, tick_s));
         }
         let state = held.get("state")?;
-        let picked = |wanted: &dyn Fn(f64) -> bool, dt: f64| {
+        let those = |wanted: &dyn Fn(f64) -> bool| {
             let all = state.iter().enumerate();
-            let rows: Vec<usize> = all
-                .filter(|(_, s)| wanted(**s))
-                .map(|(row, _)| row)
-                .collect();
+            let rows = all.filter(|(_, s)| wanted(**s)).map(|(row, _)| row);
+            rows.collect::<Vec<usize>>()
+        };
+        let at = |rows: Vec<usize>, dt: f64| {
             let times: Vec<f64> = rows
                 .iter()
                 .filter_map(|&row| time.get(row).copied())
@@ -102,8 +103,17 @@ impl Grid {
             is_even(&times, dt).then_some((Even::Some(rows), dt))
         };
         // Where rows are missing stands one without a state: it is kept, and its time is not even.
-        picked(&|state| state != HOLDING, tick_s)
-            .or_else(|| picked(&|state| state == RUNNING, step_s))
+        at(those(&|state| state != HOLDING), tick_s).or_else(|| {
+            let mut rows = those(&|state| state == RUNNING);
+            rows.dedup_by(|later, kept| {
+                let is_one = time.get(*later) == time.get(*kept);
+                if is_one {
+                    *kept = *later;
+                }
+                is_one
+            });
+            at(rows, step_s)
+        })
     }
 }
 

@@ -173,7 +173,7 @@ impl Item {
 pub(super) const MISSING: &str = "rows are missing in the record, or not at even times";
 
 impl Digest {
-    /// Axes of which rows are missing, so that nothing can be said that needs all of them.
+    /// Axes of which rows are missing or not at even times, so that nothing can be said that needs that.
     pub(super) fn broken(&self) -> impl Iterator<Item = SpecimenAxis> {
         let broken = self.axes.iter().filter(|axis| axis.dt.is_none());
         let is_timed = self.passed.step_s.is_some();

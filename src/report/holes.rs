@@ -62,6 +62,74 @@ fn metrics_are_null_with_a_reason_where_steps_are_missing() {
     );
 }
 
+/// The record of a served test: the controller commands the first place sixteen times, and then one step after the other, at
+/// these times.
+fn served(time_of: impl Fn(u32) -> f64) -> RunData {
+    let names = [
+        "step",
+        "state",
+        "time",
+        "commits",
+        "target_1_1",
+        "meas_1_1",
+        "force_1_1",
+    ];
+    let mut data = vec![Vec::new(); names.len()];
+    for row in 0..216u32 {
+        let step = row.saturating_sub(15);
+        let at = |step: u32| 0.01 * libm::sin(0.15 * f64::from(step));
+        let (target, meas) = (at(step), at(step.saturating_sub(1)));
+        let row = [
+            f64::from(row),
+            3.0,
+            time_of(step),
+            f64::from(step),
+            target,
+            meas,
+            1e6 * meas,
+        ];
+        data.iter_mut()
+            .zip(row)
+            .for_each(|(column, v)| column.push(v));
+    }
+    RunData {
+        columns: columns(&names),
+        data,
+        summary: Some(serde_json::json!({
+            "status": "completed", "steps": 201, "dt": 0.01, "realtime": {"role": "served to a controller"},
+        })),
+        ..RunData::default()
+    }
+}
+
+#[test]
+fn a_controller_that_stands_before_its_first_step_leaves_no_row_out() {
+    let run = served(|step| 0.01 * f64::from(step));
+    let axis = run.digested().axes[0].clone();
+    assert_eq!(axis.dt, Some(0.01));
+    assert!((axis.lag().unwrap() - 0.01).abs() < 1e-4, "{axis:?}");
+    assert!(missing_metrics(&run).is_empty());
+    let page = render(&run);
+    for part in [
+        "216\u{a0}rows: 216\u{a0}commands of a controller; no command is missing between",
+        "201\u{a0}commands accepted, 10\u{a0}ms of test time from one to the next.",
+    ] {
+        assert!(page.contains(part), "{part}");
+    }
+    assert!(!page.contains("Rows are missing") && !page.contains("left out"));
+}
+
+#[test]
+fn rows_at_uneven_times_are_not_said_to_be_missing() {
+    // One that slows down and goes on.
+    let slow = |step: u32| 0.01 * f64::from(step) - 0.005 * f64::from(u8::from(step > 100));
+    let run = served(slow);
+    assert_eq!(run.digested().axes[0].dt, None);
+    let page = render(&run);
+    assert!(page.contains("No row is missing, but the rows are not at even times: lag"));
+    assert!(!page.contains("Rows are missing"));
+}
+
 #[test]
 fn lines_and_loops_break_where_steps_are_missing() {
     let run = holey();

@@ -6,29 +6,36 @@ use super::RunData;
 use super::digest::SpecimenAxis;
 use super::outcome;
 use super::rows::Rows;
+use super::scale::{AS_SEEN, Scale, own_unit};
 use super::tested::specimen_name;
 use super::text::{plural, quantity};
 
 /// Specimens that are told of one by one.
 const MOST_TOLD: usize = 8;
 
+/// Kinds of columns of what was measured, as it came.
+const MEASURED: &str = "raw_disp";
+const FORCE: &str = "raw_force";
+
 /// The end of one axis; what was not recorded is not a number.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct AxisEnd {
     pub axis: SpecimenAxis,
-    /// Of the last row that has them, whatever its state.
+    /// Of the last row that has them, whatever its state: all of them of the specimen's own end.
     pub command: f64,
     pub measured: f64,
     pub force: f64,
-    /// Force of largest magnitude on the way in, and on the way out, with its sign; none where no row of it was recorded.
+    /// Force of largest magnitude on the way in, and on the way out, as the structure sees it, with its sign; none where no row of
+    /// it was recorded.
     pub on_the_way_in: Option<f64>,
     pub on_the_way_out: Option<f64>,
 }
 
 /// Follows the rows to their end.
 pub(super) struct Ends {
-    /// Places of command, measured displacement and force of every axis in a block.
-    places: Vec<[Option<usize>; 3]>,
+    /// Places of command, measured displacement and force of every axis in a block, at its own end, and of the force as the
+    /// structure sees it.
+    places: Vec<[Option<usize>; 4]>,
     ends: Vec<AxisEnd>,
 }
 
@@ -37,7 +44,7 @@ impl Ends {
     pub fn new(axes: &[SpecimenAxis], place: impl Fn(&str) -> Option<usize>) -> Self {
         let places = axes
             .iter()
-            .map(|axis| ["cmd", "meas", "force"].map(|kind| place(&axis.column(kind))));
+            .map(|axis| ["cmd", MEASURED, FORCE, "force"].map(|kind| place(&axis.column(kind))));
         let end = |&axis: &SpecimenAxis| AxisEnd {
             axis,
             command: f64::NAN,
@@ -55,10 +62,10 @@ impl Ends {
     /// Takes the next rows, of which those at these places are of the way in and of the way out.
     pub fn take(&mut self, block: &[Vec<f64>], ways: [&[usize]; 2]) {
         for (end, places) in self.ends.iter_mut().zip(&self.places) {
-            let [command, measured, force] =
+            let [command, measured, own, force] =
                 places.map(|place| block.get(place?).map(Vec::as_slice));
             let kept = [&mut end.command, &mut end.measured, &mut end.force];
-            for (kept, column) in kept.into_iter().zip([command, measured, force]) {
+            for (kept, column) in kept.into_iter().zip([command, measured, own]) {
                 let known = column.and_then(|all| all.iter().rfind(|v| !v.is_nan()));
                 *kept = known.copied().unwrap_or(*kept);
             }
@@ -148,41 +155,24 @@ fn how_words(how: &str) -> String {
     }
 }
 
-/// The unit in which an axis is told its displacement, where it is not SI.
-fn sent_in(axis: SpecimenAxis, configuration: Option<&Value>) -> Option<String> {
-    let at = |number: u32| number.checked_sub(1).map(|place| place as usize);
-    let specimen = configuration?.get("specimen")?.get(at(axis.specimen)?)?;
-    let unit = specimen
-        .get("axis")?
-        .get(at(axis.axis)?)?
-        .get("unit_disp")?;
-    unit.as_str().filter(|unit| *unit != "m").map(str::to_owned)
-}
-
 /// The end of one axis in words.
 fn words(end: &AxisEnd, rows: &Rows<'_>, configuration: Option<&Value>) -> String {
-    let unit = |kind: &str| rows.unit(&end.axis.column(kind));
+    let own =
+        |value: f64, kind: &str| quantity(value, own_unit(rows, configuration, end.axis, kind));
     let mut text = format!(
-        "last command {} as it was sent, last measured {} and {}",
-        quantity(
-            end.command,
-            &sent_in(end.axis, configuration).unwrap_or_else(|| unit("meas").to_owned())
-        ),
-        quantity(end.measured, unit("meas")),
-        quantity(end.force, unit("force"))
+        "last command {} as it was sent, last measured {} and {} as they came",
+        own(end.command, "cmd"),
+        own(end.measured, MEASURED),
+        own(end.force, FORCE)
     );
+    let seen = Scale::of(rows, configuration, end.axis).map_or("", |_| AS_SEEN);
+    let seen = |force: f64| quantity(force, rows.unit(&end.axis.column("force"))) + seen;
     // Of a test that ran its own forces are told.
     if let Some(force) = end.on_the_way_in.filter(|_| rows.passed().ticks == 0) {
-        text += &format!(
-            ", largest force before the first step {}",
-            quantity(force, unit("force"))
-        );
+        text += &format!(", largest force before the first step {}", seen(force));
     }
     if let Some(force) = end.on_the_way_out {
-        text += &format!(
-            ", largest force on the way out {}",
-            quantity(force, unit("force"))
-        );
+        text += &format!(", largest force on the way out {}", seen(force));
         let mut axes = rows.digest().axes.iter();
         let running = axes
             .find(|axis| axis.axis == end.axis)
@@ -211,6 +201,8 @@ mod tests {
             "cmd_1_1",
             "meas_1_1",
             "force_1_1",
+            "raw_disp_1_1",
+            "raw_force_1_1",
         ];
         let states = [5.0, 3.0, 3.0, 3.0, 8.0, 7.0, 7.0, 7.0];
         let forces = [9e5, 0.0, 8e3, -16e3, 20e3, 46e3, -47e3, 30e3];
@@ -218,7 +210,8 @@ mod tests {
         for (i, (state, force)) in states.into_iter().zip(forces).enumerate() {
             let at = 0.004 * i as f64;
             let step = (i as f64 - 1.0).clamp(0.0, 3.0);
-            let row = [step, state, 0.1 * step, at, at, at - 0.001, force];
+            let meas = at - 0.001;
+            let row = [step, state, 0.1 * step, at, at, meas, force, meas, force];
             data.iter_mut()
                 .zip(row)
                 .for_each(|(column, v)| column.push(v));
@@ -237,7 +230,7 @@ mod tests {
         let page = render(&led_away("reached")).replace("&quot;", "\"");
         for part in [
             "Specimen \"column\" was led to where the test file wants it left; last command 28.0\u{a0}mm as it was sent, last measured \
-             27.0\u{a0}mm and 30.0\u{a0}kN, largest force on the way out −47.0\u{a0}kN, more than in the running test.",
+             27.0\u{a0}mm and 30.0\u{a0}kN as they came, largest force on the way out −47.0\u{a0}kN, more than in the running test.",
             "largest force of the running test, column; −47.0\u{a0}kN on the way out",
             "<b>20.0\u{a0}kN</b>",
             "<th>peak force on the way out</th>",
@@ -248,18 +241,47 @@ mod tests {
         }
         let page = render(&led_away("not_reached"));
         assert!(page.contains("DID NOT REACH where the test file wants it left; last command"));
-        let mut run = led_away("reached");
-        run.resolved += "[[specimen.axis]]\nunit_disp = \"mm\"\n";
-        let place = run
-            .columns
-            .iter()
-            .position(|column| column.name == "cmd_1_1");
-        let place = place.unwrap();
-        run.columns[place].unit = "specimen unit".to_owned();
-        run.data[place].iter_mut().for_each(|sent| *sent *= 1e3);
-        assert!(render(&run).contains("last command 28.0\u{a0}mm as it was sent"));
         let page = render(&led_away("lost"));
         assert!(page.contains("is LOST: its own end holds it"));
+    }
+
+    /// The same, the specimen itself in other units, at another scale or wired the other way.
+    fn at_its_own_end(table: &str, metres: f64, newtons: f64) -> String {
+        let mut run = led_away("reached");
+        run.resolved += table;
+        for (name, factor) in [
+            ("cmd_1_1", metres),
+            ("raw_disp_1_1", metres),
+            ("raw_force_1_1", newtons),
+        ] {
+            let place = run.columns.iter().position(|c| c.name == name).unwrap();
+            run.columns[place].unit = "specimen unit".to_owned();
+            run.data[place].iter_mut().for_each(|v| *v *= factor);
+        }
+        render(&run).replace("&quot;", "\"")
+    }
+
+    #[test]
+    fn command_and_measurement_that_a_specimen_was_left_with_are_of_its_own_end() {
+        let units = "[[specimen.axis]]\nunit_disp = \"mm\"\nunit_force = \"kN\"\n";
+        let page = at_its_own_end(units, 1e3, 1e-3);
+        let left = "last command 28.0\u{a0}mm as it was sent, last measured 27.0\u{a0}mm and 30.0\u{a0}kN as they came";
+        assert!(page.contains(left));
+        assert!(!page.contains("as the structure sees"));
+
+        let scaled =
+            "[specimen.similitude]\nlength = 3.0\nforce = 9.0\n[[specimen.axis]]\nsign = -1\n";
+        let page = at_its_own_end(scaled, -1.0 / 3.0, -1.0 / 9.0);
+        for part in [
+            "last command −9.33\u{a0}mm as it was sent, last measured −9.00\u{a0}mm and −3.33\u{a0}kN as they came, \
+             largest force on the way out −47.0\u{a0}kN, as the structure sees it, more than in the running test.",
+            "largest force of the running test, column, as the structure sees it; −47.0\u{a0}kN on the way out",
+            "peaks are as the structure sees them. column: \
+             1\u{a0}m of the specimen is −3\u{a0}m of the structure, 1\u{a0}N is −9\u{a0}N.",
+            "All of it as the structure sees it: 1\u{a0}m of the specimen is −3\u{a0}m",
+        ] {
+            assert!(page.contains(part), "{part} is missing");
+        }
     }
 
     #[test]

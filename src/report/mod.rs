@@ -12,7 +12,7 @@
 //! | file | holds |
 //! |---|---|
 //! | `page`, `html`, `page.css`, `script.js` | the order of the page; its pieces; its looks; what makes histories zoomable |
-//! | `outcome`, `left`, `tested`, `sketch`, `limits` | the verdict in words; how specimens were left; what was tested; a picture of it; what would have ended it |
+//! | `outcome`, `left`, `tested`, `sketch`, `scale`, `limits` | the verdict in words; how specimens were left; what was tested; a picture of it; which numbers are of which end; what would have ended it |
 //! | `ground`, `response`, `specimens`, `identified`, `courses`, `judged`, `falsified`, `balance`, `loops`, `timeline` | sections |
 //! | `compare`, `overlays`, `matched` | the page of two runs; their rows, number against number |
 //! | `source`, `sieve`, `stale`, `digest`, `first`, `axes`, `shaking`, `worst`, `table` | rows read in blocks, and what is kept of them |
@@ -53,6 +53,7 @@ mod pictures;
 mod plots;
 mod response;
 mod rows;
+mod scale;
 mod shaking;
 mod sieve;
 mod sketch;

@@ -178,12 +178,17 @@ fn ended(text: &str) -> String {
 fn extent(run: &RunData) -> Option<String> {
     let steps = number(run, "steps")?;
     let dt = number(run, "dt")?;
-    let mut sentence = format!(
-        "{} of {} each",
-        plural(steps as u64, "step", "steps"),
-        exact(dt, "s")
-    );
-    sentence += &format!(", {:.6} s of test time", steps * dt).replace(".000000", "");
+    // Of the commands of a controller the first is of no step, and others may be of none.
+    let is_served = at(run, "realtime.role").is_some();
+    let mut sentence = if is_served {
+        let accepted = plural(steps as u64, "command", "commands");
+        let apart = exact(dt, "s");
+        format!("{accepted} accepted, {apart} of test time from one to the next")
+    } else {
+        let steps_of = plural(steps as u64, "step", "steps");
+        let sentence = format!("{steps_of} of {} each", exact(dt, "s"));
+        sentence + &format!(", {:.6} s of test time", steps * dt).replace(".000000", "")
+    };
     match (text(run, "clock"), number(run, "wall_seconds")) {
         (Some("simulated"), wall) => {
             let took = wall.map_or_else(String::new, |w| format!(" in {}", quantity(w, "s")));

@@ -15,6 +15,7 @@ use super::outcome::{self, Tone, verdict};
 use super::plots::base64;
 use super::response;
 use super::rows::Rows;
+use super::scale;
 use super::sketch::sketch;
 use super::specimens;
 use super::tested;
@@ -61,9 +62,10 @@ fn page(run: &RunData, digest: &Digest) -> String {
     let recorded = recorded(&rows);
     let facts = [facts, vec![("Recorded".to_owned(), recorded)]].concat();
     let drawn = beside("sketch", &sketch(configuration.as_ref()));
+    let ends = scale::of_both_ends(&rows, configuration.as_ref());
     body += &section(
         "What was tested",
-        &(definitions(&facts) + &drawn + &limits(run)),
+        &(definitions(&facts) + &drawn + &ends + &limits(run)),
     );
     body += HINT;
     let parts = [
@@ -85,10 +87,15 @@ fn page(run: &RunData, digest: &Digest) -> String {
 /// How many rows there are of what, and whether some are missing between them.
 fn recorded(rows: &Rows<'_>) -> String {
     let passed = rows.passed();
+    // A server records what it is commanded: which of it is a step, the controller knows.
+    let (step, steps, of) = match rows.get("commits") {
+        Some(_) => ("command", "commands", "a controller"),
+        None => ("step", "steps", "the running test"),
+    };
     let mut text = format!(
-        "{}: {} of the running test",
+        "{}: {} of {of}",
         plural(rows.recorded(), "row", "rows"),
-        plural(passed.steps, "step", "steps")
+        plural(passed.steps, step, steps)
     );
     let others = passed.ticks - passed.steps;
     if others > 0 {
@@ -116,15 +123,19 @@ fn recorded(rows: &Rows<'_>) -> String {
         text += &format!(
             "; {} {are} MISSING between the first and the last: lines are broken there, and what needs all of them (lag, tracking, \
              spectra, intensities, energies) is left out",
-            plural(passed.missing_steps, "STEP", "STEPS")
+            plural(
+                passed.missing_steps,
+                &step.to_uppercase(),
+                &steps.to_uppercase()
+            )
         );
     } else if passed.missing_ticks > 0 {
         text += &format!(
-            "; no step is missing between the first and the last, but {} BETWEEN THEM",
+            "; no {step} is missing between the first and the last, but {} BETWEEN THEM",
             plural(passed.missing_ticks, "TICK IS", "TICKS ARE")
         );
     } else if rows.digest().counted {
-        text += "; no step is missing between the first and the last";
+        text += &format!("; no {step} is missing between the first and the last");
     }
     text
 }
@@ -201,7 +212,7 @@ fn extremes(
     if !has_run {
         let way_in = specimens::largest(axes, specimens::Tracked::force_on_the_way_in);
         tiles.extend(way_in.map(|(axis, (force, unit))| {
-            let words = format!("largest force before the first step, {}", axis.name);
+            let words = format!("largest force before the first step, {}", axis.force_of());
             (quantity(force, unit), words)
         }));
     } else if let Some((axis, (force, unit))) =
@@ -210,10 +221,10 @@ fn extremes(
         let way_out = specimens::largest(axes, specimens::Tracked::force_on_the_way_out);
         let way_out = way_out.filter(|(_, (later, _))| later.abs() > force.abs());
         let words = match way_out {
-            None => format!("largest force, {}{of}", axis.name),
+            None => format!("largest force, {}{of}", axis.force_of()),
             Some((_, (later, unit))) => format!(
                 "largest force of the running test, {}{of}; {} on the way out",
-                axis.name,
+                axis.force_of(),
                 quantity(later, unit)
             ),
         };

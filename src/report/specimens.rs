@@ -14,6 +14,7 @@ use super::outcome;
 use super::plots::history;
 use super::response::{amplitudes, curve};
 use super::rows::{Rows, SpecimenAxis};
+use super::scale::{AS_SEEN, Scale};
 use super::tested::{axis_name, configuration, specimen_name};
 use super::text::{NOTHING, count, number, quantity};
 
@@ -30,6 +31,8 @@ pub(super) struct Tracked<'a> {
     pub digest: &'a AxisDigest,
     /// Magnitude of the largest force as the summary has it: also of steps that are in another folder.
     told_force: Option<f64>,
+    /// None where the numbers of the specimen's own end are those of the structure.
+    scale: Option<Scale>,
     way_in: Option<f64>,
     way_out: Option<f64>,
 }
@@ -46,6 +49,11 @@ impl<'a> Tracked<'a> {
         let told = self.told_force;
         let told = told.filter(|told| own.is_none_or(|own| *told > own.abs()));
         Some((told.or(own)?, self.force_unit))
+    }
+
+    /// Its name, with whose a force of it is where that must be said.
+    pub fn force_of(&self) -> String {
+        self.name.clone() + self.scale.map_or("", |_| AS_SEEN)
     }
 
     /// Force of largest magnitude on the way in with its unit, where there was one.
@@ -85,6 +93,7 @@ pub(super) fn tracking<'a>(
         disp_unit: rows.unit(&digest.axis.column("meas")),
         force_unit: rows.unit(&digest.axis.column("force")),
         told_force: told_force(digest.axis),
+        scale: Scale::of(rows, configuration, digest.axis),
         way_in: end(digest.axis).and_then(|end| end.on_the_way_in),
         way_out: end(digest.axis).and_then(|end| end.on_the_way_out),
         digest,
@@ -151,6 +160,12 @@ fn unanswered(run: &RunData, rows: &Rows<'_>) -> String {
 
 fn drawn(rows: &Rows<'_>, time: &[f64], axis: &Tracked<'_>) -> String {
     let mut markup = format!("<h3>{}</h3>\n", super::text::escape(&axis.name));
+    if let Some(scale) = axis.scale {
+        markup += &note(&format!(
+            "All of it as the structure sees it: {}.",
+            scale.words()
+        ));
+    }
     let digest = axis.digest;
     if !digest.is_drawable() {
         return markup + &paragraph("Nothing was measured on this axis.");
@@ -222,10 +237,13 @@ fn drawn(rows: &Rows<'_>, time: &[f64], axis: &Tracked<'_>) -> String {
     markup += &errors(axis);
     markup += &estimates(rows, time, axis);
     if rows.digest().broken().any(|broken| broken == digest.axis) {
-        markup += &note(
+        markup += &note(if rows.passed().missing_ticks > 0 {
             "Rows are missing in the record: lag, tracking metrics, frequency content and absorbed energy of this axis are left out. \
-             Peaks are those of the rows that are there.",
-        );
+             Peaks are those of the rows that are there."
+        } else {
+            "No row is missing, but the rows are not at even times: lag, tracking metrics and frequency content of this axis are \
+             left out."
+        });
     }
     markup + &table_of(&axis.name, digest, axis.disp_unit, axis.force_unit)
 }

@@ -71,6 +71,7 @@ pub fn loop_round(
         clock: ClockChoice::Real,
         structure: None,
         specimens: Vec::new(),
+        scaled: Vec::new(),
         timing,
         record_required: false,
         queue_s: 4.0,

@@ -138,6 +138,7 @@ pub(super) fn summarise(
         metrics_missing: Vec::new(),
         falsified: Value::Null,
         left: outcome.map(left).unwrap_or_default(),
+        force_on_the_way_in: outcome.map(on_the_way_in).unwrap_or_default(),
     };
     (finish, summary)
 }
@@ -322,6 +323,13 @@ fn peak(outcome: &Outcome) -> Peak {
         acceleration: finite(&outcome.peaks.accel),
         force: force.collect(),
     }
+}
+
+fn on_the_way_in(outcome: &Outcome) -> BTreeMap<String, Vec<Option<f64>>> {
+    let ports = outcome.ports.iter().zip(&outcome.forces_on_the_way_in);
+    ports
+        .map(|((name, ..), forces)| (name.clone(), finite(forces)))
+        .collect()
 }
 
 fn left(outcome: &Outcome) -> BTreeMap<String, String> {

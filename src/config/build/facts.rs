@@ -24,6 +24,8 @@ pub struct Facts {
     pub structure: Option<StructureFacts>,
     /// Names of the specimens, in order.
     pub specimens: Vec<String>,
+    /// Those of them whose displacements and forces are others for the structure, units apart.
+    pub scaled: Vec<String>,
     /// What is asked of the machine.
     pub timing: TimingSpec,
     /// Whether a lost row or a damaged record makes the test a failed one.

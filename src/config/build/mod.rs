@@ -186,6 +186,10 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         clock: time.clock,
         structure,
         specimens: names,
+        scaled: (file.specimen.iter())
+            .filter(|table| table.is_scaled())
+            .map(|table| table.name.clone())
+            .collect(),
         timing: file.timing.clone(),
         record_required: file.record.required,
         queue_s: file.record.queue_s,

@@ -138,6 +138,7 @@ pub(super) fn summarise(
         metrics: serde_json::Value::Null,
         metrics_missing: Vec::new(),
         falsified: serde_json::Value::Null,
-        left: std::collections::BTreeMap::new(),
+        left: BTreeMap::new(),
+        force_on_the_way_in: BTreeMap::new(),
     }
 }

@@ -61,6 +61,11 @@ pub enum ExportError {
     /// The samples have no such column.
     #[error("the samples have no column {0:?}, which an export needs")]
     NoColumn(&'static str),
+    /// A trace is of the edges of a loop, and the samples know none.
+    #[error(
+        "there is no loop to draw a timeline of: the samples have no column {0:?}, as those of a served test have none"
+    )]
+    NoTimeline(&'static str),
     /// The run folder cannot be read.
     #[error(transparent)]
     Folder(#[from] FolderError),

@@ -265,10 +265,10 @@ impl Plan {
                 continue;
             }
             let same_step = !held.is_empty() && at(&held, self.step) == at(row.values, self.step);
-            // Before the test, between two steps and in holds nothing is new but commands and measurements.
+            // Between two steps and in holds nothing is new but commands and measurements; a trip before the first is of none.
             let is_step = self.state.is_none_or(|place| {
                 let state = at(row.values, place);
-                state == RUNNING || (state == TRIPPED && !same_step)
+                state == RUNNING || (state == TRIPPED && !held.is_empty() && !same_step)
             });
             let begun = at(row.values, self.time) >= 0.0;
             if !begun || !is_step {

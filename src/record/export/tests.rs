@@ -88,6 +88,18 @@ fn per_step_it_is_the_last_tick_of_each_step_from_t_0_and_per_tick_all() {
 }
 
 #[test]
+fn a_trip_is_of_a_step_where_one_was_made_before_it_and_of_none_on_the_way_in() {
+    let at = |step: f64, state: f64| {
+        let mut row = row(step, 0.0, step, 1.0);
+        row[2] = state;
+        row
+    };
+    let steps = |rows: &[Vec<f64>]| exported(rows, Rows::Step).1.rows;
+    assert_eq!(steps(&[at(0.0, 5.0), at(0.0, 8.0)]), 0);
+    assert_eq!(steps(&[at(0.0, 5.0), at(0.0, 3.0), at(1.0, 8.0)]), 2);
+}
+
+#[test]
 fn a_column_that_was_not_recorded_stays_empty_in_its_place() {
     let temp = tempfile::tempdir().unwrap();
     let path = temp.path().join("run");

@@ -33,7 +33,10 @@ pub(super) struct Stamped {
 
 impl Stamps {
     pub fn find(layout: &Layout, time: usize) -> Result<Self, ExportError> {
-        let need = |name| layout.index_of(name).ok_or(ExportError::NoColumn(name));
+        let need = |name| {
+            let place = layout.index_of(name);
+            place.ok_or(ExportError::NoTimeline(name))
+        };
         Ok(Self {
             step: need("step")?,
             time,
