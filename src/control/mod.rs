@@ -21,6 +21,7 @@ mod path;
 mod posed;
 mod probe;
 mod pursuit;
+mod rest;
 mod stiffness;
 mod tangent;
 mod tempo;
@@ -40,6 +41,7 @@ pub use opening::{DispZero, Reading, Reference, UNBOUNDED_RAMP_S, Zero};
 pub use path::{Order, Path, Point};
 pub use posed::{PoseRow, Poses};
 pub use probe::{Found, Pace, Probe};
+pub use rest::Rest;
 pub use stiffness::{Opinion, compare_stiffness};
 pub use tangent::{Point as TangentPoint, Tangent};
 pub use tempo::{HOLD_AT, SLOW_FROM, Stage, Stride, Tempo};
@@ -87,6 +89,13 @@ impl Axis {
             force_gain: 1.0,
             force_offset: 0.0,
         }
+    }
+
+    /// Displacement in m and force in N at the structure of what was measured in the specimen's units. Real-time: yes.
+    #[inline]
+    fn at_structure(&self, disp: f64, force: f64) -> (f64, f64) {
+        let disp = (disp - self.measured_offset - self.disp_offset) / self.disp_gain;
+        (disp, self.force_gain * (force - self.force_offset))
     }
 
     /// b·x and b·v, relative to the base. Real-time: yes.
