@@ -436,6 +436,27 @@ mod tests {
         assert!((port.force[0] - 16.0).abs() < 1e-9);
     }
 
+    /// It was never told anything but to stay where its declared offset says that it stands.
+    #[test]
+    fn what_stays_at_a_declared_offset_follows_and_a_dead_sensor_does_not() {
+        let limits = limits::AxisLimits {
+            following_error: limits::Bound::trip(1e-3),
+            ..limits::AxisLimits::NONE
+        };
+        let read = |disp: Option<f64>| {
+            let mut port = reversed().with_limits(vec![limits], vec![(1e-3, 1e3)], 0.01);
+            port.stand_still();
+            port.repeat(0, 0.0).unwrap();
+            port.collect(Nanos(0)).unwrap();
+            if let Some(disp) = disp {
+                port.raw.disp[0] = disp;
+            }
+            port.judge().trip.map(|hit| hit.value)
+        };
+        assert_eq!(read(None), None);
+        assert_eq!(read(Some(0.0)), Some(5e-3));
+    }
+
     #[test]
     fn rows_that_do_not_fit_are_refused() {
         let axes = || vec![Axis::plain(vec![(2, 1.0)])];
