@@ -2,8 +2,9 @@
 
 mod common;
 
-use common::engine::{Run, distance, prepare, run, run_on};
-use gusset::engine::{Ending, Phase};
+use common::engine::{Run, distance, prepare, run, run_on, run_under};
+use gusset::control::{Direction, Trend};
+use gusset::engine::{Control, Ending, Experiment, Operator, Phase, Stop};
 use gusset::rt::timing::Quantity;
 use gusset::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
@@ -241,6 +242,226 @@ fn a_compensator_with_a_gain_is_there_before_the_test_begins() {
     // A twentieth of 22 mm in 13 ticks, π/2 times as fast in the middle.
     assert!(largest.fold(0.0, f64::max) < 1.6 * 0.0012 / 13.0);
     assert!((way[first] * 0.9 / targets[first] - 1.0).abs() < 1e-9);
+}
+
+/// 20 kN on each of two floors; the lower storey is mostly the specimen, behind `transfer`.
+fn behind(transfer: &str, rate_hz: u32, rest_n_per_m: f64, law: &str) -> Experiment {
+    prepare(&format!(
+        "[time]\nrate_hz = {rate_hz}\nduration_s = 0.25\n[structure]\nstatic_load_n = [20e3, 20e3]\n\
+         [structure.shear_building]\nmass_kg = [10e3, 10e3]\nstiffness_n_per_m = [{rest_n_per_m}, 8e6]\n\
+         [structure.damping.rayleigh_ratio]\nratio = 0.05\nmodes = [1, 2]\n[safety]\nzero_s = 0\nramp_s = 1\n\
+         [[specimen]]\nname = \"s\"\nstorey = 1\nlaw = {law}\n[specimen.transfer]\n{transfer}\n"
+    ))
+    .experiment
+}
+
+const SPRING: &str = "{ linear = { stiffness_n_per_m = 4e6 } }";
+
+/// Rows before t = 0 of a test that ran to its end: what was commanded there and which force was read, the last of them at
+/// t = 0.
+fn brought_on(run: &Run) -> [Vec<f64>; 2] {
+    assert_eq!(run.outcome.ending, Ending::Completed);
+    let begun = run.rows.len() - run.column("x1").len();
+    ["cmd_1_1", "raw_force_1_1"].map(|name| run.all(name)[..=begun].to_vec())
+}
+
+/// How far the values went back in all.
+fn back(values: &[f64]) -> f64 {
+    let steps = values.windows(2).map(|pair| (pair[0] - pair[1]).max(0.0));
+    steps.sum()
+}
+
+/// Whatever stands between a command and the specimen, a correction is made of what is measured when it has arrived. A
+/// twentieth of the load is one way: an actuator that goes beyond its goal by 5 % of a way goes beyond the load by 0.25 %.
+#[test]
+fn an_actuator_that_takes_its_time_is_waited_for() {
+    let second_order = "actuator = { second_order = { frequency_hz = 2, damping_ratio = 0.7 } }";
+    for (transfer, rate_hz) in [
+        ("delay_s = 0.002", 1000),
+        ("delay_s = 0.024", 1000),
+        ("delay_s = 0.024", 100),
+        ("delay_s = 0.1", 1000),
+        (
+            "actuator = { first_order = { time_constant_s = 0.002 } }",
+            1000,
+        ),
+        (
+            "actuator = { first_order = { time_constant_s = 0.024 } }",
+            1000,
+        ),
+        (second_order, 1000),
+        ("actuator = { servo_hydraulic = {} }", 4096),
+        ("rate_limit_m_per_s = 0.01", 1000),
+    ] {
+        for (rest, law, most) in [
+            (0.0, SPRING, 40e3),
+            (2e6, "{ linear = { stiffness_n_per_m = 2e6 } }", 20e3),
+        ] {
+            let run = run_on(behind(transfer, rate_hz, rest, law), SimClock::new());
+            let [way, force] = brought_on(&run);
+            let seconds = way.len() as f64 / f64::from(rate_hz);
+            assert!(seconds < 60.0, "{transfer}: {seconds} s");
+            let last = force[force.len() - 1];
+            let unbalance = 40e3 - rest * run.column("x1")[0] - last;
+            assert!(unbalance.abs() < 1e-6 * 40e3, "{transfer}: {unbalance} N");
+            let largest = force
+                .iter()
+                .fold(0.0, |most: f64, force| most.max(force.abs()));
+            assert!(largest < 1.003 * most, "{transfer}: {largest} N");
+            let (back, whole) = (back(&way), way[way.len() - 1]);
+            assert!(
+                back < 2e-3 * whole,
+                "{transfer}: back by {back} of {whole} m"
+            );
+        }
+    }
+}
+
+/// One that yields at half of its load behind 24 ms: it is never driven back by more than a share of the last part.
+#[test]
+fn a_yielding_specimen_behind_a_delay_is_not_driven_beyond_its_load() {
+    let law =
+        "{ bilinear = { stiffness_n_per_m = 4e6, yield_force_n = 20e3, post_yield_ratio = 0.2 } }";
+    let run = run_on(behind("delay_s = 0.024", 1000, 0.0, law), SimClock::new());
+    let [way, force] = brought_on(&run);
+    let at = 20e3 / 4e6 + 20e3 / 0.8e6;
+    assert!((way[way.len() - 1] / at - 1.0).abs() < 1e-6);
+    assert!(way.iter().all(|disp| *disp < 1.0001 * at));
+    assert!(force.iter().all(|force| *force < 1.0001 * 40e3));
+    assert!(back(&way) < 1e-4 * at, "{}", back(&way));
+}
+
+/// Noise of 0.1 % of the load, a quantum, a bias and an actuator that goes 95 % of its way: the load is carried as well as
+/// they let it be.
+#[test]
+fn sensors_that_are_not_perfect_do_not_keep_a_load_from_being_carried() {
+    for transfer in [
+        "force_sensor = { noise_rms_n = 40 }\ndisp_sensor = { noise_rms_m = 1e-5 }",
+        "delay_s = 0.01\nforce_sensor = { noise_rms_n = 40 }\ndisp_sensor = { noise_rms_m = 1e-5 }",
+        "delay_s = 0.01\nforce_sensor = { quantum_n = 20, bias_n = 30 }\ndisp_sensor = { quantum_m = 5e-6 }",
+        "delay_s = 0.01\nactuator = { proportional = { gain = 0.95 } }",
+    ] {
+        let run = run_on(behind(transfer, 1000, 0.0, SPRING), SimClock::new());
+        let [way, force] = brought_on(&run);
+        let seconds = way.len() as f64 / 1000.0;
+        assert!(seconds < 60.0, "{transfer}: {seconds} s");
+        let last = force[force.len() - 1];
+        assert!((last / 40e3 - 1.0).abs() < 5e-3, "{transfer}: {last}");
+    }
+}
+
+/// A specimen whose end takes commands for so many times what they are, and hears of each before.
+struct Wired<F> {
+    inner: Box<dyn Substructure>,
+    gain: f64,
+    heard: F,
+}
+
+impl<F: FnMut() + Send> Substructure for Wired<F> {
+    fn axes(&self) -> usize {
+        1
+    }
+    fn coupling(&self) -> Coupling {
+        self.inner.coupling()
+    }
+    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+        (self.heard)();
+        self.inner.issue(&Command {
+            disp: &[self.gain * command.disp[0]],
+            vel: &[self.gain * command.vel[0]],
+            ..*command
+        })
+    }
+    fn collect(&mut self, until: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+        self.inner.collect(until, into)
+    }
+    fn accepted(&mut self, sequence: u64) -> Result<(), LinkFault> {
+        self.inner.accepted(sequence)
+    }
+    fn retire(&mut self, how: Retirement) {
+        self.inner.retire(how);
+    }
+}
+
+#[test]
+fn a_slow_actuator_is_not_taken_for_a_reversed_one_and_a_reversed_one_is_found() {
+    for transfer in [
+        "actuator = { second_order = { frequency_hz = 2, damping_ratio = 0.7 } }",
+        "actuator = { second_order = { frequency_hz = 5, damping_ratio = 0.5 } }",
+        "delay_s = 0.1",
+    ] {
+        let listened_to = || {
+            let mut experiment = behind(
+                transfer,
+                500,
+                0.5e6,
+                "{ linear = { stiffness_n_per_m = 3.5e6 } }",
+            );
+            experiment.ports[0].direction = Direction::Settling(Trend::new(1, vec![3.5e6]));
+            experiment
+        };
+        brought_on(&run_on(listened_to(), SimClock::new()));
+        let mut experiment = listened_to();
+        let port = experiment.ports.pop().unwrap();
+        experiment.ports.push(port.watched(|inner, _| {
+            Box::new(Wired {
+                inner,
+                gain: -1.0,
+                heard: || (),
+            })
+        }));
+        let run = run_on(experiment, SimClock::new());
+        let Ending::Stopped(Stop::Misfit { misfit, .. }) = run.outcome.ending else {
+            panic!("{transfer}: {:?}", run.outcome.ending);
+        };
+        assert_eq!(misfit.name(), "command_reversed");
+        let way = run.all("cmd_1_1");
+        assert!(way.iter().all(|disp| disp.abs() < 0.2 * 0.01), "{transfer}");
+    }
+}
+
+/// One whose force never ceases to change is no specimen that carries a load: 30 s, and the test ends.
+#[test]
+fn a_specimen_that_never_rests_ends_the_test() {
+    let creeping = "rate_limit_m_per_s = 1e-6";
+    let run = run_on(behind(creeping, 100, 0.0, SPRING), SimClock::new());
+    let Ending::Stopped(stop) = run.outcome.ending else {
+        panic!("{:?}", run.outcome.ending);
+    };
+    assert!(matches!(stop, Stop::NotAtRest { port: 0, .. }), "{stop}");
+}
+
+/// A hold of the operator in the midst of it changes nothing but when it is.
+#[test]
+fn a_hold_while_a_slow_actuator_is_waited_for_changes_no_command() {
+    let commands = |holds: std::ops::Range<u32>| {
+        let (operator, requests) = crossbeam_channel::bounded(8);
+        let mut experiment = behind("delay_s = 0.024", 1000, 0.0, SPRING);
+        let port = experiment.ports.pop().unwrap();
+        let mut asked = 0;
+        experiment.ports.push(port.watched(|inner, _| {
+            let heard = move || {
+                asked += 1;
+                if asked == holds.start {
+                    operator.send(Operator::Hold).unwrap();
+                } else if asked == holds.end {
+                    operator.send(Operator::Continue).unwrap();
+                }
+            };
+            Box::new(Wired {
+                inner,
+                gain: 1.0,
+                heard,
+            })
+        }));
+        let run = run_under(experiment, SimClock::new(), &Control::from(requests));
+        let mut way = brought_on(&run)[0].clone();
+        way.dedup();
+        way
+    };
+    let undisturbed = commands(0..0);
+    // The first part ends with its 50th tick or so.
+    assert_eq!(commands(60..90), undisturbed);
 }
 
 /// A specimen some of whose answers are lost: those to so many commands from one of them on.

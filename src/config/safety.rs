@@ -23,7 +23,8 @@ pub struct SafetyTable {
     pub confirm: bool,
     /// Shortest wall time in s in which a specimen is moved to where the test begins, and in which a static load comes on;
     /// longer where half of a velocity limit would be passed, and at least 1 s on the way from where a specimen says that it
-    /// stands if it has no such limit. Nobody is moved before every specimen has answered. At most 3600.
+    /// stands if it has no such limit. Nobody is moved before every specimen has answered. A static load takes longer, too, where
+    /// an actuator lags: after each part of it every specimen comes to rest first. At most 3600.
     pub ramp_s: f64,
     /// Wall time in s in which a hold brings the specimens to rest, and in which they come to the test's pace again; the first
     /// steps after a resumed test's start are eased in the same way. What a compensator is ahead by changes no faster than that,

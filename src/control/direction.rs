@@ -104,7 +104,7 @@ impl Port {
         }
     }
 
-    /// A reading while the static load comes on. Real-time: yes.
+    /// A reading at rest, while the static load comes on. Real-time: yes.
     ///
     /// # Errors
     /// A channel is reversed.

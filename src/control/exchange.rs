@@ -1,6 +1,6 @@
 //! One exchange of a port: the command is made from the target, sent, answered, and brought back into the structure's units.
 
-use super::Port;
+use super::{Port, Rest};
 use crate::substructure::{Command, Freshness, LinkFault, Measurement, Retirement, Status};
 use crate::time::Nanos;
 
@@ -162,8 +162,7 @@ impl Port {
             seen.zip(raw).zip(&self.axes)
         {
             (*raw.0, *raw.1) = (*new_disp, *new_force);
-            *measured = (new_disp - axis.measured_offset - axis.disp_offset) / axis.disp_gain;
-            *force = axis.force_gain * (new_force - axis.force_offset);
+            (*measured, *force) = axis.at_structure(*new_disp, *new_force);
             finite &= force.is_finite();
         }
         if is_fresh {
@@ -180,6 +179,19 @@ impl Port {
             (true, true) => Ok(Freshness::Fresh),
             (true, false) => Ok(Freshness::Stale),
         }
+    }
+
+    /// Displacement and force are those that were read at rest, where they are known better than by one answer; false where they
+    /// are not. Real-time: yes.
+    pub fn take_rest(&mut self, rest: &Rest) -> bool {
+        let Some(means) = rest.means() else {
+            return false;
+        };
+        let seen = self.measured.iter_mut().zip(&mut self.force);
+        for (((measured, force), axis), (disp, raw)) in seen.zip(&self.axes).zip(means) {
+            (*measured, *force) = axis.at_structure(disp, raw);
+        }
+        true
     }
 
     /// The force of an answer that was lost and stood in the history of a later one is in [`Port::recovered`], and this is the

@@ -95,6 +95,16 @@ impl Guard {
         self.watch.stands_at(Self::metres(&self.units, disp));
     }
 
+    /// Takes note that the last command, `disp`, leaves once more: where none has left, it is where the specimen stands. Real-time:
+    /// yes.
+    pub fn sent_again(&mut self, disp: &[f64]) {
+        if self.watch.was_told() {
+            self.watch.sent_again();
+        } else {
+            self.stands_at(disp);
+        }
+    }
+
     /// Takes note of a command that leaves. Real-time: yes.
     #[inline]
     pub fn sent(&mut self, disp: &[f64]) {

@@ -21,6 +21,7 @@ mod path;
 mod posed;
 mod probe;
 mod pursuit;
+mod rest;
 mod stiffness;
 mod tangent;
 mod tempo;
@@ -40,6 +41,7 @@ pub use opening::{DispZero, Reading, Reference, UNBOUNDED_RAMP_S, Zero};
 pub use path::{Order, Path, Point};
 pub use posed::{PoseRow, Poses};
 pub use probe::{Found, Pace, Probe};
+pub use rest::Rest;
 pub use stiffness::{Opinion, compare_stiffness};
 pub use tangent::{Point as TangentPoint, Tangent};
 pub use tempo::{HOLD_AT, SLOW_FROM, Stage, Stride, Tempo};
@@ -87,6 +89,13 @@ impl Axis {
             force_gain: 1.0,
             force_offset: 0.0,
         }
+    }
+
+    /// Displacement in m and force in N at the structure of what was measured in the specimen's units. Real-time: yes.
+    #[inline]
+    fn at_structure(&self, disp: f64, force: f64) -> (f64, f64) {
+        let disp = (disp - self.measured_offset - self.disp_offset) / self.disp_gain;
+        (disp, self.force_gain * (force - self.force_offset))
     }
 
     /// b·x and b·v, relative to the base. Real-time: yes.
@@ -428,6 +437,27 @@ mod tests {
         port.aim(&[0.0, 0.002], &[0.0, 0.0], 0.0, 0.0);
         port.extrapolate();
         assert!((port.force[0] - 16.0).abs() < 1e-9);
+    }
+
+    /// It was never told anything but to stay where its declared offset says that it stands.
+    #[test]
+    fn what_stays_at_a_declared_offset_follows_and_a_dead_sensor_does_not() {
+        let limits = limits::AxisLimits {
+            following_error: limits::Bound::trip(1e-3),
+            ..limits::AxisLimits::NONE
+        };
+        let read = |disp: Option<f64>| {
+            let mut port = reversed().with_limits(vec![limits], vec![(1e-3, 1e3)], 0.01);
+            port.stand_still();
+            port.repeat(0, 0.0).unwrap();
+            port.collect(Nanos(0)).unwrap();
+            if let Some(disp) = disp {
+                port.raw.disp[0] = disp;
+            }
+            port.judge().trip.map(|hit| hit.value)
+        };
+        assert_eq!(read(None), None);
+        assert_eq!(read(Some(0.0)), Some(5e-3));
     }
 
     #[test]

@@ -149,7 +149,7 @@ impl Port {
     /// # Errors
     /// The link is lost.
     pub fn repeat(&mut self, sequence: u64, time: f64) -> Result<(), LinkFault> {
-        self.guard.watch.sent_again();
+        self.guard.sent_again(&self.sent);
         self.estimates.moves = false;
         self.link.sent += 1;
         self.compensation_asks(false);

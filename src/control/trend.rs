@@ -1,8 +1,8 @@
 //! The direction of a specimen out of a motion that the test makes anyway: the one that brings its static load on.
 //!
-//! Readings at rest give the zero and the noise. Then each slow motion is held against what the estimate k̂ expects of it: a
-//! force or a displacement that goes the other way, twice in a row and clearly, is a reversed channel, and it shows before
-//! the load has grown.
+//! Readings at rest give the zero and the noise. Then the end of each slow motion is held against what the estimate k̂ expects
+//! of it: a force or a displacement that goes the other way, twice in a row and clearly, is a reversed channel, and it shows
+//! before the load has grown.
 
 use super::misfit::{Channel, Misfit};
 use super::probe::{Average, SIGMAS};
@@ -57,7 +57,7 @@ impl Trend {
         }
     }
 
-    /// A reading after a slow motion to `target`. Real-time: yes.
+    /// A reading after a slow motion to `target`, where the specimen has come to rest. Real-time: yes.
     ///
     /// # Errors
     /// A channel goes the other way.

@@ -1,9 +1,10 @@
 //! Before t = 0: the static load is brought on and held, then the loop runs warm on the first command.
 //!
-//! The load rises in small parts. After each exchange the displacement moves by K⁻¹·(unbalanced force), K an upper
+//! The load rises in small parts. In each the displacement moves by K⁻¹·(unbalanced force), K an upper
 //! bound of the tangent: for yielding and softening laws the approach is monotone, so that a specimen is
 //! never driven back and forth. Corrections are made of forces that were measured where the specimens stand: while an answer
-//! stays away they hold. Each correction is an accepted motion of the specimen, along half a cosine: the ramp's time
+//! stays away they hold, and while one of them is still on its way ([`Rest`]) the others wait for it. Each correction is an
+//! accepted motion of the specimen, along half a cosine: the ramp's time
 //! is shared over the parts, and no speed limit is used beyond the ramp's share of it.
 //! Nothing moves meanwhile: the initial displacement, which counts from the position under the static load, and the
 //! initial velocities of structure and base come after it.
@@ -13,7 +14,7 @@ use super::operator::Control;
 use super::phase::{Cause, Phase};
 use super::tick::Tick;
 use super::{Engine, Stop};
-use crate::control::{Port, UNBOUNDED_RAMP_S};
+use crate::control::{Port, Rest, UNBOUNDED_RAMP_S};
 use crate::integrate::State;
 use crate::linalg::Spd;
 use crate::model::Base;
@@ -31,7 +32,7 @@ pub struct Settling {
     /// Unbalanced displacement, relative to the largest displacement, at which the load is in equilibrium. The last part
     /// goes on beyond it as long as the balance still gets better, down to roundoff.
     pub tolerance: f64,
-    /// Exchanges after which the load counts as impossible to carry.
+    /// Corrections after which the load counts as impossible to carry.
     pub most_exchanges: u32,
 }
 
@@ -41,6 +42,37 @@ const ROUGHLY: f64 = 1e-3;
 const MORE_THAN_LOAD: f64 = 2.0;
 /// Relative unbalance that cannot get better.
 const ROUNDOFF: f64 = 4.0 * f64::EPSILON;
+/// So many corrections in a row without a better balance are the noise of sensors, their quantum, or what an actuator cannot
+/// resolve: the load counts as carried if the best of them was at this relative unbalance at most.
+const NO_BETTER: u32 = 8;
+const NO_BETTER_THAN: f64 = 1e-2;
+/// All waits for specimens to come to rest take so many times as long as one of them may, at most.
+const WAITS: u64 = 30;
+
+/// The specimens on their way, one entry per port, and the exchanges in which they were waited for.
+struct Waits {
+    rests: Vec<Rest>,
+    waited: u64,
+}
+
+impl Waits {
+    /// The commands that stand ready are where they are sent.
+    fn send(&mut self, ports: &[Port]) {
+        for (port, rest) in ports.iter().zip(&mut self.rests) {
+            let raw = port.partner.measured.then(|| port.raw());
+            rest.sent(&port.sent, &port.command, raw);
+        }
+    }
+
+    /// Those that were led there have answered their last command once.
+    fn note_led(&mut self, ports: &[Port]) {
+        for (port, rest) in ports.iter().zip(&mut self.rests) {
+            if port.is_fresh() && port.sent == port.command {
+                rest.led(port.raw());
+            }
+        }
+    }
+}
 
 impl Engine {
     /// Brings the static load on. Does nothing if there is none.
@@ -57,8 +89,19 @@ impl Engine {
         for port in &mut self.ports {
             port.aim(&state.disp, &state.vel, base.disp, 0.0);
         }
+        let period = self.period.value();
+        let rests = self.ports.iter().map(|port| Rest::new(port.axes(), period));
+        let mut waits = Waits {
+            rests: rests.collect(),
+            waited: 0,
+        };
+        waits.send(&self.ports);
         self.ramp(control)?;
+        waits.note_led(&self.ports);
         self.enter(Phase::Settling, Cause::Done);
+        if self.ports.iter().any(Port::is_listened_to) && !waits.rests.iter().all(Rest::rests) {
+            self.come_to_rest(&mut waits, control)?;
+        }
         self.listen_at_rest(control)?;
         let mut exchanges = 0;
         let (ramp_s, parts) = (self.opening.ramp_s, f64::from(settling.parts));
@@ -69,13 +112,17 @@ impl Engine {
         let whole = whole.iter().fold(0.0f64, |most, disp| most.max(disp.abs()));
         for part in 1..=settling.parts {
             let share = f64::from(part) / f64::from(settling.parts);
-            let mut before = f64::INFINITY;
+            let (mut before, mut best, mut no_better) = (f64::INFINITY, f64::INFINITY, 0);
             loop {
                 exchanges += 1;
-                if exchanges > settling.most_exchanges {
-                    return Err(Stop::NotSettled { exchanges });
+                let most = waits.rests.iter().map(Rest::patience).max().unwrap_or(0);
+                if exchanges > settling.most_exchanges || waits.waited > WAITS * most {
+                    return Err(Stop::NotSettled {
+                        exchanges: exchanges.saturating_add(waits.waited as u32),
+                    });
                 }
-                let (correction, largest) = self.settle_once(&mut settling, share, control)?;
+                self.come_to_rest(&mut waits, control)?;
+                let (correction, largest) = self.settle_once(&mut settling, share)?;
                 let unbalance = if largest > 0.0 {
                     correction / largest
                 } else {
@@ -90,7 +137,9 @@ impl Engine {
                     } else {
                         0.0
                     };
+                    waits.send(&self.ports);
                     self.approach([shortest * (correction / longest), of_load], control)?;
+                    waits.note_led(&self.ports);
                 }
                 let enough = if part == settling.parts {
                     unbalance <= settling.tolerance
@@ -98,7 +147,9 @@ impl Engine {
                 } else {
                     unbalance <= ROUGHLY
                 };
-                if enough {
+                no_better = if unbalance < best { 0 } else { no_better + 1 };
+                best = best.min(unbalance);
+                if enough || (no_better >= NO_BETTER && best <= NO_BETTER_THAN) {
                     break;
                 }
                 before = unbalance;
@@ -131,13 +182,50 @@ impl Engine {
         Ok(())
     }
 
-    /// One exchange, and one correction when everybody has answered; the sizes of the correction and of the displacement.
-    fn settle_once(
-        &mut self,
-        settling: &mut Settling,
-        share: f64,
-        control: &Control,
-    ) -> Result<(f64, f64), Stop> {
+    /// Exchanges of the command that stands ready, until every specimen has come to rest there: one, where all of them do so at
+    /// once.
+    fn come_to_rest(&mut self, waits: &mut Waits, control: &Control) -> Result<(), Stop> {
+        let mut exchanges = 0;
+        loop {
+            self.settling_tick(control)?;
+            // The same force would be taken off the load twice.
+            while !self.ports.iter().all(Port::is_fresh) {
+                self.still_tick(Phase::Settling, control)?;
+                self.resolve_poses()?;
+            }
+            let answers = self.ports.iter().zip(&mut waits.rests);
+            for (port, rest) in answers {
+                rest.take(port.raw());
+            }
+            let Some(port) = waits.rests.iter().position(|rest| !rest.rests()) else {
+                break;
+            };
+            exchanges += 1;
+            waits.waited += 1;
+            if waits
+                .rests
+                .get(port)
+                .is_some_and(|rest| exchanges > rest.patience())
+            {
+                return Err(Stop::NotAtRest {
+                    port,
+                    seconds: exchanges as f64 * self.period.value(),
+                });
+            }
+        }
+        let mut is_known_better = false;
+        for (port, rest) in self.ports.iter_mut().zip(&waits.rests) {
+            is_known_better |= port.take_rest(rest);
+        }
+        if is_known_better {
+            self.resolve_poses()?;
+        }
+        Ok(())
+    }
+
+    /// One exchange of the command that stands ready, which is accepted. While the operator wants a hold the last one leaves
+    /// again.
+    fn settling_tick(&mut self, control: &Control) -> Result<(), Stop> {
         while self.hold_wanted {
             self.still_tick(Phase::Settling, control)?;
         }
@@ -148,12 +236,11 @@ impl Engine {
         self.exchange(&tick, &mut stamps, control)?;
         self.resolve_poses()?;
         self.row_before_start(&tick, Phase::Settling, &stamps);
-        self.accept()?;
-        // The same force would be taken off the load twice.
-        while !self.ports.iter().all(Port::is_fresh) {
-            self.still_tick(Phase::Settling, control)?;
-            self.resolve_poses()?;
-        }
+        self.accept()
+    }
+
+    /// One correction by what was measured at rest; the sizes of the correction and of the displacement.
+    fn settle_once(&mut self, settling: &mut Settling, share: f64) -> Result<(f64, f64), Stop> {
         self.listen()?;
         let Side::Structure(numerical) = &mut self.side else {
             return Ok((0.0, 0.0));

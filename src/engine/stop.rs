@@ -133,6 +133,17 @@ pub enum Stop {
         /// Exchanges made.
         exchanges: u32,
     },
+    /// A specimen did not come to rest while the static load was brought on.
+    #[error(
+        "specimen {}: in {seconds:.0} s it has not come to rest where the static load has sent it",
+        port + 1
+    )]
+    NotAtRest {
+        /// Specimen, from 0.
+        port: usize,
+        /// Time in s of wall time in which its command was the same.
+        seconds: f64,
+    },
 }
 
 impl Ending {

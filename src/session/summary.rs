@@ -273,7 +273,8 @@ const fn finish_of(stop: &Stop) -> Finish {
         | Stop::NotFinite { .. }
         | Stop::Step(_)
         | Stop::CannotCommand
-        | Stop::NotSettled { .. } => Finish::Stopped,
+        | Stop::NotSettled { .. }
+        | Stop::NotAtRest { .. } => Finish::Stopped,
     }
 }
 

@@ -9,7 +9,7 @@ use crate::linalg::{Spd, SymMatrix};
 const SETTLING_PARTS: u32 = 20;
 /// Relative unbalance at which the static load is in equilibrium.
 const SETTLING_TOLERANCE: f64 = 1e-10;
-/// Exchanges after which a static load counts as impossible to carry.
+/// Corrections after which a static load counts as impossible to carry.
 const SETTLING_EXCHANGES: u32 = 40_000;
 
 pub(super) fn settle(

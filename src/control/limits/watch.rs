@@ -135,6 +135,11 @@ impl Watch {
         self.tick_before = 0.0;
     }
 
+    /// True if it is known where the specimen was sent last. Real-time: yes.
+    pub const fn was_told(&self) -> bool {
+        self.sent > 0
+    }
+
     /// Judges the next command, one displacement per axis, before it leaves. Real-time: yes.
     #[inline]
     pub fn command(&mut self, disp: impl Iterator<Item = f64>) -> Found {
