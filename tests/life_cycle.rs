@@ -831,3 +831,28 @@ fn a_load_cell_out_of_its_range_leads_its_specimen_nowhere() {
         }
     }
 }
+
+/// Along a sine that ends at its middle, at 79 mm/s, behind an actuator that comes `delay` seconds late.
+fn behind_a_delay(delay: f64, safety: &str, limits: &str) -> String {
+    format!(
+        "[time]\nrate_hz = 1000\nduration_s = 2\nclock = \"simulated\"\n[safety]\nexit_speed_m_per_s = 0.02\n{safety}\n\
+         [[excitation.prescribed_displacement]]\nspecimen = \"a\"\nease_in_s = 0.2\n\
+         signal.sine = {{ amplitude = 0.025, frequency_hz = 0.5 }}\n\
+         [[specimen]]\nname = \"a\"\nlaw.linear = {{ stiffness_n_per_m = 10e6 }}\ntransfer.delay_s = {delay}\n{limits}"
+    )
+}
+
+/// A test that ends in motion leaves its actuator on the way to the last command: no error of following that it had not before.
+#[test]
+fn who_comes_behind_within_its_limit_does_so_on_the_way_out() {
+    let limits = "[specimen.limits]\nfollowing_error_m = { trip = 1e-3 }\nfollowing_time_s = 0.03";
+    for exit in ["zero_displacement", "zero_force"] {
+        let text = behind_a_delay(0.024, &format!("at_end = \"{exit}\""), limits);
+        let run = common::engine::run(&text);
+        assert_eq!(run.outcome.ending, Ending::Completed, "{exit}");
+        assert_eq!(run.outcome.left, [Left::Reached], "{exit}");
+        let behind = run.all("cmd_1_1").into_iter().zip(run.all("raw_disp_1_1"));
+        let worst = behind.fold(0.0, |worst: f64, (cmd, disp)| worst.max((cmd - disp).abs()));
+        assert!(worst > 1.8e-3, "it comes behind by 79 mm/s for 24 ms");
+    }
+}

@@ -5,7 +5,9 @@
 //! judged before it leaves, and what is not a number trips. Not here: what a trip leads to.
 
 mod calm;
+mod lately;
 mod look;
+mod past;
 mod quantity;
 mod sawtooth;
 mod spec;
@@ -167,7 +169,7 @@ pub struct AxisLimits {
     pub sensor_force: Range,
     /// Of |measured − commanded|, at rest.
     pub following_error: Bound,
-    /// Seconds of commanded motion by which the following error may be larger.
+    /// Seconds of commanded motion by which the following error may be larger, at the largest speed of as many seconds.
     pub following_time: f64,
     /// Of the change of the measured force in one tick.
     pub force_step: Bound,

@@ -149,6 +149,51 @@ fn the_following_error_may_grow_with_the_speed() {
     assert!(measure(&mut one, 0.0705, 0.0).trip.is_some(), "at rest");
 }
 
+/// An actuator that comes 3 ticks behind goes on for as long after a command that stops, or slows down.
+#[test]
+fn who_comes_behind_a_command_that_stops_has_its_time_to_come_to_rest() {
+    let limits = AxisLimits {
+        following_error: Bound::trip(0.01),
+        following_time: 0.31,
+        ..AxisLimits::NONE
+    };
+    let slow = |k: u32| if k % 2 == 0 { 0.02 } else { 0.0 };
+    let stops: [(&str, &dyn Fn(u32) -> f64); 3] = [
+        ("at once", &|k| if k < 10 { 0.1 } else { 0.0 }),
+        ("for a slow way", &|k| if k < 10 { 0.1 } else { slow(k) }),
+        ("by and by", &|k| 0.1 - 0.02 * f64::from(k.clamp(5, 10) - 5)),
+    ];
+    for (name, step) in stops {
+        let way = |k: u32| (1..=k).map(step).sum::<f64>();
+        let mut one = watch(limits);
+        for k in 0..40 {
+            command(&mut one, way(k));
+            let found = measure(&mut one, way(k.saturating_sub(3)), 0.0);
+            assert_eq!(found.trip, None, "{name}: {k}");
+        }
+    }
+    // Told once more where it stands it is the same, and one that never comes trips after twice that time.
+    for comes in [true, false] {
+        let mut one = watch(limits);
+        let way = |k: u32| 0.1 * f64::from(k.min(10));
+        let trips = (0..40).find(|&k| {
+            if k <= 10 {
+                command(&mut one, way(k));
+            } else {
+                one.sent_again();
+            }
+            let stands = if comes {
+                k.saturating_sub(3)
+            } else {
+                k.min(10).saturating_sub(3)
+            };
+            measure(&mut one, way(stands), 0.0).trip.is_some()
+        });
+        assert_eq!(trips.is_some(), !comes);
+        assert!(trips.is_none_or(|k| k <= 10 + 2 * 4), "{trips:?}");
+    }
+}
+
 #[test]
 fn a_force_that_jumps_is_seen_from_the_second_measurement_on() {
     let limits = AxisLimits {
