@@ -856,3 +856,72 @@ fn who_comes_behind_within_its_limit_does_so_on_the_way_out() {
         assert!(worst > 1.8e-3, "it comes behind by 79 mm/s for 24 ms");
     }
 }
+
+/// The limits that trip in a run, with the tick of each.
+fn trips(run: &Run) -> Vec<(u64, u32, &'static str)> {
+    let events = run.events.iter().filter_map(|event| match event.kind {
+        EventKind::Limit {
+            trip: true,
+            axis,
+            quantity,
+            ..
+        } => Some((event.tick, axis, quantity)),
+        _ => None,
+    });
+    events.collect()
+}
+
+/// What trips in the same tick is one trip: each is told then, and none stops the way out.
+#[test]
+fn two_limits_that_trip_in_one_tick_are_both_told_and_both_excused() {
+    let (force, disp) = (
+        "measured_force_n = { trip = [-104e3, 104e3] }",
+        "measured_disp_m = { trip = [-0.0104, 0.0104] }",
+    );
+    for exit in ["zero_force", "zero_displacement"] {
+        let exit = format!("on_trip = \"{exit}\"");
+        let one = behind_a_delay(0.0, &exit, &format!("[specimen.limits]\n{force}\n{disp}"));
+        let one = one.replace("transfer.delay_s = 0", "");
+        let both = one.replace(disp, "").replace(
+            "law.linear = { stiffness_n_per_m = 10e6 }",
+            "laws = [{ linear = { stiffness_n_per_m = 10e6 } }, { linear = { stiffness_n_per_m = 10e6 } }]",
+        );
+        let second = "[[excitation.prescribed_displacement]]\nspecimen = \"a\"\naxis = 2\nease_in_s = 0.2\n\
+                      signal.sine = { amplitude = 0.025, frequency_hz = 0.5 }\n[[specimen]]";
+        let both = both
+            .replace("specimen = \"a\"\n", "specimen = \"a\"\naxis = 1\n")
+            .replace("[[specimen]]", second);
+        for text in [one, both] {
+            let run = common::engine::run(&text);
+            assert!(matches!(
+                run.outcome.ending,
+                Ending::Stopped(Stop::Limit { .. })
+            ));
+            let tripped = trips(&run);
+            assert_eq!(tripped.len(), 2, "{tripped:?}");
+            assert_eq!(tripped[0].0, tripped[1].0, "{tripped:?}");
+            assert_eq!(run.outcome.unfinished, None, "{exit}");
+            assert_eq!(run.outcome.left, [Left::Reached], "{exit}");
+        }
+    }
+}
+
+/// A column that yields in tension and is led back from there comes under compression, of which it may carry little.
+#[test]
+fn a_trip_on_one_side_is_no_excuse_on_the_other() {
+    let exit = "on_trip = \"zero_displacement\"";
+    let limits = "[specimen.limits]\nmeasured_force_n = { trip = [-2e3, 104e3] }";
+    let elastic = "linear = { stiffness_n_per_m = 10e6 }";
+    let yields =
+        "bilinear = { stiffness_n_per_m = 10e6, yield_force_n = 100e3, post_yield_ratio = 0.05 }";
+    let text = behind_a_delay(0.0, exit, limits).replace("transfer.delay_s = 0", "");
+    let run = common::engine::run(&text.replace(elastic, yields));
+    let force = run.all("raw_force_1_1");
+    let least = force.iter().fold(0.0f64, |least, force| least.min(*force));
+    assert!((-2.3e3..-2e3).contains(&least), "{least}");
+    assert_eq!(force.last(), Some(&least), "it is left there");
+    assert_eq!(run.outcome.left, [Left::NotReached]);
+    let hit = run.outcome.unfinished.map(|unfinished| unfinished.stop);
+    assert!(matches!(hit, Some(Stop::Limit { hit, .. }) if hit.bound == -2e3));
+    assert_eq!(trips(&run).len(), 2);
+}

@@ -1,13 +1,14 @@
 //! Values against their limits: what is new of what is found.
 
 use super::calm::{Asked, Seen};
+use super::trips::Trips;
 use super::{AxisLimits, Bound, Found, Hit, Level, Quantity, Range};
 
-/// One axis, what was warned of on it and what is excused, and what is found.
+/// One axis, what was warned of on it and what has tripped, and what is found.
 pub(super) struct Look<'a> {
     pub axis: usize,
     pub warned: &'a mut u32,
-    pub excused: Option<(Quantity, f64)>,
+    pub trips: &'a mut Trips,
     pub found: &'a mut Found,
 }
 
@@ -55,12 +56,7 @@ impl Look<'_> {
         }
     }
 
-    fn is_excused(&self, quantity: Quantity, value: f64) -> bool {
-        self.excused
-            .is_some_and(|(excused, worst)| excused == quantity && value.abs() <= worst)
-    }
-
-    /// Judges `value`; keeps the first trip, and the first warning that is new.
+    /// Judges `value`; keeps every trip, and the first warning that is new.
     fn at(&mut self, quantity: Quantity, value: f64, limit: &impl Limit) {
         let bit = quantity.bit();
         let Some((level, bound)) = limit.judge(value) else {
@@ -75,9 +71,12 @@ impl Look<'_> {
             bound,
         };
         match level {
-            Level::Trip if self.is_excused(quantity, value) => {}
+            Level::Trip if self.trips.excuses(&hit) => {}
             Level::Trip => {
+                let first = self.found.trip.is_none();
+                self.trips.take(&hit, first);
                 self.found.trip.get_or_insert(hit);
+                self.found.more |= !first;
             }
             // A second new warning of the same tick is given in the next: its bit is not set yet.
             Level::Warning if *self.warned & bit == 0 && self.found.warning.is_none() => {

@@ -11,6 +11,7 @@ mod past;
 mod quantity;
 mod sawtooth;
 mod spec;
+mod trips;
 mod watch;
 
 pub use calm::{Asked, Seen};
@@ -260,11 +261,13 @@ impl AxisLimits {
     }
 }
 
-/// What one look found: the worst that trips, and a warning that was not given before.
+/// What one look found: what trips, and a warning that was not given before.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Found {
     /// The first limit that trips.
     pub trip: Option<Hit>,
+    /// Others trip beside it, which [`Watch::next_trip`] tells.
+    pub more: bool,
     /// The first limit whose warning level was crossed from inside.
     pub warning: Option<Hit>,
 }

@@ -1,11 +1,11 @@
 //! What is remembered of one axis, and what its next command and its next measurement are judged by.
 
-use super::AxisLimits;
 use super::calm::{Asked, Seen};
 use super::lately::Lately;
 use super::look::Look;
 use super::sawtooth::Sawtooth;
-use super::{Found, Quantity};
+use super::trips::Trips;
+use super::{AxisLimits, Found};
 
 /// What is remembered of one axis, SI.
 #[derive(Debug, Clone, Copy, Default)]
@@ -21,8 +21,7 @@ pub(super) struct Past {
     pub sawtooth: Sawtooth,
     /// One bit per quantity that is beyond its warning level.
     pub warned: u32,
-    /// What has tripped, and how far it was: no further trip until it gets worse.
-    pub excused: Option<(Quantity, f64)>,
+    pub trips: Trips,
 }
 
 /// Wall time in s to the next command, and that to the last; 0: no other.
@@ -90,7 +89,7 @@ impl Past {
         Look {
             axis,
             warned: &mut self.warned,
-            excused: self.excused,
+            trips: &mut self.trips,
             found,
         }
     }

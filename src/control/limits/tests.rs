@@ -278,14 +278,86 @@ fn what_has_tripped_trips_again_only_if_it_gets_worse() {
         ..AxisLimits::NONE
     };
     let mut one = watch(limits);
-    let hit = measure(&mut one, 0.0, -110.0).trip.unwrap();
-    one.excuse(&hit);
+    assert!(measure(&mut one, 0.0, -110.0).trip.is_some());
+    one.excuse();
     assert_eq!(measure(&mut one, 0.0, -112.0).trip, None);
     assert!(measure(&mut one, 0.0, -116.0).trip.is_some());
     assert!(
         measure(&mut one, 2.0, -105.0).trip.is_some(),
         "another limit"
     );
+}
+
+#[test]
+fn what_has_tripped_on_one_side_is_no_excuse_on_the_other() {
+    for (trip, at, worse, other) in [
+        ([-2.0, 104.0], 104.1, 110.0, -2.1),
+        ([-300.0, -50.0], -49.8, -47.0, -301.0),
+        ([-300.0, -50.0], -49.8, 49.0, -301.0),
+        ([20.0, 104.0], 19.0, 18.0, 105.0),
+        ([20.0, 104.0], 19.0, -19.0, 105.0),
+    ] {
+        let limits = AxisLimits {
+            measured_force: Range {
+                trip,
+                ..Range::NONE
+            },
+            ..AxisLimits::NONE
+        };
+        for again in [worse, other, f64::NAN] {
+            let mut one = watch(limits);
+            assert!(measure(&mut one, 0.0, at).trip.is_some());
+            one.excuse();
+            assert_eq!(measure(&mut one, 0.0, at).trip, None);
+            let hit = measure(&mut one, 0.0, again).trip.unwrap();
+            assert!(hit.value == again || again.is_nan());
+        }
+    }
+}
+
+#[test]
+fn all_that_trips_in_one_look_is_told_and_excused() {
+    let limits = AxisLimits {
+        measured_force: range(-100.0, 100.0),
+        measured_disp: range(-1.0, 1.0),
+        ..AxisLimits::NONE
+    };
+    let mut two = Watch::new(vec![limits; 2], 0.1);
+    let values = [(-1.1, -110.0), (0.0, 101.0)];
+    let found = two.measured(values.into_iter());
+    assert_eq!(what(found.trip), Some((Quantity::MeasuredDisp, -1.1)));
+    let more: Vec<_> = std::iter::from_fn(|| two.next_trip()).collect();
+    let more: Vec<_> = more
+        .iter()
+        .map(|hit| (hit.axis, hit.quantity, hit.value))
+        .collect();
+    assert!(found.more);
+    assert_eq!(
+        more,
+        [
+            (0, Quantity::MeasuredForce, -110.0),
+            (1, Quantity::MeasuredForce, 101.0)
+        ]
+    );
+    two.excuse();
+    let found = two.measured(values.into_iter());
+    assert!((found.trip, found.more) == (None, false));
+    let worse = two.measured([(-1.1, -110.0), (1.01, 101.0)].into_iter());
+    let trip = worse.trip.unwrap();
+    assert_eq!((trip.axis, trip.quantity), (1, Quantity::MeasuredDisp));
+}
+
+/// A command beyond its stroke never left: where the specimen is led it may not go either.
+#[test]
+fn a_command_beyond_its_stroke_is_not_excused() {
+    let limits = AxisLimits {
+        command_disp: range(-1.0, 1.0),
+        ..AxisLimits::NONE
+    };
+    let mut one = watch(limits);
+    assert!(one.command(std::iter::once(1.01)).trip.is_some());
+    one.excuse();
+    assert!(one.command(std::iter::once(1.005)).trip.is_some());
 }
 
 #[test]

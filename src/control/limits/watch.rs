@@ -5,9 +5,6 @@ use super::past::{Pace, Past};
 use super::sawtooth::Sawtooth;
 use super::{AxisLimits, Found, Hit, Quantity};
 
-/// Beyond so many times the value that tripped, it trips again.
-const WORSE: f64 = 1.05;
-
 /// One axis: what is allowed, where nothing is to be told, and what is remembered.
 #[derive(Debug, Clone)]
 struct Axis {
@@ -152,11 +149,23 @@ impl Watch {
         self.tick_before = self.tick;
     }
 
-    /// A specimen that has tripped is on its way back: what it tripped at counts again only if it gets worse.
-    pub fn excuse(&mut self, hit: &Hit) {
-        if let Some(Axis { past, .. }) = self.axes.get_mut(hit.axis) {
-            past.excused = Some((hit.quantity, WORSE * hit.value.abs()));
+    /// A specimen that has tripped is on its way back: what it tripped at counts again only if it gets worse, or on the other side.
+    pub fn excuse(&mut self) {
+        for Axis { past, .. } in &mut self.axes {
+            past.trips.excuse();
         }
+    }
+
+    /// The next of the trips that [`Found::more`] stands for. Real-time: yes.
+    pub fn next_trip(&mut self) -> Option<Hit> {
+        let mut axes = self.axes.iter_mut().enumerate();
+        axes.find_map(|(index, axis)| axis.past.trips.next_untold(index))
+    }
+
+    /// True if this has tripped on an axis.
+    #[must_use]
+    pub fn has_tripped(&self, quantity: Quantity) -> bool {
+        self.axes.iter().any(|axis| axis.past.trips.has(quantity))
     }
 
     /// Targets of steps are told from here on, and stand at `disp`: a sawtooth is looked for in them.
