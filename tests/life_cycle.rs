@@ -925,3 +925,30 @@ fn a_trip_on_one_side_is_no_excuse_on_the_other() {
     assert!(matches!(hit, Some(Stop::Limit { hit, .. }) if hit.bound == -2e3));
     assert_eq!(trips(&run).len(), 2);
 }
+
+/// What was sent before the trip is still to come: it leads nobody back to it, and keeps nobody there.
+#[test]
+fn an_actuator_that_lags_is_led_home_from_where_its_last_command_has_sent_it() {
+    let force = "[specimen.limits]\nmeasured_force_n = { trip = [-104e3, 104e3] }";
+    let disp = "measured_disp_m = { trip = [-0.0115, 0.0115] }";
+    for exit in ["zero_force", "zero_displacement"] {
+        for delay in [0.002, 0.005, 0.01, 0.024] {
+            for (limits, count) in [(force.to_owned(), 1), (format!("{force}\n{disp}"), 2)] {
+                let exit = format!("on_trip = \"{exit}\"");
+                let run = common::engine::run(&behind_a_delay(delay, &exit, &limits));
+                let place = format!("{exit}, {delay} s, {count}");
+                assert_eq!(run.outcome.unfinished, None, "{place}");
+                assert_eq!(run.outcome.left, [Left::Reached], "{place}");
+                let Ending::Stopped(Stop::Limit { hit, .. }) = run.outcome.ending else {
+                    panic!("{place}: {:?}", run.outcome.ending);
+                };
+                assert_eq!(hit.quantity, Quantity::MeasuredForce);
+                // The second is a tenth farther, 9 ms later.
+                let count = if delay < 0.01 { 1 } else { count };
+                assert_eq!(trips(&run).len(), count, "{place}");
+                let last = run.all("raw_force_1_1").pop().unwrap();
+                assert!(last.abs() <= 0.011 * 128e3, "{place}: {last} N");
+            }
+        }
+    }
+}

@@ -266,7 +266,7 @@ impl AxisLimits {
 pub struct Found {
     /// The first limit that trips.
     pub trip: Option<Hit>,
-    /// Others trip beside it, which [`Watch::next_trip`] tells.
+    /// More is beyond a trip level, which [`Watch::next_trip`] tells: beside the first, or where that stops no way out.
     pub more: bool,
     /// The first limit whose warning level was crossed from inside.
     pub warning: Option<Hit>,
@@ -277,7 +277,7 @@ impl Found {
     #[inline]
     #[must_use]
     pub const fn is_something(&self) -> bool {
-        self.trip.is_some() || self.warning.is_some()
+        self.trip.is_some() || self.warning.is_some() || self.more
     }
 }
 

@@ -16,6 +16,8 @@ pub(super) struct Past {
     pub speed: Lately,
     measured: f64,
     force: f64,
+    /// What was measured as it is held against the command.
+    pub stands: f64,
     pub stuck_ticks: u32,
     pub stuck_travel: f64,
     pub sawtooth: Sawtooth,
@@ -81,7 +83,7 @@ impl Past {
             jump: (force - self.force).abs(),
             stuck: f64::from(self.stuck_ticks),
         };
-        (self.measured, self.force) = (disp, force);
+        (self.measured, self.force, self.stands) = (disp, force, stands);
         seen
     }
 
@@ -90,6 +92,8 @@ impl Past {
             axis,
             warned: &mut self.warned,
             trips: &mut self.trips,
+            stands: self.stands,
+            goes_on: false,
             found,
         }
     }

@@ -347,6 +347,55 @@ fn all_that_trips_in_one_look_is_told_and_excused() {
     assert_eq!((trip.axis, trip.quantity), (1, Quantity::MeasuredDisp));
 }
 
+/// Of an actuator that lags: it trips at 1.0 on the way to 1.5, in a specimen of 101 N at 1.0.
+#[test]
+fn where_it_was_sent_before_it_left_an_actuator_may_still_go() {
+    let limits = AxisLimits {
+        measured_force: range(-100.0, 100.0),
+        measured_disp: range(-1.2, 1.2),
+        sensor_force: Range {
+            trip: [-140.0, 140.0],
+            ..Range::NONE
+        },
+        ..AxisLimits::NONE
+    };
+    let left = |sensor_force: Range| {
+        let mut one = watch(AxisLimits {
+            sensor_force,
+            ..limits
+        });
+        command(&mut one, 1.5);
+        assert!(measure(&mut one, 1.0, 101.0).trip.is_some());
+        one.excuse();
+        command(&mut one, 1.4);
+        assert_eq!(measure(&mut one, 1.1, 111.0).trip, None);
+        one
+    };
+    let mut one = left(Range::NONE);
+    // Another limit on that way is told and stops nothing.
+    let found = measure(&mut one, 1.3, 131.0);
+    assert!(found.trip.is_none() && found.is_something());
+    let told = |one: &mut Watch| what(one.next_trip());
+    assert_eq!(told(&mut one), Some((Quantity::MeasuredDisp, 1.3)));
+    assert_eq!(told(&mut one), None);
+    assert!(!measure(&mut one, 1.5, 151.0).is_something());
+    for (disp, force) in [(1.5, 156.0), (1.52, 158.0), (1.4, 141.0)] {
+        assert!(!measure(&mut one, disp, force).is_something(), "{disp}");
+    }
+    assert!(
+        measure(&mut one, 1.4, 159.0).trip.is_some(),
+        "on its way back"
+    );
+
+    let trips = |disp: f64, force: f64| measure(&mut left(limits.sensor_force), disp, force).trip;
+    assert_eq!(what(trips(1.3, 131.0)), None);
+    assert!(trips(1.51, 131.0).is_some(), "farther than it was sent");
+    assert!(trips(1.05, 117.0).is_some(), "it has turned");
+    assert!(trips(1.3, f64::NAN).is_some());
+    let range = trips(1.3, 141.0);
+    assert_eq!(what(range), Some((Quantity::SensorForce, 141.0)));
+}
+
 /// A command beyond its stroke never left: where the specimen is led it may not go either.
 #[test]
 fn a_command_beyond_its_stroke_is_not_excused() {

@@ -1,7 +1,9 @@
 //! What has tripped on one axis, and what of that is no further trip on the way out. Real-time.
 //!
 //! Whoever leads a specimen away from what it tripped at finds it beyond the same bound for a while: that is excused on the
-//! side of the bound where it tripped, until it gets worse. Invariant: what is not a number is never excused.
+//! side of the bound where it tripped, until it gets worse. An actuator that lags goes on, though, to where the last command
+//! before the way out has sent it, as it would if it were left there: what is found while it only goes on there, each time
+//! farther, is told if it is new and stops nothing. Invariant: what is not a number is never excused.
 
 use super::{Hit, Level, Quantity};
 
@@ -21,6 +23,15 @@ impl Kept {
         self.value > self.bound
     }
 
+    /// Takes the worse of the two, on the same side.
+    fn take_worse(&mut self, value: f64) {
+        self.value = if self.is_above() {
+            self.value.max(value)
+        } else {
+            self.value.min(value)
+        };
+    }
+
     /// True of a value on the same side that is not much worse.
     fn covers(&self, other: &Kept) -> bool {
         let farthest = WORSE * self.value.abs();
@@ -32,41 +43,92 @@ impl Kept {
     }
 }
 
+/// True of what changes as an actuator moves, and is not the end of a sensor's range: what is read there says nothing.
+const fn moves_along(quantity: Quantity) -> bool {
+    matches!(
+        quantity,
+        Quantity::MeasuredDisp
+            | Quantity::MeasuredForce
+            | Quantity::FollowingError
+            | Quantity::ForceStep
+    )
+}
+
 /// The last trip of each quantity.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Trips {
     kept: [Option<Kept>; Quantity::ALL.len()],
     /// One bit per quantity that tripped beside the first of its look, until it is told.
     untold: u32,
-    /// It is on its way out.
-    leaves: bool,
+    /// On the way out: how far it has come since, and where it was sent before.
+    left: Option<[f64; 2]>,
+}
+
+/// What becomes of a value beyond its trip level.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Verdict {
+    /// It trips.
+    Trips,
+    /// It is new, and no reason to stay there.
+    Told,
+    /// It was known.
+    Excused,
 }
 
 impl Trips {
-    /// From here on they are excused.
-    pub const fn excuse(&mut self) {
-        self.leaves = true;
+    /// From here on they are excused, of an axis that stands at `stands` and was sent to `sent`.
+    pub const fn excuse(&mut self, stands: f64, sent: f64) {
+        self.left = Some([stands, sent]);
     }
 
-    /// True if this was known before it was left, and is no worse. A displacement that tripped as a command was never gone to: the
-    /// way out has no excuse to go there.
-    pub fn excuses(&self, hit: &Hit) -> bool {
-        let Hit { value, bound, .. } = *hit;
-        let kept = self.kept(hit.quantity);
-        self.leaves
-            && hit.quantity != Quantity::CommandDisp
-            && kept.is_some_and(|kept| kept.covers(&Kept { value, bound }))
+    /// Takes note of where it is measured on its way out; true while it only goes on to where it was sent before.
+    pub fn goes_on(&mut self, stands: f64) -> bool {
+        let Some([reached, sent]) = &mut self.left else {
+            return false;
+        };
+        let goes_on = if *sent > *reached {
+            stands > *reached && stands <= *sent
+        } else {
+            stands < *reached && stands >= *sent
+        };
+        if goes_on {
+            *reached = stands;
+        }
+        goes_on
     }
 
-    /// Takes note of a trip; one that is not the `first` of its look is to be told.
-    pub fn take(&mut self, hit: &Hit, first: bool) {
-        let Hit { value, bound, .. } = *hit;
-        if let Some(kept) = self.kept.get_mut(hit.quantity as usize) {
-            *kept = Some(Kept { value, bound });
+    /// Judges a value beyond its trip level, and keeps it. `goes_on` of an axis as [`Trips::goes_on`] has it.
+    pub fn judge(&mut self, hit: &Hit, goes_on: bool) -> Verdict {
+        let found = Kept {
+            value: hit.value,
+            bound: hit.bound,
+        };
+        let goes_on = goes_on && moves_along(hit.quantity) && found.value.is_finite();
+        let Some(kept) = self.kept.get_mut(hit.quantity as usize) else {
+            return Verdict::Trips;
+        };
+        // A displacement that tripped as a command was never gone to: the way out has no excuse to go there.
+        let is_left = self.left.is_some() && hit.quantity != Quantity::CommandDisp;
+        match kept {
+            Some(kept) if is_left && kept.is_above() == found.is_above() && goes_on => {
+                kept.take_worse(found.value);
+                Verdict::Excused
+            }
+            Some(kept) if is_left && kept.covers(&found) => Verdict::Excused,
+            _ => {
+                *kept = Some(found);
+                if goes_on {
+                    Verdict::Told
+                } else {
+                    Verdict::Trips
+                }
+            }
         }
-        if !first {
-            self.untold |= hit.quantity.bit();
-        }
+    }
+
+    /// It is to be told, beside the first of its look.
+    pub const fn tell(&mut self, quantity: Quantity) {
+        self.untold |= quantity.bit();
     }
 
     /// One that is to be told, once.

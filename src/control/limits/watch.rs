@@ -149,10 +149,11 @@ impl Watch {
         self.tick_before = self.tick;
     }
 
-    /// A specimen that has tripped is on its way back: what it tripped at counts again only if it gets worse, or on the other side.
+    /// A specimen that has tripped is on its way back: what it tripped at counts again only if it gets worse, or on the other side,
+    /// and not while its actuator only goes on to where the last command has sent it.
     pub fn excuse(&mut self) {
         for Axis { past, .. } in &mut self.axes {
-            past.trips.excuse();
+            past.trips.excuse(past.stands, past.command[0]);
         }
     }
 
