@@ -831,3 +831,124 @@ fn a_load_cell_out_of_its_range_leads_its_specimen_nowhere() {
         }
     }
 }
+
+/// Along a sine that ends at its middle, at 79 mm/s, behind an actuator that comes `delay` seconds late.
+fn behind_a_delay(delay: f64, safety: &str, limits: &str) -> String {
+    format!(
+        "[time]\nrate_hz = 1000\nduration_s = 2\nclock = \"simulated\"\n[safety]\nexit_speed_m_per_s = 0.02\n{safety}\n\
+         [[excitation.prescribed_displacement]]\nspecimen = \"a\"\nease_in_s = 0.2\n\
+         signal.sine = {{ amplitude = 0.025, frequency_hz = 0.5 }}\n\
+         [[specimen]]\nname = \"a\"\nlaw.linear = {{ stiffness_n_per_m = 10e6 }}\ntransfer.delay_s = {delay}\n{limits}"
+    )
+}
+
+/// A test that ends in motion leaves its actuator on the way to the last command: no error of following that it had not before.
+#[test]
+fn who_comes_behind_within_its_limit_does_so_on_the_way_out() {
+    let limits = "[specimen.limits]\nfollowing_error_m = { trip = 1e-3 }\nfollowing_time_s = 0.03";
+    for exit in ["zero_displacement", "zero_force"] {
+        let text = behind_a_delay(0.024, &format!("at_end = \"{exit}\""), limits);
+        let run = common::engine::run(&text);
+        assert_eq!(run.outcome.ending, Ending::Completed, "{exit}");
+        assert_eq!(run.outcome.left, [Left::Reached], "{exit}");
+        let behind = run.all("cmd_1_1").into_iter().zip(run.all("raw_disp_1_1"));
+        let worst = behind.fold(0.0, |worst: f64, (cmd, disp)| worst.max((cmd - disp).abs()));
+        assert!(worst > 1.8e-3, "it comes behind by 79 mm/s for 24 ms");
+    }
+}
+
+/// The limits that trip in a run, with the tick of each.
+fn trips(run: &Run) -> Vec<(u64, u32, &'static str)> {
+    let events = run.events.iter().filter_map(|event| match event.kind {
+        EventKind::Limit {
+            trip: true,
+            axis,
+            quantity,
+            ..
+        } => Some((event.tick, axis, quantity)),
+        _ => None,
+    });
+    events.collect()
+}
+
+/// What trips in the same tick is one trip: each is told then, and none stops the way out.
+#[test]
+fn two_limits_that_trip_in_one_tick_are_both_told_and_both_excused() {
+    let (force, disp) = (
+        "measured_force_n = { trip = [-104e3, 104e3] }",
+        "measured_disp_m = { trip = [-0.0104, 0.0104] }",
+    );
+    for exit in ["zero_force", "zero_displacement"] {
+        let exit = format!("on_trip = \"{exit}\"");
+        let one = behind_a_delay(0.0, &exit, &format!("[specimen.limits]\n{force}\n{disp}"));
+        let one = one.replace("transfer.delay_s = 0", "");
+        let both = one.replace(disp, "").replace(
+            "law.linear = { stiffness_n_per_m = 10e6 }",
+            "laws = [{ linear = { stiffness_n_per_m = 10e6 } }, { linear = { stiffness_n_per_m = 10e6 } }]",
+        );
+        let second = "[[excitation.prescribed_displacement]]\nspecimen = \"a\"\naxis = 2\nease_in_s = 0.2\n\
+                      signal.sine = { amplitude = 0.025, frequency_hz = 0.5 }\n[[specimen]]";
+        let both = both
+            .replace("specimen = \"a\"\n", "specimen = \"a\"\naxis = 1\n")
+            .replace("[[specimen]]", second);
+        for text in [one, both] {
+            let run = common::engine::run(&text);
+            assert!(matches!(
+                run.outcome.ending,
+                Ending::Stopped(Stop::Limit { .. })
+            ));
+            let tripped = trips(&run);
+            assert_eq!(tripped.len(), 2, "{tripped:?}");
+            assert_eq!(tripped[0].0, tripped[1].0, "{tripped:?}");
+            assert_eq!(run.outcome.unfinished, None, "{exit}");
+            assert_eq!(run.outcome.left, [Left::Reached], "{exit}");
+        }
+    }
+}
+
+/// A column that yields in tension and is led back from there comes under compression, of which it may carry little.
+#[test]
+fn a_trip_on_one_side_is_no_excuse_on_the_other() {
+    let exit = "on_trip = \"zero_displacement\"";
+    let limits = "[specimen.limits]\nmeasured_force_n = { trip = [-2e3, 104e3] }";
+    let elastic = "linear = { stiffness_n_per_m = 10e6 }";
+    let yields =
+        "bilinear = { stiffness_n_per_m = 10e6, yield_force_n = 100e3, post_yield_ratio = 0.05 }";
+    let text = behind_a_delay(0.0, exit, limits).replace("transfer.delay_s = 0", "");
+    let run = common::engine::run(&text.replace(elastic, yields));
+    let force = run.all("raw_force_1_1");
+    let least = force.iter().fold(0.0f64, |least, force| least.min(*force));
+    assert!((-2.3e3..-2e3).contains(&least), "{least}");
+    assert_eq!(force.last(), Some(&least), "it is left there");
+    assert_eq!(run.outcome.left, [Left::NotReached]);
+    let hit = run.outcome.unfinished.map(|unfinished| unfinished.stop);
+    assert!(matches!(hit, Some(Stop::Limit { hit, .. }) if hit.bound == -2e3));
+    assert_eq!(trips(&run).len(), 2);
+}
+
+/// What was sent before the trip is still to come: it leads nobody back to it, and keeps nobody there.
+#[test]
+fn an_actuator_that_lags_is_led_home_from_where_its_last_command_has_sent_it() {
+    let force = "[specimen.limits]\nmeasured_force_n = { trip = [-104e3, 104e3] }";
+    let disp = "measured_disp_m = { trip = [-0.0115, 0.0115] }";
+    for exit in ["zero_force", "zero_displacement"] {
+        for delay in [0.002, 0.005, 0.01, 0.024] {
+            for (limits, count) in [(force.to_owned(), 1), (format!("{force}\n{disp}"), 2)] {
+                let exit = format!("on_trip = \"{exit}\"");
+                let run = common::engine::run(&behind_a_delay(delay, &exit, &limits));
+                let place = format!("{exit}, {delay} s, {count}");
+                assert_eq!(run.outcome.unfinished, None, "{place}");
+                assert_eq!(run.outcome.left, [Left::Reached], "{place}");
+                let Ending::Stopped(Stop::Limit { hit, .. }) = run.outcome.ending else {
+                    panic!("{place}: {:?}", run.outcome.ending);
+                };
+                assert_eq!(hit.quantity, Quantity::MeasuredForce);
+                // The second is a tenth farther, 9 ms later.
+                let count = if delay < 0.01 { 1 } else { count };
+                assert_eq!(trips(&run).len(), count, "{place}");
+                let last = run.all("raw_force_1_1").pop().unwrap();
+                assert!(last.abs() <= 0.011 * 128e3, "{place}: {last} N");
+            }
+        }
+    }
+}

@@ -225,8 +225,14 @@ impl Port {
     }
 
     /// The specimen is moved back from what it tripped at.
-    pub fn excuse(&mut self, hit: &Hit) {
-        self.guard.watch.excuse(hit);
+    pub fn excuse(&mut self) {
+        self.guard.watch.excuse();
+        self.partner.unfelt |= self.guard.watch.has_tripped(Quantity::SensorForce);
+    }
+
+    /// The next of the trips that were found beside the first. Real-time: yes.
+    pub fn next_trip(&mut self) -> Option<Hit> {
+        self.guard.watch.next_trip()
     }
 
     /// Judges the measurement last taken, which must be a fresh one. Real-time: yes.

@@ -112,7 +112,7 @@ impl Port {
     pub fn end_test(&mut self) {
         self.partner.owes_the_last = self.owes();
         self.await_what_is_owed();
-        self.guard.watch.sent_again();
+        self.guard.watch.rests();
         self.rest();
         self.pause_following();
     }

@@ -13,7 +13,6 @@ use super::operator::Control;
 use super::phase::{Cause, Phase};
 use super::tick::Tick;
 use super::{Ending, Engine, Stop};
-use crate::control::limits::Quantity;
 use crate::control::{Departure, Port};
 use crate::record::EventKind;
 use crate::rt::timing::TickStamps;
@@ -140,6 +139,9 @@ impl Engine {
         if let Ending::Stopped(stop) = ending {
             self.bear_in_mind(stop);
         }
+        if tripped {
+            self.ports.iter_mut().for_each(Port::excuse);
+        }
         self.ports.iter_mut().for_each(Port::end_test);
         let is_led = |port: &Port| {
             // Of one that never answered nobody knows where it is.
@@ -189,8 +191,7 @@ impl Engine {
         }
     }
 
-    /// What stopped the test is known on the way out: who is not commanded any more, and what may be as bad as it is. Real-time:
-    /// yes.
+    /// What stopped the test is known on the way out: who is not commanded any more. Real-time: yes.
     pub(super) fn bear_in_mind(&mut self, stop: &Stop) {
         match stop {
             // Of one whose measurements stay away nobody knows whether it follows, of a saturated one what it feels.
@@ -201,13 +202,6 @@ impl Engine {
                 if let Some(port) = self.ports.get_mut(*port) {
                     port.partner.lost = true;
                     port.partner.gone |= matches!(stop, Stop::Link { .. });
-                }
-            }
-            // A displacement that tripped as a command was never gone to: the way out has no excuse to go there.
-            Stop::Limit { port, hit } if hit.quantity != Quantity::CommandDisp => {
-                if let Some(port) = self.ports.get_mut(*port) {
-                    port.excuse(hit);
-                    port.partner.unfelt |= hit.quantity == Quantity::SensorForce;
                 }
             }
             _ => {}

@@ -3,24 +3,19 @@
 
 use super::tick::Tick;
 use super::{Engine, Stop};
-use crate::control::limits::{Found, Level};
+use crate::control::limits::{Found, Hit, Level};
 use crate::control::{OnStale, Port};
 use crate::record::EventKind;
 
 impl Engine {
-    /// A warning is told, a trip ends the test. Real-time: yes.
+    /// A warning is told, a trip ends the test, and all that trip are told. Real-time: yes.
     #[cold]
     pub(super) fn act_on(&mut self, index: usize, found: &Found, tick: &Tick) -> Result<(), Stop> {
         for hit in found.warning.iter().chain(&found.trip) {
-            let kind = EventKind::Limit {
-                port: index as u32,
-                axis: hit.axis as u32,
-                quantity: hit.quantity.key(),
-                trip: hit.level == Level::Trip,
-                value: hit.value,
-                bound: hit.bound,
-            };
-            self.report(tick, kind);
+            self.report_hit(index, hit, tick);
+        }
+        while let Some(hit) = self.ports.get_mut(index).and_then(Port::next_trip) {
+            self.report_hit(index, &hit, tick);
         }
         let Some(hit) = found.trip else {
             return Ok(());
@@ -30,6 +25,18 @@ impl Engine {
         } else {
             Stop::NotFinite { port: index }
         })
+    }
+
+    fn report_hit(&mut self, index: usize, hit: &Hit, tick: &Tick) {
+        let kind = EventKind::Limit {
+            port: index as u32,
+            axis: hit.axis as u32,
+            quantity: hit.quantity.key(),
+            trip: hit.level == Level::Trip,
+            value: hit.value,
+            bound: hit.bound,
+        };
+        self.report(tick, kind);
     }
 
     /// Stale data are used as the policy says, a bounded number of times in a row. The test has no use for those that nobody

@@ -157,7 +157,8 @@ pub fn loading(disp: &[f64], share: f64) -> usize {
 /// largest correlation coefficient over whole lags −`most` … `most` (at most a quarter of the data) is where the command, moved by
 /// a fraction of a sample too, is fitted to the measured displacement with a gain and an offset: of a signal that is well below half
 /// the sampling rate it is the delay itself, however much of a cycle the data holds. Exactly 0 of what does not differ. None without
-/// motion, or when the largest correlation lies at the end of the range, where it says nothing.
+/// motion, or when the largest correlation lies at the end of the range, where it says nothing; nor of a straight ramp, of which
+/// every lag is as good as any other.
 #[must_use]
 pub fn lag(command: &[f64], measured: &[f64], most: usize) -> Option<f64> {
     let n = command.len().min(measured.len());
@@ -193,10 +194,17 @@ pub fn lag(command: &[f64], measured: &[f64], most: usize) -> Option<f64> {
     if best == 0 || best == 2 * most {
         return None;
     }
+    let least = table.iter().copied().fold(f64::INFINITY, f64::min);
+    if table[best] - least < ALIKE {
+        return None;
+    }
     let whole = best as isize - most as isize;
     let fraction = fraction(&command, &measured, whole).unwrap_or(0.0);
     Some(whole as f64 + fraction)
 }
+
+/// Correlation coefficients that differ by less do so by rounding.
+const ALIKE: f64 = 1e-10;
 
 /// Points through which a command is drawn between its samples.
 const POINTS: usize = 8;
@@ -439,6 +447,19 @@ mod tests {
                 assert!((found - delay).abs() < 1e-6, "{delay}: {found}");
             }
         }
+    }
+
+    #[test]
+    fn a_straight_ramp_has_no_lag_that_could_be_told() {
+        for delay in [0.0, 4.0] {
+            let command = sampled(520, |t| 0.02 * t);
+            let measured = sampled(520, |t| 0.02 * (t - delay * DT) + 1e-3);
+            assert_eq!(lag(&command, &measured, 50), None);
+        }
+        // Where it turns it has one.
+        let command = sampled(520, |t| 0.02 * (t - 0.3).abs());
+        let measured = sampled(520, |t| 0.02 * (t - 0.3 - 4.0 * DT).abs());
+        assert!((lag(&command, &measured, 50).unwrap() - 4.0).abs() < 0.1);
     }
 
     #[test]

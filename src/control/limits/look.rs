@@ -1,13 +1,18 @@
 //! Values against their limits: what is new of what is found.
 
 use super::calm::{Asked, Seen};
+use super::trips::{Trips, Verdict};
 use super::{AxisLimits, Bound, Found, Hit, Level, Quantity, Range};
 
-/// One axis, what was warned of on it and what is excused, and what is found.
+/// One axis, what was warned of on it and what has tripped, and what is found.
 pub(super) struct Look<'a> {
     pub axis: usize,
     pub warned: &'a mut u32,
-    pub excused: Option<(Quantity, f64)>,
+    pub trips: &'a mut Trips,
+    /// What was measured last as it is held against the command.
+    pub stands: f64,
+    /// On the way out it only goes on to where it was sent before.
+    pub goes_on: bool,
     pub found: &'a mut Found,
 }
 
@@ -30,6 +35,7 @@ impl Look<'_> {
     /// A measurement, and whether there was one before it.
     #[cold]
     pub fn at_measurement(&mut self, seen: &Seen, limits: &AxisLimits, seen_before: bool) {
+        self.goes_on = self.trips.goes_on(self.stands);
         // A sensor at the end of its range comes first: what it reads is not what is.
         self.at(Quantity::SensorDisp, seen.disp, &limits.sensor_disp);
         self.at(Quantity::SensorForce, seen.force, &limits.sensor_force);
@@ -55,12 +61,7 @@ impl Look<'_> {
         }
     }
 
-    fn is_excused(&self, quantity: Quantity, value: f64) -> bool {
-        self.excused
-            .is_some_and(|(excused, worst)| excused == quantity && value.abs() <= worst)
-    }
-
-    /// Judges `value`; keeps the first trip, and the first warning that is new.
+    /// Judges `value`; keeps every trip, and the first warning that is new.
     fn at(&mut self, quantity: Quantity, value: f64, limit: &impl Limit) {
         let bit = quantity.bit();
         let Some((level, bound)) = limit.judge(value) else {
@@ -75,10 +76,14 @@ impl Look<'_> {
             bound,
         };
         match level {
-            Level::Trip if self.is_excused(quantity, value) => {}
-            Level::Trip => {
-                self.found.trip.get_or_insert(hit);
-            }
+            Level::Trip => match self.trips.judge(&hit, self.goes_on) {
+                Verdict::Trips if self.found.trip.is_none() => self.found.trip = Some(hit),
+                Verdict::Trips | Verdict::Told => {
+                    self.trips.tell(quantity);
+                    self.found.more = true;
+                }
+                Verdict::Excused => {}
+            },
             // A second new warning of the same tick is given in the next: its bit is not set yet.
             Level::Warning if *self.warned & bit == 0 && self.found.warning.is_none() => {
                 *self.warned |= bit;

@@ -5,10 +5,13 @@
 //! judged before it leaves, and what is not a number trips. Not here: what a trip leads to.
 
 mod calm;
+mod lately;
 mod look;
+mod past;
 mod quantity;
 mod sawtooth;
 mod spec;
+mod trips;
 mod watch;
 
 pub use calm::{Asked, Seen};
@@ -167,7 +170,7 @@ pub struct AxisLimits {
     pub sensor_force: Range,
     /// Of |measured − commanded|, at rest.
     pub following_error: Bound,
-    /// Seconds of commanded motion by which the following error may be larger.
+    /// Seconds of commanded motion by which the following error may be larger, at the largest speed of as many seconds.
     pub following_time: f64,
     /// Of the change of the measured force in one tick.
     pub force_step: Bound,
@@ -258,11 +261,13 @@ impl AxisLimits {
     }
 }
 
-/// What one look found: the worst that trips, and a warning that was not given before.
+/// What one look found: what trips, and a warning that was not given before.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Found {
     /// The first limit that trips.
     pub trip: Option<Hit>,
+    /// More is beyond a trip level, which [`Watch::next_trip`] tells: beside the first, or where that stops no way out.
+    pub more: bool,
     /// The first limit whose warning level was crossed from inside.
     pub warning: Option<Hit>,
 }
@@ -272,7 +277,7 @@ impl Found {
     #[inline]
     #[must_use]
     pub const fn is_something(&self) -> bool {
-        self.trip.is_some() || self.warning.is_some()
+        self.trip.is_some() || self.warning.is_some() || self.more
     }
 }
 

@@ -39,7 +39,9 @@ pub struct LimitsSpec {
     /// |measured − commanded| displacement at rest, in m.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub following_error_m: Option<BoundSpec>,
-    /// Seconds of commanded motion by which the following error may be larger.
+    /// Seconds of commanded motion by which the following error may be larger, for an actuator that comes behind by so much. The
+    /// largest speed of the commands of the last so many seconds counts, or of up to twice as many: it goes on for as long after
+    /// a command that stops.
     pub following_time_s: f64,
     /// Change of the measured force from one measurement to the next, in N.
     #[serde(skip_serializing_if = "Option::is_none")]

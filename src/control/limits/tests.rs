@@ -149,6 +149,51 @@ fn the_following_error_may_grow_with_the_speed() {
     assert!(measure(&mut one, 0.0705, 0.0).trip.is_some(), "at rest");
 }
 
+/// An actuator that comes 3 ticks behind goes on for as long after a command that stops, or slows down.
+#[test]
+fn who_comes_behind_a_command_that_stops_has_its_time_to_come_to_rest() {
+    let limits = AxisLimits {
+        following_error: Bound::trip(0.01),
+        following_time: 0.31,
+        ..AxisLimits::NONE
+    };
+    let slow = |k: u32| if k % 2 == 0 { 0.02 } else { 0.0 };
+    let stops: [(&str, &dyn Fn(u32) -> f64); 3] = [
+        ("at once", &|k| if k < 10 { 0.1 } else { 0.0 }),
+        ("for a slow way", &|k| if k < 10 { 0.1 } else { slow(k) }),
+        ("by and by", &|k| 0.1 - 0.02 * f64::from(k.clamp(5, 10) - 5)),
+    ];
+    for (name, step) in stops {
+        let way = |k: u32| (1..=k).map(step).sum::<f64>();
+        let mut one = watch(limits);
+        for k in 0..40 {
+            command(&mut one, way(k));
+            let found = measure(&mut one, way(k.saturating_sub(3)), 0.0);
+            assert_eq!(found.trip, None, "{name}: {k}");
+        }
+    }
+    // Told once more where it stands it is the same, and one that never comes trips after twice that time.
+    for comes in [true, false] {
+        let mut one = watch(limits);
+        let way = |k: u32| 0.1 * f64::from(k.min(10));
+        let trips = (0..40).find(|&k| {
+            if k <= 10 {
+                command(&mut one, way(k));
+            } else {
+                one.sent_again();
+            }
+            let stands = if comes {
+                k.saturating_sub(3)
+            } else {
+                k.min(10).saturating_sub(3)
+            };
+            measure(&mut one, way(stands), 0.0).trip.is_some()
+        });
+        assert_eq!(trips.is_some(), !comes);
+        assert!(trips.is_none_or(|k| k <= 10 + 2 * 4), "{trips:?}");
+    }
+}
+
 #[test]
 fn a_force_that_jumps_is_seen_from_the_second_measurement_on() {
     let limits = AxisLimits {
@@ -233,14 +278,135 @@ fn what_has_tripped_trips_again_only_if_it_gets_worse() {
         ..AxisLimits::NONE
     };
     let mut one = watch(limits);
-    let hit = measure(&mut one, 0.0, -110.0).trip.unwrap();
-    one.excuse(&hit);
+    assert!(measure(&mut one, 0.0, -110.0).trip.is_some());
+    one.excuse();
     assert_eq!(measure(&mut one, 0.0, -112.0).trip, None);
     assert!(measure(&mut one, 0.0, -116.0).trip.is_some());
     assert!(
         measure(&mut one, 2.0, -105.0).trip.is_some(),
         "another limit"
     );
+}
+
+#[test]
+fn what_has_tripped_on_one_side_is_no_excuse_on_the_other() {
+    for (trip, at, worse, other) in [
+        ([-2.0, 104.0], 104.1, 110.0, -2.1),
+        ([-300.0, -50.0], -49.8, -47.0, -301.0),
+        ([-300.0, -50.0], -49.8, 49.0, -301.0),
+        ([20.0, 104.0], 19.0, 18.0, 105.0),
+        ([20.0, 104.0], 19.0, -19.0, 105.0),
+    ] {
+        let limits = AxisLimits {
+            measured_force: Range {
+                trip,
+                ..Range::NONE
+            },
+            ..AxisLimits::NONE
+        };
+        for again in [worse, other, f64::NAN] {
+            let mut one = watch(limits);
+            assert!(measure(&mut one, 0.0, at).trip.is_some());
+            one.excuse();
+            assert_eq!(measure(&mut one, 0.0, at).trip, None);
+            let hit = measure(&mut one, 0.0, again).trip.unwrap();
+            assert!(hit.value == again || again.is_nan());
+        }
+    }
+}
+
+#[test]
+fn all_that_trips_in_one_look_is_told_and_excused() {
+    let limits = AxisLimits {
+        measured_force: range(-100.0, 100.0),
+        measured_disp: range(-1.0, 1.0),
+        ..AxisLimits::NONE
+    };
+    let mut two = Watch::new(vec![limits; 2], 0.1);
+    let values = [(-1.1, -110.0), (0.0, 101.0)];
+    let found = two.measured(values.into_iter());
+    assert_eq!(what(found.trip), Some((Quantity::MeasuredDisp, -1.1)));
+    let more: Vec<_> = std::iter::from_fn(|| two.next_trip()).collect();
+    let more: Vec<_> = more
+        .iter()
+        .map(|hit| (hit.axis, hit.quantity, hit.value))
+        .collect();
+    assert!(found.more);
+    assert_eq!(
+        more,
+        [
+            (0, Quantity::MeasuredForce, -110.0),
+            (1, Quantity::MeasuredForce, 101.0)
+        ]
+    );
+    two.excuse();
+    let found = two.measured(values.into_iter());
+    assert!((found.trip, found.more) == (None, false));
+    let worse = two.measured([(-1.1, -110.0), (1.01, 101.0)].into_iter());
+    let trip = worse.trip.unwrap();
+    assert_eq!((trip.axis, trip.quantity), (1, Quantity::MeasuredDisp));
+}
+
+/// Of an actuator that lags: it trips at 1.0 on the way to 1.5, in a specimen of 101 N at 1.0.
+#[test]
+fn where_it_was_sent_before_it_left_an_actuator_may_still_go() {
+    let limits = AxisLimits {
+        measured_force: range(-100.0, 100.0),
+        measured_disp: range(-1.2, 1.2),
+        sensor_force: Range {
+            trip: [-140.0, 140.0],
+            ..Range::NONE
+        },
+        ..AxisLimits::NONE
+    };
+    let left = |sensor_force: Range| {
+        let mut one = watch(AxisLimits {
+            sensor_force,
+            ..limits
+        });
+        command(&mut one, 1.5);
+        assert!(measure(&mut one, 1.0, 101.0).trip.is_some());
+        one.excuse();
+        command(&mut one, 1.4);
+        assert_eq!(measure(&mut one, 1.1, 111.0).trip, None);
+        one
+    };
+    let mut one = left(Range::NONE);
+    // Another limit on that way is told and stops nothing.
+    let found = measure(&mut one, 1.3, 131.0);
+    assert!(found.trip.is_none() && found.is_something());
+    let told = |one: &mut Watch| what(one.next_trip());
+    assert_eq!(told(&mut one), Some((Quantity::MeasuredDisp, 1.3)));
+    assert_eq!(told(&mut one), None);
+    assert!(!measure(&mut one, 1.5, 151.0).is_something());
+    for (disp, force) in [(1.5, 156.0), (1.52, 158.0), (1.4, 141.0)] {
+        assert!(!measure(&mut one, disp, force).is_something(), "{disp}");
+    }
+    assert!(
+        measure(&mut one, 1.4, 159.0).trip.is_some(),
+        "on its way back"
+    );
+
+    let trips = |disp: f64, force: f64| measure(&mut left(limits.sensor_force), disp, force).trip;
+    assert_eq!(what(trips(1.3, 131.0)), None);
+    assert!(trips(1.51, 131.0).is_some(), "farther than it was sent");
+    assert!(trips(1.05, 117.0).is_some(), "it has turned");
+    assert!(trips(1.3, f64::NAN).is_some());
+    let range = trips(1.3, 141.0);
+    assert_eq!(what(range), Some((Quantity::SensorForce, 141.0)));
+}
+
+/// A command beyond its stroke never left: where the specimen is led it may not go either.
+#[test]
+fn a_command_beyond_its_stroke_is_not_excused() {
+    let limits = AxisLimits {
+        command_disp: range(-1.0, 1.0),
+        ..AxisLimits::NONE
+    };
+    let mut one = watch(limits);
+    assert!(one.command(std::iter::once(1.01)).trip.is_some());
+    one.excuse();
+    assert!(one.command(std::iter::once(1.005)).trip.is_some());
 }
 
 #[test]

@@ -1,30 +1,9 @@
 //! The look at one specimen, tick by tick: past values, differences, and what was warned of already.
 
 use super::calm::{Asked, Calm, Seen};
-use super::look::Look;
+use super::past::{Pace, Past};
 use super::sawtooth::Sawtooth;
 use super::{AxisLimits, Found, Hit, Quantity};
-
-/// Beyond so many times the value that tripped, it trips again.
-const WORSE: f64 = 1.05;
-
-/// What is remembered of one axis, SI.
-#[derive(Debug, Clone, Copy, Default)]
-struct Past {
-    /// Commands that left: the last, and the one before.
-    command: [f64; 2],
-    /// Speed of the last command.
-    speed: f64,
-    measured: f64,
-    force: f64,
-    stuck_ticks: u32,
-    stuck_travel: f64,
-    sawtooth: Sawtooth,
-    /// One bit per quantity that is beyond its warning level.
-    warned: u32,
-    /// What has tripped, and how far it was: no further trip until it gets worse.
-    excused: Option<(Quantity, f64)>,
-}
 
 /// One axis: what is allowed, where nothing is to be told, and what is remembered.
 #[derive(Debug, Clone)]
@@ -32,13 +11,6 @@ struct Axis {
     limits: AxisLimits,
     calm: Calm,
     past: Past,
-}
-
-/// Wall time in s to the next command, and that to the last; 0: no other.
-#[derive(Debug, Clone, Copy)]
-struct Pace {
-    tick: f64,
-    before: f64,
 }
 
 /// Watches the limits of one specimen. Real-time after `new`.
@@ -169,11 +141,12 @@ impl Watch {
                 past.sawtooth = past.sawtooth.after(disp, limits.alternating_floor);
             }
             let step = (disp - past.command[0]).abs();
-            past.speed = if self.sent >= 1 {
+            let speed = if self.sent >= 1 {
                 step / self.tick
             } else {
                 0.0
             };
+            past.speed.take(speed, self.tick, limits.following_time);
             past.stuck_travel += step;
             past.command = [disp, past.command[0]];
         }
@@ -181,11 +154,24 @@ impl Watch {
         self.tick_before = self.tick;
     }
 
-    /// A specimen that has tripped is on its way back: what it tripped at counts again only if it gets worse.
-    pub fn excuse(&mut self, hit: &Hit) {
-        if let Some(Axis { past, .. }) = self.axes.get_mut(hit.axis) {
-            past.excused = Some((hit.quantity, WORSE * hit.value.abs()));
+    /// A specimen that has tripped is on its way back: what it tripped at counts again only if it gets worse, or on the other side,
+    /// and not while its actuator only goes on to where the last command has sent it.
+    pub fn excuse(&mut self) {
+        for Axis { past, .. } in &mut self.axes {
+            past.trips.excuse(past.stands, past.command[0]);
         }
+    }
+
+    /// The next of the trips that [`Found::more`] stands for. Real-time: yes.
+    pub fn next_trip(&mut self) -> Option<Hit> {
+        let mut axes = self.axes.iter_mut().enumerate();
+        axes.find_map(|(index, axis)| axis.past.trips.next_untold(index))
+    }
+
+    /// True if this has tripped on an axis.
+    #[must_use]
+    pub fn has_tripped(&self, quantity: Quantity) -> bool {
+        self.axes.iter().any(|axis| axis.past.trips.has(quantity))
     }
 
     /// Targets of steps are told from here on, and stand at `disp`: a sawtooth is looked for in them.
@@ -206,8 +192,16 @@ impl Watch {
 
     /// Takes note that the last command leaves once more. Real-time: yes.
     pub fn sent_again(&mut self) {
+        for Axis { limits, past, .. } in &mut self.axes {
+            past.speed.take(0.0, self.tick, limits.following_time);
+        }
+        self.rests();
+    }
+
+    /// The last command counts as one at rest: the next is judged by that. Its specimen may still be on the way to it. Real-time:
+    /// yes.
+    pub fn rests(&mut self) {
         for Axis { past, .. } in &mut self.axes {
-            past.speed = 0.0;
             past.command = [past.command[0]; 2];
             if !self.aims {
                 past.sawtooth = Sawtooth::at_rest(past.command[0]);
@@ -334,68 +328,4 @@ pub struct Estimated {
     pub damping_ratio: f64,
     /// Energy that the transfer system has added, J.
     pub added_energy: f64,
-}
-
-impl Past {
-    /// What the next command is judged by. Real-time: yes.
-    #[inline]
-    fn asked(&self, disp: f64, pace: Pace, aims: bool, limits: &AxisLimits) -> Asked {
-        let Pace { tick, before } = pace;
-        let [last, last_but_one] = self.command;
-        let sawtooth = if aims {
-            self.sawtooth.ticks
-        } else {
-            self.sawtooth.after(disp, limits.alternating_floor).ticks
-        };
-        let step = (disp - last).abs();
-        Asked {
-            disp,
-            step,
-            vel: step / tick,
-            accel: if before == tick || before == 0.0 {
-                (disp - 2.0 * last + last_but_one).abs() / (tick * tick)
-            } else {
-                let change = (disp - last) / tick - (last - last_but_one) / before;
-                change.abs() / (0.5 * (tick + before))
-            },
-            alternating: f64::from(sawtooth),
-        }
-    }
-
-    /// Takes a fresh measurement; what it is judged by. Real-time: yes.
-    #[inline]
-    fn seen(
-        &mut self,
-        (disp, force, stands): (f64, f64, f64),
-        seen_before: bool,
-        limits: &AxisLimits,
-    ) -> Seen {
-        let moved =
-            disp.to_bits() != self.measured.to_bits() || force.to_bits() != self.force.to_bits();
-        if moved || !seen_before {
-            (self.stuck_ticks, self.stuck_travel) = (0, 0.0);
-        } else if self.stuck_travel > limits.stuck_travel {
-            self.stuck_ticks = self.stuck_ticks.saturating_add(1);
-        }
-        let error = (stands - self.command[0]).abs();
-        let seen = Seen {
-            disp,
-            force,
-            // The share of motion is taken off, so that both levels get the same.
-            error: error - limits.following_time * self.speed,
-            jump: (force - self.force).abs(),
-            stuck: f64::from(self.stuck_ticks),
-        };
-        (self.measured, self.force) = (disp, force);
-        seen
-    }
-
-    fn look<'a>(&'a mut self, axis: usize, found: &'a mut Found) -> Look<'a> {
-        Look {
-            axis,
-            warned: &mut self.warned,
-            excused: self.excused,
-            found,
-        }
-    }
 }
