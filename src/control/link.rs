@@ -15,6 +15,8 @@ pub struct LinkCount {
     pub stale: u64,
     /// Measurements of a simulated actuator that did not come to terms with what it moves.
     pub unsettled: u64,
+    /// Times that the specimen said that it holds by its own watchdog.
+    pub holds: u64,
     /// What the link itself counts.
     pub stats: LinkStats,
 }
@@ -34,6 +36,8 @@ pub struct Partner {
     pub measured: bool,
     /// Stale measurements in a row.
     pub stale: u64,
+    /// Answers in a row in which it says that it holds by its own watchdog.
+    pub holding: u64,
     /// When one that is commanded once a step was seen to owe its answer.
     pub asked_at: Option<Nanos>,
 }
