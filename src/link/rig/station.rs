@@ -6,6 +6,8 @@ mod attempt;
 mod ending;
 mod first;
 mod ready;
+#[cfg(test)]
+mod tests;
 
 pub(in crate::link) use first::words as first_words;
 
