@@ -9,7 +9,7 @@ pub(super) const HEAD: [(&str, &str, &str, bool); 10] = [
     (
         "state",
         "1",
-        "2 = which way round it is wired is tried, 3 = running, 4 = not passed on, at a trip before it left or after one",
+        "2 = before the test: which way round it is wired is tried, or what it resists where it stands, 3 = running, 4 = not passed on, at a trip before it left or after one",
         false,
     ),
     ("time", "s", "test time of the command", false),

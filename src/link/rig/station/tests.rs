@@ -138,6 +138,20 @@ fn of_a_specimen_that_does_not_tell_the_file_says_where_it_stands_and_then_where
     assert_eq!(spring.told.lock().unwrap().last(), Some(&0.0045));
 }
 
+#[test]
+fn what_is_asked_before_the_first_command_was_measured() {
+    let spring = Spring {
+        tells: vec![0.004],
+        ..Spring::default()
+    };
+    let mut station = station(&spring, &Whereabouts::default());
+    begin(&mut station).unwrap();
+    let measured = station.measured();
+    assert_eq!((measured.disp[0], measured.force[0]), (0.004, K * 0.004));
+    assert_eq!(*spring.told.lock().unwrap(), [0.004], "nothing has moved");
+    assert_eq!(goes_to(&mut station, 0, 0.0045), Ok(K * 0.0045));
+}
+
 /// At which of twenty commands of a test, from 0, it trips that this status was said from the fifth on.
 fn says(status: Status) -> Option<(usize, Trip)> {
     // Its first command is ours.
