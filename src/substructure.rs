@@ -48,6 +48,10 @@ impl Status {
     /// The same: the operator did not wait for the answer to the last command.
     pub const OWED: Status = Status(1 << 19);
 
+    /// The same, beside [`Status::HOLDING`]: the specimen held until its last command came, and the answer to that does not say so
+    /// any more.
+    pub const HELD: Status = Status(1 << 20);
+
     /// True if every bit of `flag` is set.
     #[must_use]
     pub const fn has(self, flag: Status) -> bool {

@@ -79,7 +79,7 @@ fn where_a_specimen_stands_is_said_by_its_link_or_by_the_file() {
             ASKS,
         ),
         ("protocol = \"openfresco\"\nstands_at_m = [0]", TELLS),
-        ("stands_at_m = [0]", TELLS),
+        ("stands_at_m = [0, 0]", "2 displacements for 1 axes"),
         (
             "protocol = \"openfresco-shadow\"\nstands_at_m = [0, 0]",
             "2 displacements for 1 axes",
@@ -94,6 +94,9 @@ fn where_a_specimen_stands_is_said_by_its_link_or_by_the_file() {
     for keys in [
         "protocol = \"openfresco-shadow\"\nstands_at_m = [-0.02]",
         "protocol = \"openfresco\"",
+        // A specimen of our own protocol may tell, and need not.
+        "",
+        "stands_at_m = [0.01]",
     ] {
         assert_eq!(with(keys), "", "{keys}");
     }

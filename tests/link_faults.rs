@@ -188,6 +188,42 @@ fn a_force_beyond_the_range_of_its_sensor_ends_the_test() {
     );
 }
 
+/// Its watchdog has stopped it, and nobody resets it: what it answers belongs to no command. The replay ends there, too.
+#[test]
+fn a_specimen_that_goes_on_holding_by_itself_ends_the_test() {
+    const STEPS: u32 = 200;
+    let folder = tempfile::tempdir().unwrap();
+    let address = Fake::start(|mut fake| {
+        fake.behave(WARM_UP + 10);
+        while let Some((sequence, _)) = fake.command() {
+            let frame = fake.answer(sequence, 1.0, Status::HOLDING);
+            fake.write(&frame);
+        }
+    });
+    let (code, said) = run(folder.path(), "run", &linked(STEPS, &address, ""));
+    assert_eq!(code, 1, "{said}");
+    let found = summary(folder.path(), "run");
+    assert_eq!(found.status, Ended::Stopped);
+    // 0.1 s of ticks of 1 ms are put up with.
+    let wanted = "specimen 1: it says in 101 answers in a row that it holds by its own watchdog";
+    assert!(found.reason.starts_with(wanted), "{}", found.reason);
+    assert_eq!(found.steps, 109);
+    let warned = "specimen \"column\": it said once that it holds by its own watchdog";
+    assert!(
+        found.warnings.iter().any(|text| text.starts_with(warned)),
+        "{:?}",
+        found.warnings
+    );
+    let events = events(folder.path(), "run");
+    let told = |name: &str| events.iter().filter(|event| *event == name).count();
+    assert_eq!((told("specimen_holds"), told("specimen_holds_on")), (1, 1));
+    let mut replay = gusset();
+    replay.arg("replay").arg(folder.path().join("run"));
+    let replayed = finish(replay);
+    let said = String::from_utf8_lossy(&replayed.stderr);
+    assert_eq!(replayed.status.code(), Some(0), "{said}");
+}
+
 #[test]
 fn a_sampled_specimen_whose_sequence_is_frozen_runs_into_the_bound_of_stale_ticks() {
     let folder = tempfile::tempdir().unwrap();

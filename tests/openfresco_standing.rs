@@ -3,13 +3,17 @@
 
 mod link_common;
 
+use std::sync::mpsc::channel;
 use std::sync::{Arc, Mutex};
 
 use gusset::link::openfresco::{Peer, Remote, RemoteSettings};
 use gusset::substructure::{Command, Measurement, Retirement, Substructure};
 use gusset::time::Nanos;
+use gusset::wire::handshake::{Capabilities, Welcome};
 use gusset::wire::openfresco::Carrier;
-use link_common::{ONE_AXIS_LAW, Served, adapter, finish, gusset, linked, run, summary};
+use link_common::{
+    Fake, ONE_AXIS_LAW, Served, adapter, finish, gateway, gusset, linked, run, summary,
+};
 
 const STEPS: u32 = 100;
 const K: f64 = 4e5;
@@ -123,6 +127,42 @@ fn a_gateway_knows_where_it_told_a_specimen_to_go_that_cannot_say_where_it_stand
     let told = told.lock().unwrap();
     assert!(largest_step(&told) <= 0.003 + 1e-12, "{told:?}");
     assert_eq!(told.last(), Some(&(STANDS + 0.005)));
+}
+
+/// One of our own protocol may tell where it stands, and need not: then the file says it. Who is commanded by a gateway is not
+/// commanded before somebody does.
+#[test]
+fn of_a_specimen_of_our_own_protocol_that_does_not_tell_the_file_says_where_it_stands() {
+    let silent = || {
+        let (tell, told) = channel();
+        let real = |welcome: &mut Welcome| welcome.capabilities = Capabilities::default();
+        let address = Fake::start_welcoming(real, move |mut fake| {
+            fake.obey(
+                |disp| (disp, K * disp),
+                move |told| {
+                    let _ = tell.send(told);
+                },
+            );
+        });
+        (address, told)
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let (address, told) = silent();
+    let keys = format!("probe = \"none\"\nstands_at_m = [{STANDS}]");
+    let (code, said) = run(folder.path(), "run", &linked(STEPS, &address, &keys));
+    assert_eq!(code, 0, "{said}");
+    assert!(!said.contains("NOBODY KNOWS"), "{said}");
+    let told: Vec<f64> = told.try_iter().flatten().collect();
+    assert!((told[0] - STANDS).abs() < 1e-6 && largest_step(&told) < 2e-4);
+
+    let (address, told) = silent();
+    let table = format!("stiffness_n_per_m = {K}\n");
+    let file = gateway(&address, &table, "").replace("computed = true\n", "");
+    let served = Served::start(folder.path(), &file, &["--protocol", "openfresco"]);
+    let settings = RemoteSettings::new(Peer::Element, Carrier::Stream, served.address.clone(), 1);
+    assert!(Remote::new(settings).unwrap().open().is_err());
+    served.hears("nobody knows where it stands");
+    assert_eq!(told.try_iter().count(), 0);
 }
 
 /// A specimen of ±50 mm that moves, and whose steps nothing bounds.

@@ -143,6 +143,45 @@ fn more_in_a_row_than_allowed_end_the_test() {
     assert_eq!(run(&apart, false, 2).0.outcome.ending, Ending::Completed);
 }
 
+/// Ticks in which it is told that a specimen holds by its own watchdog.
+fn holds(run: &Run) -> Vec<u64> {
+    let told = run.events.iter();
+    let told = told.filter(|event| event.kind == EventKind::Holds { port: 0 });
+    told.map(|event| event.tick).collect()
+}
+
+/// Commands had stopped, and its watchdog has stopped it: it says so once more with its first answers.
+#[test]
+fn a_specimen_that_says_that_it_holds_is_told_of_and_ends_the_test_if_it_goes_on() {
+    let at = |held: &[u64]| -> Vec<_> { held.iter().map(|at| (*at, Act::Holds)).collect() };
+    let (kept, _) = run(&at(&[7, 20, 21]), false, 2);
+    assert_eq!(kept.outcome.ending, Ending::Completed);
+    assert_eq!(holds(&kept), [7, 20]);
+    assert_eq!(kept.outcome.ports[0].2.holds, 2);
+    assert!(kept.column("status_1")[20] == 2.0 && kept.column("status_1")[22] == 0.0);
+    // What is stale in between says nothing new.
+    let mut script = at(&[20, 21, 23, 24]);
+    script.push((22, Act::Miss));
+    let (stopped, calls) = run(&script, false, 2);
+    let wanted = Stop::HoldsOn {
+        port: 0,
+        answers: 3,
+    };
+    assert_eq!(stopped.outcome.ending, Ending::Stopped(wanted));
+    assert_eq!(holds(&stopped), [20]);
+    let last = stopped.events.iter().map(|event| event.kind);
+    assert!(
+        last.clone()
+            .any(|kind| kind == EventKind::HoldsOn { port: 0 })
+    );
+    assert!(
+        !calls
+            .iter()
+            .any(|c| matches!(c.1, Call::Issue { sequence: 24.., .. })),
+        "no command after that"
+    );
+}
+
 /// Whoever does not answer any more, or whose answers say nothing, is not commanded any more: that keeps nobody else from where
 /// the test file wants them.
 #[test]

@@ -1,5 +1,6 @@
 //! What a port keeps about its link: counts, the rules of waiting, and the comparison of estimates at connect.
 
+use super::opening::SAME;
 use super::{Direction, Opinion, Port, compare_stiffness};
 use crate::substructure::{Holder, Introduction, LinkFault, LinkStats, Unavailable};
 use crate::time::Nanos;
@@ -15,6 +16,8 @@ pub struct LinkCount {
     pub stale: u64,
     /// Measurements of a simulated actuator that did not come to terms with what it moves.
     pub unsettled: u64,
+    /// Times that the specimen said that it holds by its own watchdog.
+    pub holds: u64,
     /// What the link itself counts.
     pub stats: LinkStats,
 }
@@ -34,6 +37,8 @@ pub struct Partner {
     pub measured: bool,
     /// Stale measurements in a row.
     pub stale: u64,
+    /// Answers in a row in which it says that it holds by its own watchdog.
+    pub holding: u64,
     /// When one that is commanded once a step was seen to owe its answer.
     pub asked_at: Option<Nanos>,
 }
@@ -84,6 +89,9 @@ impl Port {
     pub fn connect(&mut self) -> Result<Introduction, Unavailable> {
         let mut introduction = self.substructure.connect()?;
         let n = self.axes.len();
+        introduction
+            .warnings
+            .extend(self.contradicted_by(&introduction.standing));
         self.learns_where_it_stands(&introduction.standing);
         if matches!(self.direction, Direction::Unchecked) && !introduction.simulated {
             introduction.warnings.push(format!(
@@ -94,8 +102,9 @@ impl Port {
         }
         if self.is_remote() && self.standing().is_none() && !introduction.simulated {
             introduction.warnings.push(format!(
-                "specimen \"{}\": NOBODY KNOWS WHERE IT STANDS: its link cannot tell, so its first command takes it at once to \
-                 where the test begins, whatever limits of step and speed it has",
+                "specimen \"{}\": NOBODY KNOWS WHERE IT STANDS: its link does not tell, so its first command takes it at once to \
+                 where the test begins, whatever limits of step and speed it has: say it by `stands_at_m` in [specimen.link], and it \
+                 is led from there",
                 self.name
             ));
         }
@@ -125,6 +134,24 @@ impl Port {
             }
         }
         Ok(introduction)
+    }
+
+    /// The specimen says where it stands, and the test file says otherwise.
+    fn contradicted_by(&self, said: &[f64]) -> Option<String> {
+        let stated = self.stated.as_ref()?;
+        let mut axes = said.iter().zip(stated);
+        let is_elsewhere = axes.any(|(said, stated)| {
+            // Written as "is there", so that NaN is elsewhere.
+            let is_there = (said - stated).abs() <= SAME * said.abs().max(stated.abs());
+            !is_there
+        });
+        is_elsewhere.then(|| {
+            format!(
+                "specimen \"{}\": it says that it stands at {said:?}, and `stands_at_m` that it stands at {stated:?} (its own unit): \
+                 its own word counts",
+                self.name
+            )
+        })
     }
 
     /// Asks what [`Port::arm`] waits for, and does not wait.
@@ -265,6 +292,18 @@ mod tests {
         assert!(warned(vec![0.0]).is_empty());
         let words = warned(Vec::new());
         assert!(words.len() == 1 && words[0].contains("NOBODY KNOWS WHERE IT STANDS"));
+        // Whoever says it in its place is told if it says otherwise itself.
+        let warned = |standing| {
+            let axes = vec![Axis::plain(vec![(0, 1.0)])];
+            let mut port = Port::new("rig", axes, Box::new(Far(standing)), 1, vec![1e6]).unwrap();
+            port.is_said_to_stand_at(&[0.01]);
+            let warnings = port.connect().unwrap().warnings;
+            (port.standing().unwrap()[0], warnings)
+        };
+        assert_eq!(warned(Vec::new()), (0.01, Vec::new()));
+        assert_eq!(warned(vec![0.01]), (0.01, Vec::new()));
+        let (stands, words) = warned(vec![0.03]);
+        assert!(stands == 0.03 && words.len() == 1 && words[0].contains("its own word counts"));
     }
 
     /// When its answer was due by the clock of a retraced test says nothing in the test that goes on.

@@ -6,7 +6,7 @@ use super::Port;
 use crate::substructure::{Command, LinkFault};
 
 /// Displacements whose relative difference is smaller are the same place.
-const SAME: f64 = 1e-9;
+pub(super) const SAME: f64 = 1e-9;
 
 /// Time of a ramp in s that nothing else bounds.
 pub const UNBOUNDED_RAMP_S: f64 = 1.0;

@@ -2,8 +2,8 @@
 //!
 //! From the first command on every end goes through [`Engine::conclude`]. Before it, in an orderly end or a trip, each
 //! specimen is moved to where the test file wants it left; after a panic nothing is moved any more. A specimen whose link is
-//! lost, whose measurements stayed away too long or say nothing, since a sensor of it is saturated, or whose interlock is open
-//! is not commanded: its own end holds it, or nobody. One whose load cell came out of its range stays where a force would lead it.
+//! lost, whose measurements stayed away too long or say nothing, since a sensor of it is saturated, whose interlock is open, or
+//! which its own watchdog holds is not commanded: its own end holds it, or nobody. One whose load cell came out of its range stays where a force would lead it.
 //! Until it is known which way round the specimens are wired, where their zeros are and that they stand where they should, none
 //! is moved: their exits would be anywhere. What stops the way out stops it for all, and is part of how the test ended: a test
 //! that trips there has tripped.
@@ -194,10 +194,12 @@ impl Engine {
     /// What stopped the test is known on the way out: who is not commanded any more. Real-time: yes.
     pub(super) fn bear_in_mind(&mut self, stop: &Stop) {
         match stop {
-            // Of one whose measurements stay away nobody knows whether it follows, of a saturated one what it feels.
+            // Of one whose measurements stay away nobody knows whether it follows, of a saturated one what it feels; what holds by
+            // itself does not follow.
             Stop::Link { port, .. }
             | Stop::Interlock { port }
             | Stop::Saturated { port }
+            | Stop::HoldsOn { port, .. }
             | Stop::Stale { port, .. } => {
                 if let Some(port) = self.ports.get_mut(*port) {
                     port.partner.lost = true;

@@ -284,6 +284,7 @@ impl Engine {
             // Warm-up ticks do not count, but for one that has not answered yet.
             if port.partner.measured {
                 port.partner.stale = 0;
+                port.partner.holding = 0;
             }
         }
         self.clear_commands()

@@ -187,7 +187,7 @@ pub(super) fn port_columns(columns: &mut Vec<Column>, number: usize, port: &Port
     let meaning = format!(
         "status flags of specimen \"{name}\": 1 interlock, 2 holding, 4 saturated, 8 its simulated actuator not \
          settled; of the loop: 65536 lost, 131072 before its last command left, 262144 stale, \
-         524288 its answer not waited for"
+         524288 its answer not waited for, 1048576 beside 2 it held until its last command came"
     );
     columns.push(column(&format!("status_{number}"), "1", &meaning, false));
     start..columns.len()

@@ -266,9 +266,15 @@ impl Engine {
         if status.has(Status::SATURATED) {
             return Err(Stop::Saturated { port: index });
         }
+        if status.has(Status::HOLDING) || port.partner.holding > 0 {
+            self.judge_holding(index, status, freshness, tick)?;
+        }
         if freshness == Freshness::Stale {
             return self.judge_age(index, tick);
         }
+        let Some(port) = self.ports.get_mut(index) else {
+            return Ok(());
+        };
         port.partner.stale = 0;
         let found = port.judge();
         if status.has(Status::UNSETTLED) {

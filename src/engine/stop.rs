@@ -56,6 +56,17 @@ pub enum Stop {
         /// Specimen, from 0.
         port: usize,
     },
+    /// A specimen goes on saying that its own watchdog holds it, although commands come.
+    #[error(
+        "specimen {}: it says in {answers} answers in a row that it holds by its own watchdog: commands do not move it",
+        port + 1
+    )]
+    HoldsOn {
+        /// Specimen, from 0.
+        port: usize,
+        /// Answers in a row.
+        answers: u64,
+    },
     /// A link failed.
     #[error("specimen {}: {fault}", port + 1)]
     Link {

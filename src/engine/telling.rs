@@ -29,6 +29,7 @@ impl Engine {
                 Stop::Limit { .. }
                     | Stop::Interlock { .. }
                     | Stop::Saturated { .. }
+                    | Stop::HoldsOn { .. }
                     | Stop::Geometry { .. }
                     | Stop::Stale { .. }
             )
@@ -136,6 +137,9 @@ impl Engine {
             }
             Stop::Saturated { port } => {
                 self.report_now(EventKind::Saturated { port: *port as u32 });
+            }
+            Stop::HoldsOn { port, .. } => {
+                self.report_now(EventKind::HoldsOn { port: *port as u32 });
             }
             Stop::Moved {
                 port,

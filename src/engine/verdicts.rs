@@ -2,10 +2,11 @@
 //! the test. Everything here is on the real-time path, and out of its way where nothing was found.
 
 use super::tick::Tick;
-use super::{Engine, Stop};
+use super::{Engine, Limits, Stop};
 use crate::control::limits::{Found, Hit, Level};
 use crate::control::{OnStale, Port};
 use crate::record::EventKind;
+use crate::substructure::{Freshness, Status};
 
 impl Engine {
     /// A warning is told, a trip ends the test, and all that trip are told. Real-time: yes.
@@ -48,13 +49,7 @@ impl Engine {
         };
         port.partner.stale += 1;
         let age = self.sequence.saturating_sub(port.raw().sequence);
-        let (on_stale, in_a_row) = match port.wait {
-            Some(own) => (own.on_stale, own.stale_in_a_row),
-            None if self.limits.extrapolate_stale => {
-                (OnStale::Extrapolate, self.limits.stale_in_a_row)
-            }
-            None => (OnStale::Hold, self.limits.stale_in_a_row),
-        };
+        let (on_stale, in_a_row) = stale_rules(port, &self.limits);
         if on_stale == OnStale::Extrapolate {
             port.extrapolate();
         }
@@ -72,6 +67,44 @@ impl Engine {
                 port: index,
                 ticks: count,
             });
+        }
+        Ok(())
+    }
+
+    /// A specimen holds by its own watchdog, as it says: no command moves it then, and what it answers belongs to none. Each time is
+    /// told. Where more answers in a row say so than stale ones are put up with, although commands come, the test ends. Real-time:
+    /// yes.
+    #[cold]
+    pub(super) fn judge_holding(
+        &mut self,
+        index: usize,
+        status: Status,
+        freshness: Freshness,
+        tick: &Tick,
+    ) -> Result<(), Stop> {
+        let Some(port) = self.ports.get_mut(index) else {
+            return Ok(());
+        };
+        let before = port.partner.holding;
+        let holds = status.has(Status::HOLDING);
+        let goes_on = holds && !status.has(Status::HELD);
+        port.partner.holding = match (goes_on, freshness) {
+            (true, Freshness::Fresh) => before + 1,
+            (true, Freshness::Stale) => before.max(1),
+            (false, Freshness::Fresh) => 0,
+            // What is stale says nothing new.
+            (false, Freshness::Stale) => before,
+        };
+        let answers = port.partner.holding;
+        let (_, in_a_row) = stale_rules(port, &self.limits);
+        if holds && before == 0 {
+            port.link.holds += 1;
+            let port = index as u32;
+            self.report(tick, EventKind::Holds { port });
+        }
+        if answers > in_a_row {
+            let port = index;
+            return Err(Stop::HoldsOn { port, answers });
         }
         Ok(())
     }
@@ -111,5 +144,14 @@ impl Engine {
             let port = index as u32;
             self.report(tick, EventKind::Unsettled { port, ticks });
         }
+    }
+}
+
+/// What is done with stale data of a specimen, and how many in a row are put up with. Real-time: yes.
+fn stale_rules(port: &Port, limits: &Limits) -> (OnStale, u64) {
+    match port.wait {
+        Some(own) => (own.on_stale, own.stale_in_a_row),
+        None if limits.extrapolate_stale => (OnStale::Extrapolate, limits.stale_in_a_row),
+        None => (OnStale::Hold, limits.stale_in_a_row),
     }
 }

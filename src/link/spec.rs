@@ -80,9 +80,11 @@ pub struct LinkSpec {
     #[serde(default, skip_serializing_if = "is_false")]
     pub computed: bool,
     /// Where the specimen stands before a test, in m as each axis counts, one entry per axis: for what cannot be asked, OpenFresco's
-    /// actor sites and OpenSees' adapters. It is held there first and led from there to where the test begins; a gateway judges
-    /// the first command of its first test as a step from there, and that of every later test from where it told it to go last.
-    /// Needed unless `computed` says that nothing moves there; every other link tells it.
+    /// actor sites and OpenSees' adapters, and for one of our own protocol that does not tell it (where it does, its own word
+    /// counts). It is held there first and led from there to where the test begins; a gateway judges the first command of its
+    /// first test as a step from there, and that of every later test from where it told it to go last. Needed unless `computed`
+    /// says that nothing moves there; OpenFresco's other servers tell it. Without it a gateway refuses each test with a specimen of
+    /// our own protocol that does not tell where it stands.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stands_at_m: Option<Vec<f64>>,
     /// "none": the direction is not checked, and nobody is warned of that.

@@ -150,6 +150,16 @@ pub enum EventKind {
         /// Specimen, from 0.
         port: u32,
     },
+    /// Specimen `port` says that it holds by its own watchdog.
+    Holds {
+        /// Specimen, from 0.
+        port: u32,
+    },
+    /// It goes on saying so, although commands come.
+    HoldsOn {
+        /// Specimen, from 0.
+        port: u32,
+    },
     /// The simulated actuator of specimen `port` did not come to terms with what it moves.
     Unsettled {
         /// Specimen, from 0.

@@ -22,6 +22,8 @@ const KINDS: [(&str, &[&str], Ink); 5] = [
             "unacknowledged",
             "interlock",
             "saturated",
+            "specimen_holds",
+            "specimen_holds_on",
         ],
         Ink::Series(1),
     ),

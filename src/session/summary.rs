@@ -104,6 +104,7 @@ pub(super) fn summarise(
         warnings.push(format!("{} rows are LOST: {cause}", recorded.rows_lost()));
     }
     warnings.extend(outcome.map(unsettled).into_iter().flatten());
+    warnings.extend(outcome.map(held).into_iter().flatten());
     let summary = Summary {
         status: match finish {
             Finish::Completed => Status::Completed,
@@ -151,6 +152,23 @@ fn unsettled(outcome: &Outcome) -> Vec<String> {
             "specimen \"{name}\": in {} ticks the servo-hydraulic actuator and the law did not come to terms: what was measured \
              then is not exact; a finer tick (`ticks_per_step`) settles it",
             link.unsettled
+        )
+    };
+    each.map(sentence).collect()
+}
+
+/// Specimens that said that they hold by their own watchdog, in sentences.
+fn held(outcome: &Outcome) -> Vec<String> {
+    let each = outcome.ports.iter().filter(|port| port.2.holds > 0);
+    let sentence = |(name, _, link): &(String, Vec<f64>, crate::control::LinkCount)| {
+        let times = if link.holds == 1 {
+            "once".to_owned()
+        } else {
+            format!("{} times", link.holds)
+        };
+        format!(
+            "specimen \"{name}\": it said {times} that it holds by its own watchdog, since commands had stopped: what it measured \
+             meanwhile does not belong to the commands (`specimen_holds` in events.jsonl)"
         )
     };
     each.map(sentence).collect()
@@ -263,6 +281,7 @@ const fn finish_of(stop: &Stop) -> Finish {
         Stop::Internal => Finish::Panicked,
         Stop::Interlock { .. }
         | Stop::Saturated { .. }
+        | Stop::HoldsOn { .. }
         | Stop::Moved { .. }
         | Stop::Limit { .. }
         | Stop::Geometry { .. }
@@ -299,6 +318,11 @@ fn words(ending: &Ending, outcome: &Outcome) -> String {
             reason.push_str(
                 ": its answers are late, lost or all to one old command; `link` in the summary counts them, \
                  `max_stale` and `max_stale_s` are the limits",
+            );
+        }
+        Stop::HoldsOn { .. } => {
+            reason.push_str(
+                ": look at the specimen's end, whose watchdog was alarmed when commands stopped",
             );
         }
         _ => {}

@@ -41,6 +41,8 @@ pub enum Act {
     Force(f64),
     /// A sensor of it is at the end of its range.
     Saturated,
+    /// It says that it holds by its own watchdog.
+    Holds,
     /// Its answer is not there yet.
     Miss,
     /// An answer of this age in commands arrives and calls itself fresh, with a force that would do harm.
@@ -92,6 +94,7 @@ impl<F: FnMut(Phase, u64) -> Act + Send> Substructure for Rig<F> {
 
     fn collect(&mut self, deadline: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
         self.note(Call::Collect { deadline });
+        into.status.0 &= !Status::HOLDING.0;
         let (age, force) = match (self.act)(Phase::Collect, self.sequence) {
             Act::Fail(fault) => return Err(fault),
             Act::Miss => return Ok(Freshness::Stale),
@@ -99,6 +102,10 @@ impl<F: FnMut(Phase, u64) -> Act + Send> Substructure for Rig<F> {
             Act::Force(force) => (0, force),
             Act::Saturated => {
                 into.status.0 |= Status::SATURATED.0;
+                (0, STIFFNESS * self.disp)
+            }
+            Act::Holds => {
+                into.status.0 |= Status::HOLDING.0;
                 (0, STIFFNESS * self.disp)
             }
             Act::Late(age) => (age, 1e12),

@@ -204,21 +204,22 @@ fn check_probe(specimen: &SpecimenTable, link: &LinkSpec, at: &KeyPath, findings
     }
 }
 
-/// Where the specimen stands is told by its link or by the file, and by one of them only.
+/// Where the specimen stands is told by its link or by the file, and by one of them only: but for our own protocol, in which a
+/// specimen may tell.
 pub(super) fn check_standing(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
     let Some(link) = &specimen.link else {
         return;
     };
     let (at, axes) = (at.key("link"), specimen.axes());
     let tells = match RemoteSettings::from_spec(link, axes) {
-        Ok(Some(settings)) => settings.tells_where_it_stands(),
-        Ok(None) => true,
+        Ok(Some(settings)) => Some(settings.tells_where_it_stands()),
+        Ok(None) => None,
         // Told where the link is built.
         Err(_) => return,
     };
     let here = at.key("stands_at_m");
     match &link.stands_at_m {
-        None if tells || link.computed => {}
+        None if tells != Some(false) || link.computed => {}
         None => findings.0.push(
             Finding::error(at.clone(), "where does this specimen stand before the test?")
                 .label("what it speaks cannot tell before the first command")
@@ -229,10 +230,10 @@ pub(super) fn check_standing(specimen: &SpecimenTable, at: &KeyPath, findings: &
                 ))
                 .help("`computed = true` says that nothing moves there which could break"),
         ),
-        Some(_) if tells => findings.0.push(
+        Some(_) if tells == Some(true) => findings.0.push(
             Finding::error(here, "the specimen itself tells where it stands")
                 .at_key()
-                .label("only for what cannot be asked: an actor site or an adapter"),
+                .label("only for what cannot be asked: an actor site, an adapter, or a specimen of our own protocol that does not tell"),
         ),
         Some(stands) if stands.len() != axes => {
             let text = format!("{} displacements for {axes} axes", stands.len());

@@ -85,14 +85,15 @@ pub(super) fn host(
     let reply_limit_ns = u64::try_from(reply_limit.as_nanos()).unwrap_or(u64::MAX);
     let wire = wire_axes(table, n, None);
     let host = Host::gateway(table.name.clone(), wire, stiffness, build, reply_limit_ns);
-    Ok(match &link.stands_at_m {
+    let host = match &link.stands_at_m {
         Some(stands) => {
             let stands = stands.iter().zip(&units);
             host.said_to_stand_at(stands.map(|(disp, unit)| disp / unit.metres).collect())
         }
         None => host,
-    }
-    .probed(probe))
+    };
+    let host = if link.computed { host.computed() } else { host };
+    Ok(host.probed(probe))
 }
 
 /// A key without effect is a mistake that somebody would find out with a specimen.

@@ -149,6 +149,9 @@ impl Book {
         into.sequence = self.newest.sequence;
         into.time = self.newest.time;
         into.status = Status(self.newest.status.0 | self.latched.0);
+        if self.latched.has(Status::HOLDING) && !self.newest.status.has(Status::HOLDING) {
+            into.status.0 |= Status::HELD.0;
+        }
         for (to, from) in into.disp.iter_mut().zip(&self.newest.disp) {
             *to = *from;
         }
@@ -245,7 +248,12 @@ mod tests {
         let frame = ends.frame(1, Status::default());
         ends.take(&frame, 1).unwrap();
         ends.book.flags(Status::HOLDING);
-        assert_eq!(ends.held().status, Status(3));
+        assert_eq!(ends.held().status, Status(3 | Status::HELD.0));
         assert_eq!(ends.held().status, Status::INTERLOCK);
+        // One that goes on says so in its answers.
+        ends.book.flags(Status::HOLDING);
+        let frame = ends.frame(2, Status::HOLDING);
+        ends.take(&frame, 2).unwrap();
+        assert_eq!(ends.held().status, Status(3));
     }
 }

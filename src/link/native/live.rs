@@ -5,7 +5,7 @@ mod ends;
 use std::time::Duration;
 
 use super::book::Book;
-use super::setup::{NativeSetup, watchdog_ns};
+use super::setup::{NativeSetup, nudge_ns, watchdog_ns};
 use crate::link::Transport;
 use crate::link::inbox::Inbox;
 use crate::link::socket::LOOK;
@@ -79,6 +79,8 @@ impl Live {
     ) -> Self {
         let axes = setup.axes.len();
         let reply_timeout = setup.reply_timeout.as_nanos();
+        let reply_timeout_ns = u64::try_from(reply_timeout).unwrap_or(u64::MAX);
+        let nudge_ns = nudge_ns(watchdog_ns(welcome), reply_timeout_ns, inbox.is_stream());
         Self {
             sent_ns: transport.now().0,
             transport,
@@ -89,8 +91,8 @@ impl Live {
             book: Book::new(axes),
             coupling: setup.coupling,
             session: welcome.session,
-            reply_timeout_ns: u64::try_from(reply_timeout).unwrap_or(u64::MAX),
-            nudge_ns: (watchdog_ns(welcome) / 4).max(1_000_000),
+            reply_timeout_ns,
+            nudge_ns,
             connect_limit: setup.connect_limit,
             issued: None,
             awaited_since: None,

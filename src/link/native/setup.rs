@@ -322,7 +322,44 @@ pub(super) fn ask<R>(
     }
 }
 
+/// After so long without an answer a lost datagram is sent again, well within the time limit of the answer; on a stream nothing is
+/// lost, and the specimen is told within its watchdog time that we are here.
+pub(super) fn nudge_ns(watchdog_ns: u64, reply_timeout_ns: u64, is_stream: bool) -> u64 {
+    let sign_of_life = watchdog_ns / 4;
+    let nudge = if is_stream {
+        sign_of_life
+    } else {
+        sign_of_life.min(REPEAT_NS).min(reply_timeout_ns / 8)
+    };
+    nudge.max(1_000_000)
+}
+
 /// What a Welcome settles for the session.
 pub(super) fn watchdog_ns(welcome: &Welcome) -> u64 {
     (welcome.watchdog_s * 1e9) as u64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Seconds in ns.
+    const S: u64 = 1_000_000_000;
+
+    #[test]
+    fn a_lost_datagram_is_sent_again_long_before_its_answer_is_given_up() {
+        // A gateway's usual watchdog time, and the shortest and the longest that are taken.
+        for watchdog in [S / 1000, 10 * S, 600 * S] {
+            for reply_timeout in [S / 20, S, 5 * S, 60 * S] {
+                let repeats = nudge_ns(watchdog, reply_timeout, false);
+                assert!(8 * repeats <= reply_timeout && repeats <= REPEAT_NS);
+                assert_eq!(
+                    nudge_ns(watchdog, reply_timeout, true),
+                    (watchdog / 4).max(1_000_000)
+                );
+            }
+        }
+        // As it was where the watchdog asks for more than that.
+        assert_eq!(nudge_ns(S / 4, S, false), S / 16);
+    }
 }

@@ -9,7 +9,7 @@ pub(super) const HEAD: [(&str, &str, &str, bool); 10] = [
     (
         "state",
         "1",
-        "2 = which way round it is wired is tried, 3 = running, 4 = not passed on, at a trip before it left or after one",
+        "2 = before the test: which way round it is wired is tried, or what it resists where it stands, 3 = running, 4 = not passed on, at a trip before it left or after one",
         false,
     ),
     ("time", "s", "test time of the command", false),
@@ -31,7 +31,7 @@ pub(super) const HEAD: [(&str, &str, &str, bool); 10] = [
         "1",
         "0 = none; a limit: 1 command_disp, 2 command_step, 3 command_vel, 4 command_accel, 5 measured_disp, \
          6 measured_force, 7 following_error, 8 force_step, 9 stuck_sensor, 10 sensor_disp, 11 sensor_force; \
-         50 command and 51 measurement not finite; 60 interlock, 61 saturated, 70 specimen lost",
+         50 command and 51 measurement not finite; 60 interlock, 61 saturated, 62 held by its own watchdog, 70 specimen lost",
         false,
     ),
     (

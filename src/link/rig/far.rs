@@ -9,7 +9,7 @@ use std::sync::mpsc::{self, RecvTimeoutError};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use super::{Over, Rig, Visitor, Wanted};
+use super::{Over, Rig, Visitor, Wanted, elsewhere};
 use crate::rt::os;
 use crate::substructure::{
     Command, Freshness, Introduction, LISTEN_NS, LinkFault, LinkStats, Measurement, Retirement,
@@ -19,6 +19,10 @@ use crate::time::Nanos;
 
 /// How often it is asked whether a connection that is waited for is still wanted.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
+
+/// Why a specimen is not commanded whose place nobody knows: any first command might take it anywhere at once.
+const NOBODY_KNOWS: &str = "nobody knows where it stands: it does not say so itself, and no test before led it there; `stands_at_m` \
+     in [specimen.link] says it, in m as each axis counts (or `computed = true`, that nothing moves there)";
 
 /// Where a specimen across a link stands, as far as its last tests tell: shared by those who make its connections and those
 /// who ask.
@@ -36,6 +40,8 @@ struct Known {
     stays: Option<bool>,
     /// It cannot tell where it stands, and stood here before the first test, as somebody says; empty if nobody does.
     said: Vec<f64>,
+    /// Somebody says that it is a computation: nothing there can break.
+    computed: bool,
 }
 
 impl Whereabouts {
@@ -47,20 +53,49 @@ impl Whereabouts {
     /// told to go last.
     #[must_use]
     pub fn said(place: Vec<f64>) -> Self {
-        let whereabouts = Self::default();
-        whereabouts.known().said = place;
-        whereabouts
+        let known = Known {
+            place: place.clone(),
+            said: place,
+            ..Known::default()
+        };
+        Self(Arc::new(Mutex::new(known)))
     }
 
-    /// Where one stands that cannot tell; empty if nobody says so.
+    /// Of what somebody says to be a computation: it is believed at zero where nobody knows its place.
+    #[must_use]
+    pub fn of_a_computation(self) -> Self {
+        self.known().computed = true;
+        self
+    }
+
+    fn is_of_a_computation(&self) -> bool {
+        self.known().computed
+    }
+
+    /// Where one stands that cannot tell; empty if nobody knows. One that could tell earlier is known to stay where it is left, or
+    /// is not.
     fn stated(&self) -> Vec<f64> {
         let known = self.known();
-        if known.said.is_empty() {
+        if known.said.is_empty() && known.stays != Some(true) {
             return Vec::new();
         }
         let latest = [&known.left, &known.found, &known.said];
         let latest = latest.into_iter().find(|place| !place.is_empty());
         latest.cloned().unwrap_or_default()
+    }
+
+    /// What a specimen says of itself before its first test, where the file says otherwise.
+    fn contradicted_by(&self, standing: &[f64]) -> Option<String> {
+        let known = self.known();
+        let is_first = known.found.is_empty() && known.said.len() == standing.len();
+        let differs = is_first && elsewhere(standing, &known.said).is_some();
+        differs.then(|| {
+            format!(
+                "it says that it stands at {standing:?}, and `stands_at_m` that it stands at {:?} (its own unit): its own word \
+                 counts",
+                known.said
+            )
+        })
     }
 
     /// Where it stands; empty if nothing is known.
@@ -221,6 +256,13 @@ impl Rig for Far {
         if introduction.standing.is_empty() {
             introduction.standing = self.whereabouts.stated();
             introduction.measured = false;
+            let computed = introduction.simulated || self.whereabouts.is_of_a_computation();
+            if introduction.standing.is_empty() && !computed {
+                return Err(Over::failed(NOBODY_KNOWS));
+            }
+        } else {
+            let doubt = self.whereabouts.contradicted_by(&introduction.standing);
+            introduction.warnings.extend(doubt);
         }
         self.standing.clone_from(&introduction.standing);
         self.force.clone_from(&introduction.force);
@@ -229,7 +271,7 @@ impl Rig for Far {
         Ok(introduction)
     }
 
-    /// Without a word of its own it is believed to stand at zero.
+    /// A computation without a word of its own is believed to stand at zero.
     fn at_rest(&mut self, into: &mut Measurement) {
         into.disp.fill(0.0);
         into.force.fill(0.0);
@@ -359,6 +401,7 @@ mod tests {
     #[test]
     fn what_cannot_tell_is_where_somebody_says_and_then_where_it_was_told_to_go() {
         let whereabouts = Whereabouts::said(vec![0.01]);
+        assert_eq!(whereabouts.place(), [0.01]);
         let mut found = Vec::new();
         for left in [0.03, -0.02] {
             found.push(whereabouts.stated());
@@ -375,6 +418,18 @@ mod tests {
         });
         found.push(whereabouts.stated());
         assert_eq!(found, [[0.01], [0.03], [-0.02]]);
+        // Where a rig told once and does not now, it is where it was left; where it was moved meanwhile nobody knows.
+        let rig = Whereabouts::default();
+        let told = |place: f64| Introduction {
+            standing: vec![place],
+            ..Introduction::default()
+        };
+        rig.begins(&told(0.01));
+        rig.ends(&[0.03]);
+        assert_eq!(rig.stated(), [0.03]);
+        rig.begins(&told(0.01));
+        rig.ends(&[0.02]);
+        assert!(rig.stated().is_empty());
         // Nobody says where a computation stands: it is believed at zero each time.
         let computed = Whereabouts::default();
         computed.begins(&Introduction::default());

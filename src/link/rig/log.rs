@@ -201,6 +201,11 @@ impl Log {
         self.warnings.push(text.to_owned());
     }
 
+    /// True if the summary says so already.
+    pub fn has_warned(&self, text: &str) -> bool {
+        self.warnings.iter().any(|warning| warning == text)
+    }
+
     /// The specimen holds from here on.
     pub fn tripped(&self, trip: Trip, text: &str) {
         let mut note = Note::new(NoteLevel::Error, "trip")

@@ -93,6 +93,11 @@ pub enum Trip {
     /// The specimen says that it cannot be trusted.
     #[error("the specimen reports a sensor or actuator at the end of its range")]
     Saturated,
+    /// The specimen goes on saying that its own watchdog holds it, although commands come.
+    #[error(
+        "the specimen says in {0} answers in a row that it holds by its own watchdog: commands do not move it"
+    )]
+    Holds(u64),
     /// The specimen is gone.
     #[error("the specimen is lost: {0}")]
     Lost(LinkFault),
@@ -108,6 +113,7 @@ impl Trip {
             Self::NotFinite { .. } => "command_not_finite",
             Self::Interlock => "interlock",
             Self::Saturated => "saturated",
+            Self::Holds(_) => "specimen_holds_on",
             Self::Lost(_) => "specimen_lost",
         }
     }
@@ -121,6 +127,7 @@ impl Trip {
             Self::NotFinite { measured, .. } => 50 + measured as u32,
             Self::Interlock => 60,
             Self::Saturated => 61,
+            Self::Holds(_) => 62,
             Self::Lost(_) => 70,
         }
     }

@@ -6,6 +6,8 @@ mod attempt;
 mod ending;
 mod first;
 mod ready;
+#[cfg(test)]
+mod tests;
 
 pub(in crate::link) use first::words as first_words;
 
@@ -60,6 +62,8 @@ pub struct Station {
     commits: u64,
     /// Answers of a simulated actuator that did not come to terms with what it moves.
     unsettled: u64,
+    /// Answers in a row in which the specimen says that it holds by its own watchdog.
+    holding: u64,
     /// Of a specimen in this process: what its controller's link did to its commands, which have no other.
     link: LinkStats,
 }
@@ -116,6 +120,7 @@ impl Station {
             tripped: None,
             commits: 0,
             unsettled: 0,
+            holding: 0,
             link: LinkStats::default(),
         }
     }
@@ -207,6 +212,7 @@ impl Station {
         self.allowed = Some(Allowed::by(visitor, self.moves));
         self.commits = 0;
         self.unsettled = 0;
+        self.holding = 0;
         self.link = LinkStats::default();
         self.measured = Measurement::zeros(self.units.len());
         self.sound = Measurement::zeros(self.units.len());

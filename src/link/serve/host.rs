@@ -102,6 +102,15 @@ impl Host {
         self
     }
 
+    /// Of a gateway to a computation, as somebody says: where nobody knows its place, it is believed at zero.
+    #[must_use]
+    pub fn computed(mut self) -> Self {
+        if let Behind::Far(.., whereabouts) = &mut self.behind {
+            *whereabouts = std::mem::take(whereabouts).of_a_computation();
+        }
+        self
+    }
+
     /// The bounds of its axes.
     #[must_use]
     pub fn limited(mut self, limits: Vec<LimitsSpec>) -> Self {

@@ -239,6 +239,24 @@ impl<S: Store> EventLog<S> {
                     "a sensor or actuator is at the end of its range"
                 );
             }
+            EventKind::Holds { port } => {
+                self.specimen(line, port);
+                tracing::warn!(
+                    tick = event.tick,
+                    time = event.time,
+                    specimen = port + 1,
+                    "it says that it holds by its own watchdog: commands do not move it"
+                );
+            }
+            EventKind::HoldsOn { port } => {
+                self.specimen(line, port);
+                tracing::error!(
+                    tick = event.tick,
+                    time = event.time,
+                    specimen = port + 1,
+                    "it goes on saying that its own watchdog holds it"
+                );
+            }
             EventKind::Unsettled { port, ticks } => {
                 self.specimen(line, port);
                 put(line, "ticks", ticks);

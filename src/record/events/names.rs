@@ -16,6 +16,8 @@ pub(super) const fn kind_name(kind: &EventKind) -> &'static str {
         EventKind::Unacknowledged { .. } => "unacknowledged",
         EventKind::Interlock { .. } => "interlock",
         EventKind::Saturated { .. } => "saturated",
+        EventKind::Holds { .. } => "specimen_holds",
+        EventKind::HoldsOn { .. } => "specimen_holds_on",
         EventKind::Unsettled { .. } => "unsettled",
         EventKind::RowLost => "row_lost",
         EventKind::Diverged { .. } => "diverged",

@@ -18,7 +18,9 @@ pub(super) fn of_events(events: &[Value]) -> Vec<String> {
         let word = |key: &str| event.get(key).and_then(Value::as_str);
         let trip = match word("event") {
             Some("limit_trip") => word("limit"),
-            Some(alarm @ ("interlock" | "saturated" | "geometry" | "diverged")) => Some(alarm),
+            Some(
+                alarm @ ("interlock" | "saturated" | "specimen_holds_on" | "geometry" | "diverged"),
+            ) => Some(alarm),
             Some("link") => {
                 word("fault").filter(|fault| ["not_finite", "diverged"].contains(fault))
             }

@@ -9,6 +9,9 @@ use crate::rt::os;
 use crate::substructure::{Command, Measurement, Status};
 use crate::time::Nanos;
 
+/// Answers in a row in which a specimen may say that it holds: as many as a controller's loop puts up with at least.
+const HOLDING_IN_A_ROW: u64 = 10;
+
 impl Station {
     pub(super) fn exchange_as(
         &mut self,
@@ -116,17 +119,20 @@ impl Station {
         }
         self.sound.disp.clone_from(&self.measured.disp);
         self.sound.force.clone_from(&self.measured.force);
-        let values = metres(&self.units, &self.measured.disp).zip(
-            self.measured
-                .force
-                .iter()
-                .zip(&self.units)
-                .map(|(force, units)| force * units.newtons),
-        );
-        let found = self.watch.measured(values.clone());
-        if let Some(announced) = self.announced.as_mut().filter(|_| is_theirs) {
-            announced.measured(values)?;
-        }
+        let found = {
+            let values = metres(&self.units, &self.measured.disp).zip(
+                self.measured
+                    .force
+                    .iter()
+                    .zip(&self.units)
+                    .map(|(force, units)| force * units.newtons),
+            );
+            let found = self.watch.measured(values.clone());
+            if let Some(announced) = self.announced.as_mut().filter(|_| is_theirs) {
+                announced.measured(values)?;
+            }
+            found
+        };
         self.heed(found)?;
         if self.measured.status.has(Status::SATURATED) {
             return Err(Trip::Saturated);
@@ -134,7 +140,43 @@ impl Station {
         if self.measured.status.has(Status::INTERLOCK) {
             return Err(Trip::Interlock);
         }
+        self.judge_holding()?;
         Ok(true)
+    }
+
+    /// A specimen that holds by its own watchdog is moved by no command, and what it answers belongs to none. Real-time: yes, where
+    /// it does not.
+    fn judge_holding(&mut self) -> Result<(), Trip> {
+        let status = self.measured.status;
+        if !status.has(Status::HOLDING) {
+            self.holding = 0;
+            return Ok(());
+        }
+        let before = self.holding;
+        self.holding = if status.has(Status::HELD) {
+            0
+        } else {
+            before + 1
+        };
+        // No word of a link.
+        self.measured.status.0 &= !Status::HELD.0;
+        if before == 0 {
+            let text = "the specimen says that it holds by its own watchdog, since commands had stopped: what it answers meanwhile \
+                        does not belong to the commands";
+            self.warn_once("specimen_holds", text);
+        }
+        if self.holding > HOLDING_IN_A_ROW {
+            return Err(Trip::Holds(self.holding));
+        }
+        Ok(())
+    }
+
+    /// Something that whoever reads the summary must know; there it stands once.
+    fn warn_once(&mut self, event: &str, text: &str) {
+        match &mut self.log {
+            Some(log) if !log.has_warned(text) => log.warn(event, text),
+            _ => self.note(NoteLevel::Warning, event, text),
+        }
     }
 
     /// What is no number goes no further: such an axis is answered with what it read before, and the status says that a sensor

@@ -51,6 +51,17 @@ impl Station {
         {
             told.push(self.try_direction(&start, &amplitude, (pace, forgets), wanted)?);
         }
+        // Who does not say where the first command will be may ask before it. What nobody has measured is no answer.
+        let n = start.len();
+        let is_felt = self.rig.is_remote()
+            && visitor.start.is_empty()
+            && introduction.standing.len() == n
+            && introduction.force.len() != n;
+        let felt = if is_felt {
+            Some(self.feel(&start, wanted)?)
+        } else {
+            None
+        };
         self.arm(visitor.first_sequence, &start, wanted)?;
         let is_measured = introduction.measured && introduction.standing.len() == start.len();
         let stands = if is_measured {
@@ -63,6 +74,10 @@ impl Station {
         }
         self.leaves = self.moves.then(|| metres(&self.units, stands).collect());
         self.rig.at_rest(&mut self.measured);
+        if let Some(force) = felt {
+            // The place stays as commands count, whatever its sensor reads: a client may begin its test there.
+            self.measured.force = force;
+        }
         match not_finite(&self.measured.disp, &self.measured.force) {
             Some(axis) => {
                 let axis = axis + 1;
@@ -152,10 +167,8 @@ impl Station {
         let mut edge = os::monotonic_ns();
         let mut measured = Measurement::zeros(n);
         let mut sequence = 0;
+        const WHILE: &str = "while its direction was tried";
         while probe.next(&mut disp, &mut vel) {
-            wanted()?;
-            let mut unwanted = None;
-            let mut is_wanted = || wanted().map_err(|over| unwanted = Some(over)).is_ok();
             let command = Command {
                 sequence,
                 time: 0.0,
@@ -163,18 +176,12 @@ impl Station {
                 disp: &disp,
                 vel: &vel,
             };
-            let state = Exchange::PROBING;
-            let outcome = self.exchange_as(state, &command, 0.0, &mut is_wanted, &mut measured);
-            if let Some(over) = unwanted {
-                return Err(over);
-            }
-            outcome
-                .map_err(|trip| format!("while its direction was tried: {}", self.whole(trip)))?;
+            self.try_one(WHILE, &command, wanted, &mut measured)?;
             probe.take(&measured.disp, &measured.force);
             if !forgets {
                 // What moved has moved: a rig that hears of no step would take the way back for one that is taken back.
                 let accepted = self.rig.commit();
-                accepted.map_err(|fault| format!("while its direction was tried: {fault}"))?;
+                accepted.map_err(|fault| format!("{WHILE}: {fault}"))?;
             }
             sequence += 1;
             edge += pace.period_ns;
@@ -195,6 +202,40 @@ impl Station {
         let text = format!("direction: {}", axes.collect::<Vec<_>>().join("; "));
         self.note(NoteLevel::Info, "direction", &text);
         Ok(text)
+    }
+
+    /// The force that one command at the very place where it stands is answered with: nothing moves.
+    fn feel(&mut self, stands: &[f64], wanted: &mut Wanted<'_>) -> Result<Vec<f64>, Over> {
+        self.arm(0, stands, wanted)?;
+        let command = Command {
+            sequence: 0,
+            time: 0.0,
+            dt: 0.0,
+            disp: stands,
+            vel: &vec![0.0; stands.len()],
+        };
+        let mut measured = Measurement::zeros(stands.len());
+        self.try_one("where it stands", &command, wanted, &mut measured)?;
+        Ok(measured.force)
+    }
+
+    /// One exchange of our own before the test.
+    fn try_one(
+        &mut self,
+        when: &str,
+        command: &Command<'_>,
+        wanted: &mut Wanted<'_>,
+        measured: &mut Measurement,
+    ) -> Result<(), Over> {
+        wanted()?;
+        let mut unwanted = None;
+        let mut is_wanted = || wanted().map_err(|over| unwanted = Some(over)).is_ok();
+        let outcome = self.exchange_as(Exchange::PROBING, command, 0.0, &mut is_wanted, measured);
+        match (unwanted, outcome) {
+            (Some(over), _) => Err(over),
+            (None, Err(trip)) => Err(format!("{when}: {}", self.whole(trip)).into()),
+            (None, Ok(_)) => Ok(()),
+        }
     }
 
     pub(super) fn arm(

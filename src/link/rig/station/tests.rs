@@ -1,0 +1,183 @@
+//! A station before a specimen across a link: where it stands, what it is found to resist there, and what it says of itself.
+
+use std::sync::{Arc, Mutex};
+
+use super::Station;
+use crate::control::{AxisUnits, Pace};
+use crate::link::rig::settings::ProbeSettings;
+use crate::link::rig::{Far, Over, Trip, Visitor, Whereabouts};
+use crate::substructure::{
+    Command, Coupling, Freshness, Introduction, LinkFault, Measurement, Retirement, Status,
+    Substructure, Unavailable,
+};
+use crate::time::Nanos;
+
+const K: f64 = 8000.0;
+
+/// A spring that says where it stands or does not, and from its command with this number on what.
+#[derive(Clone, Default)]
+struct Spring {
+    tells: Vec<f64>,
+    simulated: bool,
+    says: (u64, Status),
+    told: Arc<Mutex<Vec<f64>>>,
+    sequence: u64,
+}
+
+impl Substructure for Spring {
+    fn axes(&self) -> usize {
+        1
+    }
+    fn coupling(&self) -> Coupling {
+        Coupling::Lockstep
+    }
+    fn is_remote(&self) -> bool {
+        true
+    }
+    fn connect(&mut self) -> Result<Introduction, Unavailable> {
+        Ok(Introduction {
+            standing: self.tells.clone(),
+            simulated: self.simulated,
+            ..Introduction::default()
+        })
+    }
+    fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+        self.sequence = command.sequence;
+        self.told.lock().unwrap().push(command.disp[0]);
+        Ok(())
+    }
+    fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+        let disp = *self.told.lock().unwrap().last().unwrap();
+        let (from, status) = self.says;
+        into.sequence = self.sequence;
+        into.status = if self.sequence >= from {
+            status
+        } else {
+            Status::default()
+        };
+        (into.disp[0], into.force[0]) = (disp, K * disp);
+        Ok(Freshness::Fresh)
+    }
+    fn retire(&mut self, _: Retirement) {}
+}
+
+fn station(spring: &Spring, whereabouts: &Whereabouts) -> Station {
+    let spring = spring.clone();
+    let build = Arc::new(move |_: &Visitor| {
+        let link: Box<dyn Substructure> = Box::new(spring.clone());
+        Ok(link)
+    });
+    let far = Far::new(build, 1, vec![K], 1_000_000_000).remembering(whereabouts.clone());
+    let units = vec![AxisUnits::SI];
+    Station::new("rig".into(), Box::new(far), units, vec![K], vec![0.0])
+        .probed(ProbeSettings::Unchecked { silent: true })
+}
+
+fn begin(station: &mut Station) -> Result<Vec<String>, Over> {
+    let visitor = Visitor::unnamed(([127, 0, 0, 1], 1).into());
+    station.begin(&visitor, &mut || Ok(()))
+}
+
+/// One command; the force that is answered.
+fn goes_to(station: &mut Station, sequence: u64, disp: f64) -> Result<f64, Trip> {
+    let command = Command {
+        sequence,
+        time: 0.0,
+        dt: 0.01,
+        disp: &[disp],
+        vel: &[0.0],
+    };
+    let mut into = Measurement::zeros(1);
+    station.exchange(&command, 0.01, &mut || true, &mut into)?;
+    Ok(into.force[0])
+}
+
+#[test]
+fn a_specimen_whose_place_nobody_knows_is_refused_before_it_is_told_anything() {
+    let spring = Spring::default();
+    let probe = ProbeSettings::Motion {
+        amplitude: vec![1e-3],
+        pace: Pace::of(0.01, 0.001),
+        forgets: false,
+    };
+    let mut refused = station(&spring, &Whereabouts::default()).probed(probe);
+    let over = begin(&mut refused).unwrap_err();
+    for words in ["nobody knows where it stands", "`stands_at_m`"] {
+        assert!(over.text.contains(words), "{}", over.text);
+    }
+    assert!(spring.told.lock().unwrap().is_empty());
+    // A computation is believed at zero, whoever says that it is one.
+    let computed = Whereabouts::default().of_a_computation();
+    assert_eq!(begin(&mut station(&spring, &computed)).err(), None);
+    let simulated = Spring {
+        simulated: true,
+        ..Spring::default()
+    };
+    let nowhere = Whereabouts::default();
+    assert_eq!(begin(&mut station(&simulated, &nowhere)).err(), None);
+    assert!(spring.told.lock().unwrap().is_empty());
+}
+
+#[test]
+fn of_a_specimen_that_does_not_tell_the_file_says_where_it_stands_and_then_where_it_was_led() {
+    let spring = Spring::default();
+    let whereabouts = Whereabouts::said(vec![0.004]);
+    let mut one = station(&spring, &whereabouts);
+    assert_eq!(begin(&mut one).err(), None);
+    assert_eq!(one.measured().disp, [0.004]);
+    goes_to(&mut one, 0, 0.0045).unwrap();
+    drop(one);
+    // Another test, another connection.
+    let mut next = station(&spring, &whereabouts);
+    let told = begin(&mut next).unwrap();
+    assert!(
+        told.iter().any(|text| text.contains("stands at 0.0045 m")),
+        "{told:?}"
+    );
+    assert!(goes_to(&mut next, 0, 0.0).is_err(), "too far at once");
+    assert_eq!(spring.told.lock().unwrap().last(), Some(&0.0045));
+}
+
+#[test]
+fn what_is_asked_before_the_first_command_was_measured() {
+    let spring = Spring {
+        tells: vec![0.004],
+        ..Spring::default()
+    };
+    let mut station = station(&spring, &Whereabouts::default());
+    begin(&mut station).unwrap();
+    let measured = station.measured();
+    assert_eq!((measured.disp[0], measured.force[0]), (0.004, K * 0.004));
+    assert_eq!(*spring.told.lock().unwrap(), [0.004], "nothing has moved");
+    assert_eq!(goes_to(&mut station, 0, 0.0045), Ok(K * 0.0045));
+}
+
+/// At which of twenty commands of a test, from 0, it trips that this status was said from the fifth on.
+fn says(status: Status) -> Option<(usize, Trip)> {
+    // Its first command is ours.
+    let spring = Spring {
+        tells: vec![0.0],
+        says: (5, status),
+        ..Spring::default()
+    };
+    let mut station = station(&spring, &Whereabouts::default());
+    begin(&mut station).unwrap();
+    let tripped = (0..20).find_map(|sequence| {
+        let trip = goes_to(&mut station, sequence, 0.0).err()?;
+        Some((sequence as usize, trip))
+    });
+    if let Some((last, _)) = tripped {
+        assert!(goes_to(&mut station, 20, 0.0).is_err());
+        assert_eq!(spring.told.lock().unwrap().len(), last + 2, "not passed on");
+    }
+    tripped
+}
+
+#[test]
+fn a_specimen_that_goes_on_holding_by_itself_ends_the_test_and_one_that_held_between_commands_does_not()
+ {
+    assert_eq!(says(Status::HOLDING), Some((14, Trip::Holds(11))));
+    // Each command of a slow client finds it holding, and moves it.
+    assert_eq!(says(Status(Status::HOLDING.0 | Status::HELD.0)), None);
+    assert_eq!(says(Status::default()), None);
+}
