@@ -258,7 +258,7 @@ fn an_event_stands_at_the_exchange_it_is_about_and_a_command_that_is_refused_is_
         (
             "command_disp_m = { warn = [-0.01, 0.01], trip = [-0.04, 0.04] }",
             0.05,
-            4.0,
+            8.0,
         ),
         (
             "command_disp_m = { warn = [-0.01, 0.01] }\nmeasured_force_n = { trip = [-300, 300] }",
@@ -308,7 +308,7 @@ fn an_event_stands_at_the_exchange_it_is_about_and_a_command_that_is_refused_is_
         assert_eq!(summary.link["rig"].sent, passed_on);
         let (states, times) = (column(&kept, "state"), column(&kept, "time"));
         assert!(states[..commands.len()].iter().all(|state| *state == 3.0));
-        assert_eq!(states[commands.len()..], [state, 4.0]);
+        assert_eq!(states[commands.len()..], [state, 8.0]);
         let beyond: Vec<bool> = commands
             .iter()
             .chain([&last])
@@ -386,7 +386,7 @@ fn the_example_in_config_runs_with_its_probe_its_limits_and_its_log() {
     let reason = summary(folder, "outside").reason;
     assert!(reason.contains("command_disp_m"), "{reason}");
     let states = column(&out.join("test-0002"), "state");
-    assert_eq!((states[0], *states.last().unwrap()), (2.0, 4.0));
+    assert_eq!((states[0], *states.last().unwrap()), (2.0, 8.0));
     let largest = column(&out.join("test-0002"), "target_1_1");
     let passed_on = largest[..largest.len() - 1].iter();
     assert!(passed_on.fold(0.0, |m: f64, d| m.max(d.abs())) <= 0.05);

@@ -9,7 +9,7 @@ pub(super) const HEAD: [(&str, &str, &str, bool); 10] = [
     (
         "state",
         "1",
-        "2 = before the test: which way round it is wired is tried, or what it resists where it stands, 3 = running, 4 = not passed on, at a trip before it left or after one",
+        "2 = before the test: which way round it is wired is tried, or what it resists where it stands, 3 = running, 8 = not passed on, at a trip before it left or after one",
         false,
     ),
     ("time", "s", "test time of the command", false),
@@ -52,7 +52,7 @@ pub(super) const AXIS: [(&str, &str); 7] = [
     ("target", "displacement that the controller asks for, in m"),
     (
         "cmd",
-        "the same in the unit of the axis, which is what the specimen is told unless the state is 4",
+        "the same in the unit of the axis, which is what the specimen is told unless the state is 8",
     ),
     ("meas", "measured displacement, in m"),
     ("force", "measured force, in N"),

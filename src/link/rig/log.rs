@@ -54,10 +54,10 @@ pub(super) struct Exchange<'a> {
 }
 
 impl Exchange<'_> {
-    /// Values of the column `state`.
+    /// Values of the column `state`, as those of a controller's own record: what is kept back has tripped.
     pub const PROBING: f64 = 2.0;
     pub const RUNNING: f64 = 3.0;
-    pub const KEPT_BACK: f64 = 4.0;
+    pub const KEPT_BACK: f64 = 8.0;
 }
 
 /// A test that is being recorded.
