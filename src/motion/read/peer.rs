@@ -487,6 +487,14 @@ mod tests {
             message("NPTS= 2, DT= 0.0 SEC", "1 2\n"),
             "a.AT2:4: wanted a positive time step DT, found \"0.0\""
         );
+        for header in [
+            "NPTS= 2, DT= 5.0 MSEC",
+            "NPTS=2,DT=5 ms,",
+            " 2 5.0 NPTS, DT (MSEC)",
+        ] {
+            let said = message(header, "1 2\n");
+            assert!(said.contains("wanted a time step DT in seconds"), "{said}");
+        }
         assert_eq!(message(good, ""), "a.AT2: holds no numbers");
         assert!(matches!(
             read("NPTS= 2", "1 2\n").unwrap_err(),
