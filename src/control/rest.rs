@@ -1,8 +1,8 @@
 //! Has a specimen come to rest where it was sent? A force belongs to a place only if it was measured there, and an actuator
 //! takes its time.
 //!
-//! Who is read exactly where it was sent, and reads the same when the command is sent again, stands there at once and is not
-//! waited for. Of anyone else whole blocks of readings are taken, until the means of two in a row are the same but for their
+//! Who is read exactly where it was sent, and reads the same when the command is sent again, or once more, stands there at once and
+//! is not waited for. Of anyone else whole blocks of readings are taken, until the means of two in a row are the same but for their
 //! noise and a small share of the way. One that has not gone most of its way by then may not have begun yet: it counts as one
 //! that rests off its place only when it has stood still for longer. In the specimen's own units; no clock: readings are
 //! counted.
@@ -147,13 +147,14 @@ impl Rest {
             }
             return true;
         }
-        // One answer alone tells it of those only that are known to stand at once.
-        if self.answers == 1 {
+        // One answer alone tells it of those only that are known to stand at once. The force of a damper is another as long as it
+        // moves, and the same from then on.
+        if (1..=2).contains(&self.answers) {
             self.at_once = self.is_the_same(raw);
         }
         self.keep(raw);
         self.answers = self.answers.saturating_add(1);
-        if self.answers <= 2 && self.at_once && self.is_there() {
+        if self.answers <= 3 && self.at_once && self.is_there() {
             self.start_from_the_last();
             self.rests = true;
             return true;
@@ -296,6 +297,18 @@ mod tests {
         rest.sent(&[1.0], &[1.001], Some(&raw));
         (raw.disp[0], raw.force[0]) = (1.001, 1.001e6);
         assert!(rest.take(&raw));
+    }
+
+    #[test]
+    fn the_force_of_a_damper_counts_where_it_does_not_move_any_more() {
+        let mut rest = Rest::new(1, PERIOD);
+        let mut raw = Measurement::zeros(1);
+        rest.sent(&[0.0], &[1.0], Some(&raw));
+        (raw.disp[0], raw.force[0]) = (1.0, 3e5);
+        rest.led(&raw);
+        raw.force[0] = 1e5;
+        assert!(!rest.take(&raw), "it may go on to change");
+        assert!(rest.take(&raw) && rest.means().is_none());
     }
 
     #[test]

@@ -1,12 +1,12 @@
 //! The way out: hold, leave, and the last words.
 //!
 //! From the first command on every end goes through [`Engine::conclude`]. Before it, in an orderly end or a trip, each
-//! specimen is moved to where the test file wants it left; after a panic nothing is moved any more. A specimen whose link is
-//! lost, whose measurements stayed away too long or say nothing, since a sensor of it is saturated, whose interlock is open, or
-//! which its own watchdog holds is not commanded: its own end holds it, or nobody. One whose load cell came out of its range stays where a force would lead it.
-//! Until it is known which way round the specimens are wired, where their zeros are and that they stand where they should, none
-//! is moved: their exits would be anywhere. What stops the way out stops it for all, and is part of how the test ended: a test
-//! that trips there has tripped.
+//! specimen is moved to where the test file wants it left; after a panic nothing is moved any more. A specimen whose
+//! link is lost, whose measurements stayed away too long or say nothing, since a sensor of it is saturated, whose
+//! interlock is open, or which its own watchdog holds is not commanded: its own end holds it, or nobody. One whose load
+//! cell came out of its range stays where a force would lead it. Until it is known which way round the specimens are
+//! wired, where their zeros are and that they stand where they should, none is moved: their exits would be anywhere.
+//! What stops the way out stops it for all, and is part of how the test ended: a test that trips there has tripped.
 
 use super::columns::{GIVEN_UP, Word};
 use super::operator::Control;

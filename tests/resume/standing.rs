@@ -231,7 +231,10 @@ fn a_formula_with_relative_zeros_that_was_led_out_goes_on_with_the_same_bits() {
         + "[[specimen.axis]]\nzero_disp = \"relative\"\nzero_force = \"relative\"\n";
     let test = test_in(home.path(), &law);
     let conclude = |test, out: &str, words: usize| {
-        let (says, requests) = crossbeam_channel::bounded(words + 2);
+        let (says, requests) = crossbeam_channel::bounded(words + 101);
+        for _ in 0..100 {
+            says.send(Operator::Confirm).unwrap();
+        }
         for _ in 0..words {
             says.send(Operator::Continue).unwrap();
         }
