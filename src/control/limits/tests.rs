@@ -157,7 +157,7 @@ fn who_comes_behind_a_command_that_stops_has_its_time_to_come_to_rest() {
         following_time: 0.31,
         ..AxisLimits::NONE
     };
-    let slow = |k: u32| if k % 2 == 0 { 0.02 } else { 0.0 };
+    let slow = |k: u32| if k.is_multiple_of(2) { 0.02 } else { 0.0 };
     let stops: [(&str, &dyn Fn(u32) -> f64); 3] = [
         ("at once", &|k| if k < 10 { 0.1 } else { 0.0 }),
         ("for a slow way", &|k| if k < 10 { 0.1 } else { slow(k) }),
