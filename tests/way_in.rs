@@ -426,3 +426,27 @@ fn what_stands_still_shows_no_stiffness() {
         assert_eq!(run.outcome.ending, Ending::Completed, "{seed}");
     }
 }
+
+/// Whoever reads a question may take an hour for it: at full speed that would be hundreds of gigabytes.
+#[test]
+#[expect(clippy::disallowed_methods, reason = "what one does who waits")]
+fn on_simulated_time_a_test_that_waits_for_somebody_makes_no_rows_at_full_speed() {
+    let (ask, requests) = crossbeam_channel::bounded(4);
+    let control = Control {
+        desk: Some(ask.clone()),
+        ..Control::from(requests)
+    };
+    let says = std::thread::spawn(move || {
+        gusset::session::pause(std::time::Duration::from_millis(300));
+        ask.send(Operator::Stop).unwrap();
+    });
+    let began = std::time::Instant::now();
+    let safety = "[safety]\nconfirm = true\nzero_s = 0.05";
+    let (run, way) = led_by(safety, |port| port, |_| {}, &control, [0.0; 2]);
+    let waited = began.elapsed();
+    says.join().unwrap();
+    assert_eq!(run.outcome.ending, Ending::Stopped(Stop::Operator));
+    // A reading is 50 ticks, a wait 50 ms.
+    let most = 60 + waited.as_millis() / 50;
+    assert!((way.len() as u128) < most, "{} in {waited:?}", way.len());
+}

@@ -1,8 +1,9 @@
 //! What passes between the loop and whoever attends it: requests in, notices out.
 
 use std::collections::VecDeque;
+use std::time::Duration;
 
-use crossbeam_channel::{Receiver, Sender, TrySendError};
+use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, TrySendError};
 
 use super::phase::{Glimpse, PhaseCell};
 
@@ -136,6 +137,19 @@ impl Asked {
     pub fn take(&mut self, control: &Control) -> Option<Operator> {
         let first = self.0.pop_front();
         first.or_else(|| control.requests.try_recv().ok())
+    }
+
+    /// Waits for the next word, for so long at most. Not for the real-time path.
+    pub fn wait(&mut self, control: &Control, most: Duration) {
+        if !self.0.is_empty() {
+            return;
+        }
+        match control.requests.recv_timeout(most) {
+            Ok(word) => self.0.push_back(word),
+            Err(RecvTimeoutError::Timeout) => {}
+            // Nobody can end it any more.
+            Err(RecvTimeoutError::Disconnected) => std::thread::park_timeout(most),
+        }
     }
 
     /// Whether an end was asked for: then it is heard, and what was said before it is over. Real-time: yes.

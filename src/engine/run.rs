@@ -1,5 +1,7 @@
 //! The course of a test: settle, warm up, run to the last step, retire; and what happens when the loop is late.
 
+use std::time::Duration;
+
 use super::checks::TestQuantity;
 use super::columns::{Word, number};
 use super::numerical::{Side, aim_along};
@@ -10,7 +12,7 @@ use super::{Ending, Engine, OnMiss, Outcome, Stop};
 use crate::control::Port;
 use crate::record::{EventKind, GridOf, MissCause};
 use crate::rt::timing::{Suspect, TickStamps};
-use crate::substructure::Retirement;
+use crate::substructure::{LISTEN_NS, Retirement};
 use crate::time::Nanos;
 
 /// Repetitions of the numerical path on scratch state before the first edge.
@@ -155,6 +157,7 @@ impl Engine {
     ) -> Result<(), Stop> {
         stamps.idle = self.clock_now;
         self.goes_on = false;
+        self.wait_for_somebody(control);
         let was_asked = self.unconfirmed;
         stamps.release = self.schedule.tick(self.edge);
         // A slow test has far edges: the operator is heard on the way there.
@@ -176,6 +179,15 @@ impl Engine {
             confirms: was_asked && !self.unconfirmed,
         };
         heard
+    }
+
+    /// On simulated time a test that stands until somebody says a word would make millions of rows meanwhile: it makes some.
+    fn wait_for_somebody(&mut self, control: &Control) {
+        let stands = self.still || self.phase == Phase::Holding;
+        let is_waiting = stands && (self.unconfirmed || self.hold_wanted);
+        if is_waiting && control.desk.is_some() && self.clock.is_simulated() {
+            self.asked.wait(control, Duration::from_nanos(LISTEN_NS));
+        }
     }
 
     /// What the operator asks for, if anything. Real-time: yes.
