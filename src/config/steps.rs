@@ -38,7 +38,12 @@ const fn highest_hz(clock: ClockChoice) -> f64 {
 }
 
 impl Time {
-    /// Ticks from one command over this link to the next.
+    /// Wall seconds from one command over this link to the next.
+    pub fn between_commands_s(&self, link: &LinkSpec) -> f64 {
+        self.period.value() * f64::from(self.ticks_between_commands(link))
+    }
+
+    /// The same in ticks.
     pub fn ticks_between_commands(&self, link: &LinkSpec) -> u32 {
         if link.is_per_step() {
             self.ticks_per_step

@@ -15,26 +15,46 @@ pub fn is_second(text: &str) -> bool {
     matches!(plain.as_str(), "s" | "sec" | "secs" | "second" | "seconds")
 }
 
-/// True of a header's word for another unit of time.
+/// Units of time other than the second, as headers spell them.
+const OTHER_TIMES: [&str; 31] = [
+    "ms",
+    "msec",
+    "msecs",
+    "millisec",
+    "millisecs",
+    "millisecond",
+    "milliseconds",
+    "us",
+    "µs",
+    "μs",
+    "usec",
+    "usecs",
+    "microsecond",
+    "microseconds",
+    "ns",
+    "nsec",
+    "nsecs",
+    "nanosecond",
+    "nanoseconds",
+    "min",
+    "mins",
+    "minute",
+    "minutes",
+    "h",
+    "hr",
+    "hrs",
+    "hour",
+    "hours",
+    "d",
+    "day",
+    "days",
+];
+
+/// True of a header's word for another unit of time than the second.
 #[must_use]
 pub fn is_time_but_no_second(text: &str) -> bool {
     let plain = text.trim().trim_end_matches('.').to_lowercase();
-    let plain = plain.strip_suffix('s').unwrap_or(&plain);
-    matches!(
-        plain,
-        "m" | "msec"
-            | "millisec"
-            | "millisecond"
-            | "u"
-            | "µ"
-            | "μ"
-            | "usec"
-            | "microsecond"
-            | "n"
-            | "nsec"
-            | "nanosecond"
-    ) && text.trim().len() > 1
-        || matches!(plain, "min" | "minute" | "h" | "hr" | "hour" | "d" | "day")
+    OTHER_TIMES.contains(&plain.as_str())
 }
 
 /// What a signal is of; the context gives it, and with it the SI unit.

@@ -54,7 +54,7 @@ pub(super) fn native(
     };
     // A partner that is commanded once a step counts steps.
     let ticks = time.ticks_between_commands(link);
-    let period_s = time.period.value() * f64::from(ticks);
+    let period_s = time.between_commands_s(link);
     let (per_second, seconds) = time.period.inverse().terms();
     let usual = native_setup(link, key, wire_axes(table, axes, Some(time.period.value())));
     let mut options = usual.options;

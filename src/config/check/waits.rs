@@ -174,7 +174,7 @@ pub(super) fn check_link_waits(
         silent,
     );
     if let (Some(watchdog_s), Some(time)) = (link.watchdog_s, time) {
-        let apart_s = time.period.value() * f64::from(time.ticks_between_commands(link));
+        let apart_s = time.between_commands_s(link);
         if watchdog_s > 0.0 && watchdog_s < apart_s {
             let at = at.key("watchdog_s");
             let headline = format!("`{at}` must be at least {} s", number(apart_s));

@@ -160,8 +160,7 @@ fn stale(link: &LinkSpec, port: &Port) -> String {
 fn watchdog(link: &LinkSpec, time: &Time) -> String {
     match link.protocol {
         Protocol::Gusset => {
-            let ticks = f64::from(time.ticks_between_commands(link));
-            let after = links::watchdog_s(link, time.period.value() * ticks);
+            let after = links::watchdog_s(link, time.between_commands_s(link));
             let unwatched = match time.clock {
                 ClockChoice::Real => "",
                 ClockChoice::Simulated => " (by wall time, whatever the clock of the test)",
