@@ -116,6 +116,22 @@ fn wrong_usage_ends_with_2_and_says_what_is_allowed() {
 }
 
 #[test]
+fn a_folder_for_temporary_files_that_is_not_there_is_not_made() {
+    let folder = tempfile::tempdir().unwrap();
+    let nowhere = folder.path().join("nowhere");
+    let mut jitter = gusset();
+    jitter.args(["jitter", "--rate", "100", "--duration", "0.1"]);
+    let said = jitter.env("TMPDIR", &nowhere).output().unwrap();
+    assert_eq!(said.status.code(), Some(2));
+    let told = String::from_utf8(said.stderr).unwrap();
+    assert!(
+        told.contains("TMPDIR names") && told.contains("nowhere"),
+        "{told}"
+    );
+    assert!(!nowhere.exists());
+}
+
+#[test]
 fn the_schema_is_json_schema_of_every_table() {
     let schema = only_json(&["schema"]);
     assert!(

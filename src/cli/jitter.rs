@@ -32,7 +32,13 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<Exit> {
     let timing = timing(args)?;
     let test = bare_loop(rate, args.duration, timing)
         .with_context(|| format!("--duration {}", args.duration))?;
-    let scratch = std::env::temp_dir().join(format!("gusset-jitter-{}", std::process::id()));
+    let temporary = std::env::temp_dir();
+    anyhow::ensure!(
+        args.out.is_some() || temporary.is_dir(),
+        "TMPDIR names {}, which is no folder: set another one, or keep the measurement with --out",
+        temporary.display()
+    );
+    let scratch = temporary.join(format!("gusset-jitter-{}", std::process::id()));
     let path = args.out.as_deref().unwrap_or(&scratch);
     let signals = Signals::listen().context("signals cannot be taken over")?;
     let folder = RunFolder::create(path).context("the folder cannot be made")?;

@@ -244,16 +244,13 @@ impl Port {
             .begin(std::iter::repeat_n((0.0, 0.0), self.axes.len()));
     }
 
-    /// The test begins: energy counts from the next measurement on, and what is remembered of the measurements is what stands
-    /// in the rows, so that a replay remembers the same.
+    /// The test begins, or goes on: energy counts from the next measurement on, beside what was counted before an
+    /// interruption, and what is remembered of the measurements is what stands in the rows, so that a replay remembers the same.
     pub fn begin_test(&mut self) {
         self.guard.watch.forget_measurements();
         self.estimates.rests = false;
         self.estimates.counts = true;
         self.estimates.has_last = false;
-        for axis in &mut self.estimates.axes {
-            axis.added_energy = 0.0;
-        }
     }
 
     /// The test is interrupted: what is measured from here on is not compared with what was measured in it, and no energy is
@@ -472,8 +469,16 @@ mod tests {
             // From where the delay line is full.
             go(&mut port, 500, swing);
             port.begin_test();
+            let counted = |port: &Port| port.estimates().next().unwrap().2;
+            assert_eq!(counted(&port), 0.0, "nothing before the test");
             go(&mut port, 1001, |k| swing(k + 500));
-            port.estimates().next().unwrap().2
+            // What happens while it is interrupted does not count, and what was counted stays.
+            let found = counted(&port);
+            port.leave_test();
+            go(&mut port, 250, |k| swing(k + 250));
+            port.begin_test();
+            assert_eq!(counted(&port), found);
+            found
         };
         // ∮ f d(d_m − d) with d_m late by the phase φ: π k A² sin φ per period, two of them. The trapezoids of a sine with
         // 500 ticks a period are off by (2π/500)²/12 = 1.3e-5 of it.

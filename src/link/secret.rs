@@ -59,6 +59,10 @@ pub fn read_key(path: &Path) -> Result<PreSharedKey, KeyError> {
     if bytes.len() > LONGEST_KEY {
         return Err(unusable(format!("it has more than {LONGEST_KEY} bytes")));
     }
+    let is_blank = |byte: &u8| byte.is_ascii_whitespace() || *byte == 0;
+    if !bytes.is_empty() && bytes.iter().all(is_blank) {
+        return Err(unusable("nothing but blanks is in it".into()));
+    }
     PreSharedKey::new(&bytes).map_err(|error| unusable(error.to_string()))
 }
 
@@ -101,6 +105,14 @@ mod tests {
         assert!(short.to_string().contains("holds no key"));
         let long = read_key(&write("f", &[7; 5000])).unwrap_err();
         assert!(long.to_string().ends_with("it has more than 4096 bytes"));
+        for blank in [
+            &[b' '; 32],
+            &[0; 32],
+            b"\t\n\r \t\n\r \t\n\r \t\n\r \t\n\r \t\n\r \t\n\r \t\n\r ",
+        ] {
+            let blank = read_key(&write("g", blank)).unwrap_err();
+            assert!(blank.to_string().contains("nothing but blanks"), "{blank}");
+        }
         assert!(read_key(&folder.path().join("none")).is_err());
     }
 

@@ -290,14 +290,16 @@ fn a_compensated_test_that_was_killed_in_a_hold_goes_on_without_a_kick() {
             let said = go_on(&at(&first), &at(&second));
             assert_eq!(said.code, Some(0), "{}", said.stderr);
             let (before, after) = (
-                columns(&first, &["cmd_1_1"]),
-                columns(&second, &["cmd_1_1"]),
+                columns(&first, &["cmd_1_1", "added_1_1"]),
+                columns(&second, &["cmd_1_1", "added_1_1"]),
             );
             assert_eq!(
                 before[0].last(),
                 after[0].first(),
                 "it begins where it was left"
             );
+            assert_ne!(after[1][0], 0.0, "energy counts over the whole test");
+            assert_eq!(before[1].last(), after[1].first());
             let found = jump(&after[0]);
             assert!(found <= bound, "{made} {ticks} {count}: {found} {bound}");
             let found = replay(&at(&second)).unwrap();
