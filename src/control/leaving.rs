@@ -4,8 +4,9 @@
 //! needs a speed. Works from the last command and measurement alone.
 //!
 //! The way to zero force goes by what is measured on it: it begins with the first force that is measured at rest, since the one
-//! before may be what tripped the test, and it rests while an answer stays away. It ends where two answers in a row are small: one
-//! may be a glitch. It is not gone where a load cell came out of its range: the ways to a displacement do not go by that.
+//! before may be what tripped the test, and it rests while an answer stays away. An actuator answers late: the approach is so slow
+//! that it does not swing behind one, and ends where the force has been small for longer than it is late. It is not gone where a
+//! load cell came out of its range: the ways to a displacement do not go by that.
 //!
 //! The way out keeps the limits of the commands, or it would end itself where it began: it starts from rest, since nobody
 //! judges the stop, and takes as long as half of `command_accel_m_per_s2` wants. What is estimated of a running test rests.
@@ -55,8 +56,13 @@ impl Exits {
 
 /// Longest way back to zero force, in s of wall time.
 const LONGEST_S: f64 = 120.0;
-/// Share of the way to zero force, by k̂, that one tick goes: an approach without a corner.
+/// Time constant in s of the approach to zero force, and the largest share of the way, by k̂, that one tick goes. Behind a delay
+/// of up to 1/e of it the approach does not go beyond, and it dies out behind one of up to π/2 of it.
+const APPROACH_S: f64 = 0.1;
 const SHARE: f64 = 0.05;
+/// Time in s for which a force is small where it stays so, and the fewest answers: one may be a glitch.
+const SMALL_FOR_S: f64 = 0.1;
+const FEWEST: u32 = 2;
 /// Share of an acceleration limit that it uses at its fastest.
 const SHARE_OF_ACCEL: f64 = 0.5;
 /// Share of the largest force so far, that on the way out included, that counts as none.
@@ -71,6 +77,8 @@ const STRAY: f64 = 3.0;
 struct Creep {
     /// k̂ in raw units of force per raw unit of displacement.
     stiffness: f64,
+    /// Of the way, that one tick goes at most.
+    share: f64,
     /// Largest |force| of the test in raw units, without what stopped it.
     largest: f64,
     small: f64,
@@ -93,8 +101,9 @@ pub struct Departure {
     /// To zero force: it is known how far that is.
     begun: bool,
     seconds: f64,
-    /// To zero force: all forces of the last answer were small.
-    was_small: bool,
+    /// To zero force: so many of the last answers were small in all forces, and so many are asked for.
+    small: u32,
+    small_for: u32,
     arrived: bool,
 }
 
@@ -154,7 +163,8 @@ impl Port {
                     to_zero_force: true,
                     begun: false,
                     seconds: LONGEST_S,
-                    was_small: false,
+                    small: 0,
+                    small_for: ((SMALL_FOR_S / tick).ceil() as u32).max(FEWEST),
                     arrived: false,
                 });
             }
@@ -177,7 +187,8 @@ impl Port {
             to_zero_force: false,
             begun: true,
             seconds: seconds.max(tick),
-            was_small: false,
+            small: 0,
+            small_for: 0,
             arrived: false,
         })
     }
@@ -188,11 +199,13 @@ impl Port {
             return Creep::default();
         };
         let change = self.exit_accel(index) * tick * tick;
+        let share = SHARE.min(tick / APPROACH_S);
         Creep {
+            share,
             stiffness: value(&self.stiffness) / (axis.force_gain * axis.disp_gain),
             largest: (value(&self.carried) / axis.force_gain).abs(),
             // The approach slows down by a share of its step from tick to tick.
-            longest_step: (speed * tick).min(change / SHARE) / self.guard.metres_of(index),
+            longest_step: (speed * tick).min(change / share) / self.guard.metres_of(index),
             slew: change / self.guard.metres_of(index),
             from: value(&self.sent),
             ..Creep::default()
@@ -242,8 +255,8 @@ impl Port {
         let commands = self.command.iter_mut().zip(&mut self.command_vel);
         for (((command, vel), (sent, raw)), (axis, creep)) in commands.zip(values).zip(axes) {
             let force = raw - axis.force_offset;
-            let step =
-                (SHARE * force / creep.stiffness).clamp(-creep.longest_step, creep.longest_step);
+            let step = creep.share * force / creep.stiffness;
+            let step = step.clamp(-creep.longest_step, creep.longest_step);
             let is_small = force.abs() <= creep.small;
             let on = is_known && !is_small && (sent - step - creep.from).abs() <= creep.farthest;
             let wanted = if on { step } else { 0.0 };
@@ -253,16 +266,18 @@ impl Port {
             moving |= on || creep.step != 0.0;
             all_small &= is_small;
         }
-        departure.arrived = all_small && departure.was_small;
         if is_known {
-            departure.was_small = all_small;
+            departure.small = if all_small { departure.small + 1 } else { 0 };
         }
+        departure.arrived = departure.small >= departure.small_for;
         moving || (all_small && !departure.arrived)
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::collections::VecDeque;
+
     use super::*;
     use crate::control::Axis;
     use crate::substructure::{
@@ -272,8 +287,14 @@ mod tests {
 
     const TICK: f64 = 1e-3;
 
-    /// A spring of 2e5 N/m.
-    struct Spring(f64);
+    /// A spring of 2e5 N/m behind an actuator that is so many commands late.
+    struct Spring(VecDeque<f64>);
+
+    impl Spring {
+        fn behind(late: usize) -> Self {
+            Self(VecDeque::from(vec![0.01; late + 1]))
+        }
+    }
 
     impl Substructure for Spring {
         fn axes(&self) -> usize {
@@ -283,50 +304,85 @@ mod tests {
             Coupling::Lockstep
         }
         fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
-            self.0 = command.disp[0];
+            self.0.rotate_left(1);
+            *self.0.back_mut().unwrap() = command.disp[0];
             Ok(())
         }
         fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
-            (into.disp[0], into.force[0]) = (self.0, 2e5 * self.0);
+            (into.disp[0], into.force[0]) = (self.0[0], 2e5 * self.0[0]);
             Ok(Freshness::Fresh)
         }
         fn retire(&mut self, _: Retirement) {}
     }
 
-    /// From 10 mm, with k̂ as it is believed, before any force was noted: ticks of the way to zero force, where it ends, and
-    /// whether that is where it should.
-    fn to_zero_force(stiffness: f64) -> (u32, f64, bool) {
+    /// How a way to zero force went.
+    struct Way {
+        ticks: u32,
+        /// The last command, and where the specimen was at least.
+        end: f64,
+        least: f64,
+        arrived: bool,
+    }
+
+    /// From 10 mm, with k̂ as it is believed, before any force was noted, with ticks of so many seconds.
+    fn to_zero_force(stiffness: f64, tick: f64, late: usize) -> Way {
         let axis = Axis::plain(vec![(0, 1.0)]);
-        let spring = Box::new(Spring(0.0));
+        let spring = Box::new(Spring::behind(late));
         let mut port = Port::new("rig", vec![axis], spring, 1, vec![stiffness]).unwrap();
         port.exits.on_trip = Exit::ZeroForce;
         port.exits.speed = 0.05;
         let exchange = |port: &mut Port| {
             assert_eq!(port.clear().trip, None);
-            port.issue(0, 0.0, TICK).unwrap();
+            port.issue(0, 0.0, tick).unwrap();
             port.collect(Nanos(0)).unwrap();
+            port.raw.disp[0]
         };
         port.aim(&[0.01], &[0.0], 0.0, 0.0);
         exchange(&mut port);
-        let mut departure = port.depart(true, TICK).unwrap();
-        let mut ticks = 0;
+        let mut departure = port.depart(true, tick).unwrap();
+        let (mut ticks, mut least) = (0, f64::INFINITY);
         while port.go_on(&mut departure) {
-            exchange(&mut port);
+            least = exchange(&mut port).min(least);
             ticks += 1;
         }
-        (ticks, port.sent[0], departure.has_arrived())
+        let (end, arrived) = (port.sent[0], departure.has_arrived());
+        Way {
+            ticks,
+            end,
+            least,
+            arrived,
+        }
     }
 
     #[test]
     fn the_way_to_zero_force_ends_where_the_force_is_small_beside_what_it_was() {
-        let (ticks, end, arrived) = to_zero_force(2e5);
-        assert!(arrived && end > 0.0 && end <= 1e-4, "{end}");
-        assert!((180..400).contains(&ticks), "{ticks}");
+        let way = to_zero_force(2e5, TICK, 0);
+        assert!(
+            way.arrived && way.end > 0.0 && way.end <= 1e-4,
+            "{}",
+            way.end
+        );
+        // 5 mm at 50 mm/s, and from 50 mm/s · 0.1 s = 5 mm to 0.1 mm with a time constant of 0.1 s; small for 0.1 s.
+        assert!((550..650).contains(&way.ticks), "{}", way.ticks);
+    }
+
+    #[test]
+    fn an_actuator_that_is_late_is_led_to_zero_force_without_a_swing() {
+        for tick in [2e-4, 1e-3, 5e-3] {
+            for late_s in [5e-3, 0.02, 0.035] {
+                let late = (late_s / tick) as usize;
+                let way = to_zero_force(2e5, tick, late);
+                let told = format!("tick {tick}, {late} late: {} to {}", way.least, way.end);
+                assert!(way.arrived && way.end.abs() <= 1e-4, "{told}");
+                assert!(way.least >= -1e-4, "{told}");
+            }
+        }
     }
 
     #[test]
     fn without_a_stiffness_there_is_no_way_to_zero_force() {
         // One to see that there is a force.
-        assert_eq!(to_zero_force(0.0), (1, 0.01, false));
+        let way = to_zero_force(0.0, TICK, 0);
+        assert_eq!((way.ticks, way.end, way.arrived), (1, 0.01, false));
     }
 }
