@@ -94,3 +94,31 @@ fn the_two_agree_to_second_order() {
         assert!(errors[2] < bound, "{start}: {errors:?}");
     }
 }
+
+/// Beneath a moving base, too, the Newton form is the polynomial of order 2 on nodes a step apart: the velocity of the target that it
+/// takes is a difference, not that of the base as it is now.
+#[test]
+fn a_newton_form_is_its_polynomial_in_both_frames() {
+    let commands = |absolute: bool, kind: &str| {
+        let excitation = if absolute {
+            "base_displacement = { signal = { sine = { amplitude = 0.05, frequency_hz = 1.5, \
+             taper_s = 1, duration_s = 4 } } }"
+        } else {
+            "ground_acceleration = { signal = { sine = { amplitude = 2.0, frequency_hz = 1.5, \
+             taper_s = 1, duration_s = 4 } } }"
+        };
+        let text = test(128, "published", "", excitation);
+        let compensated = format!("{text}\n[specimen.compensation]\n{kind}\n");
+        run(&compensated).column("cmd_1_1")
+    };
+    for absolute in [false, true] {
+        let newton = commands(absolute, "newton = { delay_s = 0.02 }");
+        let polynomial = "polynomial = { order = 2, delay_s = 0.02, nodes = \"step\" }";
+        let polynomial = commands(absolute, polynomial);
+        let peak = newton.iter().fold(0.0, |peak: f64, x| peak.max(x.abs()));
+        assert!(peak > 1e-3);
+        for (a, b) in newton.iter().zip(&polynomial) {
+            assert!((a - b).abs() < 1e-12 * peak, "{absolute}: {a} {b}");
+        }
+    }
+}

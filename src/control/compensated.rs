@@ -48,6 +48,8 @@ pub(super) struct Compensation {
     pace: f64,
     /// The delay that is made up for is one of test time.
     in_test_time: bool,
+    /// The velocity of a target is its ∇d/Δt: not where the base moves, whose velocity is the one of now.
+    are_differences: bool,
     running: bool,
     /// A command that was made of a target is in force, and its measurement is still to come.
     asked: bool,
@@ -118,6 +120,7 @@ impl Port {
                 tick,
                 pace,
                 in_test_time: false,
+                are_differences: true,
                 running: false,
                 asked: false,
                 undisturbed: true,
@@ -134,6 +137,15 @@ impl Port {
     pub fn with_delay_in_test_time(mut self) -> Self {
         if let Some(compensation) = &mut self.compensation {
             compensation.in_test_time = true;
+        }
+        self
+    }
+
+    /// The base moves: targets come with velocities that are no differences of theirs.
+    #[must_use]
+    pub fn with_moving_base(mut self) -> Self {
+        if let Some(compensation) = &mut self.compensation {
+            compensation.are_differences = false;
         }
         self
     }
@@ -236,7 +248,7 @@ impl Port {
         compensation.undisturbed = true;
         compensation.led[0] = compensation.running;
         let (tick, pace) = (compensation.tick, compensation.pace);
-        let is_published = self.tracking.has_published();
+        let is_published = self.tracking.has_published() && compensation.are_differences;
         let targets = self.target.iter().zip(&self.target_vel);
         let commands = self.command.iter_mut().zip(&mut self.command_vel);
         let axes = self.axes.iter().zip(commands).zip(targets);
@@ -315,6 +327,7 @@ impl Port {
                     disp = *target;
                 }
                 let vel = vel.map(|vel| in_metres * vel * compensation.pace);
+                let vel = vel.filter(|_| compensation.are_differences);
                 made.ask(in_metres * disp, vel, compensation.tick);
             }
             let led = made.between(in_metres * target, stride.ahead, pace);
@@ -360,6 +373,7 @@ impl Port {
             let (disp, vel) = self.pursuit.point(index, share, spacing == 1.0);
             let in_metres = axis.disp_gain * made.metres;
             let vel = vel.map(|vel| in_metres * vel * compensation.pace);
+            let vel = vel.filter(|_| compensation.are_differences);
             made.amend(in_metres * disp, vel, compensation.tick);
         }
     }

@@ -307,6 +307,9 @@ impl Specimens {
                         if is_simulated && table.believed_transfer(1.0).is_some() {
                             port = port.with_delay_in_test_time();
                         }
+                        if site.loaded.file.excitation.base_displacement.is_some() {
+                            port = port.with_moving_base();
+                        }
                     }
                     if compensation::is_tracked(&site.loaded.file, table, axes) {
                         let age = compensation::velocity_age(&site.loaded.file);

@@ -62,7 +62,7 @@ impl Choice {
     /// Whether a row of this test time belongs to it.
     pub(super) fn holds(&self, time: f64) -> bool {
         let (from, to) = self.window();
-        !self.is_part() || (from <= time && time <= to)
+        !self.is_part() || (from - roundoff(from) <= time && time <= to + roundoff(to))
     }
 
     fn window(&self) -> (f64, f64) {
@@ -71,6 +71,11 @@ impl Choice {
             self.to.unwrap_or(f64::INFINITY),
         )
     }
+}
+
+/// What a time in s that is made of a count of ticks may be off by.
+fn roundoff(time: f64) -> f64 {
+    1e-12 * time.abs().min(f64::MAX)
 }
 
 /// Where the values of an exported column come from.

@@ -192,6 +192,30 @@ fn an_export_that_fails_leaves_what_was_there() {
     assert!(matches!(result, Err(Trouble::Write(_))));
 }
 
+/// 477 · 0.005 is 2.3850000000000002.
+#[test]
+fn the_row_of_the_time_that_is_asked_for_belongs_to_the_part() {
+    let part = |from, to| Choice {
+        rows: Rows::Step,
+        from,
+        to,
+    };
+    for rate in [100, 200, 256, 1000, 1024, 4096] {
+        let dt = 1.0 / f64::from(rate);
+        for step in 0..20_000 {
+            let told: f64 = format!("{:.9}", f64::from(step) * dt).parse().unwrap();
+            let held = |choice: Choice, step: i32| choice.holds(f64::from(step) * dt);
+            // Where nine digits are all of it.
+            if f64::from(step) / f64::from(rate) == told {
+                assert!(held(part(None, Some(told)), step), "{step} of {rate}");
+                assert!(held(part(Some(told), None), step), "{step} of {rate}");
+            }
+            assert!(!held(part(None, Some(told)), step + 1));
+            assert!(!held(part(Some(told), None), step - 1));
+        }
+    }
+}
+
 /// 40,000 rows of 15 columns and the sequence: four blocks, and with 700,000 bytes of memory two columns at a time.
 #[test]
 fn columns_are_those_of_the_rows_however_few_fit_into_memory() {
