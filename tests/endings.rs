@@ -166,6 +166,11 @@ fn ctrl_c_is_heard_while_a_slow_test_waits_for_its_next_edge() {
 }
 
 #[test]
+fn the_key_beside_that_of_sigint_ends_in_an_orderly_way_too() {
+    interrupted("QUIT", 130);
+}
+
+#[test]
 fn sigterm_and_a_lost_terminal_end_in_an_orderly_way_with_143() {
     interrupted("TERM", 143);
     interrupted("HUP", 143);

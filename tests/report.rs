@@ -260,6 +260,33 @@ fn a_summary_that_cannot_be_read_counts_as_missing_and_lost_lines_of_events_are_
     assert_eq!(say(["report".as_ref(), run.as_os_str()]).code, Some(0));
     let page = fs::read_to_string(run.join("report.html")).unwrap();
     assert!(page.contains("of events.jsonl CANNOT BE READ") && !page.contains("verdict good"));
+    let whole = events.lines().count();
+    let all_but = |last: usize| {
+        let kept = events.lines().take(whole - last);
+        kept.map(|line| format!("{line}\n")).collect::<String>()
+    };
+    for (left, words) in [
+        (Some(all_but(0)), None),
+        (
+            Some(all_but(1)),
+            Some("Events.jsonl ends before the test did"),
+        ),
+        (
+            Some(String::new()),
+            Some("Events.jsonl ends before the test did"),
+        ),
+        (None, Some("Events.jsonl is not there")),
+    ] {
+        match left {
+            Some(text) => fs::write(run.join("events.jsonl"), text).unwrap(),
+            None => fs::remove_file(run.join("events.jsonl")).unwrap(),
+        }
+        assert_eq!(say(["report".as_ref(), run.as_os_str()]).code, Some(0));
+        let page = fs::read_to_string(run.join("report.html")).unwrap();
+        assert_eq!(page.contains("verdict good"), words.is_none());
+        assert!(words.is_none_or(|words| page.contains(words)), "{words:?}");
+    }
+    fs::write(run.join("events.jsonl"), &events).unwrap();
     fs::write(run.join("summary.json"), "{ \"status\": ").unwrap();
     let out = folder.path().join("out.csv");
     for line in [

@@ -623,6 +623,14 @@ pub(super) mod tests {
         assert_eq!(run.summary(), None, "it counts as missing");
         let fault = run.summary_fault().unwrap();
         assert!(fault.contains("missing field `reason`"), "{fault}");
+        fs::write(path.join("summary.json"), b"{\"status\": \"compl\xE5ted\"").unwrap();
+        let run = Run::open(&path).unwrap();
+        assert_eq!(
+            run.summary(),
+            None,
+            "what is no text counts as missing, too"
+        );
+        assert!(run.summary_fault().is_some());
         fs::remove_file(path.join("summary.json")).unwrap();
         let run = Run::open(&path).unwrap();
         assert!(matches!(run.journal(), Err(FolderError::Io { .. })));

@@ -53,7 +53,7 @@ pub use missing::{MissingEnd, ToldBy};
 pub use note::{Note, NoteLevel, Position};
 pub use onlooker::Onlooker;
 pub use ring::{RingReader, RingRecorder, RingSize, WhenFull, ring};
-pub use run::Run;
+pub use run::{Events, Run};
 pub use summary::Summary;
 pub use threads::{Roll, Stamper, ThreadLog, What};
 pub use whereabouts::{Whereabouts, is_claimed};

@@ -28,6 +28,19 @@ pub struct Events {
     pub events: Vec<Value>,
     /// Lines that could not be read; one at the end is normal after a kill.
     pub unreadable: usize,
+    /// The last line is one of those, and was never finished.
+    pub is_torn: bool,
+    /// There is a file of them: every run has one from its beginning on.
+    pub is_there: bool,
+}
+
+impl Events {
+    /// The loop said that it was over.
+    #[must_use]
+    pub fn have_end(&self) -> bool {
+        let mut names = self.events.iter().rev().filter_map(|e| e.get("event"));
+        names.any(|name| name == "ended")
+    }
 }
 
 impl Run {
@@ -46,7 +59,8 @@ impl Run {
         if fs::read_dir(path).map_err(at(path))?.next().is_none() {
             return Err(FolderError::Empty(owned()));
         }
-        let Some(text) = read_if_there(&path.join("samples.json"))? else {
+        let layout_path = path.join("samples.json");
+        let Some(text) = if_there(&layout_path, fs::read_to_string(&layout_path))? else {
             return Err(if path.join("test.toml").exists() {
                 FolderError::NoSamples(owned())
             } else {
@@ -54,11 +68,12 @@ impl Run {
             });
         };
         let layout = Layout::from_json(&text).map_err(|source| FolderError::Layout {
-            path: path.join("samples.json"),
+            path: layout_path,
             source,
         })?;
         let summary_path = path.join("summary.json");
-        let read = read_if_there(&summary_path)?.map(|text| serde_json::from_str(&text));
+        let read = if_there(&summary_path, fs::read(&summary_path))?
+            .map(|text| serde_json::from_slice(&text));
         let (summary, summary_fault) = match read {
             Some(Ok(summary)) => (Some(summary), None),
             Some(Err(fault)) => (None, Some(fault.to_string())),
@@ -179,25 +194,32 @@ impl Run {
     /// The system refuses.
     pub fn events(&self) -> Result<Events, FolderError> {
         let path = self.path.join("events.jsonl");
-        let bytes = match fs::read(&path) {
-            Err(error) if error.kind() == io::ErrorKind::NotFound => Vec::new(),
-            other => other.map_err(at(&path))?,
-        };
+        let found = if_there(&path, fs::read(&path))?;
+        let is_there = found.is_some();
+        let bytes = found.unwrap_or_default();
         let lines = bytes.split(|&b| b == b'\n').filter(|line| !line.is_empty());
-        let (mut events, mut unreadable) = (Vec::new(), 0);
+        let (mut events, mut unreadable, mut is_torn) = (Vec::new(), 0, false);
         for line in lines {
-            match serde_json::from_slice(line) {
+            let read = serde_json::from_slice(line);
+            is_torn = read.is_err() && !bytes.ends_with(b"\n");
+            match read {
                 Ok(event) => events.push(event),
                 Err(_) => unreadable += 1,
             }
         }
-        Ok(Events { events, unreadable })
+        Ok(Events {
+            events,
+            unreadable,
+            is_torn,
+            is_there,
+        })
     }
 }
 
-fn read_if_there(path: &Path) -> Result<Option<String>, FolderError> {
-    match fs::read_to_string(path) {
-        Ok(text) => Ok(Some(text)),
+/// What was read; none if there is no such file.
+fn if_there<T>(path: &Path, read: io::Result<T>) -> Result<Option<T>, FolderError> {
+    match read {
+        Ok(found) => Ok(Some(found)),
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
         Err(error) => Err(at(path)(error)),
     }

@@ -10,7 +10,8 @@ use super::Finished;
 use super::energetics::{Without, known};
 use super::retrace::Origin;
 use crate::metrics::energy::Model;
-use crate::record::{Column, End, FolderError, MissingEnd, Run, atomic};
+use crate::record::summary::Status;
+use crate::record::{Column, End, Events, FolderError, MissingEnd, Run, atomic};
 use crate::report::{
     BLOCK, Digest, Earlier, IdentifiedAxis, RunData, Source, drifts, falsified, hero_svg,
     identified, missing_metrics, render, ticks_per_step, tracking_metrics,
@@ -235,7 +236,7 @@ pub(super) fn read(folder: &Path) -> Result<RunData, PageError> {
         .then(|| "the run has no summary.json: it is still running or was killed".to_owned());
     let told = run.events()?;
     let rows = on_disk.end.get();
-    let damaged = rows.map_or_else(Vec::new, |rows| damages(&run, rows));
+    let damaged = rows.map_or_else(Vec::new, |rows| damages(&run, &told, rows));
     Ok(RunData {
         title: title.or_else(name).unwrap_or_else(|| "run".to_owned()),
         columns: run.layout().columns().to_vec(),
@@ -257,7 +258,7 @@ pub(super) fn read(folder: &Path) -> Result<RunData, PageError> {
 }
 
 /// What of a record is not there any more, in words. Rows that were lost while it was recorded are told by the summary.
-fn damages(run: &Run, rows: RowsEnd) -> Vec<String> {
+fn damages(run: &Run, told: &Events, rows: RowsEnd) -> Vec<String> {
     let ended = rows.end.filter(|end| *end != End::Clean);
     let never_there = run.summary().map_or(0, |summary| summary.rows_lost);
     let at_the_end = never_there.saturating_sub(rows.lost);
@@ -275,7 +276,17 @@ fn damages(run: &Run, rows: RowsEnd) -> Vec<String> {
     });
     let ended = ended.map(|end| end.to_string());
     let missing = missing.map(|end| end.to_string());
-    [summary, ended, missing, cut]
+    // A loop that broke down did not say that it was over.
+    let ended_itself = run.summary().is_some_and(|s| s.status != Status::Failed);
+    let events = if !told.is_there {
+        Some("events.jsonl is not there: what happened is not told here")
+    } else if ended_itself && !told.have_end() {
+        Some("events.jsonl ends before the test did: the last of what happened is not told here")
+    } else {
+        None
+    };
+    let events = events.map(str::to_owned);
+    [summary, ended, missing, cut, events]
         .into_iter()
         .flatten()
         .collect()

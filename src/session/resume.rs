@@ -178,14 +178,18 @@ fn resume_by(
 
 /// What the test ended with before, to be told. Its trips must be those in `after`.
 fn end_before(run: &Run, after: &[String]) -> Result<String, ResumeError> {
-    let reason = run.summary().map_or_else(
+    let mut reason = run.summary().map_or_else(
         || "it was killed: there is no summary.json".to_owned(),
         |summary| summary.reason.clone(),
     );
     let told = run.events()?;
     let mut trips = trips::of_events(&told.events);
-    if trips.is_empty() && trips::has_a_row_of_one(run)? {
+    let may_hide = trips::may_hide(run.summary().map(|summary| summary.status), &told);
+    if trips.is_empty() && (may_hide || trips::has_a_row_of_one(run)?) {
         trips.push(UNKNOWN.to_owned());
+        if may_hide {
+            reason += "; not all of its events can be read, and one of a trip may be among them";
+        }
     }
     let folder = || run.path().to_owned();
     if let Some(named) = after.iter().find(|named| !trips.contains(named)) {

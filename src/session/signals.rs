@@ -1,4 +1,4 @@
-//! SIGINT, SIGTERM and SIGHUP become a request to the loop: an orderly end, never a sudden one.
+//! SIGINT, SIGQUIT, SIGTERM and SIGHUP become a request to the loop: an orderly end, never a sudden one.
 
 use std::io;
 use std::sync::Arc;
@@ -14,18 +14,19 @@ use crate::rt::os;
 /// A signal that ended a test.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Signal {
-    /// SIGINT: Ctrl-C.
+    /// SIGINT or SIGQUIT: Ctrl-C, or Ctrl-\ beside it.
     Interrupt,
     /// SIGTERM, or SIGHUP: the terminal, or the connection it came through, is gone.
     Terminate,
 }
 
-/// SIGINT, SIGTERM and SIGHUP, taken over from the system's default, which would end the process at once. A SIGHUP that was
+/// SIGINT, SIGQUIT, SIGTERM and SIGHUP, taken over from the system's default, which would end the process at once. A SIGHUP that was
 /// ignored before stays so: that is asked for when somebody leaves what he has started (nohup(1)). What would only stop the
 /// process, with a specimen in its hands, is not heard.
 #[derive(Debug)]
 pub struct Taken {
     interrupt: unix::Signal,
+    quit: unix::Signal,
     terminate: unix::Signal,
     hang_up: Option<unix::Signal>,
 }
@@ -40,6 +41,7 @@ impl Taken {
         let hang_up = !os::is_hang_up_ignored();
         Ok(Self {
             interrupt: signal(SignalKind::interrupt())?,
+            quit: signal(SignalKind::quit())?,
             terminate: signal(SignalKind::terminate())?,
             hang_up: hang_up.then(|| signal(SignalKind::hangup())).transpose()?,
         })
@@ -55,6 +57,7 @@ impl Taken {
         };
         tokio::select! {
             _ = self.interrupt.recv() => Signal::Interrupt,
+            _ = self.quit.recv() => Signal::Interrupt,
             _ = self.terminate.recv() => Signal::Terminate,
             _ = hang_up => Signal::Terminate,
         }

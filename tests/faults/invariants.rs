@@ -345,7 +345,7 @@ fn moves_only_when_meant(loaded: &Loaded, port: usize, played: &Played) -> Resul
             let far = steps.map(|((from, to), (_, metres))| (to - from).abs() * metres);
             let far = far.fold(0.0, f64::max);
             ensure!(
-                far == 0.0 || (at.0 >= first_motion && at.0 <= still_from),
+                far <= ROUNDOFF_M || (at.0 >= first_motion && at.0 <= still_from),
                 "command {sequence} moves {far} m while nothing is to move"
             );
             ensure!(

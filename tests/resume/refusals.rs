@@ -214,6 +214,49 @@ fn a_test_that_had_tripped_goes_on_only_for_who_names_the_trip() {
     refused(&first, "but the rows end at", &named);
 }
 
+/// The commands of a test that froze where it tripped are those of one that was interrupted: only its events tell them apart.
+#[test]
+fn where_the_event_of_a_trip_may_be_lost_the_test_goes_on_only_for_who_says_so() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let text =
+        frame(200, 1, 2.0, 0.0) + "[specimen.limits]\ncommand_disp_m = { trip = [-2e-3, 2e-3] }\n";
+    let test = test_in(home.path(), &text);
+    let said = common::run(&test, &at("tripped"), &[]);
+    assert_eq!(said.code, Some(1), "{}", said.stderr);
+    let events = std::fs::read(at("tripped").join("events.jsonl")).unwrap();
+    let text = String::from_utf8(events.clone()).unwrap();
+    let line = text
+        .lines()
+        .find(|line| line.contains("limit_trip"))
+        .unwrap();
+    let begins = text.find(line).unwrap();
+    let with = |change: &dyn Fn(&mut Vec<u8>), summary: &dyn Fn(String) -> String| {
+        let changed = at("changed");
+        let _ = std::fs::remove_dir_all(&changed);
+        copy(&at("tripped"), &changed);
+        let mut bytes = events.clone();
+        change(&mut bytes);
+        std::fs::write(changed.join("events.jsonl"), bytes).unwrap();
+        let file = changed.join("summary.json");
+        let told = summary(std::fs::read_to_string(&file).unwrap());
+        std::fs::write(file, told).unwrap();
+        changed
+    };
+    let cut: &dyn Fn(&mut Vec<u8>) = &|bytes| bytes.truncate(begins);
+    let bent: &dyn Fn(&mut Vec<u8>) = &|bytes| bytes[begins] ^= 0x80;
+    let torn: &dyn Fn(&mut Vec<u8>) = &|bytes| bytes.truncate(begins + 20);
+    for change in [cut, bent, torn] {
+        let run = with(change, &|told| told);
+        refused(&run, "say `--after-trip unknown` if it may go on", &[]);
+        refused(&run, "one of a trip may be among them", &[]);
+    }
+    // The operator had ended this one; a trip would have come before.
+    let run = with(bent, &|told| told.replace("\"stopped\"", "\"interrupted\""));
+    let said = go_on(&run, &at("second"));
+    assert!(!said.stderr.contains("--after-trip"), "{}", said.stderr);
+}
+
 /// What ceased to be a number is latched as any other trip, whoever computed it.
 #[test]
 fn a_test_that_ended_with_no_finite_number_goes_on_only_for_who_says_so() {

@@ -5,7 +5,8 @@ use serde_json::Value;
 use super::ResumeError;
 use crate::control::OnStale;
 use crate::engine::{Experiment, Phase};
-use crate::record::Run;
+use crate::record::summary::Status as Ended;
+use crate::record::{Events, Run};
 use crate::session::recorded::Replaced;
 use crate::session::retrace::prepared;
 use crate::substructure::Status;
@@ -30,6 +31,17 @@ pub(super) fn of_events(events: &[Value]) -> Vec<String> {
         trips.extend(trip.filter(|trip| !trips.contains(trip)));
     }
     trips
+}
+
+/// Whether the event of a trip may be one of those that cannot be read: a test that `ended` so and not by itself, nor by its
+/// operator; none if it was killed, which leaves half a line at the end.
+pub(super) fn may_hide(ended: Option<Ended>, told: &Events) -> bool {
+    match ended {
+        Some(Ended::Completed | Ended::Interrupted) => false,
+        Some(Ended::Stopped) if !told.have_end() => true,
+        Some(_) => told.unreadable > 0,
+        None => told.unreadable > usize::from(told.is_torn),
+    }
 }
 
 /// A row says that the test tripped there, and not only for a link. Rows are written before events: whatever ended the
