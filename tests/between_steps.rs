@@ -240,3 +240,37 @@ fn at_the_limit_that_counts_the_velocities_between_the_steps_the_loop_begins_to_
         assert!(above > 10.0 * below, "{order}: {below} {above}");
     }
 }
+
+/// A frame on a formula, whose command comes out of its range between two steps.
+fn tripping(more: &str) -> String {
+    format!(
+        "[time]\nstep_s = {DT}\nduration_s = 2\nclock = \"simulated\"\nticks_per_step = {TICKS}\n[integrator]\nlambda = 2\n\
+         [structure.shear_building]\nmass_kg = [2e3]\nstiffness_n_per_m = [1e5]\n[excitation.ground_acceleration.signal.sine]\n\
+         amplitude = 5\nfrequency_hz = 1\n[[specimen]]\nname = \"column\"\nstorey = 1\n\
+         law.linear.stiffness_n_per_m = {STIFFNESS}\n{more}"
+    )
+}
+
+fn largest(values: impl IntoIterator<Item = f64>) -> f64 {
+    values.into_iter().fold(0.0, |most, x| most.max(x.abs()))
+}
+
+#[test]
+fn a_displacement_that_was_only_aimed_at_is_no_peak() {
+    for at in 8..8 * 20 {
+        let (run, _) = frame(40, &[(WARM_UP + at, Operator::Stop)]);
+        let reached = run.column("x1");
+        assert_eq!(run.outcome.peaks.disp[0], largest(reached), "command {at}");
+    }
+    let mut ended_a_step = 0;
+    for bound in 1..40 {
+        let bound = 5e-4 * f64::from(bound);
+        let trip = format!("limits.measured_disp_m.trip = [{}, {bound}]\n", -bound);
+        let run = run(&tripping(&trip));
+        let (x, state, sub_tick) = (run.all("x1"), run.all("state"), run.all("sub_tick"));
+        assert_eq!(run.outcome.peaks.disp[0], largest(x), "{bound}");
+        let trip = state.iter().position(|s| *s == Phase::Tripped.code());
+        ended_a_step += u32::from(sub_tick[trip.unwrap()] == 0.0);
+    }
+    assert!((1..39).contains(&ended_a_step), "{ended_a_step}");
+}
