@@ -274,3 +274,20 @@ fn a_displacement_that_was_only_aimed_at_is_no_peak() {
     }
     assert!((1..39).contains(&ended_a_step), "{ended_a_step}");
 }
+
+#[test]
+fn test_time_never_runs_back_on_the_way_out() {
+    let trip = "limits.command_disp_m.trip = [-5e-3, 5e-3]\n";
+    let leaves = "[safety]\non_trip = \"zero_displacement\"\nexit_speed_m_per_s = 0.05\n";
+    let run = run(&tripping(&format!("{trip}{leaves}")));
+    let [state, step, time] = ["state", "step", "time"].map(|name| run.all(name));
+    let sub_tick = run.all("sub_tick");
+    let trip = state.iter().position(|s| *s == Phase::Tripped.code());
+    let trip = trip.unwrap();
+    assert!(sub_tick[trip] > 0.0 && state[trip + 1..].contains(&Phase::Leaving.code()));
+    for row in trip..state.len() {
+        let now = (step[row], sub_tick[row], time[row]);
+        assert_eq!(now, (step[trip - 1], sub_tick[trip - 1], time[trip - 1]));
+    }
+    assert!(time.is_sorted());
+}

@@ -215,6 +215,14 @@ impl Row {
         Some((*self.kept.get(place)?, *value))
     }
 
+    /// Tick within the step, and test time in s, of the row that was made last.
+    pub(super) fn moment(&self) -> (f64, f64) {
+        match self.values.first_chunk() {
+            Some(&[_, sub_tick, _, _, time]) => (sub_tick, time),
+            None => (0.0, 0.0),
+        }
+    }
+
     /// The finished row.
     #[inline]
     #[must_use]

@@ -183,14 +183,17 @@ impl Matcher {
     }
 
     /// True if this row is a tick of the running test, or the one that tripped it, of the first (or, with `second`, the second) run.
+    /// `before` is the last such row, if there is one: a trip that is not after it has no tick of its own.
     #[must_use]
-    pub fn is_running(&self, row: &[f64], second: bool) -> bool {
-        let at = |(a, b): (usize, usize)| row.get(if second { b } else { a }).copied();
-        let (state, time) = (at(self.key[2]), at(self.time));
+    pub fn is_running(&self, row: &[f64], before: &[f64], second: bool) -> bool {
+        let of = |row: &[f64], (a, b): (usize, usize)| row.get(if second { b } else { a }).copied();
+        let (state, time) = (of(row, self.key[2]), of(row, self.time));
+        let is_new =
+            |time: f64| time >= 0.0 && of(before, self.time).is_none_or(|last| time > last);
         let is_of_test = |state: f64| {
             state == RUNNING
                 || BETWEEN.contains(&state)
-                || (state == TRIPPED && time.is_some_and(|time| time >= 0.0))
+                || (state == TRIPPED && time.is_some_and(is_new))
         };
         state.is_some_and(is_of_test)
     }
@@ -512,13 +515,18 @@ mod tests {
     #[test]
     fn every_tick_of_the_running_test_is_compared_and_no_other() {
         let m = matcher();
-        let is_compared =
-            |state: f64, time: f64| m.is_running(&[0.0, 0.0, state, time, 0.0, 0.0], false);
+        let at = |state: f64, time: f64| [0.0, 0.0, state, time, 0.0, 0.0];
+        let is_compared = |state: f64, time: f64| m.is_running(&at(state, time), &[], false);
         for state in [3.0, 11.0, 12.0, 13.0, 8.0] {
             assert!(is_compared(state, 0.5), "{state}");
         }
         for (state, time) in [(4.0, 0.0), (5.0, -1.0), (6.0, 1.0), (7.0, 1.0), (8.0, -1.0)] {
             assert!(!is_compared(state, time), "{state}");
+        }
+        // A trip of which the rows say no more than where the test stood already, or still earlier, as older ones do.
+        for (time, is_tick) in [(0.25, true), (0.2, false), (0.1, false)] {
+            let found = m.is_running(&at(TRIPPED, time), &at(BETWEEN[0], 0.2), false);
+            assert_eq!(found, is_tick, "{time}");
         }
     }
 
