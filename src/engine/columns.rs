@@ -168,7 +168,13 @@ impl Row {
             "m/s",
             "velocity as the integrator reports it",
         );
-        let accel = block(&mut columns, "a", "m/s2", "acceleration from equilibrium");
+        let has_own = matches!(side, Side::Structure(numerical) if numerical.has_own_accel());
+        let meaning = if has_own {
+            "acceleration that the method goes on with, not that of equilibrium at the end of the step,"
+        } else {
+            "acceleration from equilibrium at the end of the step, M^-1 r,"
+        };
+        let accel = block(&mut columns, "a", "m/s2", meaning);
         let ports_given = ports;
         let ports = ports
             .iter()
