@@ -240,3 +240,54 @@ fn at_the_limit_that_counts_the_velocities_between_the_steps_the_loop_begins_to_
         assert!(above > 10.0 * below, "{order}: {below} {above}");
     }
 }
+
+/// A frame on a formula, whose command comes out of its range between two steps.
+fn tripping(more: &str) -> String {
+    format!(
+        "[time]\nstep_s = {DT}\nduration_s = 2\nclock = \"simulated\"\nticks_per_step = {TICKS}\n[integrator]\nlambda = 2\n\
+         [structure.shear_building]\nmass_kg = [2e3]\nstiffness_n_per_m = [1e5]\n[excitation.ground_acceleration.signal.sine]\n\
+         amplitude = 5\nfrequency_hz = 1\n[[specimen]]\nname = \"column\"\nstorey = 1\n\
+         law.linear.stiffness_n_per_m = {STIFFNESS}\n{more}"
+    )
+}
+
+fn largest(values: impl IntoIterator<Item = f64>) -> f64 {
+    values.into_iter().fold(0.0, |most, x| most.max(x.abs()))
+}
+
+#[test]
+fn a_displacement_that_was_only_aimed_at_is_no_peak() {
+    for at in 8..8 * 20 {
+        let (run, _) = frame(40, &[(WARM_UP + at, Operator::Stop)]);
+        let reached = run.column("x1");
+        assert_eq!(run.outcome.peaks.disp[0], largest(reached), "command {at}");
+    }
+    let mut ended_a_step = 0;
+    for bound in 1..40 {
+        let bound = 5e-4 * f64::from(bound);
+        let trip = format!("limits.measured_disp_m.trip = [{}, {bound}]\n", -bound);
+        let run = run(&tripping(&trip));
+        let (x, state, sub_tick) = (run.all("x1"), run.all("state"), run.all("sub_tick"));
+        assert_eq!(run.outcome.peaks.disp[0], largest(x), "{bound}");
+        let trip = state.iter().position(|s| *s == Phase::Tripped.code());
+        ended_a_step += u32::from(sub_tick[trip.unwrap()] == 0.0);
+    }
+    assert!((1..39).contains(&ended_a_step), "{ended_a_step}");
+}
+
+#[test]
+fn test_time_never_runs_back_on_the_way_out() {
+    let trip = "limits.command_disp_m.trip = [-5e-3, 5e-3]\n";
+    let leaves = "[safety]\non_trip = \"zero_displacement\"\nexit_speed_m_per_s = 0.05\n";
+    let run = run(&tripping(&format!("{trip}{leaves}")));
+    let [state, step, time] = ["state", "step", "time"].map(|name| run.all(name));
+    let sub_tick = run.all("sub_tick");
+    let trip = state.iter().position(|s| *s == Phase::Tripped.code());
+    let trip = trip.unwrap();
+    assert!(sub_tick[trip] > 0.0 && state[trip + 1..].contains(&Phase::Leaving.code()));
+    for row in trip..state.len() {
+        let now = (step[row], sub_tick[row], time[row]);
+        assert_eq!(now, (step[trip - 1], sub_tick[trip - 1], time[trip - 1]));
+    }
+    assert!(time.is_sorted());
+}

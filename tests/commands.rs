@@ -219,6 +219,7 @@ fn run_says_in_the_end_what_the_test_came_to_and_where_it_is_unless_it_is_to_be_
         "Frame — completed",
         "100 steps",
         "peak displacement",
+        " at DOF 2, relative to the ground",
         "peak force, storey",
         "lambda",
         "report.html",

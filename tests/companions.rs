@@ -75,6 +75,32 @@ fn every_method_runs_a_computed_test_and_finds_the_same_peak() {
     assert!((peak("method = \"newmark_average\"") / family - 1.0).abs() < 0.01);
 }
 
+/// That of equilibrium, but where the method itself is not in equilibrium at the ends of steps.
+#[test]
+fn the_record_says_which_acceleration_it_has() {
+    for (method, words) in [
+        ("lambda = 4", "from equilibrium"),
+        ("method = \"newmark_average\"", "from equilibrium"),
+        (
+            "method = \"kr_alpha\"\nrho_infinity = 0.8",
+            "from equilibrium",
+        ),
+        (
+            "method = \"kr_alpha\"\nrho_infinity = 0.8\nweighting = \"state\"",
+            "that the method goes on with",
+        ),
+    ] {
+        let text = format!("{TEST}{method}\n");
+        let read = gusset::config::parse(std::path::Path::new("test.toml"), text, &[]);
+        let loaded = read.unwrap_or_else(|error| panic!("{error}"));
+        let built = gusset::config::build(&loaded).unwrap_or_else(|error| panic!("{error}"));
+        let columns = built.experiment.columns();
+        let column = columns.iter().find(|column| column.name == "a2").unwrap();
+        let told = &column.meaning;
+        assert!(told.starts_with(&format!("acceleration {words}")), "{told}");
+    }
+}
+
 #[test]
 fn the_summary_of_a_companion_has_no_lambda_and_check_names_the_method() {
     let text = format!("{TEST}method = \"chang_2002\"\n");

@@ -194,6 +194,49 @@ fn a_test_that_was_stopped_is_proven_as_far_as_it_went() {
     assert!(steps > 100 && steps < 1536, "{steps}");
 }
 
+/// Stopped between two steps it goes out from there. Older recordings have their way out at the end of the last step.
+#[test]
+fn a_way_out_from_between_two_steps_is_proven_as_it_is_recorded_now_and_as_it_was() {
+    let (mut between, mut at_ends) = (0, 0);
+    for words in 700..704 {
+        let home = tempfile::tempdir().unwrap();
+        let test = test_in(home.path(), "");
+        let text = FRAME.replace("512\n", "512\nticks_per_step = 4\n").replace(
+            "ease_s = 0.0\n",
+            "ease_s = 0.0\nat_end = \"zero_displacement\"\nexit_speed_m_per_s = 0.5\n",
+        );
+        std::fs::write(&test, text).unwrap();
+        let mut words = vec![Operator::Continue; words];
+        words.push(Operator::Stop);
+        let run = record_of(&test, &words);
+        assert!(replay(&run).unwrap().is_exact());
+        let columns = Run::open(&run).unwrap();
+        let columns = columns.columns(&["state", "step", "sub_tick", "time"]);
+        let [state, step, sub_tick, time] = &columns.unwrap()[..] else {
+            panic!("four columns")
+        };
+        assert!(time.is_sorted());
+        let leaving = |row: &usize| state[*row] == Phase::Leaving.code();
+        let leaving: Vec<usize> = (0..state.len()).filter(leaving).collect();
+        let last = *leaving.last().unwrap();
+        if sub_tick[last] == 0.0 {
+            at_ends += 1;
+            continue;
+        }
+        between += 1;
+        for row in leaving {
+            change(&run, row as u64, "sub_tick", 0.0);
+            change(&run, row as u64, "time", step[row] / 512.0);
+        }
+        let found = replay(&run).unwrap();
+        assert!(found.is_exact(), "{found:?}");
+        change(&run, last as u64, "time", time[last] - 1e-4);
+        let difference = replay(&run).unwrap().difference.unwrap();
+        assert_eq!(difference.row, last as u64);
+    }
+    assert_eq!((between, at_ends), (3, 1));
+}
+
 /// A trip while zeroing, and one on the way out: the row that trips is the last, and comes out again.
 #[test]
 fn a_trip_outside_of_the_running_test_is_proven_too() {

@@ -437,10 +437,13 @@ fn coordinates_of_a_base_that_is_displaced_are_absolute_and_the_lowest_storey_dr
         assert!(page.contains(title), "{title}");
     }
     assert!(!page.contains("relative to the ground"));
+    let told = "Displacements, velocities and accelerations are";
+    assert!(page.contains(&format!("{told} absolute.")));
 
     let ground = base.replace("base_displacement", "ground_acceleration");
     let (_, page) = page_of(folder.path(), "ground", &two_storeys(1.0, "", &ground));
     assert!(page.contains("Acceleration, relative to the ground") && !page.contains(", absolute"));
+    assert!(page.contains(&format!("{told} relative to the ground.")));
 }
 
 #[test]

@@ -189,13 +189,20 @@ fn conclude(facts: &Facts, finished: &Finished, page: Option<&Page>) {
             .filter_map(|(dof, value)| Some((dof + 1, (*value)?)));
         known.max_by(|a, b| a.1.total_cmp(&b.1))
     };
+    let structure = facts.structure.as_ref();
+    let shaken = structure.and_then(|structure| structure.peak_ground_accel);
+    let against = match shaken {
+        Some(peak) if peak > 0.0 => ", relative to the ground",
+        _ => "",
+    };
     for (what, unit, values) in [
         ("peak displacement", "m", &summary.peak.displacement),
         ("peak velocity", "m/s", &summary.peak.velocity),
         ("peak acceleration", "m/s²", &summary.peak.acceleration),
     ] {
         if let Some((dof, value)) = largest(values) {
-            table.row(what, &format!("{} at DOF {dof}", quantity(value, unit)));
+            let value = quantity(value, unit);
+            table.row(what, &format!("{value} at DOF {dof}{against}"));
         }
     }
     for (name, forces) in &summary.peak.force {

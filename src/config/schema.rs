@@ -204,10 +204,11 @@ pub enum Method {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Weighting {
-    /// The forces of both steps.
+    /// The forces of both steps. Recorded accelerations follow from equilibrium at the end of the step.
     #[default]
     Forces,
-    /// The states, at which the force is then evaluated, as open-source finite-element programs do.
+    /// The states, at which the force is then evaluated, as open-source finite-element programs do. Recorded accelerations are
+    /// those that the method goes on with.
     State,
 }
 

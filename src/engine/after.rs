@@ -271,13 +271,7 @@ impl Engine {
         {
             port.note_loss();
         }
-        let step = self.steps_done;
-        let tick = Tick {
-            step,
-            sub_tick: 0,
-            time: step as f64 * self.dt,
-            dt: 0.0,
-        };
+        let tick = self.tick_behind_the_last(0.0);
         let state = if ending.is_for_being_late() {
             // What the operator said before the tick that was late stands in its own row.
             self.row.word = Word {
@@ -295,6 +289,21 @@ impl Engine {
         self.row
             .timing(&stamps, self.first_edge, self.schedule.stretched());
         self.keep_row();
+    }
+
+    /// A tick in which test time stands still where the last row of the test is, which may be between two steps.
+    fn tick_behind_the_last(&self, dt: f64) -> Tick {
+        let tick = self.tick_at_rest(dt);
+        let (sub_tick, time) = self.row.moment();
+        if time > tick.time {
+            let sub_tick = sub_tick as u64;
+            return Tick {
+                sub_tick,
+                time,
+                ..tick
+            };
+        }
+        tick
     }
 
     /// What trips does so on the way out that the operator asked for.
@@ -332,13 +341,7 @@ impl Engine {
                 return lost.map_or(Ok(()), Err);
             }
             self.clear_commands()?;
-            let step = self.steps_done;
-            let tick = Tick {
-                step,
-                sub_tick: 0,
-                time: step as f64 * self.dt,
-                dt: self.tick_passes(),
-            };
+            let tick = self.tick_behind_the_last(self.tick_passes());
             let mut stamps = TickStamps::default();
             self.wait_before_start(&mut stamps, control)?;
             self.exchange(&tick, &mut stamps, control)?;

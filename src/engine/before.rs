@@ -63,7 +63,7 @@ impl Engine {
     }
 
     /// A tick in which test time stands still: at t = 0, or where an interrupted test stood.
-    fn tick_at_rest(&self, dt: f64) -> Tick {
+    pub(super) fn tick_at_rest(&self, dt: f64) -> Tick {
         let step = self.steps_done;
         Tick {
             step,

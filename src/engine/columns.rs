@@ -168,7 +168,13 @@ impl Row {
             "m/s",
             "velocity as the integrator reports it",
         );
-        let accel = block(&mut columns, "a", "m/s2", "acceleration from equilibrium");
+        let has_own = matches!(side, Side::Structure(numerical) if numerical.has_own_accel());
+        let meaning = if has_own {
+            "acceleration that the method goes on with, not that of equilibrium at the end of the step,"
+        } else {
+            "acceleration from equilibrium at the end of the step, M^-1 r,"
+        };
+        let accel = block(&mut columns, "a", "m/s2", meaning);
         let ports_given = ports;
         let ports = ports
             .iter()
@@ -213,6 +219,14 @@ impl Row {
     pub(super) fn kept_at(&self, place: usize) -> Option<(TestQuantity, f64)> {
         let value = self.values.get(self.checks.start + place)?;
         Some((*self.kept.get(place)?, *value))
+    }
+
+    /// Tick within the step, and test time in s, of the row that was made last.
+    pub(super) fn moment(&self) -> (f64, f64) {
+        match self.values.first_chunk() {
+            Some(&[_, sub_tick, _, _, time]) => (sub_tick, time),
+            None => (0.0, 0.0),
+        }
     }
 
     /// The finished row.

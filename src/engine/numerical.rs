@@ -137,6 +137,12 @@ impl Numerical {
         matches!(self.stepper, Stepper::Offline(_))
     }
 
+    /// True if a is what the method goes on with, and not what equilibrium at the end of a step gives.
+    #[must_use]
+    pub fn has_own_accel(&self) -> bool {
+        matches!(&self.stepper, Stepper::Offline(method) if method.has_own_accel())
+    }
+
     /// r at `step`, with the forces that the ports hold; `dt` is the time since the last accepted step.
     /// Numerical elements commit. Real-time: yes, unless the method is offline.
     #[inline]

@@ -47,6 +47,7 @@ impl Engine {
         }
         self.row
             .exchange(&tick, Phase::Running, &self.side, &self.ports);
+        self.note_reached();
         let advanced = self.advance_to_next(&tick);
         stamps.ready = self.clock.now();
 
@@ -365,6 +366,14 @@ impl Engine {
         self.steps_done = tick.step;
     }
 
+    /// The displacement of a step whose target was reached: what was only aimed at never was. Real-time: yes.
+    #[inline]
+    pub(super) fn note_reached(&mut self) {
+        if let Side::Structure(numerical) = &self.side {
+            self.peaks.note_disp(&numerical.state.disp);
+        }
+    }
+
     /// Peaks over all DOFs, and the last look at the state before its command leaves; after the last step none does.
     #[inline]
     fn note_peaks(&mut self, tick: &Tick) -> Result<(), Stop> {
@@ -383,11 +392,6 @@ impl Engine {
         }
         // A command that cannot be sent says more than the audit that it spoils.
         self.clear_commands()?;
-        self.judge_test(tick)?;
-        // What is refused never was.
-        if let Side::Structure(numerical) = &self.side {
-            self.peaks.note_disp(&numerical.state.disp);
-        }
-        Ok(())
+        self.judge_test(tick)
     }
 }

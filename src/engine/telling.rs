@@ -43,6 +43,9 @@ impl Engine {
                 let tick = Tick { sub_tick, ..*tick };
                 self.row
                     .exchange(&tick, Phase::Tripped, &self.side, &self.ports);
+                if self.riding {
+                    self.note_reached();
+                }
             } else {
                 let state = if is_not_awaited {
                     NOT_AWAITED

@@ -273,6 +273,10 @@ impl Offline for KrAlphaAtState {
         self.operators.dt
     }
 
+    fn has_own_accel(&self) -> bool {
+        true
+    }
+
     fn begin(&mut self, _state: &State, residual: &[f64]) {
         self.accel.copy_from_slice(residual);
         self.operators.start.solve_in_place(&mut self.accel);

@@ -61,6 +61,11 @@ pub trait Offline: Send + fmt::Debug {
     /// Δt in s.
     fn dt(&self) -> f64;
 
+    /// True if a is the method's own at the end of a step, where it is not in equilibrium with the forces there.
+    fn has_own_accel(&self) -> bool {
+        false
+    }
+
     /// Takes r\[0\] = F − R_d − R_s at x\[0\], v\[0\], from which a\[0\] follows.
     fn begin(&mut self, state: &State, residual: &[f64]);
 

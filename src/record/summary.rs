@@ -177,8 +177,9 @@ pub struct Summary {
     /// wherever its own end holds or leaves it).
     #[serde(default)]
     pub left: BTreeMap<String, String>,
-    /// Largest |force| before t = 0, zeroing, ramp and static load included: per specimen by name, one value per axis, N. Of a test
-    /// that made no step it is all there is; in `peak` are steps, and the corrections of a static load.
+    /// Largest |force| before t = 0, zeroing, ramp, static load and warm-up included, whose rows are kept only where they
+    /// mattered: per specimen by name, one value per axis, N. Of a test that made no step it is all there is; in `peak` are
+    /// steps, and the corrections of a static load.
     #[serde(default)]
     pub force_on_the_way_in: BTreeMap<String, Vec<Option<f64>>>,
 }

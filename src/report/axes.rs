@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use super::axis::is_drawable;
 use super::digest::SpecimenAxis;
-use super::sieve::{HOLDING, RUNNING, is_even};
+use super::sieve::{HOLDING, RUNNING, TRIPPED, is_even};
 use super::table::Table;
 use super::thin;
 use crate::metrics::fourier::{Spectrum, evaluate};
@@ -82,7 +82,7 @@ impl Even {
 impl Grid {
     /// Rows at even times and their interval: all ticks but those of a hold, or, where the test slowed down, the ends of its steps;
     /// of those at one time, which a controller that stands still commands again and again, the last. None where some of these are
-    /// missing.
+    /// missing. A last row that only says of a trip where the test stood already is none of them.
     fn rows(&self, held: &Table, time: &[f64]) -> Option<(Even, f64)> {
         let step_s = self.step_s?;
         let tick_s = step_s / self.ticks_per_step.max(1) as f64;
@@ -90,8 +90,13 @@ impl Grid {
             return Some((Even::All, tick_s));
         }
         let state = held.get("state")?;
+        let ticks = if repeats(state, time) {
+            state.len() - 1
+        } else {
+            state.len()
+        };
         let those = |wanted: &dyn Fn(f64) -> bool| {
-            let all = state.iter().enumerate();
+            let all = state.iter().take(ticks).enumerate();
             let rows = all.filter(|(_, s)| wanted(**s)).map(|(row, _)| row);
             rows.collect::<Vec<usize>>()
         };
@@ -115,6 +120,14 @@ impl Grid {
             at(rows, step_s)
         })
     }
+}
+
+/// True if the last row is that of a trip for which no tick was made: its time is not after that of the row before it.
+fn repeats(state: &[f64], time: &[f64]) -> bool {
+    let times = time
+        .last_chunk()
+        .is_some_and(|[before, last]| last <= before);
+    times && state.last() == Some(&TRIPPED)
 }
 
 /// Amplitude spectrum as a page draws it.

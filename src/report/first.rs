@@ -108,6 +108,11 @@ pub(super) fn is_of_tick(column: &Column) -> bool {
     column.timing || number.is_some_and(|number| number.parse::<u32>().is_ok())
 }
 
+/// The degree of freedom whose column of this letter it is.
+pub(super) fn dof_of(name: &str, letter: char) -> Option<u32> {
+    name.strip_prefix(letter)?.parse().ok()
+}
+
 struct EnergyPass<'a> {
     balance: Balance<'a>,
     disp: Vec<usize>,
@@ -134,11 +139,7 @@ impl<'a> First<'a> {
             .is_some_and(|model| model.dofs() == digest.dofs.len());
         let is_kept = |column: &Column| {
             let name = column.name.as_str();
-            let of_dof = |letter| {
-                name.strip_prefix(letter)
-                    .and_then(|rest: &str| rest.parse::<u32>().ok())
-            };
-            if let Some(dof) = of_dof('x').or_else(|| of_dof('v')).or_else(|| of_dof('a')) {
+            if let Some(dof) = ['x', 'v', 'a'].iter().find_map(|kind| dof_of(name, *kind)) {
                 let is_made_of = differences
                     .iter()
                     .any(|d| d.of == name || d.less.as_deref() == Some(name));

@@ -223,6 +223,23 @@ fn a_specimen_is_judged_by_every_tick_and_by_the_row_that_tripped_and_a_structur
 }
 
 #[test]
+fn a_trip_without_a_tick_of_its_own_leaves_all_ticks_to_be_judged() {
+    // Where the last tick was, and as older recordings have it: where the last step ended.
+    for back in [0.0, 0.075] {
+        let mut run = in_ticks();
+        let time = run.data[3][39];
+        for column in &mut run.data {
+            column[40] = column[39];
+        }
+        run.data[2][40] = 8.0;
+        run.data[3][40] = time - back;
+        let axis = &run.digested().axes[0];
+        assert_eq!(axis.dt, Some(0.025), "{back} s back");
+        assert_eq!(axis.tracking.unwrap().samples, 40, "{back} s back");
+    }
+}
+
+#[test]
 fn a_hold_is_in_the_loops_and_not_in_the_grid() {
     let mut run = in_ticks();
     let whole = run.digested().axes[0].tracking;

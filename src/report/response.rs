@@ -315,7 +315,14 @@ fn peaks(run: &RunData, rows: &Rows<'_>, dofs: &[u32]) -> String {
     } else {
         "No residual displacement: the test did not come to its end.".to_owned()
     };
-    markup + &note(&format!("{residual}{part}"))
+    let against = match measured_against(rows) {
+        "" => String::new(),
+        against => format!(
+            " Displacements, velocities and accelerations are{}.",
+            against.trim_start_matches(',')
+        ),
+    };
+    markup + &note(&format!("{residual}{against}{part}"))
 }
 
 /// The displacement of largest magnitude, for the top of the page: DOF and value in its own unit. A rotation counts by its number.

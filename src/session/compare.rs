@@ -72,20 +72,20 @@ fn matched(
         ));
     };
     let (mut one, mut two) = (Rows::of(&one, first)?, Rows::of(&two, second)?);
-    one.next(|row| matcher.is_running(row, false))?;
-    two.next(|row| matcher.is_running(row, true))?;
+    one.next(|row, before| matcher.is_running(row, before, false))?;
+    two.next(|row, before| matcher.is_running(row, before, true))?;
     while one.is_there && two.is_there {
         let next = matcher.take(&one.row, &two.row);
         if next != Next::Second {
-            one.next(|row| matcher.is_running(row, false))?;
+            one.next(|row, before| matcher.is_running(row, before, false))?;
         }
         if next != Next::First {
-            two.next(|row| matcher.is_running(row, true))?;
+            two.next(|row, before| matcher.is_running(row, before, true))?;
         }
     }
     let left = (
-        one.left(|row| matcher.is_running(row, false))?,
-        two.left(|row| matcher.is_running(row, true))?,
+        one.left(|row, before| matcher.is_running(row, before, false))?,
+        two.left(|row, before| matcher.is_running(row, before, true))?,
     );
     Ok(Ok(matcher.finish(left)))
 }
@@ -108,7 +108,7 @@ impl Rows {
         })
     }
 
-    fn next(&mut self, is_running: impl Fn(&[f64]) -> bool) -> Result<(), PageError> {
+    fn next(&mut self, is_running: impl Fn(&[f64], &[f64]) -> bool) -> Result<(), PageError> {
         self.is_there = false;
         loop {
             let row = self.journal.next_row().map_err(|source| PageError::File {
@@ -116,7 +116,7 @@ impl Rows {
                 source,
             })?;
             let Some(row) = row else { return Ok(()) };
-            if is_running(row.values) {
+            if is_running(row.values, &self.row) {
                 self.row.clear();
                 self.row.extend_from_slice(row.values);
                 self.is_there = true;
@@ -126,7 +126,7 @@ impl Rows {
     }
 
     /// Rows from this one to the end.
-    fn left(&mut self, is_running: impl Fn(&[f64]) -> bool) -> Result<u64, PageError> {
+    fn left(&mut self, is_running: impl Fn(&[f64], &[f64]) -> bool) -> Result<u64, PageError> {
         let mut count = 0;
         while self.is_there {
             count += 1;
