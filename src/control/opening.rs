@@ -144,6 +144,11 @@ impl Port {
         self.command_vel.fill(0.0);
     }
 
+    /// Whatever moved when the test was interrupted stands by now: what it is told next is judged by that.
+    pub fn has_come_to_rest(&mut self) {
+        self.guard.watch.rests();
+    }
+
     /// Sends the last command again, at rest, whatever command stands ready. Real-time: yes.
     ///
     /// # Errors
