@@ -125,6 +125,12 @@ impl Opening {
         let reference = self.references.get(axis);
         !self.zero_is_taken && reference.is_some_and(|of| of.disp == Zero::Relative)
     }
+
+    /// What was read of one axis.
+    pub fn reading(&self, axis: usize) -> Reading {
+        let sums = self.sums.get(axis);
+        sums.map_or_else(Reading::default, Sums::reading)
+    }
 }
 
 impl Port {
@@ -197,8 +203,7 @@ impl Port {
     /// What was read of one axis.
     #[must_use]
     pub fn reading(&self, axis: usize) -> Reading {
-        let sums = self.opening.sums.get(axis);
-        sums.map_or_else(Reading::default, Sums::reading)
+        self.opening.reading(axis)
     }
 
     /// Takes the zero of every relative channel from the readings.
