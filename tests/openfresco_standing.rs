@@ -91,6 +91,9 @@ fn a_test_that_goes_on_finds_it_where_it_was_left_and_not_where_it_once_stood() 
     let output = finish(command);
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(0), "{said}");
+    // What the file says was over with the first command.
+    assert!(said.contains("takes it at once to where it was left"));
+    assert!(!said.contains("stands_at_m") && !said.contains("where the test begins"));
     let told = told.lock().unwrap();
     assert!(told.len() > BREAKS_AT + 10 && largest_step(&told) < 2e-4);
 }

@@ -514,3 +514,40 @@ fn what_is_announced_otherwise_than_it_is_kept_is_shown_as_it_is_announced() {
     }
     assert!(!said.contains("command_disp_m * announced"));
 }
+
+/// Two jacks of one specimen that come behind their commands: the first trips, and its way on to its last command is felt by the
+/// second, which stands.
+const COUPLED: &str = "[time]\nrate_hz = 200\nduration_s = 2\nclock = \"simulated\"\n[safety]\nzero_s = 0.1\n\
+    on_trip = \"zero_displacement\"\nexit_speed_m_per_s = 0.05\n[[excitation.prescribed_displacement]]\nspecimen = \"a\"\naxis = 1\n\
+    signal.sine = { amplitude = 0.02, frequency_hz = 1 }\n[[specimen]]\nname = \"a\"\n\
+    coupled = { stiffness_n_per_m = [[2e6, 1e6], [1e6, 2e6]] }\n\
+    transfer = { actuator = { first_order = { time_constant_s = 0.05 } } }\n\
+    [[specimen.axis]]\nlimits.measured_force_n = { trip = [-20e3, 20e3] }\n\
+    [[specimen.axis]]\nlimits.measured_force_n = { trip = [-11e3, 11e3] }\n";
+
+/// One that comes behind, goes a way from tick to tick that is small beside the noise of its sensor, and reaches its second limit
+/// after the first.
+fn noisy(seed: u32) -> String {
+    format!(
+        "[time]\nrate_hz = 4096\nduration_s = 2\nclock = \"simulated\"\n[safety]\nzero_s = 0.1\non_trip = \"zero_displacement\"\n\
+         exit_speed_m_per_s = 0.02\n[[excitation.prescribed_displacement]]\nspecimen = \"a\"\nease_in_s = 0.2\n\
+         signal.sine = {{ amplitude = 0.02, frequency_hz = 0.3 }}\n[[specimen]]\nname = \"a\"\n\
+         law.linear = {{ stiffness_n_per_m = 2e6 }}\n[specimen.transfer]\nseed = {seed}\n\
+         actuator = {{ first_order = {{ time_constant_s = 0.03 }} }}\ndisp_sensor = {{ noise_rms_m = 1e-5 }}\n[specimen.limits]\n\
+         measured_disp_m = {{ trip = [-0.010, 0.010] }}\nmeasured_force_n = {{ trip = [-20.5e3, 20.5e3] }}\n"
+    )
+}
+
+#[test]
+fn what_an_actuator_still_does_behind_its_last_command_does_not_end_the_way_out() {
+    let texts = (0..6).map(noisy);
+    for text in texts.chain([COUPLED.to_owned()]) {
+        let folder = tempfile::tempdir().unwrap();
+        let (code, said) = run(folder.path(), "run", &text);
+        assert_eq!(code, 1, "{said}");
+        let found = summary(folder.path(), "run");
+        assert_eq!(found.left["a"], "reached", "{said}");
+        let found = gusset::session::replay(&folder.path().join("run")).unwrap();
+        assert!(found.is_exact(), "{found:?}");
+    }
+}

@@ -34,8 +34,9 @@ pub struct SafetyTable {
     /// moved, whatever is chosen: its link is lost, its answers stay away, its interlock is open, or it reports a sensor or actuator
     /// at the end of its range. Where `sensor_force_n` tripped, "zero_force" leaves the specimen at its last command: there is no
     /// force to go by. The ways to a displacement do not need one. What tripped stops the way out only if it gets worse by 5 % or
-    /// is crossed on its other side, and not while an actuator only goes on to where its last command has sent it; any other
-    /// limit that trips on the way leaves all specimens where they are.
+    /// is crossed on its other side. While an actuator only goes on to where its last command has sent it, neither its displacement
+    /// and following error nor a force of its specimen stop it; any other limit that trips on the way leaves all specimens where
+    /// they are.
     pub on_trip: ExitChoice,
     /// Where they are left after the last step, or when the operator ends the test.
     pub at_end: ExitChoice,

@@ -226,7 +226,10 @@ impl Port {
 
     /// The specimen is moved back from what it tripped at.
     pub fn excuse(&mut self) {
-        self.guard.watch.excuse();
+        let Guard { watch, units, .. } = &mut self.guard;
+        let opening = &self.opening;
+        let noise = units.iter().enumerate();
+        watch.excuse(noise.map(|(axis, (metres, _))| opening.reading(axis).disp_noise * metres));
         self.partner.unfelt |= self.guard.watch.has_tripped(Quantity::SensorForce);
     }
 

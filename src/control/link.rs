@@ -101,12 +101,7 @@ impl Port {
             ));
         }
         if self.is_remote() && self.standing().is_none() && !introduction.simulated {
-            introduction.warnings.push(format!(
-                "specimen \"{}\": NOBODY KNOWS WHERE IT STANDS: its link does not tell, so its first command takes it at once to \
-                 where the test begins, whatever limits of step and speed it has: say it by `stands_at_m` in [specimen.link], and it \
-                 is led from there",
-                self.name
-            ));
+            introduction.warnings.push(self.stands_anywhere());
         }
         if introduction.stiffness.len() != n * n {
             return Ok(introduction);
@@ -134,6 +129,22 @@ impl Port {
             }
         }
         Ok(introduction)
+    }
+
+    /// What its first command does to one of which nobody says where it stands. In a test that goes on the file cannot: what it
+    /// says is of the time before the test.
+    fn stands_anywhere(&self) -> String {
+        let name = &self.name;
+        let leads = if self.goes_on_from_before() {
+            "where it was left, should it stand elsewhere by now"
+        } else {
+            "where the test begins, whatever limits of step and speed it has: say it by `stands_at_m` in [specimen.link], and it \
+             is led from there"
+        };
+        format!(
+            "specimen \"{name}\": NOBODY KNOWS WHERE IT STANDS: its link does not tell, so its first command takes it at once to \
+             {leads}"
+        )
     }
 
     /// The specimen says where it stands, and the test file says otherwise.

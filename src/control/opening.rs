@@ -125,6 +125,12 @@ impl Opening {
         let reference = self.references.get(axis);
         !self.zero_is_taken && reference.is_some_and(|of| of.disp == Zero::Relative)
     }
+
+    /// What was read of one axis.
+    pub fn reading(&self, axis: usize) -> Reading {
+        let sums = self.sums.get(axis);
+        sums.map_or_else(Reading::default, Sums::reading)
+    }
 }
 
 impl Port {
@@ -142,6 +148,11 @@ impl Port {
         self.leave_pose();
         self.command.copy_from_slice(&self.sent);
         self.command_vel.fill(0.0);
+    }
+
+    /// Whatever moved when the test was interrupted stands by now: what it is told next is judged by that.
+    pub fn has_come_to_rest(&mut self) {
+        self.guard.watch.rests();
     }
 
     /// Sends the last command again, at rest, whatever command stands ready. Real-time: yes.
@@ -192,8 +203,7 @@ impl Port {
     /// What was read of one axis.
     #[must_use]
     pub fn reading(&self, axis: usize) -> Reading {
-        let sums = self.opening.sums.get(axis);
-        sums.map_or_else(Reading::default, Sums::reading)
+        self.opening.reading(axis)
     }
 
     /// Takes the zero of every relative channel from the readings.

@@ -303,6 +303,11 @@ impl Port {
         self.pursuit.asked = false;
     }
 
+    /// True in a test that goes on where an interrupted one stood.
+    pub(super) fn goes_on_from_before(&self) -> bool {
+        !self.pursuit.returns.is_empty()
+    }
+
     /// Makes the last command of the interrupted test again, at rest.
     pub fn return_to_the_test(&mut self) {
         if self.pursuit.returns.len() == self.command.len() {

@@ -90,6 +90,7 @@ impl Engine {
             port.pause_following();
             port.stand_still();
             port.ask_again();
+            port.has_come_to_rest();
         }
         self.stand_where_left(&from.left)?;
         self.arm(control)?;

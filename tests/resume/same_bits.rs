@@ -402,3 +402,27 @@ fn a_test_that_went_on_is_replayed_and_goes_on_wherever_it_was_moved_with_those_
     let other = replay(&at("alone/second")).unwrap_err().to_string();
     assert!(other.contains("was changed"), "{other}");
 }
+
+/// It was ended while it moved, and stands by now: nothing that it is told there is held against the speed that it had.
+#[test]
+fn a_test_that_was_ended_at_speed_goes_on_within_its_limit_of_acceleration() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let text = "[time]\nrate_hz = 100\nduration_s = 6\nclock = \"simulated\"\n[structure.shear_building]\n\
+        mass_kg = [5e3]\nstiffness_n_per_m = [0]\n[excitation.ground_acceleration.signal.sine]\namplitude = 1.0\n\
+        frequency_hz = 2\n[[specimen]]\nname = \"a\"\nstorey = 1\nlaw.linear = { stiffness_n_per_m = 3e6 }\n\
+        [specimen.limits]\ncommand_accel_m_per_s2 = { trip = 2.0 }\n";
+    let test = test_in(home.path(), text);
+    completed(&test, &at("whole"), &[]);
+    let whole = Run::open(&at("whole")).unwrap();
+    let commands = whole.columns(&["cmd_1_1"]).unwrap().remove(0);
+    let step = |row: &usize| (commands[*row] - commands[*row - 1]).abs();
+    let fastest = (1..commands.len()).max_by(|a, b| step(a).total_cmp(&step(b)));
+    let fastest = fastest.unwrap();
+    assert!(step(&fastest) * 100.0 * 100.0 > 2.0, "a stop at once trips");
+    killed(&at("whole"), &at("first"), fastest);
+    let said = go_on(&at("first"), &at("second"));
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let found = replay(&at("second")).unwrap();
+    assert!(found.is_exact(), "{found:?}");
+}

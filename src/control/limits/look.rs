@@ -1,7 +1,7 @@
 //! Values against their limits: what is new of what is found.
 
 use super::calm::{Asked, Seen};
-use super::trips::{Trips, Verdict};
+use super::trips::{GoesOn, Trips, Verdict};
 use super::{AxisLimits, Bound, Found, Hit, Level, Quantity, Range};
 
 /// One axis, what was warned of on it and what has tripped, and what is found.
@@ -9,10 +9,8 @@ pub(super) struct Look<'a> {
     pub axis: usize,
     pub warned: &'a mut u32,
     pub trips: &'a mut Trips,
-    /// What was measured last as it is held against the command.
-    pub stands: f64,
-    /// On the way out it only goes on to where it was sent before.
-    pub goes_on: bool,
+    /// Of what is measured on the way out.
+    pub goes_on: GoesOn,
     pub found: &'a mut Found,
 }
 
@@ -35,7 +33,6 @@ impl Look<'_> {
     /// A measurement, and whether there was one before it.
     #[cold]
     pub fn at_measurement(&mut self, seen: &Seen, limits: &AxisLimits, seen_before: bool) {
-        self.goes_on = self.trips.goes_on(self.stands);
         // A sensor at the end of its range comes first: what it reads is not what is.
         self.at(Quantity::SensorDisp, seen.disp, &limits.sensor_disp);
         self.at(Quantity::SensorForce, seen.force, &limits.sensor_force);

@@ -172,7 +172,7 @@ pub struct AxisLimits {
     pub following_error: Bound,
     /// Seconds of commanded motion by which the following error may be larger, at the largest speed of as many seconds.
     pub following_time: f64,
-    /// Of the change of the measured force in one tick.
+    /// Of the change of the measured force from one measurement to the next.
     pub force_step: Bound,
     /// Of the ticks in a row with unchanged sensors.
     pub stuck_ticks: Bound,

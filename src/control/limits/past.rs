@@ -4,7 +4,7 @@ use super::calm::{Asked, Seen};
 use super::lately::Lately;
 use super::look::Look;
 use super::sawtooth::Sawtooth;
-use super::trips::Trips;
+use super::trips::{GoesOn, Trips};
 use super::{AxisLimits, Found};
 
 /// What is remembered of one axis, SI.
@@ -92,8 +92,7 @@ impl Past {
             axis,
             warned: &mut self.warned,
             trips: &mut self.trips,
-            stands: self.stands,
-            goes_on: false,
+            goes_on: GoesOn::default(),
             found,
         }
     }

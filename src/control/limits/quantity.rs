@@ -18,7 +18,7 @@ pub enum Quantity {
     MeasuredForce,
     /// |measured − commanded| displacement, m.
     FollowingError,
-    /// Change of the measured force in one tick, N.
+    /// Change of the measured force from one measurement to the next, N.
     ForceStep,
     /// Ticks in a row in which a moving command left both sensors unchanged to the last bit.
     StuckSensor,
@@ -74,7 +74,7 @@ impl Quantity {
             Quantity::MeasuredDisp => "measured displacement",
             Quantity::MeasuredForce => "measured force",
             Quantity::FollowingError => "following error",
-            Quantity::ForceStep => "change of the measured force in one tick",
+            Quantity::ForceStep => "change of the measured force from one measurement to the next",
             Quantity::StuckSensor => "ticks with unchanged sensors under a moving command",
             Quantity::SensorDisp => "reading of the displacement sensor",
             Quantity::SensorForce => "reading of the load cell",

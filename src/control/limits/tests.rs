@@ -1,5 +1,8 @@
 use super::*;
 
+/// Of as many axes as there are in any test.
+const NO_NOISE: [f64; 2] = [0.0; 2];
+
 /// Trips at `trip`, warns at half of it.
 fn half(trip: f64) -> Bound {
     Bound {
@@ -279,7 +282,7 @@ fn what_has_tripped_trips_again_only_if_it_gets_worse() {
     };
     let mut one = watch(limits);
     assert!(measure(&mut one, 0.0, -110.0).trip.is_some());
-    one.excuse();
+    one.excuse(NO_NOISE.into_iter());
     assert_eq!(measure(&mut one, 0.0, -112.0).trip, None);
     assert!(measure(&mut one, 0.0, -116.0).trip.is_some());
     assert!(
@@ -307,7 +310,7 @@ fn what_has_tripped_on_one_side_is_no_excuse_on_the_other() {
         for again in [worse, other, f64::NAN] {
             let mut one = watch(limits);
             assert!(measure(&mut one, 0.0, at).trip.is_some());
-            one.excuse();
+            one.excuse(NO_NOISE.into_iter());
             assert_eq!(measure(&mut one, 0.0, at).trip, None);
             let hit = measure(&mut one, 0.0, again).trip.unwrap();
             assert!(hit.value == again || again.is_nan());
@@ -339,7 +342,7 @@ fn all_that_trips_in_one_look_is_told_and_excused() {
             (1, Quantity::MeasuredForce, 101.0)
         ]
     );
-    two.excuse();
+    two.excuse(NO_NOISE.into_iter());
     let found = two.measured(values.into_iter());
     assert!((found.trip, found.more) == (None, false));
     let worse = two.measured([(-1.1, -110.0), (1.01, 101.0)].into_iter());
@@ -366,7 +369,7 @@ fn where_it_was_sent_before_it_left_an_actuator_may_still_go() {
         });
         command(&mut one, 1.5);
         assert!(measure(&mut one, 1.0, 101.0).trip.is_some());
-        one.excuse();
+        one.excuse(NO_NOISE.into_iter());
         command(&mut one, 1.4);
         assert_eq!(measure(&mut one, 1.1, 111.0).trip, None);
         one
@@ -396,6 +399,77 @@ fn where_it_was_sent_before_it_left_an_actuator_may_still_go() {
     assert_eq!(what(range), Some((Quantity::SensorForce, 141.0)));
 }
 
+/// Two axes of one specimen: the first is on its way from 1.0 to 1.5 when it trips, the second stands.
+#[test]
+fn the_motion_of_one_axis_is_felt_by_another() {
+    let limits = AxisLimits {
+        measured_force: range(-100.0, 100.0),
+        measured_disp: range(-1.4, 1.4),
+        ..AxisLimits::NONE
+    };
+    let measure = |two: &mut Watch, values: [(f64, f64); 2]| two.measured(values.into_iter());
+    let left = || {
+        let mut two = Watch::new(vec![limits; 2], 0.1);
+        two.sent([1.5, 0.0].into_iter());
+        let found = measure(&mut two, [(1.0, 101.0), (0.0, 50.0)]);
+        assert!(found.trip.is_some());
+        two.excuse(NO_NOISE.into_iter());
+        two
+    };
+    let mut two = left();
+    let found = measure(&mut two, [(1.2, 121.0), (0.0, 101.0)]);
+    assert!(found.trip.is_none() && found.more);
+    let told = two.next_trip().map(|hit| (hit.axis, hit.quantity));
+    assert_eq!(told, Some((1, Quantity::MeasuredForce)));
+    let found = measure(&mut two, [(1.3, 131.0), (0.0, 111.0)]);
+    assert_eq!(found, Found::default());
+    let found = measure(&mut two, [(1.2, 121.0), (0.0, 117.0)]);
+    assert_eq!(found.trip.map(|hit| hit.axis), Some(1), "nobody goes on");
+    // Where an axis is, is its own.
+    let found = measure(&mut left(), [(1.2, 121.0), (1.41, 0.0)]);
+    assert_eq!(what(found.trip), Some((Quantity::MeasuredDisp, 1.41)));
+}
+
+/// It trips at 1.0 on the way to 1.5, and its readings stray by some hundredths.
+#[test]
+fn beside_its_noise_an_axis_goes_on_if_it_has_come_farther_a_little_while_ago() {
+    let limits = AxisLimits {
+        measured_disp: range(-1.0, 1.0),
+        measured_force: range(-100.0, 100.0),
+        ..AxisLimits::NONE
+    };
+    let left = |noise: f64, readings: &[f64]| {
+        let mut one = Watch::new(vec![limits], 0.01);
+        one.sent(std::iter::once(1.5));
+        assert!(measure(&mut one, 1.01, 90.0).trip.is_some());
+        one.excuse(std::iter::once(noise));
+        for disp in readings {
+            assert_eq!(measure(&mut one, *disp, 90.0).trip, None, "{disp}");
+        }
+        one
+    };
+    let trips = |noise: f64, readings: &[f64], disp: f64| {
+        let hit = measure(&mut left(noise, readings), disp, 101.0).trip;
+        hit.is_some()
+    };
+    assert!(!trips(0.01, &[1.05], 1.02));
+    assert!(trips(0.0, &[1.05], 1.04), "it has turned");
+    assert!(
+        trips(0.01, &[1.1], 1.015),
+        "it has turned, beyond the noise"
+    );
+    assert!(!trips(0.01, &[1.4], 1.54));
+    assert!(trips(0.01, &[1.4], 1.585), "farther than it was sent");
+    assert!(!trips(0.01, &[1.05, 1.03, 1.04, 1.02, 1.03], 1.04));
+    let stuck = [1.05, 1.03, 1.04, 1.02, 1.03, 1.04];
+    assert!(trips(0.01, &stuck, 1.04));
+    // Whoever comes to its end goes nowhere, whatever its sensor reads.
+    let there = [1.5, 1.51, 1.52, 1.53, 1.54, 1.545];
+    assert!(trips(0.01, &there, 1.549));
+    // Nor does what stood where it was sent to within the noise.
+    assert!(trips(0.1, &[], 1.02));
+}
+
 /// A command beyond its stroke never left: where the specimen is led it may not go either.
 #[test]
 fn a_command_beyond_its_stroke_is_not_excused() {
@@ -405,7 +479,7 @@ fn a_command_beyond_its_stroke_is_not_excused() {
     };
     let mut one = watch(limits);
     assert!(one.command(std::iter::once(1.01)).trip.is_some());
-    one.excuse();
+    one.excuse(NO_NOISE.into_iter());
     assert!(one.command(std::iter::once(1.005)).trip.is_some());
 }
 

@@ -2,13 +2,19 @@
 //!
 //! Whoever leads a specimen away from what it tripped at finds it beyond the same bound for a while: that is excused on the
 //! side of the bound where it tripped, until it gets worse. An actuator that lags goes on, though, to where the last command
-//! before the way out has sent it, as it would if it were left there: what is found while it only goes on there, each time
-//! farther, is told if it is new and stops nothing. Invariant: what is not a number is never excused.
+//! before the way out has sent it, as it would if it were left there: what is found while it only goes on there is told if it is
+//! new and stops nothing. A force on one axis may be that of the motion of another. Beside the noise of its sensor an axis is seen
+//! to go on if it has come farther a little while ago: one that is stuck is soon excused no more. Invariant: what is not a
+//! number is never excused.
 
 use super::{Hit, Level, Quantity};
 
 /// It has got worse by so much of the value that tripped.
 const WORSE: f64 = 0.05;
+/// Readings of the same place differ by so many times the root mean square of the noise at most.
+const NOISE: f64 = 8.0;
+/// Time in s in which an axis that goes on is found farther at least once.
+const FARTHER_IN_S: f64 = 0.05;
 
 /// A value that tripped, and what it is beyond.
 #[derive(Debug, Clone, Copy)]
@@ -43,15 +49,70 @@ impl Kept {
     }
 }
 
-/// True of what changes as an actuator moves, and is not the end of a sensor's range: what is read there says nothing.
-const fn moves_along(quantity: Quantity) -> bool {
-    matches!(
-        quantity,
-        Quantity::MeasuredDisp
-            | Quantity::MeasuredForce
-            | Quantity::FollowingError
-            | Quantity::ForceStep
-    )
+/// Who only goes on to where it was sent before the way out.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct GoesOn {
+    /// The axis itself.
+    pub own: bool,
+    /// Any axis of its specimen.
+    pub any: bool,
+}
+
+impl GoesOn {
+    /// True if that motion changes a quantity. The end of a sensor's range is no such: what is read there says nothing.
+    const fn moves(self, quantity: Quantity) -> bool {
+        match quantity {
+            Quantity::MeasuredDisp | Quantity::FollowingError => self.own,
+            Quantity::MeasuredForce | Quantity::ForceStep => self.any,
+            _ => false,
+        }
+    }
+}
+
+/// An axis on its way out, m.
+#[derive(Debug, Clone, Copy)]
+struct Left {
+    /// Where it was sent before.
+    sent: f64,
+    upwards: bool,
+    /// The least that was left of the way there.
+    nearest: f64,
+    /// Readings that differ by so much may be of the same place.
+    noise: f64,
+    /// Time in s since it was found farther; infinite for one that had nowhere to go.
+    since: f64,
+    goes_on: bool,
+}
+
+impl Left {
+    fn new(stands: f64, sent: f64, noise: f64) -> Self {
+        let (nearest, noise) = ((sent - stands).abs(), NOISE * noise);
+        Self {
+            sent,
+            upwards: sent > stands,
+            nearest,
+            noise,
+            since: if nearest > noise { 0.0 } else { f64::INFINITY },
+            goes_on: false,
+        }
+    }
+
+    fn look(&mut self, stands: f64, tick: f64) {
+        let to_go = if self.upwards {
+            self.sent - stands
+        } else {
+            stands - self.sent
+        };
+        let is_on_the_way = to_go >= -self.noise && to_go <= self.nearest + self.noise;
+        // Beyond its end nothing is farther.
+        let nearest = to_go.max(0.0);
+        if is_on_the_way && nearest < self.nearest && self.since.is_finite() {
+            (self.nearest, self.since) = (nearest, 0.0);
+        } else {
+            self.since += tick;
+        }
+        self.goes_on = is_on_the_way && self.since <= FARTHER_IN_S;
+    }
 }
 
 /// The last trip of each quantity.
@@ -60,8 +121,7 @@ pub(super) struct Trips {
     kept: [Option<Kept>; Quantity::ALL.len()],
     /// One bit per quantity that tripped beside the first of its look, until it is told.
     untold: u32,
-    /// On the way out: how far it has come since, and where it was sent before.
-    left: Option<[f64; 2]>,
+    left: Option<Left>,
 }
 
 /// What becomes of a value beyond its trip level.
@@ -76,34 +136,31 @@ pub(super) enum Verdict {
 }
 
 impl Trips {
-    /// From here on they are excused, of an axis that stands at `stands` and was sent to `sent`.
-    pub const fn excuse(&mut self, stands: f64, sent: f64) {
-        self.left = Some([stands, sent]);
+    /// From here on they are excused, of an axis that stands at `stands`, as far as the `noise` of its sensor tells, and was sent
+    /// to `sent`.
+    pub fn excuse(&mut self, stands: f64, sent: f64, noise: f64) {
+        self.left = Some(Left::new(stands, sent, noise));
     }
 
-    /// Takes note of where it is measured on its way out; true while it only goes on to where it was sent before.
-    pub fn goes_on(&mut self, stands: f64) -> bool {
-        let Some([reached, sent]) = &mut self.left else {
-            return false;
-        };
-        let goes_on = if *sent > *reached {
-            stands > *reached && stands <= *sent
-        } else {
-            stands < *reached && stands >= *sent
-        };
-        if goes_on {
-            *reached = stands;
+    /// Takes note of where it is measured on its way out, `tick` seconds after the last time. Real-time: yes.
+    pub fn look(&mut self, stands: f64, tick: f64) {
+        if let Some(left) = &mut self.left {
+            left.look(stands, tick);
         }
-        goes_on
     }
 
-    /// Judges a value beyond its trip level, and keeps it. `goes_on` of an axis as [`Trips::goes_on`] has it.
-    pub fn judge(&mut self, hit: &Hit, goes_on: bool) -> Verdict {
+    /// True while it only goes on to where it was sent before the way out.
+    pub fn goes_on(&self) -> bool {
+        self.left.is_some_and(|left| left.goes_on)
+    }
+
+    /// Judges a value beyond its trip level, and keeps it.
+    pub fn judge(&mut self, hit: &Hit, goes_on: GoesOn) -> Verdict {
         let found = Kept {
             value: hit.value,
             bound: hit.bound,
         };
-        let goes_on = goes_on && moves_along(hit.quantity) && found.value.is_finite();
+        let goes_on = goes_on.moves(hit.quantity) && found.value.is_finite();
         let Some(kept) = self.kept.get_mut(hit.quantity as usize) else {
             return Verdict::Trips;
         };

@@ -3,6 +3,7 @@
 use super::calm::{Asked, Calm, Seen};
 use super::past::{Pace, Past};
 use super::sawtooth::Sawtooth;
+use super::trips::GoesOn;
 use super::{AxisLimits, Found, Hit, Quantity};
 
 /// One axis: what is allowed, where nothing is to be told, and what is remembered.
@@ -26,6 +27,8 @@ pub struct Watch {
     measured: bool,
     /// Whether targets are told apart from commands, which may go on a smooth way between them.
     aims: bool,
+    /// On the way out after a trip.
+    leaves: bool,
 }
 
 impl Watch {
@@ -44,6 +47,7 @@ impl Watch {
             sent: 0,
             measured: false,
             aims: false,
+            leaves: false,
         }
     }
 
@@ -155,11 +159,23 @@ impl Watch {
     }
 
     /// A specimen that has tripped is on its way back: what it tripped at counts again only if it gets worse, or on the other side,
-    /// and not while its actuator only goes on to where the last command has sent it.
-    pub fn excuse(&mut self) {
-        for Axis { past, .. } in &mut self.axes {
-            past.trips.excuse(past.stands, past.command[0]);
+    /// and not while an actuator only goes on to where the last command has sent it. `noise` of the displacement sensors in m, one
+    /// per axis, as far as it is known.
+    pub fn excuse(&mut self, noise: impl Iterator<Item = f64>) {
+        for (Axis { past, .. }, noise) in self.axes.iter_mut().zip(noise) {
+            past.trips.excuse(past.stands, past.command[0], noise);
         }
+        self.leaves = true;
+    }
+
+    /// On the way out, whether any axis only goes on to where it was sent before, measured here. Real-time: yes.
+    fn goes_on(&mut self, stands: impl Iterator<Item = f64>) -> bool {
+        let mut any = false;
+        for (Axis { past, .. }, stands) in self.axes.iter_mut().zip(stands) {
+            past.trips.look(stands, self.tick);
+            any |= past.trips.goes_on();
+        }
+        any
     }
 
     /// The next of the trips that [`Found::more`] stands for. Real-time: yes.
@@ -250,7 +266,7 @@ impl Watch {
 
     /// Judges a fresh measurement: (displacement, force) per axis. Real-time: yes.
     #[inline]
-    pub fn measured(&mut self, values: impl Iterator<Item = (f64, f64)>) -> Found {
+    pub fn measured(&mut self, values: impl Iterator<Item = (f64, f64)> + Clone) -> Found {
         let mut found = Found::default();
         let values = values.map(|(disp, force)| (disp, force, disp));
         self.judge_measured(values, &mut found);
@@ -262,16 +278,20 @@ impl Watch {
     #[inline]
     pub fn judge_measured(
         &mut self,
-        values: impl Iterator<Item = (f64, f64, f64)>,
+        values: impl Iterator<Item = (f64, f64, f64)> + Clone,
         found: &mut Found,
     ) {
         let seen_before = self.measured;
+        // All of them first: what one axis feels another may have done.
+        let any = self.leaves && self.goes_on(values.clone().map(|(.., stands)| stands));
         for ((index, axis), values) in self.axes.iter_mut().enumerate().zip(values) {
             let Axis { limits, calm, past } = axis;
             let seen = past.seen(values, seen_before, limits);
             if !(seen_before && past.warned == 0 && calm.covers_measurement(&seen)) {
-                past.look(index, found)
-                    .at_measurement(&seen, limits, seen_before);
+                let own = past.trips.goes_on();
+                let mut look = past.look(index, found);
+                look.goes_on = GoesOn { own, any };
+                look.at_measurement(&seen, limits, seen_before);
             }
         }
         self.measured = true;

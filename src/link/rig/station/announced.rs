@@ -49,7 +49,10 @@ impl Announced {
     }
 
     /// Judges what was measured. Real-time: yes.
-    pub fn measured(&mut self, values: impl Iterator<Item = (f64, f64)>) -> Result<(), Trip> {
+    pub fn measured(
+        &mut self,
+        values: impl Iterator<Item = (f64, f64)> + Clone,
+    ) -> Result<(), Trip> {
         let found = self.watch.measured(values);
         found.trip.map_or(Ok(()), |hit| Err(Trip::Announced(hit)))
     }
