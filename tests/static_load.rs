@@ -431,6 +431,21 @@ fn a_specimen_that_never_rests_ends_the_test() {
     assert!(matches!(stop, Stop::NotAtRest { port: 0, .. }), "{stop}");
 }
 
+/// It is pushed to its offset of 20 mm with 60 kN, and from there the load takes it: those forces are none of the test.
+#[test]
+fn what_a_specimen_carried_before_the_test_is_no_peak_of_it() {
+    let run = run(
+        "[time]\nrate_hz = 100\nduration_s = 0.5\n[structure]\nstatic_load_n = [10e3]\n[structure.shear_building]\n\
+         mass_kg = [5e3]\nstiffness_n_per_m = [0]\n[safety]\nzero_s = 0.1\n[[specimen]]\nname = \"s\"\nstorey = 1\n\
+         law = { linear = { stiffness_n_per_m = 3e6 } }\n[[specimen.axis]]\noffset_m = 0.02\n",
+    );
+    let forces = run.column("force_1_1");
+    let largest = forces.iter().fold(0.0, |m: f64, force| m.max(force.abs()));
+    assert!(largest < 11e3, "{largest}");
+    assert_eq!(run.outcome.ports[0].1, [largest]);
+    assert!(run.outcome.forces_on_the_way_in[0][0] > 59e3);
+}
+
 /// A hold of the operator in the midst of it changes nothing but when it is.
 #[test]
 fn a_hold_while_a_slow_actuator_is_waited_for_changes_no_command() {

@@ -270,7 +270,6 @@ impl Engine {
             correction = correction.max(change.abs());
         }
         for port in &mut self.ports {
-            port.note_peak();
             port.aim(&numerical.state.disp, &still, base.disp, base.vel);
         }
         Ok((correction, largest))
