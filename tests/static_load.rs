@@ -431,6 +431,46 @@ fn a_specimen_that_never_rests_ends_the_test() {
     assert!(matches!(stop, Stop::NotAtRest { port: 0, .. }), "{stop}");
 }
 
+/// Twenty ways of 0.5 mm, and an actuator that ends at 1 mm and does not say so, beside a spring and without one: it is not
+/// sent on without end.
+#[test]
+fn an_actuator_that_does_not_follow_ends_the_test() {
+    let ends = "stroke_m = 0.001\ntell_saturation = false";
+    for (rest, law) in [
+        (0.0, SPRING),
+        (2e6, "{ linear = { stiffness_n_per_m = 2e6 } }"),
+    ] {
+        let run = run_on(behind(ends, 100, rest, law), SimClock::new());
+        let Ending::Stopped(Stop::DoesNotFollow {
+            port: 0,
+            axis: 0,
+            sent,
+            read,
+        }) = run.outcome.ending
+        else {
+            panic!("{:?}", run.outcome.ending);
+        };
+        assert!((read - 1e-3).abs() < 1e-12, "{read}");
+        assert!(sent > read + 4e-4 && sent < 4.5e-3, "{sent}");
+        let way = run.all("cmd_1_1");
+        assert!(way.iter().all(|disp| *disp <= sent));
+    }
+}
+
+/// Half of every way, and a sensor that shows a way only after eight: whoever goes at all is sent on until the load is carried.
+#[test]
+fn whoever_follows_in_its_own_scale_carries_the_load() {
+    for transfer in [
+        "actuator = { proportional = { gain = 0.5 } }",
+        "disp_sensor = { quantum_m = 4e-3 }",
+    ] {
+        let run = run_on(behind(transfer, 100, 0.0, SPRING), SimClock::new());
+        let [_, force] = brought_on(&run);
+        let last = force[force.len() - 1];
+        assert!((last / 40e3 - 1.0).abs() < 1e-3, "{transfer}: {last}");
+    }
+}
+
 /// It is pushed to its offset of 20 mm with 60 kN, and from there the load takes it: those forces are none of the test.
 #[test]
 fn what_a_specimen_carried_before_the_test_is_no_peak_of_it() {
