@@ -471,6 +471,30 @@ fn whoever_follows_in_its_own_scale_carries_the_load() {
     }
 }
 
+/// 60 kN on a stiff storey and none on a soft one, each with noise of 50 N: as a displacement the noise in the soft one is a
+/// tenth of what the load does to the stiff one.
+#[test]
+fn noise_in_a_soft_direction_does_not_keep_the_load_from_being_carried() {
+    let storey = |number: u32, stiffness: f64| {
+        format!(
+            "[[specimen]]\nname = \"s{number}\"\nstorey = {number}\nlaw = {{ linear = {{ stiffness_n_per_m = {stiffness} }} }}\n\
+             transfer = {{ delay_s = 0.008, force_sensor = {{ noise_rms_n = 50 }}, seed = {number} }}\n"
+        )
+    };
+    let run = run(&format!(
+        "[time]\nrate_hz = 256\nduration_s = 0.25\n[structure]\nstatic_load_n = [60e3, 0]\n\
+         [structure.shear_building]\nmass_kg = [50e3, 5e3]\nstiffness_n_per_m = [0, 0]\n\
+         [structure.damping.modal]\nratios = [0.05]\n[safety]\nzero_s = 0\n{}{}",
+        storey(1, 666e6),
+        storey(2, 2e6)
+    ));
+    let [way, _] = brought_on(&run);
+    let seconds = way.len() as f64 / 256.0;
+    assert!(seconds < 60.0, "{seconds} s");
+    let last = way[way.len() - 1];
+    assert!((last * 666e6 / 60e3 - 1.0).abs() < 5e-3, "{last}");
+}
+
 /// It is pushed to its offset of 20 mm with 60 kN, and from there the load takes it: those forces are none of the test.
 #[test]
 fn what_a_specimen_carried_before_the_test_is_no_peak_of_it() {

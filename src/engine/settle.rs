@@ -47,15 +47,19 @@ const ROUNDOFF: f64 = 4.0 * f64::EPSILON;
 /// resolve: the load counts as carried if the best of them was at this relative unbalance at most. Longer ones must be gone.
 const NO_BETTER: u32 = 8;
 const NO_BETTER_THAN: f64 = 1e-2;
+/// A balance of the forces to this share of the load is one, too, if it does not get better: what is soft goes far beside what
+/// carries the load for the noise of its load cell.
+const NO_BETTER_FORCE: f64 = 1e-3;
 /// All waits for specimens to come to rest take so many times as long as one of them may, at most.
 const WAITS: u64 = 30;
-
 
 /// What one correction has found.
 struct Unbalance {
     /// How far it goes, and the displacement that it leads to.
     correction: f64,
     largest: f64,
+    /// What was left of the load, N.
+    force: f64,
 }
 
 impl Unbalance {
@@ -159,10 +163,12 @@ impl Engine {
         let mut whole = settling.load.clone();
         settling.stiffness.solve_in_place(&mut whole);
         let whole = size(&whole);
+        let enough_force = NO_BETTER_FORCE * size(&settling.load);
         let (mut largest, mut nearest) = (0.0, f64::INFINITY);
         for part in 1..=settling.parts {
             let share = f64::from(part) / f64::from(settling.parts);
             let (mut before, mut best, mut no_better) = (f64::INFINITY, f64::INFINITY, 0);
+            let mut best_force = f64::INFINITY;
             loop {
                 exchanges += 1;
                 let most = waits.rests.iter().map(Rest::patience).max().unwrap_or(0);
@@ -199,8 +205,10 @@ impl Engine {
                 };
                 no_better = if unbalance < best { 0 } else { no_better + 1 };
                 best = best.min(unbalance);
+                best_force = best_force.min(found.force);
                 nearest = best;
-                if enough || (no_better >= NO_BETTER && best <= NO_BETTER_THAN) {
+                let carried = best <= NO_BETTER_THAN || best_force <= enough_force;
+                if enough || (no_better >= NO_BETTER && carried) {
                     break;
                 }
                 before = unbalance;
@@ -296,6 +304,7 @@ impl Engine {
         let mut found = Unbalance {
             correction: 0.0,
             largest: 0.0,
+            force: 0.0,
         };
         let Side::Structure(numerical) = &mut self.side else {
             return Ok(found);
@@ -316,6 +325,7 @@ impl Engine {
         for port in &mut self.ports {
             port.subtract_force(&mut residual);
         }
+        found.force = size(&residual);
         settling.stiffness.solve_in_place(&mut residual);
         for (disp, change) in numerical.state.disp.iter_mut().zip(&residual) {
             *disp += change;
