@@ -431,6 +431,85 @@ fn a_specimen_that_never_rests_ends_the_test() {
     assert!(matches!(stop, Stop::NotAtRest { port: 0, .. }), "{stop}");
 }
 
+/// Twenty ways of 0.5 mm, and an actuator that ends at 1 mm and does not say so, beside a spring and without one: it is not
+/// sent on without end.
+#[test]
+fn an_actuator_that_does_not_follow_ends_the_test() {
+    let ends = "stroke_m = 0.001\ntell_saturation = false";
+    for (rest, law) in [
+        (0.0, SPRING),
+        (2e6, "{ linear = { stiffness_n_per_m = 2e6 } }"),
+    ] {
+        let run = run_on(behind(ends, 100, rest, law), SimClock::new());
+        let Ending::Stopped(Stop::DoesNotFollow {
+            port: 0,
+            axis: 0,
+            sent,
+            read,
+        }) = run.outcome.ending
+        else {
+            panic!("{:?}", run.outcome.ending);
+        };
+        assert!((read - 1e-3).abs() < 1e-12, "{read}");
+        assert!(sent > read + 4e-4 && sent < 4.5e-3, "{sent}");
+        let way = run.all("cmd_1_1");
+        assert!(way.iter().all(|disp| *disp <= sent));
+    }
+}
+
+/// Half of every way, and a sensor that shows a way only after eight: whoever goes at all is sent on until the load is carried.
+#[test]
+fn whoever_follows_in_its_own_scale_carries_the_load() {
+    for transfer in [
+        "actuator = { proportional = { gain = 0.5 } }",
+        "disp_sensor = { quantum_m = 4e-3 }",
+    ] {
+        let run = run_on(behind(transfer, 100, 0.0, SPRING), SimClock::new());
+        let [_, force] = brought_on(&run);
+        let last = force[force.len() - 1];
+        assert!((last / 40e3 - 1.0).abs() < 1e-3, "{transfer}: {last}");
+    }
+}
+
+/// 60 kN on a stiff storey and none on a soft one, each with noise of 50 N: as a displacement the noise in the soft one is a
+/// tenth of what the load does to the stiff one.
+#[test]
+fn noise_in_a_soft_direction_does_not_keep_the_load_from_being_carried() {
+    let storey = |number: u32, stiffness: f64| {
+        format!(
+            "[[specimen]]\nname = \"s{number}\"\nstorey = {number}\nlaw = {{ linear = {{ stiffness_n_per_m = {stiffness} }} }}\n\
+             transfer = {{ delay_s = 0.008, force_sensor = {{ noise_rms_n = 50 }}, seed = {number} }}\n"
+        )
+    };
+    let run = run(&format!(
+        "[time]\nrate_hz = 256\nduration_s = 0.25\n[structure]\nstatic_load_n = [60e3, 0]\n\
+         [structure.shear_building]\nmass_kg = [50e3, 5e3]\nstiffness_n_per_m = [0, 0]\n\
+         [structure.damping.modal]\nratios = [0.05]\n[safety]\nzero_s = 0\n{}{}",
+        storey(1, 666e6),
+        storey(2, 2e6)
+    ));
+    let [way, _] = brought_on(&run);
+    let seconds = way.len() as f64 / 256.0;
+    assert!(seconds < 60.0, "{seconds} s");
+    let last = way[way.len() - 1];
+    assert!((last * 666e6 / 60e3 - 1.0).abs() < 5e-3, "{last}");
+}
+
+/// It is pushed to its offset of 20 mm with 60 kN, and from there the load takes it: those forces are none of the test.
+#[test]
+fn what_a_specimen_carried_before_the_test_is_no_peak_of_it() {
+    let run = run(
+        "[time]\nrate_hz = 100\nduration_s = 0.5\n[structure]\nstatic_load_n = [10e3]\n[structure.shear_building]\n\
+         mass_kg = [5e3]\nstiffness_n_per_m = [0]\n[safety]\nzero_s = 0.1\n[[specimen]]\nname = \"s\"\nstorey = 1\n\
+         law = { linear = { stiffness_n_per_m = 3e6 } }\n[[specimen.axis]]\noffset_m = 0.02\n",
+    );
+    let forces = run.column("force_1_1");
+    let largest = forces.iter().fold(0.0, |m: f64, force| m.max(force.abs()));
+    assert!(largest < 11e3, "{largest}");
+    assert_eq!(run.outcome.ports[0].1, [largest]);
+    assert!(run.outcome.forces_on_the_way_in[0][0] > 59e3);
+}
+
 /// A hold of the operator in the midst of it changes nothing but when it is.
 #[test]
 fn a_hold_while_a_slow_actuator_is_waited_for_changes_no_command() {

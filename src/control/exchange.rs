@@ -214,7 +214,7 @@ impl Port {
         }
     }
 
-    /// residual −= Bᵀ·force, and the peak is noted. Real-time: yes.
+    /// residual −= Bᵀ·force. Real-time: yes.
     #[inline]
     pub fn subtract_force(&mut self, residual: &mut [f64]) {
         if let Some(posed) = &self.posed {

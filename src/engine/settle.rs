@@ -3,7 +3,8 @@
 //! The load rises in small parts. In each the displacement moves by K⁻¹·(unbalanced force), K an upper
 //! bound of the tangent: for yielding and softening laws the approach is monotone, so that a specimen is
 //! never driven back and forth. Corrections are made of forces that were measured where the specimens stand: while an answer
-//! stays away they hold, and while one of them is still on its way ([`Rest`]) the others wait for it. Each correction is an
+//! stays away they hold, and while one of them is still on its way ([`Rest`]) the others wait for it. Who does not go where it is
+//! sent ([`Follows`]) ends the test. Each correction is an
 //! accepted motion of the specimen, along half a cosine: the ramp's time
 //! is shared over the parts, and no speed limit is used beyond the ramp's share of it.
 //! Nothing moves meanwhile: the initial displacement, which counts from the position under the static load, and the
@@ -14,7 +15,7 @@ use super::operator::Control;
 use super::phase::{Cause, Phase};
 use super::tick::Tick;
 use super::{Engine, Stop};
-use crate::control::{Port, Rest, UNBOUNDED_RAMP_S};
+use crate::control::{Follows, Port, Rest, UNBOUNDED_RAMP_S};
 use crate::integrate::State;
 use crate::linalg::Spd;
 use crate::model::Base;
@@ -43,15 +44,43 @@ const MORE_THAN_LOAD: f64 = 2.0;
 /// Relative unbalance that cannot get better.
 const ROUNDOFF: f64 = 4.0 * f64::EPSILON;
 /// So many corrections in a row without a better balance are the noise of sensors, their quantum, or what an actuator cannot
-/// resolve: the load counts as carried if the best of them was at this relative unbalance at most.
+/// resolve: the load counts as carried if the best of them was at this relative unbalance at most. Longer ones must be gone.
 const NO_BETTER: u32 = 8;
 const NO_BETTER_THAN: f64 = 1e-2;
+/// A balance of the forces to this share of the load is one, too, if it does not get better: what is soft goes far beside what
+/// carries the load for the noise of its load cell.
+const NO_BETTER_FORCE: f64 = 1e-3;
 /// All waits for specimens to come to rest take so many times as long as one of them may, at most.
 const WAITS: u64 = 30;
+
+/// What one correction has found.
+struct Unbalance {
+    /// How far it goes, and the displacement that it leads to.
+    correction: f64,
+    largest: f64,
+    /// What was left of the load, N.
+    force: f64,
+}
+
+impl Unbalance {
+    fn relative(&self) -> f64 {
+        if self.largest > 0.0 {
+            self.correction / self.largest
+        } else {
+            0.0
+        }
+    }
+}
+
+/// Largest size of a vector's entries.
+fn size(values: &[f64]) -> f64 {
+    values.iter().fold(0.0, |most, value| most.max(value.abs()))
+}
 
 /// The specimens on their way, one entry per port, and the exchanges in which they were waited for.
 struct Waits {
     rests: Vec<Rest>,
+    follows: Vec<Follows>,
     waited: u64,
 }
 
@@ -71,6 +100,29 @@ impl Waits {
                 rest.led(port.raw());
             }
         }
+    }
+
+    /// Those that came to rest went where they were sent, or near; ways shorter than `least` are not judged.
+    fn judge(&mut self, ports: &[Port], least: f64) -> Result<(), Stop> {
+        for (index, (port, follows)) in ports.iter().zip(&mut self.follows).enumerate() {
+            if let Some(axis) = port.hold_against_ways(follows, least) {
+                let value = |values: &[f64]| values.get(axis).copied().unwrap_or(f64::NAN);
+                return Err(Stop::DoesNotFollow {
+                    port: index,
+                    axis,
+                    sent: value(&port.sent),
+                    read: value(&port.raw().disp),
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// The port that was sent farthest by the last correction.
+    fn farthest(&self) -> Option<usize> {
+        let ways = self.follows.iter().map(Follows::longest_way).enumerate();
+        ways.max_by(|one, two| one.1.total_cmp(&two.1))
+            .map(|(port, _)| port)
     }
 }
 
@@ -93,6 +145,7 @@ impl Engine {
         let rests = self.ports.iter().map(|port| Rest::new(port.axes(), period));
         let mut waits = Waits {
             rests: rests.collect(),
+            follows: (self.ports.iter().map(|port| Follows::new(port.axes()))).collect(),
             waited: 0,
         };
         waits.send(&self.ports);
@@ -109,25 +162,28 @@ impl Engine {
         // How far the load alone takes the structure, which is what the ramp's time is meant for.
         let mut whole = settling.load.clone();
         settling.stiffness.solve_in_place(&mut whole);
-        let whole = whole.iter().fold(0.0f64, |most, disp| most.max(disp.abs()));
+        let whole = size(&whole);
+        let enough_force = NO_BETTER_FORCE * size(&settling.load);
+        let (mut largest, mut nearest) = (0.0, f64::INFINITY);
         for part in 1..=settling.parts {
             let share = f64::from(part) / f64::from(settling.parts);
             let (mut before, mut best, mut no_better) = (f64::INFINITY, f64::INFINITY, 0);
+            let mut best_force = f64::INFINITY;
             loop {
                 exchanges += 1;
                 let most = waits.rests.iter().map(Rest::patience).max().unwrap_or(0);
                 if exchanges > settling.most_exchanges || waits.waited > WAITS * most {
                     return Err(Stop::NotSettled {
                         exchanges: exchanges.saturating_add(waits.waited as u32),
+                        unbalance: nearest,
+                        port: waits.farthest(),
                     });
                 }
                 self.come_to_rest(&mut waits, control)?;
-                let (correction, largest) = self.settle_once(&mut settling, share)?;
-                let unbalance = if largest > 0.0 {
-                    correction / largest
-                } else {
-                    0.0
-                };
+                waits.judge(&self.ports, NO_BETTER_THAN * largest)?;
+                let found = self.settle_once(&mut settling, share)?;
+                let (correction, unbalance) = (found.correction, found.relative());
+                largest = found.largest;
                 longest = longest.max(correction);
                 if correction > 0.0 {
                     // A specimen that was found under a force of its own moves further: not faster for that, but no slower
@@ -149,7 +205,10 @@ impl Engine {
                 };
                 no_better = if unbalance < best { 0 } else { no_better + 1 };
                 best = best.min(unbalance);
-                if enough || (no_better >= NO_BETTER && best <= NO_BETTER_THAN) {
+                best_force = best_force.min(found.force);
+                nearest = best;
+                let carried = best <= NO_BETTER_THAN || best_force <= enough_force;
+                if enough || (no_better >= NO_BETTER && carried) {
                     break;
                 }
                 before = unbalance;
@@ -239,11 +298,16 @@ impl Engine {
         self.accept()
     }
 
-    /// One correction by what was measured at rest; the sizes of the correction and of the displacement.
-    fn settle_once(&mut self, settling: &mut Settling, share: f64) -> Result<(f64, f64), Stop> {
+    /// One correction by what was measured at rest.
+    fn settle_once(&mut self, settling: &mut Settling, share: f64) -> Result<Unbalance, Stop> {
         self.listen()?;
+        let mut found = Unbalance {
+            correction: 0.0,
+            largest: 0.0,
+            force: 0.0,
+        };
         let Side::Structure(numerical) = &mut self.side else {
-            return Ok((0.0, 0.0));
+            return Ok(found);
         };
         let mut residual: Vec<f64> = settling.load.iter().map(|load| share * load).collect();
         let base = Base {
@@ -261,18 +325,16 @@ impl Engine {
         for port in &mut self.ports {
             port.subtract_force(&mut residual);
         }
+        found.force = size(&residual);
         settling.stiffness.solve_in_place(&mut residual);
-        let mut largest = 0.0f64;
-        let mut correction = 0.0f64;
         for (disp, change) in numerical.state.disp.iter_mut().zip(&residual) {
             *disp += change;
-            largest = largest.max(disp.abs());
-            correction = correction.max(change.abs());
         }
+        found.correction = size(&residual);
+        found.largest = size(&numerical.state.disp);
         for port in &mut self.ports {
-            port.note_peak();
             port.aim(&numerical.state.disp, &still, base.disp, base.vel);
         }
-        Ok((correction, largest))
+        Ok(found)
     }
 }

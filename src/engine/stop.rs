@@ -139,10 +139,35 @@ pub enum Stop {
     #[error("the integration method cannot command a specimen; nothing was moved")]
     CannotCommand,
     /// The static load found no equilibrium.
-    #[error("the static load found no equilibrium in {exchanges} exchanges")]
+    #[error(
+        "the static load found no equilibrium in {exchanges} exchanges: at best {unbalance:.1e} of the displacement was left to \
+         go{}",
+        farthest(*port)
+    )]
     NotSettled {
         /// Exchanges made.
         exchanges: u32,
+        /// Smallest relative unbalance of the last part.
+        unbalance: f64,
+        /// Specimen, from 0, that the last correction sent farthest; none without specimens.
+        port: Option<usize>,
+    },
+    /// A specimen came to rest again and again where the static load had not sent it.
+    #[error(
+        "specimen {}, axis {}: it reads {read:.6e} and was sent to {sent:.6e} (its own unit) by the static load; neither its \
+         displacement nor its force has followed its last commands: its actuator is at its end or cut off, or its sensors are dead",
+        port + 1,
+        axis + 1
+    )]
+    DoesNotFollow {
+        /// Specimen, from 0.
+        port: usize,
+        /// Axis, from 0.
+        axis: usize,
+        /// Its last command.
+        sent: f64,
+        /// Where it reads that it stands.
+        read: f64,
     },
     /// A specimen did not come to rest while the static load was brought on.
     #[error(
@@ -155,6 +180,12 @@ pub enum Stop {
         /// Time in s of wall time in which its command was the same.
         seconds: f64,
     },
+}
+
+fn farthest(port: Option<usize>) -> String {
+    port.map_or_else(String::new, |port| {
+        format!(", last and most by specimen {}", port + 1)
+    })
 }
 
 impl Ending {

@@ -293,6 +293,7 @@ const fn finish_of(stop: &Stop) -> Finish {
         | Stop::Step(_)
         | Stop::CannotCommand
         | Stop::NotSettled { .. }
+        | Stop::DoesNotFollow { .. }
         | Stop::NotAtRest { .. } => Finish::Stopped,
     }
 }
