@@ -11,25 +11,31 @@ use crate::engine::{Intake, MissLevels, Numerical, Opening, TestLimits, TestQuan
 /// Wall time in s over which sensors are averaged, unless the file says otherwise.
 const ZERO_S: f64 = 0.2;
 
-/// How a test begins, with ticks of `period` seconds.
-pub(super) fn opening(file: &TestFile, period: f64) -> Opening {
+/// Wall time in s over which every sensor is read before anything moves; 0: not at all.
+fn zero_s(file: &TestFile) -> f64 {
     let remote = file.specimen.iter().any(|specimen| specimen.link.is_some());
     let usual = if remote || is_relative(file) {
         ZERO_S
     } else {
         0.0
     };
+    file.safety.zero_s.unwrap_or(usual)
+}
+
+/// How a test begins, with ticks of `period` seconds.
+pub(super) fn opening(file: &TestFile, period: f64) -> Opening {
     Opening {
-        zero_ticks: (file.safety.zero_s.unwrap_or(usual) / period).ceil() as u32,
+        zero_ticks: (zero_s(file) / period).ceil() as u32,
         confirm: needs_confirmation(file),
         ramp_s: file.safety.ramp_s,
         takes_force_drift: file.safety.resume_takes_force_drift,
     }
 }
 
-/// True if an operator must look at what was read before anything moves.
+/// True if an operator must look at what was read before anything moves: something must have been.
 pub(super) fn needs_confirmation(file: &TestFile) -> bool {
-    file.safety.confirm || is_relative(file)
+    let is_read = !file.specimen.is_empty() && zero_s(file) > 0.0;
+    is_read && (file.safety.confirm || is_relative(file))
 }
 
 fn is_relative(file: &TestFile) -> bool {
