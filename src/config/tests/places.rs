@@ -139,3 +139,37 @@ fn a_place_to_stand_and_a_probe_beyond_the_bounds_are_refused() {
     shows(&said(&[&probe("0.11")]), no_room);
     assert!(!said(&[&probe("0.09")]).contains(no_room));
 }
+
+#[test]
+fn an_excitation_that_is_zero_throughout_is_told_of() {
+    let nothing = "sets nothing in motion";
+    assert!(!said(&[]).contains(nothing));
+    let ground = "excitation.ground_acceleration";
+    let zeros = "zero from the start to the end";
+    let factors = "all factors are zero";
+    for (set, why) in [
+        (format!("{ground}.signal.sine.amplitude=0"), zeros),
+        (format!("{ground}.influence=[0]"), factors),
+        (format!("{ground}.processing.scale_factor=0"), zeros),
+    ] {
+        let told = said(&[&set]);
+        shows(&told, &format!("`{ground}` {nothing}"));
+        shows(&told, why);
+    }
+    let force = |pattern: &str, amplitude: &str| {
+        let signal = format!("signal={{sine={{amplitude={amplitude},frequency_hz=1}}}}");
+        said(&[&format!(
+            "excitation.nodal_force=[{{pattern=[{pattern}],{signal}}}]"
+        )])
+    };
+    assert!(!force("1", "1").contains(nothing));
+    shows(&force("0", "1"), factors);
+    shows(&force("1", "0"), zeros);
+    let base = format!(
+        "excitation={{base_displacement={{signal={{sine={{amplitude=0,frequency_hz=1}}}}}}}}"
+    );
+    shows(
+        &said(&[&base]),
+        &format!("`excitation.base_displacement` {nothing}"),
+    );
+}
