@@ -1,4 +1,4 @@
-//! Ways and places that a test file gives, against what may be commanded and what the rig can give.
+//! Ways and places that a test file gives, against what may be commanded and what the rig can give; and loads that move nothing.
 
 use super::*;
 use crate::config::build;
@@ -71,16 +71,8 @@ fn a_safe_place_at_which_the_specimen_would_break_its_bounds_is_told_of() {
     };
     let words = "by its initial stiffness";
     for (place, force, why) in [
-        (
-            "-0.03",
-            "-12000.0 N",
-            "`measured_force_n` trips before",
-        ),
-        (
-            "-0.026",
-            "-10400.0 N",
-            "`measured_force_n` trips before",
-        ),
+        ("-0.03", "-12000.0 N", "`measured_force_n` trips before"),
+        ("-0.026", "-10400.0 N", "`measured_force_n` trips before"),
     ] {
         let told = safe(place, &[]);
         for part in [words, force, why] {
