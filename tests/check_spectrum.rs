@@ -218,6 +218,64 @@ fn what_is_unstable_without_any_delay_is_a_finding_of_its_own() {
     assert!(facts["following"][0]["lag_s"].as_f64().unwrap() > 0.0);
 }
 
+/// Two equal masses, 100 N s/m each, and an estimate of damping that couples them with `coupling`: beyond 100 it grows.
+fn coupled(coupling: f64) -> String {
+    format!(
+        "[time]\nstep_s = 0.01\nduration_s = 0.5\nclock = \"simulated\"\n[structure.matrices]\n\
+         mass = [[1000, 0], [0, 1000]]\nstiffness = [[2e5, -1e5], [-1e5, 2e5]]\ndamping = [[100, 0], [0, 100]]\n\
+         [excitation.ground_acceleration.signal.sine]\namplitude = 0.1\nfrequency_hz = 1\n[[specimen]]\nname = \"s\"\n\
+         rows = [[1, 0], [0, 1]]\nstiffness_n_per_m = [[1e4, 0], [0, 1e4]]\n\
+         damping_n_s_per_m = [[0, {coupling}], [{coupling}, 0]]\n\
+         laws = [{{ linear.stiffness_n_per_m = 1e4 }}, {{ linear.stiffness_n_per_m = 1e4 }}]\n"
+    )
+}
+
+/// The rehearsal, whose law has no such damping, comes to its end: it is the proof that forbids the test.
+#[test]
+fn what_is_proven_to_grow_is_refused_with_and_without_a_certificate() {
+    for (coupling, possible) in [(500.0, false), (50.0, true)] {
+        let text = coupled(coupling);
+        let (code, table, said) = check(&text, &[]);
+        assert_eq!(code, i32::from(!possible), "{table}{said}");
+        assert_eq!(table.contains("NOT POSSIBLE"), !possible, "{table}");
+        assert_eq!(
+            table.contains("UNSTABLE: it grows by a factor e in"),
+            !possible,
+            "{table}"
+        );
+        let (code, found, _) = check(&text, &["--json"]);
+        assert_eq!(code, i32::from(!possible));
+        let facts: Value = serde_json::from_str(&found).unwrap();
+        assert_eq!(facts["valid"], possible, "{facts:#}");
+        assert_eq!(facts["structure"]["stable"], possible);
+        let (code, found, _) = check(&text, &["--rehearse", "--trials", "1", "--json"]);
+        let facts: Value = serde_json::from_str(&found).unwrap();
+        let integration = &facts["certificate"]["lines"][0];
+        assert_eq!(integration["about"], "integration");
+        let verdict = if possible { "go" } else { "no-go" };
+        assert_eq!(integration["verdict"], verdict, "{integration}");
+        if !possible {
+            assert_eq!(
+                (code, &facts["certificate"]["go"]),
+                (1, &Value::Bool(false))
+            );
+        }
+    }
+}
+
+/// An actuator with more delay than the loop bears: what the exit code says, the JSON says, too.
+#[test]
+fn a_loop_that_is_refused_for_its_actuator_is_not_valid_in_json() {
+    let with = |delay: f64| format!("{TEST}[specimen.transfer]\ndelay_s = {delay}\n");
+    for (delay, possible) in [(0.1, false), (1e-3, true)] {
+        let (code, found, said) = check(&with(delay), &["--json", "--no-rehearsal"]);
+        let facts: Value = serde_json::from_str(&found).unwrap();
+        assert_eq!(code, i32::from(!possible), "{said}");
+        assert_eq!(facts["following"][0]["possible"], possible, "{facts:#}");
+        assert_eq!(facts["valid"], possible);
+    }
+}
+
 /// With more mass in the specimen's force than beside it the loop gain stays above one at every frequency: no delay is short
 /// enough, and the actuator's lag at an infinite frequency is no number.
 #[test]

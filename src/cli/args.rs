@@ -122,7 +122,7 @@ pub(super) struct TestRunArgs {
     /// Overrides the clock of the test file.
     #[arg(long, value_enum)]
     pub clock: Option<ClockArg>,
-    /// Overrides any key by its dotted path, e.g. --set integrator.lambda=4 --set specimen.0.storey=2.
+    /// Overrides any key by its dotted path, each once, e.g. --set integrator.lambda=4 --set specimen.0.storey=2.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub sets: Vec<String>,
     /// Confirm what the sensors read before the test, unseen. A hold is not ended by it.

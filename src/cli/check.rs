@@ -59,10 +59,11 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
     } else {
         None
     };
-    let followed = following.iter().all(Following::is_possible);
+    let grows = facts.structure.as_ref().and_then(stability::grows);
+    let followed = grows.is_none() && following.iter().all(Following::is_possible);
     let valid = followed && rehearsed.as_ref().is_none_or(Rehearsed::is_possible);
     if args.json {
-        let mut found = as_json(facts, spectrum.as_ref(), rehearsed.as_ref());
+        let mut found = as_json(facts, spectrum.as_ref(), rehearsed.as_ref(), valid);
         if let (Some(found), false) = (found.as_object_mut(), following.is_empty()) {
             let each = following.iter().map(Following::as_json).collect();
             found.insert("following".to_owned(), serde_json::Value::Array(each));
@@ -238,6 +239,7 @@ fn as_json(
     facts: &Facts,
     spectrum: Option<&Spectrum>,
     rehearsed: Option<&Rehearsed>,
+    valid: bool,
 ) -> serde_json::Value {
     let number = |value: f64| {
         if value.is_finite() {
@@ -277,7 +279,7 @@ fn as_json(
     });
     json!({
         "title": facts.title,
-        "valid": rehearsed.is_none_or(Rehearsed::is_possible),
+        "valid": valid,
         "steps": facts.steps,
         "dt": facts.dt,
         "rate_hz": facts.rate_hz,

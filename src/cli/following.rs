@@ -30,6 +30,8 @@ pub struct Following {
     roots: Option<(u32, u32)>,
     /// Kind of the compensation.
     kind: &'static str,
+    /// Whether the whole grows with nothing delayed, whatever is in touch.
+    grows: bool,
 }
 
 /// What delay the loop bears in continuous time.
@@ -75,6 +77,7 @@ impl Following {
     pub fn of(loaded: &Loaded, facts: &Facts, spectrum: Option<&Spectrum>) -> Vec<Self> {
         let analysis = facts.structure.as_ref().and_then(|s| s.analysis.as_ref());
         let loops = analysis.map(|analysis| analysis.loops.as_slice());
+        let grows = analysis.is_some_and(|analysis| analysis.growth().is_some());
         let pairs = loops.unwrap_or_default().iter().zip(&loaded.file.specimen);
         let judged = pairs.filter_map(|(one, table)| {
             let transfer = table.believed_transfer(1.0)?;
@@ -119,6 +122,7 @@ impl Following {
                 discrete: spectrum.and_then(|spectrum| spectrum.discrete(&one.name)),
                 roots: roots(1.0).zip(roots(LESS)),
                 kind: compensation.map_or("none", |spec| spec.kind()),
+                grows,
             })
         });
         judged.collect()
@@ -126,7 +130,7 @@ impl Following {
 
     /// False if it is proven unstable.
     pub fn is_possible(&self) -> bool {
-        !matches!(self.roots, Some((all, less)) if all > 0 && less > 0)
+        !self.grows && !matches!(self.roots, Some((all, less)) if all > 0 && less > 0)
     }
 
     /// Whether what is left of the delay is below what is critical, twice its spread included; not known where one of both ways

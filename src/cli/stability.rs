@@ -1,6 +1,7 @@
 //! What is known of the stability of an integration, in words and as JSON: `check`, the certificate and the end of `run` say the
 //! same of it.
 
+use super::spectrum::growing;
 use super::table::Table;
 use crate::config::{Facts, Stability, StructureFacts};
 use crate::geometry::LawPlace;
@@ -10,6 +11,9 @@ const NO_PROOF: &str = "no proof is made for this method";
 
 /// The rows of `check`.
 pub fn tabulate(table: &mut Table, facts: &Facts, structure: &StructureFacts) {
+    if let Some(why) = grows(structure) {
+        return table.row("stability", &why);
+    }
     let choice = match &structure.stability {
         Stability::Limit(choice) => choice,
         other => return table.row("stability", &without_limit(other)),
@@ -73,8 +77,17 @@ pub fn brief(structure: &StructureFacts) -> String {
     }
 }
 
+/// What grows in continuous time whatever λ is, in words, if anything does.
+pub fn grows(structure: &StructureFacts) -> Option<String> {
+    let growth = structure.analysis.as_ref()?.growth()?;
+    Some(format!("UNSTABLE: {}", growing(growth)))
+}
+
 /// Whether it is stable; none where nobody knows.
 pub fn is_stable(structure: &StructureFacts) -> Option<bool> {
+    if grows(structure).is_some() {
+        return Some(false);
+    }
     match &structure.stability {
         Stability::Limit(choice) => Some(choice.is_stable()),
         Stability::NoLambda(_) => Some(false),
@@ -88,6 +101,9 @@ pub fn judged(structure: &StructureFacts) -> (Option<bool>, String) {
         Some(lambda) => format!("λ = {lambda}"),
         None => super::run::method_name(structure.method),
     };
+    if let Some(why) = grows(structure) {
+        return (Some(false), why);
+    }
     let text = match &structure.stability {
         Stability::Limit(choice) => {
             let margin = if choice.margin.is_finite() {

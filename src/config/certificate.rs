@@ -92,8 +92,8 @@ impl IdentifiedTable {
 }
 
 /// What the rig of a specimen can give on each axis, at the specimen's own scale. `check` compares it with what its rehearsal
-/// needs, and refuses a test that needs more; a certificate does so with all its trials. Nothing in the loop does: that is what
-/// `limits` are for.
+/// needs, and refuses a test that needs more, or that would be left faster or farther; a certificate does so with all its trials.
+/// Nothing in the loop does: that is what `limits` are for.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct CapacityTable {

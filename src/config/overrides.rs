@@ -2,7 +2,7 @@
 //!
 //! The key is a dotted path whose indices count from 0 (`specimen[0].storey` or `specimen.0.storey`). The value is TOML;
 //! what is not TOML is a bare text, so that `--set time.clock=simulated` needs no quotes. The document's comments and
-//! order survive. A complaint about an overridden value points into the argument.
+//! order survive. A complaint about an overridden value points into the argument. No override may undo another.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -134,6 +134,28 @@ impl Override {
         })
     }
 
+    /// Complains of an override `before` this one that this one leaves without an effect: of its path, or below it.
+    fn undoes(&self, before: &Self) -> Option<Box<Diagnostic>> {
+        let undone = before.path();
+        if !undone.starts_with(&self.path()) {
+            return None;
+        }
+        let mut diagnostic = refusal(
+            &self.source,
+            self.argument(),
+            format!("`{undone}` is overridden twice"),
+            "again here".to_owned(),
+            vec!["one of them must go: nobody sees which of two values counts".to_owned()],
+        );
+        diagnostic.beside = Some((before.place(before.argument()), "first here".to_owned()));
+        Some(diagnostic)
+    }
+
+    /// Where KEY=VALUE stands.
+    fn argument(&self) -> Range<usize> {
+        FLAG.len()..self.value_span.end
+    }
+
     /// The place of `path` if this override sets it or a table that holds it.
     pub(crate) fn place_under(&self, path: &KeyPath, part: Part) -> Option<Place> {
         let mine = self.path();
@@ -213,10 +235,12 @@ fn refusal(
 
 /// The document with every override applied, in order, or what is wrong with each of them.
 pub(crate) fn apply_all(document: &mut DocumentMut, overrides: &[Override]) -> Vec<Diagnostic> {
-    overrides
-        .iter()
-        .filter_map(|o| o.apply(document).err().map(|d| *d))
-        .collect()
+    let each = overrides.iter().enumerate();
+    each.filter_map(|(index, one)| {
+        let twice = overrides[..index].iter().find_map(|o| one.undoes(o));
+        twice.or_else(|| one.apply(document).err()).map(|d| *d)
+    })
+    .collect()
 }
 
 #[cfg(test)]

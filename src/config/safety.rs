@@ -18,8 +18,9 @@ pub struct SafetyTable {
     /// specimen is behind a link or a channel is relative, else 0.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub zero_s: Option<f64>,
-    /// Whether the operator must confirm what was read, which must then be something: not with a `zero_s` of 0. Where a channel
-    /// takes its zero from it, he must in any case.
+    /// Whether the operator must confirm what was read, which must then be something: not with a `zero_s` of 0. Where nothing is
+    /// read, as of computed specimens without a `zero_s`, nobody is asked. Where a channel takes its zero from it, he must in any
+    /// case.
     pub confirm: bool,
     /// Shortest wall time in s in which a specimen is moved to where the test begins, and in which a static load comes on;
     /// longer where half of a velocity limit would be passed, and at least 1 s on the way from where a specimen says that it

@@ -7,6 +7,7 @@ mod idle;
 mod keys;
 mod nodal;
 mod overrides;
+mod places;
 mod stability;
 mod values;
 mod waits;

@@ -324,22 +324,40 @@ impl Analysis {
         .collect()
     }
 
+    /// The whole with nothing late, `[C, K]` being its damping and stiffness.
+    fn on_time(mass: &SymMatrix, [damping, stiffness]: [&SymMatrix; 2]) -> Delayed {
+        let own = Own {
+            damping: DMatrix::zeros(1, 1),
+            stiffness: DMatrix::zeros(1, 1),
+            counted: DMatrix::zeros(1, 1),
+        };
+        delayed(mass.to_dense(), (damping, stiffness), &[[]], own, 0.0)
+    }
+
+    /// How fast the whole grows in continuous time with nothing delayed, in 1/s: at rest, and with K0 and C0 as well, so that
+    /// nothing that is not yet in touch holds it. None if nothing grows, or the structure is too large to know.
+    #[must_use]
+    pub fn growth(&self) -> Option<f64> {
+        if self.mass.n() > LARGEST_DELAYED {
+            return None;
+        }
+        let mass = self.moved_mass();
+        let of = |both: [&SymMatrix; 2]| Self::on_time(&mass, both).growth();
+        let AtRest { stiffness, damping } = &self.at_rest;
+        let at_rest = of([damping, stiffness])?;
+        of([&self.damping, &self.stiffness]).map(|_| at_rest)
+    }
+
     /// Poles of the whole recursion at rest, where elements with a λ of their own couple the modes in M_eff; empty
     /// elsewhere, and for a structure that is too large.
     fn poles(&self, dt: f64, lambda: Lambda) -> Vec<Pole> {
         let n = self.mass.n();
         match &self.apart {
             Some(apart) if !apart.is_of_modes() && n <= LARGEST_DELAYED => {
-                let none = DMatrix::zeros(1, 1);
+                let both = [&self.damping, &self.at_rest.stiffness];
                 let system = Delayed {
-                    mass: self.mass.to_dense(),
-                    damping: self.damping.to_dense(),
-                    stiffness: self.at_rest.stiffness.to_dense(),
-                    rows: DMatrix::zeros(1, n),
-                    specimen_stiffness: none.clone(),
-                    specimen_damping: none,
-                    specimen_mass: 0.0,
                     weighted: Some(self.weighted(lambda).to_dense()),
+                    ..Self::on_time(&self.mass, both)
                 };
                 let step = recursion(&system, dt, lambda.value(), 0.0).ok();
                 step.and_then(|step| eigenvalues(&step)).unwrap_or_default()

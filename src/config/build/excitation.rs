@@ -104,6 +104,21 @@ pub(super) fn warn(site: &mut Site<'_>, at: &KeyPath, signal: &Signal, texts: Ve
         .extend(warnings.map(|text| Finding::warning(place.clone(), text)));
 }
 
+/// Warns of a load at `at` of which every number is zero: what was meant to move something does not.
+fn warn_of_nothing(site: &mut Site<'_>, at: KeyPath, values: [&[f64]; 2]) {
+    let [place, history] = values.map(|values| values.iter().all(|value| *value == 0.0));
+    if place || history {
+        let label = if place {
+            "acts on no mass and no DOF: all factors are zero"
+        } else {
+            "zero from the start to the end"
+        };
+        let headline = format!("`{at}` sets nothing in motion");
+        site.warnings
+            .push(Finding::warning(at, headline).at_key().label(label));
+    }
+}
+
 pub(super) fn motion(signal: &Signal, processing: &Processing) -> Motion {
     Motion {
         signal: signal.clone(),
@@ -135,6 +150,7 @@ pub(super) fn excitation(
             .unwrap_or_else(|| structure.influence().to_vec());
         let iota = sized(site, &at.key("influence"), iota, n)?;
         let pattern = ground_load(structure, specimens, &iota);
+        warn_of_nothing(site, at.clone(), [&pattern, &series.values]);
         excitation = added(site, &at, || {
             excitation
                 .with_term(LoadTerm {
@@ -151,6 +167,7 @@ pub(super) fn excitation(
             base_motion(&history, grid, files)
         })?;
         warn(site, &at, &base.signal, moved.warnings);
+        warn_of_nothing(site, at.clone(), [structure.influence(), &moved.disp]);
         if base
             .influence
             .as_ref()
@@ -174,6 +191,7 @@ pub(super) fn excitation(
             history.evaluate(Quantity::Force, grid, files)
         })?;
         warn(site, &at, &force.signal, series.warnings);
+        warn_of_nothing(site, at.clone(), [&pattern, &series.values]);
         let term = LoadTerm {
             pattern,
             series: series.values,
@@ -183,6 +201,7 @@ pub(super) fn excitation(
     if let Some(nodal) = &table.nodal_table {
         let at = at.key("nodal_table");
         let table = nodal_table(site, &at, nodal, n, grid)?;
+        warn_of_nothing(site, at.clone(), [&[1.0], &table.values]);
         excitation = added(site, &at, || excitation.with_table(table))?;
     }
     let load = static_load(site, structure)?;

@@ -266,6 +266,8 @@ fn numerical(
         .stiffness_at_rest()
         .plus(1.0, &specimens.stiffness_at_rest(n));
     structure::definite(site, &structure, [&at_rest, &initial_stiffness])?;
+    let damping_at_rest = structure.damping_at_rest().plus(1.0, &specimens.damping(n));
+    structure::dissipative(site, &structure, [&damping_at_rest, &initial_damping])?;
     let frequencies = match specimens.late_mass(n) {
         Some(late) => structure::frequencies(&at_rest, &structure.mass().plus(1.0, &late)),
         None => structure::frequencies(&at_rest, structure.mass()),
@@ -320,12 +322,11 @@ fn numerical(
         None => None,
     };
     let state = structure::initial_state(site, n)?;
-    let damping_at_rest = structure.damping_at_rest();
     let analysis = Analysis::new(
         structure.mass(),
         AtRest {
             stiffness: at_rest,
-            damping: damping_at_rest.plus(1.0, &specimens.damping(n)),
+            damping: damping_at_rest,
         },
         &initial,
         specimens,

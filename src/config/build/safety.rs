@@ -1,35 +1,42 @@
 //! From `[safety]` to how the loop begins and leaves.
 
+use super::gear::Rows;
 use super::{Refused, Site, path};
 use crate::config::{
     AxisTable, ExitChoice, Finding, ShareSpec, SpecimenTable, TestFile, Time, ZeroChoice,
 };
 use crate::control::limits::{Bound, BoundSpec};
-use crate::control::{Exit, Exits, Reference, Zero};
+use crate::control::{Axis, Exit, Exits, Reference, Zero};
 use crate::engine::{Intake, MissLevels, Numerical, Opening, TestLimits, TestQuantity};
 
 /// Wall time in s over which sensors are averaged, unless the file says otherwise.
 const ZERO_S: f64 = 0.2;
 
-/// How a test begins, with ticks of `period` seconds.
-pub(super) fn opening(file: &TestFile, period: f64) -> Opening {
+/// Wall time in s over which every sensor is read before anything moves; 0: not at all.
+fn zero_s(file: &TestFile) -> f64 {
     let remote = file.specimen.iter().any(|specimen| specimen.link.is_some());
     let usual = if remote || is_relative(file) {
         ZERO_S
     } else {
         0.0
     };
+    file.safety.zero_s.unwrap_or(usual)
+}
+
+/// How a test begins, with ticks of `period` seconds.
+pub(super) fn opening(file: &TestFile, period: f64) -> Opening {
     Opening {
-        zero_ticks: (file.safety.zero_s.unwrap_or(usual) / period).ceil() as u32,
+        zero_ticks: (zero_s(file) / period).ceil() as u32,
         confirm: needs_confirmation(file),
         ramp_s: file.safety.ramp_s,
         takes_force_drift: file.safety.resume_takes_force_drift,
     }
 }
 
-/// True if an operator must look at what was read before anything moves.
+/// True if an operator must look at what was read before anything moves: something must have been.
 pub(super) fn needs_confirmation(file: &TestFile) -> bool {
-    file.safety.confirm || is_relative(file)
+    let is_read = !file.specimen.is_empty() && zero_s(file) > 0.0;
+    is_read && (file.safety.confirm || is_relative(file))
 }
 
 fn is_relative(file: &TestFile) -> bool {
@@ -211,4 +218,60 @@ pub(super) fn exits(
         // Only "freeze" does without; that was checked.
         speed: safety.exit_speed_m_per_s.unwrap_or(0.0),
     })
+}
+
+/// Warns of a place to be left at after a trip at which a specimen bears, by its k̂ (by rows), more than its limit or its rig
+/// allows. A way out at the end is rehearsed; `units` are metres and newtons per unit of each of its axes.
+pub(super) fn warn_of_force(
+    site: &mut Site<'_>,
+    index: usize,
+    axes: &[Axis],
+    units: &[(f64, f64)],
+    stiffness: &Rows,
+) {
+    let file = &site.loaded.file;
+    let Some(table) = file.specimen.get(index) else {
+        return;
+    };
+    let relative = |axis: &AxisTable| axis.zero_disp == ZeroChoice::Relative;
+    let (ExitChoice::SafeDisplacement, Some(safe)) = (file.safety.on_trip, &table.safe_disp_m)
+    else {
+        return;
+    };
+    // Where an axis takes its zero from what it reads, its deformation there is not known.
+    if table.axis.iter().any(relative) {
+        return;
+    }
+    let deformed = safe.iter().zip(axes).zip(units);
+    let deformed: Vec<f64> = deformed
+        .map(|((disp, axis), (metres, _))| (disp / metres - axis.disp_offset) / axis.disp_gain)
+        .collect();
+    let at = path("specimen").index(index);
+    let limits = table.limits_of(axes.len());
+    let most = table.capacity.and_then(|capacity| capacity.force_n);
+    let mut warnings = Vec::new();
+    for (number, ((axis, (_, newtons)), row)) in axes.iter().zip(units).zip(stiffness).enumerate() {
+        let force: f64 = row.iter().zip(&deformed).map(|(k, d)| k * d).sum();
+        let force = force * newtons / axis.force_gain;
+        let trip = limits
+            .get(number)
+            .and_then(|limits| limits.measured_force_n?.trip);
+        let is_within = |[low, high]: [f64; 2]| low <= force && force <= high;
+        let beyond = match (trip, most) {
+            (Some(range), _) if !is_within(range) => "`measured_force_n` trips before",
+            (_, Some(most)) if !is_within([-most, most]) => "its rig cannot give that",
+            _ => continue,
+        };
+        let text = format!(
+            "left where it is safe, axis {} of specimen \"{}\" bears {force:.1} N by its initial stiffness",
+            number + 1,
+            table.name
+        );
+        let finding = Finding::warning(at.key("safe_disp_m"), text).label(beyond);
+        warnings.push(finding.beside(
+            path("safety").key("on_trip"),
+            "after a trip it is led there",
+        ));
+    }
+    site.warnings.extend(warnings);
 }

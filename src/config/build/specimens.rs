@@ -280,6 +280,7 @@ impl Specimens {
             };
             let metres: Vec<f64> = entry.units.iter().map(|unit| unit.0).collect();
             let exits = safety::exits(site, index, &metres, &diagonal)?;
+            safety::warn_of_force(site, index, &entry.axes, &entry.units, &stiffness);
             let axes = entry.axes.len();
             match Port::new(entry.name, entry.axes, substructure, dofs.max(1), diagonal) {
                 Ok(port) => {

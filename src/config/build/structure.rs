@@ -257,16 +257,16 @@ pub(super) fn vector(
 /// Beyond this share of its own diagonal a negative stiffness is none of roundoff, nor of six printed digits.
 const INDEFINITE: f64 = 1e-6;
 
-/// True if a stiffness has no negative eigenvalue; bodies that move freely have one of zero.
-fn is_held(stiffness: &SymMatrix) -> bool {
-    let n = stiffness.n();
-    let largest = (0..n).fold(0.0, |most: f64, i| most.max(stiffness.get(i, i).abs()));
-    let little = |i: usize| match stiffness.get(i, i).abs() {
-        0.0 if stiffness.row_is_zero(i) => largest.max(1.0),
+/// True if a stiffness or a damping has no negative eigenvalue; bodies that move freely have one of zero.
+fn is_held(matrix: &SymMatrix) -> bool {
+    let n = matrix.n();
+    let largest = (0..n).fold(0.0, |most: f64, i| most.max(matrix.get(i, i).abs()));
+    let little = |i: usize| match matrix.get(i, i).abs() {
+        0.0 if matrix.row_is_zero(i) => largest.max(1.0),
         own => own,
     };
     let little: Vec<f64> = (0..n).map(|i| INDEFINITE * little(i)).collect();
-    Spd::factor(&stiffness.plus(1.0, &SymMatrix::diagonal(&little))).is_ok()
+    Spd::factor(&matrix.plus(1.0, &SymMatrix::diagonal(&little))).is_ok()
 }
 
 /// What grows instead of swinging at rest: refused where it is a matrix of the structure that no element and no specimen makes up
@@ -301,6 +301,40 @@ pub(super) fn definite(
         finding.help(
             "the tangents of all laws at zero count; the choice of lambda says nothing of this",
         ),
+    );
+    Ok(())
+}
+
+/// What the damping at rest feeds with energy instead of taking it: refused where it is a matrix of the structure that no element
+/// and no specimen makes up for, warned of where it comes of a falling stiffness, of an estimate, or ends with motion.
+pub(super) fn dissipative(
+    site: &mut Site<'_>,
+    structure: &Structure,
+    [at_rest, initial]: [&SymMatrix; 2],
+) -> Result<(), Refused> {
+    if is_held(at_rest) {
+        return Ok(());
+    }
+    let place = given(site, &path("structure").key("matrices"), "damping");
+    let is_given = matches!(place.last_key(), Some("damping" | "damping_file"));
+    if is_given && !is_held(structure.damping()) && !is_held(initial) {
+        let finding = Finding::error(
+            place,
+            "the damping has a negative eigenvalue: it would feed the structure with energy instead of taking it",
+        );
+        let finding = finding.help(
+            "a dashpot between two DOFs adds to both on the diagonal what it takes beside it",
+        );
+        return site.refuse(finding);
+    }
+    let finding = Finding::warning(
+        path("structure"),
+        "the damping at rest has a negative eigenvalue: it feeds the structure with energy instead of taking it",
+    );
+    site.warnings.push(
+        finding
+            .at_key()
+            .help("the tangents of all laws at zero count, and the estimates of specimens"),
     );
     Ok(())
 }

@@ -1,4 +1,5 @@
-//! Limits of the specimens: bounds that cannot be kept, that contradict each other, or that a specimen behind a link lacks.
+//! Limits of the specimens: bounds that cannot be kept, that contradict each other, or that a specimen behind a link lacks; and
+//! ways and places of the file that limits, or what the rig can give, forbid.
 
 use super::Findings;
 use crate::config::diagnose::Finding;
@@ -45,6 +46,7 @@ pub(super) fn check_limits(
             axis.check_speeds(limits, tick_s, findings);
         }
         axis.check_sensors(limits, findings);
+        axis.check_places(limits, findings);
         if let Some(safety) = safety {
             axis.check_exit(limits, safety, tick_s, findings);
         }
@@ -179,7 +181,7 @@ impl Place<'_> {
         {
             findings.0.push(
                 Finding::error(
-                    exit,
+                    exit.clone(),
                     format!(
                         "specimen \"{}\" would be left at {speed} m/s, but {vel} m/s trip",
                         self.specimen.name
@@ -194,25 +196,89 @@ impl Place<'_> {
                 ),
             );
         }
-        let safe = self.specimen.safe_disp_m.as_ref();
-        let safe = safe.and_then(|safe| safe.get(self.index));
-        let range = limits.command_disp_m.and_then(|range| range.trip);
-        if let (Some(safe), Some([low, high])) = (safe, range)
-            && !(*safe >= low && *safe <= high)
+        let most = self.specimen.capacity.unwrap_or_default().velocity_m_per_s;
+        if let (true, Some(speed), Some(most)) = (moves, safety.exit_speed_m_per_s, most)
+            && speed > SAME * most
         {
+            let name = &self.specimen.name;
+            let text = format!(
+                "specimen \"{name}\" would be left at {speed} m/s, but its rig can give {most} m/s"
+            );
             findings.0.push(
-                Finding::error(
-                    self.at.key("safe_disp_m"),
-                    format!(
-                        "axis {} is safe at {safe} m, which may not be commanded",
-                        self.index + 1
+                Finding::error(exit, text)
+                    .label("faster than the rig")
+                    .beside(
+                        self.at.key("capacity").key("velocity_m_per_s"),
+                        "what it can give",
                     ),
-                )
-                .label("outside of its own limit")
-                .beside(
-                    self.of("command_disp_m", |own| own.command_disp_m.is_some()),
-                    "its limit",
-                ),
+            );
+        }
+    }
+
+    /// Where it is said to stand, to be safe, and to be probed is inside of what may be commanded, and of what the rig can give.
+    fn check_places(&self, limits: &LimitsSpec, findings: &mut Findings) {
+        let range = limits.command_disp_m.and_then(|range| range.trip);
+        let range = range.map(|range| {
+            let at = self.of("command_disp_m", |own| own.command_disp_m.is_some());
+            (range, at, "which may not be commanded", "its limit")
+        });
+        let stroke = self.specimen.capacity.unwrap_or_default().stroke_m;
+        let stroke = stroke.map(|stroke| {
+            let at = self.at.key("capacity").key("stroke_m");
+            (
+                [-stroke, stroke],
+                at,
+                "which its rig cannot reach",
+                "what it can give",
+            )
+        });
+        let bounds: Vec<_> = range.into_iter().chain(stroke).collect();
+        let place = |given: Option<&Vec<f64>>| given?.get(self.index).copied();
+        let link = self.specimen.link.as_ref();
+        let stands = place(link.and_then(|link| link.stands_at_m.as_ref()));
+        let at = self.at.key("link");
+        let safe = place(self.specimen.safe_disp_m.as_ref());
+        for (key, place, is) in [
+            (self.at.key("safe_disp_m"), safe, "is safe"),
+            (at.key("stands_at_m"), stands, "stands"),
+        ] {
+            let Some(place) = place else { continue };
+            let beyond =
+                |([low, high], ..): &&([f64; 2], _, _, _)| !(place >= *low && place <= *high);
+            if let Some((_, bound, why, label)) = bounds.iter().find(beyond) {
+                let text = format!("axis {} {is} at {place} m, {why}", self.index + 1);
+                findings.0.push(
+                    Finding::error(key, text)
+                        .label("outside of its own limit")
+                        .beside(bound.clone(), *label),
+                );
+            }
+        }
+        let Some(way) = link.and_then(|link| link.probe_m) else {
+            return;
+        };
+        let backwards = self
+            .specimen
+            .axis
+            .get(self.index)
+            .is_some_and(|axis| axis.sign < 0);
+        let room = |[low, high]: [f64; 2]| match stands {
+            Some(stands) if backwards => stands - low,
+            Some(stands) => high - stands,
+            // Wherever it stands.
+            None => high - low,
+        };
+        if let Some((_, bound, _, label)) =
+            bounds.iter().find(|(range, ..)| way > SAME * room(*range))
+        {
+            let text = format!(
+                "axis {} is probed by {way} m, and there is no room for that",
+                self.index + 1
+            );
+            findings.0.push(
+                Finding::error(at.key("probe_m"), text)
+                    .label("outside of its own limit")
+                    .beside(bound.clone(), *label),
             );
         }
     }

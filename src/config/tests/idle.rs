@@ -210,7 +210,23 @@ fn keys_of_safety_that_nothing_follows_from_are_told_of() {
 }
 
 #[test]
-fn a_confirmation_of_what_is_not_read_is_refused() {
+fn a_confirmation_of_what_is_not_read_is_refused_or_not_waited_for() {
+    for (text, sets, waits) in [
+        (GOOD, &["safety.confirm=true"][..], false),
+        (GOOD, &["safety.confirm=true", "safety.zero_s=0.1"], true),
+        (BARE, &["safety.confirm=true"], false),
+        (LINKED, &["safety.confirm=true"], true),
+        (LINKED, &[], false),
+        (
+            LINKED,
+            &["specimen.0.axis=[{zero_force=\"relative\"}]"],
+            true,
+        ),
+    ] {
+        let prepared = crate::config::build(&accepted(text, sets)).unwrap();
+        let found = [prepared.facts.confirm, prepared.experiment.opening.confirm];
+        assert_eq!(found, [waits; 2], "{sets:?} of {text}");
+    }
     let error = read(GOOD, &["safety.confirm=true", "safety.zero_s=0"]).unwrap_err();
     shows(
         &error.to_string(),

@@ -57,17 +57,28 @@ fn a_contradiction_between_file_and_override_shows_both() {
 }
 
 #[test]
-fn the_last_of_two_overrides_counts_and_is_blamed() {
-    assert_eq!(
-        accepted(GOOD, &["time.duration_s=1", "time.duration_s=2"])
-            .time
-            .steps,
-        2048
+fn an_override_that_undoes_another_is_refused_and_both_are_shown() {
+    let text = complaint_about_set(&["time.duration_s=1", "time.duration_s=2"]);
+    for part in [
+        "`time.duration_s` is overridden twice",
+        "--set time.duration_s=2\n  |       ^^^^^^^^^^^^^^^^^ again here",
+        "--set time.duration_s=1\n",
+        "first here",
+    ] {
+        shows(&text, part);
+    }
+    assert_eq!(errors(&text), 1, "{text}");
+    // A table undoes what was said of its keys; a key of a table that was given is none of that.
+    let (whole, key) = (
+        "specimen.0.law={linear={stiffness_n_per_m=2e6}}",
+        "specimen[0].law.linear.stiffness_n_per_m=3e6",
     );
+    let part = "specimen.0.law.bilinear.yield_force_n=4e3";
     shows(
-        &complaint_about_set(&["time.duration_s=1", "time.duration_s=-2"]),
-        "--set time.duration_s=-2",
+        &complaint_about_set(&[part, whole]),
+        "`specimen[0].law.bilinear.yield_force_n` is overridden twice",
     );
+    accepted(GOOD, &[whole, key]);
 }
 
 // --- places for later layers --------------------------------------------------------------------

@@ -122,6 +122,113 @@ fn a_stiffness_that_falls_is_refused_and_a_body_that_moves_freely_is_not() {
     );
 }
 
+/// Two masses on two springs and two dashpots of this sign, without a specimen or with these keys more.
+fn dashpots(sign: f64, more: &str) -> String {
+    format!(
+        "[time]\nstep_s = 0.01\nduration_s = 1\n[structure.matrices]\nmass = [[1000, 0], [0, 1000]]\n\
+         stiffness = [[2e5, -1e5], [-1e5, 1e5]]\ndamping = [[{}, {}], [{}, {}]]\n\
+         [excitation.ground_acceleration.signal.sine]\namplitude = 1\nfrequency_hz = 1\n{more}",
+        2.0 * sign,
+        -sign,
+        -sign,
+        sign
+    )
+}
+
+const NEGATIVE_DAMPING: &str = "the damping has a negative eigenvalue";
+
+#[test]
+fn a_damping_of_the_wrong_sign_is_refused_unless_something_makes_up_for_it() {
+    let refused = refusal(&dashpots(-100.0, ""));
+    for words in [NEGATIVE_DAMPING, "damping = [[-200, 100], [100, -100]]"] {
+        assert!(refused.contains(words), "{refused}");
+    }
+    let remote = "[[specimen]]\nname = \"s\"\nrows = [[1, 0]]\nstiffness_n_per_m = 1e4\n[specimen.limits]\n\
+                  command_disp_m = { trip = [-0.5, 0.5] }\nmeasured_force_n = { trip = [-20e3, 20e3] }\n\
+                  [specimen.link]\naddress = \"127.0.0.1:42801\"\n";
+    assert!(refusal(&dashpots(-100.0, remote)).contains(NEGATIVE_DAMPING));
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("c.csv"), "-200,100\n100,-100\n").unwrap();
+    let filed = dashpots(100.0, "").replace(
+        "damping = [[200, -100], [-100, 100]]",
+        "damping_file = \"c.csv\"",
+    );
+    let loaded = parse(&folder.path().join("test.toml"), filed, &[]).unwrap();
+    let refused = build(&loaded).unwrap_err().to_string();
+    assert!(
+        refused.contains(NEGATIVE_DAMPING) && refused.contains("damping_file = "),
+        "{refused}"
+    );
+    // No damping, a singular one, and one with digits that were rounded away are none of that; dashpots beside it make up for it.
+    let singular = dashpots(100.0, "").replace("[[200,", "[[100,");
+    let rounded = singular.replace("[[100, -100], [-100,", "[[100, -100.00001], [-100.00001,");
+    let element = "[[structure.element]]\nfrom = \"ground\"\nto = 1\nlaw.viscous.damping_n_s_per_m = 1e3\n\
+                   [[structure.element]]\nfrom = 1\nto = 2\nlaw.viscous.damping_n_s_per_m = 1e3\n";
+    for text in [
+        dashpots(0.0, ""),
+        singular,
+        rounded,
+        dashpots(-100.0, element),
+    ] {
+        let found = facts(&text);
+        let told = found
+            .warnings
+            .iter()
+            .any(|text| text.contains("eigenvalue"));
+        assert!(!told, "{:?} of {text}", found.warnings);
+        assert_eq!(found.structure.unwrap().analysis.unwrap().growth(), None);
+    }
+}
+
+/// ĉ = [[0, c], [c, 0]] has the eigenvalue −c, which no diagonal shows. Where both masses are alike they move against each other
+/// with a damping of 100 − c: at c = 500 that grows at 400/(2 · 1000) = 0.2 1/s.
+#[test]
+fn estimates_that_feed_energy_are_warned_of_and_known_to_grow() {
+    let specimen = |damping: &str| {
+        let even = "[[2e5, -1e5], [-1e5, 2e5]]\ndamping = [[100, 0], [0, 100]]";
+        let text = dashpots(100.0, "").replace(
+            "[[2e5, -1e5], [-1e5, 1e5]]\ndamping = [[200, -100], [-100, 100]]",
+            even,
+        );
+        format!(
+            "{text}[[specimen]]\nname = \"s\"\nrows = [[1, 0], [0, 1]]\nstiffness_n_per_m = [[1e4, 0], [0, 1e4]]\n\
+             damping_n_s_per_m = {damping}\nlaws = [{{ linear.stiffness_n_per_m = 1e4 }}, \
+             {{ linear.stiffness_n_per_m = 1e4 }}]\n"
+        )
+    };
+    let found = facts(&specimen("[[0, 500], [500, 0]]"));
+    let words = "the damping at rest has a negative eigenvalue";
+    assert!(
+        found.warnings.iter().any(|text| text.contains(words)),
+        "{:?}",
+        found.warnings
+    );
+    let growth = found.structure.unwrap().analysis.unwrap().growth().unwrap();
+    assert!((growth - 0.2).abs() < 1e-9, "{growth}");
+    let found = facts(&specimen("[[0, 50], [50, 0]]"));
+    assert!(
+        found.warnings.iter().all(|text| !text.contains(words)),
+        "{:?}",
+        found.warnings
+    );
+    assert_eq!(found.structure.unwrap().analysis.unwrap().growth(), None);
+}
+
+/// A spring that falls at rest and is held by what it becomes: a warning, and no proof that the test grows.
+#[test]
+fn a_branch_that_falls_at_rest_proves_no_growth() {
+    let law = "[[structure.element]]\nfrom = \"ground\"\nto = 2\nreach_disp_m = 1\nlaw.cubic = { stiffness_n_per_m = -2e5, \
+               cubic_n_per_m3 = 1e9, reference_stiffness_n_per_m = 1e5 }\n";
+    let found = facts(&dashpots(100.0, law));
+    let words = "the stiffness at rest has a negative eigenvalue";
+    assert!(
+        found.warnings.iter().any(|text| text.contains(words)),
+        "{:?}",
+        found.warnings
+    );
+    assert_eq!(found.structure.unwrap().analysis.unwrap().growth(), None);
+}
+
 #[test]
 fn what_is_tied_to_the_inertial_frame_wants_absolute_coordinates() {
     let tied = GOOD.replace(
