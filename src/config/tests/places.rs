@@ -157,9 +157,8 @@ fn an_excitation_that_is_zero_throughout_is_told_of() {
     assert!(!force("1", "1").contains(nothing));
     shows(&force("0", "1"), factors);
     shows(&force("1", "0"), zeros);
-    let base = format!(
-        "excitation={{base_displacement={{signal={{sine={{amplitude=0,frequency_hz=1}}}}}}}}"
-    );
+    let base =
+        "excitation={base_displacement={signal={sine={amplitude=0,frequency_hz=1}}}}".to_owned();
     shows(
         &said(&[&base]),
         &format!("`excitation.base_displacement` {nothing}"),
