@@ -27,16 +27,20 @@ fn zero_s(file: &TestFile) -> f64 {
 pub(super) fn opening(file: &TestFile, period: f64) -> Opening {
     Opening {
         zero_ticks: (zero_s(file) / period).ceil() as u32,
-        confirm: needs_confirmation(file),
+        confirm: confirms(file),
         ramp_s: file.safety.ramp_s,
         takes_force_drift: file.safety.resume_takes_force_drift,
     }
 }
 
-/// True if an operator must look at what was read before anything moves: something must have been.
+/// True if what is read must be confirmed: something must be.
+fn confirms(file: &TestFile) -> bool {
+    zero_s(file) > 0.0 && (file.safety.confirm || is_relative(file))
+}
+
+/// True if an operator must look at what was read before anything moves.
 pub(super) fn needs_confirmation(file: &TestFile) -> bool {
-    let is_read = !file.specimen.is_empty() && zero_s(file) > 0.0;
-    is_read && (file.safety.confirm || is_relative(file))
+    !file.specimen.is_empty() && confirms(file)
 }
 
 fn is_relative(file: &TestFile) -> bool {
