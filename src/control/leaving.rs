@@ -176,7 +176,7 @@ impl Port {
         let times = (0..self.axes()).map(|axis| {
             let distance = self.sent.get(axis).zip(self.command.get(axis));
             let distance = distance.map_or(0.0, |(from, to)| (to - from).abs());
-            let distance = distance * self.guard.metres_of(axis);
+            let distance = distance.max(self.steepest(axis)) * self.guard.metres_of(axis);
             self.cosine_time(axis, distance, speed)
         });
         let seconds = times.fold(0.0, f64::max);

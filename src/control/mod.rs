@@ -5,6 +5,7 @@
 //! a specimen was told is hidden. Pure bookkeeping: no clock, no input or output of its own.
 
 mod believed;
+mod bend;
 mod compensated;
 mod critical;
 mod direction;

@@ -3,6 +3,7 @@
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use super::Port;
+use crate::geometry::MOST;
 use crate::substructure::{Command, LinkFault};
 
 /// Displacements whose relative difference is smaller are the same place.
@@ -386,9 +387,21 @@ impl Port {
     pub fn begin_ramp(&mut self) {
         self.opening.from.copy_from_slice(&self.sent);
         self.opening.to.copy_from_slice(&self.command);
+        if let Some(posed) = &mut self.posed {
+            let mut strokes = [[0.0; MOST]; 2];
+            for (strokes, commands) in strokes.iter_mut().zip([&self.sent, &self.command]) {
+                for (stroke, (axis, command)) in
+                    strokes.iter_mut().zip(self.axes.iter().zip(commands))
+                {
+                    *stroke = (command - axis.disp_offset) / axis.disp_gain;
+                }
+            }
+            let [from, to] = &strokes;
+            posed.begin_way([from, to]);
+        }
     }
 
-    /// The next command is at this share (0 … 1) of a ramp that takes `seconds` of test time.
+    /// The next command is at this share (0 … 1) of a ramp that takes `seconds` of test time. A loading unit goes from pose to pose.
     pub fn ramp_to(&mut self, share: f64, seconds: f64) {
         let way = 0.5 * (1.0 - libm::cos(PI * share));
         let rate = FRAC_PI_2 * libm::sin(PI * share) / seconds;
@@ -402,6 +415,15 @@ impl Port {
                 *to
             };
             *vel = rate * (to - from) * axis.vel_gain / axis.disp_gain;
+        }
+        let posed = self.posed.as_mut().filter(|_| share < 1.0);
+        let Some(bends) = posed.and_then(|posed| posed.bends(way)) else {
+            return;
+        };
+        let commands = self.command.iter_mut().zip(&mut self.command_vel);
+        for (((command, vel), axis), (bend, slope)) in commands.zip(&self.axes).zip(bends) {
+            *command += axis.disp_gain * bend;
+            *vel += rate * slope * axis.vel_gain;
         }
     }
 }

@@ -11,6 +11,7 @@
 //! fault; no command leaves while there is one.
 
 use super::Port;
+use super::bend::Bend;
 use crate::geometry::{Coordinate, Fault, Geometry, MOST, Placed};
 
 /// One row of B: what a coordinate is of the structure's displacements.
@@ -66,6 +67,8 @@ pub(super) struct Posed {
     fault: Option<Fault>,
     range: [[f64; 2]; MOST],
     worst: Placed,
+    /// Of the way that it is led, before and after the test.
+    bend: Bend,
 }
 
 impl Posed {
@@ -123,6 +126,16 @@ impl Posed {
         self.go(&pose, target, target_vel);
     }
 
+    /// It is led from the first of these strokes in m to the second. Real-time: yes.
+    pub fn begin_way(&mut self, strokes: [&[f64]; 2]) {
+        self.bend.begin(&self.geometry, strokes);
+    }
+
+    /// Bends of the strokes at a share of the way: see [`Bend::at`]. Real-time: yes.
+    pub fn bends(&mut self, way: f64) -> Option<impl Iterator<Item = (f64, f64)> + use<>> {
+        self.bend.at(&self.geometry, way)
+    }
+
     /// True if the pose last sought can be. Real-time: yes.
     #[inline]
     pub const fn is_possible(&self) -> bool {
@@ -170,6 +183,7 @@ impl Port {
                 fault: None,
                 range: [[0.0; 2]; MOST],
                 worst: reference,
+                bend: Bend::new(reference),
             }));
         }
         self
@@ -193,6 +207,14 @@ impl Port {
         if let Some(posed) = &mut self.posed {
             posed.fault = None;
         }
+    }
+
+    /// Where its poses bend the way of an actuator, the distance in its own unit for which that is nowhere faster; else 0.
+    pub(super) fn steepest(&self, axis: usize) -> f64 {
+        let posed = self.posed.as_deref().zip(self.axes.get(axis));
+        posed.map_or(0.0, |(posed, of)| {
+            (posed.bend.steepest(axis) * of.disp_gain).abs()
+        })
     }
 
     /// Takes the pose and the forces of its coordinates from what was measured for the step that is closed. Does nothing
@@ -375,6 +397,45 @@ mod tests {
             port.subtract_force(&mut residual);
             assert_eq!(residual, [0.0; 3]);
         }
+    }
+
+    /// Led from (0, 3) to the reference pose it goes down the y axis, though its actuators turn, and no actuator is faster than said.
+    #[test]
+    fn a_platform_is_led_out_along_its_poses() {
+        let mut port = port(0.0, None);
+        let exchange = |port: &mut Port| {
+            assert_eq!(port.clear().trip, None);
+            port.issue(0, 0.0, 0.0).unwrap();
+            port.collect(Nanos(0)).unwrap();
+            port.resolve_pose().unwrap();
+            let pose: Vec<f64> = port.pose().map(|(_, [_, found, _])| found).collect();
+            [pose[0], pose[1]]
+        };
+        port.aim(&[0.0, 3.0, 0.0], &[0.0; 3], 0.0, 0.0);
+        let [_, mut last] = exchange(&mut port);
+        (port.exits.on_trip, port.exits.speed) = (Exit::ZeroDisp, 0.5);
+        let mut way = port.depart(true, 0.01).unwrap();
+        let mut fastest: f64 = 0.0;
+        while port.go_on(&mut way) {
+            let before = port.sent.clone();
+            let rates = port.command_vel.clone();
+            let [x, y] = exchange(&mut port);
+            assert!(x.abs() < 1e-13 && y <= last, "{x} {y}");
+            last = y;
+            for ((from, to), rate) in before.iter().zip(&port.sent).zip(rates) {
+                let speed = (to - from) / 0.01;
+                fastest = fastest.max(speed.abs());
+                assert!(
+                    (speed - rate).abs() < 0.01,
+                    "the mean over a tick: {speed} {rate}"
+                );
+            }
+        }
+        assert!(
+            way.has_arrived() && fastest > 0.45 && fastest < 0.5,
+            "{fastest}"
+        );
+        assert_eq!(port.sent, [0.0, 0.0], "to the last bit");
     }
 
     #[test]
