@@ -23,6 +23,7 @@ mod path;
 mod posed;
 mod probe;
 mod pursuit;
+mod ramp;
 mod rest;
 mod stiffness;
 mod tangent;
@@ -40,10 +41,11 @@ pub use follows::Follows;
 pub use leaving::{Departure, Exit, Exits};
 pub use link::{LinkCount, OnStale, Partner, WaitRules};
 pub use misfit::{Channel, Misfit};
-pub use opening::{DispZero, Reading, Reference, UNBOUNDED_RAMP_S, Zero};
+pub use opening::{DispZero, Reading, Reference, Zero};
 pub use path::{Order, Path, Point};
 pub use posed::{PoseRow, Poses};
 pub use probe::{Found, Pace, Probe};
+pub use ramp::UNBOUNDED_RAMP_S;
 pub use rest::Rest;
 pub use stiffness::{Opinion, compare_stiffness};
 pub use tangent::{Point as TangentPoint, Tangent};
@@ -171,6 +173,7 @@ pub struct Port {
     posed: Option<Box<posed::Posed>>,
     estimates: estimate::Estimates,
     opening: opening::Opening,
+    ramp: ramp::Ramp,
     /// Zero velocities.
     still: Vec<f64>,
     compensation: Option<compensated::Compensation>,
@@ -271,6 +274,7 @@ impl Port {
             guard: guard::Guard::open(n),
             posed: None,
             opening: opening::Opening::absolute(n),
+            ramp: ramp::Ramp::new(n),
             still: vec![0.0; n],
             compensation: None,
             tracking: tracking::Tracking::new(n),
