@@ -60,9 +60,9 @@ const LONGEST_S: f64 = 120.0;
 /// of up to 1/e of it the approach does not go beyond, and it dies out behind one of up to π/2 of it.
 const APPROACH_S: f64 = 0.1;
 const SHARE: f64 = 0.05;
-/// Time in s for which a force is small where it stays so, and the fewest answers: one may be a glitch.
-const SMALL_FOR_S: f64 = 0.1;
-const FEWEST: u32 = 2;
+/// A force is small where its mean over this time in s is so twice in a row: a single answer may be a glitch, or noise.
+const BLOCK_S: f64 = 0.05;
+const BLOCKS: u32 = 2;
 /// Share of an acceleration limit that it uses at its fastest.
 const SHARE_OF_ACCEL: f64 = 0.5;
 /// Share of the largest force so far, that on the way out included, that counts as none.
@@ -82,6 +82,8 @@ struct Creep {
     /// Largest |force| of the test in raw units, without what stopped it.
     largest: f64,
     small: f64,
+    /// Of the answers of the block so far.
+    sum: f64,
     /// Ways in the specimen's unit: of one tick, by which that may change from tick to tick, and the last.
     longest_step: f64,
     slew: f64,
@@ -101,9 +103,10 @@ pub struct Departure {
     /// To zero force: it is known how far that is.
     begun: bool,
     seconds: f64,
-    /// To zero force: so many of the last answers were small in all forces, and so many are asked for.
-    small: u32,
-    small_for: u32,
+    /// To zero force: answers of the block so far, those of a whole one, and how many blocks in a row were small in all forces.
+    answers: u32,
+    of_a_block: u32,
+    small_blocks: u32,
     arrived: bool,
 }
 
@@ -112,6 +115,21 @@ impl Departure {
     #[must_use]
     pub const fn has_arrived(&self) -> bool {
         self.arrived
+    }
+
+    /// An answer on the way to zero force was taken.
+    fn count(&mut self) {
+        self.answers += 1;
+        if self.answers < self.of_a_block {
+            return;
+        }
+        let answers = f64::from(std::mem::take(&mut self.answers));
+        let mut all_small = true;
+        for creep in &mut self.creeps {
+            let sum = std::mem::take(&mut creep.sum);
+            all_small &= (sum / answers).abs() <= creep.small;
+        }
+        self.small_blocks = if all_small { self.small_blocks + 1 } else { 0 };
     }
 }
 
@@ -163,8 +181,9 @@ impl Port {
                     to_zero_force: true,
                     begun: false,
                     seconds: LONGEST_S,
-                    small: 0,
-                    small_for: ((SMALL_FOR_S / tick).ceil() as u32).max(FEWEST),
+                    answers: 0,
+                    of_a_block: (BLOCK_S / tick).ceil() as u32,
+                    small_blocks: 0,
                     arrived: false,
                 });
             }
@@ -187,8 +206,9 @@ impl Port {
             to_zero_force: false,
             begun: true,
             seconds: seconds.max(tick),
-            small: 0,
-            small_for: 0,
+            answers: 0,
+            of_a_block: 0,
+            small_blocks: 0,
             arrived: false,
         })
     }
@@ -249,6 +269,8 @@ impl Port {
             departure.begun = true;
             self.begin(&mut departure.creeps);
         }
+        // Who is there comes to rest, whatever noise says.
+        let is_there = departure.small_blocks >= BLOCKS;
         let (mut moving, mut all_small) = (!is_known, is_known);
         let axes = self.axes.iter().zip(&mut departure.creeps);
         let values = self.sent.iter().zip(&self.raw.force);
@@ -258,7 +280,9 @@ impl Port {
             let step = creep.share * force / creep.stiffness;
             let step = step.clamp(-creep.longest_step, creep.longest_step);
             let is_small = force.abs() <= creep.small;
-            let on = is_known && !is_small && (sent - step - creep.from).abs() <= creep.farthest;
+            creep.sum += if is_known { force } else { 0.0 };
+            let is_near = (sent - step - creep.from).abs() <= creep.farthest;
+            let on = is_known && !is_there && !is_small && is_near;
             let wanted = if on { step } else { 0.0 };
             creep.step = wanted.clamp(creep.step - creep.slew, creep.step + creep.slew);
             *command = sent - creep.step;
@@ -266,10 +290,10 @@ impl Port {
             moving |= on || creep.step != 0.0;
             all_small &= is_small;
         }
-        if is_known {
-            departure.small = if all_small { departure.small + 1 } else { 0 };
+        if is_known && !is_there {
+            departure.count();
         }
-        departure.arrived = departure.small >= departure.small_for;
+        departure.arrived = departure.small_blocks >= BLOCKS;
         moving || (all_small && !departure.arrived)
     }
 }
@@ -288,12 +312,11 @@ mod tests {
     const TICK: f64 = 1e-3;
 
     /// A spring of 2e5 N/m behind an actuator that is so many commands late.
-    struct Spring(VecDeque<f64>);
-
-    impl Spring {
-        fn behind(late: usize) -> Self {
-            Self(VecDeque::from(vec![0.01; late + 1]))
-        }
+    struct Spring {
+        commands: VecDeque<f64>,
+        /// Amplitude in N of what is no force, and its phase.
+        noise: f64,
+        phase: f64,
     }
 
     impl Substructure for Spring {
@@ -304,12 +327,16 @@ mod tests {
             Coupling::Lockstep
         }
         fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
-            self.0.rotate_left(1);
-            *self.0.back_mut().unwrap() = command.disp[0];
+            self.commands.rotate_left(1);
+            *self.commands.back_mut().unwrap() = command.disp[0];
             Ok(())
         }
         fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
-            (into.disp[0], into.force[0]) = (self.0[0], 2e5 * self.0[0]);
+            self.phase += 2.4;
+            (into.disp[0], into.force[0]) = (
+                self.commands[0],
+                2e5 * self.commands[0] + self.noise * self.phase.sin(),
+            );
             Ok(Freshness::Fresh)
         }
         fn retire(&mut self, _: Retirement) {}
@@ -326,8 +353,16 @@ mod tests {
 
     /// From 10 mm, with k̂ as it is believed, before any force was noted, with ticks of so many seconds.
     fn to_zero_force(stiffness: f64, tick: f64, late: usize) -> Way {
+        noisy_to_zero_force(stiffness, tick, late, 0.0)
+    }
+
+    fn noisy_to_zero_force(stiffness: f64, tick: f64, late: usize, noise: f64) -> Way {
         let axis = Axis::plain(vec![(0, 1.0)]);
-        let spring = Box::new(Spring::behind(late));
+        let spring = Box::new(Spring {
+            commands: VecDeque::from(vec![0.01; late + 1]),
+            noise,
+            phase: 0.0,
+        });
         let mut port = Port::new("rig", vec![axis], spring, 1, vec![stiffness]).unwrap();
         port.exits.on_trip = Exit::ZeroForce;
         port.exits.speed = 0.05;
@@ -376,6 +411,16 @@ mod tests {
                 assert!(way.arrived && way.end.abs() <= 1e-4, "{told}");
                 assert!(way.least >= -1e-4, "{told}");
             }
+        }
+    }
+
+    /// Fifty times what counts as none, and not there while zeroing: it is the mean that counts.
+    #[test]
+    fn noise_does_not_keep_it_from_its_end() {
+        for late in [0, 20] {
+            let way = noisy_to_zero_force(2e5, TICK, late, 1e3);
+            assert!(way.arrived && way.ticks < 2000, "{}", way.ticks);
+            assert!(way.end.abs() <= 3e-4, "{}", way.end);
         }
     }
 
