@@ -65,7 +65,7 @@ impl Substructure for Believed {
         let moved = self.deformation.iter_mut().zip(&mut self.rate);
         let told = command.disp.iter().zip(command.vel);
         for ((axis, (deformation, rate)), (disp, vel)) in self.axes.iter().zip(moved).zip(told) {
-            *deformation = (disp - axis.disp_offset) / axis.disp_gain;
+            *deformation = axis.deformation(*disp);
             *rate = vel / axis.vel_gain;
         }
         Ok(())

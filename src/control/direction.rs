@@ -33,7 +33,7 @@ impl Port {
         let stiffness = &self.stiffness;
         let stands = self.standing().map(|standing| {
             let axes = standing.iter().zip(&self.axes);
-            let deformed = axes.map(|(disp, axis)| (disp - axis.disp_offset) / axis.disp_gain);
+            let deformed = axes.map(|(disp, axis)| axis.deformation(*disp));
             deformed.collect::<Vec<f64>>()
         });
         Some(Probe::new(

@@ -130,6 +130,7 @@ impl Departure {
             all_small &= (sum / answers).abs() <= creep.small;
         }
         self.small_blocks = if all_small { self.small_blocks + 1 } else { 0 };
+        self.arrived = self.small_blocks >= BLOCKS;
     }
 }
 
@@ -270,7 +271,7 @@ impl Port {
             self.begin(&mut departure.creeps);
         }
         // Who is there comes to rest, whatever noise says.
-        let is_there = departure.small_blocks >= BLOCKS;
+        let is_there = departure.arrived;
         let (mut moving, mut all_small) = (!is_known, is_known);
         let axes = self.axes.iter().zip(&mut departure.creeps);
         let values = self.sent.iter().zip(&self.raw.force);
@@ -293,7 +294,6 @@ impl Port {
         if is_known && !is_there {
             departure.count();
         }
-        departure.arrived = departure.small_blocks >= BLOCKS;
         moving || (all_small && !departure.arrived)
     }
 }

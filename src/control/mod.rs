@@ -96,6 +96,13 @@ impl Axis {
         }
     }
 
+    /// d in m at the structure for which this is the command, in the specimen's unit. Real-time: yes.
+    #[inline]
+    #[must_use]
+    pub fn deformation(&self, command: f64) -> f64 {
+        (command - self.disp_offset) / self.disp_gain
+    }
+
     /// Displacement in m and force in N at the structure of what was measured in the specimen's units. Real-time: yes.
     #[inline]
     fn at_structure(&self, disp: f64, force: f64) -> (f64, f64) {

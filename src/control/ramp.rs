@@ -83,7 +83,7 @@ impl Port {
                 for (stroke, (axis, command)) in
                     strokes.iter_mut().zip(self.axes.iter().zip(commands))
                 {
-                    *stroke = (command - axis.disp_offset) / axis.disp_gain;
+                    *stroke = axis.deformation(*command);
                 }
             }
             let [from, to] = &strokes;

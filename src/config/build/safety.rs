@@ -248,7 +248,7 @@ pub(super) fn warn_of_force(
     }
     let deformed = safe.iter().zip(axes).zip(units);
     let deformed: Vec<f64> = deformed
-        .map(|((disp, axis), (metres, _))| (disp / metres - axis.disp_offset) / axis.disp_gain)
+        .map(|((disp, axis), (metres, _))| axis.deformation(disp / metres))
         .collect();
     let at = path("specimen").index(index);
     let limits = table.limits_of(axes.len());

@@ -282,27 +282,19 @@ pub(super) fn definite(
     let kinds = site.loaded.file.structure.as_ref().map(|s| s.kinds());
     let kind = kinds.and_then(|kinds| kinds.first().map(|kind| kind.0));
     let at = path("structure").key(kind.unwrap_or("matrices"));
-    if !is_held(structure.stiffness()) && !is_held(initial) {
-        let place = given(site, &at, "stiffness");
-        let finding = Finding::error(
-            place,
+    let is_refused = !is_held(structure.stiffness()) && !is_held(initial);
+    indefinite(
+        site,
+        is_refused.then(|| given(site, &at, "stiffness")),
+        [
             "the stiffness has a negative eigenvalue: the structure would fall instead of swing",
-        );
-        let finding = finding
-            .help("a spring between two DOFs adds to both on the diagonal what it takes beside it");
-        return site.refuse(finding);
-    }
-    let finding = Finding::warning(
-        path("structure"),
-        "the stiffness at rest has a negative eigenvalue: the response grows until something holds it",
-    );
-    let finding = finding.at_key();
-    site.warnings.push(
-        finding.help(
+            "a spring between two DOFs adds to both on the diagonal what it takes beside it",
+        ],
+        [
+            "the stiffness at rest has a negative eigenvalue: the response grows until something holds it",
             "the tangents of all laws at zero count; the choice of lambda says nothing of this",
-        ),
-    );
-    Ok(())
+        ],
+    )
 }
 
 /// What the damping at rest feeds with energy instead of taking it: refused where it is a matrix of the structure that no element
@@ -317,25 +309,33 @@ pub(super) fn dissipative(
     }
     let place = given(site, &path("structure").key("matrices"), "damping");
     let is_given = matches!(place.last_key(), Some("damping" | "damping_file"));
-    if is_given && !is_held(structure.damping()) && !is_held(initial) {
-        let finding = Finding::error(
-            place,
+    let is_refused = is_given && !is_held(structure.damping()) && !is_held(initial);
+    indefinite(
+        site,
+        is_refused.then_some(place),
+        [
             "the damping has a negative eigenvalue: it would feed the structure with energy instead of taking it",
-        );
-        let finding = finding.help(
             "a dashpot between two DOFs adds to both on the diagonal what it takes beside it",
-        );
-        return site.refuse(finding);
+        ],
+        [
+            "the damping at rest has a negative eigenvalue: it feeds the structure with energy instead of taking it",
+            "the tangents of all laws at zero count, and the estimates of specimens",
+        ],
+    )
+}
+
+/// A matrix with a negative eigenvalue: refused at this place of the file, if there is one, else warned of; each with its help.
+fn indefinite(
+    site: &mut Site<'_>,
+    place: Option<KeyPath>,
+    [refused, mend]: [&str; 2],
+    [warned, reason]: [&str; 2],
+) -> Result<(), Refused> {
+    if let Some(place) = place {
+        return site.refuse(Finding::error(place, refused).help(mend));
     }
-    let finding = Finding::warning(
-        path("structure"),
-        "the damping at rest has a negative eigenvalue: it feeds the structure with energy instead of taking it",
-    );
-    site.warnings.push(
-        finding
-            .at_key()
-            .help("the tangents of all laws at zero count, and the estimates of specimens"),
-    );
+    let finding = Finding::warning(path("structure"), warned);
+    site.warnings.push(finding.at_key().help(reason));
     Ok(())
 }
 
