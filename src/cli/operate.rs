@@ -8,9 +8,9 @@ use std::time::Duration;
 use super::args::OperateArgs;
 use super::exit::{Exit, WithExit};
 use super::{answer, tell};
-use crate::engine::{Glimpse, Operator, Phase};
+use crate::engine::{Glimpse, Phase};
 use crate::rt::os::monotonic_ns;
-use crate::session::{Request, Unanswered, ask, pause};
+use crate::session::{Answer, Request, Unanswered, ask, pause};
 
 /// How long a test that answers may take to do what it is told, unless it is told to end.
 const PATIENCE: Duration = Duration::from_secs(10);
@@ -33,32 +33,36 @@ pub fn operate(args: &OperateArgs, request: Request) -> anyhow::Result<Exit> {
 type Refusal = (Exit, String);
 
 fn say(folder: &Path, request: Request) -> Result<String, Refusal> {
+    // Who wants it to go on looks first what that means: said blindly, the same word could do more than was meant.
+    let mut word = (request != Request::Continue).then_some(request);
     let mut is_told = false;
-    let mut confirms = false;
     let mut waited = Duration::ZERO;
     let (mut silent_since, mut warned) = (None, false);
     loop {
         let began = monotonic_ns();
         // What lies in the socket is not said again: a second stop would freeze the way out.
-        let asked = if is_told { Request::Phase } else { request };
+        let asked = word.filter(|_| !is_told).unwrap_or(Request::Phase);
         match ask(folder, asked) {
-            Ok(told) => {
+            Ok(Answer { accepted, seen }) => {
                 silent_since = None;
-                if !told.accepted {
-                    return Err(not_taken(told.seen.phase));
-                }
-                let long_enough = waited >= PATIENCE;
-                if std::mem::replace(&mut is_told, true) {
-                    if let Some(outcome) = judge(request, confirms, told.seen, long_enough) {
-                        return outcome;
+                match word {
+                    None => {
+                        word = Some(to_go_on(seen));
+                        continue;
                     }
-                } else {
-                    // As the desk has taken it.
-                    confirms = Operator::to_go_on(told.seen) == Operator::Confirm;
+                    // Somebody else did, meanwhile.
+                    Some(Request::Confirm) if !accepted && !seen.unconfirmed => is_told = true,
+                    Some(_) if !accepted => return Err(not_taken(seen.phase)),
+                    Some(word) if is_told => {
+                        if let Some(outcome) = judge(word, seen, waited >= PATIENCE) {
+                            return outcome;
+                        }
+                    }
+                    Some(_) => is_told = true,
                 }
                 waited += LOOK_EVERY;
             }
-            Err(Unanswered::Over(_)) if is_told => return over(request),
+            Err(Unanswered::Over(_)) if is_told => return over(word.unwrap_or(request)),
             Err(Unanswered::Over(_)) if folder.join("summary.json").exists() => {
                 return Err((Exit::Usage, OVER.to_owned()));
             }
@@ -66,7 +70,7 @@ fn say(folder: &Path, request: Request) -> Result<String, Refusal> {
                 return Err((Exit::Usage, error.to_string()));
             }
             Err(error @ Unanswered::Silent { left, .. }) => {
-                is_told |= left;
+                is_told |= left && asked != Request::Phase;
                 let since = *silent_since.get_or_insert(began);
                 let silent = Duration::from_nanos(monotonic_ns().saturating_sub(since));
                 if silent >= SILENCE {
@@ -84,6 +88,16 @@ fn say(folder: &Path, request: Request) -> Result<String, Refusal> {
     }
 }
 
+/// What is said to a test that is seen so and is to go on. The question that stands is answered, and as long as it is held only
+/// that ends: nobody confirms what he was not asked.
+const fn to_go_on(seen: Glimpse) -> Request {
+    if seen.unconfirmed && !seen.hold {
+        Request::Confirm
+    } else {
+        Request::Continue
+    }
+}
+
 const OVER: &str = "this test is over";
 
 /// It was told, and then its desk closed.
@@ -92,6 +106,7 @@ fn over(request: Request) -> Result<String, Refusal> {
         Request::Stop | Request::Phase => return Ok("ended".to_owned()),
         Request::Hold => "the test ended before it held",
         Request::Continue => "the test ended before it went on",
+        Request::Confirm => "the test ended before it heard that what was read is confirmed",
     };
     Err((Exit::Stopped, too_late.to_owned()))
 }
@@ -128,24 +143,18 @@ fn refusal(phase: Phase) -> Option<Refusal> {
     }
 }
 
-/// What a test that was told answers for, seen now; none if that is still to be waited for. Who wants it to go on `confirms`
-/// what was read, or ends a hold, and is told which.
-fn judge(
-    request: Request,
-    confirms: bool,
-    now: Glimpse,
-    long_enough: bool,
-) -> Option<Result<String, Refusal>> {
+/// What a test that was told answers for, seen now; none if that is still to be waited for.
+fn judge(told: Request, now: Glimpse, long_enough: bool) -> Option<Result<String, Refusal>> {
     let phase = now.phase.word();
-    match request {
+    match told {
         Request::Stop | Request::Phase => return None,
-        Request::Hold | Request::Continue if refusal(now.phase).is_some() => {
+        Request::Hold | Request::Continue | Request::Confirm if refusal(now.phase).is_some() => {
             return refusal(now.phase).map(Err);
         }
         Request::Hold if now.phase == Phase::Holding => return Some(Ok(phase.to_owned())),
         Request::Hold if now.stands => return Some(Ok(format!("holding ({phase})"))),
-        Request::Continue if confirms && now.phase == Phase::Zeroing => {}
-        Request::Continue if confirms => {
+        Request::Confirm if now.phase == Phase::Zeroing => {}
+        Request::Confirm => {
             // By somebody else, meanwhile.
             let held = if now.hold { ", and it is held" } else { "" };
             return Some(Ok(format!("{phase}: what was read is confirmed{held}")));
@@ -165,12 +174,12 @@ fn judge(
         Request::Continue => return Some(Ok(phase.to_owned())),
         Request::Hold => {}
     }
-    let so_far = match (request, now.hold) {
+    let so_far = match (told, now.hold) {
         (Request::Hold, true) => ": it comes to rest, or will",
         (Request::Hold, false) => {
             ": nothing holds it: it has not heard of the hold yet, or was told since to go on"
         }
-        _ if confirms && now.unconfirmed => ": what was read is not confirmed yet",
+        (Request::Confirm, _) if now.unconfirmed => ": what was read is not confirmed yet",
         _ if now.phase == Phase::Connected => ": it has not heard of it yet",
         (_, true) => ": it is still held",
         (_, false) => "",
@@ -191,8 +200,8 @@ mod tests {
         }
     }
 
-    fn words(request: Request, confirms: bool, now: Glimpse, long_enough: bool) -> String {
-        match judge(request, confirms, now, long_enough) {
+    fn words(told: Request, now: Glimpse, long_enough: bool) -> String {
+        match judge(told, now, long_enough) {
             None => "waits".to_owned(),
             Some(Ok(word)) => word,
             Some(Err((exit, text))) => format!("{exit:?}: {text}"),
@@ -226,9 +235,9 @@ mod tests {
             ),
             (seen(Safe, false, false), false, "Usage: this test is over"),
         ] {
-            assert_eq!(words(Request::Hold, false, now, long_enough), said);
+            assert_eq!(words(Request::Hold, now, long_enough), said);
         }
-        let late = words(Request::Hold, false, seen(Leaving, false, false), false);
+        let late = words(Request::Hold, seen(Leaving, false, false), false);
         assert!(late.starts_with("Stopped: it is leaving"), "{late}");
     }
 
@@ -241,63 +250,63 @@ mod tests {
             unconfirmed: true,
             ..seen
         };
-        for (confirms, now, long_enough, said) in [
-            (false, held(Holding), false, "waits"),
-            (false, free(Holding), false, "waits"),
-            (false, free(Running), false, "running"),
-            (false, held(Ramping), false, "waits"),
-            (false, free(Ramping), false, "ramping"),
+        for (told, now, long_enough, said) in [
+            (Request::Continue, held(Holding), false, "waits"),
+            (Request::Continue, free(Holding), false, "waits"),
+            (Request::Continue, free(Running), false, "running"),
+            (Request::Continue, held(Ramping), false, "waits"),
+            (Request::Continue, free(Ramping), false, "ramping"),
             // Its loop does not listen yet: a hold may lie before this.
-            (false, free(Connected), false, "waits"),
+            (Request::Continue, free(Connected), false, "waits"),
             (
-                false,
+                Request::Continue,
                 free(Connected),
                 true,
                 "Stopped: it is connected after 10 s: it has not heard of it yet",
             ),
-            (false, asks(held(Zeroing)), false, "waits"),
+            (Request::Continue, asks(held(Zeroing)), false, "waits"),
             (
-                false,
+                Request::Continue,
                 asks(free(Zeroing)),
                 false,
                 "zeroing: it is not held; what was read is still to be confirmed, by another `gusset continue`",
             ),
             (
-                false,
+                Request::Continue,
                 free(Zeroing),
                 false,
                 "zeroing: it is not held, and asks for no confirmation yet",
             ),
-            (true, asks(free(Zeroing)), false, "waits"),
-            (true, free(Zeroing), false, "waits"),
+            (Request::Confirm, asks(free(Zeroing)), false, "waits"),
+            (Request::Confirm, free(Zeroing), false, "waits"),
             (
-                true,
+                Request::Confirm,
                 asks(free(Zeroing)),
                 true,
                 "Stopped: it is zeroing after 10 s: what was read is not confirmed yet",
             ),
             (
-                true,
+                Request::Confirm,
                 free(Armed),
                 false,
                 "armed: what was read is confirmed",
             ),
             (
-                true,
+                Request::Confirm,
                 held(Ramping),
                 false,
                 "ramping: what was read is confirmed, and it is held",
             ),
             (
-                false,
+                Request::Continue,
                 held(Ramping),
                 true,
                 "Stopped: it is ramping after 10 s: it is still held",
             ),
         ] {
-            assert_eq!(words(Request::Continue, confirms, now, long_enough), said);
+            assert_eq!(words(told, now, long_enough), said);
         }
-        let late = words(Request::Continue, false, free(Leaving), false);
+        let late = words(Request::Continue, free(Leaving), false);
         assert!(late.starts_with("Stopped: it is leaving"), "{late}");
     }
 
@@ -311,10 +320,10 @@ mod tests {
     #[test]
     fn an_end_is_what_a_stop_wants_and_nothing_else() {
         assert_eq!(over(Request::Stop).unwrap(), "ended");
-        for request in [Request::Hold, Request::Continue] {
+        for request in [Request::Hold, Request::Continue, Request::Confirm] {
             assert_eq!(over(request).unwrap_err().0, Exit::Stopped);
             let told = seen(Phase::Leaving, false, false);
-            assert!(judge(Request::Stop, false, told, true).is_none());
+            assert!(judge(Request::Stop, told, true).is_none());
         }
     }
 }

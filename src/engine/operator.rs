@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, TrySendError};
 
-use super::phase::{Glimpse, PhaseCell};
+use super::phase::PhaseCell;
 
 /// What an operator can ask of a running test.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -23,17 +23,6 @@ pub enum Operator {
 }
 
 impl Operator {
-    /// What somebody says who sees this and wants the test to go on. He answers the question that stands, and as long as the
-    /// test is held he only ends that: nobody confirms what he was not asked.
-    #[must_use]
-    pub const fn to_go_on(seen: Glimpse) -> Self {
-        if seen.unconfirmed && !seen.hold {
-            Self::Confirm
-        } else {
-            Self::Continue
-        }
-    }
-
     /// Into the operator's line (with room for two words at least). Half of the room is kept for ends: none is lost behind
     /// other words. One more end than there is room for would mean nothing that those before it do not.
     ///

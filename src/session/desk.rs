@@ -45,8 +45,10 @@ pub enum Request {
     Stop,
     /// Let test time stand still.
     Hold,
-    /// Go on after a hold; where there is none, confirm what the sensors read: as the answer has it seen.
+    /// Go on after a hold. Nothing is confirmed by it.
     Continue,
+    /// What the sensors read is right. Taken only while that is asked; no hold ends by it.
+    Confirm,
     /// Where in its life it is.
     Phase,
 }
@@ -260,7 +262,8 @@ impl Counter {
         let accepted = match asked.request {
             Request::Stop => is_taken(Operator::Stop),
             Request::Hold => heard && is_taken(Operator::Hold),
-            Request::Continue => heard && is_taken(Operator::to_go_on(seen)),
+            Request::Continue => heard && is_taken(Operator::Continue),
+            Request::Confirm => seen.unconfirmed && is_taken(Operator::Confirm),
             Request::Phase => true,
         };
         write_line(&caller.stream, &Answer { accepted, seen })
@@ -411,18 +414,13 @@ mod tests {
         }
     }
 
-    /// Said before the question, or to a test that is held, it is no answer to it.
     #[test]
-    fn what_was_read_is_confirmed_by_who_was_asked_and_holds_nothing() {
+    fn what_was_read_is_confirmed_by_that_word_alone_and_while_it_is_asked() {
         let folder = tempfile::tempdir().unwrap();
         let (sender, receiver) = crossbeam_channel::bounded(4);
         let cell = PhaseCell::default();
         let _desk = Desk::open(folder.path(), sender, cell.clone(), &roll()).unwrap();
-        for (hold, unconfirmed, word) in [
-            (false, false, Operator::Continue),
-            (true, true, Operator::Continue),
-            (false, true, Operator::Confirm),
-        ] {
+        for (hold, unconfirmed) in [(false, false), (true, false), (true, true), (false, true)] {
             let seen = Glimpse {
                 phase: Phase::Zeroing,
                 hold,
@@ -430,8 +428,12 @@ mod tests {
                 unconfirmed,
             };
             cell.show(seen);
-            assert_eq!(ask(folder.path(), Request::Continue).unwrap().seen, seen);
-            assert_eq!(receiver.try_recv(), Ok(word), "{seen:?}");
+            let answer = ask(folder.path(), Request::Confirm).unwrap();
+            assert_eq!((answer.accepted, answer.seen), (unconfirmed, seen));
+            let said: Vec<Operator> = receiver.try_iter().collect();
+            assert_eq!(said, vec![Operator::Confirm; usize::from(unconfirmed)]);
+            assert!(ask(folder.path(), Request::Continue).unwrap().accepted);
+            assert_eq!(receiver.try_recv(), Ok(Operator::Continue), "{seen:?}");
         }
     }
 

@@ -145,6 +145,9 @@ fn hold_holds_continue_goes_on_and_stop_stops_for_who_has_the_token_alone() {
         "test time stands still"
     );
     assert_eq!(running.metric(command), held, "and so does the command");
+    let reply = running.order("confirm");
+    assert_eq!(reply.status, 409, "ends no hold: {reply:?}");
+    assert_eq!(reply.body.trim(), "nothing is to be confirmed");
     assert_eq!(running.order("continue").status, 202);
     running.until_phase("running");
     until("steps go on", || {
@@ -162,7 +165,7 @@ fn hold_holds_continue_goes_on_and_stop_stops_for_who_has_the_token_alone() {
         events.lines().filter(|line| line.contains(&wanted)).count()
     };
     assert_eq!(lines("live_page"), 1);
-    assert_eq!(lines("control_request"), 3, "{events}");
+    assert_eq!(lines("control_request"), 4, "{events}");
     assert_eq!(lines("control_refused"), 7, "{events}");
     for name in names(&folder)
         .iter()

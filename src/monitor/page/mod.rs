@@ -7,7 +7,7 @@
 //! |---|---|
 //! | anyone on this machine, if bound to loopback | look |
 //! | who has the viewing token, if bound to anything else | look |
-//! | who has the control token, wherever he is | HOLD, CONTINUE, STOP |
+//! | who has the control token, wherever he is | HOLD, CONTINUE, CONFIRM, STOP |
 //!
 //! Tokens travel in a header, never in an address. There is no encryption: across a network that is not trusted the page
 //! belongs into a tunnel (`ssh -L`).

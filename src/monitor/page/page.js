@@ -138,7 +138,10 @@ function showState() {
   const deaf = over || phase === "leaving" || phase === "tripped";
   const holds = state.hold || phase === "holding";
   $("hold").disabled = deaf || holds;
-  $("continue").disabled = deaf || !(holds || state.unconfirmed);
+  // One button, never two things at once: it does what it says when it is pressed, whatever is the case when that is heard.
+  const asks = state.unconfirmed && !holds;
+  $("continue").textContent = asks ? "CONFIRM" : "CONTINUE";
+  $("continue").disabled = deaf || !(holds || asks);
   $("stop").disabled = over;
   if (ended) {
     $("outcome").className = ended.status;
@@ -313,21 +316,23 @@ async function order(what) {
     const answer = await fetch(`/control/${what}`, { method: "POST", headers, cache: "no-store" });
     if (answer.status === 202) {
       sessionStorage.setItem("control", token);
-      const as = (await answer.json()).confirms ? " as a confirmation of what was read" : "";
-      return say(`${what.toUpperCase()} accepted${as} ${new Date().toLocaleTimeString()}`);
+      return say(`${what.toUpperCase()} accepted ${new Date().toLocaleTimeString()}`);
     }
     const text = answer.status === 503 ? "the queue of requests is full; try again" : (await answer.text()).trim();
     return say(`${what.toUpperCase()} REFUSED: ${text}`, true);
   } catch {
-    return say(`${what.toUpperCase()} NOT SENT: no connection. Use \`gusset ${what} ${test?.subject.run ?? "RUN_DIR"}\` where the test runs.`, true);
+    const there = what === "confirm" ? "continue" : what;
+    return say(`${what.toUpperCase()} NOT SENT: no connection. Use \`gusset ${there} ${test?.subject.run ?? "RUN_DIR"}\` where the test runs.`, true);
   }
 }
 
 $("token").value = secret("control");
 $("operate").addEventListener("submit", (event) => event.preventDefault());
 $("hold").addEventListener("click", () => order("hold"));
-// The second half of a double click is none: the first may have ended a hold, and this would confirm what was read.
-$("continue").addEventListener("click", (event) => { if (event.detail < 2) order("continue"); });
+// The second half of a double click is none: the first may have ended a hold, and the button asks for something else by now.
+$("continue").addEventListener("click", (event) => {
+  if (event.detail < 2) order($("continue").textContent.toLowerCase());
+});
 $("stop").addEventListener("click", () => $("sure").showModal());
 $("sure").addEventListener("close", () => {
   if ($("sure").returnValue === "yes") order("stop");

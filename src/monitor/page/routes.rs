@@ -17,7 +17,7 @@ use super::door::{Door, Peer};
 use super::feed::{Feed, Viewer};
 use super::gate::{Gate, Refusal};
 use crate::assets;
-use crate::engine::{Operator, Phase};
+use crate::engine::{Glimpse, Operator, Phase};
 use crate::monitor::metrics::metrics;
 use crate::record::{Note, NoteLevel};
 use crate::rt::os::monotonic_ns;
@@ -158,12 +158,13 @@ async fn operate(
     let seen = site.feed.board.glimpse();
     let (request, word) = match what.as_str() {
         "hold" => (Operator::Hold, "hold"),
-        "continue" => (Operator::to_go_on(seen), "continue"),
+        "continue" => (Operator::Continue, "continue"),
+        "confirm" => (Operator::Confirm, "confirm"),
         "stop" => (Operator::Stop, "stop"),
         // Also what may be here if the token is right is only said to those who have it.
         _ => {
             site.gate.control(&headers)?;
-            let text = "wanted hold, continue or stop";
+            let text = "wanted hold, continue, confirm or stop";
             return Err(Refusal(StatusCode::NOT_FOUND, text));
         }
     };
@@ -182,15 +183,14 @@ async fn operate(
     if site.feed.board.ended().is_some() {
         return Err(Refusal(StatusCode::CONFLICT, OVER));
     }
-    if let Some(why) = unheard(request, seen.phase) {
+    if let Some(why) = unheard(request, seen) {
         let refused = note(NoteLevel::Info, "control_request").with("accepted", false);
         let _full = site.notes.try_send(refused.with("why", why));
         return Err(Refusal(StatusCode::CONFLICT, why));
     }
     let accepted = request.say_into(&site.operator).is_ok();
-    let confirms = request == Operator::Confirm;
     let told = note(NoteLevel::Info, "control_request").with("accepted", accepted);
-    let _full = site.notes.try_send(told.with("confirms", confirms));
+    let _full = site.notes.try_send(told);
     let status = if accepted {
         StatusCode::ACCEPTED
     } else {
@@ -198,16 +198,20 @@ async fn operate(
     };
     let kind = [(header::CONTENT_TYPE, "application/json")];
     let phase = seen.phase.word();
-    let answer = json!({ "accepted": accepted, "phase": phase, "confirms": confirms }).to_string();
+    let answer = json!({ "accepted": accepted, "phase": phase }).to_string();
     Ok((status, kind, answer).into_response())
 }
 
 const OVER: &str = "the test is over";
 
-/// Why the loop would not hear this in such a phase, if it would not.
-fn unheard(request: Operator, phase: Phase) -> Option<&'static str> {
-    match phase {
-        _ if phase.can_be_held() || request == Operator::Stop => None,
+/// Why the loop would not hear this where it is seen, if it would not.
+fn unheard(request: Operator, seen: Glimpse) -> Option<&'static str> {
+    match seen.phase {
+        _ if request == Operator::Stop => None,
+        phase if phase.can_be_held() => {
+            let is_unasked = request == Operator::Confirm && !seen.unconfirmed;
+            is_unasked.then_some("nothing is to be confirmed")
+        }
         Phase::Leaving => {
             Some("the way out is neither held nor gone on with; STOP freezes it where it is")
         }
@@ -235,10 +239,18 @@ mod tests {
     #[test]
     fn what_the_loop_would_not_hear_is_not_accepted() {
         for phase in Phase::ALL {
-            assert_eq!(unheard(Operator::Stop, phase), None);
-            for request in [Operator::Hold, Operator::Continue, Operator::Confirm] {
-                let heard = unheard(request, phase).is_none();
-                assert_eq!(heard, phase.can_be_held(), "{phase:?}");
+            for unconfirmed in [false, true] {
+                let seen = Glimpse {
+                    unconfirmed,
+                    ..Glimpse::of(phase)
+                };
+                let heard = |request| unheard(request, seen).is_none();
+                assert!(heard(Operator::Stop));
+                for request in [Operator::Hold, Operator::Continue] {
+                    assert_eq!(heard(request), phase.can_be_held(), "{phase:?}");
+                }
+                let asked = unconfirmed && phase.can_be_held();
+                assert_eq!(heard(Operator::Confirm), asked, "{phase:?}");
             }
         }
     }
