@@ -52,6 +52,12 @@ impl Status {
     /// any more.
     pub const HELD: Status = Status(1 << 20);
 
+    /// As it stands in a frame, without what is nobody's to say but the loop's own.
+    #[must_use]
+    pub const fn told(bits: u32) -> Self {
+        Self(bits & (Self::LOST.0 - 1))
+    }
+
     /// True if every bit of `flag` is set.
     #[must_use]
     pub const fn has(self, flag: Status) -> bool {

@@ -174,7 +174,7 @@ impl Served {
 fn announce(page: &LivePage) {
     tell(format_args!("live page: {}", page.link()));
     tell(format_args!(
-        "control token (HOLD, CONTINUE, STOP on the page): {}",
+        "control token (HOLD, CONTINUE, CONFIRM, STOP on the page): {}",
         page.control_token().text()
     ));
     if !page.is_open() {

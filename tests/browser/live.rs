@@ -56,7 +56,7 @@ fn an_operator_holds_goes_on_and_stops_from_the_page_and_sees_what_happens() {
             .to_owned()
     };
     let address = after("live page: ");
-    let token = after("control token (HOLD, CONTINUE, STOP on the page): ");
+    let token = after("control token (HOLD, CONTINUE, CONFIRM, STOP on the page): ");
     // The screenshots stay where a person finds them.
     let shots = std::env::var_os("GUSSET_SCREENSHOTS").map_or(home.to_owned(), PathBuf::from);
     let shots = shots.to_str().unwrap();

@@ -47,7 +47,7 @@ impl Running {
             }
         };
         let link = after("live page: http://");
-        let token = after("control token (HOLD, CONTINUE, STOP on the page): ");
+        let token = after("control token (HOLD, CONTINUE, CONFIRM, STOP on the page): ");
         let address = link.split('/').next().unwrap().to_owned();
         Self {
             child,

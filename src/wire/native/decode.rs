@@ -244,7 +244,7 @@ fn measurement(words: &[Word], axes: usize) -> Result<MeasurementFrame<'_>, Wire
         sequence: number(*sequence)?,
         time: f64::from_le_bytes(*time),
         sampled_after: f64::from_le_bytes(*after),
-        status: Status(status),
+        status: Status::told(status),
         missed,
         disp,
         force,
@@ -266,7 +266,7 @@ fn heartbeat(words: &[Word]) -> Result<Heartbeat, WireError> {
     Ok(Heartbeat {
         sequence: u64::from_le_bytes(*sequence),
         time,
-        status: Status(status),
+        status: Status::told(status),
     })
 }
 

@@ -108,3 +108,34 @@ fn no_byte_of_a_frame_is_left_as_the_buffer_was() {
         }
     }
 }
+
+#[test]
+fn the_marks_of_the_loop_are_nobodys_to_say_on_a_link() {
+    let (mut specimen, _) = ends(Side::Specimen, 1, false);
+    let (_, mut controller) = ends(Side::Specimen, 1, false);
+    let mut out = [0; 1000];
+    let status = Status(u32::MAX);
+    let measured = Measurement {
+        status,
+        ..measurement(1, 3, 100.0)
+    };
+    let length = specimen
+        .measurement(&measured, Moment::default(), &mut out)
+        .unwrap();
+    let Frame::Measurement(heard) = controller.open(&out[..length]).unwrap().frame else {
+        panic!("a measurement");
+    };
+    let beat = Heartbeat {
+        sequence: 3,
+        time: 1.5,
+        status,
+    };
+    let heard = heard.status();
+    let length = specimen.heartbeat(beat, &mut out).unwrap();
+    let Frame::Heartbeat(beat) = controller.open(&out[..length]).unwrap().frame else {
+        panic!("a heartbeat");
+    };
+    for status in [heard, beat.status] {
+        assert_eq!(status, Status(0xFFFF));
+    }
+}

@@ -144,7 +144,7 @@ proptest! {
         axes in 1_usize..=MAX_AXES,
         start in 0..u64::MAX - 10,
         numbers in prop::collection::vec(number(), 2 * MAX_AXES),
-        status: u32,
+        status: u16,
         missed: u32,
         keyed: bool,
     ) {
@@ -155,7 +155,7 @@ proptest! {
             let measured = Measurement {
                 sequence: start + k,
                 time: numbers[k as usize],
-                status: Status(status),
+                status: Status(status.into()),
                 disp: numbers[..axes].to_vec(),
                 force: numbers[k as usize..][..axes].to_vec(),
             };
