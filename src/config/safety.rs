@@ -33,10 +33,13 @@ pub struct SafetyTable {
     pub ease_s: f64,
     /// Where the specimens are left after a trip. "zero_force" needs a stiffness of every axis. One that cannot be relied on is not
     /// moved, whatever is chosen: its link is lost, its answers stay away, its interlock is open, or it reports a sensor or actuator
-    /// at the end of its range. Where `sensor_force_n` tripped, "zero_force" leaves the specimen at its last command: there is no
-    /// force to go by. The ways to a displacement do not need one. What tripped stops the way out only if it gets worse by 5 % or
-    /// is crossed on its other side. While an actuator only goes on to where its last command has sent it, neither its displacement
-    /// and following error nor a force of its specimen stop it; any other limit that trips on the way leaves all specimens where
+    /// at the end of its range. On the way of "zero_force" all axes go together, as the stiffness has it, until the forces are
+    /// small (1 % of the largest) and still. The specimen stays where `sensor_force_n` tripped, or where the force has jumped by
+    /// more than `force_step_n` and not come back: there is no force to go by. The way ends where the force does not follow the
+    /// motion, grows, or is gone at once, and after 120 s, or three times what it takes by the stiffness. The ways to a displacement
+    /// need no force. What tripped stops the way out only if it gets worse by 5 % or is crossed on its other side. While an actuator
+    /// only goes on to where its last command has sent it, neither its displacement and following error nor a force of its specimen
+    /// stop it; any other limit that trips on the way leaves all specimens where
     /// they are.
     pub on_trip: ExitChoice,
     /// Where they are left after the last step, or when the operator ends the test.

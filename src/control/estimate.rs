@@ -223,6 +223,17 @@ impl Port {
         self
     }
 
+    /// k̂ of all axes in N/m at the structure, n × n by rows.
+    pub(super) fn declared_stiffness(&self) -> Vec<f64> {
+        let n = self.axes.len();
+        let mut matrix = self.estimates.neighbours.0.clone();
+        matrix.resize(n * n, 0.0);
+        for (entry, own) in matrix.iter_mut().step_by(n + 1).zip(&self.stiffness) {
+            *entry = *own;
+        }
+        matrix
+    }
+
     /// The specimen stands, and what is measured stands in no row: nothing is estimated from it.
     pub fn rest(&mut self) {
         self.estimates.rests = true;

@@ -31,6 +31,7 @@ mod tempo;
 mod tracking;
 mod trend;
 mod units;
+mod unloading;
 
 pub use believed::Believed;
 pub use critical::CriticalDelay;
@@ -52,6 +53,7 @@ pub use tangent::{Point as TangentPoint, Tangent};
 pub use tempo::{HOLD_AT, SLOW_FROM, Stage, Stride, Tempo};
 pub use trend::Trend;
 pub use units::AxisUnits;
+pub use unloading::Astray;
 
 use crate::substructure::{Measurement, Status, Substructure};
 

@@ -27,7 +27,7 @@ impl Ramp {
 }
 
 impl Port {
-    /// Shortest time in s of wall time for a ramp from the last command to the next, in ticks of `tick` s: `shortest`, or
+    /// Shortest time in s of wall time for the ramp that was begun, from the last command to the next, in ticks of `tick` s: `shortest`, or
     /// longer where it would be faster than `share` of a limit of speed or of the change in one tick, or would want more
     /// acceleration than the way out does; 0 if they are the same. Where no limit bounds its speed, a specimen that says
     /// where it stands is given a second at least: it does not jump.
@@ -52,9 +52,11 @@ impl Port {
         let mut time: f64 = 0.0;
         let axes = self.sent.iter().zip(&self.command).zip(self.limits());
         for (axis, ((from, to), limits)) in axes.enumerate() {
-            let distance = (to - from).abs() * self.guard.metres_of(axis);
+            // Along poses it may be faster than along the chord, or go there and back.
+            let distance = (to - from).abs().max(self.steepest(axis));
             // What the static load left of roundoff is no way to go.
-            if (to - from).abs() > SAME * from.abs().max(to.abs()) {
+            if distance > SAME * from.abs().max(to.abs()) {
+                let distance = distance * self.guard.metres_of(axis);
                 // Both bound the same.
                 let speed = share
                     * limits

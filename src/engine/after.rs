@@ -13,7 +13,7 @@ use super::operator::Control;
 use super::phase::{Cause, Phase};
 use super::tick::Tick;
 use super::{Ending, Engine, Stop};
-use crate::control::{Departure, Port};
+use crate::control::{Astray, Departure, Port};
 use crate::record::EventKind;
 use crate::rt::timing::TickStamps;
 
@@ -24,8 +24,8 @@ pub enum Left {
     Stayed,
     /// Where the test file wants it.
     Reached,
-    /// Somewhere else, although the test file wants it moved.
-    NotReached,
+    /// Somewhere else, although the test file wants it moved; and why, where it was not something else that ended its way.
+    NotReached(Option<Astray>),
     /// Its link is lost: wherever its own end holds or leaves it.
     Lost,
 }
@@ -37,7 +37,7 @@ impl Left {
         match self {
             Left::Stayed => "stayed",
             Left::Reached => "reached",
-            Left::NotReached => "not_reached",
+            Left::NotReached(_) => "not_reached",
             Left::Lost => "lost",
         }
     }
@@ -151,12 +151,13 @@ impl Engine {
         let mut led: Vec<bool> = self.ports.iter().map(is_led).collect();
         let mut moves = false;
         for (left, (port, led)) in self.left.iter_mut().zip(self.ports.iter().zip(&mut led)) {
-            let is_wanted = std::mem::replace(led, *led && port.can_be_led(tripped));
+            let unfelt = (!port.can_be_led(tripped)).then_some(Astray::Unfelt);
+            let is_wanted = std::mem::replace(led, *led && unfelt.is_none());
             moves |= *led && !port.partner.lost;
             *left = if port.partner.gone {
                 Left::Lost
             } else if is_wanted {
-                Left::NotReached
+                Left::NotReached(unfelt)
             } else {
                 Left::Stayed
             };
@@ -331,8 +332,12 @@ impl Engine {
                 }
             }
             for (left, departure) in self.left.iter_mut().zip(&departures) {
-                if departure.as_ref().is_some_and(Departure::has_arrived) {
-                    *left = Left::Reached;
+                match departure {
+                    Some(departure) if departure.has_arrived() => *left = Left::Reached,
+                    Some(departure) if departure.astray().is_some() => {
+                        *left = Left::NotReached(departure.astray());
+                    }
+                    Some(_) | None => {}
                 }
             }
             let mut ports = self.ports.iter().zip(led);

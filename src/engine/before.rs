@@ -107,7 +107,9 @@ impl Engine {
     }
 
     /// Ticks of the longest way, each of which takes so many seconds by the share of a speed limit that may be used.
-    pub(super) fn ramp_ticks(&self, seconds: impl Fn(&Port, f64) -> f64) -> u64 {
+    pub(super) fn ramp_ticks(&mut self, seconds: impl Fn(&Port, f64) -> f64) -> u64 {
+        // The poses on its way say how fast it is.
+        self.ports.iter_mut().for_each(Port::begin_ramp);
         let ways = self.ports.iter().map(|port| seconds(port, SHARE_OF_SPEED));
         let longest = ways.fold(0.0, f64::max);
         (longest / self.period.value()).ceil() as u64

@@ -9,7 +9,6 @@ use super::Finish;
 use super::connect::Unconnected;
 use super::guarded::Ended;
 use crate::config::{ClockChoice, Facts};
-use crate::control::limits::Quantity as Limited;
 use crate::engine::{Ending, Left, Outcome, Stop, Unfinished};
 use crate::record::summary::{ClockKind, Lambda, LinkCounts, Peak, Status};
 use crate::record::{FolderError, Recorded, RunFolder, Summary};
@@ -203,12 +202,13 @@ pub fn ending(outcome: &Outcome) -> (Finish, String) {
     let mut reason = match &outcome.unfinished {
         None => {
             let mut reason = words(&outcome.ending, outcome);
-            for (index, _) in left_as(outcome, Left::NotReached) {
+            for (index, left) in outcome.left.iter().enumerate() {
+                let Left::NotReached(why) = left else {
+                    continue;
+                };
                 reason = format!("{reason}; specimen {} did not reach its exit", index + 1);
-                if is_unfelt(&outcome.ending, index) {
-                    reason.push_str(
-                        ": its load cell is out of its range, so it was not led by force",
-                    );
+                if let Some(why) = why {
+                    reason = format!("{reason}: {why}");
                 }
             }
             reason
@@ -254,15 +254,6 @@ pub fn ending(outcome: &Outcome) -> (Finish, String) {
 }
 
 /// The specimens that were left so.
-/// True if a reading of its load cell that says nothing ended the test. Nothing else keeps a specimen from an exit that it was led
-/// to to the end.
-fn is_unfelt(ending: &Ending, index: usize) -> bool {
-    let Ending::Stopped(Stop::Limit { port, hit }) = ending else {
-        return false;
-    };
-    *port == index && hit.quantity == Limited::SensorForce
-}
-
 fn left_as(outcome: &Outcome, how: Left) -> impl Iterator<Item = (usize, &Left)> {
     let left = outcome.left.iter().enumerate();
     left.filter(move |(_, left)| **left == how)

@@ -116,7 +116,8 @@ fn way_out(choice: ExitChoice, speed: Option<f64>) -> String {
     match choice {
         ExitChoice::Freeze => "every specimen holds its last command".to_owned(),
         ExitChoice::ZeroForce => format!(
-            "{}; one whose `sensor_force_n` tripped stays: no force is known to go by",
+            "{}, in 120 s or three times what that way takes; one whose `sensor_force_n` tripped stays, or whose force has jumped \
+             beyond `force_step_n` and not come back: no force is known to go by; one whose force does not follow is led no further",
             led("where its forces are small")
         ),
         ExitChoice::ZeroDisplacement => led("zero deformation"),

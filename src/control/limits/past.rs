@@ -16,6 +16,8 @@ pub(super) struct Past {
     pub speed: Lately,
     measured: f64,
     force: f64,
+    /// The force before the first jump beyond its trip level, and that level.
+    pub jump: Option<[f64; 2]>,
     /// What was measured as it is held against the command.
     pub stands: f64,
     pub stuck_ticks: u32,
@@ -83,6 +85,10 @@ impl Past {
             jump: (force - self.force).abs(),
             stuck: f64::from(self.stuck_ticks),
         };
+        if seen_before && seen.jump > limits.force_step.trip {
+            let from = [self.force, limits.force_step.trip];
+            self.jump.get_or_insert(from);
+        }
         (self.measured, self.force, self.stands) = (disp, force, stands);
         seen
     }

@@ -190,6 +190,12 @@ impl Watch {
         self.axes.iter().any(|axis| axis.past.trips.has(quantity))
     }
 
+    /// The force of an axis before it first jumped beyond its trip level, and that level, in N; none if it has not.
+    #[must_use]
+    pub fn jump(&self, axis: usize) -> Option<[f64; 2]> {
+        self.axes.get(axis)?.past.jump
+    }
+
     /// Targets of steps are told from here on, and stand at `disp`: a sawtooth is looked for in them.
     pub fn aims_from(&mut self, disp: impl Iterator<Item = f64>) {
         for (Axis { past, .. }, disp) in self.axes.iter_mut().zip(disp) {
@@ -261,6 +267,7 @@ impl Watch {
         self.measured = false;
         for Axis { past, .. } in &mut self.axes {
             (past.stuck_ticks, past.stuck_travel) = (0, 0.0);
+            past.jump = None;
         }
     }
 
