@@ -371,7 +371,7 @@ fn a_link_that_fails_on_the_way_out_fails_the_test() {
     };
     assert_eq!(run.outcome.ending, Ending::Stopped(lost));
     assert_retired(&log.lock().unwrap(), Retirement::Tripped);
-    assert_eq!(run.outcome.left, [Left::NotReached, Left::Lost]);
+    assert_eq!(run.outcome.left, [Left::NotReached(None), Left::Lost]);
     assert_eq!(session::ending(&run.outcome).0, Finish::LinkFailed);
     let told = run.events.iter().any(|event| {
         let kind = &event.kind;

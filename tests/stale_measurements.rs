@@ -209,7 +209,7 @@ fn one_who_is_silent_or_saturated_stays_and_the_others_are_led_out() {
             assert_eq!(run.outcome.ending, Ending::Stopped(wanted));
             assert_eq!(run.outcome.unfinished, None);
             let mut left = [Left::Reached; 2];
-            left[port] = Left::NotReached;
+            left[port] = Left::NotReached(None);
             assert_eq!(run.outcome.left, left);
             let told = |rig: usize| -> Vec<(u64, f64)> {
                 let calls = log.lock().unwrap();
