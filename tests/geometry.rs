@@ -9,6 +9,7 @@ use std::path::Path;
 use common::engine::{distance, prepare, run};
 use common::killed::killed;
 use common::{completed, json, physics, same_physics, say, write};
+use gusset::engine::Ending;
 use gusset::record::Run;
 use link_common::{Served, columns};
 
@@ -197,6 +198,40 @@ fn prescribed_coordinates_move_all_actuators() {
             let rest = f64::hypot(joint[0] - base[0], joint[1] - base[1]);
             assert!((f64::hypot(x, y) - rest - stroke).abs() < 1e-14);
         }
+    }
+}
+
+/// A platform that goes 100 mm sideways turns its upright actuators: their strokes bend and come back, far beyond what their ends
+/// are apart.
+#[test]
+fn the_way_in_along_poses_keeps_half_of_a_speed_limit() {
+    let at = |axis: u32, value: f64| {
+        format!(
+            "[[excitation.prescribed_displacement]]\nspecimen = \"column\"\naxis = {axis}\nat = \"platform\"\n\
+             signal.constant = {{ value = {value} }}\n"
+        )
+    };
+    let limited =
+        "[[specimen.axis]]\n[[specimen.axis]]\nlimits.command_vel_m_per_s = { trip = 0.0025 }\n";
+    for upwards in [0.0, 0.001, 0.0036] {
+        let text = format!(
+            "[time]\nrate_hz = 1000\nduration_s = 0.1\nclock = \"simulated\"\n{}{}\
+             [[specimen]]\nname = \"column\"\n[specimen.geometry]\ncoordinates = [\"ux\", \"uy\", \"rz\"]\n\
+             exact = true\nlaw_at = \"platform\"\nplane = [\n\
+             {{ base_m = [-1.65, 0.05], joint_m = [-0.25, 0.0] }},\n\
+             {{ base_m = [-0.60, 1.55], joint_m = [-0.60, 0.15] }},\n\
+             {{ base_m = [0.60, 1.55], joint_m = [0.60, 0.15] }},\n]\n{limited}[[specimen.axis]]\n\
+             [specimen.coupled]\nstiffness_n_per_m = [[7e6, 0, 5e6], [0, 6e8, 0], [5e6, 0, 6e6]]\n",
+            at(1, 0.1),
+            at(2, upwards)
+        );
+        let run = run(&text);
+        assert_eq!(run.outcome.ending, Ending::Completed, "{upwards}");
+        let stroke = run.all("cmd_1_2");
+        let speed = stroke.windows(2).map(|two| (two[1] - two[0]).abs() * 1e3);
+        let fastest = speed.fold(0.0, f64::max);
+        // Slower where its steepest place is not its middle, a little faster between the places that are looked at.
+        assert!((0.0007..0.0013).contains(&fastest), "{upwards}: {fastest}");
     }
 }
 
