@@ -231,7 +231,7 @@ fn the_way_in_along_poses_keeps_half_of_a_speed_limit() {
         let speed = stroke.windows(2).map(|two| (two[1] - two[0]).abs() * 1e3);
         let fastest = speed.fold(0.0, f64::max);
         // Slower where its steepest place is not its middle, a little faster between the places that are looked at.
-        assert!((0.0007..0.0013).contains(&fastest), "{upwards}: {fastest}");
+        assert!((0.0005..0.0013).contains(&fastest), "{upwards}: {fastest}");
     }
 }
 

@@ -1,15 +1,21 @@
 //! The way to zero force: a specimen is unloaded along its own stiffness, K⁻¹·F, by what is measured on the way.
 //!
-//! First it stands, until its forces do: their means over a block of answers, without the extremes, are where the way begins, so that
-//! no glitch and no motion that is not over yet decides of it. Then every tick goes a share of what is left, so slowly that it does not swing behind
-//! an actuator that is late; where it swings nevertheless (a resonance), the share is halved at each swing. It has arrived where the
-//! means of two blocks in a row are small, and the forces keep as still as they did before it moved. All axes go together: what
-//! one of them feels is the doing of all.
+//! First it stands, until its forces do: their means over a block of answers, without the extremes, are where the way begins,
+//! so that no glitch and no motion that is not over yet decides of it. Then every tick goes a share of what is left, so slowly
+//! that it does not swing behind an actuator that is late; where it swings nevertheless (a resonance), the share is halved at each
+//! swing. It has arrived where the means of two blocks in a row are small, and the forces keep as still as they did before it
+//! moved. All axes go together: what one of them feels is the doing of all.
 //!
-//! A load cell that has broken leads nobody: the force must not have jumped before, must follow what is moved, may not grow, and is
+//! A load cell that has broken leads nobody: the force must not have jumped before, must follow what is moved, may not grow, and
 //! does not go all at once. Everything here is at the structure, in m and N. Real-time after [`Unloading::new`].
 
-use nalgebra::DMatrix;
+mod astray;
+mod compliance;
+mod way;
+
+pub use astray::Astray;
+use compliance::{compliance, row_times};
+use way::Way;
 
 /// Time constant in s of the approach, and the largest share of the way, by k̂, that one tick goes. Behind a delay of up to 1/e of it
 /// the approach does not go beyond, and it dies out behind one of up to π/2 of it.
@@ -37,8 +43,7 @@ const STRAY: f64 = 3.0;
 /// Share of the forces that must be gone where they all should be, by what is measured of the way; or twice that far, by the commands.
 const FOLLOWS: f64 = 0.1;
 const AT_MOST_SENT: f64 = 2.0;
-/// So many times the largest force so far is growth, with so much of it more than at first.
-const GROWS: f64 = 1.1;
+/// Beyond the largest force so far, so much of it more than at first is growth.
 const GREW: f64 = 0.1;
 /// A share of the force that is gone from one answer to the next is no unloading if it is also so many times that of the way.
 const FELL: f64 = 0.1;
@@ -46,57 +51,6 @@ const TIMES: f64 = 10.0;
 /// Shortest bound of its time in s, and its time constants behind the way at full speed.
 const LONGEST_S: f64 = 120.0;
 const SETTLES: f64 = 20.0;
-
-/// Why a way to zero force has ended somewhere else.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Astray {
-    /// Its load cell is at the end of its range.
-    Unfelt,
-    /// The force has jumped by more than its limit allows, and has not come back.
-    Jumped,
-    /// It moved as far as the stiffness says, and nearly all of the force is still there.
-    DoesNotFollow,
-    /// The force is larger than it ever was.
-    Grows,
-    /// The force was gone at once, in a tick that hardly moved the specimen.
-    Fell,
-    /// It went three times as far as the stiffness says.
-    TooFar,
-    /// Without a stiffness nobody knows how far it is, nor which way.
-    Unknown,
-    /// It was not there after so many s of wall time.
-    TooLong {
-        /// The time.
-        seconds: u32,
-    },
-}
-
-impl std::fmt::Display for Astray {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::Unfelt => "its load cell is out of its range, so it was not led by force",
-            Self::Jumped => {
-                "its force has jumped and not come back, so it was not led by force: its load cell may be broken, or the \
-                 specimen"
-            }
-            Self::DoesNotFollow => {
-                "it was sent as far as its stiffness says, and its force has not followed: its load cell or its actuator may be stuck, \
-                 or it is much softer"
-            }
-            Self::Grows => "its force grew on the way to zero",
-            Self::Fell => {
-                "its force was gone at once, and not by its motion: its load cell may be dead, or the specimen broken"
-            }
-            Self::TooFar => {
-                "it went three times as far as its stiffness says, and there is still a force"
-            }
-            Self::Unknown => "without a stiffness nobody knows where its force is zero",
-            Self::TooLong { seconds } => {
-                return write!(f, "there is still a force after {seconds} s on the way to zero");
-            }
-        })
-    }
-}
 
 /// What is known of one axis before it is moved.
 #[derive(Debug, Clone, Copy)]
@@ -112,36 +66,6 @@ pub struct Leg {
     /// Ways in m: the longest of one tick by its speed and by its acceleration, by which that may change from tick to tick.
     pub by_speed: f64,
     pub slew: f64,
-}
-
-/// One axis on its way.
-#[derive(Debug, Default)]
-struct Way {
-    block: Vec<f64>,
-    /// The last two answers.
-    recent: [f64; 2],
-    /// A glitch of one answer is not in it.
-    force: f64,
-    /// On which side of zero the force was last.
-    side: f64,
-    /// Mean of the forces of a block and how far they differ, without a tenth at either end; and the latter before it moved.
-    mean: f64,
-    spread: f64,
-    still: f64,
-    /// The force in N where it began, how far in m it is to zero by K⁻¹, and where it was measured.
-    first: f64,
-    reach: f64,
-    measured: f64,
-    began_at: f64,
-    small: f64,
-    /// The largest force, also of what the motion of the others makes here.
-    scale: f64,
-    longest_step: f64,
-    farthest: f64,
-    wanted: f64,
-    gone: f64,
-    step: f64,
-    is_at_its_end: bool,
 }
 
 /// A specimen on its way to zero force.
@@ -424,259 +348,5 @@ impl Unloading {
     }
 }
 
-impl Way {
-    fn take(&mut self, disp: f64, force: f64) {
-        let [last, before] = self.recent;
-        self.force = last.min(force).max(last.max(force).min(before));
-        self.recent = [force, last];
-        self.measured = disp;
-    }
-
-    /// True if the force has come out on the other side of zero.
-    fn swings(&mut self) -> bool {
-        let crosses = -self.force * self.side > self.small.max(self.still);
-        if crosses {
-            self.side = -self.side;
-        }
-        crosses
-    }
-
-    fn is_stuck(&self) -> bool {
-        self.is_at_its_end && self.mean.abs() > self.small
-    }
-
-    fn grows(&self) -> bool {
-        self.mean.abs() > GROWS * self.scale + self.still
-    }
-
-    fn close_block(&mut self) {
-        self.block.sort_unstable_by(f64::total_cmp);
-        let last = self.block.len().saturating_sub(1);
-        let tenth = (last / 10).max(usize::from(last >= 2));
-        let middle = self.block.get(tenth..=last - tenth).unwrap_or_default();
-        self.mean = middle.iter().sum::<f64>() / middle.len() as f64;
-        let ends = middle.first().zip(middle.last());
-        self.spread = ends.map_or(0.0, |(least, most)| most - least);
-        self.block.clear();
-    }
-}
-
-/// A row of a matrix of `n` columns times a vector. Real-time: yes.
-fn row_times(matrix: &[f64], row: usize, n: usize, vector: impl Iterator<Item = f64>) -> f64 {
-    let row = matrix.get(row * n..(row + 1) * n).unwrap_or_default();
-    row.iter().zip(vector).map(|(a, b)| a * b).sum()
-}
-
-/// A stiffness and its inverse. Where it is not positive definite, both go without what is beside the diagonal, and an axis without
-/// a stiffness does not move.
-fn compliance(stiffness: Vec<f64>, n: usize) -> (Vec<f64>, Vec<f64>) {
-    let matrix = DMatrix::from_row_iterator(n, n, stiffness.iter().copied());
-    let symmetric = 0.5 * (&matrix + matrix.transpose());
-    if let Some(factor) = symmetric.cholesky() {
-        // Symmetric: by columns as by rows.
-        return (stiffness, factor.inverse().as_slice().to_vec());
-    }
-    let of_diagonal = |of: fn(f64) -> f64| {
-        let diagonal = matrix.diagonal().map(of);
-        DMatrix::from_diagonal(&diagonal).as_slice().to_vec()
-    };
-    let inverse = |stiffness: f64| {
-        if stiffness == 0.0 {
-            0.0
-        } else {
-            1.0 / stiffness
-        }
-    };
-    (of_diagonal(|stiffness| stiffness), of_diagonal(inverse))
-}
-
 #[cfg(test)]
-mod tests {
-    use std::f64::consts::TAU;
-
-    use super::*;
-
-    const TICK: f64 = 1e-3;
-    const STIFFNESS: f64 = 2e5;
-
-    const LEG: Leg = Leg {
-        largest: 0.0,
-        noise: 0.0,
-        meant: [f64::NEG_INFINITY, f64::INFINITY],
-        jump: None,
-        by_speed: 0.05 * TICK,
-        slew: f64::INFINITY,
-    };
-
-    /// How a way went: where it ended, of how many ticks, the largest forces on it, and why it ended.
-    struct End {
-        at: Vec<f64>,
-        ticks: u32,
-        peaks: Vec<f64>,
-        outcome: Result<(), Astray>,
-    }
-
-    /// From `at` with these axes and stiffness; `specimen` answers a command in a tick with displacements and forces as measured.
-    fn unload(
-        legs: &[Leg],
-        stiffness: &[f64],
-        tick: f64,
-        mut at: Vec<f64>,
-        mut specimen: impl FnMut(u32, &[f64]) -> Vec<(f64, f64)>,
-    ) -> End {
-        let mut unloading = Unloading::new(legs.to_vec(), stiffness.to_vec(), tick);
-        let (mut ticks, mut peaks) = (0, vec![0.0_f64; at.len()]);
-        let mut answer: Option<Vec<(f64, f64)>> = None;
-        while unloading.go_on(answer.take().map(Vec::into_iter)) {
-            for (at, step) in at.iter_mut().zip(unloading.steps()) {
-                *at -= step;
-            }
-            let measured = specimen(ticks, &at);
-            for (peak, (_, force)) in peaks.iter_mut().zip(&measured) {
-                *peak = peak.max(force.abs());
-            }
-            answer = Some(measured);
-            ticks += 1;
-        }
-        End {
-            at,
-            ticks,
-            peaks,
-            outcome: unloading.astray().map_or(Ok(()), Err),
-        }
-    }
-
-    /// One spring, from 10 mm, whose load cell says something else: of the tick and the force.
-    fn spring(leg: Leg, cell: impl Fn(u32, f64) -> f64) -> End {
-        unload(&[leg], &[STIFFNESS], TICK, vec![0.01], |tick, at| {
-            vec![(at[0], cell(tick, STIFFNESS * at[0]))]
-        })
-    }
-
-    #[test]
-    fn no_single_answer_decides_where_it_goes() {
-        for glitch in [0.0, -5e3, 2e5] {
-            for at in [0, 1, 60, 110, 111, 400] {
-                let end = spring(LEG, |tick, force| if tick == at { glitch } else { force });
-                assert_eq!(end.outcome, Ok(()), "{glitch} in tick {at}");
-                assert!(
-                    end.at[0].abs() <= 2e-4,
-                    "{glitch} in tick {at}: {}",
-                    end.at[0]
-                );
-            }
-        }
-    }
-
-    #[test]
-    fn a_load_cell_that_is_stuck_leads_no_further_than_the_stiffness_says() {
-        let end = spring(LEG, |_, _| 2e3);
-        assert_eq!(end.outcome, Err(Astray::DoesNotFollow));
-        assert!(end.at[0] <= 0.0 && end.at[0] >= -0.003, "{}", end.at[0]);
-        // It hangs on the way.
-        let end = spring(LEG, |_, force| force.max(1.9e3));
-        assert_eq!(end.outcome, Err(Astray::DoesNotFollow));
-    }
-
-    #[test]
-    fn a_force_that_grows_is_followed_no_further() {
-        let end = spring(LEG, |_, force| -force);
-        assert_eq!(end.outcome, Err(Astray::Grows));
-        assert!(end.at[0] <= 0.014, "{}", end.at[0]);
-    }
-
-    #[test]
-    fn a_force_that_is_gone_at_once_is_no_arrival() {
-        for last in [150, 163, 200, 250] {
-            let end = spring(LEG, |tick, force| if tick < last { force } else { 0.0 });
-            assert_eq!(end.outcome, Err(Astray::Fell), "{last}");
-        }
-        // Ten times as stiff as believed, and thirty.
-        for times in [10.0, 30.0] {
-            let end = unload(&[LEG], &[STIFFNESS / times], TICK, vec![0.01], |_, at| {
-                vec![(at[0], STIFFNESS * at[0])]
-            });
-            assert_eq!(end.outcome, Ok(()), "{times}");
-            assert!(end.at[0].abs() <= 2e-4, "{times}: {}", end.at[0]);
-        }
-    }
-
-    #[test]
-    fn a_force_that_has_jumped_leads_nobody_unless_it_comes_back() {
-        let leg = Leg {
-            jump: Some([2e3, 500.0]),
-            ..LEG
-        };
-        for offset in [-2e3, 5e3, -4e3] {
-            let end = spring(leg, |_, force| force + offset);
-            assert_eq!((end.outcome, end.at[0]), (Err(Astray::Jumped), 0.01));
-        }
-        let back = spring(leg, |tick, force| if tick < 3 { 0.0 } else { force });
-        assert_eq!(back.outcome, Ok(()));
-    }
-
-    /// An actuator of second order that resonates at `hz`: the loop gain of the first approach is far above one.
-    #[test]
-    fn a_resonance_is_not_driven_and_is_no_arrival() {
-        for (hz, damping) in [(10.0, 0.03), (10.0, 0.05), (5.0, 0.1), (20.0, 0.02)] {
-            let (omega, mut disp, mut vel) = (TAU * hz, 0.01, 0.0);
-            let end = unload(&[LEG], &[STIFFNESS], TICK, vec![0.01], |_, at| {
-                for _ in 0..20 {
-                    let dt = TICK / 20.0;
-                    vel += dt * omega * (omega * (at[0] - disp) - 2.0 * damping * vel);
-                    disp += dt * vel;
-                }
-                vec![(disp, STIFFNESS * disp)]
-            });
-            assert_eq!(end.outcome, Ok(()), "{hz} Hz");
-            assert!(end.peaks[0] <= 2.01e3, "{hz} Hz: {}", end.peaks[0]);
-            let swing = disp.hypot(vel / omega);
-            assert!(swing <= 3e-4, "{hz} Hz: {swing}");
-        }
-    }
-
-    /// Two storeys, [[2k, −k], [−k, k]], with a force on the upper one alone: on the way of the stiffness none comes on the lower.
-    #[test]
-    fn coupled_axes_go_together() {
-        let k = STIFFNESS;
-        let stiffness = [2.0 * k, -k, -k, k];
-        let end = unload(&[LEG; 2], &stiffness, TICK, vec![0.01, 0.02], |_, at| {
-            let lower = k * at[0] - k * (at[1] - at[0]);
-            vec![(at[0], lower), (at[1], k * (at[1] - at[0]))]
-        });
-        assert_eq!(end.outcome, Ok(()));
-        assert!(
-            end.peaks[0] <= 1.0 && end.peaks[1] <= 2e3 + 1.0,
-            "{:?}",
-            end.peaks
-        );
-        assert!(end.at.iter().all(|at| at.abs() <= 5e-4), "{:?}", end.at);
-        // One that knows of no other, and is not loaded, stays.
-        let alone = unload(
-            &[LEG; 2],
-            &[k, 0.0, 0.0, k],
-            TICK,
-            vec![0.0, 0.01],
-            |_, at| vec![(at[0], k * at[0]), (at[1], k * at[1])],
-        );
-        assert_eq!((alone.outcome, alone.at[0]), (Ok(()), 0.0));
-    }
-
-    #[test]
-    fn a_slow_way_has_the_time_that_it_takes() {
-        // 150 mm at 1 mm/s with ticks of 10 ms, and 10 mm with ticks of 5 s.
-        for (by_speed, tick, from) in [(1e-5, 0.01, 0.15), (0.25, 5.0, 0.01)] {
-            let leg = Leg { by_speed, ..LEG };
-            let end = unload(&[leg], &[STIFFNESS], tick, vec![from], |_, at| {
-                vec![(at[0], STIFFNESS * at[0])]
-            });
-            assert_eq!(end.outcome, Ok(()), "{tick}: {} ticks", end.ticks);
-            assert!(end.at[0] <= 0.011 * from, "{tick}: {}", end.at[0]);
-        }
-        // A force that no motion takes away is not followed for ever.
-        let end = spring(LEG, |tick, force| {
-            force + 0.5 * f64::from(tick) * LEG.by_speed * STIFFNESS
-        });
-        assert!(end.outcome.is_err() && end.ticks < 130_000, "{}", end.ticks);
-    }
-}
+mod tests;
