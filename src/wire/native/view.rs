@@ -6,7 +6,7 @@
 use super::layout::{NO_SEQUENCE, earlier_words};
 use crate::substructure::{Measurement, Retirement, Status};
 use crate::wire::WireError;
-use crate::wire::bytes::{Word, copy_words};
+use crate::wire::bytes::{Word, copy_words, same_length};
 
 /// The kinds of frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -219,6 +219,8 @@ impl CommandFrame<'_> {
     /// # Errors
     /// [`WireError::Count`] if a slice has not one entry per axis.
     pub fn read(&self, disp: &mut [f64], vel: &mut [f64]) -> Result<(), WireError> {
+        // All of it or nothing.
+        same_length("commanded velocity", vel.len(), self.vel.len())?;
         copy_words("commanded displacement", self.disp, disp)?;
         copy_words("commanded velocity", self.vel, vel)
     }

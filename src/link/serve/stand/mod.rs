@@ -259,9 +259,8 @@ impl Stand {
             Frame::Command(command) => {
                 let newest = self.pending.map(|(pending, ..)| pending).or(self.sequence);
                 let first = self.armed.first_sequence;
-                let (disp, vel) = (&mut self.new_disp, &mut self.new_vel);
-                let moves = Self::read(&command, first, newest, disp, vel)?;
                 let (sequence, time, dt) = (command.sequence(), command.time(), command.dt());
+                // Before anything is read: a command that is pending goes where these vectors say.
                 if !(0.0..=self.longest(sequence)).contains(&dt) {
                     let (field, index) = ("command dt", 0);
                     let found = dt;
@@ -271,7 +270,8 @@ impl Stand {
                         found,
                     }));
                 }
-                match moves {
+                let (disp, vel) = (&mut self.new_disp, &mut self.new_vel);
+                match Self::read(&command, first, newest, disp, vel)? {
                     Moves::Overtaken => {}
                     // Its answer is on its way.
                     Moves::Again if self.pending.is_some() => {}
