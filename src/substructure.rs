@@ -224,6 +224,8 @@ pub enum Holder {
     Needless,
     /// Its own end, whose watchdog was agreed on.
     ItsWatchdog,
+    /// The same, but it was never armed: no command has left for it.
+    NeverArmed,
     /// Nobody: its protocol has no word for it.
     Nobody,
 }

@@ -204,6 +204,15 @@ impl Port {
         self.substructure.holder()
     }
 
+    /// The same after the last words, when it is known whether it was armed.
+    #[must_use]
+    pub fn left_to(&self) -> Holder {
+        match self.holder() {
+            Holder::ItsWatchdog if self.is_left_unasked() => Holder::NeverArmed,
+            holder => holder,
+        }
+    }
+
     /// More than the fault says about why the link was lost.
     #[must_use]
     pub fn complaint(&self) -> Option<String> {

@@ -377,7 +377,7 @@ impl Engine {
             left: self.left.clone(),
             unheard: self.unheard.clone(),
             unarmed: self.unarmed.clone(),
-            holders: self.ports.iter().map(Port::holder).collect(),
+            holders: self.ports.iter().map(Port::left_to).collect(),
             steps: self.steps_done,
             peaks: self.peaks.clone(),
             ports: self

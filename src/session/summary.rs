@@ -232,6 +232,9 @@ pub fn ending(outcome: &Outcome) -> (Finish, String) {
             Some(Holder::ItsWatchdog) => {
                 format!("; specimen {number} is held by its own watchdog")
             }
+            Some(Holder::NeverArmed) => {
+                format!("; specimen {number} was never armed: no command has left for it")
+            }
             Some(Holder::Nobody) => format!(
                 "; nobody holds specimen {number}: it is where its own controller leaves it"
             ),

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use super::live::Live;
-use super::refused::SetupError;
+use super::refused::{SetupError, parting};
 use crate::link::announce;
 use crate::link::inbox::Inbox;
 use crate::link::secret::random;
@@ -244,6 +244,10 @@ pub(super) fn not_welcome(message: Control, expected: &'static str) -> SetupErro
         Control::Refuse(refuse) => SetupError::Refused {
             code: refuse.code,
             text: refuse.text,
+        },
+        Control::Bye(bye) => SetupError::Left {
+            due: expected,
+            why: parting(bye.cause, &bye.text),
         },
         other => SetupError::Wire(WireError::Order {
             expected,

@@ -123,6 +123,19 @@ impl Cause {
         self as u32
     }
 
+    /// Why the peer that gives it leaves, in words.
+    #[must_use]
+    pub const fn why(self) -> &'static str {
+        match self {
+            Cause::Orderly => "without a reason",
+            Cause::Tripped => "it tripped",
+            Cause::Operator => "its operator asked for it",
+            Cause::Watchdog => "its watchdog tripped",
+            Cause::Interlock => "its interlock opened",
+            Cause::Shutdown => "its program ends",
+        }
+    }
+
     /// The cause with this code.
     ///
     /// # Errors

@@ -84,6 +84,10 @@ impl Live {
                     Control::Arm(_) => Ok(None),
                     other => Err(not_welcome(other, "the arming")),
                 },
+                Frame::Goodbye(notice) => Err(SetupError::Left {
+                    due: "the arming",
+                    why: notice.cause.why().to_owned(),
+                }),
                 _ => Ok(None),
             },
         );
