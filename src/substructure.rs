@@ -374,4 +374,9 @@ pub trait Substructure: Send {
     fn has_acknowledged(&self) -> Option<bool> {
         None
     }
+
+    /// After the last words: what the specimen answered to them beyond a plain goodbye, in words. It may have tripped.
+    fn last_words(&self) -> Option<String> {
+        None
+    }
 }

@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 use super::Finish;
 use super::connect::Unconnected;
 use super::guarded::Ended;
+use super::last_words::{last_words, news};
 use crate::config::{ClockChoice, Facts};
 use crate::control::limits::Quantity as Limited;
 use crate::engine::{Ending, Left, Outcome, Stop, Unfinished};
@@ -105,6 +106,8 @@ pub(super) fn summarise(
     }
     warnings.extend(outcome.map(unsettled).into_iter().flatten());
     warnings.extend(outcome.map(held).into_iter().flatten());
+    let last_words = outcome.map(last_words).into_iter().flatten();
+    warnings.extend(last_words.map(|(_, text)| text));
     let summary = Summary {
         status: match finish {
             Finish::Completed => Status::Completed,
@@ -253,6 +256,10 @@ pub fn ending(outcome: &Outcome) -> (Finish, String) {
             index + 1
         );
     }
+    for (index, text) in news(outcome) {
+        let number = index + 1;
+        reason = format!("{reason}; specimen {number} said when the test was over: {text}");
+    }
     (finish, reason)
 }
 
@@ -301,7 +308,7 @@ const fn finish_of(stop: &Stop) -> Finish {
     }
 }
 
-fn words(ending: &Ending, outcome: &Outcome) -> String {
+pub(super) fn words(ending: &Ending, outcome: &Outcome) -> String {
     let Ending::Stopped(stop) = ending else {
         return "end of the test".to_owned();
     };

@@ -67,6 +67,8 @@ pub(super) struct Live {
     detail: Option<Detail>,
     /// Its goodbye has come; none before that was waited for.
     acknowledged: Option<bool>,
+    /// What it said then, beyond that.
+    last_words: Option<String>,
 }
 
 impl Live {
@@ -107,6 +109,7 @@ impl Live {
             fault: None,
             detail: None,
             acknowledged: None,
+            last_words: None,
         }
     }
 

@@ -44,7 +44,12 @@ impl Stand {
                 self.say(Cause::Tripped, &self.station.whole(trip));
                 self.say_goodbye(Cause::Tripped);
             }
-            None => self.say_goodbye(Cause::Orderly),
+            None => {
+                if let Some(said) = self.station.dismiss(close) {
+                    self.say(Cause::Orderly, &said);
+                }
+                self.say_goodbye(Cause::Orderly);
+            }
         }
         Over {
             close,
