@@ -215,6 +215,9 @@ pub struct Introduction {
     pub warnings: Vec<String>,
     /// It says that it is a formula: nothing breaks.
     pub simulated: bool,
+    /// It does not say that it measures displacement, although its protocol has a word for that: what it sends as such may be the
+    /// command.
+    pub repeats_the_command: bool,
 }
 
 /// Who holds a specimen to which no command comes any more.

@@ -175,3 +175,6 @@ impl Substructure for NativeLink {
         self.live.as_ref().and_then(Live::last_words)
     }
 }
+
+#[cfg(test)]
+mod tests;
