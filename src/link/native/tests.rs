@@ -21,17 +21,20 @@ const TEXT: &str = "pump lost pressure";
 enum Word {
     /// What belongs there.
     Fits,
-    Says(Control),
+    Says(Box<Control>),
     Goodbye(Cause),
     /// A heartbeat with this status, and then a goodbye.
     Beats(Status, Cause),
     Byes(Bye, Cause),
 }
 
+/// What a test makes of the usual welcome.
+type Change = fn(&mut Welcome);
+
 /// A specimen's end that is there, on a clock that goes on by each wait.
 struct Scripted {
     words: [Word; 3],
-    welcome: fn(&mut Welcome),
+    welcome: Change,
     encoder: Encoder,
     decoder: Decoder,
     waiting: VecDeque<Vec<u8>>,
@@ -152,7 +155,7 @@ fn welcome(hello: &Hello) -> Welcome {
 fn link(
     carrier: Carrier,
     words: [Word; 3],
-    change: fn(&mut Welcome),
+    change: Change,
 ) -> (NativeLink, Arc<Mutex<Vec<&'static str>>>) {
     let heard = Arc::<Mutex<Vec<&'static str>>>::default();
     let wire = Scripted {
@@ -193,7 +196,7 @@ const CARRIERS: [Carrier; 2] = [Carrier::Tcp, Carrier::Udp];
 #[test]
 fn a_goodbye_in_place_of_a_welcome_is_told_with_its_words_and_at_once() {
     for carrier in CARRIERS {
-        let word = Word::Says(Control::Bye(bye(Cause::Tripped, TEXT)));
+        let word = Word::Says(Box::new(Control::Bye(bye(Cause::Tripped, TEXT))));
         let (mut link, heard) = link(carrier, [word, Word::Fits, Word::Fits], |_| {});
         let text = link.connect().unwrap_err().text;
         assert_eq!(
@@ -207,19 +210,19 @@ fn a_goodbye_in_place_of_a_welcome_is_told_with_its_words_and_at_once() {
 #[test]
 fn what_is_said_in_place_of_the_arming_is_told_and_at_once() {
     let refuse = |code, text: &str| {
-        Word::Says(Control::Refuse(Refuse {
+        Word::Says(Box::new(Control::Refuse(Refuse {
             code,
             versions: Versions::OURS,
             text: text.into(),
-        }))
+        })))
     };
     let cases = [
         (
-            Word::Says(Control::Bye(bye(Cause::Tripped, TEXT))),
+            Word::Says(Box::new(Control::Bye(bye(Cause::Tripped, TEXT)))),
             "it said goodbye where the arming was due: it tripped: pump lost pressure",
         ),
         (
-            Word::Says(Control::Bye(bye(Cause::Shutdown, ""))),
+            Word::Says(Box::new(Control::Bye(bye(Cause::Shutdown, "")))),
             "it said goodbye where the arming was due: its program ends",
         ),
         (
@@ -296,7 +299,7 @@ fn what_a_specimen_says_to_its_last_words_is_kept() {
 #[test]
 fn a_watchdog_that_one_late_command_alarms_is_warned_of_and_its_time_is_told() {
     // Commands come every 0.01 s.
-    let changes: [(fn(&mut Welcome), &str, bool); 3] = [
+    let changes: [(Change, &str, bool); 3] = [
         (|_| {}, "watchdog 0.5 s", false),
         (
             |welcome| welcome.watchdog_s = 0.02,
@@ -324,7 +327,7 @@ fn a_watchdog_that_one_late_command_alarms_is_warned_of_and_its_time_is_told() {
 
 #[test]
 fn a_specimen_that_does_not_say_that_it_measures_displacement_is_known() {
-    let changes: [(fn(&mut Welcome), bool); 3] = [
+    let changes: [(Change, bool); 3] = [
         (|_| {}, false),
         (
             |welcome| welcome.capabilities = Capabilities::SIMULATED,
