@@ -215,6 +215,9 @@ pub struct Introduction {
     pub warnings: Vec<String>,
     /// It says that it is a formula: nothing breaks.
     pub simulated: bool,
+    /// It does not say that it measures displacement, although its protocol has a word for that: what it sends as such may be the
+    /// command.
+    pub repeats_the_command: bool,
 }
 
 /// Who holds a specimen to which no command comes any more.
@@ -224,6 +227,8 @@ pub enum Holder {
     Needless,
     /// Its own end, whose watchdog was agreed on.
     ItsWatchdog,
+    /// The same, but it was never armed: no command has left for it.
+    NeverArmed,
     /// Nobody: its protocol has no word for it.
     Nobody,
 }
@@ -370,6 +375,11 @@ pub trait Substructure: Send {
     /// After the last words: whether the specimen has said that it heard them. None where nobody asks for that: before it was
     /// armed, in this process, or in a protocol that has no such answer.
     fn has_acknowledged(&self) -> Option<bool> {
+        None
+    }
+
+    /// After the last words: what the specimen answered to them beyond a plain goodbye, in words. It may have tripped.
+    fn last_words(&self) -> Option<String> {
         None
     }
 }

@@ -11,7 +11,8 @@ use gusset::engine::NOT_AWAITED;
 use gusset::record::Run;
 use gusset::record::summary::Status as Ended;
 use gusset::substructure::Status;
-use gusset::wire::native::Frame;
+use gusset::wire::handshake::{Bye, Control};
+use gusset::wire::native::{Cause, Frame};
 use link_common::relay::{Fates, Relay};
 use link_common::{
     Fake, ONE_AXIS, ONE_AXIS_LAW, PATIENCE, Running, Served, events, finish, gusset, linked, run,
@@ -268,6 +269,48 @@ fn a_specimen_that_does_not_acknowledge_the_end_is_told_of() {
     assert!(found.left.values().all(|left| left == "stayed"));
     let told = events(folder, "run");
     assert!(told.contains(&"unacknowledged".to_owned()), "{told:?}");
+}
+
+/// Nobody looks at its status any more, but nobody there should find out the next morning either.
+#[test]
+fn a_specimen_that_trips_when_the_test_is_over_is_told_of() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let address = Fake::start(|mut fake| {
+        fake.obey_until_retired(|disp| (disp, 4e5 * disp));
+        fake.say(&Control::Bye(Bye {
+            cause: Cause::Tripped.code(),
+            text: "pump lost pressure".to_owned(),
+        }));
+        fake.say_goodbye(Cause::Tripped);
+        while fake.frame().is_some() {}
+    });
+    let (code, said) = run(folder, "run", &linked(STEPS, &address, ""));
+    assert_eq!(code, 0, "{said}");
+    let found = summary(folder, "run");
+    assert_eq!(found.status, Ended::Completed);
+    let told = "said when the test was over: it tripped: pump lost pressure";
+    assert!(
+        found.reason.contains(&format!("specimen 1 {told}")),
+        "{}",
+        found.reason
+    );
+    let warning = format!("specimen \"column\" {told}");
+    assert!(found.warnings.contains(&warning), "{:?}", found.warnings);
+    assert!(said.contains(&warning), "{said}");
+    let events = Run::open(&folder.join("run"))
+        .unwrap()
+        .events()
+        .unwrap()
+        .events;
+    let event = events
+        .iter()
+        .find(|event| event["event"] == "last_words")
+        .unwrap();
+    assert_eq!(
+        (&event["text"], &event["specimen"]),
+        (&warning.into(), &1.into())
+    );
 }
 
 #[test]

@@ -30,8 +30,10 @@ use std::path::Path;
 
 use gusset::record::summary::Status;
 use gusset::wire::Side;
-use gusset::wire::handshake::{self, Arm, Control, RefuseCode};
-use gusset::wire::native::{Decoder, Frame};
+use gusset::wire::handshake::{
+    self, Arm, Bye, Capabilities, Control, Refuse, RefuseCode, Versions, Welcome,
+};
+use gusset::wire::native::{Cause, Decoder, Frame};
 use link_common::{
     Fake, ONE_AXIS, ONE_AXIS_LAW, Served, TWO_AXES, TWO_AXES_LAW, events, finish, gusset, linked,
     run, summary, test_file, write,
@@ -111,6 +113,37 @@ fn a_specimen_that_is_armed_for_another_place_is_refused_and_no_time_has_passed(
     let reason = &summary.reason;
     assert!(reason.contains("armed for another place"), "{reason}");
     assert_eq!((summary.steps, summary.wall_seconds), (0, 0.0));
+}
+
+/// Nothing has left for it, so nothing there need be held.
+#[test]
+fn a_specimen_that_does_not_arm_is_not_said_to_be_held() {
+    let refuse = Control::Refuse(Refuse {
+        code: RefuseCode::NotReady,
+        versions: Versions::OURS,
+        text: String::new(),
+    });
+    let leave = Control::Bye(Bye {
+        cause: Cause::Tripped.code(),
+        text: "pump lost pressure".to_owned(),
+    });
+    for (answer, told) in [
+        (refuse, "(refused: it is not ready: its interlock is open"),
+        (
+            leave,
+            "(it said goodbye where the arming was due: it tripped: pump lost pressure)",
+        ),
+    ] {
+        let address = Fake::start_saying(4e5, |_| {}, |_| answer, |_| {});
+        let folder = tempfile::tempdir().unwrap();
+        let (code, said) = run(folder.path(), "run", &linked(STEPS, &address, ""));
+        assert_eq!(code, 3, "{said}");
+        let reason = summary(folder.path(), "run").reason;
+        assert!(reason.contains(told), "{reason}");
+        let never = "specimen 1 was never armed: no command has left for it";
+        assert!(reason.ends_with(never), "{reason}");
+        assert!(!reason.contains("watchdog"), "{reason}");
+    }
 }
 
 #[test]
@@ -341,4 +374,34 @@ fn a_stiffness_that_differs_is_a_warning_and_a_reversed_one_a_refusal() {
     assert_eq!(code, 3);
     let reason = summary(folder, "reversed").reason;
     assert!(reason.contains("a channel is reversed"), "{reason}");
+}
+
+/// What is compared with the command, or learnt from, must not be the command itself.
+#[test]
+fn a_specimen_that_may_send_the_command_back_is_warned_of_where_its_displacement_is_needed() {
+    let needs = "[specimen.limits]\nfollowing_error_m = { trip = 0.5 }";
+    let silent = Capabilities::default();
+    for (capabilities, keys, warned) in [
+        (silent, needs, true),
+        (silent, "", false),
+        (Capabilities::MEASURES_DISP, needs, false),
+        (Capabilities::SIMULATED, needs, false),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let change = move |welcome: &mut Welcome| {
+            welcome.capabilities = capabilities;
+            welcome.standing = vec![0.0];
+        };
+        let address = Fake::start_welcoming(change, |mut fake| {
+            fake.obey(|disp| (disp, 4e5 * disp), |_| {});
+        });
+        let (code, said) = run(folder.path(), "run", &linked(STEPS, &address, keys));
+        assert_eq!(code, 0, "{said}");
+        let warnings = summary(folder.path(), "run").warnings;
+        let told = "its end does not say that it measures displacement";
+        let told = warnings
+            .iter()
+            .any(|text| text.contains(told) && text.ends_with("of no use to `following_error_m`"));
+        assert_eq!(told, warned, "{warnings:?}");
+    }
 }

@@ -268,6 +268,12 @@ impl Port {
         self.substructure.has_acknowledged().is_none()
     }
 
+    /// What it answered to the last words beyond a plain goodbye.
+    #[must_use]
+    pub fn last_words(&self) -> Option<String> {
+        self.substructure.last_words()
+    }
+
     /// True of a specimen that should have answered the last words, and did not.
     #[must_use]
     pub fn is_unheard(&self) -> bool {

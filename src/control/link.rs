@@ -103,6 +103,9 @@ impl Port {
         if self.is_remote() && self.standing().is_none() && !introduction.simulated {
             introduction.warnings.push(self.stands_anywhere());
         }
+        if introduction.repeats_the_command {
+            introduction.warnings.extend(self.compares_it_with_itself());
+        }
         if introduction.stiffness.len() != n * n {
             return Ok(introduction);
         }
@@ -145,6 +148,38 @@ impl Port {
             "specimen \"{name}\": NOBODY KNOWS WHERE IT STANDS: its link does not tell, so its first command takes it at once to \
              {leads}"
         )
+    }
+
+    /// Whatever needs a measured displacement finds no fault with one that is the command.
+    fn compares_it_with_itself(&self) -> Option<String> {
+        let mut limits = self.limits().iter();
+        let needs = [
+            (
+                limits.any(|axis| axis.following_error.lower().is_finite()),
+                "`following_error_m`",
+            ),
+            (
+                self.wait
+                    .is_some_and(|wait| wait.on_stale == OnStale::Extrapolate),
+                "`on_stale = \"extrapolate\"`",
+            ),
+            (
+                self.compensation_learns(),
+                "the compensation, which learns from it",
+            ),
+        ];
+        let needs: Vec<&str> = needs
+            .iter()
+            .filter_map(|(is, what)| is.then_some(*what))
+            .collect();
+        (!needs.is_empty()).then(|| {
+            format!(
+                "specimen \"{}\": its end does not say that it measures displacement, and if it sends back the command, that is of no \
+                 use to {}",
+                self.name,
+                needs.join(" and ")
+            )
+        })
     }
 
     /// The specimen says where it stands, and the test file says otherwise.
@@ -202,6 +237,15 @@ impl Port {
     #[must_use]
     pub fn holder(&self) -> Holder {
         self.substructure.holder()
+    }
+
+    /// The same after the last words, when it is known whether it was armed.
+    #[must_use]
+    pub fn left_to(&self) -> Holder {
+        match self.holder() {
+            Holder::ItsWatchdog if self.is_left_unasked() => Holder::NeverArmed,
+            holder => holder,
+        }
     }
 
     /// More than the fault says about why the link was lost.

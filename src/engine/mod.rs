@@ -238,6 +238,8 @@ pub struct Outcome {
     pub wall_ns: u64,
     /// What the links say about their faults: specimen (from 0) and words.
     pub complaints: Vec<(usize, String)>,
+    /// What specimens answered to the last words beyond a plain goodbye: the same.
+    pub last_words: Vec<(usize, String)>,
 }
 
 impl Experiment {
@@ -370,6 +372,14 @@ impl Engine {
         &self.columns
     }
 
+    /// What each specimen has to say there, by its number from 0.
+    fn said(&self, words: impl Fn(&Port) -> Option<String>) -> Vec<(usize, String)> {
+        let ports = self.ports.iter().enumerate();
+        ports
+            .filter_map(|(index, port)| words(port).map(|text| (index, text)))
+            .collect()
+    }
+
     fn outcome(&mut self, ending: Ending) -> Outcome {
         Outcome {
             ending,
@@ -377,7 +387,7 @@ impl Engine {
             left: self.left.clone(),
             unheard: self.unheard.clone(),
             unarmed: self.unarmed.clone(),
-            holders: self.ports.iter().map(Port::holder).collect(),
+            holders: self.ports.iter().map(Port::left_to).collect(),
             steps: self.steps_done,
             peaks: self.peaks.clone(),
             ports: self
@@ -401,12 +411,8 @@ impl Engine {
             rows_lost: self.rows_lost,
             events_lost: self.events_lost,
             wall_ns: self.clock_now.since(self.first_edge),
-            complaints: self
-                .ports
-                .iter()
-                .enumerate()
-                .filter_map(|(index, port)| port.complaint().map(|text| (index, text)))
-                .collect(),
+            complaints: self.said(Port::complaint),
+            last_words: self.said(Port::last_words),
         }
     }
 }

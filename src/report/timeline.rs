@@ -20,6 +20,7 @@ const KINDS: [(&str, &[&str], Ink); 5] = [
             "recovered",
             "link",
             "unacknowledged",
+            "last_words",
             "interlock",
             "saturated",
             "specimen_holds",

@@ -21,6 +21,7 @@ mod desk;
 mod energetics;
 mod guarded;
 mod kept;
+mod last_words;
 mod page;
 mod ready;
 mod recorded;
@@ -226,6 +227,11 @@ fn carry_out(
     }
     if let Some(fault) = &ended.fault {
         writer.note(Note::new(NoteLevel::Error, "internal_error").with("text", fault.as_str()));
+    }
+    let last_words = ended.outcome.as_ref().map(last_words::last_words);
+    for (index, text) in last_words.into_iter().flatten() {
+        let note = Note::new(NoteLevel::Warning, "last_words").with("specimen", index + 1);
+        writer.note(note.with("text", text));
     }
     let mut recorded = writer.finish().unwrap_or_else(|error| {
         ended.fault.get_or_insert(error.to_string());

@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 use super::Finish;
 use super::connect::Unconnected;
 use super::guarded::Ended;
+use super::last_words::{last_words, news};
 use crate::config::{ClockChoice, Facts};
 use crate::engine::{Ending, Left, Outcome, Stop, Unfinished};
 use crate::record::summary::{ClockKind, Lambda, LinkCounts, Peak, Status};
@@ -104,6 +105,8 @@ pub(super) fn summarise(
     }
     warnings.extend(outcome.map(unsettled).into_iter().flatten());
     warnings.extend(outcome.map(held).into_iter().flatten());
+    let last_words = outcome.map(last_words).into_iter().flatten();
+    warnings.extend(last_words.map(|(_, text)| text));
     let summary = Summary {
         status: match finish {
             Finish::Completed => Status::Completed,
@@ -232,6 +235,9 @@ pub fn ending(outcome: &Outcome) -> (Finish, String) {
             Some(Holder::ItsWatchdog) => {
                 format!("; specimen {number} is held by its own watchdog")
             }
+            Some(Holder::NeverArmed) => {
+                format!("; specimen {number} was never armed: no command has left for it")
+            }
             Some(Holder::Nobody) => format!(
                 "; nobody holds specimen {number}: it is where its own controller leaves it"
             ),
@@ -249,6 +255,10 @@ pub fn ending(outcome: &Outcome) -> (Finish, String) {
             "{reason}; specimen {} did not acknowledge the end: its own watchdog holds it",
             index + 1
         );
+    }
+    for (index, text) in news(outcome) {
+        let number = index + 1;
+        reason = format!("{reason}; specimen {number} said when the test was over: {text}");
     }
     (finish, reason)
 }
@@ -289,7 +299,7 @@ const fn finish_of(stop: &Stop) -> Finish {
     }
 }
 
-fn words(ending: &Ending, outcome: &Outcome) -> String {
+pub(super) fn words(ending: &Ending, outcome: &Outcome) -> String {
     let Ending::Stopped(stop) = ending else {
         return "end of the test".to_owned();
     };

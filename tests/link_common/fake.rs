@@ -5,7 +5,7 @@ use std::net::{TcpListener, TcpStream};
 
 use gusset::substructure::{Measurement, Status};
 use gusset::wire::handshake::{self, Capabilities, Control, Hello, Welcome, layout_hash};
-use gusset::wire::native::{Decoder, Encoder, Frame, LARGEST_FRAME, Moment, split};
+use gusset::wire::native::{Cause, Decoder, Encoder, Frame, LARGEST_FRAME, Moment, Notice, split};
 use gusset::wire::{Progress, Side};
 
 use super::PATIENCE;
@@ -167,6 +167,35 @@ impl Fake {
                 self.write(&frame);
             }
         }
+    }
+
+    /// Answers every command by what `wiring` reads at its displacement, until it is retired.
+    pub fn obey_until_retired(&mut self, wiring: impl Fn(f64) -> (f64, f64)) {
+        loop {
+            let frame = self.frame().unwrap();
+            let mut command = None;
+            match self.decoder.open(&frame).unwrap().frame {
+                Frame::Command(frame) => {
+                    let (mut disp, mut vel) = ([0.0], [0.0]);
+                    frame.read(&mut disp, &mut vel).unwrap();
+                    command = Some((frame.sequence(), disp[0]));
+                }
+                Frame::Retire(_) => return,
+                _ => {}
+            }
+            if let Some((sequence, disp)) = command {
+                let (disp, force) = wiring(disp);
+                let frame = self.reading(sequence, disp, force, Status::default());
+                self.write(&frame);
+            }
+        }
+    }
+
+    pub fn say_goodbye(&mut self, cause: Cause) {
+        let mut out = vec![0; LARGEST_FRAME];
+        let notice = Notice { sequence: 0, cause };
+        let length = self.encoder.goodbye(notice, &mut out).unwrap();
+        self.write(&out[..length]);
     }
 
     /// Number and displacement of the next command.

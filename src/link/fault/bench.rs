@@ -376,8 +376,8 @@ impl Rig for Bench {
         self.complaint.clone().or_else(|| self.rig.complaint())
     }
 
-    fn end(&mut self, how: Retirement) {
-        self.rig.end(how);
+    fn end(&mut self, how: Retirement) -> Option<String> {
+        self.rig.end(how)
     }
 }
 

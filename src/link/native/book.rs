@@ -91,6 +91,11 @@ impl Book {
         self.latched.0 |= status.0 & (Status::INTERLOCK.0 | Status::HOLDING.0);
     }
 
+    /// True once it has said that its interlock is open.
+    pub(super) const fn has_interlock(&self) -> bool {
+        self.latched.has(Status::INTERLOCK)
+    }
+
     /// Takes a measurement while `issued` is the newest command. Real-time: yes.
     ///
     /// # Errors

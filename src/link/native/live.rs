@@ -5,6 +5,7 @@ mod ends;
 use std::time::Duration;
 
 use super::book::Book;
+use super::refused::{parting, reason};
 use super::setup::{NativeSetup, nudge_ns, watchdog_ns};
 use crate::link::Transport;
 use crate::link::inbox::Inbox;
@@ -66,6 +67,8 @@ pub(super) struct Live {
     detail: Option<Detail>,
     /// Its goodbye has come; none before that was waited for.
     acknowledged: Option<bool>,
+    /// What it said then, beyond that.
+    last_words: Option<String>,
 }
 
 impl Live {
@@ -106,6 +109,7 @@ impl Live {
             fault: None,
             detail: None,
             acknowledged: None,
+            last_words: None,
         }
     }
 
@@ -121,17 +125,7 @@ impl Live {
         let ours = self.detail.as_ref().map(|detail| match detail {
             Detail::Wire(error) => error.to_string(),
             Detail::Silent { seconds } => format!("{seconds} s"),
-            Detail::Goodbye(cause) => {
-                let why = match cause {
-                    Cause::Orderly => "without a reason",
-                    Cause::Tripped => "it tripped",
-                    Cause::Operator => "its operator asked for it",
-                    Cause::Watchdog => "its watchdog tripped",
-                    Cause::Interlock => "its interlock opened",
-                    Cause::Shutdown => "its program ends",
-                };
-                format!("the specimen said goodbye: {why}")
-            }
+            Detail::Goodbye(cause) => format!("the specimen said goodbye: {}", cause.why()),
             Detail::Said(text) => text.clone(),
         });
         let lost = matches!(self.detail, None | Some(Detail::Silent { .. }));
@@ -398,8 +392,17 @@ impl Live {
             // The answer to an Arm that was repeated.
             Frame::Control(message) if message.starts_with(&ARM) => Ok(()),
             Frame::Control(message) => Err(match handshake::decode(message).map_err(wire)? {
-                Control::Bye(bye) => (LinkFault::Closed, Some(Detail::Said(bye.text))),
-                Control::Refuse(refuse) => (LinkFault::Refused, Some(Detail::Said(refuse.text))),
+                Control::Bye(bye) => {
+                    let said = format!(
+                        "the specimen said goodbye: {}",
+                        parting(bye.cause, &bye.text)
+                    );
+                    (LinkFault::Closed, Some(Detail::Said(said)))
+                }
+                Control::Refuse(refuse) => {
+                    let said = reason(refuse.code, &refuse.text).to_owned();
+                    (LinkFault::Refused, Some(Detail::Said(said)))
+                }
                 other => wire(WireError::Order {
                     expected: "a measurement",
                     found: other.name(),

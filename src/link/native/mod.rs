@@ -170,4 +170,11 @@ impl Substructure for NativeLink {
     fn has_acknowledged(&self) -> Option<bool> {
         self.live.as_ref().and_then(Live::has_acknowledged)
     }
+
+    fn last_words(&self) -> Option<String> {
+        self.live.as_ref().and_then(Live::last_words)
+    }
 }
+
+#[cfg(test)]
+mod tests;

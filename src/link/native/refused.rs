@@ -7,6 +7,7 @@ use crate::link::tls::TlsFault;
 use crate::substructure::{LinkFault, Unavailable};
 use crate::wire::WireError;
 use crate::wire::handshake::{RefuseCode, Wider};
+use crate::wire::native::Cause;
 
 /// Why a set-up failed. Nothing was moved.
 #[derive(Debug, Error)]
@@ -42,12 +43,20 @@ pub enum SetupError {
     #[error("{wrong}{hint}", wrong = .0, hint = hint(*.0))]
     Wire(WireError),
     /// The specimen refuses.
-    #[error("refused: {text}{}", advice(*code))]
+    #[error("refused: {}{}", reason(*code, text), advice(*code))]
     Refused {
         /// The reason, for programs.
         code: RefuseCode,
         /// In the specimen's words.
         text: String,
+    },
+    /// The specimen leaves instead of answering.
+    #[error("it said goodbye where {due} was due: {why}")]
+    Left {
+        /// The answer.
+        due: &'static str,
+        /// The reason, and the specimen's words.
+        why: String,
     },
     /// It keeps narrower limits than the test, and did not say so to the Hello.
     #[error(
@@ -70,6 +79,28 @@ pub enum SetupError {
     /// The system has no random numbers.
     #[error("no random numbers: {0}")]
     Random(#[from] std::io::Error),
+}
+
+/// Why a specimen refuses: in its own words, if it has any.
+pub(super) fn reason(code: RefuseCode, text: &str) -> &str {
+    if text.trim().is_empty() {
+        code.why()
+    } else {
+        text
+    }
+}
+
+/// Why a specimen leaves, and its own words.
+pub(super) fn parting(cause: u32, text: &str) -> String {
+    let why = Cause::from_code(cause).map_or_else(
+        |_| format!("for a reason of its own, {cause}"),
+        |cause| cause.why().to_owned(),
+    );
+    if text.trim().is_empty() {
+        why
+    } else {
+        format!("{why}: {text}")
+    }
 }
 
 fn advice(code: RefuseCode) -> &'static str {
@@ -109,7 +140,9 @@ impl SetupError {
             Self::Lost(fault) => *fault,
             Self::Bare | Self::SpeaksTls | Self::ArmedElsewhere => LinkFault::Malformed,
             Self::Wider { .. } => LinkFault::Refused,
-            Self::Connect(_) | Self::Unwanted | Self::Random(_) => LinkFault::Closed,
+            Self::Connect(_) | Self::Left { .. } | Self::Unwanted | Self::Random(_) => {
+                LinkFault::Closed
+            }
             Self::Wire(error) => error.fault(),
             Self::Refused { code, .. } => match code {
                 RefuseCode::Version => LinkFault::Version,

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use super::live::Live;
-use super::refused::SetupError;
+use super::refused::{SetupError, parting};
 use crate::link::announce;
 use crate::link::inbox::Inbox;
 use crate::link::secret::random;
@@ -152,11 +152,13 @@ impl NativeSetup {
             self,
             &welcome,
         );
-        let warnings = self.limits_of_their_own(&welcome);
+        let mut warnings = self.limits_of_their_own(&welcome);
+        warnings.extend(self.alarmed_early(&welcome));
+        let measures = Capabilities::MEASURES_DISP.0 | Capabilities::SIMULATED.0;
         let introduction = Introduction {
             peer: format!(
-                "\"{}\" at {peer} ({}, {})",
-                welcome.name, self.carrier, welcome.software
+                "\"{}\" at {peer} ({}, {}, watchdog {} s)",
+                welcome.name, self.carrier, welcome.software, welcome.watchdog_s
             ),
             stiffness: welcome.stiffness,
             standing: welcome.standing,
@@ -164,6 +166,7 @@ impl NativeSetup {
             force: Vec::new(),
             warnings,
             simulated: welcome.capabilities.has(Capabilities::SIMULATED),
+            repeats_the_command: welcome.capabilities.0 & measures == 0,
         };
         Ok((live, introduction))
     }
@@ -180,6 +183,18 @@ impl NativeSetup {
             ))
         })
         .collect()
+    }
+
+    /// A watchdog that one late command alarms.
+    fn alarmed_early(&self, welcome: &Welcome) -> Option<String> {
+        let period_s = self.rate.1 as f64 / self.rate.0 as f64;
+        (welcome.watchdog_s < 2.0 * period_s).then(|| {
+            format!(
+                "\"{}\": its end holds after {} s without a command, and commands come every {period_s} s: one that is late \
+                 alarms it (`watchdog_s` asks for {} s)",
+                welcome.name, welcome.watchdog_s, self.watchdog_s
+            )
+        })
     }
 
     fn hello(&self) -> Result<Hello, SetupError> {
@@ -244,6 +259,10 @@ pub(super) fn not_welcome(message: Control, expected: &'static str) -> SetupErro
         Control::Refuse(refuse) => SetupError::Refused {
             code: refuse.code,
             text: refuse.text,
+        },
+        Control::Bye(bye) => SetupError::Left {
+            due: expected,
+            why: parting(bye.cause, &bye.text),
         },
         other => SetupError::Wire(WireError::Order {
             expected,

@@ -368,13 +368,13 @@ impl Rig for Far {
         self.link.as_ref().and_then(|link| link.complaint())
     }
 
-    fn end(&mut self, how: Retirement) {
-        if let Some(mut link) = self.link.take() {
-            link.retire(how);
-            if !self.told.is_empty() {
-                self.whereabouts.ends(&self.told);
-            }
+    fn end(&mut self, how: Retirement) -> Option<String> {
+        let mut link = self.link.take()?;
+        link.retire(how);
+        if !self.told.is_empty() {
+            self.whereabouts.ends(&self.told);
         }
+        link.last_words()
     }
 }
 

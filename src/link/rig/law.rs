@@ -182,7 +182,7 @@ impl Rig for Law {
         self.specimen.tangent(stiffness);
     }
 
-    fn end(&mut self, _: Retirement) {
+    fn end(&mut self, _: Retirement) -> Option<String> {
         let is_kept = self.remembers || self.memory.is_some();
         if is_kept && self.driven {
             // However the test ended, it is where it was driven last.
@@ -197,6 +197,7 @@ impl Rig for Law {
             let disp = self.committed.clone();
             *memory.lock().unwrap_or_else(PoisonError::into_inner) = Some(Left { state, disp });
         }
+        None
     }
 }
 

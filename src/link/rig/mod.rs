@@ -242,6 +242,6 @@ pub trait Rig: Send {
         None
     }
 
-    /// Last words of a test.
-    fn end(&mut self, how: Retirement);
+    /// Last words of a test. What the specimen answers to them beyond a plain goodbye, in words.
+    fn end(&mut self, how: Retirement) -> Option<String>;
 }

@@ -48,6 +48,8 @@ pub struct Station {
     away_from: Option<usize>,
     log: Option<Log>,
     begun: bool,
+    /// The specimen has heard the last word of this test.
+    is_dismissed: bool,
     /// Where the specimen stands, until the first command of a controller that did not say where that will be has passed.
     stands: Option<Vec<f64>>,
     /// The same in m for what moves, whoever commands it.
@@ -64,7 +66,8 @@ pub struct Station {
     unsettled: u64,
     /// Answers in a row in which the specimen says that it holds by its own watchdog.
     holding: u64,
-    /// Of a specimen in this process: what its controller's link did to its commands, which have no other.
+    /// Of a specimen in this process: what its controller's link did to its commands, which have no other. Of another: what its
+    /// own has counted when it was dismissed.
     link: LinkStats,
 }
 
@@ -111,6 +114,7 @@ impl Station {
             away_from: None,
             log: None,
             begun: false,
+            is_dismissed: false,
             stands: None,
             leaves: None,
             goes_on_from: None,
@@ -224,7 +228,7 @@ impl Station {
             }
             self.log = Some(log);
         }
-        self.begun = true;
+        (self.begun, self.is_dismissed) = (true, false);
         match self.get_ready(visitor, wanted) {
             Ok(told) => Ok(told),
             Err(over) => {

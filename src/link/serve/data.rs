@@ -172,22 +172,30 @@ impl Session {
                 // A datagram of anybody's.
                 Err(_) => continue,
             };
-            let leaves = match self.greeted.decoder.open(self.inbox.frame(place)) {
+            let parting = match self.greeted.decoder.open(self.inbox.frame(place)) {
                 Ok(received) => {
                     self.heard_at = self.line.now();
                     match received.frame {
-                        Frame::Retire(_) | Frame::Goodbye(_) => true,
-                        Frame::Control(message) => {
-                            matches!(handshake::decode(message), Ok(Control::Bye(_)))
+                        Frame::Retire(notice) | Frame::Goodbye(notice) => {
+                            Some(said_goodbye(notice.cause.code(), ""))
                         }
-                        _ => false,
+                        Frame::Control(message) => match handshake::decode(message) {
+                            Ok(Control::Bye(bye)) => Some(said_goodbye(bye.cause, &bye.text)),
+                            _ => None,
+                        },
+                        _ => None,
                     }
                 }
                 Err(error) if self.inbox.is_stream() => return Err(Over::failed(error)),
-                Err(_) => false,
+                Err(_) => None,
             };
-            if leaves {
-                return Err(said_goodbye());
+            if let Some(over) = parting {
+                // Nothing was completed: it was not armed.
+                let close = match over.close {
+                    Close::Completed => Close::Interrupted,
+                    close => close,
+                };
+                return Err(Over { close, ..over });
             }
         }
     }

@@ -217,11 +217,13 @@ impl Host {
     }
 
     pub(super) const fn capabilities(&self) -> Capabilities {
-        match self.behind {
-            Behind::Law(_) => Capabilities::SIMULATED.and(Capabilities::USES_VEL),
+        // A gateway passes on what its specimen measures, and warns itself of one that may not.
+        let kind = match self.behind {
+            Behind::Law(_) => Capabilities::SIMULATED,
             // It reports its own trips as an interlock.
-            Behind::Far(..) => Capabilities::INTERLOCK.and(Capabilities::USES_VEL),
-        }
+            Behind::Far(..) => Capabilities::INTERLOCK,
+        };
+        Capabilities(kind.0 | Capabilities::MEASURES_DISP.0 | Capabilities::USES_VEL.0)
     }
 
     /// A station with the specimen in its virgin state, or a link that is not connected. `remembers`: a test finds a

@@ -337,5 +337,27 @@ pub enum RefuseCode {
     Malformed,
 }
 
+impl RefuseCode {
+    /// The reason in words, for a refusal that has none of its own.
+    #[must_use]
+    pub const fn why(self) -> &'static str {
+        match self {
+            RefuseCode::Version => "it speaks another version of the protocol",
+            RefuseCode::Axes => "it has other axes",
+            RefuseCode::Units => "its units are others",
+            RefuseCode::Layout => "it computes another hash of the layout",
+            RefuseCode::Rate => "so many commands per second are too many for it, or no rate",
+            RefuseCode::Limits => "a limit of the test is wider than its own",
+            RefuseCode::Watchdog => "it cannot keep the watchdog time",
+            RefuseCode::Sampling => "it cannot sample at that moment",
+            RefuseCode::Busy => "another controller is connected to it",
+            RefuseCode::Key => "the key is missing, needless, or another one",
+            RefuseCode::NotReady => "it is not ready: its interlock is open, or its pumps are off",
+            RefuseCode::Position => "it stands elsewhere than the first command",
+            RefuseCode::Malformed => "the message made no sense to it",
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests;

@@ -6,7 +6,7 @@
 use super::layout::{NO_SEQUENCE, earlier_words};
 use crate::substructure::{Measurement, Retirement, Status};
 use crate::wire::WireError;
-use crate::wire::bytes::{Word, copy_words};
+use crate::wire::bytes::{Word, copy_words, same_length};
 
 /// The kinds of frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -123,6 +123,19 @@ impl Cause {
         self as u32
     }
 
+    /// Why the peer that gives it leaves, in words.
+    #[must_use]
+    pub const fn why(self) -> &'static str {
+        match self {
+            Cause::Orderly => "without a reason",
+            Cause::Tripped => "it tripped",
+            Cause::Operator => "its operator asked for it",
+            Cause::Watchdog => "its watchdog tripped",
+            Cause::Interlock => "its interlock opened",
+            Cause::Shutdown => "its program ends",
+        }
+    }
+
     /// The cause with this code.
     ///
     /// # Errors
@@ -219,6 +232,8 @@ impl CommandFrame<'_> {
     /// # Errors
     /// [`WireError::Count`] if a slice has not one entry per axis.
     pub fn read(&self, disp: &mut [f64], vel: &mut [f64]) -> Result<(), WireError> {
+        // All of it or nothing.
+        same_length("commanded velocity", vel.len(), self.vel.len())?;
         copy_words("commanded displacement", self.disp, disp)?;
         copy_words("commanded velocity", self.vel, vel)
     }

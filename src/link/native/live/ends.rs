@@ -3,7 +3,7 @@
 use super::{Detail, Live};
 use crate::link::native::refused::SetupError;
 use crate::link::native::setup::{ask, explained, not_welcome};
-use crate::substructure::{Coupling, LinkFault, Retirement};
+use crate::substructure::{Coupling, LinkFault, Retirement, Status};
 use crate::time::Nanos;
 use crate::wire::handshake::{self, Arm, Bye, Control};
 use crate::wire::native::{Cause, Frame, Notice};
@@ -84,6 +84,10 @@ impl Live {
                     Control::Arm(_) => Ok(None),
                     other => Err(not_welcome(other, "the arming")),
                 },
+                Frame::Goodbye(notice) => Err(SetupError::Left {
+                    due: "the arming",
+                    why: notice.cause.why().to_owned(),
+                }),
                 _ => Ok(None),
             },
         );
@@ -132,17 +136,25 @@ impl Live {
         } else {
             GOODBYE_NS
         };
-        let until = self.transport.now().plus(patience);
         let notice = Notice {
             sequence: self.issued.unwrap_or_default(),
             cause,
         };
+        let was_open = self.book.has_interlock();
+        let said = self.hear_goodbye(notice, patience);
+        self.last_words = said.words(cause, was_open);
+    }
+
+    /// Asks for the goodbye, and hears what is said until it comes.
+    fn hear_goodbye(&mut self, notice: Notice, patience: u64) -> Parting {
+        let mut said = Parting::default();
+        let until = self.transport.now().plus(patience);
         let mut ask_at = Nanos(0);
         while self.transport.now() < until {
             if self.transport.now() >= ask_at {
                 let written = self.encoder.retire(notice, &mut self.out);
                 if self.send(written).is_err() {
-                    return;
+                    return said;
                 }
                 ask_at = if self.inbox.is_stream() {
                     until
@@ -153,26 +165,70 @@ impl Live {
             match self.transport.recv(self.inbox.space(), until.min(ask_at)) {
                 Ok(Some(count)) => self.inbox.filled(count),
                 Ok(None) => continue,
-                Err(_) => return,
+                Err(_) => return said,
             }
             while let Ok(Some(place)) = self.inbox.next() {
                 match self.decoder.open(self.inbox.frame(place)).map(|r| r.frame) {
-                    Ok(Frame::Goodbye(_)) => {
+                    Ok(Frame::Goodbye(notice)) => {
                         self.acknowledged = Some(true);
-                        return;
+                        said.cause = Some(notice.cause);
+                        return said;
                     }
+                    Ok(Frame::Heartbeat(beat)) => said.status.0 |= beat.status.0,
+                    Ok(Frame::Measurement(measured)) => said.status.0 |= measured.status().0,
                     // Why it tripped, if it did.
                     Ok(Frame::Control(message)) => {
-                        if let Ok(Control::Bye(bye)) = handshake::decode(message)
-                            && !bye.text.is_empty()
-                            && self.detail.is_none()
-                        {
-                            self.detail = Some(Detail::Said(bye.text));
+                        if let Ok(Control::Bye(bye)) = handshake::decode(message) {
+                            if !bye.text.is_empty() && self.detail.is_none() {
+                                self.detail = Some(Detail::Said(bye.text.clone()));
+                            }
+                            said.bye = Some(bye);
                         }
                     }
                     _ => {}
                 }
             }
+        }
+        said
+    }
+
+    /// See [`crate::substructure::Substructure::last_words`].
+    pub(in crate::link::native) fn last_words(&self) -> Option<String> {
+        self.last_words.clone()
+    }
+}
+
+/// What a specimen says once it has been retired.
+#[derive(Debug, Default)]
+struct Parting {
+    cause: Option<Cause>,
+    bye: Option<Bye>,
+    status: Status,
+}
+
+impl Parting {
+    /// What of it is no plain goodbye, in words. `asked`: why it was retired, which it may say after us; `was_open`: it had said
+    /// before that its interlock is open.
+    fn words(self, asked: Cause, was_open: bool) -> Option<String> {
+        let text = self.bye.as_ref().map(|bye| bye.text.trim());
+        let text = text.filter(|text| !text.is_empty());
+        let by_bye = self
+            .bye
+            .as_ref()
+            .and_then(|bye| Cause::from_code(bye.cause).ok());
+        let opened = self
+            .status
+            .has(Status::INTERLOCK)
+            .then_some(Cause::Interlock);
+        let is_news = |cause: &Cause| {
+            let is_known = *cause == asked || (was_open && *cause == Cause::Interlock);
+            *cause != Cause::Orderly && !is_known
+        };
+        let mut causes = [self.cause, by_bye, opened].into_iter().flatten();
+        let why = causes.find(is_news).map(Cause::why);
+        match (why, text) {
+            (Some(why), Some(text)) => Some(format!("{why}: {text}")),
+            (why, text) => why.or(text).map(str::to_owned),
         }
     }
 }

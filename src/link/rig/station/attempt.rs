@@ -282,7 +282,9 @@ mod tests {
         }
         fn revert(&mut self) {}
         fn tangent(&mut self, _: &mut [f64]) {}
-        fn end(&mut self, _: Retirement) {}
+        fn end(&mut self, _: Retirement) -> Option<String> {
+            None
+        }
     }
 
     #[test]

@@ -9,11 +9,35 @@ impl Station {
     pub fn counted(&mut self, commands: u64, missed: u32, corrupt: u64) {
         let text = format!("{commands} commands, {missed} missed, {corrupt} frames corrupt");
         self.note(NoteLevel::Info, "counts", &text);
-        self.link = LinkStats {
-            missed: missed.into(),
-            corrupt,
-            ..LinkStats::default()
-        };
+        if !self.rig.is_remote() {
+            self.link = LinkStats {
+                missed: missed.into(),
+                corrupt,
+                ..LinkStats::default()
+            };
+        }
+    }
+
+    /// The specimen hears the last word of this test, once, before the books are closed: what it answers beyond a plain goodbye is
+    /// for its controller, too.
+    pub fn dismiss(&mut self, close: Close) -> Option<String> {
+        if std::mem::replace(&mut self.is_dismissed, true) {
+            return None;
+        }
+        if self.rig.is_remote() {
+            self.link = self.rig.stats();
+        }
+        let said = self.rig.end(match close {
+            Close::Completed => Retirement::Orderly,
+            Close::Interrupted => Retirement::Operator,
+            Close::Stopped | Close::Failed => Retirement::Tripped,
+        })?;
+        let text = format!("the specimen said when the test was over: {said}");
+        match &mut self.log {
+            Some(log) => log.warn("last_words", &text),
+            None => tracing::warn!("{text}"),
+        }
+        Some(said)
     }
 
     /// The controller's test is over: last words to the specimen, and the log is closed. Nothing if there is no test.
@@ -39,18 +63,9 @@ impl Station {
             Some((close, _)) => (close, text.to_owned()),
             None => (close, text.to_owned()),
         };
-        let stats = if self.rig.is_remote() {
-            self.rig.stats()
-        } else {
-            self.link
-        };
-        self.rig.end(match close {
-            Close::Completed => Retirement::Orderly,
-            Close::Interrupted => Retirement::Operator,
-            Close::Stopped | Close::Failed => Retirement::Tripped,
-        });
+        self.dismiss(close);
         if let Some(log) = self.log.take() {
-            log.close(close, &text, &stats, self.commits);
+            log.close(close, &text, &self.link, self.commits);
         }
     }
 }

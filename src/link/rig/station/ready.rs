@@ -29,6 +29,10 @@ impl Station {
         for warning in self.doubts(&introduction)? {
             self.note(NoteLevel::Warning, "warning", &warning);
         }
+        if introduction.repeats_the_command {
+            let text = "its end does not say that it measures displacement: what is passed on as measured may be the command";
+            self.note(NoteLevel::Warning, "warning", text);
+        }
         // What is measured is never quite what was commanded: the first command is judged as a step from there.
         if !introduction.measured
             && let Some(text) = elsewhere(&introduction.standing, &visitor.start)

@@ -27,28 +27,72 @@ impl From<Over> for Wrong {
     }
 }
 
+/// How a test ends whose controller ends it so; none is a cause that nobody knows.
+const fn close_of(cause: Option<Cause>) -> Close {
+    match cause {
+        Some(Cause::Orderly) => Close::Completed,
+        Some(Cause::Operator | Cause::Shutdown) => Close::Interrupted,
+        Some(Cause::Tripped | Cause::Watchdog | Cause::Interlock) | None => Close::Stopped,
+    }
+}
+
+/// The controller leaves, and says so: the code of its cause, and its words, which may be none.
+pub(in crate::link::serve) fn said_goodbye(cause: u32, text: &str) -> Over {
+    let cause = Cause::from_code(cause).ok();
+    let why = match cause {
+        Some(Cause::Orderly) => " in an orderly way",
+        Some(cause) => &format!(": {}", cause.why()),
+        None => ": for a reason of its own",
+    };
+    let between = if text.trim().is_empty() { "" } else { ": " };
+    Over {
+        close: close_of(cause),
+        text: format!("the controller said goodbye{why}{between}{}", text.trim()),
+    }
+}
+
 impl Stand {
     pub(super) fn retired(&mut self, notice: Notice) -> Over {
-        let (close, how) = match notice.cause {
-            Cause::Orderly => (Close::Completed, "in an orderly way"),
-            Cause::Operator => (Close::Interrupted, "by the operator"),
-            _ => (Close::Stopped, "because the test tripped"),
+        let how = match notice.cause {
+            Cause::Orderly => "in an orderly way",
+            Cause::Operator => "by the operator",
+            Cause::Tripped => "because the test tripped",
+            Cause::Watchdog => "because its watchdog tripped",
+            Cause::Interlock => "because its interlock opened",
+            Cause::Shutdown => "because its program ends",
         };
-        let is_orderly = matches!(close, Close::Completed | Close::Interrupted);
-        if is_orderly && self.sequence.is_some() {
-            self.station.commit();
-        }
+        let close = close_of(Some(notice.cause));
+        self.commits_what_ends(close);
         match self.station.tripped() {
             Some(trip) => {
                 // Why it tripped, in words, for whoever reads the controller's summary.
                 self.say(Cause::Tripped, &self.station.whole(trip));
                 self.say_goodbye(Cause::Tripped);
             }
-            None => self.say_goodbye(Cause::Orderly),
+            None => {
+                if let Some(said) = self.station.dismiss(close) {
+                    self.say(Cause::Orderly, &said);
+                }
+                self.say_goodbye(Cause::Orderly);
+            }
         }
         Over {
             close,
             text: format!("retired {how}"),
+        }
+    }
+
+    /// The controller leaves without a retire.
+    pub(super) fn left(&mut self, cause: u32, text: &str) -> Over {
+        let over = said_goodbye(cause, text);
+        self.commits_what_ends(over.close);
+        over
+    }
+
+    fn commits_what_ends(&mut self, close: Close) {
+        let is_orderly = matches!(close, Close::Completed | Close::Interrupted);
+        if is_orderly && self.sequence.is_some() {
+            self.station.commit();
         }
     }
 
@@ -88,6 +132,7 @@ impl Stand {
                 (self.time, self.dt) = (0.0, 0.0);
                 self.armed = arm;
             }
+            Control::Bye(bye) => return Err(Wrong::End(self.left(bye.cause, &bye.text))),
             other => {
                 return Err(Wrong::End(Over::failed(format_args!(
                     "the controller sent {}",

@@ -11,6 +11,7 @@ mod watch;
 
 use commands::Moves;
 use ends::Wrong;
+pub(super) use ends::said_goodbye;
 use std::net::SocketAddr;
 use std::sync::atomic::Ordering;
 
@@ -259,9 +260,8 @@ impl Stand {
             Frame::Command(command) => {
                 let newest = self.pending.map(|(pending, ..)| pending).or(self.sequence);
                 let first = self.armed.first_sequence;
-                let (disp, vel) = (&mut self.new_disp, &mut self.new_vel);
-                let moves = Self::read(&command, first, newest, disp, vel)?;
                 let (sequence, time, dt) = (command.sequence(), command.time(), command.dt());
+                // Before anything is read: a command that is pending goes where these vectors say.
                 if !(0.0..=self.longest(sequence)).contains(&dt) {
                     let (field, index) = ("command dt", 0);
                     let found = dt;
@@ -271,7 +271,8 @@ impl Stand {
                         found,
                     }));
                 }
-                match moves {
+                let (disp, vel) = (&mut self.new_disp, &mut self.new_vel);
+                match Self::read(&command, first, newest, disp, vel)? {
                     Moves::Overtaken => {}
                     // Its answer is on its way.
                     Moves::Again if self.pending.is_some() => {}
@@ -295,8 +296,8 @@ impl Stand {
             }
             Frame::Heartbeat(_) | Frame::Measurement(_) => {}
             Frame::Retire(notice) => return Err(Wrong::End(self.retired(notice))),
-            Frame::Goodbye(_) => {
-                return Err(Wrong::End(said_goodbye()));
+            Frame::Goodbye(notice) => {
+                return Err(Wrong::End(self.left(notice.cause.code(), "")));
             }
             Frame::Control(message) => {
                 let message = message.to_vec();
@@ -317,11 +318,6 @@ impl Stand {
 pub(super) fn gone_silent(peer: SocketAddr, silent_ns: u64) -> Over {
     let seconds = silent_ns / 1_000_000_000;
     Over::failed(format_args!("{peer} has been silent for {seconds} s"))
-}
-
-/// The controller leaves, and says so, without a word on the specimen.
-pub(super) fn said_goodbye() -> Over {
-    Over::failed("the controller said goodbye")
 }
 
 /// Why nothing more comes from the controller.

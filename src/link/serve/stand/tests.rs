@@ -55,9 +55,14 @@ impl Controller {
 
     /// The same of what this host offers.
     fn of(host: Host, axis: Axis) -> Self {
+        Self::over(host, axis, true)
+    }
+
+    /// The same over a stream or datagrams.
+    fn over(host: Host, axis: Axis, stream: bool) -> Self {
         let (clock, tap) = (SimClock::new(), Tap::default());
         let mut one = Self {
-            end: Simulated::new(host, clock.clone(), 0, true).tapped(Arc::clone(&tap)),
+            end: Simulated::new(host, clock.clone(), 0, stream).tapped(Arc::clone(&tap)),
             clock,
             encoder: Encoder::greeting(Side::Controller),
             decoder: Decoder::greeting(Side::Specimen),
@@ -227,6 +232,7 @@ struct Beyond {
     told: Arc<Mutex<Vec<Told>>>,
     disp: f64,
     sequence: u64,
+    last_words: Option<&'static str>,
 }
 
 impl Substructure for Beyond {
@@ -263,25 +269,30 @@ impl Substructure for Beyond {
         Ok(())
     }
     fn retire(&mut self, _: Retirement) {}
+    fn last_words(&self) -> Option<String> {
+        self.last_words.map(str::to_owned)
+    }
 }
 
-#[test]
-fn a_hold_that_comes_with_the_command_before_it_is_passed_on_after_that_command() {
+/// A gateway to what is beyond, whose last words these are, and what that is told.
+fn gateway(last_words: Option<&'static str>) -> (Host, Arc<Mutex<Vec<Told>>>) {
     let told = Arc::<Mutex<Vec<Told>>>::default();
     let heard = Arc::clone(&told);
     let build: FarBuild = Arc::new(move |_| {
         Ok(Box::new(Beyond {
             told: Arc::clone(&heard),
+            last_words,
             ..Beyond::default()
         }))
     });
-    let host = Host::gateway(
-        "far".into(),
-        vec![axis()],
-        vec![8000.0],
-        build,
-        1_000_000_000,
-    );
+    let stiffness = vec![8000.0];
+    let host = Host::gateway("far".into(), vec![axis()], stiffness, build, 1_000_000_000);
+    (host, told)
+}
+
+#[test]
+fn a_hold_that_comes_with_the_command_before_it_is_passed_on_after_that_command() {
+    let (host, told) = gateway(None);
     let mut controller = Controller::of(host, axis());
     let hold = |controller: &mut Controller, sequence: u64| {
         let cause = Cause::Operator;
@@ -312,4 +323,114 @@ fn a_hold_that_comes_with_the_command_before_it_is_passed_on_after_that_command(
     let all = told.lock().unwrap().clone();
     let newest = Told::Command(first(&all) + 2);
     assert_eq!(all[2..], [newest]);
+}
+
+#[test]
+fn a_command_that_is_refused_does_not_change_where_the_pending_one_goes() {
+    for dt in [-0.02, 1000.0, f64::MAX] {
+        let (host, _) = gateway(None);
+        let mut controller = Controller::over(host, axis(), false);
+        assert_eq!(controller.command(0, 0.0, 0.0), FINE);
+        // Both are there when the gateway looks: the first is pending when the second is judged.
+        controller.tell(1, 0.001, 0.001);
+        controller.tell(2, 0.009, dt);
+        // Nor do these.
+        controller.tell(1, 0.008, 0.001);
+        controller.tell(0, 0.007, 0.001);
+        let frame = controller.hear().unwrap().unwrap();
+        let mut into = Measurement::zeros(1);
+        match controller.decoder.open(&frame).unwrap().frame {
+            Frame::Measurement(measurement) => measurement.read(&mut into).unwrap(),
+            other => panic!("{other:?}"),
+        }
+        assert_eq!((into.sequence, into.disp[0]), (1, 0.001), "{dt}");
+    }
+}
+
+impl Controller {
+    /// The next frames, in words.
+    fn says(&mut self) -> Vec<String> {
+        let mut said = Vec::new();
+        while let Ok(Some(frame)) = self.hear() {
+            said.push(match self.decoder.open(&frame).unwrap().frame {
+                Frame::Control(message) => match handshake::decode(message).unwrap() {
+                    Control::Bye(bye) => format!("bye {}: {}", bye.cause, bye.text),
+                    other => other.name().to_owned(),
+                },
+                Frame::Goodbye(notice) => format!("goodbye {:?}", notice.cause),
+                other => format!("{other:?}"),
+            });
+        }
+        said
+    }
+
+    /// How the far end tells of the end.
+    fn ended(&self) -> String {
+        let tap = self.tap.lock().unwrap();
+        let ended = tap.iter().rev().find_map(|tapped| match tapped {
+            Tapped::Heard {
+                what: Heard::Ended { text, .. },
+                ..
+            } => Some(text.clone()),
+            _ => None,
+        });
+        ended.unwrap_or_default()
+    }
+}
+
+#[test]
+fn what_is_beyond_a_gateway_has_its_last_words_passed_on() {
+    for (last_words, told) in [
+        (None, vec!["goodbye Orderly"]),
+        (
+            Some("it tripped: pump lost pressure"),
+            vec!["bye 0: it tripped: pump lost pressure", "goodbye Orderly"],
+        ),
+    ] {
+        let (host, _) = gateway(last_words);
+        let mut controller = Controller::of(host, axis());
+        assert_eq!(controller.command(0, 0.0, 0.0), FINE);
+        let cause = Cause::Orderly;
+        let notice = Notice { sequence: 0, cause };
+        let length = controller.encoder.retire(notice, &mut controller.out);
+        controller.send(length.unwrap());
+        assert_eq!(controller.says(), told);
+    }
+}
+
+#[test]
+fn a_controller_that_leaves_without_a_retire_is_told_of_in_its_own_words() {
+    let leave = |with: &dyn Fn(&mut Controller) -> usize| {
+        let mut controller = Controller::armed("");
+        assert_eq!(controller.command(0, 0.0, 0.001), FINE);
+        let length = with(&mut controller);
+        controller.send(length);
+        assert!(controller.says().is_empty(), "without an answer");
+        controller.ended()
+    };
+    for (cause, told) in [
+        (Cause::Orderly, " in an orderly way"),
+        (Cause::Operator, ": its operator asked for it"),
+        (Cause::Shutdown, ": its program ends"),
+        (Cause::Tripped, ": it tripped"),
+    ] {
+        let goodbye = leave(&|controller| {
+            let notice = Notice { sequence: 0, cause };
+            let Controller { encoder, out, .. } = controller;
+            encoder.goodbye(notice, out).unwrap()
+        });
+        assert_eq!(goodbye, format!("the controller said goodbye{told}"));
+        let bye = leave(&|controller| {
+            let message = handshake::encode(&Control::Bye(handshake::Bye {
+                cause: cause.code(),
+                text: "lunch".to_owned(),
+            }));
+            let Controller { encoder, out, .. } = controller;
+            encoder.control(&message.unwrap(), out).unwrap()
+        });
+        assert_eq!(bye, format!("the controller said goodbye{told}: lunch"));
+        let close = super::said_goodbye(cause.code(), "").close;
+        let is_failed = close == crate::link::rig::Close::Failed;
+        assert!(!is_failed, "{close:?}");
+    }
 }

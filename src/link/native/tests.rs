@@ -1,0 +1,346 @@
+//! What a specimen's end says in place of an answer, and after the last words, over a wire that a test has in its hands.
+
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use super::*;
+use crate::link::SocketOptions;
+use crate::substructure::Status;
+use crate::wire::Side;
+use crate::wire::handshake::{
+    self, Bye, Capabilities, Control, Hello, Refuse, RefuseCode, Sampling, Unit, Versions, Welcome,
+};
+use crate::wire::native::{Cause, Decoder, Encoder, Frame, Heartbeat, LARGEST_FRAME, Notice};
+
+const SESSION: u64 = 7;
+const TEXT: &str = "pump lost pressure";
+
+/// What the specimen's end does at a point of the session.
+#[derive(Debug, Clone)]
+enum Word {
+    /// What belongs there.
+    Fits,
+    Says(Box<Control>),
+    Goodbye(Cause),
+    /// A heartbeat with this status, and then a goodbye.
+    Beats(Status, Cause),
+    Byes(Bye, Cause),
+}
+
+/// What a test makes of the usual welcome.
+type Change = fn(&mut Welcome);
+
+/// A specimen's end that is there, on a clock that goes on by each wait.
+struct Scripted {
+    words: [Word; 3],
+    welcome: Change,
+    encoder: Encoder,
+    decoder: Decoder,
+    waiting: VecDeque<Vec<u8>>,
+    now: Nanos,
+    heard: Arc<Mutex<Vec<&'static str>>>,
+}
+
+impl Scripted {
+    fn frame(&mut self, write: impl FnOnce(&mut Encoder, &mut [u8]) -> usize) {
+        let mut out = vec![0; LARGEST_FRAME];
+        let length = write(&mut self.encoder, &mut out);
+        self.waiting.push_back(out[..length].to_vec());
+    }
+
+    fn control(&mut self, control: &Control) {
+        let message = handshake::encode(control).unwrap();
+        self.frame(|encoder, out| encoder.control(&message, out).unwrap());
+    }
+
+    fn goodbye(&mut self, cause: Cause) {
+        let notice = Notice { sequence: 0, cause };
+        self.frame(|encoder, out| encoder.goodbye(notice, out).unwrap());
+    }
+
+    fn say(&mut self, word: Word, fits: impl FnOnce(&mut Self)) {
+        match word {
+            Word::Fits => fits(self),
+            Word::Says(control) => self.control(&control),
+            Word::Goodbye(cause) => self.goodbye(cause),
+            Word::Beats(status, cause) => {
+                let beat = Heartbeat {
+                    sequence: 0,
+                    time: 0.0,
+                    status,
+                };
+                self.frame(|encoder, out| encoder.heartbeat(beat, out).unwrap());
+                self.goodbye(cause);
+            }
+            Word::Byes(bye, cause) => {
+                self.control(&Control::Bye(bye));
+                self.goodbye(cause);
+            }
+        }
+    }
+
+    fn hears(&mut self, control: Control) {
+        let [hello, arm, _] = self.words.clone();
+        self.heard.lock().unwrap().push(control.name());
+        match control {
+            Control::Hello(heard) => {
+                let mut welcome = welcome(&heard);
+                (self.welcome)(&mut welcome);
+                self.say(hello, |one| one.control(&Control::Welcome(welcome)));
+                self.encoder = Encoder::new(Side::Specimen, 1, SESSION, None).unwrap();
+                self.decoder = Decoder::new(Side::Controller, 1, SESSION, None).unwrap();
+            }
+            heard @ Control::Arm(_) => self.say(arm, |one| one.control(&heard)),
+            _ => {}
+        }
+    }
+}
+
+impl Transport for Scripted {
+    fn send(&mut self, frame: &[u8]) -> Result<(), LinkFault> {
+        let control = match self.decoder.open(frame).unwrap().frame {
+            Frame::Control(message) => Some(handshake::decode(message).unwrap()),
+            Frame::Retire(_) => None,
+            other => panic!("{other:?}"),
+        };
+        match control {
+            Some(control) => self.hears(control),
+            None => {
+                let last = self.words[2].clone();
+                self.say(last, |one| one.goodbye(Cause::Orderly));
+            }
+        }
+        Ok(())
+    }
+
+    fn recv(&mut self, buffer: &mut [u8], deadline: Nanos) -> Result<Option<usize>, LinkFault> {
+        let Some(frame) = self.waiting.pop_front() else {
+            self.now = self.now.max(deadline);
+            return Ok(None);
+        };
+        buffer[..frame.len()].copy_from_slice(&frame);
+        Ok(Some(frame.len()))
+    }
+
+    fn now(&self) -> Nanos {
+        self.now
+    }
+
+    fn is_simulated(&self) -> bool {
+        true
+    }
+}
+
+fn welcome(hello: &Hello) -> Welcome {
+    Welcome {
+        proof: [0; 32],
+        nonce: [9; 32],
+        layout: hello.layout,
+        session: SESSION,
+        version: 1,
+        keyed: false,
+        capabilities: Capabilities::MEASURES_DISP,
+        watchdog_s: hello.watchdog_s,
+        sampling: hello.sampling,
+        stiffness: Vec::new(),
+        standing: vec![0.0],
+        software: "a test".into(),
+        name: "rig".into(),
+        axes: hello.axes.clone(),
+    }
+}
+
+/// A link to an end that says these words in place of welcome, arming and goodbye, and what it has heard.
+fn link(
+    carrier: Carrier,
+    words: [Word; 3],
+    change: Change,
+) -> (NativeLink, Arc<Mutex<Vec<&'static str>>>) {
+    let heard = Arc::<Mutex<Vec<&'static str>>>::default();
+    let wire = Scripted {
+        words,
+        welcome: change,
+        encoder: Encoder::greeting(Side::Specimen),
+        decoder: Decoder::greeting(Side::Controller),
+        waiting: VecDeque::new(),
+        now: Nanos(0),
+        heard: Arc::clone(&heard),
+    };
+    let setup = NativeSetup {
+        address: "rig".into(),
+        carrier,
+        key: None,
+        test: "test".into(),
+        axes: vec![unlimited_axis("axis 1".into(), Unit::Metre, Unit::Newton)],
+        rate: (100, 1),
+        watchdog_s: 0.5,
+        sampling: Sampling::Reply,
+        coupling: Coupling::Lockstep,
+        connect_limit: Duration::from_secs(5),
+        reply_timeout: Duration::from_secs(1),
+        options: SocketOptions::default(),
+    };
+    (NativeLink::over(setup, Box::new(wire)), heard)
+}
+
+fn bye(cause: Cause, text: &str) -> Bye {
+    Bye {
+        cause: cause.code(),
+        text: text.into(),
+    }
+}
+
+const CARRIERS: [Carrier; 2] = [Carrier::Tcp, Carrier::Udp];
+
+#[test]
+fn a_goodbye_in_place_of_a_welcome_is_told_with_its_words_and_at_once() {
+    for carrier in CARRIERS {
+        let word = Word::Says(Box::new(Control::Bye(bye(Cause::Tripped, TEXT))));
+        let (mut link, heard) = link(carrier, [word, Word::Fits, Word::Fits], |_| {});
+        let text = link.connect().unwrap_err().text;
+        assert_eq!(
+            text,
+            "rig: it said goodbye where a welcome was due: it tripped: pump lost pressure"
+        );
+        assert_eq!(*heard.lock().unwrap(), ["hello"], "final");
+    }
+}
+
+#[test]
+fn what_is_said_in_place_of_the_arming_is_told_and_at_once() {
+    let refuse = |code, text: &str| {
+        Word::Says(Box::new(Control::Refuse(Refuse {
+            code,
+            versions: Versions::OURS,
+            text: text.into(),
+        })))
+    };
+    let cases = [
+        (
+            Word::Says(Box::new(Control::Bye(bye(Cause::Tripped, TEXT)))),
+            "it said goodbye where the arming was due: it tripped: pump lost pressure",
+        ),
+        (
+            Word::Says(Box::new(Control::Bye(bye(Cause::Shutdown, "")))),
+            "it said goodbye where the arming was due: its program ends",
+        ),
+        (
+            Word::Goodbye(Cause::Interlock),
+            "it said goodbye where the arming was due: its interlock opened",
+        ),
+        (
+            refuse(RefuseCode::NotReady, TEXT),
+            "refused: pump lost pressure",
+        ),
+        (
+            refuse(RefuseCode::NotReady, ""),
+            "refused: it is not ready: its interlock is open, or its pumps are off",
+        ),
+    ];
+    for carrier in CARRIERS {
+        for (word, told) in &cases {
+            let words = [Word::Fits, word.clone(), Word::Fits];
+            let (mut link, heard) = link(carrier, words, |_| {});
+            link.connect().unwrap();
+            link.arm(0, &[0.0], &mut || true).unwrap_err();
+            assert_eq!(link.complaint().as_deref(), Some(*told));
+            assert_eq!(*heard.lock().unwrap(), ["hello", "arm"], "final");
+            link.retire(Retirement::Tripped);
+            assert_eq!(link.has_acknowledged(), None);
+        }
+    }
+}
+
+#[test]
+fn what_a_specimen_says_to_its_last_words_is_kept() {
+    let beats = |status, cause| Word::Beats(status, cause);
+    let orderly = Retirement::Orderly;
+    let cases = [
+        (orderly, Word::Fits, None),
+        (Retirement::Operator, Word::Goodbye(Cause::Operator), None),
+        (Retirement::Tripped, Word::Goodbye(Cause::Tripped), None),
+        (orderly, Word::Goodbye(Cause::Tripped), Some("it tripped")),
+        (
+            orderly,
+            Word::Goodbye(Cause::Interlock),
+            Some("its interlock opened"),
+        ),
+        (
+            orderly,
+            Word::Byes(bye(Cause::Tripped, TEXT), Cause::Tripped),
+            Some("it tripped: pump lost pressure"),
+        ),
+        (
+            orderly,
+            Word::Byes(bye(Cause::Orderly, TEXT), Cause::Orderly),
+            Some(TEXT),
+        ),
+        (
+            orderly,
+            beats(Status::INTERLOCK, Cause::Orderly),
+            Some("its interlock opened"),
+        ),
+        (orderly, beats(Status::HOLDING, Cause::Orderly), None),
+    ];
+    for carrier in CARRIERS {
+        for (how, word, told) in &cases {
+            let words = [Word::Fits, Word::Fits, word.clone()];
+            let (mut link, _) = link(carrier, words, |_| {});
+            link.connect().unwrap();
+            assert!(link.arm(0, &[0.0], &mut || true).unwrap());
+            link.retire(*how);
+            assert_eq!(link.has_acknowledged(), Some(true));
+            assert_eq!(link.last_words().as_deref(), *told, "{word:?}");
+        }
+    }
+}
+
+#[test]
+fn a_watchdog_that_one_late_command_alarms_is_warned_of_and_its_time_is_told() {
+    // Commands come every 0.01 s.
+    let changes: [(Change, &str, bool); 3] = [
+        (|_| {}, "watchdog 0.5 s", false),
+        (
+            |welcome| welcome.watchdog_s = 0.02,
+            "watchdog 0.02 s",
+            false,
+        ),
+        (
+            |welcome| welcome.watchdog_s = 0.001,
+            "watchdog 0.001 s",
+            true,
+        ),
+    ];
+    for (change, told, warned) in changes {
+        let words = [Word::Fits, Word::Fits, Word::Fits];
+        let (mut link, _) = link(Carrier::Tcp, words, change);
+        let introduction = link.connect().unwrap();
+        assert!(introduction.peer.contains(told), "{}", introduction.peer);
+        let early = introduction.warnings.iter().any(|text| {
+            text.contains("its end holds after 0.001 s without a command")
+                && text.contains("`watchdog_s` asks for 0.5 s")
+        });
+        assert_eq!(early, warned, "{:?}", introduction.warnings);
+    }
+}
+
+#[test]
+fn a_specimen_that_does_not_say_that_it_measures_displacement_is_known() {
+    let changes: [(Change, bool); 3] = [
+        (|_| {}, false),
+        (
+            |welcome| welcome.capabilities = Capabilities::SIMULATED,
+            false,
+        ),
+        (
+            |welcome| welcome.capabilities = Capabilities::INTERLOCK,
+            true,
+        ),
+    ];
+    for (change, repeats) in changes {
+        let words = [Word::Fits, Word::Fits, Word::Fits];
+        let (mut link, _) = link(Carrier::Tcp, words, change);
+        assert_eq!(link.connect().unwrap().repeats_the_command, repeats);
+    }
+}
