@@ -9,13 +9,25 @@ use crate::record::EventKind;
 use crate::substructure::{Freshness, Status};
 
 impl Engine {
-    /// A warning is told, a trip ends the test, and all that trip are told. Real-time: yes.
+    /// The specimen itself says that the test ends: what its answer is beyond is told beside that, and is asked for where the test
+    /// is to go on. Real-time: yes.
+    #[cold]
+    pub(super) fn tell_beside(&mut self, index: usize, tick: &Tick) {
+        let Some(port) = self.ports.get_mut(index) else {
+            return;
+        };
+        let found = port.judge();
+        // That it ends the test, too, changes nothing: what the specimen says comes first.
+        let _ = self.act_on(index, &found, tick);
+    }
+
+    /// Warnings are told, a trip ends the test, and all that trip are told. Real-time: yes.
     #[cold]
     pub(super) fn act_on(&mut self, index: usize, found: &Found, tick: &Tick) -> Result<(), Stop> {
         for hit in found.warning.iter().chain(&found.trip) {
             self.report_hit(index, hit, tick);
         }
-        while let Some(hit) = self.ports.get_mut(index).and_then(Port::next_trip) {
+        while let Some(hit) = self.ports.get_mut(index).and_then(Port::next_untold) {
             self.report_hit(index, &hit, tick);
         }
         let Some(hit) = found.trip else {
