@@ -261,11 +261,18 @@ impl Engine {
         self.timing
             .round_trip(index, stamps.decoded.since(asked_at));
         let status = port.raw().status;
-        if status.has(Status::INTERLOCK) {
-            return Err(Stop::Interlock { port: index });
-        }
-        if status.has(Status::SATURATED) {
-            return Err(Stop::Saturated { port: index });
+        let says_stop = if status.has(Status::INTERLOCK) {
+            Some(Stop::Interlock { port: index })
+        } else if status.has(Status::SATURATED) {
+            Some(Stop::Saturated { port: index })
+        } else {
+            None
+        };
+        if let Some(stop) = says_stop {
+            if freshness == Freshness::Fresh {
+                self.tell_beside(index, tick);
+            }
+            return Err(stop);
         }
         if status.has(Status::HOLDING) || port.partner.holding > 0 {
             self.judge_holding(index, status, freshness, tick)?;
@@ -287,23 +294,37 @@ impl Engine {
         Ok(())
     }
 
-    /// Judges the commands that stand ready. Only after it may they leave. Real-time: yes.
+    /// Judges the commands that stand ready, all of them: what trips beside the first that does is told, too. Only after it may
+    /// they leave. Real-time: yes.
     pub(super) fn clear_commands(&mut self) -> Result<(), Stop> {
+        let mut result = Ok(());
         for index in 0..self.ports.len() {
-            let Some(port) = self.ports.get_mut(index) else {
-                break;
-            };
-            if self.riding && port.is_per_step() && !port.wants_to_be_told() {
-                continue;
+            if let Err(stop) = self.clear_command(index) {
+                if result.is_ok() {
+                    result = Err(stop);
+                } else {
+                    self.stops_too(&stop);
+                }
             }
-            let found = port.clear();
-            if let Some(fault) = port.geometry_fault() {
-                return Err(Stop::Geometry { port: index, fault });
-            }
-            if found.is_something() {
-                let tick = self.tick_of_report();
-                self.act_on(index, &found, &tick)?;
-            }
+        }
+        result
+    }
+
+    #[inline]
+    fn clear_command(&mut self, index: usize) -> Result<(), Stop> {
+        let Some(port) = self.ports.get_mut(index) else {
+            return Ok(());
+        };
+        if self.riding && port.is_per_step() && !port.wants_to_be_told() {
+            return Ok(());
+        }
+        let found = port.clear();
+        if let Some(fault) = port.geometry_fault() {
+            return Err(Stop::Geometry { port: index, fault });
+        }
+        if found.is_something() {
+            let tick = self.tick_of_report();
+            self.act_on(index, &found, &tick)?;
         }
         Ok(())
     }
