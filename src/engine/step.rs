@@ -294,41 +294,6 @@ impl Engine {
         Ok(())
     }
 
-    /// Judges the commands that stand ready, all of them: what trips beside the first that does is told, too. Only after it may
-    /// they leave. Real-time: yes.
-    pub(super) fn clear_commands(&mut self) -> Result<(), Stop> {
-        let mut result = Ok(());
-        for index in 0..self.ports.len() {
-            if let Err(stop) = self.clear_command(index) {
-                if result.is_ok() {
-                    result = Err(stop);
-                } else {
-                    self.stops_too(&stop);
-                }
-            }
-        }
-        result
-    }
-
-    #[inline]
-    fn clear_command(&mut self, index: usize) -> Result<(), Stop> {
-        let Some(port) = self.ports.get_mut(index) else {
-            return Ok(());
-        };
-        if self.riding && port.is_per_step() && !port.wants_to_be_told() {
-            return Ok(());
-        }
-        let found = port.clear();
-        if let Some(fault) = port.geometry_fault() {
-            return Err(Stop::Geometry { port: index, fault });
-        }
-        if found.is_something() {
-            let tick = self.tick_of_report();
-            self.act_on(index, &found, &tick)?;
-        }
-        Ok(())
-    }
-
     /// Equilibrium at this step, x and v of the next, and the commands that follow from them.
     /// An offline method that finds no equilibrium ends the test after the row of this step.
     #[inline]
