@@ -21,7 +21,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("motion", &["metrics"]),
     ("spectral", &[]),
     ("integrate", &["linalg", "model"]),
-    ("benchmark", &["compensation", "transfer"]),
+    ("benchmark", &["compensation", "metrics", "transfer"]),
     ("identify", &["motion"]),
     ("compensation", &[]),
     (

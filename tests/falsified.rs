@@ -413,7 +413,10 @@ fn the_benchmark_has_its_published_critical_delay_in_every_row() {
     let [margin, lag, stiffness] =
         ["margin_1_1", "lag_1_1", "stiffness_1_1"].map(|name| run.column(name));
     let mut seen = 0;
-    for ((margin, lag), stiffness) in margin.iter().zip(&lag).zip(&stiffness).skip(4096) {
+    // Of motions within ten times its declared noise nothing is said.
+    let first = lag.iter().position(|lag| !lag.is_nan()).unwrap();
+    assert!(first < 4 * 4096, "{first}");
+    for ((margin, lag), stiffness) in margin.iter().zip(&lag).zip(&stiffness).skip(first) {
         // The fit sees k − m ω², which is a hundredth less, through the published noise. 14.64 ms, and 1/τ is nearly in proportion.
         assert!((stiffness / 1.19e6 - 1.0).abs() < 0.04, "{stiffness}");
         let critical = (margin + lag) * stiffness / 1.19e6;

@@ -49,6 +49,12 @@ fn trip(folder: &Path) -> serde_json::Value {
 
 /// Runs a test through a gateway with `limits`, one of which trips; the name of that limit, and what the specimen was told.
 fn tripped(limits: &str) -> (String, Vec<f64>) {
+    let (name, told, _) = tripped_and_noted(limits);
+    (name, told)
+}
+
+/// The same, and what the log notes of limits besides.
+fn tripped_and_noted(limits: &str) -> (String, Vec<f64>, Vec<String>) {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let told = Arc::default();
@@ -84,7 +90,24 @@ fn tripped(limits: &str) -> (String, Vec<f64>) {
     let told = told.lock().unwrap().clone();
     let size = |key: &str| trip[key].as_f64().unwrap().abs();
     assert!(size("value") > size("bound"), "{trip}");
-    (name, told)
+    let events = Run::open(&kept).unwrap().events().unwrap().events;
+    let notes = events.iter().filter(|event| event["event"] == "limit");
+    let notes = notes.map(|note| note["text"].as_str().unwrap().to_owned());
+    (name, told, notes.collect())
+}
+
+#[test]
+fn all_that_is_beyond_a_level_in_one_answer_is_noted() {
+    let both = "{ warn = [-500, 500], trip = [-1500, 1500] }";
+    let limits = format!("measured_force_n = {both}\nsensor_force_n = {both}");
+    let (name, _, notes) = tripped_and_noted(&limits);
+    assert_eq!(name, "sensor_force_n");
+    let noted = |end: &str| notes.iter().filter(|note| note.ends_with(end)).count();
+    let warned = noted("(sensor_force_n): a warning");
+    assert!(warned > 0, "{notes:?}");
+    assert_eq!(noted("(measured_force_n): a warning"), warned, "{notes:?}");
+    assert_eq!(noted("(measured_force_n): it trips, too"), 1, "{notes:?}");
+    assert_eq!(notes.len(), 2 * warned + 1, "{notes:?}");
 }
 
 #[test]

@@ -10,8 +10,10 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use common::engine::run_on;
 use gusset::config;
+use gusset::control::limits::{AxisLimits, Bound};
 use gusset::engine::{Ending, Stop, TestQuantity};
 use gusset::record::EventKind;
+use gusset::substructure::Status;
 use gusset::time::{Clock, Nanos, SimClock};
 use gusset::wire::handshake::Limits;
 use link_common::{
@@ -550,4 +552,148 @@ fn what_an_actuator_still_does_behind_its_last_command_does_not_end_the_way_out(
         let found = gusset::session::replay(&folder.path().join("run")).unwrap();
         assert!(found.is_exact(), "{found:?}");
     }
+}
+
+/// Quantity and specimen of every limit of a specimen that was told, warnings or trips, with the tick.
+fn told(run: &common::engine::Run, wanted: bool) -> Vec<(&'static str, u32, u32, u64)> {
+    let hits = run.events.iter().filter_map(|event| match event.kind {
+        EventKind::Limit {
+            port,
+            axis,
+            quantity,
+            trip,
+            ..
+        } if trip == wanted => Some((quantity, port, axis, event.tick)),
+        _ => None,
+    });
+    hits.collect()
+}
+
+/// A sine of 12 mm, prescribed to each of these.
+fn prescribed(specimens: &str, axes: &[(&str, u32)]) -> String {
+    let signal = |(name, axis): &(&str, u32)| {
+        format!(
+            "[[excitation.prescribed_displacement]]\nspecimen = \"{name}\"\naxis = {axis}\nsignal.sine = {{ frequency_hz = 1, \
+             amplitude = 12, unit = \"mm\" }}\n"
+        )
+    };
+    let signals: String = axes.iter().map(signal).collect();
+    format!("[time]\nrate_hz = 100\nduration_s = 2\nclock = \"simulated\"\n{signals}{specimens}")
+}
+
+#[test]
+fn commands_of_two_specimens_that_trip_in_one_tick_are_both_told_and_none_leaves() {
+    let specimen = |name: &str| {
+        format!(
+            "[[specimen]]\nname = \"{name}\"\nlaw.linear = {{ stiffness_n_per_m = 1e6 }}\nlimits.command_disp_m = {{ trip = \
+             [-0.01, 0.01] }}\n"
+        )
+    };
+    let specimens = specimen("p") + &specimen("q");
+    let run = common::engine::run(&prescribed(&specimens, &[("p", 1), ("q", 1)]));
+    let Ending::Stopped(Stop::Limit { port, hit }) = run.outcome.ending else {
+        panic!("{:?}", run.outcome.ending);
+    };
+    assert_eq!((port, hit.quantity.key()), (0, "command_disp_m"));
+    let trips = told(&run, true);
+    let at = trips[0].3;
+    assert_eq!(
+        trips,
+        [("command_disp_m", 0, 0, at), ("command_disp_m", 1, 0, at)]
+    );
+    for column in ["cmd_1_1", "cmd_2_1"] {
+        assert!(run.all(column).iter().all(|disp| disp.abs() <= 0.01));
+    }
+}
+
+#[test]
+fn warnings_of_two_axes_in_one_tick_are_both_told() {
+    let specimen = "[[specimen]]\nname = \"p\"\nlaws = [ { linear = { stiffness_n_per_m = 1e6 } }, { linear = { stiffness_n_per_m = 1e6 \
+                    } } ]\nlimits.command_disp_m = { warn = [-0.0119, 0.0119], trip = [-0.02, 0.02] }\n";
+    let run = common::engine::run(&prescribed(specimen, &[("p", 1), ("p", 2)]));
+    assert_eq!(run.outcome.ending, Ending::Completed);
+    let warnings = told(&run, false);
+    // Twice each way.
+    assert_eq!(warnings.len(), 8, "{warnings:?}");
+    for both in warnings.chunks(2) {
+        assert_eq!((both[0].2, both[1].2), (0, 1));
+        assert_eq!(both[0].3, both[1].3, "in one tick");
+    }
+}
+
+#[test]
+fn a_force_beyond_its_limit_is_told_beside_what_the_specimen_says_and_that_ends_the_test() {
+    use common::rig::{Act, Log, Phase, attach, storey, two_floors};
+    let port = 0;
+    for (status, stop) in [
+        (Status::SATURATED, Stop::Saturated { port }),
+        (Status::INTERLOCK, Stop::Interlock { port }),
+    ] {
+        let mut experiment = two_floors(40, "timing.warmup_ticks = 0");
+        let coupling = gusset::substructure::Coupling::Lockstep;
+        let script = move |phase, sequence| match sequence {
+            30 if phase == Phase::Collect => Act::Says(status),
+            _ => Act::Serve,
+        };
+        attach(
+            &mut experiment,
+            storey(0),
+            coupling,
+            &Log::default(),
+            script,
+        );
+        let port = experiment.ports.pop().unwrap();
+        let limits = AxisLimits {
+            force_step: Bound::trip(1e3),
+            ..AxisLimits::NONE
+        };
+        let port = port.with_limits(vec![limits], vec![(1.0, 1.0)], 1e-3);
+        experiment.ports.push(port);
+        let run = run_on(experiment, SimClock::new());
+        assert_eq!(run.outcome.ending, Ending::Stopped(stop));
+        assert_eq!(told(&run, true), [("force_step_n", 0, 0, 30)]);
+    }
+}
+
+/// Both trip at the step at which it is first known how late the specimen is: by then it has added more energy than ever before.
+#[test]
+fn all_that_trips_of_the_test_as_a_whole_in_one_step_is_told() {
+    let with = |late: f64, added: f64| {
+        let safety = format!(
+            "[safety]\ndelay_used = {{ trip = {late:e} }}\nadded_energy_share = {{ trip = {added:e}, floor_j = 1e-9 }}\n\
+             [structure.damping.rayleigh_ratio]\nratio = 0.05\nmodes = [1, 2]\n[integrator]"
+        );
+        let text = at_limit(2.0, "") + "[specimen.transfer]\ndelay_s = 0.005\n";
+        let text = text.replace(
+            "step_s = 0.1\nduration_s = 200",
+            "step_s = 0.01\nduration_s = 2",
+        );
+        let text = text.replace("frequency_hz = 0.5", "frequency_hz = 3.0");
+        common::engine::run(&text.replace("[integrator]", &safety))
+    };
+    let free = with(1e9, 1e9);
+    let share = free.column("added_energy_share");
+    let mut late = free.column("delay_used").into_iter();
+    let at = late.position(|used| used > 0.1).unwrap();
+    let before = share[..at].iter().fold(0.0, |m: f64, v| m.max(*v));
+    assert!(share[at] > before, "{before} {}", share[at]);
+
+    let run = with(0.1, 0.5 * (before + share[at]));
+    let Ending::Stopped(Stop::TestLimit(hit)) = run.outcome.ending else {
+        panic!("{:?}", run.outcome.ending);
+    };
+    assert_eq!(hit.quantity, TestQuantity::DelayUsed);
+    let trips = run.events.iter().filter_map(|event| match event.kind {
+        EventKind::TestLimit {
+            quantity,
+            trip: true,
+            ..
+        } => Some((quantity, event.tick)),
+        _ => None,
+    });
+    let at = at as u64;
+    assert_eq!(
+        trips.collect::<Vec<_>>(),
+        [("delay_used", at), ("added_energy_share", at)]
+    );
 }

@@ -1,5 +1,7 @@
 //! J1 … J9 as the benchmark's released code computes them.
 
+use crate::metrics::tracking::delay;
+
 /// What a run left behind, tick by tick: m.
 #[derive(Debug, Clone, Default)]
 pub struct Histories {
@@ -14,7 +16,8 @@ pub struct Histories {
 pub struct Criteria {
     /// J1 in ms, J2 … J9 in per cent.
     pub j: [f64; 9],
-    /// J1 again in ms, refined by a parabola through the correlations beside the largest.
+    /// Delay of the interface behind its target in ms, by the report's own metric, which finds a lead (below zero) as well; not a
+    /// number where it finds none. J1 is never below zero nor beyond its [`LAGS`].
     pub delay_ms: f64,
 }
 
@@ -76,23 +79,13 @@ impl Criteria {
             0,
             |best, (k, value)| if *value > lags[best] { k } else { best },
         );
-        let refined = match (
-            largest.checked_sub(1).map(|k| lags[k]),
-            lags.get(largest + 1),
-        ) {
-            (Some(before), Some(after)) => {
-                let curve = before - 2.0 * lags[largest] + after;
-                largest as f64 + 0.5 * (before - after) / curve
-            }
-            _ => largest as f64,
-        };
         let [j2, j3] = errors(measured, first);
         let [j4, j5] = errors(measured, r1);
         let [j6, j8] = errors(second, r2);
         let [j7, j9] = errors(third, r3);
         Self {
             j: [largest as f64 * dt * 1e3, j2, j3, j4, j5, j6, j7, j8, j9],
-            delay_ms: refined * dt * 1e3,
+            delay_ms: delay(first, measured, dt).map_or(f64::NAN, |delay| delay * 1e3),
         }
     }
 }
@@ -125,6 +118,19 @@ mod tests {
         let wanted = 100.0 * (1.0 + 0.95 * 0.95 - 1.9 * libm::cos(phase)).sqrt();
         assert!((found.j[1] - wanted).abs() < 0.05 && (found.j[2] - wanted).abs() < 0.05);
         assert_eq!(found.j[1..3], found.j[3..5]);
+        let delay = |lag: f64| {
+            let measured = sine(lag);
+            let floors = [sine(0.0), sine(0.0), sine(0.0)];
+            let found = Criteria::of(&Histories { measured, floors }, &reference, dt);
+            (found.j[0], found.delay_ms)
+        };
+        // A lead, and more of a lag than J1 looks at.
+        for (lag, j1) in [(-7.5, 0.0), (80.25, 49.0)] {
+            let (first, ms) = delay(lag);
+            assert_eq!(first, j1 / 4.096);
+            assert!((ms - lag / 4.096).abs() < 0.02, "{ms}");
+        }
+        assert!(delay(0.3 / dt).1.is_nan(), "beyond what is looked for");
         let second = 100.0 * 2.0 * libm::sin(12.0 * 3.0 * dt / 2.0);
         assert!((found.j[5] - second).abs() < 0.01 && (found.j[7] - second).abs() < 0.01);
         assert_eq!((found.j[6], found.j[8]), (0.0, 0.0));

@@ -77,12 +77,9 @@ impl Attendant {
     fn tell(&self, port: usize, axis: usize, reading: Reading) {
         let name = self.names.get(port).map_or("", String::as_str);
         remark(format_args!(
-            "specimen \"{name}\" axis {}: displacement {:.6} (noise {:.1e}), force {:.6} (noise {:.1e}), in its own units",
+            "specimen \"{name}\" axis {}: {}, in its own units",
             axis + 1,
-            reading.disp,
-            reading.disp_noise,
-            reading.force,
-            reading.force_noise,
+            in_words(&reading)
         ));
     }
 
@@ -122,10 +119,50 @@ impl Attendant {
     }
 }
 
+fn in_words(reading: &Reading) -> String {
+    let Reading {
+        count, disp, force, ..
+    } = reading;
+    match reading.noise() {
+        Some([of_disp, of_force]) => {
+            format!(
+                "displacement {disp:.6} (noise {of_disp:.1e}), force {force:.6} (noise {of_force:.1e})"
+            )
+        }
+        None => {
+            let readings = if *count == 1 { "reading" } else { "readings" };
+            format!(
+                "displacement {disp:.6}, force {force:.6} (noise not known: {count} {readings})"
+            )
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::engine::{Glimpse, Phase};
+
+    #[test]
+    fn the_noise_of_one_reading_is_not_known_and_no_zero() {
+        let mut reading = Reading {
+            count: 1,
+            disp: 0.5,
+            force: -3.25,
+            ..Reading::default()
+        };
+        assert_eq!(
+            in_words(&reading),
+            "displacement 0.500000, force -3.250000 (noise not known: 1 reading)"
+        );
+        reading.count = 7;
+        assert!(in_words(&reading).contains("noise not known: 7 readings"));
+        (reading.count, reading.disp_noise) = (8, 2e-6);
+        assert_eq!(
+            in_words(&reading),
+            "displacement 0.500000 (noise 2.0e-6), force -3.250000 (noise 0.0e0)"
+        );
+    }
 
     #[test]
     fn a_confirmation_ends_no_hold_and_is_not_said_where_nobody_asks_for_it() {

@@ -248,7 +248,10 @@ fn line(
             };
         }
         criteria.delay_ms += one.delay_ms / count;
-        worst.delay_ms = worst.delay_ms.max(one.delay_ms);
+        // A lead is as bad as a lag; one that cannot be told is the worst.
+        if one.delay_ms.is_nan() || one.delay_ms.abs() > worst.delay_ms.abs() {
+            worst.delay_ms = one.delay_ms;
+        }
     }
     Ok(Line {
         case,
@@ -313,9 +316,14 @@ fn show(lines: &[Line], plants: u64) -> anyhow::Result<()> {
             .skip(1)
             .map(|j| format!(" {j:8.2}"))
             .collect();
+        let delay = if found.delay_ms.is_nan() {
+            String::new()
+        } else {
+            format!("{:.3}", found.delay_ms)
+        };
         text.push_str(&format!(
-            "{case:4} {name:16} {:7.3}{numbers} {:9.3}{note}\n",
-            found.j[0], found.delay_ms
+            "{case:4} {name:16} {:7.3}{numbers} {delay:>9}{note}\n",
+            found.j[0]
         ));
     };
     for line in lines {

@@ -91,6 +91,7 @@ impl Port {
         }
         self.link.sent += 1;
         self.compensation_asks(true);
+        self.tracking.passes = dt;
         self.issued = Some(sequence + self.ahead);
         let command = Command {
             sequence: self.pursuit.number(sequence, self.ahead),

@@ -233,9 +233,9 @@ impl Port {
         self.partner.unfelt |= self.guard.watch.has_tripped(Quantity::SensorForce);
     }
 
-    /// The next of the trips that were found beside the first. Real-time: yes.
-    pub fn next_trip(&mut self) -> Option<Hit> {
-        self.guard.watch.next_trip()
+    /// The next of the trips and warnings that were found beside the first. Real-time: yes.
+    pub fn next_untold(&mut self) -> Option<Hit> {
+        self.guard.watch.next_untold()
     }
 
     /// Judges the measurement last taken, which must be a fresh one. Real-time: yes.

@@ -25,17 +25,30 @@ pub struct Reference {
     pub force: Zero,
 }
 
+/// Readings from which on their scatter says how noisy a sensor is.
+const TELL_NOISE: u32 = 8;
+
 /// What was read of one axis while zeroing, in its own units.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Reading {
+    /// Number of readings.
+    pub count: u32,
     /// Mean of the measured displacement.
     pub disp: f64,
     /// Mean of the measured force.
     pub force: f64,
-    /// Root mean square of the displacement about its mean: the noise floor.
+    /// Root mean square of the displacement about its mean: the noise floor, as far as so many readings show it.
     pub disp_noise: f64,
     /// Of the force.
     pub force_noise: f64,
+}
+
+impl Reading {
+    /// Noise of displacement and force; none where too few readings were taken to know it. That of a single one is no 0.
+    #[must_use]
+    pub fn noise(&self) -> Option<[f64; 2]> {
+        (self.count >= TELL_NOISE).then_some([self.disp_noise, self.force_noise])
+    }
 }
 
 /// How the readings of a displacement sensor belong to the commands of its axis.
@@ -84,6 +97,7 @@ impl Sums {
             (self.squares[i] / count - mean * mean).max(0.0).sqrt()
         };
         Reading {
+            count: self.count as u32,
             disp: mean(0),
             force: mean(1),
             disp_noise: noise(0),

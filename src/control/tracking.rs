@@ -4,8 +4,8 @@
 //! mean frequency ω² = Σẋ²/Σx² of the window, gain = √(a² + ω²b²) and lag = atan2(−ωb, a)/ω, exact for one frequency. A lag τ
 //! on a stiffness k_e is the damping −k_e τ (Horiuchi et al. 1999); k_e is fitted likewise, f ≈ a' x + b' ẋ, as the real part of
 //! (a' + iωb')/(a + iωb): sensors' noise is in neither x nor ẋ, and does not bias it. Nothing is said before the window holds motion well above
-//! the noise that was read while zeroing, and two periods of it: a fit that has just begun overshoots. It moves nothing: columns and
-//! limits only.
+//! the noise that was read while zeroing, or is declared where too little was read, and two periods of it: a fit that has just begun
+//! overshoots. It moves nothing: columns and limits only.
 
 use super::Port;
 use super::limits::Found;
@@ -55,13 +55,14 @@ struct Follow {
 }
 
 impl Follow {
-    /// One tick of `dt` s: target, its velocity of `age` ticks ago, measured displacement and force. Real-time: yes.
+    /// One tick of `dt` s in which `passed` s of test time pass, less where its pace eases: target, its velocity of `age` ticks ago,
+    /// measured displacement and force. Real-time: yes.
     fn take(
         &mut self,
         target: f64,
         (vel, age): (f64, f64),
         (measured, force): (f64, f64),
-        dt: f64,
+        (dt, passed): (f64, f64),
     ) {
         let (x0, m0, f0) = *self.start.get_or_insert((target, measured, force));
         // On along a straight line: the velocity of now.
@@ -88,7 +89,7 @@ impl Follow {
         let a = (self.xm * self.vv - self.vm * self.xv) / determinant;
         let b = (self.vm * self.xx - self.xm * self.xv) / determinant;
         let omega = (self.vv / self.xx).sqrt();
-        self.fitted_for += dt;
+        self.fitted_for += passed;
         self.settled |= omega * self.fitted_for >= SETTLED;
         if !self.settled {
             return;
@@ -113,6 +114,8 @@ pub(super) struct Tracking {
     pub on: bool,
     /// A command that moves is in force.
     pub moves: bool,
+    /// Test time in s that passes with it.
+    pub passes: f64,
 }
 
 impl Tracking {
@@ -131,6 +134,7 @@ impl Tracking {
             vel_of: VelOf::Published,
             on: false,
             moves: false,
+            passes: 0.0,
         }
     }
 
@@ -169,21 +173,33 @@ impl Port {
         self
     }
 
-    /// The noise that was read while zeroing is known.
+    /// What the displacement sensors are declared to add, m of the specimen rms: nothing is said of less, until it is read.
+    #[must_use]
+    pub fn with_declared_noise(mut self, rms_m: f64) -> Self {
+        let axes = self.axes.iter().zip(self.guard.units());
+        for (follow, (axis, (metres, _))) in self.tracking.axes.iter_mut().zip(axes) {
+            let least = ABOVE_NOISE * (rms_m / (metres * axis.disp_gain)).abs();
+            follow.least = follow.least.max(least);
+        }
+        self
+    }
+
+    /// The noise was read while zeroing. Too few readings may show less of it than there is.
     pub(super) fn track_above_noise(&mut self) {
         for index in 0..self.axes.len() {
-            let noise = self.reading(index).disp_noise;
+            let reading = self.reading(index);
             let axes = self.tracking.axes.iter_mut().zip(&self.axes);
             if let Some((follow, axis)) = axes.into_iter().nth(index) {
-                let least = ABOVE_NOISE * (noise / axis.disp_gain).abs();
-                follow.least = LEAST_M.max(least);
+                let known = reading.noise().map_or(follow.least, |_| LEAST_M);
+                let least = ABOVE_NOISE * (reading.disp_noise / axis.disp_gain).abs();
+                follow.least = known.max(least);
             }
         }
     }
 
     /// Takes the measurement last taken, which must be a fresh one, and judges what it shows. Real-time: yes.
     pub(super) fn track(&mut self, found: &mut Found) {
-        let dt = self.tracking.dt;
+        let ticks = (self.tracking.dt, self.tracking.passes);
         let age = match self.tracking.vel_of {
             VelOf::Published => self.tracking.age,
             VelOf::Now => 0.0,
@@ -193,7 +209,7 @@ impl Port {
         let axes = self.tracking.axes.iter_mut().zip(values);
         for (follow, (index, (((target, vel), measured), force))) in axes {
             let own = force - self.estimates.of_others(index, &self.measured);
-            follow.take(*target, (*vel, age), (*measured, own), dt);
+            follow.take(*target, (*vel, age), (*measured, own), ticks);
         }
         let judged = self.tracking.axes.iter();
         let judged = judged.map(|follow| (follow.lag.abs(), (follow.gain - 1.0).abs()));
@@ -223,7 +239,12 @@ impl Port {
 
 #[cfg(test)]
 mod tests {
+    use super::super::Axis;
     use super::*;
+    use crate::substructure::{
+        Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
+    };
+    use crate::time::Nanos;
 
     /// How velocities come with targets: as backward differences, which are half a tick old, or as they were so many ticks ago.
     #[derive(Debug, Clone, Copy)]
@@ -255,7 +276,7 @@ mod tests {
             let measured = gain * at(t - delay);
             // A spring whose noise is in no regressor, so that only its scatter is left.
             let noise = 0.2e-3 * libm::sin(1e5 * f64::from(k));
-            follow.take(at(t), vel, (measured + noise, 3e5 * measured), dt);
+            follow.take(at(t), vel, (measured + noise, 3e5 * measured), (dt, dt));
         }
         follow
     }
@@ -301,8 +322,81 @@ mod tests {
         quiet.least = 1e-4;
         for k in 0..10_000 {
             let target = 1e-6 * libm::sin(f64::from(k));
-            quiet.take(target, (1e-3, 0.5), (1e-5, 1.0), 1e-3);
+            quiet.take(target, (1e-3, 0.5), (1e-5, 1.0), (1e-3, 1e-3));
         }
         assert!(quiet.lag.is_nan() && quiet.gain.is_nan() && quiet.stiffness.is_nan());
+    }
+
+    #[test]
+    fn two_periods_are_of_test_time_however_slowly_it_passes() {
+        let (hertz, dt) = (2.0, 1e-3);
+        let omega = std::f64::consts::TAU * hertz;
+        let first_said = |pace: f64| {
+            let mut follow = Tracking::new(1).axes[0];
+            let said = (1..100_000).find(|k| {
+                let at = 0.8 + omega * dt * pace * f64::from(*k);
+                let (sine, cosine) = libm::sincos(at);
+                let x = 0.01 * sine;
+                let ticks = (dt, pace * dt);
+                follow.take(x, (0.01 * omega * cosine, 0.0), (x, 3e5 * x), ticks);
+                !follow.lag.is_nan()
+            });
+            f64::from(said.unwrap()) * dt * pace
+        };
+        let at_full_pace = first_said(1.0);
+        assert!(at_full_pace > 1.0 / hertz, "{at_full_pace}");
+        assert!(
+            first_said(0.25) > 0.8 * at_full_pace,
+            "{}",
+            first_said(0.25)
+        );
+    }
+
+    /// Stands, and reads one thing or the other.
+    struct Noisy(f64);
+
+    impl Substructure for Noisy {
+        fn axes(&self) -> usize {
+            1
+        }
+        fn coupling(&self) -> Coupling {
+            Coupling::Lockstep
+        }
+        fn issue(&mut self, _: &Command<'_>) -> Result<(), LinkFault> {
+            self.0 = -self.0;
+            Ok(())
+        }
+        fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+            into.disp[0] = self.0;
+            Ok(Freshness::Fresh)
+        }
+        fn retire(&mut self, _: Retirement) {}
+    }
+
+    #[test]
+    fn declared_noise_is_a_floor_until_enough_readings_show_another() {
+        let least = |declared: f64, readings: u32| {
+            let axes = vec![Axis::plain(vec![(0, 1.0)])];
+            let rig = Box::new(Noisy(1e-6));
+            let port = Port::new("rig", axes, rig, 1, vec![1e6]).unwrap();
+            let mut port = port.with_tracking(1e-3, 0.5).with_declared_noise(declared);
+            for k in 0..u64::from(readings) {
+                port.repeat(k, 0.0).unwrap();
+                port.collect(Nanos(0)).unwrap();
+                port.take_reading();
+            }
+            if readings > 0 {
+                port.take_zero();
+            }
+            let least = port.tracking.axes[0].least;
+            (least * 1e12).round() / 1e12
+        };
+        assert_eq!(least(0.0, 0), LEAST_M);
+        assert_eq!(least(3e-6, 0), 3e-5);
+        // One reading shows no noise, two or seven some of it.
+        assert_eq!(least(3e-6, 1), 3e-5);
+        assert_eq!(least(3e-6, 2), 3e-5);
+        assert_eq!(least(0.0, 2), 1e-5);
+        assert_eq!(least(3e-6, 8), 1e-5);
     }
 }

@@ -274,9 +274,10 @@ impl std::fmt::Display for TestHit {
 }
 
 impl Engine {
-    /// Judges the test as a whole. Real-time: yes.
+    /// Judges the test as a whole: all of it, and the first that trips ends it. Real-time: yes.
     #[inline]
     pub(super) fn judge_test(&mut self, tick: &Tick) -> Result<(), Stop> {
+        let mut result = Ok(());
         let mut place = 0;
         while let Some((quantity, in_row)) = self.row.kept_at(place) {
             place += 1;
@@ -299,9 +300,9 @@ impl Engine {
             } else {
                 bound.judge(value)
             };
-            self.heed(tick, quantity, value, judged)?;
+            result = result.and(self.heed(tick, quantity, value, judged));
         }
-        Ok(())
+        result
     }
 
     /// Judges a miss that was just counted. Real-time: yes.
@@ -311,10 +312,11 @@ impl Engine {
             in_window: self.miss_window.note(self.edge),
             in_all: self.misses,
         };
+        let mut result = Ok(());
         for (quantity, value, judged) in self.limits.test.misses.judge(missed) {
-            self.heed(tick, quantity, value, judged)?;
+            result = result.and(self.heed(tick, quantity, value, judged));
         }
-        Ok(())
+        result
     }
 
     /// A warning is told when its level is crossed, a trip ends the test. Real-time: yes.

@@ -231,15 +231,11 @@ impl Engine {
             readings.extend((0..behind.axes()).map(|axis| (port, axis, behind.reading(axis))));
         }
         for (port, axis, reading) in readings {
+            let [disp_noise, force_noise] = reading.noise().unwrap_or([f64::NAN; 2]);
             self.report_now(EventKind::Zeroed {
                 port: port as u32,
                 axis: axis as u32,
-                values: [
-                    reading.disp,
-                    reading.force,
-                    reading.disp_noise,
-                    reading.force_noise,
-                ],
+                values: [reading.disp, reading.force, disp_noise, force_noise],
             });
             // Nobody attends, or does not read: the log has it.
             let _ = control.notices.try_send(Notice::Zeroed {

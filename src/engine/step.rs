@@ -261,11 +261,18 @@ impl Engine {
         self.timing
             .round_trip(index, stamps.decoded.since(asked_at));
         let status = port.raw().status;
-        if status.has(Status::INTERLOCK) {
-            return Err(Stop::Interlock { port: index });
-        }
-        if status.has(Status::SATURATED) {
-            return Err(Stop::Saturated { port: index });
+        let says_stop = if status.has(Status::INTERLOCK) {
+            Some(Stop::Interlock { port: index })
+        } else if status.has(Status::SATURATED) {
+            Some(Stop::Saturated { port: index })
+        } else {
+            None
+        };
+        if let Some(stop) = says_stop {
+            if freshness == Freshness::Fresh {
+                self.tell_beside(index, tick);
+            }
+            return Err(stop);
         }
         if status.has(Status::HOLDING) || port.partner.holding > 0 {
             self.judge_holding(index, status, freshness, tick)?;
@@ -283,27 +290,6 @@ impl Engine {
         }
         if found.is_something() {
             self.act_on(index, &found, tick)?;
-        }
-        Ok(())
-    }
-
-    /// Judges the commands that stand ready. Only after it may they leave. Real-time: yes.
-    pub(super) fn clear_commands(&mut self) -> Result<(), Stop> {
-        for index in 0..self.ports.len() {
-            let Some(port) = self.ports.get_mut(index) else {
-                break;
-            };
-            if self.riding && port.is_per_step() && !port.wants_to_be_told() {
-                continue;
-            }
-            let found = port.clear();
-            if let Some(fault) = port.geometry_fault() {
-                return Err(Stop::Geometry { port: index, fault });
-            }
-            if found.is_something() {
-                let tick = self.tick_of_report();
-                self.act_on(index, &found, &tick)?;
-            }
         }
         Ok(())
     }

@@ -1,5 +1,6 @@
-//! What follows from what was found of a specimen in a tick: an event, a count, a value in place of a missing one, or the end of
-//! the test. Everything here is on the real-time path, and out of its way where nothing was found.
+//! Commands are judged before they leave; and what follows from what was found of a specimen in a tick: an event, a count, a value
+//! in place of a missing one, or the end of the test. Everything here is on the real-time path, and out of its way where nothing was
+//! found.
 
 use super::tick::Tick;
 use super::{Engine, Limits, Stop};
@@ -9,13 +10,60 @@ use crate::record::EventKind;
 use crate::substructure::{Freshness, Status};
 
 impl Engine {
-    /// A warning is told, a trip ends the test, and all that trip are told. Real-time: yes.
+    /// Judges the commands that stand ready, all of them: what trips beside the first that does is told, too. Only after it may
+    /// they leave. Real-time: yes.
+    pub(super) fn clear_commands(&mut self) -> Result<(), Stop> {
+        let mut result = Ok(());
+        for index in 0..self.ports.len() {
+            if let Err(stop) = self.clear_command(index) {
+                if result.is_ok() {
+                    result = Err(stop);
+                } else {
+                    self.stops_too(&stop);
+                }
+            }
+        }
+        result
+    }
+
+    #[inline]
+    fn clear_command(&mut self, index: usize) -> Result<(), Stop> {
+        let Some(port) = self.ports.get_mut(index) else {
+            return Ok(());
+        };
+        if self.riding && port.is_per_step() && !port.wants_to_be_told() {
+            return Ok(());
+        }
+        let found = port.clear();
+        if let Some(fault) = port.geometry_fault() {
+            return Err(Stop::Geometry { port: index, fault });
+        }
+        if found.is_something() {
+            let tick = self.tick_of_report();
+            self.act_on(index, &found, &tick)?;
+        }
+        Ok(())
+    }
+
+    /// The specimen itself says that the test ends: what its answer is beyond is told beside that, and is asked for where the test
+    /// is to go on. Real-time: yes.
+    #[cold]
+    pub(super) fn tell_beside(&mut self, index: usize, tick: &Tick) {
+        let Some(port) = self.ports.get_mut(index) else {
+            return;
+        };
+        let found = port.judge();
+        // That it ends the test, too, changes nothing: what the specimen says comes first.
+        let _ = self.act_on(index, &found, tick);
+    }
+
+    /// Warnings are told, a trip ends the test, and all that trip are told. Real-time: yes.
     #[cold]
     pub(super) fn act_on(&mut self, index: usize, found: &Found, tick: &Tick) -> Result<(), Stop> {
         for hit in found.warning.iter().chain(&found.trip) {
             self.report_hit(index, hit, tick);
         }
-        while let Some(hit) = self.ports.get_mut(index).and_then(Port::next_trip) {
+        while let Some(hit) = self.ports.get_mut(index).and_then(Port::next_untold) {
             self.report_hit(index, &hit, tick);
         }
         let Some(hit) = found.trip else {

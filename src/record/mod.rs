@@ -326,7 +326,7 @@ pub enum EventKind {
         port: u32,
         /// Axis, from 0.
         axis: u32,
-        /// Mean displacement, mean force, and their noise (rms), in the axis' own units.
+        /// Mean displacement, mean force, and their noise (rms), in the axis' own units; no number of too few readings to know it.
         values: [f64; 4],
     },
 }

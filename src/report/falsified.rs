@@ -184,8 +184,8 @@ fn modes(found: &Falsified, axes: &[Tracked<'_>]) -> String {
     let delays: Vec<_> = delays.take(8).collect();
     let mut words = format!(
         "Δζ ≈ −k φ² τ/(2 ω), summed over all axes: modes of the structure with its specimens at rest, φ \
-         mass-normalised and taken at the axis, k the specimen's initial stiffness, τ the delay by FEI, else by \
-         cross-correlation ({}). Negative: the test was damped too little. First order of a small delay; a mode that is \
+         mass-normalised and taken at the axis, k the specimen's initial stiffness, less ω² m where it is given the mass m \
+         whose inertia is in its force, τ the delay by FEI, else by cross-correlation ({}). Negative: the test was damped too little. First order of a small delay; a mode that is \
          damped below zero grows.",
         delays.join(", ")
     );

@@ -25,6 +25,8 @@ pub(super) struct AxisEnd {
     pub command: f64,
     pub measured: f64,
     pub force: f64,
+    /// Test time of the last row, s.
+    pub time: f64,
     /// Force of largest magnitude on the way in, and on the way out, as the structure sees it, with its sign; none where no row of
     /// it was recorded.
     pub on_the_way_in: Option<f64>,
@@ -36,6 +38,7 @@ pub(super) struct Ends {
     /// Places of command, measured displacement and force of every axis in a block, at its own end, and of the force as the
     /// structure sees it.
     places: Vec<[Option<usize>; 4]>,
+    time: Option<usize>,
     ends: Vec<AxisEnd>,
 }
 
@@ -50,11 +53,13 @@ impl Ends {
             command: f64::NAN,
             measured: f64::NAN,
             force: f64::NAN,
+            time: f64::NAN,
             on_the_way_in: None,
             on_the_way_out: None,
         };
         Self {
             places: places.collect(),
+            time: place("time"),
             ends: axes.iter().map(end).collect(),
         }
     }
@@ -64,8 +69,15 @@ impl Ends {
         for (end, places) in self.ends.iter_mut().zip(&self.places) {
             let [command, measured, own, force] =
                 places.map(|place| block.get(place?).map(Vec::as_slice));
-            let kept = [&mut end.command, &mut end.measured, &mut end.force];
-            for (kept, column) in kept.into_iter().zip([command, measured, own]) {
+            let time = self.time.and_then(|place| block.get(place));
+            let kept = [
+                &mut end.command,
+                &mut end.measured,
+                &mut end.force,
+                &mut end.time,
+            ];
+            let columns = [command, measured, own, time.map(Vec::as_slice)];
+            for (kept, column) in kept.into_iter().zip(columns) {
                 let known = column.and_then(|all| all.iter().rfind(|v| !v.is_nan()));
                 *kept = known.copied().unwrap_or(*kept);
             }
@@ -100,6 +112,7 @@ pub(super) fn sentences(
         .filter_map(|(name, how)| Some((name.as_str(), how.as_str()?)))
         .collect();
     left.sort_by_key(|(_, how)| gravity(how));
+    let is_whole = run.damaged.is_empty();
     let told = left.iter().take(MOST_TOLD).map(|(name, how)| {
         let ends = rows.digest().ends.iter();
         let own: Vec<_> = ends
@@ -112,7 +125,7 @@ pub(super) fn sentences(
                     1 => String::new(),
                     _ => format!("axis {}: ", end.axis.axis),
                 };
-                which + &words(end, rows, configuration)
+                which + &words(end, rows, configuration, is_whole)
             })
             .collect();
         let each = match each.len() {
@@ -155,16 +168,30 @@ fn how_words(how: &str) -> String {
     }
 }
 
-/// The end of one axis in words.
-fn words(end: &AxisEnd, rows: &Rows<'_>, configuration: Option<&Value>) -> String {
+/// The end of one axis in words. Where the rows are not whole, it went on from where they show it last.
+fn words(end: &AxisEnd, rows: &Rows<'_>, configuration: Option<&Value>, is_whole: bool) -> String {
     let own =
         |value: f64, kind: &str| quantity(value, own_unit(rows, configuration, end.axis, kind));
-    let mut text = format!(
-        "last command {} as it was sent, last measured {} and {} as they came",
+    let [command, measured, force] = [
         own(end.command, "cmd"),
         own(end.measured, MEASURED),
-        own(end.force, FORCE)
-    );
+        own(end.force, FORCE),
+    ];
+    let mut text = if is_whole {
+        format!(
+            "last command {command} as it was sent, last measured {measured} and {force} as they came"
+        )
+    } else {
+        let at = if end.time.is_finite() {
+            format!(" ({})", rows.moment(end.time))
+        } else {
+            String::new()
+        };
+        format!(
+            "in the last row that can be read{at} its command was {command} as it was sent, measured were {measured} and {force} as \
+             they came, and where it stood at the end is not known from these rows"
+        )
+    };
     let seen = Scale::of(rows, configuration, end.axis).map_or("", |_| AS_SEEN);
     let seen = |force: f64| quantity(force, rows.unit(&end.axis.column("force"))) + seen;
     // Of a test that ran its own forces are told.
@@ -243,6 +270,19 @@ mod tests {
         assert!(page.contains("DID NOT REACH where the test file wants it left; last command"));
         let page = render(&led_away("lost"));
         assert!(page.contains("is LOST: its own end holds it"));
+    }
+
+    #[test]
+    fn of_a_damaged_record_the_last_row_that_can_be_read_is_no_end() {
+        let mut run = led_away("reached");
+        run.data.iter_mut().for_each(|column| column.truncate(3));
+        run.damaged = vec!["the rows end at 0.1 s".to_owned()];
+        let page = render(&run).replace("&quot;", "\"");
+        let said = "Specimen \"column\" was led to where the test file wants it left; in the last row that can be read (0.1\u{a0}s) \
+                    its command was 8.00\u{a0}mm as it was sent, measured were 7.00\u{a0}mm and 8.00\u{a0}kN as they came, and where \
+                    it stood at the end is not known";
+        assert!(page.contains(said), "{page}");
+        assert!(!page.contains("last command") && !page.contains("last measured"));
     }
 
     /// The same, the specimen itself in other units, at another scale or wired the other way.

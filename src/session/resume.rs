@@ -108,7 +108,7 @@ fn resume_by(
             missing,
         });
     }
-    check_files(&run, test)?;
+    check_files(&run, test, origin.as_ref())?;
     let ended = end_before(&run, after)?;
     let (mut traced, note) = trace(&run)?;
     let Some((side, ports, mut resumption)) = traced.state.take() else {
@@ -291,9 +291,13 @@ fn check_way_back(
 }
 
 /// The files are those that the test was made of, as its first events say.
-fn check_files(run: &Run, test: Option<&Path>) -> Result<(), ResumeError> {
+fn check_files(run: &Run, test: Option<&Path>, origin: Option<&Origin>) -> Result<(), ResumeError> {
     let folder = run.path();
     if !check_files_of(run)? {
+        // It was killed before it wrote anything; one that was to go on with another is no beginning.
+        if origin.is_none() && run.rows_made()? == 0 {
+            return Err(ResumeError::NotBegun(folder.to_owned()));
+        }
         return Err(ResumeError::Unproven(folder.to_owned()));
     }
     if let Some(given) = test {

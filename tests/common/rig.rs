@@ -41,6 +41,8 @@ pub enum Act {
     Force(f64),
     /// A sensor of it is at the end of its range.
     Saturated,
+    /// It says this of itself, and answers with a force that would do harm.
+    Says(Status),
     /// It says that it holds by its own watchdog.
     Holds,
     /// Its answer is not there yet.
@@ -103,6 +105,10 @@ impl<F: FnMut(Phase, u64) -> Act + Send> Substructure for Rig<F> {
             Act::Saturated => {
                 into.status.0 |= Status::SATURATED.0;
                 (0, STIFFNESS * self.disp)
+            }
+            Act::Says(status) => {
+                into.status.0 |= status.0;
+                (0, 1e12)
             }
             Act::Holds => {
                 into.status.0 |= Status::HOLDING.0;

@@ -30,6 +30,12 @@ fn what_was_changed_or_is_complete_is_refused_and_damage_goes_back_to_a_checkpoi
     let run = fresh("nameless");
     std::fs::write(run.join("events.jsonl"), "").unwrap();
     refused(&run, "do not say which files", &[]);
+    // Killed before it had written anything.
+    let run = fresh("unwritten");
+    for file in ["events.jsonl", "samples.bin"] {
+        std::fs::write(run.join(file), "").unwrap();
+    }
+    refused(&run, "before its first step: run it again", &[]);
     let run = at("early");
     killed(&at("whole"), &run, 1);
     refused(&run, "before its first step", &[]);

@@ -55,7 +55,7 @@ pub(in crate::cli) enum FormatArg {
     Csv,
     /// NumPy archive, one array per column.
     Npz,
-    /// MATLAB 7.3 file (also h5py, Octave), one vector per column.
+    /// MATLAB 7.3 file (also h5py; Octave, where texts are codes: `char(summary)`), one vector per column.
     Mat,
     /// HDF5 file, one dataset per column.
     Hdf5,

@@ -9,8 +9,8 @@ use crate::benchmark::{DURATION_S, RATE_HZ};
 use crate::cli::tell;
 use crate::config::read_input;
 use crate::motion::{
-    CloughPenzien, Envelope, FileSignal, Grid, JenningsHousner, KanaiTajimi, Motion, Processing,
-    Quantity, Resample, Signal, Unit,
+    CloughPenzien, Envelope, FileSignal, Grid, JenningsHousner, KanaiTajimi, Motion, MotionError,
+    Processing, Quantity, Resample, Signal, Unit,
 };
 
 #[derive(Debug, Args)]
@@ -75,7 +75,15 @@ impl GroundArgs {
             None => synthetic(seed),
         };
         let files = |name: &str| read_input(Path::new(name));
-        let series = motion.evaluate(Quantity::Acceleration, grid, &files)?;
+        let series = motion
+            .evaluate(Quantity::Acceleration, grid, &files)
+            .map_err(|error| match error {
+                // The key of a test file is an option here.
+                MotionError::StepMissing { file } => anyhow::anyhow!(
+                    "{file}: no time step: give --record-dt, or a file with a time column or a header that states it"
+                ),
+                other => other.into(),
+            })?;
         for warning in &series.warnings {
             tell(format_args!("warning: {warning}"));
         }

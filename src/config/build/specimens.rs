@@ -315,6 +315,10 @@ impl Specimens {
                     if compensation::is_tracked(&site.loaded.file, table, axes) {
                         let age = compensation::velocity_age(&site.loaded.file);
                         port = port.with_tracking(passes, age);
+                        if let Some(known) = table.believed_transfer(1.0) {
+                            let tick = compensation::test_time(time);
+                            port = port.with_declared_noise(known.disp_sensor.noise_rms(tick));
+                        }
                     }
                     if let Some(Loading { geometry, rows }) = entry.loading {
                         port = port.with_geometry(geometry, rows);

@@ -58,7 +58,7 @@ impl Look<'_> {
         }
     }
 
-    /// Judges `value`; keeps every trip, and the first warning that is new.
+    /// Judges `value`; keeps every trip, and every warning that is new.
     fn at(&mut self, quantity: Quantity, value: f64, limit: &impl Limit) {
         let bit = quantity.bit();
         let Some((level, bound)) = limit.judge(value) else {
@@ -81,10 +81,14 @@ impl Look<'_> {
                 }
                 Verdict::Excused => {}
             },
-            // A second new warning of the same tick is given in the next: its bit is not set yet.
-            Level::Warning if *self.warned & bit == 0 && self.found.warning.is_none() => {
+            Level::Warning if *self.warned & bit == 0 => {
                 *self.warned |= bit;
-                self.found.warning = Some(hit);
+                if self.found.warning.is_none() {
+                    self.found.warning = Some(hit);
+                } else {
+                    self.trips.tell_warning(&hit);
+                    self.found.more = true;
+                }
             }
             Level::Warning => {}
         }

@@ -266,7 +266,7 @@ impl AxisLimits {
 pub struct Found {
     /// The first limit that trips.
     pub trip: Option<Hit>,
-    /// More is beyond a trip level, which [`Watch::next_trip`] tells: beside the first, or where that stops no way out.
+    /// More is beyond a level, which [`Watch::next_untold`] tells: beside the first, or where a trip level stops no way out.
     pub more: bool,
     /// The first limit whose warning level was crossed from inside.
     pub warning: Option<Hit>,

@@ -84,18 +84,42 @@ fn a_warning_is_given_when_the_level_is_crossed_and_again_only_after_a_return() 
 }
 
 #[test]
-fn two_warnings_of_one_tick_are_both_given_one_tick_after_the_other() {
+fn all_warnings_of_one_tick_are_given_in_it_though_it_is_the_only_one() {
     let limits = AxisLimits {
         measured_force: range(-100.0, 100.0),
         measured_disp: range(-1.0, 1.0),
         ..AxisLimits::NONE
     };
-    let mut one = watch(limits);
-    let first = measure(&mut one, 0.6, 60.0).warning;
-    let second = measure(&mut one, 0.6, 60.0).warning;
-    assert_eq!(what(first), Some((Quantity::MeasuredDisp, 0.6)));
-    assert_eq!(what(second), Some((Quantity::MeasuredForce, 60.0)));
-    assert_eq!(measure(&mut one, 0.6, 60.0).warning, None);
+    let mut two = Watch::new(vec![limits; 2], 0.1);
+    let look = |two: &mut Watch, values: [(f64, f64); 2]| {
+        let found = two.measured(values.into_iter());
+        let more = std::iter::from_fn(|| two.next_untold());
+        let all = found.warning.into_iter().chain(more);
+        let all = all.map(|hit| {
+            assert_eq!(hit.level, Level::Warning);
+            (hit.axis, hit.quantity, hit.value)
+        });
+        (found.trip, found.more, all.collect::<Vec<_>>())
+    };
+    let beyond = [(0.6, 60.0), (0.7, 0.0)];
+    let wanted = vec![
+        (0, Quantity::MeasuredDisp, 0.6),
+        (0, Quantity::MeasuredForce, 60.0),
+        (1, Quantity::MeasuredDisp, 0.7),
+    ];
+    assert_eq!(look(&mut two, beyond), (None, true, wanted));
+    assert_eq!(look(&mut two, beyond), (None, false, Vec::new()), "known");
+    assert_eq!(look(&mut two, [(0.0, 0.0); 2]).2, []);
+    assert_eq!(look(&mut two, [(0.0, 0.0), (0.7, 0.0)]).2.len(), 1);
+    // Beside a trip, and of another axis.
+    let (trip, _, told) = {
+        let found = two.measured([(1.1, 60.0), (0.0, 60.0)].into_iter());
+        let more: Vec<_> = std::iter::from_fn(|| two.next_untold()).collect();
+        (found.trip, found.warning, more)
+    };
+    assert_eq!(what(trip), Some((Quantity::MeasuredDisp, 1.1)));
+    assert_eq!(told.len(), 1);
+    assert_eq!((told[0].axis, told[0].value), (1, 60.0));
 }
 
 #[test]
@@ -329,7 +353,7 @@ fn all_that_trips_in_one_look_is_told_and_excused() {
     let values = [(-1.1, -110.0), (0.0, 101.0)];
     let found = two.measured(values.into_iter());
     assert_eq!(what(found.trip), Some((Quantity::MeasuredDisp, -1.1)));
-    let more: Vec<_> = std::iter::from_fn(|| two.next_trip()).collect();
+    let more: Vec<_> = std::iter::from_fn(|| two.next_untold()).collect();
     let more: Vec<_> = more
         .iter()
         .map(|hit| (hit.axis, hit.quantity, hit.value))
@@ -378,7 +402,7 @@ fn where_it_was_sent_before_it_left_an_actuator_may_still_go() {
     // Another limit on that way is told and stops nothing.
     let found = measure(&mut one, 1.3, 131.0);
     assert!(found.trip.is_none() && found.is_something());
-    let told = |one: &mut Watch| what(one.next_trip());
+    let told = |one: &mut Watch| what(one.next_untold());
     assert_eq!(told(&mut one), Some((Quantity::MeasuredDisp, 1.3)));
     assert_eq!(told(&mut one), None);
     assert!(!measure(&mut one, 1.5, 151.0).is_something());
@@ -419,7 +443,7 @@ fn the_motion_of_one_axis_is_felt_by_another() {
     let mut two = left();
     let found = measure(&mut two, [(1.2, 121.0), (0.0, 101.0)]);
     assert!(found.trip.is_none() && found.more);
-    let told = two.next_trip().map(|hit| (hit.axis, hit.quantity));
+    let told = two.next_untold().map(|hit| (hit.axis, hit.quantity));
     assert_eq!(told, Some((1, Quantity::MeasuredForce)));
     let found = measure(&mut two, [(1.3, 131.0), (0.0, 111.0)]);
     assert_eq!(found, Found::default());

@@ -16,7 +16,7 @@ const NOISE: f64 = 8.0;
 /// Time in s in which an axis that goes on is found farther at least once.
 const FARTHER_IN_S: f64 = 0.05;
 
-/// A value that tripped, and what it is beyond.
+/// A value that tripped or was warned of, and what it is beyond.
 #[derive(Debug, Clone, Copy)]
 struct Kept {
     value: f64,
@@ -121,6 +121,8 @@ pub(super) struct Trips {
     kept: [Option<Kept>; Quantity::ALL.len()],
     /// One bit per quantity that tripped beside the first of its look, until it is told.
     untold: u32,
+    /// Warnings beside the first of a look, until they are told: in the next tick the value may be within its level again.
+    warnings: [Option<Kept>; Quantity::ALL.len()],
     left: Option<Left>,
 }
 
@@ -188,15 +190,38 @@ impl Trips {
         self.untold |= quantity.bit();
     }
 
-    /// One that is to be told, once.
+    /// A warning is to be told, beside the first of its look.
+    pub fn tell_warning(&mut self, hit: &Hit) {
+        if let Some(place) = self.warnings.get_mut(hit.quantity as usize) {
+            *place = Some(Kept {
+                value: hit.value,
+                bound: hit.bound,
+            });
+        }
+    }
+
+    /// One that is to be told, once: what trips comes first.
     pub fn next_untold(&mut self, axis: usize) -> Option<Hit> {
         let place = self.untold.trailing_zeros() as usize;
-        let quantity = *Quantity::ALL.get(place)?;
-        self.untold &= !quantity.bit();
-        self.kept(quantity).map(|Kept { value, bound }| Hit {
+        let (quantity, level, kept) = match Quantity::ALL.get(place) {
+            Some(&quantity) => {
+                self.untold &= !quantity.bit();
+                (quantity, Level::Trip, self.kept(quantity)?)
+            }
+            None => {
+                let mut warnings = Quantity::ALL.iter().zip(&mut self.warnings);
+                let warning = |(quantity, kept): (&Quantity, &mut Option<Kept>)| {
+                    kept.take().map(|kept| (*quantity, kept))
+                };
+                let (quantity, kept) = warnings.find_map(warning)?;
+                (quantity, Level::Warning, kept)
+            }
+        };
+        let Kept { value, bound } = kept;
+        Some(Hit {
             axis,
             quantity,
-            level: Level::Trip,
+            level,
             value,
             bound,
         })

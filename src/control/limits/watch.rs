@@ -178,8 +178,8 @@ impl Watch {
         any
     }
 
-    /// The next of the trips that [`Found::more`] stands for. Real-time: yes.
-    pub fn next_trip(&mut self) -> Option<Hit> {
+    /// The next of the trips and warnings that [`Found::more`] stands for. Real-time: yes.
+    pub fn next_untold(&mut self) -> Option<Hit> {
         let mut axes = self.axes.iter_mut().enumerate();
         axes.find_map(|(index, axis)| axis.past.trips.next_untold(index))
     }

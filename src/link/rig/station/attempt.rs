@@ -1,7 +1,7 @@
 //! One exchange of a station: what is judged before it leaves, and what is judged of the answer.
 
 use super::{Station, USUAL_TICK_S, first, metres, not_finite};
-use crate::control::limits::Found;
+use crate::control::limits::{Found, Level};
 use crate::link::rig::Trip;
 use crate::link::rig::log::Exchange;
 use crate::record::NoteLevel;
@@ -223,11 +223,16 @@ impl Station {
         }
     }
 
-    /// A warning is told, a trip ends the test.
-    fn heed(&self, found: Found) -> Result<(), Trip> {
-        if let Some(hit) = found.warning {
+    /// Warnings are told, and so is what trips beside the first; that ends the test.
+    fn heed(&mut self, found: Found) -> Result<(), Trip> {
+        let mut untold = found.warning;
+        while let Some(hit) = untold.take().or_else(|| self.watch.next_untold()) {
             // Each time that the level is crossed from inside.
-            let text = format!("{hit} ({}): a warning", hit.quantity.key());
+            let what = match hit.level {
+                Level::Warning => "a warning",
+                Level::Trip => "it trips, too",
+            };
+            let text = format!("{hit} ({}): {what}", hit.quantity.key());
             self.note(NoteLevel::Warning, "limit", &text);
         }
         found.trip.map_or(Ok(()), |hit| Err(Trip::Limit(hit)))
