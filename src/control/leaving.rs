@@ -55,6 +55,7 @@ impl Exits {
 
 /// Share of an acceleration limit that it uses at its fastest.
 const SHARE_OF_ACCEL: f64 = 0.5;
+
 /// A port on its way out.
 #[derive(Debug)]
 pub enum Departure {
