@@ -436,23 +436,18 @@ fn a_report_can_be_written_again_from_the_folder_alone() {
     assert!(fs::read_to_string(&picture).unwrap().contains("<svg"));
 }
 
+/// The benchmark's first case without a compensator, and with these arguments.
+fn benchmark(arguments: &[&str]) -> common::Said {
+    let case = ["benchmark", "vrths", "--case", "1", "--controller", "none"];
+    say(case.iter().chain(arguments))
+}
+
 #[test]
 fn a_record_of_the_benchmark_without_a_step_is_refused_by_the_name_of_the_option() {
     let folder = tempfile::tempdir().unwrap();
     let record = folder.path().join("record.csv");
     fs::write(&record, "a\n0.0\n0.5\n-0.5\n0.0\n").unwrap();
-    let said = say([
-        "benchmark",
-        "vrths",
-        "--case",
-        "1",
-        "--controller",
-        "none",
-        "--unit",
-        "g",
-        "--record",
-        record.to_str().unwrap(),
-    ]);
+    let said = benchmark(&["--unit", "g", "--record", record.to_str().unwrap()]);
     assert_ne!(said.code, Some(0));
     assert!(said.stderr.contains("give --record-dt"), "{}", said.stderr);
     assert!(!said.stderr.contains("dt_s"), "{}", said.stderr);
@@ -461,16 +456,7 @@ fn a_record_of_the_benchmark_without_a_step_is_refused_by_the_name_of_the_option
 #[test]
 fn what_is_said_of_a_record_needs_one() {
     for (key, value) in [("--scale", "3"), ("--unit", "g"), ("--record-dt", "0.02")] {
-        let said = say([
-            "benchmark",
-            "vrths",
-            "--case",
-            "1",
-            "--controller",
-            "none",
-            key,
-            value,
-        ]);
+        let said = benchmark(&[key, value]);
         assert_eq!(said.code, Some(2), "{key}: {}", said.stderr);
         assert!(
             said.stderr.contains("--record <FILE>"),

@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex};
 use common::engine::{Run, prepare, run_on, run_under};
 use common::rig;
 use common::spring::Spring;
-use gusset::control::limits::{AxisLimits, Bound, Quantity, Range};
+use gusset::control::limits::{AxisLimits, Bound, Hit, Quantity, Range};
 use gusset::control::{Astray, Axis, Exit, Exits, Port, Reference, Zero};
 use gusset::engine::{Control, Ending, Experiment, Left, Operator, Phase, Stop};
 use gusset::record::EventKind;
@@ -225,9 +225,7 @@ fn a_measured_limit_trips_in_the_tick_in_which_it_is_reached() {
         ..Range::NONE
     };
     let (run, _) = lab.run();
-    let Ending::Stopped(Stop::Limit { hit, .. }) = run.outcome.ending else {
-        panic!("{:?}", run.outcome.ending);
-    };
+    let hit = limit_hit(&run);
     assert!(hit.value.abs() > 1500.0);
     // The measurement that tripped is kept.
     assert_eq!(run.all("state").last(), Some(&Phase::Tripped.code()));
@@ -335,9 +333,7 @@ fn a_test_that_trips_on_its_way_out_has_tripped() {
     assert_eq!(ending(&run.outcome).1, "end of the test");
 
     let (run, way) = led_after_its_end(0.2).run();
-    let Ending::Stopped(Stop::Limit { hit, .. }) = run.outcome.ending else {
-        panic!("{:?}", run.outcome.ending);
-    };
+    let hit = limit_hit(&run);
     assert_eq!(hit.quantity, Quantity::CommandDisp);
     assert!(way.iter().all(|disp| *disp <= 0.2), "frozen where it was");
     assert_eq!(phases(&run)[2..], ["running", "leaving", "tripped", "safe"]);
@@ -637,9 +633,7 @@ fn what_trips_stands_in_a_row_wherever_it_trips() {
         assert_eq!(run.all("state").last(), Some(&Phase::Tripped.code()));
         let force = run.all("raw_force_1_1");
         assert!(force.last().is_some_and(|force| *force > bound));
-        let Ending::Stopped(Stop::Limit { hit, .. }) = run.outcome.ending else {
-            panic!("{:?}", run.outcome.ending);
-        };
+        let hit = limit_hit(&run);
         assert_eq!(force.last(), Some(&hit.value));
     }
 }
@@ -680,6 +674,22 @@ fn a_stop_is_told_when_it_is_heard() {
 
 /// A rig that is pushed along for 60 steps, trips as it may, and is led to zero force; `act` says what its measurements are.
 /// Every command from the last of the test on, and how it was left.
+/// The limit that has ended it.
+fn limit_hit(run: &Run) -> Hit {
+    let Ending::Stopped(Stop::Limit { hit, .. }) = run.outcome.ending else {
+        panic!("{:?}", run.outcome.ending);
+    };
+    hit
+}
+
+/// A load cell that reads this force in place of its own from command 55 on, so many times.
+fn reads(force: f64, times: u64) -> impl FnMut(rig::Phase, u64) -> rig::Act + Send + 'static {
+    move |phase, number| match phase {
+        rig::Phase::Collect if number >= 55 && number - 55 < times => rig::Act::Force(force),
+        _ => rig::Act::Serve,
+    }
+}
+
 fn led_to_zero_force(
     limits: AxisLimits,
     act: impl FnMut(rig::Phase, u64) -> rig::Act + Send + 'static,
@@ -768,10 +778,7 @@ fn the_sample_that_tripped_says_nothing_of_what_force_is_small() {
     };
     for limits in [bounded, jumping] {
         for glitch in [2e5, 1e7] {
-            let (way, run) = led_to_zero_force(limits, move |phase, number| match phase {
-                rig::Phase::Collect if number == 55 => rig::Act::Force(glitch),
-                _ => rig::Act::Serve,
-            });
+            let (way, run) = led_to_zero_force(limits, reads(glitch, 1));
             let stopped = run.outcome.ending;
             assert!(matches!(stopped, Ending::Stopped(Stop::Limit { .. })));
             assert_eq!(run.outcome.left, [Left::Reached]);
@@ -791,10 +798,7 @@ fn a_load_cell_that_stays_wild_leads_no_further_than_its_bound() {
         },
         ..AxisLimits::NONE
     };
-    let (way, run) = led_to_zero_force(limits, |phase, number| match phase {
-        rig::Phase::Collect if number >= 55 => rig::Act::Force(1e7),
-        _ => rig::Act::Serve,
-    });
+    let (way, run) = led_to_zero_force(limits, reads(1e7, u64::MAX));
     let left = Left::NotReached(Some(Astray::DoesNotFollow));
     assert_eq!(run.outcome.left, [left]);
     let far = way.iter().map(|disp| (disp - way[0]).abs());
@@ -817,13 +821,8 @@ fn a_force_that_has_jumped_leads_its_specimen_only_if_it_comes_back() {
         (2, Left::Reached),
         (u64::MAX, Left::NotReached(Some(Astray::Jumped))),
     ] {
-        let (way, run) = led_to_zero_force(limits, move |phase, number| match phase {
-            rig::Phase::Collect if number >= 55 && number - 55 < lasts => rig::Act::Force(2e5),
-            _ => rig::Act::Serve,
-        });
-        let Ending::Stopped(Stop::Limit { hit, .. }) = run.outcome.ending else {
-            panic!("{:?}", run.outcome.ending);
-        };
+        let (way, run) = led_to_zero_force(limits, reads(2e5, lasts));
+        let hit = limit_hit(&run);
         assert_eq!(hit.quantity, Quantity::ForceStep);
         assert_eq!(run.outcome.left, [left], "{lasts}");
         let moved = way.iter().any(|disp| *disp != way[0]);
@@ -849,13 +848,8 @@ fn a_load_cell_out_of_its_range_leads_its_specimen_nowhere() {
             (Exit::ZeroForce, Left::NotReached(Some(Astray::Unfelt))),
             (Exit::ZeroDisp, Left::Reached),
         ] {
-            let (way, run) = led_to(exit, limits, move |phase, number| match phase {
-                rig::Phase::Collect if number >= 55 && number - 55 < lasts => rig::Act::Force(2e5),
-                _ => rig::Act::Serve,
-            });
-            let Ending::Stopped(Stop::Limit { hit, .. }) = run.outcome.ending else {
-                panic!("{:?}", run.outcome.ending);
-            };
+            let (way, run) = led_to(exit, limits, reads(2e5, lasts));
+            let hit = limit_hit(&run);
             assert_eq!(hit.quantity, Quantity::SensorForce);
             assert_eq!(run.outcome.left, [left], "{lasts}");
             let (_, reason) = ending(&run.outcome);

@@ -4,6 +4,7 @@
 //! small for one that hardens.
 
 use super::Axis;
+use super::rows::product;
 use crate::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Status, Substructure,
 };
@@ -43,10 +44,6 @@ impl Believed {
     }
 }
 
-fn product(row: &[f64], values: &[f64]) -> f64 {
-    row.iter().zip(values).map(|(a, b)| a * b).sum()
-}
-
 impl Substructure for Believed {
     fn axes(&self) -> usize {
         self.axes.len()
@@ -79,7 +76,8 @@ impl Substructure for Believed {
         }
         for (index, (force, axis)) in into.force.iter_mut().zip(&self.axes).enumerate() {
             let of = |rows: &[Vec<f64>], values: &[f64]| {
-                rows.get(index).map_or(0.0, |row| product(row, values))
+                rows.get(index)
+                    .map_or(0.0, |row| product(row, values.iter().copied()))
             };
             let sum = of(&self.stiffness, &self.deformation) + of(&self.damping, &self.rate);
             *force = sum / axis.force_gain + axis.force_offset;

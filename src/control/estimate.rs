@@ -6,6 +6,7 @@
 
 use super::Port;
 use super::limits::{Estimated, Found};
+use super::rows::row_times;
 use super::tangent::{Point, Tangent};
 
 /// Noise levels that a change must exceed to count for a tangent.
@@ -73,10 +74,7 @@ impl Neighbours {
         if self.0.is_empty() {
             return 0.0;
         }
-        let n = measured.len();
-        let row = self.0.get(index * n..(index + 1) * n).unwrap_or_default();
-        let others = row.iter().zip(measured);
-        others.map(|(stiffness, disp)| stiffness * disp).sum()
+        row_times(&self.0, index, measured.len(), measured.iter().copied())
     }
 }
 

@@ -75,21 +75,12 @@ pub enum Departure {
 }
 
 impl Departure {
-    /// True if the specimen is where it is to be left.
+    /// Its end: where the specimen is to be left, or why it is somewhere else. None before it, and where something else ends it.
     #[must_use]
-    pub fn has_arrived(&self) -> bool {
+    pub fn end(&self) -> Option<Result<(), Astray>> {
         match self {
-            Self::Ramp { arrived, .. } => *arrived,
-            Self::Unload(unloading) => unloading.has_arrived(),
-        }
-    }
-
-    /// Why it ended somewhere else, where it was not something else that ended it.
-    #[must_use]
-    pub fn astray(&self) -> Option<Astray> {
-        match self {
-            Self::Ramp { .. } => None,
-            Self::Unload(unloading) => unloading.astray(),
+            Self::Ramp { arrived, .. } => arrived.then_some(Ok(())),
+            Self::Unload(unloading) => unloading.end(),
         }
     }
 }
@@ -163,7 +154,7 @@ impl Port {
         let plain = super::Axis::plain(Vec::new());
         let axis = self.axes.get(index).unwrap_or(&plain);
         let (metres, newtons) = self.units().get(index).copied().unwrap_or((1.0, 1.0));
-        let force = |raw: f64| axis.force_gain * (raw / newtons - axis.force_offset);
+        let force = |raw: f64| axis.at_structure(0.0, raw / newtons).1;
         // Of the specimen's displacement in m.
         let disp = 1.0 / (metres * axis.disp_gain.abs());
         let limits = self.limits().get(index);
@@ -302,7 +293,7 @@ mod tests {
             least = exchange(&mut port).min(least);
             ticks += 1;
         }
-        let (end, arrived) = (port.sent[0], departure.has_arrived());
+        let (end, arrived) = (port.sent[0], departure.end() == Some(Ok(())));
         Way {
             ticks,
             end,

@@ -25,6 +25,7 @@ mod probe;
 mod pursuit;
 mod ramp;
 mod rest;
+mod rows;
 mod stiffness;
 mod tangent;
 mod tempo;

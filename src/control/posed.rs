@@ -432,7 +432,7 @@ mod tests {
             }
         }
         assert!(
-            way.has_arrived() && fastest > 0.45 && fastest < 0.5,
+            way.end() == Some(Ok(())) && fastest > 0.45 && fastest < 0.5,
             "{fastest}"
         );
         assert_eq!(port.sent, [0.0, 0.0], "to the last bit");

@@ -332,12 +332,10 @@ impl Engine {
                 }
             }
             for (left, departure) in self.left.iter_mut().zip(&departures) {
-                match departure {
-                    Some(departure) if departure.has_arrived() => *left = Left::Reached,
-                    Some(departure) if departure.astray().is_some() => {
-                        *left = Left::NotReached(departure.astray());
-                    }
-                    Some(_) | None => {}
+                match departure.as_ref().and_then(Departure::end) {
+                    Some(Ok(())) => *left = Left::Reached,
+                    Some(Err(astray)) => *left = Left::NotReached(Some(astray)),
+                    None => {}
                 }
             }
             let mut ports = self.ports.iter().zip(led);

@@ -106,7 +106,7 @@ impl Engine {
         Ok(())
     }
 
-    /// Ticks of the longest way, each of which takes so many seconds by the share of a speed limit that may be used.
+    /// Begins the ramp of every specimen to the command that stands ready. Ticks of the longest way, each of which takes so many seconds by the share of a speed limit that may be used.
     pub(super) fn ramp_ticks(&mut self, seconds: impl Fn(&Port, f64) -> f64) -> u64 {
         // The poses on its way say how fast it is.
         self.ports.iter_mut().for_each(Port::begin_ramp);
@@ -115,13 +115,10 @@ impl Engine {
         (longest / self.period.value()).ceil() as u64
     }
 
-    /// Leads every specimen from its last command to the one that stands ready, in so many ticks. A hold of the operator
+    /// Leads every specimen along the ramp that was begun, in so many ticks. A hold of the operator
     /// eases out and in as in the test: what it stretches is the time of the way. Nobody moves before all have answered: how
     /// long that may take is bounded by how many answers may stay away in a row.
     pub(super) fn lead(&mut self, ticks: u64, phase: Phase, control: &Control) -> Result<(), Stop> {
-        for port in &mut self.ports {
-            port.begin_ramp();
-        }
         let (whole, passes) = (ticks as f64, self.tick_passes());
         let seconds = whole * passes;
         let all_answered = |ports: &[Port]| ports.iter().all(|port| port.partner.measured);

@@ -1,17 +1,6 @@
-//! Stiffnesses of a few axes, their inverses and products, in rows one behind the other.
+//! The stiffness of a few axes and its inverse, in rows one behind the other.
 
 use nalgebra::DMatrix;
-
-/// A row of a matrix of `n` columns times a vector. Real-time: yes.
-pub(super) fn row_times(
-    matrix: &[f64],
-    row: usize,
-    n: usize,
-    vector: impl Iterator<Item = f64>,
-) -> f64 {
-    let row = matrix.get(row * n..(row + 1) * n).unwrap_or_default();
-    row.iter().zip(vector).map(|(a, b)| a * b).sum()
-}
 
 /// A stiffness and its inverse. Where it is not positive definite, both go without what is beside the diagonal, and an axis without
 /// a stiffness does not move.

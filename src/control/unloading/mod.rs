@@ -14,8 +14,10 @@ mod compliance;
 mod way;
 
 pub use astray::Astray;
-use compliance::{compliance, row_times};
+use compliance::compliance;
 use way::Way;
+
+use super::rows::row_times;
 
 /// Time constant in s of the approach, and the largest share of the way, by k̂, that one tick goes. Behind a delay of up to 1/e of it
 /// the approach does not go beyond, and it dies out behind one of up to π/2 of it.
@@ -133,14 +135,9 @@ impl Unloading {
         }
     }
 
-    /// True if the specimen is where its forces are small.
-    pub fn has_arrived(&self) -> bool {
-        self.outcome == Some(Ok(()))
-    }
-
-    /// Why it ended somewhere else.
-    pub fn astray(&self) -> Option<Astray> {
-        self.outcome.and_then(Result::err)
+    /// Its end: where the forces are small, or why it is somewhere else.
+    pub const fn end(&self) -> Option<Result<(), Astray>> {
+        self.outcome
     }
 
     /// True before the first tick: what was measured last is of the test.

@@ -48,7 +48,7 @@ fn unload(
         at,
         ticks,
         peaks,
-        outcome: unloading.astray().map_or(Ok(()), Err),
+        outcome: unloading.end().unwrap(),
     }
 }
 

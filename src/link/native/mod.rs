@@ -11,6 +11,7 @@ mod refused;
 mod setup;
 
 pub use refused::SetupError;
+pub(super) use refused::with_words;
 pub use setup::{NativeSetup, unlimited_axis};
 pub(in crate::link) use setup::{SOFTWARE, fit};
 

@@ -96,6 +96,11 @@ pub(super) fn parting(cause: u32, text: &str) -> String {
         |_| format!("for a reason of its own, {cause}"),
         |cause| cause.why().to_owned(),
     );
+    with_words(why, text)
+}
+
+/// A reason, and the words of its own that somebody has for it, if any.
+pub(in crate::link) fn with_words(why: String, text: &str) -> String {
     if text.trim().is_empty() {
         why
     } else {

@@ -3,6 +3,7 @@
 use std::sync::atomic::Ordering;
 
 use super::Stand;
+use crate::link::native::with_words;
 use crate::link::rig::{Close, Over, Trip};
 use crate::link::serve::{Desk, greet};
 use crate::wire::WireError;
@@ -44,10 +45,9 @@ pub(in crate::link::serve) fn said_goodbye(cause: u32, text: &str) -> Over {
         Some(cause) => &format!(": {}", cause.why()),
         None => ": for a reason of its own",
     };
-    let between = if text.trim().is_empty() { "" } else { ": " };
     Over {
         close: close_of(cause),
-        text: format!("the controller said goodbye{why}{between}{}", text.trim()),
+        text: with_words(format!("the controller said goodbye{why}"), text.trim()),
     }
 }
 
@@ -57,9 +57,7 @@ impl Stand {
             Cause::Orderly => "in an orderly way",
             Cause::Operator => "by the operator",
             Cause::Tripped => "because the test tripped",
-            Cause::Watchdog => "because its watchdog tripped",
-            Cause::Interlock => "because its interlock opened",
-            Cause::Shutdown => "because its program ends",
+            other => &format!("because {}", other.why()),
         };
         let close = close_of(Some(notice.cause));
         self.commits_what_ends(close);

@@ -1,0 +1,19 @@
+//! Products with rows of small matrices. Real-time: yes.
+
+/// A row times a vector.
+#[inline]
+pub(super) fn product(row: &[f64], vector: impl Iterator<Item = f64>) -> f64 {
+    row.iter().zip(vector).map(|(a, b)| a * b).sum()
+}
+
+/// A row of a matrix of `n` columns, in rows one behind the other, times a vector.
+#[inline]
+pub(super) fn row_times(
+    matrix: &[f64],
+    row: usize,
+    n: usize,
+    vector: impl Iterator<Item = f64>,
+) -> f64 {
+    let row = matrix.get(row * n..(row + 1) * n).unwrap_or_default();
+    product(row, vector)
+}
