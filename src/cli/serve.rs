@@ -24,7 +24,7 @@ use anyhow::Context;
 /// The budget of the data thread's busy loop is judged for this period; the true one is the controller's.
 const USUAL_PERIOD_NS: u64 = 1_000_000;
 
-/// Hosts one specimen until SIGINT, SIGQUIT, SIGTERM or SIGHUP.
+/// Hosts one specimen until a signal ends it.
 pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
     let mut served = config::load_served(&args.file, args.specimen.as_deref()).map_err(refused)?;
     for warning in &served.warnings {

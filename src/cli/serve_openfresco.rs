@@ -21,7 +21,7 @@ use crate::wire::openfresco::Carrier as Bytes;
 /// The budget of a busy loop is judged for this period; a client has none.
 const USUAL_PERIOD_NS: u64 = 1_000_000;
 
-/// Hosts one specimen until SIGINT, SIGQUIT, SIGTERM or SIGHUP. `port` is where the dialect is usually found.
+/// Hosts one specimen until a signal ends it. `port` is where the dialect is usually found.
 pub fn serve(
     args: &ServeArgs,
     served: &Served,

@@ -190,13 +190,13 @@ pub fn block_signals() -> Result<(), Errno> {
     }
 }
 
-/// True if SIGHUP is ignored, as whoever started the process may have asked for (nohup(1)).
+/// True if a signal, by its number, is ignored, as whoever started the process may have asked for (nohup(1)).
 #[must_use]
-pub fn is_hang_up_ignored() -> bool {
+pub fn is_ignored(signal: libc::c_int) -> bool {
     // SAFETY: sigaction is plain integers and a handler's address, for which all bits zero is a value.
     let mut action: libc::sigaction = unsafe { std::mem::zeroed() };
     // SAFETY: no new disposition is given; `action` is alive and of the type that is filled in.
-    let outcome = unsafe { libc::sigaction(libc::SIGHUP, std::ptr::null(), &raw mut action) };
+    let outcome = unsafe { libc::sigaction(signal, std::ptr::null(), &raw mut action) };
     outcome == 0 && action.sa_sigaction == libc::SIG_IGN
 }
 

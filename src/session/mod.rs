@@ -5,7 +5,7 @@
 //! | loop (pinned, FIFO) | engine, clock, histograms | rings of rows and events out, a bounded channel of operator requests in |
 //! | writer | samples.bin, events.jsonl, threads.bin, the log | drains the rings every few milliseconds |
 //! | sampler | the kernel's counters of the loop's thread | a bounded channel to the writer |
-//! | signals | SIGINT, SIGQUIT, SIGTERM, SIGHUP | the channel of operator requests |
+//! | signals | SIGINT, SIGTERM and their like | the channel of operator requests |
 //! | caller | everything else | joins the rest |
 //!
 //! No shared mutable state with the loop, no mutex it could meet. On the real clock every thread but the loop's leaves stamps

@@ -1,8 +1,10 @@
-//! SIGINT, SIGQUIT, SIGTERM and SIGHUP become a request to the loop: an orderly end, never a sudden one.
+//! SIGINT, SIGQUIT, SIGTERM, SIGHUP and the like become a request to the loop: an orderly end, never a sudden one.
 
+use std::future::poll_fn;
 use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
+use std::task::Poll;
 
 use crossbeam_channel::{Receiver, Sender};
 use tokio::signal::unix::{self, SignalKind, signal};
@@ -16,20 +18,34 @@ use crate::rt::os;
 pub enum Signal {
     /// SIGINT or SIGQUIT: Ctrl-C, or Ctrl-\ beside it.
     Interrupt,
-    /// SIGTERM, or SIGHUP: the terminal, or the connection it came through, is gone.
+    /// SIGTERM, SIGHUP (the terminal, or the connection it came through, is gone), or one of those that nobody should send.
     Terminate,
 }
 
-/// SIGINT, SIGQUIT, SIGTERM and SIGHUP, taken over from the system's default, which would end the process at once. A SIGHUP that was
-/// ignored before stays so: that is asked for when somebody leaves what he has started (nohup(1)). What would only stop the
-/// process, with a specimen in its hands, is not heard.
-#[derive(Debug)]
-pub struct Taken {
-    interrupt: unix::Signal,
-    quit: unix::Signal,
-    terminate: unix::Signal,
-    hang_up: Option<unix::Signal>,
+/// Asked for by whoever is at the keyboard.
+const INTERRUPTING: [SignalKind; 2] = [SignalKind::interrupt(), SignalKind::quit()];
+
+/// A stray SIGUSR1 or SIGALRM, and SIGXCPU, by which the kernel warns who exceeds RLIMIT_CPU or RLIMIT_RTTIME, end a process as
+/// SIGTERM does.
+fn terminating() -> impl Iterator<Item = SignalKind> {
+    let strays = [
+        SignalKind::hangup(),
+        SignalKind::user_defined1(),
+        SignalKind::user_defined2(),
+        SignalKind::alarm(),
+        SignalKind::from_raw(rustix::process::Signal::XCPU.as_raw()),
+    ];
+    let heard = strays
+        .into_iter()
+        .filter(|stray| !os::is_ignored(stray.as_raw_value()));
+    std::iter::once(SignalKind::terminate()).chain(heard)
 }
+
+/// What would end the process at once, taken over from the system: SIGINT, SIGQUIT, SIGTERM, and, unless they were ignored before,
+/// SIGHUP (nohup(1) asks for that), SIGUSR1, SIGUSR2, SIGALRM and SIGXCPU. What would only stop the process, with a specimen
+/// in its hands, is not heard.
+#[derive(Debug)]
+pub struct Taken(Vec<(Signal, unix::Signal)>);
 
 impl Taken {
     /// Within an asynchronous runtime, which hears them.
@@ -38,29 +54,27 @@ impl Taken {
     /// The system gives no handler.
     pub fn over() -> io::Result<Self> {
         os::ignore_stops_of_the_terminal();
-        let hang_up = !os::is_hang_up_ignored();
-        Ok(Self {
-            interrupt: signal(SignalKind::interrupt())?,
-            quit: signal(SignalKind::quit())?,
-            terminate: signal(SignalKind::terminate())?,
-            hang_up: hang_up.then(|| signal(SignalKind::hangup())).transpose()?,
-        })
+        let interrupting = INTERRUPTING.map(|kind| (Signal::Interrupt, kind));
+        let terminating = terminating().map(|kind| (Signal::Terminate, kind));
+        let taken = interrupting
+            .into_iter()
+            .chain(terminating)
+            .map(|(what, kind)| Ok((what, signal(kind)?)));
+        taken.collect::<io::Result<_>>().map(Self)
     }
 
     /// The next of them.
     pub async fn next(&mut self) -> Signal {
-        let hang_up = async {
-            match &mut self.hang_up {
-                Some(signal) => signal.recv().await,
-                None => std::future::pending().await,
+        poll_fn(|context| {
+            let came = |taken: &mut (Signal, unix::Signal)| {
+                taken.1.poll_recv(context).is_ready().then_some(taken.0)
+            };
+            match self.0.iter_mut().find_map(came) {
+                Some(which) => Poll::Ready(which),
+                None => Poll::Pending,
             }
-        };
-        tokio::select! {
-            _ = self.interrupt.recv() => Signal::Interrupt,
-            _ = self.quit.recv() => Signal::Interrupt,
-            _ = self.terminate.recv() => Signal::Terminate,
-            _ = hang_up => Signal::Terminate,
-        }
+        })
+        .await
     }
 }
 
