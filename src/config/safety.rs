@@ -148,8 +148,8 @@ pub enum ExitChoice {
     /// Where it is.
     #[default]
     Freeze,
-    /// Where its forces are small in two answers in a row: a hundredth of the largest of the test, but for the measurement that
-    /// tripped it, or within the noise. While answers stay away it rests.
+    /// Where its forces are small, by their means over twice 0.05 s: a hundredth of the largest of the test, but for the measurement
+    /// that tripped it, or within the noise. While answers stay away it rests.
     ZeroForce,
     /// At zero deformation.
     ZeroDisplacement,

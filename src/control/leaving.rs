@@ -12,7 +12,8 @@
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use super::Port;
-use super::unloading::{Astray, Leg, Unloading};
+use super::posed::Posed;
+use super::unloading::{Along, Astray, Leg, Unloading};
 
 /// Where a specimen is left.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -71,7 +72,12 @@ pub enum Departure {
         arrived: bool,
     },
     /// To zero force.
-    Unload(Box<Unloading>),
+    Unload {
+        /// The way.
+        unloading: Box<Unloading>,
+        /// How a platform goes it.
+        along: Option<Box<Along>>,
+    },
 }
 
 impl Departure {
@@ -80,7 +86,7 @@ impl Departure {
     pub fn end(&self) -> Option<Result<(), Astray>> {
         match self {
             Self::Ramp { arrived, .. } => arrived.then_some(Ok(())),
-            Self::Unload(unloading) => unloading.end(),
+            Self::Unload { unloading, .. } => unloading.end(),
         }
     }
 }
@@ -125,9 +131,7 @@ impl Port {
         let goal = match exit {
             Exit::Freeze => return None,
             Exit::ZeroForce => {
-                let legs = (0..self.axes()).map(|axis| self.leg(axis, speed, tick));
-                let unloading = Unloading::new(legs.collect(), self.declared_stiffness(), tick);
-                return Some(Departure::Unload(Box::new(unloading)));
+                return Some(self.unload(speed, tick));
             }
             Exit::ZeroDisp => self.axes.iter().map(|axis| axis.disp_offset).collect(),
             Exit::Safe(disp) => disp,
@@ -147,6 +151,28 @@ impl Port {
             seconds: seconds.max(tick),
             arrived: false,
         })
+    }
+
+    fn unload(&self, speed: f64, tick: f64) -> Departure {
+        let legs = (0..self.axes()).map(|axis| self.leg(axis, speed, tick));
+        let mut legs: Vec<Leg> = legs.collect();
+        let mut along = self.way_along();
+        if let Some((along, geometry)) = along.as_mut().zip(self.geometry()) {
+            let slower = along.slower(legs.iter().map(|leg| leg.by_speed));
+            let turned = along.forces(geometry, &self.force);
+            for ((leg, turned), force) in legs.iter_mut().zip(turned).zip(&self.force) {
+                leg.by_speed *= slower;
+                leg.slew *= slower;
+                if let Some([before, _]) = &mut leg.jump {
+                    *before += turned - force;
+                }
+            }
+        }
+        let unloading = Unloading::new(legs, self.declared_stiffness(), tick);
+        Departure::Unload {
+            unloading: Box::new(unloading),
+            along: along.map(Box::new),
+        }
     }
 
     /// What is known of an axis before it is unloaded.
@@ -192,21 +218,35 @@ impl Port {
                 self.ramp_to(*tick as f64 / *ticks as f64, *seconds);
                 true
             }
-            Departure::Unload(unloading) => {
+            Departure::Unload { unloading, along } => {
                 // What was measured last, before its first command, is of the test.
                 let is_known = !unloading.is_new() && self.is_fresh();
                 let raw = self.raw.disp.iter().zip(&self.raw.force);
                 let answers = self.axes.iter().zip(raw);
                 let answers = answers.map(|(axis, (disp, force))| axis.at_structure(*disp, *force));
-                let goes_on = unloading.go_on(is_known.then_some(answers));
-                let commands = self.command.iter_mut().zip(&mut self.command_vel);
-                let steps = self.sent.iter().zip(&self.axes).zip(unloading.steps());
-                for ((command, vel), ((sent, axis), step)) in commands.zip(steps) {
-                    *command = sent - axis.disp_gain * step;
-                    *vel = 0.0;
-                }
+                let answers = is_known.then_some(answers);
+                let posed = self.posed.as_deref().map(Posed::geometry);
+                let Some((along, geometry)) = along.as_deref_mut().zip(posed) else {
+                    let goes_on = unloading.go_on(answers);
+                    self.go_back(unloading.steps());
+                    return goes_on;
+                };
+                let answers = answers.and_then(|answers| along.answer(geometry, answers).ok());
+                let goes_on = unloading.go_on(answers);
+                let steps = along.go_back(geometry, unloading.steps());
+                self.go_back(steps.into_iter());
                 goes_on
             }
+        }
+    }
+
+    /// The next command is by so many m of the structure's behind the last.
+    fn go_back(&mut self, steps: impl Iterator<Item = f64>) {
+        let commands = self.command.iter_mut().zip(&mut self.command_vel);
+        let steps = self.sent.iter().zip(&self.axes).zip(steps);
+        for ((command, vel), ((sent, axis), step)) in commands.zip(steps) {
+            *command = sent - axis.disp_gain * step;
+            *vel = 0.0;
         }
     }
 }

@@ -12,7 +12,8 @@
 
 use super::Port;
 use super::bend::Bend;
-use crate::geometry::{Coordinate, Fault, Geometry, MOST, Placed};
+use super::unloading::Along;
+use crate::geometry::{Coordinate, Fault, Geometry, LawPlace, MOST, Placed};
 
 /// One row of B: what a coordinate is of the structure's displacements.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -57,12 +58,15 @@ pub struct Poses {
 pub(super) struct Posed {
     geometry: Geometry,
     rows: Vec<PoseRow>,
+    law_at: LawPlace,
     /// The pose last sought, and its velocity.
     aim: Placed,
     rates: [f64; MOST],
     /// The pose last measured, and the forces of its coordinates.
     found: Placed,
     force: [f64; MOST],
+    /// None belongs to what was measured last.
+    is_unknown: bool,
     /// Of the pose last sought.
     fault: Option<Fault>,
     range: [[f64; 2]; MOST],
@@ -145,12 +149,19 @@ impl Posed {
     /// Takes the measured pose and the forces of its coordinates from the actuators. Real-time: yes.
     fn resolve(&mut self, measured: &[f64], force: &[f64]) -> Result<(), Fault> {
         self.found = self.aim;
-        self.geometry.find_for_forces(measured, &mut self.found)?;
+        let found = self.geometry.find_for_forces(measured, &mut self.found);
+        self.is_unknown = found.is_err();
+        found?;
         let n = self.rows.len();
         if let Some(forces) = self.force.get_mut(..n) {
             self.geometry.pose_forces(&self.found, force, forces);
         }
         Ok(())
+    }
+
+    /// Of a loading unit.
+    pub const fn geometry(&self) -> &Geometry {
+        &self.geometry
     }
 
     /// residual −= Bᵀ·force. Real-time: yes.
@@ -167,19 +178,27 @@ impl Posed {
 }
 
 impl Port {
-    /// Makes the axes the actuators of a loading unit, at the structure's scale; `rows` are those of B, one per coordinate.
+    /// Makes the axes the actuators of a loading unit, at the structure's scale; `rows` are those of B, one per coordinate, and
+    /// `law_at` is where the specimen's stiffness is the same for every pose.
     /// Without as many actuators as axes and rows as coordinates nothing changes.
     #[must_use]
-    pub fn with_geometry(mut self, geometry: Geometry, rows: Vec<PoseRow>) -> Self {
+    pub fn with_geometry(
+        mut self,
+        geometry: Geometry,
+        rows: Vec<PoseRow>,
+        law_at: LawPlace,
+    ) -> Self {
         if geometry.actuators() == self.axes.len() && geometry.coordinates().len() == rows.len() {
             let reference = geometry.reference();
             self.posed = Some(Box::new(Posed {
                 geometry,
                 rows,
+                law_at,
                 aim: reference,
                 rates: [0.0; MOST],
                 found: reference,
                 force: [0.0; MOST],
+                is_unknown: false,
                 fault: None,
                 range: [[0.0; 2]; MOST],
                 worst: reference,
@@ -192,7 +211,7 @@ impl Port {
     /// The loading unit, if its axes are actuators of one.
     #[must_use]
     pub fn geometry(&self) -> Option<&Geometry> {
-        self.posed.as_deref().map(|posed| &posed.geometry)
+        self.posed.as_deref().map(Posed::geometry)
     }
 
     /// Why the next command cannot be made. Real-time: yes.
@@ -200,6 +219,19 @@ impl Port {
     #[must_use]
     pub fn geometry_fault(&self) -> Option<Fault> {
         self.posed.as_deref().and_then(|posed| posed.fault)
+    }
+
+    /// The way to zero force from where the platform was sent last, if its actuators turn beside the specimen.
+    pub(super) fn way_along(&self) -> Option<Along> {
+        let posed = self.posed.as_deref()?;
+        let turns = posed.geometry.is_exact() && posed.law_at == LawPlace::Platform;
+        let strokes = self.axes.iter().zip(&self.sent);
+        let strokes: Vec<f64> = strokes
+            .map(|(axis, sent)| axis.deformation(*sent))
+            .collect();
+        turns
+            .then(|| Along::new(&posed.geometry, &strokes).ok())
+            .flatten()
     }
 
     /// The next commands are strokes from where the actuators are, whatever pose was sought.
@@ -230,6 +262,14 @@ impl Port {
         }
     }
 
+    /// The same of what belongs to no step: nothing hangs on it but the row, in which a pose that cannot be is no number.
+    /// Real-time: yes.
+    pub fn look_at_pose(&mut self) {
+        if self.is_fresh() {
+            let _ = self.resolve_pose();
+        }
+    }
+
     /// Each coordinate: pose that the structure asks for, measured pose, force. Empty without a loading unit. Real-time: yes.
     #[inline]
     pub fn pose(&self) -> impl Iterator<Item = (Coordinate, [f64; 3])> + '_ {
@@ -238,7 +278,14 @@ impl Port {
             let values = posed.aim.pose().iter().zip(posed.found.pose());
             let values = values.zip(&posed.force);
             let named = posed.geometry.coordinates().iter().zip(values);
-            named.map(|(coordinate, ((aim, found), force))| (*coordinate, [*aim, *found, *force]))
+            named.map(|(coordinate, ((aim, found), force))| {
+                let (found, force) = if posed.is_unknown {
+                    (f64::NAN, f64::NAN)
+                } else {
+                    (*found, *force)
+                };
+                (*coordinate, [*aim, found, force])
+            })
         })
     }
 
@@ -338,7 +385,7 @@ mod tests {
         };
         Port::new("rig", axes, Box::new(springs), 3, vec![1000.0; 2])
             .unwrap()
-            .with_geometry(spec.build(1.0).unwrap(), rows)
+            .with_geometry(spec.build(1.0).unwrap(), rows, LawPlace::Platform)
     }
 
     #[test]
@@ -436,6 +483,80 @@ mod tests {
             "{fastest}"
         );
         assert_eq!(port.sent, [0.0, 0.0], "to the last bit");
+    }
+
+    /// A platform that is soft along x and stiff along y, behind two actuators that turn.
+    struct Law {
+        geometry: Geometry,
+        placed: Placed,
+        disp: [f64; 2],
+    }
+
+    const LAW: [f64; 2] = [7e4, 7e6];
+
+    impl Substructure for Law {
+        fn axes(&self) -> usize {
+            2
+        }
+        fn coupling(&self) -> Coupling {
+            Coupling::Lockstep
+        }
+        fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
+            self.disp.copy_from_slice(command.disp);
+            Ok(())
+        }
+        fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
+            self.geometry.find(&self.disp, &mut self.placed).unwrap();
+            let pose = self.placed.pose();
+            let forces = [LAW[0] * pose[0], LAW[1] * pose[1]];
+            self.geometry
+                .stroke_forces(&self.placed, &forces, &mut into.force);
+            into.disp.copy_from_slice(&self.disp);
+            Ok(Freshness::Fresh)
+        }
+        fn retire(&mut self, _: Retirement) {}
+    }
+
+    /// By the strokes' own stiffness the second actuator would get tens of kilonewtons on the way. The row says where it is.
+    #[test]
+    fn a_platform_is_unloaded_along_the_way_of_its_law() {
+        let loading = port(0.0, None);
+        let geometry = loading.geometry().unwrap().clone();
+        let law = Law {
+            placed: geometry.reference(),
+            geometry: geometry.clone(),
+            disp: [0.0; 2],
+        };
+        let rows = loading.posed.as_deref().unwrap().rows.clone();
+        let mut port = Port::new("rig", loading.axes.clone(), Box::new(law), 3, LAW.to_vec())
+            .unwrap()
+            .with_geometry(geometry, rows, LawPlace::Platform);
+        let exchange = |port: &mut Port| {
+            assert_eq!(port.clear().trip, None);
+            port.issue(0, 0.0, 0.0).unwrap();
+            port.collect(Nanos(0)).unwrap();
+            port.look_at_pose();
+            let pose: Vec<f64> = port.pose().map(|(_, [_, found, _])| found).collect();
+            [pose[0], pose[1]]
+        };
+        port.aim(&[0.3, 0.001, 0.0], &[0.0; 3], 0.0, 0.0);
+        let first = exchange(&mut port);
+        assert!((first[0] - 0.3).abs() < 1e-12 && (first[1] - 0.001).abs() < 1e-12);
+        let most = port.force.iter().fold(0.0, |a: f64, f| a.max(f.abs()));
+        (port.exits.on_trip, port.exits.speed) = (Exit::ZeroForce, 0.2);
+        let mut way = port.depart(true, 0.001).unwrap();
+        let mut last = first;
+        while port.go_on(&mut way) {
+            for (from, to) in port.sent.iter().zip(&port.command) {
+                assert!((to - from).abs() <= 2e-4 * (1.0 + 1e-9), "{from} {to}");
+            }
+            last = exchange(&mut port);
+            for force in &port.force {
+                assert!(force.abs() <= 1.01 * most, "{force} beside {most}");
+            }
+        }
+        assert_eq!(way.end(), Some(Ok(())));
+        assert!(last[0].abs() < 0.004 && last[1].abs() < 4e-5, "{last:?}");
     }
 
     #[test]

@@ -155,6 +155,9 @@ impl Engine {
 
     /// The row of a tick before t = 0.
     pub(super) fn row_before_start(&mut self, tick: &Tick, phase: Phase, stamps: &TickStamps) {
+        for port in &mut self.ports {
+            port.look_at_pose();
+        }
         self.row.exchange(tick, phase, &self.side, &self.ports);
         self.row.outputs(&self.side);
         self.row

@@ -320,8 +320,13 @@ impl Specimens {
                             port = port.with_declared_noise(known.disp_sensor.noise_rms(tick));
                         }
                     }
-                    if let Some(Loading { geometry, rows }) = entry.loading {
-                        port = port.with_geometry(geometry, rows);
+                    if let Some(Loading {
+                        geometry,
+                        rows,
+                        law_at,
+                    }) = entry.loading
+                    {
+                        port = port.with_geometry(geometry, rows, law_at);
                     }
                     port.wait = wait;
                     port.direction = direction;

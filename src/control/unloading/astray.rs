@@ -38,7 +38,8 @@ impl std::fmt::Display for Astray {
             }
             Self::Grows => "its force grew on the way to zero",
             Self::Fell => {
-                "its force was gone at once, and not by its motion: its load cell may be dead, or the specimen broken"
+                "its force was gone at once, and not by its motion: its load cell may be dead, or the specimen broken, or it is much \
+                 stiffer"
             }
             Self::TooFar => {
                 "it went three times as far as its stiffness says, and there is still a force"

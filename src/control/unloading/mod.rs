@@ -9,10 +9,12 @@
 //! A load cell that has broken leads nobody: the force must not have jumped before, must follow what is moved, may not grow, and
 //! does not go all at once. Everything here is at the structure, in m and N. Real-time after [`Unloading::new`].
 
+mod along;
 mod astray;
 mod compliance;
 mod way;
 
+pub use along::Along;
 pub use astray::Astray;
 use compliance::compliance;
 use way::Way;
@@ -33,7 +35,8 @@ const MOST: usize = 256;
 const STANDING: u32 = 40;
 /// So many blocks in a row that are small are an arrival.
 const BLOCKS: u32 = 2;
-/// Share of the largest force so far, that on the way out included, that counts as none; and of one that may be off.
+/// Share of the largest force so far, that on the way out included, that counts as none; and of one that may be off. For one who feels
+/// what others move, a force that they bring counts as its own, as long as an axis has carried as much.
 const SMALL: f64 = 0.01;
 const STILL: f64 = 0.05;
 /// So many times the noise of that mean, by what was read while zeroing, counts as none, too.
@@ -90,6 +93,8 @@ pub struct Unloading {
     /// Nobody moves while the last block was small.
     rests: bool,
     small_blocks: u32,
+    /// In this block an axis would have gone too far.
+    is_at_its_end: bool,
     /// Σ first·reach.
     work: f64,
     /// The shares of the way of the last ticks, and blocks for which a force that was gone at once is remembered.
@@ -126,6 +131,7 @@ impl Unloading {
             begun: false,
             rests: false,
             small_blocks: 0,
+            is_at_its_end: false,
             work: 0.0,
             strides: [0.0; 4],
             fell: 0,
@@ -167,7 +173,8 @@ impl Unloading {
         self.outcome.is_none() || self.ways.iter().any(|way| way.step != 0.0)
     }
 
-    /// A share of the way that is left by K⁻¹, in one direction for all axes: what is too long for one of them is shorter for all.
+    /// A share of the way that is left by K⁻¹, in one direction for all axes: what is too long or too sudden for one of them is so
+    /// for all, and where one is at its end, all are.
     fn stride(&mut self, goes: bool) {
         let n = self.ways.len();
         let mut scale: f64 = 1.0;
@@ -179,12 +186,19 @@ impl Unloading {
                 scale = scale.min(way.longest_step / way.wanted.abs());
             }
         }
+        let mut is_near = true;
+        for way in &mut self.ways {
+            way.wanted *= scale;
+            is_near &= (way.gone + way.wanted).abs() <= way.farthest;
+        }
+        self.is_at_its_end |= !is_near;
+        let mut part: f64 = 1.0;
         for (way, leg) in self.ways.iter_mut().zip(&self.legs) {
-            let wanted = way.wanted * scale;
-            let is_near = (way.gone + wanted).abs() <= way.farthest;
-            way.is_at_its_end |= !is_near;
-            let wanted = if is_near { wanted } else { 0.0 };
-            way.step = wanted.clamp(way.step - leg.slew, way.step + leg.slew);
+            way.wanted = if is_near { way.wanted } else { 0.0 };
+            part = part.min(leg.slew / (way.wanted - way.step).abs());
+        }
+        for way in &mut self.ways {
+            way.step += part * (way.wanted - way.step);
             way.gone += way.step;
         }
         let step = self
@@ -258,20 +272,23 @@ impl Unloading {
                 way.reach = if reach.is_finite() { reach } else { 0.0 };
             }
         }
+        let carried = |(way, leg): (&Way, &Leg)| leg.largest.max(meant((way, leg)).abs());
+        let of_all = self.ways.iter().zip(&self.legs).map(carried);
+        let of_all = of_all.fold(0.0, f64::max);
         let answers = self.of_a_block.min(MOST) as f64;
         let mut jumped = false;
         for index in 0..n {
-            // What the motion of each axis takes away or brings here.
+            // What the motion of each axis takes away or brings here: where they nearly cancel, far more than any force that was.
             let row = self.stiffness.get(index * n..).unwrap_or_default();
             let parts = row.iter().zip(&self.ways);
             let parts = parts.map(|(stiffness, way)| (stiffness * way.reach).abs());
-            let scale = parts.fold(0.0, f64::max);
+            let brought = parts.fold(0.0, f64::max).min(of_all);
             if let (Some(way), Some(leg)) = (self.ways.get_mut(index), self.legs.get(index)) {
                 way.first = way.mean;
                 way.began_at = way.measured;
                 way.still = way.spread;
                 way.side = way.mean.signum();
-                way.scale = scale.max(leg.largest).max(meant((way, leg)).abs());
+                way.scale = brought.max(carried((way, leg)));
                 way.small = (SMALL * way.scale).max(NOISE * leg.noise / answers.sqrt());
                 jumped |= leg
                     .jump
@@ -331,7 +348,7 @@ impl Unloading {
         } else if !had_none && relief + noise < FOLLOWS && (measured >= 1.0 || sent >= AT_MOST_SENT)
         {
             Some(Err(Astray::DoesNotFollow))
-        } else if self.ways.iter().any(Way::is_stuck) {
+        } else if self.is_at_its_end {
             Some(Err(Astray::TooFar))
         } else {
             None
@@ -339,9 +356,7 @@ impl Unloading {
         if !self.rests {
             self.fell = self.fell.saturating_sub(1);
         }
-        for way in &mut self.ways {
-            way.is_at_its_end = false;
-        }
+        self.is_at_its_end = false;
     }
 }
 

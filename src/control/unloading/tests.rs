@@ -168,6 +168,66 @@ fn coupled_axes_go_together() {
     assert_eq!((alone.outcome, alone.at[0]), (Ok(()), 0.0));
 }
 
+/// Two axes on one stiff storey, [[k + c, −k], [−k, k]]: what one of them takes away the other brings, hundreds of times the force
+/// that there is.
+#[test]
+fn what_nearly_cancels_is_no_force() {
+    let (k, soft) = (1e9, 5e6);
+    let stiffness = [k + soft, -k, -k, k];
+    let specimen = |_, at: &[f64]| {
+        let between = k * (at[1] - at[0]);
+        vec![(at[0], soft * at[0] - between), (at[1], between)]
+    };
+    let from = vec![0.006, 0.006 + 18e3 / k];
+    let end = unload(&[LEG; 2], &stiffness, TICK, from, specimen);
+    assert_eq!(end.outcome, Ok(()));
+    for (_, force) in specimen(0, &end.at) {
+        assert!(force.abs() <= 200.0, "{force}");
+    }
+    assert!(
+        end.peaks.iter().all(|peak| *peak <= 18.1e3),
+        "{:?}",
+        end.peaks
+    );
+}
+
+/// What an acceleration limit takes from one axis it takes from all: no force grows.
+#[test]
+fn a_start_that_is_slow_is_slow_for_all_axes() {
+    let stiffness = [130e6, -250e6, -250e6, 505e6];
+    let specimen = |_, at: &[f64]| {
+        let force = |row: &[f64]| row[0] * at[0] + row[1] * at[1];
+        vec![
+            (at[0], force(&stiffness[..2])),
+            (at[1], force(&stiffness[2..])),
+        ]
+    };
+    for slew in [0.15e-6, 0.5e-6] {
+        let leg = Leg { slew, ..LEG };
+        let end = unload(&[leg; 2], &stiffness, TICK, vec![0.03, 0.015], specimen);
+        assert_eq!(end.outcome, Ok(()), "{slew}");
+        let began = specimen(0, &[0.03, 0.015]);
+        for (peak, (_, first)) in end.peaks.iter().zip(began) {
+            assert!(*peak <= 1.01 * first.abs(), "{slew}: {peak} beside {first}");
+        }
+    }
+}
+
+/// Four actuators on three coordinates: between them there is a force without a stiffness, and nobody runs after it.
+#[test]
+fn a_direction_without_a_stiffness_is_not_gone() {
+    let k = STIFFNESS;
+    // Two side by side that share one coordinate: pᵀ k p with p = (½, ½).
+    let share = 0.25 * k;
+    let stiffness = [share, share, share, share];
+    let end = unload(&[LEG; 2], &stiffness, TICK, vec![0.01, 0.01], |_, at| {
+        let force = share * (at[0] + at[1]);
+        vec![(at[0], force + 5.0), (at[1], force - 5.0)]
+    });
+    assert_eq!(end.outcome, Ok(()));
+    assert!(end.at.iter().all(|at| at.abs() <= 2e-4), "{:?}", end.at);
+}
+
 #[test]
 fn a_slow_way_has_the_time_that_it_takes() {
     // 150 mm at 1 mm/s with ticks of 10 ms, and 10 mm with ticks of 5 s.

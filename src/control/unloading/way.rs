@@ -23,14 +23,13 @@ pub(super) struct Way {
     pub measured: f64,
     pub began_at: f64,
     pub small: f64,
-    /// The largest force, also of what the motion of the others makes here.
+    /// The largest force, also of what the motion of the others brings here.
     pub scale: f64,
     pub longest_step: f64,
     pub farthest: f64,
     pub wanted: f64,
     pub gone: f64,
     pub step: f64,
-    pub is_at_its_end: bool,
 }
 
 impl Way {
@@ -48,10 +47,6 @@ impl Way {
             self.side = -self.side;
         }
         crosses
-    }
-
-    pub fn is_stuck(&self) -> bool {
-        self.is_at_its_end && self.mean.abs() > self.small
     }
 
     pub fn grows(&self) -> bool {

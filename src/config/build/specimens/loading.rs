@@ -19,6 +19,7 @@ use crate::specimen::{Gear, Platform, Specimen};
 pub(super) struct Loading {
     pub geometry: Geometry,
     pub rows: Vec<PoseRow>,
+    pub law_at: LawPlace,
 }
 
 type Sparse = Vec<(usize, f64)>;
@@ -54,7 +55,13 @@ pub(super) fn loading(
         }
         sums.into_iter().filter(|(_, sum)| *sum != 0.0).collect()
     });
-    Ok((axes.collect(), Some(Loading { geometry, rows })))
+    let axes = axes.collect();
+    let loading = Loading {
+        geometry,
+        rows,
+        law_at: spec.law_at,
+    };
+    Ok((axes, Some(loading)))
 }
 
 /// Where each axis stands in m, and what it reads there in N, while the deformation and the force are zero.
