@@ -9,7 +9,7 @@ use gusset::control::{Axis, Exit};
 use gusset::engine::{Control, Ending, Experiment, Left, Operator, Stop};
 use gusset::record::{EventKind, RunFolder};
 use gusset::session::{self, Finish, Watches};
-use gusset::substructure::{Coupling, LinkFault, Retirement};
+use gusset::substructure::{Coupling, LinkFault, Retirement, Status};
 use gusset::time::SimClock;
 
 const STEPS: u32 = 12;
@@ -148,6 +148,12 @@ fn a_link_that_fails_at_any_call_ends_the_test_and_retires_all() {
                 assert_eq!(run.outcome.ending, wanted, "{phase:?} {at}");
                 assert_retired(&calls, Retirement::Tripped);
                 assert_nothing_after(&calls, faulty, phase, at);
+                // Where it stands is known from whether its last command has left.
+                let status = run.all(&format!("status_{}", faulty + 1));
+                let unsent = status
+                    .last()
+                    .map(|status| Status(*status as u32).has(Status::UNSENT));
+                assert_eq!(unsent, Some(phase == Phase::Issue), "{phase:?} {at}");
                 // What ended is told apart from what did not: rows are those of the steps that were closed.
                 let rows = run.column("x1").len() as u64;
                 assert_eq!(rows, (at + STEPS as u64 + 1).saturating_sub(issued));

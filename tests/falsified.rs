@@ -4,7 +4,8 @@ mod common;
 
 use common::engine::prepare;
 use common::{FRAME, completed, json, write};
-use gusset::engine::{Ending, Stop, TestQuantity};
+use gusset::control::limits::Quantity;
+use gusset::engine::{Ending, Phase, Stop, TestQuantity};
 use gusset::record::{EventKind, Run};
 use gusset::spectral::delay::sdof;
 use nalgebra::{Complex, DMatrix};
@@ -308,6 +309,57 @@ fn delayed(share: f64, safety: &str) -> common::engine::Run {
     common::engine::run(&one_floor(&format!(
         "[specimen.transfer]\ndelay_s = {delay}\n[safety]\n{safety}\n"
     )))
+}
+
+/// What is commanded when the test is over follows none of its targets.
+#[test]
+fn on_the_way_out_lag_and_gain_stay_those_of_the_test() {
+    let run = delayed(
+        0.1,
+        "at_end = \"zero_displacement\"\nexit_speed_m_per_s = 0.01",
+    );
+    let states = run.all("state");
+    let end = states.iter().position(|s| *s == Phase::Leaving.code());
+    let end = end.unwrap();
+    for name in ["lag_1_1", "gain_1_1"] {
+        let values = run.all(name);
+        let last = values[end - 1];
+        assert!(last.is_finite() && values.len() > end + 20);
+        assert!(values[end..].iter().all(|value| *value == last), "{name}");
+    }
+}
+
+/// Lag and gain of one specimen: too little is as wrong as too much.
+#[test]
+fn a_lag_and_a_gain_beyond_their_limits_end_the_test() {
+    let limits = "[specimen.limits]\nlag_s = { trip = 0.004 }\ngain_error = { trip = 0.08 }\n";
+    for (transfer, quantity, value) in [
+        ("delay_s = 0.005", Quantity::Lag, 0.005),
+        (
+            "actuator.proportional = { gain = 0.9 }",
+            Quantity::GainError,
+            0.1,
+        ),
+        (
+            "actuator.proportional = { gain = 1.1 }",
+            Quantity::GainError,
+            0.1,
+        ),
+        ("delay_s = 0.003", Quantity::StuckSensor, 0.0),
+    ] {
+        let text = one_floor(&format!("[specimen.transfer]\n{transfer}\n{limits}"));
+        let ending = common::engine::run(&text).outcome.ending;
+        let Ending::Stopped(Stop::Limit { hit, .. }) = ending else {
+            assert_eq!((ending, value), (Ending::Completed, 0.0), "{transfer}");
+            continue;
+        };
+        assert_eq!(hit.quantity, quantity, "{transfer}");
+        assert!(
+            (hit.value / value - 1.0).abs() < 0.1,
+            "{transfer}: {}",
+            hit.value
+        );
+    }
 }
 
 /// Of the floor: ω² = 300, ξ = 0.03, two thirds of the stiffness in the specimen.

@@ -316,6 +316,24 @@ fn misses_have_bounds_in_a_row_and_in_all() {
     assert_eq!(in_all, ("max_total_misses", 7.0, 6.0));
 }
 
+#[test]
+fn misses_in_a_row_are_warned_of_once_each_time() {
+    let stalls = [10, 11, 12, 20, 21, 22].map(|at| Answering(at, 1_100_000));
+    let levels = |limits: &mut gusset::engine::Limits| limits.test.misses.warn_in_a_row = 1;
+    let (run, _) = run_warm(0, OnMiss::Stretch, &stalls, levels);
+    assert_eq!(run.outcome.ending, Ending::Completed);
+    let warned = run.events.iter().filter_map(|event| match event.kind {
+        EventKind::TestLimit {
+            quantity: "max_consecutive_misses",
+            trip: false,
+            value,
+            ..
+        } => Some((event.tick, value)),
+        _ => None,
+    });
+    assert_eq!(warned.collect::<Vec<_>>(), [(11, 2.0), (21, 2.0)]);
+}
+
 /// A loop that cannot keep its ticks when it is warm would not keep them in the test: it does not begin.
 #[test]
 fn a_warm_up_that_misses_its_deadlines_in_a_row_ends_before_the_test() {

@@ -358,6 +358,57 @@ fn the_first_number_that_differs_is_named() {
 }
 
 #[test]
+fn a_state_that_was_another_is_found_at_its_checkpoint() {
+    let home = tempfile::tempdir().unwrap();
+    let test = test_in(home.path(), "[record]\ncheckpoint_s = 0.5\n");
+    let run = record_of(&test, &[]);
+    assert!(replay(&run).unwrap().is_exact());
+    let path = run.join("events.jsonl");
+    let mut text = std::fs::read_to_string(&path).unwrap();
+    let at = text.find("\"digest\":\"").unwrap() + "\"digest\":\"".len();
+    let other = if text[at..].starts_with('0') {
+        "1"
+    } else {
+        "0"
+    };
+    text.replace_range(at..=at, other);
+    std::fs::write(&path, text).unwrap();
+    let difference = replay(&run).unwrap().difference.unwrap();
+    assert_eq!(difference.column, "checkpoint");
+}
+
+/// Whichever number is computed, from the first column on.
+#[test]
+fn the_last_bit_of_a_number_is_compared() {
+    let home = tempfile::tempdir().unwrap();
+    let path = record(home.path(), &[]);
+    let run = Run::open(&path).unwrap();
+    let states = run.columns(&["state"]).unwrap();
+    let row = states[0].iter().position(|s| *s == Phase::Running.code());
+    let row = row.unwrap() + 300;
+    for name in [
+        "step",
+        "time",
+        "x1",
+        "x2",
+        "a1",
+        "target_1_1",
+        "cmd_1_1",
+        "force_1_1",
+    ] {
+        let was = run.columns(&[name]).unwrap()[0][row];
+        change(&path, row as u64, name, f64::from_bits(was.to_bits() ^ 1));
+        let difference = replay(&path).unwrap().difference.unwrap();
+        assert_eq!(
+            (difference.row, difference.column.as_str()),
+            (row as u64, name)
+        );
+        change(&path, row as u64, name, was);
+    }
+    assert!(replay(&path).unwrap().is_exact());
+}
+
+#[test]
 fn a_force_that_was_changed_shows_in_what_follows_from_it() {
     let home = tempfile::tempdir().unwrap();
     let run = record(home.path(), &[]);

@@ -10,7 +10,7 @@ use common::rig::{Act, Call, Log, Phase, STIFFNESS, attach, storey, two_floors};
 use gusset::control::{Direction, Exit, Pace, Reference, Zero};
 use gusset::engine::{Ending, Left, Phase as Ended, Stop};
 use gusset::record::EventKind;
-use gusset::substructure::{Coupling, Retirement};
+use gusset::substructure::{Coupling, Retirement, Status};
 use gusset::time::{Clock, SimClock};
 
 const STEPS: u32 = 40;
@@ -160,9 +160,13 @@ fn a_specimen_that_says_that_it_holds_is_told_of_and_ends_the_test_if_it_goes_on
     assert_eq!(kept.outcome.ports[0].2.holds, 2);
     assert!(kept.column("status_1")[20] == 2.0 && kept.column("status_1")[22] == 0.0);
     // What is stale in between says nothing new.
-    let mut script = at(&[20, 21, 23, 24]);
-    script.push((22, Act::Miss));
-    let (stopped, calls) = run(&script, false, 2);
+    for stale in [Act::Miss, Act::MissSays(Status::HOLDING)] {
+        ends_at_the_third(&[at(&[20, 21, 23, 24]), vec![(22, stale)]].concat());
+    }
+}
+
+fn ends_at_the_third(script: &[(u64, Act)]) {
+    let (stopped, calls) = run(script, false, 2);
     let wanted = Stop::HoldsOn {
         port: 0,
         answers: 3,
@@ -180,6 +184,21 @@ fn a_specimen_that_says_that_it_holds_is_told_of_and_ends_the_test_if_it_goes_on
             .any(|c| matches!(c.1, Call::Issue { sequence: 24.., .. })),
         "no command after that"
     );
+    assert_eq!(stopped.outcome.steps, 22, "and not before");
+}
+
+/// Its heartbeat says it, too.
+#[test]
+fn what_a_specimen_says_of_itself_is_heard_though_its_answer_stays_away() {
+    for (status, stop) in [
+        (Status::INTERLOCK, Stop::Interlock { port: 0 }),
+        (Status::SATURATED, Stop::Saturated { port: 0 }),
+    ] {
+        let (run, calls) = run(&[(20, Act::MissSays(status))], false, 10);
+        assert_eq!(run.outcome.ending, Ending::Stopped(stop));
+        let issued = |call: &(usize, Call)| matches!(call.1, Call::Issue { sequence: 21.., .. });
+        assert!(!calls.iter().any(issued), "no command after that");
+    }
 }
 
 /// Whoever does not answer any more, or whose answers say nothing, is not commanded any more: that keeps nobody else from where

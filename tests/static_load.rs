@@ -3,8 +3,8 @@
 mod common;
 
 use common::engine::{Run, distance, prepare, run, run_on, run_under};
-use gusset::control::{Direction, Trend};
-use gusset::engine::{Control, Ending, Experiment, Operator, Phase, Stop};
+use gusset::control::{Direction, Exit, Trend};
+use gusset::engine::{Control, Ending, Experiment, Left, Operator, Phase, Stop};
 use gusset::rt::timing::Quantity;
 use gusset::substructure::{
     Command, Coupling, Freshness, LinkFault, Measurement, Retirement, Substructure,
@@ -402,7 +402,10 @@ fn a_slow_actuator_is_not_taken_for_a_reversed_one_and_a_reversed_one_is_found()
         };
         brought_on(&run_on(listened_to(), SimClock::new()));
         let mut experiment = listened_to();
-        let port = experiment.ports.pop().unwrap();
+        let mut port = experiment.ports.pop().unwrap();
+        // Which way leads there nobody knows.
+        port.exits.on_trip = Exit::ZeroDisp;
+        port.exits.speed = 0.05;
         experiment.ports.push(port.watched(|inner, _| {
             Box::new(Wired {
                 inner,
@@ -415,6 +418,7 @@ fn a_slow_actuator_is_not_taken_for_a_reversed_one_and_a_reversed_one_is_found()
             panic!("{transfer}: {:?}", run.outcome.ending);
         };
         assert_eq!(misfit.name(), "command_reversed");
+        assert_eq!(run.outcome.left, [Left::Stayed]);
         let way = run.all("cmd_1_1");
         assert!(way.iter().all(|disp| disp.abs() < 0.2 * 0.01), "{transfer}");
     }

@@ -358,6 +358,33 @@ fn what_is_told_once_a_step_is_judged_by_the_tick_where_it_is_told_every_tick() 
     assert!(largest_step(&way) <= 0.1 * PERIOD);
 }
 
+/// In the test it has the ten ticks of its step for each command. When that is over it is told every tick again, and has one:
+/// 0.1 m/s are too fast then, and would be 0.01 m/s by the step.
+#[test]
+fn what_is_told_once_a_step_has_the_step_for_it_in_the_test_and_the_tick_on_its_way_out() {
+    let (run, way) = led(EASED, |port| {
+        let limits = AxisLimits {
+            command_vel: Bound::trip(0.02),
+            ..AxisLimits::NONE
+        };
+        let port = port.with_limits(vec![limits], vec![(1.0, 1.0)], PERIOD);
+        let mut port = port
+            .told_every(PERIOD, 10.0 * PERIOD)
+            .with_pace(true, Order::Quadratic);
+        port.exits.at_end = Exit::Safe(vec![0.05]);
+        port.exits.speed = 0.1;
+        port
+    });
+    assert!(largest_step(&way) > 0.02 * PERIOD, "{}", largest_step(&way));
+    assert_eq!(run.outcome.steps, 500);
+    let unfinished = run.outcome.unfinished.unwrap();
+    assert_eq!(unfinished.after, Ending::Completed);
+    let Stop::Limit { hit, .. } = unfinished.stop else {
+        panic!("{:?}", unfinished.stop);
+    };
+    assert_eq!(hit.quantity, Quantity::CommandVel);
+}
+
 #[test]
 fn beside_the_test_a_tick_takes_its_share_of_the_step() {
     let text = "safety.zero_s = 0\nsafety.ramp_s = 0.4\nstructure.initial_displacement_m = [0.02]\n[time]\n\

@@ -202,3 +202,20 @@ impl Regressors {
         filters.chain(self.derivatives.slots())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_goal_that_is_no_number_moves_nothing() {
+        let bounds = vec![(0.5, 1.5), (0.0, 0.1)];
+        let made = Bounded::new(vec![1.0, 0.01], bounds, None, None, None, 1e-3);
+        let mut learnt = made.unwrap();
+        for goal in [[f64::NAN, 0.02], [1.1, f64::INFINITY]] {
+            learnt.approach(&goal);
+            learnt.approach_as_one(&goal);
+            assert_eq!(learnt.values, [1.0, 0.01]);
+        }
+    }
+}

@@ -507,6 +507,24 @@ mod tests {
         assert!(added(0, false).abs() < 1e-12);
     }
 
+    /// Not below nothing, and not beyond what is declared or, without that, expected.
+    #[test]
+    fn what_moves_a_stale_force_is_bounded_on_both_sides() {
+        let bounded = |stiffness: f64, stiffness_bound: f64| {
+            let declared = Declared {
+                stiffness_bound,
+                ..Declared::NONE
+            };
+            let mut port = port(spring(stiffness, 0), declared, AxisLimits::NONE, DT);
+            go(&mut port, 200, swing);
+            let mut tangents = port.estimates.bounded(&port.stiffness);
+            tangents.next().unwrap()
+        };
+        assert_eq!(bounded(-3e5, f64::NAN), 0.0);
+        assert_eq!(bounded(3e5, 2e5), 2e5);
+        assert_eq!(bounded(3e5, f64::NAN), 1e5);
+    }
+
     #[test]
     fn tangents_are_those_of_the_structure_whatever_the_axis_counts_in() {
         let declared = Declared {

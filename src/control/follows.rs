@@ -146,6 +146,8 @@ mod tests {
         let at_end = |target: f64| (target.min(0.0105), K * target.min(0.0105));
         assert_eq!(stops(on, at_end), Some(16));
         assert_eq!(stops(|number| -on(number), |_| (3.0, 7e3)), Some(5));
+        // What moves beside it changes its force, too.
+        assert_eq!(stops(on, |target| (0.0, 0.3 * K * target)), Some(5));
     }
 
     /// A small scale of the sensor, one that counts backwards, a bias, a force that yields, a displacement that nobody reads,

@@ -378,6 +378,36 @@ mod tests {
         }
     }
 
+    /// 20 N are none beside 2 kN in the test, however small the force is where it ended.
+    #[test]
+    fn a_force_that_is_small_beside_the_largest_of_the_test_is_none() {
+        let axis = Axis::plain(vec![(0, 1.0)]);
+        let spring = Box::new(Spring {
+            commands: VecDeque::from(vec![0.0]),
+            noise: 0.0,
+            phase: 0.0,
+        });
+        let mut port = Port::new("rig", vec![axis], spring, 1, vec![2e5]).unwrap();
+        port.exits.on_trip = Exit::ZeroForce;
+        port.exits.speed = 0.05;
+        let exchange = |port: &mut Port| {
+            assert_eq!(port.clear().trip, None);
+            port.issue(0, 0.0, TICK).unwrap();
+            port.collect(Nanos(0)).unwrap();
+            port.note_peak();
+        };
+        for disp in [0.01, 0.9e-4] {
+            port.aim(&[disp], &[0.0], 0.0, 0.0);
+            exchange(&mut port);
+        }
+        let mut departure = port.depart(true, TICK).unwrap();
+        while port.go_on(&mut departure) {
+            exchange(&mut port);
+        }
+        assert_eq!(departure.end(), Some(Ok(())));
+        assert_eq!(port.sent[0], 0.9e-4, "nothing has moved");
+    }
+
     #[test]
     fn without_a_stiffness_there_is_no_way_to_zero_force() {
         // Two blocks to see that there is a force, and one to see that nobody moves.

@@ -349,6 +349,7 @@ impl Port {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::limits::Quantity;
     use crate::substructure::{Command, Coupling, Freshness, LinkFault, Retirement};
     use crate::time::Nanos;
 
@@ -411,6 +412,103 @@ mod tests {
         assert_eq!(port.issue(0, 0.0, 0.0), Err(LinkFault::Refused));
         send(&mut port, 0);
         assert_eq!(port.issue(1, 0.0, 0.0), Err(LinkFault::Refused));
+    }
+
+    /// Whatever its displacement is: a link may use the velocity.
+    #[test]
+    fn a_command_whose_velocity_is_no_number_does_not_leave() {
+        for vel in [f64::NAN, f64::INFINITY] {
+            let mut port = reversed();
+            port.aim(&[0.0, 0.001], &[0.0, vel], 0.0, 0.0);
+            let hit = port.clear().trip.unwrap();
+            assert_eq!((hit.axis, hit.quantity), (0, Quantity::CommandVel));
+            assert_eq!(port.issue(0, 0.0, 0.0), Err(LinkFault::Refused));
+        }
+    }
+
+    /// Its sensors read 0.3 mm and 0.5 kN too much, and after an interruption 0.1 mm and 0.2 kN more.
+    #[test]
+    fn a_zero_that_is_read_and_its_drift_are_taken_off_what_is_read() {
+        let relative = Reference {
+            disp: Zero::Relative,
+            force: Zero::Relative,
+        };
+        let mut port = reversed().with_references(vec![relative]);
+        port.aim(&[0.0, 0.001], &[0.0, 0.0], 0.0, 0.0);
+        send(&mut port, 0);
+        let read = |port: &mut Port, disp: f64, force: f64| {
+            port.collect(Nanos(0)).unwrap();
+            (port.raw.disp[0], port.raw.force[0]) =
+                (port.raw.disp[0] + disp, port.raw.force[0] + force);
+            port.forget_readings();
+            port.take_reading();
+            (port.raw.disp[0], port.raw.force[0])
+        };
+        let is_zero = |port: &Port, (disp, force): (f64, f64)| {
+            let (disp, force) = port.axes[0].at_structure(disp, force);
+            assert!(disp.abs() < 1e-15 && force.abs() < 1e-9, "{disp} {force}");
+        };
+        let before = read(&mut port, 0.3, 0.5);
+        port.take_zero();
+        is_zero(&port, before);
+        let after = read(&mut port, 0.4, 0.7);
+        port.take_disp_drift(0, before.0);
+        port.take_force_drift(0, before.1);
+        is_zero(&port, after);
+    }
+
+    /// It answers to command 3, too, which was lost, with what its load cell read.
+    #[derive(Debug)]
+    struct Recovering(bool);
+
+    impl Substructure for Recovering {
+        fn axes(&self) -> usize {
+            1
+        }
+        fn coupling(&self) -> Coupling {
+            Coupling::Sampled
+        }
+        fn issue(&mut self, _: &Command<'_>) -> Result<(), LinkFault> {
+            Ok(())
+        }
+        fn collect(&mut self, _: Nanos, _: &mut Measurement) -> Result<Freshness, LinkFault> {
+            Ok(Freshness::Fresh)
+        }
+        fn recover(&mut self, force: &mut [f64]) -> Option<u64> {
+            force[0] = 2.5;
+            std::mem::take(&mut self.0).then_some(3)
+        }
+        fn retire(&mut self, _: Retirement) {}
+    }
+
+    #[test]
+    fn a_force_that_is_recovered_is_one_of_the_structure() {
+        let axis = Axis {
+            force_gain: -1000.0,
+            force_offset: 2.0,
+            ..Axis::plain(vec![(0, 1.0)])
+        };
+        let rig = Box::new(Recovering(true));
+        let mut port = Port::new("rig", vec![axis], rig, 1, vec![0.0]).unwrap();
+        assert_eq!((port.recover(), port.recovered[0]), (Some(3), -500.0));
+        assert_eq!(port.recover(), None);
+    }
+
+    /// Half as fast as the structure's time has it.
+    #[test]
+    fn a_ramp_says_how_fast_it_goes_in_the_specimens_own_time() {
+        let mut port = reversed();
+        port.axes[0].vel_gain = -500.0;
+        send(&mut port, 0);
+        let from = port.sent[0];
+        port.aim(&[0.0, 0.002], &[0.0, 0.0], 0.0, 0.0);
+        let way = port.command[0] - from;
+        port.begin_ramp();
+        port.ramp_to(0.5, 2.0);
+        assert!((port.command[0] - (from + 0.5 * way)).abs() < 1e-12);
+        // Half a cosine is π/2 times as fast in the middle as on the average.
+        let vel = 0.5 * std::f64::consts::FRAC_PI_2 * way / 2.0;
+        assert!((port.command_vel[0] - vel).abs() < 1e-12, "{way}");
     }
 
     #[test]

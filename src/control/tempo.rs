@@ -448,6 +448,7 @@ mod tests {
                     let stride = tempo.next(hold);
                     k += 1;
                     prop_assert!(stride.length >= 0.0 && stride.share <= 1.0);
+                    prop_assert!(stride.length <= tick * (1.0 + 1e-9), "longer than a tick");
                     prop_assert!(tempo.knows() || stride.share <= HOLD_AT + 1e-12);
                     prop_assert!((stride.share - before - stride.length).abs() < 1e-12);
                     let now = stride.length * f64::from(n);

@@ -195,6 +195,16 @@ mod tests {
     }
 
     #[test]
+    fn what_goes_the_other_way_now_and_then_is_no_reversed_channel() {
+        let mut reading = 0;
+        let (_, outcome) = settled(|d| {
+            reading += 1;
+            (d, if reading % 3 == 0 { -K * d } else { K * d })
+        });
+        assert_eq!(outcome.unwrap().unshown().count(), 0);
+    }
+
+    #[test]
     fn a_dead_channel_stops_nothing_and_shows_nothing() {
         let (_, trend) = settled(|d| (d, 7.0));
         assert_eq!(trend.unwrap().unshown().collect::<Vec<_>>(), [0]);

@@ -155,6 +155,12 @@ mod tests {
         let cut = Spin::plan(60_000, 50_000, Some(Throttle::USUAL));
         assert_eq!((cut.used_ns(), cut.is_shortened()), (32_500, true));
         assert!(cut.note.contains("shortened to 32.5 µs"), "{}", cut.note);
+        // A kernel without a limit has threads of its own, too.
+        let free = Throttle {
+            runtime_us: None,
+            ..Throttle::USUAL
+        };
+        assert_eq!(free.fit_spin(60_000, 50_000), 32_500);
     }
 
     #[test]

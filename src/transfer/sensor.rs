@@ -179,6 +179,7 @@ mod tests {
         let (read, end) = sensor.read(0.0, 1.0, 10.0, 1.0 / 4096.0);
         assert!(!end && (read - (1e-3 + 1e-3 + 16e-6)).abs() < 1e-12);
         assert_eq!(sensor.read(0.05, 0.0, 0.0, 0.01), (0.02, true));
+        assert_eq!(sensor.read(-0.05, 0.0, 0.0, 0.01), (-0.02, true));
         let plain = DispSensorSpec::default().build().unwrap();
         assert_eq!(plain.read(0.1234567, 3.0, 5.0, 0.01), (0.1234567, false));
     }

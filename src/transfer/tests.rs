@@ -181,6 +181,10 @@ fn limits_of_rate_stroke_and_force_hold_where_they_should() {
         // The limit ends between two ticks, and the step is a ramp of one tick.
         assert!((x - wanted).abs() < rate * DT, "{t}: {x} {wanted}");
     }
+    let mut slow = behind(text, spring(1.0, 0.0));
+    let back = follow(&mut slow, DT, 2000, |t| if t > 0.0 { -0.04 } else { 0.0 });
+    let mirrored = |([x, _], [back, _]): (&[f64; 2], &[f64; 2])| *x == -back;
+    assert!(out.iter().zip(&back).all(mirrored), "the other way");
     let mut short = behind("stroke_m = 0.01", spring(1e5, 0.0));
     let out = follow(&mut short, DT, 100, |t| t);
     assert_eq!(out[99], [0.01, 1000.0]);

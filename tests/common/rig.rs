@@ -47,6 +47,8 @@ pub enum Act {
     Holds,
     /// Its answer is not there yet.
     Miss,
+    /// Nor this one, but it says this of itself.
+    MissSays(Status),
     /// An answer of this age in commands arrives and calls itself fresh, with a force that would do harm.
     Late(u64),
 }
@@ -100,6 +102,10 @@ impl<F: FnMut(Phase, u64) -> Act + Send> Substructure for Rig<F> {
         let (age, force) = match (self.act)(Phase::Collect, self.sequence) {
             Act::Fail(fault) => return Err(fault),
             Act::Miss => return Ok(Freshness::Stale),
+            Act::MissSays(status) => {
+                into.status.0 |= status.0;
+                return Ok(Freshness::Stale);
+            }
             Act::Serve => (0, STIFFNESS * self.disp),
             Act::Force(force) => (0, force),
             Act::Saturated => {

@@ -148,6 +148,24 @@ fn velocity_and_acceleration_are_differences_over_wall_time() {
 }
 
 #[test]
+fn between_ticks_of_two_lengths_speeds_differ_over_their_mean() {
+    let limits = AxisLimits {
+        command_accel: Bound::trip(2.0),
+        ..AxisLimits::NONE
+    };
+    let mut one = watch(limits);
+    command(&mut one, 0.0);
+    command(&mut one, 0.1);
+    one.tick_is(0.3);
+    // From 1 to 1.35 m/s in 0.2 s, and from there to 1.85 m/s.
+    assert_eq!(command(&mut one, 0.505).trip, None, "1.75 m/s2");
+    one.tick_is(0.1);
+    let hard = command(&mut one, 0.69).trip.unwrap();
+    assert_eq!(hard.quantity, Quantity::CommandAccel);
+    assert!((hard.value - 2.5).abs() < 1e-9, "{}", hard.value);
+}
+
+#[test]
 fn the_first_command_is_a_step_from_where_the_specimen_stands() {
     let limits = AxisLimits {
         command_step: half(0.01),
@@ -231,6 +249,10 @@ fn a_force_that_jumps_is_seen_from_the_second_measurement_on() {
     assert_eq!(measure(&mut one, 0.0, 500.0).trip, None);
     assert_eq!(measure(&mut one, 0.0, 509.0).trip, None);
     assert!(measure(&mut one, 0.0, 498.0).trip.is_some());
+    // The way out knows of it; a test that goes on after an interruption does not.
+    assert_eq!(one.jump(0), Some([509.0, 10.0]));
+    one.forget_measurements();
+    assert_eq!(one.jump(0), None);
 }
 
 #[test]
@@ -257,6 +279,13 @@ fn sensors_are_stuck_only_if_the_command_has_moved_meanwhile() {
         command(&mut noisy, 0.01 * f64::from(k));
         let noise = f64::from(k % 2) * 1e-9;
         assert_eq!(measure(&mut noisy, 0.5, 7.0 + noise).trip, None, "it lives");
+    }
+    // In its play a specimen moves without a force.
+    let mut slack = watch(limits);
+    for k in 0..100 {
+        let disp = 0.01 * f64::from(k);
+        command(&mut slack, disp);
+        assert_eq!(measure(&mut slack, disp, 0.0).trip, None, "it moves");
     }
 }
 

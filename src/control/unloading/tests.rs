@@ -84,6 +84,18 @@ fn a_load_cell_that_is_stuck_leads_no_further_than_the_stiffness_says() {
     assert_eq!(end.outcome, Err(Astray::DoesNotFollow));
 }
 
+/// Five times as soft as believed: its force follows, and is still there where the stiffness says that it is gone.
+#[test]
+fn one_that_is_softer_than_believed_is_led_three_times_as_far_as_its_stiffness_says() {
+    let end = unload(&[LEG], &[STIFFNESS], TICK, vec![0.01], |_, at| {
+        vec![(at[0], STIFFNESS / 5.0 * at[0])]
+    });
+    assert_eq!(end.outcome, Err(Astray::TooFar));
+    // 2 mm by k̂, of a force that may be off by a twentieth.
+    let gone = 0.01 - end.at[0];
+    assert!(gone > 5.9e-3 && gone <= 3.0 * 2.1e-3 + 1e-12, "{gone}");
+}
+
 #[test]
 fn a_force_that_grows_is_followed_no_further() {
     let end = spring(LEG, |_, force| -force);

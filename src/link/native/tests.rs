@@ -6,12 +6,14 @@ use std::time::Duration;
 
 use super::*;
 use crate::link::SocketOptions;
-use crate::substructure::Status;
+use crate::substructure::{Command, Freshness, Measurement, Status};
 use crate::wire::Side;
 use crate::wire::handshake::{
     self, Bye, Capabilities, Control, Hello, Refuse, RefuseCode, Sampling, Unit, Versions, Welcome,
 };
-use crate::wire::native::{Cause, Decoder, Encoder, Frame, Heartbeat, LARGEST_FRAME, Notice};
+use crate::wire::native::{
+    Cause, Decoder, Encoder, Frame, Heartbeat, LARGEST_FRAME, Moment, Notice,
+};
 
 const SESSION: u64 = 7;
 const TEXT: &str = "pump lost pressure";
@@ -38,6 +40,10 @@ struct Scripted {
     encoder: Encoder,
     decoder: Decoder,
     waiting: VecDeque<Vec<u8>>,
+    /// How long in ns its answer to a command takes, and the force that it gives.
+    answers: (u64, f64),
+    /// The answer that comes next, and when.
+    due: Option<(Nanos, Vec<u8>)>,
     now: Nanos,
     heard: Arc<Mutex<Vec<&'static str>>>,
 }
@@ -80,6 +86,27 @@ impl Scripted {
         }
     }
 
+    fn answer(&mut self, sequence: u64) {
+        let (takes_ns, force) = self.answers;
+        let measured = Measurement {
+            sequence,
+            ..Measurement::zeros(1)
+        };
+        let moment = Moment {
+            sampled_after: 0.0,
+            missed: 0,
+        };
+        let mut out = vec![0; LARGEST_FRAME];
+        let length = self.encoder.measurement(&measured, moment, &mut out);
+        let (frame, _) = out.split_at_mut(length.unwrap());
+        // Byte 72: the force, which an encoder writes only if it is a number.
+        frame[72..80].copy_from_slice(&force.to_le_bytes());
+        let (covered, crc) = frame.split_at_mut(frame.len() - 4);
+        crc.copy_from_slice(&crc32fast::hash(covered).to_le_bytes());
+        let at = self.now.plus(takes_ns);
+        self.due.get_or_insert((at, frame.to_vec()));
+    }
+
     fn hears(&mut self, control: Control) {
         let [hello, arm, _] = self.words.clone();
         self.heard.lock().unwrap().push(control.name());
@@ -102,6 +129,11 @@ impl Transport for Scripted {
         let control = match self.decoder.open(frame).unwrap().frame {
             Frame::Control(message) => Some(handshake::decode(message).unwrap()),
             Frame::Retire(_) => None,
+            Frame::Command(command) => {
+                self.answer(command.sequence());
+                return Ok(());
+            }
+            Frame::Heartbeat(_) => return Ok(()),
             other => panic!("{other:?}"),
         };
         match control {
@@ -115,6 +147,10 @@ impl Transport for Scripted {
     }
 
     fn recv(&mut self, buffer: &mut [u8], deadline: Nanos) -> Result<Option<usize>, LinkFault> {
+        if let Some((at, frame)) = self.due.take_if(|(at, _)| *at <= deadline.max(self.now)) {
+            self.now = self.now.max(at);
+            self.waiting.push_back(frame);
+        }
         let Some(frame) = self.waiting.pop_front() else {
             self.now = self.now.max(deadline);
             return Ok(None);
@@ -157,6 +193,15 @@ fn link(
     words: [Word; 3],
     change: Change,
 ) -> (NativeLink, Arc<Mutex<Vec<&'static str>>>) {
+    link_that_answers(carrier, words, change, (0, 0.0))
+}
+
+fn link_that_answers(
+    carrier: Carrier,
+    words: [Word; 3],
+    change: Change,
+    answers: (u64, f64),
+) -> (NativeLink, Arc<Mutex<Vec<&'static str>>>) {
     let heard = Arc::<Mutex<Vec<&'static str>>>::default();
     let wire = Scripted {
         words,
@@ -164,6 +209,8 @@ fn link(
         encoder: Encoder::greeting(Side::Specimen),
         decoder: Decoder::greeting(Side::Controller),
         waiting: VecDeque::new(),
+        answers,
+        due: None,
         now: Nanos(0),
         heard: Arc::clone(&heard),
     };
@@ -292,6 +339,49 @@ fn what_a_specimen_says_to_its_last_words_is_kept() {
             link.retire(*how);
             assert_eq!(link.has_acknowledged(), Some(true));
             assert_eq!(link.last_words().as_deref(), *told, "{word:?}");
+        }
+    }
+}
+
+/// What the answers to three commands come to, which take so long and give this force.
+fn three_answers(carrier: Carrier, answers: (u64, f64)) -> Vec<Result<Freshness, LinkFault>> {
+    let words = [Word::Fits, Word::Fits, Word::Fits];
+    let (mut link, _) = link_that_answers(carrier, words, |_| {}, answers);
+    link.connect().unwrap();
+    link.ask_to_arm(0, &[0.0]).unwrap();
+    assert!(link.arm(0, &[0.0], &mut || true).unwrap());
+    let mut measured = Measurement::zeros(1);
+    let answer = |sequence| {
+        link.issue(&Command {
+            sequence,
+            time: 0.0,
+            dt: 0.0,
+            disp: &[0.0],
+            vel: &[0.0],
+        })?;
+        link.collect(Nanos(0), &mut measured)
+    };
+    (0..3).map(answer).collect()
+}
+
+/// A second each, and not for all of them.
+#[test]
+fn every_answer_is_waited_for_as_long_as_its_time_limit() {
+    let silent = Err(LinkFault::Timeout);
+    for carrier in CARRIERS {
+        let in_time = three_answers(carrier, (700_000_000, 1e3));
+        assert_eq!(in_time, [Ok(Freshness::Fresh); 3], "{carrier:?}");
+        assert_eq!(three_answers(carrier, (1_100_000_000, 1e3))[0], silent);
+    }
+}
+
+/// A datagram that is damaged is lost; one that is whole and says no number is none of those.
+#[test]
+fn a_force_that_is_no_number_is_the_end_over_either_carrier() {
+    for carrier in CARRIERS {
+        for force in [f64::NAN, f64::INFINITY] {
+            let found = three_answers(carrier, (0, force));
+            assert_eq!(found, [Err(LinkFault::NotFinite); 3], "{carrier:?}");
         }
     }
 }

@@ -79,3 +79,27 @@ pub(super) fn why(limits: &[AxisLimits], hit: &Hit) -> Option<&'static str> {
          is declared",
     )
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_axis_is_judged_by_where_it_stands() {
+        let limits = AxisLimits {
+            command_disp: Range {
+                trip: [-0.1, 0.1],
+                ..Range::NONE
+            },
+            ..AxisLimits::NONE
+        };
+        let first = |to: [f64; 2]| {
+            let hit = judge(&[limits; 2], &[0.0, 0.05], to.into_iter());
+            hit.map(|hit| hit.axis)
+        };
+        assert_eq!(first([0.009, 0.041]), None);
+        assert_eq!(first([0.011, 0.05]), Some(0));
+        assert_eq!(first([0.0, 0.0]), Some(1));
+        assert_eq!(first([0.0, f64::NAN]), Some(1));
+    }
+}

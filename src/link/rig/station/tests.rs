@@ -181,3 +181,9 @@ fn a_specimen_that_goes_on_holding_by_itself_ends_the_test_and_one_that_held_bet
     assert_eq!(says(Status(Status::HOLDING.0 | Status::HELD.0)), None);
     assert_eq!(says(Status::default()), None);
 }
+
+#[test]
+fn a_specimen_that_says_once_that_its_interlock_is_open_or_a_sensor_at_its_end_ends_the_test() {
+    assert_eq!(says(Status::SATURATED), Some((4, Trip::Saturated)));
+    assert_eq!(says(Status::INTERLOCK), Some((4, Trip::Interlock)));
+}
