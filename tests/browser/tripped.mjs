@@ -5,7 +5,7 @@ const [address, token, shots] = process.argv.slice(2);
 
 await visit(address, { viewport: { width: 1920, height: 1080 } }, async (page, found) => {
   const text = (selector) => page.locator(selector).textContent();
-  await page.waitForFunction(() => document.querySelector("#phase").textContent === "leaving, tripped");
+  await page.waitForFunction(() => document.querySelector("#phase").textContent === "leaving" && !document.querySelector("#alarm").hidden);
   found.phase = await page.locator("#phase").getAttribute("class");
   found.alarm = await text("#alarm");
   found.bars = await page.locator("#bars .bar.tripped .name").allTextContents();

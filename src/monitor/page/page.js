@@ -113,15 +113,14 @@ function count(id, value, bad) {
   $(id).classList.toggle("bad", bad);
 }
 
-/** The phase; what is to be confirmed in it, a trip that it follows, and a hold that has no phase of its own beside it. */
-function named({ phase, hold, stands, unconfirmed, now }) {
+/** The phase; what is to be confirmed in it, and a hold that has no phase of its own beside it. */
+function named({ phase, hold, stands, unconfirmed }) {
   const words = unconfirmed ? [phase, "to be confirmed"] : [phase];
-  if (now.trips.length > 0 && phase !== "tripped") words.push("tripped");
   if (hold && phase !== "holding") words.push(stands ? "held" : "to be held");
   return words.join(", ");
 }
 
-/** The way out after a trip looks like the trip: it has no phase of its own. */
+/** The way out after a trip looks like the trip. The word stays short: a longer one would move the buttons away from a hand. */
 function dressed({ phase, now }) {
   return now.trips.length > 0 ? "tripped" : phase;
 }
