@@ -1,6 +1,5 @@
 //! The `gusset` binary: arguments, logging, exit code; nothing else.
 
-use std::io::IsTerminal;
 use std::process::ExitCode;
 
 use tracing::level_filters::LevelFilter;
@@ -11,7 +10,7 @@ fn main() -> ExitCode {
     tracing_subscriber::fmt()
         .with_max_level(LevelFilter::WARN)
         .with_writer(|| gusset::cli::Log)
-        .with_ansi(std::io::stderr().is_terminal())
+        .with_ansi(gusset::cli::in_colour())
         .log_internal_errors(false)
         .with_target(false)
         .init();

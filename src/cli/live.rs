@@ -20,7 +20,7 @@ use crate::engine::PhaseCell;
 use crate::monitor::Ended;
 #[cfg(feature = "monitor")]
 use crate::monitor::page::{LivePage, Serving, Token};
-use crate::monitor::{About, Board, LambdaUse, Subject, Tap};
+use crate::monitor::{About, Board, GoesOn, LambdaUse, Subject, Tap};
 use crate::record::Onlooker;
 #[cfg(feature = "monitor")]
 use crate::record::{Note, Roll};
@@ -89,6 +89,10 @@ impl Looked {
             run: folder.display().to_string(),
             real_clock: facts.clock == ClockChoice::Real,
             lambda: lambda(facts),
+            goes_on: facts.resumed.as_ref().map(|(run, after)| GoesOn {
+                run: run.display().to_string(),
+                after: *after,
+            }),
         };
         let online = facts
             .structure

@@ -39,7 +39,7 @@ mod table;
 mod verify;
 
 use std::fmt::Display;
-use std::io::{self, IsTerminal, Write};
+use std::io::{self, Write};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::process::ExitCode;
 
@@ -47,6 +47,7 @@ use clap::Parser;
 
 pub use aside::{Log, tell_panics};
 pub use exit::Exit;
+pub use screen::in_colour;
 
 use args::{Cli, Command};
 
@@ -134,7 +135,7 @@ fn answer(text: impl Display) -> io::Result<()> {
 /// Warnings as pictures; in colour on a terminal.
 fn warn(warnings: &Diagnostics) {
     if !warnings.0.is_empty() {
-        tell(warnings.render(io::stderr().is_terminal()));
+        tell(warnings.render(in_colour()));
     }
 }
 

@@ -36,6 +36,7 @@ fn say(folder: &Path, request: Request) -> Result<String, Refusal> {
     // Who wants it to go on looks first what that means: said blindly, the same word could do more than was meant.
     let mut word = (request != Request::Continue).then_some(request);
     let mut is_told = false;
+    let mut was_leaving = false;
     let mut waited = Duration::ZERO;
     let (mut silent_since, mut warned) = (None, false);
     loop {
@@ -45,6 +46,8 @@ fn say(folder: &Path, request: Request) -> Result<String, Refusal> {
         match ask(folder, asked) {
             Ok(Answer { accepted, seen }) => {
                 silent_since = None;
+                // As it was when it was told: the desk looks before it passes the word on.
+                was_leaving |= !is_told && seen.phase == Phase::Leaving;
                 match word {
                     None => {
                         word = Some(to_go_on(seen));
@@ -62,7 +65,9 @@ fn say(folder: &Path, request: Request) -> Result<String, Refusal> {
                 }
                 waited += LOOK_EVERY;
             }
-            Err(Unanswered::Over(_)) if is_told => return over(word.unwrap_or(request)),
+            Err(Unanswered::Over(_)) if is_told => {
+                return over(word.unwrap_or(request), was_leaving);
+            }
             Err(Unanswered::Over(_)) if folder.join("summary.json").exists() => {
                 return Err((Exit::Usage, OVER.to_owned()));
             }
@@ -100,9 +105,13 @@ const fn to_go_on(seen: Glimpse) -> Request {
 
 const OVER: &str = "this test is over";
 
-/// It was told, and then its desk closed.
-fn over(request: Request) -> Result<String, Refusal> {
+/// It was told, on its way out or before, and then its desk closed.
+fn over(request: Request, was_leaving: bool) -> Result<String, Refusal> {
     let too_late = match request {
+        Request::Stop if was_leaving => {
+            let text = "ended: the way out was cut short, specimens that had not arrived are frozen where they are";
+            return Ok(text.to_owned());
+        }
         Request::Stop | Request::Phase => return Ok("ended".to_owned()),
         Request::Hold => "the test ended before it held",
         Request::Continue => "the test ended before it went on",
@@ -319,9 +328,11 @@ mod tests {
 
     #[test]
     fn an_end_is_what_a_stop_wants_and_nothing_else() {
-        assert_eq!(over(Request::Stop).unwrap(), "ended");
+        assert_eq!(over(Request::Stop, false).unwrap(), "ended");
+        let cut = over(Request::Stop, true).unwrap();
+        assert!(cut.starts_with("ended: the way out was cut short"), "{cut}");
         for request in [Request::Hold, Request::Continue, Request::Confirm] {
-            assert_eq!(over(request).unwrap_err().0, Exit::Stopped);
+            assert_eq!(over(request, false).unwrap_err().0, Exit::Stopped);
             let told = seen(Phase::Leaving, false, false);
             assert!(judge(Request::Stop, told, true).is_none());
         }

@@ -1,6 +1,5 @@
 //! `gusset run`.
 
-use std::io::IsTerminal;
 use std::path::Path;
 
 use anyhow::Context;
@@ -10,6 +9,7 @@ use super::attend;
 use super::conduct;
 use super::exit::{Exit, Mistakes, WithExit};
 use super::live;
+use super::screen;
 use super::status::Status;
 use super::table::{Table, duration, quantity};
 use super::{answer, stability, tell, warn};
@@ -114,8 +114,7 @@ pub fn load(path: &Path, sets: &[String]) -> anyhow::Result<Loaded> {
 pub fn refused(error: ConfigError) -> anyhow::Error {
     match error {
         ConfigError::Invalid(diagnostics) => {
-            let colour = std::io::stderr().is_terminal();
-            Mistakes(diagnostics.render(colour)).into()
+            Mistakes(diagnostics.render(screen::in_colour())).into()
         }
         other => other.into(),
     }
@@ -127,6 +126,17 @@ pub fn method_name(method: Method) -> String {
         Ok(serde_json::Value::String(name)) => name,
         _ => format!("{method:?}"),
     }
+}
+
+/// Which steps were made, and the test time that they took; `after` is the last step that was made by another test.
+fn tested(steps: u64, after: Option<u64>, dt: f64) -> String {
+    let own = steps.saturating_sub(after.unwrap_or(0));
+    let which = match after {
+        Some(after) if own > 0 => format!("steps {} to {steps}", after + 1),
+        Some(after) => format!("no step after step {after}, each"),
+        None => format!("{steps} steps"),
+    };
+    format!("{which} of {}: {}", duration(dt), duration(own as f64 * dt))
 }
 
 /// What a person wants to know at the end of a test.
@@ -141,14 +151,12 @@ fn conclude(facts: &Facts, finished: &Finished, page: Option<&Page>) {
     };
     let mut table = Table::new(&format!("{} — {verdict}", facts.title));
     table.row("ended", &summary.reason);
-    let tested = summary.steps as f64 * summary.dt;
+    let after = facts.resumed.as_ref().map(|(_, step)| *step);
     table.row(
         "test",
         &format!(
-            "{} steps of {}: {} in {} of wall time ({} clock, {:.6} Hz)",
-            summary.steps,
-            duration(summary.dt),
-            duration(tested),
+            "{} in {} of wall time ({} clock, {:.6} Hz)",
+            tested(summary.steps, after, summary.dt),
             duration(summary.wall_seconds),
             if finished.granted.is_some() {
                 "real"
@@ -263,4 +271,21 @@ fn conclude(facts: &Facts, finished: &Finished, page: Option<&Page>) {
         table.row("DATA LOST", &format!("{data} was deleted"));
     }
     tell(table);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::tested;
+
+    #[test]
+    fn a_test_that_goes_on_claims_its_own_steps_only() {
+        let dt = 1.0 / 256.0;
+        assert_eq!(tested(5120, None, dt), "5120 steps of 3.9062 ms: 20 s");
+        let own = "steps 1870 to 5120 of 3.9062 ms: 12.699 s";
+        assert_eq!(tested(5120, Some(1869), dt), own);
+        assert_eq!(
+            tested(7, Some(7), dt),
+            "no step after step 7, each of 3.9062 ms: 0 s"
+        );
+    }
 }

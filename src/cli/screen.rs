@@ -4,6 +4,7 @@
 //! away with [`step_aside`]; the next drawing puts them below. Lines that are too long are cut by the terminal and never
 //! wrap, so that as many lines can be taken away as were drawn.
 
+use std::ffi::OsStr;
 use std::io::{self, IsTerminal};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -19,6 +20,16 @@ fn drawn() -> MutexGuard<'static, usize> {
 /// Whether there is a terminal to draw on.
 pub fn is_there() -> bool {
     io::stderr().is_terminal()
+}
+
+/// Whether what is written there may be coloured: `NO_COLOR` with anything in it says that it may not.
+#[must_use]
+pub fn in_colour() -> bool {
+    is_there() && wants_colour(std::env::var_os("NO_COLOR").as_deref())
+}
+
+fn wants_colour(no_colour: Option<&OsStr>) -> bool {
+    no_colour.is_none_or(OsStr::is_empty)
 }
 
 /// Columns and rows of the terminal; those of old if it does not say.
@@ -66,6 +77,12 @@ fn over(before: usize, lines: &[String]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn no_colour_is_wanted_by_anything_in_the_variable() {
+        assert!(wants_colour(None) && wants_colour(Some(OsStr::new(""))));
+        assert!(!wants_colour(Some(OsStr::new("1"))));
+    }
 
     /// What a terminal of 20 columns shows after `text`: enough of one for what we send.
     fn shown(text: &str) -> Vec<String> {

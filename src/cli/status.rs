@@ -120,7 +120,18 @@ impl<'a> Sight<'a> {
         if seen.stands && phase != Phase::Holding {
             words.push_str(", HELD");
         }
+        // The phase itself passes at once where there is a way out.
+        if !self.now.trips.is_empty() && phase != Phase::Tripped {
+            words.push_str(", TRIPPED");
+        }
         words
+    }
+
+    /// Why it has tripped, if it has.
+    fn trips(&self) -> Option<String> {
+        let words = self.now.trips.iter().map(|trip| trip.words.as_str());
+        let words: Vec<_> = words.collect();
+        (!words.is_empty()).then(|| words.join("; "))
     }
 
     fn lambda(&self) -> Option<String> {
@@ -187,31 +198,37 @@ impl<'a> Sight<'a> {
         })
     }
 
-    /// All in one line, the most important first: a narrow terminal cuts the rest.
+    /// All in one line, the most important first: a narrow terminal cuts what must be told, and leaves out the rest.
     fn line(&self, columns: usize) -> String {
-        let mut parts = vec![self.phase()];
-        parts.push(format!("{:.2} of {:.2} s", self.now.time, self.duration()));
-        if columns >= 60 {
-            parts.push(bar(self.share(), if columns >= 100 { 20 } else { 10 }));
-        }
-        parts.push(format!("misses {}", self.now.misses.total()));
+        let mut must = vec![self.phase()];
+        must.push(format!("{:.2} of {:.2} s", self.now.time, self.duration()));
+        must.push(format!("misses {}", self.now.misses.total()));
         if self.now.rows_lost > 0 {
-            parts.push(format!("ROWS LOST {}", self.now.rows_lost));
+            must.push(format!("ROWS LOST {}", self.now.rows_lost));
         }
         let closest = self.limits().max_by(|a, b| a.4.total_cmp(&b.4));
-        if let Some((_, name, mark, _, used)) = closest {
-            parts.push(format!(
-                "{name}: {} {:.0} % of trip",
-                mark.key,
-                100.0 * used
-            ));
-        }
-        if let Some(late) = self.now.timing.first().filter(|late| late.count > 0) {
-            parts.push(format!("late p99 {}", short(late.p99, "s")));
-        }
-        parts.extend(self.delays());
-        parts.extend(self.lambda());
-        parts.push(format!("{:.0} Hz", self.rate_hz));
+        let closest = closest.map(|(_, name, mark, _, used)| {
+            format!("{:.0} % of trip: {name} {}", 100.0 * used, mark.key)
+        });
+        must.extend(self.trips().or(closest));
+        let mut room = columns.saturating_sub(width(&must.join("  ")));
+        let mut fits = |part: &String| {
+            let is_room = width(part) + 2 <= room;
+            room -= if is_room { width(part) + 2 } else { 0 };
+            is_room
+        };
+        let late = self.now.timing.first().filter(|late| late.count > 0);
+        let late = late.map(|late| format!("late p99 {}", short(late.p99, "s")));
+        let rate = format!("{:.0} Hz", self.rate_hz);
+        let rest = [late, self.delays(), self.lambda(), Some(rate)];
+        let rest = rest.into_iter().flatten();
+        let rest: Vec<_> = rest.filter(&mut fits).collect();
+        // A picture of what the numbers say already is the first to go.
+        let bars = [20, 10].map(|width| bar(self.share(), width));
+        let bar = bars.into_iter().find(fits);
+        let tail = must.split_off(2);
+        let parts = must.into_iter().chain(bar).chain(tail);
+        let parts: Vec<_> = parts.chain(rest).collect();
         cut(&parts.join("  "), columns)
     }
 
@@ -228,6 +245,7 @@ impl<'a> Sight<'a> {
             ),
             bar(self.share(), columns.saturating_sub(1).min(78)),
         ];
+        lines.extend(self.trips().map(|trips| format!("TRIPPED  {trips}")));
         let mut last = vec![self.losses()];
         for late in now.timing.iter().filter(|late| late.count > 0) {
             last.push(format!(
@@ -383,6 +401,10 @@ fn short(value: f64, unit: &str) -> String {
         Ok(number) => format!("{number:.2} {unit}"),
         Err(_) => text.clone(),
     }
+}
+
+fn width(text: &str) -> usize {
+    text.chars().count()
 }
 
 fn cut(text: &str, columns: usize) -> String {

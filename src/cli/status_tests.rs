@@ -3,7 +3,7 @@
 use super::*;
 use crate::engine::{Glimpse, Phase, PhaseCell};
 use crate::monitor::{About, LambdaUse, Subject, Tap};
-use crate::record::{Onlooker, Progress};
+use crate::record::{Event, EventKind, Onlooker, Progress};
 
 /// A frame of two storeys with limits on its specimen, watched for `rows` rows.
 fn board(rows: u64) -> Arc<Board> {
@@ -11,6 +11,10 @@ fn board(rows: u64) -> Arc<Board> {
 }
 
 fn board_seen(rows: u64, seen: Glimpse) -> Arc<Board> {
+    board_of(rows, seen, &[])
+}
+
+fn board_of(rows: u64, seen: Glimpse, events: &[EventKind]) -> Arc<Board> {
     let text = include_str!("../../config/frame-bouc-wen.toml").replace(
         "name = \"ground-storey\"",
         "name = \"ground-storey\"\nlimits = { command_disp_m = { warn = [-0.05, 0.05], trip = [-0.1, 0.1] }, \
@@ -30,6 +34,7 @@ fn board_seen(rows: u64, seen: Glimpse) -> Arc<Board> {
             declared_limit: f64::INFINITY,
             proven: true,
         }),
+        goes_on: None,
     };
     let subject = Subject::new(&prepared.experiment, about);
     let online = prepared.facts.structure.unwrap().online_limit;
@@ -56,6 +61,14 @@ fn board_seen(rows: u64, seen: Glimpse) -> Arc<Board> {
             })
             .collect();
         tap.row(k, &row);
+    }
+    for kind in events {
+        tap.event(&Event {
+            tick: rows,
+            time: 0.0,
+            clock_ns: 0,
+            kind: *kind,
+        });
     }
     tap.turn(now, &Progress::default());
     tap.finish(now, &Progress::default());
@@ -98,7 +111,7 @@ fn one_line_says_the_most_important_first_and_never_more_than_fits() {
     assert!(wide.starts_with("RUNNING  0.50 of 20.00 s"), "{wide}");
     // 90 kN of 100 kN on that side is closer than 30 mm of 100 mm.
     assert!(
-        wide.contains("ground-storey: measured_force_n 90 % of trip"),
+        wide.contains("90 % of trip: ground-storey measured_force_n"),
         "{wide}"
     );
     assert!(wide.contains("late p99 2.0"), "{wide}");
@@ -107,6 +120,39 @@ fn one_line_says_the_most_important_first_and_never_more_than_fits() {
         let line = sight.line(columns);
         assert!(line.chars().count() <= columns, "{columns}: {line}");
     }
+    // A usual terminal has room for what must be told, and not for a bar.
+    let usual = "RUNNING  0.50 of 20.00 s  misses 0  90 % of trip: ground-storey measured_force_n";
+    assert_eq!(sight.line(80), usual);
+    let more = sight.line(100);
+    assert!(
+        more.starts_with(usual) && more[usual.len()..].starts_with("  late p99 2.0"),
+        "{more}"
+    );
+}
+
+#[test]
+fn a_test_that_has_tripped_says_so_and_why_to_its_end() {
+    let board = board_of(
+        8,
+        Glimpse::of(Phase::Leaving),
+        &[EventKind::Limit {
+            port: 0,
+            axis: 0,
+            quantity: "command_disp_m",
+            trip: true,
+            value: 0.12,
+            bound: 0.1,
+        }],
+    );
+    let sight = Sight::of(&board, 1024.0);
+    let line = sight.line(200);
+    let why = "ground-storey, axis 1: commanded displacement 0.12";
+    assert!(line.starts_with("LEAVING, TRIPPED  "), "{line}");
+    assert!(line.contains(why), "{line}");
+    let block = sight.block(100, 40).join("\n");
+    assert!(block.contains(&format!("TRIPPED  {why}")), "{block}");
+    // What was refused stands in no row, and was beyond all the same.
+    assert!(block.contains("120 % of trip, worst 120 %"), "{block}");
 }
 
 #[test]

@@ -195,10 +195,19 @@ impl AxisTap {
                 continue;
             }
             let value = self.value(quantity, axis);
-            if let Some(kept) = self.limits.get_mut(place) {
-                *kept = [value, kept[1].min(value), kept[2].max(value)];
-            }
+            self.keep(Some(place), value);
         }
+    }
+
+    fn keep(&mut self, place: Option<usize>, value: f64) {
+        if let Some(kept) = place.and_then(|place| self.limits.get_mut(place)) {
+            *kept = [value, kept[1].min(value), kept[2].max(value)];
+        }
+    }
+
+    /// Takes what a limit tripped at, which may stand in no row.
+    pub fn judged(&mut self, axis: &WatchedAxis, key: &str, value: f64) {
+        self.keep(axis.marks.iter().position(|mark| mark.key == key), value);
     }
 
     /// What a limit is held against.

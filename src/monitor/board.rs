@@ -9,6 +9,7 @@ use super::history::{Bin, History};
 use super::latency::LatencyView;
 use super::subject::Subject;
 use super::tap::WINDOW_NS;
+use super::trip::Trip;
 use crate::engine::{Glimpse, Phase, PhaseCell};
 use crate::integrate::OnlineLimit;
 use crate::record::MissClasses;
@@ -55,6 +56,8 @@ pub struct Snapshot {
     pub specimens: Vec<SpecimenView>,
     /// The limits of the test as a whole, in order: present value and largest.
     pub test: Vec<[f64; 2]>,
+    /// Why it has tripped, in the order in which it was told; empty as long as it has not.
+    pub trips: Vec<Trip>,
 }
 
 /// One axis, SI at the specimen's own scale; what was measured is of its last answer. Not a number where there is none.

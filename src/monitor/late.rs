@@ -31,10 +31,12 @@ impl Late {
         }
     }
 
-    /// The row of tick `tick` of the grid, of the test itself if `counts`.
-    pub fn row(&mut self, tick: u64, counts: bool, row: &[f64], places: &Places) {
-        if let Some((before, taken)) = self.open.take() {
-            let taken = taken + at(row, places.record_before);
+    /// The row of tick `tick` of the grid, of the test itself if `counts`. When the tick before was over, in s from its edge, if
+    /// that was in the test.
+    pub fn row(&mut self, tick: u64, counts: bool, row: &[f64], places: &Places) -> Option<f64> {
+        let open = self.open.take();
+        let open = open.map(|(before, taken)| (before, taken + at(row, places.record_before)));
+        if let Some((before, taken)) = open {
             if taken > self.tick_s {
                 self.in_a_row += 1;
                 let in_window = self.window.note(before);
@@ -49,6 +51,7 @@ impl Late {
             self.open = Some((tick, parts.sum()));
             self.last = tick;
         }
+        open.map(|(_, taken)| taken)
     }
 
     /// Present value and largest of one quantity; not a number of what is not counted here.

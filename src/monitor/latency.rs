@@ -3,6 +3,8 @@
 use hdrhistogram::Histogram;
 use serde::Serialize;
 
+use super::swallowed::Stall;
+
 /// The timing columns that are counted.
 pub(super) const COLUMNS: [&str; 4] = [
     "wakeup_lateness_s",
@@ -24,6 +26,9 @@ pub const BOUNDS: [f64; 22] = [
     1e-7, 2e-7, 5e-7, 1e-6, 2e-6, 5e-6, 1e-5, 2e-5, 5e-5, 1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2,
     2e-2, 5e-2, 1e-1, 2e-1, 5e-1, 1.0,
 ];
+
+/// Values that one stall adds at most.
+const MOST_VALUES: u64 = 1024;
 
 /// Counts of one quantity.
 #[derive(Debug, Clone)]
@@ -67,17 +72,33 @@ impl Latency {
 
     /// Counts one value in s; what is no number is not counted, what is early is late by 0.
     pub fn count(&mut self, seconds: f64) {
+        self.count_some(seconds, 1);
+    }
+
+    /// Counts the ticks that a stall swallowed, as the loop does: beyond [`MOST_VALUES`] neighbours share one value.
+    pub fn swallowed(&mut self, stall: Stall, tick_s: f64) {
+        let group = stall.ticks.div_ceil(MOST_VALUES).max(1);
+        let mut done = 0;
+        while done < stall.ticks {
+            let count = group.min(stall.ticks - done);
+            let middle = done + count.div_ceil(2);
+            self.count_some(stall.late_s - middle as f64 * tick_s, count);
+            done += count;
+        }
+    }
+
+    fn count_some(&mut self, seconds: f64, times: u64) {
         if !seconds.is_finite() {
             return;
         }
         let seconds = seconds.max(0.0);
         let bucket = BOUNDS.partition_point(|bound| *bound < seconds);
         if let Some(count) = self.buckets.get_mut(bucket) {
-            *count += 1;
+            *count += times;
         }
-        self.sum += seconds;
+        self.sum += seconds * times as f64;
         if let Some(histogram) = &mut self.histogram {
-            histogram.saturating_record((seconds * 1e9) as u64);
+            histogram.saturating_record_n((seconds * 1e9) as u64, times);
         }
     }
 
@@ -116,6 +137,19 @@ mod tests {
         assert_eq!(view.buckets[BOUNDS.len() - 1], 2, "0.9 and 1.0");
         assert_eq!(view.buckets[BOUNDS.len()], 1, "beyond the last");
         assert!((view.sum - (1e-7 + 1.1e-7 + 3.0)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_stall_counts_every_tick_that_it_swallowed() {
+        let mut latency = Latency::new();
+        latency.count(3.5e-3);
+        let stall = |late_s, ticks| Stall { late_s, ticks };
+        latency.swallowed(stall(3.5e-3, 3), 1e-3);
+        let view = latency.view("wakeup_lateness");
+        assert_eq!(view.count, 4);
+        assert!((view.sum - (3.5e-3 + 2.5e-3 + 1.5e-3 + 5e-4)).abs() < 1e-12);
+        latency.swallowed(stall(60.0, 60_000), 1e-3);
+        assert_eq!(latency.view("wakeup_lateness").count, 60_004);
     }
 
     #[test]

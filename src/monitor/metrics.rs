@@ -79,6 +79,7 @@ pub fn metrics(board: &Board, now_ns: u64, viewers: usize) -> String {
     timing(&mut text, &latest);
     specimens(&mut text, board, &latest);
     whole(&mut text, board, &latest);
+    trips(&mut text, board, &latest);
     links(&mut text, board, &latest);
     lambda(&mut text, board, now_ns);
     text.0
@@ -107,7 +108,7 @@ fn test(text: &mut Text, board: &Board, latest: &Snapshot, now_ns: u64, viewers:
     text.family(
         name,
         "gauge",
-        "1 for the phase of the test's life, 0 for all others.",
+        "1 for the phase of the test's life, 0 for all others; \"tripped\" is left at once where the way out begins, see gusset_tripped.",
     );
     for phase in Phase::ALL {
         let here = f64::from(u8::from(phase == now));
@@ -307,6 +308,27 @@ fn whole(text: &mut Text, board: &Board, latest: &Snapshot) {
             let used = share([f64::NEG_INFINITY, mark.trip], values[place]);
             text.sample(name, &[("limit", mark.key)], used);
         }
+    }
+}
+
+fn trips(text: &mut Text, board: &Board, latest: &Snapshot) {
+    if latest.trips.is_empty() {
+        return;
+    }
+    let name = "gusset_tripped";
+    let help =
+        "1 for every limit or fault that the test has tripped for, to its end; absent before.";
+    text.family(name, "gauge", help);
+    for trip in &latest.trips {
+        let specimen = trip.specimen.and_then(|at| board.subject.specimens.get(at));
+        let axis = trip.axis.map(|axis| (axis + 1).to_string());
+        let labels = [
+            specimen.map(|specimen| ("specimen", specimen.name.as_str())),
+            axis.as_deref().map(|axis| ("axis", axis)),
+            Some(("limit", trip.limit)),
+        ];
+        let labels: Vec<_> = labels.into_iter().flatten().collect();
+        text.sample(name, &labels, 1.0);
     }
 }
 

@@ -15,7 +15,8 @@
 //! | file | holds |
 //! |---|---|
 //! | `subject`, `marks` | what is watched: names, units, places in a row; limits |
-//! | `tap`, `specimen`, `axis`, `late`, `latency` | the look at the rows: one row, one specimen, one axis, missed deadlines, the timing columns |
+//! | `tap`, `specimen`, `axis`, `late`, `swallowed`, `latency` | the look at the rows: one row, one specimen, one axis, missed deadlines, ticks that a stall swallowed, the timing columns |
+//! | `trip` | the look at the events: why a test has tripped |
 //! | `history` | the course of the test, thinned without losing a peak |
 //! | `board` | where the writer puts up what he sees |
 //! | `metrics` | the text for Prometheus |
@@ -32,7 +33,9 @@ mod metrics;
 pub mod page;
 mod specimen;
 mod subject;
+mod swallowed;
 mod tap;
+mod trip;
 
 pub use board::{AxisView, Board, Ended, Margin, Snapshot, SpecimenView};
 pub use history::{Bin, History};
@@ -40,6 +43,7 @@ pub use latency::{BOUNDS as LATENCY_BOUNDS, LatencyView};
 pub use marks::{Mark, TestMark, share};
 pub use metrics::metrics;
 pub use subject::{
-    About, Channel, ChannelKind, LambdaUse, Places, Subject, WatchedAxis, WatchedSpecimen,
+    About, Channel, ChannelKind, GoesOn, LambdaUse, Places, Subject, WatchedAxis, WatchedSpecimen,
 };
 pub use tap::Tap;
+pub use trip::Trip;

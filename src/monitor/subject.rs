@@ -3,8 +3,8 @@
 use serde::Serialize;
 
 use super::marks::{Mark, TestMark, mark, test_marks};
-use crate::control::DispZero;
 use crate::control::limits::{AxisLimits, Watch};
+use crate::control::{DispZero, Exit};
 use crate::engine::{Experiment, MissLevels};
 use crate::record::Column;
 
@@ -22,6 +22,17 @@ pub struct About {
     pub real_clock: bool,
     /// λ, if the method has one.
     pub lambda: Option<LambdaUse>,
+    /// The interrupted test that it goes on with, if it does.
+    pub goes_on: Option<GoesOn>,
+}
+
+/// An interrupted test that another goes on with.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct GoesOn {
+    /// Its run folder, as the user knows it.
+    pub run: String,
+    /// The last step that was made there.
+    pub after: u64,
 }
 
 /// λ in use and what is known of its limit before the test.
@@ -50,6 +61,8 @@ pub struct Subject {
     pub dt: f64,
     /// Period of the controller in s of wall time.
     pub tick_s: f64,
+    /// The interrupted test that it goes on with.
+    pub goes_on: Option<GoesOn>,
     /// Its specimens.
     pub specimens: Vec<WatchedSpecimen>,
     /// Limits that belong to no specimen alone.
@@ -72,6 +85,8 @@ pub struct WatchedSpecimen {
     pub name: String,
     /// Whether it is behind a link.
     pub remote: bool,
+    /// What becomes of it when the operator ends the test, as a sentence goes on.
+    pub at_end: &'static str,
     /// Its axes.
     pub axes: Vec<WatchedAxis>,
     #[serde(skip)]
@@ -194,6 +209,7 @@ impl Subject {
             .map(|(number, port)| WatchedSpecimen {
                 name: port.name.clone(),
                 remote: port.is_remote(),
+                at_end: way_out(port.exits.after(false)),
                 status: find(&format!("status_{number}")),
                 newest: find(&format!("seq_{number}")),
                 per_step: port.is_per_step(),
@@ -254,6 +270,7 @@ impl Subject {
             title: about.title,
             run: about.run,
             real_clock: about.real_clock,
+            goes_on: about.goes_on,
             steps: experiment.steps,
             dt: experiment.dt,
             tick_s,
@@ -271,6 +288,16 @@ impl Subject {
             let axes = specimen.axes.iter().enumerate();
             axes.map(move |(index, axis)| (specimen, index, axis))
         })
+    }
+}
+
+/// Where a specimen is left, as a sentence goes on.
+const fn way_out(exit: &Exit) -> &'static str {
+    match exit {
+        Exit::Freeze => "stays where it is",
+        Exit::ZeroForce => "is led to where its forces are small",
+        Exit::ZeroDisp => "is led to zero deformation",
+        Exit::Safe(_) => "is led to its safe displacement",
     }
 }
 

@@ -13,8 +13,10 @@ use super::late::Late;
 use super::latency::{KEYS, Latency};
 use super::specimen::{RowHead, SpecimenTap};
 use super::subject::ChannelKind;
+use super::swallowed::Swallowed;
+use super::trip::Trip;
 use crate::engine::{Phase, TestQuantity};
-use crate::record::{Note, Onlooker, Progress};
+use crate::record::{Event, EventKind, Note, Onlooker, Progress};
 
 /// Bins a second of wall time at most, on the real clock.
 const BINS_HZ: f64 = 60.0;
@@ -24,6 +26,8 @@ const BIN_NS: u64 = 1_000_000;
 const SNAPSHOT_NS: u64 = 50_000_000;
 /// Bins that may wait for the board.
 const WAITING: usize = 512;
+/// Reasons of a trip that are told at most.
+const MOST_TRIPS: usize = 16;
 /// Time over which the stiffest tangent is kept: once to twice this, ns.
 pub(super) const WINDOW_NS: u64 = 1_000_000_000;
 
@@ -38,8 +42,11 @@ pub struct Tap {
     specimens: Vec<SpecimenTap>,
     test: Vec<[f64; 2]>,
     late: Late,
+    swallowed: Swallowed,
     timing: Vec<Latency>,
     seen: Seen,
+    trips: Vec<Trip>,
+    last_event: Option<Event>,
     last_snapshot_ns: u64,
     last_bin_ns: u64,
     window_ns: u64,
@@ -83,12 +90,15 @@ impl Tap {
             specimens: subject.specimens.iter().map(SpecimenTap::new).collect(),
             test: vec![[f64::NAN; 2]; subject.test.len()],
             late: Late::new(subject.tick_s, &subject.miss_levels),
+            swallowed: Swallowed::new(subject.tick_s),
             timing: if subject.real_clock {
                 KEYS.map(|_| Latency::new()).into()
             } else {
                 Vec::new()
             },
             seen: Seen::default(),
+            trips: Vec::new(),
+            last_event: None,
             last_snapshot_ns: 0,
             last_bin_ns: 0,
             window_ns: 0,
@@ -138,6 +148,7 @@ impl Tap {
             axes: axes(&self.specimens).map(AxisTap::view).collect(),
             specimens: self.specimens.iter().map(|tap| tap.view.clone()).collect(),
             test: self.test_values(progress),
+            trips: self.trips.clone(),
         }
     }
 
@@ -184,12 +195,20 @@ impl Tap {
         let running = self.seen.state == Phase::Running.code() || self.seen.state > 10.0;
         // A count, if it is known.
         let tick = rows_before + self.seen.stretched.max(0.0) as u64;
-        self.late
-            .row(tick, running, row, &self.board.subject.places);
+        let subject = &self.board.subject;
+        let taken = self.late.row(tick, running, row, &subject.places);
+        let places = subject.places.timing;
+        let (late_s, stretched) = (at(row, places[0]), self.seen.stretched);
+        let stalls = self.swallowed.row(taken, late_s, stretched);
         if !running {
             return;
         }
-        let places = self.board.subject.places.timing;
+        // Both kinds of lateness, as the loop counts them.
+        for latency in self.timing.iter_mut().take(2) {
+            for stall in stalls {
+                latency.swallowed(stall, subject.tick_s);
+            }
+        }
         for (latency, place) in self.timing.iter_mut().zip(places) {
             latency.count(at(row, place));
         }
@@ -246,6 +265,29 @@ impl Onlooker for Tap {
         if self.open.rows >= self.rows_per_bin && self.board.subject.real_clock {
             self.close_bin();
         }
+    }
+
+    fn event(&mut self, event: &Event) {
+        let board = Arc::clone(&self.board);
+        let before = self.last_event.replace(*event);
+        let Some(trip) = Trip::of(event, before.as_ref(), &board.subject) else {
+            return;
+        };
+        // The phase tells nothing that its reason has not told before.
+        let is_told = matches!(event.kind, EventKind::Phase { .. }) && !self.trips.is_empty();
+        if is_told || self.trips.len() >= MOST_TRIPS {
+            return;
+        }
+        if let (Some(specimen), Some(axis)) = (trip.specimen, trip.axis) {
+            let watched = board.subject.specimens.get(specimen);
+            let watched = watched.and_then(|specimen| specimen.axes.get(axis));
+            let tap = self.specimens.get_mut(specimen);
+            let tap = tap.and_then(|specimen| specimen.axes.get_mut(axis));
+            if let (Some(watched), Some(tap)) = (watched, tap) {
+                tap.judged(watched, trip.limit, trip.value);
+            }
+        }
+        self.trips.push(trip);
     }
 
     fn turn(&mut self, now_ns: u64, progress: &Progress) {

@@ -16,7 +16,7 @@ pub enum NoteLevel {
 /// Where a test stands.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Position {
-    /// Tick of a row.
+    /// Step of the test, as the column `step` of a row has it and the loop's own events do.
     pub tick: Option<u64>,
     /// Its test time in s.
     pub time: Option<f64>,

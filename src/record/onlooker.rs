@@ -6,6 +6,7 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
+use super::Event;
 use super::note::{Note, NoteLevel};
 use super::writer::Progress;
 
@@ -13,6 +14,9 @@ use super::writer::Progress;
 pub trait Onlooker: Send {
     /// One row that is about to be written; `sequence` counts the lost ones, too.
     fn row(&mut self, sequence: u64, row: &[f64]);
+
+    /// One event of the loop, behind the rows that it stands behind.
+    fn event(&mut self, _event: &Event) {}
 
     /// The end of a turn of the writer, every few milliseconds; `now_ns` is its monotonic clock.
     fn turn(&mut self, now_ns: u64, progress: &Progress);

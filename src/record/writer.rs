@@ -74,6 +74,8 @@ pub struct WriterSettings {
     pub real_clock: bool,
     /// Period of a tick in ns, for the window round a miss.
     pub tick_ns: u64,
+    /// Place of the column `step` in a row, for the tick of notes: the loop counts the ticks of its events so.
+    pub step_column: Option<usize>,
     /// Place of the column `time` in a row, for the test time of notes.
     pub time_column: Option<usize>,
     /// Names of the specimens in order, for the events.
@@ -89,6 +91,7 @@ impl Default for WriterSettings {
             waiting_bytes: 8 << 20,
             real_clock: true,
             tick_ns: 0,
+            step_column: None,
             time_column: None,
             specimens: Vec::new(),
         }

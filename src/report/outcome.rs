@@ -42,8 +42,8 @@ pub(super) fn number(run: &RunData, path: &str) -> Option<f64> {
     at(run, path)?.as_f64()
 }
 
-/// The verdict on `run`; `more` are sentences on which steps of the test these are and how its specimens were left.
-pub(super) fn verdict(run: &RunData, more: &[String]) -> Verdict {
+/// The verdict on `run`, which goes on after step `after` of another if it does; `more` are sentences on which steps of the test these are and how its specimens were left.
+pub(super) fn verdict(run: &RunData, after: Option<u64>, more: &[String]) -> Verdict {
     let status = text(run, "status");
     let (mut tone, headline) = match status {
         _ if run.unfinished.is_some() => (
@@ -95,7 +95,7 @@ pub(super) fn verdict(run: &RunData, more: &[String]) -> Verdict {
     if let (Some(status), Tone::Warning) = (status.filter(is_known), tone) {
         sentences.push(ended(&format!("Status: {status}")));
     }
-    sentences.extend(extent(run));
+    sentences.extend(extent(run, after));
     sentences.extend_from_slice(more);
     if let Some(lost) = number(run, "rows_lost").filter(|&n| n > 0.0) {
         tone = worse(tone);
@@ -175,7 +175,7 @@ fn ended(text: &str) -> String {
     })
 }
 
-fn extent(run: &RunData) -> Option<String> {
+fn extent(run: &RunData, after: Option<u64>) -> Option<String> {
     let steps = number(run, "steps")?;
     let dt = number(run, "dt")?;
     // Of the commands of a controller the first is of no step, and others may be of none.
@@ -185,9 +185,16 @@ fn extent(run: &RunData) -> Option<String> {
         let apart = exact(dt, "s");
         format!("{accepted} accepted, {apart} of test time from one to the next")
     } else {
-        let steps_of = plural(steps as u64, "step", "steps");
+        let before = after.unwrap_or(0);
+        let own = (steps as u64).saturating_sub(before);
+        let steps_of = if before > 0 && own > 0 {
+            format!("Steps {} to {}", count(before + 1), count(steps as u64))
+        } else {
+            plural(own, "step", "steps")
+        };
         let sentence = format!("{steps_of} of {} each", exact(dt, "s"));
-        sentence + &format!(", {:.6} s of test time", steps * dt).replace(".000000", "")
+        let tested = own as f64 * dt;
+        sentence + &format!(", {tested:.6} s of test time").replace(".000000", "")
     };
     match (text(run, "clock"), number(run, "wall_seconds")) {
         (Some("simulated"), wall) => {
@@ -352,6 +359,7 @@ mod tests {
                 events,
                 ..RunData::default()
             },
+            None,
             &[],
         )
     }
@@ -469,9 +477,25 @@ mod tests {
                 unfinished: Some("killed".to_owned()),
                 ..RunData::default()
             },
+            None,
             &[],
         );
         assert!(v.headline.starts_with("Unfinished") && v.sentences == ["Killed."]);
+    }
+
+    #[test]
+    fn a_test_that_goes_on_claims_its_own_steps_only() {
+        let run = RunData {
+            summary: Some(
+                json!({"status": "completed", "steps": 5120, "dt": 0.00390625, "clock": "real", "wall_seconds": 16.1}),
+            ),
+            ..RunData::default()
+        };
+        let told = verdict(&run, Some(1869), &[]).sentences[0].clone();
+        let own = "Steps 1870 to 5120 of 3.90625\u{a0}ms each, 12.699219 s of test time, in 16.1 s of wall time.";
+        assert_eq!(told, own);
+        let whole = verdict(&run, None, &[]).sentences[0].clone();
+        assert!(whole.contains(", 20 s of test time, in 16.1 s"), "{whole}");
     }
 
     #[test]
@@ -482,6 +506,7 @@ mod tests {
                 unreadable_events: 1,
                 ..RunData::default()
             },
+            None,
             &[],
         );
         assert_eq!(v.tone, Tone::Warning);
@@ -496,6 +521,7 @@ mod tests {
                 damaged: vec!["the rows end at 0.25 s".to_owned()],
                 ..RunData::default()
             },
+            None,
             &[],
         );
         assert_eq!(v.tone, Tone::Bad);

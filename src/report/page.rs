@@ -55,7 +55,7 @@ fn page(run: &RunData, digest: &Digest) -> String {
     let part = rows.part().map(|part| format!("This page is of {part}."));
     let left = left::sentences(run, &rows, configuration.as_ref());
     let more: Vec<String> = part.into_iter().chain(left).collect();
-    body += &banner(run, &more);
+    body += &banner(run, rows.after(), &more);
     body += &tiles(run, &rows, &axes, &timings);
     body += "</header>\n<main>\n";
     let facts = tested::facts(run, configuration.as_ref());
@@ -169,8 +169,8 @@ fn whole(title: &str, head: &str, style: &str, markup: &str, tail: &str) -> Stri
     )
 }
 
-fn banner(run: &RunData, more: &[String]) -> String {
-    let verdict = verdict(run, more);
+fn banner(run: &RunData, after: Option<u64>, more: &[String]) -> String {
+    let verdict = verdict(run, after, more);
     let class = match verdict.tone {
         Tone::Good => "good",
         Tone::Warning => "warning",

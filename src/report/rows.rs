@@ -36,6 +36,11 @@ impl<'a> Rows<'a> {
         self.digest.recorded
     }
 
+    /// The last step of the test that this one goes on with, if it does.
+    pub fn after(&self) -> Option<u64> {
+        self.digest.earlier.as_ref().map(|earlier| earlier.step)
+    }
+
     /// Which steps are in these rows, where the test was gone on with and others are in another folder.
     pub fn steps(&self) -> Option<String> {
         self.digest.earlier.as_ref()?;

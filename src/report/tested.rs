@@ -290,14 +290,25 @@ fn remote(link: &Value) -> String {
         .collect()
 }
 
+/// A specimen whose axes feel each other, by how many there are.
+fn coupled(law: &Value) -> String {
+    let rows = law.get("stiffness_n_per_m").and_then(Value::as_array);
+    rows.map_or_else(
+        || "coupled".to_owned(),
+        |rows| format!("coupled, {}", plural(rows.len() as u64, "axis", "axes")),
+    )
+}
+
 fn specimens(list: &[Value]) -> String {
     let describe = |(i, entry): (usize, &Value)| {
         let name = entry
             .get("name")
             .map_or_else(|| format!("specimen {}", i + 1), plain);
-        let law = ["law", "laws", "coupled"]
-            .iter()
-            .find_map(|key| variant(entry.get(key)?));
+        let coupled = entry.get("coupled").map(coupled);
+        let law = coupled.or_else(|| {
+            let mut keys = ["law", "laws"].iter();
+            keys.find_map(|key| variant(entry.get(key)?))
+        });
         let kind = entry.get("link").map(remote).or(law);
         kind.map_or_else(|| name.clone(), |kind| format!("{name} ({kind})"))
     };
@@ -407,6 +418,19 @@ mod tests {
         let (_, text) = facts.iter().find(|(name, _)| name == "Specimens").unwrap();
         let wanted = "A (behind a link: gusset at 127.0.0.1:4823), B (behind a link), C (linear)";
         assert_eq!(text, wanted);
+    }
+
+    #[test]
+    fn a_coupled_specimen_is_named_by_its_axes() {
+        let run = RunData {
+            resolved: "[[specimen]]\nname = \"column\"\n[specimen.coupled]\n\
+                stiffness_n_per_m = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]\n"
+                .to_owned(),
+            ..RunData::default()
+        };
+        let facts = facts(&run, configuration(&run).as_ref());
+        let text = facts.iter().find(|(name, _)| name == "Specimens");
+        assert_eq!(text.unwrap().1, "column (coupled, 3\u{a0}axes)");
     }
 
     #[test]

@@ -76,6 +76,7 @@ pub fn loop_round(
         record_required: false,
         queue_s: 4.0,
         resume_within: None,
+        resumed: None,
         announced: Vec::new(),
         confirm: false,
         limits: LimitFacts::default(),

@@ -117,6 +117,7 @@ pub(super) fn prepare(
     let settings = WriterSettings {
         real_clock: real,
         tick_ns: period_ns(facts.rate_hz),
+        step_column: layout.index_of("step"),
         time_column: layout.index_of("time"),
         specimens: facts.specimens.clone(),
         ..WriterSettings::default()

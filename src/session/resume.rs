@@ -147,6 +147,7 @@ fn resume_by(
     next.experiment.resume = Some(resumption);
     next.files.test = read(&folder.join("test.toml"))?;
     next.files.resolved = String::from_utf8_lossy(&read(&folder.join("resolved.toml"))?).into();
+    next.facts.resumed = Some((folder.to_owned(), step));
     next.files.origin = serde_json::to_string_pretty(&origin).ok();
     let text = format!(
         "resumed from {} after step {step} ({time} s): {} rows retraced",

@@ -107,6 +107,7 @@ await visit(address, { viewport: { width: 1920, height: 1080 } }, async (page, f
 
   // STOP asks first.
   await page.click("#stop");
+  found.asked = await page.locator("#sure-then").textContent();
   await page.locator("#sure button[value=no]").click();
   await page.waitForTimeout(300);
   found.kept_running = await phase(page);

@@ -1,8 +1,8 @@
 //! The live page: what an operator sees and presses, in a real browser, with a test that runs.
 
 use std::io::{BufRead, BufReader, Read};
-use std::path::PathBuf;
-use std::process::{Child, Stdio};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStderr, Stdio};
 
 use serde_json::Value;
 
@@ -17,6 +17,37 @@ impl Drop for Running {
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
+}
+
+/// Starts a test with its page into `home/run`: what it says after that, its address, its control token.
+fn start(home: &Path, text: &str) -> (Running, BufReader<ChildStderr>, [String; 2]) {
+    let mut child = gusset()
+        .arg("run")
+        .arg(write(home, "test.toml", text))
+        .args([
+            "--out",
+            home.join("run").to_str().unwrap(),
+            "--live",
+            "127.0.0.1:0",
+        ])
+        .args(["--set", "timing.policy=\"ordinary\""])
+        .args(PATIENT)
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut said = BufReader::new(child.stderr.take().unwrap());
+    let running = Running(child);
+    let mut after = |start: &str| {
+        let mut line = String::new();
+        said.read_line(&mut line).unwrap();
+        let rest = line.strip_prefix(start);
+        rest.unwrap_or_else(|| panic!("{start:?}: {line}"))
+            .trim()
+            .to_owned()
+    };
+    let address = after("live page: ");
+    let token = after("control token (HOLD, CONTINUE, CONFIRM, STOP on the page): ");
+    (running, said, [address, token])
 }
 
 #[test]
@@ -34,29 +65,8 @@ fn an_operator_holds_goes_on_and_stops_from_the_page_and_sees_what_happens() {
             "name = \"storey\"\nlimits = { command_disp_m = { warn = [-0.05, 0.05], trip = [-0.5, 0.5] }, \
              measured_force_n = { trip = [-9e4, 9e4] }, command_vel_m_per_s = { trip = 5 } }",
         );
-    let test = write(home, "test.toml", &text);
     let folder = home.join("run");
-    let mut child = gusset()
-        .arg("run")
-        .arg(&test)
-        .args(["--out", folder.to_str().unwrap(), "--live", "127.0.0.1:0"])
-        .args(["--set", "timing.policy=\"ordinary\""])
-        .args(PATIENT)
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
-    let mut said = BufReader::new(child.stderr.take().unwrap());
-    let running = &mut Running(child);
-    let mut after = |start: &str| {
-        let mut line = String::new();
-        said.read_line(&mut line).unwrap();
-        let rest = line.strip_prefix(start);
-        rest.unwrap_or_else(|| panic!("{start:?}: {line}"))
-            .trim()
-            .to_owned()
-    };
-    let address = after("live page: ");
-    let token = after("control token (HOLD, CONTINUE, CONFIRM, STOP on the page): ");
+    let (mut running, mut said, [address, token]) = start(home, &text);
     // The screenshots stay where a person finds them.
     let shots = std::env::var_os("GUSSET_SCREENSHOTS").map_or(home.to_owned(), PathBuf::from);
     let shots = shots.to_str().unwrap();
@@ -135,6 +145,11 @@ fn an_operator_holds_goes_on_and_stops_from_the_page_and_sees_what_happens() {
     );
     assert_eq!(found["lost"]["phase"], "dead");
     assert_eq!(found["lost"]["dead"], "dead");
+    let asked = found["asked"].as_str().unwrap();
+    assert!(
+        asked.contains("every specimen stays where it is"),
+        "{asked}"
+    );
     assert_eq!(found["kept_running"], "running", "STOP asks first");
     let outcome = found["outcome"].as_str().unwrap();
     assert!(
@@ -147,4 +162,45 @@ fn an_operator_holds_goes_on_and_stops_from_the_page_and_sees_what_happens() {
         "a test that is over is no lost connection"
     );
     assert_eq!(json(&folder, "summary.json")["status"], "interrupted");
+}
+
+#[test]
+fn a_trip_is_told_on_the_whole_way_out_and_a_stop_says_that_it_freezes_it() {
+    if installed().is_none() {
+        return;
+    }
+    let home = tempfile::tempdir().unwrap();
+    let home = home.path();
+    let text = FRAME
+        .replace("duration_s = 0.5", "duration_s = 3600")
+        .replace("clock = \"simulated\"", "clock = \"real\"")
+        .replace(
+            "name = \"storey\"",
+            "name = \"storey\"\nlimits = { command_disp_m = { warn = [-0.002, 0.002], trip = [-0.003, 0.003] } }",
+        )
+        + "\n[safety]\non_trip = \"zero_displacement\"\nexit_speed_m_per_s = 1e-5\n";
+    let (mut running, mut said, [address, token]) = start(home, &text);
+    let shots = std::env::var_os("GUSSET_SCREENSHOTS").map_or(home.to_owned(), PathBuf::from);
+    let shots = shots.to_str().unwrap();
+    let found = visit("tripped.mjs", &[&address, &token, shots]).unwrap();
+    let mut rest = String::new();
+    said.read_to_string(&mut rest).unwrap();
+    let code = running.0.wait().unwrap().code();
+    assert_eq!(code, Some(1), "{rest}\n{found:#}");
+    assert_quiet(&found);
+    assert_eq!(found["phase"], "tripped");
+    let alarm = found["alarm"].as_str().unwrap();
+    let why = "TRIPPED: storey, axis 1: commanded displacement";
+    assert!(alarm.starts_with(why), "{alarm}");
+    assert_eq!(found["bars"], serde_json::json!(["commanded displacement"]));
+    assert_eq!(found["warned"], 0, "{found:#}");
+    let asked = [
+        "Freeze the specimens where they are?",
+        "Let it go on",
+        "FREEZE",
+    ];
+    assert_eq!(found["asked"], serde_json::json!(asked));
+    let outcome = found["outcome"].as_str().unwrap();
+    assert!(outcome.contains("STOPPED"), "{outcome}");
+    assert_eq!(found["tripped_after"], 1);
 }

@@ -173,6 +173,7 @@ fn about() -> About {
         run: "runs/judged".into(),
         real_clock: true,
         lambda: None,
+        goes_on: None,
     }
 }
 

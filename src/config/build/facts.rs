@@ -1,5 +1,7 @@
 //! What is known about a test before it runs: for `check`, the session and the report.
 
+use std::path::PathBuf;
+
 use super::{Analysis, LimitFacts};
 use crate::config::{ClockChoice, Method};
 use crate::integrate::{Lambda, LambdaChoice, OnlineLimit};
@@ -34,6 +36,8 @@ pub struct Facts {
     pub queue_s: f64,
     /// How far from where it was left each axis may stand when an interrupted test goes on, in m; none: as the record says.
     pub resume_within: Option<f64>,
+    /// The interrupted test that it goes on with, if it does: its folder, and the last step that was made there.
+    pub resumed: Option<(PathBuf, u64)>,
     /// What is moved before the test, and why.
     pub announced: Vec<String>,
     /// Whether an operator must confirm what was read before anything moves.

@@ -194,6 +194,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         record_required: file.record.required,
         queue_s: file.record.queue_s,
         resume_within: file.safety.resume_within_m,
+        resumed: None,
         announced: announced(file),
         confirm: safety::needs_confirmation(file),
         warnings: warnings.iter().map(|w| w.headline.clone()).collect(),

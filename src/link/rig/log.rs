@@ -151,6 +151,7 @@ impl Log {
         };
         let writer = WriterSettings {
             real_clock: true,
+            step_column: layout.index_of("step"),
             time_column: layout.index_of("time"),
             specimens: vec![name.to_owned()],
             ..WriterSettings::default()

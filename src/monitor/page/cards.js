@@ -19,7 +19,7 @@ function buildLimits(subject) {
   bars = [];
   const all = [];
   const finite = (level) => level !== null && Number.isFinite(level);
-  const row = (name, key, unit, warn, trip, size, values) => {
+  const row = (name, key, unit, warn, trip, size, values, whose) => {
     const element = make("div", "bar");
     const label = make("span", "name", name);
     label.title = key;
@@ -42,20 +42,21 @@ function buildLimits(subject) {
     trip.filter(finite).forEach((x) => mark("mark-trip", x));
     const present = mark("present", size ? 0 : (start + end) / 2);
     element.append(label, value, track);
-    bars.push({ element, value, soFar, present, at, unit, warn, trip, size, values });
+    const isOf = (told) => told.limit === key && told.specimen === whose[0] && told.axis === whose[1];
+    bars.push({ element, value, soFar, present, at, unit, warn, trip, size, values, isOf });
     return element;
   };
   let axis = 0;
-  for (const specimen of subject.specimens) {
+  subject.specimens.forEach((specimen, s) => {
     specimen.axes.forEach(({ marks }, a) => {
       const heading = make("h3", "", specimen.axes.length > 1 ? `${specimen.name}, axis ${a + 1}` : specimen.name);
       all.push(heading);
       if (marks.length === 0) all.push(make("p", "silent", "no limits"));
       const own = axis;
-      marks.forEach((m, place) => all.push(row(m.words, m.key, m.unit, m.warn, m.trip, m.size, (now) => now.axes[own]?.limits[place])));
+      marks.forEach((m, place) => all.push(row(m.words, m.key, m.unit, m.warn, m.trip, m.size, (now) => now.axes[own]?.limits[place], [s, a])));
       axis += 1;
     });
-  }
+  });
   const whole = subject.test.filter((m) => finite(m.warn) || finite(m.trip));
   if (whole.length > 0) all.push(make("h3", "", "the test as a whole"));
   subject.test.forEach((m, place) => {
@@ -63,7 +64,7 @@ function buildLimits(subject) {
     all.push(row(m.words, m.key, "1", [null, m.warn], [null, m.trip], true, (now) => {
       const [value, most] = now.test[place] ?? [null, null];
       return [value, 0, most];
-    }));
+    }, [null, null]));
   });
   $("bars").replaceChildren(...all);
 }
@@ -74,15 +75,17 @@ function showLimits(now) {
     bar.value.textContent = nice(value, bar.unit);
     bar.present.hidden = value === null;
     if (value !== null) bar.present.style.left = bar.at(value);
+    // What tripped before it could stand in a row has, too.
+    const beyond = (levels) => (levels[1] !== null && high > levels[1]) || (levels[0] !== null && !bar.size && low < levels[0]);
+    const tripped = now.trips.some(bar.isOf) || (high !== null && beyond(bar.trip));
+    bar.element.classList.toggle("tripped", tripped);
+    bar.element.classList.toggle("warned", !tripped && high !== null && beyond(bar.warn));
     // What has been stays, also where there is no present value.
     bar.soFar.hidden = high === null;
     if (high === null) continue;
     const from = bar.size ? 0 : low;
     bar.soFar.style.left = bar.at(from);
     bar.soFar.style.width = `calc(${bar.at(high)} - ${bar.at(from)})`;
-    const beyond = (levels) => (levels[1] !== null && high > levels[1]) || (levels[0] !== null && !bar.size && low < levels[0]);
-    bar.element.classList.toggle("tripped", beyond(bar.trip));
-    bar.element.classList.toggle("warned", beyond(bar.warn) && !beyond(bar.trip));
   }
 }
 

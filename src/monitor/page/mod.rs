@@ -373,6 +373,7 @@ mod tests {
             run: String::new(),
             real_clock: true,
             lambda: None,
+            goes_on: None,
         };
         let subject = Subject::new(&prepared.experiment, about);
         let online = prepared.facts.structure.unwrap().online_limit.unwrap();

@@ -30,8 +30,10 @@ function greet({ hello, whole: past, bins }) {
   $("title").textContent = subject.title;
   $("title").title = subject.title;
   const facts = [`${nice(1 / subject.tick_s, "Hz")}`, `Δt ${nice(subject.dt, "s")}`, `${subject.real_clock ? "real" : "simulated"} clock`, subject.run];
+  const { goes_on: before } = subject;
+  if (before) facts.unshift(`goes on from ${before.run} after step ${before.after}`);
   $("facts").textContent = facts.join(" · ");
-  $("facts").title = subject.run;
+  $("facts").title = facts.join("\n");
   $("duration").textContent = `of ${(subject.steps * subject.dt).toFixed(2)} s`;
   $("outcome").hidden = true;
   build();
@@ -118,10 +120,15 @@ function named({ phase, hold, stands, unconfirmed }) {
   return words.join(", ");
 }
 
+/** The way out after a trip looks like the trip. The word stays short: a longer one would move the buttons away from a hand. */
+function dressed({ phase, now }) {
+  return now.trips.length > 0 ? "tripped" : phase;
+}
+
 function showState() {
   const { now, phase, ended } = state;
   $("phase").textContent = named(state);
-  $("phase").className = phase;
+  $("phase").className = dressed(state);
   $("time").textContent = now.rows > 0 && now.time !== null ? `${now.time.toFixed(2)} s` : "–";
   const share = test.subject.steps > 0 ? now.time / (test.subject.steps * test.subject.dt) : 0;
   $("progress").style.width = `${100 * Math.min(1, Math.max(0, share || 0))}%`;
@@ -143,6 +150,10 @@ function showState() {
   $("continue").textContent = asks ? "CONFIRM" : "CONTINUE";
   $("continue").disabled = deaf || !(holds || asks);
   $("stop").disabled = over;
+  if ($("sure").open && (over || asked !== stopMeans())) {
+    $("sure").close("no");
+    say(over ? "The test has ended by itself." : "The test has ended and is on its way out: STOP would freeze it now.", true);
+  }
   if (ended) {
     $("outcome").className = ended.status;
     $("verdict").textContent = ended.status.toUpperCase();
@@ -263,15 +274,18 @@ function ask(wrong) {
 
 /** A picture that stands still must not look alive: says what is wrong with it. */
 function watch() {
+  const trips = over ? [] : state?.now.trips ?? [];
+  const tripped = trips.length > 0 ? `TRIPPED: ${trips.map((trip) => trip.words).join("; ")}` : "";
   const alarm = (text, mild) => {
-    $("alarm").hidden = !text;
-    $("alarm").textContent = text;
-    $("alarm").classList.toggle("mild", Boolean(mild));
+    const all = [tripped, text].filter(Boolean).join(" · ");
+    $("alarm").hidden = !all;
+    $("alarm").textContent = all;
+    $("alarm").classList.toggle("mild", Boolean(mild) && !tripped);
   };
   const dead = (is) => {
     document.body.classList.toggle("dead", is);
     if (is) $("phase").className = "dead";
-    else if (state) $("phase").className = state.phase;
+    else if (state) $("phase").className = dressed(state);
     if (state) $("phase").textContent = is ? "no data" : named(state);
   };
   document.body.classList.toggle("waiting", !state);
@@ -300,12 +314,38 @@ function watch() {
 
 // The operator -------------------------------------------------------------------------------------------------------
 
+function say(text, bad) {
+  $("answer").textContent = text;
+  $("answer").classList.toggle("bad", Boolean(bad));
+}
+
+/** What STOP does to the test where it stands: on the way out it freezes it. */
+function stopMeans() {
+  return state?.phase === "leaving" || state?.phase === "tripped" ? "freeze" : "end";
+}
+
+/** What the open question is about. */
+let asked = null;
+
+function askToStop() {
+  asked = stopMeans();
+  const ways = test?.subject.specimens ?? [];
+  // Where nobody knows yet where they stand nobody is led anywhere.
+  const stays = ["connected", "probing", "zeroing"].includes(state?.phase);
+  const all = new Set(ways.map((specimen) => (stays ? "stays where it is" : specimen.at_end)));
+  const each = all.size === 1 ? `every specimen ${[...all][0]}` : ways.map((specimen) => `${specimen.name} ${specimen.at_end}`).join(", ");
+  const [what, then, not, stop] = asked === "freeze"
+    ? ["Freeze the specimens where they are?", "The test has ended and its specimens are on their way out. STOP cuts that short: each stays where it is now, with the force that it has there.", "Let it go on", "FREEZE"]
+    : ["Stop the test?", `It ends in an orderly way${each ? `: ${each}` : ""}. It cannot be continued from here.`, "Keep running", "STOP THE TEST"];
+  $("sure-what").textContent = what;
+  $("sure-then").textContent = then;
+  $("sure-not").textContent = not;
+  $("sure-stop").textContent = stop;
+  $("sure").showModal();
+}
+
 async function order(what) {
   const token = $("token").value.trim();
-  const say = (text, bad) => {
-    $("answer").textContent = text;
-    $("answer").classList.toggle("bad", Boolean(bad));
-  };
   if (!token) {
     $("token").focus();
     return say(`${what.toUpperCase()} needs the control token that was printed where the test was started.`, true);
@@ -333,7 +373,7 @@ $("hold").addEventListener("click", () => order("hold"));
 $("continue").addEventListener("click", (event) => {
   if (event.detail < 2) order($("continue").textContent.toLowerCase());
 });
-$("stop").addEventListener("click", () => $("sure").showModal());
+$("stop").addEventListener("click", askToStop);
 $("sure").addEventListener("close", () => {
   if ($("sure").returnValue === "yes") order("stop");
   $("sure").returnValue = "";

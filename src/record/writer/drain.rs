@@ -116,6 +116,9 @@ impl<S: Store, E: Store> Drain<S, E> {
         }
         for event in std::iter::from_fn(|| self.ring.event()).take(events) {
             self.events.event(event, now);
+            if let Some(note) = self.onlooker.show(|onlooker| onlooker.event(&event)) {
+                self.events.note(note, self.position, now);
+            }
         }
         let since = now.monotonic_ns.saturating_sub(self.flushed_ns);
         // No event is in its file before the rows that it stands behind: one without them tells that they are lost.
@@ -197,11 +200,15 @@ impl<S: Store, E: Store> Drain<S, E> {
                 self.events.note(note, self.position, now);
             }
             self.lost_file += u64::from(!self.journal.row(sequence, row));
-            self.position.tick = Some(sequence);
             self.last_row.clear();
             self.last_row.extend_from_slice(row);
-            let place = self.settings.time_column;
-            self.position.time = place.and_then(|place| row.get(place)).copied();
+            let at = |place: Option<usize>| place.and_then(|place| row.get(place)).copied();
+            self.position = Position {
+                tick: at(self.settings.step_column)
+                    .filter(|step| *step >= 0.0)
+                    .map(|step| step as u64),
+                time: at(self.settings.time_column),
+            };
             if self.journal.waiting_bytes() >= CHUNK {
                 self.flush_rows(now);
             }

@@ -166,6 +166,7 @@ fn a_disk_that_fills_costs_only_the_rows_beyond_the_bound_and_is_shouted() {
     );
     let settings = WriterSettings {
         waiting_bytes: 0,
+        step_column: Some(0),
         time_column: Some(1),
         ..WriterSettings::default()
     };
@@ -299,6 +300,30 @@ const TICKING: Clocks = Clocks {
     monotonic_ns: ticking,
     utc_ns: ticking,
 };
+
+#[test]
+fn what_the_writer_notes_stands_at_the_step_of_the_row_before_it_and_not_at_its_number() {
+    let (mut recorder, reader) = small(8);
+    let events = SmallDisk::with_room(1 << 20);
+    let settings = WriterSettings {
+        step_column: Some(0),
+        time_column: Some(1),
+        ..WriterSettings::default()
+    };
+    let (mut drain, notes) = drain(
+        reader,
+        SmallDisk::with_room(1 << 20),
+        events.clone(),
+        settings,
+    );
+    recorder.row(&[799.0, 0.5]);
+    recorder.row(&[800.0, 0.75]);
+    notes.send(Note::new(NoteLevel::Info, "asked")).unwrap();
+    drain.turn(at(MS));
+    drain.finish(at(2 * MS));
+    let line = &lines(&events)[0];
+    assert_eq!((&line["tick"], &line["time"]), (&800.into(), &0.75.into()));
+}
 
 #[test]
 fn end_to_end_every_row_and_event_is_in_the_files_after_finish() {

@@ -50,13 +50,14 @@ impl Tree {
 
 const CPU: &str = "sys/devices/system/cpu";
 
-/// All findings of this file, in the order of a report.
+/// All findings of this file, in the order of a report; `allowed`: the processors that the process may run on, where that is to
+/// be judged.
 #[must_use]
-pub fn findings(tree: &Tree) -> Vec<Finding> {
+pub fn findings(tree: &Tree, allowed: Option<&[usize]>) -> Vec<Finding> {
     vec![
         kernel(tree),
         throttling(tree),
-        processors(tree),
+        processors(tree, allowed),
         isolation(tree),
         tickless(tree),
         threads_per_core(tree),
@@ -150,21 +151,30 @@ fn throttling(tree: &Tree) -> Finding {
     }
 }
 
-fn processors(tree: &Tree) -> Finding {
+fn processors(tree: &Tree, allowed: Option<&[usize]>) -> Finding {
     const TOPIC: &str = "processors";
-    match tree.cpus(&format!("{CPU}/online")).as_deref() {
-        None | Some([]) => Finding::unknown(TOPIC),
-        Some([_]) => Finding::new(
-            TOPIC,
-            "1 online: the loop shares it with everything else",
-            Verdict::Poor,
-            "use a machine with two processors or more",
-        ),
-        Some([cpus @ .., last]) => {
-            let found = format!(
-                "{} online; the loop takes {last} unless told otherwise",
-                cpus.len() + 1
-            );
+    let Some(mut cpus) = tree.cpus(&format!("{CPU}/online")) else {
+        return Finding::unknown(TOPIC);
+    };
+    let online = cpus.len();
+    cpus.retain(|cpu| allowed.is_none_or(|allowed| allowed.contains(cpu)));
+    let mut found = format!("{online} online");
+    if cpus.len() < online {
+        found += &format!(", {} may be used", cpus.len());
+    }
+    match cpus.as_slice() {
+        [] => Finding::unknown(TOPIC),
+        [_] => {
+            let advice = if online > 1 {
+                "let this program have two processors or more (taskset, cpuset, container)"
+            } else {
+                "use a machine with two processors or more"
+            };
+            found += ": the loop shares it with everything else";
+            Finding::new(TOPIC, found, Verdict::Poor, advice)
+        }
+        [.., last] => {
+            found += &format!("; the loop takes {last} unless told otherwise");
             Finding::new(TOPIC, found, Verdict::Good, "")
         }
     }
@@ -413,7 +423,7 @@ mod tests {
     }
 
     fn verdicts(tree: &Tree) -> Vec<(&'static str, Verdict)> {
-        findings(tree)
+        findings(tree, None)
             .iter()
             .map(|f| (f.topic, f.verdict))
             .collect()
@@ -470,6 +480,29 @@ mod tests {
     }
 
     #[test]
+    fn a_processor_that_may_not_be_used_is_none() {
+        let (_dir, tree) = machine(&[("sys/devices/system/cpu/online", "0-3\n")]);
+        let told = |allowed: &[usize]| {
+            let finding = processors(&tree, Some(allowed));
+            (finding.found, finding.verdict)
+        };
+        let (found, verdict) = told(&[0]);
+        assert_eq!(verdict, Verdict::Poor);
+        assert_eq!(
+            found,
+            "4 online, 1 may be used: the loop shares it with everything else"
+        );
+        let (found, verdict) = told(&[0, 1]);
+        assert_eq!(verdict, Verdict::Good);
+        assert_eq!(
+            found,
+            "4 online, 2 may be used; the loop takes 1 unless told otherwise"
+        );
+        let (found, _) = told(&[0, 1, 2, 3]);
+        assert_eq!(found, "4 online; the loop takes 3 unless told otherwise");
+    }
+
+    #[test]
     fn a_busy_desktop_in_a_virtual_machine_is_told_so() {
         let (_dir, tree) = machine(&[
             (
@@ -514,7 +547,7 @@ mod tests {
                 "[always] madvise never\n",
             ),
         ]);
-        for finding in findings(&tree) {
+        for finding in findings(&tree, None) {
             assert!(
                 matches!(finding.verdict, Verdict::Fair | Verdict::Poor),
                 "{finding:?}"

@@ -6,6 +6,8 @@
 
 use serde::Serialize;
 
+use super::os::process_cpus;
+
 pub mod machine;
 pub mod trial;
 
@@ -58,15 +60,17 @@ impl Finding {
 #[must_use]
 pub fn examine() -> Vec<Finding> {
     let tree = Tree::of_this_machine();
-    let mut findings = machine::findings(&tree);
+    // Before anything is tried: that binds the threads it is tried on.
+    let mut findings = machine::findings(&tree, Some(&process_cpus()));
     findings.extend(trial::findings());
     findings
 }
 
-/// What the machine's own files say, without trying anything: safe at any time.
+/// What the machine's own files say, without trying anything: safe at any time. Which processors this process may use is left
+/// out: that of a test has bound itself.
 #[must_use]
 pub fn read() -> Vec<Finding> {
-    machine::findings(&Tree::of_this_machine())
+    machine::findings(&Tree::of_this_machine(), None)
 }
 
 #[cfg(test)]
