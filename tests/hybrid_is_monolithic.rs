@@ -198,7 +198,7 @@ fn every_law_does_the_same_as_a_specimen_and_as_an_element() {
             assert_same(&hybrid, &whole, ROUNDOFF, law);
             // The law did what it is for: no straight line explains its force.
             let (disp, force) = (hybrid.column("meas_1_1"), hybrid.column("force_1_1"));
-            let line = identify(&disp, &force, 1.0 / 256.0).unwrap();
+            let line = identify(&disp, &disp, &force, 1.0 / 256.0).unwrap();
             assert_eq!(line.unexplained > 1e-3, nonlinear, "{law}: {line:?}");
         }
     }

@@ -113,10 +113,10 @@ fn the_initial_stiffness_is_read_off_before_yield() {
     let elastic = 0.99 * YIELD / K / 0.010;
     let part = loading(&disp, elastic);
     assert!(part > 100);
-    let found = identify(&disp[..part], &force[..part], DT).unwrap();
-    assert!((found.stiffness / K - 1.0).abs() < 1e-9, "{found:?}");
+    let found = identify(&disp[..part], &disp[..part], &force[..part], DT).unwrap();
+    assert!((found.stiffness.value / K - 1.0).abs() < 1e-9, "{found:?}");
     // Over all of the test it is a secant, smaller: said in the doc comment of `identify`.
-    assert!(identify(&disp, &force, DT).unwrap().stiffness < 0.9 * K);
+    assert!(identify(&disp, &disp, &force, DT).unwrap().stiffness.value < 0.9 * K);
 }
 
 /// f = k d + c ḋ along a sine of ω: the central difference that the identification sees is ḋ · sin(ωΔt)/(ωΔt) at every
@@ -127,11 +127,17 @@ fn stiffness_and_damping_of_a_damped_spring_are_read_off() {
     let signal = format!("sine = {{ amplitude = 5, unit = \"mm\", frequency_hz = {hz} }}");
     let law = format!("linear = {{ stiffness_n_per_m = {K}, damping_n_s_per_m = {c} }}");
     let run = test(3.0, &signal, &law);
-    let found = identify(&run.column("meas_1_1"), &run.column("force_1_1"), DT).unwrap();
+    let found = identify(
+        &run.column("meas_1_1"),
+        &run.column("meas_1_1"),
+        &run.column("force_1_1"),
+        DT,
+    )
+    .unwrap();
     let angle = TAU * hz * DT;
-    assert!((found.stiffness / K - 1.0).abs() < 1e-9, "{found:?}");
+    assert!((found.stiffness.value / K - 1.0).abs() < 1e-9, "{found:?}");
     assert!(
-        (found.damping.unwrap() / (c * angle / angle.sin()) - 1.0).abs() < 1e-9,
+        (found.damping.unwrap().value / (c * angle / angle.sin()) - 1.0).abs() < 1e-9,
         "{found:?}"
     );
     assert!(found.unexplained < 1e-12 && found.offset.abs() < 1e-9 * K * 0.005);

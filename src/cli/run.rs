@@ -15,6 +15,7 @@ use super::table::{Table, duration, quantity};
 use super::{answer, stability, tell, warn};
 use crate::config::{self, ConfigError, Facts, Loaded, Method, Prepared};
 use crate::record::Progress;
+use crate::report::told;
 use crate::session::{
     self, Finish, Finished, Page, ReplayError, ResumeError, Signal, Signals, Watches,
 };
@@ -241,13 +242,12 @@ fn conclude(facts: &Facts, finished: &Finished, page: Option<&Page>) {
         }
     }
     for axis in page.iter().flat_map(|page| &page.identified) {
-        let or_unknown = |value: Option<f64>, unit: &str| {
-            value.map_or_else(|| "unknown".to_owned(), |value| quantity(value, unit))
-        };
+        let unknown = || "unknown".to_owned();
+        let stiffness = axis.stiffness.as_ref();
         let text = format!(
             "stiffness {}, lag {}",
-            or_unknown(axis.stiffness, "N/m"),
-            axis.lag.map_or_else(|| "unknown".to_owned(), duration)
+            stiffness.map_or_else(unknown, |k| told(k, |k| quantity(k, "N/m"))),
+            axis.lag.map_or_else(unknown, duration)
         );
         table.row(&format!("identified, {}", axis.name), &text);
     }

@@ -44,7 +44,7 @@ pub use leaving::{Departure, Exit, Exits};
 pub use link::{LinkCount, OnStale, Partner, WaitRules};
 pub use misfit::{Channel, Misfit};
 pub use opening::{DispZero, Reading, Reference, Zero};
-pub use path::{Order, Path, Point};
+pub use path::{Order, Path, Point, shares};
 pub use posed::{PoseRow, Poses};
 pub use probe::{Found, Pace, Probe};
 pub use ramp::UNBOUNDED_RAMP_S;

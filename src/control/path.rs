@@ -110,6 +110,24 @@ impl Way {
     }
 }
 
+/// What every target has in the way at `share` of the step, of a target that is known at once: the one that the step ends at,
+/// and those before it. Nothing for the real-time thread.
+#[must_use]
+pub fn shares(order: Order, share: f64) -> [Point; PAST + 1] {
+    std::array::from_fn(|target| {
+        let unit = |at: usize| f64::from(u8::from(at == target));
+        let way = Way {
+            past: std::array::from_fn(|back| unit(back + 1)),
+            goal: unit(0),
+        };
+        if share >= 1.0 {
+            way.at_goal(order)
+        } else {
+            way.correct(share, 0.0, order)
+        }
+    })
+}
+
 impl Path {
     /// Of `axes` axes.
     #[must_use]
@@ -249,6 +267,28 @@ mod tests {
                 prop_assert!((near.slope - end.slope).abs() < 4e3 * tiny);
                 path.reach();
                 prop_assert!(same(path.at(0, 0.0), end));
+            }
+        }
+    }
+
+    #[test]
+    fn shares_of_the_targets_make_the_way() {
+        let targets = [0.7, -0.2, 0.4, 1.3, -0.9];
+        for order in ORDERS {
+            let mut path = Path::new(1, order);
+            for target in targets {
+                path.reach();
+                path.aim(&[target], 0.0);
+            }
+            for share in [0.1, 0.5, 0.9, 1.0] {
+                let found = path.at(0, share);
+                let all = shares(order, share);
+                let sum = |of: fn(&Point) -> f64| -> f64 {
+                    let newest_first = targets.iter().rev();
+                    all.iter().zip(newest_first).map(|(s, x)| of(s) * x).sum()
+                };
+                assert!((found.disp - sum(|s| s.disp)).abs() < 1e-13, "{order:?}");
+                assert!((found.slope - sum(|s| s.slope)).abs() < 1e-13, "{order:?}");
             }
         }
     }

@@ -6,7 +6,8 @@
 //!
 //! | file | holds |
 //! |---|---|
-//! | [`response`] | peaks, residuals, absorbed energy, stiffness and damping by least squares, lag by correlation |
+//! | [`response`] | peaks, residuals, absorbed energy, lag by correlation |
+//! | [`specimen`] | stiffness and damping of a specimen, with their standard errors |
 //! | [`tracking`] | how well a measured displacement follows its target, each number with its noise floor |
 //! | [`windows`] | phase and amplitude errors over the course of a test |
 //! | [`fourier`] | amplitude spectra; the frequency evaluation index |
@@ -20,12 +21,13 @@ pub mod falsified;
 pub mod fourier;
 pub mod ground;
 pub mod response;
+pub mod specimen;
 pub mod spectrum;
 pub mod tracking;
 pub mod windows;
 
 pub use response::{
-    Denominator, Identified, Peak, absorbed_energy, bridged, identify, lag, largest_error, loading,
-    nrmse, peak, residual,
+    Denominator, Peak, absorbed_energy, bridged, lag, largest_error, nrmse, peak, residual,
 };
+pub use specimen::{Estimate, Identified, delayed, identify, loading};
 pub use tracking::{Judged, Noise, Tracking};

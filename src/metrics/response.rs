@@ -1,4 +1,4 @@
-//! Numbers read off recorded columns: stiffness, lag, tracking error, peaks, energy.
+//! Numbers read off recorded columns: lag, tracking error, peaks, energy.
 //!
 //! Pure functions over slices of equal length; a longer slice is cut to the shorter. A NaN is a missing sample and
 //! takes no part. Each returns `None` where the number does not exist (no data, no motion) instead of a NaN.
@@ -56,99 +56,6 @@ pub fn absorbed_energy(disp: &[f64], force: &[f64]) -> Option<f64> {
         }
     }
     (steps > 0).then_some(sum)
-}
-
-/// What a prescribed displacement shows of a specimen: f ≈ k̂·d + ĉ·ḋ + f₀.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Identified {
-    /// k̂ in N/m.
-    pub stiffness: f64,
-    /// ĉ in N s/m; none where displacement and velocity cannot be told apart.
-    pub damping: Option<f64>,
-    /// f₀ in N.
-    pub offset: f64,
-    /// Share of the force's variance that the line does not explain, 0 … 1.
-    pub unexplained: f64,
-}
-
-/// Least squares of `force` (N) on measured `disp` (m) and on its velocity by central differences, `dt` in s.
-///
-/// k̂ of a specimen that yields is a secant over all of the test: give the part before yielding for its initial stiffness
-/// ([`loading`]).
-#[must_use]
-pub fn identify(disp: &[f64], force: &[f64], dt: f64) -> Option<Identified> {
-    if !(dt > 0.0 && dt.is_finite()) {
-        return None;
-    }
-    let samples = || {
-        disp.windows(3)
-            .zip(force.iter().skip(1))
-            .filter_map(|(d, &f)| {
-                let vel = (d[2] - d[0]) / (2.0 * dt);
-                (d[1].is_finite() && vel.is_finite() && f.is_finite()).then_some([d[1], vel, f])
-            })
-    };
-    let mut sum = [0.0; 3];
-    let mut n = 0.0;
-    for sample in samples() {
-        for (total, value) in sum.iter_mut().zip(sample) {
-            *total += value;
-        }
-        n += 1.0;
-    }
-    if n < 3.0 {
-        return None;
-    }
-    let mean = sum.map(|total| total / n);
-    // Second moments about the mean: well conditioned where raw normal equations are not.
-    let (mut dd, mut dv, mut vv, mut df, mut vf, mut ff) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
-    for [d, v, f] in samples() {
-        let (d, v, f) = (d - mean[0], v - mean[1], f - mean[2]);
-        dd += d * d;
-        dv += d * v;
-        vv += v * v;
-        df += d * f;
-        vf += v * f;
-        ff += f * f;
-    }
-    let rounding = 1e-12 * mean[0] * mean[0] * n;
-    if !(dd > rounding && dd.is_finite() && df.is_finite()) {
-        return None;
-    }
-    let determinant = dd * vv - dv * dv;
-    // Differences of a steady ramp scatter by rounding alone, which says nothing of damping.
-    let scatter = 1e-13 * (mean[0].abs() + (dd / n).sqrt()) / dt;
-    let is_moving_freely = vv > n * scatter * scatter && determinant > 1e-6 * dd * vv;
-    let (stiffness, damping) = if is_moving_freely {
-        (
-            (df * vv - vf * dv) / determinant,
-            Some((vf * dd - df * dv) / determinant),
-        )
-    } else {
-        (df / dd, None)
-    };
-    let left = ff - stiffness * df - damping.unwrap_or(0.0) * vf;
-    let offset = mean[2] - stiffness * mean[0] - damping.unwrap_or(0.0) * mean[1];
-    (stiffness.is_finite() && offset.is_finite() && ff.is_finite()).then_some(Identified {
-        stiffness,
-        damping,
-        offset,
-        unexplained: if ff > 0.0 {
-            (left / ff).clamp(0.0, 1.0)
-        } else {
-            0.0
-        },
-    })
-}
-
-/// Number of leading samples before |`disp`| first exceeds `share` of its largest magnitude: the first loading.
-#[must_use]
-pub fn loading(disp: &[f64], share: f64) -> usize {
-    let Some(top) = peak(disp) else { return 0 };
-    let bound = share * top.value.abs();
-    disp.iter()
-        .position(|d| d.abs() > bound)
-        .unwrap_or(disp.len())
 }
 
 /// Delay of `measured` behind `command` in samples, with a fraction.
@@ -475,49 +382,6 @@ mod tests {
     }
 
     #[test]
-    fn stiffness_and_damping_of_a_kelvin_element_are_identified() {
-        // Central differences of a 2 Hz sine are short by (ω dt)²/6 = 2.5e-5; k̂ is untouched by that.
-        let omega = TAU * 2.0;
-        let (k, c, f0) = (1.19e6, 114.22e2, -350.0);
-        let disp = sampled(4096, |t| 0.01 * libm::sin(omega * t));
-        let force = sampled(4096, |t| {
-            k * 0.01 * libm::sin(omega * t) + c * 0.01 * omega * libm::cos(omega * t) + f0
-        });
-        let found = identify(&disp, &force, DT).unwrap();
-        assert!((found.stiffness / k - 1.0).abs() < 1e-6);
-        assert!((found.damping.unwrap() / c - 1.0).abs() < 1e-4);
-        assert!((found.offset - f0).abs() < 1e-3);
-        assert!(found.unexplained < 1e-9);
-    }
-
-    #[test]
-    fn a_steady_ramp_gives_stiffness_but_no_damping() {
-        let disp = sampled(500, |t| 0.01 * t);
-        let force: Vec<_> = disp.iter().map(|d| 2e5 * d).collect();
-        let found = identify(&disp, &force, DT).unwrap();
-        assert!((found.stiffness / 2e5 - 1.0).abs() < 1e-9);
-        assert_eq!(found.damping, None);
-        assert_eq!(identify(&[0.3; 50], &[1.0; 50], DT), None);
-        assert_eq!(identify(&[], &[], DT), None);
-        assert_eq!(identify(&disp, &force, 0.0), None);
-    }
-
-    #[test]
-    fn first_loading_sees_the_initial_stiffness_of_a_yielding_specimen() {
-        let disp = sampled(1024, |t| 0.03 * libm::sin(TAU * t));
-        let force: Vec<_> = disp
-            .iter()
-            .map(|d: &f64| 1e6 * d.clamp(-0.01, 0.01))
-            .collect();
-        let part = loading(&disp, 0.2);
-        assert!(part > 10 && disp[part - 1] <= 0.006 && disp[part] > 0.006);
-        let initial = identify(&disp[..part], &force[..part], DT).unwrap();
-        assert!((initial.stiffness / 1e6 - 1.0).abs() < 1e-9);
-        assert!(identify(&disp, &force, DT).unwrap().stiffness < 0.6e6);
-        assert_eq!(loading(&[], 0.2), 0);
-    }
-
-    #[test]
     fn energy_of_an_elliptic_loop_is_its_area() {
         // f = k d + c ḋ over one cycle: π c ω A². The trapezoid of a smooth periodic function errs by (ω dt)²/6.
         let (c, omega, a) = (500.0, TAU * 2.0, 0.01);
@@ -569,9 +433,6 @@ mod tests {
         ) {
             for value in [lag(&a, &b, 9), nrmse(&a, &b, Denominator::CommandRms), absorbed_energy(&a, &b), largest_error(&a, &b)] {
                 prop_assert!(value.is_none_or(|v| !v.is_nan()));
-            }
-            if let Some(found) = identify(&a, &b, DT) {
-                prop_assert!(!found.unexplained.is_nan());
             }
         }
     }

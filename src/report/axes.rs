@@ -202,10 +202,11 @@ impl AxisDigest {
         drop((c, m));
         let error: Vec<f64> = whole.iter().zip(target).map(|(m, c)| m - c).collect();
         self.spectra[2] = envelope(&error, dt).unwrap_or_default();
-        let first = metrics::loading(meas, FIRST_LOADING).min(force.len());
-        self.whole = metrics::identify(meas, force, dt);
-        let first_meas = &meas[..first.min(meas.len())];
-        self.initial = metrics::identify(first_meas, &force[..first], dt);
+        // The target as late as the measured displacement is: where the first loading ends is no matter of noise, either.
+        let late = metrics::delayed(target, self.lag().unwrap_or(0.0) / dt);
+        let first = metrics::loading(&late, FIRST_LOADING);
+        self.whole = metrics::identify(&late, meas, force, dt);
+        self.initial = metrics::identify(&late[..first], meas, force, dt);
     }
 
     /// Lag of measured behind target in s.

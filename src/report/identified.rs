@@ -9,6 +9,7 @@ use super::html::{note, table};
 use super::rows::Rows;
 use super::specimens::{Tracked, lag_words, tracking};
 use super::text::{NOTHING, number, plural, quantity};
+use crate::metrics::Estimate;
 
 /// A share in percent; below what matters it is only said to be small.
 fn small_percent(share: f64) -> String {
@@ -19,15 +20,33 @@ fn small_percent(share: f64) -> String {
     }
 }
 
+/// The number with its standard error, or why it is none.
+#[must_use]
+pub fn told(found: &Estimate, write: impl Fn(f64) -> String) -> String {
+    let share = 100.0 * found.std / found.value.abs();
+    if !found.is_sure() {
+        return if share < 100.0 {
+            format!("{NOTHING} (noise leaves ± {share:.0} %)")
+        } else {
+            format!("{NOTHING} (noise hides it)")
+        };
+    }
+    if found.is_scattered() {
+        format!("{} ± {}", write(found.value), write(found.std))
+    } else {
+        write(found.value)
+    }
+}
+
 /// What a test of prescribed displacement says of one axis, in words.
 #[derive(Debug, Clone, PartialEq)]
 pub struct IdentifiedAxis {
     /// Name of the specimen, and the axis where there are several.
     pub name: String,
     /// k̂ of the first loading, N/m: what belongs into K0.
-    pub stiffness: Option<f64>,
+    pub stiffness: Option<Estimate>,
     /// ĉ of the whole test, N s/m.
-    pub damping: Option<f64>,
+    pub damping: Option<Estimate>,
     /// Lag of the measured behind the target displacement, s.
     pub lag: Option<f64>,
 }
@@ -92,17 +111,18 @@ pub(super) fn identification(rows: &Rows<'_>, axes: &[Tracked<'_>]) -> Option<St
     for axis in axes {
         let (whole, initial) = (axis.digest.whole, axis.digest.initial);
         let per = |unit: &str| format!("{}/{}", axis.force_unit, unit);
-        let stiffness = |k: f64| quantity(k, &per(axis.disp_unit));
+        let stiffness = |k: Estimate| told(&k, |k| quantity(k, &per(axis.disp_unit)));
+        let damping = |c: Estimate| {
+            told(&c, |c| {
+                quantity(c, &format!("{} s/{}", axis.force_unit, axis.disp_unit))
+            })
+        };
         let or_dash = |text: Option<String>| text.unwrap_or_else(|| NOTHING.to_owned());
         lines.push(vec![
             axis.name.clone(),
             or_dash(initial.map(|i| stiffness(i.stiffness))),
             or_dash(whole.map(|i| stiffness(i.stiffness))),
-            or_dash(
-                whole
-                    .and_then(|i| i.damping)
-                    .map(|c| quantity(c, &format!("{} s/{}", axis.force_unit, axis.disp_unit))),
-            ),
+            or_dash(whole.and_then(|i| i.damping).map(damping)),
             or_dash(whole.map(|i| format!("{} %", small_percent(i.unexplained)))),
             or_dash(axis.lag().map(lag_words)),
         ]);
@@ -119,9 +139,10 @@ pub(super) fn identification(rows: &Rows<'_>, axes: &[Tracked<'_>]) -> Option<St
         &lines,
     );
     let how = format!(
-        "Least squares of force on measured displacement and its velocity, {}. First loading: until {:.0} % of the largest \
-         displacement is passed; for a specimen that yields, k̂ of the whole test is a secant. Not explained: share of the \
-         force's variance that the line misses. This is the test before a hybrid test: k̂ and ĉ go into the specimen's \
+        "Force by measured displacement and its velocity, {}, with the target as the instrument, so that noise of the sensors \
+         leans neither; ± is a standard error, and a dash stands where that is not small beside the number. First loading: \
+         until {:.0} % of the largest target is passed; for a specimen that yields, k̂ of the whole test is a secant. Not \
+         explained: share of the force's variance that the line misses. This is the test before a hybrid test: k̂ and ĉ go into the specimen's \
          estimate, the lag into its compensator.",
         plural(axes.len() as u64, "axis by itself", "axes each by itself"),
         100.0 * FIRST_LOADING

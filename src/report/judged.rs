@@ -100,9 +100,9 @@ pub(super) fn table_of(name: &str, axis: &AxisDigest, disp_unit: &str, force_uni
     });
     let damping = t
         .fei
-        .zip(axis.whole)
+        .zip(axis.whole.filter(|whole| whole.stiffness.is_sure()))
         .map_or_else(String::new, |(f, whole)| {
-            let c = -whole.stiffness * f.delay_s.value;
+            let c = -whole.stiffness.value * f.delay_s.value;
             let sign = if c < 0.0 {
                 "energy goes into the test"
             } else {

@@ -77,7 +77,7 @@ pub use digest::{Difference, Digest};
 pub use falsified::falsified;
 pub use histogram::Percentiles;
 pub(crate) use html::note;
-pub use identified::{IdentifiedAxis, identified, missing_metrics, tracking_metrics};
+pub use identified::{IdentifiedAxis, identified, missing_metrics, told, tracking_metrics};
 pub use matched::{FirstDifference, Matched, Matcher, Next};
 pub(crate) use page::frame;
 pub use page::render;

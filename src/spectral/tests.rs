@@ -260,6 +260,7 @@ fn one(ratio: f64, share: f64) -> Delayed {
         specimen_damping: scalar(0.0),
         specimen_mass: 0.0,
         weighted: None,
+        ticks: Vec::new(),
     }
 }
 
@@ -340,6 +341,7 @@ fn at_the_critical_delay_the_characteristic_matrix_of_a_frame_is_singular() {
         specimen_damping: DMatrix::from_element(1, 1, 0.0),
         specimen_mass: 0.0,
         weighted: None,
+        ticks: Vec::new(),
     };
     let found = continuous(&system).unwrap().unwrap();
     let turn = Pole::new(0.0, -found.omega * found.delay).exp();

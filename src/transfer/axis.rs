@@ -5,13 +5,8 @@
 
 use super::delay::Delay;
 use super::exact::Ramped;
-use super::spec::{ActuatorSpec, FirstOrderSpec, SecondOrderSpec, ServoHydraulicSpec};
-
-/// States: displacement first, velocity second; the cylinder's force and the valve's two after them.
-const STATES: usize = 5;
-const DISP: usize = 0;
-const VEL: usize = 1;
-const FORCE: usize = 2;
+use super::servo::{DISP, FORCE, STATES, Servo, VEL};
+use super::spec::{ActuatorSpec, FirstOrderSpec, SecondOrderSpec};
 
 /// A correction that falls by less than this a round does so slowly, or not at all.
 const SLOWLY: f64 = 0.25;
@@ -37,15 +32,6 @@ enum Dynamics {
     Servo(Box<Servo>),
 }
 
-/// A valve, a cylinder and the linear estimate of what they move.
-#[derive(Debug, Clone)]
-struct Servo {
-    spec: ServoHydraulicSpec,
-    stiffness: f64,
-    damping: f64,
-    tick: Ramped<STATES, 2>,
-}
-
 /// Where limits lie; infinite where there is none.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Bounds {
@@ -65,6 +51,8 @@ pub(super) struct Axis {
     primed: bool,
     committed: State,
     trial: State,
+    /// Whether this trial ends at the end of the stroke, of an actuator that feels its specimen.
+    stopped: bool,
     /// The last correction of this trial and what was made of it; none before the first.
     corrected: Option<(f64, f64)>,
     command: [f64; 2],
@@ -87,12 +75,9 @@ impl Axis {
             Some(ActuatorSpec::Proportional(spec)) => Dynamics::Direct(spec.gain),
             Some(ActuatorSpec::FirstOrder(spec)) => Dynamics::First(*spec, still()),
             Some(ActuatorSpec::SecondOrder(spec)) => Dynamics::Second(*spec, still()),
-            Some(ActuatorSpec::ServoHydraulic(spec)) => Dynamics::Servo(Box::new(Servo {
-                spec: *spec,
-                stiffness,
-                damping,
-                tick: still(),
-            })),
+            Some(ActuatorSpec::ServoHydraulic(spec)) => {
+                Dynamics::Servo(Box::new(Servo::new(*spec, stiffness, damping)))
+            }
         };
         Self {
             delay,
@@ -102,6 +87,7 @@ impl Axis {
             primed: false,
             committed: State::default(),
             trial: State::default(),
+            stopped: false,
             corrected: None,
             command: [0.0; 2],
             disp: 0.0,
@@ -168,6 +154,7 @@ impl Axis {
         let mut now = State { drive, ..before };
         let (start, end) = ([before.drive], [drive]);
         self.saturated = false;
+        self.stopped = false;
         match &self.dynamics {
             Dynamics::Direct(gain) => {
                 if dt > 0.0 || self.bounds.rate.is_infinite() {
@@ -191,9 +178,13 @@ impl Axis {
             Dynamics::Servo(servo) => {
                 if dt > 0.0 {
                     let held = before.residual;
-                    now.x = servo
-                        .tick
-                        .step(&before.x, &[before.drive, held], &[drive, held]);
+                    self.stopped = self.is_pressed(servo);
+                    let tick = if self.stopped {
+                        &servo.at_stop
+                    } else {
+                        &servo.tick
+                    };
+                    now.x = tick.step(&before.x, &[before.drive, held], &[drive, held]);
                 }
             }
         }
@@ -211,6 +202,11 @@ impl Axis {
         let linear = servo.stiffness * self.disp + servo.damping * self.vel;
         let residual = force - linear;
         let change = residual - self.trial.residual;
+        if self.stopped {
+            // However it resists, it stands; what that was holds when it leaves.
+            self.trial.residual = residual;
+            return 0.0;
+        }
         let size = force.abs() + linear.abs();
         // The roundoff of both sums is no change.
         if change.abs() <= 1e-12 * size || self.dt <= 0.0 {
@@ -246,6 +242,14 @@ impl Axis {
         }
     }
 
+    /// True if the committed state is at the end of the stroke, and the cylinder presses it there. Where it leaves within a tick it
+    /// stands to the end of that: no more than the cube of a tick of its way is lost. Real-time: yes.
+    fn is_pressed(&self, servo: &Servo) -> bool {
+        let State { x, residual, .. } = &self.committed;
+        let left = x[FORCE] - (servo.stiffness * x[DISP] + residual);
+        x[DISP].abs() >= self.bounds.stroke && x[VEL] == 0.0 && left * x[DISP] > 0.0
+    }
+
     fn limit(&mut self, dt: f64) {
         let Bounds {
             rate,
@@ -257,7 +261,9 @@ impl Axis {
             let excess = state.x[FORCE] - state.x[FORCE].clamp(-force, force);
             if excess != 0.0 {
                 // The mass does not feel what the cylinder cannot give.
-                servo.tick.add_to_end(&mut state.x, 1, excess);
+                if !self.stopped {
+                    servo.tick.add_to_end(&mut state.x, 1, excess);
+                }
                 state.x[FORCE] = force.copysign(excess);
                 self.saturated = true;
             }
@@ -268,8 +274,16 @@ impl Axis {
                 state.x[VEL] = rate.copysign(way);
             }
         }
+        self.saturated |= self.stopped;
         if state.x[DISP].abs() > stroke {
-            state.x[DISP] = stroke.copysign(state.x[DISP]);
+            let end = stroke.copysign(state.x[DISP]);
+            if let Dynamics::Servo(servo) = &self.dynamics {
+                // The way that it did not go has not bled the cylinder.
+                state.x[FORCE] += servo.bled(state.x[DISP] - end);
+                state.x[FORCE] = state.x[FORCE].clamp(-force, force);
+                self.stopped = true;
+            }
+            state.x[DISP] = end;
             state.x[VEL] = 0.0;
             self.saturated = true;
         }
@@ -284,9 +298,10 @@ impl Axis {
         self.vel = share * self.trial.x[VEL];
     }
 
-    /// What the actuator gives, where it is part of the loop.
+    /// What the actuator gives, where it is part of the loop. At the end of the stroke the stop takes what is beyond the
+    /// specimen's force.
     pub fn force(&self) -> Option<f64> {
-        self.feels_the_specimen().then_some(self.trial.x[FORCE])
+        (self.feels_the_specimen() && !self.stopped).then_some(self.trial.x[FORCE])
     }
 
     /// Real-time: yes.
@@ -329,7 +344,7 @@ impl Axis {
 }
 
 /// A tick in which nothing moves, until the true one is known.
-fn still<const N: usize, const M: usize>() -> Ramped<N, M> {
+pub(super) fn still<const N: usize, const M: usize>() -> Ramped<N, M> {
     // The exponential of zero; D does not matter for zeros as long as the states fit.
     Ramped::new::<9>(&[[0.0; N]; N], &[[0.0; M]; N], &[1.0; N])
 }
@@ -354,48 +369,4 @@ impl Dynamics {
             Self::Servo(servo) => servo.lay_out(dt),
         }
     }
-}
-
-impl Servo {
-    fn lay_out(&mut self, dt: f64) {
-        self.tick = servo_tick(&self.spec, self.stiffness, self.damping, dt);
-    }
-}
-
-/// One tick of valve, cylinder and a linear specimen: states x, v, f, q, q̇; inputs the command and a further force on the
-/// specimen, against its motion.
-#[must_use]
-pub fn servo_tick(
-    spec: &ServoHydraulicSpec,
-    stiffness: f64,
-    damping: f64,
-    dt: f64,
-) -> Ramped<5, 2> {
-    let mass = spec.mass_kg;
-    let feedback = spec.velocity_feedback_n_per_m;
-    let a = [
-        [0.0, 1.0, 0.0, 0.0, 0.0],
-        [-stiffness / mass, -damping / mass, 1.0 / mass, 0.0, 0.0],
-        [0.0, -feedback, -spec.leakage_per_s, 1.0, 0.0],
-        [0.0, 0.0, 0.0, 0.0, 1.0],
-        [
-            -spec.valve_gain,
-            0.0,
-            0.0,
-            -spec.valve_stiffness_per_s2,
-            -spec.valve_damping_per_s,
-        ],
-    ];
-    let b = [
-        [0.0, 0.0],
-        [0.0, -1.0 / mass],
-        [0.0, 0.0],
-        [0.0, 0.0],
-        [spec.gain * spec.valve_gain, 0.0],
-    ];
-    let force = feedback.max(stiffness).max(mass);
-    let units = [1.0, 1.0 / dt, force, force / dt, force / (dt * dt)];
-    let a = a.map(|row| row.map(|v| v * dt));
-    let b = b.map(|row| row.map(|v| v * dt));
-    Ramped::new::<9>(&a, &b, &units)
 }

@@ -10,6 +10,7 @@ mod delay;
 pub mod exact;
 pub mod noise;
 pub mod sensor;
+mod servo;
 mod spec;
 
 #[cfg(test)]
@@ -21,8 +22,8 @@ use axis::{Axis, Bounds};
 use delay::Delay;
 use sensor::Sensor;
 
-pub use axis::servo_tick;
 pub use delay::LONGEST;
+pub use servo::servo_tick;
 pub use spec::{
     ActuatorSpec, FirstOrderSpec, ProportionalSpec, SecondOrderSpec, ServoHydraulicSpec,
     TransferSpec,

@@ -208,6 +208,50 @@ fn limits_of_rate_stroke_and_force_hold_where_they_should() {
     assert!(out.iter().all(|[x, _]| x.abs() < 0.02));
 }
 
+/// Beyond 2 mm the stop takes what the cylinder presses with, and nothing bleeds it while it stands.
+#[test]
+fn at_the_end_of_its_stroke_a_cylinder_winds_up_and_the_specimen_does_not_feel_it() {
+    let (k, stroke) = (1.19e6, 2e-3);
+    let run = |per_second: usize| {
+        let mut plant = behind(
+            "actuator.servo_hydraulic = {}\nstroke_m = 0.002\ntell_saturation = false",
+            spring(k, 114.22),
+        );
+        let dt = 1.0 / per_second as f64;
+        let command = |t: f64| 4e-3 * libm::sin(4.0 * PI * t);
+        let out = follow(&mut plant, dt, per_second / 2, command);
+        for [_, force] in out.iter().filter(|[x, _]| *x >= stroke) {
+            assert!((force - k * stroke).abs() < 1e-9 * k * stroke, "{force}");
+        }
+        // It arrives, bounces and stands. Left at 0.2887 s, as by small steps with a piston that is held.
+        let last = out.iter().rposition(|[x, _]| *x >= stroke).unwrap();
+        let left = (last + 1) as f64 * dt;
+        let later: Vec<f64> = out
+            .iter()
+            .skip(per_second / 64 * 20 - 1)
+            .step_by(per_second / 64)
+            .map(|[x, _]| *x)
+            .collect();
+        (left, later)
+    };
+    let runs: Vec<_> = [1024, 2048, 4096, 16_384].into_iter().map(run).collect();
+    let (left, exact) = runs.last().unwrap();
+    assert!((left - 0.2887).abs() < 1e-3, "{left}");
+    let off = |(_, places): &(f64, Vec<f64>)| {
+        let both = places.iter().zip(exact);
+        both.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+    };
+    for ((left, _), per_second) in runs.iter().zip([1024.0, 2048.0, 4096.0]) {
+        assert!((left - 0.2887).abs() < 1e-3 + 2.0 / per_second, "{left}");
+    }
+    assert!(
+        off(&runs[0]) < 0.02 * stroke && off(&runs[2]) < 0.25 * off(&runs[0]),
+        "{} {}",
+        off(&runs[0]),
+        off(&runs[2])
+    );
+}
+
 #[test]
 fn it_begins_at_rest_where_the_first_command_takes_it() {
     for text in [

@@ -7,7 +7,7 @@ use super::specimens::Specimens;
 use crate::integrate::{Apart, Lambda};
 use crate::linalg::{self, SymMatrix};
 use crate::spectral::delay::{
-    Critical, DelayError, Delayed, DiscreteLimit, continuous, discrete, recursion,
+    Critical, DelayError, Delayed, DiscreteLimit, Weights, continuous, discrete, recursion,
 };
 use crate::spectral::{Apparent, Locus, Pole, eigenvalues};
 
@@ -31,6 +31,8 @@ pub struct Analysis {
     damping: SymMatrix,
     /// What has a λ of its own.
     apart: Option<Apart>,
+    /// Δt in s and λ, of a member of the family.
+    pub(super) step: Option<(f64, Lambda)>,
     /// One per specimen; empty where the structure is too large.
     pub loops: Vec<Loop>,
     pub(super) specimens: Vec<Attached>,
@@ -53,6 +55,7 @@ pub(super) struct Attached {
     pub stiffness_at_rest: Vec<Vec<f64>>,
     pub damping: Vec<Vec<f64>>,
     pub mass_in_force: f64,
+    pub ticks: Vec<Weights>,
 }
 
 /// A mode of the whole at rest, and what delays do to it.
@@ -180,6 +183,7 @@ pub(super) fn delayed(
         specimen_stiffness: own.stiffness,
         specimen_mass: mass_in_force,
         weighted: None,
+        ticks: Vec::new(),
     }
 }
 
@@ -202,6 +206,7 @@ impl Analysis {
             stiffness_at_rest: specimen.stiffness_at_rest.to_vec(),
             damping: specimen.damping.to_vec(),
             mass_in_force: specimen.mass_in_force,
+            ticks: specimen.ticks.to_vec(),
         });
         let mut analysis = Self {
             specimens: attached.collect(),
@@ -210,13 +215,14 @@ impl Analysis {
             stiffness: initial.stiffness.clone(),
             damping: initial.damping.clone(),
             apart: apart.cloned(),
+            step: lambda.map(|lambda| (initial.dt, lambda)),
             loops: Vec::new(),
         };
         if n <= LARGEST_DELAYED {
             let both = specimens.loops().zip(&analysis.specimens);
             let loops = both.map(|(specimen, attached)| Loop {
                 name: specimen.name.to_owned(),
-                ..analysis.of(attached, initial.dt, lambda)
+                ..analysis.of(attached)
             });
             analysis.loops = loops.collect();
         }
@@ -224,7 +230,7 @@ impl Analysis {
     }
 
     /// The loop of a specimen, without its name.
-    fn of(&self, specimen: &Attached, dt: f64, lambda: Option<Lambda>) -> Loop {
+    fn of(&self, specimen: &Attached) -> Loop {
         let own = |counted: &[Vec<f64>]| Own {
             damping: square(&specimen.damping),
             stiffness: square(&specimen.stiffness),
@@ -238,9 +244,6 @@ impl Analysis {
             own(&specimen.stiffness_at_rest),
             specimen.mass_in_force,
         );
-        // Whatever is felt, M_eff is made of K0 and C0.
-        let less = self.damping.plus(-1.0, damping);
-        let weighted = lambda.map(|lambda| self.weighted(lambda).plus(0.5 / dt, &less));
         let closed = delayed(
             self.mass.to_dense(),
             (&self.damping, &self.stiffness),
@@ -253,11 +256,19 @@ impl Analysis {
         Loop {
             name: String::new(),
             system: Delayed {
-                weighted: weighted.map(|weighted| weighted.to_dense()),
+                weighted: self.effective(),
+                ticks: specimen.ticks.clone(),
                 ..at_rest
             },
             closed: differs.then_some(closed),
         }
+    }
+
+    /// K̃ of M_eff for what is felt at rest: whatever that is, M_eff is made of K0 and C0. None for another method than the family.
+    pub(super) fn effective(&self) -> Option<DMatrix<f64>> {
+        let (dt, lambda) = self.step?;
+        let less = self.damping.plus(-1.0, &self.at_rest.damping);
+        Some(self.weighted(lambda).plus(0.5 / dt, &less).to_dense())
     }
 
     /// K̃ of M_eff: K0/λ, or what stands for it.

@@ -1,7 +1,7 @@
 //! The critical delay of every axis over its stiffness, for the margin that is watched while the test runs.
 //!
 //! One axis is late at a time; all others, and what the axes of one specimen do to each other, are on time and as stiff as at
-//! rest.
+//! rest. In continuous time, and less where the steps are so coarse that the recursion bears less.
 
 use nalgebra::DMatrix;
 
@@ -9,19 +9,21 @@ use super::analysis::{Analysis, Attached, Own, delayed};
 use super::{Refused, Site, StructureFacts, path};
 use crate::config::Finding;
 use crate::control::{CriticalDelay, Port};
-use crate::spectral::delay::{DelayError, continuous};
+use crate::spectral::delay::{DelayError, Delayed, DiscreteLimit, continuous, discrete};
 
 /// Entries of a table.
 const ENTRIES: usize = 33;
 /// The last of them, in parts of the initial stiffness or of its declared bound.
 const REACH: f64 = 2.0;
+/// Angle per step, in rad, from which the recursion is asked: below it the two differ by a per cent or so.
+const COARSE: f64 = 0.2;
 /// Axes times (4 DOFs)³ of all tables together: an entry needs the eigenvalues of four times as many rows, and all of them
 /// about 0.4 ms per thousand, so that a test begins within 50 ms. One axis in a structure of 12 DOFs, two in one of 9.
 const MOST_WORK: usize = 120_000;
 
 impl Analysis {
     /// Tables for the axes of the specimens that are `wanted`, empty for the others; the largest tangents that are declared
-    /// stand in `bounds`, not a number where there is none. In continuous time, one axis late at a time.
+    /// stand in `bounds`, not a number where there is none. One axis late at a time.
     ///
     /// # Errors
     /// Why there are none, in words.
@@ -92,12 +94,33 @@ impl Analysis {
                 Ok(found.map_or(f64::INFINITY, |found| found.delay))
             };
             let delays: Result<Vec<f64>, _> = (0..ENTRIES).map(delay).collect();
-            let delays = delays.map_err(|error| error.to_string())?;
+            let mut delays = delays.map_err(|error| error.to_string())?;
+            system.specimen_stiffness[(0, 0)] = stiffness;
+            (system.weighted, system.ticks) = (self.effective(), specimen.ticks.clone());
+            let share = self.share_of_recursion(&system);
+            delays.iter_mut().for_each(|delay| *delay *= share);
             CriticalDelay::new(stiffest, &delays).ok_or_else(|| {
                 "an axis has no stiffness, or no damping stands against a delay".to_owned()
             })
         });
         tables.collect()
+    }
+}
+
+impl Analysis {
+    /// How much of the critical delay in continuous time the recursion bears, 1 at most: with several ticks a step the way between
+    /// targets lags, too.
+    fn share_of_recursion(&self, system: &Delayed) -> f64 {
+        let (Some((dt, lambda)), Ok(Some(found))) = (self.step, continuous(system)) else {
+            return 1.0;
+        };
+        if found.omega.is_nan() || found.omega * dt < COARSE {
+            return 1.0;
+        }
+        match discrete(system, dt, lambda.value(), Some(found.delay)) {
+            Ok(DiscreteLimit::At(delay)) => (delay / found.delay).min(1.0),
+            _ => 1.0,
+        }
     }
 }
 
@@ -185,6 +208,39 @@ mod tests {
             let same = found == exact || (found / exact - 1.0).abs() < 1e-6;
             assert!(same, "{stiffness}: {found} and not {exact}");
         }
+    }
+
+    #[test]
+    fn with_coarse_steps_of_several_ticks_a_table_is_as_much_less_as_the_recursion() {
+        let with = |rate: u32, ticks: u32| {
+            analysis(&format!(
+                "{}[structure.matrices]\nmass = [[1000]]\nstiffness = [[1e5]]\ndamping = [[400]]\n\
+                 [[specimen]]\nname = \"it\"\nrows = [[1]]\nlaw.linear = {{ stiffness_n_per_m = 2e5 }}\n",
+                TIME.replace(
+                    "rate_hz = 1000",
+                    &format!("rate_hz = {rate}\nticks_per_step = {ticks}")
+                )
+            ))
+        };
+        let at = |analysis: &Analysis| {
+            let tables = analysis
+                .critical_delays(&[true], &[vec![f64::NAN]])
+                .unwrap();
+            tables[0][0].at(2e5)
+        };
+        let continuous = continuous(&with(1000, 1).loops[0].system).unwrap().unwrap();
+        assert!((at(&with(1000, 10)) / continuous.delay - 1.0).abs() < 1e-6);
+        // 17 rad/s at 32 steps a second: Ω = 0.54.
+        let coarse = with(32, 10);
+        let DiscreteLimit::At(recursion) = coarse.loops[0].discrete(1.0 / 32.0, 4.0).unwrap()
+        else {
+            panic!("bears every delay");
+        };
+        assert!(
+            recursion < 0.97 * continuous.delay,
+            "{recursion} {continuous:?}"
+        );
+        assert!((at(&coarse) / recursion - 1.0).abs() < 1e-6);
     }
 
     #[test]

@@ -20,6 +20,7 @@ use crate::link::openfresco::Remote;
 use crate::link::spec::ProbeChoice;
 use crate::model::StructureSpec;
 use crate::specimen::{InProcess, InUnits, Specimen};
+use crate::spectral::delay::Weights;
 use crate::substructure::Substructure;
 use entry::entry;
 use loading::Loading;
@@ -44,6 +45,8 @@ struct Entry {
     bounds: Result<(Rows, Rows), usize>,
     /// How much of its damping counts in a sawtooth of period 2 steps, in parts of that at the integrator's own velocity.
     sawtooth: f64,
+    /// What its commands are made of, as [`crate::spectral::delay::Delayed::ticks`].
+    ticks: Vec<Weights>,
     mass_in_force: f64,
 }
 
@@ -65,6 +68,7 @@ pub(super) struct Loop<'a> {
     pub stiffness_at_rest: &'a [Vec<f64>],
     pub damping: &'a [Vec<f64>],
     pub mass_in_force: f64,
+    pub ticks: &'a [Weights],
 }
 
 /// All specimens of a test, in order.
@@ -188,6 +192,7 @@ impl Specimens {
             stiffness_at_rest: &entry.stiffness_at_rest,
             damping: &entry.damping,
             mass_in_force: entry.mass_in_force,
+            ticks: &entry.ticks,
         })
     }
 

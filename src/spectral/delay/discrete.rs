@@ -1,6 +1,7 @@
 //! In discrete time: the recursion of the family with the command history appended to its state.
 //!
-//! The achieved displacement is d\[i − q\] and d\[i − q − 1\], weighed by linear interpolation, with τ = (q + φ) Δt. α is made
+//! The achieved displacement is d\[i − q\] and d\[i − q − 1\], weighed by linear interpolation, with τ = (q + φ) Δt. With several
+//! ticks a step the interpolation is between theirs, whose commands are made of some targets, as is their velocity. α is made
 //! of the total stiffness and damping, specimen included, as in a test.
 
 use std::cell::RefCell;
@@ -10,6 +11,7 @@ use std::f64::consts::PI;
 use nalgebra::{Complex, DMatrix, DVector};
 
 use super::super::{eigenvalues, unstable_roots};
+use super::late::Late;
 use super::{DelayError, Delayed};
 
 /// Longest delay that is looked at, in steps.
@@ -57,13 +59,11 @@ pub fn recursion(
         }
     }
     let (axes, n) = system.rows.shape();
-    let steps = delay / dt;
-    let whole = steps.floor();
-    let (whole, share) = (whole as usize, steps - whole);
-    // The oldest command is needed with a weight unless the delay is a whole number of steps; inertia is a second difference.
+    let late = Late::of(&system.ticks, delay / dt);
+    // Inertia is a second difference.
     let weighs = system.specimen_mass != 0.0;
-    let past = whole + usize::from(share > 0.0) + if weighs { 2 } else { 0 };
-    let damps = system.specimen_damping.iter().any(|c| *c != 0.0);
+    let past = late.past() + if weighs { 2 } else { 0 };
+    let damps = system.specimen_damping.iter().any(|c| *c != 0.0) && late.slope.is_none();
     let kinds = if damps { 2 } else { 1 };
     let size = 2 * n + kinds * axes * past;
     let factor = effective(system, dt, lambda)
@@ -82,13 +82,22 @@ pub fn recursion(
     let inertia = DMatrix::identity(axes, axes) * system.specimen_mass;
     // Kind of the history, steps back, and the force by what was commanded then.
     let mut parts = Vec::new();
-    for (back, weight) in [(whole, 1.0 - share), (whole + 1, share)] {
+    // The velocity is of the targets, or of those of the integrator.
+    let (of_velocity, velocity) = match &late.slope {
+        Some(slope) => (0, slope),
+        None => (1, &late.disp),
+    };
+    for (back, (&weight, by_velocity)) in late.disp.iter().zip(velocity).enumerate() {
         parts.push((
             0,
             back,
             of_specimen(&system.specimen_stiffness, weight * dt * dt),
         ));
-        parts.push((1, back, of_specimen(&system.specimen_damping, weight * dt)));
+        parts.push((
+            of_velocity,
+            back,
+            of_specimen(&system.specimen_damping, by_velocity * dt),
+        ));
         for (further, second) in [(0, 1.0), (1, -2.0), (2, 1.0)] {
             parts.push((0, back + further, of_specimen(&inertia, weight * second)));
         }
@@ -193,28 +202,46 @@ impl<'a> Circle<'a> {
         *known.entry(theta.to_bits()).or_insert_with(make)
     }
 
-    /// True if a root lies outside the unit circle: 1 + g(z) z^−τ/Δt bᵀ D⁻¹ b, over the same without delay, goes round zero.
-    /// None where that cannot be followed.
+    /// True if a root lies outside the unit circle: 1 + g(z) bᵀ D⁻¹ b, g being the late force by the displacement, over the same
+    /// without delay, goes round zero. None where that cannot be followed.
     fn is_unstable(&self, delay: f64) -> Option<bool> {
-        let steps = delay / self.dt;
-        let (whole, share) = (steps.floor(), steps - steps.floor());
-        let specimen = (
-            self.system.specimen_stiffness[(0, 0)],
-            self.system.specimen_damping[(0, 0)] / self.dt,
-            self.system.specimen_mass / (self.dt * self.dt),
-        );
+        let force = |steps: f64| {
+            let late = Late::of(&self.system.ticks, steps);
+            move |theta: f64| self.late_force(&late, theta)
+        };
+        let (late, on_time) = (force(delay / self.dt), force(0.0));
         let ratio = |theta: f64| {
-            let half = libm::sin(0.5 * theta);
-            let difference = Complex::new(2.0 * half * half, libm::sin(theta));
-            let back = Complex::new(1.0, 0.0) - difference;
-            let force = difference * difference * specimen.2 + difference * specimen.1 + specimen.0;
-            let (sine, cosine) = libm::sincos(-theta * whole);
-            let late = Complex::new(cosine, sine) * (back * share + (1.0 - share));
-            let felt = force * self.felt(theta)?;
-            Some((late * felt + 1.0) / (felt + 1.0))
+            let felt = self.felt(theta)?;
+            Some((late(theta) * felt + 1.0) / (on_time(theta) * felt + 1.0))
         };
         let roots = unstable_roots(ratio, SMALLEST, PI, &self.marks)?;
         Some(roots > 0)
+    }
+
+    /// The specimen's force by the displacement of its axis at the angle θ.
+    fn late_force(&self, late: &Late, theta: f64) -> Complex<f64> {
+        let stiffness = self.system.specimen_stiffness[(0, 0)];
+        let damping = self.system.specimen_damping[(0, 0)] / self.dt;
+        let mass = self.system.specimen_mass / (self.dt * self.dt);
+        let half = libm::sin(0.5 * theta);
+        let difference = Complex::new(2.0 * half * half, libm::sin(theta));
+        let back = Complex::new(1.0, 0.0) - difference;
+        // Of a long delay all but the last weights are zero.
+        let sum = |weights: &[f64]| {
+            let none = weights.iter().take_while(|weight| **weight == 0.0).count();
+            let weights = weights.get(none..).unwrap_or_default();
+            let zero = Complex::new(0.0, 0.0);
+            let sum = weights.iter().rev().fold(zero, |sum, w| sum * back + w);
+            let (sine, cosine) = libm::sincos(-theta * none as f64);
+            Complex::new(cosine, sine) * sum
+        };
+        let disp = sum(&late.disp);
+        match &late.slope {
+            None => disp * (difference * difference * mass + difference * damping + stiffness),
+            Some(slope) => {
+                disp * (difference * difference * mass + stiffness) + sum(slope) * damping
+            }
+        }
     }
 }
 

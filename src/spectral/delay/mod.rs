@@ -6,6 +6,7 @@
 
 mod continuous;
 mod discrete;
+mod late;
 mod single;
 
 use nalgebra::{Complex, DMatrix};
@@ -13,6 +14,7 @@ use thiserror::Error;
 
 pub use continuous::{Critical, continuous};
 pub use discrete::{DiscreteLimit, LONGEST_STEPS, discrete, recursion};
+pub use late::Weights;
 pub use single::{critical_lag, sdof, sdof_estimate};
 
 /// Growth over the largest pole that is roundoff: the double pole of a body that moves freely carries its square root.
@@ -38,6 +40,9 @@ pub struct Delayed {
     pub specimen_mass: f64,
     /// K̃ of M_eff = M + (Δt/2) C0 + Δt² K̃, n × n, where it is not K0/λ.
     pub weighted: Option<DMatrix<f64>>,
+    /// What the commands of the ticks of a step are made of, from the one at the target back; empty where the specimen is commanded
+    /// once a step.
+    pub ticks: Vec<Weights>,
 }
 
 impl Delayed {

@@ -7,13 +7,14 @@ use super::super::{Refused, Site, links, path};
 use super::loading::{Loading, at_actuators, behind_actuators, loading, offsets, own_offsets};
 use super::{Entry, Stand, order, rest, stand_in};
 use crate::config::{Finding, KeyPath, Loaded, MatrixValue, SpecimenTable};
-use crate::control::{Axis, Order};
+use crate::control::{Axis, Order, shares};
 use crate::law::Reach;
 use crate::linalg::SymMatrix;
 use crate::link::LinkSpec;
 use crate::link::spec::Protocol;
 use crate::model::StructureSpec;
 use crate::specimen::{Specimen, SpecimenLaw};
+use crate::spectral::delay::Weights;
 
 /// Everything that is known of one specimen.
 pub(super) fn entry(
@@ -162,16 +163,39 @@ pub(super) fn entry(
         mass,
         bounds,
         sawtooth: sawtooth(site.loaded, table),
+        ticks: ticks(site.loaded, table),
         mass_in_force,
     })
+}
+
+/// True if it is commanded between the steps, too.
+fn is_moved_between(loaded: &Loaded, table: &SpecimenTable) -> bool {
+    let told_once = table.link.as_ref().is_some_and(LinkSpec::is_per_step);
+    loaded.time.ticks_per_step > 1 && !told_once
+}
+
+/// What the commands of a step are made of, from that at its target back, where every target is known at once.
+fn ticks(loaded: &Loaded, table: &SpecimenTable) -> Vec<Weights> {
+    if !is_moved_between(loaded, table) {
+        return Vec::new();
+    }
+    let ticks = loaded.time.ticks_per_step;
+    let each = (0..ticks).map(|back| {
+        let share = f64::from(ticks - back) / f64::from(ticks);
+        let points = shares(order(loaded), share);
+        Weights {
+            disp: points.map(|point| point.disp),
+            slope: points.map(|point| point.slope),
+        }
+    });
+    each.collect()
 }
 
 /// How much of a specimen's damping counts in a sawtooth. A way of ticks ends at its target with the slope ∇ + ∇²/2 + ∇³/3, as far
 /// as its order goes, and each difference of a sawtooth is twice the one before it; a specimen that is told its target alone
 /// is told the velocity ∇ of the integrator.
 fn sawtooth(loaded: &Loaded, table: &SpecimenTable) -> f64 {
-    let told_once = table.link.as_ref().is_some_and(LinkSpec::is_per_step);
-    if loaded.time.ticks_per_step == 1 || told_once {
+    if !is_moved_between(loaded, table) {
         return 1.0;
     }
     match order(loaded) {

@@ -49,6 +49,7 @@ fn drawn(random: &mut Xoshiro256PlusPlus) -> (Delayed, f64, f64) {
         specimen_damping: DMatrix::from_element(1, 1, specimen_damping),
         specimen_mass: 0.0,
         weighted: None,
+        ticks: Vec::new(),
     };
     let lambda = [2.0, 4.0, if fastest < 2.0 { 11.5 } else { 4.0 }][random.random_range(0..3)];
     (system, fastest / high, lambda)
@@ -103,6 +104,7 @@ fn a_lightly_damped_mode_of_few_steps_bears_no_more_than_in_continuous_time() {
         specimen_damping: scalar(0.0),
         specimen_mass: 0.0,
         weighted: None,
+        ticks: Vec::new(),
     };
     let expected = continuous(&system).unwrap().unwrap().delay;
     let found = discrete(&system, 0.009_73, 4.0, Some(expected)).unwrap();
@@ -128,6 +130,7 @@ fn axes_that_are_alike_bear_what_one_of_them_does() {
             specimen_damping: all(if damps { 200.0 } else { 0.0 }),
             specimen_mass: 0.0,
             weighted: None,
+            ticks: Vec::new(),
         }
     };
     for dt in [1e-4, 2e-4, 5e-3] {
@@ -143,5 +146,93 @@ fn axes_that_are_alike_bear_what_one_of_them_does() {
                 "{dt} {damps}: {three} {one}"
             );
         }
+    }
+}
+
+/// A way of ten ticks a step, as it is made by the recursion itself: simulated tick by tick, the response grows above the critical
+/// delay and decays below it.
+#[test]
+fn between_targets_the_delay_is_one_of_the_way_of_the_ticks() {
+    // Of a cubic from target to target whose slopes are backward differences of second order.
+    let ticks = 10;
+    let weights = |back: usize| {
+        let u = 1.0 - back as f64 / ticks as f64;
+        let (s, t) = (u * u, u * u * u);
+        let [at_start, at_end] = [1.0 - 3.0 * s + 2.0 * t, 3.0 * s - 2.0 * t];
+        let [leaves, arrives] = [u - 2.0 * s + t, t - s];
+        let slopes = [[1.5, -2.0, 0.5, 0.0, 0.0], [0.0, 1.5, -2.0, 0.5, 0.0]];
+        let [rise, fall] = [6.0 * (u - s), 1.0 - 4.0 * u + 3.0 * s];
+        let end = 3.0 * s - 2.0 * u;
+        let of = |[a, b, c, d]: [f64; 4]| {
+            let places = [[1.0, 0.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0, 0.0]];
+            std::array::from_fn(|i| {
+                a * places[1][i] + b * places[0][i] + c * slopes[1][i] + d * slopes[0][i]
+            })
+        };
+        super::super::Weights {
+            disp: of([at_start, at_end, leaves, arrives]),
+            slope: of([-rise, rise, fall, end]),
+        }
+    };
+    let scalar = |value: f64| DMatrix::from_element(1, 1, value);
+    for (damping_of_specimen, dt) in [(0.0, 0.02), (2000.0, 0.02), (0.0, 0.04), (2000.0, 0.04)] {
+        let (mass, k, ke, c) = (1000.0, 1e5, 2e5, 400.0);
+        let mut system = Delayed {
+            mass: scalar(mass),
+            damping: scalar(c),
+            stiffness: scalar(k),
+            rows: scalar(1.0),
+            specimen_stiffness: scalar(ke),
+            specimen_damping: scalar(damping_of_specimen),
+            specimen_mass: 0.0,
+            weighted: None,
+            ticks: Vec::new(),
+        };
+        let once = discrete(&system, dt, 4.0, None).unwrap();
+        system.ticks = (0..ticks).map(weights).collect();
+        let limit = discrete(&system, dt, 4.0, None).unwrap();
+        let DiscreteLimit::At(critical) = limit else {
+            panic!("{limit:?}");
+        };
+        assert_ne!(once, limit);
+        let effective = mass + 0.5 * dt * (c + damping_of_specimen) + 0.25 * dt * dt * (k + ke);
+        let grows = |delay: f64| {
+            let back = delay / dt * ticks as f64;
+            let (whole, share) = (back.floor() as usize, back - back.floor());
+            // Targets; commands of ticks and their velocities.
+            let (mut targets, mut ways) = (vec![0.0; 8], vec![[0.0; 2]; 400]);
+            let (mut x, mut v) = (1.0, 0.0);
+            let (mut early, mut late) = (0.0_f64, 0.0_f64);
+            let steps = 4000;
+            for step in 0..steps {
+                targets.push(x);
+                let newest: Vec<f64> = targets.iter().rev().take(5).copied().collect();
+                for back in (0..ticks).rev() {
+                    let way = weights(back);
+                    let sum = |of: [f64; 5]| of.iter().zip(&newest).map(|(a, b)| a * b).sum();
+                    ways.push([sum(way.disp), sum(way.slope) / dt]);
+                }
+                let at = |back: usize| ways[ways.len() - 1 - back];
+                let (a, b) = (at(whole), at(whole + 1));
+                let [d, vel] = [0, 1].map(|i| a[i] * (1.0 - share) + b[i] * share);
+                let force = k * x + c * v + ke * d + damping_of_specimen * vel;
+                v -= dt * force / effective;
+                x += dt * v;
+                match step {
+                    _ if step > steps - 200 => late = late.max(x.abs()),
+                    _ if (400..600).contains(&step) => early = early.max(x.abs()),
+                    _ => {}
+                }
+            }
+            late > early
+        };
+        assert!(
+            !grows(0.985 * critical),
+            "{dt} {damping_of_specimen} {critical}"
+        );
+        assert!(
+            grows(1.015 * critical),
+            "{dt} {damping_of_specimen} {critical}"
+        );
     }
 }
