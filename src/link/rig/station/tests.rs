@@ -181,3 +181,34 @@ fn a_specimen_that_goes_on_holding_by_itself_ends_the_test_and_one_that_held_bet
     assert_eq!(says(Status(Status::HOLDING.0 | Status::HELD.0)), None);
     assert_eq!(says(Status::default()), None);
 }
+
+#[test]
+fn a_small_motion_that_is_broken_off_is_told_with_the_place_where_it_ends() {
+    let spring = Spring {
+        tells: vec![0.004],
+        ..Spring::default()
+    };
+    let motion = ProbeSettings::Motion {
+        amplitude: vec![1e-3],
+        pace: Pace::of(0.001, 0.0005),
+        forgets: false,
+    };
+    // Before it has begun, and in the midst of it.
+    for motions in [0, 3] {
+        let told = Arc::clone(&spring.told);
+        told.lock().unwrap().clear();
+        let mut station = station(&spring, &Whereabouts::default()).probed(motion.clone());
+        let visitor = Visitor::unnamed(([127, 0, 0, 1], 1).into());
+        let mut wanted = || {
+            if told.lock().unwrap().len() > motions {
+                return Err(Over::told_to_stop());
+            }
+            Ok(())
+        };
+        let over = station.begin(&visitor, &mut wanted).unwrap_err();
+        let left = *spring.told.lock().unwrap().last().unwrap();
+        assert_eq!(left != 0.004, motions > 0);
+        let words = format!("it was led to {left:?} m, from 0.004 m");
+        assert_eq!(over.text.contains(&words), motions > 0, "{}", over.text);
+    }
+}
