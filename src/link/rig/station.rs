@@ -252,28 +252,6 @@ impl Station {
         }
     }
 
-    /// The controller begins anew after commands that only tried the specimen: a formula forgets them. May block, for as long
-    /// as that is `wanted`.
-    ///
-    /// # Errors
-    /// The specimen is not ready, or gone, or need not be ready.
-    pub fn begin_again(
-        &mut self,
-        sequence: u64,
-        start: &[f64],
-        wanted: &mut Wanted<'_>,
-    ) -> Result<(), Over> {
-        self.note(NoteLevel::Info, "armed_again", "the controller begins anew");
-        self.arm(sequence, start, wanted)?;
-        self.begins_at(sequence, start);
-        Ok(())
-    }
-
-    /// The controller said that its first command will be here.
-    fn begins_at(&mut self, sequence: u64, start: &[f64]) {
-        self.begins = self.moves.then(|| (sequence, start.to_vec()));
-    }
-
     /// The present wall time, by a clock other than the machine's. Real-time: yes.
     pub fn now_is(&mut self, now: Nanos) {
         self.now = Some(now);

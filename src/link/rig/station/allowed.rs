@@ -4,9 +4,9 @@
 //! A controller that announced its rate has one period for each command, lost ones included, but no more than has really
 //! passed: what moves is led by nobody who runs ahead of the wall. Frames need not arrive evenly, so that a command may
 //! come [`BURST_S`] early, or a period where that is longer. It begins with that burst and no period: its first command goes
-//! no farther than where the Arm said, and uses nothing up. One that announced no rate has the wall time since its last command, and no more than the test
-//! time that it says: it may pause without being allowed a leap for it. A formula is not hurt by haste: it has at least
-//! what was announced, or the test time that was said.
+//! no farther than where the Arm said, and uses nothing up. One that announced no rate has the wall time since its last
+//! command, and no more than the test time that it says: it may pause without being allowed a leap for it. A formula is not
+//! hurt by haste: it has at least what was announced, or the test time that was said.
 
 use super::USUAL_TICK_S;
 use crate::link::rig::Visitor;
