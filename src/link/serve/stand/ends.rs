@@ -70,8 +70,12 @@ impl Stand {
             Some(trip) => {
                 // Why it tripped, in words, for whoever reads the controller's summary.
                 let why = self.station.whole(trip);
+                // At once: a specimen that owes its goodbye must not keep this from a controller that waits only a little.
+                self.say(Cause::Tripped, &why);
                 let said = self.station.dismiss(Close::Stopped);
-                self.say(Cause::Tripped, &with_last_words(why, said));
+                if said.is_some() {
+                    self.say(Cause::Tripped, &with_last_words(why, said));
+                }
                 self.say_goodbye(Cause::Tripped);
             }
             None => {

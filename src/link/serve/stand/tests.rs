@@ -486,7 +486,9 @@ fn why_the_specimen_tripped_is_passed_on_by_a_gateway_that_tripped_with_it() {
         let length = controller.encoder.retire(notice, &mut controller.out);
         controller.send(length.unwrap());
         let is_news = told != once;
-        assert_eq!(controller.says(), [told, "goodbye Tripped".to_owned()]);
+        let mut expected = vec![once.clone(), told, "goodbye Tripped".to_owned()];
+        expected.dedup();
+        assert_eq!(controller.says(), expected);
         let (events, _) = records::record(root.path());
         let is_told = events.iter().any(|(event, _)| event == "last_words");
         assert_eq!(is_told, is_news, "{events:?}");
