@@ -188,6 +188,41 @@ fn after_a_slow_down_the_pace_comes_back_by_and_by_and_the_force_is_that_of_the_
     assert_eq!(run.column("force_1_1"), force);
 }
 
+/// A partner that takes its time with its last answer, the 25th with those of the warm-up: there is no way beyond the end.
+#[test]
+fn at_the_last_target_everybody_stands_until_the_last_answer_is_in() {
+    let mut hold = None;
+    for _ in 0..2 {
+        let says = hold.map(|at| [(at, Operator::Hold), (at + 10, Operator::Continue)]);
+        let says = says.as_ref().map_or(&[][..], |says| says);
+        let (run, commands, told) = frame_with(21, says, Some(45));
+        assert_eq!((run.column("x1").len(), told.len()), (22, 22));
+        let goal = *run.column("target_1_1").last().unwrap();
+        let first = commands.iter().position(|sent| sent[2] == goal).unwrap();
+        let [end, ..] = commands[first];
+        assert!((end - 21.0 * DT).abs() < 1e-14);
+        let waits = &commands[first + 1..];
+        assert!(waits.len() > 30, "{}", waits.len());
+        for sent in waits {
+            assert_eq!(*sent, [end, 0.0, goal, 0.0]);
+        }
+        let times = run.all("time");
+        assert!(
+            times
+                .iter()
+                .rev()
+                .take(waits.len())
+                .all(|time| *time == end)
+        );
+        let force = *run.column("force_1_1").last().unwrap();
+        assert_eq!(force, STIFFNESS * goal);
+        let holding = |state: &&f64| **state == Phase::Holding.code();
+        let held = run.all("state").iter().filter(holding).count();
+        assert_eq!(held > 5, hold.is_some());
+        hold = Some(WARM_UP + first + 15);
+    }
+}
+
 /// Wherever in a step the operator asks for it: in a hold nobody is told to go anywhere.
 #[test]
 fn in_a_hold_a_far_partner_is_told_nothing() {

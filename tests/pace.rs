@@ -269,6 +269,8 @@ fn predictions_slow_downs_and_holds_are_replayed_to_the_last_bit() {
     for code in [11.0, 12.0, 13.0, Phase::Holding.code()] {
         assert!(states[0].contains(&code), "{code}");
     }
+    // The last answer, too, is waited for.
+    assert!(states[0].ends_with(&[13.0, Phase::Running.code()]));
     let found = replay(&run).unwrap();
     assert!(found.is_exact(), "{found:?}");
     assert_eq!(found.rows, states[0].len() as u64);

@@ -2,7 +2,7 @@
 //!
 //! With one tick a step every tick reaches a target. With more, or while the operator's hold eases in or out, or while a
 //! slow partner owes its answer, there are ticks in between: the command goes along its way ([`crate::control::Tempo`],
-//! [`crate::control::Path`]), the loop never waits. A force belongs to the tick in which its target was reached; it is kept
+//! [`crate::control::Path`]), the loop never waits. At the last target everybody stands until the last answer is in. A force belongs to the tick in which its target was reached; it is kept
 //! until the slowest partner has answered.
 
 use super::numerical::Side;
@@ -232,13 +232,24 @@ impl Engine {
         self.prepare_next();
     }
 
-    /// Makes the next command, unless a hold is complete. Real-time: yes.
+    /// True if the last target is reached and its step not closed: somebody owes an answer, and there is nowhere to go on to.
+    /// Real-time: yes.
+    #[inline]
+    pub(super) const fn is_at_the_end(&self) -> bool {
+        self.ride.reached && self.ride.step >= self.steps
+    }
+
+    /// Makes the next command, unless a hold is complete or no target is left. Real-time: yes.
     #[inline]
     pub(super) fn prepare_next(&mut self) {
         self.ride.before = self.ride.tempo;
         self.ride.sub_tick += 1;
-        self.ride.stride = self.ride.tempo.next(self.hold_wanted);
-        if self.hold_wanted && self.ride.tempo.stands() {
+        if self.is_at_the_end() {
+            self.ride.tempo.stand();
+        }
+        let holds = self.hold_wanted || self.is_at_the_end();
+        self.ride.stride = self.ride.tempo.next(holds);
+        if holds && self.ride.tempo.stands() {
             for port in &mut self.ports {
                 port.hold_compensation();
             }
@@ -274,6 +285,10 @@ impl Engine {
             self.report(&tick, EventKind::RowLost);
         }
         self.note_stage(&tick, &stride);
+        if self.is_at_the_end() {
+            // The last command is repeated, and was cleared.
+            return Ok(());
+        }
         self.clear_commands()
     }
 

@@ -27,7 +27,11 @@ impl Engine {
         stamps: &mut TickStamps,
         control: &Control,
     ) -> Result<(), Stop> {
-        self.exchange(tick, stamps, control)?;
+        if self.is_at_the_end() {
+            self.exchange_again(tick, stamps, control)?;
+        } else {
+            self.exchange(tick, stamps, control)?;
+        }
         self.arrive();
         if self.can_close() {
             self.close_step(tick, stamps)
@@ -115,7 +119,8 @@ impl Engine {
             self.at = *tick;
         }
         self.sent_since_row = true;
-        let holds = self.ride.tempo.stands() && tick.sub_tick > 0;
+        let is_held = self.hold_wanted || !self.is_at_the_end();
+        let holds = is_held && self.ride.tempo.stands() && tick.sub_tick > 0;
         for (index, port) in self.ports.iter_mut().enumerate() {
             if port.partner.owes_the_last {
                 port.skip_command();

@@ -20,7 +20,7 @@ use super::worst::WorstTick;
 use crate::metrics::energy::Model;
 use crate::metrics::falsified::Scale;
 use crate::metrics::tracking::Noise;
-use crate::record::Column;
+use crate::record::{COMMITS, Column};
 
 /// DOFs of which columns are kept.
 pub(super) const MOST_DOFS: usize = 24;
@@ -365,7 +365,8 @@ fn hold(source: &dyn Source, batch: &[Item]) -> io::Result<[Table; 2]> {
 pub(super) fn sieve(source: &dyn Source, columns: &[Column]) -> Sieve {
     let at = |name: &str| columns.iter().position(|c| c.name == name);
     let places = ["state", "step", "time"].map(at);
-    Sieve::new(places, source.step_s(), source.ticks_per_step())
+    let is_served = source.columns().iter().any(|c| c.name == COMMITS);
+    Sieve::new(places, source.step_s(), source.ticks_per_step()).of_a_server(is_served)
 }
 
 #[cfg(test)]

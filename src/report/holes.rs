@@ -120,6 +120,29 @@ fn a_controller_that_stands_before_its_first_step_leaves_no_row_out() {
 }
 
 #[test]
+fn what_a_server_kept_back_is_no_motion_and_no_way_out() {
+    let whole = served(|step| 0.01 * f64::from(step));
+    let mut tripped = served(|step| 0.01 * f64::from(step));
+    // From here on its controller went on as it liked; old measurements were repeated.
+    let kept_back = [8.0, f64::NAN, 0.0, 0.3, 0.0, 1e5];
+    for row in 180..216 {
+        let places = [1, 2, 3, 4, 5, 6];
+        for (place, value) in places.into_iter().zip(kept_back) {
+            if value.is_finite() {
+                tripped.data[place][row] = value;
+            }
+        }
+    }
+    let axis = |run: &RunData| run.digested().axes[0].clone();
+    let (lag, error) = (axis(&tripped).lag(), axis(&whole).lag().unwrap());
+    assert!((lag.unwrap() - error).abs() < 1e-3, "{lag:?} {error}");
+    let page = render(&tripped);
+    let told = "180\u{a0}commands of a controller; 36\u{a0}rows not passed on to the specimen";
+    assert!(page.contains(told));
+    assert!(!page.contains("way out"));
+}
+
+#[test]
 fn rows_at_uneven_times_are_not_said_to_be_missing() {
     // One that slows down and goes on.
     let slow = |step: u32| 0.01 * f64::from(step) - 0.005 * f64::from(u8::from(step > 100));

@@ -104,10 +104,12 @@ fn recorded(rows: &Rows<'_>) -> String {
             plural(others, "tick", "ticks")
         );
     }
-    let rest = rows.recorded() - passed.ticks - passed.before - passed.leaving;
+    let known = passed.ticks + passed.before + passed.leaving + passed.kept_back;
+    let rest = rows.recorded() - known;
     for (count, of) in [
         (passed.before, "before the test"),
         (passed.leaving, "of the way out"),
+        (passed.kept_back, "not passed on to the specimen"),
         (rest, "of other states"),
     ] {
         if count > 0 {

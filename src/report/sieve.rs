@@ -4,7 +4,8 @@
 //! Invariant: a step's end is a row of state 3; ticks are these, those between two steps (11, 12, 13), those of a hold (6) and the
 //! one that tripped the running test (8). If that one came to the end of a step, the displacement there is in its row, and no velocity
 //! and no acceleration: it is among the ends of steps, and no step that was made. Of the way in are rows of states 1, 2, 4, 5 and 10
-//! and a trip before the first tick, of the way out those of state 7 and any other trip. Rows that are missing part what stands before
+//! and a trip before the first tick, of the way out those of state 7 and any other trip. A server leads nothing out: in its record
+//! rows of state 8 are commands that were not passed on. Rows that are missing part what stands before
 //! from what stands behind.
 
 /// States of rows, as the engine numbers its phases.
@@ -118,6 +119,7 @@ pub(super) struct Sieve {
     step: Option<usize>,
     time: Option<usize>,
     ticks_per_step: f64,
+    is_served: bool,
     is_on: bool,
     steps: Course,
     ticks: Course,
@@ -125,6 +127,7 @@ pub(super) struct Sieve {
     cut_short: u64,
     before: u64,
     leaving: u64,
+    kept_back: u64,
     /// Places of the rows of the way in, and of the way out, in the block that was sorted last.
     early: Vec<usize>,
     out: Vec<usize>,
@@ -140,6 +143,8 @@ pub(super) struct Passed {
     /// Rows before the test, and of the way out.
     pub before: u64,
     pub leaving: u64,
+    /// Commands that a server did not pass on.
+    pub kept_back: u64,
     /// Steps and ticks that are missing between the first and the last.
     pub missing_steps: u64,
     pub missing_ticks: u64,
@@ -162,6 +167,7 @@ impl Sieve {
             step,
             time,
             ticks_per_step,
+            is_served: false,
             is_on: false,
             steps: Course {
                 interval,
@@ -174,9 +180,16 @@ impl Sieve {
             cut_short: 0,
             before: 0,
             leaving: 0,
+            kept_back: 0,
             early: Vec::new(),
             out: Vec::new(),
         }
+    }
+
+    /// The same for a server's record, if it is one.
+    pub const fn of_a_server(mut self, is_served: bool) -> Self {
+        self.is_served = is_served;
+        self
     }
 
     /// The ends of steps, and the ticks, of the next block.
@@ -190,6 +203,10 @@ impl Sieve {
         for row in 0..block.first().map_or(0, Vec::len) {
             let state = at(self.state, row, RUNNING);
             let (time, step) = (at(self.time, row, f64::NAN), at(self.step, row, f64::NAN));
+            if self.is_served && state == TRIPPED {
+                self.kept_back += 1;
+                continue;
+            }
             let is_trip = state == TRIPPED && self.is_on;
             let cuts_short = is_trip && step > self.steps.step();
             let is_step = state == RUNNING || cuts_short;
@@ -230,6 +247,7 @@ impl Sieve {
             ticks: self.ticks.rows,
             before: self.before,
             leaving: self.leaving,
+            kept_back: self.kept_back,
             range: self.steps.range(),
             missing_steps: self.steps.missing,
             missing_ticks: self.ticks.missing,

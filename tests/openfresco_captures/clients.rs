@@ -156,7 +156,7 @@ fn command(capture: &Capture, dialect: ClientDialect, piece: usize) {
             }
             continue;
         }
-        let action = Action::cut(values[0]).unwrap().unwrap();
+        let action = Action::whole(values[0]).unwrap().unwrap();
         matrix = matches!(action, Action::Give(_));
         match action {
             Action::Trial => {

@@ -65,10 +65,21 @@ impl std::fmt::Display for Hit {
 /// Decimals of a value beside its bound, and the most of them.
 const DECIMALS: [usize; 2] = [6, 12];
 
+/// Larger numbers are told by their power of ten: a sensor that is broken may say anything.
+const PLAIN: f64 = 1e12;
+
 /// A value and its bound, with as many decimals as show which of them is larger.
 fn told_apart(value: f64, bound: f64) -> [String; 2] {
     let differ = (DECIMALS[0]..=DECIMALS[1])
-        .map(|decimals| [value, bound].map(|number| format!("{number:.decimals$}")))
+        .map(|decimals| {
+            [value, bound].map(|number| {
+                if number.is_finite() && number.abs() >= PLAIN {
+                    format!("{number:e}")
+                } else {
+                    format!("{number:.decimals$}")
+                }
+            })
+        })
         .find(|[value, bound]| value != bound);
     differ.unwrap_or_else(|| [value, bound].map(|number| format!("{number:e}")))
 }

@@ -634,3 +634,29 @@ fn estimates_trip_beyond_their_bounds_and_what_is_not_known_does_not() {
         Some((Quantity::AddedEnergy, 10.01))
     );
 }
+
+#[test]
+fn what_a_broken_sensor_says_is_told_in_few_digits() {
+    let hit = |value: f64, bound: f64| Hit {
+        axis: 0,
+        quantity: Quantity::MeasuredForce,
+        level: Level::Trip,
+        value,
+        bound,
+    };
+    for (value, bound, told) in [
+        (
+            1e300,
+            4e5,
+            "measured force 1e300 N, allowed 400000.000000 N",
+        ),
+        (
+            -3.5e15,
+            -4e5,
+            "measured force -3.5e15 N, allowed -400000.000000 N",
+        ),
+        (1.5, 1.0, "measured force 1.500000 N, allowed 1.000000 N"),
+    ] {
+        assert_eq!(hit(value, bound).to_string(), format!("axis 1: {told}"));
+    }
+}

@@ -53,7 +53,7 @@ pub enum HostFault {
         time: f64,
     },
     /// The specimen holds: a limit, an interlock, or a lost link.
-    #[error("the specimen holds: {0}")]
+    #[error("{holds}{trip}", trip = .0, holds = if matches!(.0, Trip::Lost(_)) { "" } else { "the specimen holds: " })]
     Tripped(#[from] Trip),
     /// The server was told to stop while the specimen's answer was waited for.
     #[error("the server was told to stop")]

@@ -31,7 +31,7 @@ pub(super) const HEAD: [(&str, &str, &str, bool); 10] = [
         "1",
         "0 = none; a limit: 1 command_disp, 2 command_step, 3 command_vel, 4 command_accel, 5 measured_disp, \
          6 measured_force, 7 following_error, 8 force_step, 9 stuck_sensor, 10 sensor_disp, 11 sensor_force; \
-         50 command and 51 measurement not finite; 60 interlock, 61 saturated, 62 held by its own watchdog, 70 specimen lost",
+         50 command and 51 measurement not finite; 52 first command not where it was armed; 60 interlock, 61 saturated, 62 held by its own watchdog, 70 specimen lost",
         false,
     ),
     (
@@ -52,7 +52,7 @@ pub(super) const AXIS: [(&str, &str); 7] = [
     ("target", "displacement that the controller asks for, in m"),
     (
         "cmd",
-        "the same in the unit of the axis, which is what the specimen is told unless the state is 8",
+        "the same in the unit of the axis, as the specimen was told: none where the state is 8",
     ),
     ("meas", "measured displacement, in m"),
     ("force", "measured force, in N"),
@@ -96,7 +96,10 @@ pub(super) fn columns(units: &[AxisUnits], name: &str) -> Vec<Column> {
     add(
         "status_1".to_owned(),
         "1",
-        format!("status flags as they went to the controller, specimen \"{name}\""),
+        format!(
+            "status flags as they went to the controller, and 262144 where nothing was measured, for the command was not passed on; \
+             specimen \"{name}\""
+        ),
         false,
     );
     columns

@@ -17,7 +17,7 @@ use crate::record::{
 use crate::rt::timing::Timing;
 use crate::rt::wall::Wall;
 use crate::rt::{os, pin_away};
-use crate::substructure::{Command, LinkStats, Measurement};
+use crate::substructure::{Command, LinkStats, Measurement, Status};
 
 /// Where and what a server records.
 #[derive(Debug, Clone)]
@@ -244,6 +244,7 @@ impl Log {
         for (to, from) in self.row.iter_mut().zip(head) {
             *to = from;
         }
+        let is_kept_back = exchange.state == Exchange::KEPT_BACK;
         let axes = self.row.get_mut(HEAD.len()..).unwrap_or_default();
         let numbers = command.disp.iter().zip(command.vel);
         let measurements = measured.disp.iter().zip(&measured.force);
@@ -257,7 +258,8 @@ impl Log {
             } = units;
             slot.copy_from_slice(&[
                 metres * disp,
-                *disp,
+                // What the specimen was told: nothing.
+                if is_kept_back { f64::NAN } else { *disp },
                 metres * measured_disp,
                 newtons * force,
                 *measured_disp,
@@ -266,9 +268,10 @@ impl Log {
             ]);
         }
         if let Some(status) = self.row.last_mut() {
-            *status = f64::from(measured.status.0);
+            let stale = if is_kept_back { Status::STALE.0 } else { 0 };
+            *status = f64::from(measured.status.0 | stale);
         }
-        if exchange.state != Exchange::KEPT_BACK {
+        if !is_kept_back {
             self.timing.round_trip(0, round_trip_ns);
         }
         self.counted.exchange(exchange, &self.units);

@@ -87,6 +87,9 @@ pub enum Trip {
         /// Whether it was measured, or commanded.
         measured: bool,
     },
+    /// The first command is not where the controller had asked to begin.
+    #[error("axis {}: the first command is not where the specimen was armed", .0 + 1)]
+    Elsewhere(usize),
     /// The specimen says that its interlock is open.
     #[error("the interlock or emergency stop at the specimen is open")]
     Interlock,
@@ -111,6 +114,7 @@ impl Trip {
             Self::Limit(hit) | Self::Announced(hit) => hit.quantity.key(),
             Self::NotFinite { measured: true, .. } => "measured_not_finite",
             Self::NotFinite { .. } => "command_not_finite",
+            Self::Elsewhere(_) => "first_command_elsewhere",
             Self::Interlock => "interlock",
             Self::Saturated => "saturated",
             Self::Holds(_) => "specimen_holds_on",
@@ -125,6 +129,7 @@ impl Trip {
             Self::Limit(hit) => hit.quantity as u32 + 1,
             Self::Announced(hit) => hit.quantity as u32 + 101,
             Self::NotFinite { measured, .. } => 50 + measured as u32,
+            Self::Elsewhere(_) => 52,
             Self::Interlock => 60,
             Self::Saturated => 61,
             Self::Holds(_) => 62,
@@ -139,19 +144,31 @@ pub type Wanted<'a> = dyn FnMut() -> Result<(), Over> + 'a;
 /// Positions whose difference is this share of the larger are the same.
 const SAME: f64 = 1e-9;
 
+/// The first axis (from 0) on which two places are not the same.
+fn apart(one: &[f64], other: &[f64]) -> Option<usize> {
+    one.iter().zip(other).position(|(one, other)| {
+        // Written as "is there", so that NaN is elsewhere.
+        let is_there = (one - other).abs() <= SAME * one.abs().max(other.abs());
+        !is_there
+    })
+}
+
 /// Why a test cannot begin at `start`, if the specimen stands elsewhere. `standing` is empty if that is not known.
 pub(in crate::link) fn elsewhere(standing: &[f64], start: &[f64]) -> Option<String> {
-    let mut axes = (1..).zip(standing.iter().zip(start));
-    axes.find_map(|(number, (stands, first))| {
-        // Written as "is there", so that NaN is elsewhere.
-        let is_there = (stands - first).abs() <= SAME * stands.abs().max(first.abs());
-        (!is_there).then(|| {
-            format!(
-                "axis {number} stands at {stands:?}, but the first command would be at {first:?}: a test begins where the \
-                 specimen stands"
-            )
-        })
-    })
+    let axis = apart(standing, start)?;
+    let (stands, first) = (standing.get(axis)?, start.get(axis)?);
+    Some(format!(
+        "axis {} stands at {stands:?}, but the first command would be at {first:?}: a test begins where the specimen stands",
+        axis + 1
+    ))
+}
+
+/// Why a test ended, and what its specimen said then, if it did.
+pub(in crate::link) fn with_last_words(why: String, said: Option<String>) -> String {
+    match said {
+        Some(said) => format!("{why}; the specimen said: {said}"),
+        None => why,
+    }
 }
 
 /// Something that answers commands, for one test after another.

@@ -16,7 +16,7 @@ use announced::Announced;
 
 use super::log::{Exchange, Log, LogSettings};
 use super::settings::{Close, Over, ProbeSettings};
-use super::{Rig, Trip, Visitor, Wanted};
+use super::{Rig, Trip, Visitor, Wanted, with_last_words};
 use crate::control::AxisUnits;
 use crate::control::limits::{AxisLimits, LimitsSpec, Quantity, Watch};
 use crate::record::{Note, NoteLevel};
@@ -54,9 +54,13 @@ pub struct Station {
     stands: Option<Vec<f64>>,
     /// The same in m for what moves, whoever commands it.
     leaves: Option<Vec<f64>>,
+    /// Of what moves: the first command of a controller that asked to be armed, and where it said that it will be.
+    begins: Option<(u64, Vec<f64>)>,
     /// Test time of the first command since it was armed, and whether one has moved it since that passed.
     goes_on_from: Option<f64>,
     runs: bool,
+    /// Where the last command went that was passed on; empty before one.
+    passed_on: Vec<f64>,
     measured: Measurement,
     /// What its sensors read when all of them last gave a number.
     sound: Measurement,
@@ -117,8 +121,10 @@ impl Station {
             is_dismissed: false,
             stands: None,
             leaves: None,
+            begins: None,
             goes_on_from: None,
             runs: false,
+            passed_on: Vec::with_capacity(axes),
             measured: Measurement::zeros(axes),
             sound: Measurement::zeros(axes),
             tripped: None,
@@ -214,6 +220,7 @@ impl Station {
         self.tripped = None;
         self.announced = Announced::by(visitor, &self.units);
         self.allowed = Some(Allowed::by(visitor, self.moves));
+        self.begins = None;
         self.commits = 0;
         self.unsettled = 0;
         self.holding = 0;
@@ -231,7 +238,11 @@ impl Station {
         (self.begun, self.is_dismissed) = (true, false);
         match self.get_ready(visitor, wanted) {
             Ok(told) => Ok(told),
-            Err(over) => {
+            Err(Over { close, text }) => {
+                // Its own reason is one for its controller, too.
+                let said = self.dismiss(close);
+                let text = with_last_words(text, said);
+                let over = Over { close, text };
                 if over.close == Close::Failed {
                     self.note(NoteLevel::Error, "link", &over.text);
                 }
@@ -239,21 +250,6 @@ impl Station {
                 Err(over)
             }
         }
-    }
-
-    /// The controller begins anew after commands that only tried the specimen: a formula forgets them. May block, for as long
-    /// as that is `wanted`.
-    ///
-    /// # Errors
-    /// The specimen is not ready, or gone, or need not be ready.
-    pub fn begin_again(
-        &mut self,
-        sequence: u64,
-        start: &[f64],
-        wanted: &mut Wanted<'_>,
-    ) -> Result<(), Over> {
-        self.note(NoteLevel::Info, "armed_again", "the controller begins anew");
-        self.arm(sequence, start, wanted)
     }
 
     /// The present wall time, by a clock other than the machine's. Real-time: yes.

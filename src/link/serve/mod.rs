@@ -12,6 +12,7 @@ mod greet;
 mod heard;
 mod host;
 mod line;
+mod parted;
 mod simulated;
 mod stand;
 mod tcp;
@@ -23,17 +24,18 @@ pub use simulated::{Simulated, Tap, Tapped};
 
 use std::future::Future;
 use std::net::SocketAddr;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use crossbeam_channel::Sender;
+use parted::Parted;
 use thiserror::Error;
 use tokio::sync::mpsc::UnboundedSender;
 
 use super::spec::Carrier;
 use super::tls::TlsServer;
 use super::{ConnectError, socket};
-use crate::rt::RtPlan;
+use crate::rt::{RtPlan, os};
 use crate::wire::key::PreSharedKey;
 
 /// Where a server listens unless told otherwise.
@@ -96,9 +98,25 @@ struct Desk {
     stop: AtomicBool,
     sessions: Sender<data::Session>,
     heard: UnboundedSender<Heard>,
+    /// The end of the last session.
+    parted: Mutex<Option<Parted>>,
 }
 
 impl Desk {
+    /// A session is over.
+    fn part(&self, parted: Parted) {
+        *self.parted.lock().unwrap_or_else(PoisonError::into_inner) = Some(parted);
+    }
+
+    /// What the last session's controller is told once more, if this datagram asks for it.
+    fn last_words(&self, peer: SocketAddr, datagram: &[u8]) -> Vec<Vec<u8>> {
+        let parted = self.parted.lock().unwrap_or_else(PoisonError::into_inner);
+        let frames = parted
+            .as_ref()
+            .map(|parted| parted.again(peer, datagram, os::monotonic_ns()));
+        frames.unwrap_or_default().to_vec()
+    }
+
     fn tell(&self, heard: Heard) {
         // Nobody listens any more only when the server ends.
         let _ = self.heard.send(heard);
@@ -244,6 +262,7 @@ impl Server {
             stop: AtomicBool::new(false),
             sessions,
             heard: heard_in,
+            parted: Mutex::default(),
         });
         let for_data = Arc::clone(&desk);
         let plan = self.options.plan;

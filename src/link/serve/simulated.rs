@@ -97,6 +97,7 @@ impl Simulated {
                 stop: AtomicBool::new(false),
                 sessions,
                 heard: heard_in,
+                parted: Mutex::default(),
             },
             far: Far::waiting(end, stream),
             tapped: None,

@@ -110,12 +110,16 @@ impl Action {
             .map(|(_, action)| *action))
     }
 
-    /// As all other servers read it: cut to an integer. Real-time: yes.
+    /// As all other servers have it, an integer. They cut off what stands behind the point; here nothing moves for half a
+    /// number that nobody meant. Real-time: yes.
     ///
     /// # Errors
     /// [`WireError::Action`] for what cannot be a code at all.
-    pub fn cut(code: f64) -> Result<Option<Self>, WireError> {
-        Self::exact(code.trunc())
+    pub fn whole(code: f64) -> Result<Option<Self>, WireError> {
+        match Self::exact(code)? {
+            None if code.fract() != 0.0 => Err(WireError::Action { found: code }),
+            known => Ok(known),
+        }
     }
 }
 
@@ -157,11 +161,13 @@ mod tests {
     }
 
     #[test]
-    fn the_simulink_codes_differ_only_for_who_compares_doubles() {
+    fn half_a_number_is_no_action_but_one_of_simulink() {
         assert_eq!(Action::exact(4.1), Ok(Some(Action::TargetTaken)));
-        assert_eq!(Action::cut(4.1), Ok(Some(Action::Execute)));
-        assert_eq!(Action::cut(10.9), Ok(Some(Action::Read(Reading::Force))));
-        assert_eq!(Action::exact(10.9), Ok(None));
+        assert_eq!(Action::whole(4.1), Ok(Some(Action::TargetTaken)));
+        for found in [3.5, 10.9, 98.000_000_1] {
+            assert_eq!(Action::whole(found), Err(WireError::Action { found }));
+            assert_eq!(Action::exact(found), Ok(None));
+        }
         for (code, action) in TABLE {
             assert_eq!(Action::exact(code), Ok(Some(action)));
             assert_eq!(action.code(), code);
@@ -171,16 +177,11 @@ mod tests {
     #[test]
     fn what_cannot_be_a_code_is_an_error_and_an_unknown_code_is_not() {
         for code in [0.0, -3.0, 0.99, 100.0, 1e300, f64::INFINITY] {
-            assert_eq!(
-                Action::cut(code),
-                Err(WireError::Action {
-                    found: code.trunc()
-                })
-            );
+            assert_eq!(Action::whole(code), Err(WireError::Action { found: code }));
         }
-        assert!(Action::cut(f64::NAN).is_err());
+        assert!(Action::whole(f64::NAN).is_err());
         assert!(Action::exact(f64::NAN).is_err());
-        assert_eq!(Action::cut(50.0), Ok(None));
-        assert_eq!(Action::cut(16.0), Ok(None));
+        assert_eq!(Action::whole(50.0), Ok(None));
+        assert_eq!(Action::whole(16.0), Ok(None));
     }
 }

@@ -218,7 +218,7 @@ impl Actor {
     fn vector(&mut self) -> Result<ActorEvent, WireError> {
         let vector = self.inbox.message();
         let code = read_lead(vector)?;
-        let Some(action) = Action::cut(code)? else {
+        let Some(action) = Action::whole(code)? else {
             return Ok(ActorEvent::Ignored(code));
         };
         let Some(served) = self.served.as_mut() else {

@@ -205,7 +205,7 @@ impl Server {
         let served = self.served.as_mut().ok_or(NOT_READY)?;
         let vector = self.opening.vector();
         let code = read_lead(vector)?;
-        Ok(match Action::cut(code)? {
+        Ok(match Action::whole(code)? {
             Some(Action::Trial) => {
                 self.commanded = true;
                 Event::Trial(served.command(vector)?)

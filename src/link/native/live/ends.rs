@@ -148,6 +148,8 @@ impl Live {
     /// Asks for the goodbye, and hears what is said until it comes.
     fn hear_goodbye(&mut self, notice: Notice, patience: u64) -> Parting {
         let mut said = Parting::default();
+        // Who says it twice says more the second time.
+        let is_explained = self.detail.is_some();
         let until = self.transport.now().plus(patience);
         let mut ask_at = Nanos(0);
         while self.transport.now() < until {
@@ -179,7 +181,7 @@ impl Live {
                     // Why it tripped, if it did.
                     Ok(Frame::Control(message)) => {
                         if let Ok(Control::Bye(bye)) = handshake::decode(message) {
-                            if !bye.text.is_empty() && self.detail.is_none() {
+                            if !bye.text.is_empty() && !is_explained {
                                 self.detail = Some(Detail::Said(bye.text.clone()));
                             }
                             said.bye = Some(bye);

@@ -3,9 +3,10 @@
 //!
 //! A controller that announced its rate has one period for each command, lost ones included, but no more than has really
 //! passed: what moves is led by nobody who runs ahead of the wall. Frames need not arrive evenly, so that a command may
-//! come [`BURST_S`] early. One that announced no rate has the wall time since its last command, and no more than the test
-//! time that it says: it may pause without being allowed a leap for it. A formula is not hurt by haste: it has at least
-//! what was announced, or the test time that was said.
+//! come [`BURST_S`] early, or a period where that is longer. It begins with that burst and no period: its first command goes
+//! no farther than where the Arm said, and uses nothing up. One that announced no rate has the wall time since its last
+//! command, and no more than the test time that it says: it may pause without being allowed a leap for it. A formula is not
+//! hurt by haste: it has at least what was announced, or the test time that was said.
 
 use super::USUAL_TICK_S;
 use crate::link::rig::Visitor;
@@ -23,7 +24,8 @@ pub(super) struct Allowed {
     period_s: Option<f64>,
     /// What is commanded moves.
     moves: bool,
-    /// The command that is due.
+    /// The first command since it was armed, and the one that is due.
+    first: u64,
     next: u64,
     at: Option<Nanos>,
     /// Wall time that has passed and was not used for motion.
@@ -32,22 +34,22 @@ pub(super) struct Allowed {
 
 impl Allowed {
     pub fn by(visitor: &Visitor, moves: bool) -> Self {
-        let mut allowed = Self {
+        Self {
             period_s: visitor
                 .rate
                 .map(|(commands, seconds)| seconds as f64 / commands as f64),
             moves,
+            first: 0,
             next: 0,
             at: None,
-            credit_s: 0.0,
-        };
-        allowed.credit_s = allowed.burst();
-        allowed
+            credit_s: BURST_S,
+        }
     }
 
     /// From here commands come, and this is the first.
     pub fn begin(&mut self, first: u64) {
-        self.next = first;
+        (self.first, self.next) = (first, first);
+        (self.at, self.credit_s) = (None, BURST_S);
     }
 
     /// Commands may come from now on.
@@ -65,6 +67,7 @@ impl Allowed {
         let passed = now.since(*self.at.get_or_insert(now)) as f64 * 1e-9;
         self.at = Some(now);
         self.credit_s += passed;
+        let goes_nowhere = self.period_s.is_some() && sequence == self.first;
         let commands = sequence.saturating_sub(self.next).saturating_add(1);
         self.next = sequence.saturating_add(1);
         let said = Some(elapsed).filter(|said| *said > 0.0);
@@ -79,7 +82,8 @@ impl Allowed {
                 .min(self.credit_s),
             None => return said.map(|said| said.max(SHORTEST_S)),
         };
-        self.credit_s = (self.credit_s - time).clamp(0.0, self.burst());
+        let used = if goes_nowhere { 0.0 } else { time };
+        self.credit_s = (self.credit_s - used).clamp(0.0, self.burst());
         Some(time.max(SHORTEST_S))
     }
 }
@@ -103,6 +107,13 @@ mod tests {
     /// The times that are allowed to commands (number, test time since the last, wall time in ms).
     fn times(
         mut allowed: Allowed,
+        commands: impl IntoIterator<Item = (u64, f64, f64)>,
+    ) -> Vec<f64> {
+        times_of(&mut allowed, commands)
+    }
+
+    fn times_of(
+        allowed: &mut Allowed,
         commands: impl IntoIterator<Item = (u64, f64, f64)>,
     ) -> Vec<f64> {
         let commands = commands.into_iter();
@@ -145,6 +156,32 @@ mod tests {
         assert!(found.iter().sum::<f64>() < BURST_S + 3.0 * PERIOD);
         let found = times(allowed(Some((1000, 1)), false), commands());
         assert!(found.iter().all(|time| *time == PERIOD), "a formula");
+    }
+
+    #[test]
+    fn a_slow_rate_begins_with_the_burst_and_no_period() {
+        let slow = || {
+            let mut one = allowed(Some((1, 10)), true);
+            one.begin(0);
+            one.starts(Nanos(0));
+            one
+        };
+        let is = |found: f64, wanted: f64| (found - wanted).abs() < 1e-9;
+        // At once, and then as it announced.
+        let found = times(slow(), [(0, 10.0, 0.0), (1, 10.0, 9_990.0), (2, 10.0, 2e4)]);
+        assert!(is(found[0], BURST_S), "{found:?}");
+        assert!(found[1..].iter().all(|time| is(*time, 10.0)), "{found:?}");
+        // The first is lost, or left out: as much as has passed.
+        for (at_ms, wanted) in [(0.0, BURST_S), (1e3, 1.02), (1e4, 10.02)] {
+            let found = times(slow(), [(1, 10.0, at_ms)]);
+            assert!(is(found[0], wanted), "{at_ms}: {found:?}");
+        }
+        // So it is after another Arm.
+        let mut again = slow();
+        let _ = times_of(&mut again, [(0, 10.0, 0.0), (1, 10.0, 1e4)]);
+        again.begin(5);
+        let found = times_of(&mut again, [(6, 10.0, 3e4)]);
+        assert!(is(found[0], BURST_S), "{found:?}");
     }
 
     #[test]

@@ -84,6 +84,16 @@ impl Station {
             self.watch.tick_is(time);
         }
         if is_theirs
+            && let Some((number, place)) = &self.begins
+            && command.sequence == *number
+            && let Some(axis) = first::elsewhere(
+                metres(&self.units, place),
+                metres(&self.units, command.disp),
+            )
+        {
+            return Err(Trip::Elsewhere(axis));
+        }
+        if is_theirs
             && let Some(leaves) = &self.leaves
             && let Some(hit) = first::judge(&self.limits, leaves, metres(&self.units, command.disp))
         {
@@ -103,6 +113,8 @@ impl Station {
             )?;
         }
         self.watch.sent(metres(&self.units, command.disp));
+        self.passed_on.clear();
+        self.passed_on.extend_from_slice(command.disp);
         if is_theirs {
             (self.stands, self.leaves) = (None, None);
         }
@@ -172,7 +184,7 @@ impl Station {
     }
 
     /// Something that whoever reads the summary must know; there it stands once.
-    fn warn_once(&mut self, event: &str, text: &str) {
+    pub(super) fn warn_once(&mut self, event: &str, text: &str) {
         match &mut self.log {
             Some(log) if !log.has_warned(text) => log.warn(event, text),
             _ => self.note(NoteLevel::Warning, event, text),

@@ -27,11 +27,16 @@ impl Station {
         if self.rig.is_remote() {
             self.link = self.rig.stats();
         }
+        let told = self.tripped.map(|trip| self.whole(trip));
         let said = self.rig.end(match close {
             Close::Completed => Retirement::Orderly,
             Close::Interrupted => Retirement::Operator,
             Close::Stopped | Close::Failed => Retirement::Tripped,
         })?;
+        // The trip said so already, or it says what the trip said.
+        if told.is_some_and(|told| told.contains(&said) || said.ends_with(&told)) {
+            return None;
+        }
         let text = format!("the specimen said when the test was over: {said}");
         match &mut self.log {
             Some(log) => log.warn("last_words", &text),

@@ -8,6 +8,9 @@ use crate::control::limits::{AxisLimits, Hit, Level, Quantity, Range};
 const SHARE: f64 = 0.05;
 /// Without a range, in m.
 const UNDECLARED_M: f64 = 1e-3;
+/// The first command after an Arm may be so far in m from the place that it names: a controller that tries a specimen's direction
+/// begins with the first step of that small motion.
+const BEGINS_WITHIN_M: f64 = 1e-3;
 
 /// How far in m a first command may take an axis; none where its own limits bound that.
 fn farthest(limits: &AxisLimits) -> Option<f64> {
@@ -48,6 +51,17 @@ pub(super) fn judge(
             value,
             bound,
         })
+    })
+}
+
+/// The first axis (from 0) on which a first command is not where the Arm said. Displacements in m. Real-time: yes.
+pub(super) fn elsewhere(
+    place: impl Iterator<Item = f64>,
+    disp: impl Iterator<Item = f64>,
+) -> Option<usize> {
+    place.zip(disp).position(|(place, disp)| {
+        let is_there = (disp - place).abs() <= BEGINS_WITHIN_M;
+        !is_there
     })
 }
 

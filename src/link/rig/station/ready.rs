@@ -5,10 +5,12 @@ use crate::control::limits::Watch;
 use crate::control::{AxisUnits, Opinion, Pace, Probe, compare_stiffness};
 use crate::link::rig::log::Exchange;
 use crate::link::rig::settings::{Over, ProbeSettings};
-use crate::link::rig::{Visitor, Wanted, elsewhere};
+use crate::link::rig::{Visitor, Wanted, apart, elsewhere};
 use crate::record::NoteLevel;
 use crate::rt::os;
 use crate::substructure::{Command, Introduction, Measurement};
+
+const WHILE: &str = "while its direction was tried";
 
 impl Station {
     pub(super) fn get_ready(
@@ -75,6 +77,9 @@ impl Station {
         };
         if is_measured {
             self.watch.stands_at(metres(&self.units, stands));
+        }
+        if !visitor.start.is_empty() {
+            self.begins_at(visitor.first_sequence, &visitor.start);
         }
         self.leaves = self.moves.then(|| metres(&self.units, stands).collect());
         self.rig.at_rest(&mut self.measured);
@@ -150,8 +155,32 @@ impl Station {
     }
 
     /// The small motion that shows the direction of each axis, and its judgement. Whoever does not want the test any more ends
-    /// the motion where it is.
+    /// the motion where it is, and it is told where.
     fn try_direction(
+        &mut self,
+        start: &[f64],
+        amplitude: &[f64],
+        pacing: (Pace, bool),
+        wanted: &mut Wanted<'_>,
+    ) -> Result<String, Over> {
+        self.passed_on.clear();
+        let tried = self.move_a_little(start, amplitude, pacing, wanted);
+        tried.map_err(|Over { close, text }| {
+            if apart(&self.passed_on, start).is_none() {
+                return Over { close, text };
+            }
+            let left = format!(
+                "it was led to {}, from {}",
+                self.in_words(&self.passed_on),
+                self.in_words(start)
+            );
+            self.warn_once("left_aside", &format!("{WHILE}: {left}"));
+            let text = format!("{text}; {left}");
+            Over { close, text }
+        })
+    }
+
+    fn move_a_little(
         &mut self,
         start: &[f64],
         amplitude: &[f64],
@@ -171,7 +200,6 @@ impl Station {
         let mut edge = os::monotonic_ns();
         let mut measured = Measurement::zeros(n);
         let mut sequence = 0;
-        const WHILE: &str = "while its direction was tried";
         while probe.next(&mut disp, &mut vel) {
             let command = Command {
                 sequence,
@@ -240,6 +268,28 @@ impl Station {
             (None, Err(trip)) => Err(format!("{when}: {}", self.whole(trip)).into()),
             (None, Ok(_)) => Ok(()),
         }
+    }
+
+    /// The controller begins anew after commands that only tried the specimen: a formula forgets them. May block, for as long
+    /// as that is `wanted`.
+    ///
+    /// # Errors
+    /// The specimen is not ready, or gone, or need not be ready.
+    pub fn begin_again(
+        &mut self,
+        sequence: u64,
+        start: &[f64],
+        wanted: &mut Wanted<'_>,
+    ) -> Result<(), Over> {
+        self.note(NoteLevel::Info, "armed_again", "the controller begins anew");
+        self.arm(sequence, start, wanted)?;
+        self.begins_at(sequence, start);
+        Ok(())
+    }
+
+    /// The controller said that its first command will be here.
+    fn begins_at(&mut self, sequence: u64, start: &[f64]) {
+        self.begins = self.moves.then(|| (sequence, start.to_vec()));
     }
 
     pub(super) fn arm(

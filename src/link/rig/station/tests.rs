@@ -187,3 +187,35 @@ fn a_specimen_that_says_once_that_its_interlock_is_open_or_a_sensor_at_its_end_e
     assert_eq!(says(Status::SATURATED), Some((4, Trip::Saturated)));
     assert_eq!(says(Status::INTERLOCK), Some((4, Trip::Interlock)));
 }
+
+#[test]
+fn a_small_motion_that_is_broken_off_is_told_with_the_place_where_it_ends() {
+    let spring = Spring {
+        tells: vec![0.004],
+        ..Spring::default()
+    };
+    let motion = ProbeSettings::Motion {
+        amplitude: vec![1e-3],
+        pace: Pace::of(0.001, 0.0005),
+        forgets: false,
+    };
+    // Before it has begun, and in the midst of it.
+    for motions in [0, 3] {
+        let told = Arc::clone(&spring.told);
+        told.lock().unwrap().clear();
+        let mut station = station(&spring, &Whereabouts::default()).probed(motion.clone());
+        let visitor = Visitor::unnamed(([127, 0, 0, 1], 1).into());
+        let mut wanted = || {
+            if told.lock().unwrap().len() >= motions {
+                return Err(Over::told_to_stop());
+            }
+            Ok(())
+        };
+        let over = station.begin(&visitor, &mut wanted).unwrap_err();
+        let left = spring.told.lock().unwrap().last().copied();
+        let left = left.unwrap_or(0.004);
+        assert_eq!(left != 0.004, motions > 0);
+        let words = format!("it was led to {left:?} m, from 0.004 m");
+        assert_eq!(over.text.contains(&words), motions > 0, "{}", over.text);
+    }
+}

@@ -48,10 +48,10 @@ impl Stand {
         }
         self.paused = false;
         let gap = sequence.saturating_sub(self.next_sequence);
-        self.missed = self
-            .missed
-            .saturating_add(u32::try_from(gap).unwrap_or(u32::MAX));
         let longest = self.longest(sequence);
+        if let Some(before) = sequence.checked_sub(1) {
+            self.misses_up_to(before);
+        }
         self.next_sequence = sequence.saturating_add(1);
         let first = self.sequence.is_none();
         let stays = !first

@@ -3,8 +3,9 @@
 use std::sync::atomic::Ordering;
 
 use super::Stand;
+use crate::link::Transport;
 use crate::link::native::with_words;
-use crate::link::rig::{Close, Over, Trip};
+use crate::link::rig::{Close, Over, Trip, with_last_words};
 use crate::link::serve::{Desk, greet};
 use crate::wire::WireError;
 use crate::wire::handshake::{self, Bye, Control, Refuse, TEXT_LIMIT};
@@ -61,10 +62,20 @@ impl Stand {
         };
         let close = close_of(Some(notice.cause));
         self.commits_what_ends(close);
+        // Zero is no number where no command was sent.
+        if notice.sequence > 0 || self.sequence.is_some() {
+            self.misses_up_to(notice.sequence);
+        }
         match self.station.tripped() {
             Some(trip) => {
                 // Why it tripped, in words, for whoever reads the controller's summary.
-                self.say(Cause::Tripped, &self.station.whole(trip));
+                let why = self.station.whole(trip);
+                // At once: a specimen that owes its goodbye must not keep this from a controller that waits only a little.
+                self.say(Cause::Tripped, &why);
+                let said = self.station.dismiss(Close::Stopped);
+                if said.is_some() {
+                    self.say(Cause::Tripped, &with_last_words(why, said));
+                }
                 self.say_goodbye(Cause::Tripped);
             }
             None => {
@@ -85,6 +96,16 @@ impl Stand {
         let over = said_goodbye(cause, text);
         self.commits_what_ends(over.close);
         over
+    }
+
+    /// All commands up to this one that did not come, or were not passed on, are missed.
+    pub(super) fn misses_up_to(&mut self, last: u64) {
+        let next = last.saturating_add(1);
+        let gap = next.saturating_sub(self.next_sequence);
+        self.missed = self
+            .missed
+            .saturating_add(u32::try_from(gap).unwrap_or(u32::MAX));
+        self.next_sequence = self.next_sequence.max(next);
     }
 
     fn commits_what_ends(&mut self, close: Close) {
@@ -124,6 +145,10 @@ impl Stand {
                         over
                     }
                 })?;
+                self.station.now_is(self.line.now());
+                if let Some((pending, ..)) = self.pending {
+                    self.misses_up_to(pending);
+                }
                 (self.sequence, self.next_sequence) = (None, arm.first_sequence);
                 self.line.armed(arm.first_sequence);
                 (self.pending, self.sample_at) = (None, None);
@@ -180,8 +205,7 @@ impl Stand {
         });
         if let Ok(message) = handshake::encode(&bye) {
             let written = self.encoder.control(&message, &mut self.out);
-            // Whoever does not hear it has the goodbye.
-            let _ = self.send(written);
+            self.send_last(written);
         }
     }
 
@@ -191,7 +215,15 @@ impl Stand {
             cause,
         };
         let written = self.encoder.goodbye(notice, &mut self.out);
-        // Whoever does not hear it sees the connection close.
+        self.send_last(written);
+    }
+
+    /// Whoever does not hear it sees the connection close, or, over datagrams, asks again.
+    fn send_last(&mut self, written: Result<usize, WireError>) {
+        if let (Ok(length), false) = (&written, self.inbox.is_stream()) {
+            let frame = self.out.get(..*length).unwrap_or_default();
+            self.last_words.push(frame.to_vec());
+        }
         let _ = self.send(written);
     }
 }

@@ -17,6 +17,7 @@ use std::sync::atomic::Ordering;
 
 use super::data::Session;
 use super::line::Line;
+use super::parted::Parted;
 use super::{Desk, Heard};
 use crate::link::Transport;
 use crate::link::inbox::Inbox;
@@ -70,6 +71,8 @@ pub(super) struct Stand {
     commands: u64,
     missed: u32,
     corrupt: u64,
+    /// Frames that were said at the end, over datagrams.
+    last_words: Vec<Vec<u8>>,
 }
 
 /// Reads of what came while the specimen was busy, before the newest command is passed on.
@@ -126,17 +129,26 @@ impl Stand {
             commands: 0,
             missed: 0,
             corrupt: 0,
+            last_words: Vec::new(),
         }
     }
 
     /// Runs the session to its end.
     pub(super) fn run(mut self, desk: &Desk) -> Heard {
         let end = self.course(desk);
-        self.finish(end).0
+        let parted = Parted::new(self.peer, std::mem::take(&mut self.last_words));
+        let (ended, mut line) = self.finish(end);
+        // Closing the books may take as long as a controller is patient.
+        parted.answers(&mut line);
+        desk.part(parted);
+        ended
     }
 
     /// The books of a session are closed; what there is to tell, and the line.
     pub(super) fn finish(mut self, Over { close, text }: Over) -> (Heard, Line) {
+        if let Some((pending, ..)) = self.pending {
+            self.misses_up_to(pending);
+        }
         self.station
             .counted(self.commands, self.missed, self.corrupt);
         let lost = self

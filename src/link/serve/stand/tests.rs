@@ -2,8 +2,9 @@ mod records;
 
 use std::sync::{Arc, Mutex};
 
+use crate::control::Pace;
 use crate::link::Transport;
-use crate::link::rig::FarBuild;
+use crate::link::rig::{FarBuild, ProbeSettings};
 use crate::link::serve::{Heard, Host, Simulated, Tap, Tapped};
 use crate::specimen::SpecimenLaw;
 use crate::substructure::{
@@ -60,6 +61,18 @@ impl Controller {
 
     /// The same over a stream or datagrams.
     fn over(host: Host, axis: Axis, stream: bool) -> Self {
+        Self::at_rate(host, axis, stream, (1000, 1))
+    }
+
+    /// The same at another rate.
+    fn at_rate(host: Host, axis: Axis, stream: bool, rate: (u64, u64)) -> Self {
+        let mut one = Self::greeting(host, axis, stream, rate);
+        assert!(matches!(one.arm(0, 0.0), Some(Control::Arm(_))));
+        one
+    }
+
+    /// One that was welcomed.
+    fn greeting(host: Host, axis: Axis, stream: bool, rate: (u64, u64)) -> Self {
         let (clock, tap) = (SimClock::new(), Tap::default());
         let mut one = Self {
             end: Simulated::new(host, clock.clone(), 0, stream).tapped(Arc::clone(&tap)),
@@ -76,9 +89,9 @@ impl Controller {
             layout: layout_hash(std::slice::from_ref(&axis)),
             versions: Versions::OURS,
             keyed: false,
-            rate_numerator: 1000,
-            rate_denominator: 1,
-            watchdog_s: 0.5,
+            rate_numerator: rate.0,
+            rate_denominator: rate.1,
+            watchdog_s: (rate.1 as f64 / rate.0 as f64).max(0.5),
             sampling: Sampling::Reply,
             software: "test".to_owned(),
             name: "test".to_owned(),
@@ -92,7 +105,6 @@ impl Controller {
         one.session = welcome.session;
         one.encoder = Encoder::new(Side::Controller, 1, welcome.session, None).unwrap();
         one.decoder = Decoder::new(Side::Specimen, 1, welcome.session, None).unwrap();
-        assert!(matches!(one.arm(0, 0.0), Some(Control::Arm(_))));
         one
     }
 
@@ -233,6 +245,8 @@ struct Beyond {
     disp: f64,
     sequence: u64,
     last_words: Option<&'static str>,
+    /// From this displacement on its interlock is open.
+    opens_at: Option<f64>,
 }
 
 impl Substructure for Beyond {
@@ -262,6 +276,12 @@ impl Substructure for Beyond {
     fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
         into.sequence = self.sequence;
         (into.disp[0], into.force[0]) = (self.disp, 8000.0 * self.disp);
+        let is_open = self.opens_at.is_some_and(|place| self.disp >= place);
+        into.status = if is_open {
+            Status::INTERLOCK
+        } else {
+            Status(0)
+        };
         Ok(Freshness::Fresh)
     }
     fn pause(&mut self) -> Result<(), LinkFault> {
@@ -282,6 +302,7 @@ fn gateway(last_words: Option<&'static str>) -> (Host, Arc<Mutex<Vec<Told>>>) {
         Ok(Box::new(Beyond {
             told: Arc::clone(&heard),
             last_words,
+            opens_at: Some(0.004),
             ..Beyond::default()
         }))
     });
@@ -347,6 +368,47 @@ fn a_command_that_is_refused_does_not_change_where_the_pending_one_goes() {
     }
 }
 
+#[test]
+fn the_first_command_after_each_arm_is_where_that_said_or_moves_nothing() {
+    for (again, disp, lost) in [
+        (false, 0.0, 0),
+        (false, 2e-3, 0),
+        (true, 0.0, 0),
+        (true, 2e-3, 0),
+        // The first step of a small motion.
+        (false, 1e-4, 0),
+        // The first is lost: the next has a way.
+        (false, 2e-3, 1),
+    ] {
+        let (host, told) = gateway(None);
+        let limits = toml::from_str("command_step_m = { trip = 0.01 }").unwrap();
+        let mut controller = Controller::of(host.limited(vec![limits]), axis());
+        let mut first = 0;
+        if again {
+            assert_eq!(controller.command(0, 0.0, 0.0), FINE);
+            first = 10;
+            assert!(matches!(controller.arm(first, 0.0), Some(Control::Arm(_))));
+        }
+        let before = told.lock().unwrap().len();
+        let into = controller.told(first + lost, disp, 0.001).unwrap().unwrap();
+        let may = disp < 1e-3 || lost > 0;
+        assert_eq!(into.status.has(Status::INTERLOCK), !may, "{again} {disp}");
+        assert_eq!(told.lock().unwrap().len() - before, usize::from(may));
+    }
+}
+
+#[test]
+fn a_slow_rate_gives_the_first_commands_after_an_arm_no_more_time() {
+    // Ten seconds a command, of which 20 ms are there: 1 mm at 0.1 m/s is beyond.
+    let (host, told) = gateway(None);
+    let limits = toml::from_str("command_vel_m_per_s = { trip = 0.1 }").unwrap();
+    let mut controller = Controller::at_rate(host.limited(vec![limits]), axis(), true, (1, 10));
+    controller.clock.advance(1_000_000);
+    let into = controller.told(1, 0.003, 0.001).unwrap().unwrap();
+    assert!(into.status.has(Status::INTERLOCK), "the first was left out");
+    assert!(told.lock().unwrap().is_empty());
+}
+
 impl Controller {
     /// The next frames, in words.
     fn says(&mut self) -> Vec<String> {
@@ -395,6 +457,58 @@ fn what_is_beyond_a_gateway_has_its_last_words_passed_on() {
         let length = controller.encoder.retire(notice, &mut controller.out);
         controller.send(length.unwrap());
         assert_eq!(controller.says(), told);
+    }
+}
+
+const FORCE: &str = "it tripped: axis 1: measured force 40.0 N, allowed 30.0 N (measured_force)";
+const OPEN: &str = "the interlock or emergency stop at the specimen is open";
+
+#[test]
+fn why_the_specimen_tripped_is_passed_on_by_a_gateway_that_tripped_with_it() {
+    // In its own words, or in ours, which are not said twice.
+    let once = ["bye 1: ", OPEN].concat();
+    for (last_words, told) in [
+        (
+            FORCE.to_owned(),
+            [&once, "; the specimen said: ", FORCE].concat(),
+        ),
+        (["it tripped: ", OPEN].concat(), once.clone()),
+    ] {
+        let root = tempfile::tempdir().unwrap();
+        let (host, _) = gateway(Some(last_words.leak()));
+        let host = host.recorded(records::kept(root.path()));
+        let mut controller = Controller::of(host, axis());
+        assert_eq!(controller.command(0, 0.0, 0.0), FINE);
+        let into = controller.told(1, 0.005, 0.001).unwrap().unwrap();
+        assert!(into.status.has(Status::INTERLOCK));
+        let cause = Cause::Tripped;
+        let notice = Notice { sequence: 1, cause };
+        let length = controller.encoder.retire(notice, &mut controller.out);
+        controller.send(length.unwrap());
+        let is_news = told != once;
+        let mut expected = vec![once.clone(), told, "goodbye Tripped".to_owned()];
+        expected.dedup();
+        assert_eq!(controller.says(), expected);
+        let (events, _) = records::record(root.path());
+        let is_told = events.iter().any(|(event, _)| event == "last_words");
+        assert_eq!(is_told, is_news, "{events:?}");
+    }
+}
+
+#[test]
+fn why_the_specimen_tripped_while_it_was_tried_stands_in_the_refusal() {
+    let (host, _) = gateway(Some(FORCE));
+    let host = host.probed(ProbeSettings::Motion {
+        amplitude: vec![0.005],
+        pace: Pace::of(0.001, 0.0001),
+        forgets: false,
+    });
+    let refused = Controller::greeting(host, axis(), true, (1000, 1)).arm(0, 0.0);
+    let Some(Control::Refuse(refuse)) = refused else {
+        panic!("{refused:?}");
+    };
+    for words in ["while its direction was tried", OPEN, FORCE, "was led to"] {
+        assert!(refuse.text.contains(words), "{}", refuse.text);
     }
 }
 

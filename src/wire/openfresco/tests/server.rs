@@ -197,12 +197,14 @@ fn unknown_actions_are_reported_and_not_answered_and_nonsense_ends_the_connectio
         assert_eq!(message(&mut server, &[code]), Event::Ignored(code));
         assert!(server.reply().is_empty());
     }
-    assert_eq!(message(&mut server, &[10.9]), Event::Read(Reading::Force));
-    assert!(matches!(
-        server.feed(&vector(8, &[0.0])),
-        Err(WireError::Action { found: 0.0 })
-    ));
-    assert_eq!(server.feed(&vector(8, &[10.0])), Err(WireError::Failed));
+    for found in [0.0, 3.5, 10.9] {
+        let mut server = generic();
+        assert_eq!(
+            server.feed(&vector(8, &[found])),
+            Err(WireError::Action { found })
+        );
+        assert_eq!(server.feed(&vector(8, &[10.0])), Err(WireError::Failed));
+    }
 }
 
 #[test]

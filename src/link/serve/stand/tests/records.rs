@@ -20,7 +20,7 @@ fn scripted(fault: &str) -> Host {
     host().faulty(script).unwrap()
 }
 
-fn kept(root: &Path) -> LogSettings {
+pub(super) fn kept(root: &Path) -> LogSettings {
     LogSettings {
         root: root.into(),
         file: Vec::new(),
@@ -32,7 +32,7 @@ fn kept(root: &Path) -> LogSettings {
 }
 
 /// The events with their texts, and the summary.
-fn record(root: &Path) -> (Vec<(String, String)>, Summary) {
+pub(super) fn record(root: &Path) -> (Vec<(String, String)>, Summary) {
     let run = Run::open(&root.join("test-0001")).unwrap();
     let word = |event: &serde_json::Value, key: &str| event[key].as_str().unwrap_or("").to_owned();
     let events = run.events().unwrap().events;
@@ -118,6 +118,51 @@ fn a_hold_stands_in_the_record_with_its_end_and_commands_that_were_lost_are_the_
         (2, 3)
     );
     assert!(summary.warnings.is_empty());
+}
+
+#[test]
+fn what_was_sent_and_not_passed_on_at_the_end_is_missed() {
+    // The last that came is pending when the retire does, which counts one more.
+    for (last, missed) in [(2, 2), (3, 3), (0, 2)] {
+        let root = tempfile::tempdir().unwrap();
+        let (host, _) = gateway(None);
+        let host = host.recorded(kept(root.path()));
+        let mut controller = Controller::of(host, axis());
+        assert_eq!(controller.command(0, 0.0, 0.001), FINE);
+        controller.tell(2, 0.001, 0.001);
+        controller.leave(last);
+        let (events, _) = record(root.path());
+        let counts = format!("1 commands, {missed} missed, 0 frames corrupt");
+        assert!(events.contains(&("counts".into(), counts)), "{events:?}");
+    }
+    // Nothing was sent at all, and the retire has to name a number.
+    let root = tempfile::tempdir().unwrap();
+    let mut controller = Controller::of(host().recorded(kept(root.path())), axis());
+    controller.leave(0);
+    let (events, _) = record(root.path());
+    let counts = "0 commands, 0 missed, 0 frames corrupt".to_owned();
+    assert!(events.contains(&("counts".into(), counts)), "{events:?}");
+}
+
+#[test]
+fn what_is_kept_back_by_a_trip_was_not_sent_and_has_no_measurement() {
+    let root = tempfile::tempdir().unwrap();
+    let limits = toml::from_str("command_step_m = { trip = 0.002 }").unwrap();
+    let host = host().limited(vec![limits]).recorded(kept(root.path()));
+    let mut controller = Controller::of(host, axis());
+    for (sequence, disp) in (0..).zip([0.0, 0.001, 0.01, 0.0011]) {
+        controller.told(sequence, disp, 0.001).unwrap().unwrap();
+    }
+    controller.leave(3);
+    let run = Run::open(&root.path().join("test-0001")).unwrap();
+    let names = ["state", "target_1_1", "cmd_1_1", "status_1"];
+    let columns = run.columns(&names).unwrap();
+    assert_eq!(columns[0], [3.0, 3.0, 8.0, 8.0]);
+    assert_eq!(columns[1], [0.0, 0.001, 0.01, 0.0011]);
+    assert_eq!(columns[2][..2], [0.0, 0.001]);
+    assert!(columns[2][2..].iter().all(|sent| sent.is_nan()));
+    let stale = f64::from(Status::STALE.0 | Status::INTERLOCK.0);
+    assert_eq!(columns[3], [0.0, 0.0, stale, stale]);
 }
 
 #[test]
