@@ -3,6 +3,7 @@
 use std::sync::{Arc, Mutex};
 
 use super::Station;
+use crate::control::limits::{LimitsSpec, Quantity};
 use crate::control::{AxisUnits, Pace};
 use crate::link::rig::settings::ProbeSettings;
 use crate::link::rig::{Far, Over, Trip, Visitor, Whereabouts};
@@ -18,6 +19,7 @@ const K: f64 = 8000.0;
 #[derive(Clone, Default)]
 struct Spring {
     tells: Vec<f64>,
+    measured: bool,
     simulated: bool,
     says: (u64, Status),
     told: Arc<Mutex<Vec<f64>>>,
@@ -37,6 +39,7 @@ impl Substructure for Spring {
     fn connect(&mut self) -> Result<Introduction, Unavailable> {
         Ok(Introduction {
             standing: self.tells.clone(),
+            measured: self.measured,
             simulated: self.simulated,
             ..Introduction::default()
         })
@@ -150,6 +153,28 @@ fn what_is_asked_before_the_first_command_was_measured() {
     assert_eq!((measured.disp[0], measured.force[0]), (0.004, K * 0.004));
     assert_eq!(*spring.told.lock().unwrap(), [0.004], "nothing has moved");
     assert_eq!(goes_to(&mut station, 0, 0.0045), Ok(K * 0.0045));
+}
+
+/// Half a metre from where its controller believes it.
+#[test]
+fn the_first_command_is_a_step_from_where_the_specimen_was_measured() {
+    let spring = Spring {
+        tells: vec![0.5],
+        measured: true,
+        ..Spring::default()
+    };
+    let limits: LimitsSpec = toml::from_str("command_step_m = { trip = 0.01 }").unwrap();
+    let mut station = station(&spring, &Whereabouts::default()).limited(&[limits]);
+    let visitor = Visitor {
+        start: vec![0.0],
+        ..Visitor::unnamed(([127, 0, 0, 1], 1).into())
+    };
+    station.begin(&visitor, &mut || Ok(())).unwrap();
+    let Err(Trip::Limit(hit)) = goes_to(&mut station, 0, 0.0) else {
+        panic!("it leaves");
+    };
+    assert_eq!((hit.quantity, hit.value), (Quantity::CommandStep, 0.5));
+    assert!(spring.told.lock().unwrap().is_empty());
 }
 
 /// At which of twenty commands of a test, from 0, it trips that this status was said from the fifth on.
