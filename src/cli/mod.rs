@@ -12,6 +12,7 @@ mod certificate;
 mod check;
 mod conduct;
 mod doctor;
+mod drawn;
 mod exit;
 mod export;
 mod following;

@@ -309,16 +309,22 @@ mod tests {
         noisy_to_zero_force(stiffness, tick, late, 0.0)
     }
 
-    fn noisy_to_zero_force(stiffness: f64, tick: f64, late: usize, noise: f64) -> Way {
+    /// With k̂, and these commands on their way; a trip leads it to zero force.
+    fn sprung(stiffness: f64, commands: Vec<f64>, noise: f64) -> Port {
         let axis = Axis::plain(vec![(0, 1.0)]);
         let spring = Box::new(Spring {
-            commands: VecDeque::from(vec![0.01; late + 1]),
+            commands: VecDeque::from(commands),
             noise,
             phase: 0.0,
         });
         let mut port = Port::new("rig", vec![axis], spring, 1, vec![stiffness]).unwrap();
         port.exits.on_trip = Exit::ZeroForce;
         port.exits.speed = 0.05;
+        port
+    }
+
+    fn noisy_to_zero_force(stiffness: f64, tick: f64, late: usize, noise: f64) -> Way {
+        let mut port = sprung(stiffness, vec![0.01; late + 1], noise);
         let exchange = |port: &mut Port| {
             assert_eq!(port.clear().trip, None);
             port.issue(0, 0.0, tick).unwrap();
@@ -381,15 +387,7 @@ mod tests {
     /// 20 N are none beside 2 kN in the test, however small the force is where it ended.
     #[test]
     fn a_force_that_is_small_beside_the_largest_of_the_test_is_none() {
-        let axis = Axis::plain(vec![(0, 1.0)]);
-        let spring = Box::new(Spring {
-            commands: VecDeque::from(vec![0.0]),
-            noise: 0.0,
-            phase: 0.0,
-        });
-        let mut port = Port::new("rig", vec![axis], spring, 1, vec![2e5]).unwrap();
-        port.exits.on_trip = Exit::ZeroForce;
-        port.exits.speed = 0.05;
+        let mut port = sprung(2e5, vec![0.0], 0.0);
         let exchange = |port: &mut Port| {
             assert_eq!(port.clear().trip, None);
             port.issue(0, 0.0, TICK).unwrap();

@@ -326,14 +326,13 @@ mod tests {
     };
     use crate::time::Nanos;
 
-    /// Two springs of 1 kN/m that follow to 1 mm.
-    #[derive(Debug, Default)]
-    struct Springs {
+    /// Two actuators whose strokes make these displacements and forces.
+    struct Rig<F> {
         disp: [f64; 2],
-        lag: f64,
+        answer: F,
     }
 
-    impl Substructure for Springs {
+    impl<F: FnMut([f64; 2]) -> [[f64; 2]; 2] + Send> Substructure for Rig<F> {
         fn axes(&self) -> usize {
             2
         }
@@ -345,15 +344,15 @@ mod tests {
             Ok(())
         }
         fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
-            for (index, disp) in self.disp.iter().enumerate() {
-                into.disp[index] = disp - self.lag;
-                into.force[index] = 1000.0 * (disp - self.lag);
-            }
+            let [disp, force] = (self.answer)(self.disp);
+            into.disp.copy_from_slice(&disp);
+            into.force.copy_from_slice(&force);
             Ok(Freshness::Fresh)
         }
         fn retire(&mut self, _: Retirement) {}
     }
 
+    /// Two springs that follow to `lag` m.
     fn port(lag: f64, length_m: Option<[f64; 2]>) -> Port {
         let pins = |base_m| PlanePins {
             base_m,
@@ -379,9 +378,13 @@ mod tests {
                 base: 0.0,
             },
         ];
-        let springs = Springs {
-            lag,
-            ..Springs::default()
+        // 1 kN/m each.
+        let springs = Rig {
+            disp: [0.0; 2],
+            answer: move |disp: [f64; 2]| {
+                let measured = disp.map(|disp| disp - lag);
+                [measured, measured.map(|disp| 1000.0 * disp)]
+            },
         };
         Port::new("rig", axes, Box::new(springs), 3, vec![1000.0; 2])
             .unwrap()
@@ -486,46 +489,24 @@ mod tests {
     }
 
     /// A platform that is soft along x and stiff along y, behind two actuators that turn.
-    struct Law {
-        geometry: Geometry,
-        placed: Placed,
-        disp: [f64; 2],
-    }
-
     const LAW: [f64; 2] = [7e4, 7e6];
-
-    impl Substructure for Law {
-        fn axes(&self) -> usize {
-            2
-        }
-        fn coupling(&self) -> Coupling {
-            Coupling::Lockstep
-        }
-        fn issue(&mut self, command: &Command<'_>) -> Result<(), LinkFault> {
-            self.disp.copy_from_slice(command.disp);
-            Ok(())
-        }
-        fn collect(&mut self, _: Nanos, into: &mut Measurement) -> Result<Freshness, LinkFault> {
-            self.geometry.find(&self.disp, &mut self.placed).unwrap();
-            let pose = self.placed.pose();
-            let forces = [LAW[0] * pose[0], LAW[1] * pose[1]];
-            self.geometry
-                .stroke_forces(&self.placed, &forces, &mut into.force);
-            into.disp.copy_from_slice(&self.disp);
-            Ok(Freshness::Fresh)
-        }
-        fn retire(&mut self, _: Retirement) {}
-    }
 
     /// By the strokes' own stiffness the second actuator would get tens of kilonewtons on the way. The row says where it is.
     #[test]
     fn a_platform_is_unloaded_along_the_way_of_its_law() {
         let loading = port(0.0, None);
         let geometry = loading.geometry().unwrap().clone();
-        let law = Law {
-            placed: geometry.reference(),
-            geometry: geometry.clone(),
+        let (kinematics, mut placed) = (geometry.clone(), geometry.reference());
+        let law = Rig {
             disp: [0.0; 2],
+            answer: move |disp: [f64; 2]| {
+                kinematics.find(&disp, &mut placed).unwrap();
+                let pose = placed.pose();
+                let forces = [LAW[0] * pose[0], LAW[1] * pose[1]];
+                let mut actuators = [0.0; 2];
+                kinematics.stroke_forces(&placed, &forces, &mut actuators);
+                [disp, actuators]
+            },
         };
         let rows = loading.posed.as_deref().unwrap().rows.clone();
         let mut port = Port::new("rig", loading.axes.clone(), Box::new(law), 3, LAW.to_vec())

@@ -19,11 +19,12 @@
 //! | `trip` | the look at the events: why a test has tripped |
 //! | `history` | the course of the test, thinned without losing a peak |
 //! | `board` | where the writer puts up what he sees |
-//! | `metrics` | the text for Prometheus |
+//! | `metrics`, `exposition` | what Prometheus is told, and the form of that text |
 //! | `page` (feature `monitor`) | the live page: server, viewers, operators |
 
 mod axis;
 mod board;
+mod exposition;
 mod history;
 mod late;
 mod latency;

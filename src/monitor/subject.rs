@@ -12,7 +12,7 @@ use crate::record::Column;
 const MOST_DOFS: usize = 8;
 
 /// What is known of a test and is not in its experiment.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct About {
     /// Its title.
     pub title: String,

@@ -63,7 +63,7 @@ impl Trip {
             } => Self {
                 value,
                 bound,
-                words: hit_words(name(port), event.kind, subject),
+                words: hit_words(subject, [port, axis], quantity, [value, bound]),
                 ..of_axis(port, axis, quantity, "")
             },
             EventKind::TestLimit {
@@ -137,29 +137,23 @@ fn reason(trip: &Event, before: Option<&Event>) -> Option<EventKind> {
 }
 
 /// A limit of an axis, in the words of the end of the test.
-fn hit_words(name: &str, kind: EventKind, subject: &Subject) -> String {
-    let EventKind::Limit {
-        port,
-        axis,
-        quantity,
-        value,
-        bound,
-        ..
-    } = kind
-    else {
-        return String::new();
-    };
-    let place = |place: u32| place as usize;
-    let specimen = subject.specimens.get(place(port));
-    let watched = specimen.and_then(|specimen| specimen.axes.get(place(axis)));
+fn hit_words(
+    subject: &Subject,
+    [port, axis]: [u32; 2],
+    quantity: &str,
+    [value, bound]: [f64; 2],
+) -> String {
+    let (specimen, axis) = (subject.specimens.get(port as usize), axis as usize);
+    let name = specimen.map_or("", |specimen| specimen.name.as_str());
+    if !value.is_finite() {
+        return format!("{name}: the next command is not a finite number; it was not sent");
+    }
+    let watched = specimen.and_then(|specimen| specimen.axes.get(axis));
     let mark = watched.and_then(|axis| axis.marks.iter().find(|mark| mark.key == quantity));
     match mark {
-        _ if !value.is_finite() => {
-            format!("{name}: the next command is not a finite number; it was not sent")
-        }
         Some(mark) => {
             let hit = Hit {
-                axis: place(axis),
+                axis,
                 quantity: mark.quantity,
                 level: Level::Trip,
                 value,
@@ -192,6 +186,7 @@ fn test_words(key: &str, value: f64, bound: f64, worst: Option<(u32, u32)>) -> S
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
     use std::sync::Arc;
 
     use super::*;
@@ -205,17 +200,11 @@ mod tests {
             "name = \"ground-storey\"",
             "name = \"ground-storey\"\nlimits = { command_disp_m = { trip = [-0.1, 0.1] } }",
         );
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("test.toml");
-        std::fs::write(&path, text).unwrap();
-        let loaded = crate::config::load(&path, &[]).unwrap();
+        let loaded = crate::config::parse(Path::new("test.toml"), text, &[]).unwrap();
         let experiment = crate::config::build(&loaded).unwrap().experiment;
         let about = About {
-            title: String::new(),
-            run: String::new(),
             real_clock: true,
-            lambda: None,
-            goes_on: None,
+            ..About::default()
         };
         let subject = Subject::new(&experiment, about);
         let board = Arc::new(Board::new(subject, PhaseCell::default(), None));

@@ -73,8 +73,8 @@ impl Axis {
         let dynamics = match actuator {
             None => Dynamics::Direct(1.0),
             Some(ActuatorSpec::Proportional(spec)) => Dynamics::Direct(spec.gain),
-            Some(ActuatorSpec::FirstOrder(spec)) => Dynamics::First(*spec, still()),
-            Some(ActuatorSpec::SecondOrder(spec)) => Dynamics::Second(*spec, still()),
+            Some(ActuatorSpec::FirstOrder(spec)) => Dynamics::First(*spec, Ramped::still()),
+            Some(ActuatorSpec::SecondOrder(spec)) => Dynamics::Second(*spec, Ramped::still()),
             Some(ActuatorSpec::ServoHydraulic(spec)) => {
                 Dynamics::Servo(Box::new(Servo::new(*spec, stiffness, damping)))
             }
@@ -341,12 +341,6 @@ impl Axis {
         };
         self.delay.thaw(rest)
     }
-}
-
-/// A tick in which nothing moves, until the true one is known.
-pub(super) fn still<const N: usize, const M: usize>() -> Ramped<N, M> {
-    // The exponential of zero; D does not matter for zeros as long as the states fit.
-    Ramped::new::<9>(&[[0.0; N]; N], &[[0.0; M]; N], &[1.0; N])
 }
 
 impl Dynamics {

@@ -67,6 +67,13 @@ pub struct Ramped<const N: usize, const M: usize> {
 }
 
 impl<const N: usize, const M: usize> Ramped<N, M> {
+    /// A tick in which nothing moves, until the true one is known.
+    #[must_use]
+    pub fn still() -> Self {
+        // The exponential of zero; D does not matter for zeros as long as the states fit.
+        Self::new::<9>(&[[0.0; N]; N], &[[0.0; M]; N], &[1.0; N])
+    }
+
     /// For ẋ = A x + B u with time counted in ticks. `units` is the size of each state, so that the exponential is one of
     /// numbers of one size; `D` must be N + 2 M.
     #[must_use]

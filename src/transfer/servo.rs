@@ -1,6 +1,5 @@
 //! A servo-valve and a cylinder with the linear estimate of what they move.
 
-use super::axis::still;
 use super::exact::Ramped;
 use super::spec::ServoHydraulicSpec;
 
@@ -27,8 +26,8 @@ impl Servo {
             spec,
             stiffness,
             damping,
-            tick: still(),
-            at_stop: still(),
+            tick: Ramped::still(),
+            at_stop: Ramped::still(),
         }
     }
 

@@ -105,9 +105,7 @@ impl Analysis {
         });
         tables.collect()
     }
-}
 
-impl Analysis {
     /// How much of the critical delay in continuous time the recursion bears, 1 at most: with several ticks a step the way between
     /// targets lags, too.
     fn share_of_recursion(&self, system: &Delayed) -> f64 {

@@ -369,11 +369,8 @@ mod tests {
         let loaded = crate::config::load(&path, &[]).unwrap();
         let prepared = crate::config::build(&loaded).unwrap();
         let about = About {
-            title: String::new(),
-            run: String::new(),
             real_clock: true,
-            lambda: None,
-            goes_on: None,
+            ..About::default()
         };
         let subject = Subject::new(&prepared.experiment, about);
         let online = prepared.facts.structure.unwrap().online_limit.unwrap();

@@ -7,7 +7,7 @@ use super::super::{Refused, Site, links, path};
 use super::loading::{Loading, at_actuators, behind_actuators, loading, offsets, own_offsets};
 use super::{Entry, Stand, order, rest, stand_in};
 use crate::config::{Finding, KeyPath, Loaded, MatrixValue, SpecimenTable};
-use crate::control::{Axis, Order, shares};
+use crate::control::{Axis, shares};
 use crate::law::Reach;
 use crate::linalg::SymMatrix;
 use crate::link::LinkSpec;
@@ -151,6 +151,7 @@ pub(super) fn entry(
         // Refused above.
         (None, None) => return Err(Refused),
     };
+    let ticks = ticks(site.loaded, table);
     Ok(Entry {
         name: table.name.clone(),
         stand,
@@ -162,24 +163,20 @@ pub(super) fn entry(
         stiffness_at_rest,
         mass,
         bounds,
-        sawtooth: sawtooth(site.loaded, table),
-        ticks: ticks(site.loaded, table),
+        sawtooth: sawtooth(&ticks),
+        ticks,
         mass_in_force,
     })
 }
 
-/// True if it is commanded between the steps, too.
-fn is_moved_between(loaded: &Loaded, table: &SpecimenTable) -> bool {
-    let told_once = table.link.as_ref().is_some_and(LinkSpec::is_per_step);
-    loaded.time.ticks_per_step > 1 && !told_once
-}
-
-/// What the commands of a step are made of, from that at its target back, where every target is known at once.
+/// What the commands of a step are made of, from that at its target back, where every target is known at once. Empty for one that
+/// is told its target alone.
 fn ticks(loaded: &Loaded, table: &SpecimenTable) -> Vec<Weights> {
-    if !is_moved_between(loaded, table) {
+    let told_once = table.link.as_ref().is_some_and(LinkSpec::is_per_step);
+    let ticks = loaded.time.ticks_per_step;
+    if ticks == 1 || told_once {
         return Vec::new();
     }
-    let ticks = loaded.time.ticks_per_step;
     let each = (0..ticks).map(|back| {
         let share = f64::from(ticks - back) / f64::from(ticks);
         let points = shares(order(loaded), share);
@@ -191,18 +188,13 @@ fn ticks(loaded: &Loaded, table: &SpecimenTable) -> Vec<Weights> {
     each.collect()
 }
 
-/// How much of a specimen's damping counts in a sawtooth. A way of ticks ends at its target with the slope ∇ + ∇²/2 + ∇³/3, as far
-/// as its order goes, and each difference of a sawtooth is twice the one before it; a specimen that is told its target alone
-/// is told the velocity ∇ of the integrator.
-fn sawtooth(loaded: &Loaded, table: &SpecimenTable) -> f64 {
-    if !is_moved_between(loaded, table) {
-        return 1.0;
-    }
-    match order(loaded) {
-        Order::Linear => 1.0,
-        Order::Quadratic => 2.0,
-        Order::Cubic => 10.0 / 3.0,
-    }
+/// How much of a specimen's damping counts in a sawtooth, by what its commands are made of: the slope at the target over the velocity
+/// ∇ of the integrator, which one that is told its target alone is told.
+fn sawtooth(ticks: &[Weights]) -> f64 {
+    ticks.first().map_or(1.0, |at_target| {
+        let newest_last = at_target.slope.iter().rev();
+        0.5 * newest_last.fold(0.0, |sum, weight| weight - sum)
+    })
 }
 
 /// A law for so many axes, at the platform of its actuators if it stands there.

@@ -47,11 +47,9 @@ impl Stand {
             desk.tell(resumed);
         }
         self.paused = false;
-        let gap = sequence.saturating_sub(self.next_sequence);
         let longest = self.longest(sequence);
-        if let Some(before) = sequence.checked_sub(1) {
-            self.misses_up_to(before);
-        }
+        let before = sequence.checked_sub(1);
+        let gap = before.map_or(0, |before| self.misses_up_to(before));
         self.next_sequence = sequence.saturating_add(1);
         let first = self.sequence.is_none();
         let stays = !first

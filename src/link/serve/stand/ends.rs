@@ -98,14 +98,15 @@ impl Stand {
         over
     }
 
-    /// All commands up to this one that did not come, or were not passed on, are missed.
-    pub(super) fn misses_up_to(&mut self, last: u64) {
+    /// All commands up to this one that did not come, or were not passed on, are missed; how many.
+    pub(super) fn misses_up_to(&mut self, last: u64) -> u64 {
         let next = last.saturating_add(1);
         let gap = next.saturating_sub(self.next_sequence);
         self.missed = self
             .missed
             .saturating_add(u32::try_from(gap).unwrap_or(u32::MAX));
         self.next_sequence = self.next_sequence.max(next);
+        gap
     }
 
     fn commits_what_ends(&mut self, close: Close) {
