@@ -364,7 +364,8 @@ fn an_operator_ends_the_way_out_at_once_and_it_is_told() {
                 EventKind::Phase {
                     from: "leaving",
                     to: "safe",
-                    cause: "operator"
+                    cause: "operator",
+                    ..
                 },
                 EventKind::Ended
             ]

@@ -112,7 +112,7 @@ impl Engine {
             after: ending,
         });
         if stop != Stop::Operator {
-            self.enter(Phase::Tripped, Cause::Stopped);
+            self.enter(Phase::Tripped, Cause::Stopped(stop));
         }
         match ending {
             Ending::Completed | Ending::Stopped(Stop::Operator) => Ending::Stopped(stop),
@@ -133,10 +133,10 @@ impl Engine {
             Ending::Stopped(Stop::Misfit { .. } | Stop::Moved { .. })
         );
         self.operator_stopped = matches!(ending, Ending::Stopped(Stop::Operator));
-        if tripped {
-            self.enter(Phase::Tripped, Cause::Stopped);
-        }
         if let Ending::Stopped(stop) = ending {
+            if tripped {
+                self.enter(Phase::Tripped, Cause::Stopped(*stop));
+            }
             self.bear_in_mind(stop);
         }
         if tripped {
@@ -170,8 +170,8 @@ impl Engine {
             return Ok(());
         }
         let cause = match ending {
-            _ if tripped => Cause::Stopped,
             Ending::Stopped(Stop::Operator) => Cause::Operator,
+            Ending::Stopped(stop) if tripped => Cause::Stopped(*stop),
             _ => Cause::Done,
         };
         self.enter(Phase::Leaving, cause);

@@ -12,6 +12,8 @@ use std::sync::atomic::{AtomicU8, Ordering};
 
 use serde::{Deserialize, Serialize};
 
+use super::Stop;
+
 /// Where in its life a test is. The numbers stand in the column `state`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -206,15 +208,14 @@ impl PhaseCell {
 }
 
 /// Why a phase was left.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Cause {
     /// The phase before has done its work.
     Done,
     /// The operator asked for it.
     Operator,
-    /// A limit, a fault or an alarm: the reason of the end says which.
-    Stopped,
+    /// A limit, a fault or an alarm.
+    Stopped(Stop),
 }
 
 impl Cause {
@@ -224,7 +225,16 @@ impl Cause {
         match self {
             Cause::Done => "done",
             Cause::Operator => "operator",
-            Cause::Stopped => "stopped",
+            Cause::Stopped(stop) => stop.word(),
+        }
+    }
+
+    /// The specimen, from 0, that it came from, if from one.
+    #[must_use]
+    pub const fn port(self) -> Option<usize> {
+        match self {
+            Cause::Done | Cause::Operator => None,
+            Cause::Stopped(stop) => stop.port(),
         }
     }
 }

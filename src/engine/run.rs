@@ -45,13 +45,13 @@ impl Engine {
         self.retire(how);
         self.note_unheard();
         let cause = match ending {
-            Ending::Stopped(Stop::Internal) => Cause::Stopped,
+            Ending::Stopped(stop @ Stop::Internal) => Cause::Stopped(stop),
             // The way out has come to its end, whatever had ended the test.
             _ if self.phase == Phase::Leaving && self.unfinished.is_none() => Cause::Done,
             _ if self.phase == Phase::Leaving => Cause::Operator,
             Ending::Completed => Cause::Done,
             Ending::Stopped(Stop::Operator) => Cause::Operator,
-            Ending::Stopped(_) => Cause::Stopped,
+            Ending::Stopped(stop) => Cause::Stopped(stop),
         };
         self.enter(Phase::Safe, cause);
         if let Some(stamps) = self.unrecorded.take() {
@@ -252,6 +252,7 @@ impl Engine {
             from: from.word(),
             to: phase.word(),
             cause: cause.word(),
+            port: cause.port().map(|port| port as u32),
         });
     }
 

@@ -182,6 +182,64 @@ pub enum Stop {
     },
 }
 
+impl Stop {
+    /// As the files spell it, where it is the cause of a phase: of a limit its key in the test file.
+    #[must_use]
+    pub const fn word(&self) -> &'static str {
+        match self {
+            Self::Operator => "operator",
+            Self::Late { .. } => "late",
+            Self::Stale { .. } => "stale",
+            Self::Interlock { .. } => "interlock",
+            Self::Misfit { .. } => "misfit",
+            Self::Saturated { .. } => "saturated",
+            Self::HoldsOn { .. } => "specimen_holds_on",
+            Self::Link { .. } => "link",
+            Self::Diverged { .. } | Self::Step(StepError::NotConverged { .. }) => "diverged",
+            Self::NotFinite { .. } => "not_finite",
+            Self::Limit { hit, .. } => hit.quantity.key(),
+            Self::Geometry { .. } => "geometry",
+            Self::TestLimit(TestHit {
+                in_warm_up: true, ..
+            }) => "no_go",
+            Self::TestLimit(hit) => hit.quantity.key(),
+            Self::Moved { .. } => "moved",
+            Self::Internal => "internal_error",
+            Self::CannotCommand => "cannot_command",
+            Self::NotSettled { .. } => "not_settled",
+            Self::DoesNotFollow { .. } => "does_not_follow",
+            Self::NotAtRest { .. } => "not_at_rest",
+        }
+    }
+
+    /// The specimen, from 0, that it came from, if from one.
+    #[must_use]
+    pub const fn port(&self) -> Option<usize> {
+        match self {
+            Self::Stale { port, .. }
+            | Self::Interlock { port }
+            | Self::Misfit { port, .. }
+            | Self::Saturated { port }
+            | Self::HoldsOn { port, .. }
+            | Self::Link { port, .. }
+            | Self::NotFinite { port }
+            | Self::Limit { port, .. }
+            | Self::Geometry { port, .. }
+            | Self::Moved { port, .. }
+            | Self::DoesNotFollow { port, .. }
+            | Self::NotAtRest { port, .. } => Some(*port),
+            Self::NotSettled { port, .. } => *port,
+            Self::Operator
+            | Self::Late { .. }
+            | Self::Diverged { .. }
+            | Self::TestLimit(_)
+            | Self::Internal
+            | Self::Step(_)
+            | Self::CannotCommand => None,
+        }
+    }
+}
+
 fn farthest(port: Option<usize>) -> String {
     port.map_or_else(String::new, |port| {
         format!(", last and most by specimen {}", port + 1)

@@ -46,7 +46,8 @@ pub struct Tap {
     timing: Vec<Latency>,
     seen: Seen,
     trips: Vec<Trip>,
-    last_event: Option<Event>,
+    /// Trips that had been told when the phase last told of one.
+    told: usize,
     last_snapshot_ns: u64,
     last_bin_ns: u64,
     window_ns: u64,
@@ -98,7 +99,7 @@ impl Tap {
             },
             seen: Seen::default(),
             trips: Vec::new(),
-            last_event: None,
+            told: 0,
             last_snapshot_ns: 0,
             last_bin_ns: 0,
             window_ns: 0,
@@ -269,13 +270,18 @@ impl Onlooker for Tap {
 
     fn event(&mut self, event: &Event) {
         let board = Arc::clone(&self.board);
-        let before = self.last_event.replace(*event);
-        let Some(trip) = Trip::of(event, before.as_ref(), &board.subject) else {
+        let Some(trip) = Trip::of(event, &board.subject) else {
             return;
         };
-        // The phase tells nothing that its reason has not told before.
-        let is_told = matches!(event.kind, EventKind::Phase { .. }) && !self.trips.is_empty();
-        if is_told || self.trips.len() >= MOST_TRIPS {
+        if let EventKind::Phase { .. } = event.kind {
+            // Its cause, unless an event of its own has told that before.
+            let is_told = self.trips.len() > std::mem::replace(&mut self.told, self.trips.len());
+            if is_told {
+                return;
+            }
+            self.told += 1;
+        }
+        if self.trips.len() >= MOST_TRIPS {
             return;
         }
         if let (Some(specimen), Some(axis)) = (trip.specimen, trip.axis) {

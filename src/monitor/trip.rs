@@ -25,8 +25,8 @@ pub struct Trip {
 }
 
 impl Trip {
-    /// What an event tells of a trip. What has no event of its own is told by the phase, or `before`, the event that came before.
-    pub(super) fn of(event: &Event, before: Option<&Event>, subject: &Subject) -> Option<Self> {
+    /// What an event tells of a trip. What has no event of its own is told by the phase.
+    pub(super) fn of(event: &Event, subject: &Subject) -> Option<Self> {
         let name = |port: u32| {
             let specimen = subject.specimens.get(port as usize);
             specimen.map_or("", |specimen| specimen.name.as_str())
@@ -113,27 +113,27 @@ impl Trip {
                 "no_go",
                 format!("not ready: {missed} of {ticks} ticks of the warm-up were late"),
             ),
-            EventKind::Phase { to, .. } if to == Phase::Tripped.word() => {
-                match reason(event, before) {
-                    Some(EventKind::Stale { port, age }) => of_port(
-                        port,
-                        "stale",
-                        &format!("no fresh measurement, the last is {age} commands old"),
-                    ),
-                    _ => of_test("other", "its end tells the reason".to_owned()),
-                }
-            }
+            EventKind::Phase {
+                to, cause, port, ..
+            } if to == Phase::Tripped.word() => match port {
+                Some(port) => of_port(port, cause, &cause_words(cause)),
+                None => of_test(cause, cause_words(cause)),
+            },
             _ => return None,
         })
     }
 }
 
-/// The event that a trip followed at once.
-fn reason(trip: &Event, before: Option<&Event>) -> Option<EventKind> {
-    const AT_ONCE_NS: u64 = 1_000_000_000;
-    let before = before?;
-    let passed_ns = trip.clock_ns.saturating_sub(before.clock_ns);
-    (passed_ns < AT_ONCE_NS).then_some(before.kind)
+/// What has no event of its own, in words.
+fn cause_words(cause: &str) -> String {
+    match cause {
+        "stale" => "no fresh measurement for longer than is allowed".to_owned(),
+        "late" => "deadlines were missed, and the test is to stop for that".to_owned(),
+        "not_settled" => "the static load found no equilibrium".to_owned(),
+        "not_at_rest" => "it has not come to rest under the static load".to_owned(),
+        "does_not_follow" => "it has not followed its commands under the static load".to_owned(),
+        other => other.replace('_', " "),
+    }
 }
 
 /// A limit of an axis, in the words of the end of the test.
@@ -222,16 +222,22 @@ mod tests {
         board
     }
 
-    const TRIPPED: EventKind = EventKind::Phase {
-        from: "running",
-        to: "tripped",
-        cause: "stopped",
-    };
+    const TRIPPED: EventKind = tripped("stale", Some(0));
     const LEAVING: EventKind = EventKind::Phase {
         from: "tripped",
         to: "leaving",
-        cause: "stopped",
+        cause: "stale",
+        port: Some(0),
     };
+
+    const fn tripped(cause: &'static str, port: Option<u32>) -> EventKind {
+        EventKind::Phase {
+            from: "running",
+            to: "tripped",
+            cause,
+            port,
+        }
+    }
 
     #[test]
     fn a_command_that_was_refused_is_a_trip_although_it_stands_in_no_row() {
@@ -270,10 +276,20 @@ mod tests {
             trips.into_iter().map(|trip| trip.limit).collect::<Vec<_>>()
         };
         assert_eq!(of(&[stale, TRIPPED, LEAVING]), ["stale"]);
-        assert_eq!(of(&[stale, EventKind::Started, TRIPPED]), ["other"]);
+        assert_eq!(of(&[stale, tripped("late", None)]), ["late"]);
+        let interlock = EventKind::Interlock { port: 0 };
         assert_eq!(
-            of(&[EventKind::Interlock { port: 0 }, TRIPPED]),
+            of(&[interlock, tripped("interlock", Some(0))]),
             ["interlock"]
+        );
+        // A second one on the way out, with an event of its own and without.
+        assert_eq!(
+            of(&[interlock, tripped("interlock", Some(0)), LEAVING, TRIPPED]),
+            ["interlock", "stale"]
+        );
+        assert_eq!(
+            of(&[TRIPPED, LEAVING, interlock, TRIPPED]),
+            ["stale", "interlock"]
         );
         assert!(of(&[stale, EventKind::StopRequested, LEAVING]).is_empty());
         let board = seen(&[LEAVING]);

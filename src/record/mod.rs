@@ -274,8 +274,10 @@ pub enum EventKind {
         from: &'static str,
         /// To here.
         to: &'static str,
-        /// Why.
+        /// Why: `done`, `operator`, or what stopped it.
         cause: &'static str,
+        /// The specimen, from 0, that this came from, if from one.
+        port: Option<u32>,
     },
     /// Whether the warm-up kept its ticks, by the last half of them: the test begins, or does not.
     Readiness {

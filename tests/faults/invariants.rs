@@ -5,7 +5,7 @@ use gusset::control::limits::{AxisLimits, LimitsSpec};
 use gusset::engine::{Ending, Phase, Stop};
 use gusset::link::serve::Tapped;
 use gusset::link::spec::CommandPace;
-use gusset::record::{End, Journal};
+use gusset::record::{End, EventKind, Journal};
 use gusset::time::Nanos;
 use gusset::wire::native::Kind;
 
@@ -68,6 +68,24 @@ fn ends_as_planned(played: &Played) -> Result<(), String> {
         Ending::Completed | Ending::Stopped(Stop::Operator)
     );
     ensure!(tripped != orderly, "{path:?}, but {reason}");
+    if let Ending::Stopped(stop) = played.outcome.ending
+        && tripped
+    {
+        let told = played.events.iter().find_map(|event| match event.kind {
+            EventKind::Phase {
+                to: "tripped",
+                cause,
+                port,
+                ..
+            } => Some((cause, port)),
+            _ => None,
+        });
+        let found = (stop.word(), stop.port().map(|port| port as u32));
+        ensure!(
+            told == Some(found),
+            "{reason}, but the trip's cause is {told:?}"
+        );
+    }
     ensure!(!reason.is_empty() && exit != 5, "{reason:?}, exit {exit}");
     let started = path.contains(&"running");
     ensure!(

@@ -277,10 +277,18 @@ impl<S: Store> EventLog<S> {
                 }
             }
             EventKind::Checkpoint { digest } => put(line, "digest", format!("{digest:016x}")),
-            EventKind::Phase { from, to, cause } => {
+            EventKind::Phase {
+                from,
+                to,
+                cause,
+                port,
+            } => {
                 put(line, "from", from);
                 put(line, "to", to);
                 put(line, "cause", cause);
+                if let Some(port) = port {
+                    self.specimen(line, port);
+                }
                 tracing::info!(tick = event.tick, time = event.time, cause, "{from} → {to}");
             }
             EventKind::Limit {
