@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use common::engine::{Run, run_on};
 use common::rig::{Act, Call, Log, Phase, attach, storey, two_floors};
-use gusset::engine::{Ending, OnMiss, Stop, TestHit, TestQuantity};
+use gusset::engine::{Ending, Gaps, OnMiss, Stop, TestHit, TestQuantity};
 use gusset::record::EventKind;
 use gusset::rt::timing::Quantity;
 use gusset::substructure::{Coupling, Retirement};
@@ -460,4 +460,30 @@ fn the_row_behind_tells_how_long_a_tick_took_to_be_recorded() {
         (last.name.as_str(), last.unit.as_str(), last.timing),
         ("record_before_s", "s", true)
     );
+}
+
+/// Before the test no tick is missed, but that no command leaves for a quarter of a second is told; less is a matter of ticks.
+#[test]
+fn what_stands_still_outside_of_the_test_is_told_as_a_gap() {
+    let stalls = [Waiting(3, 250 * T), Waiting(6, 50 * T)];
+    let (run, _) = run_warm(20, OnMiss::Stretch, &stalls, |_| {});
+    assert_eq!(run.outcome.ending, Ending::Completed);
+    let gaps: Vec<EventKind> = (run.events.iter())
+        .map(|event| event.kind)
+        .filter(|kind| matches!(kind, EventKind::Gap { .. }))
+        .collect();
+    let gap = EventKind::Gap {
+        late_ns: 250 * T,
+        ticks: 249,
+    };
+    assert_eq!(gaps, [gap]);
+    let longest_ns = 250 * T;
+    assert_eq!(
+        run.outcome.gaps,
+        Gaps {
+            times: 1,
+            longest_ns
+        }
+    );
+    assert_eq!((run.outcome.misses, run.outcome.stretched), (0, 0));
 }

@@ -93,6 +93,7 @@ fn an_operator_who_has_enough_of_waiting_for_a_specimen_is_heard() {
         (Some(Signal::TERM), 143),
         (Some(Signal::USR1), 143),
         (Some(Signal::XCPU), 143),
+        (Some(Signal::POWER), 143),
     ] {
         let home = tempfile::tempdir().unwrap();
         let run = home.path().join("run");

@@ -45,6 +45,7 @@ pub use ride::Pacing;
 pub use settle::Settling;
 pub use stop::{Ending, Stop};
 pub use tick::Tick;
+pub use waiting::Gaps;
 
 use crate::control::{LinkCount, Port, Poses};
 use crate::record::{Column, Recorder};
@@ -174,6 +175,7 @@ pub struct Engine {
     steps_done: u64,
     misses: u64,
     misses_in_a_row: u64,
+    gaps: Gaps,
     miss_window: misses::MissWindow,
     test_warned: u8,
     rows_lost: u64,
@@ -230,6 +232,8 @@ pub struct Outcome {
     pub misses: u64,
     /// Whole ticks by which the grid was moved.
     pub stretched: u64,
+    /// Where no command left, outside of the ticks of the test.
+    pub gaps: Gaps,
     /// Rows that found the queue full.
     pub rows_lost: u64,
     /// Events that found the queue full.
@@ -351,6 +355,7 @@ impl Engine {
             steps_done: 0,
             misses: 0,
             misses_in_a_row: 0,
+            gaps: Gaps::default(),
             rows_lost: 0,
             events_lost: 0,
             retired: 0,
@@ -408,6 +413,7 @@ impl Engine {
             timing: std::mem::replace(&mut self.timing, Timing::counting()),
             misses: self.misses,
             stretched: self.schedule.stretched(),
+            gaps: self.gaps,
             rows_lost: self.rows_lost,
             events_lost: self.events_lost,
             wall_ns: self.clock_now.since(self.first_edge),

@@ -264,7 +264,12 @@ impl Engine {
         control: &Control,
     ) -> Result<(), Stop> {
         self.wait_for_edge(stamps, control)?;
+        let skipped = self.edge;
         self.skip_edges_before(stamps.woke);
+        let ticks = self.edge - skipped;
+        if ticks > 0 {
+            self.note_gap(stamps.woke.since(stamps.release), ticks);
+        }
         Ok(())
     }
 

@@ -96,7 +96,9 @@ impl Engine {
             return Ok(());
         };
         port.partner.stale += 1;
+        // While it stands, numbers stand, too: there it is as old as the exchanges that brought nothing.
         let age = self.sequence.saturating_sub(port.raw().sequence);
+        let age = age.max(port.partner.stale);
         let (on_stale, in_a_row) = stale_rules(port, &self.limits);
         if on_stale == OnStale::Extrapolate {
             port.extrapolate();

@@ -3,9 +3,37 @@
 
 use super::operator::Control;
 use super::{Engine, Stop};
+use crate::control::Port;
+use crate::record::EventKind;
 use crate::substructure::{Holder, LISTEN_NS};
 
+/// Times in which no command left although each tick has one, outside of the ticks of the test, where such are misses.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Gaps {
+    /// How many.
+    pub times: u64,
+    /// The longest, ns.
+    pub longest_ns: u64,
+}
+
+/// A gap from which on somebody must know of it; behind a partner that is asked once a step, and may take its time, a longer one.
+const GAP_NS: u64 = 100_000_000;
+const PATIENT_GAP_NS: u64 = 1_000_000_000;
+
 impl Engine {
+    /// The next command leaves so late, and so many ticks had none. Real-time: yes.
+    #[cold]
+    pub(super) fn note_gap(&mut self, late_ns: u64, ticks: u64) {
+        let is_patient = self.ports.iter().any(Port::is_per_step);
+        if late_ns < if is_patient { PATIENT_GAP_NS } else { GAP_NS } {
+            return;
+        }
+        self.gaps.times += 1;
+        self.gaps.longest_ns = self.gaps.longest_ns.max(late_ns);
+        let tick = self.tick_of_report();
+        self.report(&tick, EventKind::Gap { late_ns, ticks });
+    }
+
     /// Arms all specimens: all are asked before any is waited for, so that they get ready at the same time. An operator who
     /// asks for an end meanwhile is heard at once.
     pub(super) fn arm(&mut self, control: &Control) -> Result<(), Stop> {

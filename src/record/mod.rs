@@ -110,6 +110,13 @@ pub enum EventKind {
         /// What is known at once about the cause; the writer refines it.
         cause: MissCause,
     },
+    /// Outside of the ticks of the test no command left for this long, and so many ticks had none.
+    Gap {
+        /// How late the next one is.
+        late_ns: u64,
+        /// Ticks without a command.
+        ticks: u64,
+    },
     /// The measurement of specimen `port` was stale: its sequence number was `age` commands old.
     Stale {
         /// Specimen, from 0.

@@ -25,13 +25,17 @@ fn small_percent(share: f64) -> String {
 pub fn told(found: &Estimate, write: impl Fn(f64) -> String) -> String {
     let share = 100.0 * found.std / found.value.abs();
     if !found.is_sure() {
-        return if share < 100.0 {
+        return if found.is_of_this_motion {
+            format!("{NOTHING} (the force is no line)")
+        } else if share < 100.0 {
             format!("{NOTHING} (noise leaves ± {share:.0} %)")
         } else {
             format!("{NOTHING} (noise hides it)")
         };
     }
-    if found.is_scattered() {
+    if found.is_scattered() && found.is_of_this_motion {
+        format!("{}, of this motion", write(found.value))
+    } else if found.is_scattered() {
         format!("{} ± {}", write(found.value), write(found.std))
     } else {
         write(found.value)
@@ -65,7 +69,7 @@ pub fn identified(run: &RunData) -> Vec<IdentifiedAxis> {
         .map(|axis| {
             let (whole, initial) = (axis.digest.whole, axis.digest.initial);
             IdentifiedAxis {
-                stiffness: initial.or(whole).map(|found| found.stiffness),
+                stiffness: initial.map(|found| found.stiffness),
                 damping: whole.and_then(|found| found.damping),
                 lag: axis.lag(),
                 name: axis.name,
@@ -141,11 +145,38 @@ pub(super) fn identification(rows: &Rows<'_>, axes: &[Tracked<'_>]) -> Option<St
     let how = format!(
         "Force by measured displacement and its velocity, {}, with the target as the instrument, so that noise of the sensors \
          leans neither; ± is a standard error, and a dash stands where that is not small beside the number. First loading: \
-         until {:.0} % of the largest target is passed; for a specimen that yields, k̂ of the whole test is a secant. Not \
-         explained: share of the force's variance that the line misses. This is the test before a hybrid test: k̂ and ĉ go into the specimen's \
-         estimate, the lag into its compensator.",
+         until {:.0} % of the largest target is passed. Not explained: share of the force's variance that the line misses. Of this \
+         motion: what it misses is no noise, as of a specimen that yields; then k̂ is a secant and ĉ an equivalent, and at another \
+         amplitude or frequency both are others. This is the test before a hybrid test: k̂ and ĉ go into the specimen's \
+         estimate (not an equivalent), the lag into its compensator.",
         plural(axes.len() as u64, "axis by itself", "axes each by itself"),
         100.0 * FIRST_LOADING
     );
     Some(rows.section("Identified specimen", &(markup + &note(&how))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::metrics::identify;
+
+    /// 5 mm at 1 Hz, whose force is cut off at `yields` of its peak.
+    fn whole(yields: f64) -> [String; 2] {
+        let dt = 1.0 / 512.0;
+        let disp: Vec<f64> = (0..2048)
+            .map(|i| 0.005 * libm::sin(std::f64::consts::TAU * f64::from(i) * dt))
+            .collect();
+        let bound = 0.005 * yields;
+        let force: Vec<f64> = disp.iter().map(|d| 1e6 * d.clamp(-bound, bound)).collect();
+        let found = identify(&disp, &disp, &force, dt).unwrap();
+        [Some(found.stiffness), found.damping]
+            .map(|found| told(&found.unwrap(), |value| format!("{value:.3e}")))
+    }
+
+    #[test]
+    fn what_the_line_misses_without_noise_gets_no_standard_error() {
+        assert_eq!(whole(1.0)[0], "1.000e6");
+        let [stiffness, _] = whole(0.7);
+        assert!(stiffness.ends_with("e5, of this motion"), "{stiffness}");
+    }
 }

@@ -12,7 +12,7 @@ use crate::record::utc;
 
 /// Rows of the timeline: words, names of the events in it, colour.
 const KINDS: [(&str, &[&str], Ink); 5] = [
-    ("deadline misses", &["miss", "no_go"], Ink::Alarm),
+    ("deadline misses", &["miss", "gap", "no_go"], Ink::Alarm),
     (
         "stale, late or lost answers",
         &[

@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicU8, Ordering};
 use std::task::Poll;
 
 use crossbeam_channel::{Receiver, Sender};
+use rustix::process::Signal as Raw;
 use tokio::signal::unix::{self, SignalKind, signal};
 
 use crate::engine::Operator;
@@ -25,24 +26,35 @@ pub enum Signal {
 /// Asked for by whoever is at the keyboard.
 const INTERRUPTING: [SignalKind; 2] = [SignalKind::interrupt(), SignalKind::quit()];
 
-/// A stray SIGUSR1 or SIGALRM, and SIGXCPU, by which the kernel warns who exceeds RLIMIT_CPU or RLIMIT_RTTIME, end a process as
-/// SIGTERM does.
+/// Those of signal(7) that the C library leaves to programs.
+const REAL_TIME: std::ops::RangeInclusive<i32> = 34..=64;
+
+/// A stray SIGUSR1 or SIGALRM, the timers' SIGPROF, a failing power supply's SIGPWR, SIGXCPU, by which the kernel warns who exceeds
+/// RLIMIT_CPU or RLIMIT_RTTIME, and all real-time signals end a process as SIGTERM does.
 fn terminating() -> impl Iterator<Item = SignalKind> {
     let strays = [
-        SignalKind::hangup(),
-        SignalKind::user_defined1(),
-        SignalKind::user_defined2(),
-        SignalKind::alarm(),
-        SignalKind::from_raw(rustix::process::Signal::XCPU.as_raw()),
+        Raw::HUP,
+        Raw::USR1,
+        Raw::USR2,
+        Raw::ALARM,
+        Raw::VTALARM,
+        Raw::PROF,
+        Raw::IO,
+        Raw::POWER,
+        Raw::STKFLT,
+        Raw::XCPU,
     ];
+    let real_time = REAL_TIME.map(SignalKind::from_raw);
     let heard = strays
         .into_iter()
+        .map(|stray| SignalKind::from_raw(stray.as_raw()))
+        .chain(real_time)
         .filter(|stray| !os::is_ignored(stray.as_raw_value()));
     std::iter::once(SignalKind::terminate()).chain(heard)
 }
 
-/// What would end the process at once, taken over from the system: SIGINT, SIGQUIT, SIGTERM, and, unless they were ignored before,
-/// SIGHUP (nohup(1) asks for that), SIGUSR1, SIGUSR2, SIGALRM and SIGXCPU. What would only stop the process, with a specimen
+/// What would end the process at once without a fault of its own, taken over from the system: SIGINT, SIGQUIT, SIGTERM, and, unless
+/// they were ignored before, SIGHUP (nohup(1) asks for that) and those that nobody should send. What would only stop the process, with a specimen
 /// in its hands, is not heard.
 #[derive(Debug)]
 pub struct Taken(Vec<(Signal, unix::Signal)>);

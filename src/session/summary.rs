@@ -10,7 +10,7 @@ use super::connect::Unconnected;
 use super::guarded::Ended;
 use super::last_words::{last_words, news};
 use crate::config::{ClockChoice, Facts};
-use crate::engine::{Ending, Left, Outcome, Stop, Unfinished};
+use crate::engine::{Ending, Gaps, Left, Outcome, Stop, Unfinished};
 use crate::record::summary::{ClockKind, Lambda, LinkCounts, Peak, Status};
 use crate::record::{FolderError, Recorded, RunFolder, Summary};
 use crate::rt::Granted;
@@ -105,6 +105,7 @@ pub(super) fn summarise(
     }
     warnings.extend(outcome.map(unsettled).into_iter().flatten());
     warnings.extend(outcome.map(held).into_iter().flatten());
+    warnings.extend(outcome.and_then(|outcome| gaps(outcome.gaps)));
     let last_words = outcome.map(last_words).into_iter().flatten();
     warnings.extend(last_words.map(|(_, text)| text));
     let summary = Summary {
@@ -157,6 +158,19 @@ fn unsettled(outcome: &Outcome) -> Vec<String> {
         )
     };
     each.map(sentence).collect()
+}
+
+/// Where no command left, in a sentence.
+fn gaps(gaps: Gaps) -> Option<String> {
+    let longest_s = gaps.longest_ns as f64 * 1e-9;
+    let times = match gaps.times {
+        0 => return None,
+        1 => "once".to_owned(),
+        times => format!("{times} times"),
+    };
+    Some(format!(
+        "{times}, outside of the test itself (in a hold, or on its way in or out), no command left for up to {longest_s:.2} s: the          program was stopped, or an answer was waited for (`gap` in events.jsonl)"
+    ))
 }
 
 /// Specimens that said that they hold by their own watchdog, in sentences.

@@ -38,6 +38,16 @@ impl<S: Store> EventLog<S> {
                 put(line, "of", of.word());
                 put(line, "first_edge_ns", first_edge_ns);
             }
+            EventKind::Gap { late_ns, ticks } => {
+                put(line, "late_ns", late_ns);
+                put(line, "ticks", ticks);
+                tracing::warn!(
+                    tick = event.tick,
+                    time = event.time,
+                    late_ms = late_ns as f64 / 1e6,
+                    "no command left meanwhile"
+                );
+            }
             EventKind::Miss {
                 late_ns,
                 stretched,

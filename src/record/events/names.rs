@@ -10,6 +10,7 @@ pub(super) const fn kind_name(kind: &EventKind) -> &'static str {
         EventKind::Grid { .. } => "grid",
         EventKind::Ended => "ended",
         EventKind::Miss { .. } => "miss",
+        EventKind::Gap { .. } => "gap",
         EventKind::Stale { .. } => "stale",
         EventKind::Recovered { .. } => "recovered",
         EventKind::Link { .. } => "link",
