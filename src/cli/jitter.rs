@@ -18,6 +18,9 @@ use crate::rt::load::{Load, USUAL_BYTES};
 use crate::session::{self, Finish, Finished, Signal, Signals, Watches, bare_loop};
 use crate::time::Ratio;
 
+/// Beyond what any machine keeps.
+const HIGHEST_HZ: f64 = 1e6;
+
 /// Measures the loop with nothing attached.
 pub fn jitter(args: &JitterArgs) -> anyhow::Result<Exit> {
     if let Some(model) = args.model {
@@ -29,6 +32,11 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<Exit> {
         anyhow::bail!("{flag} is for --model, which is not given");
     }
     let rate = Ratio::parse(&args.rate).with_context(|| format!("--rate {:?}", args.rate))?;
+    anyhow::ensure!(
+        rate.value() <= HIGHEST_HZ,
+        "--rate {}: at most {HIGHEST_HZ} ticks a second are allowed, as in a test file on the real clock",
+        args.rate
+    );
     let timing = timing(args)?;
     let test = bare_loop(rate, args.duration, timing)
         .with_context(|| format!("--duration {}", args.duration))?;

@@ -101,6 +101,15 @@ fn prepare(args: &RunArgs) -> anyhow::Result<Prepared> {
             other => WithExit(Exit::Usage, format!("{other}\nnothing was moved")).into(),
         });
     }
+    // The parser lets `requires` pass where a key that excludes --resume is given, too.
+    let of_resumed = [
+        ("--after-trip", !args.after_trip.is_empty()),
+        ("--back-to-step", args.back_to_step.is_some()),
+    ];
+    if let Some((flag, _)) = of_resumed.into_iter().find(|(_, given)| *given) {
+        let text = format!("{flag} is for --resume, which is not given\nnothing was moved");
+        return Err(WithExit(Exit::Usage, text).into());
+    }
     let test = args.test.as_deref().context("no test file is given")?;
     let loaded = args.test_run.load(test)?;
     config::build(&loaded).map_err(refused)

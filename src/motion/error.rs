@@ -186,7 +186,9 @@ pub enum MotionError {
         available: String,
     },
     /// Several columns could be meant.
-    #[error("{file}: which column? choose one with `column`: it has {available}")]
+    #[error(
+        "{file}: which column? choose one with column = {{ name = \"…\" }} or {{ number = 1 }}: it has {available}"
+    )]
     ColumnChoice {
         /// Name of the file.
         file: String,

@@ -45,6 +45,7 @@ impl Step {
                 (amplitude * s, amplitude * rate)
             }),
             top_hz: None,
+            end: start + rise,
         })
     }
 }
@@ -87,7 +88,7 @@ impl RampAndHold {
         let hold = not_negative("hold_s", self.hold_s)?;
         let shape = self.shape;
         let mut start = not_negative("start_s", self.start_s)?;
-        let mut from = 0.0;
+        let (mut from, mut last) = (0.0, start);
         // (start, end, from, to) of each ramp.
         let mut ramps = Vec::with_capacity(self.levels.len());
         for level in &self.levels {
@@ -98,6 +99,7 @@ impl RampAndHold {
             };
             let end = start + stretch * (to - from).abs() / speed;
             ramps.push((start, end, from, to));
+            last = end;
             start = end + hold;
             from = to;
         }
@@ -135,6 +137,7 @@ impl RampAndHold {
                 }
             }),
             top_hz: None,
+            end: last,
         })
     }
 }
@@ -187,7 +190,7 @@ impl Cyclic {
         inside("cycles_per_amplitude", cycles, cycles >= 1.0, "at least 1")?;
         // (start, end, amplitude, frequency) of each block.
         let mut blocks = Vec::with_capacity(self.amplitudes.len());
-        let mut top_hz = 0.0_f64;
+        let (mut top_hz, mut last) = (0.0_f64, start);
         for amplitude in &self.amplitudes {
             let is_some = *amplitude != 0.0;
             let amplitude = inside("amplitudes", *amplitude, is_some, "finite and not zero")?;
@@ -203,6 +206,7 @@ impl Cyclic {
             };
             let end = start + cycles / hz;
             blocks.push((start, end, amplitude * unit, hz));
+            last = end;
             start = end + rest;
             top_hz = top_hz.max(hz);
         }
@@ -244,6 +248,7 @@ impl Cyclic {
                 }
             }),
             top_hz: Some(top_hz),
+            end: last,
         })
     }
 }

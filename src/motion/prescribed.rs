@@ -316,8 +316,16 @@ mod tests {
             rest_s: 0.3,
             start_s: 0.1,
         }));
-        let test = spec(vec![triangle], 0.0).evaluate(grid, &no_files).unwrap();
+        let test = spec(vec![triangle.clone()], 0.0).evaluate(grid, &no_files);
+        let test = test.unwrap();
         assert!(test.warnings().is_empty(), "{:?}", test.warnings());
+        // Eased out before the second amplitude: nothing jumps, and half of the motion is missing.
+        let short = Grid::new(0.01, 75).unwrap();
+        let test = spec(vec![triangle], 0.1).evaluate(short, &no_files);
+        let warnings = test.unwrap().warnings().to_vec();
+        let left = "axis 1: the signal goes on until 1.6 s, but the test ends at 0.75 s: what comes after that is left out; its \
+                    largest is 2.000 times that of the test";
+        assert_eq!(warnings, [left]);
     }
 
     #[test]

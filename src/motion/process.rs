@@ -182,6 +182,7 @@ impl Motion {
                 let target = self.processing.target(quantity, grid.dt(), || Ok(values))?;
                 let scale = scale_factor * target;
                 above_nyquist(curve.top_hz, grid, warnings);
+                curve.cut_warning(grid.duration(), warnings);
                 finite_points(
                     points
                         .into_iter()

@@ -115,10 +115,15 @@ impl Sampled {
     }
 
     pub(super) fn tail_warning(&self, grid: Grid, holds: bool, warnings: &mut Vec<String>) {
+        let (end, test) = (self.span.1, grid.duration());
         let Origin::Record(name) = &self.origin else {
+            if end > test * (1.0 + 1e-9) {
+                warnings.push(format!(
+                    "the signal goes on until {end} s, but the test ends at {test} s: what comes after that is left out"
+                ));
+            }
             return;
         };
-        let (end, test) = (self.span.1, grid.duration());
         if test > end + 1e-9 * grid.dt() {
             let after = if holds {
                 format!(

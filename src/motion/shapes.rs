@@ -18,6 +18,44 @@ pub(super) struct Curve {
     pub(super) at: Box<dyn Fn(f64) -> (f64, f64)>,
     /// Highest frequency in Hz that it is meant to hold, where it has one.
     pub(super) top_hz: Option<f64>,
+    /// Time in s from which on nothing happens any more; infinite if it goes on for ever.
+    pub(super) end: f64,
+}
+
+impl Curve {
+    /// Largest magnitude between two times, of so many points.
+    fn peak(&self, [from, to]: [f64; 2], points: u32) -> f64 {
+        let step = (to - from) / f64::from(points);
+        let at = |point| (self.at)(f64::from(point).mul_add(step, from)).0.abs();
+        (0..=points).map(at).fold(0.0, f64::max)
+    }
+
+    /// That a test ends at `test` s, before the signal does.
+    pub(super) fn cut_warning(&self, test: f64, warnings: &mut Vec<String>) {
+        /// Enough to see the peaks of a few hundred cycles.
+        const POINTS: u32 = 20_000;
+        if !(self.end.is_finite() && self.end > test * (1.0 + 1e-9)) {
+            return;
+        }
+        let (within, beyond) = (
+            self.peak([0.0, test], POINTS),
+            self.peak([test, self.end], POINTS),
+        );
+        if beyond > 1e-9 * within {
+            let most = if within > 0.0 {
+                format!(
+                    "its largest is {:.3} times that of the test",
+                    beyond / within
+                )
+            } else {
+                "nothing but zero is before that".to_owned()
+            };
+            warnings.push(format!(
+                "the signal goes on until {} s, but the test ends at {test} s: what comes after that is left out; {most}",
+                self.end
+            ));
+        }
+    }
 }
 
 /// SI units in one of `unit`, which must measure `quantity`.
@@ -182,6 +220,7 @@ impl Sine {
                 )
             }),
             top_hz: Some(omega / (2.0 * PI)),
+            end: start + duration,
         })
     }
 }
@@ -263,6 +302,7 @@ impl Sweep {
                 )
             }),
             top_hz: Some(f0.max(f1)),
+            end: start + duration,
         })
     }
 }
@@ -299,6 +339,7 @@ impl Ricker {
             }),
             // Its spectrum f²e^{−f²} has fallen to 1e-5 of the peak there.
             top_hz: Some(4.0 * hz),
+            end: centre + 1.5 / hz,
         })
     }
 }
@@ -319,6 +360,7 @@ impl Constant {
         Ok(Curve {
             at: Box::new(move |_| (value, 0.0)),
             top_hz: None,
+            end: f64::INFINITY,
         })
     }
 }

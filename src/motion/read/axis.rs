@@ -342,7 +342,7 @@ mod tests {
         assert!(with(Column::Number(0)).is_err());
         assert_eq!(
             read("a.csv", text).unwrap_err().to_string(),
-            "a.csv: which column? choose one with `column`: it has \"time (s)\", \"east (g)\", \"north (g)\""
+            "a.csv: which column? choose one with column = { name = \"…\" } or { number = 1 }: it has \"time (s)\", \"east (g)\", \"north (g)\""
         );
     }
 
