@@ -13,6 +13,7 @@
 
 mod archive;
 mod bare;
+mod borne;
 pub mod certificate;
 mod compare;
 mod connect;

@@ -13,6 +13,7 @@ mod trips;
 
 use std::path::Path;
 
+use super::borne::{borne, peak_of};
 use super::continued::{self, Now};
 use super::desk::{Request, Unanswered, ask};
 use super::recorded::Replaced;
@@ -127,6 +128,7 @@ fn resume_by(
     check_way_back(&run, &traced, &ports, step, back_to, next.facts.rate_hz)?;
     let time = step as f64 * next.facts.dt;
     let within = next.facts.resume_within;
+    let peak = peak_of(&run, traced.rows, &ports, origin.as_ref())?;
     let before = origin.filter(|_| traced.on_its_way_in);
     let pace = (next.facts.rate_hz, next.facts.ticks_per_step);
     let left = places(&run, &ports, within, pace, before.as_ref())?;
@@ -140,8 +142,10 @@ fn resume_by(
         step,
         time,
         left,
+        peak,
     };
     resumption.left = origin.places();
+    resumption.borne = borne(&origin.peak, &ports);
     take_over(&mut next.experiment, side, ports);
     origin.put(&mut next.experiment.ports);
     next.experiment.resume = Some(resumption);
