@@ -190,7 +190,8 @@ fn end_before(run: &Run, after: &[String]) -> Result<String, ResumeError> {
     let told = run.events()?;
     let mut trips = trips::of_events(&told.events);
     let may_hide = trips::may_hide(run.summary().map(|summary| summary.status), &told);
-    if trips.is_empty() && (may_hide || trips::has_a_row_of_one(run)?) {
+    let has_tripped = !trips.is_empty() || trips::has_a_row_of_one(run)?;
+    if trips.is_empty() && (may_hide || has_tripped) {
         trips.push(UNKNOWN.to_owned());
         if may_hide {
             reason += "; not all of its events can be read, and one of a trip may be among them";
@@ -211,6 +212,7 @@ fn end_before(run: &Run, after: &[String]) -> Result<String, ResumeError> {
             .collect();
         return Err(ResumeError::Tripped {
             folder: folder(),
+            has_tripped,
             reason,
             wanted: wanted.join(" "),
         });
@@ -218,8 +220,13 @@ fn end_before(run: &Run, after: &[String]) -> Result<String, ResumeError> {
     let mut text = if trips.is_empty() {
         format!("it had ended before: {reason}")
     } else {
+        let tripped = if has_tripped {
+            "HAD TRIPPED"
+        } else {
+            "MAY HAVE TRIPPED"
+        };
         format!(
-            "IT HAD TRIPPED: {reason}; it goes on because of `--after-trip` {}",
+            "IT {tripped}: {reason}; it goes on because of `--after-trip` {}",
             trips.join(", ")
         )
     };
