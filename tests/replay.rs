@@ -552,6 +552,15 @@ fn a_folder_that_is_foreign_or_half_is_refused_in_words() {
         std::fs::create_dir(copy).unwrap();
         std::fs::write(copy.join("holiday.jpg"), b"JFIF").unwrap();
     };
+    // Of a version whose events do not say what the columns were.
+    let of_before = |copy: &Path| {
+        let path = copy.join("events.jsonl");
+        let text = std::fs::read_to_string(&path).unwrap();
+        let (before, after) = text.split_once(",\"samples.json\":\"").unwrap();
+        let after = after.split_once('"').unwrap().1;
+        std::fs::write(path, format!("{before}{after}")).unwrap();
+    };
+    assert_eq!(spoilt(&run, of_before).0, 0);
     type Spoil<'a> = Box<dyn FnOnce(&Path) + 'a>;
     let cases: Vec<(Spoil<'_>, &[&str])> = vec![
         (
@@ -590,6 +599,17 @@ fn a_folder_that_is_foreign_or_half_is_refused_in_words() {
         ),
         (
             Box::new(edit("samples.json", "\"x1\"", "\"y1\"")),
+            &["samples.json was changed"],
+        ),
+        (
+            Box::new(edit("samples.json", "\"unit\": \"m\"", "\"unit\": \"k\"")),
+            &["samples.json was changed"],
+        ),
+        (
+            Box::new(|copy: &Path| {
+                of_before(copy);
+                edit("samples.json", "\"x1\"", "\"y1\"")(copy);
+            }),
             &["have y1", "makes x1", "not of one test"],
         ),
         (

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 
 use common::engine::prepare;
 use common::{FRAME, PATIENT, completed, copy, json, names, run, same_physics, say, write};
+use gusset::record::summary::Status;
 use gusset::record::{Run, RunFolder};
 use gusset::session::{self, Finish, Watches};
 use serde_json::Value;
@@ -430,6 +431,24 @@ fn meddled(meddle: fn(&Path), is_required: bool) -> session::Finished {
     };
     let nobody = crossbeam_channel::never();
     session::run(prepare(&text), folder, nobody, watches, &mut |_| {}).unwrap()
+}
+
+/// Without its last word a run is taken for one that was killed.
+#[test]
+fn a_record_that_is_required_and_has_no_summary_makes_a_stopped_test() {
+    // Nothing that is written takes the place of a folder that holds something.
+    let occupy = |run: &Path| fs::create_dir_all(run.join("summary.json/other")).unwrap();
+    for (is_required, wanted) in [(false, Finish::Completed), (true, Finish::Stopped)] {
+        let finished = meddled(occupy, is_required);
+        assert_eq!(finished.finish, wanted, "{}", finished.summary.reason);
+        let unwritten = finished.unwritten.join("\n");
+        assert!(unwritten.contains("summary.json"), "{unwritten}");
+        let summary = finished.summary;
+        assert_eq!(summary.status == Status::Stopped, is_required);
+        let reason = summary.reason;
+        let says = reason.contains("summary.json") && reason.ends_with(", and [record] required");
+        assert_eq!(says, is_required, "{reason}");
+    }
 }
 
 #[test]

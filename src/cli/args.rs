@@ -89,7 +89,8 @@ pub(super) struct RunArgs {
     #[arg(long, value_name = "RUN_DIR", conflicts_with_all = ["sets", "clock"])]
     pub resume: Option<PathBuf>,
     /// With --resume: the test had tripped and may go on, each trip by its name: the key of a limit, or interlock, saturated,
-    /// geometry, diverged, not_finite, unknown (a row says that it tripped, no event says by what). --yes does not say so.
+    /// geometry, diverged, not_finite, unknown (a row says that it tripped, no event says by what; or it may have tripped: not
+    /// all of its events can be read). --yes does not say so.
     #[arg(long, value_name = "TRIP", requires = "resume")]
     pub after_trip: Vec<String>,
     /// With --resume: the record is damaged or has a gap, and the test may go on after the last checkpoint before that, this

@@ -268,8 +268,8 @@ pub struct RecordTable {
     pub dofs: Option<DofChoice>,
     /// Seconds of rows that the queue to the writer holds before rows are lost, at most 600.
     pub queue_s: f64,
-    /// Whether a lost row makes the test a failed one (exit code 1), and a record that others deleted or changed while the test
-    /// ran.
+    /// Whether a lost row makes the test a failed one (exit code 1), and so a record that others deleted or changed while the test
+    /// ran, and one whose summary could not be written.
     pub required: bool,
     /// Wall time in s from one checkpoint to the next, at most 3600: a digest of the test's state in the events, against which a test that
     /// goes on after an interruption (`gusset run --resume`) is proven.

@@ -40,7 +40,7 @@ pub use numerical::{Numerical, Side};
 pub use operator::{Control, Notice, Operator, Watch};
 pub use peaks::Peaks;
 pub use phase::{Cause, Glimpse, Phase, PhaseCell};
-pub use resume::{Place, Resumption};
+pub use resume::{Borne, Place, Resumption};
 pub use ride::Pacing;
 pub use settle::Settling;
 pub use stop::{Ending, Stop};
@@ -159,6 +159,8 @@ pub struct Engine {
     schedule: Schedule,
     timing: Timing,
     peaks: Peaks,
+    /// Largest |force| of each axis of each specimen in the test that this one goes on with.
+    borne: Vec<Vec<f64>>,
     resume: Option<Resumption>,
     /// Where the commands are between two targets.
     ride: ride::Ride,
@@ -346,6 +348,7 @@ impl Engine {
             columns,
             schedule,
             peaks: Peaks::zeros(dofs),
+            borne: Vec::new(),
             edge: 0,
             sequence: 0,
             clock_now: Nanos(0),
@@ -395,16 +398,8 @@ impl Engine {
             holders: self.ports.iter().map(Port::left_to).collect(),
             steps: self.steps_done,
             peaks: self.peaks.clone(),
-            ports: self
-                .ports
-                .iter()
-                .map(|port| {
-                    (
-                        port.name.clone(),
-                        port.peak_force.clone(),
-                        port.link_count(),
-                    )
-                })
+            ports: (self.ports.iter().zip(self.forces_borne()))
+                .map(|(port, forces)| (port.name.clone(), forces, port.link_count()))
                 .collect(),
             forces_on_the_way_in: (self.ports.iter())
                 .map(|port| port.force_on_the_way_in.clone())

@@ -32,6 +32,18 @@ impl Peaks {
         }
     }
 
+    /// Raises them to those of steps that the state does not know of. What does not exist does not come to be by that.
+    pub fn raise(&mut self, others: &Self) {
+        let pairs = [
+            (&mut self.disp, &others.disp),
+            (&mut self.vel, &others.vel),
+            (&mut self.accel, &others.accel),
+        ];
+        for (peaks, values) in pairs {
+            Lanes::best_for(values.len()).run(Highest { peaks, values });
+        }
+    }
+
     /// Notes displacements. Real-time: yes.
     #[inline]
     pub fn note_disp(&mut self, disp: &[f64]) {
@@ -154,5 +166,11 @@ mod tests {
         assert_eq!(peaks.vel, [1.0, 3.0]);
         assert_eq!(peaks.accel[0], 2.0);
         assert!(peaks.accel[1].is_nan());
+        let mut others = Peaks::zeros(2);
+        others.note_rates(&[0.5, 4.0], &[3.0, 7.0]);
+        others.accel[0] = f64::NAN;
+        peaks.raise(&others);
+        assert_eq!((peaks.vel[1], peaks.accel[0]), (4.0, 2.0));
+        assert!(peaks.accel[1].is_nan(), "it has none all the same");
     }
 }

@@ -26,6 +26,16 @@ pub struct Place {
     pub within: f64,
 }
 
+/// The largest magnitudes that the interrupted test has come to, those after the last step that counts, too: the state goes
+/// back, what the specimens have borne does not.
+#[derive(Debug, Clone, Default)]
+pub struct Borne {
+    /// Of the structure.
+    pub peaks: Peaks,
+    /// |force| of each axis of each specimen, N.
+    pub forces: Vec<Vec<f64>>,
+}
+
 /// What is carried over besides the numerical side and the ports.
 #[derive(Debug, Clone)]
 pub struct Resumption {
@@ -35,6 +45,8 @@ pub struct Resumption {
     pub(super) peaks: Peaks,
     /// Where the axes of each specimen were left.
     pub left: Vec<Vec<Place>>,
+    /// What was borne already.
+    pub borne: Borne,
 }
 
 impl Resumption {
@@ -72,6 +84,7 @@ impl Engine {
             steps_done: self.steps_done,
             peaks: self.peaks,
             left: Vec::new(),
+            borne: Borne::default(),
         };
         Some((self.side, self.ports, resumption))
     }
@@ -81,6 +94,8 @@ impl Engine {
         self.sequence = from.sequence;
         self.steps_done = from.steps_done;
         self.peaks = from.peaks;
+        self.peaks.raise(&from.borne.peaks);
+        self.borne = from.borne.forces;
         self.ride = from.ride;
         self.ride.tempo.stand();
         // What moves the specimens before the test goes on teaches no compensator anything.
@@ -116,6 +131,18 @@ impl Engine {
         let cleared = self.clear_commands();
         self.riding = false;
         cleared
+    }
+
+    /// Largest |force| per axis of each specimen, over the whole test. A way out knows the own ones only: what tripped the test
+    /// before is no force that it may come to again.
+    pub(super) fn forces_borne(&self) -> impl Iterator<Item = Vec<f64>> {
+        let before = self.borne.iter().map(Vec::as_slice);
+        let before = before.chain(std::iter::repeat(&[][..]));
+        self.ports.iter().zip(before).map(|(port, before)| {
+            let before = before.iter().copied().chain(std::iter::repeat(0.0));
+            let each = port.peak_force.iter().zip(before);
+            each.map(|(own, before)| own.max(before)).collect()
+        })
     }
 
     /// Specimens that say where they stand must stand where they were left; nothing has moved yet.

@@ -165,7 +165,11 @@ fn facts(first: &RunData, second: &RunData) -> String {
             dt.map_or_else(|| NOTHING.to_owned(), |dt| exact(dt, "s")),
             text("lambda"),
             text("clock"),
-            text("deadline_misses"),
+            if outcome::is_served(run) {
+                NOTHING.to_owned()
+            } else {
+                text("deadline_misses")
+            },
             text("version"),
         ]
     };

@@ -97,6 +97,7 @@ fn served(time_of: impl Fn(u32) -> f64) -> RunData {
         data,
         summary: Some(serde_json::json!({
             "status": "completed", "steps": 201, "dt": 0.01, "realtime": {"role": "served to a controller"},
+            "clock": "real", "deadline_misses": 0,
         })),
         ..RunData::default()
     }
@@ -117,6 +118,8 @@ fn a_controller_that_stands_before_its_first_step_leaves_no_row_out() {
         assert!(page.contains(part), "{part}");
     }
     assert!(!page.contains("Rows are missing") && !page.contains("left out"));
+    // A server knows of no deadline.
+    assert!(!page.contains("No deadline") && !page.contains("<span>deadline misses"));
 }
 
 #[test]

@@ -84,7 +84,7 @@ pub use page::render;
 pub use pictures::{hero_svg, jitter_svg};
 pub use source::{BLOCK, Earlier, Source};
 pub use tested::{drifts, ticks_per_step};
-pub(crate) use text::escape;
+pub(crate) use text::{count, escape};
 
 use std::borrow::Cow;
 

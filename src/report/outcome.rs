@@ -175,12 +175,16 @@ fn ended(text: &str) -> String {
     })
 }
 
+/// True of a server's record of what its controller commanded.
+pub(super) fn is_served(run: &RunData) -> bool {
+    at(run, "realtime.role").is_some()
+}
+
 fn extent(run: &RunData, after: Option<u64>) -> Option<String> {
     let steps = number(run, "steps")?;
     let dt = number(run, "dt")?;
     // Of the commands of a controller the first is of no step, and others may be of none.
-    let is_served = at(run, "realtime.role").is_some();
-    let mut sentence = if is_served {
+    let mut sentence = if is_served(run) {
         let accepted = plural(steps as u64, "command", "commands");
         let apart = exact(dt, "s");
         format!("{accepted} accepted, {apart} of test time from one to the next")
@@ -247,7 +251,8 @@ fn misses(run: &RunData) -> (u64, Option<String>) {
     let sum: u64 = classes.values().sum();
     let stated =
         at(run, "deadline_misses").and_then(|v| v.as_u64().or_else(|| v.get("total")?.as_u64()));
-    if text(run, "clock") == Some("simulated") {
+    // A server has no deadlines: those of the controller stand in the controller's own record.
+    if text(run, "clock") == Some("simulated") || is_served(run) {
         return (stated.unwrap_or(0), None);
     }
     let total = stated.unwrap_or(sum);

@@ -260,7 +260,8 @@ fn tiles(
         tiles.push((lag, format!("{largest}, {}{}", axis.name, of_steps(rows))));
     }
     if outcome::text(run, "clock") != Some("simulated") {
-        if let Some(misses) = outcome::number(run, "deadline_misses") {
+        let misses = outcome::number(run, "deadline_misses");
+        if let Some(misses) = misses.filter(|_| !outcome::is_served(run)) {
             tiles.push((count(misses as u64), "deadline misses".to_owned()));
         }
         if let Some(wakeup) = timings.iter().find(|t| t.key == "wakeup_lateness") {

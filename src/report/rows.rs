@@ -50,11 +50,11 @@ impl<'a> Rows<'a> {
 
     /// The same with where the others are.
     pub fn part(&self) -> Option<String> {
-        let Earlier { folder, step, .. } = self.digest.earlier.as_ref()?;
+        let Earlier { folders, step, .. } = self.digest.earlier.as_ref()?;
         let before = count(*step);
         Some(self.steps().map_or_else(
-            || format!("no step of the test; those up to {before} are in {folder}"),
-            |steps| format!("{steps} only; the steps before are in {folder}"),
+            || format!("no step of the test; those up to {before} are in {folders}"),
+            |steps| format!("{steps} only; the steps before are in {folders}"),
         ))
     }
 

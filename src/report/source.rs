@@ -7,8 +7,8 @@ use crate::record::Column;
 /// What of a test stands in another folder: one that was gone on with begins after its first step.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Earlier {
-    /// The folder.
-    pub folder: String,
+    /// The folders, with their steps where they are several.
+    pub folders: String,
     /// The last step that stands there.
     pub step: u64,
     /// Motion of the ground at the steps from 0 to that one, as the column `ground` has it; empty where it is not known.

@@ -134,7 +134,7 @@ pub(super) fn fixed(value: f64, decimals: usize) -> String {
 }
 
 /// A count with its thousands apart.
-pub(super) fn count(value: u64) -> String {
+pub fn count(value: u64) -> String {
     with_sign_and_groups(&value.to_string())
 }
 

@@ -2,7 +2,7 @@
 
 use super::retrace::{ORIGIN, Origin, sha256};
 use crate::config::Files;
-use crate::record::{FolderError, Note, NoteLevel, RunFolder};
+use crate::record::{FolderError, Layout, Note, NoteLevel, RunFolder};
 
 /// Keeps all of it.
 pub(super) fn keep(files: &Files, folder: &mut RunFolder) -> Result<(), FolderError> {
@@ -19,13 +19,15 @@ pub(super) fn keep(files: &Files, folder: &mut RunFolder) -> Result<(), FolderEr
 }
 
 /// What the test is made of, so that whoever goes on with it can prove that it is the same.
-pub(super) fn note(files: &Files, folder: &RunFolder) -> Note {
+pub(super) fn note(files: &Files, layout: &Layout, folder: &RunFolder) -> Note {
     let mut hashes = serde_json::Map::new();
     let mut add = |name: &str, hash: String| {
         hashes.insert(name.to_owned(), hash.into());
     };
     add("test.toml", sha256(&files.test));
     add("resolved.toml", sha256(files.resolved.as_bytes()));
+    // Who changes what a column is called, or its unit, changes what was measured.
+    add("samples.json", sha256(layout.to_json().as_bytes()));
     for input in folder.inputs() {
         add(&input.path, input.sha256.clone());
     }

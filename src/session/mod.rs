@@ -13,6 +13,7 @@
 
 mod archive;
 mod bare;
+mod borne;
 pub mod certificate;
 mod compare;
 mod connect;
@@ -60,6 +61,7 @@ use ready::{Ready, prepare};
 
 use crate::config::{Facts, Prepared};
 use crate::engine::Control;
+use crate::record::summary::Status;
 use crate::record::writer::WriterError;
 use crate::record::{
     FolderError, Note, NoteLevel, Progress, Recorded, Roll, RunFolder, Summary, What, Writer,
@@ -247,7 +249,7 @@ fn carry_out(
     if let Some(outcome) = &ended.outcome {
         summary::write_timing(&folder, &outcome.timing, span, &mut unwritten);
     }
-    let (finish, summary) = summary::summarise(
+    let (mut finish, mut summary) = summary::summarise(
         &facts,
         &folder,
         &ended,
@@ -256,6 +258,12 @@ fn carry_out(
         &unwritten,
     );
     if let Err(error) = folder.write_summary(&summary) {
+        if facts.record_required && finish == Finish::Completed {
+            // To whoever reads it later, such a record is that of a test which was killed.
+            finish = Finish::Stopped;
+            summary.status = Status::Stopped;
+            summary.reason = format!("{error}, and [record] required");
+        }
         unwritten.push(error.to_string());
     }
     folder.release();

@@ -8,12 +8,12 @@ use thiserror::Error;
 
 use super::Finished;
 use super::energetics::{Without, known};
-use super::retrace::Origin;
+use super::retrace::{Origin, way_from};
 use crate::metrics::energy::Model;
 use crate::record::summary::Status;
 use crate::record::{Column, End, Events, FolderError, MissingEnd, Run, atomic};
 use crate::report::{
-    BLOCK, Digest, Earlier, IdentifiedAxis, RunData, Source, drifts, falsified, hero_svg,
+    BLOCK, Digest, Earlier, IdentifiedAxis, RunData, Source, count, drifts, falsified, hero_svg,
     identified, missing_metrics, render, ticks_per_step, tracking_metrics,
 };
 
@@ -208,7 +208,7 @@ pub(super) fn read(folder: &Path) -> Result<RunData, PageError> {
     let step = origin.as_ref().map(|origin| origin.step);
     let known = known(folder, &resolved, run.layout().columns(), step);
     let earlier = origin.map(|origin| Earlier {
-        folder: origin.parent.display().to_string(),
+        folders: folders_of(folder, &origin),
         step: origin.step,
         ground: known.ground_before,
     });
@@ -255,6 +255,45 @@ pub(super) fn read(folder: &Path) -> Result<RunData, PageError> {
         missing_rows: rows.map_or(0, |rows| rows.lost),
         resolved,
     })
+}
+
+/// The folders in which the steps of a test up to the one stand that it went on after, with their steps where those are in several.
+/// A test of the line that made none has none. What a folder that is not there any more went on with is not known.
+fn folders_of(folder: &Path, origin: &Origin) -> String {
+    let mut folders: Vec<(String, u64, u64)> = Vec::new();
+    let (mut at, mut origin) = (folder.to_owned(), origin.clone());
+    loop {
+        let parent = origin.parent_from(&at).ok();
+        let parent = parent.map(|run| run.path().to_owned());
+        let before = parent.as_deref().and_then(|parent| Origin::of(parent).ok());
+        let before = before.flatten();
+        let first = before.as_ref().map_or(0, |before| before.step + 1);
+        if first <= origin.step {
+            let way = parent.as_deref().and_then(|to| way_from(folder, to));
+            let way = way.as_ref().unwrap_or(if at == folder {
+                &origin.parent
+            } else {
+                &origin.parent_absolute
+            });
+            folders.push((way.display().to_string(), first, origin.step));
+        }
+        let (Some(parent), Some(before)) = (parent, before) else {
+            break;
+        };
+        (at, origin) = (parent, before);
+    }
+    if let [(only, ..)] = folders.as_slice() {
+        return only.clone();
+    }
+    let each = folders.iter().map(|(way, first, last)| {
+        let (first, last) = (count(*first), count(*last));
+        if first == last {
+            format!("{way} (step {first})")
+        } else {
+            format!("{way} (steps {first} to {last})")
+        }
+    });
+    each.collect::<Vec<_>>().join(" and ")
 }
 
 /// What of a record is not there any more, in words. Rows that were lost while it was recorded are told by the summary.

@@ -139,7 +139,7 @@ pub(super) fn prepare(
         None
     };
 
-    writer.note(archive::note(files, folder));
+    writer.note(archive::note(files, &layout, folder));
     for warning in &facts.warnings {
         // For the file only: whoever built the test has heard of it, with its place in the test file.
         writer.note(Note::new(NoteLevel::Info, "warning").with("text", warning.as_str()));

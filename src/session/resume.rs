@@ -13,6 +13,7 @@ mod trips;
 
 use std::path::Path;
 
+use super::borne::{borne, peak_of};
 use super::continued::{self, Now};
 use super::desk::{Request, Unanswered, ask};
 use super::recorded::Replaced;
@@ -127,6 +128,7 @@ fn resume_by(
     check_way_back(&run, &traced, &ports, step, back_to, next.facts.rate_hz)?;
     let time = step as f64 * next.facts.dt;
     let within = next.facts.resume_within;
+    let peak = peak_of(&run, traced.rows, &ports, origin.as_ref())?;
     let before = origin.filter(|_| traced.on_its_way_in);
     let pace = (next.facts.rate_hz, next.facts.ticks_per_step);
     let left = places(&run, &ports, within, pace, before.as_ref())?;
@@ -140,8 +142,10 @@ fn resume_by(
         step,
         time,
         left,
+        peak,
     };
     resumption.left = origin.places();
+    resumption.borne = borne(&origin.peak, &ports);
     take_over(&mut next.experiment, side, ports);
     origin.put(&mut next.experiment.ports);
     next.experiment.resume = Some(resumption);
@@ -186,7 +190,8 @@ fn end_before(run: &Run, after: &[String]) -> Result<String, ResumeError> {
     let told = run.events()?;
     let mut trips = trips::of_events(&told.events);
     let may_hide = trips::may_hide(run.summary().map(|summary| summary.status), &told);
-    if trips.is_empty() && (may_hide || trips::has_a_row_of_one(run)?) {
+    let has_tripped = !trips.is_empty() || trips::has_a_row_of_one(run)?;
+    if trips.is_empty() && (may_hide || has_tripped) {
         trips.push(UNKNOWN.to_owned());
         if may_hide {
             reason += "; not all of its events can be read, and one of a trip may be among them";
@@ -207,6 +212,7 @@ fn end_before(run: &Run, after: &[String]) -> Result<String, ResumeError> {
             .collect();
         return Err(ResumeError::Tripped {
             folder: folder(),
+            has_tripped,
             reason,
             wanted: wanted.join(" "),
         });
@@ -214,8 +220,13 @@ fn end_before(run: &Run, after: &[String]) -> Result<String, ResumeError> {
     let mut text = if trips.is_empty() {
         format!("it had ended before: {reason}")
     } else {
+        let tripped = if has_tripped {
+            "HAD TRIPPED"
+        } else {
+            "MAY HAVE TRIPPED"
+        };
         format!(
-            "IT HAD TRIPPED: {reason}; it goes on because of `--after-trip` {}",
+            "IT {tripped}: {reason}; it goes on because of `--after-trip` {}",
             trips.join(", ")
         )
     };

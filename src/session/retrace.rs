@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 
+use super::borne::borne;
 use super::connect::put_standing;
 use super::recorded::{Replaced, put_recorded};
 use super::replay::ReplayError;
@@ -17,6 +18,7 @@ use super::tape::{Comparing, Recording, Tape, Verified, with};
 use crate::config::{self, ConfigError, Loaded, Prepared};
 use crate::control::Port;
 use crate::engine::{Control, Ending, Engine, Experiment, Place, Resumption, Side};
+use crate::record::summary::Peak;
 use crate::record::{Column, FolderError, Run};
 
 /// Name of the file in the folder of a resumed test.
@@ -42,6 +44,9 @@ pub(super) struct Origin {
     /// Where the axes of each specimen were left, each in its own unit: the last command, what the sensor reads there, the
     /// force, and how far off it may stand. In words, since JSON's numbers need not come back to the last bit.
     pub left: Vec<Vec<[String; 4]>>,
+    /// Largest magnitudes of the test so far, those after the rows that count, too. Older ones do not say.
+    #[serde(default)]
+    pub peak: Peak,
 }
 
 impl Origin {
@@ -217,6 +222,7 @@ pub(super) fn prepared_by(
     if let Some(origin) = Origin::of(folder)? {
         let (side, ports, mut resumption) = state_before(folder, &origin, replaced)?;
         resumption.left = origin.places();
+        resumption.borne = borne(&origin.peak, &ports);
         take_over(&mut test.experiment, side, ports);
         origin.put(&mut test.experiment.ports);
         test.experiment.resume = Some(resumption);

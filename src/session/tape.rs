@@ -315,7 +315,7 @@ fn checkpoints(run: &Run) -> Result<BTreeMap<u64, String>, FolderError> {
 }
 
 /// True of a row of the running test.
-fn is_under_way(state: f64) -> bool {
+pub(super) fn is_under_way(state: f64) -> bool {
     let between = [Stage::Correct, Stage::Predict, Stage::SlowDown];
     [Phase::Running, Phase::Holding]
         .into_iter()
@@ -324,7 +324,7 @@ fn is_under_way(state: f64) -> bool {
 }
 
 /// True of the row that ended a test before its time.
-fn is_a_trip(state: f64) -> bool {
+pub(super) fn is_a_trip(state: f64) -> bool {
     [Phase::Tripped.code(), GIVEN_UP, NOT_AWAITED].contains(&state)
 }
 

@@ -6,6 +6,7 @@ mod common;
 #[path = "../link_common/mod.rs"]
 mod link_common;
 
+mod borne;
 mod refusals;
 mod rigs;
 mod same_bits;

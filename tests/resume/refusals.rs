@@ -198,6 +198,7 @@ fn a_test_that_had_tripped_goes_on_only_for_who_names_the_trip() {
     std::fs::write(unsaid.join("events.jsonl"), &events[..torn]).unwrap();
     let unknown = "say `--after-trip unknown` if it may go on";
     refused(&unsaid, unknown, &[]);
+    refused(&unsaid, "this test had tripped (", &[]);
     // A measurement that is stale for once ends no test.
     let rows = Run::open(&unsaid).unwrap().columns(&["state"]).unwrap()[0].len();
     let stale = f64::from(Status::STALE.0);
@@ -256,7 +257,16 @@ fn where_the_event_of_a_trip_may_be_lost_the_test_goes_on_only_for_who_says_so()
         let run = with(change, &|told| told);
         refused(&run, "say `--after-trip unknown` if it may go on", &[]);
         refused(&run, "one of a trip may be among them", &[]);
+        refused(&run, "this test may have tripped (", &[]);
     }
+    let unknown = ["unknown".to_owned()];
+    let next = resume(&with(bent, &|told| told), None, &unknown, None);
+    let warnings = next
+        .unwrap_or_else(|e| panic!("{e}"))
+        .facts
+        .warnings
+        .join("\n");
+    assert!(warnings.contains("IT MAY HAVE TRIPPED: "), "{warnings}");
     // The operator had ended this one; a trip would have come before.
     let run = with(bent, &|told| told.replace("\"stopped\"", "\"interrupted\""));
     let said = go_on(&run, &at("second"));

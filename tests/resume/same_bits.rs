@@ -139,6 +139,20 @@ fn the_page_of_a_test_that_went_on_says_which_steps_it_is_of_and_what_it_tells_o
             .trim_start_matches('\u{2212}')
             .to_owned()
     };
+    // The steps before are where they are, also of a test that goes on with one that went on.
+    let last = *steps.keys().nth(100).unwrap();
+    let row = column(&at("second"), "step");
+    let row = row.iter().rposition(|step| *step == last as f64).unwrap();
+    killed(&at("second"), &at("cut"), row + 1);
+    let several = format!(
+        "../cut (steps {from} to {last}) and ../first (steps 0 to {})",
+        from - 1
+    );
+    let said = go_on(&at("cut"), &at("third"));
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let told = format!(" only; the steps before are in {several}.");
+    assert!(page("third").contains(&told), "{told}");
+
     for words in ["largest displacement, DOF 2", "largest force, storey"] {
         assert_eq!(tile(&second, words), tile(&whole, words));
         assert!(second.contains(&format!("{words}, of the whole test<")));

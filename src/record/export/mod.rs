@@ -35,6 +35,7 @@ use super::missing::MissingEnd;
 use super::run::Run;
 use super::threads::ThreadEnd;
 
+use plan::Plan;
 pub use plan::{Choice, Rows};
 pub use trace::OnlyLoop;
 
@@ -137,7 +138,7 @@ impl ExportError {
 }
 
 /// What a reader of the export should know.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum Notice {
     /// The run has no summary: it is still running or was killed.
     Unfinished,
@@ -151,6 +152,8 @@ pub enum Notice {
     MissingEnd(MissingEnd),
     /// Nothing was recorded, or nothing of it is in the window.
     Empty,
+    /// These columns, which every export has, were not recorded: there is nothing in them.
+    NotRecorded(String),
     /// A trace shows the loop's thread only.
     OnlyLoop(OnlyLoop),
     /// The stamps of other threads end in the middle of a record or in damage.
@@ -188,6 +191,10 @@ impl std::fmt::Display for Notice {
             Self::Ended(end) => write!(f, "{end}"),
             Self::MissingEnd(end) => write!(f, "the samples are cut short: {end}"),
             Self::Empty => write!(f, "there is no row to export: the file has columns only"),
+            Self::NotRecorded(columns) => write!(
+                f,
+                "samples.json has no {columns}: nothing is exported as that"
+            ),
             Self::OnlyLoop(why) => write!(f, "the trace shows the loop's thread only: {why}"),
             Self::Threads(end) => write!(f, "{end}"),
             Self::StampsLost(stamps) => write!(
@@ -220,9 +227,13 @@ impl Exported {
             .map(Notice::Ended);
         let missing = MissingEnd::of_run(run).map(Notice::MissingEnd);
         let empty = (rows == 0).then_some(Notice::Empty);
+        let plan = Plan::new(run.layout()).ok();
+        let nothing = plan.as_ref().map(Plan::not_recorded);
+        let nothing = nothing.filter(|columns| !columns.is_empty());
+        let nothing = nothing.map(|columns| Notice::NotRecorded(columns.join(", ")));
         Self {
             rows,
-            notices: [unfinished, lost, ended, missing, empty]
+            notices: [unfinished, lost, ended, missing, empty, nothing]
                 .into_iter()
                 .flatten()
                 .collect(),

@@ -206,6 +206,13 @@ impl Plan {
         self.columns.get(..self.csv).unwrap_or_default()
     }
 
+    /// Names of those of them that were not recorded.
+    pub fn not_recorded(&self) -> Vec<&str> {
+        let none = self.contract().iter();
+        let none = none.filter(|exposed| exposed.source == Source::Nothing);
+        none.map(|exposed| exposed.column.name.as_str()).collect()
+    }
+
     /// Place of the test time in a row.
     pub const fn time(&self) -> usize {
         self.time

@@ -116,7 +116,9 @@ fn a_column_that_was_not_recorded_stays_empty_in_its_place() {
     let row = [0.0, 262_144.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0];
     recorded(&path, &names, &[&row]);
     let out = temp.path().join("out.csv");
-    export_csv(&Run::open(&path).unwrap(), Rows::Step, &out).unwrap();
+    let exported = export_csv(&Run::open(&path).unwrap(), Rows::Step, &out).unwrap();
+    let empty = Notice::NotRecorded("v1, a1, target_2_1, cmd_2_1, meas_2_1".to_owned());
+    assert_eq!(exported.notices, [Notice::Unfinished, empty]);
     assert_eq!(
         std::fs::read_to_string(&out).unwrap(),
         "time,x1,v1,a1,target_2_1,cmd_2_1,meas_2_1,force_2_1,status_2\n\

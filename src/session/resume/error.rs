@@ -72,11 +72,13 @@ pub enum ResumeError {
         /// What is missing.
         missing: MissingEnd,
     },
-    /// It had tripped, and nobody says that it may go on all the same.
-    #[error("{}: this test had tripped ({reason}): look at its specimens, and say {wanted} if it may go on", folder.display())]
+    /// It had tripped, or may have, and nobody says that it may go on all the same.
+    #[error("{}: this test {} ({reason}): look at its specimens, and say {wanted} if it may go on", folder.display(), if *has_tripped { "had tripped" } else { "may have tripped" })]
     Tripped {
         /// The folder.
         folder: PathBuf,
+        /// That it had is known; otherwise what would say it cannot be read.
+        has_tripped: bool,
         /// How it ended.
         reason: String,
         /// What must be said.

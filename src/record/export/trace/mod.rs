@@ -91,7 +91,8 @@ pub(super) fn export(run: &Run, choice: &Choice, out: &Path) -> Result<Exported,
         });
     }
     let mut exported = Exported::new(run, ticks, &counting);
-    exported.notices.retain(|notice| *notice != Notice::Empty);
+    let is_of_a_table = |notice: &Notice| matches!(notice, Notice::Empty | Notice::NotRecorded(_));
+    exported.notices.retain(|notice| !is_of_a_table(notice));
     let period_us = places.period_us(run);
     let origin_us = grid
         .zero_us()

@@ -1,0 +1,57 @@
+//! The state of a test goes back to its last step that counts; what the specimens have borne after it does not.
+
+use super::*;
+use gusset::config::Prepared;
+
+/// Of a test that runs so many ticks.
+fn concluded(test: Prepared, out: &Path, ticks: usize) -> session::Finished {
+    let (says, requests) = crossbeam_channel::bounded(ticks + 1);
+    for _ in 0..ticks {
+        says.send(Operator::Continue).unwrap();
+    }
+    says.send(Operator::Stop).unwrap();
+    let folder = RunFolder::create(out).unwrap();
+    session::run(test, folder, requests, Watches::default(), &mut |_| {}).unwrap()
+}
+
+/// Neither a summary nor the loop tells of the rows behind a gap.
+#[test]
+fn what_was_measured_after_the_checkpoint_that_a_test_goes_back_to_is_a_peak_of_it() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    // It grows.
+    let text = frame(200, 1, 2.0, 0.0).replace(
+        "file]\npath = \"motion.csv\"\nunit = \"m/s2\"",
+        "sine]\namplitude = 2\nfrequency_hz = 1.4",
+    );
+    let test = test_in(home.path(), &text);
+    completed(&test, &at("whole"), &[]);
+    killed(&at("whole"), &at("gap"), 380);
+    without_rows(&at("gap"), 200..210);
+    let next = resume(&at("gap"), None, &[], None).unwrap_or_else(|e| panic!("{e}"));
+    let from = next.experiment.resume.as_ref().unwrap();
+    let [state, step] = ["state", "step"].map(|name| column(&at("gap"), name));
+    let later = |name: &str| {
+        let values = column(&at("gap"), name);
+        let rows = values.iter().zip(state.iter().zip(&step));
+        let rows = rows.filter(|(_, (state, step))| **state == 3.0 && **step > from.step() as f64);
+        rows.map(|(value, _)| value.abs()).fold(0.0, f64::max)
+    };
+    let borne = &from.borne;
+    assert_eq!(borne.forces, [[later("force_1_1")]]);
+    assert_eq!(borne.peaks.disp, [later("x1"), later("x2")]);
+    assert_eq!(borne.peaks.vel, [later("v1"), later("v2")]);
+    assert_eq!(borne.peaks.accel, [later("a1"), later("a2")]);
+    assert!(later("force_1_1") > 0.0);
+
+    let stopped = concluded(next, &at("second"), 12);
+    assert_eq!(stopped.finish, Finish::Interrupted);
+    let peak = common::json(&at("second"), "summary.json")["peak"].clone();
+    let all = |name: &str| {
+        let rows = column(&at("gap"), name).into_iter().zip(&state);
+        let rows = rows.filter(|(_, state)| **state == 3.0);
+        rows.map(|(value, _)| value.abs()).fold(0.0, f64::max)
+    };
+    assert_eq!(peak["displacement"][1].as_f64(), Some(all("x2")));
+    assert_eq!(peak["force"]["storey"][0].as_f64(), Some(all("force_1_1")));
+}
