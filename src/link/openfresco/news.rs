@@ -15,6 +15,8 @@ pub enum End {
     Finished,
     /// The connection was closed without a goodbye.
     Vanished,
+    /// The same when only so many bytes of a message had come.
+    CutShort(usize),
     /// The connection broke.
     Lost(LinkFault),
     /// Nothing came for so long, in s.
@@ -34,6 +36,14 @@ pub enum End {
 }
 
 impl End {
+    /// The same, when so many bytes of a message had come that is not whole.
+    pub(super) const fn within(self, partial: usize) -> Self {
+        match self {
+            Self::Vanished if partial > 0 => Self::CutShort(partial),
+            end => end,
+        }
+    }
+
     /// As it stands in the summary of the log.
     pub(super) const fn close(&self) -> Close {
         match self {
@@ -46,6 +56,7 @@ impl End {
                 | HostFault::TakenBack { .. },
             )) => Close::Stopped,
             Self::Vanished
+            | Self::CutShort(_)
             | Self::Tls(_)
             | Self::SpeaksTls
             | Self::Lost(_)
@@ -62,6 +73,10 @@ impl std::fmt::Display for End {
         match self {
             Self::Finished => f.write_str("the client ended the test"),
             Self::Vanished => f.write_str("the client closed the connection without a goodbye"),
+            Self::CutShort(bytes) => write!(
+                f,
+                "the client closed the connection without a goodbye, {bytes} bytes into a message that did not come whole"
+            ),
             Self::Lost(fault) => write!(f, "the connection broke: {fault}"),
             Self::Silent(seconds) => write!(f, "the client was silent for {seconds} s"),
             Self::NoSizes(seconds) => write!(
