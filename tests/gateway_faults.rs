@@ -71,6 +71,12 @@ fn a_specimen_killed_in_mid_test_ends_the_test_and_not_the_gateway() {
         assert_eq!(code, 3, "{said}");
         let reason = summary(folder, "killed").reason;
         assert!(reason.contains("the specimen is lost"), "{reason}");
+        // The watchdog that was agreed on is the gateway's, which says that it has nothing to hold any more.
+        let stands = "; where specimen 1 stands only its own end knows";
+        assert!(
+            reason.contains(stands) && !reason.contains("watchdog"),
+            "{reason}"
+        );
         let over = between.hears("test over: the specimen is lost");
         assert!(
             over.ends_with("where the specimen stands only its own end knows"),
