@@ -181,6 +181,10 @@ pub enum Retirement {
     Operator,
     /// The test was tripped or failed; the specimen holds where it is.
     Tripped,
+    /// Whoever commanded it, through us, is gone without a word.
+    Abandoned,
+    /// The program through which it was commanded was told to end.
+    Shutdown,
 }
 
 /// What went over a link, as the link itself counts it. All zero in process.

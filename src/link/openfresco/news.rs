@@ -48,22 +48,17 @@ impl End {
     pub(super) const fn close(&self) -> Close {
         match self {
             Self::Finished => Close::Completed,
-            Self::Stopped => Close::Interrupted,
+            Self::Stopped => Close::Shutdown,
             Self::Refused(ExchangeFault::Host(
                 HostFault::Tripped(
                     Trip::Limit(_) | Trip::NotFinite { .. } | Trip::Interlock | Trip::Saturated,
                 )
                 | HostFault::TakenBack { .. },
             )) => Close::Stopped,
-            Self::Vanished
-            | Self::CutShort(_)
-            | Self::Tls(_)
-            | Self::SpeaksTls
-            | Self::Lost(_)
-            | Self::Silent(_)
-            | Self::NoSizes(_)
-            | Self::GaveWay
-            | Self::Refused(_) => Close::Failed,
+            Self::Vanished | Self::CutShort(_) | Self::Tls(_) | Self::Lost(_) | Self::Silent(_) => {
+                Close::Vanished
+            }
+            Self::SpeaksTls | Self::NoSizes(_) | Self::GaveWay | Self::Refused(_) => Close::Failed,
         }
     }
 }
