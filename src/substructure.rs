@@ -181,6 +181,10 @@ pub enum Retirement {
     Operator,
     /// The test was tripped or failed; the specimen holds where it is.
     Tripped,
+    /// Whoever commanded it, through us, is gone without a word.
+    Abandoned,
+    /// The program through which it was commanded was told to end.
+    Shutdown,
 }
 
 /// What went over a link, as the link itself counts it. All zero in process.
@@ -229,9 +233,15 @@ pub enum Holder {
     ItsWatchdog,
     /// The same, but it was never armed: no command has left for it.
     NeverArmed,
+    /// What lies between has lost it, as that says itself: only its own end knows where it stands.
+    Unknown,
     /// Nobody: its protocol has no word for it.
     Nobody,
 }
+
+/// Of a specimen whose end is gone or silent: what it does now nobody here knows, only what was agreed.
+pub(crate) const AGREED: &str =
+    "a watchdog was agreed with its end, which has to hold it: look whether it does";
 
 /// Why a specimen cannot take part. Nothing was moved.
 #[derive(Debug, Clone, PartialEq, Error)]

@@ -100,6 +100,9 @@ fn a_message_that_is_cut_short_moves_nothing_and_frees_the_port() {
         drop(stream);
         let end = served.hears("closed the connection without a goodbye");
         assert!(end.contains("0 commands"), "{end}");
+        // The sizes are 44 bytes long, and a message of their own.
+        let within = format!("a goodbye, {} bytes into a message", length % 44);
+        assert_eq!(end.contains(&within), length != 44, "{end}");
     }
 }
 

@@ -142,7 +142,7 @@ pub enum EventKind {
         /// Why.
         fault: crate::substructure::LinkFault,
     },
-    /// Specimen `port` did not answer the last words: its own watchdog holds it.
+    /// Specimen `port` did not answer the last words.
     Unacknowledged {
         /// Specimen, from 0.
         port: u32,

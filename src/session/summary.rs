@@ -17,7 +17,7 @@ use crate::rt::Granted;
 use crate::rt::timing::export::write_hgrm;
 use crate::rt::timing::{Quantity, Timing};
 use crate::rt::wall::Wall;
-use crate::substructure::{Holder, LinkFault};
+use crate::substructure::{AGREED, Holder, LinkFault};
 
 /// When the loop began, and how long it took on the wall.
 #[derive(Debug, Clone, Copy)]
@@ -247,10 +247,13 @@ pub fn ending(outcome: &Outcome) -> (Finish, String) {
         let number = index + 1;
         reason.push_str(&match outcome.holders.get(index) {
             Some(Holder::ItsWatchdog) => {
-                format!("; specimen {number} is held by its own watchdog")
+                format!("; specimen {number}: {AGREED}")
             }
             Some(Holder::NeverArmed) => {
                 format!("; specimen {number} was never armed: no command has left for it")
+            }
+            Some(Holder::Unknown) => {
+                format!("; where specimen {number} stands only its own end knows")
             }
             Some(Holder::Nobody) => format!(
                 "; nobody holds specimen {number}: it is where its own controller leaves it"
@@ -266,7 +269,7 @@ pub fn ending(outcome: &Outcome) -> (Finish, String) {
     }
     for index in &outcome.unheard {
         reason = format!(
-            "{reason}; specimen {} did not acknowledge the end: its own watchdog holds it",
+            "{reason}; specimen {} did not acknowledge the end: {AGREED}",
             index + 1
         );
     }

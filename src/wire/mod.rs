@@ -244,7 +244,7 @@ pub enum WireError {
         found: &'static str,
     },
     /// An action that is not even a plausible number.
-    #[error("the action is {found}, a number from 1 to 99 wanted")]
+    #[error("the action is {found}; there are 1 to 15, 98 and 99, all whole, and 4.1, 4.2 and 4.3")]
     Action {
         /// What was found.
         found: f64,

@@ -109,7 +109,7 @@ fn way_out(choice: ExitChoice, speed: Option<f64>) -> String {
     let led = |to: &str| {
         format!(
             "every specimen is led to {to}, at {speed} m/s at most (while directions and zeros are being found it stays; one that \
-             is lost, silent or saturated, or whose interlock is open, is held by its own watchdog; a further limit that trips on \
+             is lost, silent or saturated, or whose interlock is open, is left to its own end; a further limit that trips on \
              the way leaves all where they are)"
         )
     };

@@ -9,6 +9,7 @@ use super::refused::{parting, reason};
 use super::setup::{NativeSetup, nudge_ns, watchdog_ns};
 use crate::link::Transport;
 use crate::link::inbox::Inbox;
+use crate::link::rig::LOST;
 use crate::link::socket::LOOK;
 use crate::substructure::{
     Command, Coupling, Freshness, LinkFault, LinkStats, Measurement, Status,
@@ -133,6 +134,11 @@ impl Live {
         let below = below.map(|why| format!("TLS: {why}"));
         let all: Vec<_> = ours.into_iter().chain(below).collect();
         (!all.is_empty()).then(|| all.join("; "))
+    }
+
+    /// True if a gateway has said that the specimen behind it is lost.
+    pub(super) fn has_lost_it(&self) -> bool {
+        matches!(&self.detail, Some(Detail::Said(text)) if text.contains(LOST))
     }
 
     /// Real-time: yes.

@@ -92,7 +92,10 @@ impl Substructure for NativeLink {
     }
 
     fn holder(&self) -> Holder {
-        Holder::ItsWatchdog
+        match &self.live {
+            Some(live) if live.has_lost_it() => Holder::Unknown,
+            _ => Holder::ItsWatchdog,
+        }
     }
 
     fn connect(&mut self) -> Result<Introduction, Unavailable> {

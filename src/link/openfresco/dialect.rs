@@ -111,6 +111,15 @@ impl Machine {
         }
     }
 
+    /// Bytes of a message that has not come whole.
+    pub(super) const fn partial(&self) -> usize {
+        match self {
+            Self::Vectors { machine, .. } => machine.partial(),
+            Self::Actor(machine) => machine.partial(),
+            Self::Simulink { machine, .. } => machine.partial(),
+        }
+    }
+
     /// Takes one message or a part of it and does what it says; a specimen's answer is waited for as long as it is `wanted`.
     /// Real-time: yes, after the sizes.
     pub(super) fn hear(

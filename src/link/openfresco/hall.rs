@@ -276,7 +276,10 @@ impl Guest {
                 Line::Open(link) => match link.recv(buffer, LOOK) {
                     Ok(Some(count)) => buffer.get(..count).unwrap_or_default().to_vec(),
                     Ok(None) => break,
-                    Err(fault) => return Err(lost(link.as_ref(), fault)),
+                    Err(fault) => {
+                        let end = lost(link.as_ref(), fault);
+                        return Err(end.within(self.machine.partial()));
+                    }
                 },
                 Line::Letters(letters) => match letters.pop_front() {
                     Some(letter) => letter,

@@ -15,6 +15,8 @@ pub enum End {
     Finished,
     /// The connection was closed without a goodbye.
     Vanished,
+    /// The same when only so many bytes of a message had come.
+    CutShort(usize),
     /// The connection broke.
     Lost(LinkFault),
     /// Nothing came for so long, in s.
@@ -34,25 +36,29 @@ pub enum End {
 }
 
 impl End {
+    /// The same, when so many bytes of a message had come that is not whole.
+    pub(super) const fn within(self, partial: usize) -> Self {
+        match self {
+            Self::Vanished if partial > 0 => Self::CutShort(partial),
+            end => end,
+        }
+    }
+
     /// As it stands in the summary of the log.
     pub(super) const fn close(&self) -> Close {
         match self {
             Self::Finished => Close::Completed,
-            Self::Stopped => Close::Interrupted,
+            Self::Stopped => Close::Shutdown,
             Self::Refused(ExchangeFault::Host(
                 HostFault::Tripped(
                     Trip::Limit(_) | Trip::NotFinite { .. } | Trip::Interlock | Trip::Saturated,
                 )
                 | HostFault::TakenBack { .. },
             )) => Close::Stopped,
-            Self::Vanished
-            | Self::Tls(_)
-            | Self::SpeaksTls
-            | Self::Lost(_)
-            | Self::Silent(_)
-            | Self::NoSizes(_)
-            | Self::GaveWay
-            | Self::Refused(_) => Close::Failed,
+            Self::Vanished | Self::CutShort(_) | Self::Tls(_) | Self::Lost(_) | Self::Silent(_) => {
+                Close::Vanished
+            }
+            Self::SpeaksTls | Self::NoSizes(_) | Self::GaveWay | Self::Refused(_) => Close::Failed,
         }
     }
 }
@@ -62,6 +68,10 @@ impl std::fmt::Display for End {
         match self {
             Self::Finished => f.write_str("the client ended the test"),
             Self::Vanished => f.write_str("the client closed the connection without a goodbye"),
+            Self::CutShort(bytes) => write!(
+                f,
+                "the client closed the connection without a goodbye, {bytes} bytes into a message that did not come whole"
+            ),
             Self::Lost(fault) => write!(f, "the connection broke: {fault}"),
             Self::Silent(seconds) => write!(f, "the client was silent for {seconds} s"),
             Self::NoSizes(seconds) => write!(

@@ -148,7 +148,7 @@ impl Attendance<'_> {
                     }
                 }
                 Ok(None) => {}
-                Err(fault) => return lost(link, fault),
+                Err(fault) => return lost(link, fault).within(machine.partial()),
             }
             let now = monotonic_ns();
             if now < look_at {

@@ -282,8 +282,8 @@ impl Log {
     /// Writes everything down. What cannot be written is told in the program's log.
     pub fn close(self, close: Close, text: &str, stats: &LinkStats, commits: u64) {
         let level = match close {
-            Close::Completed | Close::Interrupted => NoteLevel::Info,
-            Close::Stopped | Close::Failed => NoteLevel::Error,
+            Close::Completed | Close::Interrupted | Close::Shutdown => NoteLevel::Info,
+            Close::Stopped | Close::Failed | Close::Vanished => NoteLevel::Error,
         };
         self.note(Note::new(level, "ended").with("text", text));
         let Self {

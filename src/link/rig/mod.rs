@@ -70,6 +70,9 @@ impl Visitor {
     }
 }
 
+/// How a gateway begins to say that the specimen behind it is lost; its controller knows it by these words.
+pub(in crate::link) const LOST: &str = "the specimen is lost";
+
 /// Why a specimen is not commanded any more. Latched until the controller's test is over.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum Trip {
@@ -102,7 +105,7 @@ pub enum Trip {
     )]
     Holds(u64),
     /// The specimen is gone.
-    #[error("the specimen is lost: {0}")]
+    #[error("{}: {}", LOST, .0)]
     Lost(LinkFault),
 }
 

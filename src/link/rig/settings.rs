@@ -30,9 +30,13 @@ pub enum Close {
     Completed,
     /// A limit, an interlock, or the controller's own trip.
     Stopped,
-    /// An operator: our own, or the controller's.
+    /// The controller's operator.
     Interrupted,
-    /// The specimen or the controller was lost, or nonsense came.
+    /// A program was told to end: our own, or the controller's.
+    Shutdown,
+    /// The controller is gone without a word.
+    Vanished,
+    /// The specimen was lost, or nonsense came.
     Failed,
 }
 
@@ -46,7 +50,7 @@ pub struct Over {
 }
 
 impl Over {
-    /// The specimen or the controller was lost, or nonsense came.
+    /// The specimen was lost, or nonsense came.
     #[must_use]
     pub fn failed(text: impl ToString) -> Self {
         Self {
@@ -55,11 +59,20 @@ impl Over {
         }
     }
 
+    /// The controller is gone without a word.
+    #[must_use]
+    pub fn vanished(text: impl ToString) -> Self {
+        Self {
+            close: Close::Vanished,
+            text: text.to_string(),
+        }
+    }
+
     /// Our own operator ends it.
     #[must_use]
     pub fn told_to_stop() -> Self {
         Self {
-            close: Close::Interrupted,
+            close: Close::Shutdown,
             text: "the server was told to stop".to_owned(),
         }
     }

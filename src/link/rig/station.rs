@@ -243,7 +243,7 @@ impl Station {
                 let said = self.dismiss(close);
                 let text = with_last_words(text, said);
                 let over = Over { close, text };
-                if over.close == Close::Failed {
+                if matches!(over.close, Close::Failed | Close::Vanished) {
                     self.note(NoteLevel::Error, "link", &over.text);
                 }
                 self.end(over.close, &over.text);

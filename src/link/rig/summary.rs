@@ -91,8 +91,8 @@ pub(super) fn summarise(
         Close::Completed if end.required && recorded.rows_lost() > 0 => Status::Stopped,
         Close::Completed => Status::Completed,
         Close::Stopped => Status::Stopped,
-        Close::Interrupted => Status::Interrupted,
-        Close::Failed => Status::Failed,
+        Close::Interrupted | Close::Shutdown => Status::Interrupted,
+        Close::Failed | Close::Vanished => Status::Failed,
     };
     let link = LinkCounts {
         sent: counted.passed_on,

@@ -134,7 +134,7 @@ pub(super) fn get_ready(
     let armed = session.greeted.armed(session.arm.clone());
     if let Err(fault) = session.line.send(&armed) {
         let text = fault.to_string();
-        station.end(Close::Failed, &text);
+        station.end(Close::Vanished, &text);
         return Err(Box::new((Heard::Refused { peer, text }, session.line)));
     }
     desk.tell(Heard::Armed {
@@ -162,7 +162,14 @@ impl Session {
         match self.line.recv(self.inbox.space(), LOOK) {
             Ok(Some(count)) => self.inbox.filled(count),
             Ok(None) => {}
-            Err(fault) => return Err(lost_controller(&self.line, self.peer, fault)),
+            Err(fault) => {
+                return Err(lost_controller(
+                    &self.line,
+                    self.inbox.is_stream(),
+                    self.peer,
+                    fault,
+                ));
+            }
         }
         loop {
             let place = match self.inbox.next() {

@@ -383,6 +383,30 @@ mod tests {
         );
     }
 
+    /// Whoever wakes up late answers what has waited, and hears that nobody is there any more; but behind it lie the last words.
+    #[test]
+    fn what_a_udp_peer_said_before_it_left_is_read_before_it_counts_as_gone() {
+        let far = UdpSocket::bind("127.0.0.1:0").unwrap();
+        let address = far.local_addr().unwrap().to_string();
+        let mut ours = UdpTransport::connect(&address, SocketOptions::default()).unwrap();
+        ours.send(b"hello").unwrap();
+        let (_, peer) = far.recv_from(&mut [0; 64]).unwrap();
+        for word in [b"command".as_slice(), b"command", b"retire"] {
+            far.send_to(word, peer).unwrap();
+        }
+        drop(far);
+        let mut buffer = [0; 64];
+        for word in [b"command".as_slice(), b"command", b"retire"] {
+            let count = ours.recv(&mut buffer, later(5 * SECOND)).unwrap().unwrap();
+            assert_eq!(&buffer[..count], word);
+            ours.send(b"answer").unwrap();
+        }
+        assert_eq!(
+            ours.recv(&mut buffer, later(5 * SECOND)),
+            Err(LinkFault::Closed)
+        );
+    }
+
     #[test]
     fn sending_and_receiving_allocate_nothing() {
         let (mut ours, mut theirs) = tcp_pair(SocketOptions::default());

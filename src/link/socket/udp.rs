@@ -1,5 +1,6 @@
 //! UDP: datagrams to and from one peer.
 
+use std::io;
 use std::net::{SocketAddr, UdpSocket};
 use std::os::fd::AsFd;
 use std::time::Duration;
@@ -18,6 +19,8 @@ pub struct UdpTransport {
     peer: SocketAddr,
     options: SocketOptions,
     kept: Kept,
+    /// A datagram of ours has come back: nobody listens there any more.
+    is_refused: bool,
 }
 
 impl UdpTransport {
@@ -69,6 +72,7 @@ impl UdpTransport {
             peer,
             options,
             kept: Kept::new(),
+            is_refused: false,
         })
     }
 
@@ -85,9 +89,26 @@ impl UdpTransport {
 
     /// A datagram leaves whole or not at all.
     fn flush(&mut self) -> Result<(), LinkFault> {
-        let socket = &self.socket;
-        self.kept.flush(|bytes| socket.send(bytes))
+        let Self {
+            socket,
+            kept,
+            is_refused,
+            ..
+        } = self;
+        kept.flush(|bytes| match socket.send(bytes) {
+            Err(error) if notes_refusal(&error, is_refused) => {
+                Err(io::ErrorKind::Interrupted.into())
+            }
+            other => other,
+        })
     }
+}
+
+/// True for the word that a datagram came back, which the system says once, and ahead of what lies in the queue.
+fn notes_refusal(error: &io::Error, is_refused: &mut bool) -> bool {
+    let is_one = error.kind() == io::ErrorKind::ConnectionRefused;
+    *is_refused |= is_one;
+    is_one
 }
 
 impl Transport for UdpTransport {
@@ -100,6 +121,8 @@ impl Transport for UdpTransport {
         loop {
             match self.socket.send(frame) {
                 Ok(_) => return Ok(()),
+                // The word is of an earlier datagram; what the peer sent before it left is read first.
+                Err(error) if notes_refusal(&error, &mut self.is_refused) => {}
                 Err(error) => match verdict(&error) {
                     Verdict::Again => {}
                     Verdict::NotNow => return self.kept.keep(frame),
@@ -121,8 +144,11 @@ impl Transport for UdpTransport {
                     }
                 }
                 Ok(count) => return Ok(Some(count)),
+                Err(error) if notes_refusal(&error, &mut self.is_refused) => {}
                 Err(error) => match verdict(&error) {
                     Verdict::Again => {}
+                    // Its last words may have waited behind the refusal: it is gone when they are read.
+                    Verdict::NotNow if self.is_refused => return Err(LinkFault::Closed),
                     Verdict::NotNow => {
                         if !pause.wait(self.socket.as_fd(), !self.kept.is_empty()) {
                             return Ok(None);

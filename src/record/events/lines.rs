@@ -8,7 +8,7 @@ use super::super::utc::rfc3339;
 use super::super::{Event, EventKind};
 use super::EventLog;
 use super::names::{fault_name, kind_name};
-use crate::substructure::LinkFault;
+use crate::substructure::{AGREED, LinkFault};
 
 /// Log lines of one kind before they move to the debug level; the file has them all.
 const LOUD: u64 = 5;
@@ -130,7 +130,7 @@ impl<S: Store> EventLog<S> {
                 self.specimen(line, port);
                 tracing::warn!(
                     specimen = port + 1,
-                    "the end of the test was not acknowledged: the specimen's own watchdog holds it"
+                    "the end of the test was not acknowledged: {AGREED}"
                 );
             }
             EventKind::Interlock { port } => {

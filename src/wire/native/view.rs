@@ -155,6 +155,8 @@ impl From<Retirement> for Cause {
             Retirement::Orderly => Cause::Orderly,
             Retirement::Operator => Cause::Operator,
             Retirement::Tripped => Cause::Tripped,
+            Retirement::Abandoned => Cause::Watchdog,
+            Retirement::Shutdown => Cause::Shutdown,
         }
     }
 }

@@ -167,6 +167,9 @@ mod tests {
         for found in [3.5, 10.9, 98.000_000_1] {
             assert_eq!(Action::whole(found), Err(WireError::Action { found }));
             assert_eq!(Action::exact(found), Ok(None));
+            let told = WireError::Action { found }.to_string();
+            let known = "there are 1 to 15, 98 and 99, all whole, and 4.1, 4.2 and 4.3";
+            assert_eq!(told, format!("the action is {found}; {known}"));
         }
         for (code, action) in TABLE {
             assert_eq!(Action::exact(code), Ok(Some(action)));

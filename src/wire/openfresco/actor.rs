@@ -145,6 +145,12 @@ impl Actor {
         self.served.as_mut().ok_or(NOT_READY)?.answer(response)
     }
 
+    /// Bytes of a message that has not come whole.
+    #[must_use]
+    pub const fn partial(&self) -> usize {
+        self.inbox.partial()
+    }
+
     /// Over UDP: cut answers into pieces of this many bytes, as the shadow cuts its vectors.
     #[must_use]
     pub fn piece(&self) -> usize {

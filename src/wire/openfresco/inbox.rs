@@ -81,6 +81,11 @@ impl Inbox {
         self.filled == 0
     }
 
+    /// Bytes of a message that has not come whole.
+    pub(super) const fn partial(&self) -> usize {
+        self.filled
+    }
+
     /// A datagram of one byte where a message begins: a greeting, or a stray of one.
     pub(super) fn is_single(&self, bytes: &[u8]) -> bool {
         self.carrier == Carrier::Datagrams && self.is_empty() && bytes.len() == 1

@@ -119,6 +119,10 @@ impl Opening {
         self.reply
     }
 
+    pub(super) const fn partial(&self) -> usize {
+        self.inbox.partial()
+    }
+
     pub(super) fn piece(&self) -> usize {
         self.inbox.piece()
     }

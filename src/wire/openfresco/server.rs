@@ -142,6 +142,12 @@ impl Server {
         self.served.as_mut().ok_or(NOT_READY)?.answer_matrix(rows)
     }
 
+    /// Bytes of a message that has not come whole.
+    #[must_use]
+    pub const fn partial(&self) -> usize {
+        self.opening.partial()
+    }
+
     /// Over UDP: cut answers into pieces of this many bytes, as the client cuts its vectors.
     #[must_use]
     pub fn piece(&self) -> usize {

@@ -131,6 +131,12 @@ impl Simulink {
         Ok(&self.outbox)
     }
 
+    /// Bytes of a message that has not come whole.
+    #[must_use]
+    pub const fn partial(&self) -> usize {
+        self.opening.partial()
+    }
+
     /// Over UDP: cut answers into pieces of this many bytes, as the client cuts its vectors.
     #[must_use]
     pub fn piece(&self) -> usize {

@@ -31,6 +31,8 @@ impl Station {
         let said = self.rig.end(match close {
             Close::Completed => Retirement::Orderly,
             Close::Interrupted => Retirement::Operator,
+            Close::Shutdown => Retirement::Shutdown,
+            Close::Vanished => Retirement::Abandoned,
             Close::Stopped | Close::Failed => Retirement::Tripped,
         })?;
         // The trip said so already, or it says what the trip said.

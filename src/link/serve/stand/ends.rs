@@ -33,8 +33,11 @@ impl From<Over> for Wrong {
 const fn close_of(cause: Option<Cause>) -> Close {
     match cause {
         Some(Cause::Orderly) => Close::Completed,
-        Some(Cause::Operator | Cause::Shutdown) => Close::Interrupted,
-        Some(Cause::Tripped | Cause::Watchdog | Cause::Interlock) | None => Close::Stopped,
+        Some(Cause::Operator) => Close::Interrupted,
+        Some(Cause::Shutdown) => Close::Shutdown,
+        // Of a gateway: its own controller is gone.
+        Some(Cause::Watchdog) => Close::Vanished,
+        Some(Cause::Tripped | Cause::Interlock) | None => Close::Stopped,
     }
 }
 
@@ -58,7 +61,9 @@ impl Stand {
             Cause::Orderly => "in an orderly way",
             Cause::Operator => "by the operator",
             Cause::Tripped => "because the test tripped",
-            other => &format!("because {}", other.why()),
+            Cause::Watchdog => "because its controller is gone",
+            Cause::Shutdown => "because the program that commands it ends",
+            Cause::Interlock => "because an interlock opened",
         };
         let close = close_of(Some(notice.cause));
         self.commits_what_ends(close);
@@ -110,7 +115,10 @@ impl Stand {
     }
 
     fn commits_what_ends(&mut self, close: Close) {
-        let is_orderly = matches!(close, Close::Completed | Close::Interrupted);
+        let is_orderly = matches!(
+            close,
+            Close::Completed | Close::Interrupted | Close::Shutdown
+        );
         if is_orderly && self.sequence.is_some() {
             self.station.commit();
         }

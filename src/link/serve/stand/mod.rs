@@ -197,7 +197,14 @@ impl Stand {
         match self.line.recv(self.inbox.space(), until) {
             Ok(Some(count)) => self.inbox.filled(count),
             Ok(None) => {}
-            Err(fault) => return Err(lost_controller(&self.line, self.peer, fault)),
+            Err(fault) => {
+                return Err(lost_controller(
+                    &self.line,
+                    self.inbox.is_stream(),
+                    self.peer,
+                    fault,
+                ));
+            }
         }
         Ok(())
     }
@@ -217,7 +224,14 @@ impl Stand {
             match self.line.recv(self.inbox.space(), Nanos(0)) {
                 Ok(Some(count)) => self.inbox.filled(count),
                 Ok(None) => break,
-                Err(fault) => return Err(lost_controller(&self.line, self.peer, fault)),
+                Err(fault) => {
+                    return Err(lost_controller(
+                        &self.line,
+                        self.inbox.is_stream(),
+                        self.peer,
+                        fault,
+                    ));
+                }
             }
             self.take_frames(desk)?;
         }
@@ -322,27 +336,37 @@ impl Stand {
     fn send(&mut self, written: Result<usize, WireError>) -> Result<(), Over> {
         let length = written.map_err(Over::failed)?;
         let frame = self.out.get(..length).unwrap_or_default();
-        self.line.send(frame).map_err(Over::failed)
+        let sent = self.line.send(frame);
+        let is_stream = self.inbox.is_stream();
+        sent.map_err(|fault| lost_controller(&self.line, is_stream, self.peer, fault))
     }
 }
 
 /// Nothing was heard of the controller for so many ns.
 pub(super) fn gone_silent(peer: SocketAddr, silent_ns: u64) -> Over {
     let seconds = silent_ns / 1_000_000_000;
-    Over::failed(format_args!("{peer} has been silent for {seconds} s"))
+    Over::vanished(format_args!("{peer} has been silent for {seconds} s"))
 }
 
 /// Why nothing more comes from the controller.
-pub(super) fn lost_controller(line: &Line, peer: SocketAddr, fault: LinkFault) -> Over {
+pub(super) fn lost_controller(
+    line: &Line,
+    is_stream: bool,
+    peer: SocketAddr,
+    fault: LinkFault,
+) -> Over {
     match (line.tls_fault(), fault) {
-        _ if line.is_cut() => Over::failed(format_args!(
+        _ if line.is_cut() => Over::vanished(format_args!(
             "the connection to {peer} is cut: a fault that is played (closed)"
         )),
-        (Some(why), _) => Over::failed(format_args!("{peer}: TLS: {why}")),
-        (None, LinkFault::Closed) => Over::failed(format_args!(
+        (Some(why), _) => Over::vanished(format_args!("{peer}: TLS: {why}")),
+        (None, LinkFault::Closed) if !is_stream => Over::vanished(format_args!(
+            "{peer} left without a goodbye: nobody listens there any more"
+        )),
+        (None, LinkFault::Closed) => Over::vanished(format_args!(
             "{peer} closed the connection without a goodbye"
         )),
-        (None, fault) => Over::failed(fault),
+        (None, fault) => Over::vanished(fault),
     }
 }
 
