@@ -1,7 +1,6 @@
 //! What an interrupted test has come to, also after the last step that counts: the state goes back to that step, what the
 //! specimens have borne does not.
 
-use super::retrace::Origin;
 use super::tape::{is_a_trip, is_under_way};
 use crate::control::Port;
 use crate::engine::{Borne, Peaks};
@@ -9,13 +8,13 @@ use crate::record::summary::Peak;
 use crate::record::{FolderError, Run};
 use crate::substructure::Status;
 
-/// Largest magnitudes of a test and of those that it went on with: as its summary has them, of a test without one those of its
-/// rows from the one with this number on. What is before them the retraced loop knows.
+/// Largest magnitudes of a test and of those that it went on with, which came to `before`: as its summary has them, of a test
+/// without one those of its rows from the one with this number on. What is before them the retraced loop knows.
 pub(super) fn peak_of(
     run: &Run,
     from: u64,
     ports: &[Port],
-    origin: Option<&Origin>,
+    before: Option<&Peak>,
 ) -> Result<Peak, FolderError> {
     let summary = run.summary().map(|summary| &summary.peak);
     // A loop that broke down said nothing of them.
@@ -24,8 +23,8 @@ pub(super) fn peak_of(
         Some(peak) => peak.clone(),
         None => of_rows(run, from, ports)?,
     };
-    if let Some(origin) = origin {
-        raise_all(&mut peak, &origin.peak);
+    if let Some(before) = before {
+        raise_all(&mut peak, before);
     }
     Ok(peak)
 }

@@ -128,7 +128,12 @@ fn resume_by(
     check_way_back(&run, &traced, &ports, step, back_to, next.facts.rate_hz)?;
     let time = step as f64 * next.facts.dt;
     let within = next.facts.resume_within;
-    let peak = peak_of(&run, traced.rows, &ports, origin.as_ref())?;
+    let peak = peak_of(
+        &run,
+        traced.rows,
+        &ports,
+        origin.as_ref().map(|origin| &origin.peak),
+    )?;
     let before = origin.filter(|_| traced.on_its_way_in);
     let pace = (next.facts.rate_hz, next.facts.ticks_per_step);
     let left = places(&run, &ports, within, pace, before.as_ref())?;

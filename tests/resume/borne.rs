@@ -14,6 +14,45 @@ fn concluded(test: Prepared, out: &Path, ticks: usize) -> session::Finished {
     session::run(test, folder, requests, Watches::default(), &mut |_| {}).unwrap()
 }
 
+/// The largest of these is that of the trip, in no row that counts.
+#[test]
+fn the_force_that_tripped_a_test_is_a_peak_of_the_tests_that_went_on_with_it() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let text = frame(200, 1, 2.0, 0.0)
+        + "[specimen.limits]\nmeasured_force_n = { trip = [-1.2e3, 1.2e3] }\n";
+    let test = test_in(home.path(), &text);
+    let said = common::run(&test, &at("first"), &[]);
+    assert_eq!(said.code, Some(1), "{}", said.stderr);
+    let summary = |name: &str| common::json(&at(name), "summary.json");
+    let peak = summary("first")["peak"].clone();
+    let tripped = peak["force"]["storey"][0].as_f64().unwrap();
+    assert!(tripped > 1.2e3, "{peak}");
+
+    // Each is stopped before a step of its own: what it tells of the whole test is what the first has come to.
+    let trip = ["measured_force_n".to_owned()];
+    let mut before = "first";
+    for (name, trips) in [("second", &trip[..]), ("third", &[])] {
+        let next = resume(&at(before), None, trips, None).unwrap_or_else(|e| panic!("{e}"));
+        let ended = concluded(next, &at(name), 2);
+        assert_eq!(ended.finish, Finish::Interrupted);
+        assert_eq!(summary(name)["peak"], peak, "{name}");
+        let origin = common::json(&at(name), "resumed.json");
+        assert_eq!(origin["peak"], peak, "{name}");
+        let found = replay(&at(name)).unwrap();
+        assert!(found.difference.is_none(), "{name}: {found:?}");
+        before = name;
+    }
+
+    // A recording from before such files had that is still gone on with.
+    let older = at("second").join("resumed.json");
+    let mut origin = common::json(&at("second"), "resumed.json");
+    origin.as_object_mut().unwrap().remove("peak");
+    std::fs::write(older, origin.to_string()).unwrap();
+    let found = replay(&at("second")).unwrap();
+    assert!(found.difference.is_none(), "{found:?}");
+}
+
 /// Neither a summary nor the loop tells of the rows behind a gap.
 #[test]
 fn what_was_measured_after_the_checkpoint_that_a_test_goes_back_to_is_a_peak_of_it() {
