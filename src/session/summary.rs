@@ -169,7 +169,8 @@ fn gaps(gaps: Gaps) -> Option<String> {
         times => format!("{times} times"),
     };
     Some(format!(
-        "{times}, outside of the test itself (in a hold, or on its way in or out), no command left for up to {longest_s:.2} s: the          program was stopped, or an answer was waited for (`gap` in events.jsonl)"
+        "{times}, outside of the test itself (in a hold, or on its way in or out), no command left for up to {longest_s:.2} s: the \
+         program was stopped, or an answer was waited for (`gap` in events.jsonl)"
     ))
 }
 
