@@ -10,7 +10,7 @@ use super::exit::Exit;
 use super::frontier::frontier;
 use super::progress::ProgressLine;
 use super::table::Table;
-use super::{answer, tell};
+use super::{answer, only_with, tell};
 use crate::record::{Progress, RunFolder, What};
 use crate::report::{Percentiles, jitter_svg};
 use crate::rt::TimingSpec;
@@ -26,11 +26,8 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<Exit> {
     if let Some(model) = args.model {
         return frontier(args, model);
     }
-    // The parser lets `requires` pass where a key that excludes --model is given, too.
     let of_model = [("--rates", !args.rates.is_empty()), ("--quick", args.quick)];
-    if let Some((flag, _)) = of_model.into_iter().find(|(_, given)| *given) {
-        anyhow::bail!("{flag} is for --model, which is not given");
-    }
+    only_with("--model", of_model).map_err(anyhow::Error::msg)?;
     let rate = Ratio::parse(&args.rate).with_context(|| format!("--rate {:?}", args.rate))?;
     anyhow::ensure!(
         rate.value() <= HIGHEST_HZ,

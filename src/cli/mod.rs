@@ -124,6 +124,18 @@ fn tell(text: impl Display) {
     let _nobody_reads = writeln!(io::stderr(), "{text}");
 }
 
+/// Refuses the first of these flags that is given, beside `whole`, which is not: the parser lets `requires` pass where another key
+/// is given that excludes that one.
+fn only_with(
+    whole: &str,
+    flags: impl IntoIterator<Item = (&'static str, bool)>,
+) -> Result<(), String> {
+    match flags.into_iter().find(|(_, given)| *given) {
+        Some((flag, _)) => Err(format!("{flag} is for {whole}, which is not given")),
+        None => Ok(()),
+    }
+}
+
 /// The result to stdout. A reader who has seen enough (`| head`) is no error.
 fn answer(text: impl Display) -> io::Result<()> {
     let mut out = io::stdout().lock();

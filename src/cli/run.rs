@@ -12,7 +12,7 @@ use super::live;
 use super::screen;
 use super::status::Status;
 use super::table::{Table, duration, quantity};
-use super::{answer, stability, tell, warn};
+use super::{answer, only_with, stability, tell, warn};
 use crate::config::{self, ConfigError, Facts, Loaded, Method, Prepared};
 use crate::record::Progress;
 use crate::report::told;
@@ -101,15 +101,12 @@ fn prepare(args: &RunArgs) -> anyhow::Result<Prepared> {
             other => WithExit(Exit::Usage, format!("{other}\nnothing was moved")).into(),
         });
     }
-    // The parser lets `requires` pass where a key that excludes --resume is given, too.
     let of_resumed = [
         ("--after-trip", !args.after_trip.is_empty()),
         ("--back-to-step", args.back_to_step.is_some()),
     ];
-    if let Some((flag, _)) = of_resumed.into_iter().find(|(_, given)| *given) {
-        let text = format!("{flag} is for --resume, which is not given\nnothing was moved");
-        return Err(WithExit(Exit::Usage, text).into());
-    }
+    only_with("--resume", of_resumed)
+        .map_err(|text| anyhow::anyhow!("{text}\nnothing was moved"))?;
     let test = args.test.as_deref().context("no test file is given")?;
     let loaded = args.test_run.load(test)?;
     config::build(&loaded).map_err(refused)

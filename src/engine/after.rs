@@ -133,10 +133,10 @@ impl Engine {
             Ending::Stopped(Stop::Misfit { .. } | Stop::Moved { .. })
         );
         self.operator_stopped = matches!(ending, Ending::Stopped(Stop::Operator));
+        if tripped {
+            self.enter(Phase::Tripped, Cause::from(*ending));
+        }
         if let Ending::Stopped(stop) = ending {
-            if tripped {
-                self.enter(Phase::Tripped, Cause::Stopped(*stop));
-            }
             self.bear_in_mind(stop);
         }
         if tripped {
@@ -169,10 +169,10 @@ impl Engine {
         if !moves {
             return Ok(());
         }
-        let cause = match ending {
-            Ending::Stopped(Stop::Operator) => Cause::Operator,
-            Ending::Stopped(stop) if tripped => Cause::Stopped(*stop),
-            _ => Cause::Done,
+        let cause = if tripped || self.operator_stopped {
+            Cause::from(*ending)
+        } else {
+            Cause::Done
         };
         self.enter(Phase::Leaving, cause);
         // Whatever ends it, the specimens stand at their last commands.

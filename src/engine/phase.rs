@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicU8, Ordering};
 
 use serde::{Deserialize, Serialize};
 
-use super::Stop;
+use super::{Ending, Stop};
 
 /// Where in its life a test is. The numbers stand in the column `state`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -216,6 +216,16 @@ pub enum Cause {
     Operator,
     /// A limit, a fault or an alarm.
     Stopped(Stop),
+}
+
+impl From<Ending> for Cause {
+    fn from(ending: Ending) -> Self {
+        match ending {
+            Ending::Completed => Cause::Done,
+            Ending::Stopped(Stop::Operator) => Cause::Operator,
+            Ending::Stopped(stop) => Cause::Stopped(stop),
+        }
+    }
 }
 
 impl Cause {

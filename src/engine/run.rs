@@ -45,13 +45,11 @@ impl Engine {
         self.retire(how);
         self.note_unheard();
         let cause = match ending {
-            Ending::Stopped(stop @ Stop::Internal) => Cause::Stopped(stop),
+            Ending::Stopped(Stop::Internal) => Cause::from(ending),
             // The way out has come to its end, whatever had ended the test.
             _ if self.phase == Phase::Leaving && self.unfinished.is_none() => Cause::Done,
             _ if self.phase == Phase::Leaving => Cause::Operator,
-            Ending::Completed => Cause::Done,
-            Ending::Stopped(Stop::Operator) => Cause::Operator,
-            Ending::Stopped(stop) => Cause::Stopped(stop),
+            _ => Cause::from(ending),
         };
         self.enter(Phase::Safe, cause);
         if let Some(stamps) = self.unrecorded.take() {
@@ -264,19 +262,19 @@ impl Engine {
         control: &Control,
     ) -> Result<(), Stop> {
         self.wait_for_edge(stamps, control)?;
-        let skipped = self.edge;
-        self.skip_edges_before(stamps.woke);
-        let ticks = self.edge - skipped;
+        let ticks = self.skip_edges_before(stamps.woke);
         if ticks > 0 {
             self.note_gap(stamps.woke.since(stamps.release), ticks);
         }
         Ok(())
     }
 
-    /// Moves on to the first edge at or after `now`, by whole ticks. Steps are not counted by edges: none is lost.
-    pub(super) fn skip_edges_before(&mut self, now: Nanos) {
+    /// Moves on to the first edge at or after `now`, by so many whole ticks. Steps are not counted by edges: none is lost.
+    pub(super) fn skip_edges_before(&mut self, now: Nanos) -> u64 {
         let behind = now.since(self.schedule.tick(self.edge));
-        self.edge += behind.div_ceil(self.schedule.period_ns().max(1));
+        let ticks = behind.div_ceil(self.schedule.period_ns().max(1));
+        self.edge += ticks;
+        ticks
     }
 
     /// Books the tick's timing, counts a miss and applies the policy. A step is never skipped; what can slip is wall

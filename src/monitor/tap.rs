@@ -46,8 +46,8 @@ pub struct Tap {
     timing: Vec<Latency>,
     seen: Seen,
     trips: Vec<Trip>,
-    /// Trips that had been told when the phase last told of one.
-    told: usize,
+    /// An event of its own has told of the trip that the next phase has.
+    is_told: bool,
     last_snapshot_ns: u64,
     last_bin_ns: u64,
     window_ns: u64,
@@ -99,7 +99,7 @@ impl Tap {
             },
             seen: Seen::default(),
             trips: Vec::new(),
-            told: 0,
+            is_told: false,
             last_snapshot_ns: 0,
             last_bin_ns: 0,
             window_ns: 0,
@@ -273,15 +273,9 @@ impl Onlooker for Tap {
         let Some(trip) = Trip::of(event, &board.subject) else {
             return;
         };
-        if let EventKind::Phase { .. } = event.kind {
-            // Its cause, unless an event of its own has told that before.
-            let is_told = self.trips.len() > std::mem::replace(&mut self.told, self.trips.len());
-            if is_told {
-                return;
-            }
-            self.told += 1;
-        }
-        if self.trips.len() >= MOST_TRIPS {
+        let is_of_phase = matches!(event.kind, EventKind::Phase { .. });
+        let was_told = std::mem::replace(&mut self.is_told, !is_of_phase);
+        if (is_of_phase && was_told) || self.trips.len() >= MOST_TRIPS {
             return;
         }
         if let (Some(specimen), Some(axis)) = (trip.specimen, trip.axis) {

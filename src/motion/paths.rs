@@ -88,7 +88,7 @@ impl RampAndHold {
         let hold = not_negative("hold_s", self.hold_s)?;
         let shape = self.shape;
         let mut start = not_negative("start_s", self.start_s)?;
-        let (mut from, mut last) = (0.0, start);
+        let mut from = 0.0;
         // (start, end, from, to) of each ramp.
         let mut ramps = Vec::with_capacity(self.levels.len());
         for level in &self.levels {
@@ -99,17 +99,16 @@ impl RampAndHold {
             };
             let end = start + stretch * (to - from).abs() / speed;
             ramps.push((start, end, from, to));
-            last = end;
             start = end + hold;
             from = to;
         }
-        if ramps.is_empty() {
+        let Some(&(_, last, ..)) = ramps.last() else {
             return Err(MotionError::Length {
                 what: "levels",
                 wanted: 1,
                 found: 0,
             });
-        }
+        };
         Ok(Curve {
             at: Box::new(move |time| {
                 let begun = ramps.partition_point(|(start, ..)| reached(time, *start));
@@ -190,7 +189,7 @@ impl Cyclic {
         inside("cycles_per_amplitude", cycles, cycles >= 1.0, "at least 1")?;
         // (start, end, amplitude, frequency) of each block.
         let mut blocks = Vec::with_capacity(self.amplitudes.len());
-        let (mut top_hz, mut last) = (0.0_f64, start);
+        let mut top_hz = 0.0_f64;
         for amplitude in &self.amplitudes {
             let is_some = *amplitude != 0.0;
             let amplitude = inside("amplitudes", *amplitude, is_some, "finite and not zero")?;
@@ -206,17 +205,16 @@ impl Cyclic {
             };
             let end = start + cycles / hz;
             blocks.push((start, end, amplitude * unit, hz));
-            last = end;
             start = end + rest;
             top_hz = top_hz.max(hz);
         }
-        if blocks.is_empty() {
+        let Some(&(_, last, ..)) = blocks.last() else {
             return Err(MotionError::Length {
                 what: "amplitudes",
                 wanted: 1,
                 found: 0,
             });
-        }
+        };
         Ok(Curve {
             at: Box::new(move |time| {
                 let begun = blocks.partition_point(|(start, ..)| reached(time, *start));

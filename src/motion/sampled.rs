@@ -5,6 +5,7 @@
 
 use super::error::{MotionError, inside};
 use super::resample::{Kernel, Resample, linear, snapped};
+use super::shapes::left_out;
 use super::{Grid, peak};
 
 /// Most points of a record that is laid on the grid beyond the end of the test.
@@ -117,11 +118,7 @@ impl Sampled {
     pub(super) fn tail_warning(&self, grid: Grid, holds: bool, warnings: &mut Vec<String>) {
         let (end, test) = (self.span.1, grid.duration());
         let Origin::Record(name) = &self.origin else {
-            if end > test * (1.0 + 1e-9) {
-                warnings.push(format!(
-                    "the signal goes on until {end} s, but the test ends at {test} s: what comes after that is left out"
-                ));
-            }
+            warnings.extend(left_out(end, test));
             return;
         };
         if test > end + 1e-9 * grid.dt() {

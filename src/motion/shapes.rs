@@ -34,9 +34,9 @@ impl Curve {
     pub(super) fn cut_warning(&self, test: f64, warnings: &mut Vec<String>) {
         /// Enough to see the peaks of a few hundred cycles.
         const POINTS: u32 = 20_000;
-        if !(self.end.is_finite() && self.end > test * (1.0 + 1e-9)) {
+        let Some(left_out) = left_out(self.end, test) else {
             return;
-        }
+        };
         let (within, beyond) = (
             self.peak([0.0, test], POINTS),
             self.peak([test, self.end], POINTS),
@@ -50,12 +50,18 @@ impl Curve {
             } else {
                 "nothing but zero is before that".to_owned()
             };
-            warnings.push(format!(
-                "the signal goes on until {} s, but the test ends at {test} s: what comes after that is left out; {most}",
-                self.end
-            ));
+            warnings.push(format!("{left_out}; {most}"));
         }
     }
+}
+
+/// That a test ends at `test` s, before a signal that has an end does; none if it does not.
+pub(super) fn left_out(end: f64, test: f64) -> Option<String> {
+    (end.is_finite() && end > test * (1.0 + 1e-9)).then(|| {
+        format!(
+            "the signal goes on until {end} s, but the test ends at {test} s: what comes after that is left out"
+        )
+    })
 }
 
 /// SI units in one of `unit`, which must measure `quantity`.

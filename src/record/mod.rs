@@ -56,6 +56,7 @@ pub use ring::{RingReader, RingRecorder, RingSize, WhenFull, ring};
 pub use run::{Events, Run};
 pub use summary::Summary;
 pub use threads::{Roll, Stamper, ThreadLog, What};
+pub(crate) use warned::times;
 pub use whereabouts::{Whereabouts, is_claimed};
 pub use writer::{Beside, Progress, Recorded, Writer, WriterSettings};
 

@@ -71,15 +71,20 @@ impl Warned {
                     format!("specimen \"{name}\" axis {}", axis + 1)
                 },
             );
-            let times = match times {
-                1 => "once".to_owned(),
-                times => format!("{times} times"),
-            };
+            let times = self::times(*times);
             format!(
                 "{whose} passed the warning level of {limit} {times}, first with {value:.6}, allowed {bound:.6}"
             )
         };
         self.0.iter().map(sentence).collect()
+    }
+}
+
+/// "once", "2 times".
+pub(crate) fn times(count: u64) -> String {
+    match count {
+        1 => "once".to_owned(),
+        count => format!("{count} times"),
     }
 }
 

@@ -12,7 +12,7 @@ use super::last_words::{last_words, news};
 use crate::config::{ClockChoice, Facts};
 use crate::engine::{Ending, Gaps, Left, Outcome, Stop, Unfinished};
 use crate::record::summary::{ClockKind, Lambda, LinkCounts, Peak, Status};
-use crate::record::{FolderError, Recorded, RunFolder, Summary};
+use crate::record::{FolderError, Recorded, RunFolder, Summary, times};
 use crate::rt::Granted;
 use crate::rt::timing::export::write_hgrm;
 use crate::rt::timing::{Quantity, Timing};
@@ -162,27 +162,19 @@ fn unsettled(outcome: &Outcome) -> Vec<String> {
 
 /// Where no command left, in a sentence.
 fn gaps(gaps: Gaps) -> Option<String> {
-    let longest_s = gaps.longest_ns as f64 * 1e-9;
-    let times = match gaps.times {
-        0 => return None,
-        1 => "once".to_owned(),
-        times => format!("{times} times"),
-    };
-    Some(format!(
+    let (times, longest_s) = (times(gaps.times), gaps.longest_ns as f64 * 1e-9);
+    let sentence = format!(
         "{times}, outside of the test itself (in a hold, or on its way in or out), no command left for up to {longest_s:.2} s: the \
          program was stopped, or an answer was waited for (`gap` in events.jsonl)"
-    ))
+    );
+    (gaps.times > 0).then_some(sentence)
 }
 
 /// Specimens that said that they hold by their own watchdog, in sentences.
 fn held(outcome: &Outcome) -> Vec<String> {
     let each = outcome.ports.iter().filter(|port| port.2.holds > 0);
     let sentence = |(name, _, link): &(String, Vec<f64>, crate::control::LinkCount)| {
-        let times = if link.holds == 1 {
-            "once".to_owned()
-        } else {
-            format!("{} times", link.holds)
-        };
+        let times = times(link.holds);
         format!(
             "specimen \"{name}\": it said {times} that it holds by its own watchdog, since commands had stopped: what it measured \
              meanwhile does not belong to the commands (`specimen_holds` in events.jsonl)"

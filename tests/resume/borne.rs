@@ -19,11 +19,7 @@ fn concluded(test: Prepared, out: &Path, ticks: usize) -> session::Finished {
 fn the_force_that_tripped_a_test_is_a_peak_of_the_tests_that_went_on_with_it() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
-    let text = frame(200, 1, 2.0, 0.0)
-        + "[specimen.limits]\nmeasured_force_n = { trip = [-1.2e3, 1.2e3] }\n";
-    let test = test_in(home.path(), &text);
-    let said = common::run(&test, &at("first"), &[]);
-    assert_eq!(said.code, Some(1), "{}", said.stderr);
+    tripped_in(home.path(), &at("first"));
     let summary = |name: &str| common::json(&at(name), "summary.json");
     let peak = summary("first")["peak"].clone();
     let tripped = peak["force"]["storey"][0].as_f64().unwrap();

@@ -43,6 +43,15 @@ fn frame(rate: u32, ticks: u32, seconds: f64, ease: f64) -> String {
     )
 }
 
+/// A test whose force came to its limit in the middle, and tripped.
+fn tripped_in(home: &Path, out: &Path) {
+    let text = frame(200, 1, 2.0, 0.0)
+        + "[specimen.limits]\nmeasured_force_n = { trip = [-1.2e3, 1.2e3] }\n";
+    let test = test_in(home, &text);
+    let said = common::run(&test, out, &[]);
+    assert_eq!(said.code, Some(1), "{}", said.stderr);
+}
+
 fn test_in(home: &Path, text: &str) -> PathBuf {
     let line = |k: i32| {
         let t = f64::from(k) * 0.005;

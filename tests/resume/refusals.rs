@@ -165,12 +165,7 @@ fn a_gap_in_the_record_is_gone_back_over_with_a_rig_only_for_who_names_the_step(
 fn a_test_that_had_tripped_goes_on_only_for_who_names_the_trip() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
-    // One specimen whose force comes to its limit in the middle of the test.
-    let text = frame(200, 1, 2.0, 0.0)
-        + "[specimen.limits]\nmeasured_force_n = { trip = [-1.2e3, 1.2e3] }\n";
-    let test = test_in(home.path(), &text);
-    let said = common::run(&test, &at("first"), &[]);
-    assert_eq!(said.code, Some(1), "{}", said.stderr);
+    tripped_in(home.path(), &at("first"));
     let wanted = "say `--after-trip measured_force_n` if it may go on";
     refused(&at("first"), wanted, &[]);
     refused(&at("first"), wanted, &["--yes"]);

@@ -8,7 +8,7 @@ use crossbeam_channel::{Receiver, RecvTimeoutError};
 
 use super::greet::{self, Greeted};
 use super::line::Line;
-use super::stand::{Stand, gone_silent, lost_controller, said_goodbye};
+use super::stand::{Stand, gone_silent, hear, said_goodbye};
 use super::{Desk, Heard};
 use crate::link::Transport;
 use crate::link::inbox::Inbox;
@@ -159,18 +159,7 @@ impl Session {
         if desk.stop.load(Ordering::Acquire) {
             return Err(Over::told_to_stop());
         }
-        match self.line.recv(self.inbox.space(), LOOK) {
-            Ok(Some(count)) => self.inbox.filled(count),
-            Ok(None) => {}
-            Err(fault) => {
-                return Err(lost_controller(
-                    &self.line,
-                    self.inbox.is_stream(),
-                    self.peer,
-                    fault,
-                ));
-            }
-        }
+        hear(&mut self.line, &mut self.inbox, self.peer, LOOK)?;
         loop {
             let place = match self.inbox.next() {
                 Ok(Some(place)) => place,

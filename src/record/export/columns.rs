@@ -48,7 +48,7 @@ impl Columns {
         let rows = plan
             .walk(&mut counting, choice, u64::MAX, |_, _| Ok(()))
             .map_err(|trouble| trouble.told(ExportError::Read))?;
-        let exported = Exported::new(run, rows, &counting);
+        let exported = Exported::new(run, rows, &counting).of_table(&plan);
         let columns = Self {
             run: run.clone(),
             plan,

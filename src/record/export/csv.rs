@@ -25,7 +25,7 @@ pub(super) fn export(run: &Run, choice: &Choice, out: &Path) -> Result<Exported,
         .into_inner()
         .map_err(|error| failed(error.into_error()))?;
     file.commit().map_err(failed)?;
-    Ok(Exported::new(run, rows, &journal))
+    Ok(Exported::new(run, rows, &journal).of_table(&plan))
 }
 
 pub(super) fn write(

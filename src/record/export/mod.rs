@@ -226,18 +226,25 @@ impl Exported {
             .filter(|end| *end != End::Clean)
             .map(Notice::Ended);
         let missing = MissingEnd::of_run(run).map(Notice::MissingEnd);
-        let empty = (rows == 0).then_some(Notice::Empty);
-        let plan = Plan::new(run.layout()).ok();
-        let nothing = plan.as_ref().map(Plan::not_recorded);
-        let nothing = nothing.filter(|columns| !columns.is_empty());
-        let nothing = nothing.map(|columns| Notice::NotRecorded(columns.join(", ")));
         Self {
             rows,
-            notices: [unfinished, lost, ended, missing, empty, nothing]
+            notices: [unfinished, lost, ended, missing]
                 .into_iter()
                 .flatten()
                 .collect(),
         }
+    }
+
+    /// The same of a table.
+    fn of_table(mut self, plan: &Plan) -> Self {
+        if self.rows == 0 {
+            self.notices.push(Notice::Empty);
+        }
+        let nothing = plan.not_recorded();
+        if !nothing.is_empty() {
+            self.notices.push(Notice::NotRecorded(nothing.join(", ")));
+        }
+        self
     }
 }
 

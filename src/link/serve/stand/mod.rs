@@ -194,19 +194,7 @@ impl Stand {
 
     /// Waits for bytes.
     pub(super) fn listen(&mut self, until: Nanos) -> Result<(), Over> {
-        match self.line.recv(self.inbox.space(), until) {
-            Ok(Some(count)) => self.inbox.filled(count),
-            Ok(None) => {}
-            Err(fault) => {
-                return Err(lost_controller(
-                    &self.line,
-                    self.inbox.is_stream(),
-                    self.peer,
-                    fault,
-                ));
-            }
-        }
-        Ok(())
+        hear(&mut self.line, &mut self.inbox, self.peer, until).map(|_| ())
     }
 
     /// What its bytes go over.
@@ -221,17 +209,8 @@ impl Stand {
             return Ok(());
         }
         for _ in 0..MOST_READS {
-            match self.line.recv(self.inbox.space(), Nanos(0)) {
-                Ok(Some(count)) => self.inbox.filled(count),
-                Ok(None) => break,
-                Err(fault) => {
-                    return Err(lost_controller(
-                        &self.line,
-                        self.inbox.is_stream(),
-                        self.peer,
-                        fault,
-                    ));
-                }
+            if !hear(&mut self.line, &mut self.inbox, self.peer, Nanos(0))? {
+                break;
             }
             self.take_frames(desk)?;
         }
@@ -348,13 +327,25 @@ pub(super) fn gone_silent(peer: SocketAddr, silent_ns: u64) -> Over {
     Over::vanished(format_args!("{peer} has been silent for {seconds} s"))
 }
 
-/// Why nothing more comes from the controller.
-pub(super) fn lost_controller(
-    line: &Line,
-    is_stream: bool,
+/// Takes what comes from the controller until then; false if nothing does.
+pub(super) fn hear(
+    line: &mut Line,
+    inbox: &mut Inbox,
     peer: SocketAddr,
-    fault: LinkFault,
-) -> Over {
+    until: Nanos,
+) -> Result<bool, Over> {
+    match line.recv(inbox.space(), until) {
+        Ok(Some(count)) => {
+            inbox.filled(count);
+            Ok(true)
+        }
+        Ok(None) => Ok(false),
+        Err(fault) => Err(lost_controller(line, inbox.is_stream(), peer, fault)),
+    }
+}
+
+/// Why nothing more comes from the controller.
+fn lost_controller(line: &Line, is_stream: bool, peer: SocketAddr, fault: LinkFault) -> Over {
     match (line.tls_fault(), fault) {
         _ if line.is_cut() => Over::vanished(format_args!(
             "the connection to {peer} is cut: a fault that is played (closed)"

@@ -86,7 +86,7 @@ pub(super) fn export(run: &Run, choice: &Choice, out: &Path) -> Result<Exported,
             .map_err(|error| failed(error.into_error()))?;
         file.sync_all().map_err(failed)?;
     }
-    let exported = Exported::new(run, rows, &journal);
+    let exported = Exported::new(run, rows, &journal).of_table(&plan);
     project.close(&test, &exported).map_err(failed)?;
     staging.commit(out).map_err(failed)?;
     Ok(exported)

@@ -35,7 +35,7 @@ use threads::Threads;
 pub use threads::OnlyLoop;
 
 use super::plan::{Choice, Plan, Rows, WARMING_UP};
-use super::{ExportError, Exported, Notice};
+use super::{ExportError, Exported};
 use crate::record::atomic::AtomicFile;
 use crate::record::run::Run;
 
@@ -91,8 +91,6 @@ pub(super) fn export(run: &Run, choice: &Choice, out: &Path) -> Result<Exported,
         });
     }
     let mut exported = Exported::new(run, ticks, &counting);
-    let is_of_a_table = |notice: &Notice| matches!(notice, Notice::Empty | Notice::NotRecorded(_));
-    exported.notices.retain(|notice| !is_of_a_table(notice));
     let period_us = places.period_us(run);
     let origin_us = grid
         .zero_us()
