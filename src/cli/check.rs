@@ -185,7 +185,8 @@ fn describe(
         );
     }
     if let Some((dof, peak)) = structure.peak_nodal_force {
-        let peak = quantity(peak, "N");
+        let turns = structure.rotations.contains(&dof);
+        let peak = quantity(peak, if turns { "N m" } else { "N" });
         table.row("nodal forces", &format!("peak {peak} at DOF {}", dof + 1));
     }
     match spectrum.filter(|spectrum| spectrum.is_of_family()) {

@@ -210,13 +210,21 @@ fn conclude(facts: &Facts, finished: &Finished, page: Option<&Page>) {
         Some(peak) if peak > 0.0 => ", relative to the ground",
         _ => "",
     };
-    for (what, unit, values) in [
-        ("peak displacement", "m", &summary.peak.displacement),
-        ("peak velocity", "m/s", &summary.peak.velocity),
-        ("peak acceleration", "m/s²", &summary.peak.acceleration),
+    let turning = structure.map_or(&[][..], |structure| &structure.rotations);
+    let peak = &summary.peak;
+    for (turns, what, unit, values) in [
+        (false, "peak displacement", "m", &peak.displacement),
+        (false, "peak velocity", "m/s", &peak.velocity),
+        (false, "peak acceleration", "m/s²", &peak.acceleration),
+        (true, "peak rotation", "rad", &peak.displacement),
+        (true, "peak angular velocity", "rad/s", &peak.velocity),
+        (true, "peak angular accel.", "rad/s²", &peak.acceleration),
     ] {
-        if let Some((dof, value)) = largest(values) {
+        let of_kind = values.iter().enumerate();
+        let of_kind = of_kind.map(|(dof, value)| value.filter(|_| turning.contains(&dof) == turns));
+        if let Some((dof, value)) = largest(&of_kind.collect::<Vec<_>>()) {
             let value = quantity(value, unit);
+            let against = if turns { "" } else { against };
             table.row(what, &format!("{value} at DOF {dof}{against}"));
         }
     }

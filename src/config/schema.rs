@@ -103,6 +103,9 @@ pub struct StructureTable {
     /// Weight as a static load M·ι·g, brought on before t = 0 and held throughout; adds to `static_load_n`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gravity: Option<GravityTable>,
+    /// DOFs of `matrices` that are rotations, from 1: rad in place of m, N m in place of N, recorded and shown as such.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub rotations: Vec<usize>,
     /// Nonlinear springs and dampers between two DOFs, or between a DOF and the ground.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub element: Vec<ElementSpec>,

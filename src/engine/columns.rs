@@ -135,9 +135,13 @@ const TIMING: [(&str, &str); 7] = [
 ];
 
 impl Row {
-    /// The row for `dofs` (from 0) of a structure and all ports, and its description.
+    /// The row for `dofs` (from 0) of a structure, which of them are `rotations`, and all ports, and its description.
     #[must_use]
-    pub fn new(dofs: &[usize], side: &Side, ports: &[Port]) -> (Self, Vec<Column>) {
+    pub fn new(
+        (dofs, rotations): (&[usize], &[usize]),
+        side: &Side,
+        ports: &[Port],
+    ) -> (Self, Vec<Column>) {
         let mut columns = Vec::new();
         for (name, unit, meaning) in BOOKKEEPING {
             columns.push(column(name, unit, meaning, false));
@@ -148,10 +152,17 @@ impl Row {
             ("m/s2", "acceleration of the ground")
         };
         columns.push(column("ground", unit, meaning, false));
-        let block = |columns: &mut Vec<Column>, letter: &str, unit: &str, meaning: &str| {
+        let block = |columns: &mut Vec<Column>, letter: &str, units: [&str; 2], meaning: &str| {
             let start = columns.len();
             for dof in dofs {
                 let name = format!("{letter}{}", dof + 1);
+                let turns = rotations.contains(dof);
+                let unit = units[usize::from(turns)];
+                let meaning = if turns && letter == "x" {
+                    "rotation"
+                } else {
+                    meaning
+                };
                 columns.push(column(
                     &name,
                     unit,
@@ -161,11 +172,11 @@ impl Row {
             }
             start..columns.len()
         };
-        let disp = block(&mut columns, "x", "m", "displacement");
+        let disp = block(&mut columns, "x", ["m", "rad"], "displacement");
         let vel = block(
             &mut columns,
             "v",
-            "m/s",
+            ["m/s", "rad/s"],
             "velocity as the integrator reports it",
         );
         let has_own = matches!(side, Side::Structure(numerical) if numerical.has_own_accel());
@@ -174,7 +185,7 @@ impl Row {
         } else {
             "acceleration from equilibrium at the end of the step, M^-1 r,"
         };
-        let accel = block(&mut columns, "a", "m/s2", meaning);
+        let accel = block(&mut columns, "a", ["m/s2", "rad/s2"], meaning);
         let ports_given = ports;
         let ports = ports
             .iter()

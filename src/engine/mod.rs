@@ -110,6 +110,8 @@ pub struct Experiment {
     pub ports: Vec<Port>,
     /// DOFs to record, from 0.
     pub record_dofs: Vec<usize>,
+    /// DOFs that are rotations, from 0: their columns are in rad.
+    pub rotations: Vec<usize>,
     /// Bounds of what the loop puts up with.
     pub limits: Limits,
     /// How steps and ticks belong together.
@@ -252,7 +254,12 @@ impl Experiment {
     /// Names, units and meanings of the columns that this experiment will record.
     #[must_use]
     pub fn columns(&self) -> Vec<Column> {
-        columns::Row::new(&self.record_dofs, &self.side, &self.ports).1
+        columns::Row::new(
+            (&self.record_dofs, &self.rotations),
+            &self.side,
+            &self.ports,
+        )
+        .1
     }
 }
 
@@ -294,11 +301,12 @@ impl Engine {
             settling,
             ports,
             record_dofs,
+            rotations,
             limits,
             pacing,
             resume,
         } = experiment;
-        let (row, columns) = columns::Row::new(&record_dofs, &side, &ports);
+        let (row, columns) = columns::Row::new((&record_dofs, &rotations), &side, &ports);
         let dofs = match &side {
             Side::Structure(numerical) => numerical.structure.dofs(),
             Side::Prescribed(_) => 0,

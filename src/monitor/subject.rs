@@ -325,9 +325,16 @@ fn channels(
         unit: unit.to_owned(),
         axis,
     };
+    let unit_of = |name: &str| {
+        let column = columns.iter().find(|column| column.name == name);
+        column.map_or("m", |column| column.unit.as_str())
+    };
     let mut all: Vec<_> = dofs
         .iter()
-        .map(|dof| channel(ChannelKind::Dof, format!("DOF {}", dof + 1), "m", None))
+        .map(|dof| {
+            let unit = unit_of(&format!("x{}", dof + 1));
+            channel(ChannelKind::Dof, format!("DOF {}", dof + 1), unit, None)
+        })
         .collect();
     let unit = places.ground.and_then(|place| columns.get(place));
     let unit = unit.map_or("", |column| column.unit.as_str());

@@ -63,11 +63,11 @@ impl<'de> Deserialize<'de> for Lambda {
 /// the steps in the other folder too. What does not exist or is not finite is null.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Peak {
-    /// Per DOF, m.
+    /// Per DOF, m; rad of a rotation, as the columns of `samples.json` say.
     pub displacement: Vec<Option<f64>>,
-    /// Per DOF, m/s.
+    /// Per DOF, m/s or rad/s.
     pub velocity: Vec<Option<f64>>,
-    /// Per DOF, m/s²; null for a massless DOF.
+    /// Per DOF, m/s² or rad/s²; null for a massless DOF.
     pub acceleration: Vec<Option<f64>>,
     /// Per specimen by name, one value per axis, N.
     pub force: BTreeMap<String, Vec<Option<f64>>>,

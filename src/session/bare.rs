@@ -48,6 +48,7 @@ pub fn loop_round(
         settling: None,
         ports: Vec::new(),
         record_dofs: record.to_vec(),
+        rotations: Vec::new(),
         limits: Limits {
             on_miss: OnMiss::Stretch,
             misses_in_a_row: u64::MAX,

@@ -62,6 +62,8 @@ impl Facts {
 pub struct StructureFacts {
     /// Degrees of freedom.
     pub dofs: usize,
+    /// Those of them, from 0, that are rotations: rad and N m.
+    pub rotations: Vec<usize>,
     /// The integration method.
     pub method: Method,
     /// How M_eff is stored and factored, for the family.

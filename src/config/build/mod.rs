@@ -36,7 +36,7 @@ pub use analysis::{ALL_MODES, Analysis, DelayedMode, Loop, ModeFacts};
 pub use facts::{Facts, Stability, StructureFacts};
 use gear::Rows;
 pub use limits::{Limit, LimitFacts, SpecimenLimits};
-use recorded::record_dofs;
+use recorded::{record_dofs, rotations};
 use settle::settle;
 use site::{Refused, Site, path};
 use specimens::Specimens;
@@ -161,6 +161,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         .as_ref()
         .map_or(0, |facts: &StructureFacts| facts.dofs);
     let record_dofs = record_dofs(site, dofs, &specimens)?;
+    let rotations = structure.as_ref().map(|facts| facts.rotations.clone());
     let names = specimens.names();
     let gains = structure
         .as_mut()
@@ -223,6 +224,7 @@ fn assemble(site: &mut Site<'_>) -> Result<Prepared, Refused> {
         settling,
         ports,
         record_dofs,
+        rotations: rotations.unwrap_or_default(),
         limits: of_loop,
         pacing: pace::pacing(file, time),
         resume: None,
@@ -339,6 +341,7 @@ fn numerical(
     let ground = excitation.ground_accel();
     let facts = StructureFacts {
         dofs: n,
+        rotations: rotations(site, n)?,
         method,
         storage,
         reciprocal_condition: condition,

@@ -1,4 +1,4 @@
-//! The DOFs whose motion is recorded.
+//! The DOFs whose motion is recorded, and those that are rotations.
 
 use super::specimens::Specimens;
 use super::{Refused, Site, path};
@@ -36,4 +36,30 @@ pub(super) fn record_dofs(
             Ok(some)
         }
     }
+}
+
+/// DOFs that are rotations, from 0, ascending.
+pub(super) fn rotations(site: &mut Site<'_>, dofs: usize) -> Result<Vec<usize>, Refused> {
+    let Some(table) = &site.loaded.file.structure else {
+        return Ok(Vec::new());
+    };
+    let at = path("structure").key("rotations");
+    let given = &table.rotations;
+    if !given.is_empty() && table.matrices.is_none() {
+        let text = "only a structure of `matrices` has rotations: every DOF of a shear building and of a chain is a translation";
+        return site.refuse(Finding::error(at, text));
+    }
+    for (index, dof) in given.iter().enumerate() {
+        let text = if !(1..=dofs).contains(dof) {
+            format!("DOF {dof} does not exist: the structure has {dofs}, counted from 1")
+        } else if given.iter().take(index).any(|before| before == dof) {
+            format!("DOF {dof} is listed twice")
+        } else {
+            continue;
+        };
+        return site.refuse(Finding::error(at.index(index), text));
+    }
+    let mut rotations: Vec<usize> = given.iter().map(|dof| dof - 1).collect();
+    rotations.sort_unstable();
+    Ok(rotations)
 }

@@ -317,3 +317,40 @@ fn a_structure_that_nothing_moves_is_a_warning() {
     );
     accepted(&text, &["structure.initial_displacement_m=[0.1, 0, 0]"]);
 }
+
+#[test]
+fn rotations_are_named_once_and_recorded_in_radians() {
+    let node = include_str!("../../../config/three-actuators.toml");
+    let built = |text: &str, rotations: &str| {
+        let loaded = read(text, &[&format!("structure.rotations={rotations}")])
+            .expect("a file that can be read");
+        crate::config::build(&loaded).map(|test| (test.experiment.columns(), test.facts))
+    };
+    let units = |rotations: &str| {
+        let (columns, _) = built(node, rotations).expect("a test");
+        ["x1", "x3", "v3", "a3", "x6", "a4"].map(|name| {
+            let column = columns.iter().find(|column| column.name == name);
+            column.expect("a recorded DOF").unit.clone()
+        })
+    };
+    assert_eq!(
+        units("[6, 3]"),
+        ["m", "rad", "rad/s", "rad/s2", "rad", "m/s2"]
+    );
+    assert_eq!(units("[]"), ["m", "m", "m/s", "m/s2", "m", "m/s2"]);
+    let refused = |text: &str, rotations: &str| match built(text, rotations) {
+        Ok(_) => panic!("{rotations} is taken"),
+        Err(error) => error.to_string(),
+    };
+    shows(
+        &refused(node, "[3, 7]"),
+        "DOF 7 does not exist: the structure has 6, counted from 1",
+    );
+    shows(&refused(node, "[0]"), "DOF 0 does not exist");
+    shows(&refused(node, "[3, 6, 3]"), "DOF 3 is listed twice");
+    let building = include_str!("../../../config/two-specimens.toml");
+    shows(
+        &refused(building, "[1]"),
+        "every DOF of a shear building and of a chain is a translation",
+    );
+}

@@ -52,9 +52,13 @@ function build() {
   const channels = subject.channels.map((channel, place) => ({ ...channel, place }));
   const dofs = channels.filter((channel) => channel.kind === "dof");
   const lines = dofs.map((channel, at) => ({ ...channel, colour: `--c${at % 8}` }));
-  strip($("response-chart"), lines, "m");
+  // Lengths and angles do not share an axis.
+  for (const [id, unit] of [["response-chart", "m"], ["rotation-chart", "rad"]]) {
+    const drawn = lines.filter((line) => line.unit === unit);
+    $(id).hidden = drawn.length === 0;
+    if (drawn.length > 0) strip($(id), drawn, unit);
+  }
   legend($("response-legend"), lines);
-  $("response-chart").hidden = dofs.length === 0;
   const ground = channels.filter((channel) => channel.kind === "ground");
   $("ground-chart").hidden = ground.length === 0;
   if (ground.length > 0) strip($("ground-chart"), [{ ...ground[0], colour: "--c7" }], ground[0].unit);
