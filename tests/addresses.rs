@@ -133,3 +133,55 @@ fn a_name_that_means_nothing_is_a_failed_link_with_the_forms_that_do() {
     assert!(said.contains("is no address"), "{said}");
     assert!(said.contains("\"[::1]:port\""), "{said}");
 }
+
+#[test]
+fn a_wish_of_a_served_file_is_refused_at_its_line_and_one_of_the_command_line_by_its_argument() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("rig.toml");
+    let refuses = |keys: &str, arguments: &[&str]| {
+        let text = format!("[serve]\n{keys}\n[[specimen]]\nname = \"column\"\n{ONE_AXIS_LAW}");
+        std::fs::write(&file, text).unwrap();
+        let mut command = link_common::gusset();
+        command.arg("serve").arg(&file).args(arguments);
+        let output = link_common::finish(command);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        said
+    };
+    for (keys, line, words) in [
+        ("listen = \"nonsense\"", 2, "is no address"),
+        (
+            "listen = \"0.0.0.0:0\"",
+            2,
+            "can be reached from other machines",
+        ),
+        (
+            "protocol = \"openfresco\"\nlisten = \"0.0.0.0:0\"",
+            3,
+            "can be reached from other machines",
+        ),
+        (
+            "protocol = \"openfresco\"\n[serve.openfresco]\nclient = \"no-such-rig.invalid\"",
+            4,
+            "names no machine",
+        ),
+        (
+            "transport = \"tls\"\n[serve.tls]\ncertificate_file = \"nowhere.crt\"",
+            4,
+            "--tls-certificate",
+        ),
+    ] {
+        let said = refuses(keys, &[]);
+        assert!(said.contains(words), "{said}");
+        assert!(said.contains(&format!("rig.toml:{line}:")), "{said}");
+        let listens = "listen = \"127.0.0.1:0\"";
+        if keys.contains("listen") {
+            let said = refuses(listens, &["--listen", "nonsense"]);
+            assert!(
+                said.contains("--listen: \"nonsense\" is no address"),
+                "{said}"
+            );
+            assert!(!said.contains("rig.toml:"), "{said}");
+        }
+    }
+}

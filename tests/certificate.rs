@@ -74,7 +74,7 @@ const CONTROLLERS: [&str; 6] = [
     "inverse = { delay_s = 0.026 }",
     "pi_lead = {}",
     "amb = {}",
-    "ats = { delay_s = 0.024, start = [1.0, 0.0249, 1.07e-4] }",
+    "ats = { start = [1.0, 0.0249, 1.07e-4] }",
 ];
 
 #[test]

@@ -100,10 +100,7 @@ const CONTROLLERS: [(&str, &str); 11] = [
     ("inverse", "inverse = { delay_s = 0.026 }"),
     ("model-inverse", ""),
     ("pi-lead", "pi_lead = {}"),
-    (
-        "ats",
-        "ats = { delay_s = 0.024, start = [1.0, 0.0249, 1.07e-4] }",
-    ),
+    ("ats", "ats = { start = [1.0, 0.0249, 1.07e-4] }"),
     ("amb", "amb = {}"),
     ("recursive-fir", "recursive_fir = { delay_s = 0.024 }"),
 ];

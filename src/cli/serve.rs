@@ -1,5 +1,6 @@
 //! `gusset serve`.
 
+use std::fmt::Display;
 use std::net::SocketAddr;
 use std::os::linux::net::SocketAddrExt;
 use std::os::unix::ffi::OsStrExt;
@@ -11,7 +12,7 @@ use super::aside::remark;
 use super::exit::{Exit, WithExit};
 use super::run::refused;
 use super::{answer, serve_openfresco, serve_tls, tell};
-use crate::config;
+use crate::config::{self, Finding, KeyPath, Locator};
 use crate::link::rig::LogSettings;
 use crate::link::secret::read_key;
 use crate::link::serve::{Heard, Host, ServeError, ServeOptions, Server, USUAL_LISTEN};
@@ -87,8 +88,9 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
         return serve_openfresco::serve(args, &served, role, port, carrier);
     }
     if served.serve.tls.client_certificate == Some(ClientCertificate::Optional) {
-        let text = "[serve.tls] client_certificate = \"optional\" is for OpenFresco's protocols only; ours requires one";
-        return Err(WithExit(Exit::Usage, text.to_owned()).into());
+        let text = "client_certificate = \"optional\" is for OpenFresco's protocols only; ours requires one";
+        let key = ["tls", "client_certificate"];
+        return Err(misasked(&served.locator, None, &key, &text));
     }
     let tls = serve_tls::tls(args, &served, carrier, false)?;
     for text in served.host.first_command(false) {
@@ -113,7 +115,10 @@ pub fn serve(args: &ServeArgs) -> anyhow::Result<Exit> {
     }
     .map_err(|error| match error {
         ServeError::Start(_) => anyhow::Error::new(error),
-        other => WithExit(Exit::Usage, other.to_string()).into(),
+        other => {
+            let flag = args.listen.as_ref().map(|_| "--listen");
+            misasked(&served.locator, flag, &["listen"], &other)
+        }
     })?;
     let address = server.local_addr();
     let mut exit = Exit::Done;
@@ -159,6 +164,25 @@ fn play(path: &Path, text: String, host: Host, protocol: Offer) -> anyhow::Resul
     })?;
     tell(format_args!("FAULTS are played in every test: {title}"));
     Ok(host)
+}
+
+/// What is wrong with a wish of `flag`, or else of the file at `key` below `[serve]`: at its place there, if it says so.
+pub(super) fn misasked(
+    locator: &Locator,
+    flag: Option<&str>,
+    key: &[&str],
+    error: &dyn Display,
+) -> anyhow::Error {
+    let serve = KeyPath::root().key("serve");
+    let at = key.iter().fold(serve, |at, key| at.key(key));
+    let text = match flag {
+        Some(flag) => format!("{flag}: {error}"),
+        None if locator.holds(&at) => {
+            return refused(locator.refusal(Finding::error(at, error.to_string())));
+        }
+        None => error.to_string(),
+    };
+    WithExit(Exit::Usage, text).into()
 }
 
 /// Says that the port is open, and waits for the end.

@@ -5,7 +5,7 @@ use anyhow::Context;
 use super::args::ServeArgs;
 use super::aside::remark;
 use super::exit::{Exit, WithExit};
-use super::serve::say_ready;
+use super::serve::{misasked, say_ready};
 use super::serve_tls;
 use super::tell;
 use crate::config::Served;
@@ -32,7 +32,8 @@ pub fn serve(
     if args.key.is_some() || served.key.is_some() {
         let text =
             "OpenFresco's protocols know no key; name the machine that may command with --client";
-        return Err(WithExit(Exit::Usage, text.to_owned()).into());
+        let flag = args.key.as_ref().map(|_| "--key");
+        return Err(misasked(&served.locator, flag, &["key_file"], &text));
     }
     let wishes = &served.serve.openfresco;
     let nature = if wishes.physical {
@@ -61,12 +62,16 @@ pub fn serve(
     let listen = args.listen.as_ref().or(served.serve.listen.as_ref());
     let listen = listen.map_or_else(|| format!("127.0.0.1:{port}"), String::clone);
     let clients = match args.client.as_ref().or(wishes.client.as_ref()) {
-        Some(host) => {
-            resolve_host(host).map_err(|error| WithExit(Exit::Usage, error.to_string()))?
-        }
+        Some(host) => resolve_host(host).map_err(|error| {
+            let flag = args.client.as_ref().map(|_| "--client");
+            misasked(&served.locator, flag, &["openfresco", "client"], &error)
+        })?,
         None => Vec::new(),
     };
-    let usage = |error: DoorError| WithExit(Exit::Usage, error.to_string());
+    let unheard = |error: DoorError| {
+        let flag = args.listen.as_ref().map(|_| "--listen");
+        misasked(&served.locator, flag, &["listen"], &error)
+    };
     let door = match serve_tls::tls(
         args,
         served,
@@ -76,7 +81,7 @@ pub fn serve(
         Some(tls) => Door::bind_tls(&listen, clients, tls),
         None => Door::bind(bytes, &listen, clients),
     }
-    .map_err(usage)?;
+    .map_err(unheard)?;
     let signals = Signals::listen().context("signals cannot be taken over")?;
     let requests = signals.requests();
     if let Some(timing) = &served.timing {

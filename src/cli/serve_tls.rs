@@ -4,6 +4,7 @@ use std::path::Path;
 
 use super::args::{ServeArgs, TlsArgs};
 use super::exit::{Exit, WithExit};
+use super::serve::misasked;
 use super::tell;
 use crate::config::Served;
 use crate::link::spec::Carrier;
@@ -52,13 +53,15 @@ pub(super) fn tls(
         None => !open,
     };
     let tls = TlsServer::new(&files, required).map_err(|error| {
-        let argument = match error.key {
-            "certificate_file" => "--tls-certificate",
-            "key_file" => "--tls-key",
-            _ => "--tls-ca",
+        let [certificate, key, ca] = &given;
+        let (argument, path) = match error.key {
+            "certificate_file" => certificate,
+            "key_file" => key,
+            _ => ca,
         };
+        let flag = path.as_ref().map(|_| *argument);
         let text = format!("[serve.tls] `{}` ({argument}): {error}", error.key);
-        WithExit(Exit::Usage, text)
+        misasked(&served.locator, flag, &["tls", error.key], &text)
     })?;
     if !required && !args.quiet {
         tell("TLS: a client without a certificate is let in, as OpenFresco's servers do");

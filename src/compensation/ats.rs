@@ -17,8 +17,9 @@ pub struct AtsSpec {
     #[serde(default = "two")]
     #[schemars(range(min = 1, max = 3))]
     pub order: u32,
-    /// Delay that the coefficients begin with, in s.
-    pub delay_s: f64,
+    /// Delay that the coefficients begin with, in s; wanted unless `start` is given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub delay_s: Option<f64>,
     /// Gain A that they begin with: a₀ = 1/A, a₁ = τ/A, a₂ = τ²/2A, a₃ = τ³/6A. Default: 1.
     #[serde(default = "one")]
     pub gain: f64,
@@ -78,7 +79,7 @@ impl AtsSpec {
     pub fn usual(delay_s: f64) -> Self {
         Self {
             order: two(),
-            delay_s,
+            delay_s: Some(delay_s),
             gain: 1.0,
             start: None,
             window_s: 1.0,
@@ -93,7 +94,12 @@ impl AtsSpec {
     pub(super) fn build(&self, dt: f64) -> Result<Ats, CompensationError> {
         let order = f64::from(self.order);
         inside("order", order, (1..=3).contains(&self.order), "1, 2 or 3")?;
-        let delay = not_negative("delay_s", self.delay_s)?;
+        let delay = match (self.delay_s, &self.start) {
+            (Some(delay), _) => not_negative("delay_s", delay)?,
+            // Given in its place.
+            (None, Some(_)) => 0.0,
+            (None, None) => return Err(CompensationError::NoDelay),
+        };
         let gain = positive("gain", self.gain)?;
         let window = positive("window_s", self.window_s)? / dt;
         let rows = history("window_s", window)?;

@@ -179,6 +179,11 @@ pub enum CompensationError {
         /// Upper bound.
         upper: f64,
     },
+    /// Nothing to begin with.
+    #[error(
+        "`delay_s` is missing: the delay to begin with, or the coefficients themselves (`start`)"
+    )]
+    NoDelay,
     /// The history of targets is too short.
     #[error("{name} asks for {ticks:.0} ticks of history, but there are at most {LONGEST}")]
     History {
@@ -206,6 +211,7 @@ impl CompensationError {
             | Self::Length { name, .. }
             | Self::History { name, .. } => name,
             Self::Bounds { .. } => "lower",
+            Self::NoDelay => "delay_s",
             Self::NonCausal { .. } => "coefficients",
         }
     }

@@ -448,6 +448,7 @@ fn what_cannot_be_is_refused_by_its_key() {
             "coefficients",
         ),
         ("model_inverse = { coefficients = [0.0] }", "coefficients"),
+        ("ats = {}", "delay_s"),
         ("ats = { delay_s = 0.02, lower = [1.1, 0.0, 0.0] }", "lower"),
         ("ats = { delay_s = 0.02, upper = [1.1] }", "upper"),
         ("ats = { delay_s = 0.02, window_s = 9.0 }", "window_s"),

@@ -3,7 +3,8 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::diagnose::{Diagnostic, Finding, Part, Place, Source};
+use super::ConfigError;
+use super::diagnose::{Diagnostic, Diagnostics, Finding, Part, Place, Source};
 use super::document::{KeyPath, Node};
 use super::echo::plain;
 use super::overrides::Override;
@@ -100,6 +101,12 @@ impl Locator {
             headline: plain(&finding.headline),
             help: finding.help.iter().map(|help| plain(help)).collect(),
         }
+    }
+
+    /// A file that is refused for this finding.
+    #[must_use]
+    pub fn refusal(&self, finding: Finding) -> ConfigError {
+        ConfigError::Invalid(Diagnostics(vec![self.diagnose(finding)]))
     }
 
     fn in_file(&self, span: Range<usize>) -> Place {

@@ -14,8 +14,8 @@ use super::echo::number;
 use super::safety::SafetyTable;
 use super::schema::RecordTable;
 use super::{
-    ConfigError, DispUnit, Finding, ForceUnit, KeyPath, Severity, SpecimenTable, check, judge,
-    open, plain, read_text,
+    ConfigError, DispUnit, Finding, ForceUnit, KeyPath, Locator, Severity, SpecimenTable, check,
+    judge, open, plain, read_text,
 };
 use crate::link::openfresco::OpenFrescoServeSpec;
 use crate::link::secret::read_key;
@@ -97,6 +97,8 @@ pub struct Served {
     pub file: ServeFile,
     /// What the user should know.
     pub warnings: Vec<String>,
+    /// Where each key of the file stands.
+    pub locator: Locator,
 }
 
 /// Reads a file of specimens, or a test file, and makes the specimen that is called `name` ready (the only one if there is
@@ -108,10 +110,7 @@ pub fn load_served(path: &Path, name: Option<&str>) -> Result<Served, ConfigErro
     let text = read_text(path)?;
     let opened = open(path, text.clone(), &[])?;
     let locator = opened.locator.clone();
-    let refuse = |finding: Finding| {
-        let diagnostics = vec![locator.diagnose(finding)];
-        ConfigError::Invalid(super::Diagnostics(diagnostics))
-    };
+    let refuse = |finding: Finding| locator.refusal(finding);
     let of_a_test = is_test(&opened.root);
     let (mut file, warnings) = if of_a_test {
         let test = super::parse(path, text.clone(), &[])?.file;
@@ -220,6 +219,7 @@ pub fn load_served(path: &Path, name: Option<&str>) -> Result<Served, ConfigErro
         text,
         file,
         warnings,
+        locator: opened.locator,
     })
 }
 

@@ -3,6 +3,7 @@
 use super::*;
 
 mod certificate;
+mod far;
 mod idle;
 mod keys;
 mod nodal;

@@ -67,7 +67,7 @@ impl StructureSpec {
     /// are (degree of freedom from 0, coefficient). In a chain, spring `n` counts as storey `n`.
     ///
     /// # Errors
-    /// The storey does not exist, or the structure is given by matrices.
+    /// The storey does not exist, there is none at all, or the structure is given by matrices.
     pub fn storey_row(&self, storey: usize) -> Result<Vec<(usize, f64)>, BuildError> {
         let storeys = match self {
             StructureSpec::ShearBuilding(spec) => spec.mass_kg.len(),
@@ -75,7 +75,8 @@ impl StructureSpec {
             StructureSpec::Matrices(_) => return Err(BuildError::NoStoreys),
         };
         match storey {
-            1 if storeys >= 1 => Ok(vec![(0, 1.0)]),
+            _ if storeys == 0 => Err(ModelError::Empty.into()),
+            1 => Ok(vec![(0, 1.0)]),
             2.. if storey <= storeys => Ok(vec![(storey - 2, -1.0), (storey - 1, 1.0)]),
             _ => Err(BuildError::NoSuchStorey { storey, storeys }),
         }

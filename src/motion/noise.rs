@@ -220,8 +220,10 @@ impl Envelope {
         match self {
             Self::None => 1.0,
             Self::JenningsHousner(e) => {
-                if time < e.rise_s {
-                    let s = time.max(0.0) / e.rise_s;
+                if time < 0.0 {
+                    0.0
+                } else if time < e.rise_s {
+                    let s = time / e.rise_s;
                     s * s
                 } else {
                     let after = time - e.rise_s - e.strong_s;
@@ -644,6 +646,15 @@ mod tests {
             (11.0, (-1.0_f64).exp()),
         ] {
             assert!((jennings.at(t) - factor).abs() < 1e-15);
+        }
+        // Without a rise it begins at once; what the kernel looks at before the start is nothing.
+        let sudden = Envelope::JenningsHousner(JenningsHousner {
+            rise_s: 0.0,
+            strong_s: 1.0,
+            decay_per_s: 0.5,
+        });
+        for (t, factor) in [(-0.5, 0.0), (0.0, 1.0), (0.5, 1.0)] {
+            assert_eq!(sudden.at(t), factor);
         }
         let saragoni = Envelope::SaragoniHart(SaragoniHart {
             power: 2.0,

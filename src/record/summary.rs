@@ -63,7 +63,10 @@ impl<'de> Deserialize<'de> for Lambda {
 /// the steps in the other folder too. What does not exist or is not finite is null.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Peak {
-    /// Per DOF, m; rad of a rotation, as the columns of `samples.json` say.
+    /// DOFs, from 1, that are rotations.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub rotations: Vec<usize>,
+    /// Per DOF, m; rad of a rotation.
     pub displacement: Vec<Option<f64>>,
     /// Per DOF, m/s or rad/s.
     pub velocity: Vec<Option<f64>>,
@@ -201,6 +204,7 @@ pub(super) mod tests {
             deadline_misses: 0,
             stretched_ticks: 0,
             peak: Peak {
+                rotations: vec![2],
                 displacement: vec![Some(0.5), Some(0.1)],
                 velocity: vec![Some(1.0), Some(f64::NAN)],
                 acceleration: vec![Some(2.0), None],

@@ -203,13 +203,13 @@ fn extremes(
         (Some(_), None) => of_steps(rows),
     };
     let mut tiles = Vec::new();
-    if let Some((dof, value)) = response::largest_displacement(run, rows) {
+    if let Some((dof, value, unit)) = response::largest_displacement(run, rows) {
         let words = if has_run {
             format!("largest displacement, DOF {dof}{of}")
         } else {
             format!("displacement at the start, DOF {dof}: no step was made")
         };
-        tiles.push((quantity(value, rows.disp_unit(dof)), words));
+        tiles.push((quantity(value, unit), words));
     }
     if !has_run {
         let way_in = specimens::largest(axes, specimens::Tracked::force_on_the_way_in);

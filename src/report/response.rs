@@ -325,26 +325,41 @@ fn peaks(run: &RunData, rows: &Rows<'_>, dofs: &[u32]) -> String {
     markup + &note(&format!("{residual}{against}{part}"))
 }
 
-/// The displacement of largest magnitude, for the top of the page: DOF and value in its own unit. A rotation counts by its number.
+/// The displacement of largest magnitude, for the top of the page: DOF, value and its unit. An angle only where no DOF is a
+/// translation: the two cannot be compared.
 ///
 /// The summary's peaks cover DOFs that were not recorded; its magnitudes are without a sign.
-pub(super) fn largest_displacement(run: &RunData, rows: &Rows<'_>) -> Option<(u32, f64)> {
-    let recorded = rows
-        .dofs()
-        .iter()
-        .copied()
-        .filter_map(|dof| Some((dof, metrics::peak(&rows.get(&format!("x{dof}"))?)?.value)));
-    let listed = outcome::at(run, "peak.displacement")
-        .and_then(Value::as_array)
-        .into_iter()
-        .flatten();
-    let listed = listed
-        .zip(1..)
-        .filter_map(|(value, dof)| Some((dof, value.as_f64()?)));
-    recorded
-        .chain(listed)
-        .fold(None, |best: Option<(u32, f64)>, now| match best {
-            Some(best) if best.1.abs() >= now.1.abs() => Some(best),
-            _ => Some(now),
-        })
+pub(super) fn largest_displacement<'a>(
+    run: &RunData,
+    rows: &Rows<'a>,
+) -> Option<(u32, f64, &'a str)> {
+    let list = |path| outcome::at(run, path).and_then(Value::as_array);
+    let turning = list("peak.rotations").into_iter().flatten();
+    let turning: Vec<u64> = turning.filter_map(Value::as_u64).collect();
+    let recorded = rows.dofs().iter().copied().filter_map(|dof| {
+        let name = format!("x{dof}");
+        let peak = metrics::peak(&rows.get(&name)?)?;
+        Some((dof, peak.value, rows.unit(&name)))
+    });
+    let listed = list("peak.displacement").into_iter().flatten().zip(1..);
+    let listed = listed.filter_map(|(value, dof)| {
+        let turns = turning.contains(&u64::from(dof));
+        let unit = if turns { "rad" } else { rows.disp_unit(dof) };
+        Some((dof, value.as_f64()?, unit))
+    });
+    let all: Vec<_> = recorded.chain(listed).collect();
+    let lengths = all.iter().filter(|(_, _, unit)| *unit != "rad");
+    let comparable: Vec<_> = match lengths.clone().next() {
+        Some(_) => lengths.copied().collect(),
+        None => all,
+    };
+    // The first of equals: a recorded one has its sign.
+    let larger = |best: (u32, f64, &'a str), now: (u32, f64, &'a str)| {
+        if now.1.abs() > best.1.abs() {
+            now
+        } else {
+            best
+        }
+    };
+    comparable.into_iter().reduce(larger)
 }

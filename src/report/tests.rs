@@ -182,6 +182,18 @@ fn rotations_and_moments_are_shown_as_such_everywhere() {
     assert!(page.contains("displacement (mm)") && page.contains("displacement (mrad)"));
     assert!(page.contains("amplitude (mrad s)") || page.contains("amplitude (rad s)"));
     assert!(hero_svg(&run).contains("displ. (mrad)"));
+    // An angle is no largest displacement, recorded or not, however large its number.
+    let summary = run.summary.as_mut().unwrap();
+    let tile = |page: &str| {
+        let end = page.find("largest displacement, DOF ").unwrap();
+        page[end..].split('<').next().unwrap().to_owned()
+    };
+    summary["peak"]["displacement"] = json!([0.1, 0.2, 500.0, 700.0]);
+    summary["peak"]["rotations"] = json!([3, 4]);
+    assert_eq!(tile(&render(&run)), "largest displacement, DOF 2");
+    let summary = run.summary.as_mut().unwrap();
+    summary["peak"]["rotations"] = json!([3]);
+    assert_eq!(tile(&render(&run)), "largest displacement, DOF 4");
 }
 
 #[test]

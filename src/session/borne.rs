@@ -110,6 +110,7 @@ fn of_rows(run: &Run, from: u64, ports: &[Port]) -> Result<Peak, FolderError> {
         velocity,
         acceleration,
         force: names.zip(forces).collect(),
+        ..Peak::default()
     })
 }
 

@@ -127,7 +127,9 @@ pub(super) fn summarise(
         rate_hz: facts.rate_hz,
         deadline_misses: outcome.map_or(0, |outcome| outcome.misses),
         stretched_ticks: outcome.map_or(0, |outcome| outcome.stretched),
-        peak: outcome.map(peak).unwrap_or_default(),
+        peak: outcome
+            .map(|outcome| peak(outcome, facts))
+            .unwrap_or_default(),
         timing: outcome.map_or(Value::Null, |outcome| outcome.timing.to_json()),
         realtime: granted.map_or_else(|| json!({ "asked": false }), |granted| json!(granted)),
         link: outcome.map(links).unwrap_or_default(),
@@ -349,12 +351,14 @@ fn finite(values: &[f64]) -> Vec<Option<f64>> {
         .collect()
 }
 
-fn peak(outcome: &Outcome) -> Peak {
+fn peak(outcome: &Outcome, facts: &Facts) -> Peak {
     let force = outcome
         .ports
         .iter()
         .map(|(name, force, _)| (name.clone(), finite(force)));
+    let rotations = facts.structure.iter().flat_map(|s| &s.rotations);
     Peak {
+        rotations: rotations.map(|dof| dof + 1).collect(),
         displacement: finite(&outcome.peaks.disp),
         velocity: finite(&outcome.peaks.vel),
         acceleration: finite(&outcome.peaks.accel),

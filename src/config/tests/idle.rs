@@ -407,14 +407,19 @@ fn a_reach_is_told_of_where_the_law_is_bounded_without_it() {
 
 #[test]
 fn a_gain_beside_the_coefficients_that_it_would_make_is_told_of() {
-    let ats = |gain: &str| {
-        format!("specimen.0.compensation={{ats={{delay_s=0.02,order=1,start=[1.0,0.02]{gain}}}}}")
-    };
+    let ats =
+        |gain: &str| format!("specimen.0.compensation={{ats={{order=1,start=[1.0,0.02]{gain}}}}}");
     idle(
         LINKED,
         &[&ats(",gain=0.9")],
         "specimen[0].compensation.ats.gain",
         "`start`",
+    );
+    idle(
+        LINKED,
+        &[&ats(",delay_s=0.02")],
+        "specimen[0].compensation.ats.delay_s",
+        "`start` gives the coefficients",
     );
     assert_eq!(told(LINKED, &[&ats("")]), [""; 0]);
 }

@@ -7,6 +7,9 @@ use crate::config::{Finding, KeyPath, Method, SpecimenTable, TestFile};
 use crate::control::limits::LimitsSpec;
 use crate::integrate::{AlphaWeights, MethodError};
 
+/// Commands over a target at rest that no sound actuator needs to leave.
+const USUAL_GAINS: std::ops::RangeInclusive<f64> = 0.5..=2.0;
+
 /// One compensator per axis, if the table of specimen `index` has any.
 pub(super) fn compensators(
     site: &mut Site<'_>,
@@ -38,10 +41,44 @@ pub(super) fn compensators(
         return site.refuse(finding);
     }
     let built: Result<Vec<_>, _> = (0..axes).map(|_| spec.build(tick)).collect();
-    match built {
-        Ok(built) => Ok(Some(built)),
-        Err(error) => site.refuse_key(&at, error.key(), &error),
+    let built = match built {
+        Ok(built) => built,
+        Err(error) => return site.refuse_key(&at, error.key(), &error),
+    };
+    if let Some(first) = built.first() {
+        judge_gain(site, &at, &spec, first.as_ref())?;
     }
+    Ok(Some(built))
+}
+
+/// The command for a target that stands still must have its sign; one that is far from the target is probably a mistake.
+fn judge_gain(
+    site: &mut Site<'_>,
+    at: &KeyPath,
+    spec: &CompensationSpec,
+    compensator: &dyn Compensator,
+) -> Result<(), Refused> {
+    let gain = compensator.stands(1.0);
+    if USUAL_GAINS.contains(&gain) {
+        return Ok(());
+    }
+    let key = match spec {
+        CompensationSpec::ModelInverse(_) => "coefficients",
+        CompensationSpec::Ats(ats) if ats.start.is_none() => "gain",
+        _ => "start",
+    };
+    let place = site.loaded.locator.beneath(at, key);
+    let headline = format!("a target that stands at 1 mm begins as a command of {gain} mm");
+    if gain > 0.0 {
+        let finding = Finding::warning(place, headline).label("far from the target");
+        let help = "the first coefficient is 1/A for an actuator that comes to rest at A times its command";
+        site.warnings.push(finding.help(help));
+        return Ok(());
+    }
+    let finding = Finding::error(place, headline).label("must be greater than zero");
+    site.refuse(
+        finding.help("the first coefficient is the static gain of the command over the target"),
+    )
 }
 
 /// Test time that passes in one tick, in s.

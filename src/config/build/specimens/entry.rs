@@ -6,15 +6,19 @@ use super::super::gear::{Rows, axis, scaled};
 use super::super::{Refused, Site, links, path};
 use super::loading::{Loading, at_actuators, behind_actuators, loading, offsets, own_offsets};
 use super::{Entry, Stand, order, rest, stand_in};
+use crate::config::echo::number;
 use crate::config::{Finding, KeyPath, Loaded, MatrixValue, SpecimenTable};
 use crate::control::{Axis, shares};
 use crate::law::Reach;
 use crate::linalg::SymMatrix;
 use crate::link::LinkSpec;
 use crate::link::spec::Protocol;
-use crate::model::StructureSpec;
+use crate::model::BuildError;
 use crate::specimen::{Specimen, SpecimenLaw};
 use crate::spectral::delay::Weights;
+
+/// A ratio of an estimate to what is known, or its inverse, that nobody means.
+const FAR: f64 = 10.0;
 
 /// Everything that is known of one specimen.
 pub(super) fn entry(
@@ -72,8 +76,12 @@ pub(super) fn entry(
     let scaled = |flat: &[f64], motion: fn(&Axis) -> f64| scaled(flat, &axes, &units, motion);
     let said_stiffness = match &table.stiffness_n_per_m {
         Some(given) => {
-            let given = estimate(site, &at.key("stiffness_n_per_m"), given, laws)?;
-            seen(table, &loading, given)
+            let at = at.key("stiffness_n_per_m");
+            let given = seen(table, &loading, estimate(site, &at, given, laws)?);
+            if law.is_some() && site.trial.is_none() {
+                warn_of_distance(site, at, &given, &scaled(&k, |axis| axis.disp_gain));
+            }
+            given
         }
         None => scaled(&k, |axis| axis.disp_gain),
     };
@@ -169,6 +177,24 @@ pub(super) fn entry(
     })
 }
 
+/// An estimate that is far from the initial stiffness of the law beside it, which is known, is probably a slip of the unit.
+fn warn_of_distance(site: &mut Site<'_>, at: KeyPath, estimate: &Rows, law: &Rows) {
+    let axes = estimate.iter().zip(law).enumerate();
+    let ratios = axes.map(|(axis, (given, own))| given[axis] / own[axis]);
+    // A law without an initial stiffness has no ratio.
+    let far = |ratio: &f64| ratio.is_finite() && !(1.0 / FAR..=FAR).contains(ratio);
+    if let Some((axis, ratio)) = ratios.enumerate().find(|(_, ratio)| far(ratio)) {
+        let text = format!(
+            "the estimate of axis {} is {} times the initial stiffness of the law beside it",
+            axis + 1,
+            number(rest::rounded(ratio))
+        );
+        let finding = Finding::warning(at, text).label("K0 of the integrator is made of this");
+        site.warnings
+            .push(finding.help("without this key the law says its own"));
+    }
+}
+
 /// What the commands of a step are made of, from that at its target back, where every target is known at once. Empty for one that
 /// is told its target alone.
 fn ticks(loaded: &Loaded, table: &SpecimenTable) -> Vec<Weights> {
@@ -235,10 +261,14 @@ fn rows(
         .structure
         .as_ref()
         .map(|structure| structure.kinds());
-    let spec: Option<&StructureSpec> = kinds.and_then(|kinds| kinds.first().map(|kind| kind.1));
+    let spec = kinds.and_then(|kinds| kinds.first().copied());
     match (table.storey, &table.rows, spec) {
-        (Some(storey), _, Some(spec)) => match spec.storey_row(storey) {
+        (Some(storey), _, Some((kind, spec))) => match spec.storey_row(storey) {
             Ok(row) => Ok(vec![row]),
+            Err(BuildError::Model(error)) => {
+                let at = path("structure").key(kind);
+                site.refuse(Finding::error(at, error.to_string()))
+            }
             Err(error) => {
                 let finding = Finding::error(at.key("storey"), error.to_string());
                 site.refuse(finding.label("no such storey"))

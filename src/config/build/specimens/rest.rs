@@ -76,7 +76,7 @@ fn newtons_in_words(force: f64) -> String {
 }
 
 /// To four digits.
-fn rounded(value: f64) -> f64 {
+pub(super) fn rounded(value: f64) -> f64 {
     format!("{value:.3e}").parse().unwrap_or(value)
 }
 

@@ -124,17 +124,21 @@ fn check_limits(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings)
     }
 }
 
-/// Coefficients that are given stand in place of those that delay and gain would make. The delay must be given all the same.
+/// Coefficients that are given stand in place of those that delay and gain would make.
 fn check_start(specimen: &SpecimenTable, at: &KeyPath, findings: &mut Findings) {
     let Some(CompensationSpec::Ats(ats)) = &specimen.compensation else {
         return;
     };
-    findings.idle(
-        &at.key("compensation").key("ats"),
-        "gain",
-        ats.gain != 1.0 && ats.start.is_some(),
-        "`start` gives the coefficients that it would make",
-    );
+    if ats.start.is_some() {
+        findings.all_idle(
+            &at.key("compensation").key("ats"),
+            &[
+                ("delay_s", ats.delay_s.is_some()),
+                ("gain", ats.gain != 1.0),
+            ],
+            "`start` gives the coefficients that it would make",
+        );
+    }
 }
 
 /// A reach, where the tangents of the law have their bounds without it. One that turns actuators into a platform is not judged.

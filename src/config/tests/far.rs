@@ -1,0 +1,76 @@
+//! Numbers that nobody means: a compensator that leads away from the target, an estimate of another unit, a structure of nothing.
+
+use super::*;
+
+const TEST: &str = r#"
+[time]
+rate_hz = 100
+duration_s = 1
+[structure.shear_building]
+mass_kg = [1000]
+stiffness_n_per_m = [0]
+[excitation.ground_acceleration]
+signal = { sine = { amplitude = 2.0, frequency_hz = 1.5 } }
+[[specimen]]
+name = "rig"
+storey = 1
+law = { linear = { stiffness_n_per_m = 1e5 } }
+"#;
+
+/// What the build says of the test with one key more: warnings, or the refusal.
+fn said(set: &str) -> Result<String, String> {
+    match build(&accepted(TEST, &[set])) {
+        Ok(test) => Ok(test.warnings.render(false)),
+        Err(ConfigError::Invalid(refused)) => Err(refused.render(false)),
+        Err(other) => panic!("{other}"),
+    }
+}
+
+#[test]
+fn a_compensator_that_begins_far_from_its_target_is_told_of_and_one_without_its_sign_refused() {
+    for (compensation, gain) in [
+        ("amb={start=[0.001,0,0,0]}", "0.001"),
+        ("ats={order=1,start=[4.0,0.02]}", "4"),
+        ("ats={delay_s=0.01,gain=1000}", "0.001"),
+        ("model_inverse={coefficients=[3.0,0.1]}", "3"),
+    ] {
+        let said = said(&format!("specimen.0.compensation={{{compensation}}}")).unwrap();
+        let words = format!("a target that stands at 1 mm begins as a command of {gain} mm");
+        shows(&said, &words);
+    }
+    for compensation in ["amb={start=[0,0,0,0]}", "ats={order=1,start=[0.0,0.02]}"] {
+        let refused = said(&format!("specimen.0.compensation={{{compensation}}}")).unwrap_err();
+        shows(&refused, "must be greater than zero");
+        shows(&refused, "start");
+    }
+    for compensation in [
+        "amb={}",
+        "ats={delay_s=0.01,gain=0.9}",
+        "recursive_fir={delay_s=0.01}",
+    ] {
+        let said = said(&format!("specimen.0.compensation={{{compensation}}}")).unwrap();
+        assert!(!said.contains("a target that stands"), "{said}");
+    }
+}
+
+#[test]
+fn an_estimate_that_is_far_from_the_law_beside_it_is_told_of() {
+    for (given, ratio) in [("1e8", "1000 times"), ("5e3", "0.05 times")] {
+        let said = said(&format!("specimen.0.stiffness_n_per_m={given}")).unwrap();
+        shows(&said, "the estimate of axis 1 is");
+        shows(&said, ratio);
+    }
+    let said = said("specimen.0.stiffness_n_per_m=3e5").unwrap();
+    assert!(!said.contains("the estimate of axis"), "{said}");
+}
+
+#[test]
+fn a_structure_without_floors_is_refused_as_one() {
+    let empty = TEST.replace("[1000]", "[]").replace("[0]", "[]");
+    let Err(ConfigError::Invalid(refused)) = build(&accepted(&empty, &[])) else {
+        panic!("a structure of nothing");
+    };
+    let refused = refused.render(false);
+    shows(&refused, "at least one degree of freedom");
+    assert!(!refused.contains("storeys 1 to"), "{refused}");
+}
