@@ -238,6 +238,7 @@ fn what_is_proven_to_grow_is_refused_with_and_without_a_certificate() {
         let (code, table, said) = check(&text, &[]);
         assert_eq!(code, i32::from(!possible), "{table}{said}");
         assert_eq!(table.contains("NOT POSSIBLE"), !possible, "{table}");
+        assert_eq!(said.contains("[structure.matrices]"), !possible, "{said}");
         assert_eq!(
             table.contains("UNSTABLE: it grows by a factor e in"),
             !possible,
@@ -271,6 +272,7 @@ fn a_loop_that_is_refused_for_its_actuator_is_not_valid_in_json() {
         let (code, found, said) = check(&with(delay), &["--json", "--no-rehearsal"]);
         let facts: Value = serde_json::from_str(&found).unwrap();
         assert_eq!(code, i32::from(!possible), "{said}");
+        assert_eq!(said.contains("[specimen.transfer]"), !possible, "{said}");
         assert_eq!(facts["following"][0]["possible"], possible, "{facts:#}");
         assert_eq!(facts["valid"], possible);
     }

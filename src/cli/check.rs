@@ -11,7 +11,9 @@ use super::run::{load, method_name, refused};
 use super::spectrum::Spectrum;
 use super::table::{Table, duration, quantity};
 use super::{answer, stability, tell, warn};
-use crate::config::{self, ClockChoice, Facts, Prepared, Stability, StructureFacts};
+use crate::config::{
+    self, ClockChoice, Diagnostics, Facts, Finding, KeyPath, Prepared, Stability, StructureFacts,
+};
 use crate::integrate::Lambda;
 
 /// Checks one test.
@@ -97,6 +99,14 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
         });
     }
     if !followed {
+        let structure = KeyPath::root().key("structure");
+        let grows = grows.map(|why| Finding::error(structure, why).at_key());
+        let found = following.iter().filter_map(Following::finding);
+        let found = found.chain(grows).map(|f| loaded.locator.diagnose(f));
+        warn(&Diagnostics(found.collect()));
+        if let Some(rehearsed) = &rehearsed {
+            rehearsed.show(&loaded);
+        }
         return Ok(Exit::Stopped);
     }
     match rehearsed {

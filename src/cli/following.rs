@@ -11,13 +11,17 @@ use serde_json::json;
 
 use super::spectrum::{INERTIA, Spectrum, diverging, growing};
 use super::table::{Table, duration};
-use crate::config::{Facts, Loaded};
+use crate::config::{Facts, Finding, KeyPath, Loaded};
 use crate::spectral::delay::{Critical, DelayError, Delayed, DiscreteLimit, continuous};
 use crate::spectral::unstable_roots;
 
 /// What is known of one specimen behind a declared actuator.
 #[derive(Debug, Clone)]
 pub struct Following {
+    /// From 0.
+    number: usize,
+    /// Key of what decides how it follows: the compensation, or else the actuator.
+    key: &'static str,
     specimen: String,
     bears: Bears,
     /// What of the lag is left after a compensation that neither adapts nor feeds back, in s.
@@ -79,7 +83,7 @@ impl Following {
         let loops = analysis.map(|analysis| analysis.loops.as_slice());
         let grows = analysis.is_some_and(|analysis| analysis.growth().is_some());
         let pairs = loops.unwrap_or_default().iter().zip(&loaded.file.specimen);
-        let judged = pairs.filter_map(|(one, table)| {
+        let judged = pairs.enumerate().filter_map(|(number, (one, table))| {
             let transfer = table.believed_transfer(1.0)?;
             let system = &one.system;
             if system.rows.nrows() != 1 {
@@ -112,6 +116,13 @@ impl Following {
                 unstable_roots(chain, 1e-2, HIGHEST * PI / tick, &marks)
             };
             Some(Self {
+                number,
+                key: match (compensation, &table.link, &table.stand_in_transfer) {
+                    (Some(_), _, _) => "compensation",
+                    (None, None, _) => "transfer",
+                    (None, Some(_), Some(_)) => "stand_in_transfer",
+                    (None, Some(_), None) => "identified",
+                },
                 specimen: one.name.clone(),
                 bears,
                 left,
@@ -130,7 +141,28 @@ impl Following {
 
     /// False if it is proven unstable.
     pub fn is_possible(&self) -> bool {
-        !self.grows && !matches!(self.roots, Some((all, less)) if all > 0 && less > 0)
+        !self.grows && !self.is_driven()
+    }
+
+    /// True if the actuator and what makes up for it are proven to make it unstable.
+    fn is_driven(&self) -> bool {
+        matches!(self.roots, Some((all, less)) if all > 0 && less > 0)
+    }
+
+    /// Where the file says what makes it unstable.
+    pub fn finding(&self) -> Option<Finding> {
+        let at = KeyPath::root().key("specimen").index(self.number);
+        let text = format!(
+            "the test is unstable with the actuator of {:?} as it is declared",
+            self.specimen
+        );
+        let label = match self.kind {
+            "none" => "nothing makes up for its lag",
+            _ => "too little, or too much, for this actuator",
+        };
+        let finding = Finding::error(at.key(self.key), text).at_key();
+        let help = "the table shows its lag and the critical delay, where there is one";
+        self.is_driven().then(|| finding.label(label).help(help))
     }
 
     /// Whether what is left of the delay is below what is critical, twice its spread included; not known where one of both ways
