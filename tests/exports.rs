@@ -255,6 +255,34 @@ fn a_project_folder_has_every_part_and_says_truly_what_is_in_it() {
     assert!(read(&bare.join("README.md")).contains("- the run has no resolved.toml"));
 }
 
+/// Units stand in a text file: who changed one is told of it, and who exports nothing but the log is told nothing.
+#[test]
+fn a_description_of_the_samples_that_was_changed_is_told() {
+    let temp = tempfile::tempdir().unwrap();
+    let run = a_run(temp.path());
+    let said = export(&run, "csv", &temp.path().join("as-it-was.csv"), &[]);
+    assert!(!said.stderr.contains("warning"), "{}", said.stderr);
+    fs::remove_file(run.join("test.toml")).unwrap();
+    let said = export(&run, "csv", &temp.path().join("alone.csv"), &[]);
+    assert!(!said.stderr.contains("was changed"), "{}", said.stderr);
+    let layout = run.join("samples.json");
+    let text = fs::read_to_string(&layout).unwrap();
+    fs::write(&layout, text.replace("\"unit\": \"m\"", "\"unit\": \"mm\"")).unwrap();
+    let said = export(&run, "csv", &temp.path().join("changed.csv"), &[]);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    assert!(
+        said.stderr.contains("samples.json was changed"),
+        "{}",
+        said.stderr
+    );
+    let said = say(["report".as_ref(), run.as_os_str()]);
+    assert!(
+        said.stderr.contains("samples.json was changed"),
+        "{}",
+        said.stderr
+    );
+}
+
 #[test]
 fn what_cannot_be_exported_is_said_and_leaves_nothing_behind() {
     let temp = tempfile::tempdir().unwrap();

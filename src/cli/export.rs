@@ -7,6 +7,7 @@ use super::exit::Exit;
 use super::tell;
 use crate::record::Run;
 use crate::record::export::{self, Choice, Format, Rows};
+use crate::session;
 
 /// Writes a run in a form that other programs read.
 pub fn export(args: &ExportArgs) -> anyhow::Result<Exit> {
@@ -36,6 +37,10 @@ pub fn export(args: &ExportArgs) -> anyhow::Result<Exit> {
     };
     let exported =
         export::export(&run, format, &choice, &args.out).context("the run cannot be exported")?;
+    // Units and names of what was exported stand in a file that anybody may have edited.
+    if let Some(error) = session::altered(&run) {
+        tell(format_args!("warning: {error}"));
+    }
     for notice in &exported.notices {
         tell(format_args!("warning: {notice}"));
     }

@@ -18,6 +18,9 @@ pub fn report(args: &ReportArgs) -> anyhow::Result<Exit> {
     }
     let page = session::write_report(&args.run)?;
     if_unfinished(&args.run)?;
+    if let Some(error) = session::altered(&Run::open(&args.run)?) {
+        tell(format_args!("warning: {error}"));
+    }
     for what in &page.damaged {
         tell(format_args!("warning: {}: {what}", args.run.display()));
     }

@@ -49,6 +49,7 @@ pub use page::{Page, PageError, conclude, hero, write_report};
 pub use ready::missing;
 pub use replay::{Difference, Replay, ReplayError, replay, replay_rows};
 pub use resume::{ResumeError, resume, resume_over};
+pub use retrace::altered;
 pub use signals::{Signal, Signals, Taken};
 pub use summary::ending;
 pub use watches::{Attendance, Watches, roll};

@@ -343,6 +343,17 @@ pub(super) fn check_files(run: &Run) -> Result<bool, ReplayError> {
     Ok(files.is_some())
 }
 
+/// What says that a file of the run was changed after the test, if one was; none of those that are not there.
+#[must_use]
+pub fn altered(run: &Run) -> Option<ReplayError> {
+    let files = files_of(run).ok().flatten().unwrap_or_default();
+    let errors = files
+        .iter()
+        .filter_map(|(path, wanted)| same(path, wanted).err());
+    let mut changed = errors.filter(|error| matches!(error, ReplayError::Input { .. }));
+    changed.next()
+}
+
 pub(super) fn check_inputs(run: &Run) -> Result<(), ReplayError> {
     for input in run.summary().map_or(&[][..], |summary| &summary.inputs) {
         same(&run.path().join(&input.path), &input.sha256)?;
