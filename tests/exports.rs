@@ -243,6 +243,18 @@ fn a_project_folder_has_every_part_and_says_truly_what_is_in_it() {
     let again = export(&out.join("coordinator_output/log"), "designsafe", &out, &[]);
     assert_eq!(again.code, Some(2), "never over what exists");
     assert!(again.stderr.contains("exists already"), "{}", again.stderr);
+    let inside = export(
+        &out.join("coordinator_output/log"),
+        "designsafe",
+        &out.join("coordinator_output/log/copy"),
+        &[],
+    );
+    assert_eq!(inside.code, Some(2), "{}", inside.stderr);
+    assert!(
+        inside.stderr.contains("is inside of the run"),
+        "{}",
+        inside.stderr
+    );
     // The log alone, without test file, is a run that can be exported.
     let bare = temp.path().join("bare");
     let said = export(

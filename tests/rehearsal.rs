@@ -373,6 +373,51 @@ fn what_the_rig_cannot_give_is_refused_at_its_place_and_shown_beside_the_need() 
     assert!(!said.stdout.contains("of the rig"), "{}", said.stdout);
 }
 
+/// What only the loop knows is tried with every limit: check and run say the same of it.
+#[test]
+fn a_limit_of_what_only_the_loop_knows_is_tried() {
+    let folder = tempfile::tempdir().unwrap();
+    let actuator = format!("{FRAME}[specimen.transfer]\ndelay_s = 0.002\n");
+    for (limit, place) in [
+        ("following_error_m = { trip = 1e-6 }", "following_error_m"),
+        ("added_energy_j = { trip = 1e-3 }", "added_energy_j"),
+    ] {
+        let text = format!("{actuator}[specimen.limits]\n{limit}\n");
+        let said = check(folder.path(), &text, &[]);
+        assert_eq!(said.code, Some(2), "{limit}: {}", said.stderr);
+        assert!(
+            said.stderr.contains("the test would stop at"),
+            "{}",
+            said.stderr
+        );
+        assert!(said.stderr.contains(place), "{}", said.stderr);
+    }
+    let wide = "following_error_m = { trip = 1 }\nadded_energy_j = { trip = 1e9 }\n";
+    let text = format!("{actuator}[specimen.limits]\n{wide}");
+    let said = check(folder.path(), &text, &[]);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+}
+
+#[test]
+fn sensors_whose_death_would_be_noticed_too_late_are_told_of() {
+    let folder = tempfile::tempdir().unwrap();
+    for (travel, told) in [(0.5, true), (1e-4, false)] {
+        let limits = format!("stuck_ticks = {{ trip = 10 }}\nstuck_travel_m = {travel}\n");
+        let said = check(
+            folder.path(),
+            &format!("{FRAME}[specimen.limits]\n{limits}"),
+            &[],
+        );
+        assert_eq!(said.code, Some(0), "{}", said.stderr);
+        assert_eq!(
+            said.stderr.contains("would be noticed only after 0.5 m"),
+            told,
+            "{}",
+            said.stderr
+        );
+    }
+}
+
 #[test]
 fn a_test_that_would_stop_is_told() {
     let folder = tempfile::tempdir().unwrap();

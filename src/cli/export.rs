@@ -1,5 +1,7 @@
 //! `gusset export`.
 
+use std::path::Path;
+
 use anyhow::Context;
 
 use super::args::{ExportArgs, FormatArg, RateArg};
@@ -35,6 +37,20 @@ pub fn export(args: &ExportArgs) -> anyhow::Result<Exit> {
         FormatArg::Trace => Format::Trace,
         FormatArg::DesignSafe => Format::DesignSafe,
     };
+    // A folder that holds a copy of the run is none of the run's own.
+    let parent = args.out.parent().map(|parent| match parent.as_os_str() {
+        here if here.is_empty() => Path::new("."),
+        _ => parent,
+    });
+    let home = parent.and_then(|parent| parent.canonicalize().ok());
+    let is_inside = home
+        .zip(args.run.canonicalize().ok())
+        .is_some_and(|(home, run)| home.starts_with(run));
+    anyhow::ensure!(
+        !(format == Format::DesignSafe && is_inside),
+        "{} is inside of the run that it would copy",
+        args.out.display()
+    );
     let exported =
         export::export(&run, format, &choice, &args.out).context("the run cannot be exported")?;
     // Units and names of what was exported stand in a file that anybody may have edited.

@@ -9,6 +9,8 @@ use super::args::OperateArgs;
 use super::exit::{Exit, WithExit};
 use super::{answer, tell};
 use crate::engine::{Glimpse, Phase};
+use crate::record::Run;
+use crate::record::summary::Status;
 use crate::rt::os::monotonic_ns;
 use crate::session::{Answer, Request, Unanswered, ask, pause};
 
@@ -66,7 +68,9 @@ fn say(folder: &Path, request: Request) -> Result<String, Refusal> {
                 waited += LOOK_EVERY;
             }
             Err(Unanswered::Over(_)) if is_told => {
-                return over(word.unwrap_or(request), was_leaving);
+                return over(word.unwrap_or(request), was_leaving, || {
+                    ended_otherwise(folder)
+                });
             }
             Err(Unanswered::Over(_)) if folder.join("summary.json").exists() => {
                 return Err((Exit::Usage, OVER.to_owned()));
@@ -106,18 +110,46 @@ const fn to_go_on(seen: Glimpse) -> Request {
 const OVER: &str = "this test is over";
 
 /// It was told, on its way out or before, and then its desk closed.
-fn over(request: Request, was_leaving: bool) -> Result<String, Refusal> {
+fn over(
+    request: Request,
+    was_leaving: bool,
+    otherwise: impl FnOnce() -> Option<String>,
+) -> Result<String, Refusal> {
     let too_late = match request {
         Request::Stop if was_leaving => {
             let text = "ended: the way out was cut short, specimens that had not arrived are frozen where they are";
             return Ok(text.to_owned());
         }
-        Request::Stop | Request::Phase => return Ok("ended".to_owned()),
+        Request::Stop | Request::Phase => {
+            return match otherwise() {
+                None => Ok("ended".to_owned()),
+                Some(reason) => {
+                    let text = format!("ended, but not as it was told to: {reason}");
+                    Err((Exit::Stopped, text))
+                }
+            };
+        }
         Request::Hold => "the test ended before it held",
         Request::Continue => "the test ended before it went on",
         Request::Confirm => "the test ended before it heard that what was read is confirmed",
     };
     Err((Exit::Stopped, too_late.to_owned()))
+}
+
+/// Why a test that was told to end did not end in order: it tripped on its way out, say. None where it did, or does not say.
+fn ended_otherwise(folder: &Path) -> Option<String> {
+    let mut waited = Duration::ZERO;
+    while !folder.join("summary.json").exists() {
+        if waited >= PATIENCE {
+            return None;
+        }
+        pause(LOOK_EVERY);
+        waited += LOOK_EVERY;
+    }
+    let run = Run::open(folder).ok()?;
+    let summary = run.summary()?;
+    let in_order = matches!(summary.status, Status::Completed | Status::Interrupted);
+    (!in_order).then(|| summary.reason.clone())
 }
 
 fn given_up(is_told: bool) -> String {
@@ -328,11 +360,16 @@ mod tests {
 
     #[test]
     fn an_end_is_what_a_stop_wants_and_nothing_else() {
-        assert_eq!(over(Request::Stop, false).unwrap(), "ended");
-        let cut = over(Request::Stop, true).unwrap();
+        let in_order = || None;
+        assert_eq!(over(Request::Stop, false, in_order).unwrap(), "ended");
+        let tripped = || Some("its interlock is open".to_owned());
+        let (exit, text) = over(Request::Stop, false, tripped).unwrap_err();
+        assert_eq!(exit, Exit::Stopped);
+        assert!(text.ends_with("its interlock is open"), "{text}");
+        let cut = over(Request::Stop, true, in_order).unwrap();
         assert!(cut.starts_with("ended: the way out was cut short"), "{cut}");
         for request in [Request::Hold, Request::Continue, Request::Confirm] {
-            assert_eq!(over(request, false).unwrap_err().0, Exit::Stopped);
+            assert_eq!(over(request, false, in_order).unwrap_err().0, Exit::Stopped);
             let told = seen(Phase::Leaving, false, false);
             assert!(judge(Request::Stop, told, true).is_none());
         }

@@ -11,6 +11,7 @@ use crate::config::{Diagnostics, Finding, Loaded, Severity};
 use crate::control::Poses;
 use crate::control::limits::Quantity;
 use crate::engine::Experiment;
+use crate::rt::os::monotonic_ns;
 use crate::session::rehearsal::{self, AxisNeed, Curtain, Held, Need, Rehearsal, StandIn, Used};
 
 /// Longest wall time of a rehearsal: whoever checks a test waits for it.
@@ -29,13 +30,18 @@ pub struct Rehearsed {
 impl Rehearsed {
     /// Rehearses a test that is built.
     pub fn of(loaded: &Loaded, experiment: Experiment) -> anyhow::Result<Self> {
+        let began = monotonic_ns();
+        let left = || {
+            let passed = monotonic_ns().saturating_sub(began);
+            BUDGET.saturating_sub(Duration::from_nanos(passed))
+        };
         let rehearsal = rehearsal::rehearse(loaded, experiment, BUDGET).map_err(refused)?;
         let mut findings = rehearsal.findings(loaded);
-        let left = BUDGET.saturating_sub(Duration::from_secs_f64(rehearsal.wall_s));
-        let held = rehearsal::rehearse_hold(loaded, &rehearsal, left).map_err(refused)?;
+        let held = rehearsal::rehearse_hold(loaded, &rehearsal, left()).map_err(refused)?;
         if let Some(held) = &held {
             findings.extend(held.findings(&rehearsal, loaded));
         }
+        findings.extend(rehearsal::try_limits(loaded, &rehearsal, left()).map_err(refused)?);
         let beyond = rehearsal.beyond_capacity();
         Ok(Self {
             rehearsal,

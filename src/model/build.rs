@@ -18,13 +18,15 @@ const NOT_NEGATIVE: &str = "finite and not negative";
 const MOST_DOFS: usize = 1_000_000;
 const POSITIVE: &str = "finite and greater than 0";
 
-/// What the specimens of a test are to the numerical structure, besides their forces. Both n × n.
+/// What the specimens of a test are to the numerical structure, besides their forces. All n × n.
 #[derive(Debug, Clone, Copy)]
 pub struct SpecimenShare<'a> {
     /// Σ Bᵀ k B at rest, in N/m.
     pub stiffness_at_rest: &'a SymMatrix,
     /// Σ Bᵀ m B of the masses that the structure carries for them, in kg: their inertia is not in the measured force.
     pub mass: &'a SymMatrix,
+    /// Σ Bᵀ m B of the masses whose inertia is in the measured force, in kg: they move as well, and a damping rule refers to them.
+    pub mass_in_force: &'a SymMatrix,
 }
 
 /// M, C, K with the names of their parts.
@@ -105,6 +107,7 @@ impl StructureSpec {
             for (what, matrix) in [
                 ("specimen stiffness", share.stiffness_at_rest),
                 ("specimen mass", share.mass),
+                ("mass in the specimen's force", share.mass_in_force),
             ] {
                 if matrix.n() != linear.mass.n() {
                     return Err(BuildError::Model(ModelError::Size {
@@ -148,10 +151,12 @@ impl StructureSpec {
         let mut structure = structure?.with_storeys(linear.storeys.0, linear.storeys.1);
         if let Some(rule) = damping {
             let mut at_rest = structure.stiffness_at_rest();
+            let mut mass = structure.mass().clone();
             if let Some(share) = specimens {
                 at_rest = at_rest.plus(1.0, share.stiffness_at_rest);
+                mass = mass.plus(1.0, share.mass_in_force);
             }
-            structure.set_damping(damping_matrix(rule, structure.mass(), &at_rest)?)?;
+            structure.set_damping(damping_matrix(rule, &mass, &at_rest)?)?;
         }
         Ok(structure)
     }

@@ -185,6 +185,27 @@ pub enum MotionError {
         /// The columns that exist.
         available: String,
     },
+    /// Two columns have the name that is asked for.
+    #[error(
+        "{file}: columns {} and {} are both called {column:?}: choose one by column = {{ number = {} }}",
+        numbers[0], numbers[1], numbers[0]
+    )]
+    ColumnTwice {
+        /// Name of the file.
+        file: String,
+        /// The name asked for.
+        column: String,
+        /// The first two that have it, from 1.
+        numbers: [usize; 2],
+    },
+    /// The column of times is asked for as that of values, too.
+    #[error("{file}: column {number} is asked for as the times and as the values")]
+    ColumnForBoth {
+        /// Name of the file.
+        file: String,
+        /// From 1.
+        number: usize,
+    },
     /// Several columns could be meant.
     #[error(
         "{file}: which column? choose one with column = {{ name = \"…\" }} or {{ number = 1 }}: it has {available}"

@@ -24,6 +24,9 @@ pub struct PrescribedSpec {
     pub ease_out_s: f64,
 }
 
+/// Steps that an ease must have for a command to begin, or to end, more softly.
+const EASES: f64 = 4.0;
+
 /// Displacements (m) and velocities (m/s) of all axes at every step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Prescribed {
@@ -83,6 +86,14 @@ impl PrescribedSpec {
             vel: vec![0.0; rows * axes],
             warnings: Vec::new(),
         };
+        for (key, ease) in [("ease_in_s", ease_in), ("ease_out_s", ease_out)] {
+            let step = grid.dt();
+            if ease > 0.0 && ease < EASES * step {
+                prescribed.warnings.push(format!(
+                    "{key} = {ease} s is shorter than {EASES} steps of {step} s: it softens nothing"
+                ));
+            }
+        }
         for (axis, motion) in self.axes.iter().enumerate() {
             let (mut series, mut rates) =
                 motion.evaluate_with_rate(Quantity::Displacement, grid, files)?;
@@ -232,6 +243,19 @@ mod tests {
             ease_in_s: ease,
             ease_out_s: ease,
         }
+    }
+
+    #[test]
+    fn an_ease_of_less_than_a_few_steps_is_told_of() {
+        let grid = Grid::new(0.01, 250).unwrap();
+        let told = |ease: f64| {
+            let found = spec(vec![sine(10.0)], ease)
+                .evaluate(grid, &no_files)
+                .unwrap();
+            let softens = |text: &&String| text.contains("it softens nothing");
+            found.warnings.iter().filter(softens).count()
+        };
+        assert_eq!((told(0.0), told(0.005), told(0.5)), (0, 2, 0));
     }
 
     #[test]

@@ -100,6 +100,11 @@ impl<S: Specimen> Specimen for InUnits<S> {
         self.per_motion(stiffness);
     }
 
+    fn tangent_damping(&self, damping: &mut [f64]) {
+        self.specimen.tangent_damping(damping);
+        self.per_motion(damping);
+    }
+
     fn bound(
         &self,
         reach: &[Reach],

@@ -102,6 +102,13 @@ pub trait Specimen: Send + std::fmt::Debug {
     /// Tangent stiffness at the last trial, n × n (OpenFresco 13).
     fn tangent(&self, stiffness: &mut [f64]);
 
+    /// Tangent damping at the last trial, n × n; the reference where that is less, since a damper may have no finite tangent at
+    /// rest. Default: the reference. Not for the loop.
+    fn tangent_damping(&self, damping: &mut [f64]) {
+        let (mut stiffness, mut mass) = (vec![0.0; damping.len()], vec![0.0; damping.len()]);
+        self.reference(&mut stiffness, damping, &mut mass);
+    }
+
     /// Upper bounds of both tangents within the reach of each axis, n × n each, for the proof of stability: the true
     /// tangents never exceed them in the sense of symmetric matrices. A bound may be +∞ where none exists.
     ///
@@ -142,6 +149,10 @@ impl<S: Specimen + ?Sized> Specimen for Box<S> {
 
     fn tangent(&self, stiffness: &mut [f64]) {
         (**self).tangent(stiffness);
+    }
+
+    fn tangent_damping(&self, damping: &mut [f64]) {
+        (**self).tangent_damping(damping);
     }
 
     fn bound(

@@ -74,6 +74,10 @@ impl Specimen for Mounted {
         self.specimen.tangent(stiffness);
     }
 
+    fn tangent_damping(&self, damping: &mut [f64]) {
+        self.specimen.tangent_damping(damping);
+    }
+
     /// `reach` is that of the deformation, wherever it begins.
     fn bound(
         &self,

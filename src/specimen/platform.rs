@@ -135,6 +135,13 @@ impl<S: Specimen> Specimen for Platform<S> {
         self.to_actuators(&self.trial, &k, stiffness);
     }
 
+    fn tangent_damping(&self, damping: &mut [f64]) {
+        let size = self.coordinates() * self.coordinates();
+        let mut c = [0.0; MOST * MOST];
+        self.specimen.tangent_damping(&mut c[..size]);
+        self.to_actuators(&self.trial, &c, damping);
+    }
+
     /// At the reference pose. Every coordinate reaches as far as the farthest actuator: m, or rad for an angle.
     fn bound(
         &self,

@@ -59,6 +59,13 @@ impl Specimen for Stiffened {
         }
     }
 
+    fn tangent_damping(&self, damping: &mut [f64]) {
+        self.inner.tangent_damping(damping);
+        for entry in damping {
+            *entry *= self.factor;
+        }
+    }
+
     fn bound(
         &self,
         reach: &[Reach],

@@ -72,6 +72,12 @@ impl Specimen for Uniaxial {
         diagonal(stiffness, self.axes(), tangents);
     }
 
+    fn tangent_damping(&self, damping: &mut [f64]) {
+        let laws = self.laws.iter();
+        let least = laws.map(|law| law.reference().damping.min(law.tangent().damping));
+        diagonal(damping, self.axes(), least);
+    }
+
     fn bound(
         &self,
         reach: &[Reach],

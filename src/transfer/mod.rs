@@ -364,6 +364,10 @@ impl Specimen for Transfer {
         self.law.tangent(stiffness);
     }
 
+    fn tangent_damping(&self, damping: &mut [f64]) {
+        self.law.tangent_damping(damping);
+    }
+
     fn bound(
         &self,
         reach: &[Reach],

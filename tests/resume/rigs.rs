@@ -16,15 +16,29 @@ pub struct Rig {
     ends: Option<(u32, End)>,
     told: u32,
     sequence: u64,
+    /// It does not say where it stands.
+    is_mute: bool,
 }
 
 impl Rig {
+    /// One that does not say where it stands, as an actor of OpenFresco.
+    fn mute(place: &Arc<Mutex<f64>>) -> Box<dyn Substructure> {
+        Box::new(Self {
+            place: Arc::clone(place),
+            ends: None,
+            told: 0,
+            sequence: 0,
+            is_mute: true,
+        })
+    }
+
     pub fn boxed(place: &Arc<Mutex<f64>>, ends: Option<(u32, End)>) -> Box<dyn Substructure> {
         Box::new(Self {
             place: Arc::clone(place),
             ends,
             told: 0,
             sequence: 0,
+            is_mute: false,
         })
     }
 }
@@ -40,8 +54,9 @@ impl Substructure for Rig {
         true
     }
     fn connect(&mut self) -> Result<Introduction, Unavailable> {
+        let place = *self.place.lock().unwrap();
         Ok(Introduction {
-            standing: vec![*self.place.lock().unwrap()],
+            standing: if self.is_mute { vec![] } else { vec![place] },
             ..Introduction::default()
         })
     }
@@ -197,6 +212,49 @@ fn a_link_that_is_lost_on_the_way_out_leaves_the_last_commands_on_record() {
         assert!(found.is_exact(), "{name}: {found:?}");
         assert_eq!(found.rows, column(&at(name), "state").len() as u64);
     }
+}
+
+/// What a specimen is told that was led away after its test, and cannot say so, is judged from where it was left.
+#[test]
+fn a_specimen_that_was_led_away_and_cannot_tell_goes_on_within_its_limits() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let test = two_rigs(
+        home.path(),
+        "at_end = \"zero_displacement\"\nexit_speed_m_per_s = 0.05\n",
+    );
+    let limits =
+        "limits = { command_vel_m_per_s = { trip = 2.0 }, following_error_m = { trip = 1e-3 } }";
+    let text = std::fs::read_to_string(&test).unwrap();
+    let text = text.replace("[[specimen]]\n", &format!("[[specimen]]\n{limits}\n"));
+    std::fs::write(&test, text).unwrap();
+    let places: [Arc<Mutex<f64>>; 2] = Default::default();
+    let rigs = || places.each_ref().map(Rig::mute);
+    let whole = run_rigs(built(&test), rigs(), &at("whole"), None);
+    assert_eq!(whole.finish, Finish::Completed, "{}", whole.summary.reason);
+    put(&places, [0.0; 2]);
+    let ended = run_rigs(built(&test), rigs(), &at("first"), Some(190));
+    assert_eq!(
+        ended.summary.left["one"], "reached",
+        "{}",
+        ended.summary.reason
+    );
+    let moved = column(&at("first"), "cmd_1_1")
+        .iter()
+        .fold(0.0, |m: f64, d| m.max(d.abs()));
+    assert!(moved > 0.01, "less than a jump of 2 m/s in a tick: {moved}");
+    let again = resume(&at("first"), None, &[], None).unwrap_or_else(|e| panic!("{e}"));
+    let went_on = run_rigs(again, rigs(), &at("second"), None);
+    assert_eq!(
+        went_on.finish,
+        Finish::Completed,
+        "{}",
+        went_on.summary.reason
+    );
+    assert_eq!(
+        steps(&[&at("first"), &at("second")]),
+        steps(&[&at("whole")])
+    );
 }
 
 /// Killed, stopped or refused before its first step, a test that goes on is no dead end: its specimens stand where it left them,

@@ -54,6 +54,7 @@ pub(super) struct Attached {
     pub stiffness: Vec<Vec<f64>>,
     pub stiffness_at_rest: Vec<Vec<f64>>,
     pub damping: Vec<Vec<f64>>,
+    pub damping_at_rest: Vec<Vec<f64>>,
     pub mass_in_force: f64,
     pub ticks: Vec<Weights>,
 }
@@ -118,7 +119,7 @@ impl Attached {
             // The delay of an axis is in every force that its motion makes.
             let force: f64 = moved
                 .iter()
-                .zip(&self.stiffness)
+                .zip(&self.stiffness_at_rest)
                 .map(|(moved, row)| moved * row[axis])
                 .sum();
             -own * (force - inertia * own) / (2.0 * frequency)
@@ -151,11 +152,10 @@ pub(super) fn square(rows: &[Vec<f64>]) -> DMatrix<f64> {
     DMatrix::from_fn(rows.len(), rows.len(), |i, j| rows[i][j])
 }
 
-/// Damping and stiffness that a late specimen has, and the stiffness that stands for it in the whole (m × m for m axes).
+/// Damping and stiffness that a late specimen has, and that stand for it in the whole (m × m for m axes).
 pub(super) struct Own {
     pub damping: DMatrix<f64>,
     pub stiffness: DMatrix<f64>,
-    pub counted: DMatrix<f64>,
 }
 
 /// A structure whose axes at `rows` are late, all others on time: they are taken out of the damping and the stiffness of the
@@ -177,7 +177,7 @@ pub(super) fn delayed(
     Delayed {
         mass,
         damping: rest(whole.0, &own.damping),
-        stiffness: rest(whole.1, &own.counted),
+        stiffness: rest(whole.1, &own.stiffness),
         rows: b,
         specimen_damping: own.damping,
         specimen_stiffness: own.stiffness,
@@ -205,6 +205,7 @@ impl Analysis {
             stiffness: specimen.stiffness.to_vec(),
             stiffness_at_rest: specimen.stiffness_at_rest.to_vec(),
             damping: specimen.damping.to_vec(),
+            damping_at_rest: specimen.damping_at_rest.to_vec(),
             mass_in_force: specimen.mass_in_force,
             ticks: specimen.ticks.to_vec(),
         });
@@ -231,28 +232,29 @@ impl Analysis {
 
     /// The loop of a specimen, without its name.
     fn of(&self, specimen: &Attached) -> Loop {
-        let own = |counted: &[Vec<f64>]| Own {
-            damping: square(&specimen.damping),
-            stiffness: square(&specimen.stiffness),
-            counted: square(counted),
+        let own = |damping: &[Vec<f64>], stiffness: &[Vec<f64>]| Own {
+            damping: square(damping),
+            stiffness: square(stiffness),
         };
         let AtRest { stiffness, damping } = &self.at_rest;
         let at_rest = delayed(
             self.mass.to_dense(),
             (damping, stiffness),
             &specimen.rows,
-            own(&specimen.stiffness_at_rest),
+            own(&specimen.damping_at_rest, &specimen.stiffness_at_rest),
             specimen.mass_in_force,
         );
         let closed = delayed(
             self.mass.to_dense(),
             (&self.damping, &self.stiffness),
             &specimen.rows,
-            own(&specimen.stiffness),
+            own(&specimen.damping, &specimen.stiffness),
             specimen.mass_in_force,
         );
-        let scale = closed.stiffness.amax();
-        let differs = (&closed.stiffness - &at_rest.stiffness).amax() > 1e-9 * scale;
+        let differ =
+            |one: &DMatrix<f64>, other: &DMatrix<f64>| (one - other).amax() > 1e-9 * one.amax();
+        let differs = differ(&closed.stiffness, &at_rest.stiffness)
+            || differ(&closed.specimen_stiffness, &at_rest.specimen_stiffness);
         Loop {
             name: String::new(),
             system: Delayed {
@@ -340,7 +342,6 @@ impl Analysis {
         let own = Own {
             damping: DMatrix::zeros(1, 1),
             stiffness: DMatrix::zeros(1, 1),
-            counted: DMatrix::zeros(1, 1),
         };
         delayed(mass.to_dense(), (damping, stiffness), &[[]], own, 0.0)
     }

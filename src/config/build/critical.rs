@@ -58,8 +58,7 @@ impl Analysis {
     fn tables(&self, specimen: &Attached, bounds: &[f64]) -> Result<Vec<CriticalDelay>, String> {
         let axes = specimen.rows.iter().enumerate().zip(bounds);
         let tables = axes.map(|((axis, row), bound)| {
-            let (stiffness, damping) =
-                (specimen.stiffness[axis][axis], specimen.damping[axis][axis]);
+            let stiffness = specimen.stiffness[axis][axis];
             // NaN is passed over.
             let stiffest = REACH * stiffness.max(*bound);
             let mut mass = self.mass.to_dense();
@@ -81,9 +80,8 @@ impl Analysis {
                 (&self.at_rest.damping, &self.at_rest.stiffness),
                 std::slice::from_ref(row),
                 Own {
-                    damping: one(damping),
-                    stiffness: one(stiffness),
-                    counted: one(specimen.stiffness_at_rest[axis][axis]),
+                    damping: one(specimen.damping_at_rest[axis][axis]),
+                    stiffness: one(specimen.stiffness_at_rest[axis][axis]),
                 },
                 specimen.mass_in_force,
             );
@@ -186,6 +184,49 @@ mod tests {
 
     const TIME: &str = "[time]\nrate_hz = 1000\nduration_s = 1\n[integrator]\nlambda = 4\n\
         [excitation.ground_acceleration.signal.sine]\namplitude = 1.0\nfrequency_hz = 1.0\n";
+
+    /// A specimen of this law in a structure of 2 t, 1 MN/m and 5 kN s/m, and the same structure with a linear one of 0.5 MN/m: that
+    /// is what it is at rest.
+    fn at_rest_as_linear(law: &str) {
+        let with = |law: &str| {
+            analysis(&format!(
+                "{TIME}[structure.matrices]\nmass = [[2000]]\nstiffness = [[1e6]]\ndamping = [[5e3]]\n\
+                 [[specimen]]\nname = \"it\"\nrows = [[1]]\nreach_vel_m_per_s = 0.5\nlaw.parallel = [\
+                 {{ linear.stiffness_n_per_m = 5e5 }}{law}]\n"
+            ))
+        };
+        let (found, linear) = (with(law), with(""));
+        let delay = |of: &Analysis| of.loops[0].continuous().unwrap().unwrap().delay;
+        // 10.1277 ms, from |L| = 1.
+        assert!(
+            (delay(&linear) - 10.127_7e-3).abs() < 1e-7,
+            "{}",
+            delay(&linear)
+        );
+        assert!((delay(&found) - delay(&linear)).abs() < 1e-12, "{law}");
+        let table = |of: &Analysis| of.critical_delays(&[true], &[vec![f64::NAN]]).unwrap();
+        let (found_at, linear_at) = (&table(&found)[0][0], &table(&linear)[0][0]);
+        let close = found_at.at(5e5) / linear_at.at(5e5) - 1.0;
+        // Entries of tables that reach to different ends, and a line between them.
+        assert!(close.abs() < 5e-3, "{law}: {close}");
+        let per_second = |of: &Analysis| of.delayed_modes()[0].per_second[0][0];
+        let off = per_second(&found) / per_second(&linear) - 1.0;
+        assert!(off.abs() < 1e-12, "{law}: {off}");
+    }
+
+    #[test]
+    fn a_damper_without_a_tangent_at_rest_stands_against_no_delay() {
+        at_rest_as_linear(
+            ", { power_damper = { force_at_unit_velocity_n = 2e4, exponent = 1.5, reference_damping_n_s_per_m = 4e3 } }",
+        );
+    }
+
+    #[test]
+    fn an_open_gap_of_a_specimen_takes_no_part_in_a_delay() {
+        at_rest_as_linear(
+            ", { gap = { stiffness_n_per_m = 1e6, gap_m = 0.05, side = \"tension\" } }",
+        );
+    }
 
     #[test]
     fn a_table_of_one_degree_of_freedom_is_the_closed_form() {

@@ -266,6 +266,14 @@ fn nodal_table(
             list.join(", ")
         ));
     }
+    let used = parsed.rows().min(grid.points());
+    if parsed.rows() > used {
+        texts.push(format!(
+            "{file} has {} rows, but the test from t = 0 to its end has {used} steps: what comes later is left out. One row \
+             is one step of the test",
+            parsed.rows()
+        ));
+    }
     if parsed.rows() < grid.points() {
         texts.push(format!(
             "{file} has {} rows, but the test from t = 0 to its end has {} steps: the rest is zero",
@@ -282,6 +290,7 @@ fn nodal_table(
         values: parsed
             .values
             .iter()
+            .take(used * n)
             .map(|value| value * nodal.scale)
             .collect(),
     })

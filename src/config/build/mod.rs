@@ -269,7 +269,9 @@ fn numerical(
         .stiffness_at_rest()
         .plus(1.0, &specimens.stiffness_at_rest(n));
     structure::definite(site, &structure, [&at_rest, &initial_stiffness])?;
-    let damping_at_rest = structure.damping_at_rest().plus(1.0, &specimens.damping(n));
+    let damping_at_rest = structure
+        .damping_at_rest()
+        .plus(1.0, &specimens.damping_at_rest(n));
     structure::dissipative(site, &structure, [&damping_at_rest, &initial_damping])?;
     let frequencies = match specimens.late_mass(n) {
         Some(late) => structure::frequencies(&at_rest, &structure.mass().plus(1.0, &late)),

@@ -39,6 +39,8 @@ struct Entry {
     damping: Rows,
     /// Stiffness before anything moves: k̂ if it was given, else the tangent of the law, which is 0 for an open gap.
     stiffness_at_rest: Rows,
+    /// The same of the damping, or the reference of the law where that is less: 0 for a damper of a power beyond 1.
+    damping_at_rest: Rows,
     /// What the structure carries for the specimen.
     mass: Rows,
     /// Upper bounds of the tangents; the axis (from 0) whose reach is missing otherwise.
@@ -67,6 +69,7 @@ pub(super) struct Loop<'a> {
     pub stiffness: &'a [Vec<f64>],
     pub stiffness_at_rest: &'a [Vec<f64>],
     pub damping: &'a [Vec<f64>],
+    pub damping_at_rest: &'a [Vec<f64>],
     pub mass_in_force: f64,
     pub ticks: &'a [Weights],
 }
@@ -191,6 +194,7 @@ impl Specimens {
             stiffness: &entry.stiffness,
             stiffness_at_rest: &entry.stiffness_at_rest,
             damping: &entry.damping,
+            damping_at_rest: &entry.damping_at_rest,
             mass_in_force: entry.mass_in_force,
             ticks: &entry.ticks,
         })

@@ -40,9 +40,11 @@ pub(super) fn structure(site: &mut Site<'_>, specimens: &Specimens) -> Result<St
     };
     specimens.check_rows(site, dofs)?;
     let (at_rest, mass) = (specimens.stiffness_at_rest(dofs), specimens.mass(dofs));
+    let mass_in_force = specimens.mass_in_force(dofs);
     let share = SpecimenShare {
         stiffness_at_rest: &at_rest,
         mass: &mass,
+        mass_in_force: &mass_in_force,
     };
     match spec.build(table.damping.as_ref(), &table.element, Some(share), &files) {
         Ok(structure) => Ok(structure),

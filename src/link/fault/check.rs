@@ -79,7 +79,8 @@ impl Kind {
                 .or(some(disp_m, force_n)),
             Self::Gain { factor } => {
                 let inside = factor != 1.0 && factor.abs() < 1e12;
-                (!inside).then_some(("factor", factor, "another number than 1"))
+                let allowed = "another number than 1, below 1e12 either way";
+                (!inside).then_some(("factor", factor, allowed))
             }
             _ => None,
         }

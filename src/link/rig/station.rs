@@ -350,8 +350,12 @@ impl Station {
         Ok(())
     }
 
-    /// Its controller is held by an operator.
+    /// Its controller is held by an operator, or ends its test here: it stops, and what comes next comes from rest.
     pub fn pause(&mut self) {
+        self.watch.rests();
+        if let Some(announced) = &mut self.announced {
+            announced.rests();
+        }
         // A specimen that is lost shows when it is attended to.
         let _ = self.rig.pause();
     }

@@ -109,9 +109,15 @@ fn damping_by_rule_counts_elements_at_rest_and_specimens() {
     let share = SpecimenShare {
         stiffness_at_rest: &specimen,
         mass: &SymMatrix::from_triplets(3, [(1, 1, 0.25)]),
+        mass_in_force: &SymMatrix::zeros(3),
     };
     let parted = building(&[1.0, 0.75, 1.0], &[0.0, 0.0, 100.0], None)
-        .build(Some(&rule), &[spring], Some(share), &MatrixFiles::new())
+        .build(
+            Some(&rule),
+            std::slice::from_ref(&spring),
+            Some(share),
+            &MatrixFiles::new(),
+        )
         .unwrap();
     assert_eq!(parted.mass(), whole.mass());
     assert_eq!(parted.damping(), whole.damping());
@@ -120,4 +126,20 @@ fn damping_by_rule_counts_elements_at_rest_and_specimens() {
         whole.reference_stiffness()
     );
     assert_eq!(parted.element_names().collect::<Vec<_>>(), ["element 1"]);
+
+    // Mass whose inertia is in the measured force moves as well: the ratios that are asked for are those of the whole.
+    let heavy = SpecimenShare {
+        mass: &SymMatrix::zeros(3),
+        mass_in_force: &SymMatrix::from_triplets(3, [(1, 1, 0.25)]),
+        ..share
+    };
+    let spring = ElementSpec {
+        law: toml::from_str("linear = { stiffness_n_per_m = 300.0 }").unwrap(),
+        ..spring
+    };
+    let late = building(&[1.0, 0.75, 1.0], &[0.0, 0.0, 100.0], None)
+        .build(Some(&rule), &[spring], Some(heavy), &MatrixFiles::new())
+        .unwrap();
+    assert_eq!(late.damping(), whole.damping());
+    assert_ne!(late.mass(), whole.mass());
 }

@@ -65,6 +65,12 @@ fn columns(
     let find = |column: &Column| find(name, table, column);
     let value = options.column.as_ref().map(find).transpose()?;
     let time = options.time_column.as_ref().map(find).transpose()?;
+    if let (Some(value), true) = (value, time == value) {
+        return Err(MotionError::ColumnForBoth {
+            file: name.into(),
+            number: value + 1,
+        });
+    }
     let time = time.or_else(|| {
         if table.names.is_empty() {
             // Without names the first of several columns is the time.
@@ -89,10 +95,18 @@ fn columns(
 
 fn find(name: &str, table: &RawTable, column: &Column) -> Result<usize, MotionError> {
     let (found, wanted) = match column {
-        Column::Name(text) => (
-            table.names.iter().position(|n| n == text),
-            format!("{text:?}"),
-        ),
+        Column::Name(text) => {
+            let mut named = (0..).zip(&table.names).filter(|(_, n)| *n == text);
+            if let (Some((first, _)), Some((second, _))) = (named.next(), named.next()) {
+                return Err(MotionError::ColumnTwice {
+                    file: name.into(),
+                    column: text.clone(),
+                    numbers: [first + 1, second + 1],
+                });
+            }
+            let found = table.names.iter().position(|n| n == text);
+            (found, format!("{text:?}"))
+        }
         Column::Number(number) => (
             number.checked_sub(1).filter(|i| *i < table.columns),
             number.to_string(),
@@ -344,6 +358,31 @@ mod tests {
             read("a.csv", text).unwrap_err().to_string(),
             "a.csv: which column? choose one with column = { name = \"…\" } or { number = 1 }: it has \"time (s)\", \"east (g)\", \"north (g)\""
         );
+    }
+
+    #[test]
+    fn a_name_that_two_columns_have_and_one_column_for_times_and_values_are_refused() {
+        let refused = |text: &str, column: Column, time_column: Option<Column>| {
+            let options = ReadOptions {
+                column: Some(column),
+                time_column,
+                ..ReadOptions::default()
+            };
+            let refused = parse_record("a.csv", text.as_bytes(), &options);
+            refused.unwrap_err().to_string()
+        };
+        let named = |name: &str| Column::Name(name.into());
+        let twice = "t,a,a\n0.00,1,5\n0.01,2,10\n";
+        assert_eq!(
+            refused(twice, named("a"), None),
+            "a.csv: columns 2 and 3 are both called \"a\": choose one by column = { number = 2 }"
+        );
+        for (value, time) in [(named("t"), named("t")), (Column::Number(1), named("t"))] {
+            assert_eq!(
+                refused("t,a\n0.00,1\n0.01,2\n", value, Some(time)),
+                "a.csv: column 1 is asked for as the times and as the values"
+            );
+        }
     }
 
     #[test]

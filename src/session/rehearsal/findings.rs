@@ -23,6 +23,7 @@ impl Rehearsal {
                     .filter_map(|need| finding(need, needs, axis, place(need)));
                 findings.extend(found);
             }
+            findings.extend(deaf(loaded, needs, index));
             findings.extend(nearly_singular(needs, index));
             findings.extend(unsettled(loaded, needs, index));
         }
@@ -58,7 +59,7 @@ impl Rehearsal {
     }
 
     /// What ended the rehearsal before the test's end.
-    fn end(&self, loaded: &Loaded) -> Option<Finding> {
+    pub(super) fn end(&self, loaded: &Loaded) -> Option<Finding> {
         let at = short(self.time);
         let root = KeyPath::root();
         match self.curtain {
@@ -70,13 +71,11 @@ impl Rehearsal {
                 )
                 .help("what comes later was not compared with the limits"),
             ),
-            Curtain::Stopped(Stop::Limit { port, hit }) => Some(Finding::error(
-                place(loaded, port, hit.axis, hit.quantity),
-                format!(
-                    "the test would stop at {at} s: specimen {}, {hit}",
-                    port + 1
-                ),
-            )),
+            Curtain::Stopped(Stop::Limit { port, hit }) => {
+                let text = format!("the test would stop at {at} s: specimen {}, {hit}", port + 1);
+                let place = place(loaded, port, hit.axis, hit.quantity);
+                Some(Finding::error(place, text).help("found on the simulated clock"))
+            }
             Curtain::Stopped(stop @ Stop::Geometry { port, .. }) => Some(
                 Finding::error(
                     root.key("specimen").index(port).key("geometry"),
@@ -91,17 +90,22 @@ impl Rehearsal {
                 format!("the test would stop at {at} s: {hit}"),
             )),
             Curtain::Stopped(stop @ Stop::Diverged { .. }) => {
-                let given = loaded.file.safety.divergence_m;
-                let place = given.map(|_| root.key("safety").key("divergence_m"));
+                let text = format!("the test would stop at {at} s: {stop}");
+                let finding = match loaded.file.safety.divergence_m {
+                    Some(_) => Finding::error(root.key("safety").key("divergence_m"), text),
+                    None => Finding::error(root.key("structure"), text).at_key(),
+                };
+                Some(finding.help(
+                    "found on the simulated clock: the actuators' lag, λ or the structure itself lets it grow, or the motion is that large",
+                ))
+            }
+            Curtain::Stopped(stop) => {
+                let specimen = |port| root.key("specimen").index(port);
                 Some(Finding::error(
-                    place.unwrap_or(root),
+                    stop.port().map_or(root.clone(), specimen),
                     format!("the test would stop at {at} s: {stop}"),
                 ))
             }
-            Curtain::Stopped(stop) => Some(Finding::error(
-                root,
-                format!("the test would stop at {at} s: {stop}"),
-            )),
         }
     }
 }
@@ -151,6 +155,29 @@ impl Held {
         }
         findings
     }
+}
+
+/// A warning for each axis whose dead sensors would be noticed only after more travel than the test has from end to end.
+fn deaf(loaded: &Loaded, needs: &Needs, specimen: usize) -> Vec<Finding> {
+    let table = loaded.file.specimen.get(specimen);
+    let limits = table.map(|table| table.limits_of(needs.found.len()));
+    let axes = needs.found.iter().zip(limits.into_iter().flatten());
+    let deaf = axes.enumerate().filter_map(|(axis, (found, limits))| {
+        let range = found.command.high - found.command.low;
+        let travel = limits.stuck_travel_m;
+        (limits.stuck_ticks.is_some() && range > 0.0 && travel > range).then(|| {
+            let text = format!(
+                "dead sensors on axis {} of `{}` would be noticed only after {travel} m of travel, but its commands reach over {} m in all",
+                axis + 1,
+                needs.name,
+                short(range)
+            );
+            let at = place(loaded, specimen, axis, Quantity::StuckSensor);
+            let at = at.parent().unwrap_or(at).key("stuck_travel_m");
+            Finding::warning(at, text).help("found on the simulated clock")
+        })
+    });
+    deaf.collect()
 }
 
 /// Beyond this condition number the actuators hold their platform badly: what they do wrong shows twenty times as large in its

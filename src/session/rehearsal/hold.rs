@@ -4,7 +4,7 @@
 use std::time::Duration;
 
 use super::prompter::Prompter;
-use super::{Need, Needs, Rehearsal, carry_out_with, name_stand_ins};
+use super::{Need, Needs, Rehearsal, Staging, carry_out_with, name_stand_ins};
 use crate::config::{self, ConfigError, Loaded};
 use crate::control::limits::Quantity;
 use crate::engine::{Control, Operator};
@@ -76,7 +76,8 @@ pub fn rehearse_hold(
         rows: 0,
         until_row: eases + TICKS_AT_REST,
     };
-    let found = carry_out_with(experiment, Box::new(holding), &Control::from(requests));
+    let (control, lifted) = (Control::from(requests), Staging::WithoutLimits);
+    let found = carry_out_with(experiment, Box::new(holding), lifted, &control);
     if found.time < at {
         return Ok(None);
     }

@@ -230,6 +230,10 @@ impl Substructure for Meter {
     }
 
     fn pause(&mut self) -> Result<(), LinkFault> {
+        // What stops here is not judged, and what comes next comes from rest.
+        for axis in &mut self.axes {
+            axis.past = [axis.past[0]; 2];
+        }
         self.inner.pause()
     }
 

@@ -5,6 +5,9 @@
 //! is seen and not only its beginning, and compared afterwards ([`Rehearsal::findings`]), as is what the rig can give
 //! ([`Rehearsal::beyond_capacity`]). Nothing is spoken to, nothing moves, and nothing is written.
 //!
+//! Limits of what only the loop knows (following error, tangents, added energy …) are tried by one more rehearsal, in which every
+//! limit holds ([`try_limits`]).
+//!
 //! What an operator's hold asks for is rehearsed by itself ([`rehearse_hold`]), where the test is fastest.
 //!
 //! What a stand-in cannot show is not judged: sensors that stick, late answers, and lag and noise where neither `identified`
@@ -15,6 +18,7 @@ mod findings;
 mod hold;
 mod meter;
 mod prompter;
+mod tried;
 
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -22,6 +26,7 @@ use std::time::Duration;
 pub use capacity::{Most, NEEDS, Used};
 pub use hold::{Held, rehearse_hold};
 pub use meter::{AxisNeed, Extreme};
+pub use tried::try_limits;
 
 use meter::Meter;
 use prompter::Prompter;
@@ -275,7 +280,9 @@ pub fn carry_out(experiment: Experiment, budget: Duration) -> Rehearsal {
     let (operator, requests) = crossbeam_channel::bounded(1);
     let prompter = Prompter::new(budget, operator);
     let pace = prompter.pace();
-    let rehearsal = carry_out_with(experiment, Box::new(prompter), &Control::from(requests));
+    let control = Control::from(requests);
+    let lifted = Staging::WithoutLimits;
+    let rehearsal = carry_out_with(experiment, Box::new(prompter), lifted, &control);
     Rehearsal {
         tick_s: pace.tick_s(),
         ..rehearsal
@@ -285,6 +292,7 @@ pub fn carry_out(experiment: Experiment, budget: Duration) -> Rehearsal {
 fn carry_out_with(
     mut experiment: Experiment,
     prompter: Box<dyn Recorder>,
+    staging: Staging,
     control: &Control,
 ) -> Rehearsal {
     let began = os::monotonic_ns();
@@ -296,8 +304,7 @@ fn carry_out_with(
     let known: Vec<_> = ports
         .map(|port| (port.name.clone(), port.limits().to_vec()))
         .collect();
-    let (outcome, needs, poses) =
-        staged_with(experiment, prompter, Staging::WithoutLimits, control);
+    let (outcome, needs, poses) = staged_with(experiment, prompter, staging, control);
     let seen = needs.into_iter().zip(poses);
     let counts = outcome.ports.iter().map(|port| port.2.unsettled);
     let specimens = known.into_iter().zip(seen).zip(counts).map(

@@ -78,7 +78,7 @@ pub(super) fn entry(
         Some(given) => {
             let at = at.key("stiffness_n_per_m");
             let given = seen(table, &loading, estimate(site, &at, given, laws)?);
-            if law.is_some() && site.trial.is_none() {
+            if law.is_some() {
                 warn_of_distance(site, at, &given, &scaled(&k, |axis| axis.disp_gain));
             }
             given
@@ -106,18 +106,22 @@ pub(super) fn entry(
         }
         mass_in_force = 0.0;
     }
-    let given = believed.is_some() || table.stiffness_n_per_m.is_some();
-    let stiffness_at_rest = match &mut law {
-        Some(law) if !given => {
-            let (still, mut force) = (vec![0.0; n], vec![0.0; n]);
-            let stands: Vec<f64> = offsets(table, n).iter().map(|(disp, _)| *disp).collect();
-            law.trial(&stands, &still, 0.0, &mut force);
-            law.tangent(&mut k);
-            law.revert();
-            scaled(&k, |axis| axis.disp_gain)
+    let is_believed = believed.is_some();
+    let (mut stiffness_at_rest, mut damping_at_rest) = (stiffness.clone(), damping.clone());
+    if let Some(law) = &mut law {
+        let (still, mut force) = (vec![0.0; n], vec![0.0; n]);
+        let stands: Vec<f64> = offsets(table, n).iter().map(|(disp, _)| *disp).collect();
+        law.trial(&stands, &still, 0.0, &mut force);
+        law.tangent(&mut k);
+        law.tangent_damping(&mut c);
+        law.revert();
+        if !is_believed && table.stiffness_n_per_m.is_none() {
+            stiffness_at_rest = scaled(&k, |axis| axis.disp_gain);
         }
-        _ => stiffness.clone(),
-    };
+        if !is_believed && table.damping_n_s_per_m.is_none() {
+            damping_at_rest = scaled(&c, |axis| axis.vel_gain);
+        }
+    }
     let bounds = match &law {
         Some(law) => law.bound(&reach, &mut k, &mut c).map(|()| {
             (
@@ -135,6 +139,11 @@ pub(super) fn entry(
         Some(source) => Some(built(site, at, table, ("stand_in", source), laws)?),
         None => None,
     };
+    if let (Some(law), true) = (&stand_in, table.stiffness_n_per_m.is_some()) {
+        law.reference(&mut k, &mut c, &mut m);
+        let own = scaled(&k, |axis| axis.disp_gain);
+        warn_of_distance(site, at.key("stiffness_n_per_m"), &said_stiffness, &own);
+    }
     let stand = match (law, &table.link) {
         (Some(law), _) => Stand::Law(law),
         (None, Some(_)) if site.trial.is_some() => {
@@ -169,6 +178,7 @@ pub(super) fn entry(
         stiffness,
         damping,
         stiffness_at_rest,
+        damping_at_rest,
         mass,
         bounds,
         sawtooth: sawtooth(&ticks),
@@ -179,6 +189,10 @@ pub(super) fn entry(
 
 /// An estimate that is far from the initial stiffness of the law beside it, which is known, is probably a slip of the unit.
 fn warn_of_distance(site: &mut Site<'_>, at: KeyPath, estimate: &Rows, law: &Rows) {
+    // What is drawn, or stands for it in a trial, was judged with the file.
+    if site.trial.is_some() {
+        return;
+    }
     let axes = estimate.iter().zip(law).enumerate();
     let ratios = axes.map(|(axis, (given, own))| given[axis] / own[axis]);
     // A law without an initial stiffness has no ratio.

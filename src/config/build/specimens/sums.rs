@@ -46,6 +46,11 @@ impl Specimens {
         self.gathered(dofs, |entry| Some(&entry.damping))
     }
 
+    /// Σ Bᵀ c B before anything moves.
+    pub(in crate::config::build) fn damping_at_rest(&self, dofs: usize) -> SymMatrix {
+        self.gathered(dofs, |entry| Some(&entry.damping_at_rest))
+    }
+
     /// Upper bounds of the tangents, the damping as it counts in a sawtooth; or the specimen (from 0) whose law needs a
     /// declared reach.
     pub(in crate::config::build) fn bounds(

@@ -33,6 +33,11 @@ impl Announced {
         self.watch.stands_at(disp);
     }
 
+    /// The last command counts as one at rest.
+    pub fn rests(&mut self) {
+        self.watch.rests();
+    }
+
     /// Judges a command of the controller, which has `time` for its motion. Real-time: yes.
     pub fn command(
         &mut self,
