@@ -264,6 +264,22 @@ fn what_is_proven_to_grow_is_refused_with_and_without_a_certificate() {
     }
 }
 
+/// No proof is made for several axes, but they are not passed over: the critical delay of the table is known.
+#[test]
+fn axes_that_are_later_than_all_of_them_may_be_are_warned_of() {
+    for (delay, late) in [(0.1, true), (1e-4, false)] {
+        let text = format!("{}[specimen.transfer]\ndelay_s = {delay}\n", coupled(50.0));
+        let (code, table, said) = check(&text, &["--no-rehearsal"]);
+        assert_eq!(code, 0, "{said}");
+        assert!(table.contains("critical delay"), "{table}");
+        assert_eq!(
+            said.contains("all of them may together lag"),
+            late,
+            "{said}"
+        );
+    }
+}
+
 /// An actuator with more delay than the loop bears: what the exit code says, the JSON says, too.
 #[test]
 fn a_loop_that_is_refused_for_its_actuator_is_not_valid_in_json() {

@@ -5,7 +5,7 @@ use serde_json::json;
 use super::args::CheckArgs;
 use super::certificate::Certificate;
 use super::exit::Exit;
-use super::following::Following;
+use super::following::{Following, late_axes};
 use super::rehearsed::Rehearsed;
 use super::run::{load, method_name, refused};
 use super::spectrum::Spectrum;
@@ -48,6 +48,10 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
         Some(Rehearsed::of(&loaded, experiment)?)
     };
     let following = Following::of(&loaded, facts, spectrum.as_ref());
+    let late = late_axes(&loaded, facts, spectrum.as_ref()).into_iter();
+    warn(&Diagnostics(
+        late.map(|f| loaded.locator.diagnose(f)).collect(),
+    ));
     let certificate = if args.rehearse {
         let certificate = Certificate::of(
             &loaded,
