@@ -34,26 +34,15 @@ pub fn try_limits(
 
 /// True if there is a trip level for what no command and no measurement says by itself.
 fn is_judged_in_the_loop(limits: &AxisLimits) -> bool {
-    let AxisLimits {
-        following_error,
-        stuck_ticks,
-        alternating_ticks,
-        stiffness_ratio,
-        damping_ratio,
-        added_energy,
-        lag,
-        gain_error,
-        ..
-    } = limits;
     let all = [
-        following_error,
-        stuck_ticks,
-        alternating_ticks,
-        stiffness_ratio,
-        damping_ratio,
-        added_energy,
-        lag,
-        gain_error,
+        &limits.following_error,
+        &limits.stuck_ticks,
+        &limits.alternating_ticks,
+        &limits.stiffness_ratio,
+        &limits.damping_ratio,
+        &limits.added_energy,
+        &limits.lag,
+        &limits.gain_error,
     ];
     all.iter().any(|bound| bound.trip.is_finite())
 }
