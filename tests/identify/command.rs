@@ -189,28 +189,34 @@ fn the_twin_is_a_test_that_checks_runs_and_is_identified_as_the_same() {
     assert!((stiffness(&second) / stiffness(&first) - 1.0).abs() < 1e-3);
 }
 
+/// The specimen of `TEST` served in `folder`, and a test behind that link with these limits besides the usual ones.
+pub fn served(folder: &Path, transport: &str, limits: &str) -> (Served, PathBuf) {
+    let specimen = TEST.split("[[specimen]]").nth(1).unwrap();
+    let specimen = specimen.split("[specimen.compensation").next().unwrap();
+    let served = format!(
+        "[[specimen]]{}\n[serve]\n",
+        specimen
+            .replace("storey = 1\n", "")
+            .replace("lag_s = { trip = 0.004 }\n", "")
+    );
+    let server = Served::start(folder, &served, &["--transport", transport]);
+    let linked = format!(
+        "[time]\nrate_hz = 512\nduration_s = 1\nclock = \"simulated\"\n\n[[excitation.prescribed_displacement]]\n\
+         specimen = \"rig\"\nsignal.sine = {{ amplitude = 0.001, frequency_hz = 1 }}\n\n[[specimen]]\nname = \"rig\"\n\
+         stiffness_n_per_m = 1e6\nlimits = {{ command_disp_m = {{ trip = [-0.05, 0.05] }}, \
+         measured_force_n = {{ trip = [-1e5, 1e5] }}{limits} }}\n\
+         link = {{ address = \"{}\", transport = \"{transport}\" }}\n",
+        server.address
+    );
+    let test = write(folder, "linked.toml", &linked);
+    (server, test)
+}
+
 #[test]
 fn a_specimen_behind_a_link_is_found_to_be_what_it_is() {
     for transport in ["tcp", "udp"] {
         let (_keep, folder) = folder();
-        let specimen = TEST.split("[[specimen]]").nth(1).unwrap();
-        let specimen = specimen.split("[specimen.compensation").next().unwrap();
-        let served = format!(
-            "[[specimen]]{}\n[serve]\n",
-            specimen
-                .replace("storey = 1\n", "")
-                .replace("lag_s = { trip = 0.004 }\n", "")
-        );
-        let server = Served::start(&folder, &served, &["--transport", transport]);
-        let linked = format!(
-            "[time]\nrate_hz = 512\nduration_s = 1\nclock = \"simulated\"\n\n[[excitation.prescribed_displacement]]\n\
-             specimen = \"rig\"\nsignal.sine = {{ amplitude = 0.001, frequency_hz = 1 }}\n\n[[specimen]]\nname = \"rig\"\n\
-             stiffness_n_per_m = 1e6\nlimits = {{ command_disp_m = {{ trip = [-0.05, 0.05] }}, \
-             measured_force_n = {{ trip = [-1e5, 1e5] }} }}\n\
-             link = {{ address = \"{}\", transport = \"{transport}\" }}\n",
-            server.address
-        );
-        let test = write(&folder, "linked.toml", &linked);
+        let (_server, test) = served(&folder, transport, "");
         let found = identified(&test, &folder.join("out"), &SHORT);
         near(best(&found, 0, "time_constant_s"), 0.0123);
         let k = &found["axes"][0]["identification"]["specimen"]["stiffness"];
