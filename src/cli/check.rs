@@ -12,7 +12,7 @@ use super::spectrum::Spectrum;
 use super::table::{Table, duration, quantity};
 use super::{answer, stability, tell, warn};
 use crate::config::{
-    self, ClockChoice, Diagnostics, Facts, Finding, KeyPath, Prepared, Stability, StructureFacts,
+    self, ClockChoice, Facts, Finding, KeyPath, Prepared, Stability, StructureFacts,
 };
 use crate::integrate::Lambda;
 
@@ -48,10 +48,7 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
         Some(Rehearsed::of(&loaded, experiment)?)
     };
     let following = Following::of(&loaded, facts, spectrum.as_ref());
-    let late = late_axes(&loaded, facts, spectrum.as_ref()).into_iter();
-    warn(&Diagnostics(
-        late.map(|f| loaded.locator.diagnose(f)).collect(),
-    ));
+    warn(&loaded.diagnose(late_axes(&loaded, facts, spectrum.as_ref())));
     let certificate = if args.rehearse {
         let certificate = Certificate::of(
             &loaded,
@@ -106,8 +103,7 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
         let structure = KeyPath::root().key("structure");
         let grows = grows.map(|why| Finding::error(structure, why).at_key());
         let found = following.iter().filter_map(Following::finding);
-        let found = found.chain(grows).map(|f| loaded.locator.diagnose(f));
-        warn(&Diagnostics(found.collect()));
+        warn(&loaded.diagnose(found.chain(grows)));
         if let Some(rehearsed) = &rehearsed {
             rehearsed.show(&loaded);
         }

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use super::run::refused;
 use super::table::{Table, duration, quantity};
 use super::warn;
-use crate::config::{Diagnostics, Finding, Loaded, Severity};
+use crate::config::{Finding, Loaded, Severity};
 use crate::control::Poses;
 use crate::control::limits::Quantity;
 use crate::engine::Experiment;
@@ -66,8 +66,7 @@ impl Rehearsed {
     /// Shows all that was found; what would trip is no error of the file.
     pub fn show(&self, loaded: &Loaded) {
         let all = self.findings.iter().chain(&self.beyond).cloned();
-        let all = all.map(|finding| loaded.locator.diagnose(finding));
-        warn(&Diagnostics(all.collect()));
+        warn(&loaded.diagnose(all));
     }
 
     /// True if no limit would trip, and the rig can give what the test needs.
@@ -83,9 +82,7 @@ impl Rehearsed {
             .into_iter()
             .chain(self.beyond)
             .partition(|finding| finding.severity == Severity::Error);
-        let warnings = warnings.into_iter();
-        let diagnose = |finding| loaded.locator.diagnose(finding);
-        warn(&Diagnostics(warnings.map(diagnose).collect()));
+        warn(&loaded.diagnose(warnings));
         if errors.is_empty() {
             Ok(())
         } else {

@@ -141,8 +141,14 @@ impl Loaded {
     /// Findings of a later layer as one error with their places.
     #[must_use]
     pub fn refuse(&self, findings: impl IntoIterator<Item = Finding>) -> ConfigError {
-        let diagnostics = findings.into_iter().map(|f| self.locator.diagnose(f));
-        ConfigError::Invalid(Diagnostics(diagnostics.collect()))
+        ConfigError::Invalid(self.diagnose(findings))
+    }
+
+    /// Findings with their places in the file.
+    #[must_use]
+    pub fn diagnose(&self, findings: impl IntoIterator<Item = Finding>) -> Diagnostics {
+        let findings = findings.into_iter();
+        Diagnostics(findings.map(|f| self.locator.diagnose(f)).collect())
     }
 }
 

@@ -97,14 +97,14 @@ fn find(name: &str, table: &RawTable, column: &Column) -> Result<usize, MotionEr
     let (found, wanted) = match column {
         Column::Name(text) => {
             let mut named = (0..).zip(&table.names).filter(|(_, n)| *n == text);
-            if let (Some((first, _)), Some((second, _))) = (named.next(), named.next()) {
+            let found = named.next().map(|(first, _)| first);
+            if let (Some(first), Some((second, _))) = (found, named.next()) {
                 return Err(MotionError::ColumnTwice {
                     file: name.into(),
                     column: text.clone(),
                     numbers: [first + 1, second + 1],
                 });
             }
-            let found = table.names.iter().position(|n| n == text);
             (found, format!("{text:?}"))
         }
         Column::Number(number) => (

@@ -19,10 +19,12 @@ pub fn try_limits(
     budget: Duration,
 ) -> Result<Option<Finding>, ConfigError> {
     let needs = undisturbed.specimens.iter().flat_map(|needs| &needs.axes);
-    let is_known = undisturbed.curtain != Curtain::Completed || needs.flatten().any(Need::trips);
+    if undisturbed.curtain != Curtain::Completed || needs.flatten().any(Need::trips) {
+        return Ok(None);
+    }
     let experiment = config::build_rehearsal(loaded)?.experiment;
     let mut limits = experiment.ports.iter().flat_map(|port| port.limits());
-    if is_known || !limits.any(is_judged_in_the_loop) {
+    if !limits.any(is_judged_in_the_loop) {
         return Ok(None);
     }
     let (operator, requests) = crossbeam_channel::bounded(1);
