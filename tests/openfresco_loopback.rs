@@ -5,9 +5,12 @@
 mod openfresco_ends;
 
 use std::io::{Read, Write};
-use std::net::TcpStream;
+use std::net::{TcpStream, UdpSocket};
+use std::time::Duration;
 
-use gusset::link::openfresco::{End, Nature, Peer, Remote, RemoteSettings, Role};
+use gusset::link::openfresco::{
+    Door, End, Nature, Peer, Remote, RemoteSettings, Role, ServeSettings,
+};
 use gusset::substructure::{Command, Measurement, Retirement, Substructure};
 use gusset::time::Nanos;
 use gusset::wire::openfresco::{Action, Carrier, Counts, Sizes, UdpGreeting, write_action};
@@ -67,6 +70,42 @@ fn a_server_is_asked_where_its_specimen_stands_and_of_an_actor_a_warning_says_th
             assert_eq!(server.end(), End::Finished);
             left = [path(19, 0), path(19, 1)];
         }
+    }
+}
+
+/// The first hello comes back; nothing of that may be left when the test runs.
+#[test]
+fn a_server_that_opens_its_udp_port_after_the_first_hello_is_driven_like_any_other() {
+    for (role, peer) in [
+        (Role::Application, Peer::Element),
+        (Role::Actor, Peer::Actor),
+    ] {
+        let gone = UdpSocket::bind("127.0.0.1:0").unwrap();
+        let address = gone.local_addr().unwrap();
+        drop(gone);
+        let with = RemoteSettings {
+            greeting: UdpGreeting {
+                hello: true,
+                endian: false,
+            },
+            ..settings(peer, Carrier::Datagrams, address, 1)
+        };
+        let test = std::thread::spawn(move || {
+            let mut remote = Remote::new(with).unwrap();
+            remote.open().unwrap();
+            assert_eq!(drive(&mut remote, 200), in_process(1, 200));
+            remote.retire(Retirement::Orderly);
+        });
+        std::thread::sleep(Duration::from_millis(100));
+        let door = Door::bind(Carrier::Datagrams, &address.to_string(), None).unwrap();
+        let server = Server::behind(
+            door,
+            ServeSettings::new(role, Some(30.0)),
+            1,
+            Nature::Simulated,
+        );
+        test.join().unwrap();
+        assert_eq!(server.end(), End::Finished, "{role:?}");
     }
 }
 

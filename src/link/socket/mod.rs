@@ -383,6 +383,28 @@ mod tests {
         );
     }
 
+    /// A program that opens its port after the first word is as good as one that had it open before.
+    #[test]
+    fn a_udp_peer_that_comes_after_a_refusal_is_there() {
+        let gone = UdpSocket::bind("127.0.0.1:0").unwrap();
+        let address = gone.local_addr().unwrap();
+        drop(gone);
+        let options = SocketOptions::default();
+        let mut ours = UdpTransport::connect(&address.to_string(), options).unwrap();
+        let mut buffer = [0; 8];
+        for _ in 0..2 {
+            ours.send(b"hello").unwrap();
+            let heard = ours.recv(&mut buffer, later(5 * SECOND));
+            assert_eq!(heard, Err(LinkFault::Closed));
+        }
+        let far = UdpSocket::bind(address).unwrap();
+        ours.send(b"hello").unwrap();
+        assert_eq!(ours.recv(&mut buffer, later(SECOND / 100)), Ok(None));
+        let (_, peer) = far.recv_from(&mut buffer).unwrap();
+        far.send_to(b"hi", peer).unwrap();
+        assert_eq!(ours.recv(&mut buffer, later(5 * SECOND)), Ok(Some(2)));
+    }
+
     /// Whoever wakes up late answers what has waited, and hears that nobody is there any more; but behind it lie the last words.
     #[test]
     fn what_a_udp_peer_said_before_it_left_is_read_before_it_counts_as_gone() {

@@ -19,7 +19,8 @@ pub struct UdpTransport {
     peer: SocketAddr,
     options: SocketOptions,
     kept: Kept,
-    /// A datagram of ours has come back: nobody listens there any more.
+    /// A datagram of ours has come back, and that is not told yet. Told once, like the system does: a later datagram
+    /// may find somebody.
     is_refused: bool,
 }
 
@@ -148,7 +149,9 @@ impl Transport for UdpTransport {
                 Err(error) => match verdict(&error) {
                     Verdict::Again => {}
                     // Its last words may have waited behind the refusal: it is gone when they are read.
-                    Verdict::NotNow if self.is_refused => return Err(LinkFault::Closed),
+                    Verdict::NotNow if std::mem::take(&mut self.is_refused) => {
+                        return Err(LinkFault::Closed);
+                    }
                     Verdict::NotNow => {
                         if !pause.wait(self.socket.as_fd(), !self.kept.is_empty()) {
                             return Ok(None);
