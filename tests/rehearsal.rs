@@ -272,6 +272,34 @@ fn every_stand_in_begins_where_the_deformation_is_zero() {
     assert!(near[1] - near[0] < 0.99 * size, "it yields");
 }
 
+/// Without a limit of speed, one of which it is known where it stands has a second for its way in, and so has what stands for it;
+/// any other has `ramp_s`. The test itself is slower.
+#[test]
+fn the_way_in_is_rehearsed_as_slow_as_it_will_be() {
+    let (amplitude, tick) = (0.02, 1e-3);
+    for (link, time) in [
+        ("", 1.0),
+        ("protocol = \"openfresco\"\n", 1.0),
+        (
+            "protocol = \"openfresco-adapter\"\nstands_at_m = [0.0]\n",
+            1.0,
+        ),
+        ("protocol = \"openfresco-adapter\"\ncomputed = true\n", 0.25),
+    ] {
+        let found = Found::of(&format!(
+            "[time]\nrate_hz = 1000\nduration_s = 1\n[[excitation.prescribed_displacement]]\nspecimen = \"s\"\n\
+             signal.sine = {{ amplitude = {amplitude}, frequency_hz = 0.1, phase_rad = {} }}\n\
+             [safety]\nramp_s = 0.25\n[[specimen]]\nname = \"s\"\nstiffness_n_per_m = 1e6\n\
+             [specimen.link]\naddress = \"127.0.0.1:9\"\nprobe = \"none\"\n{link}{LIMITS}",
+            TAU / 4.0
+        ));
+        // Differences of A/2·(1 − cos(πk/N)); N is even.
+        let angle = 0.5 * TAU / (time / tick) / 2.0;
+        let fastest = amplitude * angle.sin() * angle.cos() / tick;
+        near(found.size("command_vel_m_per_s"), fastest);
+    }
+}
+
 #[test]
 fn a_specimen_without_a_stand_in_has_no_force_and_check_says_so() {
     let text = format!(

@@ -29,6 +29,8 @@ pub struct Pace {
 
 /// Longest part of a probe, in exchanges.
 const LONGEST: f64 = 1e6;
+/// Shortest way, in exchanges.
+const SHORTEST_RAMP: u32 = 4;
 /// Shortest hold, in exchanges: half of it is averaged.
 const SHORTEST_HOLD: f64 = 16.0;
 /// A hold takes this part of the time of a ramp.
@@ -38,13 +40,21 @@ impl Pace {
     /// A ramp of `ramp_s` with one exchange every `period_s`, both positive.
     #[must_use]
     pub fn of(ramp_s: f64, period_s: f64) -> Self {
-        let ramp = (ramp_s / period_s).ceil().clamp(4.0, LONGEST);
+        let ramp = (ramp_s / period_s)
+            .ceil()
+            .clamp(f64::from(SHORTEST_RAMP), LONGEST);
         let hold = (HOLD * ramp).ceil().clamp(SHORTEST_HOLD, LONGEST);
         Self {
             ramp: ramp as u32,
             hold: hold as u32,
             period_ns: (period_s * 1e9) as u64,
         }
+    }
+
+    /// True if a way takes as few exchanges as it may, and not the time that was asked for.
+    #[must_use]
+    pub const fn is_shortest(self) -> bool {
+        self.ramp == SHORTEST_RAMP
     }
 
     const fn whole(self) -> u32 {

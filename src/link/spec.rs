@@ -72,7 +72,7 @@ pub struct LinkSpec {
     /// motion; a static load shows the direction, too, and without either the user is warned.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub probe_m: Option<f64>,
-    /// Time that this motion takes each way, in s.
+    /// Time that this motion takes each way, in s; four ticks at least.
     #[serde(default = "half")]
     pub probe_ramp_s: f64,
     /// The far end is a computation and no machine. On the simulated clock a test commands it as fast as it answers; whoever

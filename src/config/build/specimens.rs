@@ -16,7 +16,7 @@ use crate::control::{Axis, Believed, Declared, Direction, Order, Pace, Port, Tre
 use crate::geometry::Geometry;
 use crate::link::LinkSpec;
 use crate::link::NativeLink;
-use crate::link::openfresco::Remote;
+use crate::link::openfresco::{Remote, RemoteSettings};
 use crate::link::spec::ProbeChoice;
 use crate::model::StructureSpec;
 use crate::specimen::{InProcess, InUnits, Specimen};
@@ -50,6 +50,17 @@ struct Entry {
     /// What its commands are made of, as [`crate::spectral::delay::Delayed::ticks`].
     ticks: Vec<Weights>,
     mass_in_force: f64,
+}
+
+/// True if where it stands is known before its first command: from the file, or from its far end, as our own protocol lets it
+/// tell, and some of OpenFresco's.
+fn is_known_to_stand(link: &LinkSpec, axes: usize) -> bool {
+    let cannot_tell = match RemoteSettings::from_spec(link, axes) {
+        Ok(Some(settings)) => !settings.tells_where_it_stands(),
+        // Of a mistake it is told where the link is built.
+        Ok(None) | Err(_) => false,
+    };
+    link.stands_at_m.is_some() || !cannot_tell
 }
 
 /// What stands for a specimen.
@@ -341,8 +352,15 @@ impl Specimens {
                     port.direction = direction;
                     port.computed = table.link.as_ref().is_some_and(|link| link.computed);
                     port.exits = exits;
-                    if let Some(stands) = table.link.as_ref().and_then(|l| l.stands_at_m.as_ref()) {
-                        port.is_said_to_stand_at(stands);
+                    if let Some(link) = &table.link {
+                        if let Some(stands) = &link.stands_at_m {
+                            port.is_said_to_stand_at(stands);
+                        }
+                        // What stands for it in a rehearsal is led as it is itself: unbent, since it is not asked.
+                        if site.trial.is_some() && is_known_to_stand(link, axes) {
+                            let unbent = port.sent.clone();
+                            port.says_it_stands_at(&unbent);
+                        }
                     }
                     ports.push(port);
                 }

@@ -178,10 +178,17 @@ fn watchdog(link: &LinkSpec, time: &Time) -> String {
 
 fn direction(link: &LinkSpec, port: &Port) -> String {
     match (link.probe_m, &port.direction) {
-        (Some(metres), _) => format!(
-            "each axis goes {metres} m and back before the test, {} s each way: wired the wrong way round, it is not armed",
-            link.probe_ramp_s
-        ),
+        (Some(metres), direction) => {
+            let way = match direction {
+                Direction::Probe { pace, .. } if pace.is_shortest() => {
+                    format!("{} ticks", pace.ramp)
+                }
+                _ => format!("{} s", link.probe_ramp_s),
+            };
+            format!(
+                "each axis goes {metres} m and back before the test, {way} each way: wired the wrong way round, it is not armed"
+            )
+        }
         (None, Direction::Settling(_)) => {
             "shown by the static load: wired the wrong way round, it is not armed".to_owned()
         }
