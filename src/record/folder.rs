@@ -18,6 +18,17 @@ use super::threads;
 use super::utc::stamp;
 use super::whereabouts::{Hold, Whereabouts, is_claimed};
 
+/// The files of a run until it ends; `summary.json` and the report come then.
+pub(super) const FILES: [&str; 7] = [
+    "events.jsonl",
+    "samples.json",
+    "samples.bin",
+    threads::FILE,
+    "resolved.toml",
+    "test.toml",
+    "resumed.json",
+];
+
 /// Why a run folder cannot be written or read.
 #[derive(Debug, Error)]
 pub enum FolderError {
@@ -36,6 +47,9 @@ pub enum FolderError {
     /// Something of this name is not a folder.
     #[error("{} is not a folder", .0.display())]
     NotAFolder(PathBuf),
+    /// A pipe or a device has the name of a file of a run: it is not read.
+    #[error("{} is not a file", .0.display())]
+    NotAFile(PathBuf),
     /// The folder is empty.
     #[error("{} is empty: no run was recorded there", .0.display())]
     Empty(PathBuf),
@@ -185,17 +199,8 @@ impl RunFolder {
         if !self.is_there() {
             return;
         }
-        let own = [
-            "events.jsonl",
-            "samples.json",
-            "samples.bin",
-            threads::FILE,
-            "resolved.toml",
-            "test.toml",
-            "resumed.json",
-        ];
         let inputs = self.inputs.iter().map(|input| input.path.as_str());
-        for name in own.into_iter().chain(inputs) {
+        for name in FILES.into_iter().chain(inputs) {
             let _it_may_not_be_there = fs::remove_file(self.path.join(name));
         }
         let _others_may_be_in_it = fs::remove_dir(self.path.join("inputs"));
@@ -618,6 +623,19 @@ pub(super) mod tests {
         fs::write(path.join("samples.json"), "{").unwrap();
         assert!(matches!(open(&path), FolderError::Layout { .. }));
         fs::write(path.join("samples.json"), named(&["x1"]).to_json()).unwrap();
+        // Nobody writes to a pipe: who opened it would wait for ever.
+        for name in FILES.into_iter().chain(["summary.json"]) {
+            let file = path.join(name);
+            let kept = fs::read(&file).ok();
+            let _it_may_not_be_there = fs::remove_file(&file);
+            rustix::fs::mkfifoat(rustix::fs::CWD, &file, rustix::fs::Mode::RUSR).unwrap();
+            let refused = open(&path);
+            assert!(matches!(refused, FolderError::NotAFile(of) if of == file));
+            fs::remove_file(&file).unwrap();
+            if let Some(kept) = kept {
+                fs::write(&file, kept).unwrap();
+            }
+        }
         fs::write(path.join("summary.json"), "{\"status\": \"completed\"}").unwrap();
         let run = Run::open(&path).unwrap();
         assert_eq!(run.summary(), None, "it counts as missing");

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use super::folder::{FolderError, at};
+use super::folder::{FILES, FolderError, at};
 use super::journal::Journal;
 use super::layout::Layout;
 use super::summary::Summary;
@@ -58,6 +58,14 @@ impl Run {
         }
         if fs::read_dir(path).map_err(at(path))?.next().is_none() {
             return Err(FolderError::Empty(owned()));
+        }
+        for name in FILES.into_iter().chain(["summary.json"]) {
+            let file = path.join(name);
+            // A folder does not keep a reader waiting, and is told of where it is read.
+            let waits = |found: fs::Metadata| !found.is_file() && !found.is_dir();
+            if file.metadata().is_ok_and(waits) {
+                return Err(FolderError::NotAFile(file));
+            }
         }
         let layout_path = path.join("samples.json");
         let Some(text) = if_there(&layout_path, fs::read_to_string(&layout_path))? else {
