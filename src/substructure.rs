@@ -379,6 +379,15 @@ pub trait Substructure: Send {
         Ok(())
     }
 
+    /// The test is over here, and a way out begins with the next command: the specimen stops, and its own end judges what
+    /// comes next from rest. Real-time: yes.
+    ///
+    /// # Errors
+    /// The link is lost.
+    fn halt(&mut self) -> Result<(), LinkFault> {
+        self.pause()
+    }
+
     /// Last words: the goodbye of the protocol. Called once, whatever happened before.
     fn retire(&mut self, how: Retirement);
 

@@ -4,11 +4,13 @@ mod common;
 
 use std::f64::consts::TAU;
 use std::path::Path;
+use std::time::Duration;
 
 use common::{Said, say, write};
 use gusset::benchmark::{FORCE_LIMIT_N, Frame, Plant, RATE_HZ, Setup, Wiring, run};
 use gusset::compensation::CompensationSpec;
 use gusset::motion::{Grid, Motion, Quantity};
+use gusset::session::rehearsal::carry_out;
 use serde_json::Value;
 
 fn certify(folder: &Path, text: &str, more: &[&str]) -> (Option<i32>, Value) {
@@ -192,6 +194,32 @@ fn tracking_errors_are_those_of_delay_and_gain_and_nothing_is_tried_twice_withou
     let delay = p50("delay_s = 0.004");
     let steady = 2.0 * (omega * tau / 2.0_f64).sin();
     assert!((delay / steady - 1.0).abs() < tau / 0.5, "{delay} {steady}");
+}
+
+/// The controller of a trial knows what that of the test knows: a gap that is open at rest stiffens no damping rule.
+#[test]
+fn a_trial_has_the_damping_of_the_test() {
+    let text = "[time]\nrate_hz = 500\nduration_s = 2\nclock = \"simulated\"\n[integrator]\nlambda = 4\n\
+        [structure.shear_building]\nmass_kg = [1000]\nstiffness_n_per_m = [1e5]\n\
+        [structure.damping.rayleigh]\nmass_coefficient_per_s = 0\nstiffness_coefficient_s = 0.002\n\
+        [excitation.ground_acceleration.signal.sine]\namplitude = 1.0\nfrequency_hz = 1.6\n\
+        [[specimen]]\nname = \"gap\"\nstorey = 1\nlaw.parallel = [ { linear.stiffness_n_per_m = 1e4 }, \
+        { gap = { stiffness_n_per_m = 1e7, gap_m = 1.0, side = \"tension\" } } ]\n\
+        [specimen.transfer]\ndelay_s = 0.001\n";
+    let loaded = gusset::config::parse(Path::new("test.toml"), text.to_owned(), &[]).unwrap();
+    let itself = gusset::config::build(&loaded).unwrap();
+    let trial = gusset::config::Trial {
+        believed: gusset::config::estimates(&loaded).unwrap(),
+        ..gusset::config::Trial::default()
+    };
+    let trial = gusset::config::build_trial(&loaded, &trial).unwrap();
+    let moves = |test: gusset::config::Prepared| {
+        let found = carry_out(test.experiment, Duration::from_secs(60));
+        found.specimens[0].found[0].command
+    };
+    let (nominal, tried) = (moves(itself), moves(trial));
+    assert!(nominal.high > 0.05, "{nominal:?}");
+    assert_eq!(nominal, tried);
 }
 
 /// One storey whose specimen is behind a link; ω = 2π·3 Hz, half of the stiffness in the specimen, 4 % damping.

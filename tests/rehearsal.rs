@@ -424,12 +424,22 @@ fn a_limit_of_what_only_the_loop_knows_is_tried() {
     let text = format!("{actuator}[specimen.limits]\n{wide}");
     let said = check(folder.path(), &text, &[]);
     assert_eq!(said.code, Some(0), "{}", said.stderr);
+    // Nothing stands for this one: that its limit wants a force says nothing.
+    let loaded = "measured_force_n = { trip = [1e3, 1e6] }\nfollowing_error_m = { trip = 1 }\n";
+    let text = format!(
+        "[time]\nrate_hz = 1000\nduration_s = 0.1\n[[excitation.prescribed_displacement]]\nspecimen = \"s\"\n\
+         signal.sine = {{ amplitude = 0.01, frequency_hz = 1 }}\n[safety]\nunlimited = \"none is known\"\n\
+         [[specimen]]\nname = \"s\"\nstiffness_n_per_m = 0\n[specimen.link]\naddress = \"127.0.0.1:9\"\n\
+         probe = \"none\"\n[specimen.limits]\n{loaded}"
+    );
+    let said = check(folder.path(), &text, &[]);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
 }
 
 #[test]
 fn sensors_whose_death_would_be_noticed_too_late_are_told_of() {
     let folder = tempfile::tempdir().unwrap();
-    for (travel, told) in [(0.5, true), (1e-4, false)] {
+    for (travel, told) in [(500.0, true), (1e-4, false)] {
         let limits = format!("stuck_ticks = {{ trip = 10 }}\nstuck_travel_m = {travel}\n");
         let said = check(
             folder.path(),
@@ -438,7 +448,7 @@ fn sensors_whose_death_would_be_noticed_too_late_are_told_of() {
         );
         assert_eq!(said.code, Some(0), "{}", said.stderr);
         assert_eq!(
-            said.stderr.contains("would be noticed only after 0.5 m"),
+            said.stderr.contains("would be noticed only after 500 m"),
             told,
             "{}",
             said.stderr

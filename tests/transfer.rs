@@ -467,6 +467,45 @@ fn check_refuses_a_loop_that_it_can_prove_unstable() {
     }
 }
 
+/// A damper of a power beyond 1 holds nothing at rest, and gaps are open there: what is unstable only at rest, or only as K0 and C0
+/// have it, is told and for the rehearsal to judge.
+#[test]
+fn a_loop_that_is_unstable_only_at_rest_or_only_beyond_it_is_told_and_not_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let check = |damping: f64, amplitude: f64, law: &str, delay: f64, more: &[&str]| {
+        let text = format!(
+            "[time]\nrate_hz = 1000\nduration_s = 4\nclock = \"simulated\"\n[integrator]\nlambda = 4\n\
+             [structure.matrices]\nmass = [[1000]]\nstiffness = [[1e5]]\ndamping = [[{damping}]]\n\
+             [excitation.ground_acceleration.signal.sine]\namplitude = {amplitude}\nfrequency_hz = 1.6\n\
+             [[specimen]]\nname = \"it\"\nrows = [[1]]\nreach_vel_m_per_s = 5\n{law}\n\
+             [specimen.transfer]\ndelay_s = {delay}\n"
+        );
+        let file = common::write(folder.path(), "test.toml", &text);
+        let mut arguments = vec!["check".as_ref(), file.as_os_str()];
+        arguments.extend(more.iter().map(std::ffi::OsStr::new));
+        common::say(arguments)
+    };
+    let held = "law.parallel = [ { linear.stiffness_n_per_m = 5e4 }, { power_damper = { force_at_unit_velocity_n = 2e4, \
+                exponent = 1.5, reference_damping_n_s_per_m = 2e3 } } ]";
+    let said = check(20.0, 3.0, held, 0.005, &[]);
+    assert_eq!(said.code, Some(0), "{}{}", said.stdout, said.stderr);
+    let words = "UNSTABLE at rest: small motions grow";
+    assert!(said.stdout.contains(words), "{}", said.stdout);
+    assert!(said.stderr.contains("the test may grow"), "{}", said.stderr);
+    let idle = "law.power_damper = { force_at_unit_velocity_n = 5e5, exponent = 2, reference_damping_n_s_per_m = 5e4 }";
+    let said = check(200.0, 3.0, idle, 0.04, &["--no-rehearsal"]);
+    assert_eq!(said.code, Some(0), "{}{}", said.stdout, said.stderr);
+    assert!(
+        said.stdout.contains("UNSTABLE as K0 and C0 have it"),
+        "{}",
+        said.stdout
+    );
+    // As large as this it does grow, and is refused for that.
+    let said = check(200.0, 30.0, idle, 0.04, &[]);
+    assert_eq!(said.code, Some(2), "{}{}", said.stdout, said.stderr);
+    assert!(said.stderr.contains("diverged"), "{}", said.stderr);
+}
+
 /// The frame with an actuator that comes three ticks late.
 fn late(safety: &str) -> common::engine::Run {
     let transfer = "[specimen.transfer]\ndelay_s = 0.015\n";

@@ -5,7 +5,8 @@ use serde_json::json;
 use super::args::CheckArgs;
 use super::certificate::Certificate;
 use super::exit::Exit;
-use super::following::{Following, late_axes};
+use super::following::Following;
+use super::late_axes::late_axes;
 use super::rehearsed::Rehearsed;
 use super::run::{load, method_name, refused};
 use super::spectrum::Spectrum;
@@ -48,7 +49,9 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<Exit> {
         Some(Rehearsed::of(&loaded, experiment)?)
     };
     let following = Following::of(&loaded, facts, spectrum.as_ref());
-    warn(&loaded.diagnose(late_axes(&loaded, facts, spectrum.as_ref())));
+    let late = late_axes(&loaded, facts, spectrum.as_ref());
+    let small = following.iter().filter_map(Following::warning);
+    warn(&loaded.diagnose(small.chain(late)));
     let certificate = if args.rehearse {
         let certificate = Certificate::of(
             &loaded,

@@ -11,7 +11,7 @@ use serde_json::json;
 
 use super::spectrum::{INERTIA, Spectrum, diverging, growing};
 use super::table::{Table, duration};
-use crate::config::{Facts, Finding, KeyPath, Loaded};
+use crate::config::{Facts, Finding, KeyPath, Loaded, SpecimenTable};
 use crate::spectral::delay::{Critical, DelayError, Delayed, DiscreteLimit, continuous};
 use crate::spectral::unstable_roots;
 
@@ -34,8 +34,18 @@ pub struct Following {
     roots: Option<(u32, u32)>,
     /// Kind of the compensation.
     kind: &'static str,
+    /// The same as K0 and C0 have it, with gaps closed and dampers at their reference, where that is another system than at rest.
+    held: Option<Held>,
     /// Whether the whole grows with nothing delayed, whatever is in touch.
     grows: bool,
+}
+
+/// What is known of the loop at K0 and C0.
+#[derive(Debug, Clone)]
+struct Held {
+    bears: Bears,
+    left: Option<f64>,
+    roots: Option<(u32, u32)>,
 }
 
 /// What delay the loop bears in continuous time.
@@ -71,6 +81,29 @@ impl Bears {
     }
 }
 
+/// Key of what decides how a specimen follows: the compensation, or else the actuator.
+pub(super) const fn decides(table: &SpecimenTable) -> &'static str {
+    match (&table.compensation, &table.link, &table.stand_in_transfer) {
+        (Some(_), _, _) => "compensation",
+        (None, None, _) => "transfer",
+        (None, Some(_), Some(_)) => "stand_in_transfer",
+        (None, Some(_), None) => "identified",
+    }
+}
+
+/// True if the actuator and what makes up for it are proven to make it unstable.
+const fn is_driven(roots: Option<(u32, u32)>) -> bool {
+    matches!(roots, Some((all, less)) if all > 0 && less > 0)
+}
+
+/// What small motions do where dampers and gaps hold larger ones.
+const ONLY_SMALL: &str =
+    "small motions grow until closing gaps, or dampers as they are at their reference, hold them";
+/// Where nothing adapts, and yet no roots are counted.
+const NOT_FOLLOWED: &str = "not known: nothing damps it, or its curve could not be followed";
+/// What larger motions may do.
+const ONLY_LARGE: &str = "stable at rest, and UNSTABLE as K0 and C0 have it, with gaps closed and dampers at their reference";
+
 /// Frequencies that count are below this share of half the rate.
 const HIGHEST: f64 = 0.9;
 /// What is left of H − 1 where it must still be unstable to be refused.
@@ -89,40 +122,39 @@ impl Following {
             if system.rows.nrows() != 1 {
                 return None;
             }
-            let (k, c) = (
-                system.specimen_stiffness[(0, 0)],
-                system.specimen_damping[(0, 0)],
-            );
-            let bears = Bears::of(system, |omega| transfer.lag(omega, k, c));
             let compensation = table.compensation.as_ref();
             let tick = facts.rate_hz.recip();
             let lead = |omega: f64| match compensation {
                 None => Some(Complex::new(1.0, 0.0)),
                 Some(spec) => spec.response(omega, tick),
             };
-            let left = match bears {
-                Bears::LessThan { omega, .. } => {
-                    lead(omega).map(|lead| -(lead * transfer.response(omega, k, c)).arg() / omega)
-                }
-                _ => None,
-            };
-            let marks = system.marks();
-            let roots = |share: f64| {
-                let chain = |omega: f64| {
-                    let follows = lead(omega)? * transfer.response(omega, k, c);
-                    let missing = (follows - 1.0) * share;
-                    felt(system, omega).map(|felt| missing * felt + 1.0)
+            let of = |system: &Delayed| {
+                let (k, c) = (
+                    system.specimen_stiffness[(0, 0)],
+                    system.specimen_damping[(0, 0)],
+                );
+                let bears = Bears::of(system, |omega| transfer.lag(omega, k, c));
+                let left = match bears {
+                    Bears::LessThan { omega, .. } => lead(omega)
+                        .map(|lead| -(lead * transfer.response(omega, k, c)).arg() / omega),
+                    _ => None,
                 };
-                unstable_roots(chain, 1e-2, HIGHEST * PI / tick, &marks)
+                let marks = system.marks();
+                let roots = |share: f64| {
+                    let chain = |omega: f64| {
+                        let follows = lead(omega)? * transfer.response(omega, k, c);
+                        let missing = (follows - 1.0) * share;
+                        felt(system, omega).map(|felt| missing * felt + 1.0)
+                    };
+                    unstable_roots(chain, 1e-2, HIGHEST * PI / tick, &marks)
+                };
+                let roots = roots(1.0).zip(roots(LESS));
+                Held { bears, left, roots }
             };
+            let Held { bears, left, roots } = of(system);
             Some(Self {
                 number,
-                key: match (compensation, &table.link, &table.stand_in_transfer) {
-                    (Some(_), _, _) => "compensation",
-                    (None, None, _) => "transfer",
-                    (None, Some(_), Some(_)) => "stand_in_transfer",
-                    (None, Some(_), None) => "identified",
-                },
+                key: decides(table),
                 specimen: one.name.clone(),
                 bears,
                 left,
@@ -131,7 +163,8 @@ impl Following {
                     .and_then(|known| known.delay_std_s)
                     .unwrap_or(0.0),
                 discrete: spectrum.and_then(|spectrum| spectrum.discrete(&one.name)),
-                roots: roots(1.0).zip(roots(LESS)),
+                roots,
+                held: one.closed.as_ref().map(of),
                 kind: compensation.map_or("none", |spec| spec.kind()),
                 grows,
             })
@@ -144,9 +177,37 @@ impl Following {
         !self.grows && !self.is_driven()
     }
 
-    /// True if the actuator and what makes up for it are proven to make it unstable.
+    /// Whether it is proven unstable at rest, and as K0 and C0 have it.
+    fn driven(&self) -> [bool; 2] {
+        let at_rest = is_driven(self.roots);
+        let held = self.held.as_ref().map(|held| is_driven(held.roots));
+        [at_rest, held.unwrap_or(at_rest)]
+    }
+
+    /// True if nothing holds it, neither at rest nor in larger motions.
     fn is_driven(&self) -> bool {
-        matches!(self.roots, Some((all, less)) if all > 0 && less > 0)
+        self.driven() == [true; 2]
+    }
+
+    /// What is unstable in one of both only, in words.
+    fn in_one_only(&self) -> Option<String> {
+        match self.driven() {
+            [true, false] => Some(format!("UNSTABLE at rest: {ONLY_SMALL}")),
+            [false, true] => Some(ONLY_LARGE.to_owned()),
+            _ => None,
+        }
+    }
+
+    /// The same as a warning, where the file says what makes it so.
+    pub fn warning(&self) -> Option<Finding> {
+        let at = KeyPath::root().key("specimen").index(self.number);
+        let text = format!(
+            "the test may grow with the actuator of {:?} as it is declared",
+            self.specimen
+        );
+        let found = Finding::warning(at.key(self.key), text).at_key();
+        let help = "how large it becomes is for the rehearsal to say, and for `added_energy_j` and `delay_used` to watch";
+        self.in_one_only().map(|why| found.label(why).help(help))
     }
 
     /// Where the file says what makes it unstable.
@@ -174,6 +235,9 @@ impl Following {
             return (Some(false), about, text);
         }
         let (critical, lag) = match &self.bears {
+            Bears::Every if self.held_bears() == Some(false) => {
+                return (None, about, ONLY_LARGE.to_owned());
+            }
             Bears::Every => return (Some(true), about, "every delay is stable".to_owned()),
             Bears::None(why) => return (Some(false), about, format!("no delay is stable: {why}")),
             Bears::Unknown(error) => {
@@ -219,7 +283,13 @@ impl Following {
                     duration(left),
                     self.kind
                 );
-                (go, about, text)
+                match self.held_bears() {
+                    Some(held) if go.is_some_and(|go| go != held) => {
+                        let other = if held { ONLY_SMALL } else { ONLY_LARGE };
+                        (None, about, format!("{text}; {other}"))
+                    }
+                    _ => (go, about, text),
+                }
             }
             None => {
                 let text = format!(
@@ -231,10 +301,28 @@ impl Following {
         }
     }
 
+    /// Whether what is left of the delay is below what is critical as K0 and C0 have it, where that is another system; none where
+    /// it is not known.
+    fn held_bears(&self) -> Option<bool> {
+        let held = self.held.as_ref()?;
+        match (&held.bears, held.left) {
+            (Bears::Every, _) => Some(true),
+            (Bears::None(_) | Bears::Unstable(_), _) => Some(false),
+            (Bears::LessThan { critical, .. }, Some(left)) => {
+                Some(left + 2.0 * self.spread < *critical)
+            }
+            (Bears::LessThan { .. } | Bears::Unknown(_), _) => None,
+        }
+    }
+
     /// Whether the loop with actuator and compensation is stable.
     pub fn of_stability(&self) -> (Option<bool>, String, String) {
         let about = format!("stability, {}", self.specimen);
+        if let Some(text) = self.in_one_only() {
+            return (None, about, text);
+        }
         match self.roots {
+            None if self.kind == "none" => (None, about, NOT_FOLLOWED.to_owned()),
             None => (
                 None,
                 about,
@@ -279,16 +367,24 @@ impl Following {
             }
             Bears::Unknown(error) => format!("no critical delay is known: {error}"),
         };
-        let verdict = match self.roots {
-            None => "not judged: what adapts or feeds back is for a rehearsal".to_owned(),
-            Some((0, 0)) => "stable".to_owned(),
-            Some((all, 0) | (0, all)) => format!("at the limit of stability ({all} roots)"),
-            Some((all, _)) => format!("UNSTABLE: {all} roots right of the imaginary axis"),
+        let verdict = match (self.in_one_only(), self.roots) {
+            (Some(text), _) => text,
+            (None, None) if self.kind == "none" => NOT_FOLLOWED.to_owned(),
+            (None, roots) => Self::verdict(roots),
         };
         table.row(
             &format!("following, {}", self.specimen),
             &format!("{lag};\nwith compensation \"{}\": {verdict}", self.kind),
         );
+    }
+
+    fn verdict(roots: Option<(u32, u32)>) -> String {
+        match roots {
+            None => "not judged: what adapts or feeds back is for a rehearsal".to_owned(),
+            Some((0, 0)) => "stable".to_owned(),
+            Some((all, 0) | (0, all)) => format!("at the limit of stability ({all} roots)"),
+            Some((all, _)) => format!("UNSTABLE: {all} roots right of the imaginary axis"),
+        }
     }
 
     /// What makes it unstable with nothing delayed, if anything does.
@@ -326,59 +422,6 @@ impl Following {
             "possible": self.is_possible(),
         })
     }
-}
-
-/// A warning for each specimen of several axes of which one lags more than all of them together may by the recursion: no proof is
-/// made for these.
-pub fn late_axes(loaded: &Loaded, facts: &Facts, spectrum: Option<&Spectrum>) -> Vec<Finding> {
-    let Some(analysis) = facts.structure.as_ref().and_then(|s| s.analysis.as_ref()) else {
-        return Vec::new();
-    };
-    let modes = analysis.delayed_modes();
-    let lowest = modes.first().map(|mode| mode.frequency);
-    let pairs = analysis.loops.iter().zip(&loaded.file.specimen).enumerate();
-    let late = pairs.filter_map(|(number, (one, table))| {
-        let transfer = table.believed_transfer(1.0)?;
-        let system = &one.system;
-        if system.rows.nrows() < 2 {
-            return None;
-        }
-        let critical = match spectrum?.discrete(&one.name)? {
-            Ok(DiscreteLimit::At(critical)) => critical,
-            _ => return None,
-        };
-        // Where it would grow, as far as that is known.
-        let grows = continuous(system).ok().flatten();
-        let grows = grows
-            .map(|found| found.omega)
-            .filter(|omega| omega.is_finite());
-        let omega = grows.or(lowest)?;
-        let tick = facts.rate_hz.recip();
-        let lead = match &table.compensation {
-            None => Complex::new(1.0, 0.0),
-            Some(spec) => spec.response(omega, tick)?,
-        };
-        let lag = |axis: usize| {
-            let k = system.specimen_stiffness[(axis, axis)];
-            let c = system.specimen_damping[(axis, axis)];
-            -(lead * transfer.response(omega, k, c)).arg() / omega
-        };
-        let most = (0..system.rows.nrows()).map(lag).fold(0.0, f64::max);
-        (most > critical).then(|| {
-            let at = KeyPath::root().key("specimen").index(number);
-            let text = format!(
-                "the actuators of {:?} lag {}, and all of them may together lag {}",
-                one.name,
-                duration(most),
-                duration(critical)
-            );
-            Finding::warning(at, text)
-                .at_key()
-                .label("with several axes late the test may grow")
-                .help("the critical delay is that by the recursion, all axes equally late")
-        })
-    });
-    late.collect()
 }
 
 /// Z_e bᵀ Z⁻¹ b at iω: what the specimen feels of its own missing motion.

@@ -20,6 +20,8 @@ use crate::time::Ratio;
 
 /// Beyond what any machine keeps.
 const HIGHEST_HZ: f64 = 1e6;
+/// Sixteen weeks and more.
+const LONGEST_S: f64 = 1e7;
 
 /// Measures the loop with nothing attached.
 pub fn jitter(args: &JitterArgs) -> anyhow::Result<Exit> {
@@ -33,6 +35,11 @@ pub fn jitter(args: &JitterArgs) -> anyhow::Result<Exit> {
         rate.value() <= HIGHEST_HZ,
         "--rate {}: at most {HIGHEST_HZ} ticks a second are allowed, as in a test file on the real clock",
         args.rate
+    );
+    anyhow::ensure!(
+        args.duration <= LONGEST_S || !args.duration.is_finite(),
+        "--duration {}: at most {LONGEST_S} s are allowed; Ctrl-C ends a measurement, too, and it is told then",
+        args.duration
     );
     let timing = timing(args)?;
     let test = bare_loop(rate, args.duration, timing)

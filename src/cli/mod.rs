@@ -19,6 +19,7 @@ mod following;
 mod frontier;
 mod identify;
 mod jitter;
+mod late_axes;
 mod limits;
 mod live;
 mod operate;

@@ -52,7 +52,7 @@ struct Delay {
     continuous: Result<Option<(f64, f64)>, String>,
     /// By the recursion of the family.
     discrete: Option<Result<DiscreteLimit, DelayError>>,
-    /// In continuous time with every gap closed, where that is another structure.
+    /// In continuous time at K0 and C0, where that is another structure.
     closed: Option<Result<Option<Critical>, DelayError>>,
     growth: Option<f64>,
 }
@@ -233,7 +233,7 @@ impl Spectrum {
                         Err(error) => error.to_string(),
                     };
                     format!(
-                        "{continuous}\n(at rest: gaps are open; with all of them closed: {closed})"
+                        "{continuous}\n(at rest; as K0 and C0 have it, with gaps closed and dampers at their reference: {closed})"
                     )
                 }
             };

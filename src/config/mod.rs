@@ -88,7 +88,7 @@ pub use value::{DofChoice, LambdaValue, MatrixValue, RateValue};
 #[derive(Debug, Error)]
 pub enum ConfigError {
     /// The file itself cannot be read.
-    #[error("cannot read the test file {path}: {source}")]
+    #[error("cannot read {path}: {source}")]
     Unreadable {
         /// Which file.
         path: PathBuf,
@@ -96,9 +96,7 @@ pub enum ConfigError {
         source: std::io::Error,
     },
     /// The file is not text.
-    #[error(
-        "the test file {path} is not UTF-8: byte {at} on line {line} is no part of a character"
-    )]
+    #[error("{path} is not UTF-8: byte {at} on line {line} is no part of a character")]
     NotText {
         /// Which file.
         path: PathBuf,

@@ -3,7 +3,7 @@
 //! The critical delays are tabulated before the test, one axis at a time: the others on time, with their initial stiffness.
 //! The loop looks them up by the stiffness that is fitted over the same last seconds as the lag: a tangent from tick to tick
 //! drowns in the noise of real sensors, and would make the margin look larger than it is. Nothing is said before the fit has
-//! seen two periods of motion. 1/τ is interpolated along a straight line; where one end of an
+//! seen two periods of motion. 1/τ is interpolated along a straight line between entries; where one end of an
 //! interval is stable at every delay the other end counts, beyond the last stiffness 1/τ grows in proportion, and one
 //! below zero counts as none. It moves nothing: columns and a limit only.
 
@@ -12,22 +12,23 @@ use super::Port;
 /// Critical delays of one axis over its stiffness.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CriticalDelay {
-    /// Stiffness from entry to entry, N/m.
-    step: f64,
-    /// 1/τ in 1/s at 0, step, 2 step …; 0: every delay is stable.
-    inverse: Vec<f64>,
+    /// Stiffness of the entries in N/m, rising from 0, and 1/τ in 1/s there; 0: every delay is stable.
+    entries: Vec<(f64, f64)>,
 }
 
 impl CriticalDelay {
-    /// Of `delays` in s at equal steps of stiffness from 0 to `stiffest` (N/m); infinite where every delay is stable. None of fewer
-    /// than two delays, of one that is not a positive number, or without stiffness.
+    /// Of stiffnesses in N/m, which rise from 0, and the delay in s at each; infinite where every delay is stable. None of fewer
+    /// than two, of a delay that is not a positive number, or where the stiffness does not rise.
     #[must_use]
-    pub fn new(stiffest: f64, delays: &[f64]) -> Option<Self> {
-        let step = stiffest / (delays.len().checked_sub(1)? as f64);
-        let is_known = step > 0.0 && step.is_finite() && delays.iter().all(|delay| *delay > 0.0);
+    pub fn new(delays: &[(f64, f64)]) -> Option<Self> {
+        let rises = delays.windows(2).all(|pair| pair[0].0 < pair[1].0);
+        let is_known = delays.len() >= 2
+            && rises
+            && delays.first().is_some_and(|first| first.0 == 0.0)
+            && delays.last().is_some_and(|last| last.0.is_finite())
+            && delays.iter().all(|(_, delay)| *delay > 0.0);
         is_known.then(|| Self {
-            step,
-            inverse: delays.iter().map(|delay| 1.0 / delay).collect(),
+            entries: delays.iter().map(|(k, delay)| (*k, 1.0 / delay)).collect(),
         })
     }
 
@@ -35,24 +36,21 @@ impl CriticalDelay {
     /// Real-time: yes.
     #[must_use]
     pub fn at(&self, stiffness: f64) -> f64 {
-        let place = stiffness.max(0.0) / self.step;
-        // Written so that NaN is passed on; a cast is saturating.
         if stiffness.is_nan() {
             return f64::NAN;
         }
-        let left = place as usize;
-        let right = left.saturating_add(1);
-        let pair = self.inverse.get(left).zip(self.inverse.get(right));
-        let share = place - left as f64;
-        let inverse = match pair {
-            Some((a, _)) if share == 0.0 => *a,
-            Some((a, b)) if *a > 0.0 && *b > 0.0 => a + share * (b - a),
-            Some((a, b)) => a.max(*b),
-            None => {
-                let last = self.inverse.last().copied().unwrap_or(f64::NAN);
-                let most = self.inverse.len().saturating_sub(1).max(1);
-                last * (place / most as f64)
+        let stiffness = stiffness.max(0.0);
+        let right = self.entries.partition_point(|(k, _)| *k <= stiffness);
+        let left = right.checked_sub(1).and_then(|left| self.entries.get(left));
+        let inverse = match (left, self.entries.get(right)) {
+            (Some((at, a)), _) if *at == stiffness => *a,
+            (Some((at, a)), Some((next, b))) if *a > 0.0 && *b > 0.0 => {
+                a + (stiffness - at) / (next - at) * (b - a)
             }
+            (Some((_, a)), Some((_, b))) => a.max(*b),
+            (Some((last, a)), None) => a * (stiffness / last),
+            // The first entry is at 0.
+            (None, _) => f64::NAN,
         };
         1.0 / inverse
     }
@@ -107,8 +105,14 @@ mod tests {
 
     #[test]
     fn a_table_is_exact_at_its_entries_linear_in_one_over_tau_between_and_cautious_at_its_edge() {
-        let table =
-            CriticalDelay::new(40.0, &[f64::INFINITY, f64::INFINITY, 0.5, 0.25, 0.2]).unwrap();
+        let table = CriticalDelay::new(&[
+            (0.0, f64::INFINITY),
+            (10.0, f64::INFINITY),
+            (20.0, 0.5),
+            (30.0, 0.25),
+            (40.0, 0.2),
+        ])
+        .unwrap();
         for (stiffness, delay) in [
             (-5.0, f64::INFINITY),
             (0.0, f64::INFINITY),
@@ -127,8 +131,9 @@ mod tests {
         }
         assert!(table.at(f64::NAN).is_nan());
         assert_eq!(table.at(f64::INFINITY), 0.0);
-        assert_eq!(CriticalDelay::new(40.0, &[1.0]), None);
-        assert_eq!(CriticalDelay::new(40.0, &[1.0, f64::NAN]), None);
-        assert_eq!(CriticalDelay::new(0.0, &[1.0, 1.0]), None);
+        assert_eq!(CriticalDelay::new(&[(0.0, 1.0)]), None);
+        assert_eq!(CriticalDelay::new(&[(0.0, 1.0), (40.0, f64::NAN)]), None);
+        assert_eq!(CriticalDelay::new(&[(0.0, 1.0), (0.0, 1.0)]), None);
+        assert_eq!(CriticalDelay::new(&[(1.0, 1.0), (2.0, 1.0)]), None);
     }
 }

@@ -130,7 +130,7 @@ impl Port {
         if exit != Exit::Freeze && !self.partner.lost {
             // It stops where it is, and its own end judges what comes next from rest, as this one does. A link that is lost
             // shows with the next command.
-            let _ = self.substructure.pause();
+            let _ = self.substructure.halt();
         }
         self.leave_pose();
         let goal = match exit {

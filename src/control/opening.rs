@@ -281,13 +281,10 @@ impl Port {
 
     /// Where the specimen stands, in its own unit, one value per axis: it was moved there by others than this port.
     pub fn stands_at(&mut self, disp: &[f64]) {
-        let moved = self.sent != disp;
+        // A way out led it from where the test stood: what it is told next is judged from there.
+        self.pursuit.led_away = self.sent != disp;
         for (sent, disp) in self.sent.iter_mut().zip(disp) {
             *sent = *disp;
-        }
-        // A way out led it from where the test stood: what it is told next is judged from there.
-        if moved {
-            self.guard.stands_at(&self.sent);
         }
     }
 

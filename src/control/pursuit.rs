@@ -18,6 +18,8 @@ pub(super) struct Pursuit {
     kept: [Vec<f64>; 3],
     /// The last command of an interrupted test.
     returns: Vec<f64>,
+    /// A way out led it away from there, and it may not be able to say so.
+    pub led_away: bool,
     per_step: bool,
     /// The target has not been sent yet.
     waits: bool,
@@ -39,6 +41,7 @@ impl Pursuit {
             goal_vel: vec![0.0; axes],
             kept: [vec![0.0; axes], vec![0.0; axes], vec![0.0; axes]],
             returns: Vec::new(),
+            led_away: false,
             per_step: false,
             waits: false,
             asked: false,
@@ -301,6 +304,10 @@ impl Port {
         }
         self.pursuit.waits |= self.pursuit.asked;
         self.pursuit.asked = false;
+        // Only now: what it was told in the test is kept.
+        if std::mem::take(&mut self.pursuit.led_away) {
+            self.guard.stands_at(&self.sent);
+        }
     }
 
     /// True in a test that goes on where an interrupted one stood.

@@ -178,6 +178,11 @@ pub trait Law: Send + std::fmt::Debug {
     /// stiffness of an open gap, the elastic slope before slip, or a value given by the user.
     fn reference(&self) -> Tangent;
 
+    /// Damping at the last trial, or that of the reference where it is less: what stands against small motions there.
+    fn least_damping(&self) -> f64 {
+        self.reference().damping.min(self.tangent().damping)
+    }
+
     /// Upper bounds of both tangents within `reach`, for the proof of stability; `None` for a component that needs
     /// a declared reach and has none; +∞ where no reach makes it finite, so that no proof exists (a power damper
     /// with an exponent below 1 and no linear part).

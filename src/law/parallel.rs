@@ -65,6 +65,10 @@ impl Law for Parallel {
         self.sum(|part| part.reference())
     }
 
+    fn least_damping(&self) -> f64 {
+        self.parts.iter().map(|part| part.least_damping()).sum()
+    }
+
     fn bound(&self, reach: Reach) -> (Option<f64>, Option<f64>) {
         let mut total = (Some(0.0), Some(0.0));
         for part in &self.parts {

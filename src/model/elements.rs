@@ -166,7 +166,10 @@ impl Elements {
                 Group::Singles { connections, .. } => {
                     for connection in connections {
                         connection.law.trial(0.0, 0.0, 0.0);
-                        all.push(connection.law.tangent());
+                        all.push(Tangent {
+                            damping: connection.law.least_damping(),
+                            ..connection.law.tangent()
+                        });
                         connection.law.revert();
                     }
                 }

@@ -158,8 +158,7 @@ pub fn parse_record(
         }
         RecordFormat::TwoColumn => {
             only_tables("a two_column file")?;
-            let table = text::parse(name, bytes, text::Layout::Blank)?;
-            table.want_columns(name, 2)?;
+            let table = blank_columns(name, bytes, 2)?;
             let both = ReadOptions {
                 column: Some(Column::Number(2)),
                 time_column: Some(Column::Number(1)),
@@ -169,8 +168,7 @@ pub fn parse_record(
         }
         RecordFormat::OneColumn => {
             only_tables("a one_column file")?;
-            let table = text::parse(name, bytes, text::Layout::Blank)?;
-            table.want_columns(name, 1)?;
+            let table = blank_columns(name, bytes, 1)?;
             axis::record(name, table, options)
         }
         RecordFormat::List => {
@@ -180,6 +178,16 @@ pub fn parse_record(
         }
         RecordFormat::Npy => axis::record(name, npy::parse(name, bytes)?, options),
     }
+}
+
+/// A table of so many columns with blanks between them.
+fn blank_columns(name: &str, bytes: &[u8], wanted: usize) -> Result<RawTable, MotionError> {
+    let read = text::parse(name, bytes, text::Layout::Blank)
+        .and_then(|table| table.want_columns(name, wanted).map(|()| table));
+    if let Err(MotionError::Ragged { line, .. }) = &read {
+        text::refuse_decimal_comma_between_blanks(name, bytes, *line)?;
+    }
+    read
 }
 
 /// Reads a table of numbers: `.npy`, `.csv`, or text with blanks between the columns.

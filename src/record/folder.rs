@@ -18,7 +18,7 @@ use super::threads;
 use super::utc::stamp;
 use super::whereabouts::{Hold, Whereabouts, is_claimed};
 
-/// The files of a run until it ends; `summary.json` and the report come then.
+/// The files of a run until it ends.
 pub(super) const FILES: [&str; 7] = [
     "events.jsonl",
     "samples.json",
@@ -28,6 +28,9 @@ pub(super) const FILES: [&str; 7] = [
     "test.toml",
     "resumed.json",
 ];
+
+/// Those that come when it has ended.
+pub(super) const AFTER: [&str; 3] = ["summary.json", "timing.json", "report.html"];
 
 /// Why a run folder cannot be written or read.
 #[derive(Debug, Error)]
@@ -624,7 +627,7 @@ pub(super) mod tests {
         assert!(matches!(open(&path), FolderError::Layout { .. }));
         fs::write(path.join("samples.json"), named(&["x1"]).to_json()).unwrap();
         // Nobody writes to a pipe: who opened it would wait for ever.
-        for name in FILES.into_iter().chain(["summary.json"]) {
+        for name in FILES.into_iter().chain(AFTER) {
             let file = path.join(name);
             let kept = fs::read(&file).ok();
             let _it_may_not_be_there = fs::remove_file(&file);

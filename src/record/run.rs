@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use super::folder::{FILES, FolderError, at};
+use super::folder::{AFTER, FILES, FolderError, at};
 use super::journal::Journal;
 use super::layout::Layout;
 use super::summary::Summary;
@@ -59,7 +59,7 @@ impl Run {
         if fs::read_dir(path).map_err(at(path))?.next().is_none() {
             return Err(FolderError::Empty(owned()));
         }
-        for name in FILES.into_iter().chain(["summary.json"]) {
+        for name in FILES.into_iter().chain(AFTER) {
             let file = path.join(name);
             // A folder does not keep a reader waiting, and is told of where it is read.
             let waits = |found: fs::Metadata| !found.is_file() && !found.is_dir();

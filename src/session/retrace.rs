@@ -165,7 +165,16 @@ fn number(text: &str) -> f64 {
 pub(super) type Build<'a> = dyn FnMut(&Loaded) -> Result<Prepared, ConfigError> + 'a;
 
 pub(super) fn read(path: &Path) -> Result<Vec<u8>, ReplayError> {
-    std::fs::read(path).map_err(|source| ReplayError::Unreadable {
+    // Who opened a pipe would wait for ever.
+    let waits = path
+        .metadata()
+        .is_ok_and(|found| !found.is_file() && !found.is_dir());
+    let bytes = if waits {
+        Err(std::io::Error::other("it is not a file"))
+    } else {
+        std::fs::read(path)
+    };
+    bytes.map_err(|source| ReplayError::Unreadable {
         path: path.to_owned(),
         source,
     })

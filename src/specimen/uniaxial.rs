@@ -73,8 +73,7 @@ impl Specimen for Uniaxial {
     }
 
     fn tangent_damping(&self, damping: &mut [f64]) {
-        let laws = self.laws.iter();
-        let least = laws.map(|law| law.reference().damping.min(law.tangent().damping));
+        let least = self.laws.iter().map(|law| law.least_damping());
         diagonal(damping, self.axes(), least);
     }
 

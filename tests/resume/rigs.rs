@@ -217,6 +217,12 @@ fn a_link_that_is_lost_on_the_way_out_leaves_the_last_commands_on_record() {
 /// What a specimen is told that was led away after its test, and cannot say so, is judged from where it was left.
 #[test]
 fn a_specimen_that_was_led_away_and_cannot_tell_goes_on_within_its_limits() {
+    for pace in ["every_tick", "every_step"] {
+        goes_on_within_its_limits(pace);
+    }
+}
+
+fn goes_on_within_its_limits(pace: &str) {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);
     let test = two_rigs(
@@ -224,9 +230,11 @@ fn a_specimen_that_was_led_away_and_cannot_tell_goes_on_within_its_limits() {
         "at_end = \"zero_displacement\"\nexit_speed_m_per_s = 0.05\n",
     );
     let limits =
-        "limits = { command_vel_m_per_s = { trip = 2.0 }, following_error_m = { trip = 1e-3 } }";
+        "limits = { command_vel_m_per_s = { trip = 1.5 }, following_error_m = { trip = 1e-3 } }";
     let text = std::fs::read_to_string(&test).unwrap();
     let text = text.replace("[[specimen]]\n", &format!("[[specimen]]\n{limits}\n"));
+    let text = text.replace("probe = ", &format!("commands = \"{pace}\", probe = "));
+    let text = text.replace("duration_s", "ticks_per_step = 2\nduration_s");
     std::fs::write(&test, text).unwrap();
     let places: [Arc<Mutex<f64>>; 2] = Default::default();
     let rigs = || places.each_ref().map(Rig::mute);
@@ -242,13 +250,13 @@ fn a_specimen_that_was_led_away_and_cannot_tell_goes_on_within_its_limits() {
     let moved = column(&at("first"), "cmd_1_1")
         .iter()
         .fold(0.0, |m: f64, d| m.max(d.abs()));
-    assert!(moved > 0.01, "less than a jump of 2 m/s in a tick: {moved}");
+    assert!(moved > 0.01, "less than a jump of 1.5 m/s in a step: {moved}");
     let again = resume(&at("first"), None, &[], None).unwrap_or_else(|e| panic!("{e}"));
     let went_on = run_rigs(again, rigs(), &at("second"), None);
     assert_eq!(
         went_on.finish,
         Finish::Completed,
-        "{}",
+        "{pace}: {}",
         went_on.summary.reason
     );
     assert_eq!(

@@ -104,7 +104,7 @@ pub struct Loop {
     pub name: String,
     /// The structure with this specimen's motion delayed, all others on time, as it stands at rest.
     pub system: Delayed,
-    /// The same at K0, where that is another one: with every gap closed.
+    /// The same at K0 and C0, where that is another one: with every gap closed, and dampers as at their reference.
     pub closed: Option<Delayed>,
 }
 
@@ -237,24 +237,38 @@ impl Analysis {
             stiffness: square(stiffness),
         };
         let AtRest { stiffness, damping } = &self.at_rest;
+        // The inertia in the forces of the others is on time.
+        let mass = self.mass_with(|other, _| !std::ptr::eq(other, specimen));
         let at_rest = delayed(
-            self.mass.to_dense(),
+            mass.to_dense(),
             (damping, stiffness),
             &specimen.rows,
             own(&specimen.damping_at_rest, &specimen.stiffness_at_rest),
             specimen.mass_in_force,
         );
         let closed = delayed(
-            self.mass.to_dense(),
+            mass.to_dense(),
             (&self.damping, &self.stiffness),
             &specimen.rows,
             own(&specimen.damping, &specimen.stiffness),
             specimen.mass_in_force,
         );
-        let differ =
-            |one: &DMatrix<f64>, other: &DMatrix<f64>| (one - other).amax() > 1e-9 * one.amax();
-        let differs = differ(&closed.stiffness, &at_rest.stiffness)
-            || differ(&closed.specimen_stiffness, &at_rest.specimen_stiffness);
+        // What is left of a difference is as exact as the larger of its parts.
+        let differ = |pairs: [(&DMatrix<f64>, &DMatrix<f64>); 2]| {
+            let scale = pairs
+                .iter()
+                .flat_map(|(one, other)| [one.amax(), other.amax()])
+                .fold(0.0, f64::max);
+            let off = |(one, other): &(&DMatrix<f64>, &DMatrix<f64>)| (*one - *other).amax();
+            pairs.iter().map(off).fold(0.0, f64::max) > 1e-9 * scale
+        };
+        let differs = differ([
+            (&closed.stiffness, &at_rest.stiffness),
+            (&closed.specimen_stiffness, &at_rest.specimen_stiffness),
+        ]) || differ([
+            (&closed.damping, &at_rest.damping),
+            (&closed.specimen_damping, &at_rest.specimen_damping),
+        ]);
         Loop {
             name: String::new(),
             system: Delayed {
@@ -283,10 +297,18 @@ impl Analysis {
 
     /// M with the mass whose inertia is in the forces of specimens.
     fn moved_mass(&self) -> SymMatrix {
+        self.mass_with(|_, _| true)
+    }
+
+    /// M with the mass whose inertia is in the forces of these axes (from 0), which are on time.
+    pub(super) fn mass_with(&self, counts: impl Fn(&Attached, usize) -> bool) -> SymMatrix {
         let n = self.mass.n();
+        let counts = &counts;
         let moving = self.specimens.iter().flat_map(|specimen| {
             let mass = specimen.mass_in_force;
-            let squares = specimen.rows.iter().flat_map(move |row| {
+            let rows = specimen.rows.iter().enumerate();
+            let rows = rows.filter(move |(axis, _)| counts(specimen, *axis));
+            let squares = rows.flat_map(move |(_, row)| {
                 let each = row
                     .iter()
                     .flat_map(move |a| row.iter().map(move |b| (a, b)));

@@ -11,8 +11,11 @@ use crate::config::Finding;
 use crate::control::{CriticalDelay, Port};
 use crate::spectral::delay::{DelayError, Delayed, DiscreteLimit, continuous, discrete};
 
-/// Entries of a table.
+/// Entries of a table at equal steps.
 const ENTRIES: usize = 33;
+/// Further ones, each at half of the stiffness of the one before, from the first step down: where a gap that is open makes an axis
+/// stiff, it works far below.
+const HALVES: i32 = 10;
 /// The last of them, in parts of the initial stiffness or of its declared bound.
 const REACH: f64 = 2.0;
 /// Angle per step, in rad, from which the recursion is asked: below it the two differ by a per cent or so.
@@ -61,22 +64,11 @@ impl Analysis {
             let stiffness = specimen.stiffness[axis][axis];
             // NaN is passed over.
             let stiffest = REACH * stiffness.max(*bound);
-            let mut mass = self.mass.to_dense();
-            // The inertia in the forces of the other axes, which are on time.
-            for other in &self.specimens {
-                for (index, row) in other.rows.iter().enumerate() {
-                    if !(std::ptr::eq(other, specimen) && index == axis) {
-                        for (a, x) in row {
-                            for (b, y) in row {
-                                mass[(*a, *b)] += other.mass_in_force * x * y;
-                            }
-                        }
-                    }
-                }
-            }
+            let is_other =
+                |other: &Attached, index: usize| !(std::ptr::eq(other, specimen) && index == axis);
             let one = |value| DMatrix::from_element(1, 1, value);
             let mut system = delayed(
-                mass,
+                self.mass_with(is_other).to_dense(),
                 (&self.at_rest.damping, &self.at_rest.stiffness),
                 std::slice::from_ref(row),
                 Own {
@@ -85,19 +77,19 @@ impl Analysis {
                 },
                 specimen.mass_in_force,
             );
-            let delay = |entry: usize| -> Result<f64, DelayError> {
-                let share = entry as f64 / (ENTRIES - 1) as f64;
-                system.specimen_stiffness[(0, 0)] = share * stiffest;
+            let delay = |stiffness: f64| -> Result<(f64, f64), DelayError> {
+                system.specimen_stiffness[(0, 0)] = stiffness;
                 let found = continuous(&system)?;
-                Ok(found.map_or(f64::INFINITY, |found| found.delay))
+                Ok((stiffness, found.map_or(f64::INFINITY, |found| found.delay)))
             };
-            let delays: Result<Vec<f64>, _> = (0..ENTRIES).map(delay).collect();
+            let entries = entries(stiffest, specimen.stiffness_at_rest[axis][axis]);
+            let delays: Result<Vec<(f64, f64)>, _> = entries.into_iter().map(delay).collect();
             let mut delays = delays.map_err(|error| error.to_string())?;
             system.specimen_stiffness[(0, 0)] = stiffness;
             (system.weighted, system.ticks) = (self.effective(), specimen.ticks.clone());
             let share = self.share_of_recursion(&system);
-            delays.iter_mut().for_each(|delay| *delay *= share);
-            CriticalDelay::new(stiffest, &delays).ok_or_else(|| {
+            delays.iter_mut().for_each(|(_, delay)| *delay *= share);
+            CriticalDelay::new(&delays).ok_or_else(|| {
                 "an axis has no stiffness, or no damping stands against a delay".to_owned()
             })
         });
@@ -118,6 +110,18 @@ impl Analysis {
             _ => 1.0,
         }
     }
+}
+
+/// Stiffnesses in N/m from 0 to `stiffest` for which a table has an entry, `at_rest` among them.
+fn entries(stiffest: f64, at_rest: f64) -> Vec<f64> {
+    let step = stiffest / (ENTRIES - 1) as f64;
+    let equal = (0..ENTRIES).map(|entry| entry as f64 / (ENTRIES - 1) as f64 * stiffest);
+    let halves = (1..=HALVES).map(|half| step * 0.5f64.powi(half));
+    let own = std::iter::once(at_rest).filter(|own| *own > 0.0 && *own < stiffest);
+    let mut all: Vec<f64> = equal.chain(halves).chain(own).collect();
+    all.sort_by(f64::total_cmp);
+    all.dedup_by(|next, one| *next - *one <= 1e-9 * *next);
+    all
 }
 
 /// The specimens with their tables, as far as their lag is estimated; why there are none stands in the facts of the structure, and is
@@ -226,6 +230,65 @@ mod tests {
         at_rest_as_linear(
             ", { gap = { stiffness_n_per_m = 1e6, gap_m = 0.05, side = \"tension\" } }",
         );
+    }
+
+    #[test]
+    fn of_laws_side_by_side_each_stands_for_itself() {
+        // The one has no end of its tangent at rest, so that its reference counts; the other has none at all.
+        let root = |more: &str| {
+            let one = "power_damper = { force_at_unit_velocity_n = 1e3, exponent = 0.5, reference_damping_n_s_per_m = 1e3 }";
+            let found = analysis(&format!(
+                "{TIME}[structure.matrices]\nmass = [[1000]]\nstiffness = [[1e5]]\ndamping = [[200]]\n\
+                 [[specimen]]\nname = \"it\"\nrows = [[1]]\nreach_vel_m_per_s = 0.5\nlaw.parallel = [\
+                 {{ linear.stiffness_n_per_m = 5e4 }}, {{ {one} }}{more}]\n"
+            ));
+            found.loops[0].continuous().unwrap().unwrap().delay
+        };
+        let idle = ", { power_damper = { force_at_unit_velocity_n = 1e3, exponent = 2, reference_damping_n_s_per_m = 5e3 } }";
+        assert!((root(idle) / root("") - 1.0).abs() < 1e-12);
+    }
+
+    /// k = 1e4 N/m beside an open gap of 1e7: the table reaches to 2e7, and is exact where the axis works.
+    #[test]
+    fn an_axis_far_below_the_stiffness_of_its_gap_has_its_own_critical_delay() {
+        let with = |gap: &str| {
+            let analysis = analysis(&format!(
+                "{TIME}[structure.matrices]\nmass = [[1000]]\nstiffness = [[1e5]]\ndamping = [[400]]\n\
+                 [[specimen]]\nname = \"it\"\nrows = [[1]]\nlaw.parallel = [{{ linear.stiffness_n_per_m = 1e4 }}{gap}]\n"
+            ));
+            analysis
+                .critical_delays(&[true], &[vec![f64::NAN]])
+                .unwrap()[0][0]
+                .clone()
+        };
+        let gap = ", { gap = { stiffness_n_per_m = 1e7, gap_m = 1.0, side = \"tension\" } }";
+        let (stiff, plain) = (with(gap), with(""));
+        assert!((stiff.at(1e4) / plain.at(1e4) - 1.0).abs() < 1e-9);
+        for share in [0.6, 0.8, 1.2, 2.0] {
+            let ratio = stiff.at(share * 1e4) / plain.at(share * 1e4);
+            // Along straight lines between entries.
+            assert!((0.95..=1.03).contains(&ratio), "{share}: {ratio}");
+        }
+    }
+
+    /// Of two specimens the one, with 250 kg in its force, is on time: with the other late it moves with the structure.
+    #[test]
+    fn inertia_in_the_force_of_one_specimen_counts_in_the_delay_of_another() {
+        let found = analysis(&format!(
+            "{TIME}[structure.shear_building]\nmass_kg = [1000, 900]\nstiffness_n_per_m = [1e6, 8e5]\n\
+             [structure.damping.modal]\nratios = [0.02]\n\
+             [[specimen]]\nname = \"heavy\"\nstorey = 2\nmass_in_force_kg = 250\nlaw.linear.stiffness_n_per_m = 1e5\n\
+             [[specimen]]\nname = \"two\"\nstorey = 1\nlaw.linear.stiffness_n_per_m = 4e5\n"
+        ));
+        let critical = found.loops[1].continuous().unwrap().unwrap();
+        // |L| = 1 by another program: 6.81 ms at 6.99 Hz, which is near the second mode.
+        assert!(
+            (critical.delay - 6.81e-3).abs() < 0.01e-3,
+            "{}",
+            critical.delay
+        );
+        let hz = critical.omega / std::f64::consts::TAU;
+        assert!((hz - 6.99).abs() < 0.01, "{hz}");
     }
 
     #[test]

@@ -95,8 +95,18 @@ pub fn build_trial(loaded: &Loaded, trial: &Trial) -> Result<Prepared, ConfigErr
     build_as(loaded, Some(trial), None)
 }
 
-/// k̂ and ĉ of a specimen by rows, at the structure's scale.
-pub type Estimate = (Vec<Vec<f64>>, Vec<Vec<f64>>);
+/// What the controller believes of a specimen, by rows, at the structure's scale.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Estimate {
+    /// k̂ in N/m.
+    pub stiffness: Vec<Vec<f64>>,
+    /// ĉ in N s/m.
+    pub damping: Vec<Vec<f64>>,
+    /// Stiffness before anything moves, in N/m.
+    pub stiffness_at_rest: Vec<Vec<f64>>,
+    /// Damping before anything moves, in N s/m.
+    pub damping_at_rest: Vec<Vec<f64>>,
+}
 
 /// What the controller believes of each specimen.
 ///
@@ -106,8 +116,12 @@ pub fn estimates(loaded: &Loaded) -> Result<Vec<Estimate>, ConfigError> {
     let mut site = Site::new(loaded, Some(&trial::NOMINAL), None);
     match specimens::specimens(&mut site) {
         Ok(specimens) => {
-            let each = specimens.loops();
-            let each = each.map(|one| (one.stiffness.to_vec(), one.damping.to_vec()));
+            let each = specimens.loops().map(|one| Estimate {
+                stiffness: one.stiffness.to_vec(),
+                damping: one.damping.to_vec(),
+                stiffness_at_rest: one.stiffness_at_rest.to_vec(),
+                damping_at_rest: one.damping_at_rest.to_vec(),
+            });
             Ok(each.collect())
         }
         Err(Refused) => Err(loaded.refuse(site.errors)),

@@ -368,6 +368,10 @@ impl Rig for Bench {
         self.rig.pause()
     }
 
+    fn halt(&mut self) -> Result<(), LinkFault> {
+        self.rig.halt()
+    }
+
     fn stats(&self) -> LinkStats {
         self.rig.stats()
     }

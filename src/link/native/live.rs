@@ -19,6 +19,8 @@ use crate::wire::WireError;
 use crate::wire::handshake::{self, Control, Welcome};
 use crate::wire::native::{Cause, Decoder, Encoder, Frame, Heartbeat, LARGEST_FRAME, Notice};
 
+/// How often a stop is said over UDP before the way out begins.
+const HALTS: u32 = 4;
 /// Reads after the deadline: what is here already is taken, a flood is not.
 const EXTRA_READS: u32 = 64;
 /// A specimen that hears nothing for half a minute gives a controller up: between commands it hears this often.
@@ -317,7 +319,7 @@ impl Live {
         let silent_ns = self.transport.now().0.saturating_sub(self.sent_ns);
         if self.paused && !self.inbox.is_stream() && silent_ns >= self.nudge_ns {
             // What said that nothing will come may have been lost.
-            return self.say_hold(issued);
+            return self.say_hold(issued, Cause::Operator);
         }
         if silent_ns < KEEP_ALIVE_NS {
             return Ok(());
@@ -337,11 +339,25 @@ impl Live {
             return Err(fault);
         }
         self.paused = true;
-        self.issued.map_or(Ok(()), |issued| self.say_hold(issued))
+        let cause = Cause::Operator;
+        self.issued
+            .map_or(Ok(()), |issued| self.say_hold(issued, cause))
     }
 
-    fn say_hold(&mut self, sequence: u64) -> Result<(), LinkFault> {
-        let cause = Cause::Operator;
+    /// See [`crate::substructure::Substructure::halt`]. Once the next command has overtaken it, it says nothing any more: over
+    /// UDP it is said as often as may be lost in a row.
+    pub(super) fn halt(&mut self) -> Result<(), LinkFault> {
+        if let Some(fault) = self.fault {
+            return Err(fault);
+        }
+        let Some(issued) = self.issued else {
+            return Ok(());
+        };
+        let times = if self.inbox.is_stream() { 1 } else { HALTS };
+        (0..times).try_for_each(|_| self.say_hold(issued, Cause::Orderly))
+    }
+
+    fn say_hold(&mut self, sequence: u64, cause: Cause) -> Result<(), LinkFault> {
         let written = self.encoder.hold(Notice { sequence, cause }, &mut self.out);
         self.send(written)
     }

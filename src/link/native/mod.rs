@@ -165,6 +165,10 @@ impl Substructure for NativeLink {
         self.live.as_mut().map_or(Ok(()), Live::pause)
     }
 
+    fn halt(&mut self) -> Result<(), LinkFault> {
+        self.live.as_mut().map_or(Ok(()), Live::halt)
+    }
+
     fn retire(&mut self, how: Retirement) {
         if let Some(live) = &mut self.live {
             live.retire(how);

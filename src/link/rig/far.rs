@@ -286,6 +286,10 @@ impl Rig for Far {
         self.link()?.pause()
     }
 
+    fn halt(&mut self) -> Result<(), LinkFault> {
+        self.link()?.halt()
+    }
+
     fn arm(
         &mut self,
         sequence: u64,

@@ -252,6 +252,14 @@ pub trait Rig: Send {
         Ok(())
     }
 
+    /// Its controller ends its test here: see [`crate::substructure::Substructure::halt`].
+    ///
+    /// # Errors
+    /// The specimen is lost.
+    fn halt(&mut self) -> Result<(), LinkFault> {
+        self.pause()
+    }
+
     /// What went over the link so far.
     fn stats(&self) -> LinkStats {
         LinkStats::default()

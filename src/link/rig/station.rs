@@ -350,14 +350,20 @@ impl Station {
         Ok(())
     }
 
-    /// Its controller is held by an operator, or ends its test here: it stops, and what comes next comes from rest.
+    /// Its controller is held by an operator.
     pub fn pause(&mut self) {
+        // A specimen that is lost shows when it is attended to.
+        let _ = self.rig.pause();
+    }
+
+    /// Its controller ends its test here: it stops, and what comes next comes from rest.
+    pub fn halt(&mut self) {
         self.watch.rests();
         if let Some(announced) = &mut self.announced {
             announced.rests();
         }
-        // A specimen that is lost shows when it is attended to.
-        let _ = self.rig.pause();
+        // As in a hold.
+        let _ = self.rig.halt();
     }
 
     /// Something for the log.

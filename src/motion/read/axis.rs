@@ -424,6 +424,29 @@ mod tests {
     }
 
     #[test]
+    fn a_comma_that_makes_one_column_more_between_blanks_is_told_as_a_decimal_comma() {
+        let options = ReadOptions {
+            format: Some(RecordFormat::TwoColumn),
+            ..ReadOptions::default()
+        };
+        let refused = |text: &str| {
+            let read = parse_record("a.txt", text.as_bytes(), &options);
+            read.unwrap_err().to_string()
+        };
+        let comma = |place: &str, number: &str| {
+            format!(
+                "a.txt:{place}: wanted a decimal point, found a comma inside a number (a decimal comma?): {number:?}"
+            )
+        };
+        assert_eq!(refused("0,00 0,5\n0,01 0,6\n"), comma("1:2", "0,00"));
+        assert_eq!(refused("0 0.5\n0,01 0.6\n"), comma("2:2", "0,01"));
+        // Where commas part the columns it is a column more.
+        for text in ["0,0.5\n1,0,6\n", "0, 0.5\n1, 0, 6\n"] {
+            assert_eq!(refused(text), "a.txt:2: wanted 2 columns, found 3");
+        }
+    }
+
+    #[test]
     fn times_in_another_unit_than_the_second_are_refused_unless_the_step_is_given() {
         let refused = |name: &str, text: &str, options: &ReadOptions| {
             let error = parse_record(name, text.as_bytes(), options).unwrap_err();

@@ -133,6 +133,23 @@ pub(super) fn refuse_decimal_comma(
     })
 }
 
+/// The same for one line of a text, where blanks part its numbers: a comma need not part any there.
+pub(super) fn refuse_decimal_comma_between_blanks(
+    file: &str,
+    bytes: &[u8],
+    line_number: usize,
+) -> Result<(), MotionError> {
+    let text = decode(file, bytes)?;
+    let Some((_, line)) = lines(&text).find(|(number, _)| *number == line_number) else {
+        return Ok(());
+    };
+    let is_parted_by_commas = line.contains(", ") || line.split_whitespace().count() < 2;
+    if is_parted_by_commas {
+        return Ok(());
+    }
+    refuse_decimal_comma(file, line_number, line, 0..line.len())
+}
+
 /// The first such comma, and the number that it may be part of.
 fn decimal_comma(text: &str) -> Option<(usize, &str)> {
     let is_gap = |c: char| c.is_whitespace() || c == ',' || c == ';';

@@ -157,23 +157,22 @@ impl Held {
     }
 }
 
-/// A warning for each axis whose dead sensors would be noticed only after more travel than the test has from end to end.
+/// A warning for each axis whose dead sensors would be noticed only after more travel than the test has in all.
 fn deaf(loaded: &Loaded, needs: &Needs, specimen: usize) -> Vec<Finding> {
     let table = loaded.file.specimen.get(specimen);
     let limits = table.map(|table| table.limits_of(needs.found.len()));
     let axes = needs.found.iter().zip(limits.into_iter().flatten());
     let deaf = axes.enumerate().filter_map(|(axis, (found, limits))| {
-        let range = found.command.high - found.command.low;
         let travel = limits.stuck_travel_m;
-        (limits.stuck_ticks.is_some() && range > 0.0 && travel > range).then(|| {
+        let goes = found.travel;
+        (limits.stuck_ticks.is_some() && goes > 0.0 && travel > goes).then(|| {
             let text = format!(
-                "dead sensors on axis {} of `{}` would be noticed only after {travel} m of travel, but its commands reach over {} m in all",
+                "dead sensors on axis {} of `{}` would be noticed only after {travel} m of travel, and its commands go {} m in all",
                 axis + 1,
                 needs.name,
-                short(range)
+                short(goes)
             );
-            let at = place(loaded, specimen, axis, Quantity::StuckSensor);
-            let at = at.parent().unwrap_or(at).key("stuck_travel_m");
+            let at = limit(loaded, specimen, axis, "stuck_travel_m");
             Finding::warning(at, text).help("found on the simulated clock")
         })
     });
@@ -254,12 +253,17 @@ fn finding(need: &Need, needs: &Needs, axis: usize, at: KeyPath) -> Option<Findi
 
 /// Where a limit stands: with its axis, or with the whole specimen.
 fn place(loaded: &Loaded, specimen: usize, axis: usize, quantity: Quantity) -> KeyPath {
+    limit(loaded, specimen, axis, quantity.key())
+}
+
+/// Where a key of the limits of an axis stands: its own, or that of its specimen.
+fn limit(loaded: &Loaded, specimen: usize, axis: usize, key: &'static str) -> KeyPath {
     let at = KeyPath::root().key("specimen").index(specimen);
-    let own = at.key("axis").index(axis).key("limits").key(quantity.key());
+    let own = at.key("axis").index(axis).key("limits").key(key);
     if loaded.locator.holds(&own) {
         own
     } else {
-        at.key("limits").key(quantity.key())
+        at.key("limits").key(key)
     }
 }
 

@@ -68,6 +68,8 @@ pub struct AxisNeed {
     pub force_step: Extreme,
     /// Measured force times commanded velocity, W; a size.
     pub power: Extreme,
+    /// All that its commands went, there and back, m.
+    pub travel: f64,
 }
 
 /// What is kept of one axis.
@@ -184,6 +186,7 @@ impl Substructure for Meter {
             if self.told >= 1 {
                 let step = (disp - last).abs();
                 need.step.take(step, at);
+                need.travel += step;
                 need.vel.take(step / tick, at);
                 axis.vel = step / tick;
             }
@@ -230,11 +233,15 @@ impl Substructure for Meter {
     }
 
     fn pause(&mut self) -> Result<(), LinkFault> {
+        self.inner.pause()
+    }
+
+    fn halt(&mut self) -> Result<(), LinkFault> {
         // What stops here is not judged, and what comes next comes from rest.
         for axis in &mut self.axes {
             axis.past = [axis.past[0]; 2];
         }
-        self.inner.pause()
+        self.inner.halt()
     }
 
     fn retire(&mut self, how: Retirement) {

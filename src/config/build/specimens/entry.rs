@@ -79,7 +79,9 @@ pub(super) fn entry(
             let at = at.key("stiffness_n_per_m");
             let given = seen(table, &loading, estimate(site, &at, given, laws)?);
             if law.is_some() {
-                warn_of_distance(site, at, &given, &scaled(&k, |axis| axis.disp_gain));
+                let own = scaled(&k, |axis| axis.disp_gain);
+                let help = "without this key the law says its own";
+                warn_of_distance(site, at, &given, &own, help);
             }
             given
         }
@@ -95,7 +97,7 @@ pub(super) fn entry(
     // What was drawn is the truth, of which the controller does not know.
     let believed = site.trial.and_then(|trial| trial.believed.get(number));
     let (stiffness, damping) = match believed {
-        Some((stiffness, damping)) => (stiffness.clone(), damping.clone()),
+        Some(known) => (known.stiffness.clone(), known.damping.clone()),
         None => (said_stiffness.clone(), said_damping.clone()),
     };
     let mut mass = scaled(&m, |axis| axis.vel_gain * axis.vel_gain / axis.disp_gain);
@@ -106,19 +108,21 @@ pub(super) fn entry(
         }
         mass_in_force = 0.0;
     }
-    let is_believed = believed.is_some();
     let (mut stiffness_at_rest, mut damping_at_rest) = (stiffness.clone(), damping.clone());
-    if let Some(law) = &mut law {
+    if let Some(known) = believed {
+        stiffness_at_rest.clone_from(&known.stiffness_at_rest);
+        damping_at_rest.clone_from(&known.damping_at_rest);
+    } else if let Some(law) = &mut law {
         let (still, mut force) = (vec![0.0; n], vec![0.0; n]);
         let stands: Vec<f64> = offsets(table, n).iter().map(|(disp, _)| *disp).collect();
         law.trial(&stands, &still, 0.0, &mut force);
         law.tangent(&mut k);
         law.tangent_damping(&mut c);
         law.revert();
-        if !is_believed && table.stiffness_n_per_m.is_none() {
+        if table.stiffness_n_per_m.is_none() {
             stiffness_at_rest = scaled(&k, |axis| axis.disp_gain);
         }
-        if !is_believed && table.damping_n_s_per_m.is_none() {
+        if table.damping_n_s_per_m.is_none() {
             damping_at_rest = scaled(&c, |axis| axis.vel_gain);
         }
     }
@@ -142,7 +146,14 @@ pub(super) fn entry(
     if let (Some(law), true) = (&stand_in, table.stiffness_n_per_m.is_some()) {
         law.reference(&mut k, &mut c, &mut m);
         let own = scaled(&k, |axis| axis.disp_gain);
-        warn_of_distance(site, at.key("stiffness_n_per_m"), &said_stiffness, &own);
+        let help = "`stand_in` is the law that stands for it in rehearsals";
+        warn_of_distance(
+            site,
+            at.key("stiffness_n_per_m"),
+            &said_stiffness,
+            &own,
+            help,
+        );
     }
     let stand = match (law, &table.link) {
         (Some(law), _) => Stand::Law(law),
@@ -188,7 +199,13 @@ pub(super) fn entry(
 }
 
 /// An estimate that is far from the initial stiffness of the law beside it, which is known, is probably a slip of the unit.
-fn warn_of_distance(site: &mut Site<'_>, at: KeyPath, estimate: &Rows, law: &Rows) {
+fn warn_of_distance(
+    site: &mut Site<'_>,
+    at: KeyPath,
+    estimate: &Rows,
+    law: &Rows,
+    help: &'static str,
+) {
     // What is drawn, or stands for it in a trial, was judged with the file.
     if site.trial.is_some() {
         return;
@@ -204,8 +221,7 @@ fn warn_of_distance(site: &mut Site<'_>, at: KeyPath, estimate: &Rows, law: &Row
             number(rest::rounded(ratio))
         );
         let finding = Finding::warning(at, text).label("K0 of the integrator is made of this");
-        site.warnings
-            .push(finding.help("without this key the law says its own"));
+        site.warnings.push(finding.help(help));
     }
 }
 

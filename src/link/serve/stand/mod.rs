@@ -26,7 +26,7 @@ use crate::substructure::{LinkFault, Measurement, Status};
 use crate::time::Nanos;
 use crate::wire::WireError;
 use crate::wire::handshake::Arm;
-use crate::wire::native::{Decoder, Encoder, Frame, LARGEST_FRAME};
+use crate::wire::native::{Cause, Decoder, Encoder, Frame, LARGEST_FRAME};
 
 /// The specimen and its controller.
 pub(super) struct Stand {
@@ -58,7 +58,9 @@ pub(super) struct Stand {
     /// A command that has come and was not passed on yet: number, test time and its step.
     pending: Option<(u64, f64, f64)>,
     /// A hold that came behind that command: the specimen hears of it after the command, which would end it.
-    hold_follows: bool,
+    hold_follows: Option<Cause>,
+    /// A stop of the test stood between that command and the one before, which was never passed on.
+    halt_precedes: bool,
     arrived: Nanos,
     /// The measurement of the command in force is still to be taken, at this time.
     sample_at: Option<Nanos>,
@@ -117,7 +119,8 @@ impl Stand {
             measured: Measurement::zeros(axes),
             flags: Status::default(),
             pending: None,
-            hold_follows: false,
+            hold_follows: None,
+            halt_precedes: false,
             arrived: now,
             sample_at: None,
             begun: now,
@@ -216,13 +219,18 @@ impl Stand {
         }
         match self.pending.take() {
             Some((sequence, time, dt)) => {
+                if std::mem::take(&mut self.halt_precedes) {
+                    self.halt();
+                }
                 let now = self.line.now();
                 self.go(sequence, time, dt, now, desk)?;
             }
             None => return Ok(()),
         }
-        if std::mem::take(&mut self.hold_follows) {
-            self.hold();
+        match self.hold_follows.take() {
+            Some(Cause::Operator) => self.hold(),
+            Some(_) => self.halt(),
+            None => {}
         }
         Ok(())
     }
@@ -232,6 +240,12 @@ impl Stand {
         if !std::mem::replace(&mut self.paused, true) {
             self.station.pause();
         }
+    }
+
+    /// The controller stops here, and a way out begins: said more than once, it says nothing new.
+    fn halt(&mut self) {
+        self.paused = true;
+        self.station.halt();
     }
 
     /// Takes every whole frame that is here; over UDP what fails a check is counted and dropped.
@@ -284,7 +298,9 @@ impl Stand {
                     Moves::Again => self.answer(now)?,
                     Moves::On if self.station.is_remote() => {
                         self.pending = Some((sequence, time, dt));
-                        self.hold_follows = false;
+                        let followed = self.hold_follows.take();
+                        self.halt_precedes |=
+                            followed.is_some_and(|cause| cause != Cause::Operator);
                     }
                     Moves::On => self.go(sequence, time, dt, now, desk)?,
                 }
@@ -293,9 +309,10 @@ impl Stand {
                 // One that was overtaken by a command is over.
                 let newest = self.pending.map(|(pending, ..)| pending).or(self.sequence);
                 if newest.is_none_or(|newest| notice.sequence >= newest) {
-                    match self.pending {
-                        Some(_) => self.hold_follows = true,
-                        None => self.hold(),
+                    match (self.pending, notice.cause) {
+                        (Some(_), cause) => self.hold_follows = Some(cause),
+                        (None, Cause::Operator) => self.hold(),
+                        (None, _) => self.halt(),
                     }
                 }
             }

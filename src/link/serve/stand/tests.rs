@@ -237,6 +237,7 @@ fn a_speed_is_judged_by_the_announced_rate_whatever_test_time_is_said() {
 enum Told {
     Command(u64),
     Hold,
+    Halt,
 }
 
 #[derive(Default)]
@@ -288,6 +289,10 @@ impl Substructure for Beyond {
         self.told.lock().unwrap().push(Told::Hold);
         Ok(())
     }
+    fn halt(&mut self) -> Result<(), LinkFault> {
+        self.told.lock().unwrap().push(Told::Halt);
+        Ok(())
+    }
     fn retire(&mut self, _: Retirement) {}
     fn last_words(&self) -> Option<String> {
         self.last_words.map(str::to_owned)
@@ -316,17 +321,11 @@ fn a_hold_that_comes_with_the_command_before_it_is_passed_on_after_that_command(
     let (host, told) = gateway(None);
     let mut controller = Controller::of(host, axis());
     let hold = |controller: &mut Controller, sequence: u64| {
-        let cause = Cause::Operator;
-        let notice = Notice { sequence, cause };
-        let length = controller
-            .encoder
-            .hold(notice, &mut controller.out)
-            .unwrap();
-        controller.send(length);
+        controller.holds(sequence, Cause::Operator);
     };
     let first = |told: &[Told]| match told[0] {
         Told::Command(first) => first,
-        Told::Hold => panic!("{told:?}"),
+        Told::Hold | Told::Halt => panic!("{told:?}"),
     };
     controller.tell(0, 0.0, 0.0);
     hold(&mut controller, 0);
@@ -344,6 +343,61 @@ fn a_hold_that_comes_with_the_command_before_it_is_passed_on_after_that_command(
     let all = told.lock().unwrap().clone();
     let newest = Told::Command(first(&all) + 2);
     assert_eq!(all[2..], [newest]);
+}
+
+/// Whether its commands before were passed on or not, and in a hold, too: what comes after a stop comes from rest.
+#[test]
+fn a_stop_before_a_way_out_is_passed_on_before_the_command_that_follows_it() {
+    let (host, told) = gateway(None);
+    let mut controller = Controller::of(host, axis());
+    assert_eq!(controller.command(0, 0.0, 0.0), FINE);
+    controller.tell(1, 0.0, 0.0);
+    controller.holds(1, Cause::Operator);
+    controller.hear().unwrap().unwrap();
+    controller.holds(1, Cause::Orderly);
+    assert!(controller.hear().unwrap().is_none());
+    // The gateway is a command behind.
+    controller.tell(2, 0.0, 0.0);
+    controller.holds(2, Cause::Orderly);
+    controller.tell(3, 0.0, 0.0);
+    controller.hear().unwrap().unwrap();
+    let all = told.lock().unwrap().clone();
+    let Told::Command(first) = all[0] else {
+        panic!("{all:?}")
+    };
+    let [second, fourth] = [first + 1, first + 3].map(Told::Command);
+    assert_eq!(
+        all[1..],
+        [second, Told::Hold, Told::Halt, Told::Halt, fourth]
+    );
+}
+
+/// The controller judges what comes after an operator's hold as if nothing had been between; after a stop it judges from rest.
+#[test]
+fn only_a_stop_before_a_way_out_lets_what_comes_next_be_judged_from_rest() {
+    for (cause, trips) in [
+        (None, false),
+        (Some(Cause::Operator), false),
+        (Some(Cause::Orderly), true),
+    ] {
+        let (host, _) = gateway(None);
+        let limits = toml::from_str("command_accel_m_per_s2 = { trip = 50.0 }").unwrap();
+        let mut controller = Controller::of(host.limited(vec![limits]), axis());
+        // 0.1 m/s in ticks of 1 ms: 20 m/s² by and by, and 100 m/s² from rest.
+        let mut disp = 0.0;
+        for (sequence, step) in (0..).zip([0.0, 2e-5, 4e-5, 6e-5, 8e-5, 1e-4]) {
+            disp += step;
+            controller.clock.advance(1_000_000);
+            let status = controller.command(sequence, disp, 0.001);
+            assert_eq!(status, FINE, "{cause:?} {sequence}");
+        }
+        if let Some(cause) = cause {
+            controller.holds(5, cause);
+        }
+        controller.clock.advance(1_000_000);
+        let into = controller.told(6, disp + 1e-4, 0.001).unwrap().unwrap();
+        assert_eq!(into.status.has(Status::INTERLOCK), trips, "{cause:?}");
+    }
 }
 
 #[test]
@@ -410,6 +464,13 @@ fn a_slow_rate_gives_the_first_commands_after_an_arm_no_more_time() {
 }
 
 impl Controller {
+    /// A hold behind the command of this number.
+    fn holds(&mut self, sequence: u64, cause: Cause) {
+        let notice = Notice { sequence, cause };
+        let length = self.encoder.hold(notice, &mut self.out).unwrap();
+        self.send(length);
+    }
+
     /// The next frames, in words.
     fn says(&mut self) -> Vec<String> {
         let mut said = Vec::new();
