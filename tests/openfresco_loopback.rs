@@ -75,6 +75,10 @@ fn a_server_is_asked_where_its_specimen_stands_and_of_an_actor_a_warning_says_th
 
 /// The first hello comes back; nothing of that may be left when the test runs.
 #[test]
+#[expect(
+    clippy::disallowed_methods,
+    reason = "the other thread says hello meanwhile"
+)]
 fn a_server_that_opens_its_udp_port_after_the_first_hello_is_driven_like_any_other() {
     for (role, peer) in [
         (Role::Application, Peer::Element),

@@ -250,7 +250,10 @@ fn goes_on_within_its_limits(pace: &str) {
     let moved = column(&at("first"), "cmd_1_1")
         .iter()
         .fold(0.0, |m: f64, d| m.max(d.abs()));
-    assert!(moved > 0.01, "less than a jump of 1.5 m/s in a step: {moved}");
+    assert!(
+        moved > 0.01,
+        "less than a jump of 1.5 m/s in a step: {moved}"
+    );
     let again = resume(&at("first"), None, &[], None).unwrap_or_else(|e| panic!("{e}"));
     let went_on = run_rigs(again, rigs(), &at("second"), None);
     assert_eq!(
