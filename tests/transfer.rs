@@ -500,6 +500,15 @@ fn a_loop_that_is_unstable_only_at_rest_or_only_beyond_it_is_told_and_not_refuse
         "{}",
         said.stdout
     );
+    // Unstable as K0 and C0 have it, and at rest, without damping, not known to be stable.
+    let weak = "law.parallel = [ { linear.stiffness_n_per_m = 5e4 }, { power_damper = { force_at_unit_velocity_n = 200, \
+                exponent = 2, reference_damping_n_s_per_m = 200 } } ]";
+    for damping in [0.0, 1.0] {
+        let said = check(damping, 3.0, weak, 0.02, &["--no-rehearsal"]);
+        assert_eq!(said.code, Some(1), "{damping}: {}", said.stdout);
+        let words = "the test is unstable with the actuator";
+        assert!(said.stderr.contains(words), "{}", said.stderr);
+    }
     // As large as this it does grow, and is refused for that.
     let said = check(200.0, 30.0, idle, 0.04, &[]);
     assert_eq!(said.code, Some(2), "{}{}", said.stdout, said.stderr);

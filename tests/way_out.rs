@@ -49,3 +49,42 @@ fn an_end_of_the_specimen_with_a_limit_of_acceleration_is_led_out_of_a_test_that
         assert_eq!(command.last(), Some(&0.0));
     }
 }
+
+/// One that trips on what its load cell reads is not led to where there is no force, and is commanded to stay while the other is led:
+/// its own end hears of the stop, too.
+#[test]
+fn who_is_not_led_stops_before_the_way_out_of_the_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let law = "law.linear = { stiffness_n_per_m = 1e5 }\n";
+    let served = ["one", "other"].map(|name| {
+        let home = folder.path().join(name);
+        std::fs::create_dir(&home).unwrap();
+        let limits = format!("[specimen.limits]\ncommand_accel_m_per_s2 = {{ trip = {ACCEL} }}\n");
+        let rig = format!("[[specimen]]\nname = \"{name}\"\n{law}{limits}");
+        Served::start(&home, &rig, &[])
+    });
+    let specimen = |name: &str, served: &Served, limit: &str| {
+        format!(
+            "[[excitation.prescribed_displacement]]\nspecimen = \"{name}\"\nease_in_s = 0.3\n\
+             signal.sine = {{ amplitude = 0.02, frequency_hz = 2 }}\n[[specimen]]\nname = \"{name}\"\n\
+             stiffness_n_per_m = 1e5\n[specimen.limits]\ncommand_accel_m_per_s2 = {{ trip = 30 }}\n{limit}\
+             [specimen.link]\naddress = \"{}\"\nprobe = \"none\"\n",
+            served.address
+        )
+    };
+    let text = format!(
+        "[time]\nrate_hz = 200\nduration_s = 1.05\n[safety]\non_trip = \"zero_force\"\nexit_speed_m_per_s = 0.02\n\
+         unlimited = \"springs\"\n{}{}",
+        specimen("one", &served[0], ""),
+        specimen(
+            "other",
+            &served[1],
+            "sensor_force_n = { trip = [-900, 900] }\n"
+        )
+    );
+    let (code, said) = run(folder.path(), "run", &text);
+    assert_eq!(code, 1, "{said}");
+    let summary = summary(folder.path(), "run");
+    assert!(summary.reason.contains("load cell"), "{}", summary.reason);
+    assert_eq!(summary.left["one"], "reached", "{said}");
+}

@@ -96,6 +96,11 @@ const fn is_driven(roots: Option<(u32, u32)>) -> bool {
     matches!(roots, Some((all, less)) if all > 0 && less > 0)
 }
 
+/// True if it is known to be stable with them.
+fn is_stable(bears: &Bears, roots: Option<(u32, u32)>) -> bool {
+    roots == Some((0, 0)) && !matches!(bears, Bears::Unstable(_))
+}
+
 /// What small motions do where dampers and gaps hold larger ones.
 const ONLY_SMALL: &str =
     "small motions grow until closing gaps, or dampers as they are at their reference, hold them";
@@ -177,25 +182,21 @@ impl Following {
         !self.grows && !self.is_driven()
     }
 
-    /// Whether it is proven unstable at rest, and as K0 and C0 have it.
-    fn driven(&self) -> [bool; 2] {
-        let at_rest = is_driven(self.roots);
-        let held = self.held.as_ref().map(|held| is_driven(held.roots));
-        [at_rest, held.unwrap_or(at_rest)]
-    }
-
-    /// True if nothing holds it, neither at rest nor in larger motions.
+    /// True if it is proven unstable, at rest or as K0 and C0 have it, and not proven stable in the other.
     fn is_driven(&self) -> bool {
-        self.driven() == [true; 2]
+        let held = self.held.as_ref().map(|held| held.roots);
+        let driven = is_driven(self.roots) || held.is_some_and(is_driven);
+        driven && self.in_one_only().is_none()
     }
 
-    /// What is unstable in one of both only, in words.
+    /// What is proven unstable in one of both and stable in the other, in words.
     fn in_one_only(&self) -> Option<String> {
-        match self.driven() {
-            [true, false] => Some(format!("UNSTABLE at rest: {ONLY_SMALL}")),
-            [false, true] => Some(ONLY_LARGE.to_owned()),
-            _ => None,
+        let held = self.held.as_ref()?;
+        if is_driven(self.roots) && is_stable(&held.bears, held.roots) {
+            return Some(format!("UNSTABLE at rest: {ONLY_SMALL}"));
         }
+        let only_beyond = is_driven(held.roots) && is_stable(&self.bears, self.roots);
+        only_beyond.then(|| ONLY_LARGE.to_owned())
     }
 
     /// The same as a warning, where the file says what makes it so.
@@ -283,11 +284,12 @@ impl Following {
                     duration(left),
                     self.kind
                 );
-                match self.held_bears() {
-                    Some(held) if go.is_some_and(|go| go != held) => {
-                        let other = if held { ONLY_SMALL } else { ONLY_LARGE };
-                        (None, about, format!("{text}; {other}"))
+                match (go, self.held_bears()) {
+                    // What the recursion alone forbids is not looked at as K0 and C0 have it.
+                    (Some(false), Some(true)) if most >= critical => {
+                        (None, about, format!("{text}; {ONLY_SMALL}"))
                     }
+                    (Some(true), Some(false)) => (None, about, format!("{text}; {ONLY_LARGE}")),
                     _ => (go, about, text),
                 }
             }

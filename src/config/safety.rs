@@ -42,7 +42,9 @@ pub struct SafetyTable {
     /// stop it; any other limit that trips on the way leaves all specimens where
     /// they are.
     pub on_trip: ExitChoice,
-    /// Where they are left after the last step, or when the operator ends the test.
+    /// Where they are left after the last step, or when the operator ends the test. A test that ends in motion stops there at once,
+    /// whatever acceleration that is; a hold before the end eases it. Of the stop the far end of a link of our own protocol is told;
+    /// the server of another one may trip on it by a limit of its own.
     pub at_end: ExitChoice,
     /// `gusset run --resume`: how far in m, at the specimen, each axis may stand from where it was left. Absent: half as much
     /// again as it was ever off its command; after a kill or an internal error, or where it was lost, also the way of its last
@@ -62,7 +64,8 @@ pub struct SafetyTable {
     pub stability_used: Option<BoundSpec>,
     /// Lag of a specimen in parts of the critical delay at its stiffness, both as fitted over the last seconds of motion: the worst
     /// of all axes, after two periods of motion; at 1 the margin is used up and the test grows. The critical delay is that of a
-    /// linear structure with one axis late at a time, in continuous time. Absent: warned of beyond 1. Known of specimens with a
+    /// linear structure with one axis late at a time, in continuous time, with gaps as they are at rest and dampers as small motions
+    /// find them: what only a damper of a power beyond 1 holds goes beyond 1 here, and may stay small all the same. Absent: warned of beyond 1. Known of specimens with a
     /// `transfer`, a `compensation` or a bound of their lag, of all if it is given, in structures that are small enough to tabulate
     /// it.
     #[serde(skip_serializing_if = "Option::is_none")]

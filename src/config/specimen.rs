@@ -52,7 +52,8 @@ pub struct SpecimenTable {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reach_vel_m_per_s: Option<f64>,
     /// Mass in kg whose inertia is already in the measured force: it loads the structure but is not counted in M. The force is a
-    /// step late, so the proof of stability takes it from M. Not with a base displacement.
+    /// step late, so the proof of stability takes it from M. A damping rule counts it: its ratios are those of all that moves. Not
+    /// with a base displacement.
     #[serde(default)]
     pub mass_in_force_kg: f64,
     /// Scale of the specimen to the structure. Default: full scale.

@@ -124,14 +124,17 @@ impl Port {
         by_speed.max(PI * (0.5 * distance / self.exit_accel(axis)).sqrt())
     }
 
+    /// It stops where it is, and its own end judges what comes next from rest, as this one does. A link that is lost shows with
+    /// the next command.
+    pub fn halt(&mut self) {
+        if self.has_begun() {
+            let _ = self.substructure.halt();
+        }
+    }
+
     /// Begins to leave with ticks of `tick` seconds of wall time; none where the specimen is to stay.
     pub fn depart(&mut self, tripped: bool, tick: f64) -> Option<Departure> {
         let (exit, speed) = (self.exits.after(tripped).clone(), self.exits.speed);
-        if exit != Exit::Freeze && !self.partner.lost {
-            // It stops where it is, and its own end judges what comes next from rest, as this one does. A link that is lost
-            // shows with the next command.
-            let _ = self.substructure.halt();
-        }
         self.leave_pose();
         let goal = match exit {
             Exit::Freeze => return None,

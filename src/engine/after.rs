@@ -43,6 +43,15 @@ impl Left {
     }
 }
 
+/// A specimen in the way out of all.
+#[derive(Debug, Default)]
+struct Leaving {
+    /// It was told that it stops.
+    is_halted: bool,
+    /// Its own way, if it is led away.
+    departure: Option<Departure>,
+}
+
 /// A way out that did not come to its end.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Unfinished {
@@ -180,13 +189,16 @@ impl Engine {
     }
 
     /// The ways of those that are `led` away and can be told so now, if they have none. Who owes an answer of the test is told
-    /// nothing before.
-    fn depart(&mut self, tripped: bool, led: &[bool], departures: &mut [Option<Departure>]) {
+    /// nothing before. All that are commanded stop first.
+    fn depart(&mut self, tripped: bool, led: &[bool], leaving: &mut [Leaving]) {
         let (period, sequence) = (self.period.value(), self.sequence);
-        let each = self.ports.iter_mut().zip(led).zip(departures);
-        for ((port, led), departure) in each {
-            if *led && departure.is_none() && port.is_heard() {
-                *departure = port.depart(tripped, period);
+        let each = self.ports.iter_mut().zip(led).zip(leaving);
+        for ((port, led), leaving) in each.filter(|((port, _), _)| port.is_heard()) {
+            if !std::mem::replace(&mut leaving.is_halted, true) {
+                port.halt();
+            }
+            if *led && leaving.departure.is_none() {
+                leaving.departure = port.depart(tripped, period);
                 port.leave_number(sequence);
             }
         }
@@ -320,19 +332,19 @@ impl Engine {
         control: &Control,
     ) -> Result<(), Stop> {
         self.hold_wanted = false;
-        let mut departures: Vec<Option<Departure>> = led.iter().map(|_| None).collect();
+        let mut leaving: Vec<Leaving> = led.iter().map(|_| Leaving::default()).collect();
         let mut lost = None;
         loop {
-            self.depart(tripped, led, &mut departures);
+            self.depart(tripped, led, &mut leaving);
             let mut moving = false;
-            for (port, departure) in self.ports.iter_mut().zip(&mut departures) {
-                match departure {
+            for (port, leaving) in self.ports.iter_mut().zip(&mut leaving) {
+                match &mut leaving.departure {
                     Some(departure) => moving |= port.go_on(departure),
                     None => port.stand_still(),
                 }
             }
-            for (left, departure) in self.left.iter_mut().zip(&departures) {
-                match departure.as_ref().and_then(Departure::end) {
+            for (left, leaving) in self.left.iter_mut().zip(&leaving) {
+                match leaving.departure.as_ref().and_then(Departure::end) {
                     Some(Ok(())) => *left = Left::Reached,
                     Some(Err(astray)) => *left = Left::NotReached(Some(astray)),
                     None => {}

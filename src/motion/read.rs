@@ -185,7 +185,7 @@ fn blank_columns(name: &str, bytes: &[u8], wanted: usize) -> Result<RawTable, Mo
     let read = text::parse(name, bytes, text::Layout::Blank)
         .and_then(|table| table.want_columns(name, wanted).map(|()| table));
     if let Err(MotionError::Ragged { line, .. }) = &read {
-        text::refuse_decimal_comma_between_blanks(name, bytes, *line)?;
+        text::refuse_decimal_comma_between_blanks(name, bytes, *line, wanted)?;
     }
     read
 }

@@ -440,6 +440,13 @@ mod tests {
         };
         assert_eq!(refused("0,00 0,5\n0,01 0,6\n"), comma("1:2", "0,00"));
         assert_eq!(refused("0 0.5\n0,01 0.6\n"), comma("2:2", "0,01"));
+        let one = ReadOptions {
+            format: Some(RecordFormat::OneColumn),
+            dt: Some(0.1),
+            ..ReadOptions::default()
+        };
+        let read = parse_record("a.txt", b"0,5\n0,6\n", &one);
+        assert_eq!(read.unwrap_err().to_string(), comma("1:2", "0,5"));
         // Where commas part the columns it is a column more.
         for text in ["0,0.5\n1,0,6\n", "0, 0.5\n1, 0, 6\n"] {
             assert_eq!(refused(text), "a.txt:2: wanted 2 columns, found 3");

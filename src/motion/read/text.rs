@@ -133,17 +133,19 @@ pub(super) fn refuse_decimal_comma(
     })
 }
 
-/// The same for one line of a text, where blanks part its numbers: a comma need not part any there.
+/// The same for one line of a text in which blanks part as many numbers as are `wanted`: a comma need not part any there.
 pub(super) fn refuse_decimal_comma_between_blanks(
     file: &str,
     bytes: &[u8],
     line_number: usize,
+    wanted: usize,
 ) -> Result<(), MotionError> {
     let text = decode(file, bytes)?;
     let Some((_, line)) = lines(&text).find(|(number, _)| *number == line_number) else {
         return Ok(());
     };
-    let is_parted_by_commas = line.contains(", ") || line.split_whitespace().count() < 2;
+    let is_list = wanted > 1 && line.split_whitespace().count() < 2;
+    let is_parted_by_commas = line.contains(", ") || is_list;
     if is_parted_by_commas {
         return Ok(());
     }

@@ -161,6 +161,7 @@ impl Stand {
                 (self.sequence, self.next_sequence) = (None, arm.first_sequence);
                 self.line.armed(arm.first_sequence);
                 (self.pending, self.sample_at) = (None, None);
+                (self.hold_follows, self.halt_precedes, self.halted) = (None, false, None);
                 (self.time, self.dt) = (0.0, 0.0);
                 self.armed = arm;
             }

@@ -59,6 +59,8 @@ pub(super) struct Stand {
     pending: Option<(u64, f64, f64)>,
     /// A hold that came behind that command: the specimen hears of it after the command, which would end it.
     hold_follows: Option<Cause>,
+    /// Number of the command behind which the controller stopped last.
+    halted: Option<u64>,
     /// A stop of the test stood between that command and the one before, which was never passed on.
     halt_precedes: bool,
     arrived: Nanos,
@@ -120,6 +122,7 @@ impl Stand {
             flags: Status::default(),
             pending: None,
             hold_follows: None,
+            halted: None,
             halt_precedes: false,
             arrived: now,
             sample_at: None,
@@ -245,7 +248,10 @@ impl Stand {
     /// The controller stops here, and a way out begins: said more than once, it says nothing new.
     fn halt(&mut self) {
         self.paused = true;
-        self.station.halt();
+        if self.halted != self.sequence || self.sequence.is_none() {
+            self.halted = self.sequence;
+            self.station.halt();
+        }
     }
 
     /// Takes every whole frame that is here; over UDP what fails a check is counted and dropped.
@@ -310,6 +316,10 @@ impl Stand {
                 let newest = self.pending.map(|(pending, ..)| pending).or(self.sequence);
                 if newest.is_none_or(|newest| notice.sequence >= newest) {
                     match (self.pending, notice.cause) {
+                        // A stop stays one, whatever comes late.
+                        (Some(_), Cause::Operator) => {
+                            self.hold_follows.get_or_insert(Cause::Operator);
+                        }
                         (Some(_), cause) => self.hold_follows = Some(cause),
                         (None, Cause::Operator) => self.hold(),
                         (None, _) => self.halt(),

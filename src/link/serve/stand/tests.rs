@@ -354,21 +354,26 @@ fn a_stop_before_a_way_out_is_passed_on_before_the_command_that_follows_it() {
     controller.tell(1, 0.0, 0.0);
     controller.holds(1, Cause::Operator);
     controller.hear().unwrap().unwrap();
-    controller.holds(1, Cause::Orderly);
+    // Said more than once, over UDP: it is one.
+    for _ in 0..3 {
+        controller.holds(1, Cause::Orderly);
+    }
     assert!(controller.hear().unwrap().is_none());
     // The gateway is a command behind.
-    controller.tell(2, 0.0, 0.0);
-    controller.holds(2, Cause::Orderly);
+    assert_eq!(controller.command(2, 0.0, 0.0), FINE);
     controller.tell(3, 0.0, 0.0);
+    controller.holds(3, Cause::Orderly);
+    controller.holds(3, Cause::Operator);
+    controller.tell(4, 0.0, 0.0);
     controller.hear().unwrap().unwrap();
     let all = told.lock().unwrap().clone();
     let Told::Command(first) = all[0] else {
         panic!("{all:?}")
     };
-    let [second, fourth] = [first + 1, first + 3].map(Told::Command);
+    let [second, third, fifth] = [1, 2, 4].map(|later| Told::Command(first + later));
     assert_eq!(
         all[1..],
-        [second, Told::Hold, Told::Halt, Told::Halt, fourth]
+        [second, Told::Hold, Told::Halt, third, Told::Halt, fifth]
     );
 }
 
