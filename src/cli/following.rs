@@ -106,6 +106,8 @@ const ONLY_SMALL: &str =
     "small motions grow until closing gaps, or dampers as they are at their reference, hold them";
 /// Where nothing adapts, and yet no roots are counted.
 const NOT_FOLLOWED: &str = "not known: nothing damps it, or its curve could not be followed";
+/// Where what is at rest does not hold what is beyond it.
+const NO_BETTER: &str = "UNSTABLE as K0 and C0 have it, with gaps closed and dampers at their reference, and no better at rest";
 /// What larger motions may do.
 const ONLY_LARGE: &str = "stable at rest, and UNSTABLE as K0 and C0 have it, with gaps closed and dampers at their reference";
 
@@ -182,11 +184,26 @@ impl Following {
         !self.grows && !self.is_driven()
     }
 
-    /// True if it is proven unstable, at rest or as K0 and C0 have it, and not proven stable in the other.
+    /// True if it is proven unstable at rest, and not stable as K0 and C0 have it, which is where it would come to; or unstable
+    /// there, and no better at rest.
     fn is_driven(&self) -> bool {
-        let held = self.held.as_ref().map(|held| held.roots);
-        let driven = is_driven(self.roots) || held.is_some_and(is_driven);
-        driven && self.in_one_only().is_none()
+        let at_rest = is_driven(self.roots);
+        self.held.as_ref().map_or(at_rest, |held| {
+            (at_rest && !is_stable(&held.bears, held.roots))
+                || (is_driven(held.roots) && self.fails_at_rest())
+        })
+    }
+
+    /// True if it is unstable at rest, or at its limit; where no roots are counted, by what is left of the lag.
+    fn fails_at_rest(&self) -> bool {
+        match (self.roots, &self.bears, self.left) {
+            (_, Bears::None(_) | Bears::Unstable(_), _) => true,
+            (Some(roots), ..) => roots != (0, 0),
+            (None, Bears::LessThan { critical, lag, .. }, Some(left)) => {
+                left >= *critical && left > (1.0 - LESS) * lag
+            }
+            (None, ..) => false,
+        }
     }
 
     /// What is proven unstable in one of both and stable in the other, in words.
@@ -323,6 +340,9 @@ impl Following {
         if let Some(text) = self.in_one_only() {
             return (None, about, text);
         }
+        if self.is_driven() && !is_driven(self.roots) {
+            return (Some(false), about, NO_BETTER.to_owned());
+        }
         match self.roots {
             None if self.kind == "none" => (None, about, NOT_FOLLOWED.to_owned()),
             None => (
@@ -371,6 +391,7 @@ impl Following {
         };
         let verdict = match (self.in_one_only(), self.roots) {
             (Some(text), _) => text,
+            _ if self.is_driven() && !is_driven(self.roots) => NO_BETTER.to_owned(),
             (None, None) if self.kind == "none" => NOT_FOLLOWED.to_owned(),
             (None, roots) => Self::verdict(roots),
         };
